@@ -1,0 +1,1 @@
+"""Pure computation: numpy and OpenCV in, arrays and small frozen dataclasses out. Never imports bpy."""

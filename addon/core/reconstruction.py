@@ -1,0 +1,281 @@
+"""Cameras, poses and 3D feature points: what structure from motion knows about a clip.
+
+Conventions are COLMAP's: world-to-camera poses, camera axes x right, y down, z forward, the centre
+of the first pixel at (0.5, 0.5). All geometry is float64.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import UserError
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
+
+MEDIAN_DEPTH = 10.0
+"""Median distance between cameras and points after `normalise`, in scene units."""
+
+
+@dataclass(frozen=True)
+class Intrinsics:
+    """A pinhole with radial and tangential distortion (COLMAP's OPENCV model), lengths in pixels.
+
+    Zero distortion makes it COLMAP's PINHOLE. Brown, "Decentering distortion of lenses", 1966.
+    """
+
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    k1: float = 0.0
+    k2: float = 0.0
+    p1: float = 0.0
+    p2: float = 0.0
+
+    @property
+    def is_distorted(self) -> bool:
+        return any((self.k1, self.k2, self.p1, self.p2))
+
+    @property
+    def focal(self) -> Floats:
+        """(2,) focal lengths fx, fy in pixels."""
+        return np.array([self.fx, self.fy])
+
+    @property
+    def principal_point(self) -> Floats:
+        """(2,) principal point cx, cy in pixels."""
+        return np.array([self.cx, self.cy])
+
+    def scaled(self, width: int, height: int) -> Intrinsics:
+        """The same lens on a picture resampled to width x height pixels."""
+        sx, sy = width / self.width, height / self.height
+        return replace(
+            self, width=width, height=height,
+            fx=self.fx * sx, cx=self.cx * sx, fy=self.fy * sy, cy=self.cy * sy,
+        )  # fmt: skip
+
+    def without_distortion(self) -> Intrinsics:
+        return replace(self, k1=0.0, k2=0.0, p1=0.0, p2=0.0)
+
+    def distort(self, rays: Floats) -> Floats:
+        """Normalised pinhole coordinates (..., 2) -> normalised coordinates seen through the lens."""
+        x, y = rays[..., 0], rays[..., 1]
+        r2 = x * x + y * y
+        radial = 1 + r2 * (self.k1 + r2 * self.k2)
+        tx = 2 * self.p1 * x * y + self.p2 * (r2 + 2 * x * x)
+        ty = self.p1 * (r2 + 2 * y * y) + 2 * self.p2 * x * y
+        return np.stack([x * radial + tx, y * radial + ty], axis=-1)
+
+    def undistort(self, rays: Floats) -> Floats:
+        """Inverse of `distort` by Newton's method; (..., 2) -> (..., 2), to about 1e-12."""
+        if not self.is_distorted:
+            return np.array(rays, dtype=np.float64)
+        guess = np.array(rays, dtype=np.float64)
+        step = 1e-6
+        for _ in range(20):
+            value = self.distort(guess)
+            dx = (self.distort(guess + [step, 0.0]) - value) / step
+            dy = (self.distort(guess + [0.0, step]) - value) / step
+            residual = rays - value
+            det = dx[..., 0] * dy[..., 1] - dx[..., 1] * dy[..., 0]
+            det = np.where(np.abs(det) < 1e-9, 1.0, det)
+            move = np.stack(
+                [
+                    (residual[..., 0] * dy[..., 1] - residual[..., 1] * dy[..., 0]) / det,
+                    (dx[..., 0] * residual[..., 1] - dx[..., 1] * residual[..., 0]) / det,
+                ],
+                axis=-1,
+            )
+            guess = guess + move
+            if not move.size or np.abs(move).max() < 1e-13:
+                break
+        return guess
+
+    def project(self, points: Floats) -> Floats:
+        """Camera-space points (..., 3) -> pixels (..., 2) of the source frame."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            rays = points[..., :2] / points[..., 2:]
+        return self.distort(rays) * self.focal + self.principal_point
+
+    def pinhole_pixels(self, pixels: Floats) -> Floats:
+        """Pixels of the source frame (..., 2) -> pixels of the same lens without distortion."""
+        if not self.is_distorted:
+            return np.array(pixels, dtype=np.float64)
+        rays = self.undistort((pixels - self.principal_point) / self.focal)
+        return rays * self.focal + self.principal_point
+
+
+@dataclass(frozen=True)
+class Image:
+    """One registered frame: its pose and the features it sees that have a 3D point."""
+
+    frame: int
+    """Frame number of the clip."""
+    rotation: Floats
+    """(3, 3) world-to-camera rotation."""
+    translation: Floats
+    """(3,) world-to-camera translation: camera = rotation @ world + translation."""
+    xy: Floats
+    """(n, 2) observed feature positions in pixels of the source frame."""
+    points: Ints
+    """(n,) rows of `Reconstruction.points` that the features belong to."""
+    camera: int = 0
+    """Index into `Reconstruction.cameras`."""
+
+    @property
+    def centre(self) -> Floats:
+        """(3,) projection centre in world coordinates."""
+        return -self.rotation.T @ self.translation
+
+    def to_camera(self, world: Floats) -> Floats:
+        """World points (..., 3) -> camera space (..., 3); z is the depth."""
+        return world @ self.rotation.T + self.translation
+
+
+@dataclass(frozen=True)
+class Points:
+    """The m feature points of a reconstruction. A point's row is its ID everywhere."""
+
+    xyz: Floats
+    """(m, 3) world coordinates."""
+    rgb: NDArray[np.uint8]
+    """(m, 3) sRGB colour."""
+    error: Floats
+    """(m,) mean reprojection error in pixels."""
+
+    def __len__(self) -> int:
+        return len(self.xyz)
+
+
+@dataclass(frozen=True)
+class Reconstruction:
+    """What structure from motion found. `images` is ordered by frame number."""
+
+    cameras: tuple[Intrinsics, ...]
+    images: tuple[Image, ...]
+    points: Points
+
+    @cached_property
+    def frames(self) -> Ints:
+        """(k,) registered frame numbers, ascending."""
+        return np.array([image.frame for image in self.images], dtype=np.int32)
+
+    @cached_property
+    def views_per_point(self) -> Ints:
+        """(m,) number of registered frames that see each point."""
+        seen = np.concatenate([i.points for i in self.images]) if self.images else np.zeros(0, int)
+        return np.bincount(seen, minlength=len(self.points)).astype(np.int32)
+
+    def intrinsics(self, image: Image) -> Intrinsics:
+        return self.cameras[image.camera]
+
+    def image_at(self, frame: int) -> tuple[Image, bool]:
+        """The image of a frame, and whether its pose had to be carried over from its neighbours.
+
+        A frame that was not registered gets a pose interpolated between the registered frames
+        around it (or the nearest one's, outside their range) and those frames' points.
+        """
+        if not self.images:
+            raise UserError("the reconstruction has no registered frames; solve the clip again")
+        at = int(np.searchsorted(self.frames, frame))
+        if at < len(self.images) and self.frames[at] == frame:
+            return self.images[at], False
+        before, after = self.images[max(at - 1, 0)], self.images[min(at, len(self.images) - 1)]
+        span = after.frame - before.frame
+        return self._between(before, after, frame, (frame - before.frame) / span if span else 0.0), True
+
+    def _between(self, before: Image, after: Image, frame: int, share: float) -> Image:
+        turn = rotation_vector(after.rotation @ before.rotation.T)
+        rotation = rotation_matrix(share * turn) @ before.rotation
+        centre = (1 - share) * before.centre + share * after.centre
+        seen = np.union1d(before.points, after.points).astype(np.int32)
+        carried = Image(frame, rotation, -rotation @ centre, np.zeros((0, 2)), seen, before.camera)
+        local = carried.to_camera(self.points.xyz[seen])
+        lens = self.cameras[before.camera]
+        xy = lens.project(local)
+        inside = (local[:, 2] > 0) & np.all((xy >= 0) & (xy <= [lens.width, lens.height]), axis=1)
+        return replace(carried, xy=xy[inside], points=seen[inside])
+
+
+def rotation_vector(matrix: Floats) -> Floats:
+    """(3, 3) rotation -> (3,) axis times angle in radians (logarithm map of SO(3))."""
+    quaternion = quaternion_from_matrix(matrix)
+    sine = np.linalg.norm(quaternion[1:])
+    if sine < 1e-300:
+        return np.zeros(3)
+    return np.asarray(2 * np.arctan2(sine, quaternion[0]) / sine * quaternion[1:])
+
+
+def rotation_matrix(vector: Floats) -> Floats:
+    """(3,) axis times angle in radians -> (3, 3) rotation (Rodrigues)."""
+    angle = float(np.linalg.norm(vector))
+    if angle == 0.0:
+        return np.eye(3)
+    half = angle / 2
+    return matrix_from_quaternion(np.concatenate([[np.cos(half)], np.sin(half) / angle * vector]))
+
+
+def matrix_from_quaternion(quaternion: Floats) -> Floats:
+    """(4,) quaternion w, x, y, z of any non-zero length -> (3, 3) rotation."""
+    w, x, y, z = np.asarray(quaternion, dtype=np.float64) / np.linalg.norm(quaternion)
+    return np.array([
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ])  # fmt: skip
+
+
+def quaternion_from_matrix(matrix: Floats) -> Floats:
+    """(3, 3) rotation -> (4,) unit quaternion w, x, y, z with w >= 0.
+
+    Bar-Itzhack, "New method for extracting the quaternion from a rotation matrix", 2000: the
+    eigenvector of the largest eigenvalue, stable at every angle and for slightly skewed input.
+    """
+    m = matrix
+    k = np.array([
+        [m[0, 0] + m[1, 1] + m[2, 2], m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]],
+        [0.0, m[0, 0] - m[1, 1] - m[2, 2], m[1, 0] + m[0, 1], m[2, 0] + m[0, 2]],
+        [0.0, 0.0, m[1, 1] - m[0, 0] - m[2, 2], m[2, 1] + m[1, 2]],
+        [0.0, 0.0, 0.0, m[2, 2] - m[0, 0] - m[1, 1]],
+    ])  # fmt: skip
+    quaternion = np.linalg.eigh(k, UPLO="U")[1][:, -1]
+    return np.asarray(quaternion if quaternion[0] >= 0 else -quaternion)
+
+
+def normalise(reconstruction: Reconstruction) -> Reconstruction:
+    """Recentre, turn upright and rescale, so that float32 loses nothing and the scene looks natural.
+
+    The mean camera centre becomes the origin, the mean camera up direction +z, the mean viewing
+    direction points to +y, and the median distance of the points becomes `MEDIAN_DEPTH`.
+    """
+    images = reconstruction.images
+    if not images or not len(reconstruction.points):
+        raise UserError("the reconstruction has no cameras or no points; solve the clip again")
+    centre = np.mean([image.centre for image in images], axis=0)
+    up = -np.mean([image.rotation[1] for image in images], axis=0)
+    forward = np.mean([image.rotation[2] for image in images], axis=0)
+    # A clip that turns all the way round has no mean direction; then the first camera gives it.
+    if min(np.linalg.norm(up), np.linalg.norm(np.cross(up, forward))) < 1e-3:
+        up, forward = -images[0].rotation[1], images[0].rotation[2]
+    z = up / np.linalg.norm(up)
+    x = np.cross(forward, z)
+    x /= np.linalg.norm(x)
+    turn = np.stack([x, np.cross(z, x), z])
+    distances = np.linalg.norm(reconstruction.points.xyz - centre, axis=1)
+    scale = MEDIAN_DEPTH / max(float(np.median(distances)), np.finfo(float).tiny)
+
+    def moved(image: Image) -> Image:
+        rotation = image.rotation @ turn.T
+        return replace(
+            image, rotation=rotation, translation=-rotation @ (scale * turn @ (image.centre - centre))
+        )
+
+    points = replace(reconstruction.points, xyz=scale * (reconstruction.points.xyz - centre) @ turn.T)
+    return Reconstruction(reconstruction.cameras, tuple(moved(image) for image in images), points)
