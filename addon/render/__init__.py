@@ -1,0 +1,1 @@
+"""Drawing views, averaging them, and handing the result to Blender's own pipeline."""

@@ -1,0 +1,49 @@
+"""From a frame's plan and picture to the averaged frame in the source's geometry."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import cv2
+import numpy as np
+
+from ..core.canvas import Picture
+from ..core.footage import to_linear
+from ..core.views import LensSettings, plan_frame
+from ..scene.shot import Shot
+from . import cycles_views, gpu_views
+
+CarryOn = Callable[[int, int], bool]
+
+
+def render_frame(
+    shot: Shot,
+    frame: int,
+    lens: LensSettings,
+    size: tuple[int, int],
+    carry_on: CarryOn,
+    note: Callable[[str], None],
+) -> Picture | None:
+    """One frame through the lens: (h, w, 4) float32, linear, premultiplied; None when `carry_on` said no.
+
+    `carry_on(done, total)` is asked before each view, `note` is told what the user should know.
+    """
+    plan = plan_frame(shot.reconstruction, frame, lens, size)
+    if plan.carried:
+        note(f"Frame {frame} was not registered: its camera is carried over from its neighbours")
+    picture = plan.canvas.from_source(_resized(to_linear(shot.footage.read(frame)), size))
+    problem = gpu_views.gpu_problem()
+    if problem:
+        note(f"No GPU context ({problem}): views are drawn by Cycles, which is slower")
+        mean = cycles_views.mean_of_views(plan, picture, carry_on)
+    else:
+        mean = gpu_views.mean_of_views(plan, picture, carry_on)
+    return None if mean is None else plan.canvas.to_source(mean)
+
+
+def _resized(picture: Picture, size: tuple[int, int]) -> Picture:
+    if (picture.shape[1], picture.shape[0]) == size:
+        return picture
+    shrinks = size[0] < picture.shape[1]
+    resampled = cv2.resize(picture, size, interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_CUBIC)
+    return np.maximum(np.asarray(resampled, dtype=np.float32), 0)

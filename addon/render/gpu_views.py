@@ -1,0 +1,189 @@
+"""Views of a warp mesh drawn with Blender's gpu module and averaged in linear light.
+
+A view of a triangle is an affine warp (see `core.warpmesh`), so a vertex shader that shifts vertices by
+their inverse depth draws exactly what a virtual pinhole camera sees.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+
+import bpy
+import gpu
+import numpy as np
+
+from ..core.canvas import Picture
+from ..core.errors import UserError
+from ..core.reconstruction import Floats
+from ..core.views import FramePlan
+
+VIEW_VERTEX = """
+void main()
+{
+    vec2 moved = xy - vec2(row_x.w, row_y.w) * nearness;
+    vec2 seen = vec2(dot(row_x.xy, moved), dot(row_y.xy, moved)) + vec2(row_x.z, row_y.z);
+    vec2 ndc = 2.0 * seen / size - 1.0;
+    place = texture_xy / size;
+    /* Pixels count from the top, the framebuffer from the bottom. Nearer vertices win. */
+    gl_Position = vec4(ndc.x, -ndc.y, 0.98 * (1.0 - 2.0 * nearness), 1.0);
+}
+"""
+VIEW_FRAGMENT = """
+void main()
+{
+    colour = texture(picture, place);
+}
+"""
+SUM_VERTEX = """
+void main()
+{
+    gl_Position = vec4(xy, 0.0, 1.0);
+}
+"""
+SUM_FRAGMENT = """
+void main()
+{
+    colour = texelFetch(view, ivec2(gl_FragCoord.xy), 0);
+}
+"""
+
+
+def gpu_problem() -> str:
+    """Why no GPU context can be had, or an empty string. Starts the context in background mode."""
+    try:
+        if bpy.app.background:
+            gpu.init()
+        gpu.platform.renderer_get()
+    except Exception as error:  # the module raises SystemError or RuntimeError, depending on the platform
+        return str(error) or type(error).__name__
+    return ""
+
+
+@cache
+def _shaders() -> tuple[gpu.types.GPUShader, gpu.types.GPUShader]:
+    between = gpu.types.GPUStageInterfaceInfo("va_view")
+    between.smooth("VEC2", "place")
+    view = gpu.types.GPUShaderCreateInfo()
+    for name in ("row_x", "row_y"):
+        view.push_constant("VEC4", name)
+    view.push_constant("VEC2", "size")
+    view.sampler(0, "FLOAT_2D", "picture")
+    view.vertex_in(0, "VEC2", "xy")
+    view.vertex_in(1, "VEC2", "texture_xy")
+    view.vertex_in(2, "FLOAT", "nearness")
+    view.vertex_out(between)
+    view.fragment_out(0, "VEC4", "colour")
+    view.vertex_source(VIEW_VERTEX)
+    view.fragment_source(VIEW_FRAGMENT)
+
+    add = gpu.types.GPUShaderCreateInfo()
+    add.sampler(0, "FLOAT_2D", "view")
+    add.vertex_in(0, "VEC2", "xy")
+    add.fragment_out(0, "VEC4", "colour")
+    add.vertex_source(SUM_VERTEX)
+    add.fragment_source(SUM_FRAGMENT)
+    return gpu.shader.create_from_info(view), gpu.shader.create_from_info(add)
+
+
+def mean_of_views(plan: FramePlan, picture: Picture, carry_on: Callable[[int, int], bool]) -> Picture | None:
+    """The mean of all views of a plan in linear light, in the canvas's geometry.
+
+    `picture` is the canvas picture (h, w, 4), linear and premultiplied. `carry_on(done, total)` is asked
+    before each view; where it says no, None is returned. Pixels that no triangle covers count as black
+    and transparent.
+    """
+    width, height = plan.canvas.pinhole.width, plan.canvas.pinhole.height
+    limit = gpu.capabilities.max_texture_size_get()
+    if max(width, height) > limit:
+        raise UserError(
+            f"the picture is {width}x{height}, the GPU draws at most {limit} pixels a side; scale it"
+        )
+    source = _upload(picture)
+    source.filter_mode(True)
+    source.extend_mode("MIRRORED_REPEAT")
+    view = gpu.types.GPUTexture((width, height), format="RGBA32F")
+    depth = gpu.types.GPUTexture((width, height), format="DEPTH_COMPONENT32F")
+    total = gpu.types.GPUTexture((width, height), format="RGBA32F")
+    view_target = gpu.types.GPUFrameBuffer(depth_slot=depth, color_slots=(view,))
+    sum_target = gpu.types.GPUFrameBuffer(color_slots=(total,))
+
+    view_shader, sum_shader = _shaders()
+    mesh, nearest = _mesh_batch(plan)
+    screen = _screen_batch()
+    with sum_target.bind():
+        sum_target.clear(color=(0.0, 0.0, 0.0, 0.0))
+    count = len(plan.offsets)
+    shift = plan.canvas.pinhole.focal * plan.offsets * nearest
+    try:
+        for n in range(count):
+            if not carry_on(n, count):
+                return None
+            with view_target.bind():
+                view_target.clear(color=(0.0, 0.0, 0.0, 0.0), depth=1.0)
+                gpu.state.depth_test_set("LESS_EQUAL")
+                gpu.state.depth_mask_set(True)
+                gpu.state.blend_set("NONE")
+                _set_view(view_shader, plan.registration[n], shift[n], (width, height))
+                view_shader.uniform_sampler("picture", source)
+                mesh.draw(view_shader)
+            with sum_target.bind():
+                # The state is reset by every bind: without this the sum would be the last view alone.
+                gpu.state.depth_test_set("NONE")
+                gpu.state.blend_set("ADDITIVE_PREMULT")
+                sum_shader.bind()
+                sum_shader.uniform_sampler("view", view)
+                screen.draw(sum_shader)
+    finally:
+        gpu.state.depth_test_set("NONE")
+        gpu.state.depth_mask_set(False)
+        gpu.state.blend_set("NONE")
+    return _download(total, width, height) / np.float32(count)
+
+
+def _set_view(
+    shader: gpu.types.GPUShader, registration: Floats, shift: Floats, size: tuple[int, int]
+) -> None:
+    shader.bind()
+    shader.uniform_float("row_x", (*registration[0], shift[0]))
+    shader.uniform_float("row_y", (*registration[1], shift[1]))
+    shader.uniform_float("size", size)
+
+
+def _mesh_batch(plan: FramePlan) -> tuple[gpu.types.GPUBatch, float]:
+    """The mesh on the GPU, and the largest inverse depth, by which `nearness` is divided."""
+    mesh = plan.mesh
+    nearest = float(mesh.inverse_depth.max(initial=0.0)) or 1.0
+    vertices = gpu.types.GPUVertBuf(_layout(xy=2, texture_xy=2, nearness=1), len(mesh.xy))
+    vertices.attr_fill("xy", np.ascontiguousarray(mesh.xy, dtype=np.float32))
+    vertices.attr_fill("texture_xy", np.ascontiguousarray(mesh.texture_xy, dtype=np.float32))
+    vertices.attr_fill("nearness", np.ascontiguousarray(mesh.inverse_depth / nearest, dtype=np.float32))
+    triangles = gpu.types.GPUIndexBuf(type="TRIS", seq=np.ascontiguousarray(mesh.triangles, dtype=np.int32))
+    return gpu.types.GPUBatch(type="TRIS", buf=vertices, elem=triangles), nearest
+
+
+def _screen_batch() -> gpu.types.GPUBatch:
+    vertices = gpu.types.GPUVertBuf(_layout(xy=2), 3)
+    vertices.attr_fill("xy", np.array([[-1, -1], [3, -1], [-1, 3]], dtype=np.float32))
+    return gpu.types.GPUBatch(type="TRIS", buf=vertices)
+
+
+def _layout(**components: int) -> gpu.types.GPUVertFormat:
+    layout = gpu.types.GPUVertFormat()
+    for name, count in components.items():
+        layout.attr_add(id=name, comp_type="F32", len=count, fetch_mode="FLOAT")
+    return layout
+
+
+def _upload(picture: Picture) -> gpu.types.GPUTexture:
+    height, width = picture.shape[:2]
+    data = np.ascontiguousarray(picture, dtype=np.float32).reshape(-1)
+    buffer = gpu.types.Buffer("FLOAT", data.size, data)
+    return gpu.types.GPUTexture((width, height), format="RGBA32F", data=buffer)
+
+
+def _download(texture: gpu.types.GPUTexture, width: int, height: int) -> Picture:
+    buffer = texture.read()
+    buffer.dimensions = width * height * 4
+    # The framebuffer's first row is the bottom one.
+    return np.frombuffer(buffer, dtype=np.float32).reshape(height, width, 4)[::-1].copy()

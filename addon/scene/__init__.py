@@ -1,0 +1,1 @@
+"""The reconstruction as Blender data: camera, point cloud, virtual cameras, settings."""

@@ -1,0 +1,48 @@
+"""The virtual cameras shown as points over the aperture, in front of the actual camera."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..core.aperture import random_disc, vogel_disc
+from ..core.errors import UserError
+from ..core.reconstruction import Floats
+from ..core.views import LensSettings, plan_frame
+
+if TYPE_CHECKING:
+    from .properties import VirtualApertureSettings
+
+
+def update(settings: VirtualApertureSettings) -> None:
+    """Move the points to where the settings put the virtual cameras; none while nothing is in focus."""
+    if settings.aperture is None or settings.points is None:
+        return
+    mesh = settings.aperture.data
+    try:
+        positions = _positions(settings)
+    except UserError:
+        positions = np.zeros((0, 2))
+    vertices = np.zeros((len(positions), 3), dtype=np.float32)
+    # Image y points down, the Blender camera's up.
+    vertices[:, :2] = positions * [1, -1]
+    mesh.clear_geometry()
+    mesh.vertices.add(len(vertices))
+    mesh.attributes["position"].data.foreach_set("vector", vertices.ravel())
+    mesh.update()
+
+
+def _positions(settings: VirtualApertureSettings) -> Floats:
+    from .properties import lens_settings
+    from .shot import reconstruction_of
+
+    reconstruction = reconstruction_of(settings)
+    lens: LensSettings = lens_settings(settings, reconstruction)
+    image, _ = reconstruction.image_at(settings.focus_frame)
+    camera = reconstruction.intrinsics(image)
+    count = lens.views or len(
+        plan_frame(reconstruction, image.frame, lens, (camera.width, camera.height)).offsets
+    )
+    disc = random_disc(count, lens.seed) if lens.method == "thesis" else vogel_disc(count)
+    return lens.radius * disc

@@ -1,0 +1,158 @@
+"""Bring a solved clip into a Blender scene: one collection, one root, everything under it."""
+
+from __future__ import annotations
+
+import uuid
+from fractions import Fraction
+from pathlib import Path
+
+import bpy
+
+from ..core.footage import Footage
+from ..core.reconstruction import Reconstruction
+from . import aperture_cloud, camera, point_cloud, store
+from .properties import VirtualApertureSettings
+from .shot import IDENTITY, forget
+
+NAME = "Virtual Aperture"
+SOUND = f"{NAME} Sound"
+
+
+def build(
+    scene: bpy.types.Scene, footage: Footage, reconstruction: Reconstruction
+) -> VirtualApertureSettings:
+    """Put a solved clip into the scene, replacing the one that was there, and set the scene up for it.
+
+    Frame range, rate, resolution and pixel aspect follow the clip, the view transform becomes Standard
+    (any other would change the clip's colours), and the engine becomes ours. Objects of the user, the
+    compositor and the output settings stay as they are.
+    """
+    forget()
+    settings: VirtualApertureSettings = scene.virtual_aperture
+    _set_up_scene(scene, footage, reconstruction)
+    collection = _collection(scene)
+    root = settings.root = _object(settings.root, NAME, None, collection, None)
+    root.empty_display_size = 0.5
+
+    settings.camera = _object(settings.camera, f"{NAME} Camera", bpy.data.cameras, collection, root)
+    camera.animate(settings.camera, reconstruction)
+    settings.camera.data.clip_end = 10_000.0
+    settings.camera.data.display_size = 0.5
+    _set_background(settings.camera.data, footage)
+    scene.camera = settings.camera
+
+    settings.points = _object(settings.points, f"{NAME} Points", bpy.data.meshes, collection, root)
+    for attribute in [a.name for a in settings.points.data.attributes if not a.is_required]:
+        settings.points.data.attributes.remove(settings.points.data.attributes[attribute])
+    point_cloud.fill(settings.points.data, reconstruction)
+    point_cloud.show_as_dots(settings.points)
+    store.write(settings.points.data, reconstruction)
+    settings.points.data[IDENTITY] = uuid.uuid4().hex
+    settings.points.hide_render = True
+
+    settings.aperture = _object(
+        settings.aperture, f"{NAME} Virtual Cameras", bpy.data.meshes, collection, settings.camera
+    )
+    settings.aperture.hide_render = True
+    settings.footage = str(footage.path)
+    settings.focus_points.clear()
+    settings.focus_distance = 0.0
+    settings.focus_frame = int(reconstruction.frames[0])
+    aperture_cloud.update(settings)
+    _set_sound(scene, footage)
+    scene.frame_set(scene.frame_start)
+    return settings
+
+
+def make_paths_relative(settings: VirtualApertureSettings) -> None:
+    """Paths relative to the .blend, which must have been saved: the folder can then be moved as a whole."""
+    for name in ("footage", "work_dir"):
+        if getattr(settings, name):
+            setattr(settings, name, bpy.path.relpath(getattr(settings, name)))
+
+
+def _set_up_scene(scene: bpy.types.Scene, footage: Footage, reconstruction: Reconstruction) -> None:
+    scene.frame_start, scene.frame_end = footage.frames[0], footage.frames[-1]
+    render = scene.render
+    rate = Fraction(footage.fps).limit_denominator(1001)
+    # Blender's rate is an integer over a base: 30000/1001 is 30 / 1.001.
+    render.fps = max(1, round(rate))
+    render.fps_base = render.fps / float(rate)
+    render.resolution_x, render.resolution_y = footage.width, footage.height
+    render.resolution_percentage = 100
+    camera.set_pixel_aspect(render, reconstruction.cameras[0])
+    render.engine = "VIRTUAL_APERTURE"
+    scene.view_settings.view_transform = "Standard"
+    scene.view_settings.look = "None"
+
+
+def _collection(scene: bpy.types.Scene) -> bpy.types.Collection:
+    for child in scene.collection.children:
+        if child.get(IDENTITY):
+            return child
+    collection = bpy.data.collections.new(NAME)
+    collection[IDENTITY] = True
+    scene.collection.children.link(collection)
+    return collection
+
+
+def _object(
+    existing: bpy.types.Object | None,
+    name: str,
+    kind: bpy.types.bpy_prop_collection | None,
+    collection: bpy.types.Collection,
+    parent: bpy.types.Object | None,
+) -> bpy.types.Object:
+    """The existing object, or a new one in our collection."""
+    thing = existing or bpy.data.objects.new(name, kind.new(name) if kind is not None else None)
+    if not thing.users_collection:
+        collection.objects.link(thing)
+    thing.parent = parent
+    return thing
+
+
+def _set_background(data: bpy.types.Camera, footage: Footage) -> None:
+    """The clip behind the camera, stretched to the frame: stored pixels need not be square."""
+    for old in list(data.background_images):
+        image = old.image
+        data.background_images.remove(old)
+        if image is not None and not image.users:
+            bpy.data.images.remove(image)
+    image = bpy.data.images.load(str(first_file(footage)), check_existing=False)
+    image.source = "MOVIE" if footage.is_video else "SEQUENCE"
+    background = data.background_images.new()
+    background.image = image
+    background.alpha = 1.0
+    background.frame_method = "STRETCH"
+    user = background.image_user
+    user.frame_start = footage.frames[0]
+    user.frame_offset = footage.frames[0] - 1
+    user.frame_duration = footage.frames[-1] - footage.frames[0] + 1
+    user.use_auto_refresh = True
+    data.show_background_images = True
+
+
+def first_file(footage: Footage) -> Path:
+    """The video itself, or the first picture of a sequence."""
+    return footage.path if footage.is_video else footage.file(footage.frames[0])
+
+
+def _set_sound(scene: bpy.types.Scene, footage: Footage) -> None:
+    """The clip's sound as a strip of the scene, so that movie output carries it."""
+    editor = scene.sequence_editor
+    if editor is not None:
+        for strip in [s for s in editor.strips if s.name.startswith(SOUND)]:
+            editor.strips.remove(strip)
+    if not footage.is_video:
+        return
+    editor = editor or scene.sequence_editor_create()
+    channel = 1 + max((s.channel for s in editor.strips), default=0)
+    try:
+        strip = editor.strips.new_sound(SOUND, str(footage.path), channel, 1)
+    except RuntimeError:
+        return
+    if strip.frame_duration <= 1:
+        editor.strips.remove(strip)
+        return
+    # The clip's first picture is frame 1, whatever range is rendered.
+    strip.frame_start = 1

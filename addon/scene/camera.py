@@ -1,0 +1,88 @@
+"""Cameras of the reconstruction as Blender cameras."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from ..core.reconstruction import Floats, Image, Intrinsics, Reconstruction, quaternion_from_matrix
+
+SENSOR = 36.0
+"""Millimetres of the horizontal sensor, Blender's own default."""
+FLIP = np.diag([1.0, -1.0, -1.0])
+"""COLMAP looks along +z with y down, Blender along -z with y up."""
+
+
+def set_intrinsics(data: bpy.types.Camera, lens: Intrinsics, frame: int | None = None) -> None:
+    """Focal length and principal point of a pinhole, keyed at `frame` if one is given.
+
+    Pixel aspect is the scene's business, see `set_pixel_aspect`; distortion is the canvas's.
+    """
+    data.type = "PERSP"
+    data.sensor_fit = "HORIZONTAL"
+    data.sensor_width = SENSOR
+    data.lens = lens.fx * SENSOR / lens.width
+    data.shift_x = -(lens.cx - lens.width / 2) / lens.width
+    data.shift_y = (lens.cy - lens.height / 2) / lens.width * (lens.fx / lens.fy)
+    if frame is not None:
+        for path in ("lens", "shift_x", "shift_y"):
+            data.keyframe_insert(path, frame=frame)
+
+
+def set_pixel_aspect(render: bpy.types.RenderSettings, lens: Intrinsics) -> None:
+    """Non-square pixels: the shorter focal length belongs to the longer pixel side."""
+    render.pixel_aspect_x = max(lens.fy / lens.fx, 1.0)
+    render.pixel_aspect_y = max(lens.fx / lens.fy, 1.0)
+
+
+def camera_matrix(image: Image) -> Matrix:
+    """`matrix_world` of an image's camera under an untransformed root."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = image.rotation.T @ FLIP
+    matrix[:3, 3] = image.centre
+    return Matrix(matrix.tolist())
+
+
+def animate(camera: bpy.types.Object, reconstruction: Reconstruction) -> None:
+    """Key location, rotation and, where they change, intrinsics on every registered frame."""
+    camera.animation_data_clear()
+    camera.data.animation_data_clear()
+    camera.rotation_mode = "QUATERNION"
+    images = reconstruction.images
+    rotations = _continuous([quaternion_from_matrix(i.rotation.T @ FLIP) for i in images])
+    varies = len({image.camera for image in images}) > 1
+    for image, rotation in zip(images, rotations, strict=True):
+        camera.location = image.centre
+        camera.rotation_quaternion = rotation
+        camera.keyframe_insert("location", frame=image.frame)
+        camera.keyframe_insert("rotation_quaternion", frame=image.frame)
+        if varies:
+            set_intrinsics(camera.data, reconstruction.intrinsics(image), image.frame)
+    if not varies:
+        set_intrinsics(camera.data, reconstruction.intrinsics(images[0]))
+    for data in (camera, camera.data):
+        _make_linear(data)
+
+
+def _continuous(quaternions: Sequence[Floats]) -> Floats:
+    """(k, 4) the same rotations with signs chosen so that interpolation takes the short way."""
+    rows = np.array(quaternions)
+    turns = np.sign((rows[1:] * rows[:-1]).sum(axis=1))
+    rows[1:] *= np.cumprod(np.where(turns == 0, 1, turns))[:, None]
+    return rows
+
+
+def _make_linear(data: bpy.types.ID) -> None:
+    animation = data.animation_data
+    if animation is None or animation.action is None:
+        return
+    from bpy_extras.anim_utils import action_ensure_channelbag_for_slot
+
+    bag = action_ensure_channelbag_for_slot(animation.action, animation.action_slot)
+    for curve in bag.fcurves:
+        linear = np.ones(len(curve.keyframe_points), dtype=np.int32)
+        curve.keyframe_points.foreach_set("interpolation", linear)
+        curve.update()

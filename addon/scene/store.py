@@ -1,0 +1,78 @@
+"""The reconstruction inside the .blend, in double precision.
+
+Object transforms and vertices are float32 and a user may edit them, so the engine reads what structure
+from motion found from custom property arrays of the point cloud's mesh, where it is kept to the last bit.
+"""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.errors import UserError
+from ..core.reconstruction import Image, Intrinsics, Points, Reconstruction
+
+PREFIX = "virtual_aperture_"
+VERSION = 1
+
+
+def write(mesh: bpy.types.Mesh, reconstruction: Reconstruction) -> None:
+    """Keep a reconstruction in a mesh's custom properties, replacing the one that was there."""
+    images, points = reconstruction.images, reconstruction.points
+    arrays: dict[str, NDArray[np.float64] | NDArray[np.int32]] = {
+        "cameras": np.array([_lens_row(c) for c in reconstruction.cameras]).ravel(),
+        "frames": reconstruction.frames,
+        "image_cameras": np.array([i.camera for i in images], dtype=np.int32),
+        "rotations": np.array([i.rotation for i in images]).ravel(),
+        "translations": np.array([i.translation for i in images]).ravel(),
+        "counts": np.array([len(i.points) for i in images], dtype=np.int32),
+        "seen_points": np.concatenate([i.points for i in images]).astype(np.int32),
+        "seen_xy": np.concatenate([i.xy for i in images]).ravel(),
+        "xyz": points.xyz.ravel(),
+        "rgb": points.rgb.astype(np.int32).ravel(),
+        "error": points.error,
+    }
+    mesh[PREFIX + "version"] = VERSION
+    for name, array in arrays.items():
+        mesh[PREFIX + name] = np.ascontiguousarray(array)
+
+
+def read(mesh: bpy.types.Mesh) -> Reconstruction:
+    """The reconstruction kept in a mesh; UserError if there is none or a newer version wrote it."""
+    version = mesh.get(PREFIX + "version")
+    if version is None:
+        raise UserError(f"the mesh {mesh.name!r} holds no reconstruction; solve the clip or import its solve")
+    if version > VERSION:
+        raise UserError("this file was made with a newer Virtual Aperture; update the extension")
+
+    def array(name: str) -> NDArray[np.float64]:
+        return np.array(mesh[PREFIX + name], dtype=np.float64)
+
+    def integers(name: str) -> NDArray[np.int32]:
+        return np.array(mesh[PREFIX + name], dtype=np.int32)
+
+    rotations = array("rotations").reshape(-1, 3, 3)
+    translations = array("translations").reshape(-1, 3)
+    splits = np.cumsum(integers("counts"))[:-1]
+    seen = np.split(integers("seen_points"), splits)
+    xy = np.split(array("seen_xy").reshape(-1, 2), splits)
+    cameras = integers("image_cameras")
+    images = tuple(
+        Image(int(frame), rotations[i], translations[i], xy[i], seen[i], int(cameras[i]))
+        for i, frame in enumerate(integers("frames"))
+    )
+    points = Points(
+        array("xyz").reshape(-1, 3), integers("rgb").reshape(-1, 3).astype(np.uint8), array("error")
+    )
+    lenses = tuple(
+        Intrinsics(int(row[0]), int(row[1]), *(float(v) for v in row[2:]))
+        for row in array("cameras").reshape(-1, 10)
+    )
+    return Reconstruction(lenses, images, points)
+
+
+def _lens_row(lens: Intrinsics) -> list[float]:
+    return [
+        lens.width, lens.height, lens.fx, lens.fy, lens.cx, lens.cy, lens.k1, lens.k2, lens.p1, lens.p2,
+    ]  # fmt: skip
