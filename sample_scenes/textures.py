@@ -104,16 +104,16 @@ def globe(rng: Generator, height: int) -> Picture:
     around = np.cos(latitude)
     ball = np.stack([around * np.cos(longitude), around * np.sin(longitude), np.sin(latitude)], -1)
     # Waves through the ball, not noise over the map: no seam, and no pinch at the poles.
-    count = 240
+    count = 120
     waves = rng.normal(size=(count, 3))
-    frequency = 2.0 * 2.0 ** (5.2 * rng.random(count))
+    frequency = 2.2 * 2.0 ** (5.0 * rng.random(count))
     waves *= (frequency / np.linalg.norm(waves, axis=1))[:, None]
-    phases, weight = rng.random(count) * 2 * np.pi, frequency**-0.95
+    phases, weight = rng.random(count) * 2 * np.pi, frequency**-0.8
     relief = np.zeros((height, width), np.float32)
     for wave, phase, amount in zip(waves, phases, weight, strict=True):
         relief += (amount * np.cos(ball @ wave + phase)).astype(np.float32)
     relief /= relief.std()
-    land = relief > 0.22
+    land = relief > 0.0
     sites = rng.normal(size=(64, 3))
     sites /= np.linalg.norm(sites, axis=1, keepdims=True)
     wobble = 0.10 * np.stack([np.roll(relief, 37 * k, axis=1) for k in range(3)], -1)
@@ -121,7 +121,7 @@ def globe(rng: Generator, height: int) -> Picture:
     inks = np.array(
         [(0.86, 0.74, 0.44), (0.80, 0.52, 0.40), (0.62, 0.70, 0.42), (0.88, 0.82, 0.62), (0.76, 0.60, 0.62)]
     )
-    picture = ramp(np.clip(relief / 2.5 + 1.0, 0, 1), (0.16, 0.32, 0.46), (0.50, 0.68, 0.74))
+    picture = ramp(np.clip(relief / 2.0 + 1.0, 0, 1), (0.16, 0.32, 0.46), (0.50, 0.68, 0.74))
     shade = (0.82 + 0.36 * noise(rng, (height, width), (20, 40), 5))[..., None]
     coloured = (inks[country % len(inks)] * shade).astype(np.float32)
     picture = mix(picture, coloured, land)
@@ -132,7 +132,7 @@ def globe(rng: Generator, height: int) -> Picture:
     degrees = np.degrees(np.stack([latitude, longitude]))
     lines = (np.abs((degrees + 7.5) % 15 - 7.5) < 0.16).any(axis=0)
     picture = np.ascontiguousarray(mix(picture, (0.20, 0.22, 0.28), 0.45 * lines), dtype=np.float32)
-    for _ in range(150):
+    for _ in range(110):
         row, column = int(height * rng.uniform(0.14, 0.86)), int(rng.integers(60, width - 60))
         if land[row, column]:
             cv2.circle(picture, (column, row), 2, (0.55, 0.10, 0.08), -1, cv2.LINE_AA)

@@ -10,10 +10,13 @@ import bpy
 from ..core.errors import UserError
 from ..core.footage import Footage, open_footage
 from ..core.reconstruction import Reconstruction
-from . import store
+from . import exr, store
 from .properties import VirtualApertureSettings
 
 IDENTITY = "virtual_aperture_identity"
+
+
+exr.lend()
 
 
 @dataclass(frozen=True)

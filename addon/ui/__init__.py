@@ -1,0 +1,26 @@
+"""Everything that is registered with Blender, in one ordered list."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..render import engine
+from ..scene import properties, shot
+from . import operators, panels
+
+CLASSES = (*engine.CLASSES, *operators.CLASSES, *panels.CLASSES)
+
+
+def register() -> None:
+    """Register properties, engine, operators and panels."""
+    properties.register()
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+
+
+def unregister() -> None:
+    """Undo `register` in reverse order, and close the open clip."""
+    shot.forget()
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)
+    properties.unregister()

@@ -1,0 +1,250 @@
+"""The steps of the work, each an operator."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ..core.errors import UserError
+from ..core.focus import Focus
+from ..core.footage import open_footage
+from ..core.solve import SolveProcess, default_work_dir, load_solve
+from ..scene import aperture_cloud
+from ..scene.build import build
+from ..scene.point_cloud import ID_ATTRIBUTE
+from ..scene.properties import lens_settings, set_focus
+from ..scene.shot import footage_path, reconstruction_of
+
+Result = set[str]
+
+
+def has_clip(cls: Any, context: bpy.types.Context) -> bool:
+    """Poll: a clip is chosen."""
+    if context.scene.virtual_aperture.footage:
+        return True
+    cls.poll_message_set("Choose a clip first")
+    return False
+
+
+def has_solve(cls: Any, context: bpy.types.Context) -> bool:
+    """Poll: the scene holds a solved clip."""
+    if context.scene.virtual_aperture.points is not None:
+        return True
+    cls.poll_message_set("Solve the clip first")
+    return False
+
+
+def has_focus(cls: Any, context: bpy.types.Context) -> bool:
+    """Poll: the scene holds a solved clip and something is in focus."""
+    settings = context.scene.virtual_aperture
+    if not has_solve(cls, context):
+        return False
+    if len(settings.focus_points) or settings.focus_distance > 0:
+        return True
+    cls.poll_message_set("Select two or more vertices of the point cloud and set the focus first")
+    return False
+
+
+def reported(
+    execute: Callable[[Any, bpy.types.Context], Result],
+) -> Callable[[Any, bpy.types.Context], Result]:
+    """A UserError becomes the operator's error report, which scripts see as RuntimeError."""
+
+    def wrapped(self: Any, context: bpy.types.Context) -> Result:
+        try:
+            return execute(self, context)
+        except UserError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+
+    return wrapped
+
+
+def work_dir(settings: Any) -> Path:
+    """The working folder that is set, or the default one beside the .blend (or beside the clip)."""
+    if settings.work_dir:
+        return Path(bpy.path.abspath(settings.work_dir)).resolve()
+    clip = footage_path(settings)
+    beside = Path(bpy.data.filepath).parent if bpy.data.filepath else clip.parent
+    return default_work_dir(clip, beside)
+
+
+class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
+    """Find the cameras and the feature points of the clip, and bring them into the scene"""
+
+    bl_idname = "virtual_aperture.solve"
+    bl_label = "Solve Clip"
+    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
+
+    again: bpy.props.BoolProperty(
+        name="Solve Again",
+        description="Solve even where the working folder holds a solve",
+        options={"SKIP_SAVE"},
+    )
+
+    _process: SolveProcess | None = None
+    _timer: bpy.types.Timer | None = None
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return has_clip(cls, context)
+
+    def _start(self, context: bpy.types.Context) -> SolveProcess:
+        settings = context.scene.virtual_aperture
+        return SolveProcess(footage_path(settings), work_dir(settings), again=self.again)
+
+    @reported
+    def execute(self, context: bpy.types.Context) -> Result:
+        self._process = self._start(context)
+        try:
+            self._process.wait()
+        finally:
+            self._process.cancel()
+        return self._finish(context)
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> Result:
+        if bpy.app.background:
+            return self.execute(context)
+        try:
+            self._process = self._start(context)
+        except UserError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        manager = context.window_manager
+        self._timer = manager.event_timer_add(0.1, window=context.window)
+        manager.progress_begin(0, 100)
+        manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
+        assert self._process is not None
+        if event.type == "ESC":
+            self._end(context)
+            self.report({"WARNING"}, "Solving was cancelled; the scene is as it was")
+            return {"CANCELLED"}
+        if event.type != "TIMER":
+            return {"PASS_THROUGH"}
+        try:
+            for step in self._process.poll():
+                context.window_manager.progress_update(100 * step.share)
+                context.workspace.status_text_set(f"Virtual Aperture: {step.text}    (ESC cancels)")
+            if not self._process.finished:
+                return {"RUNNING_MODAL"}
+            self._end(context)
+            return self._finish(context)
+        except UserError as error:
+            self._end(context)
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+
+    def _finish(self, context: bpy.types.Context) -> Result:
+        settings = context.scene.virtual_aperture
+        solve = load_solve(work_dir(settings))
+        build(context.scene, open_footage(solve.footage, solve.frame_range), solve.reconstruction)
+        self.report({"INFO"}, solve.summary)
+        return {"FINISHED"}
+
+    def _end(self, context: bpy.types.Context) -> None:
+        assert self._process is not None
+        self._process.cancel()
+        if self._timer is not None:
+            context.window_manager.event_timer_remove(self._timer)
+            self._timer = None
+        context.window_manager.progress_end()
+        context.workspace.status_text_set(None)
+
+
+class VIRTUAL_APERTURE_OT_set_focus(bpy.types.Operator):  # noqa: N801
+    """Put the selected vertices of the point cloud in focus: two at least, four are better"""
+
+    bl_idname = "virtual_aperture.set_focus"
+    bl_label = "Set Focus from Selected Vertices"
+    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if not has_solve(cls, context):
+            return False
+        points = context.scene.virtual_aperture.points
+        if points.mode == "EDIT":
+            return True
+        cls.poll_message_set("Select the point cloud, press Tab for Edit Mode and select vertices")
+        return False
+
+    @reported
+    def execute(self, context: bpy.types.Context) -> Result:
+        settings = context.scene.virtual_aperture
+        ids = selected_points(settings.points)
+        if len(ids) < 2:
+            raise UserError(
+                f"{len(ids)} vertices are selected; select at least two on what is to be in focus"
+            )
+        focus = Focus(points=tuple(int(i) for i in ids))
+        reconstruction = reconstruction_of(settings)
+        frame = reconstruction.image_at(context.scene.frame_current)[0].frame
+        focus.inverse_depth(reconstruction, frame)
+        set_focus(settings, focus, frame)
+        aperture_cloud.update(settings)
+        self.report({"INFO"}, f"{len(ids)} points are in focus")
+        return {"FINISHED"}
+
+
+def selected_points(points: bpy.types.Object) -> np.ndarray[tuple[int], np.dtype[np.int32]]:
+    """IDs of the selected vertices, in Edit Mode or out of it."""
+    if points.mode == "EDIT":
+        points.update_from_editmode()
+    mesh = points.data
+    selected = np.zeros(len(mesh.vertices), dtype=bool)
+    mesh.vertices.foreach_get("select", selected)
+    ids = np.zeros(len(mesh.vertices), dtype=np.int32)
+    mesh.attributes[ID_ATTRIBUTE].data.foreach_get("value", ids)
+    return ids[selected]
+
+
+class _Render:
+    """What the two render operators share."""
+
+    animation = False
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return has_focus(cls, context)
+
+    def execute(self, context: bpy.types.Context) -> Result:
+        settings = context.scene.virtual_aperture
+        try:
+            lens_settings(settings, reconstruction_of(settings))
+        except UserError as error:
+            self.report({"ERROR"}, str(error))  # type: ignore[attr-defined]
+            return {"CANCELLED"}
+        context.scene.render.engine = "VIRTUAL_APERTURE"
+        how = "EXEC_DEFAULT" if bpy.app.background else "INVOKE_DEFAULT"
+        bpy.ops.render.render(how, animation=self.animation, use_viewport=True)
+        return {"FINISHED"}
+
+
+class VIRTUAL_APERTURE_OT_render_frame(_Render, bpy.types.Operator):  # noqa: N801
+    """Render the current frame with depth of field"""
+
+    bl_idname = "virtual_aperture.render_frame"
+    bl_label = "Render Frame"
+
+
+class VIRTUAL_APERTURE_OT_render_clip(_Render, bpy.types.Operator):  # noqa: N801
+    """Render all frames of the scene's range with depth of field, to the scene's output"""
+
+    bl_idname = "virtual_aperture.render_clip"
+    bl_label = "Render Clip"
+    animation = True
+
+
+CLASSES = (
+    VIRTUAL_APERTURE_OT_solve,
+    VIRTUAL_APERTURE_OT_set_focus,
+    VIRTUAL_APERTURE_OT_render_frame,
+    VIRTUAL_APERTURE_OT_render_clip,
+)

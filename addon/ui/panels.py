@@ -1,0 +1,67 @@
+"""The sidebar panels, in the order of the work."""
+
+from __future__ import annotations
+
+import bpy
+
+from . import operators
+
+
+class _Panel:
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Virtual Aperture"
+
+
+class VIRTUAL_APERTURE_PT_clip(_Panel, bpy.types.Panel):  # noqa: N801
+    bl_label = "Clip"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        settings = context.scene.virtual_aperture
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        layout.prop(settings, "footage")
+        layout.prop(settings, "work_dir")
+        row = layout.row()
+        row.scale_y = 1.4
+        row.operator(operators.VIRTUAL_APERTURE_OT_solve.bl_idname, icon="TRACKER")
+
+
+class VIRTUAL_APERTURE_PT_lens(_Panel, bpy.types.Panel):  # noqa: N801
+    bl_label = "Focus and Blur"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        settings = context.scene.virtual_aperture
+        layout = self.layout
+        layout.use_property_split = True
+        layout.operator(operators.VIRTUAL_APERTURE_OT_set_focus.bl_idname, icon="PIVOT_MEDIAN")
+        count = len(settings.focus_points)
+        if count:
+            layout.label(
+                text=f"{count} points in focus, set at frame {settings.focus_frame}", icon="CHECKMARK"
+            )
+        else:
+            layout.prop(settings, "focus_distance")
+        layout.prop(settings, "use_radius")
+        layout.prop(settings, "aperture_radius" if settings.use_radius else "blur")
+        layout.prop(settings, "views")
+
+
+class VIRTUAL_APERTURE_PT_render(_Panel, bpy.types.Panel):  # noqa: N801
+    bl_label = "Render"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        settings = context.scene.virtual_aperture
+        layout = self.layout
+        layout.use_property_split = True
+        layout.prop(settings, "method")
+        if settings.method == "thesis":
+            layout.prop(settings, "seed")
+        column = layout.column(align=True)
+        column.scale_y = 1.4
+        column.operator(operators.VIRTUAL_APERTURE_OT_render_frame.bl_idname, icon="RENDER_STILL")
+        column.operator(operators.VIRTUAL_APERTURE_OT_render_clip.bl_idname, icon="RENDER_ANIMATION")
+
+
+CLASSES = (VIRTUAL_APERTURE_PT_clip, VIRTUAL_APERTURE_PT_lens, VIRTUAL_APERTURE_PT_render)
