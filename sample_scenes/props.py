@@ -81,16 +81,21 @@ def furnish(seed: int) -> Iterator[Prop]:
 
 
 def _table(rng: np.random.Generator) -> Iterator[Prop]:
-    planks = textures.wood(rng, (1536, 1024), 7, (0.30, 0.17, 0.09), (0.66, 0.45, 0.27))
+    planks = textures.wood(rng, (1536, 1024), 7, (0.36, 0.21, 0.11), (0.66, 0.45, 0.27))
     yield Prop("table", box((1.7, 2.5, 0.05)).moved(0, 1.85, TABLE - 0.05), planks, roughness=0.5)
     runner = textures.cloth(rng, (1536, 448), (0.80, 0.75, 0.63), (0.58, 0.22, 0.18))
     yield Prop("runner", box((0.52, 2.2, 0.004)).turned(4).moved(0.05, 1.9, TABLE), runner, roughness=0.9)
     book = box((0.42, 0.30, 0.018)).turned(-24).moved(0.44, 1.72, TABLE + 0.004)
     yield Prop("open book", book, textures.page(rng, (512, 768)))
+    for number, (x, y, turn) in enumerate(
+        ((-0.40, 1.86, 24), (-0.31, 1.64, -11), (0.50, 1.30, 14), (-0.60, 2.25, 65), (-0.12, 1.36, 38))
+    ):
+        card = box((0.148, 0.105, 0.002)).turned(turn).moved(x, y, TABLE + 0.004 + 0.001 * number)
+        yield Prop(f"postcard {number}", card, textures.postcard(rng, (210, 296)))
 
 
 def _globe(rng: np.random.Generator) -> Iterator[Prop]:
-    ball = sphere(GLOBE_RADIUS).turned(205).turned(18, "y").moved(*GLOBE_CENTRE)
+    ball = sphere(GLOBE_RADIUS).turned(-82).turned(18, "y").moved(*GLOBE_CENTRE)
     yield Prop("globe", ball, textures.globe(rng, 640), smooth=True, roughness=0.45)
     brass = textures.speckled(rng, (64, 64), (0.46, 0.33, 0.14), (0.80, 0.62, 0.32))
     angles = np.radians(np.linspace(-100, 100, 48))
@@ -113,7 +118,13 @@ def _mug(rng: np.random.Generator) -> Iterator[Prop]:
     angles = np.radians(np.linspace(-95, 95, 24))
     grip = 0.036 * np.stack([np.cos(angles), 0 * angles, 1.15 * np.sin(angles)], axis=1)
     yield Prop("handle", tube(grip, 0.007).moved(x + 0.05, y, TABLE + 0.07), glaze[:128, :128], smooth=True)
-    inks = ((0.72, 0.20, 0.14), (0.90, 0.66, 0.18), (0.18, 0.36, 0.52), (0.28, 0.46, 0.26), (0.34, 0.20, 0.14))
+    inks = (
+        (0.72, 0.20, 0.14),
+        (0.90, 0.66, 0.18),
+        (0.18, 0.36, 0.52),
+        (0.28, 0.46, 0.26),
+        (0.34, 0.20, 0.14),
+    )
     for number, ink in enumerate(inks):
         turn = 2 * np.pi * (number / len(inks)) + 0.5
         foot = np.array([0.02 * np.cos(turn + 2.6), 0.02 * np.sin(turn + 2.6), 0.02])
@@ -135,7 +146,7 @@ def _behind(rng: np.random.Generator) -> Iterator[Prop]:
     for number, thick in enumerate((0.05, 0.036, 0.06, 0.042)):
         # A lying book is a standing one on its side: the spine, its front, still faces the camera.
         book = box((thick, 0.24, 0.34), (number / 12, 0, (number + 1) / 12, 1), 0.08).moved(0, 0, -0.17)
-        lying = book.turned(90, "y").turned(rng.uniform(-9, 9))
+        lying = book.turned(-90, "y").turned(rng.uniform(-9, 9))
         pile.append(lying.moved(0.60, 2.72, height + thick / 2))
         height += thick
     yield Prop("pile of books", join(pile), spines)
@@ -181,7 +192,9 @@ def _room(rng: np.random.Generator) -> Iterator[Prop]:
     chair = join([*posts, *rails, *slats, seat]).turned(16).moved(-0.62, 3.55, 0)
     yield Prop("chair", chair, stained)
     clay = textures.speckled(rng, (128, 256), (0.46, 0.22, 0.14), (0.76, 0.46, 0.32))
-    pot = turned_body([(0.0, 0.0), (0.13, 0.0), (0.18, 0.30), (0.20, 0.30), (0.20, 0.34), (0.15, 0.34), (0.0, 0.30)])
+    pot = turned_body(
+        [(0.0, 0.0), (0.13, 0.0), (0.18, 0.30), (0.20, 0.30), (0.20, 0.34), (0.15, 0.34), (0.0, 0.30)]
+    )
     stand = box((0.34, 0.34, 0.46)).moved(0, 0, 0)
     x, y = 1.55, 4.4
     yield Prop("pot", pot.moved(x, y, 0.46), clay, smooth=True)
@@ -197,7 +210,9 @@ def _room(rng: np.random.Generator) -> Iterator[Prop]:
 
 
 def _wall(rng: np.random.Generator) -> Iterator[Prop]:
-    yield Prop("wall", box((7.5, 0.1, 3.75)).moved(0, WALL + 0.05, 0), textures.wallpaper(rng, 2048), roughness=0.9)
+    yield Prop(
+        "wall", box((7.5, 0.1, 3.75)).moved(0, WALL + 0.05, 0), textures.wallpaper(rng, 2048), roughness=0.9
+    )
     stained = textures.wood(rng, (512, 256), 3, (0.22, 0.13, 0.08), (0.46, 0.30, 0.18))
     left, wide, deep, step, boards = -1.62, 2.7, 0.32, 0.40, 6
     shelves = [box((wide, deep, 0.035)).moved(left, 0, 0.1 + step * k) for k in range(boards)]
@@ -234,7 +249,7 @@ def _lamps(rng: np.random.Generator) -> Iterator[Prop]:
     shade = turned_body([(0.24, 0.0), (0.16, 0.30)], 32).moved(1.45, 6.3, 1.28)
     yield Prop("shade", shade, silk, smooth=True, glow=0.9)
     x = np.linspace(-2.9, 2.7, 19)
-    sag = 2.30 - 0.11 * np.abs(np.sin(np.pi * np.arange(19) / 6)) + rng.uniform(-0.01, 0.01, 19)
+    sag = 2.17 - 0.11 * np.abs(np.sin(np.pi * np.arange(19) / 6)) + rng.uniform(-0.01, 0.01, 19)
     bulbs = [sphere(0.016, 12).moved(a, WALL - 0.42, b) for a, b in zip(x, sag, strict=True)]
     warm = np.broadcast_to(np.array((1.0, 0.86, 0.62), np.float32), (4, 4, 3))
     yield Prop("string of lamps", join(bulbs), warm, glow=4.0)

@@ -34,7 +34,7 @@ class Shape:
         return Shape(self.vertices @ matrix.T, self.faces, self.uv)
 
     def moved(self, x: float, y: float, z: float) -> Shape:
-        return Shape(self.vertices + [x, y, z], self.faces, self.uv)
+        return Shape(self.vertices + np.array([x, y, z]), self.faces, self.uv)
 
 
 def join(shapes: Sequence[Shape]) -> Shape:

@@ -26,7 +26,7 @@ def noise(rng: Generator, shape: tuple[int, int], cells: tuple[float, float], oc
         bumps = rng.random(grid, dtype=np.float32)
         total += cv2.resize(bumps, shape[::-1], interpolation=cv2.INTER_CUBIC) * 0.55**octave
     low, high = np.percentile(total, [1, 99])
-    return np.clip((total - low) / (high - low), 0, 1).astype(np.float32)
+    return np.asarray(np.clip((total - low) / (high - low), 0, 1), dtype=np.float32)
 
 
 def ramp(value: Picture, *colours: ArrayLike) -> Picture:
@@ -46,7 +46,12 @@ def word(rng: Generator, syllables: int = 3) -> str:
 
 
 def write(
-    picture: Picture, text: str, centre: tuple[float, float], scale: float, colour: ArrayLike, face: int = FONT
+    picture: Picture,
+    text: str,
+    centre: tuple[float, float],
+    scale: float,
+    colour: ArrayLike,
+    face: int = FONT,
 ) -> None:
     """Letter `text` onto the picture, centred, cut at its borders.
 
@@ -64,33 +69,32 @@ def write(
     picture[rows, columns] = mix(patch, colour, inked / 255)
 
 
-def wood(
-    rng: Generator, shape: tuple[int, int], planks: int, dark: ArrayLike, light: ArrayLike
-) -> Picture:
+def wood(rng: Generator, shape: tuple[int, int], planks: int, dark: ArrayLike, light: ArrayLike) -> Picture:
     """Planks that run down the picture, each with a grain and tone of its own."""
     height, width = shape
     plank = np.minimum(np.arange(width) * planks // width, planks - 1)
     rings = noise(rng, shape, (2, planks * 2), 3) * 5 + rng.random(planks)[plank] * 9
     grain = 0.5 + 0.5 * np.sin(2 * np.pi * rings)
     fibre = noise(rng, shape, (height / 64, width / 4), 3)
-    pores = noise(rng, shape, (height / 16, width / 3), 1) > 0.86
+    pores = noise(rng, shape, (height / 14, width / 5), 1) > 0.87
     tone = 0.40 * grain + 0.38 * fibre + 0.22 * rng.random(planks)[plank]
     seam = np.diff(plank, prepend=-1) != 0
     picture = ramp(np.clip(tone, 0, 1).astype(np.float32), dark, light)
-    picture = mix(picture, np.asarray(dark) * 0.6, 0.45 * pores)
+    picture = mix(picture, np.asarray(dark) * 0.5, 0.6 * pores)
     return mix(picture, np.asarray(dark) * 0.35, np.broadcast_to(0.8 * (seam | np.roll(seam, 1)), shape))
 
 
 def wallpaper(rng: Generator, size: int) -> Picture:
     """Rows of leaf sprays on teal, slightly faded and stained: no two repeats are the same."""
     y, x = np.mgrid[0:size, 0:size].astype(np.float32) / size
-    columns, rows = 16.0, 12.0
+    columns, rows = 22.0, 16.0
     cell = np.floor(x * columns)
     u, v = x * columns - cell - 0.5, (y * rows + 0.5 * (cell % 2)) % 1.0 - 0.5
     swirl = np.arctan2(v, u) + 2.5 * np.hypot(u, v)
     spray = (np.hypot(u, v) < 0.16 + 0.24 * np.abs(np.cos(2.5 * swirl))) & (np.hypot(u, v) > 0.07)
     stem = np.abs(u + 0.09 * np.sin(2 * np.pi * v)) < 0.022
     paper = ramp(noise(rng, (size, size), (6, 6), 7), (0.22, 0.34, 0.36), (0.38, 0.50, 0.50))
+    paper *= (0.82 + 0.36 * noise(rng, (size, size), (110, 110), 3))[..., None]
     gold = ramp(noise(rng, (size, size), (30, 30), 4), (0.40, 0.52, 0.48), (0.74, 0.70, 0.52))
     return mix(paper, gold, cv2.GaussianBlur((spray | stem).astype(np.float32), (0, 0), 0.8) * 0.85)
 
@@ -153,7 +157,9 @@ def book_spines(rng: Generator, count: int, shape: tuple[int, int] = (384, 64)) 
     for index in range(count):
         cloth = cloths[rng.integers(len(cloths))] * rng.uniform(0.8, 1.12)
         ink = np.array((0.90, 0.80, 0.50)) if cloth.mean() < 0.45 else np.array((0.20, 0.12, 0.10))
-        spine = np.ascontiguousarray((0.8 + 0.4 * noise(rng, shape, (48, 8), 3))[..., None] * cloth, np.float32)
+        spine = np.ascontiguousarray(
+            (0.8 + 0.4 * noise(rng, shape, (48, 8), 3))[..., None] * cloth, np.float32
+        )
         for band in rng.choice([0.06, 0.09, 0.22, 0.26, 0.72, 0.76, 0.90, 0.94], 4, replace=False):
             row, thick = int(band * height), int(rng.integers(2, 7))
             spine[row : row + thick, :] = ink * 0.9
@@ -182,7 +188,17 @@ def landscape(rng: Generator, shape: tuple[int, int]) -> Picture:
         hill = ((far + (near - far) * depth) * tone).astype(np.float32)
         picture = mix(picture, hill, np.clip((y - ridge) * height / 2, 0, 1))
     strokes = noise(rng, shape, (height / 3, width / 14), 2)[..., None]
-    return np.clip(picture * (0.85 + 0.3 * strokes), 0, 1)
+    return np.clip(picture * (0.75 + 0.3 * strokes), 0, 1)
+
+
+def postcard(rng: Generator, shape: tuple[int, int]) -> Picture:
+    """A landscape with a pale margin and the place's name."""
+    height, width = shape
+    picture = ramp(noise(rng, shape, (5, 6), 5), (0.78, 0.74, 0.64), (0.90, 0.86, 0.76))
+    edge = height // 14
+    picture[edge:-edge, edge:-edge] = landscape(rng, (height - 2 * edge, width - 2 * edge))
+    write(picture, word(rng).title(), (width * 0.5, height * 0.78), 1.1, (0.94, 0.90, 0.78))
+    return picture
 
 
 def mug(rng: Generator, height: int) -> Picture:
@@ -240,7 +256,7 @@ def page(rng: Generator, shape: tuple[int, int]) -> Picture:
     top, start = int(height * 0.3), int(width * 0.54)
     picture[top : top + etching.shape[0], start : start + etching.shape[1]] = etching
     gutter = np.abs(np.linspace(-1, 1, width, dtype=np.float32))
-    return picture * np.clip(0.6 + gutter * 8, 0.6, 1)[None, :, None]
+    return np.asarray(picture * np.clip(0.6 + gutter * 8, 0.6, 1)[None, :, None], dtype=np.float32)
 
 
 def cloth(rng: Generator, shape: tuple[int, int], ground: ArrayLike, figure: ArrayLike) -> Picture:
@@ -251,7 +267,10 @@ def cloth(rng: Generator, shape: tuple[int, int], ground: ArrayLike, figure: Arr
     edge = np.minimum(x, 1 - x)
     pattern = np.where(edge < 0.12, (edge * 40) % 1 < 0.5, lozenge)
     worn = noise(rng, shape, (10, 10), 6)
-    weave = noise(rng, shape, (height / 3, width / 5), 1) * 0.5 + noise(rng, shape, (height / 5, width / 3), 1) * 0.5
+    weave = (
+        noise(rng, shape, (height / 3, width / 5), 1) * 0.5
+        + noise(rng, shape, (height / 5, width / 3), 1) * 0.5
+    )
     picture = mix(ramp(worn, np.asarray(ground) * 0.85, ground), figure, pattern * (0.65 + 0.3 * worn))
     return np.clip(picture * (0.8 + 0.4 * weave[..., None]), 0, 1)
 

@@ -1,0 +1,83 @@
+"""Before any solving: does the camera move, and does the picture tell depth?"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .errors import UserError
+from .reconstruction import Floats
+from .tracks import Tracks
+
+MIN_SHARED = 40
+MIN_MOTION = 0.3
+"""Pixels of a 1,000-pixel frame; less is a still camera."""
+MIN_PARALLAX = 1.0
+"""Pixels of a 1,000-pixel frame that no rotation explains; less carries no depth."""
+FOCALS = (0.5, 0.6, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0, 3.0)
+"""Tried focal lengths, in long sides of the frame."""
+
+
+def check_parallax(tracks: Tracks) -> float:
+    """Pixels (of a frame 1,000 pixels long) that stay unexplained by the best pure rotation.
+
+    A pan, even with a perfect reprojection error, has one depth for all points (a "confident fake"), and
+    neither the reprojection error nor the triangulation angle shows it. Raises UserError where the clip has
+    too few features, the camera stands still, or it only turns.
+    """
+    pairs = [p for p in (_shared(tracks, i, j) for i, j in _pairs(tracks)) if len(p[0]) >= MIN_SHARED]
+    if not pairs:
+        raise UserError(
+            f"fewer than {MIN_SHARED} features can be followed through the clip; it has too little texture,"
+            " is blurred, or contains a cut: choose another range with --frames"
+        )
+    unit = 1000 / max(tracks.width, tracks.height)
+    motion = max(float(np.median(np.linalg.norm(b - a, axis=1))) for a, b in pairs) * unit
+    if motion < MIN_MOTION:
+        raise UserError(
+            "the camera does not move in this clip; depth needs a camera that moves sideways a little"
+        )
+    residuals = [min(rotation_residual(a, b, tracks, focal) for focal in FOCALS) for a, b in pairs]
+    parallax = max(residuals) * unit
+    if parallax < MIN_PARALLAX:
+        raise UserError(
+            f"the camera only turns in this clip (parallax {parallax:.2f} of 1000 px, at least {MIN_PARALLAX:g}"
+            " are needed): too little parallax for depth; move the camera sideways while filming"
+        )
+    return parallax
+
+
+def rotation_residual(a: Floats, b: Floats, tracks: Tracks, focal: float) -> float:
+    """Median distance in pixels between (n, 2) places b and places a turned by the best rotation.
+
+    Rays are aligned by Kabsch's method (1976), twice reweighted to the half that fits best.
+    """
+    centre = np.array([tracks.width, tracks.height]) / 2
+    length = focal * max(tracks.width, tracks.height)
+    rays_a, rays_b = (_rays((xy - centre) / length) for xy in (a, b))
+    keep = np.ones(len(a), bool)
+    error = np.zeros(len(a))
+    for _ in range(3):
+        u, _, vt = np.linalg.svd(rays_b[keep].T @ rays_a[keep])
+        turn = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
+        turned = rays_a @ turn.T
+        error = np.linalg.norm(turned[:, :2] / turned[:, 2:] * length + centre - b, axis=1)
+        keep = error <= np.median(error) + 1e-12
+    return float(np.median(error))
+
+
+def _pairs(tracks: Tracks) -> list[tuple[int, int]]:
+    """Pairs of frames with wide gaps: the whole clip, its halves, quarters, eighths."""
+    last = len(tracks.frames) - 1
+    cuts = [np.linspace(0, last, parts + 1).round().astype(int) for parts in (1, 2, 4, 8)]
+    return sorted({(int(i), int(j)) for c in cuts for i, j in zip(c, c[1:], strict=False) if j > i})
+
+
+def _shared(tracks: Tracks, i: int, j: int) -> tuple[Floats, Floats]:
+    (ids_i, xy_i), (ids_j, xy_j) = tracks.in_frame(i), tracks.in_frame(j)
+    _, at_i, at_j = np.intersect1d(ids_i, ids_j, assume_unique=True, return_indices=True)
+    return xy_i[at_i], xy_j[at_j]
+
+
+def _rays(xy: Floats) -> Floats:
+    rays = np.column_stack([xy, np.ones(len(xy))])
+    return np.asarray(rays / np.linalg.norm(rays, axis=1, keepdims=True))
