@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from .errors import UserError
@@ -69,7 +71,7 @@ def _pairs(tracks: Tracks) -> list[tuple[int, int]]:
     """Pairs of frames with wide gaps: the whole clip, its halves, quarters, eighths."""
     last = len(tracks.frames) - 1
     cuts = [np.linspace(0, last, parts + 1).round().astype(int) for parts in (1, 2, 4, 8)]
-    return sorted({(int(i), int(j)) for c in cuts for i, j in zip(c, c[1:], strict=False) if j > i})
+    return sorted({(int(i), int(j)) for c in cuts for i, j in pairwise(c) if j > i})
 
 
 def _shared(tracks: Tracks, i: int, j: int) -> tuple[Floats, Floats]:

@@ -81,8 +81,8 @@ class Intrinsics:
         step = 1e-6
         for _ in range(20):
             value = self.distort(guess)
-            dx = (self.distort(guess + [step, 0.0]) - value) / step
-            dy = (self.distort(guess + [0.0, step]) - value) / step
+            dx = (self.distort(guess + np.array([step, 0.0])) - value) / step
+            dy = (self.distort(guess + np.array([0.0, step])) - value) / step
             residual = rays - value
             det = dx[..., 0] * dy[..., 1] - dx[..., 1] * dy[..., 0]
             det = np.where(np.abs(det) < 1e-9, 1.0, det)

@@ -11,6 +11,21 @@ from ..scene.properties import lens_settings
 from ..scene.shot import Shot, shot_of
 from .average import render_frame
 
+_error = ""
+"""What went wrong in the last render: Blender does not tell scripts of an animation."""
+
+
+def clear_error() -> None:
+    """Forget the last render's error."""
+    global _error
+    _error = ""
+
+
+def raise_error() -> None:
+    """UserError if the last render failed."""
+    if _error:
+        raise UserError(_error)
+
 
 class VirtualApertureEngine(bpy.types.RenderEngine):
     """Looks at the solved clip through every point of a virtual aperture."""
@@ -23,11 +38,13 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
 
     def render(self, depsgraph: bpy.types.Depsgraph) -> None:
         """Render the current frame into the Combined pass; a UserError becomes the engine's error."""
+        global _error
         scene = depsgraph.scene_eval
         size = render_size(scene.render)
         try:
             picture = self._frame(scene, size)
         except UserError as error:
+            _error = str(error)
             self.report({"ERROR"}, str(error))
             self.error_set(str(error))
             return

@@ -144,7 +144,7 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
     def _finish(self, context: bpy.types.Context) -> Result:
         settings = context.scene.virtual_aperture
         solve = load_solve(work_dir(settings))
-        build(context.scene, open_footage(solve.footage, solve.frame_range), solve.reconstruction)
+        build(context.scene, open_footage(solve.footage, solve.frames), solve.reconstruction)
         self.report({"INFO"}, solve.summary)
         return {"FINISHED"}
 

@@ -1,0 +1,48 @@
+"""The command line: solve, render, run and save without a window.
+
+    blender -b --python addon/headless.py -- ARGS
+    python addon/headless.py ARGS          (with the bpy module)
+
+As a script this file is outside its package. It finds it: the installed and enabled extension, or else the
+folder that it lies in.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import sys
+from pathlib import Path
+
+PACKAGE = "addon"
+
+
+def main(arguments: list[str]) -> int:
+    """Run one command; the exit status."""
+    import bpy
+
+    name = next((n for n in sys.modules if n.endswith(".virtual_aperture.addon.ui")), None)
+    if name is None:
+        _load_folder()
+        name = f"{PACKAGE}.ui"
+        if not hasattr(bpy.types.Scene, "virtual_aperture"):
+            importlib.import_module(PACKAGE).register()
+    commands = importlib.import_module(name.removesuffix(".ui") + ".commands")
+    return int(commands.run_command(arguments))
+
+
+def _load_folder() -> None:
+    """Make the folder of this file importable as the package that it is."""
+    folder = Path(__file__).resolve().parent
+    spec = importlib.util.spec_from_file_location(
+        PACKAGE, folder / "__init__.py", submodule_search_locations=[str(folder)]
+    )
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[PACKAGE] = module
+    spec.loader.exec_module(module)
+
+
+if __name__ == "__main__":
+    given = sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else sys.argv[1:]
+    sys.exit(main(given))
