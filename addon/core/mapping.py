@@ -114,6 +114,11 @@ def reconstruct(tracks: Tracks, focal: float | None, progress: Progress) -> Mapp
     return Mapped(normalise(reconstruction), sigma, held, parallax, angle)
 
 
+def versions() -> dict[str, str]:
+    """Of the libraries that a solve depends on."""
+    return {"numpy": np.__version__, "opencv": cv2.__version__, "pycolmap": pycolmap.__version__}
+
+
 def _from_keyframes(tracks: Tracks, keys: list[int], model: pycolmap.Reconstruction) -> _Solution:
     frames = len(tracks.frames)
     solution = _Solution(
@@ -197,7 +202,7 @@ def _drop_bad(solution: _Solution) -> None:
 
 
 def _drop_shallow(solution: _Solution) -> float:
-    """Take out points whose outermost rays enclose too small an angle; median angle of the others, degrees."""
+    """Take out points whose outermost rays enclose too small an angle; median degrees of the others."""
     tracks = solution.tracks
     centres, _ = solution.rays()
     used = solution.used

@@ -42,8 +42,8 @@ def check_parallax(tracks: Tracks) -> float:
     parallax = max(residuals) * unit
     if parallax < MIN_PARALLAX:
         raise UserError(
-            f"the camera only turns in this clip (parallax {parallax:.2f} of 1000 px, at least {MIN_PARALLAX:g}"
-            " are needed): too little parallax for depth; move the camera sideways while filming"
+            f"the camera only turns in this clip (parallax {parallax:.2f} of 1000 px, at least"
+            f" {MIN_PARALLAX:g} are needed): too little parallax for depth; move the camera sideways while filming"
         )
     return parallax
 

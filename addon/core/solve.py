@@ -16,7 +16,6 @@ import subprocess
 import sys
 import tempfile
 import threading
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -94,19 +93,22 @@ class SolveProcess:
         self.work_dir = work_dir
         self._process: subprocess.Popen[str] | None = None
         self._lines: queue.Queue[str] = queue.Queue()
+        self._listener: threading.Thread | None = None
+        self._focal = focal
         self._made: Path | None = None
         self._job: Path | None = None
         self.finished = False
         if focal is not None and not focal > 0:
             raise UserError(f"the focal length is {focal:g} pixels; it must be greater than zero")
         self._clip = open_footage(footage, frames)
-        self._identity = identity(self._clip)
-        if _is_solved(work_dir, self._clip, self._identity) and not again:
+        self._clip.close()
+        self._identity = identity(self._clip.path)
+        if _is_solved(work_dir, self._clip, self._identity, focal) and not again:
             self.finished = True
             return
-        self._start(focal)
+        self._start()
 
-    def _start(self, focal: float | None) -> None:
+    def _start(self) -> None:
         try:
             if not self.work_dir.exists():
                 self._made = next(
@@ -114,24 +116,33 @@ class SolveProcess:
                 )
                 self.work_dir.mkdir(parents=True)
             self._job = Path(tempfile.mkdtemp(prefix=".solving-", dir=self.work_dir))
+            self._launch(self._job)
         except OSError as error:
-            self._clean()
+            self.cancel()
             raise UserError(
-                f"the working folder {self.work_dir} cannot be written: {error.strerror}"
+                f"no solve can be started in the working folder {self.work_dir}: {error.strerror}"
             ) from None
+        except UserError:
+            self.cancel()
+            raise
+
+    def _launch(self, folder: Path) -> None:
         job = {
             "footage": str(self._clip.path),
             "frames": self._clip.frames,
-            "focal": focal,
-            "folder": str(self._job),
+            "focal": self._focal,
+            "folder": str(folder),
         }
-        (self._job / "job.json").write_text(json.dumps(job))
-        self._log = (self._job / "log.txt").open("w")
-        self._process = subprocess.Popen(
-            [_python(), "-m", "addon.core.solve_worker", str(self._job / "job.json")],
-            env=_environment(), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=self._log, text=True,
-        )  # fmt: skip
-        threading.Thread(target=self._listen, args=(self._process,), daemon=True).start()
+        (folder / "job.json").write_text(json.dumps(job), encoding="utf-8")
+        with (folder / "log.txt").open("w", encoding="utf-8") as log:
+            self._process = subprocess.Popen(
+                # -P: a folder called "addon" in the current directory must not be taken for ours.
+                [_python(), "-P", "-m", "addon.core.solve_worker", str(folder / "job.json")],
+                env=_environment(), stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=log, text=True,
+                encoding="utf-8", creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
+            )  # fmt: skip
+        self._listener = threading.Thread(target=self._listen, args=(self._process,), daemon=True)
+        self._listener.start()
 
     def _listen(self, process: subprocess.Popen[str]) -> None:
         # Windows cannot wait on a pipe with a timeout; a thread that only reads lines can.
@@ -145,9 +156,9 @@ class SolveProcess:
         if self.finished or self._process is None:
             return steps
         ended = self._process.poll()
-        if ended is not None:
-            # The reader thread may still hold the last lines.
-            time.sleep(0.05)
+        if ended is not None and self._listener is not None:
+            # The thread may still hold the last lines.
+            self._listener.join()
         while True:
             try:
                 message = json.loads(self._lines.get_nowait())
@@ -157,7 +168,7 @@ class SolveProcess:
                 continue
             if "error" in message:
                 self.cancel()
-                raise UserError(message["error"])
+                raise UserError(message["error"]) from _bug(message)
             if "ok" in message:
                 self._process.wait()
                 self._keep()
@@ -166,7 +177,9 @@ class SolveProcess:
                 steps.append(_progress(**message))
         if ended is not None and not self.finished:
             last = (
-                (self._job / "log.txt").read_text(errors="replace").strip().splitlines() if self._job else []
+                (self._job / "log.txt").read_text("utf-8", errors="replace").strip().splitlines()
+                if self._job
+                else []
             )
             self.cancel()
             reason = last[-1] if last else "no message"
@@ -178,17 +191,19 @@ class SolveProcess:
         while not self.finished:
             for step in self.poll():
                 report(step)
-            time.sleep(0.02)
+            if self._listener is not None:
+                self._listener.join(0.05)
 
     def cancel(self) -> None:
         """End the worker and leave the folder as it was; harmless after the end."""
-        if self._process is not None and self._process.poll() is None:
-            self._process.terminate()
+        process = self._process
+        if process is not None and process.poll() is None:
+            process.terminate()
             try:
-                self._process.wait(3)
+                process.wait(3)
             except subprocess.TimeoutExpired:
-                self._process.kill()
-                self._process.wait()
+                process.kill()
+                process.wait()
         self._clean()
 
     def _keep(self) -> None:
@@ -200,21 +215,35 @@ class SolveProcess:
             "relative": _relative(self._clip.path, self.work_dir),
             "identity": self._identity,
             "frames": self._clip.frames,
-            "report": json.loads((self._job / "report.json").read_text()),
+            "focal": self._focal,
+            "report": json.loads((self._job / "report.json").read_text(encoding="utf-8")),
         }
-        (self._job / STATE).write_text(json.dumps(state, indent=1))
-        model = self.work_dir / "model"
-        if model.exists():
-            model.rename(self._job / "old")
-        (self._job / "model").rename(model)
-        (self._job / STATE).replace(self.work_dir / STATE)
+        (self._job / STATE).write_text(json.dumps(state, indent=1), encoding="utf-8")
+        model, old = self.work_dir / "model", self._job / "old"
+        try:
+            if model.exists():
+                model.rename(old)
+            (self._job / "model").rename(model)
+            (self._job / STATE).replace(self.work_dir / STATE)
+        except OSError as error:
+            if old.exists():
+                shutil.rmtree(model, ignore_errors=True)
+                old.rename(model)
+            self.cancel()
+            raise UserError(
+                f"the solve cannot be moved into {self.work_dir}: {error.strerror}; the old one is as it was"
+            ) from None
         self._made = None
         self.finished = True
         self._clean()
 
     def _clean(self) -> None:
-        if self._process is not None:
-            self._log.close()
+        if self._process is not None and self._process.poll() is not None:
+            if self._listener is not None:
+                self._listener.join()
+            for pipe in (self._process.stdin, self._process.stdout):
+                if pipe is not None:
+                    pipe.close()
         if self._job is not None:
             shutil.rmtree(self._job, ignore_errors=True)
             self._job = None
@@ -242,24 +271,23 @@ def load_solve(work_dir: Path) -> Solve:
     return Solve(work_dir, footage, frames, read_model(work_dir / "model"), state["report"])
 
 
-def identity(footage: Footage) -> str:
-    """What a clip is recognised by wherever it lies: sizes, and a hash of a video's first and last MiB."""
+def identity(path: Path) -> str:
+    """What a clip is recognised by wherever it lies: a video's size and a hash of its first and last MiB,
+    a sequence's file names and sizes. Not the times, which copying changes."""
     digest = hashlib.sha256()
-    if footage.is_video:
-        size = footage.path.stat().st_size
-        with footage.path.open("rb") as file:
+    if path.is_file():
+        size = path.stat().st_size
+        with path.open("rb") as file:
             digest.update(str(size).encode() + file.read(1 << 20))
             file.seek(max(0, size - (1 << 20)))
             digest.update(file.read())
     else:
-        # Neighbouring frames may be added or left out without making it another clip.
-        first = footage.files[0]
-        digest.update(f"{footage.width}x{footage.height}".encode() + first.suffix.encode())
-        digest.update(str(first.parent.resolve()).encode())
+        for image in open_footage(path).files:
+            digest.update(f"{image.name}\n{image.stat().st_size}\n".encode())
     return digest.hexdigest()
 
 
-def _is_solved(work_dir: Path, footage: Footage, identity: str) -> bool:
+def _is_solved(work_dir: Path, footage: Footage, identity: str, focal: float | None) -> bool:
     """Whether the folder holds this very solve; UserError where it holds something else."""
     if not work_dir.exists():
         return False
@@ -275,12 +303,13 @@ def _is_solved(work_dir: Path, footage: Footage, identity: str) -> bool:
             f"{work_dir} holds the solve of {Path(state['footage']).name}, not of {footage.path.name};"
             " name another folder with --work"
         )
-    return tuple(state["frames"]) == footage.frames and (work_dir / "model").is_dir()
+    wanted = tuple(state["frames"]) == footage.frames and focal in (None, state.get("focal"))
+    return wanted and (work_dir / "model").is_dir()
 
 
 def _state(work_dir: Path) -> dict[str, Any] | None:
     try:
-        state = json.loads((work_dir / STATE).read_text())
+        state = json.loads((work_dir / STATE).read_text(encoding="utf-8"))
         if state["version"] > VERSION:
             raise UserError(f"{work_dir} was made with a newer Virtual Aperture; update the extension")
         missing = {"footage", "relative", "identity", "frames", "report"} - set(state)
@@ -291,6 +320,11 @@ def _state(work_dir: Path) -> dict[str, Any] | None:
     if missing:
         raise UserError(f"{work_dir / STATE} is damaged; delete the folder and solve again")
     return dict(state)
+
+
+def _bug(message: dict[str, Any]) -> Exception | None:
+    """The worker's traceback, for whoever asks for it."""
+    return RuntimeError(message["traceback"]) if "traceback" in message else None
 
 
 def _footage_exists(path: Path) -> bool:

@@ -6,8 +6,11 @@
 from __future__ import annotations
 
 import json
+import os
+import shutil
 import signal
 import sys
+import threading
 import time
 import traceback
 from pathlib import Path
@@ -24,8 +27,10 @@ from .tracks import track_features
 
 def main(job_path: str) -> int:
     """Solve the job's clip into its folder; 0, or 1 after saying what went wrong."""
+    job = json.loads(Path(job_path).read_text(encoding="utf-8"))
+    threading.Thread(target=_end_with_parent, args=(Path(job["folder"]),), daemon=True).start()
     try:
-        _solve(json.loads(Path(job_path).read_text()))
+        _solve(job)
     except UserError as error:
         _say({"error": str(error)})
         return 1
@@ -67,9 +72,19 @@ def _solve(job: dict[str, object]) -> None:
         "focal_held": mapped.focal_held,
         "parallax": mapped.parallax,
         "triangulation_angle": mapped.angle,
+        "size": [footage.width, footage.height],
+        "fps": footage.fps,
+        "versions": mapping.versions(),
         "seconds": round(time.monotonic() - began, 1),
     }
-    (folder / "report.json").write_text(json.dumps(report))
+    (folder / "report.json").write_text(json.dumps(report), encoding="utf-8")
+
+
+def _end_with_parent(folder: Path) -> None:
+    # Standard input closes when whoever started us is gone; then nobody wants the result.
+    os.read(0, 1)
+    shutil.rmtree(folder, ignore_errors=True)
+    os._exit(1)
 
 
 def _progress(stage: str, done: int, total: int) -> None:

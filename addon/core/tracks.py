@@ -64,7 +64,8 @@ def track_features(footage: Footage, progress: Progress) -> Tracks:
     """Follow corners through all frames of the clip; UserError where there are too few to follow."""
     if len(footage.frames) < 3:
         raise UserError(
-            f"{footage.path.name} has {len(footage.frames)} frame(s); at least 3 with a moving camera are needed"
+            f"{footage.path.name} has {len(footage.frames)} frame(s); at least 3 with a moving camera are"
+            " needed"
         )
     zoom = min(1.0, LONG_SIDE / max(footage.width, footage.height))
     numbers: list[NDArray[np.int64]] = []
@@ -89,7 +90,9 @@ def track_features(footage: Footage, progress: Progress) -> Tracks:
         numbers.append(active_numbers)
         places.append(active)
         before = gray
-    xy = (np.concatenate(places).astype(np.float64) + 0.5) / zoom
+    # The shrunk size is rounded, so that its two scales differ a little.
+    scale = np.array([footage.width / gray.shape[1], footage.height / gray.shape[0]])
+    xy = (np.concatenate(places).astype(np.float64) + 0.5) * scale
     return Tracks(
         footage.frames, footage.width, footage.height,
         np.repeat(np.arange(len(numbers)), [len(n) for n in numbers]).astype(np.int32),

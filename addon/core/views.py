@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from .reconstruction import Floats, Reconstruction
 from .warpmesh import WarpMesh, feature_mesh, thesis_mesh
 
 METHODS = ("features", "thesis")
+ACCEPTABLE = 1500
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,8 @@ def plan_frame(
     else:
         offsets = settings.radius * vogel_disc(count)
         registration = exact_registration(canvas, offsets, inverse)
-        mesh = feature_mesh(features, canvas, _margin(features, canvas, settings.radius, inverse))
+        sharpened = replace(features, inverse_depth=in_focus(features, canvas, settings.radius, inverse))
+        mesh = feature_mesh(sharpened, canvas, _margin(features, canvas, settings.radius, inverse))
     return FramePlan(frame, canvas, mesh, offsets, registration, inverse, blur, features.carried)
 
 
@@ -93,6 +95,22 @@ def largest_blur(features: FrameFeatures, canvas: Canvas, radius: float, inverse
         return 0.0
     contrast = np.percentile(np.abs(features.inverse_depth - inverse_depth), 99)
     return float(2 * radius * canvas.pinhole.fx * contrast)
+
+
+def in_focus(features: FrameFeatures, canvas: Canvas, radius: float, inverse_depth: float) -> Floats:
+    """(n,) inverse depths, moved into the focal plane where their blur disc is too small to be seen.
+
+    The photographer's acceptable circle of confusion is the diagonal / 1500. Depths are not known better
+    than that, and resampling by fractions of a pixel would cost the subject its sharpness; in the focal
+    plane every view shows the source's own pixels. Discs of twice that size and more are left as they are,
+    those between grow linearly.
+    """
+    diagonal = np.hypot(canvas.pinhole.width, canvas.pinhole.height)
+    smallest = diagonal / ACCEPTABLE / (2 * radius * canvas.pinhole.fx)
+    contrast = features.inverse_depth - inverse_depth
+    size = np.abs(contrast)
+    kept = np.where(size < 2 * smallest, np.maximum(0.0, 2 * (size - smallest)), size)
+    return np.asarray(inverse_depth + np.sign(contrast) * kept)
 
 
 def _margin(features: FrameFeatures, canvas: Canvas, radius: float, inverse_depth: float) -> float:
