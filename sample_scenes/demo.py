@@ -27,7 +27,7 @@ Frames = NDArray[np.uint8]
 
 ROOT = Path(__file__).resolve().parents[1]
 BLUR = 0.03
-"""Diameter of the far wall's blur discs, roughly, as a fraction of the picture's width."""
+"""The command line's --blur: a fraction of the picture's width, here a clearly visible one."""
 BACKGROUND = (0.04, 0.12, 0.20, 0.52)
 """Books on the far wall in every frame: left, top, right, bottom as fractions of the picture."""
 DIVIDER = 2

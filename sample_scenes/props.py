@@ -249,7 +249,7 @@ def _lamps(rng: np.random.Generator) -> Iterator[Prop]:
     shade = turned_body([(0.24, 0.0), (0.16, 0.30)], 32).moved(1.45, 6.3, 1.28)
     yield Prop("shade", shade, silk, smooth=True, glow=0.9)
     x = np.linspace(-2.9, 2.7, 19)
-    sag = 2.17 - 0.11 * np.abs(np.sin(np.pi * np.arange(19) / 6)) + rng.uniform(-0.01, 0.01, 19)
+    sag = 2.04 - 0.11 * np.abs(np.sin(np.pi * np.arange(19) / 6)) + rng.uniform(-0.01, 0.01, 19)
     bulbs = [sphere(0.016, 12).moved(a, WALL - 0.42, b) for a, b in zip(x, sag, strict=True)]
     warm = np.broadcast_to(np.array((1.0, 0.86, 0.62), np.float32), (4, 4, 3))
     yield Prop("string of lamps", join(bulbs), warm, glow=4.0)

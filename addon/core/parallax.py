@@ -43,7 +43,8 @@ def check_parallax(tracks: Tracks) -> float:
     if parallax < MIN_PARALLAX:
         raise UserError(
             f"the camera only turns in this clip (parallax {parallax:.2f} of 1000 px, at least"
-            f" {MIN_PARALLAX:g} are needed): too little parallax for depth; move the camera sideways while filming"
+            f" {MIN_PARALLAX:g} are needed): too little parallax for depth;"
+            " move the camera sideways while filming"
         )
     return parallax
 

@@ -102,7 +102,7 @@ def _exr(path: Path) -> NDArray[np.float32]:
     bitmap = pycolmap.Bitmap.read(str(path), True)
     if bitmap is None:
         raise OSError(path)
-    return np.asarray(bitmap.to_array(), dtype=np.float32) / 255
+    return (np.asarray(bitmap.to_array()) / 255).astype(np.float32)
 
 
 if __name__ == "__main__":

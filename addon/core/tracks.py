@@ -164,8 +164,8 @@ def _colours(picture: NDArray[np.generic], corners: NDArray[np.float32], zoom: f
     size = [picture.shape[1] - 1, picture.shape[0] - 1]
     at = np.clip((corners / zoom).astype(int), 0, size)
     picked = picture[at[:, 1], at[:, 0]][:, :3]
-    if picked.dtype == np.uint8:
-        return np.asarray(picked, dtype=np.uint8)
-    if picked.dtype == np.uint16:
-        return (picked >> 8).astype(np.uint8)
-    return np.round(255 * np.clip(picked.astype(np.float64), 0, 1) ** (1 / 2.2)).astype(np.uint8)
+    if picked.dtype == np.float32:
+        picked = 255 * np.clip(picked.astype(np.float64), 0, 1) ** (1 / 2.2)
+    elif picked.dtype == np.uint16:
+        picked = picked.astype(np.int64) >> 8
+    return np.asarray(picked, dtype=np.uint8)

@@ -1,0 +1,66 @@
+"""Small synthetic clips with known depth: three textured planes before a moving camera."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+SIZE = (320, 240)
+FOCAL = 0.85 * SIZE[0]
+PLANES = {10.0: (-30.0, 30.0), 6.0: (-2.6, -0.6), 4.0: (0.5, 1.6)}
+"""Depth of each plane, far to near, and its left and right edge, in scene units."""
+TEXELS = 60
+"""A scene unit of texture."""
+
+
+def texture(width: int, height: int, seed: int) -> NDArray[np.uint8]:
+    """Blotches of many sizes, grey."""
+    random = np.random.default_rng(seed)
+    total = np.zeros((height, width), np.float32)
+    for size in (3, 8, 24):
+        small = random.standard_normal((height // size + 2, width // size + 2)).astype(np.float32)
+        total += cv2.resize(small, (width, height), interpolation=cv2.INTER_CUBIC)
+    return np.clip(128 + 38 * total, 0, 255).astype(np.uint8)
+
+
+def camera_matrix() -> NDArray[np.float64]:
+    """OpenCV's pixel centres."""
+    return np.array([[FOCAL, 0, SIZE[0] / 2 - 0.5], [0, FOCAL, SIZE[1] / 2 - 0.5], [0, 0, 1]])
+
+
+def view(centre: NDArray[np.float64], turn: NDArray[np.float64]) -> NDArray[np.uint8]:
+    """(240, 320, 3) picture from a camera at `centre` with world-to-camera rotation vector `turn`."""
+    picture = np.zeros((SIZE[1], SIZE[0]), np.float32)
+    rotation = cv2.Rodrigues(turn)[0]
+    for seed, (depth, (left, right)) in enumerate(PLANES.items()):
+        pattern = texture(round((right - left) * TEXELS), 24 * TEXELS, seed)
+        from_texel = np.array([[1 / TEXELS, 0, left], [0, 1 / TEXELS, -12], [0, 0, 1]])
+        plane = np.column_stack([np.eye(3)[:, :2], [0, 0, depth] - centre])
+        matrix = camera_matrix() @ rotation @ plane @ from_texel
+        warped = cv2.warpPerspective(pattern, matrix, SIZE, flags=cv2.INTER_LINEAR)
+        cover = cv2.warpPerspective(np.full_like(pattern, 255), matrix, SIZE) / np.float32(255)
+        picture += cover * (warped - picture)
+    noise = np.random.default_rng(int(1000 * abs(centre).sum())).normal(0, 1.0, picture.shape)
+    return np.repeat(np.clip(picture + noise, 0, 255).astype(np.uint8)[..., None], 3, axis=2)
+
+
+def write_clip(folder: Path, pictures: list[NDArray[np.uint8]]) -> Path:
+    """A folder of PNGs from frame 1 on."""
+    folder.mkdir()
+    for frame, picture in enumerate(pictures, 1):
+        cv2.imwrite(str(folder / f"shot_{frame:04d}.png"), picture)
+    return folder
+
+
+def sideways(count: int) -> list[NDArray[np.uint8]]:
+    """A camera that walks one unit to the side, a little up, and turns a little."""
+    steps = np.linspace(-0.5, 0.5, count)
+    return [view(np.array([s, 0.2 * s * s, 0.1 * s]), np.array([0.01 * s, 0.04 * s, 0.0])) for s in steps]
+
+
+def turning(count: int) -> list[NDArray[np.uint8]]:
+    """A camera on a tripod that pans."""
+    return [view(np.zeros(3), np.array([0.0, a, 0.0])) for a in np.linspace(-0.12, 0.12, count)]

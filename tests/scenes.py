@@ -1,0 +1,68 @@
+"""Small synthetic shots for tests: a textured slanted plane seen by known cameras."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from addon.core.footage import open_footage
+from addon.core.reconstruction import Image, Intrinsics, Points, Reconstruction, rotation_matrix
+from addon.scene.shot import Shot
+
+
+def texture(width: int, height: int, seed: int = 0) -> np.ndarray:
+    """(h, w, 3) uint8 smooth but detailed picture."""
+    rng = np.random.default_rng(seed)
+    layers = [cv2.resize(rng.random((max(2, height // s), max(2, width // s), 3)), (width, height),
+                         interpolation=cv2.INTER_CUBIC) for s in (3, 8, 24)]  # fmt: skip
+    mixed = 0.3 * layers[0] + 0.3 * layers[1] + 0.4 * layers[2]
+    return np.clip(mixed * 255, 0, 255).astype(np.uint8)
+
+
+def slanted_plane(
+    lens: Intrinsics,
+    frames: tuple[int, ...] = (1, 2, 3),
+    near: float = 5.0,
+    far: float = 12.0,
+    count: int = 150,
+) -> Reconstruction:
+    """Points on a plane that recedes to the right, seen by cameras that drift sideways and turn a little."""
+    rng = np.random.default_rng(3)
+    seen = rng.uniform([0, 0], [lens.width, lens.height], (count, 2))
+    rays = lens.undistort((seen - lens.principal_point) / lens.focal)
+    # Inverse depth is affine in pinhole coordinates for a plane.
+    low, high = rays[:, 0].min(), rays[:, 0].max()
+    share = (rays[:, 0] - low) / (high - low)
+    depth = 1 / ((1 - share) / near + share / far)
+    xyz = np.column_stack([rays, np.ones(count)]) * depth[:, None]
+    images = []
+    for number, frame in enumerate(frames):
+        rotation = rotation_matrix(np.array([0.004, -0.006, 0.01]) * number)
+        centre = np.array([0.05 * number, -0.01 * number, 0.02 * number])
+        local = (xyz - centre) @ rotation.T
+        images.append(
+            Image(frame, rotation, -rotation @ centre, lens.project(local), np.arange(count, dtype=np.int32))
+        )
+    points = Points(xyz, np.full((count, 3), 128, np.uint8), np.full(count, 0.1))
+    return Reconstruction((lens,), tuple(images), points)
+
+
+def write_frames(folder: Path, lens: Intrinsics, frames: tuple[int, ...] = (1, 2, 3)) -> Path:
+    """A PNG sequence with one picture for all frames; what is in it does not matter to most tests."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for frame in frames:
+        cv2.imwrite(str(folder / f"clip_{frame:04d}.png"), texture(lens.width, lens.height)[..., ::-1])
+    return folder
+
+
+def slanted_shot(folder: Path, lens: Intrinsics, frames: tuple[int, ...] = (1, 2, 3)) -> Shot:
+    """Footage and reconstruction of the slanted plane."""
+    return Shot(open_footage(write_frames(folder, lens, frames)), slanted_plane(lens, frames))
+
+
+def psnr(a: np.ndarray, b: np.ndarray) -> float:
+    """Peak signal to noise ratio in dB of values in [0, 1]."""
+    error = float(np.mean((np.clip(a, 0, 1) - np.clip(b, 0, 1)) ** 2))
+    return float("inf") if error == 0 else -10 * np.log10(error)
