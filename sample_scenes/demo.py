@@ -68,9 +68,10 @@ def subject_box(frame: int) -> tuple[float, float, float, float]:
 def run_product(source: Path, out: Path, work: Path, blur: float) -> None:
     """Call the command line on the clip, focused on the subject; its own output goes through."""
     x, y = subject_place()
-    command = [sys.executable, str(ROOT / "addon" / "headless.py"), "run", str(source)]
+    command = [sys.executable, str(ROOT / "addon" / "headless.py"), "run", str(source.resolve())]
     command += ["--focus-at", f"{x:.3f},{y:.3f}", "--blur", f"{blur:g}"]
-    command += ["--out", str(out), "--work", str(work), "--overwrite"]
+    command += ["--out", str(out.resolve()), "--work", str(work.resolve()), "--overwrite"]
+    out.unlink(missing_ok=True)  # an earlier run's clip must not pass for this one's
     print("$", " ".join(command), flush=True)
     status = subprocess.run(command, cwd=ROOT, check=False).returncode
     if status:

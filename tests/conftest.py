@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -16,3 +17,26 @@ def data() -> Path:
     if not folder.is_dir():
         pytest.skip(f"no real test data: {folder} is missing (set VA_DATA to the folder that holds it)")
     return folder
+
+
+@pytest.fixture(scope="session")
+def registered() -> Iterator[None]:
+    """Register once: Blender refuses a class that is registered twice."""
+    import addon
+
+    addon.register()
+    yield
+    addon.unregister()
+
+
+@pytest.fixture
+def scene(registered: None) -> Iterator[object]:
+    """A fresh, empty scene."""
+    import bpy
+
+    bpy.ops.wm.read_homefile(app_template="", use_empty=True, use_factory_startup=True)
+    yield bpy.context.scene
+    # A clip that stays open would be the next test's.
+    from addon.scene import shot
+
+    shot.forget()

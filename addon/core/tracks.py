@@ -162,7 +162,7 @@ def _shrunk(gray: NDArray[np.uint8], zoom: float) -> NDArray[np.uint8]:
 
 def _colours(picture: NDArray[np.generic], corners: NDArray[np.float32], zoom: float) -> NDArray[np.uint8]:
     size = [picture.shape[1] - 1, picture.shape[0] - 1]
-    at = np.clip((corners / zoom).astype(int), 0, size)
+    at = np.clip(((corners + 0.5) / zoom).astype(int), 0, size)
     picked = picture[at[:, 1], at[:, 0]][:, :3]
     if picked.dtype == np.float32:
         picked = 255 * np.clip(picked.astype(np.float64), 0, 1) ** (1 / 2.2)

@@ -69,9 +69,10 @@ def _blender() -> list[str]:
 def _write_job(folder: Path, plan: FramePlan, picture: Picture) -> None:
     lens, mesh = plan.canvas.pinhole, plan.mesh
     np.save(folder / "picture.npy", picture)
-    # Corners pinned to themselves lie infinitely far away; a ten-thousandth of a pixel is still enough.
+    # Corners pinned to themselves lie infinitely far away, which float32 rays do not reach: a hundredth of a
+    # pixel of displacement is near enough.
     reach = np.abs(plan.offsets).max() * max(lens.fx, lens.fy)
-    inverse = np.maximum(mesh.inverse_depth, 1e-4 / max(reach, 1e-12))
+    inverse = np.maximum(mesh.inverse_depth, 1e-2 / max(reach, 1e-12))
     np.savez(
         folder / "job.npz",
         size=[lens.width, lens.height], focal=lens.focal, principal_point=lens.principal_point,

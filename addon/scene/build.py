@@ -113,12 +113,12 @@ def _object(
 
 def _set_background(data: bpy.types.Camera, footage: Footage) -> None:
     """The clip behind the camera, stretched to the frame: stored pixels need not be square."""
-    for old in list(data.background_images):
-        image = old.image
+    for old in [b for b in data.background_images if b.image is None or b.image.get(IDENTITY)]:
+        if old.image is not None:
+            bpy.data.images.remove(old.image)
         data.background_images.remove(old)
-        if image is not None and not image.users:
-            bpy.data.images.remove(image)
     image = bpy.data.images.load(str(first_file(footage)), check_existing=False)
+    image[IDENTITY] = True
     image.source = "MOVIE" if footage.is_video else "SEQUENCE"
     background = data.background_images.new()
     background.image = image
