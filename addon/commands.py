@@ -147,6 +147,7 @@ def save(options: argparse.Namespace) -> None:
         part.replace(blend)
     finally:
         part.unlink(missing_ok=True)
+        part.with_name(part.name + "1").unlink(missing_ok=True)
     _say(f"saved {blend}; send it together with {Path(bpy.path.abspath(settings.footage)).name} beside it")
 
 

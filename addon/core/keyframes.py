@@ -11,6 +11,7 @@ import numpy as np
 import pycolmap
 
 from .errors import UserError
+from .reconstruction import Floats, Ints
 from .tracks import Progress, Tracks
 
 KEYFRAMES = 40
@@ -20,6 +21,8 @@ FOCAL_RANGE = (0.4, 3.0)
 MIN_GAIN = 0.02
 """Share by which a free focal length must lower the reprojection error to be believed."""
 MIN_POINTS = 12
+ENOUGH_FEATURES = 500
+"""In a keyframe, to find its pose."""
 
 
 def keyframes(tracks: Tracks) -> list[int]:
@@ -35,13 +38,30 @@ def keyframes(tracks: Tracks) -> list[int]:
     return sorted(set(np.clip(np.searchsorted(path, steps - 1e-9), 0, count - 1).tolist()) | {0, count - 1})
 
 
+def keyframe_features(tracks: Tracks, keys: list[int]) -> list[tuple[Ints, Floats]]:
+    """Track numbers (n,) and places (n, 2) of each keyframe, without those that would only cost time.
+
+    Poses need no more than an even choice of the tracks; the others get their points later, and take part
+    in the last adjustment.
+    """
+    features = [tracks.in_frame(index) for index in keys]
+    usual = float(np.median([len(ids) for ids, _ in features]))
+    kept = np.random.default_rng(0).random(tracks.count) < ENOUGH_FEATURES / max(usual, 1.0)
+    return [(ids[kept[ids]], xy[kept[ids]]) for ids, xy in features]
+
+
 def map_keyframes(
-    tracks: Tracks, keys: list[int], focal: float, progress: Progress
+    tracks: Tracks, features: list[tuple[Ints, Floats]], focal: float, progress: Progress
 ) -> pycolmap.Reconstruction:
+    """The best model of the keyframes that have these features; image i + 1 is keyframe i.
+
+    Raises UserError where there is none.
+    """
+    keys = len(features)
     with tempfile.TemporaryDirectory(prefix="virtual-aperture-") as name:
         folder = Path(name)
         database = folder / "database.db"
-        _write_database(database, tracks, keys, focal)
+        _write_database(database, tracks, features, focal)
         progress("Verifying matches", 0, 1)
         verification = pycolmap.TwoViewGeometryOptions()
         verification.ransac.max_error = 4.0
@@ -51,16 +71,16 @@ def map_keyframes(
 
         def next_image() -> None:
             done[0] += 1
-            progress("Solving cameras", min(done[0], len(keys)), len(keys))
+            progress("Solving cameras", min(done[0], keys), keys)
 
         models = {}
         for angle in (3.0, 1.5, 0.7):
             (folder / "model").mkdir(exist_ok=True)
-            progress("Solving cameras", 2, len(keys))
+            progress("Solving cameras", 2, keys)
             models = pycolmap.incremental_mapping(
                 database, folder, folder / "model", _mapper_options(angle), next_image_callback=next_image
             )
-            if models and max(m.num_reg_images() for m in models.values()) >= 0.8 * len(keys):
+            if models and max(m.num_reg_images() for m in models.values()) >= 0.8 * keys:
                 break
             done[0] = 2
         # The first model is often a stump: the one with most images and points is taken.
@@ -100,8 +120,7 @@ def _mapper_options(angle: float) -> pycolmap.IncrementalPipelineOptions:
     return options
 
 
-def _write_database(path: Path, tracks: Tracks, keys: list[int], focal: float) -> None:
-    features = [tracks.in_frame(index) for index in keys]
+def _write_database(path: Path, tracks: Tracks, features: list[tuple[Ints, Floats]], focal: float) -> None:
     with pycolmap.Database.open(path) as database, pycolmap.DatabaseTransaction(database):
         camera = new_camera(tracks, focal)
         camera.has_prior_focal_length = True
@@ -120,8 +139,8 @@ def _write_database(path: Path, tracks: Tracks, keys: list[int], focal: float) -
             database.write_frame(frame, use_frame_id=True)
             database.write_keypoints(number, xy.astype(np.float32))
         gaps = sorted({*range(1, 11), 16, 32})
-        for i in range(len(keys)):
-            for j in (i + gap for gap in gaps if i + gap < len(keys)):
+        for i in range(len(features)):
+            for j in (i + gap for gap in gaps if i + gap < len(features)):
                 _, a, b = np.intersect1d(
                     features[i][0], features[j][0], assume_unique=True, return_indices=True
                 )

@@ -17,7 +17,15 @@ import pycolmap
 from numpy.typing import NDArray
 
 from .errors import UserError
-from .keyframes import MIN_POINTS, adjustment_options, free_focal, keyframes, map_keyframes, new_camera
+from .keyframes import (
+    MIN_POINTS,
+    adjustment_options,
+    free_focal,
+    keyframe_features,
+    keyframes,
+    map_keyframes,
+    new_camera,
+)
 from .parallax import check_parallax
 from .reconstruction import Floats, Image, Intrinsics, Ints, Points, Reconstruction, normalise
 from .tracks import Progress, Tracks
@@ -97,9 +105,10 @@ def reconstruct(tracks: Tracks, focal: float | None, progress: Progress) -> Mapp
     parallax = check_parallax(tracks)
     start = focal or START_FOCAL * max(tracks.width, tracks.height)
     keys = keyframes(tracks)
-    model = map_keyframes(tracks, keys, start, progress)
+    features = keyframe_features(tracks, keys)
+    model = map_keyframes(tracks, features, start, progress)
     sigma, held = (0.0, True) if focal else free_focal(model, start)
-    solution = _from_keyframes(tracks, keys, model)
+    solution = _from_keyframes(tracks, keys, [ids for ids, _ in features], model)
     _register_frames(solution, progress)
     for step in range(2):
         progress("Adjusting", step, 2)
@@ -119,7 +128,10 @@ def versions() -> dict[str, str]:
     return {"numpy": np.__version__, "opencv": cv2.__version__, "pycolmap": pycolmap.__version__}
 
 
-def _from_keyframes(tracks: Tracks, keys: list[int], model: pycolmap.Reconstruction) -> _Solution:
+def _from_keyframes(
+    tracks: Tracks, keys: list[int], features: list[Ints], model: pycolmap.Reconstruction
+) -> _Solution:
+    """The keyframes' poses and points; `features` are their track numbers in the model's order."""
     frames = len(tracks.frames)
     solution = _Solution(
         tracks, float(model.cameras[1].params[0]), np.full((frames, 3, 3), np.nan),
@@ -131,7 +143,7 @@ def _from_keyframes(tracks: Tracks, keys: list[int], model: pycolmap.Reconstruct
         pose = image.cam_from_world()
         solution.rotation[index] = pose.rotation.matrix()
         solution.translation[index] = pose.translation
-        ids, _ = tracks.in_frame(index)
+        ids = features[number - 1]
         for row, feature in enumerate(image.points2D):
             # Verification can split a track into several points: the best supported one is taken.
             if feature.has_point3D():

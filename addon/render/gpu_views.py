@@ -7,7 +7,6 @@ their inverse depth draws exactly what a virtual pinhole camera sees.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
 
 import bpy
 import gpu
@@ -60,8 +59,9 @@ def gpu_problem() -> str:
     return ""
 
 
-@cache
 def _shaders() -> tuple[gpu.types.GPUShader, gpu.types.GPUShader]:
+    # Made anew for every frame: a shader that is kept is freed after its context, which crashes Blender
+    # on exit.
     between = gpu.types.GPUStageInterfaceInfo("va_view")
     between.smooth("VEC2", "place")
     view = gpu.types.GPUShaderCreateInfo()
