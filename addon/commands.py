@@ -202,9 +202,7 @@ def _render(solved: Solve, options: argparse.Namespace) -> None:
     _say(f"rendering {len(frames)} frames with {count} views each")
     carried = [f for f in frames if f not in solved.reconstruction.frames]
     if carried:
-        _say(
-            f"{len(carried)} frames were not registered, their cameras come from neighbours: {_ranges(carried)}"
-        )
+        _say(f"{len(carried)} frames are not registered; neighbours lend their cameras: {_ranges(carried)}")
     if out.suffix.lower() in output.STILLS:
         output.render_sequence(scene, frames, out, options.overwrite, _say)
     else:

@@ -40,7 +40,7 @@ class Focus:
         ahead = inverse[inverse > 0]
         if not len(ahead):
             raise UserError(
-                f"frame {frame}: the camera has passed every focus point; pick points that lie ahead there too"
+                f"frame {frame}: the camera has passed every focus point; pick points that lie ahead there"
             )
         return float(ahead.mean())
 

@@ -80,14 +80,14 @@ def delaunay(xy: Floats) -> Ints:
     """Delaunay triangles (T, 3) of distinct points (n, 2) in pixels; their convex hull is covered.
 
     OpenCV's subdivision fails on some point sets and loses triangles at the hull of others, so the area
-    is checked, and on failure the points are moved by a thousandth of a pixel and tried again.
+    is checked, and on failure the points are moved by up to a tenth of a pixel and tried again.
     """
     hull = cv2.convexHull(xy.astype(np.float32))
     wanted = cv2.contourArea(hull)
     rng = np.random.default_rng(0)
     for attempt in range(8):
         # Sixteenths of a pixel are exact in float32, on which the subdivision's predicates depend.
-        moved = np.round((xy + attempt * rng.uniform(-1e-1, 1e-1, xy.shape)) * 16) / 16 if attempt else xy
+        moved = np.round((xy + rng.uniform(-0.1, 0.1, xy.shape)) * 16) / 16 if attempt else xy
         triangles = _subdivide(moved.astype(np.float32))
         if triangles is None:
             continue
@@ -136,7 +136,7 @@ def _distinct(features: FrameFeatures, canvas: Canvas, margin: float) -> Ints:
     rows = rows[np.sort(first)]
     if len(rows) < MIN_FEATURES:
         raise UserError(
-            f"frame {features.frame} has {len(rows)} usable feature points, at least {MIN_FEATURES} are needed;"
+            f"frame {features.frame} has {len(rows)} usable feature points, {MIN_FEATURES} are needed;"
             " leave the frame out or solve the clip again"
         )
     return rows.astype(np.int32)

@@ -7,6 +7,8 @@ import numpy as np
 
 from ..core.reconstruction import Reconstruction
 
+DOT = 0.06
+"""Radius of a drawn point, for a scene whose points are about ten units away."""
 ID_ATTRIBUTE = "point"
 """Vertex attribute with the point's ID: vertices may be deleted, IDs stay."""
 
@@ -53,7 +55,7 @@ def _dots_tree(name: str) -> bpy.types.NodeTree:
     nodes, link = tree.nodes, tree.links.new
     start, end = nodes.new("NodeGroupInput"), nodes.new("NodeGroupOutput")
     dots = nodes.new("GeometryNodeMeshToPoints")
-    dots.inputs["Radius"].default_value = 0.03
+    dots.inputs["Radius"].default_value = DOT
     material = nodes.new("GeometryNodeSetMaterial")
     material.inputs["Material"].default_value = _dots_material(name)
     link(start.outputs[0], dots.inputs["Mesh"])
@@ -66,6 +68,8 @@ def _dots_tree(name: str) -> bpy.types.NodeTree:
 
 def _dots_material(name: str) -> bpy.types.Material:
     material = bpy.data.materials.get(name) or bpy.data.materials.new(name)
+    # Solid shading knows materials by this colour only.
+    material.diffuse_color = (0.9, 0.6, 0.1, 1.0)
     nodes = material.node_tree.nodes
     nodes.clear()
     colour = nodes.new("ShaderNodeAttribute")

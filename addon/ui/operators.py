@@ -6,8 +6,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import bmesh
 import bpy
-import numpy as np
 
 from ..core.errors import UserError
 from ..core.focus import Focus
@@ -183,7 +183,7 @@ class VIRTUAL_APERTURE_OT_set_focus(bpy.types.Operator):  # noqa: N801
             raise UserError(
                 f"{len(ids)} vertices are selected; select at least two on what is to be in focus"
             )
-        focus = Focus(points=tuple(int(i) for i in ids))
+        focus = Focus(points=tuple(ids))
         reconstruction = reconstruction_of(settings)
         frame = reconstruction.image_at(context.scene.frame_current)[0].frame
         focus.inverse_depth(reconstruction, frame)
@@ -193,16 +193,12 @@ class VIRTUAL_APERTURE_OT_set_focus(bpy.types.Operator):  # noqa: N801
         return {"FINISHED"}
 
 
-def selected_points(points: bpy.types.Object) -> np.ndarray[tuple[int], np.dtype[np.int32]]:
-    """IDs of the selected vertices, in Edit Mode or out of it."""
-    if points.mode == "EDIT":
-        points.update_from_editmode()
-    mesh = points.data
-    selected = np.zeros(len(mesh.vertices), dtype=bool)
-    mesh.vertices.foreach_get("select", selected)
-    ids = np.zeros(len(mesh.vertices), dtype=np.int32)
-    mesh.attributes[ID_ATTRIBUTE].data.foreach_get("value", ids)
-    return ids[selected]
+def selected_points(points: bpy.types.Object) -> list[int]:
+    """IDs of the vertices that are selected in Edit Mode."""
+    vertices = bmesh.from_edit_mesh(points.data).verts
+    # Attribute arrays are empty while a mesh is edited: the IDs are in the edit mesh's own layer.
+    layer = vertices.layers.int[ID_ATTRIBUTE]
+    return [vertex[layer] for vertex in vertices if vertex.select]
 
 
 class _Render:
