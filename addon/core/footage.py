@@ -173,7 +173,7 @@ def to_linear(picture: Pixels) -> NDArray[np.float32]:
     if picture.dtype == np.float32:
         colour = np.asarray(picture[..., :3], dtype=np.float32)
     else:
-        top = np.iinfo(picture.dtype).max
+        top = 255 if picture.dtype == np.uint8 else 65535
         table = decode_srgb(np.arange(top + 1) / top).astype(np.float32)
         colour = table[picture[..., :3]]
     out = np.ones((*picture.shape[:2], 4), dtype=np.float32)
@@ -182,7 +182,7 @@ def to_linear(picture: Pixels) -> NDArray[np.float32]:
         if picture.dtype == np.float32:
             out[..., 3] = picture[..., 3]
         else:
-            out[..., 3] = picture[..., 3].astype(np.float32) / np.iinfo(picture.dtype).max
+            out[..., 3] = picture[..., 3].astype(np.float32) / (255 if picture.dtype == np.uint8 else 65535)
             out[..., :3] *= out[..., 3:]
     return out
 
@@ -193,7 +193,7 @@ def to_gray8(picture: Pixels) -> NDArray[np.uint8]:
         encoded = encode_srgb(np.clip(np.nan_to_num(picture[..., :3]), 0, 1))
         rgb = np.round(encoded * 255).astype(np.uint8)
     elif picture.dtype == np.uint16:
-        rgb = (picture[..., :3] >> 8).astype(np.uint8)
+        rgb = (np.asarray(picture[..., :3], dtype=np.uint16) >> 8).astype(np.uint8)
     else:
         rgb = np.ascontiguousarray(picture[..., :3], dtype=np.uint8)
     return np.asarray(cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY), dtype=np.uint8)

@@ -116,7 +116,8 @@ def _subdivide(xy: np.ndarray[tuple[int, ...], np.dtype[np.float32]]) -> Ints | 
     at = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
     rows = order[at].reshape(-1, 3)
     real = (keys[at] == wanted).reshape(-1, 3).all(axis=1)
-    return rows[real].astype(np.int32)
+    kept: Ints = rows[real].astype(np.int32)
+    return kept
 
 
 def _key(
