@@ -172,6 +172,8 @@ def free_focal(model: pycolmap.Reconstruction, start: float) -> tuple[float, boo
     config.fix_gauge(pycolmap.BundleAdjustmentGauge.TWO_CAMS_FROM_WORLD)
     adjuster = pycolmap.create_default_ceres_bundle_adjuster(options, config, model)
     adjuster.solve()
+    # The adjuster moves the points and leaves the errors that are kept with them as they were.
+    model.update_point_3d_errors()
     covariance = pycolmap.estimate_ba_covariance(
         pycolmap.BACovarianceOptions(params=pycolmap.BACovarianceOptionsParams.ALL), model, adjuster
     )

@@ -1,0 +1,89 @@
+"""The zip: valid, complete, nothing else in it, and it installs."""
+
+from __future__ import annotations
+
+import ast
+import os
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+
+INSTALL = """
+import sys, bpy, addon_utils
+bpy.ops.extensions.package_install_files(filepath=sys.argv[1], repo='user_default', enable_on_install=True)
+name = 'bl_ext.user_default.virtual_aperture'
+assert name in bpy.context.preferences.addons, list(bpy.context.preferences.addons.keys())
+assert hasattr(bpy.types.Scene, 'virtual_aperture')
+warnings = addon_utils._extensions_warnings_get()
+assert not any('virtual_aperture' in str(item) for item in warnings.items()), warnings
+for _ in range(2):
+    bpy.ops.preferences.addon_disable(module=name)
+    assert not hasattr(bpy.types.Scene, 'virtual_aperture')
+    bpy.ops.preferences.addon_enable(module=name)
+    assert hasattr(bpy.types.Scene, 'virtual_aperture')
+print('INSTALLED')
+"""
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The zip without its wheels, which are 140 MB of downloads; `make zip` adds them."""
+    out = tmp_path_factory.mktemp("dist")
+    subprocess.run(
+        [sys.executable, str(ROOT / "tools" / "build_zip.py"), "--no-wheels", "--out", str(out)], check=True
+    )
+    return next(out.glob("*.zip"))
+
+
+def test_the_zip_holds_the_addon_and_nothing_else(built: Path) -> None:
+    names = set(zipfile.ZipFile(built).namelist())
+    expected = {p.relative_to(ROOT).as_posix() for p in (ROOT / "addon").rglob("*.py")}
+    expected |= {"__init__.py", "blender_manifest.toml", "LICENSE", "README.md"}
+    assert {n for n in names if not n.endswith("/")} == expected
+
+
+def test_the_checkout_is_a_valid_extension(built: Path) -> None:
+    sys.path.insert(0, str(ROOT / "tools"))
+    try:
+        from build_zip import builder
+    finally:
+        sys.path.pop(0)
+    done = subprocess.run(
+        [sys.executable, str(builder()), "validate", str(ROOT)], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_it_installs_disables_and_enables(built: Path, tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", INSTALL, str(built)], capture_output=True, text=True, check=False,
+        env=os.environ | {"BLENDER_USER_RESOURCES": str(tmp_path)}, cwd=tmp_path,
+    )  # fmt: skip
+    assert "INSTALLED" in done.stdout, done.stdout + done.stderr
+
+
+def test_the_core_never_imports_blender() -> None:
+    for path in (ROOT / "addon" / "core").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
+            if isinstance(node, ast.ImportFrom):
+                names.append(node.module or "")
+                assert node.level < 2 or not (node.module or "").startswith(("scene", "render", "ui")), path
+            assert not {n.split(".")[0] for n in names} & {"bpy", "gpu", "mathutils", "bmesh"}, path
+
+
+def test_pycolmap_stays_in_the_worker() -> None:
+    allowed = {"mapping.py", "keyframes.py", "solve_worker.py"}
+    for path in (ROOT / "addon").rglob("*.py"):
+        if path.name not in allowed:
+            assert "import pycolmap" not in path.read_text(), path
+    check = (
+        "import sys, addon.core.solve, addon.core.tracks, addon.core.views;"
+        "assert 'pycolmap' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", check], check=True, cwd=ROOT)
