@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
+import os
 import shutil
 import sys
 import time
@@ -16,6 +18,8 @@ from .core.footage import Footage, FrameRange, open_footage
 from .core.solve import Progress, Solve, SolveProcess, default_work_dir, load_solve
 from .core.views import METHODS, LensSettings, check_settings
 from .render import output
+from .render.gpu_views import gpu_problem
+from .render.quiet import quiet
 from .scene import aperture_cloud
 from .scene.build import build, make_paths_relative
 from .scene.properties import VirtualApertureSettings, set_focus
@@ -203,10 +207,17 @@ def _render(solved: Solve, options: argparse.Namespace) -> None:
     carried = [f for f in frames if f not in solved.reconstruction.frames]
     if carried:
         _say(f"{len(carried)} frames are not registered; neighbours lend their cameras: {_ranges(carried)}")
-    if out.suffix.lower() in output.STILLS:
-        output.render_sequence(scene, frames, out, options.overwrite, _say)
-    else:
-        output.render_movie(scene, frames, out, _say)
+    # Started here, because Blender starts it noisily itself when the engine asks for a context.
+    gpu_problem()
+    with contextlib.nullcontext(1) if options.debug else quiet(1) as descriptor:
+
+        def report(text: str) -> None:
+            os.write(descriptor, f"{text}\n".encode())
+
+        if out.suffix.lower() in output.STILLS:
+            output.render_sequence(scene, frames, out, options.overwrite, report)
+        else:
+            output.render_movie(scene, frames, out, report)
     _say(f"wrote {options.out}")
 
 

@@ -16,6 +16,7 @@ from ..core.canvas import Picture
 from ..core.errors import UserError
 from ..core.reconstruction import Floats
 from ..core.views import FramePlan
+from .quiet import quiet
 
 VIEW_VERTEX = """
 void main()
@@ -52,7 +53,9 @@ def gpu_problem() -> str:
     """Why no GPU context can be had, or an empty string. Starts the context in background mode."""
     try:
         if bpy.app.background:
-            gpu.init()
+            # Without a screen EGL tries three kinds of surface and complains of each before one works.
+            with quiet(2):
+                gpu.init()
         gpu.platform.renderer_get()
     except Exception as error:  # the module raises SystemError or RuntimeError, depending on the platform
         return str(error) or type(error).__name__
