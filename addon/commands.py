@@ -199,8 +199,11 @@ def _render(solved: Solve, options: argparse.Namespace) -> None:
         raise UserError(
             f"the solve has no frames {options.frames}; it has {footage.frames[0]} to {footage.frames[-1]}"
         )
-    frames = list(wanted)
     out: Path = options.out.absolute()
+    is_movie = out.suffix.lower() in output.MOVIES
+    # A movie shows every frame of the range: those that a step left out get their camera from neighbours.
+    shown = open_footage(solved.footage, FrameRange(wanted[0], wanted[-1])).frames if is_movie else wanted
+    frames = list(shown)
     least, most = output.plan_all(scene, frames)
     count = str(least) if least == most else f"{least} to {most}"
     _say(f"rendering {len(frames)} frames with {count} views each")
@@ -214,10 +217,10 @@ def _render(solved: Solve, options: argparse.Namespace) -> None:
         def report(text: str) -> None:
             os.write(descriptor, f"{text}\n".encode())
 
-        if out.suffix.lower() in output.STILLS:
-            output.render_sequence(scene, frames, out, options.overwrite, report)
-        else:
+        if is_movie:
             output.render_movie(scene, frames, out, report)
+        else:
+            output.render_sequence(scene, frames, out, options.overwrite, report)
     _say(f"wrote {options.out}")
 
 

@@ -26,12 +26,12 @@ def texture(width: int, height: int, seed: int) -> NDArray[np.uint8]:
     return np.clip(128 + 38 * total, 0, 255).astype(np.uint8)
 
 
-def camera_matrix() -> NDArray[np.float64]:
+def camera_matrix(focal: float = FOCAL) -> NDArray[np.float64]:
     """OpenCV's pixel centres."""
-    return np.array([[FOCAL, 0, SIZE[0] / 2 - 0.5], [0, FOCAL, SIZE[1] / 2 - 0.5], [0, 0, 1]])
+    return np.array([[focal, 0, SIZE[0] / 2 - 0.5], [0, focal, SIZE[1] / 2 - 0.5], [0, 0, 1]])
 
 
-def view(centre: NDArray[np.float64], turn: NDArray[np.float64]) -> NDArray[np.uint8]:
+def view(centre: NDArray[np.float64], turn: NDArray[np.float64], focal: float = FOCAL) -> NDArray[np.uint8]:
     """(240, 320, 3) picture from a camera at `centre` with world-to-camera rotation vector `turn`."""
     picture = np.zeros((SIZE[1], SIZE[0]), np.float32)
     rotation = cv2.Rodrigues(turn)[0]
@@ -39,7 +39,7 @@ def view(centre: NDArray[np.float64], turn: NDArray[np.float64]) -> NDArray[np.u
         pattern = texture(round((right - left) * TEXELS), 24 * TEXELS, seed)
         from_texel = np.array([[1 / TEXELS, 0, left], [0, 1 / TEXELS, -12], [0, 0, 1]])
         plane = np.column_stack([np.eye(3)[:, :2], [0, 0, depth] - centre])
-        matrix = camera_matrix() @ rotation @ plane @ from_texel
+        matrix = camera_matrix(focal) @ rotation @ plane @ from_texel
         warped = cv2.warpPerspective(pattern, matrix, SIZE, flags=cv2.INTER_LINEAR)
         cover = cv2.warpPerspective(np.full_like(pattern, 255), matrix, SIZE) / np.float32(255)
         picture += cover * (warped - picture)
@@ -55,10 +55,12 @@ def write_clip(folder: Path, pictures: list[NDArray[np.uint8]]) -> Path:
     return folder
 
 
-def sideways(count: int) -> list[NDArray[np.uint8]]:
+def sideways(count: int, focal: float = FOCAL) -> list[NDArray[np.uint8]]:
     """A camera that walks one unit to the side, a little up, and turns a little."""
     steps = np.linspace(-0.5, 0.5, count)
-    return [view(np.array([s, 0.2 * s * s, 0.1 * s]), np.array([0.01 * s, 0.04 * s, 0.0])) for s in steps]
+    return [
+        view(np.array([s, 0.2 * s * s, 0.1 * s]), np.array([0.01 * s, 0.04 * s, 0.0]), focal) for s in steps
+    ]
 
 
 def turning(count: int) -> list[NDArray[np.uint8]]:

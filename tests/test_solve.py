@@ -25,9 +25,10 @@ def solve(
     work: Path,
     again: bool = False,
     frames: FrameRange | None = None,
+    focal: float | None = None,
     steps: list[Progress] | None = None,
 ) -> Solve:
-    process = SolveProcess(clip, work, frames=frames, again=again)
+    process = SolveProcess(clip, work, frames=frames, focal=focal, again=again)
     try:
         process.wait(lambda step: steps.append(step) if steps is not None else None)
     finally:
@@ -129,6 +130,29 @@ def test_only_the_result_is_kept(solved: Solve) -> None:
     assert {p.name for p in solved.work_dir.iterdir()} == {"solve.json", "model"}
     assert solved.report["versions"].keys() >= {"pycolmap", "opencv", "numpy"}
     assert solved.report["size"] == list(planes.SIZE)
+
+
+def test_the_focal_length_is_found_where_the_picture_tells_it(tmp_path: Path) -> None:
+    true = 0.6 * planes.SIZE[0]
+    found = solve(planes.write_clip(tmp_path / "wide", planes.sideways(16, true)), tmp_path / "work")
+    assert not found.report["focal_held"] and found.report["focal_sigma"] < 0.02
+    assert found.reconstruction.cameras[0].fx == pytest.approx(true, rel=0.04)
+
+
+def test_a_given_focal_length_is_held(clip: Path, tmp_path: Path) -> None:
+    given = solve(clip, tmp_path / "work", focal=300.0)
+    assert given.report["focal_held"] and given.reconstruction.cameras[0].fx == 300.0
+    assert SolveProcess(clip, tmp_path / "work", focal=300.0).finished
+    another = SolveProcess(clip, tmp_path / "work", focal=250.0)
+    assert not another.finished
+    another.cancel()
+
+
+def test_the_focal_length_of_straight_ahead_motion_is_not_believed(tmp_path: Path) -> None:
+    ahead = [planes.view(np.array([0.0, 0.0, z]), np.zeros(3)) for z in np.linspace(0, 1.5, 16)]
+    solved = solve(planes.write_clip(tmp_path / "ahead", ahead), tmp_path / "work")
+    assert solved.report["focal_held"] and solved.report["focal_sigma"] > 0.02
+    assert len(solved.reconstruction.images) == 16
 
 
 def test_a_solve_is_not_repeated_unasked(work: Path, clip: Path) -> None:

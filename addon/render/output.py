@@ -134,7 +134,8 @@ def _set_movie(scene: bpy.types.Scene, suffix: str) -> None:
     ffmpeg = scene.render.ffmpeg
     ffmpeg.format = MOVIES[suffix]
     ffmpeg.codec = "H264"
-    ffmpeg.constant_rate_factor = "HIGH"
+    # One generation of compression was enough: the subject keeps its sharpness only so.
+    ffmpeg.constant_rate_factor = "PERC_LOSSLESS"
     ffmpeg.ffmpeg_preset = "GOOD"
     editor = scene.sequence_editor
     has_sound = editor is not None and any(s.name.startswith(SOUND) for s in editor.strips)
