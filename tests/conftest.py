@@ -40,3 +40,17 @@ def scene(registered: None) -> Iterator[object]:
     from addon.scene import shot
 
     shot.forget()
+
+
+@pytest.fixture(scope="session")
+def duck(data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The working folder of the real clip, solved once for all tests: it takes half a minute."""
+    from addon.core.solve import SolveProcess
+
+    work = tmp_path_factory.mktemp("duck") / "demo.aperture"
+    process = SolveProcess(data / "duck" / "demo.mp4", work)
+    try:
+        process.wait()
+    finally:
+        process.cancel()
+    return work

@@ -340,11 +340,11 @@ def test_working_folders_are_named_after_clips() -> None:
     assert len(names) == 3 and all("#" not in name for name in names)
 
 
-def test_the_duck(data: Path, tmp_path: Path) -> None:
-    duck = solve(data / "duck" / "demo.mp4", tmp_path / "work")
-    shot = duck.reconstruction
+def test_the_duck(duck: Path) -> None:
+    solved = load_solve(duck)
+    shot = solved.reconstruction
     assert len(shot.images) >= 0.95 * 118
-    assert duck.report["reprojection_error"] < 1.0
+    assert solved.report["reprojection_error"] < 1.0
     assert (shot.cameras[0].width, shot.cameras[0].height) == (884, 1080)
     image = shot.image_at(60)[0]
     cells = {(int(x * 8 // 884), int(y * 6 // 1080)) for x, y in image.xy}
@@ -358,4 +358,4 @@ def test_the_duck(data: Path, tmp_path: Path) -> None:
     card, duckling, wall = inside(0.0, 0.8, 0.3, 0.92), inside(0.43, 0.65, 0.6, 0.8), inside(0, 0, 0.6, 0.3)
     chart, mannequin = inside(0.2, 0.4, 0.7, 0.55), inside(0.8, 0.3, 0.92, 0.5)
     assert max(card, mannequin) < duckling < chart < wall
-    assert read_model(duck.work_dir / "model").frames.tolist() == shot.frames.tolist()
+    assert read_model(duck / "model").frames.tolist() == shot.frames.tolist()
