@@ -18,6 +18,7 @@ from .core.footage import Footage, FrameRange, open_footage
 from .core.solve import Progress, Solve, SolveProcess, default_work_dir, load_solve
 from .core.views import METHODS, LensSettings, check_settings
 from .render import output
+from .render.average import no_gpu_note
 from .render.gpu_views import gpu_problem
 from .render.quiet import quiet
 from .scene import aperture_cloud
@@ -211,7 +212,9 @@ def _render(solved: Solve, options: argparse.Namespace) -> None:
     if carried:
         _say(f"{len(carried)} frames are not registered; neighbours lend their cameras: {_ranges(carried)}")
     # Started here, because Blender starts it noisily itself when the engine asks for a context.
-    gpu_problem()
+    problem = gpu_problem()
+    if problem:
+        _say(no_gpu_note(problem))
     with contextlib.nullcontext(1) if options.debug else quiet(1) as descriptor:
 
         def report(text: str) -> None:

@@ -47,7 +47,7 @@ def test_the_duck_is_sharp_and_the_wall_is_not(duck: Path, data: Path, tmp_path:
         duckling = sharpness(after, DUCK, *at) / sharpness(before, DUCK, *at)
         wall = sharpness(after, WALL) / sharpness(before, WALL)
         print(
-            f"{name}, frame {frame}: sharpness of the duck {duckling:.2f}, of the wall {wall:.2f} of the source"
+            f"{name}, frame {frame}: of the source's sharpness the duck keeps {duckling:.2f}, the wall {wall:.2f}"
         )
         assert duckling >= 0.9
         assert wall < 0.6

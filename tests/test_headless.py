@@ -13,15 +13,19 @@ import cv2
 import numpy as np
 import pytest
 
+from addon.render.gpu_views import gpu_problem
+
 ROOT = Path(__file__).resolve().parent.parent
 CLIP = ROOT / "sample_scenes" / "desk.mp4"
 FOCUS = "0.528,0.458"
 
 
-def headless(*arguments: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+def headless(
+    *arguments: object, cwd: Path | None = None, environment: dict[str, str] | None = None
+) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [sys.executable, str(ROOT / "addon" / "headless.py"), *map(str, arguments)],
-        capture_output=True, text=True, cwd=cwd, env=os.environ | {"PYTHONUNBUFFERED": "1"}, check=False,
+        capture_output=True, text=True, cwd=cwd, env=os.environ | {"PYTHONUNBUFFERED": "1"} | (environment or {}), check=False,
     )  # fmt: skip
 
 
@@ -206,3 +210,16 @@ def test_output_that_exists_is_not_overwritten(work: Path, tmp_path: Path) -> No
     done = headless("render", work, "--focus-at", FOCUS, "--out", out)
     assert done.returncode == 1 and "pass --overwrite" in done.stderr
     assert out.read_text() == "mine"
+
+
+def test_without_a_gpu_driver_cycles_draws_the_same_frame(work: Path, tmp_path: Path) -> None:
+    pictures = []
+    for name, driver in (("gpu", {}), ("cycles", {"__EGL_VENDOR_LIBRARY_DIRS": "/nonexistent"})):
+        out = tmp_path / name / "####.png"
+        done = headless(
+            "render", work, "--focus-at", FOCUS, "--views", 4, "--frames", 1, "--out", out, environment=driver
+        )
+        assert done.returncode == 0, done.stderr
+        assert ("drawn by Cycles" in done.stdout) == (name == "cycles" or bool(gpu_problem()))
+        pictures.append(cv2.imread(str(tmp_path / name / "0001.png")).astype(float))
+    assert np.abs(pictures[0] - pictures[1]).mean() < 0.1

@@ -34,11 +34,16 @@ def render_frame(
     picture = plan.canvas.from_source(_resized(to_linear(shot.footage.read(frame)), size))
     problem = gpu_views.gpu_problem()
     if problem:
-        note(f"No GPU context ({problem}): views are drawn by Cycles, which is slower")
+        note(no_gpu_note(problem))
         mean = cycles_views.mean_of_views(plan, picture, carry_on)
     else:
         mean = gpu_views.mean_of_views(plan, picture, carry_on)
     return None if mean is None else plan.canvas.to_source(mean)
+
+
+def no_gpu_note(problem: str) -> str:
+    """What the user is told where Cycles stands in."""
+    return f"no GPU context ({problem}): views are drawn by Cycles, which is slower"
 
 
 def _resized(picture: Picture, size: tuple[int, int]) -> Picture:

@@ -10,6 +10,7 @@ from ..core.errors import UserError
 from ..scene.properties import lens_settings
 from ..scene.shot import Shot, shot_of
 from .average import render_frame
+from .gpu_views import egl_problem
 
 _error = ""
 """What went wrong in the last render: Blender does not tell scripts of an animation."""
@@ -32,7 +33,8 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
 
     bl_idname = "VIRTUAL_APERTURE"
     bl_label = "Virtual Aperture"
-    bl_use_gpu_context = True
+    # Blender crashes when it is to give a context and there is no driver to give one.
+    bl_use_gpu_context = not egl_problem()
     bl_use_preview = False
     bl_use_eevee_viewport = True
 

@@ -6,6 +6,8 @@ their inverse depth draws exactly what a virtual pinhole camera sees.
 
 from __future__ import annotations
 
+import ctypes
+import sys
 from collections.abc import Callable
 
 import bpy
@@ -51,6 +53,9 @@ void main()
 
 def gpu_problem() -> str:
     """Why no GPU context can be had, or an empty string. Starts the context in background mode."""
+    problem = egl_problem()
+    if problem:
+        return problem
     try:
         if bpy.app.background:
             # Without a screen EGL tries three kinds of surface and complains of each before one works.
@@ -60,6 +65,23 @@ def gpu_problem() -> str:
     except Exception as error:  # the module raises SystemError or RuntimeError, depending on the platform
         return str(error) or type(error).__name__
     return ""
+
+
+def egl_problem() -> str:
+    """Why EGL has no display, or an empty string: asked first, because without a driver Blender crashes."""
+    if not bpy.app.background or sys.platform != "linux":
+        return ""
+    try:
+        egl = ctypes.CDLL("libEGL.so.1")
+    except OSError:
+        return "libEGL is not installed"
+    egl.eglGetDisplay.restype = ctypes.c_void_p
+    egl.eglGetDisplay.argtypes = [ctypes.c_void_p]
+    egl.eglInitialize.argtypes = [ctypes.c_void_p] * 3
+    display = egl.eglGetDisplay(None)
+    if not display:
+        return "EGL finds no driver"
+    return "" if egl.eglInitialize(display, None, None) else "the EGL driver does not start"
 
 
 def _shaders() -> tuple[gpu.types.GPUShader, gpu.types.GPUShader]:
