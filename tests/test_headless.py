@@ -25,7 +25,8 @@ def headless(
 ) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [sys.executable, str(ROOT / "addon" / "headless.py"), *map(str, arguments)],
-        capture_output=True, text=True, cwd=cwd, env=os.environ | {"PYTHONUNBUFFERED": "1"} | (environment or {}), check=False,
+        capture_output=True, text=True, cwd=cwd, check=False,
+        env=os.environ | {"PYTHONUNBUFFERED": "1"} | (environment or {}),
     )  # fmt: skip
 
 

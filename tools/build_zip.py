@@ -1,6 +1,6 @@
 """Build the extension's zip for one platform: stage the add-on, download its wheels, list them, build.
 
-    python tools/build_zip.py [--platform linux-x64] [--out dist] [--no-wheels]
+    python tools/build_zip.py [--platform linux-x64] [--out dist] [--stage build/stage] [--no-wheels]
 
 Uses the builder inside the bpy wheel, which is the code behind `blender --command extension`.
 """
@@ -31,9 +31,10 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--platform", choices=TAGS, default="linux-x64")
     parser.add_argument("--out", type=Path, default=ROOT / "dist")
+    parser.add_argument("--stage", type=Path, default=ROOT / "build" / "stage", help="made anew")
     parser.add_argument("--no-wheels", action="store_true", help="the add-on alone, for quick checks")
     options = parser.parse_args()
-    stage = ROOT / "build" / "stage"
+    stage: Path = options.stage
     shutil.rmtree(stage, ignore_errors=True)
     stage.mkdir(parents=True)
     for name in STAGED:
@@ -64,14 +65,19 @@ def download(folder: Path, platform: str) -> None:
     tags = [part for tag in TAGS[platform] for part in ("--platform", tag)]
     for name, pythons in WHEELS.items():
         for python in pythons:
-            subprocess.run(
+            done = subprocess.run(
                 [
                     sys.executable, "-m", "pip", "download", "-q", "--no-deps", "--only-binary=:all:",
                     "--implementation", "cp", "--python-version", python, *tags,
                     "-d", str(cache), f"{name}=={pins[name]}",
                 ],
-                check=True,
+                stderr=subprocess.PIPE, text=True, check=False,
             )  # fmt: skip
+            # pip warns of every local package folder that happens not to hold this package.
+            said = [s for s in done.stderr.splitlines() if "is ignored: it is neither a file" not in s]
+            print(*said, sep="\n", end="\n" if said else "", file=sys.stderr)
+            if done.returncode:
+                sys.exit(f"error: no wheel of {name} {pins[name]} for Python {python} on {platform}")
     folder.mkdir()
     for wheel in cache.glob("*.whl"):
         if any(wheel.name.startswith(f"{name.replace('-', '_')}-{pins[name]}-") for name in WHEELS):
