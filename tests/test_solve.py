@@ -7,6 +7,7 @@ import os
 import shutil
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -266,7 +267,11 @@ def test_the_worker_ends_with_its_parent(clip: Path, tmp_path: Path) -> None:
         capture_output=True, text=True, check=True, env=os.environ | {"PYTHONPATH": str(root)}, timeout=60,
     )  # fmt: skip
     assert child.stdout.strip().isdigit()
-    # Its last act is to remove its folder; the pipes that `run` read to the end were its own too.
+    # Its last act is to remove its folder.
+    for _ in range(300):
+        if not list((tmp_path / "work").iterdir()):
+            break
+        time.sleep(0.1)
     assert list((tmp_path / "work").iterdir()) == []
 
 

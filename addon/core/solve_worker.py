@@ -83,7 +83,9 @@ def _solve(job: dict[str, object]) -> None:
 def _end_with_parent(folder: Path) -> None:
     # Standard input closes when whoever started us is gone; then nobody wants the result.
     os.read(0, 1)
-    shutil.rmtree(folder, ignore_errors=True)
+    # The solve goes on beside us and may put a file into a folder that is being emptied.
+    while folder.exists():
+        shutil.rmtree(folder, ignore_errors=True)
     os._exit(1)
 
 
@@ -92,7 +94,11 @@ def _progress(stage: str, done: int, total: int) -> None:
 
 
 def _say(message: dict[str, object]) -> None:
-    print(json.dumps(message), flush=True)
+    try:
+        print(json.dumps(message), flush=True)
+    except BrokenPipeError:
+        # Nobody listens any more: `_end_with_parent` is about to clean up and end the process.
+        threading.Event().wait()
 
 
 def _exr(path: Path) -> NDArray[np.float32]:

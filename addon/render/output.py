@@ -22,8 +22,8 @@ from . import engine
 MOVIES = {".mp4": "MPEG4", ".mov": "QUICKTIME", ".mkv": "MKV"}
 STILLS = {".png": "PNG", ".exr": "OPEN_EXR"}
 RATE_FACTOR = 12
-"""H.264's. The clip has been through one encoder already: at Blender's best preset (17) the second takes up to
-a seventh of the subject's sharpness."""
+"""H.264's. The clip has been through one encoder already: at Blender's best preset (17) the second takes up
+to a seventh of the subject's sharpness."""
 MARK = ".virtual_aperture.json"
 
 Report = Callable[[str], None]
