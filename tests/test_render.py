@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,6 +25,11 @@ LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
 needs_gpu = pytest.mark.skipif(
     bool(gpu_views.gpu_problem()), reason=f"no GPU context can be had: {gpu_views.gpu_problem()}"
 )
+
+
+@pytest.mark.skipif("CI" not in os.environ, reason="only CI is sure to have a GPU driver, if a software one")
+def test_ci_draws_with_the_gpu_module() -> None:
+    assert gpu_views.gpu_problem() == ""
 
 
 def yes(_done: int, _total: int) -> bool:

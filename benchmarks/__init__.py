@@ -1,0 +1,1 @@
+"""Slow studies, run by hand; nothing here is a test."""
