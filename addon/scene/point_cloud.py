@@ -7,7 +7,7 @@ import numpy as np
 
 from ..core.reconstruction import Reconstruction
 
-DOT = 0.06
+DOT = 0.035
 """Radius of a drawn point, for a scene whose points are about ten units away."""
 ID_ATTRIBUTE = "point"
 """Vertex attribute with the point's ID: vertices may be deleted, IDs stay."""
