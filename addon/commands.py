@@ -133,6 +133,8 @@ def save(options: argparse.Namespace) -> None:
         _set_lens(settings, solved, options)
     blend.parent.mkdir(parents=True, exist_ok=True)
     settings.footage = str(_beside(footage, blend.parent))
+    # The solve is in the .blend; another machine does not have this folder.
+    settings.work_dir = ""
     if footage.is_video and scene.sequence_editor is not None:
         for strip in scene.sequence_editor.strips:
             strip.sound.filepath = settings.footage

@@ -104,7 +104,9 @@ def test_cycles_draws_the_same_views(scene: bpy.types.Scene, method: str) -> Non
     assert ours is not None and theirs is not None
     assert steps == list(range(6))
     # Rasterisers disagree about pixels that an edge of the mesh cuts; the thesis's border is such an edge.
-    assert np.quantile(np.abs(ours - theirs), 0.98) < 1e-3
+    most = np.quantile(np.abs(ours - theirs), 0.98)
+    print(f"GPU against Cycles, {method}: 98 % of the values within {most:.1e}")
+    assert most < 1e-3
 
 
 def test_cancel_ends_cycles_and_the_gpu(scene: bpy.types.Scene) -> None:

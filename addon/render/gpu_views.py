@@ -20,6 +20,9 @@ from ..core.reconstruction import Floats
 from ..core.views import FramePlan
 from .quiet import quiet
 
+SYNC = 8
+"""Views between two waits for the GPU, by reading one pixel. Without them it would queue all views at once,
+and progress and ESC would come before the work."""
 VIEW_VERTEX = """
 void main()
 {
@@ -155,6 +158,8 @@ def mean_of_views(plan: FramePlan, picture: Picture, carry_on: Callable[[int, in
                 sum_shader.bind()
                 sum_shader.uniform_sampler("view", view)
                 screen.draw(sum_shader)
+                if n % SYNC == SYNC - 1:
+                    sum_target.read_color(0, 0, 1, 1, 4, 0, "FLOAT")
     finally:
         gpu.state.depth_test_set("NONE")
         gpu.state.depth_mask_set(False)
