@@ -12,8 +12,7 @@ from ..core.footage import to_linear
 from ..core.views import LensSettings, plan_frame
 from ..scene.shot import Shot
 from . import cycles_views, gpu_views
-
-CarryOn = Callable[[int, int], bool]
+from .main_thread import CarryOn
 
 
 def render_frame(

@@ -33,8 +33,9 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
 
     bl_idname = "VIRTUAL_APERTURE"
     bl_label = "Virtual Aperture"
-    # Blender crashes when it is to give a context and there is no driver to give one.
-    bl_use_gpu_context = not egl_problem()
+    # With a window the main thread draws (see `main_thread`). Without one, Blender crashes when it is to
+    # give a context and there is no driver to give one.
+    bl_use_gpu_context = bpy.app.background and not egl_problem()
     bl_use_preview = False
     bl_use_eevee_viewport = True
 

@@ -18,9 +18,10 @@ from ..core.canvas import Picture
 from ..core.errors import UserError
 from ..core.reconstruction import Floats
 from ..core.views import FramePlan
+from .main_thread import Steps, draw
 from .quiet import quiet
 
-SYNC = 8
+SYNC = 4
 """Views between two waits for the GPU, by reading one pixel. Without them it would queue all views at once,
 and progress and ESC would come before the work."""
 VIEW_VERTEX = """
@@ -114,15 +115,21 @@ def mean_of_views(plan: FramePlan, picture: Picture, carry_on: Callable[[int, in
     """The mean of all views of a plan in linear light, in the canvas's geometry.
 
     `picture` is the canvas picture (h, w, 4), linear and premultiplied. `carry_on(done, total)` is asked
-    before each view; where it says no, None is returned. Pixels that no triangle covers count as black
+    while views are drawn; where it says no, None is returned. Pixels that no triangle covers count as black
     and transparent.
     """
-    width, height = plan.canvas.pinhole.width, plan.canvas.pinhole.height
     limit = gpu.capabilities.max_texture_size_get()
+    width, height = plan.canvas.pinhole.width, plan.canvas.pinhole.height
     if max(width, height) > limit:
         raise UserError(
             f"the picture is {width}x{height}, the GPU draws at most {limit} pixels a side; scale it"
         )
+    return draw(_drawing(plan, picture), len(plan.offsets), carry_on)
+
+
+def _drawing(plan: FramePlan, picture: Picture) -> Steps:
+    """Draw the views one by one; everything on the GPU is made, used and freed by the thread that steps."""
+    width, height = plan.canvas.pinhole.width, plan.canvas.pinhole.height
     source = _upload(picture)
     source.filter_mode(True)
     source.extend_mode("MIRRORED_REPEAT")
@@ -137,34 +144,29 @@ def mean_of_views(plan: FramePlan, picture: Picture, carry_on: Callable[[int, in
     screen = _screen_batch()
     with sum_target.bind():
         sum_target.clear(color=(0.0, 0.0, 0.0, 0.0))
-    count = len(plan.offsets)
     shift = plan.canvas.pinhole.focal * plan.offsets * nearest
-    try:
-        for n in range(count):
-            if not carry_on(n, count):
-                return None
-            with view_target.bind():
-                view_target.clear(color=(0.0, 0.0, 0.0, 0.0), depth=1.0)
-                gpu.state.depth_test_set("LESS_EQUAL")
-                gpu.state.depth_mask_set(True)
-                gpu.state.blend_set("NONE")
-                _set_view(view_shader, plan.registration[n], shift[n], (width, height))
-                view_shader.uniform_sampler("picture", source)
-                mesh.draw(view_shader)
-            with sum_target.bind():
-                # The state is reset by every bind: without this the sum would be the last view alone.
-                gpu.state.depth_test_set("NONE")
-                gpu.state.blend_set("ADDITIVE_PREMULT")
-                sum_shader.bind()
-                sum_shader.uniform_sampler("view", view)
-                screen.draw(sum_shader)
-                if n % SYNC == SYNC - 1:
-                    sum_target.read_color(0, 0, 1, 1, 4, 0, "FLOAT")
-    finally:
-        gpu.state.depth_test_set("NONE")
-        gpu.state.depth_mask_set(False)
-        gpu.state.blend_set("NONE")
-    return _download(total, width, height) / np.float32(count)
+    for n in range(len(plan.offsets)):
+        yield n
+        with view_target.bind():
+            view_target.clear(color=(0.0, 0.0, 0.0, 0.0), depth=1.0)
+            gpu.state.depth_test_set("LESS_EQUAL")
+            gpu.state.depth_mask_set(True)
+            gpu.state.blend_set("NONE")
+            _set_view(view_shader, plan.registration[n], shift[n], (width, height))
+            view_shader.uniform_sampler("picture", source)
+            mesh.draw(view_shader)
+        with sum_target.bind():
+            # The state is reset by every bind: without this the sum would be the last view alone.
+            gpu.state.depth_test_set("NONE")
+            gpu.state.depth_mask_set(False)
+            gpu.state.blend_set("ADDITIVE_PREMULT")
+            sum_shader.bind()
+            sum_shader.uniform_sampler("view", view)
+            screen.draw(sum_shader)
+            if n % SYNC == SYNC - 1:
+                sum_target.read_color(0, 0, 1, 1, 4, 0, "FLOAT")
+            gpu.state.blend_set("NONE")
+    return _download(total, width, height) / np.float32(len(plan.offsets))
 
 
 def _set_view(

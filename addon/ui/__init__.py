@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..render import engine
+from ..render import engine, main_thread
 from ..scene import properties, shot
 from . import operators, panels
 
@@ -16,10 +16,12 @@ def register() -> None:
     properties.register()
     for cls in CLASSES:
         bpy.utils.register_class(cls)
+    main_thread.start()
 
 
 def unregister() -> None:
     """Undo `register` in reverse order, and close the open clip."""
+    main_thread.stop()
     shot.forget()
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)

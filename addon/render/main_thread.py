@@ -1,0 +1,112 @@
+"""Drawing on Blender's main thread, in slices, while a render thread waits for the result.
+
+With a window open, a render thread that holds the GPU stops the main thread at its next redraw: the
+interface would freeze and never see ESC. So the main thread itself draws, a little between its own events.
+"""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections.abc import Callable, Generator
+from dataclasses import dataclass, field
+
+import bpy
+
+from ..core.canvas import Picture
+
+Steps = Generator[int, None, Picture]
+"""Yields how many views are drawn, returns their mean."""
+CarryOn = Callable[[int, int], bool]
+
+SLICE = 0.04
+"""Seconds of drawing between two looks at the interface's events."""
+IDLE = 0.1
+"""Seconds between two looks for work."""
+
+
+@dataclass
+class _Job:
+    """One frame's drawing, shared by the two threads."""
+
+    steps: Steps
+    done: int = 0
+    picture: Picture | None = None
+    error: Exception | None = None
+    is_cancelled: bool = False
+    ended: threading.Event = field(default_factory=threading.Event)
+
+
+_waiting: queue.SimpleQueue[_Job] = queue.SimpleQueue()
+_current: _Job | None = None
+
+
+def draw(steps: Steps, total: int, carry_on: CarryOn) -> Picture | None:
+    """Run the steps to their end; None when `carry_on(done, total)` said no."""
+    if bpy.app.background or threading.current_thread() is threading.main_thread():
+        return _draw_here(steps, total, carry_on)
+    job = _Job(steps)
+    _waiting.put(job)
+    while not job.ended.wait(0.05):
+        if not carry_on(job.done, total):
+            # Not waited for: Blender's main thread may itself be waiting for this one to end.
+            job.is_cancelled = True
+            return None
+    if job.error is not None:
+        raise job.error
+    return job.picture
+
+
+def _draw_here(steps: Steps, total: int, carry_on: CarryOn) -> Picture | None:
+    try:
+        while True:
+            if not carry_on(next(steps), total):
+                steps.close()
+                return None
+    except StopIteration as end:
+        picture: Picture = end.value
+        return picture
+
+
+def _tick() -> float:
+    """A timer's turn on the main thread; returns the seconds to the next one."""
+    global _current
+    if _current is None:
+        try:
+            _current = _waiting.get_nowait()
+        except queue.Empty:
+            return IDLE
+    job, until = _current, time.monotonic() + SLICE
+    try:
+        while time.monotonic() < until:
+            if job.is_cancelled:
+                job.steps.close()
+                break
+            job.done = next(job.steps)
+        else:
+            return 0.0
+    except StopIteration as end:
+        job.picture = end.value
+    except Exception as error:  # raised again in the thread that waits
+        job.error = error
+    _current = None
+    job.ended.set()
+    return 0.0
+
+
+def start() -> None:
+    """Begin to look for work, if there is a window."""
+    if not bpy.app.background:
+        bpy.app.timers.register(_tick, persistent=True)
+
+
+def stop() -> None:
+    """Drop all work: what it holds on the GPU must not outlive the window."""
+    global _current
+    if bpy.app.timers.is_registered(_tick):
+        bpy.app.timers.unregister(_tick)
+    if _current is not None:
+        _current.is_cancelled = True
+        _current.steps.close()
+        _current = None
