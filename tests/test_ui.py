@@ -55,13 +55,13 @@ def test_focus_from_selected_vertices(scene: bpy.types.Scene, tmp_path: Path) ->
     assert bpy.ops.virtual_aperture.set_focus() == {"FINISHED"}
     assert [entry.point for entry in settings.focus_points] == [7, 11, 30]
     assert settings.focus_frame == 2
+    assert settings.points.mode == "OBJECT"
     # IDs stay when vertices before them are deleted.
     select(settings.points, (0, 1, 2))
     bpy.ops.mesh.delete(type="VERT")
     select(settings.points, (4, 8))
     assert bpy.ops.virtual_aperture.set_focus() == {"FINISHED"}
     assert [entry.point for entry in settings.focus_points] == [7, 11]
-    bpy.ops.object.mode_set(mode="OBJECT")
     assert len(settings.aperture.data.vertices) > 0
 
 

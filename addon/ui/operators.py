@@ -187,6 +187,8 @@ class VIRTUAL_APERTURE_OT_set_focus(bpy.types.Operator):  # noqa: N801
         reconstruction = reconstruction_of(settings)
         frame = reconstruction.image_at(context.scene.frame_current)[0].frame
         focus.inverse_depth(reconstruction, frame)
+        # In Edit Mode only the mesh can be undone, and the points' colours are hidden.
+        bpy.ops.object.mode_set(mode="OBJECT")
         set_focus(settings, focus, frame)
         aperture_cloud.update(settings)
         self.report({"INFO"}, f"{len(ids)} points are in focus")
