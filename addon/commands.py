@@ -242,8 +242,6 @@ def _scene(solved: Solve) -> tuple[bpy.types.Scene, VirtualApertureSettings, Foo
 def _check_numbers(options: argparse.Namespace) -> None:
     """What can be refused before an hour of solving."""
     _views(options.views)
-    if options.frames if hasattr(options, "frames") else None:
-        FrameRange.parse(options.frames)
     for name, value in (("blur", options.blur), ("aperture radius", options.aperture_radius)):
         if value is not None and not value > 0:
             raise UserError(f"the {name} is {value:g}; it must be greater than zero")

@@ -21,6 +21,8 @@ if __name__ == "__main__" and not __package__:
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
     __package__ = "sample_scenes"
 
+from addon.render.quiet import quiet
+
 from . import clip, desk
 
 Frames = NDArray[np.uint8]
@@ -124,7 +126,8 @@ def show(source: Path, result: Path, out_dir: Path) -> Showing:
         names = [Path(scratch) / f"{index:04d}.png" for index in range(len(pairs))]
         for name, pair in zip(names, pairs, strict=True):
             cv2.imwrite(str(name), pair)
-        clip.encode(names, film, desk.FPS)
+        with quiet(1):
+            clip.encode(names, film, desk.FPS)
     cv2.imwrite(str(still), pairs[middle])
     kept = [
         sharpness(after[middle], box) / sharpness(before[middle], box)
