@@ -12,6 +12,7 @@ from addon.core.reconstruction import Intrinsics
 from addon.scene.build import build
 from addon.ui import panels
 
+from . import planes
 from .scenes import slanted_shot
 
 LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
@@ -116,3 +117,20 @@ def test_register_again(registered: None) -> None:
     assert not hasattr(bpy.types.Scene, "virtual_aperture")
     addon.register()
     assert hasattr(bpy.types.Scene, "virtual_aperture")
+
+
+def test_solving_brings_the_clip_into_its_scene(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    clip = planes.write_clip(tmp_path / "walk", planes.sideways(12))
+    settings = scene.virtual_aperture
+    settings.footage, settings.work_dir = str(clip), str(tmp_path / "work")
+    assert bpy.ops.virtual_aperture.solve() == {"FINISHED"}
+    assert len(settings.points.data.vertices) > 50 and scene.camera == settings.camera
+    before = (tmp_path / "work" / "solve.json").stat().st_mtime_ns
+    assert bpy.ops.virtual_aperture.solve() == {"FINISHED"}
+    assert (tmp_path / "work" / "solve.json").stat().st_mtime_ns == before
+    assert bpy.ops.virtual_aperture.solve(again=True) == {"FINISHED"}
+    assert (tmp_path / "work" / "solve.json").stat().st_mtime_ns > before
+    settings.footage = str(tmp_path / "gone")
+    with pytest.raises(RuntimeError, match="does not exist"):
+        bpy.ops.virtual_aperture.solve()
+    assert settings.points is not None

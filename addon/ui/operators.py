@@ -78,7 +78,8 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
 
     bl_idname = "virtual_aperture.solve"
     bl_label = "Solve Clip"
-    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
+    # Not REGISTER: its redo panel would solve once more, with the interface frozen.
+    bl_options = {"UNDO"}  # noqa: RUF012
 
     again: bpy.props.BoolProperty(
         name="Solve Again",
@@ -88,6 +89,7 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
 
     _process: SolveProcess | None = None
     _timer: bpy.types.Timer | None = None
+    _scene = ""
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -95,6 +97,8 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
 
     def _start(self, context: bpy.types.Context) -> SolveProcess:
         settings = context.scene.virtual_aperture
+        # The user may go to another scene meanwhile.
+        self._scene = context.scene.name
         return SolveProcess(footage_path(settings), work_dir(settings), again=self.again)
 
     @reported
@@ -104,7 +108,7 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
             self._process.wait()
         finally:
             self._process.cancel()
-        return self._finish(context)
+        return self._finish()
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> Result:
         if bpy.app.background:
@@ -135,16 +139,26 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
             if not self._process.finished:
                 return {"RUNNING_MODAL"}
             self._end(context)
-            return self._finish(context)
+            return self._finish()
         except UserError as error:
             self._end(context)
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
 
-    def _finish(self, context: bpy.types.Context) -> Result:
-        settings = context.scene.virtual_aperture
-        solve = load_solve(work_dir(settings))
-        build(context.scene, open_footage(solve.footage, solve.frames), solve.reconstruction)
+    def cancel(self, _context: bpy.types.Context) -> None:
+        """Called by Blender when another file is loaded meanwhile."""
+        assert self._process is not None
+        self._process.cancel()
+
+    def _finish(self) -> Result:
+        assert self._process is not None
+        scene = bpy.data.scenes.get(self._scene)
+        if scene is None:
+            raise UserError(
+                f"the scene {self._scene!r} is gone; the solve is kept in {self._process.work_dir}"
+            )
+        solve = load_solve(self._process.work_dir)
+        build(scene, open_footage(solve.footage, solve.frames), solve.reconstruction)
         self.report({"INFO"}, solve.summary)
         return {"FINISHED"}
 

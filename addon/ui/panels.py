@@ -25,7 +25,11 @@ class VIRTUAL_APERTURE_PT_clip(_Panel, bpy.types.Panel):  # noqa: N801
         layout.prop(settings, "work_dir")
         row = layout.row()
         row.scale_y = 1.4
-        row.operator(operators.VIRTUAL_APERTURE_OT_solve.bl_idname, icon="TRACKER")
+        row.operator(operators.VIRTUAL_APERTURE_OT_solve.bl_idname, icon="TRACKER").again = False
+        if settings.points is not None:
+            layout.operator(
+                operators.VIRTUAL_APERTURE_OT_solve.bl_idname, text="Solve Again", icon="FILE_REFRESH"
+            ).again = True
 
 
 class VIRTUAL_APERTURE_PT_lens(_Panel, bpy.types.Panel):  # noqa: N801
