@@ -98,13 +98,36 @@ def test_a_sequence_goes_on_where_it_stopped(work: Path, tmp_path: Path) -> None
     assert (out.parent / "0003.png").stat().st_mtime_ns != stamp
 
 
-def test_an_odd_size_is_cropped_for_movies_and_exr_is_linear(work: Path, tmp_path: Path) -> None:
+def test_exr_is_written(work: Path, tmp_path: Path) -> None:
     done = headless(
         "render", work, "--focus-distance", 3, "--aperture-radius", 0.05, "--views", 2, "--frames", 5,
         "--out", tmp_path / "e" / "f_####.exr", "--method", "features",
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "e" / "f_0005.exr").stat().st_size > 10_000
+
+
+def test_gaps_and_odd_sizes_go_through(tmp_path: Path) -> None:
+    shot = tmp_path / "shot"
+    shot.mkdir()
+    clip = cv2.VideoCapture(str(CLIP))
+    for number in range(101, 125):
+        picture = clip.read()[1]
+        if number not in (110, 111, 112):
+            cv2.imwrite(str(shot / f"img_{number:05d}.png"), picture[:359, :639])
+    lens = ("--focus-at", FOCUS, "--views", 2)
+    done = headless("run", shot / "img_#####.png", *lens, "--out", tmp_path / "o" / "####.png")
+    assert done.returncode == 0, done.stderr
+    numbers = [int(p.stem) for p in sorted((tmp_path / "o").glob("*.png"))]
+    assert numbers == [*range(101, 110), *range(113, 125)]
+    assert cv2.imread(str(tmp_path / "o" / "0113.png")).shape == (359, 639, 3)
+    work = next((tmp_path / "o").glob("*.aperture"))
+    done = headless("render", work, *lens, "--out", tmp_path / "a.mp4")
+    assert done.returncode == 0, done.stderr
+    movie = cv2.VideoCapture(str(tmp_path / "a.mp4"))
+    # The gap is held, so that time stays right; H.264 needs even sizes.
+    sizes = (cv2.CAP_PROP_FRAME_COUNT, cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)
+    assert [int(movie.get(p)) for p in sizes] == [24, 638, 358]
 
 
 def test_the_thesis_method_renders(work: Path, tmp_path: Path) -> None:
