@@ -23,7 +23,7 @@ if __name__ == "__main__" and not __package__:
 
 from addon.render.quiet import quiet
 
-from . import clip, desk
+from . import clip, desk, stage
 
 Frames = NDArray[np.uint8]
 
@@ -53,7 +53,7 @@ class Showing:
 def subject_place() -> tuple[float, float]:
     """The subject in the first frame, as fractions of the picture's width and height."""
     x, y = desk.truth().project(desk.SUBJECT[None])[0, 0]
-    return float(x / desk.WIDTH), float(y / desk.HEIGHT)
+    return float(x / stage.WIDTH), float(y / stage.HEIGHT)
 
 
 def subject_box(frame: int) -> tuple[float, float, float, float]:
@@ -62,7 +62,7 @@ def subject_box(frame: int) -> tuple[float, float, float, float]:
     x, y = known.project(desk.SUBJECT[None])[frame, 0]
     half = 0.7 * desk.SUBJECT_RADIUS * known.focal / known.subject_depth[frame]
     left, top, right, bottom = np.array([x - half, y - half, x + half, y + half]) / (
-        [desk.WIDTH, desk.HEIGHT] * 2
+        [stage.WIDTH, stage.HEIGHT] * 2
     )
     return float(left), float(top), float(right), float(bottom)
 
@@ -127,7 +127,7 @@ def show(source: Path, result: Path, out_dir: Path) -> Showing:
         for name, pair in zip(names, pairs, strict=True):
             cv2.imwrite(str(name), pair)
         with quiet(1):
-            clip.encode(names, film, desk.FPS)
+            clip.encode(names, film, stage.FPS)
     cv2.imwrite(str(still), pairs[middle])
     kept = [
         sharpness(after[middle], box) / sharpness(before[middle], box)

@@ -18,19 +18,15 @@ from pathlib import Path
 import bpy
 import numpy as np
 from mathutils import Matrix
-from numpy.typing import NDArray
 
 if __name__ == "__main__" and not __package__:
     # Run as a file: PEP 366, so that the neighbours are imported as the package they are.
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
     __package__ = "sample_scenes"
 
-from . import clip, props
+from . import clip, props, staging
+from .stage import FPS, FRAMES, HEIGHT, WIDTH, Cameras, Floats, Prop, look, tremor
 
-Floats = NDArray[np.float64]
-
-WIDTH, HEIGHT = 640, 360
-FRAMES, FPS = 36, 24
 FOCAL = 710.0 / 640
 """Focal length as a fraction of the picture's width: a 40 mm lens on a 36 mm sensor."""
 SEED = 20
@@ -40,35 +36,16 @@ SUBJECT_RADIUS = props.GLOBE_RADIUS
 
 
 @dataclass(frozen=True)
-class Truth:
+class Truth(Cameras):
     """What a reconstruction of the clip should find, in metres and COLMAP's conventions."""
 
-    width: int
-    height: int
-    focal: float
-    """Focal length in pixels; the principal point is the middle of the picture."""
-    rotation: Floats
-    """(N, 3, 3) world-to-camera rotations; camera axes x right, y down, z forward."""
-    translation: Floats
-    """(N, 3) world-to-camera translations."""
     subject: Floats
     """(3,) centre of the subject in the world."""
 
     @property
-    def centres(self) -> Floats:
-        """(N, 3) camera centres in the world."""
-        return np.asarray(-np.einsum("nji,nj->ni", self.rotation, self.translation), dtype=np.float64)
-
-    @property
     def subject_depth(self) -> Floats:
         """(N,) depth of the subject's centre in every frame."""
-        return np.asarray((self.rotation @ self.subject + self.translation)[:, 2], dtype=np.float64)
-
-    def project(self, points: Floats) -> Floats:
-        """World points (P, 3) -> pixels (N, P, 2), the centre of the first pixel at (0.5, 0.5)."""
-        seen = points @ np.swapaxes(self.rotation, 1, 2) + self.translation[:, None]
-        middle = np.array([self.width, self.height]) / 2
-        return np.asarray(self.focal * seen[..., :2] / seen[..., 2:] + middle, dtype=np.float64)
+        return self.to_camera(self.subject[None])[:, 0, 2]
 
 
 def camera_path(frames: int = FRAMES, seed: int = SEED) -> tuple[Floats, Floats]:
@@ -77,13 +54,8 @@ def camera_path(frames: int = FRAMES, seed: int = SEED) -> tuple[Floats, Floats]
     Two hands hold a camera to about a degree and a few millimetres; the drift of 13 cm, 6.5 % of the
     subject's distance, is what gives parallax.
     """
-    rng = np.random.default_rng(seed)
-    time = np.arange(frames) / FPS
     drift = np.linspace(-1, 1, frames)
-    # Tremor: a few slow sines in each of the six freedoms, slower ones larger.
-    frequency = rng.uniform((0.5, 1.3, 3.0), (0.9, 2.2, 5.0), (6, 3))
-    phase = rng.uniform(0, 2 * np.pi, (6, 3))
-    sway = (np.sin(2 * np.pi * frequency * time[:, None, None] + phase) * (1.0, 0.45, 0.15)).sum(axis=-1)
+    sway = tremor(frames, np.random.default_rng(seed))
     centre = np.array([0.0, 0.0, 1.21]) + sway[:, :3] * (0.004, 0.004, 0.004)
     centre[:, 0] += 0.065 * drift
     centre[:, 1] += 0.012 * drift
@@ -91,16 +63,7 @@ def camera_path(frames: int = FRAMES, seed: int = SEED) -> tuple[Floats, Floats]
     # A hand follows the subject, but not all the way: the gaze is a point that lags behind it.
     gaze = np.array([0.02, 2.0, 0.985]) - centre
     gaze[:, 0] += 0.02 * drift
-    yaw = np.arctan2(gaze[:, 0], gaze[:, 1]) + np.radians(0.30) * sway[:, 3]
-    pitch = np.arctan2(gaze[:, 2], np.hypot(gaze[:, 0], gaze[:, 1])) + np.radians(0.25) * sway[:, 4]
-    roll = np.radians(0.35) * sway[:, 5]
-    zero = np.zeros(frames)
-    forward = np.stack([np.sin(yaw) * np.cos(pitch), np.cos(yaw) * np.cos(pitch), np.sin(pitch)], axis=1)
-    right = np.stack([np.cos(yaw), -np.sin(yaw), zero], axis=1)
-    down = np.cross(forward, right)
-    cos, sin = np.cos(roll)[:, None], np.sin(roll)[:, None]
-    rotation = np.stack([cos * right + sin * down, cos * down - sin * right, forward], axis=1)
-    return rotation, -np.einsum("nij,nj->ni", rotation, centre)
+    return look(centre, gaze, sway[:, 3:])
 
 
 def truth(width: int = WIDTH, height: int = HEIGHT, frames: int = FRAMES, seed: int = SEED) -> Truth:
@@ -125,22 +88,13 @@ def build(
     """
     scene = bpy.data.scenes.new("desk")
     for prop in props.furnish(seed):
-        props.add(scene, prop)
+        staging.add(scene, prop, _material(prop))
     _add_lights(scene)
-    _add_camera(scene, truth(width, height, frames, seed))
+    staging.add_camera(scene, truth(width, height, frames, seed))
     scene.frame_start, scene.frame_end = 1, frames
-    render = scene.render
-    render.engine = "CYCLES"
-    render.resolution_x, render.resolution_y, render.resolution_percentage = width, height, 100
-    render.fps, render.fps_base = FPS, 1.0
-    render.image_settings.file_format = "PNG"
-    render.image_settings.color_mode = "RGB"
-    scene.view_settings.view_transform = "Standard"
-    scene.display_settings.display_device = "sRGB"
+    staging.set_output(scene, width, height)
     cycles = scene.cycles
-    cycles.device = "CPU"
     cycles.samples = samples
-    cycles.use_adaptive_sampling = False
     cycles.use_denoising = denoise
     if denoise:
         cycles.denoiser, cycles.denoising_prefilter = "OPENIMAGEDENOISE", "FAST"
@@ -149,7 +103,6 @@ def build(
     cycles.sample_clamp_indirect = 2.0
     cycles.seed = seed
     cycles.use_animated_seed = True
-    render.use_persistent_data = True
     # Only the window's scene has its animation evaluated when it renders.
     bpy.context.window.scene = scene
     return scene
@@ -180,23 +133,21 @@ def _add_lights(scene: bpy.types.Scene) -> None:
         scene.collection.objects.link(holder)
 
 
-def _add_camera(scene: bpy.types.Scene, path: Truth) -> None:
-    """A pinhole that stands at the path's poses, a key on every frame."""
-    data = bpy.data.cameras.new("camera")
-    data.sensor_fit, data.sensor_width = "HORIZONTAL", 36.0
-    data.lens = path.focal * 36.0 / path.width
-    data.clip_start = 0.05
-    camera = bpy.data.objects.new("camera", data)
-    camera.rotation_mode = "QUATERNION"
-    scene.collection.objects.link(camera)
-    scene.camera = camera
-    # Blender's cameras look along -z with y up.
-    turned = np.swapaxes(path.rotation, 1, 2) * (1.0, -1.0, -1.0)
-    for frame, (axes, centre) in enumerate(zip(turned, path.centres, strict=True), start=1):
-        camera.location = centre
-        camera.rotation_quaternion = Matrix(axes.tolist()).to_quaternion()
-        camera.keyframe_insert("location", frame=frame)
-        camera.keyframe_insert("rotation_quaternion", frame=frame)
+def _material(prop: Prop) -> bpy.types.Material:
+    material = bpy.data.materials.new(prop.name)
+    tree = material.node_tree
+    texture = staging.texture_node(material, prop)
+    surface = next(node for node in tree.nodes if node.type == "BSDF_PRINCIPLED")
+    if prop.glow:
+        surface.inputs["Base Color"].default_value = (0, 0, 0, 1)
+        surface.inputs["Emission Strength"].default_value = prop.glow
+        tree.links.new(texture.outputs["Color"], surface.inputs["Emission Color"])
+    else:
+        tree.links.new(texture.outputs["Color"], surface.inputs["Base Color"])
+    surface.inputs["Roughness"].default_value = prop.roughness
+    # Weak highlights: those move against the surface, which feature tracking takes for motion.
+    surface.inputs["Specular IOR Level"].default_value = 0.25
+    return material
 
 
 def render_frame(scene: bpy.types.Scene, frame: int, out: Path) -> None:

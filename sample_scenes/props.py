@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
-import bpy
 import numpy as np
-from numpy.typing import NDArray
 
 from . import textures
 from .shapes import Shape, box, join, leaf, sphere, tube, turned_body
+from .stage import Prop
 
 GLOBE_RADIUS = 0.175
 TABLE = 0.74
@@ -18,54 +16,6 @@ TABLE = 0.74
 GLOBE_CENTRE = (0.06, 2.0, TABLE + 0.30)
 WALL = 7.0
 """Distance of the back wall from the camera."""
-
-
-@dataclass(frozen=True)
-class Prop:
-    """A shape in world coordinates and its surface."""
-
-    name: str
-    shape: Shape
-    picture: NDArray[np.float32]
-    smooth: bool = False
-    glow: float = 0.0
-    """Radiance of the texture's white; things that glow reflect nothing."""
-    roughness: float = 0.6
-
-
-def add(scene: bpy.types.Scene, prop: Prop) -> bpy.types.Object:
-    """Make the prop an object of the scene, with a material of its own."""
-    mesh = bpy.data.meshes.new(prop.name)
-    mesh.from_pydata(prop.shape.vertices.tolist(), [], prop.shape.faces.tolist())
-    mesh.uv_layers.new(name="UV").uv.foreach_set("vector", prop.shape.uv.astype(np.float32).ravel())
-    mesh.polygons.foreach_set("use_smooth", np.full(len(prop.shape.faces), prop.smooth))
-    mesh.materials.append(_material(prop))
-    thing = bpy.data.objects.new(prop.name, mesh)
-    scene.collection.objects.link(thing)
-    return thing
-
-
-def _material(prop: Prop) -> bpy.types.Material:
-    height, width = prop.picture.shape[:2]
-    image = bpy.data.images.new(prop.name, width, height)
-    pixels = np.ones((height, width, 4), np.float32)
-    pixels[..., :3] = np.clip(prop.picture[::-1], 0, 1)  # Blender's first row is the lowest
-    image.pixels.foreach_set(pixels.ravel())
-    material = bpy.data.materials.new(prop.name)
-    tree = material.node_tree
-    texture = tree.nodes.new("ShaderNodeTexImage")
-    texture.image = image
-    surface = next(node for node in tree.nodes if node.type == "BSDF_PRINCIPLED")
-    if prop.glow:
-        surface.inputs["Base Color"].default_value = (0, 0, 0, 1)
-        surface.inputs["Emission Strength"].default_value = prop.glow
-        tree.links.new(texture.outputs["Color"], surface.inputs["Emission Color"])
-    else:
-        tree.links.new(texture.outputs["Color"], surface.inputs["Base Color"])
-    surface.inputs["Roughness"].default_value = prop.roughness
-    # Weak highlights: those move against the surface, which feature tracking takes for motion.
-    surface.inputs["Specular IOR Level"].default_value = 0.25
-    return material
 
 
 def furnish(seed: int) -> Iterator[Prop]:

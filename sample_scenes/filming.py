@@ -1,0 +1,94 @@
+"""A stage's clip as a camera would give it, its true cameras, and the scene as a .blend to open."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import sys
+from pathlib import Path
+
+import bpy
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+if __name__ == "__main__" and not __package__:
+    # Run as a file: PEP 366, so that the neighbours are imported as the package they are.
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+    __package__ = "sample_scenes"
+
+from addon.core.colmap_model import write_model
+from addon.core.footage import encode_srgb
+from addon.core.reconstruction import Image, Intrinsics, Points, Reconstruction
+
+from . import staging, truth
+from .stage import Cameras, Stage
+
+STAGES = ("bars", "foreground", "slope", "rack", "fence", "walk", "boxes", "blocks", "plain")
+NOISE = 1.0
+"""Standard deviation of a small camera's noise in daylight, of 255."""
+
+
+def load(name: str) -> Stage:
+    """The stage of one of `STAGES`."""
+    stage = importlib.import_module(f".{name}", __package__).stage()
+    assert isinstance(stage, Stage)
+    return stage
+
+
+def exposed(picture: truth.Picture, frame: int, noise: float = NOISE) -> NDArray[np.uint8]:
+    """A linear picture (H, W, 3) as a camera records it: clipped, sRGB, 8 bits, a little noise."""
+    rng = np.random.default_rng(frame)
+    encoded = 255 * encode_srgb(np.clip(picture, 0, 1)) + noise * rng.standard_normal(picture.shape)
+    return np.clip(np.rint(encoded), 0, 255).astype(np.uint8)
+
+
+def true_cameras(cameras: Cameras) -> Reconstruction:
+    """The cameras as a reconstruction without points, for COLMAP and everything that reads it."""
+    lens = Intrinsics(
+        cameras.width, cameras.height, cameras.focal, cameras.focal, cameras.width / 2, cameras.height / 2
+    )
+    nothing = np.zeros((0, 2)), np.zeros(0, np.int32)
+    images = tuple(
+        Image(frame, rotation, translation, *nothing)
+        for frame, (rotation, translation) in enumerate(
+            zip(cameras.rotation, cameras.translation, strict=True), start=1
+        )
+    )
+    return Reconstruction((lens,), images, Points(np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros(0)))
+
+
+def film(
+    stage: Stage, scene: bpy.types.Scene, folder: Path, samples: int = 32, noise: float = NOISE
+) -> list[Path]:
+    """Write frame_0001.png ... of the built scene to the folder; frames that are there are kept."""
+    folder.mkdir(parents=True, exist_ok=True)
+    names = [folder / f"frame_{frame:04d}.png" for frame in range(1, len(stage.cameras) + 1)]
+    for frame, name in enumerate(names, start=1):
+        if not name.exists():
+            picture = exposed(truth.pinhole(scene, frame, samples), frame, noise)
+            part = name.with_suffix(".part.png")
+            cv2.imwrite(str(part), picture[..., ::-1])
+            part.rename(name)
+    return names
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("scene", choices=STAGES)
+    parser.add_argument("--out", type=Path, required=True, help="folder for clip, cameras and .blend")
+    parser.add_argument("--samples", type=int, default=32, help="Cycles samples per pixel")
+    parser.add_argument("--blend-only", action="store_true", help="save the .blend, film nothing")
+    arguments = parser.parse_args()
+    stage = load(arguments.scene)
+    scene = staging.build(stage, arguments.samples)
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    bpy.ops.wm.save_as_mainfile(filepath=str((arguments.out / f"{stage.name}.blend").resolve()), copy=True)
+    write_model(arguments.out / "cameras", true_cameras(stage.cameras))
+    if not arguments.blend_only:
+        film(stage, scene, arguments.out / "clip", arguments.samples)
+    print(f"{stage.name}: {stage.title}; see {arguments.out}")
+
+
+if __name__ == "__main__":
+    main()
