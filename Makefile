@@ -3,10 +3,17 @@ VENV := .venv
 PYTHON := $(VENV)/bin/python
 PLATFORM ?= linux-x64
 
-.PHONY: help setup demo test lint zip clean
+# A part of the benchmark: make bench SCENES="bars slope" TRACK=T1 BLURS="16 32"
+BENCH := $(if $(SCENES),--scenes $(SCENES)) $(if $(TRACK),--track $(TRACK)) $(if $(BLURS),--blurs $(BLURS))
+
+.PHONY: help setup demo test bench bench-full bench-stability figures lint zip clean
 help:
 	@echo "make demo    render the sample clip with depth of field and say where the video is"
 	@echo "make test    run the tests"
+	@echo "make bench   speed against error, quick subset (SCENES=bars TRACK=T1 BLURS=16: a part)"
+	@echo "make bench-full       all of it, for hours; resumes where it was stopped"
+	@echo "make bench-stability  the hard numerical cases, a table"
+	@echo "make figures          the thesis's figures from our scenes, into docs/figures/"
 	@echo "make lint    ruff and mypy"
 	@echo "make zip     build the extension into dist/ (PLATFORM=linux-x64, windows-x64, macos-arm64)"
 	@echo "make setup   the virtual environment alone"
@@ -23,6 +30,18 @@ demo: setup
 
 test: setup
 	@$(PYTHON) -m pytest
+
+bench: setup
+	@$(PYTHON) -m benchmarks $(BENCH)
+
+bench-full: setup
+	@$(PYTHON) -m benchmarks --full $(BENCH)
+
+bench-stability: setup
+	@$(PYTHON) -m benchmarks.stability
+
+figures: setup
+	@$(PYTHON) -m benchmarks.figures
 
 lint: setup
 	@$(VENV)/bin/ruff check .

@@ -58,26 +58,34 @@ def true_cameras(cameras: Cameras) -> Reconstruction:
     return Reconstruction((lens,), images, Points(np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros(0)))
 
 
+def film_frame(
+    scene: bpy.types.Scene, frame: int, folder: Path, samples: int = 16, noise: float = NOISE
+) -> Path:
+    """Write one frame of the built scene to the folder as frame_0001.png ...; one that is there is kept."""
+    name = folder / f"frame_{frame:04d}.png"
+    if not name.exists():
+        folder.mkdir(parents=True, exist_ok=True)
+        picture = exposed(truth.pinhole(scene, frame, samples), frame, noise)
+        # Not .png: another process may be reading the folder as a clip.
+        part = folder / f"frame_{frame:04d}.part"
+        part.write_bytes(cv2.imencode(".png", picture[..., ::-1])[1].tobytes())
+        part.rename(name)
+    return name
+
+
 def film(
-    stage: Stage, scene: bpy.types.Scene, folder: Path, samples: int = 32, noise: float = NOISE
+    stage: Stage, scene: bpy.types.Scene, folder: Path, samples: int = 16, noise: float = NOISE
 ) -> list[Path]:
-    """Write frame_0001.png ... of the built scene to the folder; frames that are there are kept."""
-    folder.mkdir(parents=True, exist_ok=True)
-    names = [folder / f"frame_{frame:04d}.png" for frame in range(1, len(stage.cameras) + 1)]
-    for frame, name in enumerate(names, start=1):
-        if not name.exists():
-            picture = exposed(truth.pinhole(scene, frame, samples), frame, noise)
-            part = name.with_suffix(".part.png")
-            cv2.imwrite(str(part), picture[..., ::-1])
-            part.rename(name)
-    return names
+    """Every frame of the built scene, as `film_frame`."""
+    frames = range(1, len(stage.cameras) + 1)
+    return [film_frame(scene, frame, folder, samples, noise) for frame in frames]
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("scene", choices=STAGES)
     parser.add_argument("--out", type=Path, required=True, help="folder for clip, cameras and .blend")
-    parser.add_argument("--samples", type=int, default=32, help="Cycles samples per pixel")
+    parser.add_argument("--samples", type=int, default=16, help="Cycles samples per pixel")
     parser.add_argument("--blend-only", action="store_true", help="save the .blend, film nothing")
     arguments = parser.parse_args()
     stage = load(arguments.scene)

@@ -22,7 +22,6 @@ from .stage import Floats, Stage
 
 Picture = NDArray[np.float32]
 
-PINHOLE_SAMPLES = 64
 MIN_SAMPLES, MAX_SAMPLES = 32, 2048
 
 
@@ -36,7 +35,7 @@ class Geometry:
     """(H, W) index into `Stage.things`, -1 where there is only air."""
 
 
-def pinhole(scene: bpy.types.Scene, frame: int, samples: int = PINHOLE_SAMPLES, seed: int = 0) -> Picture:
+def pinhole(scene: bpy.types.Scene, frame: int, samples: int, seed: int = 0) -> Picture:
     """(H, W, 3) the frame as the clip's camera sees it, before a camera's 8 bits."""
     with _settings(scene, samples, seed):
         return _render(scene, frame)[..., :3]
@@ -95,20 +94,24 @@ def geometry(scene: bpy.types.Scene, frame: int) -> Geometry:
     return Geometry(depth, np.where(hit, np.rint(seen[..., 1]) - 1, -1).astype(np.int32))
 
 
-def layer(scene: bpy.types.Scene, stage: Stage, frame: int, number: int) -> tuple[Picture, Floats]:
-    """One layer with all others out of sight: premultiplied picture (H, W, 4) and depth (H, W).
+def layer(
+    scene: bpy.types.Scene, stage: Stage, frame: int, number: int, margin: int, samples: int
+) -> tuple[Picture, Floats]:
+    """One layer with all others out of sight: premultiplied picture (h, w, 4) and depth (h, w).
 
-    The others still throw their shadows. The depth is inf where the layer has nothing.
+    Both reach past the frame's border by `margin` pixels a side. The other layers still throw their shadows.
+    The depth is inf where the layer has nothing.
     """
     layers = (None, *(thing.layer for thing in stage.things))
     hidden = [thing for thing in scene.objects if thing.pass_index and layers[thing.pass_index] != number]
     for thing in hidden:
         thing.visible_camera = False
     try:
-        with _settings(scene, PINHOLE_SAMPLES, 0):
-            scene.render.film_transparent = True
-            picture = _render(scene, frame)
-        return picture, geometry(scene, frame).depth
+        with _overscan(scene, margin):
+            depth = geometry(scene, frame).depth
+            with _settings(scene, samples, 0):
+                scene.render.film_transparent = True
+                return _render(scene, frame), depth
     finally:
         scene.render.film_transparent = False
         for thing in hidden:
@@ -149,6 +152,19 @@ def _travelled(stage: Stage, thing: NDArray[np.int32], index: int) -> Floats:
     still = np.zeros(3)
     steps = [still if t.travel is None else t.travel[index + 1] - t.travel[index] for t in stage.things]
     return np.asarray(np.array([*steps, still])[thing])
+
+
+@contextmanager
+def _overscan(scene: bpy.types.Scene, margin: int) -> Iterator[None]:
+    """The same camera on a larger sensor."""
+    render, data = scene.render, scene.camera.data
+    before = (render.resolution_x, render.resolution_y, data.lens)
+    render.resolution_x, render.resolution_y = before[0] + 2 * margin, before[1] + 2 * margin
+    data.lens = before[2] * before[0] / render.resolution_x
+    try:
+        yield
+    finally:
+        render.resolution_x, render.resolution_y, data.lens = before
 
 
 @contextmanager

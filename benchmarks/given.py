@@ -1,0 +1,184 @@
+"""What a method is given for one frame: by the truth (track T1), or found from the video alone (T2)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import LinearNDInterpolator
+
+from addon.core.canvas import Canvas
+from addon.core.depth import FrameFeatures, frame_features
+from addon.core.focus import Focus, pick
+from addon.core.footage import to_gray8, to_linear
+from addon.core.reconstruction import Points, Reconstruction
+from addon.core.solve import SolveProcess, load_solve
+from addon.core.tracks import new_corners
+from addon.core.views import LensSettings, plan_frame
+
+from . import oracle, store
+from .scenes import Picture, Scene
+
+Floats = NDArray[np.float64]
+
+TRACKS = ("T1", "T2")
+ON_SURFACE = 0.03
+"""Share of the depth by which the focus may miss the surface seen there and still be picked on it."""
+
+
+@dataclass(frozen=True)
+class Given:
+    """One frame, its cameras and depth, and the lens; lengths in the reconstruction's own units."""
+
+    frame: int
+    picture: Picture
+    """(H, W, 4) linear."""
+    reconstruction: Reconstruction
+    focus: Focus
+    radius: float
+    depth: Floats
+    """(H, W), inf infinitely far: what methods get that want a depth map."""
+    layers: Callable[[int], oracle.Layers | None]
+    """The hidden surfaces past a margin in pixels; None where nobody knows them."""
+
+    @property
+    def focus_depth(self) -> float:
+        return 1 / self.focus.inverse_depth(self.reconstruction, self.frame)
+
+    @property
+    def focal(self) -> float:
+        """In pixels."""
+        image, _ = self.reconstruction.image_at(self.frame)
+        return self.reconstruction.intrinsics(image).fx
+
+    @property
+    def disc(self) -> Floats:
+        """(H, W) signed blur disc diameters in pixels, positive nearer than the focal plane."""
+        return 2 * self.radius * self.focal * (1 / self.depth - 1 / self.focus_depth)
+
+
+class Known:
+    """T1: true cameras and depth. Features are found in the frame, their depth is the truth's."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+
+    def given(self, frame: int, blur: int) -> Given:
+        scene, depth = self.scene, self.scene.depth(frame)
+        return Given(
+            frame, to_linear(scene.frame(frame)), self._reconstruction(frame), self._focus(frame, blur),
+            scene.radius(blur), depth, lambda margin: scene.layers(frame, margin),
+        )  # fmt: skip
+
+    def _reconstruction(self, frame: int) -> Reconstruction:
+        """The frame's camera and the same corners that tracking would take, with their true depth."""
+        scene, depth = self.scene, self.scene.depth(frame)
+        cameras = scene.cameras
+        image, _ = cameras.image_at(frame)
+        lens = cameras.intrinsics(image)
+        xy = new_corners(to_gray8(scene.frame(frame)), np.zeros((0, 2), np.float32)).astype(np.float64) + 0.5
+        column, row = np.clip(xy, 0, [lens.width - 1, lens.height - 1]).astype(int).T
+        z = depth[row, column]
+        xy, z = xy[np.isfinite(z)], z[np.isfinite(z)]
+        local = np.column_stack([(xy - lens.principal_point) / lens.focal, np.ones(len(xy))]) * z[:, None]
+        world = (local - image.translation) @ image.rotation
+        points = Points(world, np.zeros((len(xy), 3), np.uint8), np.zeros(len(xy)))
+        seen = replace(image, xy=xy, points=np.arange(len(xy), dtype=np.int32))
+        return Reconstruction(cameras.cameras, (seen,), points)
+
+    def _focus(self, frame: int, blur: int) -> Focus:
+        return Focus(distance=self.scene.focus_depth(frame, blur))
+
+
+class Solved:
+    """T2: cameras and points solved from the clip. The user's two inputs are set as a user would.
+
+    The focus is picked in the picture where the subject is seen, on the first frame that is judged. A solve
+    has no scale, so the amount of blur is set by eye: one radius for the clip, with which the features'
+    discs have the true size in the median.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        clip = scene.clip()
+        code = store.digest(store.sources("addon/core"))
+        work = store.FOLDER / "solves" / f"{scene.name}-{scene.key}-{code}.aperture"
+        SolveProcess(clip, work).wait()
+        solve = load_solve(work)
+        self.reconstruction, self.report = solve.reconstruction, solve.report
+
+    def given(self, frame: int, blur: int) -> Given:
+        scene, rec = self.scene, self.reconstruction
+        focus = self._focus(frame, blur)
+        radius = self._radius(blur)
+        picture = to_linear(scene.frame(frame))
+        depth = mesh_depth(rec, frame, LensSettings(focus, radius), picture)
+        return Given(frame, picture, rec, focus, radius, depth, lambda margin: None)
+
+    def _focus(self, frame: int, blur: int) -> Focus:
+        scene = self.scene
+        first = scene.judged(blur)[0]
+        x, y = scene.focus_xy(first, blur)
+        column, row = int(x), int(y)
+        seen, wanted = scene.depth(first)[row, column], scene.focus_depth(first, blur)
+        if abs(seen - wanted) < ON_SURFACE * wanted:
+            height, width = scene.depth(first).shape
+            return pick(self.reconstruction, first, x / width, y / height)
+        # Between two subjects: the distance that the solve gives to the wanted depth, by its own points.
+        features, true = self._features(frame)
+        slope, offset = robust_line(1 / true, features.inverse_depth)
+        return Focus(distance=float(1 / (slope / scene.focus_depth(frame, blur) + offset)))
+
+    def _features(self, frame: int) -> tuple[FrameFeatures, Floats]:
+        """The frame's features and the true depth (n,) at each of them."""
+        image, _ = self.reconstruction.image_at(frame)
+        features = frame_features(self.reconstruction, frame, Canvas(self.reconstruction.intrinsics(image)))
+        depth = self.scene.depth(frame)
+        column, row = np.clip(features.observed, 0, [depth.shape[1] - 1, depth.shape[0] - 1]).astype(int).T
+        return features, depth[row, column]
+
+    def _radius(self, blur: int) -> float:
+        scene, ratios, weights = self.scene, [], []
+        for frame in scene.judged(blur):
+            features, true = self._features(frame)
+            image, _ = scene.cameras.image_at(frame)
+            wanted = scene.cameras.intrinsics(image).fx * (1 / true - 1 / scene.focus_depth(frame, blur))
+            own, _ = self.reconstruction.image_at(frame)
+            inverse = self._focus(frame, blur).inverse_depth(self.reconstruction, frame)
+            found = self.reconstruction.intrinsics(own).fx * (features.inverse_depth - inverse)
+            ratios.append(wanted / np.where(found == 0, np.inf, found))
+            weights.append(np.abs(found))
+        return scene.radius(blur) * weighted_median(np.concatenate(ratios), np.concatenate(weights))
+
+
+def mesh_depth(rec: Reconstruction, frame: int, lens: LensSettings, picture: Picture) -> Floats:
+    """(H, W) depth of the frame's warp mesh: inverse depth is linear over its Delaunay triangles."""
+    height, width = picture.shape[:2]
+    mesh = plan_frame(rec, frame, lens, (width, height)).mesh
+    across, down = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
+    inverse = LinearNDInterpolator(mesh.xy, mesh.inverse_depth)(across, down)
+    with np.errstate(divide="ignore"):
+        return np.asarray(1 / np.maximum(inverse, 0.0), dtype=np.float64)
+
+
+def robust_line(x: Floats, y: Floats) -> tuple[float, float]:
+    """Slope and offset of y = slope x + offset, outliers of more than 3 scaled deviations left out."""
+    keep = np.isfinite(x) & np.isfinite(y)
+    for _ in range(5):
+        slope, offset = np.polyfit(x[keep], y[keep], 1)
+        miss = np.abs(slope * x + offset - y)
+        keep = np.isfinite(miss) & (miss <= 3 * 1.4826 * np.median(miss[keep]) + 1e-12)
+    return float(slope), float(offset)
+
+
+def weighted_median(values: Floats, weights: Floats) -> float:
+    order = np.argsort(values)
+    total = np.cumsum(weights[order])
+    return float(values[order][np.searchsorted(total, total[-1] / 2)])
+
+
+def track(name: str, scene: Scene) -> Known | Solved:
+    """The track T1 or T2 of a scene."""
+    return Known(scene) if name == "T1" else Solved(scene)

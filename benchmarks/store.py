@@ -1,0 +1,64 @@
+"""Files kept by what they were made from: a truth that took minutes is made once."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+ROOT = Path(__file__).resolve().parents[1]
+FOLDER = ROOT / "build" / "bench"
+
+
+def digest(*things: Any) -> str:
+    """A short hash of arrays, dataclasses, sequences and plain values, the same on every machine."""
+    state = hashlib.sha256()
+    for thing in things:
+        _add(state, thing)
+    return state.hexdigest()[:16]
+
+
+def _add(state: Any, thing: Any) -> None:
+    if isinstance(thing, np.ndarray):
+        state.update(f"{thing.dtype}{thing.shape}".encode() + np.ascontiguousarray(thing).tobytes())
+    elif is_dataclass(thing):
+        for field in fields(thing):
+            state.update(field.name.encode())
+            _add(state, getattr(thing, field.name))
+    elif isinstance(thing, Path):
+        state.update(thing.read_bytes())
+    elif isinstance(thing, (tuple, list)):
+        state.update(f"{len(thing)}[".encode())
+        for each in thing:
+            _add(state, each)
+    else:
+        state.update(repr(thing).encode() + b";")
+
+
+def sources(*names: str) -> list[Path]:
+    """Python files below the project's root that the names, files or folders, stand for, sorted."""
+    found: list[Path] = []
+    for name in names:
+        path = ROOT / name
+        found += sorted(path.rglob("*.py")) if path.is_dir() else [path]
+    return found
+
+
+def kept(folder: str, key: str, make: Callable[[], NDArray[Any]]) -> NDArray[Any]:
+    """The array stored under a key, made and stored where it is not there yet."""
+    path = FOLDER / folder / f"{key}.npy"
+    if path.exists():
+        stored: NDArray[Any] = np.load(path)
+        return stored
+    array = make()
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_suffix(".part")
+    with part.open("wb") as file:
+        np.save(file, array)
+    part.rename(path)
+    return array
