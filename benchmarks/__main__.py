@@ -15,7 +15,7 @@ from pathlib import Path
 
 from sample_scenes import filming
 
-from . import report
+from . import methods, report
 from .judge import Judge, Row, as_dict, given_by
 from .methods import METHODS
 from .scenes import Scene, Staged
@@ -88,7 +88,7 @@ def run_track(plan: Plan, judge: Judge, track: str, rows: Rows) -> None:
     stale = [
         (name, views) for name, views in wanted
         if (row := rows.get((judge.scene.name, track, name, views, judge.blur))) is None
-        or row.inputs != judge.inputs(track, METHODS[name])
+        or row.inputs != judge.inputs(track, name)
     ]  # fmt: skip
     if not stale:
         return
@@ -96,7 +96,7 @@ def run_track(plan: Plan, judge: Judge, track: str, rows: Rows) -> None:
     given = given_by(track, judge.scene)
     if not isinstance(given, str):
         # The first drawing compiles shaders, which is no frame's cost.
-        METHODS["features"].run(given.given(judge.frames[0], judge.blur), 1)
+        methods.features(given.given(judge.frames[0], judge.blur), 1)
     for name, views in stale:
         if isinstance(given, str):
             row = judge.refused(track, name, views, given)

@@ -187,14 +187,15 @@ class Staged:
             picture, depth = truth.layer(self.scene, self.stage, frame, number, margin, FILM_SAMPLES)
             return np.concatenate([recorded(picture), oracle.extended(depth)[..., None]], axis=-1)
 
-        stored = store.kept(self.folder, f"layer-{frame:04d}-{number}-{margin}", make)
+        code = store.digest(store.sources("benchmarks/scenes.py", "benchmarks/oracle.py"))
+        stored = store.kept(f"{self.folder}/layers-{code}", f"{frame:04d}-{number}-{margin}", make)
         return oracle.Layer(stored[..., :4], np.ascontiguousarray(stored[..., 4]))
 
 
 def recorded(picture: Picture) -> Picture:
-    """A premultiplied picture (h, w, 4) with its colours as a camera records them: clipped, 8 bits."""
-    alpha = picture[..., 3:]
-    colour = np.clip(picture[..., :3] / np.maximum(alpha, 1e-6), 0, 1)
-    steps = np.rint(255 * encode_srgb(colour)) / 255
-    out = np.concatenate([decode_srgb(steps) * alpha, alpha], axis=-1)
-    return np.asarray(out, dtype=np.float32)
+    """A premultiplied picture (h, w, 4) with its colours as a camera records them: clipped, 8 bits.
+
+    A camera clips what arrives at a pixel, so a lamp that covers a third of one may still fill it.
+    """
+    steps = np.rint(255 * encode_srgb(np.clip(picture[..., :3], 0, 1))) / 255
+    return np.concatenate([decode_srgb(steps), picture[..., 3:]], axis=-1).astype(np.float32)
