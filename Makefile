@@ -6,10 +6,11 @@ PLATFORM ?= linux-x64
 # A part of the benchmark: make bench SCENES="bars slope" TRACK=T1 BLURS="16 32"
 BENCH := $(if $(SCENES),--scenes $(SCENES)) $(if $(TRACK),--track $(TRACK)) $(if $(BLURS),--blurs $(BLURS))
 
-.PHONY: help setup demo test bench bench-full bench-stability figures lint zip clean
+.PHONY: help setup demo test sample bench bench-full bench-stability figures lint zip clean
 help:
 	@echo "make demo    render the sample clip with depth of field and say where the video is"
 	@echo "make test    run the tests"
+	@echo "make sample SCENE=bars  a scene of the benchmark: .blend, clip and true cameras, into sample/"
 	@echo "make bench   speed against error, quick subset (SCENES=bars TRACK=T1 BLURS=16: a part)"
 	@echo "make bench-full       all of it, for hours; resumes where it was stopped"
 	@echo "make bench-stability  the hard numerical cases, a table"
@@ -30,6 +31,9 @@ demo: setup
 
 test: setup
 	@$(PYTHON) -m pytest
+
+sample: setup
+	@$(PYTHON) sample_scenes/filming.py $(SCENE) --out sample/$(SCENE)
 
 bench: setup
 	@$(PYTHON) -m benchmarks $(BENCH)
@@ -52,4 +56,4 @@ zip: setup
 	@$(PYTHON) tools/build_zip.py --platform $(PLATFORM)
 
 clean:
-	rm -rf build dist demo .mypy_cache .ruff_cache .pytest_cache
+	rm -rf build dist demo sample .mypy_cache .ruff_cache .pytest_cache

@@ -98,7 +98,7 @@ class Staged:
 
     @cached_property
     def key(self) -> str:
-        code = store.sources("sample_scenes/staging.py", "sample_scenes/truth.py", "sample_scenes/filming.py")
+        code = store.sources("sample_scenes/staging.py", "sample_scenes/truth.py")
         return store.digest(self.stage, code, bpy.app.version_string, FILM_SAMPLES)
 
     @property
@@ -185,14 +185,14 @@ class Staged:
     def _layer(self, frame: int, margin: int, number: int) -> oracle.Layer:
         def make() -> NDArray[np.float32]:
             picture, depth = truth.layer(self.scene, self.stage, frame, number, margin, FILM_SAMPLES)
-            return np.concatenate([recorded(picture), oracle.extended(depth)[..., None]], axis=-1)
+            return np.concatenate([clipped(picture), oracle.extended(depth)[..., None]], axis=-1)
 
         code = store.digest(store.sources("benchmarks/scenes.py", "benchmarks/oracle.py"))
         stored = store.kept(f"{self.folder}/layers-{code}", f"{frame:04d}-{number}-{margin}", make)
         return oracle.Layer(stored[..., :4], np.ascontiguousarray(stored[..., 4]))
 
 
-def recorded(picture: Picture) -> Picture:
+def clipped(picture: Picture) -> Picture:
     """A premultiplied picture (h, w, 4) with its colours as a camera records them: clipped, 8 bits.
 
     A camera clips what arrives at a pixel, so a lamp that covers a third of one may still fill it.

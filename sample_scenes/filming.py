@@ -10,7 +10,6 @@ from pathlib import Path
 import bpy
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 if __name__ == "__main__" and not __package__:
     # Run as a file: PEP 366, so that the neighbours are imported as the package they are.
@@ -18,15 +17,12 @@ if __name__ == "__main__" and not __package__:
     __package__ = "sample_scenes"
 
 from addon.core.colmap_model import write_model
-from addon.core.footage import encode_srgb
 from addon.core.reconstruction import Image, Intrinsics, Points, Reconstruction
 
 from . import staging, truth
 from .stage import Cameras, Stage
 
 STAGES = ("bars", "foreground", "slope", "rack", "fence", "walk", "boxes", "blocks", "plain")
-NOISE = 1.0
-"""Standard deviation of a small camera's noise in daylight, of 255."""
 
 
 def load(name: str) -> Stage:
@@ -34,13 +30,6 @@ def load(name: str) -> Stage:
     stage = importlib.import_module(f".{name}", __package__).stage()
     assert isinstance(stage, Stage)
     return stage
-
-
-def exposed(picture: truth.Picture, frame: int, noise: float = NOISE) -> NDArray[np.uint8]:
-    """A linear picture (H, W, 3) as a camera records it: clipped, sRGB, 8 bits, a little noise."""
-    rng = np.random.default_rng(frame)
-    encoded = 255 * encode_srgb(np.clip(picture, 0, 1)) + noise * rng.standard_normal(picture.shape)
-    return np.clip(np.rint(encoded), 0, 255).astype(np.uint8)
 
 
 def true_cameras(cameras: Cameras) -> Reconstruction:
@@ -59,13 +48,13 @@ def true_cameras(cameras: Cameras) -> Reconstruction:
 
 
 def film_frame(
-    scene: bpy.types.Scene, frame: int, folder: Path, samples: int = 16, noise: float = NOISE
+    scene: bpy.types.Scene, frame: int, folder: Path, samples: int = 16, noise: float = truth.NOISE
 ) -> Path:
     """Write one frame of the built scene to the folder as frame_0001.png ...; one that is there is kept."""
     name = folder / f"frame_{frame:04d}.png"
     if not name.exists():
         folder.mkdir(parents=True, exist_ok=True)
-        picture = exposed(truth.pinhole(scene, frame, samples), frame, noise)
+        picture = truth.recorded(truth.pinhole(scene, frame, samples), frame, noise)
         # Not .png: another process may be reading the folder as a clip.
         part = folder / f"frame_{frame:04d}.part"
         part.write_bytes(cv2.imencode(".png", picture[..., ::-1])[1].tobytes())
@@ -74,11 +63,22 @@ def film_frame(
 
 
 def film(
-    stage: Stage, scene: bpy.types.Scene, folder: Path, samples: int = 16, noise: float = NOISE
+    stage: Stage, scene: bpy.types.Scene, folder: Path, samples: int = 16, noise: float = truth.NOISE
 ) -> list[Path]:
     """Every frame of the built scene, as `film_frame`."""
     frames = range(1, len(stage.cameras) + 1)
     return [film_frame(scene, frame, folder, samples, noise) for frame in frames]
+
+
+def save_blend(stage: Stage, path: Path, samples: int = 64) -> bpy.types.Scene:
+    """Write a .blend with the stage as its only scene, ready to render; returns that scene."""
+    bpy.ops.wm.read_homefile(app_template="", use_empty=True, use_factory_startup=True)
+    nothing = bpy.context.window.scene
+    scene = staging.build(stage, samples)
+    bpy.data.scenes.remove(nothing)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    bpy.ops.wm.save_as_mainfile(filepath=str(path.resolve()))
+    return scene
 
 
 def main() -> None:
@@ -89,9 +89,7 @@ def main() -> None:
     parser.add_argument("--blend-only", action="store_true", help="save the .blend, film nothing")
     arguments = parser.parse_args()
     stage = load(arguments.scene)
-    scene = staging.build(stage, arguments.samples)
-    arguments.out.mkdir(parents=True, exist_ok=True)
-    bpy.ops.wm.save_as_mainfile(filepath=str((arguments.out / f"{stage.name}.blend").resolve()), copy=True)
+    scene = save_blend(stage, arguments.out / f"{stage.name}.blend", arguments.samples)
     write_model(arguments.out / "cameras", true_cameras(stage.cameras))
     if not arguments.blend_only:
         film(stage, scene, arguments.out / "clip", arguments.samples)

@@ -16,12 +16,15 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from addon.core.footage import encode_srgb
 from addon.render.cycles_views import render_to_array
 
 from .stage import Floats, Stage
 
 Picture = NDArray[np.float32]
 
+NOISE = 1.0
+"""Standard deviation of a small camera's noise in daylight, of 255."""
 MIN_SAMPLES, MAX_SAMPLES = 32, 2048
 
 
@@ -39,6 +42,13 @@ def pinhole(scene: bpy.types.Scene, frame: int, samples: int, seed: int = 0) -> 
     """(H, W, 3) the frame as the clip's camera sees it, before a camera's 8 bits."""
     with _settings(scene, samples, seed):
         return _render(scene, frame)[..., :3]
+
+
+def recorded(picture: Picture, frame: int, noise: float = NOISE) -> NDArray[np.uint8]:
+    """A linear picture (H, W, 3) as a camera records it: clipped, sRGB, 8 bits, a little noise."""
+    rng = np.random.default_rng(frame)
+    encoded = 255 * encode_srgb(np.clip(picture, 0, 1)) + noise * rng.standard_normal(picture.shape)
+    return np.clip(np.rint(encoded), 0, 255).astype(np.uint8)
 
 
 def lens(scene: bpy.types.Scene, frame: int, radius: float, focus: float, noise: float, seed: int) -> Picture:

@@ -20,7 +20,7 @@ from benchmarks import cost, judge, oracle, report, store
 from benchmarks.given import Known, Solved, robust_line, weighted_median
 from benchmarks.judge import Judge, Row
 from benchmarks.methods import METHODS, with_layers
-from benchmarks.scenes import Staged, recorded
+from benchmarks.scenes import Staged, clipped
 from sample_scenes import filming
 from sample_scenes.stage import Stage
 
@@ -236,7 +236,7 @@ def test_a_layers_depth_goes_on_around_it() -> None:
 def test_a_layer_is_recorded_clipped_in_eight_bits() -> None:
     picture = np.zeros((2, 2, 4), np.float32)
     picture[0, 0] = (3.0, 0.25, 0.0, 0.5)  # a lamp of 6 at half coverage
-    out = recorded(picture)
+    out = clipped(picture)
     assert out[0, 0, 0] == 1.0
     assert out[0, 0, 3] == 0.5
     assert out[0, 0, 1] == pytest.approx(0.25, rel=0.01)

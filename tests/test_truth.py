@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -18,6 +20,7 @@ from sample_scenes import filming, staging, truth
 from sample_scenes.stage import Stage
 
 FRAME = 18
+ROOT = Path(__file__).resolve().parents[1]
 
 
 @pytest.fixture(scope="module")
@@ -146,14 +149,14 @@ def test_layers_over_each_other_are_the_picture(stage: Stage, scene: bpy.types.S
 def test_the_camera_records_eight_bits(stage: Stage) -> None:
     picture = np.full((40, 60, 3), 0.2140, np.float32)  # sRGB 0.5
     picture[:, :20] = 7.0
-    plain = filming.exposed(picture, 1, noise=0.0)
+    plain = truth.recorded(picture, 1, noise=0.0)
     assert plain.dtype == np.uint8
     assert (plain[:, :20] == 255).all()
     assert (np.abs(plain[:, 20:].astype(int) - 127.5) <= 0.5).all()
-    noisy = filming.exposed(picture, 1)
-    assert noisy[:, 20:].std() == pytest.approx(filming.NOISE, rel=0.1)
-    np.testing.assert_array_equal(noisy, filming.exposed(picture, 1))
-    assert (noisy != filming.exposed(picture, 2)).any()
+    noisy = truth.recorded(picture, 1)
+    assert noisy[:, 20:].std() == pytest.approx(truth.NOISE, rel=0.1)
+    np.testing.assert_array_equal(noisy, truth.recorded(picture, 1))
+    assert (noisy != truth.recorded(picture, 2)).any()
 
 
 def test_true_cameras_survive_a_colmap_model(stage: Stage, tmp_path: Path) -> None:
@@ -162,3 +165,27 @@ def test_true_cameras_survive_a_colmap_model(stage: Stage, tmp_path: Path) -> No
     assert len(read.images) == len(stage.cameras)
     assert read.cameras[0].fx == pytest.approx(stage.cameras.focal)
     np.testing.assert_allclose([i.centre for i in read.images], stage.cameras.centres, atol=1e-9)
+
+
+def test_a_saved_sample_opens_and_renders(stage: Stage, tmp_path: Path) -> None:
+    """In a process of its own, for saving empties the file that is open."""
+    script = f"""
+import sys; sys.path.insert(0, {str(ROOT)!r})
+from pathlib import Path
+from dataclasses import replace
+import bpy
+from sample_scenes import filming
+stage = filming.load('bars')
+stage = replace(stage, cameras=stage.cameras.resized(48, 27))
+filming.save_blend(stage, Path({str(tmp_path / "bars.blend")!r}), samples=4)
+bpy.ops.wm.open_mainfile(filepath={str(tmp_path / "bars.blend")!r})
+scene = bpy.context.scene
+assert [s.name for s in bpy.data.scenes] == ['bars'], list(bpy.data.scenes)
+scene.frame_set(18)
+scene.render.filepath = {str(tmp_path / "frame.png")!r}
+bpy.ops.render.render(write_still=True)
+"""
+    subprocess.run([sys.executable, "-c", script], check=True, capture_output=True)
+    shown = cv2.imread(str(tmp_path / "frame.png"))
+    assert shown.shape == (27, 48, 3)
+    assert shown.std() > 20
