@@ -8,6 +8,8 @@ from .errors import UserError
 from .reconstruction import Floats
 
 MIN_VIEWS, MAX_VIEWS = 16, 512
+MOST_VIEWS = 1 << 16
+"""That can be asked for: more would only fill the memory with positions."""
 
 
 def random_disc(count: int, seed: int) -> Floats:
@@ -46,3 +48,5 @@ def views_needed(blur: float) -> int:
 def _check(count: int) -> None:
     if count < 1:
         raise UserError(f"the number of views is {count}; it must be at least 1")
+    if count > MOST_VIEWS:
+        raise UserError(f"the number of views is {count}; it must be at most {MOST_VIEWS}")

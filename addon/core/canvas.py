@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -9,12 +10,15 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from .errors import UserError
 from .reconstruction import Floats, Intrinsics
 
 Picture = NDArray[np.float32]
 
-MAX_PADDING = 0.25
-"""Strong barrel distortion sends corners to infinity: at most this share of the side is padded."""
+MAX_PADDING = 0.5
+"""Strong barrel distortion sends corners to infinity: at most this share of the side can be padded."""
+BAND = 256
+"""Rows that are resampled at once: a map of places in double precision takes more room than the picture."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +34,11 @@ class Canvas:
 
     @cached_property
     def pinhole(self) -> Intrinsics:
-        """The padded canvas as a distortion-free lens."""
+        """The padded canvas as a distortion-free lens; UserError for a lens that cannot be."""
+        if not np.all(np.isfinite(self.lens.focal) & (self.lens.focal > 0)):
+            raise UserError(
+                f"the focal length is {self.lens.fx:g}, {self.lens.fy:g} pixels; it must be greater than zero"
+            )
         plain = self.lens.without_distortion()
         if not self.lens.is_distorted:
             return plain
@@ -41,14 +49,28 @@ class Canvas:
             np.stack(np.meshgrid([0.0, width], down), axis=-1).reshape(-1, 2),
         ])  # fmt: skip
         reach = self.lens.pinhole_pixels(border)
-        limit = MAX_PADDING * np.array([width, height])
-        before = np.ceil(np.clip(-reach.min(axis=0), 0, limit)).astype(int)
-        after = np.ceil(np.clip(reach.max(axis=0) - [width, height], 0, limit)).astype(int)
+        size = np.array([width, height])
+        padding = np.stack([-reach.min(axis=0), reach.max(axis=0) - size])
+        if self._folds(reach) or np.any(padding > MAX_PADDING * size):
+            raise UserError(
+                f"the lens distortion (k1 {self.lens.k1:g}, k2 {self.lens.k2:g}, p1 {self.lens.p1:g},"
+                f" p2 {self.lens.p2:g}) folds or stretches the picture's border beyond use;"
+                " solve the clip again, or give a reconstruction with less distortion"
+            )
+        before, after = np.ceil(np.maximum(padding, 0)).astype(int)
         return replace(
             plain,
             width=width + int(before[0] + after[0]), height=height + int(before[1] + after[1]),
             cx=plain.cx + float(before[0]), cy=plain.cy + float(before[1]),
         )  # fmt: skip
+
+    def _folds(self, reach: Floats) -> bool:
+        """Whether a place within the border, at pinhole pixels (n, 2), has no inverse or more than one."""
+        rays = (reach - self.lens.principal_point) / self.lens.focal
+        on_the_way = np.linspace(0, 1, 33)[:, None, None] * rays
+        with np.errstate(over="ignore", invalid="ignore"):
+            # It is one-to-one as long as it mirrors nothing.
+            return not bool(np.all(np.linalg.det(self.lens.distort_jacobian(on_the_way)) > 0))
 
     def features_from_source(self, xy: Floats) -> Floats:
         """Source pixels (n, 2) -> canvas pixels (n, 2)."""
@@ -58,21 +80,28 @@ class Canvas:
         """(H, W, 4) float32 source frame -> the canvas picture, mirrored where the lens saw nothing."""
         if not self.lens.is_distorted:
             return picture
-        grid = _pixel_centres(self.pinhole.width, self.pinhole.height)
-        rays = (grid - self.pinhole.principal_point) / self.pinhole.focal
-        return _sample(picture, self.lens.distort(rays) * self.lens.focal + self.lens.principal_point)
+
+        def place(grid: Floats) -> Floats:
+            rays = (grid - self.pinhole.principal_point) / self.pinhole.focal
+            return self.lens.distort(rays) * self.lens.focal + self.lens.principal_point
+
+        return _resampled(picture, self.pinhole.width, self.pinhole.height, place)
 
     def to_source(self, picture: Picture) -> Picture:
         """(h, w, 4) float32 canvas picture -> (H, W, 4) in the geometry of the source frame."""
         if not self.lens.is_distorted:
             return picture
-        grid = _pixel_centres(self.lens.width, self.lens.height)
-        return _sample(picture, self.features_from_source(grid))
+        return _resampled(picture, self.lens.width, self.lens.height, self.features_from_source)
 
 
-def _pixel_centres(width: int, height: int) -> Floats:
-    across, down = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
-    return np.stack([across, down], axis=-1)
+def _resampled(picture: Picture, width: int, height: int, place: Callable[[Floats], Floats]) -> Picture:
+    """(height, width, 4) of a picture's pixels at place(pixel centres (h, w, 2))."""
+    result = np.empty((height, width, picture.shape[2]), dtype=np.float32)
+    for first in range(0, height, BAND):
+        rows = np.arange(first, min(first + BAND, height))
+        grid = np.stack(np.meshgrid(np.arange(width) + 0.5, rows + 0.5), axis=-1)
+        result[rows] = _sample(picture, place(grid))
+    return result
 
 
 def _sample(picture: Picture, xy: Floats) -> Picture:

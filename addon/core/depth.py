@@ -5,12 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .canvas import Canvas
-from .reconstruction import Floats, Ints, Reconstruction
+from .reconstruction import Floats, Image, Ints, Reconstruction
 
 MAX_REPROJECTION_ERROR = 3.0
 """Pixels; a feature that misses its own 3D point by more was tracked wrongly in this frame."""
+NEAREST = 1e-6
+"""Of the frame's median depth. What lies nearer is an error: one such point would outweigh all the others."""
 
 
 @dataclass(frozen=True)
@@ -33,13 +36,13 @@ class FrameFeatures:
 def frame_features(reconstruction: Reconstruction, frame: int, canvas: Canvas) -> FrameFeatures:
     """Features of a frame whose 3D points lie in front of the camera and project to where they were seen."""
     image, carried = reconstruction.image_at(frame)
-    local = image.to_camera(reconstruction.points.xyz[image.points])
+    local, ahead = seen_by(image, reconstruction, image.points)
     source = reconstruction.intrinsics(image)
     zoom = np.array([canvas.lens.width / source.width, canvas.lens.height / source.height])
     observed = canvas.features_from_source(image.xy * zoom)
     projected = canvas.pinhole.project(local)
-    ahead = local[:, 2] > 0
-    fits = np.linalg.norm((observed - projected) / zoom, axis=1) < MAX_REPROJECTION_ERROR
+    with np.errstate(over="ignore", invalid="ignore"):
+        fits = np.linalg.norm((observed - projected) / zoom, axis=1) < MAX_REPROJECTION_ERROR
     keep = ahead & fits
     return FrameFeatures(
         frame, observed[keep], projected[keep], 1.0 / local[keep, 2], image.points[keep], carried
@@ -47,7 +50,21 @@ def frame_features(reconstruction: Reconstruction, frame: int, canvas: Canvas) -
 
 
 def point_inverse_depths(reconstruction: Reconstruction, frame: int, points: Ints) -> Floats:
-    """(k,) inverse depth of 3D points at a frame, seen there or not; negative behind the camera."""
+    """(k,) inverse depth of 3D points at a frame, seen there or not; NaN where they do not lie ahead."""
     image, _ = reconstruction.image_at(frame)
-    depth = image.to_camera(reconstruction.points.xyz[points])[:, 2]
-    return np.asarray(1.0 / np.where(depth == 0, np.finfo(float).tiny, depth))
+    local, ahead = seen_by(image, reconstruction, points)
+    return np.asarray(1.0 / np.where(ahead, local[:, 2], np.nan))
+
+
+def seen_by(image: Image, reconstruction: Reconstruction, points: Ints) -> tuple[Floats, NDArray[np.bool_]]:
+    """Points (k,) in a camera's space (k, 3), and which of them (k,) are finite and ahead of the camera.
+
+    Ahead is farther than `NEAREST` of the median depth of what the frame sees, in any units.
+    """
+    depths = image.to_camera(reconstruction.points.xyz[image.points])[:, 2]
+    depths = depths[np.isfinite(depths) & (depths > 0)]
+    usual = float(np.median(depths)) if len(depths) else 0.0
+    local = image.to_camera(reconstruction.points.xyz[points])
+    # The smallest normal number is the last whose inverse is one.
+    nearest = max(NEAREST * usual, float(np.finfo(float).tiny))
+    return local, np.all(np.isfinite(local), axis=1) & (local[:, 2] > nearest)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .canvas import Canvas
-from .depth import FrameFeatures, frame_features, point_inverse_depths
+from .depth import FrameFeatures, frame_features, point_inverse_depths, seen_by
 from .errors import UserError
 from .reconstruction import Floats, Ints, Reconstruction
 
@@ -21,7 +21,7 @@ class Focus:
 
     points: tuple[int, ...] = ()
     distance: float | None = None
-    """Depth along the optical axis, in scene units; used where there are no points."""
+    """Depth along the optical axis, in scene units, or infinity; used where there are no points."""
 
     def inverse_depth(self, reconstruction: Reconstruction, frame: int) -> float:
         """Inverse depth of the focal plane at a frame.
@@ -32,15 +32,16 @@ class Focus:
         if not self.points:
             if self.distance is None:
                 raise UserError("nothing is in focus; pick two or more points or give a focus distance")
-            if not (np.isfinite(self.distance) and self.distance > 0):
+            # The smallest normal number is the last whose inverse is one.
+            if not self.distance >= np.finfo(float).tiny:
                 raise UserError(f"the focus distance is {self.distance:g}; it must be greater than zero")
-            return 1.0 / self.distance
+            return 1.0 / float(self.distance)
         ids = check_points(reconstruction, self.points)
         inverse = point_inverse_depths(reconstruction, frame, ids)
         ahead = inverse[inverse > 0]
         if not len(ahead):
             raise UserError(
-                f"frame {frame}: the camera has passed every focus point; pick points that lie ahead there"
+                f"frame {frame}: no focus point lies ahead of the camera; pick points that lie ahead there"
             )
         return float(ahead.mean())
 
@@ -49,6 +50,8 @@ def check_points(reconstruction: Reconstruction, points: tuple[int, ...]) -> Int
     """Point IDs as an array; UserError naming the first one that does not exist."""
     ids = np.array(points, dtype=np.int64)
     wrong = ids[(ids < 0) | (ids >= len(reconstruction.points))]
+    if len(wrong) and not len(reconstruction.points):
+        raise UserError("the reconstruction has no points to focus on; solve the clip again")
     if len(wrong):
         raise UserError(
             f"there is no focus point {wrong[0]}; the points are 0 to {len(reconstruction.points) - 1}"
@@ -65,6 +68,8 @@ def pick(reconstruction: Reconstruction, frame: int, x: float, y: float) -> Focu
     if not (0 <= x <= 1 and 0 <= y <= 1):
         raise UserError(f"focus at {x:g},{y:g} is outside the picture; both must be between 0 and 1")
     if frame not in reconstruction.frames:
+        if not reconstruction.images:
+            raise UserError("the reconstruction has no registered frames; solve the clip again")
         first, last = reconstruction.frames[[0, -1]]
         raise UserError(
             f"frame {frame} has no camera to pick a focus in; registered frames are {first} to {last}"
@@ -99,14 +104,20 @@ def radius_for_blur(reconstruction: Reconstruction, focus: Focus, frame: int, bl
     lens = reconstruction.intrinsics(image)
     features = frame_features(reconstruction, frame, Canvas(lens))
     if not len(features.points):
-        raise UserError(f"frame {frame} has no feature points, so no blur can be measured in it")
+        raise UserError(
+            f"frame {frame} has no usable feature points to measure a blur by; pick the focus in another"
+            " frame, give the aperture's radius, or solve the clip again"
+        )
     inverse = focus.inverse_depth(reconstruction, frame)
     far, near = np.percentile(features.inverse_depth, [2, 98])
     contrast = inverse - far
     if contrast < 0.25 * (near - inverse):
         contrast = near - inverse
     if contrast <= 1e-6 * inverse:
-        raise UserError("everything in the picture lies in the focal plane; there is nothing to blur")
+        raise UserError(
+            "everything in the picture lies in the focal plane, so there is nothing to blur;"
+            " focus elsewhere or give the aperture's radius"
+        )
     return float(blur * lens.width / (2 * lens.fx * contrast))
 
 
@@ -139,10 +150,13 @@ def fitted_registration(
         inverse = features.inverse_depth[seen]
     else:
         image, _ = reconstruction.image_at(features.frame)
-        local = image.to_camera(reconstruction.points.xyz[ids])
-        local = local[local[:, 2] > 0]
+        local, ahead = seen_by(image, reconstruction, ids)
+        local = local[ahead]
         if len(local) < 2:
-            raise UserError(f"frame {features.frame} has fewer than two focus points in front of the camera")
+            raise UserError(
+                f"frame {features.frame} has fewer than two focus points in front of the camera;"
+                " pick more points that lie ahead there"
+            )
         start = projected = canvas.pinhole.project(local)
         inverse = 1.0 / local[:, 2]
     moved = projected - (canvas.pinhole.focal * offsets)[:, None, :] * inverse[:, None]

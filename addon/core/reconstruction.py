@@ -73,36 +73,44 @@ class Intrinsics:
         ty = self.p1 * (r2 + 2 * y * y) + 2 * self.p2 * x * y
         return np.stack([x * radial + tx, y * radial + ty], axis=-1)
 
+    def distort_jacobian(self, rays: Floats) -> Floats:
+        """Derivative (..., 2, 2) of `distort` at rays (..., 2); it is symmetric."""
+        x, y = rays[..., 0], rays[..., 1]
+        r2 = x * x + y * y
+        radial = 1 + r2 * (self.k1 + r2 * self.k2)
+        change = 2 * (self.k1 + 2 * self.k2 * r2)
+        xx = radial + change * x * x + 2 * self.p1 * y + 6 * self.p2 * x
+        xy = change * x * y + 2 * self.p1 * x + 2 * self.p2 * y
+        yy = radial + change * y * y + 6 * self.p1 * y + 2 * self.p2 * x
+        return np.stack([np.stack([xx, xy], axis=-1), np.stack([xy, yy], axis=-1)], axis=-2)
+
     def undistort(self, rays: Floats) -> Floats:
-        """Inverse of `distort` by Newton's method; (..., 2) -> (..., 2), to about 1e-12."""
-        if not self.is_distorted:
-            return np.array(rays, dtype=np.float64)
+        """Inverse of `distort` by Newton's method; (..., 2) -> (..., 2), to about 1e-12.
+
+        NaN where Newton's method ends nowhere: strong barrel distortion folds, and no ray is seen past there.
+        """
         guess = np.array(rays, dtype=np.float64)
-        step = 1e-6
-        for _ in range(20):
-            value = self.distort(guess)
-            dx = (self.distort(guess + np.array([step, 0.0])) - value) / step
-            dy = (self.distort(guess + np.array([0.0, step])) - value) / step
-            residual = rays - value
-            det = dx[..., 0] * dy[..., 1] - dx[..., 1] * dy[..., 0]
-            det = np.where(np.abs(det) < 1e-9, 1.0, det)
-            move = np.stack(
-                [
-                    (residual[..., 0] * dy[..., 1] - residual[..., 1] * dy[..., 0]) / det,
-                    (dx[..., 0] * residual[..., 1] - dx[..., 1] * residual[..., 0]) / det,
-                ],
-                axis=-1,
-            )
-            guess = guess + move
-            if not move.size or np.abs(move).max() < 1e-13:
-                break
-        return guess
+        if not self.is_distorted:
+            return guess
+        with np.errstate(over="ignore", invalid="ignore"):
+            for _ in range(20):
+                residual = rays - self.distort(guess)
+                (xx, xy), (_, yy) = np.moveaxis(self.distort_jacobian(guess), (-2, -1), (0, 1))
+                det = xx * yy - xy * xy
+                det = np.where(np.abs(det) < 1e-9, 1.0, det)
+                u, v = residual[..., 0], residual[..., 1]
+                move = np.stack([(u * yy - v * xy) / det, (v * xx - u * xy) / det], axis=-1)
+                guess = guess + move
+                if not move.size or np.abs(move).max() < 1e-13:
+                    break
+            found = np.linalg.norm(rays - self.distort(guess), axis=-1, keepdims=True) < 1e-9
+        return np.where(found, guess, np.nan)
 
     def project(self, points: Floats) -> Floats:
-        """Camera-space points (..., 3) -> pixels (..., 2) of the source frame."""
-        with np.errstate(divide="ignore", invalid="ignore"):
+        """Camera-space points (..., 3) -> pixels (..., 2) of the source frame; not finite at depth 0."""
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             rays = points[..., :2] / points[..., 2:]
-        return self.distort(rays) * self.focal + self.principal_point
+            return np.asarray(self.distort(rays) * self.focal + self.principal_point)
 
     def pinhole_pixels(self, pixels: Floats) -> Floats:
         """Pixels of the source frame (..., 2) -> pixels of the same lens without distortion."""
@@ -135,8 +143,9 @@ class Image:
         return -self.rotation.T @ self.translation
 
     def to_camera(self, world: Floats) -> Floats:
-        """World points (..., 3) -> camera space (..., 3); z is the depth."""
-        return world @ self.rotation.T + self.translation
+        """World points (..., 3) -> camera space (..., 3); z is the depth. What is not finite stays so."""
+        with np.errstate(invalid="ignore", over="ignore"):
+            return np.asarray(world @ self.rotation.T + self.translation)
 
 
 @dataclass(frozen=True)
@@ -181,17 +190,21 @@ class Reconstruction:
 
         A frame that was not registered gets a pose interpolated between the registered frames
         around it (or the nearest one's, outside their range) and those frames' points.
+        Raises UserError where there is no registered frame, or a pose that is needed is not finite.
         """
         if not self.images:
             raise UserError("the reconstruction has no registered frames; solve the clip again")
         at = int(np.searchsorted(self.frames, frame))
         if at < len(self.images) and self.frames[at] == frame:
+            _check_pose(self.images[at])
             return self.images[at], False
         before, after = self.images[max(at - 1, 0)], self.images[min(at, len(self.images) - 1)]
         span = after.frame - before.frame
         return self._between(before, after, frame, (frame - before.frame) / span if span else 0.0), True
 
     def _between(self, before: Image, after: Image, frame: int, share: float) -> Image:
+        _check_pose(before)
+        _check_pose(after)
         turn = rotation_vector(after.rotation @ before.rotation.T)
         rotation = rotation_matrix(share * turn) @ before.rotation
         centre = (1 - share) * before.centre + share * after.centre
@@ -202,6 +215,14 @@ class Reconstruction:
         xy = lens.project(local)
         inside = (local[:, 2] > 0) & np.all((xy >= 0) & (xy <= [lens.width, lens.height]), axis=1)
         return replace(carried, xy=xy[inside], points=seen[inside])
+
+
+def _check_pose(image: Image) -> None:
+    if not (np.all(np.isfinite(image.rotation)) and np.all(np.isfinite(image.translation))):
+        raise UserError(
+            f"the camera of frame {image.frame} has a position or rotation that is no number;"
+            " solve the clip again, or take the frame out of the reconstruction"
+        )
 
 
 def rotation_vector(matrix: Floats) -> Floats:
@@ -223,8 +244,13 @@ def rotation_matrix(vector: Floats) -> Floats:
 
 
 def matrix_from_quaternion(quaternion: Floats) -> Floats:
-    """(4,) quaternion w, x, y, z of any non-zero length -> (3, 3) rotation."""
-    w, x, y, z = np.asarray(quaternion, dtype=np.float64) / np.linalg.norm(quaternion)
+    """(4,) quaternion w, x, y, z of any non-zero length -> (3, 3) rotation; else UserError."""
+    largest = np.abs(quaternion).max()
+    if not (np.isfinite(largest) and largest > 0):
+        raise UserError(f"a camera's quaternion is {np.asarray(quaternion)}; it must be finite and not zero")
+    # Divided before the norm too, so that its squares neither vanish nor overflow.
+    shortened = np.asarray(quaternion, dtype=np.float64) / largest
+    w, x, y, z = shortened / np.linalg.norm(shortened)
     return np.array([
         [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
         [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
@@ -254,10 +280,13 @@ def normalise(reconstruction: Reconstruction) -> Reconstruction:
 
     The mean camera centre becomes the origin, the mean camera up direction +z, the mean viewing
     direction points to +y, and the median distance of the points becomes `MEDIAN_DEPTH`.
+    Points that are not finite stay so; UserError where a camera is not, or nothing gives a scale.
     """
     images = reconstruction.images
     if not images or not len(reconstruction.points):
         raise UserError("the reconstruction has no cameras or no points; solve the clip again")
+    for image in images:
+        _check_pose(image)
     centre = np.mean([image.centre for image in images], axis=0)
     up = -np.mean([image.rotation[1] for image in images], axis=0)
     forward = np.mean([image.rotation[2] for image in images], axis=0)
@@ -268,8 +297,16 @@ def normalise(reconstruction: Reconstruction) -> Reconstruction:
     x = np.cross(forward, z)
     x /= np.linalg.norm(x)
     turn = np.stack([x, np.cross(z, x), z])
-    distances = np.linalg.norm(reconstruction.points.xyz - centre, axis=1)
-    scale = MEDIAN_DEPTH / max(float(np.median(distances)), np.finfo(float).tiny)
+    with np.errstate(over="ignore", invalid="ignore"):
+        distances = np.linalg.norm(reconstruction.points.xyz - centre, axis=1)
+    distances = distances[np.isfinite(distances)]
+    typical = float(np.median(distances)) if len(distances) else 0.0
+    if not typical > 0:
+        raise UserError(
+            "the reconstruction's points are no numbers or lie in the camera, so it has no scale;"
+            " solve the clip again"
+        )
+    scale = MEDIAN_DEPTH / typical
 
     def moved(image: Image) -> Image:
         rotation = image.rotation @ turn.T
@@ -277,5 +314,7 @@ def normalise(reconstruction: Reconstruction) -> Reconstruction:
             image, rotation=rotation, translation=-rotation @ (scale * turn @ (image.centre - centre))
         )
 
-    points = replace(reconstruction.points, xyz=scale * (reconstruction.points.xyz - centre) @ turn.T)
+    with np.errstate(over="ignore", invalid="ignore"):
+        xyz = scale * (reconstruction.points.xyz - centre) @ turn.T
+    points = replace(reconstruction.points, xyz=xyz)
     return Reconstruction(reconstruction.cameras, tuple(moved(image) for image in images), points)

@@ -16,6 +16,10 @@ from .warpmesh import WarpMesh, feature_mesh, thesis_mesh
 
 METHODS = ("features", "thesis")
 ACCEPTABLE = 1500
+MAX_BLUR = 16.0
+"""Picture diagonals; in a larger disc nothing is left of what it comes from."""
+MAX_RADIUS = 100.0
+"""Times the focus distance; with a larger aperture radius the focal plane as good as lies in the lens."""
 
 
 @dataclass(frozen=True)
@@ -69,12 +73,16 @@ def check_settings(settings: LensSettings) -> None:
 def plan_frame(
     reconstruction: Reconstruction, frame: int, settings: LensSettings, size: tuple[int, int]
 ) -> FramePlan:
-    """Warp mesh and views of one frame, for a rendered frame of size (width, height) pixels."""
+    """Warp mesh and views of one frame, for a rendered frame of size (width, height) pixels.
+
+    Raises UserError for settings that mean nothing, and where the frame's geometry does not carry them.
+    """
     check_settings(settings)
     image, _ = reconstruction.image_at(frame)
     canvas = Canvas(reconstruction.intrinsics(image).scaled(*size))
     features = frame_features(reconstruction, frame, canvas)
     inverse = settings.focus.inverse_depth(reconstruction, frame)
+    check_blur(features, canvas, settings.radius, inverse)
     blur = largest_blur(features, canvas, settings.radius, inverse)
     count = settings.views or views_needed(blur)
     if settings.method == "thesis":
@@ -85,16 +93,34 @@ def plan_frame(
         offsets = settings.radius * vogel_disc(count)
         registration = exact_registration(canvas, offsets, inverse)
         sharpened = replace(features, inverse_depth=in_focus(features, canvas, settings.radius, inverse))
-        mesh = feature_mesh(sharpened, canvas, _margin(features, canvas, settings.radius, inverse))
+        mesh = feature_mesh(sharpened, canvas, _margin(sharpened, canvas, settings.radius, inverse))
     return FramePlan(frame, canvas, mesh, offsets, registration, inverse, blur, features.carried)
 
 
-def largest_blur(features: FrameFeatures, canvas: Canvas, radius: float, inverse_depth: float) -> float:
-    """Diameter in pixels of the largest blur disc among 99 % of the features: D = 2 R f |1/Z - 1/Zf|."""
+def largest_blur(
+    features: FrameFeatures, canvas: Canvas, radius: float, inverse_depth: float, share: float = 99.0
+) -> float:
+    """Diameter in pixels of the largest blur disc among `share` % of the features: D = 2 R f |1/Z - 1/Zf|."""
     if not len(features.inverse_depth):
         return 0.0
-    contrast = np.percentile(np.abs(features.inverse_depth - inverse_depth), 99)
-    return float(2 * radius * canvas.pinhole.fx * contrast)
+    contrast = float(np.percentile(np.abs(features.inverse_depth - inverse_depth), share))
+    return 2 * float(radius) * canvas.pinhole.fx * contrast
+
+
+def check_blur(features: FrameFeatures, canvas: Canvas, radius: float, inverse_depth: float) -> None:
+    """UserError where the focal plane lies in the lens, or half of the features have discs beyond use."""
+    if not float(radius) * inverse_depth <= MAX_RADIUS:
+        raise UserError(
+            f"frame {features.frame}: the focal plane at distance {1 / inverse_depth:g} lies in the lens,"
+            f" whose radius is {radius:g}; focus farther away or choose a smaller aperture"
+        )
+    usual = largest_blur(features, canvas, radius, inverse_depth, 50.0)
+    if not usual <= MAX_BLUR * _diagonal(canvas):
+        raise UserError(
+            f"frame {features.frame}: half of the picture has blur discs more than"
+            f" {usual / canvas.pinhole.width:.3g} pictures wide; choose a smaller aperture or a focus"
+            " farther away"
+        )
 
 
 def in_focus(features: FrameFeatures, canvas: Canvas, radius: float, inverse_depth: float) -> Floats:
@@ -103,19 +129,23 @@ def in_focus(features: FrameFeatures, canvas: Canvas, radius: float, inverse_dep
     The photographer's acceptable circle of confusion is the diagonal / 1500. Depths are not known better
     than that, and resampling by fractions of a pixel would cost the subject its sharpness; in the focal
     plane every view shows the source's own pixels. Discs of twice that size and more are left as they are,
-    those between grow linearly.
+    those between grow linearly. Points with a disc beyond `MAX_BLUR` come back to it.
     """
-    diagonal = np.hypot(canvas.pinhole.width, canvas.pinhole.height)
-    smallest = diagonal / ACCEPTABLE / (2 * radius * canvas.pinhole.fx)
+    # A radius of almost nothing puts everything in focus: infinity does the same.
+    with np.errstate(over="ignore", divide="ignore"):
+        a_pixel = 1.0 / np.float64(2 * radius * canvas.pinhole.fx)
+        smallest, largest = a_pixel * _diagonal(canvas) * np.array([1 / ACCEPTABLE, MAX_BLUR])
     contrast = features.inverse_depth - inverse_depth
     size = np.abs(contrast)
-    kept = np.where(size < 2 * smallest, np.maximum(0.0, 2 * (size - smallest)), size)
+    kept = np.where(size < 2 * smallest, np.maximum(0.0, 2 * (size - smallest)), np.minimum(size, largest))
     return np.asarray(inverse_depth + np.sign(contrast) * kept)
 
 
 def _margin(features: FrameFeatures, canvas: Canvas, radius: float, inverse_depth: float) -> float:
-    """Pixels past the border that some view can see."""
+    """Pixels past the border that some view can see. The picture is mirrored out there, over and over."""
     contrast = np.abs(features.inverse_depth - inverse_depth).max(initial=0.0)
-    reach = radius * canvas.pinhole.focal.max() * contrast
-    # The picture is mirrored out there, so more than its own size makes no sense.
-    return float(min(reach + 2.0, 0.9 * min(canvas.pinhole.width, canvas.pinhole.height)))
+    return float(radius * canvas.pinhole.focal.max() * contrast + 2.0)
+
+
+def _diagonal(canvas: Canvas) -> float:
+    return float(np.hypot(canvas.pinhole.width, canvas.pinhole.height))

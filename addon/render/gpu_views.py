@@ -13,10 +13,10 @@ from collections.abc import Callable
 import bpy
 import gpu
 import numpy as np
+from numpy.typing import NDArray
 
 from ..core.canvas import Picture
 from ..core.errors import UserError
-from ..core.reconstruction import Floats
 from ..core.views import FramePlan
 from .main_thread import Steps, draw
 from .quiet import quiet
@@ -27,8 +27,8 @@ and progress and ESC would come before the work."""
 VIEW_VERTEX = """
 void main()
 {
-    vec2 moved = xy - vec2(row_x.w, row_y.w) * nearness;
-    vec2 seen = vec2(dot(row_x.xy, moved), dot(row_y.xy, moved)) + vec2(row_x.z, row_y.z);
+    vec2 seen = vec2(dot(row_x.xy, xy), dot(row_y.xy, xy)) + vec2(row_x.z, row_y.z)
+        - vec2(row_x.w, row_y.w) * contrast;
     vec2 ndc = 2.0 * seen / size - 1.0;
     place = texture_xy / size;
     /* Pixels count from the top, the framebuffer from the bottom. Nearer vertices win. */
@@ -97,6 +97,7 @@ def _shaders() -> tuple[gpu.types.GPUShader, gpu.types.GPUShader]:
     view.vertex_in(0, "VEC2", "xy")
     view.vertex_in(1, "VEC2", "texture_xy")
     view.vertex_in(2, "FLOAT", "nearness")
+    view.vertex_in(3, "FLOAT", "contrast")
     view.vertex_out(between)
     view.fragment_out(0, "VEC4", "colour")
     view.vertex_source(VIEW_VERTEX)
@@ -116,7 +117,7 @@ def mean_of_views(plan: FramePlan, picture: Picture, carry_on: Callable[[int, in
 
     `picture` is the canvas picture (h, w, 4), linear and premultiplied. `carry_on(done, total)` is asked
     while views are drawn; where it says no, None is returned. Pixels that no triangle covers count as black
-    and transparent.
+    and transparent. Raises UserError where the picture is too large for the GPU or the memory.
     """
     limit = gpu.capabilities.max_texture_size_get()
     width, height = plan.canvas.pinhole.width, plan.canvas.pinhole.height
@@ -124,7 +125,12 @@ def mean_of_views(plan: FramePlan, picture: Picture, carry_on: Callable[[int, in
         raise UserError(
             f"the picture is {width}x{height}, the GPU draws at most {limit} pixels a side; scale it"
         )
-    return draw(_drawing(plan, picture), len(plan.offsets), carry_on)
+    try:
+        return draw(_drawing(plan, picture), len(plan.offsets), carry_on)
+    except MemoryError:
+        raise UserError(
+            f"there is not enough memory to draw a picture of {width}x{height}; render at a lower percentage"
+        ) from None
 
 
 def _drawing(plan: FramePlan, picture: Picture) -> Steps:
@@ -140,19 +146,21 @@ def _drawing(plan: FramePlan, picture: Picture) -> Steps:
     sum_target = gpu.types.GPUFrameBuffer(color_slots=(total,))
 
     view_shader, sum_shader = _shaders()
-    mesh, nearest = _mesh_batch(plan)
+    mesh = _mesh_batch(plan)
     screen = _screen_batch()
     with sum_target.bind():
         sum_target.clear(color=(0.0, 0.0, 0.0, 0.0))
-    shift = plan.canvas.pinhole.focal * plan.offsets * nearest
-    for n in range(len(plan.offsets)):
+    for n, rows in enumerate(view_rows(plan)):
         yield n
         with view_target.bind():
             view_target.clear(color=(0.0, 0.0, 0.0, 0.0), depth=1.0)
             gpu.state.depth_test_set("LESS_EQUAL")
             gpu.state.depth_mask_set(True)
             gpu.state.blend_set("NONE")
-            _set_view(view_shader, plan.registration[n], shift[n], (width, height))
+            view_shader.bind()
+            view_shader.uniform_float("row_x", rows[0].tolist())
+            view_shader.uniform_float("row_y", rows[1].tolist())
+            view_shader.uniform_float("size", (width, height))
             view_shader.uniform_sampler("picture", source)
             mesh.draw(view_shader)
         with sum_target.bind():
@@ -169,25 +177,49 @@ def _drawing(plan: FramePlan, picture: Picture) -> Steps:
     return _download(total, width, height) / np.float32(len(plan.offsets))
 
 
-def _set_view(
-    shader: gpu.types.GPUShader, registration: Floats, shift: Floats, size: tuple[int, int]
-) -> None:
-    shader.bind()
-    shader.uniform_float("row_x", (*registration[0], shift[0]))
-    shader.uniform_float("row_y", (*registration[1], shift[1]))
-    shader.uniform_float("size", size)
+def vertex_arrays(plan: FramePlan) -> dict[str, NDArray[np.float32]]:
+    """What the vertex shader gets of each vertex, by attribute.
 
-
-def _mesh_batch(plan: FramePlan) -> tuple[gpu.types.GPUBatch, float]:
-    """The mesh on the GPU, and the largest inverse depth, by which `nearness` is divided."""
+    `xy` and `texture_xy` (V, 2) in pixels; `nearness` (V,) is inverse depth over the largest one; `contrast`
+    (V,) is inverse depth relative to the focal plane, over the largest one. The difference is taken here, in
+    double precision: on the GPU the focal plane's own displacement would take the last digits with it.
+    """
     mesh = plan.mesh
     nearest = float(mesh.inverse_depth.max(initial=0.0)) or 1.0
-    vertices = gpu.types.GPUVertBuf(_layout(xy=2, texture_xy=2, nearness=1), len(mesh.xy))
-    vertices.attr_fill("xy", np.ascontiguousarray(mesh.xy, dtype=np.float32))
-    vertices.attr_fill("texture_xy", np.ascontiguousarray(mesh.texture_xy, dtype=np.float32))
-    vertices.attr_fill("nearness", np.ascontiguousarray(mesh.inverse_depth / nearest, dtype=np.float32))
-    triangles = gpu.types.GPUIndexBuf(type="TRIS", seq=np.ascontiguousarray(mesh.triangles, dtype=np.int32))
-    return gpu.types.GPUBatch(type="TRIS", buf=vertices, elem=triangles), nearest
+    contrast = mesh.inverse_depth - plan.focus_inverse_depth
+    return {
+        "xy": np.ascontiguousarray(mesh.xy, dtype=np.float32),
+        "texture_xy": np.ascontiguousarray(mesh.texture_xy, dtype=np.float32),
+        "nearness": np.ascontiguousarray(mesh.inverse_depth / nearest, dtype=np.float32),
+        "contrast": np.ascontiguousarray(contrast / _largest_contrast(plan), dtype=np.float32),
+    }
+
+
+def view_rows(plan: FramePlan) -> NDArray[np.float32]:
+    """(N, 2, 4) for each view and axis a, b, c, d: a vertex is seen at a x + b y + c - d contrast, in pixels.
+
+    `FramePlan.displace` with its terms in another order: what moves the focal plane is in c already.
+    """
+    turn, shift = plan.registration[:, :, :2], plan.canvas.pinhole.focal * plan.offsets
+    turned = np.einsum("nij,nj->ni", turn, shift)
+    rows = np.concatenate([plan.registration, turned[:, :, None]], axis=2)
+    rows[:, :, 2] -= turned * plan.focus_inverse_depth
+    rows[:, :, 3] *= _largest_contrast(plan)
+    return rows.astype(np.float32)
+
+
+def _largest_contrast(plan: FramePlan) -> float:
+    return float(np.abs(plan.mesh.inverse_depth - plan.focus_inverse_depth).max(initial=0.0)) or 1.0
+
+
+def _mesh_batch(plan: FramePlan) -> gpu.types.GPUBatch:
+    arrays = vertex_arrays(plan)
+    layout = _layout(xy=2, texture_xy=2, nearness=1, contrast=1)
+    vertices = gpu.types.GPUVertBuf(layout, len(plan.mesh.xy))
+    for name, array in arrays.items():
+        vertices.attr_fill(name, array)
+    seq = np.ascontiguousarray(plan.mesh.triangles, dtype=np.int32)
+    return gpu.types.GPUBatch(type="TRIS", buf=vertices, elem=gpu.types.GPUIndexBuf(type="TRIS", seq=seq))
 
 
 def _screen_batch() -> gpu.types.GPUBatch:
