@@ -16,7 +16,7 @@ import numpy as np
 
 from . import textures
 from .shapes import Shape, box, join, leaf, sphere, tube, turned_body
-from .stage import FRAMES, HEIGHT, WIDTH, Cameras, Edge, Floats, Prop, Stage, look, tremor
+from .stage import FRAMES, HEIGHT, WIDTH, Cameras, Edge, Prop, Stage, look, tremor
 from .textures import Picture
 
 SEED = 57
@@ -39,23 +39,23 @@ CM = 20
 
 
 def stage() -> Stage:
-    """A measuring cup at 0.5 m, the boxes at 0.85 to 1.1 m, a laid table to 1.7 m, a sideboard and wall to 3 m."""
+    """A measuring cup at 0.5 m, boxes at 0.85 to 1.1 m, a laid table to 1.7 m, sideboard and wall to 3 m."""
     cake, brownie, room, board, table, back, near = np.random.default_rng(SEED).spawn(7)
+    boxes = _placed(printed_box(CAKE), CAKE_PLACE), _placed(printed_box(BROWNIE), BROWNIE_PLACE)
     things = (
         *_room(room), *_sideboard(board), *_table(table), *_back_of_table(back),
-        Prop("cake box", _placed(printed_box(CAKE), CAKE_PLACE), _cake(cake), layer=4),
-        Prop("brownie box", _placed(printed_box(BROWNIE), BROWNIE_PLACE), _brownie(brownie), layer=4),
+        Prop("cake box", boxes[0], _cake(cake), layer=4),
+        Prop("brownie box", boxes[1], _brownie(brownie), layer=4),
         *_near(near),
     )  # fmt: skip
     cameras = _around()
-    front = _placed(Shape(np.array([[0.01, -CAKE[1] / 2, 0.115]]), *_NOTHING), CAKE_PLACE).vertices
+    origin, right, top = boxes[0].vertices[[0, 1, 4]]
+    # On the printed front, between the name and the cake.
+    focus = origin + 0.57 * (right - origin) + 0.64 * (top - origin)
     return Stage(
         "boxes", "two printed boxes with measured edges on a busy table", cameras, things,
-        focus=np.tile(front, (len(cameras), 1)), air=(0.2, 0.2, 0.2), edges=_edges(),
+        focus=np.tile(focus, (len(cameras), 1)), air=(0.2, 0.2, 0.2), edges=_edges(*boxes),
     )  # fmt: skip
-
-
-_NOTHING = np.zeros((0, 4), np.int32), np.zeros((0, 4, 2))
 
 
 def _around() -> Cameras:
@@ -87,26 +87,20 @@ def printed_box(size: tuple[float, float, float]) -> Shape:
     return Shape(shape.vertices, shape.faces, np.stack(uv))
 
 
-def _edges() -> tuple[Edge, ...]:
-    """The measured edges, the thesis's under its letters."""
-
-    def corner(
-        size: tuple[float, float, float], place: tuple[float, float, float], x: int, y: int, z: int
-    ) -> Floats:
-        at = np.array([[x * size[0] / 2, y * size[1] / 2, z * size[2]]])
-        return _placed(Shape(at, *_NOTHING), place).vertices[0]
-
-    a, b, c = (corner(CAKE, CAKE_PLACE, x, y, 1) for x, y in ((-1, 1), (-1, -1), (1, -1)))
-    d, f, g = (corner(BROWNIE, BROWNIE_PLACE, x, y, 1) for x, y in ((1, -1), (-1, -1), (1, 1)))
+def _edges(cake: Shape, brownie: Shape) -> tuple[Edge, ...]:
+    """The measured edges, the thesis's under its letters; all can be seen in all frames."""
+    # A box's vertices count x fastest and z slowest, each from low to high.
+    a, b, c, below = cake.vertices[[6, 4, 5, 0]]
+    d, e, f, behind = brownie.vertices[[5, 1, 4, 7]]
     ends = {
         "AB": (a, b),
         "BC": (b, c),
-        "DE": (d, corner(BROWNIE, BROWNIE_PLACE, 1, -1, 0)),
+        "DE": (d, e),
         "DF": (d, f),
-        "cake box height": (b, corner(CAKE, CAKE_PLACE, -1, -1, 0)),
-        "brownie box short edge": (d, g),
         "CD": (c, d),
         "CF": (c, f),
+        "cake box height": (b, below),
+        "brownie box short edge": (d, behind),
     }
     return tuple(Edge(name, np.stack(pair)) for name, pair in ends.items())
 
@@ -146,14 +140,26 @@ def _small_print(rng: textures.Generator, part: Picture, top: int, ink: Sequence
     """Lines of words down to the border, and the rules and figures of a table."""
     height, width = part.shape[:2]
     for number, row in enumerate(range(top, height - 26, 13)):
-        text = (
-            f"{textures.word(rng, 2)} {rng.integers(100)}%"
-            if width < 150
-            else " ".join(textures.word(rng, 2) for _ in range(5))
-        )
+        text = f"{textures.word(rng, 2)} {rng.integers(100)}%"
         textures.write(part, text, (width / 2, row), 0.36, ink, textures.SERIF)
         if number % 3 == 2:
             part[row + 7, 22 : width - 22] = ink
+
+
+def _layer_cake(rng: textures.Generator, front: Picture) -> None:
+    """Five layers with crumbs, and cherries on top."""
+    height, width = front.shape[:2]
+    dark, cream = (0.30, 0.05, 0.06), (0.93, 0.87, 0.72)
+    colours = dark, cream, (0.52, 0.28, 0.14), (0.93, 0.74, 0.16), cream
+    for layer, colour in enumerate(colours):
+        level, half = round((0.80 - 0.055 * layer) * height), round((0.28 + 0.03 * (layer % 2 == 0)) * width)
+        cv2.rectangle(front, (width // 2 - half, level - 17), (width // 2 + half, level), colour, -1)
+        for x in rng.uniform(width / 2 - half + 6, width / 2 + half - 6, 14):
+            crumb = round(x), level - int(rng.integers(3, 15))
+            cv2.circle(front, crumb, 2, dark if layer % 2 else cream, -1, cv2.LINE_AA)
+    for x in np.linspace(0.3, 0.7, 5) * width:
+        cv2.circle(front, (round(x), round(0.525 * height)), 9, (0.70, 0.04, 0.10), -1, cv2.LINE_AA)
+        cv2.circle(front, (round(x) - 3, round(0.515 * height)), 2, cream, -1, cv2.LINE_AA)
 
 
 def _cake(rng: textures.Generator) -> Picture:
@@ -166,26 +172,7 @@ def _cake(rng: textures.Generator) -> Picture:
     middle = (0.5 * width, 0.60 * height)
     beam = np.floor(np.arctan2(row - middle[1], column - middle[0]) * 14 / np.pi) % 2 == 0
     front[beam & (row > 0.36 * height)] = (0.86, 0.30, 0.12)
-    for layer, (share, colour) in enumerate(
-        ((0.62, dark), (0.56, cream), (0.62, (0.52, 0.28, 0.14)), (0.56, yellow), (0.60, cream))
-    ):
-        level = round((0.80 - 0.055 * layer) * height)
-        half = round(share * width / 2)
-        cv2.rectangle(front, (width // 2 - half, level - 17), (width // 2 + half, level), colour, -1)
-        for spot in rng.uniform(width / 2 - half + 6, width / 2 + half - 6, 14):
-            cv2.circle(
-                front,
-                (round(spot), level - int(rng.integers(3, 15))),
-                2,
-                dark if layer % 2 else cream,
-                -1,
-                16,
-            )
-    for share in (-0.2, -0.1, 0.0, 0.1, 0.2):
-        cv2.circle(
-            front, (round((0.5 + share) * width), round(0.525 * height)), 9, (0.70, 0.04, 0.10), -1, 16
-        )
-        cv2.circle(front, (round((0.5 + share) * width) - 3, round(0.515 * height)), 2, cream, -1, 16)
+    _layer_cake(rng, front)
     front[round(0.10 * height) : round(0.30 * height)] = yellow
     _letter(front, "MERIAN", (width / 2, 0.165 * height), 0.66 * width, red, 4)
     _letter(front, "GOLDEN CAKE", (width / 2, 0.255 * height), 0.6 * width, dark, 2)
@@ -197,7 +184,7 @@ def _cake(rng: textures.Generator) -> Picture:
     top[:] = yellow
     _letter(top, "MERIAN", (0.36 * width, 0.40 * top.shape[0]), 0.44 * width, red, 3)
     _letter(top, f"lift here {textures.word(rng)}", (0.5 * width, 0.72 * top.shape[0]), 0.6 * width, dark, 1)
-    cv2.circle(top, (round(0.8 * width), round(0.4 * top.shape[0])), 16, red, -1, 16)
+    cv2.circle(top, (round(0.8 * width), round(0.4 * top.shape[0])), 16, red, -1, cv2.LINE_AA)
     for part in (front, side, top):
         _trim(part, 10, cream, red)
     return sheet
@@ -205,33 +192,25 @@ def _cake(rng: textures.Generator) -> Picture:
 
 def _brownie(rng: textures.Generator) -> Picture:
     """Brown card: squares of brownie, the name in a yellow disc, walnuts."""
-    brown, yellow, cream, dark = (
-        (0.36, 0.20, 0.11),
-        (0.90, 0.70, 0.18),
-        (0.92, 0.86, 0.72),
-        (0.16, 0.08, 0.05),
-    )
+    brown, dark = np.array((0.36, 0.20, 0.11)), (0.16, 0.08, 0.05)
+    yellow, cream = (0.90, 0.70, 0.18), (0.92, 0.86, 0.72)
     sheet, front, side, top = _sheet(BROWNIE)
-    sheet[:] = textures.ramp(
-        textures.noise(rng, sheet.shape[:2], (6, 6), 6), np.array(brown) * 0.75, np.array(brown) * 1.15
-    )
+    sheet[:] = textures.ramp(textures.noise(rng, sheet.shape[:2], (6, 6), 6), brown * 0.75, brown * 1.15)
     height, width = front.shape[:2]
+    wide, high = round(0.22 * width), round(0.10 * height)
     for number in range(9):
         left = round(width * (0.12 + 0.27 * (number % 3)))
-        low = round(height * (0.56 + 0.12 * (number // 3)))
-        side_of = round(0.22 * width)
-        cv2.rectangle(
-            front, (left, low), (left + side_of, low + round(0.10 * height)), (0.50, 0.29, 0.16), -1
-        )
-        cv2.rectangle(
-            front, (left, low + round(0.07 * height)), (left + side_of, low + round(0.10 * height)), dark, -1
-        )
-        for x, y in rng.uniform((4, 3), (side_of - 4, 0.065 * height), (7, 2)):
-            cv2.circle(front, (left + round(x), low + round(y)), 3, (0.78, 0.58, 0.32), -1, 16)
+        upper = round(height * (0.56 + 0.12 * (number // 3)))
+        cv2.rectangle(front, (left, upper), (left + wide, upper + high), (0.50, 0.29, 0.16), -1)
+        cv2.rectangle(front, (left, upper + high * 7 // 10), (left + wide, upper + high), dark, -1)
+        for x, y in rng.uniform((4, 3), (wide - 4, 0.65 * high), (7, 2)):
+            walnut = left + round(x), upper + round(y)
+            cv2.circle(front, walnut, 3, (0.78, 0.58, 0.32), -1, cv2.LINE_AA)
     middle = (width // 2, round(0.30 * height))
-    cv2.ellipse(front, middle, (round(0.40 * width), round(0.19 * height)), 0, 0, 360, yellow, -1, 16)
-    cv2.ellipse(front, middle, (round(0.37 * width), round(0.17 * height)), 0, 0, 360, dark, 2, 16)
-    _letter(front, "SELVEN", (middle[0], middle[1] - 32), 0.5 * width, brown, 4)
+    for share, colour, thick in ((1.0, yellow, -1), (0.91, dark, 2)):
+        radii = round(share * 0.40 * width), round(share * 0.19 * height)
+        cv2.ellipse(front, middle, radii, 0, 0, 360, colour, thick, cv2.LINE_AA)
+    _letter(front, "SELVEN", (middle[0], middle[1] - 32), 0.5 * width, dark, 4)
     _letter(front, "BROWNIES", (middle[0], middle[1] + 4), 0.62 * width, (0.62, 0.12, 0.08), 4)
     _letter(front, "fudge & walnut", (middle[0], middle[1] + 36), 0.44 * width, dark, 1)
     _letter(front, "NET WT 510 g", (0.5 * width, 0.935 * height), 0.36 * width, cream, 1)
@@ -254,18 +233,11 @@ def _room(rng: textures.Generator) -> list[Prop]:
         Prop("floor", box((5.0, 4.0, 0.02)).moved(0, 1.4, -0.02), boards),
         Prop("wall", box((4.0, 0.1, 2.4)).moved(0, 3.05, 0), textures.wallpaper(rng, 512)),
     ]
-    for number, (x, z, width, height) in enumerate(
-        (
-            (-0.92, 0.96, 0.44, 0.34),
-            (-0.33, 0.92, 0.50, 0.40),
-            (0.28, 0.98, 0.36, 0.30),
-            (0.86, 0.90, 0.46, 0.44),
-        )
-    ):
+    pictures = ((-0.92, 0.44, 0.34), (-0.33, 0.50, 0.40), (0.28, 0.36, 0.30), (0.86, 0.46, 0.44))
+    for number, (x, width, height) in enumerate(pictures):
         card = textures.postcard(rng, (140, round(140 * width / height)))
-        props.append(
-            Prop(f"picture {number}", box((width, 0.02, height)).moved(x, 2.98, z - height / 2 + 0.1), card)
-        )
+        hung = box((width, 0.02, height)).moved(x, 2.98, 1.04 - height / 2)
+        props.append(Prop(f"picture {number}", hung, card))
     return props
 
 
@@ -278,26 +250,10 @@ def _sideboard(rng: textures.Generator) -> list[Prop]:
         book = box((thick, 0.17, rng.uniform(0.20, 0.29)), (pick / spines, 0, (pick + 1) / spines, 1), 0.08)
         books.append(book.moved(x + thick / 2, 2.55 + rng.uniform(-0.02, 0.02), 0.60))
         x += thick + 0.003
-    jar = [
-        (0.0, 0.0),
-        (0.06, 0.0),
-        (0.065, 0.02),
-        (0.065, 0.15),
-        (0.05, 0.17),
-        (0.055, 0.18),
-        (0.055, 0.21),
-        (0.0, 0.22),
-    ]
-    jars = [
-        turned_body(jar, 32).turned(40 * n).moved(0.08 + 0.19 * n, 2.5 + 0.03 * (n % 2), 0.60)
-        for n in range(3)
-    ]
-    leaves = [
-        leaf(
-            rng.uniform(0.16, 0.26), rng.uniform(0.05, 0.07), rng.uniform(0.2, 0.4), rng.uniform(0.05, 0.2)
-        ).turned(n * 137.5)
-        for n in range(20)
-    ]
+    jar = [(0.0, 0.0), (0.06, 0.0), (0.065, 0.02), (0.065, 0.15), (0.05, 0.17), (0.055, 0.18), (0.0, 0.21)]
+    jars = [turned_body(jar, 32).turned(40 * n).moved(0.08 + 0.19 * n, 2.5, 0.60) for n in range(3)]
+    sizes = rng.uniform((0.16, 0.05, 0.2, 0.05), (0.26, 0.07, 0.4, 0.2), (20, 4))
+    leaves = [leaf(*size).turned(n * 137.5) for n, size in enumerate(sizes)]
     leaves = [Shape(each.vertices, each.faces, each.uv[..., ::-1]).moved(0.88, 2.5, 0.80) for each in leaves]
     pot = turned_body([(0.0, 0.0), (0.09, 0.0), (0.12, 0.2), (0.13, 0.2), (0.13, 0.23), (0.0, 0.2)], 32)
     clay = textures.mug(rng, 128)
@@ -318,9 +274,8 @@ def _table(rng: textures.Generator) -> list[Prop]:
         Prop("table", box((1.5, 1.35, 0.04)).moved(0, 1.03, TABLE - 0.04), planks, layer=2),
         Prop("runner", box((0.56, 1.2, 0.002)).turned(5).moved(0.02, 1.0, TABLE), runner, layer=2),
     ]
-    for number, (x, y, turn) in enumerate(
-        ((0.20, 0.74, 16), (-0.33, 0.98, -20), (0.40, 0.98, 30), (-0.03, 1.24, 8))
-    ):
+    places = ((0.20, 0.74, 16), (-0.33, 0.98, -20), (0.40, 0.98, 30), (-0.03, 1.24, 8))
+    for number, (x, y, turn) in enumerate(places):
         card = box((0.148, 0.105, 0.002)).turned(turn).moved(x, y, TABLE + 0.002 + 0.0005 * number)
         props.append(Prop(f"card {number}", card, textures.postcard(rng, (140, 198)), layer=2))
     return props
@@ -331,36 +286,25 @@ def _back_of_table(rng: textures.Generator) -> list[Prop]:
     bowl = [(0.0, 0.0), (0.06, 0.0), (0.065, 0.012), (0.11, 0.06), (0.14, 0.12), (0.145, 0.12), (0.0, 0.03)]
     tin = [(0.0, 0.0), (0.055, 0.0), (0.055, 0.14), (0.0, 0.14)]
     flask = [(0.0, 0.0), (0.04, 0.0), (0.042, 0.13), (0.016, 0.18), (0.014, 0.23), (0.018, 0.24), (0.0, 0.24)]
-    shell = textures.ramp(
-        textures.noise(rng, (96, 192), (40, 40), 2),
-        (0.88, 0.72, 0.56),
-        (0.84, 0.66, 0.50),
-        (0.62, 0.42, 0.28),
-    )
-    eggs = [
-        sphere(0.026, 24).moved(x, y, TABLE + 0.026) for x, y in ((-0.06, 1.36), (0.0, 1.42), (-0.01, 1.33))
-    ]
+    freckles = textures.noise(rng, (96, 192), (40, 40), 2)
+    shell = textures.ramp(freckles, (0.88, 0.72, 0.56), (0.84, 0.66, 0.50), (0.62, 0.42, 0.28))
+    places = ((-0.06, 1.36), (0.0, 1.42), (-0.01, 1.33))
+    eggs = [sphere(0.026, 24).moved(x, y, TABLE + 0.026) for x, y in places]
+    turned = [turned_body(profile) for profile in (bowl, tin, flask)]
+    glaze = [textures.mug(rng, height) for height in (144, 128, 96)]
     return [
-        Prop("bowl", turned_body(bowl).moved(-0.36, 1.42, TABLE), textures.mug(rng, 144), smooth=True, layer=3),
+        Prop("bowl", turned[0].moved(-0.36, 1.42, TABLE), glaze[0], smooth=True, layer=3),
         Prop("eggs", join(eggs), shell, smooth=True, layer=3),
-        Prop("tin", turned_body(tin).moved(0.46, 1.38, TABLE), textures.mug(rng, 128)[:, ::-1], smooth=True, layer=3),
-        Prop("flask", turned_body(flask).moved(0.31, 1.50, TABLE), textures.mug(rng, 96) * np.float32(0.6), smooth=True, layer=3),
-    ]  # fmt: skip
+        Prop("tin", turned[1].moved(0.46, 1.38, TABLE), glaze[1][:, ::-1], smooth=True, layer=3),
+        Prop("flask", turned[2].moved(0.31, 1.50, TABLE), glaze[2] * np.float32(0.6), smooth=True, layer=3),
+    ]
 
 
 def _near(rng: textures.Generator) -> list[Prop]:
     """A measuring cup at the left, close to the camera, with wooden spoons in it."""
     x, y = -0.215, 0.57
-    cup = [
-        (0.0, 0.0),
-        (0.036, 0.0),
-        (0.04, 0.01),
-        (0.046, 0.10),
-        (0.048, 0.105),
-        (0.044, 0.10),
-        (0.038, 0.012),
-        (0.0, 0.01),
-    ]
+    cup = [(0.0, 0.0), (0.036, 0.0), (0.04, 0.01), (0.046, 0.10), (0.048, 0.105), (0.044, 0.10), (0.0, 0.01)]
+    shape = turned_body(cup).moved(x, y, TABLE)
     stained = textures.wood(rng, (128, 64), 2, (0.42, 0.26, 0.13), (0.78, 0.56, 0.33))
     spoons = []
     for foot, head in (((-0.02, 0.0, 0.02), (0.04, 0.03, 0.20)), ((0.02, 0.01, 0.02), (-0.02, 0.05, 0.22))):
@@ -368,8 +312,6 @@ def _near(rng: textures.Generator) -> list[Prop]:
         rod = tube(path, 0.005, 10).moved(x, y, TABLE)
         spoons.append(Shape(rod.vertices, rod.faces, rod.uv[..., ::-1]))
     return [
-        Prop(
-            "measuring cup", turned_body(cup).moved(x, y, TABLE), textures.mug(rng, 192), smooth=True, layer=5
-        ),
+        Prop("measuring cup", shape, textures.mug(rng, 192), smooth=True, layer=5),
         Prop("spoons", join(spoons), stained, smooth=True, layer=5),
     ]

@@ -127,7 +127,7 @@ def globe(rng: Generator, height: int) -> Picture:
     )
     picture = ramp(np.clip(relief / 2.0 + 1.0, 0, 1), (0.16, 0.32, 0.46), (0.50, 0.68, 0.74))
     shade = (0.82 + 0.36 * noise(rng, (height, width), (20, 40), 5))[..., None]
-    coloured = (inks[country % len(inks)] * shade).astype(np.float32)
+    coloured = np.minimum(inks[country % len(inks)] * shade, 1).astype(np.float32)
     picture = mix(picture, coloured, land)
     picture = mix(picture, (0.94, 0.94, 0.92), np.clip((np.abs(latitude) - 1.2) * 6, 0, 1) * land)
     border = (cv2.Laplacian(country.astype(np.float32), cv2.CV_32F) != 0) & land
