@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from addon.core.footage import decode_srgb, encode_srgb
 from addon.core.reconstruction import Reconstruction
+from addon.render.quiet import quiet
 from sample_scenes import filming, staging, truth
 from sample_scenes.stage import Stage
 
@@ -118,15 +119,21 @@ class Staged:
         return (middle, middle + 1, middle + 2)
 
     def clip(self) -> Path:
-        return filming.film(self.stage, self.scene, self._clip_folder, FILM_SAMPLES)[0].parent
+        for frame in range(1, len(self.stage.cameras) + 1):
+            self._film(frame)
+        return self._clip_folder
 
     def frame(self, frame: int) -> NDArray[np.uint8]:
-        name = self._clip_folder / f"frame_{frame:04d}.png"
-        if not name.exists():
-            filming.film_frame(self.scene, frame, self._clip_folder, FILM_SAMPLES)
-        bgr = cv2.imread(str(name))
+        bgr = cv2.imread(str(self._film(frame)))
         assert bgr is not None
         return np.ascontiguousarray(bgr[..., ::-1], dtype=np.uint8)
+
+    def _film(self, frame: int) -> Path:
+        path = self._clip_folder / f"frame_{frame:04d}.png"
+        if not path.exists():
+            with quiet(1):
+                filming.film_frame(self.scene, frame, self._clip_folder, FILM_SAMPLES)
+        return path
 
     @property
     def _clip_folder(self) -> Path:

@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from addon.render.quiet import quiet
+
 ROOT = Path(__file__).resolve().parents[1]
 FOLDER = ROOT / "build" / "bench"
 
@@ -50,12 +52,14 @@ def sources(*names: str) -> list[Path]:
 
 
 def kept(folder: str, key: str, make: Callable[[], NDArray[Any]]) -> NDArray[Any]:
-    """The array stored under a key, made and stored where it is not there yet."""
+    """The array stored under a key, made and stored where it is not there yet, which is said."""
     path = FOLDER / folder / f"{key}.npy"
     if path.exists():
         stored: NDArray[Any] = np.load(path)
         return stored
-    array = make()
+    print(f"making {path.relative_to(ROOT)}", flush=True)
+    with quiet(1):
+        array = make()
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_suffix(".part")
     with part.open("wb") as file:

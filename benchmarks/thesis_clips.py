@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
@@ -149,8 +149,10 @@ class Clip:
     def from_beside(self, frame: int, offset: tuple[float, float], focus: float) -> Picture:
         """(H, W, 3) the true picture from a camera `offset` metres (right, down), in register at `focus`."""
         name = f"beside-{frame:04d}-{offset[0]:g}-{offset[1]:g}-{focus:.6g}"
-        return self._kept(
-            name, lambda: truth.virtual_pinhole(self.scene, frame, offset, focus, SAMPLES, seed=0)
+        return store.kept(
+            str(self.folder),
+            name,
+            lambda: truth.virtual_pinhole(self.scene, frame, offset, focus, SAMPLES, seed=0),
         )
 
     def through_lens(self, frame: int, radius: float, focus: float, width: int) -> Picture:
@@ -161,15 +163,7 @@ class Clip:
             with _resized(self.scene, width):
                 return truth.lens(self.scene, frame, radius, focus, LENS_NOISE, seed=0)
 
-        return self._kept(name, make)
-
-    def _kept(self, name: str, make: Callable[[], Picture]) -> Picture:
-        def quietly() -> Picture:
-            print(f"{self.name}: rendering {name}", flush=True)
-            with quiet(1):
-                return make()
-
-        return store.kept(str(self.folder), name, quietly)
+        return store.kept(str(self.folder), name, make)
 
 
 @contextmanager
