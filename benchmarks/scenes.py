@@ -99,12 +99,13 @@ class Staged:
 
     @cached_property
     def key(self) -> str:
-        code = store.sources("sample_scenes/staging.py", "sample_scenes/truth.py")
-        return store.digest(self.stage, code, bpy.app.version_string, FILM_SAMPLES)
+        return store.digest(self.folder, store.sources("sample_scenes/filming.py"))
 
-    @property
+    @cached_property
     def folder(self) -> str:
-        return f"{self.name}-{self.key}"
+        """Of what does not depend on how the clip is recorded."""
+        code = store.sources("sample_scenes/staging.py", "sample_scenes/truth.py")
+        return f"{self.name}-{store.digest(self.stage, code, bpy.app.version_string, FILM_SAMPLES)}"
 
     @cached_property
     def scene(self) -> bpy.types.Scene:
@@ -137,7 +138,7 @@ class Staged:
 
     @property
     def _clip_folder(self) -> Path:
-        return store.FOLDER / self.folder / "clip"
+        return store.FOLDER / self.folder / f"clip-{self.key}"
 
     def geometry(self, frame: int) -> truth.Geometry:
         def make() -> Floats:

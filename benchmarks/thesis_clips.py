@@ -44,8 +44,9 @@ class Clip:
 
     @cached_property
     def folder(self) -> Path:
-        """Named after a hash of the stage, so that a changed one is filmed anew."""
-        return FOLDER / f"{self.name}-{store.digest(self.stage, SAMPLES)}"
+        """Named after a hash of what it is made from, so that a changed scene is filmed anew."""
+        code = store.sources("sample_scenes/filming.py")
+        return FOLDER / f"{self.name}-{store.digest(self.stage, SAMPLES, code)}"
 
     @cached_property
     def _scene(self) -> bpy.types.Scene:
@@ -157,7 +158,7 @@ class Clip:
 
     def through_lens(self, frame: int, radius: float, focus: float, width: int) -> Picture:
         """(h, width, 3) the true picture through a lens of `radius` metres focused at depth `focus`."""
-        name = f"lens-{frame:04d}-{radius:.6g}-{focus:.6g}-{width}"
+        name = f"lens-{frame:04d}-{radius:.6g}-{focus:.6g}-{width}-{LENS_NOISE:g}"
 
         def make() -> Picture:
             with _resized(self.scene, width):

@@ -126,12 +126,6 @@ def lengths(points: Floats, edges: Ints) -> Floats:
     return np.asarray(np.linalg.norm(points[edges[:, 1]] - points[edges[:, 0]], axis=1))
 
 
-def ratios(points: Floats, edges: Ints) -> Floats:
-    """(e,) lengths over the first edge's: free of position, turn and scale, as the thesis compares them."""
-    size = lengths(points, edges)
-    return np.asarray(size / size[0])
-
-
 def similarity(source: Floats, target: Floats) -> tuple[float, Floats, Floats]:
     """Scale, rotation (3, 3) and translation (3,) that bring points (k, 3) onto others best.
 

@@ -154,11 +154,8 @@ def save(path: Path, picture: Picture) -> None:
     Raises ValueError where even 32 colours make a larger file than `LIMIT`.
     """
     image = Image.fromarray(picture)
-    tries = [
-        image,
-        *(image.quantize(n, Image.Quantize.MEDIANCUT, kmeans=3) for n in (256, 192, 128, 96, 64, 32)),
-    ]
-    for attempt in tries:
+    for colours in (0, 256, 192, 128, 96, 64, 32):
+        attempt = image.quantize(colours, Image.Quantize.MEDIANCUT, kmeans=3) if colours else image
         data = io.BytesIO()
         attempt.save(data, format="PNG", optimize=True)
         if data.tell() <= LIMIT:
