@@ -57,7 +57,7 @@ def kept(folder: str, key: str, make: Callable[[], NDArray[Any]]) -> NDArray[Any
     if path.exists():
         stored: NDArray[Any] = np.load(path)
         return stored
-    print(f"making {path.relative_to(ROOT)}", flush=True)
+    print(f"making {path.parent.name}/{path.name}", flush=True)
     with quiet(1):
         array = make()
     path.parent.mkdir(parents=True, exist_ok=True)
