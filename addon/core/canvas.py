@@ -51,11 +51,12 @@ class Canvas:
         reach = self.lens.pinhole_pixels(border)
         size = np.array([width, height])
         padding = np.stack([-reach.min(axis=0), reach.max(axis=0) - size])
-        if self._folds(reach) or np.any(padding > MAX_PADDING * size):
+        if np.isnan(reach).any() or self._folds(reach) or np.any(padding > MAX_PADDING * size):
             raise UserError(
-                f"the lens distortion (k1 {self.lens.k1:g}, k2 {self.lens.k2:g}, p1 {self.lens.p1:g},"
-                f" p2 {self.lens.p2:g}) folds or stretches the picture's border beyond use;"
-                " solve the clip again, or give a reconstruction with less distortion"
+                f"the lens ({self.lens.described()}) bends the picture's border beyond what a flat picture"
+                f" can show: it folds, lies 90 degrees from the axis, or would take more than"
+                f" {1 + 2 * MAX_PADDING:g} times the side; solve the clip again, or crop or undistort it and"
+                " give a reconstruction of that"
             )
         before, after = np.ceil(np.maximum(padding, 0)).astype(int)
         return replace(

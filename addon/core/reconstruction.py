@@ -6,26 +6,31 @@ of the first pixel at (0.5, 0.5). All geometry is float64.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from . import lenses
 from .errors import UserError
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
+MAX_SIDE = 1_000_000
+"""Pixels; a larger picture is damage, not a picture."""
 MEDIAN_DEPTH = 10.0
 """Median distance between cameras and points after `normalise`, in scene units."""
 
 
 @dataclass(frozen=True)
 class Intrinsics:
-    """A pinhole with radial and tangential distortion (COLMAP's OPENCV model), lengths in pixels.
+    """A pinhole and what its lens does to the picture, lengths in pixels.
 
-    Zero distortion makes it COLMAP's PINHOLE. Brown, "Decentering distortion of lenses", 1966.
+    `model` is one of `lenses.FAMILIES`, which hold all of COLMAP's perspective and fisheye models. The
+    default is OPENCV, with its terms by name; without any it is a plain pinhole.
     """
 
     width: int
@@ -38,10 +43,77 @@ class Intrinsics:
     k2: float = 0.0
     p1: float = 0.0
     p2: float = 0.0
+    model: str = "OPENCV"
+    terms: tuple[float, ...] = ()
+    """All distortion terms of any other model than OPENCV, in COLMAP's order."""
+
+    def __post_init__(self) -> None:
+        own = self.model == "OPENCV"
+        count = 0 if own else len(lenses.term_names(self.model))
+        if self.model not in lenses.FAMILIES or len(self.terms) != count:
+            raise ValueError(f"{self.model} is no family of lenses with {len(self.terms)} terms")
+        if not own and any((self.k1, self.k2, self.p1, self.p2)):
+            raise ValueError(f"the distortion of a lens {self.model} is in its terms, not in k1 to p2")
+
+    @classmethod
+    def from_parameters(cls, model: str, width: int, height: int, values: Sequence[float]) -> Intrinsics:
+        """One of COLMAP's models and its parameters in COLMAP's order.
+
+        UserError, beginning "expected", for a model that no pinhole picture can be made of, a wrong number
+        of parameters, a size or focal length that is not greater than zero, or what is not finite.
+        """
+        names = lenses.PARAMETERS.get(model)
+        if names is None:
+            raise UserError(f"expected a camera model that is one of {', '.join(lenses.PARAMETERS)}")
+        if model == "EQUIRECTANGULAR":
+            raise UserError(
+                "expected a perspective or fisheye camera, not a panorama of 360 degrees (EQUIRECTANGULAR):"
+                " cut perspective pictures out of the clip and solve these"
+            )
+        if len(values) != len(names):
+            raise UserError(f"expected {len(names)} parameters of {model}, not {len(values)}")
+        if not np.all(np.isfinite(values)):
+            raise UserError("expected finite camera parameters")
+        given = dict(zip(names, (float(value) for value in values), strict=True))
+        fx, fy = (given.pop("f"),) * 2 if "f" in given else (given.pop("fx"), given.pop("fy"))
+        if not (0 < width <= MAX_SIDE and 0 < height <= MAX_SIDE and fx > 0 and fy > 0):
+            raise UserError(
+                f"expected a size from 1 to {MAX_SIDE} pixels and focal lengths greater than zero"
+            )
+        cx, cy = given.pop("cx"), given.pop("cy")
+        family = next(name for name, members in lenses.FAMILIES.items() if model in members)
+        terms = tuple(given.get(name, 0.0) for name in lenses.term_names(family))
+        if family == "OPENCV":
+            k1, k2, p1, p2 = terms
+            return cls(width, height, fx, fy, cx, cy, k1, k2, p1, p2)
+        wish = lenses.impossible(family, terms)
+        if wish:
+            raise UserError(f"expected {wish}")
+        return cls(width, height, fx, fy, cx, cy, model=family, terms=terms)
+
+    def parameters(self) -> tuple[str, tuple[float, ...]]:
+        """The simplest of COLMAP's models that is this very lens, and its parameters in COLMAP's order."""
+        own = {name: getattr(self, name) for name in lenses.PLACES[1:]} | self._named_terms
+        for model in lenses.FAMILIES[self.model]:
+            names = lenses.PARAMETERS[model]
+            left_out = [value for name, value in self._named_terms.items() if name not in names]
+            if not any(left_out) and (self.fx == self.fy or "f" not in names):
+                return model, tuple(float(own["fx" if name == "f" else name]) for name in names)
+        raise AssertionError("the last model of a family has all its terms")
+
+    @property
+    def _named_terms(self) -> dict[str, float]:
+        names = lenses.term_names(self.model)
+        own = self.model == "OPENCV"
+        return dict(zip(names, (getattr(self, name) for name in names) if own else self.terms, strict=True))
+
+    @cached_property
+    def _stages(self) -> tuple[lenses.Stage, ...]:
+        return lenses.stages(self.model, tuple(self._named_terms.values()))
 
     @property
     def is_distorted(self) -> bool:
-        return any((self.k1, self.k2, self.p1, self.p2))
+        return bool(self._stages)
 
     @property
     def focal(self) -> Floats:
@@ -62,52 +134,47 @@ class Intrinsics:
         )  # fmt: skip
 
     def without_distortion(self) -> Intrinsics:
-        return replace(self, k1=0.0, k2=0.0, p1=0.0, p2=0.0)
+        return Intrinsics(self.width, self.height, self.fx, self.fy, self.cx, self.cy)
+
+    def described(self) -> str:
+        """The lens's distortion for people: "OPENCV, k1 -0.1, k2 0, p1 0, p2 0"."""
+        return ", ".join([self.model, *(f"{name} {value:g}" for name, value in self._named_terms.items())])
 
     def distort(self, rays: Floats) -> Floats:
-        """Normalised pinhole coordinates (..., 2) -> normalised coordinates seen through the lens."""
-        x, y = rays[..., 0], rays[..., 1]
-        r2 = x * x + y * y
-        radial = 1 + r2 * (self.k1 + r2 * self.k2)
-        tx = 2 * self.p1 * x * y + self.p2 * (r2 + 2 * x * x)
-        ty = self.p1 * (r2 + 2 * y * y) + 2 * self.p2 * x * y
-        return np.stack([x * radial + tx, y * radial + ty], axis=-1)
+        """Normalised pinhole coordinates (..., 2) -> normalised coordinates seen through the lens.
+
+        NaN where the lens sees nothing.
+        """
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            for stage in self._stages:
+                rays = stage.distort(rays)
+        return rays
 
     def distort_jacobian(self, rays: Floats) -> Floats:
-        """Derivative (..., 2, 2) of `distort` at rays (..., 2); it is symmetric."""
-        x, y = rays[..., 0], rays[..., 1]
-        r2 = x * x + y * y
-        radial = 1 + r2 * (self.k1 + r2 * self.k2)
-        change = 2 * (self.k1 + 2 * self.k2 * r2)
-        xx = radial + change * x * x + 2 * self.p1 * y + 6 * self.p2 * x
-        xy = change * x * y + 2 * self.p1 * x + 2 * self.p2 * y
-        yy = radial + change * y * y + 6 * self.p1 * y + 2 * self.p2 * x
-        return np.stack([np.stack([xx, xy], axis=-1), np.stack([xy, yy], axis=-1)], axis=-2)
+        """Derivative (..., 2, 2) of `distort` at rays (..., 2)."""
+        result = np.broadcast_to(np.eye(2), (*rays.shape, 2))
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            for stage in self._stages:
+                result = stage.jacobian(rays) @ result
+                rays = stage.distort(rays)
+        return result
 
     def undistort(self, rays: Floats) -> Floats:
-        """Inverse of `distort` by Newton's method; (..., 2) -> (..., 2), to about 1e-12.
+        """Inverse of `distort`; (..., 2) -> (..., 2), to about 1e-12.
 
-        NaN where Newton's method ends nowhere: strong barrel distortion folds, and no ray is seen past there.
+        NaN where no ray ahead of the camera is seen: past a fold, or 90 degrees from the axis.
         """
-        guess = np.array(rays, dtype=np.float64)
-        if not self.is_distorted:
-            return guess
-        with np.errstate(over="ignore", invalid="ignore"):
-            for _ in range(20):
-                residual = rays - self.distort(guess)
-                (xx, xy), (_, yy) = np.moveaxis(self.distort_jacobian(guess), (-2, -1), (0, 1))
-                det = xx * yy - xy * xy
-                det = np.where(np.abs(det) < 1e-9, 1.0, det)
-                u, v = residual[..., 0], residual[..., 1]
-                move = np.stack([(u * yy - v * xy) / det, (v * xx - u * xy) / det], axis=-1)
-                guess = guess + move
-                if not move.size or np.abs(move).max() < 1e-13:
-                    break
-            found = np.linalg.norm(rays - self.distort(guess), axis=-1, keepdims=True) < 1e-9
-        return np.where(found, guess, np.nan)
+        rays = np.array(rays, dtype=np.float64)
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            for stage in reversed(self._stages):
+                rays = stage.undistort(rays)
+        return rays
 
     def project(self, points: Floats) -> Floats:
-        """Camera-space points (..., 3) -> pixels (..., 2) of the source frame; not finite at depth 0."""
+        """Camera-space points (..., 3) -> pixels (..., 2) of the source frame; not finite at depth 0.
+
+        A point behind the camera lands where its mirror image ahead does: check the depth.
+        """
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             rays = points[..., :2] / points[..., 2:]
             return np.asarray(self.distort(rays) * self.focal + self.principal_point)

@@ -11,10 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import UserError
+from ..core.lenses import FAMILIES, PARAMETERS, term_names
 from ..core.reconstruction import Image, Intrinsics, Points, Reconstruction
 
 PREFIX = "virtual_aperture_"
-VERSION = 1
+VERSION = 2
+"""1 knew no other lenses than OPENCV and had neither their models nor their terms."""
+MODELS = tuple(PARAMETERS)
+MOST_TERMS = max(len(term_names(family)) for family in FAMILIES)
 
 
 def write(mesh: bpy.types.Mesh, reconstruction: Reconstruction) -> None:
@@ -22,6 +26,8 @@ def write(mesh: bpy.types.Mesh, reconstruction: Reconstruction) -> None:
     images, points = reconstruction.images, reconstruction.points
     arrays: dict[str, NDArray[np.float64] | NDArray[np.int32]] = {
         "cameras": np.array([_lens_row(c) for c in reconstruction.cameras]).ravel(),
+        "lens_models": np.array([MODELS.index(c.model) for c in reconstruction.cameras], dtype=np.int32),
+        "lens_terms": np.array([_terms_row(c) for c in reconstruction.cameras]).ravel(),
         "frames": reconstruction.frames,
         "image_cameras": np.array([i.camera for i in images], dtype=np.int32),
         "rotations": np.array([i.rotation for i in images]).ravel(),
@@ -65,9 +71,12 @@ def read(mesh: bpy.types.Mesh) -> Reconstruction:
     points = Points(
         array("xyz").reshape(-1, 3), integers("rgb").reshape(-1, 3).astype(np.uint8), array("error")
     )
+    rows = array("cameras").reshape(-1, 10)
+    models, terms = np.full(len(rows), MODELS.index("OPENCV")), np.zeros((len(rows), MOST_TERMS))
+    if version > 1:
+        models, terms = integers("lens_models"), array("lens_terms").reshape(-1, MOST_TERMS)
     lenses = tuple(
-        Intrinsics(int(row[0]), int(row[1]), *(float(v) for v in row[2:]))
-        for row in array("cameras").reshape(-1, 10)
+        _lens(row, MODELS[model], more) for row, model, more in zip(rows, models, terms, strict=True)
     )
     return Reconstruction(lenses, images, points)
 
@@ -76,3 +85,14 @@ def _lens_row(lens: Intrinsics) -> list[float]:
     return [
         lens.width, lens.height, lens.fx, lens.fy, lens.cx, lens.cy, lens.k1, lens.k2, lens.p1, lens.p2,
     ]  # fmt: skip
+
+
+def _terms_row(lens: Intrinsics) -> list[float]:
+    return [*lens.terms, *[0.0] * (MOST_TERMS - len(lens.terms))]
+
+
+def _lens(row: NDArray[np.float64], model: str, terms: NDArray[np.float64]) -> Intrinsics:
+    count = 0 if model == "OPENCV" else len(term_names(model))
+    fx, fy, cx, cy, k1, k2, p1, p2 = (float(value) for value in row[2:])
+    more = tuple(float(term) for term in terms[:count])
+    return Intrinsics(int(row[0]), int(row[1]), fx, fy, cx, cy, k1, k2, p1, p2, model, more)
