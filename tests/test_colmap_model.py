@@ -1,35 +1,36 @@
-"""COLMAP text models: exact round trip, COLMAP's own reading of them, and damaged files."""
+"""COLMAP text models: exact round trip, names, and damaged files."""
 
 from __future__ import annotations
 
 import contextlib
-import json
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from addon.core.colmap_model import read_model, write_model
+from addon.core.colmap_model import export_model, read_model, write_model
 from addon.core.errors import UserError
+from addon.core.readers import colmap
 from addon.core.reconstruction import Image, Intrinsics, Points, Reconstruction, rotation_matrix
 
 PINHOLE = Intrinsics(640, 480, 500.1, 510.2, 325.3, 236.4)
 DISTORTED = replace(PINHOLE, k1=-0.08, k2=0.02, p1=0.001, p2=-0.002)
+TEXT = ("cameras.txt", "images.txt", "points3D.txt")
+SIZE = (640, 480)
 
-# pycolmap must not be loaded into the same process as bpy.
-PROJECT = """
-import json, sys, numpy, pycolmap
-model = pycolmap.Reconstruction(sys.argv[1])
-out = {}
-for image in model.images.values():
-    seen = [(p.point3D_id, image.project_point(model.points3D[p.point3D_id].xyz)) for p in image.points2D]
-    out[image.name] = [[int(i), *map(float, xy)] for i, xy in seen]
-lengths = {int(i): p.track.length() for i, p in model.points3D.items()}
-print(json.dumps([out, lengths]))
-"""
+
+def assert_same(after: Reconstruction, before: Reconstruction) -> None:
+    assert after.cameras == before.cameras
+    for name in ("xyz", "rgb", "error"):
+        np.testing.assert_array_equal(getattr(after.points, name), getattr(before.points, name))
+    for old, new in zip(before.images, after.images, strict=True):
+        assert (new.frame, new.camera) == (old.frame, old.camera)
+        np.testing.assert_array_equal(new.xy, old.xy)
+        np.testing.assert_array_equal(new.points, old.points)
+        assert new.points.dtype == np.int32
+        np.testing.assert_array_equal(new.translation, old.translation)
+        np.testing.assert_allclose(new.rotation, old.rotation, atol=1e-15)
 
 
 def example(lens: Intrinsics) -> Reconstruction:
@@ -51,33 +52,7 @@ def example(lens: Intrinsics) -> Reconstruction:
 def test_what_is_written_is_read(tmp_path: Path, lens: Intrinsics) -> None:
     before = example(lens)
     write_model(tmp_path, before)
-    after = read_model(tmp_path)
-    assert after.cameras == before.cameras
-    for name in ("xyz", "rgb", "error"):
-        np.testing.assert_array_equal(getattr(after.points, name), getattr(before.points, name))
-    for old, new in zip(before.images, after.images, strict=True):
-        assert (new.frame, new.camera) == (old.frame, old.camera)
-        np.testing.assert_array_equal(new.xy, old.xy)
-        np.testing.assert_array_equal(new.points, old.points)
-        assert new.points.dtype == np.int32
-        np.testing.assert_array_equal(new.translation, old.translation)
-        np.testing.assert_allclose(new.rotation, old.rotation, atol=1e-15)
-
-
-@pytest.mark.parametrize("lens", [PINHOLE, DISTORTED])
-def test_colmap_reads_it_and_projects_alike(tmp_path: Path, lens: Intrinsics) -> None:
-    model = example(lens)
-    write_model(tmp_path, model)
-    child = subprocess.run(
-        [sys.executable, "-c", PROJECT, str(tmp_path)], capture_output=True, text=True, check=True
-    )
-    seen, lengths = json.loads(child.stdout)
-    assert seen.keys() == {"frame_000003.png", "frame_000007.png", "frame_1000012.png"}
-    for image in model.images:
-        table = np.array(seen[f"frame_{image.frame:06d}.png"]).reshape(-1, 3)
-        np.testing.assert_array_equal(table[:, 0], image.points)
-        np.testing.assert_allclose(table[:, 1:], image.xy, atol=1e-6)
-    assert [lengths[str(row)] for row in range(20)] == model.views_per_point.tolist()
+    assert_same(read_model(tmp_path), before)
 
 
 @pytest.mark.parametrize(
@@ -110,11 +85,11 @@ def test_features_without_a_point_and_ids_with_gaps(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("file", "line", "old", "new"),
     [
-        ("cameras.txt", 2, "PINHOLE", "FISHEYE"),
+        ("cameras.txt", 2, "PINHOLE", "PINHOL"),
         ("cameras.txt", 2, "500.1", "nan"),
         ("cameras.txt", 2, "500.1", "-1"),
         ("cameras.txt", 2, " 640 ", " 0 "),
-        ("images.txt", 3, "frame_000003", "frame"),
+        ("images.txt", 3, "frame_000003.png", ""),
         ("images.txt", 3, " 1 frame", " 8 frame"),
         ("points3D.txt", 2, "0 ", "x "),
     ],
@@ -168,3 +143,46 @@ def test_a_truncated_model_is_an_error_or_a_smaller_model(tmp_path: Path) -> Non
         (tmp_path / "images.txt").write_text(text[:length])
         with contextlib.suppress(UserError):
             assert len(read_model(tmp_path).images) <= 3
+
+
+@pytest.mark.parametrize("names", [("frame.png", "frame_7.png"), ("a7.png", "b7.png")])
+def test_our_own_images_are_called_by_their_frames(tmp_path: Path, names: tuple[str, str]) -> None:
+    export_model(tmp_path, example(PINHOLE), {3: names[0], 7: names[1]})
+    with pytest.raises(UserError, match=r"images.txt.*frame"):
+        read_model(tmp_path)
+
+
+def test_names_of_others_are_kept(tmp_path: Path) -> None:
+    export_model(tmp_path, example(PINHOLE), {3: "my clip 0003.jpg", 7: "b/\u00e4 #7.png"})
+    assert colmap.read(tmp_path, SIZE).names == ("my clip 0003.jpg", "b/\u00e4 #7.png", "frame_1000012.png")
+    for name in ("", " a.png", "a\nb.png"):
+        with pytest.raises(UserError, match="rename"):
+            export_model(tmp_path, example(PINHOLE), {3: name})
+
+
+def test_line_ends_byte_order_mark_and_code_page(tmp_path: Path) -> None:
+    before = example(DISTORTED)
+    export_model(tmp_path, before, {3: "caf\u00e9 3.png"})
+    for name in TEXT:
+        text = (tmp_path / name).read_bytes().replace(b"\n", b"\r\n")
+        (tmp_path / name).write_bytes(b"\xef\xbb\xbf" + text.replace(b"\xc3\xa9", b"\xe9"))
+    foreign = colmap.read(tmp_path, SIZE)
+    assert foreign.names[0] == "caf\u00e9 3.png"
+    assert_same(read_model(tmp_path), before)
+
+
+def test_tracks_may_name_anything(tmp_path: Path) -> None:
+    write_model(tmp_path, example(PINHOLE))
+    rows = (tmp_path / "points3D.txt").read_text().split("\n")
+    rows[1:-1] = [" ".join([*row.split()[:8], "99 4 77 1000000"]) for row in rows[1:-1]]
+    (tmp_path / "points3D.txt").write_text("\n".join(rows))
+    assert_same(read_model(tmp_path), example(PINHOLE))
+
+
+@pytest.mark.parametrize("name", TEXT)
+def test_a_key_given_twice_is_named(tmp_path: Path, name: str) -> None:
+    write_model(tmp_path, replace(example(PINHOLE), images=example(PINHOLE).images[1:2]))
+    text = (tmp_path / name).read_text()
+    (tmp_path / name).write_text(text + "".join(f"{row}\n" for row in text.splitlines() if row[:1] != "#"))
+    with pytest.raises(UserError, match=f"{name}, line .*_ID that no other"):
+        read_model(tmp_path)

@@ -1,188 +1,86 @@
-"""Reading and writing a reconstruction as a COLMAP text model, exact to the last bit.
+"""A reconstruction as a COLMAP text model, exact to the last bit.
 
-A point's row is its POINT3D_ID, an image's name ends in its frame number. Our own parser, because
-COLMAP's loads NaN and zero quaternions silently and never says which line is wrong.
+A point's row is its POINT3D_ID; in the models of our own working folders an image's name ends in its
+frame number.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from .errors import UserError
-from .reconstruction import (
-    Image,
-    Intrinsics,
-    Points,
-    Reconstruction,
-    matrix_from_quaternion,
-    quaternion_from_matrix,
-)
+from .readers import colmap_text
+from .readers.colmap_tables import assemble, wrong
+from .reconstruction import Reconstruction, quaternion_from_matrix
 
-FILES = ("cameras.txt", "images.txt", "points3D.txt")
-PARAMETERS = {
-    "SIMPLE_PINHOLE": ("f", "cx", "cy"),
-    "PINHOLE": ("fx", "fy", "cx", "cy"),
-    "SIMPLE_RADIAL": ("f", "cx", "cy", "k1"),
-    "RADIAL": ("f", "cx", "cy", "k1", "k2"),
-    "OPENCV": ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2"),
-}
+FILES = colmap_text.FILES
+LONGEST_NUMBER = 9
+"""Digits of a frame number."""
 
 
 def write_model(folder: Path, reconstruction: Reconstruction) -> None:
-    """Write cameras.txt, images.txt and points3D.txt into an existing folder."""
+    """Write cameras.txt, images.txt and points3D.txt into an existing folder; names as `own_name`."""
+    export_model(folder, reconstruction, None)
+
+
+def export_model(folder: Path, reconstruction: Reconstruction, names: Mapping[int, str] | None) -> None:
+    """Write a model whose images are called as `names` says by frame number, the others as `own_name`.
+
+    Lenses are written as the simplest of COLMAP's camera models that they are. UserError for a name that
+    the format cannot hold.
+    """
+    called = {image.frame: own_name(image.frame) for image in reconstruction.images} | dict(names or {})
+    for name in called.values():
+        if name != name.strip() or not name.isprintable() or not name:
+            raise UserError(f"an image called {name!r} cannot be written into a COLMAP text model; rename it")
     lines = ["# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]"]
     for number, lens in enumerate(reconstruction.cameras, 1):
-        model = "OPENCV" if lens.is_distorted else "PINHOLE"
-        values = " ".join(repr(float(getattr(lens, name))) for name in PARAMETERS[model])
-        lines.append(f"{number} {model} {lens.width} {lens.height} {values}")
-    (folder / "cameras.txt").write_text("\n".join(lines) + "\n")
+        model, values = lens.parameters()
+        lines.append(f"{number} {model} {lens.width} {lens.height} {' '.join(map(repr, values))}")
+    _write(folder / "cameras.txt", lines)
 
     lines = ["# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME", "# POINTS2D[] as (X, Y, POINT3D_ID)"]
     seen_by: list[list[str]] = [[] for _ in range(len(reconstruction.points))]
     for number, image in enumerate(reconstruction.images, 1):
         pose = [*quaternion_from_matrix(image.rotation), *image.translation]
-        name = f"frame_{image.frame:06d}.png"
-        lines.append(f"{number} {' '.join(repr(float(v)) for v in pose)} {image.camera + 1} {name}")
+        words = " ".join(repr(float(v)) for v in pose)
+        lines.append(f"{number} {words} {image.camera + 1} {called[image.frame]}")
         places = zip(image.xy.tolist(), image.points.tolist(), strict=True)
         lines.append(" ".join(f"{x!r} {y!r} {point}" for (x, y), point in places))
         for row, point in enumerate(image.points.tolist()):
             seen_by[point].append(f"{number} {row}")
-    (folder / "images.txt").write_text("\n".join(lines) + "\n")
+    _write(folder / "images.txt", lines)
 
     points = reconstruction.points
     lines = ["# POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, POINT2D_IDX)"]
     rows = zip(points.xyz.tolist(), points.rgb.tolist(), points.error.tolist(), seen_by, strict=True)
     for number, ((x, y, z), (r, g, b), error, track) in enumerate(rows):
         lines.append(f"{number} {x!r} {y!r} {z!r} {r} {g} {b} {error!r} {' '.join(track)}".rstrip())
-    (folder / "points3D.txt").write_text("\n".join(lines) + "\n")
+    _write(folder / "points3D.txt", lines)
 
 
 def read_model(folder: Path) -> Reconstruction:
-    """Read a model; UserError naming file and line where it is not what was expected."""
-    cameras = _read_cameras(folder / "cameras.txt")
-    points, rows = _read_points(folder / "points3D.txt")
-    images = _read_images(folder / "images.txt", {number: i for i, number in enumerate(cameras)}, rows)
-    return Reconstruction(tuple(cameras.values()), images, points)
-
-
-def _read_cameras(path: Path) -> dict[int, Intrinsics]:
-    cameras: dict[int, Intrinsics] = {}
-    for number, line in _lines(path):
-        words = line.split()
-        if not words:
-            continue
-        names = PARAMETERS.get(words[1]) if len(words) > 1 else None
-        if names is None:
-            raise _wrong(path, number, f"a camera model that is one of {', '.join(PARAMETERS)}")
-        values = dict(zip(names, _floats(path, number, words[4:], len(names)), strict=True))
-        if "f" in values:
-            values["fx"] = values["fy"] = values.pop("f")
-        key, width, height = _integers(path, number, [words[0], *words[2:4]])
-        if width < 1 or height < 1 or not values["fx"] > 0 or not values["fy"] > 0:
-            raise _wrong(path, number, "a size and focal lengths greater than zero")
-        cameras[key] = Intrinsics(width, height, **values)
-    if not cameras:
-        raise UserError(f"{path} has no cameras")
-    return cameras
-
-
-def _read_points(path: Path) -> tuple[Points, dict[int, int]]:
-    xyz: list[list[float]] = []
-    rgb: list[list[int]] = []
-    error: list[float] = []
-    rows: dict[int, int] = {}
-    for number, line in _lines(path):
-        words = line.split()
-        if not words:
-            continue
-        (key,) = _integers(path, number, words[:1])
-        values = _floats(path, number, [*words[1:4], *words[7:8]], 4)
-        colour = _integers(path, number, words[4:7])
-        if not all(0 <= c <= 255 for c in colour):
-            raise _wrong(path, number, "colours from 0 to 255")
-        rows[key] = len(xyz)
-        xyz.append(values[:3])
-        rgb.append(colour)
-        error.append(values[3])
-    shape = np.array(xyz, dtype=np.float64).reshape(-1, 3)
-    colours = np.array(rgb, dtype=np.uint8).reshape(-1, 3)
-    return Points(shape, colours, np.array(error, dtype=np.float64)), rows
-
-
-def _read_images(path: Path, cameras: dict[int, int], rows: dict[int, int]) -> tuple[Image, ...]:
-    images: dict[int, Image] = {}
-    lines = _lines(path)
-    for number, line in lines:
-        if not line.split():
-            continue
-        words = line.split(maxsplit=9)
-        if len(words) < 10:
-            raise _wrong(path, number, "IMAGE_ID, a quaternion, a translation, CAMERA_ID and a name")
-        pose = _floats(path, number, words[1:8], 7)
-        (camera,) = _integers(path, number, words[8:9])
-        quaternion = np.array(pose[:4])
-        if not np.linalg.norm(quaternion) > 1e-9:
-            raise _wrong(path, number, "a quaternion that is not zero")
-        if camera not in cameras:
-            raise _wrong(path, number, f"a camera of cameras.txt, not {camera}")
-        digits = re.findall(r"\d+", words[9])
-        if not digits:
-            raise _wrong(path, number, "an image name with a frame number")
-        # The line of observations follows at once and may be empty.
-        below, text = next(lines, (number + 1, ""))
-        values = text.split()
-        if len(values) % 3:
-            raise _wrong(path, below, "observations as X Y POINT3D_ID")
-        xy = np.array(_floats(path, below, [v for i, v in enumerate(values) if i % 3 < 2], None)).reshape(
-            -1, 2
-        )
-        ids = _integers(path, below, values[2::3])
-        unknown = [i for i in ids if i != -1 and i not in rows]
-        if unknown:
-            raise _wrong(path, below, f"points of points3D.txt, not {unknown[0]}")
-        known = np.array([i != -1 for i in ids], dtype=bool)
-        points = np.array([rows[i] for i in ids if i != -1], dtype=np.int32)
+    """Read a text model of our own; UserError naming file and line where it is not what was expected."""
+    model, names = assemble(folder, colmap_text.read(folder))
+    images, place = {}, str(folder / "images.txt")
+    for image in model.images:
+        digits = re.findall(r"\d+", names[image.frame])
+        if not digits or len(digits[-1]) > LONGEST_NUMBER:
+            raise wrong(place, f"image names with a frame number, not {names[image.frame]!r}")
         frame = int(digits[-1])
-        images[frame] = Image(
-            frame, matrix_from_quaternion(quaternion), np.array(pose[4:]), xy[known], points, cameras[camera]
-        )
-    return tuple(images[frame] for frame in sorted(images))
+        if frame in images:
+            raise wrong(place, f"one image of frame {frame}, not several")
+        images[frame] = replace(image, frame=frame)
+    return replace(model, images=tuple(images[frame] for frame in sorted(images)))
 
 
-def _lines(path: Path) -> Iterator[tuple[int, str]]:
-    try:
-        text = path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise UserError(f"{path} is missing; a COLMAP text model has {', '.join(FILES)}") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise UserError(f"{path} cannot be read as text: {error}") from None
-    for number, line in enumerate(text.splitlines(), 1):
-        if not line.startswith("#"):
-            yield number, line
+def own_name(frame: int) -> str:
+    """Name of a frame's image in the models of our working folders."""
+    return f"frame_{frame:06d}.png"
 
 
-def _floats(path: Path, line: int, words: list[str], count: int | None) -> list[float]:
-    try:
-        values = [float(word) for word in words]
-    except ValueError:
-        raise _wrong(path, line, "numbers") from None
-    if count is not None and len(values) != count:
-        raise _wrong(path, line, f"{count} numbers, not {len(values)}")
-    if not np.all(np.isfinite(values)):
-        raise _wrong(path, line, "finite numbers")
-    return values
-
-
-def _integers(path: Path, line: int, words: list[str]) -> list[int]:
-    try:
-        return [int(word) for word in words]
-    except ValueError:
-        raise _wrong(path, line, "whole numbers") from None
-
-
-def _wrong(path: Path, line: int, expected: str) -> UserError:
-    return UserError(f"{path}, line {line}: expected {expected}")
+def _write(path: Path, lines: list[str]) -> None:
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")

@@ -1,0 +1,66 @@
+"""Readers of what other programs solved: every format comes in as a solve of the clip."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Protocol
+
+from ..errors import UserError
+from ..footage import Footage
+from . import bundler, colmap, nvm, voodoo
+from .foreign import Foreign
+from .matching import Imported, match
+
+
+class Reader(Protocol):
+    """What a module that reads a format has."""
+
+    FORMAT: str
+
+    def recognises(self, path: Path) -> bool: ...
+    def read(self, path: Path, size: tuple[int, int]) -> Foreign: ...
+
+
+READERS: tuple[Reader, ...] = (colmap, bundler, nvm, voodoo)
+SUPPORTED = (
+    "a COLMAP model (a folder with cameras, images and points3D as .bin or .txt), Bundler's bundle.out,"
+    " a VisualSFM .nvm, or a text export of the Voodoo camera tracker"
+)
+SUFFIXES = (".out", ".nvm", ".txt")
+"""Of the files that are looked at in a folder without a COLMAP model."""
+
+
+def read_reconstruction(path: Path, footage: Footage) -> Imported:
+    """Read another program's model of a clip, a file or a folder, and match it with the clip's frames.
+
+    Raises UserError where the format is unknown, the file is damaged (naming the place in it), or the model
+    is not of this clip.
+    """
+    path = Path(path).expanduser()
+    if not path.exists():
+        raise UserError(f"{path} does not exist; give {SUPPORTED}")
+    reader, file = _recognised(path)
+    return match(reader.read(file, (footage.width, footage.height)), footage)
+
+
+def _recognised(path: Path) -> tuple[Reader, Path]:
+    for reader in READERS:
+        if reader.recognises(path):
+            return reader, path
+    found = _models_in(path) if path.is_dir() else []
+    if len(found) == 1:
+        return found[0]
+    if found:
+        names = ", ".join(file.name for _, file in found)
+        raise UserError(f"{path} has several models: {names}; name one of them")
+    raise UserError(f"{path} is no model of a known format; give {SUPPORTED}")
+
+
+def _models_in(folder: Path) -> list[tuple[Reader, Path]]:
+    """The models in a folder, or where there is none, in the folder that Bundler makes in it."""
+    for place in (folder, folder / "bundle"):
+        files = sorted(f for f in place.glob("*") if f.suffix.lower() in SUFFIXES and f.is_file())
+        found = [(reader, file) for file in files for reader in READERS if reader.recognises(file)]
+        if found:
+            return found
+    return []

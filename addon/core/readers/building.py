@@ -1,0 +1,188 @@
+"""What the readers of text formats share: from numbers in a file to lenses, poses and observations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import UserError
+from ..footage import PICTURES
+from ..reconstruction import Floats, Image, Intrinsics, Points, Reconstruction
+from .parsing import LARGEST, Numbers
+
+ACCURATE = 0.01
+"""Pixels by which a converted lens may miss without a word."""
+FITS = ((2, 0), (2, 1), (2, 2), (3, 3))
+"""Terms above and below the fraction line of a fitted lens, the simplest first."""
+ROTATION_ERROR = 1e-2
+"""Rows of a rotation are this close to orthonormal; files with two digits are not read as rotations."""
+
+
+def rotation_from(matrix: Floats, problem: UserError) -> Floats:
+    """The rotation nearest to a (3, 3) matrix as printed in a file; raises `problem` if it is none.
+
+    The polar factor is the nearest one in the Frobenius norm (Higham, "Matrix nearness problems", 1989).
+    """
+    if np.abs(matrix @ matrix.T - np.eye(3)).max() > ROTATION_ERROR or np.linalg.det(matrix) < 0:
+        raise problem
+    left, _, right = np.linalg.svd(matrix)
+    return np.asarray(left @ right)
+
+
+def undistorting(pinhole: Intrinsics, a1: float, a2: float) -> tuple[Intrinsics, float] | None:
+    """The lens for which x_u = x_d (1 + a1 r_d^2 + a2 r_d^4) is the way back to a pinhole's rays.
+
+    Our lenses have the way there, so the simplest one is fitted that misses by `ACCURATE` pixels at most in
+    the whole picture: k1 and k2, else a quotient of polynomials (FULL_OPENCV). Returns it with its largest
+    miss in pixels, or None where the picture would fold or no lens of ours comes within a pixel.
+    """
+    size = (pinhole.width, pinhole.height)
+    corners = np.array([[0, 0], [size[0], 0], [0, size[1]], size])
+    rim = np.linalg.norm((corners - pinhole.principal_point) / pinhole.focal, axis=1).max()
+    # As dense towards the rim as Chebyshev's nodes, where polynomials err most.
+    seen = rim * np.sin(np.linspace(0.0, np.pi / 2, 257)[1:])
+    square = seen * seen
+    if (1 + square * (3 * a1 + square * 5 * a2)).min() <= 0:
+        return None
+    true = seen * (1 + square * (a1 + square * a2))
+    place = (pinhole.fx, pinhole.fy, pinhole.cx, pinhole.cy)
+    for above, below in FITS:
+        terms = _quotient(true, seen, above, below)
+        k1, k2, k3, k4, k5, k6 = terms.tolist()
+        if below:
+            lens = Intrinsics.from_parameters(
+                "FULL_OPENCV", *size, (*place, k1, k2, 0.0, 0.0, k3, k4, k5, k6)
+            )
+        else:
+            lens = Intrinsics(*size, *place, k1, k2)
+        found = lens.distort(np.stack([true, np.zeros_like(true)], axis=-1))[:, 0]
+        miss = float(np.abs(found - seen).max() * pinhole.focal.max())
+        if miss <= ACCURATE:
+            break
+    return (lens, miss) if miss < 1 else None
+
+
+def _quotient(true: Floats, seen: Floats, above: int, below: int) -> Floats:
+    """(6,) terms of r^2, r^4, r^6 above and below the fraction line that take radii `true` to `seen`.
+
+    Linear once it is multiplied out; the weights undo what that does to the errors (Sanathanan and Koerner,
+    "Transfer function synthesis as a ratio of two complex polynomials", 1963).
+    """
+    # In units of the rim, so that strong lenses do not lose their digits.
+    unit = true / true[-1]
+    powers = unit[:, None] ** np.array([2.0, 4.0, 6.0])
+    columns = np.concatenate([powers[:, :above] * true[:, None], -powers[:, :below] * seen[:, None]], axis=1)
+    weight = np.ones_like(true)
+    solution = np.zeros(above + below)
+    for _ in range(3):
+        solution = np.linalg.lstsq(columns * weight[:, None], (seen - true) * weight)[0]
+        weight = 1 / np.maximum(np.abs(1 + powers[:, :below] @ solution[above:]), 1e-3)
+    terms = np.zeros(6)
+    terms[:above], terms[3 : 3 + below] = solution[:above], solution[above:]
+    return np.asarray(terms / np.tile(true[-1] ** np.array([2.0, 4.0, 6.0]), 2))
+
+
+@dataclass(frozen=True)
+class Sightings:
+    """Which image saw which point where."""
+
+    image: NDArray[np.int64]
+    """(n,) index of the image in its file."""
+    point: NDArray[np.int64]
+    """(n,) row of the point."""
+    xy: Floats
+    """(n, 2) in pixels."""
+
+
+def sightings_of(
+    numbers: Numbers, starts: NDArray[np.int64], each: int, cameras: int, images: list[Image]
+) -> tuple[Sightings, list[str]]:
+    """The views of points that stand as X Y Z R G B, a count and so many times camera, key, x, y.
+
+    `starts` (m,) are the indices of X. With `each` 2 the views have no x and y, which come out as 0. Views by
+    cameras that are not among `images` are left out, with a note.
+    """
+    counts = numbers.values[starts + 6].astype(np.int64)
+    point = np.repeat(np.arange(len(starts)), counts)
+    within = np.arange(len(point)) - np.repeat(np.cumsum(counts) - counts, counts)
+    where = starts[point] + 7 + each * within
+    camera = numbers.whole(where, cameras, "a camera")
+    known = np.isin(camera, [image.frame for image in images])
+    lost = int(np.sum(~known))
+    notes = [f"{lost} features belong to cameras that are not registered: left out"] if lost else []
+    where = where[known]
+    xy = numbers.values[where[:, None] + [2, 3]] if each == 4 else np.zeros((len(where), 2))
+    return Sightings(camera[known], point[known], xy), notes
+
+
+def assemble(
+    cameras: list[Intrinsics], images: list[Image], sightings: Sightings, xyz: Floats, rgb: Floats
+) -> Reconstruction:
+    """Give images, which are ordered and have no observations yet, their sightings.
+
+    `xyz` is (m, 3), `rgb` (m, 3) from 0 to 255. Of several sightings of a point in an image the first counts.
+    A point's error is the mean over the images that have it ahead.
+    """
+    _, kept = np.unique(sightings.image * len(xyz) + sightings.point, return_index=True)
+    image, point, xy = sightings.image[kept], sightings.point[kept].astype(np.int32), sightings.xy[kept]
+    sums, counts = np.zeros(len(xyz)), np.zeros(len(xyz))
+    whole = []
+    for bare in images:
+        start, stop = np.searchsorted(image, [bare.frame, bare.frame + 1])
+        seen, place = point[start:stop], xy[start:stop]
+        local = bare.to_camera(xyz[seen])
+        with np.errstate(over="ignore", invalid="ignore"):
+            miss = np.linalg.norm(cameras[bare.camera].project(local) - place, axis=1)
+        usable = (local[:, 2] > 0) & (miss <= LARGEST)
+        sums[seen[usable]] += miss[usable]
+        counts[seen[usable]] += 1
+        whole.append(Image(bare.frame, bare.rotation, bare.translation, place, seen, bare.camera))
+    points = Points(xyz, np.clip(np.round(rgb), 0, 255).astype(np.uint8), sums / np.maximum(counts, 1))
+    return Reconstruction(tuple(cameras), tuple(whole), points)
+
+
+def visible(lens: Intrinsics, image: Image, xyz: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+    """Where points (k, 3) project (k, 2), and which of them lie ahead and inside the picture (k,)."""
+    local = image.to_camera(xyz)
+    place = lens.project(local)
+    return place, (local[:, 2] > 0) & np.all((place >= 0) & (place <= [lens.width, lens.height]), axis=1)
+
+
+def picture_size(folder: Path, names: list[str]) -> tuple[int, int] | None:
+    """(width, height) of the first picture that lies beside a model, as stored; None where none does."""
+    for name in names[:8]:
+        relative = Path(name.replace("\\", "/"))
+        for file in (folder / relative, folder / relative.name):
+            # A model file may name anything; only pictures below its own folder are opened.
+            inside = (not relative.is_absolute() and ".." not in relative.parts) or file.parent == folder
+            if not inside or file.suffix.lower() not in PICTURES or not file.is_file():
+                continue
+            picture = cv2.imread(str(file), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
+            if picture is not None:
+                return picture.shape[1], picture.shape[0]
+    return None
+
+
+def check_size(path: Path, size: tuple[int, int], xy: Floats) -> list[str]:
+    """Notes on whether observations (n, 2) in pixels fit a picture of `size`; UserError if they do not."""
+    if not len(xy):
+        return ["the file has no observations, so no frame has features of its own"]
+    width, height = size
+    outside = np.any((xy < -0.02 * np.array(size)) | (xy > 1.02 * np.array(size)), axis=1)
+    if outside.mean() > 0.05:
+        low, high = np.percentile(xy, 2, axis=0), np.percentile(xy, 98, axis=0)
+        raise UserError(
+            f"{path} was not solved from pictures of {width}x{height}: its features lie from"
+            f" {low[0]:.0f}, {low[1]:.0f} to {high[0]:.0f}, {high[1]:.0f}; give the footage that was solved"
+        )
+    reach = np.abs(2 * xy / np.array(size) - 1).max()
+    if reach < 0.65:
+        return [
+            f"the features reach only {reach:.0%} of the way to the picture's border; if smaller pictures"
+            " than this clip's were solved, give those as the footage"
+        ]
+    return []

@@ -1,0 +1,168 @@
+"""What a COLMAP model holds, as read from text or binary files, and its check and assembly."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import UserError
+from ..reconstruction import Floats, Image, Intrinsics, Points, Reconstruction, matrix_from_quaternion
+
+Longs = NDArray[np.int64]
+
+LARGEST = 1e15
+"""No number in a model is larger, in any unit: its fourth power is far from overflow."""
+LONGEST = 2**32
+"""Bytes of a file."""
+NO_POINT = -1
+"""POINT3D_ID of a feature without a point; 2^64 - 1 in binary files is the same number."""
+
+
+@dataclass(frozen=True)
+class ImageRow:
+    """One image of a model with the keys of its file."""
+
+    place: str
+    """Where in its file it is, for messages: "images.txt, line 5"."""
+    key: int
+    quaternion: Floats
+    """(4,) w, x, y, z of the world-to-camera rotation."""
+    translation: Floats
+    """(3,) of the world-to-camera pose."""
+    camera: int
+    """Key of its camera."""
+    name: str
+    features_place: str
+    xy: Floats
+    """(n, 2) features in pixels."""
+    points: Longs
+    """(n,) keys of their points, or NO_POINT."""
+
+
+@dataclass(frozen=True)
+class PointTable:
+    """The m points of a model with the keys of its file."""
+
+    keys: Longs
+    """(m,) POINT3D_IDs."""
+    points: Points
+    place: Callable[[int], str]
+    """Where in its file the point of a row is."""
+
+
+@dataclass(frozen=True)
+class Tables:
+    """A whole model."""
+
+    cameras: dict[int, Intrinsics]
+    images: Sequence[ImageRow]
+    points: PointTable
+
+
+def wrong(place: str, expected: str) -> UserError:
+    """The error for what is not as expected at a place in a file."""
+    return UserError(f"{place}: expected {expected}")
+
+
+def lens(place: str, model: str, width: int, height: int, values: Sequence[float]) -> Intrinsics:
+    """`Intrinsics.from_parameters`, its errors with their place."""
+    if not _usable(np.array(values, dtype=np.float64)).all():
+        raise wrong(place, f"camera parameters up to {LARGEST:g}")
+    try:
+        return Intrinsics.from_parameters(model, width, height, values)
+    except UserError as error:
+        raise UserError(f"{place}: {error}") from None
+
+
+def name_of(place: str, raw: bytes) -> str:
+    """A file's name for an image; programs on Windows may have written it in a code page."""
+    try:
+        name = raw.decode()
+    except UnicodeDecodeError:
+        name = raw.decode("latin-1")
+    if not name.strip():
+        raise wrong(place, "an image with a name")
+    return name.strip()
+
+
+def contents(path: Path, names: Sequence[str]) -> bytes:
+    """A file's bytes; UserError that says what belongs to a model where it cannot be read."""
+    try:
+        if not path.is_file():
+            raise UserError(f"{path} is missing; a COLMAP model has {', '.join(names)}")
+        if path.stat().st_size > LONGEST:
+            raise UserError(f"{path} is larger than {LONGEST >> 30} GiB; export fewer points")
+        return path.read_bytes()
+    except OSError as error:
+        raise UserError(f"{path} cannot be read: {error}") from None
+
+
+def assemble(folder: Path, tables: Tables) -> tuple[Reconstruction, tuple[str, ...]]:
+    """The model and the names of its images, both in the order of the image keys.
+
+    `Image.frame` is an index into the names. Features without a point are left out.
+    UserError with the place where a number is not finite, a key is not known or given twice, or a rotation
+    is none.
+    """
+    if not tables.cameras:
+        raise UserError(f"{folder}: the model has no cameras")
+    if not tables.images:
+        raise UserError(f"{folder}: the model has no images; take the one of your solves that has")
+    table = tables.points
+    _check_points(table)
+    order = np.argsort(table.keys, kind="stable")
+    keys = table.keys[order]
+    twice = np.flatnonzero(keys[1:] == keys[:-1])
+    if len(twice):
+        again = int(order[twice[0] + 1])
+        raise wrong(table.place(again), f"a POINT3D_ID that no other point has, not {table.keys[again]}")
+    cameras = sorted(tables.cameras)
+    index = {key: i for i, key in enumerate(cameras)}
+    images: list[Image] = []
+    rows = sorted(tables.images, key=lambda row: row.key)
+    for frame, row in enumerate(rows):
+        if frame and rows[frame - 1].key == row.key:
+            raise wrong(row.place, f"an IMAGE_ID that no other image has, not {row.key}")
+        if row.camera not in index:
+            raise wrong(row.place, f"one of the model's cameras, not {row.camera}")
+        xy, points = _features(row, keys, order)
+        images.append(Image(frame, _rotation(row), row.translation, xy, points, index[row.camera]))
+    lenses = tuple(tables.cameras[key] for key in cameras)
+    return Reconstruction(lenses, tuple(images), table.points), tuple(row.name for row in rows)
+
+
+def _check_points(table: PointTable) -> None:
+    usable = _usable(table.points.xyz).all(axis=1) & _usable(table.points.error)
+    if not usable.all():
+        raise wrong(table.place(int(np.argmin(usable))), f"a point of numbers up to {LARGEST:g}")
+
+
+def _usable(values: Floats) -> NDArray[np.bool_]:
+    """Which numbers are finite and of a size to compute with; what is no number compares false."""
+    return np.asarray(np.abs(values) <= LARGEST)
+
+
+def _rotation(row: ImageRow) -> Floats:
+    if not (_usable(row.quaternion).all() and _usable(row.translation).all()):
+        raise wrong(row.place, f"a pose of numbers up to {LARGEST:g}")
+    if not np.abs(row.quaternion).max() > 1e-9:
+        raise wrong(row.place, "a quaternion that is not zero")
+    return matrix_from_quaternion(row.quaternion)
+
+
+def _features(row: ImageRow, keys: Longs, order: Longs) -> tuple[Floats, NDArray[np.int32]]:
+    """Places (n, 2) and rows (n,) of the points that an image sees, from the sorted keys and their rows."""
+    seen = row.points != NO_POINT
+    wanted, xy = row.points[seen], row.xy[seen]
+    at = np.searchsorted(keys, wanted)
+    known = at < len(keys)
+    known[known] = keys[at[known]] == wanted[known]
+    if not known.all():
+        raise wrong(row.features_place, f"one of the model's points, not {wanted[np.argmin(known)]}")
+    if not _usable(xy).all():
+        raise wrong(row.features_place, f"features at places up to {LARGEST:g}")
+    return xy, order[at].astype(np.int32)

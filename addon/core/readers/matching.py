@@ -1,0 +1,257 @@
+"""Which frame of the clip each image of a foreign model is.
+
+By file name, its folders deciding between namesakes; else by name without extension; else by the number in
+the name; else, where both have as many, by order.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import defaultdict
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import PurePosixPath
+
+import numpy as np
+
+from ..errors import UserError
+from ..footage import Footage, describe
+from ..reconstruction import Image, Intrinsics, Reconstruction
+from .foreign import Foreign
+
+SAME_ASPECT = 0.01
+"""How much a clip's aspect ratio may differ from the model's: sizes are rounded to whole pixels."""
+NO_PATH = 1e-4
+"""Cameras that lie closer together, in the points' typical distance, only turn."""
+ONLY_TURNS = "the camera only turns: all cameras are at one place, so the points have no depth of their own"
+SHOWN = 5
+
+
+@dataclass(frozen=True)
+class Imported:
+    """A foreign model as a solve of the clip."""
+
+    reconstruction: Reconstruction
+    """`Image.frame` is the clip's own frame number, images in their order; not normalised."""
+    format: str
+    notes: tuple[str, ...]
+    """What the user should know, a sentence each."""
+
+
+@dataclass
+class _Pairing:
+    """A way to tell which image is which frame, and what came of it."""
+
+    frames: dict[int, int] = field(default_factory=dict)
+    """From the image's index in the model to the clip's frame."""
+    doubtful: list[tuple[str, str, int]] = field(default_factory=list)
+    """Two images that are equally likely to be a frame."""
+    note: str = ""
+
+
+def match(foreign: Foreign, footage: Footage) -> Imported:
+    """Give the images of a foreign model the clip's frame numbers, and its lenses the clip's size.
+
+    Raises UserError where no image can be told to be a frame, where several could be the same one, and where
+    the model was solved from pictures of another shape.
+    """
+    pairing = _pair(foreign, footage)
+    notes = [*foreign.notes, pairing.note] if pairing.note else list(foreign.notes)
+    images = foreign.reconstruction.images
+    known = sorted(
+        (
+            replace(image, frame=pairing.frames[image.frame])
+            for image in images
+            if image.frame in pairing.frames
+        ),
+        key=lambda image: image.frame,
+    )
+    if not known:
+        raise UserError(
+            f"the images of the {foreign.format} model that have a camera are not in {footage.path.name};"
+            " give the footage that was solved"
+        )
+    left_out = [_shown(foreign, image.frame) for image in images if image.frame not in pairing.frames]
+    if left_out:
+        notes.append(f"{len(left_out)} images of the model are not in the clip: {_some(left_out)}")
+    frames = {image.frame for image in known}
+    without = [str(frame) for frame in footage.frames if frame not in frames]
+    if without:
+        notes.append(f"{len(without)} frames of the clip have no camera: {_some(without)}")
+    reconstruction = replace(foreign.reconstruction, images=tuple(known))
+    reconstruction, scaled = _fitted(reconstruction, footage)
+    notes += scaled
+    if _only_turns(reconstruction):
+        notes.append(ONLY_TURNS)
+    return Imported(reconstruction, foreign.format, tuple(notes))
+
+
+def _pair(foreign: Foreign, footage: Footage) -> _Pairing:
+    named = {index: _parts(name) for index, name in enumerate(foreign.names) if name}
+    registered = [image.frame for image in foreign.reconstruction.images]
+    ways = [] if footage.is_video else [_by(named, footage, _file_name), _by(named, footage, _stem)]
+    ways.append(_by_number(named, footage))
+    # The most telling way comes first, and of equal counts max takes the first.
+    best = max(ways, key=lambda way: sum(index in way.frames for index in registered) + len(way.doubtful))
+    if best.doubtful:
+        first, second, frame = best.doubtful[0]
+        raise UserError(
+            f"frame {frame} of {footage.path.name} could be {first[-60:]} or {second[-60:]} of the"
+            f" {foreign.format} model; remove one of them from the model or rename its pictures"
+        )
+    if any(index in best.frames for index in registered):
+        return best
+    if len(foreign.names) == len(footage.frames):
+        order = sorted(range(len(foreign.names)), key=lambda index: _natural(foreign.names[index]))
+        by = "the order of their names" if named else "their order"
+        note = f"the model's images are taken to be the clip's frames in {by}"
+        return _Pairing(dict(zip(order, footage.frames, strict=True)), note=note)
+    raise UserError(_no_match(foreign, footage))
+
+
+def _no_match(foreign: Foreign, footage: Footage) -> str:
+    count = len(foreign.names)
+    clip = f"{footage.path.name} has {describe(footage.frames)}"
+    if not any(foreign.names):
+        return (
+            f"the {foreign.format} model has {count} cameras without names, and {clip}: which is which"
+            " cannot be told; give the footage that was solved, or for Bundler put list.txt beside the model"
+        )
+    if footage.files:
+        clip += f" ({_some([file.name for file in footage.files])})"
+    return (
+        f"none of the {count} images of the {foreign.format} model ({_some(list(foreign.names))}) is in the"
+        f" clip: {clip}; give the footage that was solved"
+    )
+
+
+Parts = tuple[str, ...]
+
+
+def _parts(name: str) -> Parts:
+    """The components of a path of any system, without a drive, in lower case."""
+    path = re.sub(r"^[A-Za-z]:", "", name.replace("\\", "/")).casefold()
+    return tuple(part for part in PurePosixPath(path).parts if part not in ("/", "//", "."))
+
+
+def _file_name(parts: Parts) -> str:
+    return parts[-1] if parts else ""
+
+
+def _stem(parts: Parts) -> str:
+    path = PurePosixPath(_file_name(parts))
+    # What looks like an extension may be the number of the frame.
+    return path.name if path.suffix[1:].isdecimal() else path.stem
+
+
+def _by(named: dict[int, Parts], footage: Footage, key: Callable[[Parts], str]) -> _Pairing:
+    clip = {frame: _parts(str(file)) for frame, file in zip(footage.frames, footage.files, strict=True)}
+    wanted = [(frame, key(parts), parts) for frame, parts in clip.items()]
+    return _chosen(named, wanted, key)
+
+
+def _by_number(named: dict[int, Parts], footage: Footage) -> _Pairing:
+    """By the last number in the name, from 0 where the clip counts from 1."""
+    folder = _parts(str(footage.path))
+    folder = (*folder[:-1], "") if footage.is_video or not footage.path.is_dir() else (*folder, "")
+    wanted = [(frame, str(frame), folder) for frame in footage.frames]
+    plain = _chosen(named, wanted, _number)
+    plain.note = "images are told by the number in their names: they are the clip's frames of that number"
+    if not any(_number(parts) == "0" for parts in named.values()):
+        return plain
+    moved = _chosen(named, [(frame, str(frame - 1), folder) for frame in footage.frames], _number)
+    moved.note = "the model counts its images from 0, the clip its frames from 1"
+    if footage.is_video or (footage.frames[0] == 1 and len(moved.frames) > len(plain.frames)):
+        return moved
+    return plain
+
+
+def _number(parts: Parts) -> str:
+    digits = re.findall(r"\d+", _stem(parts))
+    return digits[-1].lstrip("0") or "0" if digits else ""
+
+
+def _chosen(
+    named: dict[int, Parts], wanted: Sequence[tuple[int, str, Parts]], key: Callable[[Parts], str]
+) -> _Pairing:
+    """For each (frame, key, path) the image with that key; among several the one whose folders agree best."""
+    by_key: dict[str, list[int]] = defaultdict(list)
+    for index, parts in named.items():
+        by_key[key(parts)].append(index)
+    pairing = _Pairing()
+    for frame, value, path in wanted:
+        candidates = by_key.get(value, []) if value else []
+        agreement = [_shared_folders(named[index], path) for index in candidates]
+        most = max(agreement, default=0)
+        best = [index for index, shared in zip(candidates, agreement, strict=True) if shared == most]
+        if len(best) > 1:
+            first, second = ("/".join(named[index]) for index in best[:2])
+            pairing.doubtful.append((first, second, frame))
+        elif best:
+            pairing.frames[best[0]] = frame
+    return pairing
+
+
+def _shared_folders(one: Parts, other: Parts) -> int:
+    """How many folders from the innermost outwards have the same names."""
+    pairs = list(zip(reversed(one[:-1]), reversed(other[:-1]), strict=False))
+    return next((count for count, (a, b) in enumerate(pairs) if a != b), len(pairs))
+
+
+def _natural(name: str) -> list[tuple[bool, int, str]]:
+    """Sorts img2 before img10, and empty names not at all."""
+    pieces = re.split(r"(\d{1,18})", name)
+    return [(piece.isdecimal(), int(piece) if piece.isdecimal() else 0, piece) for piece in pieces if piece]
+
+
+def _shown(foreign: Foreign, index: int) -> str:
+    return foreign.names[index] or f"camera {index}"
+
+
+def _some(names: list[str]) -> str:
+    shown = ", ".join(name[-60:] for name in names[:SHOWN])
+    return shown + (", ..." if len(names) > SHOWN else "")
+
+
+def _fitted(model: Reconstruction, footage: Footage) -> tuple[Reconstruction, list[str]]:
+    """The same model on pictures of the clip's size, with only those lenses that are used."""
+    used = sorted({image.camera for image in model.images})
+    places = {camera: place for place, camera in enumerate(used)}
+    size = np.array([footage.width, footage.height])
+    scales = {camera: size / [model.cameras[camera].width, model.cameras[camera].height] for camera in used}
+    for camera in used:
+        _check_shape(model.cameras[camera], footage)
+
+    def fitted(image: Image) -> Image:
+        return replace(image, xy=image.xy * scales[image.camera], camera=places[image.camera])
+
+    lenses = tuple(model.cameras[camera].scaled(footage.width, footage.height) for camera in used)
+    typical = float(np.mean([scales[image.camera] for image in model.images]))
+    points = replace(model.points, error=model.points.error * typical)
+    sizes = sorted({(model.cameras[c].width, model.cameras[c].height) for c in used})
+    other = [f"{w}x{h}" for w, h in sizes if (w, h) != (footage.width, footage.height)]
+    notes = [f"the model was solved at {_some(other)} and is scaled to the clip's size"] if other else []
+    return Reconstruction(lenses, tuple(map(fitted, model.images)), points), notes
+
+
+def _check_shape(lens: Intrinsics, footage: Footage) -> None:
+    scaled = lens.scaled(footage.width, footage.height)
+    across, down = footage.width / lens.width, footage.height / lens.height
+    squares_pixels = abs(scaled.fx / scaled.fy - 1) < SAME_ASPECT < abs(lens.fx / lens.fy - 1)
+    if abs(across / down - 1) < SAME_ASPECT or squares_pixels:
+        return
+    turned = (lens.width > lens.height) != (footage.width > footage.height)
+    hint = " (one of them lies on its side)" if turned else ""
+    raise UserError(
+        f"the model was solved from pictures of {lens.width}x{lens.height}, {footage.path.name} has"
+        f" {footage.width}x{footage.height}{hint}; give the footage that was solved"
+    )
+
+
+def _only_turns(model: Reconstruction) -> bool:
+    centres = np.array([image.centre for image in model.images])
+    if len(centres) < 2 or not len(model.points):
+        return False
+    spread = np.linalg.norm(centres - centres.mean(axis=0), axis=1).max()
+    typical = np.median(np.linalg.norm(model.points.xyz - centres.mean(axis=0), axis=1))
+    return bool(spread < NO_PATH * typical)

@@ -1,0 +1,302 @@
+"""VisualSFM's N-view match files: NVM_V3, with FixedK, NVM_V3_R9T, and those that COLMAP writes.
+
+Camera: focal length, world-to-camera quaternion w x y z and projection centre (R9T: rotation and
+translation), axes as ours. What the format leaves open is decided by what reprojects best: features are
+relative to the principal point (VisualSFM) or in absolute pixels (COLMAP); the radial parameter r
+undistorts, x_u = x_d (1 + r x_d^2) (Wu et al., "Multicore bundle adjustment", 2011), or is COLMAP's -k1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import UserError
+from ..reconstruction import Floats, Image, Intrinsics, matrix_from_quaternion
+from .building import (
+    ACCURATE,
+    Sightings,
+    assemble,
+    check_size,
+    picture_size,
+    rotation_from,
+    sightings_of,
+    undistorting,
+)
+from .foreign import Foreign
+from .parsing import Numbers, Text
+
+FORMAT = "VisualSFM NVM"
+SAMPLE = 20_000
+"""Features that decide between conventions."""
+
+
+def recognises(path: Path) -> bool:
+    try:
+        with path.open("rb") as file:
+            start = file.read(64).removeprefix(b"\xef\xbb\xbf").lstrip()
+    except OSError:
+        return False
+    return start.startswith(b"NVM_V") or path.suffix.lower() == ".nvm"
+
+
+def read(path: Path, size: tuple[int, int]) -> Foreign:
+    """Read the largest model of a file.
+
+    `size` is the clip's (width, height), used unless a listed picture lies beside the file, because the
+    format has none. Raises UserError naming the line that is not what was expected.
+    """
+    text = Text(path)
+    header = _header(text)
+    model, notes = _largest_model(text, header)
+    if not model.cameras:
+        raise UserError(f"{path} has no registered camera; solve the clip again")
+    if not len(model.starts):
+        raise UserError(f"{path} has no points: export it again with its 3D points")
+    columns = model.starts[:, None] + np.arange(3)
+    xyz, rgb = model.numbers.values[columns], model.numbers.values[columns + 3]
+    images = [replace(camera.image, camera=index) for index, camera in enumerate(model.cameras)]
+    sightings, lost = sightings_of(model.numbers, model.starts, 4, len(model.names), images)
+    size = picture_size(path.parent, list(model.names)) or size
+    convention = _convention(path, header, model, sightings, xyz, size)
+    lenses, converted = _lenses(text, header, model, convention, size)
+    sightings = replace(sightings, xy=sightings.xy + convention.origin)
+    notes += [*lost, *converted, *convention.notes, *check_size(path, size, sightings.xy)]
+    reconstruction = assemble(lenses, images, sightings, xyz, rgb)
+    return Foreign(f"{FORMAT} ({header.version})", reconstruction, model.names, tuple(notes))
+
+
+@dataclass(frozen=True)
+class _Header:
+    version: str
+    fixed: tuple[float, float, float, float, float] | None
+    """fx, cx, fy, cy, r that all cameras share."""
+
+    @property
+    def pose_numbers(self) -> int:
+        return 12 if self.version == "NVM_V3_R9T" else 7
+
+
+@dataclass(frozen=True)
+class _Camera:
+    image: Image
+    """`Image.frame` is the index in the model."""
+    focal: float
+    radial: float
+    line: int
+
+
+@dataclass(frozen=True)
+class _Model:
+    names: tuple[str, ...]
+    cameras: list[_Camera]
+    numbers: Numbers
+    starts: NDArray[np.int64]
+    """(points,) index of each point's first number."""
+
+
+@dataclass(frozen=True)
+class _Convention:
+    """One reading of what the format leaves open."""
+
+    origin: Floats
+    """(2,) what is added to a feature's position."""
+    principal_point: Floats
+    """(2,)"""
+    fixed: bool
+    """Focal lengths are the header's, not each camera's."""
+    undistorts: bool
+    """The radial parameter is VisualSFM's, not COLMAP's."""
+    notes: tuple[str, ...] = ()
+
+
+def _header(text: Text) -> _Header:
+    words = text.demand("NVM_V3").split()
+    version = words.pop(0)
+    if version not in ("NVM_V3", "NVM_V3_R9T"):
+        raise text.wrong(f"NVM_V3 or NVM_V3_R9T, not {version[:40]!r}")
+    if not words:
+        words = text.demand("the number of cameras").split()
+        if words[0] != "FixedK":
+            text.back()
+            return _Header(version, None)
+    if words[0] != "FixedK" or len(words) not in (5, 6):
+        raise text.wrong("nothing after the version, or FixedK fx cx fy cy r")
+    values = [*text.row(words[1:], len(words) - 1, "numbers").tolist(), 0.0][:5]
+    fx, cx, fy, cy, radial = values
+    if not (fx > 0 and fy > 0):
+        raise text.wrong("FixedK with focal lengths greater than zero")
+    return _Header(version, (fx, cx, fy, cy, radial))
+
+
+def _largest_model(text: Text, header: _Header) -> tuple[_Model, list[str]]:
+    """The model with the most registered cameras; the others are only passed over."""
+    best: _Model | None = None
+    sizes: list[int] = []
+    while True:
+        row = text.next()
+        # Behind the models there may be a list of PLY files.
+        if row is None or row == "0" or row.startswith("#"):
+            break
+        count = text.count(row, "cameras", 2 * (header.pose_numbers + 4))
+        names, cameras = _cameras(text, header, count)
+        sizes.append(len(cameras))
+        row = text.next()
+        points = 0 if row is None else text.count(row, "points", 14)
+        if best is None or len(cameras) > len(best.cameras):
+            best = _model(text, names, cameras, points)
+        else:
+            text.skip(points)
+    if best is None:
+        raise text.ends("the number of cameras") if row is None else text.wrong("at least one camera")
+    others = len(sizes) - 1
+    note = (
+        f"the file has {len(sizes)} models; the largest is imported, {sum(sizes) - len(best.cameras)} cameras"
+    )
+    return best, [f"{note} of the others are left out"] if others else []
+
+
+def _cameras(text: Text, header: _Header, count: int) -> tuple[tuple[str, ...], list[_Camera]]:
+    none, nowhere = np.zeros((0, 2)), np.zeros(0, dtype=np.int32)
+    length = header.pose_numbers + 3
+    names: list[str] = []
+    cameras: list[_Camera] = []
+    for index in range(count):
+        # From the right, because a name may have spaces.
+        parts = text.demand(f"camera {index + 1} of {count}").rsplit(maxsplit=length)
+        if len(parts) != length + 1:
+            raise text.wrong(f"a file name and {length} numbers")
+        values = text.row(parts[1:], length, f"{length} numbers")
+        # VisualSFM itself writes a space in a name as a quotation mark.
+        names.append(parts[0].strip('"').replace('"', " "))
+        focal, pose = float(values[0]), values[1 : 1 + header.pose_numbers]
+        if focal == 0:
+            continue
+        if focal < 0:
+            raise text.wrong("a focal length greater than zero")
+        if header.pose_numbers == 12:
+            rotation = rotation_from(pose[:9].reshape(3, 3), text.wrong("a rotation of three rows"))
+            translation = pose[9:]
+        else:
+            if not np.linalg.norm(pose[:4]) > 1e-9:
+                raise text.wrong("a quaternion that is not zero")
+            rotation = matrix_from_quaternion(pose[:4])
+            translation = -rotation @ pose[4:]
+        image = Image(index, rotation, translation, none, nowhere)
+        cameras.append(_Camera(image, focal, float(values[-2]), text.line))
+    return tuple(names), cameras
+
+
+def _model(text: Text, names: tuple[str, ...], cameras: list[_Camera], points: int) -> _Model:
+    numbers = text.numbers(points)
+    per_line = np.diff(numbers.ends, prepend=0)
+    filled = np.flatnonzero(per_line)
+    per_line = per_line[filled]
+    starts = numbers.ends[filled] - per_line
+    short = np.flatnonzero(per_line < 7)
+    if len(short):
+        raise text.wrong("X Y Z R G B, a count and features", int(numbers.lines[filled[short[0]]]))
+    views = numbers.values[starts + 6]
+    wrong = np.flatnonzero(views * 4 + 7 != per_line)
+    if len(wrong):
+        row = wrong[0]
+        expected = f"{views[row]:g} features of 4 numbers each, not {per_line[row] - 7} numbers"
+        raise text.wrong(expected, int(numbers.lines[filled[row]]))
+    return _Model(names, cameras, numbers, starts)
+
+
+def _convention(
+    path: Path, header: _Header, model: _Model, sightings: Sightings, xyz: Floats, size: tuple[int, int]
+) -> _Convention:
+    """Of all readings of the file the one under which its points project to its features."""
+    centre, zero = np.array(size) / 2, np.zeros(2)
+    point = centre
+    if header.fixed:
+        # Some write it from the centre, and no feature tells.
+        given = np.array([header.fixed[1], header.fixed[3]])
+        point = given if np.linalg.norm(given - centre) < np.linalg.norm(given) else centre + given
+    readings = [
+        _Convention(origin, point, fixed, undistorts)
+        for fixed in ([True, False] if header.fixed else [False])
+        for undistorts in (True, False)
+        for origin in (point, zero, centre)
+    ]
+    few = np.unique(np.linspace(0, max(len(sightings.image) - 1, 0), SAMPLE).astype(np.int64))
+    if not len(sightings.image):
+        return readings[0]
+    sample = Sightings(sightings.image[few], sightings.point[few], sightings.xy[few])
+    misses = [_miss(header, model, reading, sample, xyz, size) for reading in readings]
+    best = int(np.argmin(misses))
+    if not misses[best] < 0.05 * size[0]:
+        raise UserError(
+            f"{path}: the points project {misses[best]:.0f} pixels from their features in pictures of"
+            f" {size[0]}x{size[1]}; give the footage that was solved"
+        )
+    note: tuple[str, ...] = ()
+    if np.allclose(readings[best].origin, 0):
+        note = ("features are in absolute pixels, as COLMAP writes them",)
+    return replace(readings[best], notes=note)
+
+
+def _miss(
+    header: _Header,
+    model: _Model,
+    reading: _Convention,
+    sample: Sightings,
+    xyz: Floats,
+    size: tuple[int, int],
+) -> float:
+    """Median distance in pixels between features and their points, under one reading."""
+    misses = []
+    for camera in model.cameras:
+        rows = np.flatnonzero(sample.image == camera.image.frame)
+        lens, _ = _lens(header, camera, reading, size)
+        if lens is None or not len(rows):
+            misses.append(np.full(len(rows), np.inf))
+            continue
+        place = lens.project(camera.image.to_camera(xyz[sample.point[rows]]))
+        with np.errstate(over="ignore", invalid="ignore"):
+            miss = np.linalg.norm(place - sample.xy[rows] - reading.origin, axis=1)
+        misses.append(np.where(np.isfinite(miss), miss, np.inf))
+    return float(np.median(np.concatenate(misses)))
+
+
+def _lens(
+    header: _Header, camera: _Camera, reading: _Convention, size: tuple[int, int]
+) -> tuple[Intrinsics | None, float]:
+    """A camera's lens under a reading and by how many pixels it misses; None where the picture would fold."""
+    fx = fy = camera.focal
+    radial = camera.radial
+    if reading.fixed and header.fixed:
+        fx, _, fy, _, radial = header.fixed
+    cx, cy = map(float, reading.principal_point)
+    lens = Intrinsics(*size, fx, fy, cx, cy)
+    if radial == 0:
+        return lens, 0.0
+    if not reading.undistorts:
+        return replace(lens, k1=-radial), 0.0
+    return undistorting(lens, radial, 0.0) or (None, 0.0)
+
+
+def _lenses(
+    text: Text, header: _Header, model: _Model, convention: _Convention, size: tuple[int, int]
+) -> tuple[list[Intrinsics], list[str]]:
+    lenses: list[Intrinsics] = []
+    worst = 0.0
+    for camera in model.cameras:
+        lens, miss = _lens(header, camera, convention, size)
+        if lens is None:
+            raise text.wrong(
+                "the radial distortion of a lens, under which the picture does not fold", camera.line
+            )
+        lenses.append(lens)
+        worst = max(worst, miss)
+    notes = []
+    if worst > ACCURATE:
+        notes.append(
+            f"the lens distortion is converted with an error of up to {worst:.2f} pixels in the corners"
+        )
+    return lenses, notes

@@ -1,0 +1,210 @@
+"""What the readers of text formats share: the lines of a file, its numbers, and where they stand.
+
+No count in a file is believed before the bytes that it promises are there, and no number is used before
+it is known to be finite and of a size whose powers are finite too.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import UserError
+from ..reconstruction import Floats
+
+SPACE = np.isin(np.arange(256), list(b" \t\n\r\v\f"))
+"""Which bytes separate words."""
+LARGEST = 1e15
+"""No number in a model is larger, in any unit: its fourth power is far from overflow."""
+LONGEST = 2**32
+"""Bytes of a file."""
+CHUNK = 2**22
+"""Bytes that are split into words at a time: words take ten times the memory of their text."""
+
+
+class Text:
+    """A text file, read from its first line to its last. Any of LF, CRLF and CR ends a line."""
+
+    def __init__(self, path: Path) -> None:
+        """Raises UserError where the file is missing, empty, too large or no text."""
+        self.path = path
+        self.line = 0
+        """Number of the line that was read last."""
+        try:
+            if not path.is_file():
+                raise UserError(f"{path} is not a file; give the file that the other program exported")
+            if path.stat().st_size > LONGEST:
+                raise UserError(f"{path} is larger than {LONGEST >> 30} GiB; export fewer points")
+            data = path.read_bytes()
+        except OSError as error:
+            raise UserError(f"{path} cannot be read: {error.strerror}") from None
+        if not data or data.isspace():
+            raise UserError(f"{path} is empty; export it again")
+        nothing = data.find(b"\0")
+        if nothing >= 0:
+            raise UserError(f"{path}, byte {nothing}: expected text, this is a binary file or UTF-16")
+        data = data.removeprefix(b"\xef\xbb\xbf")
+        if b"\r" in data:
+            data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+        self._data = data
+        self._at = 0
+
+    @property
+    def left(self) -> int:
+        """Bytes that were not read yet."""
+        return max(len(self._data) - self._at, 0)
+
+    def next(self) -> str | None:
+        """The next line that is not blank, stripped; None at the end."""
+        while self._at < len(self._data):
+            end = self._data.find(b"\n", self._at)
+            end = len(self._data) if end < 0 else end
+            row = self._data[self._at : end].strip()
+            self._at = end + 1
+            self.line += 1
+            if row:
+                return _decoded(row)
+        return None
+
+    def demand(self, expected: str) -> str:
+        """The next line that is not blank; UserError that says what was expected where there is none."""
+        row = self.next()
+        if row is None:
+            raise self.ends(expected)
+        return row
+
+    def back(self) -> None:
+        """Read the last line once more."""
+        self._at = self._data.rfind(b"\n", 0, self._at - 1) + 1
+        self.line -= 1
+
+    def skip(self, lines: int) -> None:
+        """Pass over lines that are not blank; UserError where there are fewer."""
+        for number in range(lines):
+            if self.next() is None:
+                raise self.ends(f"{lines - number} more points")
+
+    def numbers(self, lines: int | None = None) -> Numbers:
+        """The numbers on the next `lines` lines that are not blank, or on all that are left."""
+        first, wanted = self.line + 1, lines
+        values: list[Floats] = [np.zeros(0)]
+        per_line: list[NDArray[np.int64]] = [np.zeros(0, dtype=np.int64)]
+        while self._at < len(self._data) and wanted != 0:
+            end = self._data.find(b"\n", self._at + CHUNK)
+            piece = self._data[self._at : len(self._data) if end < 0 else end + 1]
+            stops, counts = _words_per_line(piece)
+            if wanted is not None:
+                filled = np.flatnonzero(counts)[:wanted]
+                wanted -= len(filled)
+                if wanted == 0:
+                    stops, counts = stops[: filled[-1] + 1], counts[: filled[-1] + 1]
+                    piece = piece[: stops[-1]]
+            values.append(self._values(piece))
+            per_line.append(counts)
+            self._at += len(piece)
+            self.line += len(counts)
+        if wanted:
+            raise self.ends(f"{wanted} more lines of {lines}")
+        ends = np.cumsum(np.concatenate(per_line))
+        return Numbers(self, np.concatenate(values), ends, np.arange(first, first + len(ends)))
+
+    def row(self, words: list[str], count: int, what: str) -> Floats:
+        """(count,) numbers from words of the line that was read last."""
+        if len(words) != count:
+            raise self.wrong(f"{what}, not {len(words)}")
+        try:
+            self.line -= 1
+            return self._values(" ".join(words).encode())
+        finally:
+            self.line += 1
+
+    def count(self, word: str, what: str, bytes_each: int) -> int:
+        """A count on the line that was read last, of things that take `bytes_each` bytes at least."""
+        if not re.fullmatch(r"\d{1,18}", word):
+            raise self.wrong(f"the number of {what}, not {word[:40]!r}")
+        if int(word) * bytes_each > self.left + 1:
+            raise self.wrong(f"the number of {what}; {int(word)} do not fit into the {self.left} bytes left")
+        return int(word)
+
+    def wrong(self, expected: str, line: int | None = None) -> UserError:
+        return UserError(f"{self.path}, line {self.line if line is None else line}: expected {expected}")
+
+    def ends(self, expected: str) -> UserError:
+        return UserError(f"{self.path} ends at line {self.line}: expected {expected}; it may be truncated")
+
+    def _values(self, piece: bytes) -> Floats:
+        """The numbers of the text that follows the line that was read last."""
+        words = piece.split()
+        try:
+            values = np.fromiter(map(float, words), dtype=np.float64, count=len(words))
+        except ValueError:
+            values = np.full(len(words), np.nan)
+        # What is not a number compares false, too. Python reads 1_000, which no other program writes.
+        if np.all(np.abs(values) <= LARGEST) and b"_" not in piece:
+            return values
+        for number, line in enumerate(piece.split(b"\n"), self.line + 1):
+            for word in line.split():
+                if not _is_number(word):
+                    shown = _decoded(word[:40])
+                    hint = " (with a point, not a comma)" if b"," in word else ""
+                    raise self.wrong(f"a number of at most {LARGEST:g}{hint}, not {shown!r}", number)
+        raise AssertionError("one of the words is no number")
+
+
+def _decoded(row: bytes) -> str:
+    try:
+        return row.decode("utf-8")
+    except UnicodeDecodeError:
+        return row.decode("latin-1")
+
+
+def _words_per_line(piece: bytes) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Where each line of a text ends, and how many words it has; both (lines,)."""
+    space = SPACE[np.frombuffer(piece, dtype=np.uint8)]
+    begins = ~space
+    begins[1:] &= space[:-1]
+    stops = np.flatnonzero(np.frombuffer(piece, dtype=np.uint8) == ord("\n")) + 1
+    if not piece.endswith(b"\n"):
+        stops = np.append(stops, len(piece))
+    return stops, np.diff(np.searchsorted(np.flatnonzero(begins), stops), prepend=0)
+
+
+def _is_number(word: bytes) -> bool:
+    try:
+        return abs(float(word)) <= LARGEST and b"_" not in word
+    except ValueError:
+        return False
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """Numbers of a text, and on which lines they stand."""
+
+    text: Text
+    values: Floats
+    """(n,)"""
+    ends: NDArray[np.int64]
+    """(lines,) how many numbers stand on each line and those before it."""
+    lines: NDArray[np.int64]
+    """(lines,) their numbers in the text."""
+
+    def line(self, index: int) -> int:
+        """The line on which a number stands."""
+        return int(self.lines[np.searchsorted(self.ends, index, side="right")])
+
+    def wrong(self, index: int, expected: str) -> UserError:
+        if index >= len(self.values):
+            return self.text.ends(expected)
+        return self.text.wrong(f"{expected}, not {self.values[index]:g}", self.line(index))
+
+    def whole(self, where: NDArray[np.int64], below: int, what: str) -> NDArray[np.int64]:
+        """Whole numbers from 0 to `below` - 1 at indices (k,) -> (k,); UserError where one is none."""
+        found = self.values[where]
+        bad = np.flatnonzero((found < 0) | (found >= below) | (found != np.floor(found)))
+        if len(bad):
+            raise self.wrong(int(where[bad[0]]), f"{what} from 0 to {below - 1}")
+        return found.astype(np.int64)
