@@ -1,41 +1,45 @@
-"""2D feature tracks through a clip: corners followed by optical flow, checked there and back.
+"""2D feature tracks through a clip.
 
-Shi and Tomasi, "Good features to track", 1994; Lucas and Kanade in pyramids (Bouguet, 2001). As accurate
-as SIFT on video, two to three times cheaper, and it keeps its points where texture is weak.
+Corners followed by optical flow are as accurate as SIFT on video, several times cheaper, and keep their
+points where texture is weak; SIFT's descriptors find a feature again that was hidden for a while.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from typing import Protocol
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from .errors import UserError
+from .following import TwoScales, follow, new_corners, new_harris
 from .footage import Footage, to_gray8
 from .reconstruction import Floats, Ints
+from .sift import Detector, Matcher
 
+__all__ = ["TRACKERS", "Progress", "Tracks", "cuts", "follow", "new_corners", "track_features"]
+
+TRACKERS = ("corners", "harris", "sift-klt", "sift")
+"""The first is the default. All but the last follow points by optical flow, and differ in which."""
 LONG_SIDE = 960
 """Pixels; larger frames are shrunk for tracking."""
-CELLS = 36
-"""The long side is divided into this many cells, each of which is kept filled with points."""
-MAX_ROUND_TRIP = 0.5
-"""Pixels at tracking size between a point and where flow there and back puts it."""
-WINDOW = (15, 15)
-LEVELS = 4
-BORDER = 4
-"""Pixels at the frame's edge where no corner is taken."""
-QUALITY = 0.002
-"""Smallest eigenvalue of a corner relative to the frame's strongest."""
+LIKE = 0.35
+"""Correlation of a frame with the one before, shifted to fit, below which it shows something else."""
+THUMBNAIL = 64
+"""Width in pixels at which frames are compared, and"""
+OVERLAP = 0.4
+"""the share of the picture that must take part."""
 
+Gray = NDArray[np.uint8]
 Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)
 class Tracks:
-    """Observations of features, sorted by frame."""
+    """Observations of features, sorted by frame. A track may miss frames."""
 
     frames: tuple[int, ...]
     """Frame numbers of the clip."""
@@ -44,11 +48,13 @@ class Tracks:
     frame_index: Ints
     """(m,) index into `frames`."""
     track: Ints
-    """(m,) track number, 0 to `count` - 1."""
+    """(m,) track number, 0 to `count` - 1, ascending within a frame."""
     xy: Floats
     """(m, 2) pixels of the source frame, first pixel centre at (0.5, 0.5)."""
     rgb: NDArray[np.uint8]
     """(count, 3) sRGB colour where the track begins."""
+    likeness: Floats = field(default_factory=lambda: np.zeros(0))
+    """(F,) correlation of each frame with the one before, shifted to fit; empty where it is not known."""
 
     @property
     def count(self) -> int:
@@ -60,97 +66,125 @@ class Tracks:
         return self.track[low:high], self.xy[low:high]
 
 
-def track_features(footage: Footage, progress: Progress) -> Tracks:
-    """Follow corners through all frames of the clip; UserError where there are too few to follow."""
+class Tracker(Protocol):
+    """Sees the frames of a clip one after the other."""
+
+    def step(self, gray: Gray) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+        """Track numbers (n,), ascending, those of new tracks following on the old ones', and places (n, 2).
+
+        Places are OpenCV's, the first pixel's middle at (0, 0).
+        """
+
+
+def track_features(footage: Footage, progress: Progress, tracker: str = TRACKERS[0]) -> Tracks:
+    """Follow features through all frames of the clip by one of `TRACKERS`.
+
+    Raises UserError for an unknown tracker and for a clip with too few frames to follow anything.
+    """
+    made: dict[str, Callable[[], Tracker]] = {
+        "corners": lambda: TwoScales(new_corners),
+        "harris": lambda: TwoScales(new_harris),
+        "sift-klt": lambda: TwoScales(Detector()),
+        "sift": Matcher,
+    }
+    if tracker not in made:
+        raise UserError(f"there is no tracker {tracker!r}; choose one of {', '.join(TRACKERS)}")
     if len(footage.frames) < 3:
         raise UserError(
             f"{footage.path.name} has {len(footage.frames)} frame(s); at least 3 with a moving camera are"
             " needed"
         )
+    tracks = run(made[tracker](), footage, progress)
+    return _followed(tracks) if tracker == "sift" else tracks
+
+
+def run(tracker: Tracker, footage: Footage, progress: Progress = lambda *_: None) -> Tracks:
+    """What a tracker makes of a clip; frames are shrunk to `LONG_SIDE`, places are the source's."""
     zoom = min(1.0, LONG_SIDE / max(footage.width, footage.height))
     numbers: list[NDArray[np.int64]] = []
     places: list[NDArray[np.float32]] = []
     colours: list[NDArray[np.uint8]] = []
-    active = np.zeros((0, 2), np.float32)
-    active_numbers = np.zeros(0, np.int64)
-    before: NDArray[np.uint8] | None = None
+    likeness = np.ones(len(footage.frames))
+    before: NDArray[np.float32] | None = None
     born = 0
-    for index, frame in enumerate(footage.frames):
-        progress("Tracking features", index, len(footage.frames))
+    for done, frame in enumerate(footage.frames):
+        progress("Tracking features", done, len(footage.frames))
         picture = footage.read(frame)
         gray = _shrunk(to_gray8(picture), zoom)
-        if before is not None:
-            active, kept = follow(before, gray, active)
-            active_numbers = active_numbers[kept]
-        fresh = new_corners(gray, active)
-        colours.append(_colours(picture, fresh, zoom))
-        active = np.concatenate([active, fresh])
-        active_numbers = np.concatenate([active_numbers, born + np.arange(len(fresh))])
-        born += len(fresh)
-        numbers.append(active_numbers)
-        places.append(active)
-        before = gray
+        number, place = tracker.step(gray)
+        new = np.searchsorted(number, born)
+        colours.append(_colours(picture, place[new:], zoom))
+        born += len(number) - int(new)
+        numbers.append(number.astype(np.int32))
+        places.append(place)
+        small = thumbnail(gray)
+        likeness[done] = 1.0 if before is None else correlation(before, small)
+        before = small
     # The shrunk size is rounded, so that its two scales differ a little.
     scale = np.array([footage.width / gray.shape[1], footage.height / gray.shape[0]])
     xy = (np.concatenate(places).astype(np.float64) + 0.5) * scale
+    index = np.repeat(np.arange(len(numbers)), [len(n) for n in numbers]).astype(np.int32)
     return Tracks(
-        footage.frames, footage.width, footage.height,
-        np.repeat(np.arange(len(numbers)), [len(n) for n in numbers]).astype(np.int32),
-        np.concatenate(numbers).astype(np.int32), xy, np.concatenate(colours),
+        footage.frames, footage.width, footage.height, index, np.concatenate(numbers), xy,
+        np.concatenate(colours), likeness,
     )  # fmt: skip
 
 
-def follow(
-    before: NDArray[np.uint8], after: NDArray[np.uint8], points: NDArray[np.float32]
-) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Positions (k, 2) in `after` of those of (n, 2) points that flow there and back agrees on, and which."""
-    if not len(points):
-        return points, np.zeros(0, bool)
-    options = {"winSize": WINDOW, "maxLevel": LEVELS}
-    there, found, _ = cv2.calcOpticalFlowPyrLK(before, after, points, None, **options)  # type: ignore[call-overload]
-    back, returned, _ = cv2.calcOpticalFlowPyrLK(after, before, there, None, **options)  # type: ignore[call-overload]
-    size = np.array([after.shape[1], after.shape[0]])
-    good = (found.ravel() == 1) & (returned.ravel() == 1)
-    good &= np.linalg.norm(back - points, axis=1) < MAX_ROUND_TRIP
-    good &= np.all((there >= 0) & (there <= size - 1), axis=1)
-    return there[good], good
+def cuts(tracks: Tracks) -> tuple[int, ...]:
+    """Indices of the frames that begin another shot.
 
-
-def new_corners(gray: NDArray[np.uint8], points: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Corners (k, 2) for the cells of the frame that hold no point: borders and weak regions included.
-
-    The strongest corner of each empty cell, if it is a corner at all.
+    There no track lives on from before, and the picture, shifted as a pan would shift it, is not like the one
+    before. After a flash the old tracks go on, so it is none. The first frame begins nothing.
     """
-    height, width = gray.shape
-    cell = int(np.ceil(max(width, height) / CELLS))
-    strength = cv2.cornerMinEigenVal(gray, 3)
-    least = max(QUALITY * float(strength.max()), 1e-6)
-    # The flow's window would reach over the border.
-    strength[:BORDER] = strength[-BORDER:] = strength[:, :BORDER] = strength[:, -BORDER:] = 0
-    across, down = -(-width // cell), -(-height // cell)
-    filled = np.zeros((down, across), bool)
-    if len(points):
-        at = np.clip(np.round(points).astype(int), 0, [width - 1, height - 1])
-        filled[at[:, 1] // cell, at[:, 0] // cell] = True
-        # A second point on the same corner, just over a cell's edge, adds nothing.
-        free = np.ones(gray.shape, np.uint8)
-        free[at[:, 1], at[:, 0]] = 0
-        strength[cv2.distanceTransform(free, cv2.DIST_L2, 3) < cell / 3] = 0
-    padded = np.zeros((down * cell, across * cell), np.float32)
-    padded[:height, :width] = strength
-    cells = padded.reshape(down, cell, across, cell).swapaxes(1, 2).reshape(down * across, cell * cell)
-    inside = cells.argmax(axis=1)
-    wanted = (cells.max(axis=1) > least) & ~filled.ravel()
-    number = np.nonzero(wanted)[0]
-    rows = number // across * cell + inside[wanted] // cell
-    columns = number % across * cell + inside[wanted] % cell
-    corners = np.stack([columns, rows], axis=1).astype(np.float32)
-    if not len(corners):
-        return corners
-    criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 10, 0.02)
-    refined = cv2.cornerSubPix(gray, corners[:, None].copy(), (3, 3), (-1, -1), criteria)[:, 0]
-    steady = np.linalg.norm(refined - corners, axis=1) < 3
-    return np.where(steady[:, None], refined, corners).astype(np.float32)
+    frames = len(tracks.frames)
+    first, last = np.full(tracks.count, frames), np.full(tracks.count, -1)
+    np.minimum.at(first, tracks.track, tracks.frame_index)
+    np.maximum.at(last, tracks.track, tracks.frame_index)
+    born = np.bincount(first[last >= 0], minlength=frames)
+    died = np.bincount(last[last >= 0] + 1, minlength=frames + 1)[:frames]
+    # Tracks that began before each frame and end in it or after it.
+    across = np.concatenate([[0], np.cumsum(born)[:-1]]) - np.cumsum(died)
+    seen = np.bincount(tracks.frame_index, minlength=frames) > 0
+    unlike = tracks.likeness < LIKE if len(tracks.likeness) else np.ones(frames, bool)
+    cut = seen & unlike & (across == 0) & (np.cumsum(seen) > 1)
+    return tuple(np.nonzero(cut)[0].tolist())
+
+
+def thumbnail(gray: Gray) -> NDArray[np.float32]:
+    """A frame (H, W) made small, its slow changes of brightness taken out."""
+    size = (THUMBNAIL, max(round(THUMBNAIL * gray.shape[0] / gray.shape[1]), 1))
+    small = cv2.resize(gray, size, interpolation=cv2.INTER_AREA).astype(np.float32)
+    return np.asarray(small - cv2.GaussianBlur(small, (0, 0), THUMBNAIL / 16), np.float32)
+
+
+def correlation(a: NDArray[np.float32], b: NDArray[np.float32]) -> float:
+    """The best correlation of two pictures (h, w) over all shifts that leave them `OVERLAP` in common.
+
+    0 for pictures without contrast. Lewis, "Fast normalized cross-correlation", 1995.
+    """
+    shape = (2 * a.shape[0], 2 * a.shape[1])
+    one, x, y, xx, yy = (np.fft.rfft2(p, shape) for p in (np.ones_like(a), a, b, a * a, b * b))
+
+    def summed(p: NDArray[np.complexfloating], q: NDArray[np.complexfloating]) -> Floats:
+        return np.asarray(np.fft.irfft2(p * np.conj(q), shape), np.float64)
+
+    count = np.maximum(summed(one, one), 1.0)
+    sum_x, sum_y = summed(x, one), summed(one, y)
+    spread = (summed(xx, one) - sum_x**2 / count) * (summed(one, yy) - sum_y**2 / count)
+    both = summed(x, y) - sum_x * sum_y / count
+    # A grey level's quantisation is no contrast.
+    usable = (count > OVERLAP * a.size) & (spread > (0.01 * count) ** 2)
+    return float(np.max(both / np.sqrt(np.where(usable, spread, 1.0)), where=usable, initial=0.0))
+
+
+def _followed(tracks: Tracks) -> Tracks:
+    """Without the tracks that are seen only once."""
+    kept = np.bincount(tracks.track, minlength=tracks.count) > 1
+    rows, number = kept[tracks.track], np.cumsum(kept) - 1
+    return replace(
+        tracks, frame_index=tracks.frame_index[rows], xy=tracks.xy[rows], rgb=tracks.rgb[kept],
+        track=number[tracks.track[rows]].astype(np.int32),
+    )  # fmt: skip
 
 
 def _shrunk(gray: NDArray[np.uint8], zoom: float) -> NDArray[np.uint8]:
