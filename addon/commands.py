@@ -7,15 +7,17 @@ import contextlib
 import os
 import shutil
 import sys
-import time
 from pathlib import Path
 
 import bpy
 
+from . import commands_solve
+from .core.depth_maps import open_depth
 from .core.errors import UserError
 from .core.focus import Focus, check_points, pick, radius_for_blur
 from .core.footage import Footage, FrameRange, open_footage
-from .core.solve import Progress, Solve, SolveProcess, default_work_dir, load_solve
+from .core.solve_folder import Solve, default_work_dir, load_solve
+from .core.solve_report import ranges
 from .core.views import METHODS, LensSettings, check_settings
 from .render import output
 from .render.average import no_gpu_note
@@ -35,12 +37,7 @@ def parser() -> argparse.ArgumentParser:
     common.add_argument("--debug", action="store_true", help="show a traceback with errors")
     commands = top.add_subparsers(required=True, metavar="COMMAND")
 
-    one = commands.add_parser("solve", parents=[common], help="find cameras and points of a clip")
-    _add_footage(one)
-    one.add_argument("--work", type=Path, required=True, metavar="DIR", help="folder that keeps the solve")
-    one.add_argument("--frames", metavar="A-B[:STEP]", help="frames of the clip to solve")
-    one.set_defaults(command=solve)
-
+    commands_solve.add_commands(commands, common)
     two = commands.add_parser("render", parents=[common], help="render a solved clip with depth of field")
     two.add_argument("work", type=Path, metavar="DIR", help="folder that keeps the solve")
     _add_lens(two, required=True)
@@ -49,7 +46,7 @@ def parser() -> argparse.ArgumentParser:
     two.set_defaults(command=render)
 
     three = commands.add_parser("run", parents=[common], help="solve and render")
-    _add_footage(three)
+    commands_solve.add_footage(three)
     three.add_argument("--work", type=Path, metavar="DIR", help="default: CLIP.aperture beside the output")
     three.add_argument("--frames", metavar="A-B[:STEP]", help="frames of the clip to solve and render")
     _add_lens(three, required=True)
@@ -67,12 +64,6 @@ def parser() -> argparse.ArgumentParser:
     return top
 
 
-def _add_footage(command: argparse.ArgumentParser) -> None:
-    command.add_argument("footage", type=Path, metavar="FOOTAGE", help="video, folder of images, or pattern")
-    command.add_argument("--focal", type=float, metavar="PX", help="known focal length in pixels, held")
-    command.add_argument("--again", action="store_true", help="solve even if the folder holds this solve")
-
-
 def _add_lens(command: argparse.ArgumentParser, required: bool) -> None:
     focus = command.add_mutually_exclusive_group(required=required)
     focus.add_argument(
@@ -88,6 +79,9 @@ def _add_lens(command: argparse.ArgumentParser, required: bool) -> None:
     blur.add_argument(
         "--aperture-radius", type=float, metavar="R", help="radius of the aperture in scene units"
     )
+    command.add_argument(
+        "--depth", type=Path, metavar="DIR", help="your own depth maps: EXR or 16-bit PNG, any scale and kind"
+    )
     command.add_argument("--views", default="auto", metavar="N|auto", help="virtual cameras a frame")
     command.add_argument("--method", choices=METHODS, default=METHODS[0])
     command.add_argument("--seed", type=int, default=0, help="of the thesis's random positions")
@@ -96,11 +90,6 @@ def _add_lens(command: argparse.ArgumentParser, required: bool) -> None:
 def _add_output(command: argparse.ArgumentParser) -> None:
     command.add_argument("--out", type=Path, required=True, metavar="FILE.mp4|DIR/####.png|DIR/####.exr")
     command.add_argument("--overwrite", action="store_true", help="replace output that exists")
-
-
-def solve(options: argparse.Namespace) -> None:
-    """`solve FOOTAGE --work DIR`"""
-    _say(_solve(options, options.work).summary)
 
 
 def render(options: argparse.Namespace) -> None:
@@ -114,7 +103,9 @@ def run(options: argparse.Namespace) -> None:
     """`run FOOTAGE ... --out OUT`"""
     output.check_output(options.out, options.overwrite)
     _check_numbers(options)
-    solved = _solve(options, options.work or default_work_dir(options.footage, options.out.absolute().parent))
+    solved = commands_solve.solve_clip(
+        options, options.work or default_work_dir(options.footage, options.out.absolute().parent)
+    )
     _say(solved.summary)
     _render(solved, options)
 
@@ -183,17 +174,6 @@ def _beside(footage: Footage, folder: Path) -> Path:
     return path
 
 
-def _solve(options: argparse.Namespace, work: Path) -> Solve:
-    frames = FrameRange.parse(options.frames) if options.frames else None
-    process = SolveProcess(options.footage, work.absolute(), frames, options.focal, options.again)
-    line = _ProgressLine()
-    try:
-        process.wait(line.show)
-    finally:
-        process.cancel()
-    return load_solve(work.absolute())
-
-
 def _render(solved: Solve, options: argparse.Namespace) -> None:
     scene, settings, footage = _scene(solved)
     _set_lens(settings, solved, options)
@@ -212,7 +192,7 @@ def _render(solved: Solve, options: argparse.Namespace) -> None:
     _say(f"rendering {len(frames)} frames with {count} views each")
     carried = [f for f in frames if f not in solved.reconstruction.frames]
     if carried:
-        _say(f"{len(carried)} frames are not registered; neighbours lend their cameras: {_ranges(carried)}")
+        _say(f"{len(carried)} frames are not registered; neighbours lend their cameras: {ranges(carried)}")
     # Started here, because Blender starts it noisily itself when the engine asks for a context.
     problem = gpu_problem()
     if problem:
@@ -275,6 +255,11 @@ def _set_lens(settings: VirtualApertureSettings, solved: Solve, options: argpars
         radius = radius_for_blur(reconstruction, focus, frame, options.blur or DEFAULT_BLUR)
     check_settings(LensSettings(focus, radius, _views(options.views), options.method, options.seed))
     set_focus(settings, focus, frame)
+    if options.depth:
+        maps = open_depth(options.depth.absolute(), open_footage(solved.footage, solved.frames))
+        for note in maps.notes:
+            _say(f"note: {note}")
+        settings.depth_maps = str(options.depth.absolute())
     settings.use_radius = options.aperture_radius is not None
     settings.aperture_radius = radius
     settings.blur = options.blur or DEFAULT_BLUR
@@ -306,36 +291,8 @@ def _place(text: str) -> tuple[float, float, int | None]:
         ) from None
 
 
-def _ranges(frames: list[int]) -> str:
-    """1, 2, 3, 7 -> "1-3, 7"."""
-    spans: list[list[int]] = []
-    for frame in frames:
-        if spans and frame == spans[-1][1] + 1:
-            spans[-1][1] = frame
-        else:
-            spans.append([frame, frame])
-    return ", ".join(str(a) if a == b else f"{a}-{b}" for a, b in spans)
-
-
 def _say(text: str) -> None:
     print(text, flush=True)
-
-
-class _ProgressLine:
-    """One line a stage and every few seconds, with the time left."""
-
-    def __init__(self) -> None:
-        self._start = self._shown = time.monotonic()
-        self._stage = ""
-
-    def show(self, step: Progress) -> None:
-        now = time.monotonic()
-        stage = step.text.rsplit(" ", 1)[0]
-        if stage == self._stage and now - self._shown < 5:
-            return
-        self._stage, self._shown = stage, now
-        left = (now - self._start) * (1 - step.share) / step.share if step.share > 0.05 else None
-        _say(f"solving: {step.text}" + (f", about {left:.0f} s left" if left is not None else ""))
 
 
 def run_command(arguments: list[str]) -> int:

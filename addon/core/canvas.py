@@ -77,16 +77,16 @@ class Canvas:
         """Source pixels (n, 2) -> canvas pixels (n, 2)."""
         return self.lens.pinhole_pixels(xy) + (self.pinhole.principal_point - self.lens.principal_point)
 
+    def features_to_source(self, xy: Floats) -> Floats:
+        """Canvas pixels (n, 2) -> source pixels (n, 2)."""
+        rays = (xy - self.pinhole.principal_point) / self.pinhole.focal
+        return np.asarray(self.lens.distort(rays) * self.lens.focal + self.lens.principal_point)
+
     def from_source(self, picture: Picture) -> Picture:
         """(H, W, 4) float32 source frame -> the canvas picture, mirrored where the lens saw nothing."""
         if not self.lens.is_distorted:
             return picture
-
-        def place(grid: Floats) -> Floats:
-            rays = (grid - self.pinhole.principal_point) / self.pinhole.focal
-            return self.lens.distort(rays) * self.lens.focal + self.lens.principal_point
-
-        return _resampled(picture, self.pinhole.width, self.pinhole.height, place)
+        return _resampled(picture, self.pinhole.width, self.pinhole.height, self.features_to_source)
 
     def to_source(self, picture: Picture) -> Picture:
         """(h, w, 4) float32 canvas picture -> (H, W, 4) in the geometry of the source frame."""

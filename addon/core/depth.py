@@ -1,4 +1,4 @@
-"""What is known of a frame's depth. For now: the inverse depth of its feature points."""
+"""What is known of a frame's depth: of its feature points, or at a grid from the user's depth maps."""
 
 from __future__ import annotations
 
@@ -8,10 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .canvas import Canvas
+from .depth_maps import ClipFit, DepthMaps, fit_clip, fit_depth, grid_features
 from .reconstruction import Floats, Image, Ints, Reconstruction
 
 MAX_REPROJECTION_ERROR = 3.0
 """Pixels; a feature that misses its own 3D point by more was tracked wrongly in this frame."""
+COLUMNS = 100
+"""Places across the picture that depth is taken from a depth map at."""
 NEAREST = 1e-6
 """Of the frame's median depth. What lies nearer is an error: one such point would outweigh all the others."""
 
@@ -28,7 +31,7 @@ class FrameFeatures:
     inverse_depth: Floats
     """(n,) 1 / z in the actual camera's space, positive."""
     points: Ints
-    """(n,) point IDs."""
+    """(n,) point IDs; -1 where there is no point."""
     carried: bool
     """The frame has no pose of its own: pose and features come from its neighbours."""
 
@@ -47,6 +50,40 @@ def frame_features(reconstruction: Reconstruction, frame: int, canvas: Canvas) -
     return FrameFeatures(
         frame, observed[keep], projected[keep], 1.0 / local[keep, 2], image.points[keep], carried
     )
+
+
+@dataclass(frozen=True)
+class MappedDepth:
+    """The user's depth maps in the units of a reconstruction."""
+
+    maps: DepthMaps
+    fit: ClipFit
+
+    @classmethod
+    def of(cls, maps: DepthMaps, reconstruction: Reconstruction) -> MappedDepth:
+        """Fit the maps to the reconstruction's points; UserError where they explain nothing."""
+
+        def features(frame: int) -> tuple[Floats, Floats]:
+            image, _ = reconstruction.image_at(frame)
+            canvas = Canvas(reconstruction.intrinsics(image))
+            found = frame_features(reconstruction, frame, canvas)
+            return canvas.features_to_source(found.observed), found.inverse_depth
+
+        return cls(maps, fit_clip(maps, features))
+
+    def features(self, found: FrameFeatures, canvas: Canvas) -> FrameFeatures:
+        """A grid of places with the map's depth instead of the features; those where the frame has no map."""
+        if found.frame not in self.maps.numbers:
+            return found
+        clip = self.maps.footage
+        zoom = np.array([canvas.lens.width / clip.width, canvas.lens.height / clip.height])
+        seen = canvas.features_to_source(found.observed) / zoom
+        fitted = fit_depth(self.maps.read(found.frame), seen, found.inverse_depth, self.fit)
+        xy, inverse_depth = grid_features(fitted, clip.width / COLUMNS)
+        at = canvas.features_from_source(xy * zoom)
+        return FrameFeatures(
+            found.frame, at, at, inverse_depth, np.full(len(at), -1, np.int32), found.carried
+        )
 
 
 def point_inverse_depths(reconstruction: Reconstruction, frame: int, points: Ints) -> Floats:

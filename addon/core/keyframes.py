@@ -1,4 +1,4 @@
-"""Solving keyframes with pycolmap, and how far their focal length can be believed. Worker process only."""
+"""Solving keyframes with pycolmap. Worker process only."""
 
 from __future__ import annotations
 
@@ -10,16 +10,10 @@ import cv2  # noqa: F401
 import numpy as np
 import pycolmap
 
-from .errors import UserError
 from .reconstruction import Floats, Ints
 from .tracks import Progress, Tracks
 
 KEYFRAMES = 40
-MAX_FOCAL_SIGMA = 0.02
-FOCAL_RANGE = (0.4, 3.0)
-"""Long sides of the frame."""
-MIN_GAIN = 0.02
-"""Share by which a free focal length must lower the reprojection error to be believed."""
 MIN_POINTS = 12
 ENOUGH_FEATURES = 500
 """In a keyframe, to find its pose."""
@@ -52,11 +46,8 @@ def keyframe_features(tracks: Tracks, keys: list[int]) -> list[tuple[Ints, Float
 
 def map_keyframes(
     tracks: Tracks, features: list[tuple[Ints, Floats]], focal: float, progress: Progress
-) -> pycolmap.Reconstruction:
-    """The best model of the keyframes that have these features; image i + 1 is keyframe i.
-
-    Raises UserError where there is none.
-    """
+) -> pycolmap.Reconstruction | None:
+    """The best model of the keyframes that have these features; image i + 1 is keyframe i."""
     keys = len(features)
     with tempfile.TemporaryDirectory(prefix="virtual-aperture-") as name:
         folder = Path(name)
@@ -86,10 +77,7 @@ def map_keyframes(
         # The first model is often a stump: the one with most images and points is taken.
         best = max(models.values(), key=lambda m: (m.num_reg_images(), m.num_points3D()), default=None)
     if best is None or best.num_reg_images() < 2 or best.num_points3D() < MIN_POINTS:
-        raise UserError(
-            "no camera path explains this clip: too little parallax, or too much moves on its own;"
-            " choose another range with --frames, or film with more sideways movement"
-        )
+        return None
     return best
 
 
@@ -148,60 +136,16 @@ def _write_database(path: Path, tracks: Tracks, features: list[tuple[Ints, Float
                     database.write_matches(i + 1, j + 1, np.column_stack([a, b]).astype(np.uint32))
 
 
-def new_camera(tracks: Tracks, focal: float) -> pycolmap.Camera:
+def new_camera(tracks: Tracks, focal: float, number: int = 1) -> pycolmap.Camera:
     return pycolmap.Camera.create_from_model_name(
-        camera_id=1, model_name="SIMPLE_RADIAL", focal_length=focal, width=tracks.width, height=tracks.height
+        number, "SIMPLE_PINHOLE", focal_length=focal, width=tracks.width, height=tracks.height
     )
 
 
-def free_focal(model: pycolmap.Reconstruction, start: float) -> tuple[float, bool]:
-    """Adjust with a free focal length and keep it only where the data determine it; (sigma_f / f, held).
-
-    With a path of a few per cent of the depth, focal length and distortion are hardly determined and run
-    off; in straight-ahead motion the focal length is not determined at all (its sigma shows it).
-    """
-    pycolmap.bundle_adjustment(model, adjustment_options(refine_focal=False, iterations=50))
-    before = model.compute_mean_reprojection_error()
-    held = {i: model.points3D[i].xyz.copy() for i in model.points3D}
-    poses = {i: model.frames[i].rig_from_world for i in model.reg_frame_ids()}
-    poses = {i: pycolmap.Rigid3d(p.rotation, p.translation.copy()) for i, p in poses.items()}
-    options = adjustment_options(refine_focal=True, iterations=100)
-    config = pycolmap.BundleAdjustmentConfig()
-    for image in model.reg_image_ids():
-        config.add_image(image)
-    config.fix_gauge(pycolmap.BundleAdjustmentGauge.TWO_CAMS_FROM_WORLD)
-    adjuster = pycolmap.create_default_ceres_bundle_adjuster(options, config, model)
-    adjuster.solve()
-    # The adjuster moves the points and leaves the errors that are kept with them as they were.
-    model.update_point_3d_errors()
-    covariance = pycolmap.estimate_ba_covariance(
-        pycolmap.BACovarianceOptions(params=pycolmap.BACovarianceOptionsParams.ALL), model, adjuster
-    )
-    camera = model.cameras[1]
-    focal = camera.params[0]
-    spread = covariance.get_other_params_cov(camera.params) if covariance else None
-    error = model.compute_mean_reprojection_error()
-    sigma = float(np.sqrt(spread[0, 0]) * error / focal) if spread is not None and len(spread) else np.inf
-    long_side = max(camera.width, camera.height)
-    believed = (
-        sigma < MAX_FOCAL_SIGMA
-        and FOCAL_RANGE[0] < focal / long_side < FOCAL_RANGE[1]
-        and error < (1 - MIN_GAIN) * before
-    )
-    if not believed:
-        camera.params = [start, *camera.params[1:]]
-        for i, xyz in held.items():
-            model.points3D[i].xyz = xyz
-        for i, pose in poses.items():
-            model.frames[i].rig_from_world = pose
-    return sigma, not believed
-
-
-def adjustment_options(refine_focal: bool, iterations: int) -> pycolmap.BundleAdjustmentOptions:
-    """Bundle adjustment with a soft loss; distortion and principal point are always held."""
+def adjustment_options(iterations: int) -> pycolmap.BundleAdjustmentOptions:
+    """Bundle adjustment with a soft loss, intrinsics held."""
     options = pycolmap.BundleAdjustmentOptions()
-    options.refine_focal_length = refine_focal
-    options.refine_extra_params = options.refine_principal_point = False
+    options.refine_focal_length = options.refine_extra_params = options.refine_principal_point = False
     options.print_summary = False
     options.ceres.loss_function_type = pycolmap.LossFunctionType.SOFT_L1
     options.ceres.solver_options.max_num_iterations = iterations

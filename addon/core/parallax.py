@@ -8,29 +8,27 @@ import numpy as np
 
 from .errors import UserError
 from .reconstruction import Floats
-from .tracks import Tracks
+from .tracks import Tracks, cuts
 
 MIN_SHARED = 40
 MIN_MOTION = 0.3
 """Pixels of a 1,000-pixel frame; less is a still camera."""
-MIN_PARALLAX = 1.0
-"""Pixels of a 1,000-pixel frame that no rotation explains; less carries no depth."""
 FOCALS = (0.5, 0.6, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0, 3.0)
 """Tried focal lengths, in long sides of the frame."""
 
 
-def check_parallax(tracks: Tracks) -> float:
+def check_motion(tracks: Tracks) -> float:
     """Pixels (of a frame 1,000 pixels long) that stay unexplained by the best pure rotation.
 
     A pan, even with a perfect reprojection error, has one depth for all points (a "confident fake"), and
     neither the reprojection error nor the triangulation angle shows it. Raises UserError where the clip has
-    too few features, the camera stands still, or it only turns.
+    too few features or the camera stands still; of a camera that only turns, `only_turns` tells.
     """
     pairs = [p for p in (_shared(tracks, i, j) for i, j in _pairs(tracks)) if len(p[0]) >= MIN_SHARED]
     if not pairs:
         raise UserError(
-            f"fewer than {MIN_SHARED} features can be followed through the clip; it has too little texture,"
-            " is blurred, or contains a cut: choose another range with --frames"
+            f"fewer than {MIN_SHARED} features can be followed through the clip; it has too little texture"
+            " or is blurred: choose another range with --frames"
         )
     unit = 1000 / max(tracks.width, tracks.height)
     motion = max(float(np.median(np.linalg.norm(b - a, axis=1))) for a, b in pairs) * unit
@@ -39,14 +37,26 @@ def check_parallax(tracks: Tracks) -> float:
             "the camera does not move in this clip; depth needs a camera that moves sideways a little"
         )
     residuals = [min(rotation_residual(a, b, tracks, focal) for focal in FOCALS) for a, b in pairs]
-    parallax = max(residuals) * unit
-    if parallax < MIN_PARALLAX:
+    return max(residuals) * unit
+
+
+def refuse_cuts(tracks: Tracks) -> None:
+    """UserError that names the shots of a clip with cuts."""
+    starts = [0, *cuts(tracks), len(tracks.frames)]
+    if len(starts) > 2:
+        shots = [f"{tracks.frames[a]}-{tracks.frames[b - 1]}" for a, b in pairwise(starts)]
         raise UserError(
-            f"the camera only turns in this clip (parallax {parallax:.2f} of 1000 px, at least"
-            f" {MIN_PARALLAX:g} are needed): too little parallax for depth;"
-            " move the camera sideways while filming"
+            f"the clip has {len(shots) - 1} cut{'s' * (len(shots) > 2)}; each shot is solved by itself,"
+            f" with its frames: {', '.join(f'--frames {shot}' for shot in shots)}"
         )
-    return parallax
+
+
+def only_turns(parallax: float) -> UserError:
+    """The refusal of a clip whose pictures agree with a camera that does not leave its place."""
+    return UserError(
+        f"the camera only turns in this clip ({parallax:.2f} of 1000 px are not explained by turning, and do"
+        " not agree on depth): too little parallax; move the camera sideways while filming"
+    )
 
 
 def rotation_residual(a: Floats, b: Floats, tracks: Tracks, focal: float) -> float:

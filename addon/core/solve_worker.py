@@ -14,6 +14,7 @@ import threading
 import time
 import traceback
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +22,16 @@ from numpy.typing import NDArray
 from . import footage as footage_module
 from .colmap_model import write_model
 from .errors import UserError
-from .footage import open_footage
+from .focal import from_equivalent
+from .footage import Footage, open_footage
+from .metadata import equivalent_focal
+from .parallax import refuse_cuts
 from .tracks import track_features
+
+TOLD_SIGMA = 0.1
+"""Relative standard deviation of what files say of the lens: video is cropped more than photos are."""
+MOVING = "moving.npz"
+"""Tracks that no scene that stands still explains: frame, track and xy of every sighting."""
 
 
 def main(job_path: str) -> int:
@@ -43,7 +52,7 @@ def main(job_path: str) -> int:
     return 0
 
 
-def _solve(job: dict[str, object]) -> None:
+def _solve(job: dict[str, Any]) -> None:
     began = time.monotonic()
     # After cv2 has been imported, and with pycolmap's own handler for SIGTERM, which can hang, taken out.
     from . import mapping
@@ -51,25 +60,37 @@ def _solve(job: dict[str, object]) -> None:
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     footage_module.exr_decoder = _exr
     folder = Path(str(job["folder"]))
-    frames = job["frames"]
-    assert isinstance(frames, list)
-    footage = open_footage(str(job["footage"]), frames)
-    tracks = track_features(footage, _progress)
-    focal = job["focal"]
-    mapped = mapping.reconstruct(tracks, float(str(focal)) if focal else None, _progress)
+    footage = open_footage(job["footage"], job["frames"])
+    tracks = track_features(footage, _progress, job["tracker"])
+    refuse_cuts(tracks)
+    lens = mapping.Lens(**job["lens"])
+    told = None if lens.focal or lens.zooms else _told(footage)
+    if told:
+        lens = mapping.Lens(told, TOLD_SIGMA)
+    mapped = mapping.reconstruct(tracks, lens, _progress)
     result = mapped.reconstruction
     (folder / "model").mkdir()
     write_model(folder / "model", result)
-    seen = [len(image.points) for image in result.images]
+    moving = np.isin(tracks.track, mapped.moving)
+    # Kept aside: a thing that moves on its own has its tracks here.
+    np.savez_compressed(
+        folder / "model" / MOVING,
+        frame=np.array(tracks.frames)[tracks.frame_index[moving]],
+        track=tracks.track[moving], xy=tracks.xy[moving],
+    )  # fmt: skip
     report = {
         "frames": len(footage.frames),
         "registered": len(result.images),
         "points": len(result.points),
-        "points_per_frame": [int(min(seen)), int(np.median(seen)), int(max(seen))],
         "reprojection_error": float(result.points.error.mean()),
         "focal": result.cameras[0].fx,
-        "focal_sigma": mapped.focal_sigma if np.isfinite(mapped.focal_sigma) else None,
-        "focal_held": mapped.focal_held,
+        "focal_sigma": mapped.focal_sigma,
+        "focal_held": not mapped.focal_from_clip,
+        "focal_from": _focal_source(job["lens"], told, mapped.focal_from_clip),
+        "method": mapped.method,
+        "tracker": job["tracker"],
+        "explained": mapped.explained,
+        "moving_tracks": len(mapped.moving),
         "parallax": mapped.parallax,
         "triangulation_angle": mapped.angle,
         "size": [footage.width, footage.height],
@@ -78,6 +99,25 @@ def _solve(job: dict[str, object]) -> None:
         "seconds": round(time.monotonic() - began, 1),
     }
     (folder / "report.json").write_text(json.dumps(report), encoding="utf-8")
+
+
+def _told(footage: Footage) -> float | None:
+    """The focal length in pixels that the files say they were taken with."""
+    if footage.is_video:
+        equivalent = equivalent_focal(footage.path)
+        return from_equivalent(equivalent, footage.width, footage.height) if equivalent else None
+    import pycolmap
+
+    try:
+        camera = pycolmap.infer_camera_from_image(footage.files[0])
+    except (RuntimeError, ValueError):
+        return None
+    return float(camera.mean_focal_length()) if camera.has_prior_focal_length else None
+
+
+def _focal_source(lens: dict[str, Any], told: float | None, from_clip: bool) -> str:
+    """As `solve_report.Report.focal_from`."""
+    return "clip" if from_clip else "given" if lens["focal"] else "metadata" if told else "guess"
 
 
 def _end_with_parent(folder: Path) -> None:

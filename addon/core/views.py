@@ -8,7 +8,7 @@ import numpy as np
 
 from .aperture import random_disc, views_needed, vogel_disc
 from .canvas import Canvas
-from .depth import FrameFeatures, frame_features
+from .depth import FrameFeatures, MappedDepth, frame_features
 from .errors import UserError
 from .focus import Focus, exact_registration, fitted_registration
 from .reconstruction import Floats, Reconstruction
@@ -71,16 +71,23 @@ def check_settings(settings: LensSettings) -> None:
 
 
 def plan_frame(
-    reconstruction: Reconstruction, frame: int, settings: LensSettings, size: tuple[int, int]
+    reconstruction: Reconstruction,
+    frame: int,
+    settings: LensSettings,
+    size: tuple[int, int],
+    depth: MappedDepth | None = None,
 ) -> FramePlan:
     """Warp mesh and views of one frame, for a rendered frame of size (width, height) pixels.
 
+    `depth` takes the place of the features' depth, except in the thesis's method.
     Raises UserError for settings that mean nothing, and where the frame's geometry does not carry them.
     """
     check_settings(settings)
     image, _ = reconstruction.image_at(frame)
     canvas = Canvas(reconstruction.intrinsics(image).scaled(*size))
     features = frame_features(reconstruction, frame, canvas)
+    if depth is not None and settings.method != "thesis":
+        features = depth.features(features, canvas)
     inverse = settings.focus.inverse_depth(reconstruction, frame)
     check_blur(features, canvas, settings.radius, inverse)
     blur = largest_blur(features, canvas, settings.radius, inverse)

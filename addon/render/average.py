@@ -27,7 +27,7 @@ def render_frame(
 
     `carry_on(done, total)` is asked before each view, `note` is told what the user should know.
     """
-    plan = plan_frame(shot.reconstruction, frame, lens, size)
+    plan = plan_frame(shot.reconstruction, frame, lens, size, shot.depth)
     if plan.carried:
         note(f"Frame {frame} was not registered: its camera is carried over from its neighbours")
     picture = plan.canvas.from_source(_resized(to_linear(shot.footage.read(frame)), size))

@@ -52,7 +52,7 @@ def plan_all(scene: bpy.types.Scene, frames: list[int]) -> tuple[int, int]:
     shot = shot_of(scene)
     lens = lens_settings(scene.virtual_aperture, shot.reconstruction)
     size = engine.render_size(scene.render)
-    counts = [len(plan_frame(shot.reconstruction, frame, lens, size).offsets) for frame in frames]
+    counts = [len(plan_frame(shot.reconstruction, frame, lens, size, shot.depth).offsets) for frame in frames]
     return min(counts), max(counts)
 
 
@@ -170,7 +170,8 @@ def _key(scene: bpy.types.Scene) -> str:
     shot = shot_of(scene)
     lens = lens_settings(scene.virtual_aperture, shot.reconstruction)
     camera = shot.reconstruction.images[0].centre.tobytes() + shot.reconstruction.points.xyz.tobytes()
-    text = repr((lens, engine.render_size(scene.render), hashlib.sha256(camera).hexdigest()))
+    maps = (str(shot.depth.maps.maps.path), shot.depth.fit.line.tolist()) if shot.depth else None
+    text = repr((lens, maps, engine.render_size(scene.render), hashlib.sha256(camera).hexdigest()))
     return hashlib.sha256(text.encode()).hexdigest()
 
 

@@ -50,6 +50,14 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
         subtype="DIR_PATH",
         options={"PATH_SUPPORTS_BLEND_RELATIVE"},
     )
+    depth_maps: StringProperty(
+        name="Depth Maps",
+        description="Folder of EXR or 16-bit PNG with depth, inverse depth or disparity of any scale; the"
+        " feature points tell which. Empty: depth of the feature points",
+        subtype="DIR_PATH",
+        options={"PATH_SUPPORTS_BLEND_RELATIVE"},
+        update=_aperture_changed,
+    )
     root: PointerProperty(type=bpy.types.Object, name="Root")
     camera: PointerProperty(type=bpy.types.Object, name="Camera")
     points: PointerProperty(type=bpy.types.Object, name="Point Cloud")

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import bpy
 
+from ..core.depth import MappedDepth
+from ..core.depth_maps import open_depth
 from ..core.errors import UserError
 from ..core.footage import Footage, open_footage
 from ..core.reconstruction import Reconstruction
@@ -25,9 +27,11 @@ class Shot:
 
     footage: Footage
     reconstruction: Reconstruction
+    depth: MappedDepth | None = None
+    """The user's depth maps."""
 
 
-_last: tuple[tuple[str, str], Shot] | None = None
+_last: tuple[tuple[str, str, str], Shot] | None = None
 """One shot is kept, because every frame of an animation asks for the same one."""
 
 
@@ -37,10 +41,11 @@ def shot_of(scene: bpy.types.Scene) -> Shot:
     settings = scene.virtual_aperture
     mesh = points_mesh(settings)
     path = footage_path(settings)
-    key = (str(mesh.get(IDENTITY)), str(path))
+    key = (str(mesh.get(IDENTITY)), str(path), bpy.path.abspath(settings.depth_maps))
     if _last is None or _last[0] != key:
-        reconstruction = store.read(mesh)
-        _last = (key, Shot(open_footage(path), reconstruction))
+        reconstruction, footage = store.read(mesh), open_footage(path)
+        depth = MappedDepth.of(open_depth(Path(key[2]), footage), reconstruction) if key[2] else None
+        _last = (key, Shot(footage, reconstruction, depth))
     return _last[1]
 
 

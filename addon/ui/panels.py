@@ -50,6 +50,7 @@ class VIRTUAL_APERTURE_PT_lens(_Panel, bpy.types.Panel):  # noqa: N801
         layout.prop(settings, "use_radius")
         layout.prop(settings, "aperture_radius" if settings.use_radius else "blur")
         layout.prop(settings, "views")
+        layout.prop(settings, "depth_maps")
 
 
 class VIRTUAL_APERTURE_PT_render(_Panel, bpy.types.Panel):  # noqa: N801
