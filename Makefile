@@ -4,15 +4,18 @@ PYTHON := $(VENV)/bin/python
 PLATFORM ?= linux-x64
 
 # A part of the benchmark: make bench SCENES="bars slope" TRACK=T1 BLURS="16 32"
+# A part of the solve benchmark: make bench-solve MOTIONS="ahead mover" TRACKERS=corners FOCAL=unknown
+SOLVES := $(if $(MOTIONS),--motions $(MOTIONS)) $(if $(TRACKERS),--trackers $(TRACKERS)) $(if $(FOCAL),--focal $(FOCAL))
 BENCH := $(if $(SCENES),--scenes $(SCENES)) $(if $(TRACK),--track $(TRACK)) $(if $(BLURS),--blurs $(BLURS))
 
-.PHONY: help setup demo test sample bench bench-full bench-stability figures lint zip clean
+.PHONY: help setup demo test sample bench bench-full bench-solve bench-stability figures lint zip clean
 help:
 	@echo "make demo    render the sample clip with depth of field and say where the video is"
 	@echo "make test    run the tests"
 	@echo "make sample SCENE=bars  a scene of the benchmark: .blend, clip and true cameras, into sample/"
 	@echo "make bench   speed against error, quick subset (SCENES=bars TRACK=T1 BLURS=16: a part)"
 	@echo "make bench-full       all of it, for hours; resumes where it was stopped"
+	@echo "make bench-solve      cameras against truth: eight motions and six refusals, four trackers"
 	@echo "make bench-stability  the hard numerical cases, a table"
 	@echo "make figures          the thesis's figures from our scenes, into docs/figures/"
 	@echo "make lint    ruff and mypy"
@@ -40,6 +43,9 @@ bench: setup
 
 bench-full: setup
 	@$(PYTHON) -m benchmarks --full $(BENCH)
+
+bench-solve: setup
+	@$(PYTHON) -m benchmarks.motions $(SOLVES)
 
 bench-stability: setup
 	@$(PYTHON) -m benchmarks.stability
