@@ -14,7 +14,8 @@ from addon.core.depth import FrameFeatures, frame_features
 from addon.core.focus import Focus, pick
 from addon.core.footage import to_gray8, to_linear
 from addon.core.reconstruction import Points, Reconstruction
-from addon.core.solve import SolveProcess, load_solve
+from addon.core.solve import SolveProcess
+from addon.core.solve_folder import load_solve
 from addon.core.tracks import new_corners
 from addon.core.views import LensSettings, plan_frame
 

@@ -27,7 +27,8 @@ from numpy.typing import NDArray
 
 from addon.core import tracks
 from addon.core.errors import UserError
-from addon.core.solve import SolveProcess, load_solve
+from addon.core.solve import SolveProcess
+from addon.core.solve_folder import load_solve
 from addon.render.quiet import quiet
 from sample_scenes import staging, truth
 

@@ -16,7 +16,8 @@ from addon.core.depth import FrameFeatures, frame_features
 from addon.core.focus import Focus, pick
 from addon.core.footage import Footage, open_footage, to_linear
 from addon.core.reconstruction import Floats, Intrinsics, Reconstruction
-from addon.core.solve import Solve, SolveProcess, load_solve
+from addon.core.solve import SolveProcess
+from addon.core.solve_folder import Solve, load_solve
 from addon.render.quiet import quiet
 from sample_scenes import filming, staging, truth
 from sample_scenes.stage import Stage

@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from scipy.spatial import ConvexHull
 
 from addon.core.reconstruction import Floats, Ints
-from addon.core.solve import Solve
+from addon.core.solve_folder import Solve
 from sample_scenes.stage import Edge
 
 from . import thesis_lengths as measure

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from addon.core.footage import Footage, decode_srgb, open_footage
 from addon.core.reconstruction import Image, Intrinsics, Points, Reconstruction, rotation_matrix
-from addon.core.solve import Solve
+from addon.core.solve_folder import Solve
 from benchmarks import figures, thesis_edges, thesis_fronts, thesis_plots, thesis_points, thesis_views
 from benchmarks import thesis_marks as draw
 from benchmarks.thesis_clips import Clip

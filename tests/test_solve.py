@@ -16,7 +16,8 @@ import pytest
 from addon.core.colmap_model import read_model
 from addon.core.errors import UserError
 from addon.core.footage import FrameRange
-from addon.core.solve import Progress, Solve, SolveProcess, default_work_dir, load_solve
+from addon.core.solve import Progress, SolveProcess
+from addon.core.solve_folder import Solve, default_work_dir, load_solve
 
 from . import planes
 

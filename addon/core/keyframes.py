@@ -1,4 +1,4 @@
-"""Solving keyframes with pycolmap. Worker process only."""
+"""What pycolmap does: solving keyframes, and adjusting the whole. Worker process only."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ import numpy as np
 import pycolmap
 
 from .reconstruction import Floats, Ints
+from .solution import MIN_POINTS, Solution
 from .tracks import Progress, Tracks
 
 KEYFRAMES = 40
-MIN_POINTS = 12
 ENOUGH_FEATURES = 500
 """In a keyframe, to find its pose."""
 
@@ -110,7 +110,7 @@ def _mapper_options(angle: float) -> pycolmap.IncrementalPipelineOptions:
 
 def _write_database(path: Path, tracks: Tracks, features: list[tuple[Ints, Floats]], focal: float) -> None:
     with pycolmap.Database.open(path) as database, pycolmap.DatabaseTransaction(database):
-        camera = new_camera(tracks, focal)
+        camera = _new_camera(tracks, focal)
         camera.has_prior_focal_length = True
         database.write_camera(camera, use_camera_id=True)
         rig = pycolmap.Rig()
@@ -136,13 +136,50 @@ def _write_database(path: Path, tracks: Tracks, features: list[tuple[Ints, Float
                     database.write_matches(i + 1, j + 1, np.column_stack([a, b]).astype(np.uint32))
 
 
-def new_camera(tracks: Tracks, focal: float, number: int = 1) -> pycolmap.Camera:
+def _new_camera(tracks: Tracks, focal: float, number: int = 1) -> pycolmap.Camera:
     return pycolmap.Camera.create_from_model_name(
         number, "SIMPLE_PINHOLE", focal_length=focal, width=tracks.width, height=tracks.height
     )
 
 
-def adjustment_options(iterations: int) -> pycolmap.BundleAdjustmentOptions:
+def adjust(solution: Solution) -> None:
+    """Bundle adjustment of all poses and points, intrinsics held."""
+    tracks = solution.tracks
+    rows = np.nonzero(solution.used)[0]
+    images = tracks.frame_index[rows]
+    first = np.searchsorted(images, images)
+    place = np.arange(len(rows)) - first
+    model = pycolmap.Reconstruction()
+    one = bool(np.ptp(solution.focal) == 0)
+    for number in [0] if one else np.unique(images):
+        model.add_camera_with_trivial_rig(_new_camera(tracks, float(solution.focal[number]), int(number) + 1))
+    for index in np.unique(images):
+        image = pycolmap.Image(
+            name=f"{index:06d}",
+            keypoints=tracks.xy[rows[images == index]],
+            camera_id=1 if one else int(index) + 1,
+            image_id=int(index) + 1,
+        )
+        pose = pycolmap.Rigid3d(pycolmap.Rotation3d(solution.rotation[index]), solution.translation[index])
+        model.add_image_with_trivial_frame(image, pose)
+    by_track = np.argsort(tracks.track[rows], kind="stable")
+    numbers, starts = np.unique(tracks.track[rows][by_track], return_index=True)
+    points = {}
+    # pycolmap takes points one by one; there is no call for arrays.
+    for number, members in zip(numbers, np.split(by_track, starts[1:]), strict=True):
+        track = pycolmap.Track()
+        for member in members:
+            track.add_element(int(images[member]) + 1, int(place[member]))
+        points[number] = model.add_point3D(solution.xyz[number], track)
+    pycolmap.bundle_adjustment(model, _adjustment_options(iterations=25))
+    for number, point in points.items():
+        solution.xyz[number] = model.points3D[point].xyz
+    for index in np.unique(images):
+        pose = model.images[int(index) + 1].cam_from_world()
+        solution.rotation[index], solution.translation[index] = pose.rotation.matrix(), pose.translation
+
+
+def _adjustment_options(iterations: int) -> pycolmap.BundleAdjustmentOptions:
     """Bundle adjustment with a soft loss, intrinsics held."""
     options = pycolmap.BundleAdjustmentOptions()
     options.refine_focal_length = options.refine_extra_params = options.refine_principal_point = False

@@ -16,10 +16,10 @@ import pycolmap
 
 from . import calibration, direct, solution
 from .errors import UserError
-from .keyframes import MIN_POINTS, keyframe_features, keyframes, map_keyframes
+from .keyframes import adjust, keyframe_features, keyframes, map_keyframes
 from .parallax import check_motion, only_turns
 from .reconstruction import Ints, Reconstruction, normalise
-from .solution import Solution
+from .solution import MIN_POINTS, Solution
 from .tracks import Progress, Tracks
 
 START_FOCAL = 0.85
@@ -85,7 +85,7 @@ def reconstruct(tracks: Tracks, lens: Lens, progress: Progress) -> Mapped:
         progress("Adjusting", step, 2)
         solution.triangulate(best)
         solution.drop_bad(best)
-        solution.adjust(best)
+        adjust(best)
     solution.drop_bad(best)
     angle = solution.drop_shallow(best)
     explained, moving = solution.explained(best)

@@ -134,11 +134,12 @@ class Patches(Rows):
         alike = np.ones(len(self.known), bool)
         if not len(rows):
             return places, alike
-        at, turn, patch = places[rows].astype(np.float64), self.map[rows], self.patch[rows]
+        at, turn = places[rows].astype(np.float64), self.map[rows]
+        patch, slope, inverse = self.patch[rows], self.slope[rows], self.inverse[rows]
         for _ in range(ROUNDS):
             seen, _ = _normalised(sample(gray, at, turn))
-            error = (seen - patch)[:, None] * self.slope[rows] @ BASIS.T
-            step = np.einsum("nij,nj->ni", self.inverse[rows], error.reshape(-1, 6)).astype(np.float64)
+            error = (seen - patch)[:, None] * slope @ BASIS.T
+            step = np.einsum("nij,nj->ni", inverse, error.reshape(-1, 6)).astype(np.float64)
             shear = np.clip(step.reshape(-1, 2, 3)[:, :, 1:], -0.2, 0.2)
             turn = turn @ np.linalg.inv(np.eye(2) + shear)
             at -= np.einsum("nij,nj->ni", turn, np.clip(step[:, ::3], -1, 1))
@@ -162,13 +163,13 @@ def sample(gray: Picture, places: NDArray[np.floating], maps: Floats, basis: Pic
 
     `basis` is the `square` of one patch. Past the picture's border its last pixel goes on.
     """
-    seen = np.empty((len(places), basis.shape[1]), np.float32)
-    for start in range(0, len(places), BLOCK):
-        block = slice(start, start + BLOCK)
-        rows = np.concatenate([places[block, :, None], maps[block]], axis=2).astype(np.float32)
-        x, y = rows[:, 0] @ basis, rows[:, 1] @ basis
-        seen[block] = cv2.remap(gray, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return seen
+    rows = np.concatenate([places[:, :, None], maps], axis=2).astype(np.float32)
+    seen = []
+    for start in range(0, len(rows), BLOCK):
+        x, y = (rows[start : start + BLOCK, axis] @ basis for axis in (0, 1))
+        seen.append(cv2.remap(gray, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
+    none = np.zeros((0, basis.shape[1]), np.float32)
+    return np.asarray(seen[0] if len(seen) == 1 else np.concatenate([none, *seen]), np.float32)
 
 
 def _normalised(patch: Picture) -> tuple[Picture, Picture]:

@@ -1,19 +1,13 @@
-"""A solve under way: poses of frames, points of tracks, and what brings them closer to each other.
-
-Worker process only, for the adjustment is pycolmap's.
-"""
+"""A solve under way: poses of frames, points of tracks, and what brings them closer to each other."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-# The order matters: imported after pycolmap, OpenCV's PNG writer frees memory twice.
 import cv2
 import numpy as np
-import pycolmap
 from numpy.typing import NDArray
 
-from .keyframes import MIN_POINTS, adjustment_options, new_camera
 from .reconstruction import Floats, Image, Intrinsics, Ints, Points, Reconstruction
 from .tracks import Progress, Tracks
 
@@ -21,6 +15,8 @@ MAX_ERROR = 2.0
 """Pixels of reprojection error of a kept observation, for a frame 1,000 pixels long."""
 CLOSE = 0.25
 """Share of the largest error at which a sighting no longer speaks for a solution."""
+MIN_POINTS = 12
+"""In a frame, to find its pose."""
 MIN_VIEWS = 3
 MIN_ANGLE = 0.3
 """Degrees between the outermost rays of a kept point that are enough in any clip."""
@@ -192,43 +188,6 @@ def drop_shallow(solution: Solution) -> float:
     solution.used &= np.isfinite(solution.xyz[tracks.track, 0])
     kept = angle[np.isfinite(solution.xyz[:, 0])]
     return float(np.median(kept)) if len(kept) else 0.0
-
-
-def adjust(solution: Solution) -> None:
-    """Bundle adjustment of all poses and points, intrinsics held."""
-    tracks = solution.tracks
-    rows = np.nonzero(solution.used)[0]
-    images = tracks.frame_index[rows]
-    first = np.searchsorted(images, images)
-    place = np.arange(len(rows)) - first
-    model = pycolmap.Reconstruction()
-    one = bool(np.ptp(solution.focal) == 0)
-    for number in [0] if one else np.unique(images):
-        model.add_camera_with_trivial_rig(new_camera(tracks, float(solution.focal[number]), int(number) + 1))
-    for index in np.unique(images):
-        image = pycolmap.Image(
-            name=f"{index:06d}",
-            keypoints=tracks.xy[rows[images == index]],
-            camera_id=1 if one else int(index) + 1,
-            image_id=int(index) + 1,
-        )
-        pose = pycolmap.Rigid3d(pycolmap.Rotation3d(solution.rotation[index]), solution.translation[index])
-        model.add_image_with_trivial_frame(image, pose)
-    by_track = np.argsort(tracks.track[rows], kind="stable")
-    numbers, starts = np.unique(tracks.track[rows][by_track], return_index=True)
-    points = {}
-    # pycolmap takes points one by one; there is no call for arrays.
-    for number, members in zip(numbers, np.split(by_track, starts[1:]), strict=True):
-        track = pycolmap.Track()
-        for member in members:
-            track.add_element(int(images[member]) + 1, int(place[member]))
-        points[number] = model.add_point3D(solution.xyz[number], track)
-    pycolmap.bundle_adjustment(model, adjustment_options(iterations=25))
-    for number, point in points.items():
-        solution.xyz[number] = model.points3D[point].xyz
-    for index in np.unique(images):
-        pose = model.images[int(index) + 1].cam_from_world()
-        solution.rotation[index], solution.translation[index] = pose.rotation.matrix(), pose.translation
 
 
 def collect(solution: Solution) -> Reconstruction:

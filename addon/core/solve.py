@@ -15,10 +15,7 @@ from typing import Any
 
 from .errors import UserError
 from .footage import FrameRange, open_footage
-from .solve_folder import Solve as Solve
 from .solve_folder import Staging, is_solved
-from .solve_folder import default_work_dir as default_work_dir
-from .solve_folder import load_solve as load_solve
 from .tracks import TRACKERS
 
 SHARES = {

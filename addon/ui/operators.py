@@ -12,7 +12,8 @@ import bpy
 from ..core.errors import UserError
 from ..core.focus import Focus
 from ..core.footage import open_footage
-from ..core.solve import SolveProcess, default_work_dir, load_solve
+from ..core.solve import SolveProcess
+from ..core.solve_folder import default_work_dir, load_solve
 from ..scene import aperture_cloud
 from ..scene.build import build
 from ..scene.point_cloud import ID_ATTRIBUTE
