@@ -130,6 +130,10 @@ def test_solving_brings_the_clip_into_its_scene(scene: bpy.types.Scene, tmp_path
     assert (tmp_path / "work" / "solve.json").stat().st_mtime_ns == before
     assert bpy.ops.virtual_aperture.solve(again=True) == {"FINISHED"}
     assert (tmp_path / "work" / "solve.json").stat().st_mtime_ns > before
+    settings.lens, settings.equivalent = "GIVEN", 36.0
+    assert bpy.ops.virtual_aperture.solve() == {"FINISHED"}
+    # 320x240 pixels lie on 34.6x26.0 mm of the 35 mm film's diagonal.
+    assert settings.camera.data.lens == pytest.approx(36.0 * 36.0 / 34.61, rel=1e-3)
     settings.footage = str(tmp_path / "gone")
     with pytest.raises(RuntimeError, match="does not exist"):
         bpy.ops.virtual_aperture.solve()

@@ -50,6 +50,22 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
         subtype="DIR_PATH",
         options={"PATH_SUPPORTS_BLEND_RELATIVE"},
     )
+    lens: EnumProperty(
+        name="Lens",
+        description="What is known of the focal length of the clip",
+        items=[
+            ("FIND", "From the Clip", "Found from the clip, as far as it tells"),
+            ("GIVEN", "35 mm Equivalent", "Known, and the same throughout"),
+            ("ZOOM", "Zooms", "It changes over the clip"),
+        ],
+    )
+    equivalent: FloatProperty(
+        name="Focal Length",
+        description="35 mm equivalent in millimetres, as phones and cameras state it",
+        min=1.0,
+        soft_max=400.0,
+        default=26.0,
+    )
     depth_maps: StringProperty(
         name="Depth Maps",
         description="Folder of EXR or 16-bit PNG with depth, inverse depth or disparity of any scale; the"

@@ -10,6 +10,7 @@ import bmesh
 import bpy
 
 from ..core.errors import UserError
+from ..core.focal import from_equivalent
 from ..core.focus import Focus
 from ..core.footage import open_footage
 from ..core.solve import SolveProcess
@@ -100,7 +101,13 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
         settings = context.scene.virtual_aperture
         # The user may go to another scene meanwhile.
         self._scene = context.scene.name
-        return SolveProcess(footage_path(settings), work_dir(settings), again=self.again)
+        path, focal = footage_path(settings), None
+        if settings.lens == "GIVEN":
+            clip = open_footage(path)
+            focal = from_equivalent(settings.equivalent, clip.width, clip.height)
+        return SolveProcess(
+            path, work_dir(settings), focal=focal, again=self.again, zooms=settings.lens == "ZOOM"
+        )
 
     @reported
     def execute(self, context: bpy.types.Context) -> Result:

@@ -23,6 +23,9 @@ class VIRTUAL_APERTURE_PT_clip(_Panel, bpy.types.Panel):  # noqa: N801
         layout.use_property_decorate = False
         layout.prop(settings, "footage")
         layout.prop(settings, "work_dir")
+        layout.prop(settings, "lens")
+        if settings.lens == "GIVEN":
+            layout.prop(settings, "equivalent")
         row = layout.row()
         row.scale_y = 1.4
         row.operator(operators.VIRTUAL_APERTURE_OT_solve.bl_idname, icon="TRACKER").again = False
