@@ -41,6 +41,9 @@ def write(mesh: bpy.types.Mesh, reconstruction: Reconstruction) -> None:
     }
     mesh[PREFIX + "version"] = VERSION
     for name, array in arrays.items():
+        # Blender 5.2 writes an array over one of another length in place, past its end.
+        if PREFIX + name in mesh:
+            del mesh[PREFIX + name]
         mesh[PREFIX + name] = np.ascontiguousarray(array)
 
 
