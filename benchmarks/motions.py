@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import inspect
 import json
 import re
 import resource
@@ -29,6 +28,7 @@ from addon.core import tracks
 from addon.core.errors import UserError
 from addon.core.solve import SolveProcess
 from addon.core.solve_folder import load_solve
+from addon.core.solve_report import UNSURE_DEPTH
 from addon.render.quiet import quiet
 from sample_scenes import staging, truth
 
@@ -200,13 +200,13 @@ def run(clip: Clip, tracker: str, focal: str, rows: Rows) -> None:
             shutil.rmtree(stale)
         given = float(motion.focals[0]) if focal == "known" else None
         began, spent = time.perf_counter(), _children_seconds()
-        message = solve(clip.film(), work, given, tracker)
+        message = solve(clip.film(), work, given, tracker, zooms=not motion.has_one_focal)
         cost = round(_children_seconds() - spent, 1), round(time.perf_counter() - began, 1)
     else:
         message, cost = old.message, (old.cpu_s, old.wall_s)
     found = None if message else load_solve(work)
     figures = None if found is None else measure(found.reconstruction, clip.truth)
-    claims = {} if found is None else found.report
+    claims = {} if found is None else found.report | {"depth_sigma": found.worth.depth_sigma}
     row = Row(
         motion.name, tracker, focal, inputs, judged, verdict(motion, focal, message, figures, claims),
         message, {} if figures is None else asdict(figures), claims, *cost,
@@ -216,12 +216,9 @@ def run(clip: Clip, tracker: str, focal: str, rows: Rows) -> None:
     print(line(row), flush=True)
 
 
-def solve(clip: Path, work: Path, focal: float | None, tracker: str) -> str:
+def solve(clip: Path, work: Path, focal: float | None, tracker: str, zooms: bool) -> str:
     """Solve in the worker process into the folder `work`; empty, or why there is no solve."""
-    options: dict[str, Any] = {"focal": focal}
-    if "tracker" in inspect.signature(SolveProcess).parameters:
-        options["tracker"] = tracker
-    process = SolveProcess(clip, work, **options)
+    process = SolveProcess(clip, work, focal=focal, tracker=tracker, zooms=zooms)
     began = time.perf_counter()
     try:
         while not process.finished:
@@ -254,9 +251,11 @@ def verdict(motion: Motion, focal: str, message: str, figures: Figures | None, c
     wrong = []
     if figures.registered < LEAST_REGISTERED:
         wrong.append("frames")
-    # Where the focal length was only assumed, and that is said, lengths along the view may be off by as much.
-    warned = focal == "unknown" and claims["focal_held"]
-    if not figures.lengths <= MOST_LENGTHS[focal] + (abs(figures.focal) if warned else 0):
+    # Where the focal length was only assumed, and that is said, lengths along the view may be off by as much;
+    # where depths are uncertain, and that is said, by two standard deviations.
+    assumed = abs(figures.focal) if focal == "unknown" and claims["focal_held"] else 0.0
+    unsure = 200 * claims["depth_sigma"] if claims["depth_sigma"] > UNSURE_DEPTH else 0.0
+    if not figures.lengths <= MOST_LENGTHS[focal] + assumed + unsure:
         wrong.append("lengths")
     if covers(figures, claims) is False:
         wrong.append("uncertainty")

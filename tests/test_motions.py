@@ -199,10 +199,13 @@ def test_a_zoom_is_followed(solved: Reconstruction, truth: Truth) -> None:
 # What is said of a row
 
 
-def verdict(name: str, message: str = "", given: str = "unknown", **changed: float) -> str:
+def verdict(
+    name: str, message: str = "", given: str = "unknown", unsure: float = 0.001, **changed: float
+) -> str:
     motion = replace(SOLVABLE, refusal=name)
     figures = None if message else replace(GOOD, **changed)
-    return motions.verdict(motion, given, message, figures, {"focal_held": False, "focal_sigma": 0.01})
+    claims = {"focal_held": False, "focal_sigma": 0.01, "depth_sigma": unsure}
+    return motions.verdict(motion, given, message, figures, claims)
 
 
 SOLVABLE = motion_scenes.textureless()
@@ -217,6 +220,11 @@ def test_verdicts() -> None:
     assert verdict("") == "right"
     assert verdict("", lengths=4.9) == "right" and verdict("", lengths=5.1) == "lengths"
     assert verdict("", given="known", lengths=2.1) == "lengths"
+    # Uncertain by 4 % and said so: by twice that lengths may be off more.
+    assert (
+        verdict("", lengths=12.9, unsure=0.04) == "right"
+        and verdict("", lengths=13.1, unsure=0.04) == "lengths"
+    )
     assert verdict("", registered=0.9, lengths=np.nan) == "frames, lengths"
     assert verdict("", focal=-2.5) == "uncertainty"
     assert verdict("", on_mover=0.3) == "on mover"
@@ -228,7 +236,7 @@ def test_verdicts() -> None:
 
 
 def test_an_assumed_focal_length_excuses_its_own_error() -> None:
-    claims = {"focal_held": True, "focal_sigma": 0.2}
+    claims = {"focal_held": True, "focal_sigma": 0.2, "depth_sigma": 0.001}
     off = replace(GOOD, lengths=18.0, focal=-15.0)
     motion = replace(SOLVABLE, refusal="")
     assert motions.verdict(motion, "unknown", "", off, claims) == "right"

@@ -21,7 +21,7 @@ from .reconstruction import Floats
 Picture = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
-RADIUS = 7
+RADIUS = 6
 """Pixels from a patch's middle to its border."""
 ROUNDS = 2
 """Steps towards the best fit; the fit of the frame before is where they start."""
@@ -50,7 +50,7 @@ def square(radius: int) -> Picture:
 
 
 BASIS = square(RADIUS)
-WEIGHT = np.exp(-(BASIS[1:] ** 2).sum(axis=0) / (2 * (0.8 * RADIUS) ** 2))
+WEIGHT = np.exp(-(BASIS[1:] ** 2).sum(axis=0) / (2 * (0.9 * RADIUS) ** 2))
 WEIGHT = (WEIGHT / WEIGHT.sum()).astype(np.float32)
 
 

@@ -101,11 +101,10 @@ def report(reconstruction: Reconstruction, frames: tuple[int, ...], said: dict[s
     seen = set(reconstruction.frames.tolist())
     missing = [frame for frame in frames if frame not in seen]
     focal = [reconstruction.intrinsics(image).fx for image in reconstruction.images]
-    angle, views = _angles(reconstruction)
+    angle = _angles(reconstruction)
     error, drift = _errors(reconstruction)
-    usual = float(np.median(angle)) if len(angle) else 0.0
-    typical = float(np.median(views)) if len(views) else 1.0
-    spread = error / float(np.median(focal)) / max(np.radians(usual), 1e-9) / np.sqrt(max(typical, 1.0))
+    # More sightings of a track do not help: they share its error.
+    spread = error / float(np.median(focal)) / max(np.radians(float(np.median(angle))), 1e-9)
     sigma = said.get("focal_sigma")
     weak = [image.frame for image in reconstruction.images if len(image.points) < WEAK]
     explained = said.get("explained")
@@ -192,8 +191,8 @@ def _observations(reconstruction: Reconstruction) -> tuple[Ints, Floats, Floats]
     return np.concatenate(points), np.concatenate(residuals), np.concatenate(rays)
 
 
-def _angles(reconstruction: Reconstruction) -> tuple[Floats, Ints]:
-    """Of the points that anybody sees: degrees between outermost rays, and number of frames."""
+def _angles(reconstruction: Reconstruction) -> Floats:
+    """Degrees between the outermost rays of the points that two frames see."""
     point, _, ray = _observations(reconstruction)
     count = len(reconstruction.points)
     low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
@@ -204,8 +203,8 @@ def _angles(reconstruction: Reconstruction) -> tuple[Floats, Ints]:
         angle = np.degrees(np.linalg.norm(high - low, axis=1))
     good = (views >= 2) & np.isfinite(angle)
     if not good.any():
-        return np.zeros(1), np.ones(1, np.int32)
-    return angle[good], views[good].astype(np.int32)
+        return np.zeros(1)
+    return np.asarray(angle[good])
 
 
 def _errors(reconstruction: Reconstruction) -> tuple[float, float]:
