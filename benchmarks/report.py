@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -115,7 +117,7 @@ def plot(path: Path, scene: str, rows: list[Row]) -> None:
 
 
 def overview(path: Path, rows: list[Row]) -> None:
-    """The mean over all scenes of each track at the blur that most of them have."""
+    """The mean of each track over the scenes that are complete, at the blur that most of them have."""
     scored = [row for row in rows if row.psnr is not None]
     if not scored:
         return
@@ -127,7 +129,10 @@ def overview(path: Path, rows: list[Row]) -> None:
     )
     for ax, track in zip(axes[0], tracks, strict=True):
         own = [row for row in scored if row.track == track and row.blur_px == blur]
-        scenes = {row.scene for row in own}
+        count = Counter(row.scene for row in own)
+        # A scene half judged, or whose hidden surfaces nobody knows, would take methods out of the mean.
+        scenes = {scene for scene in count if count[scene] == max(count.values())}
+        own = [row for row in own if row.scene in scenes]
         _curves(ax, own)
         given = "true depth and cameras" if track == "T1" else "video only"
         ax.set_title(f"{track}: {given}\n{', '.join(sorted(scenes))}; largest disc {blur} px", fontsize=9)
@@ -168,5 +173,8 @@ def _finish(
         ax.set_ylabel("PSNR against a real lens, dB")
     if title:
         figure.suptitle(title)
-    handles, labels = axes.ravel()[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside right center", fontsize=8)
+    named: dict[str, Any] = {}
+    for ax in axes.ravel():
+        handles, labels = ax.get_legend_handles_labels()
+        named |= dict(zip(labels, handles, strict=True))
+    figure.legend(list(named.values()), list(named), loc="outside right center", fontsize=8)
