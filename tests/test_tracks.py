@@ -381,6 +381,14 @@ def test_colours_are_the_pictures(tmp_path: Path, kind: str) -> None:
     np.testing.assert_array_equal(tracks.rgb[tracks.in_frame(0)[0]], expected)
 
 
+@pytest.mark.parametrize("tracker", TRACKERS)
+@pytest.mark.parametrize("size", [(1, 1), (9, 16), (33, 20)])
+def test_tiny_frames_are_no_trouble(tmp_path: Path, tracker: str, size: tuple[int, int]) -> None:
+    clip = [rgb(planes.texture(*size, seed)) for seed in range(4)]
+    tracks = tracked(planes.write_clip(tmp_path / "clip", clip), tracker)
+    assert tracks.frames == (1, 2, 3, 4)
+
+
 def test_two_frames_are_too_few(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="at least 3"):
         tracked(planes.write_clip(tmp_path / "clip", shifted(2, (2.0, 0.0))))

@@ -31,6 +31,7 @@ BORDER = 4
 QUALITY = 0.002
 """Smallest eigenvalue of a corner relative to the frame's strongest."""
 LEAST_STRENGTH = 1e-12
+"""Of a corner whatever the frame: a plain one has none."""
 HARRIS_K = 0.04
 ENOUGH = 0.5
 """Share of the points that should be found again; else the picture has jumped, flashed, or been cut."""
@@ -181,19 +182,19 @@ def _found(points: _Points, places: Places, kept: Mask, before: Gray, after: Gra
 
 
 def follow(
-    before: Gray, after: Gray, points: Places, shift: tuple[float, float] | None = None
+    before: Gray, after: Gray, points: Places, guess: tuple[float, float] | None = None
 ) -> tuple[Places, Mask]:
     """Positions (k, 2) in `after` of those of (n, 2) points that flow there and back agrees on, and which.
 
-    `shift` is a first guess of how far the picture as a whole has moved, in pixels.
+    `guess` is about how far the picture as a whole has moved, in pixels, if it is far.
     """
     if not len(points):
         return points, np.zeros(0, bool)
     options = {"winSize": WINDOW, "maxLevel": LEVELS}
     there = back = None
-    if shift is not None:
+    if guess is not None:
         options["flags"] = cv2.OPTFLOW_USE_INITIAL_FLOW
-        there, back = (points + shift).astype(np.float32), points.copy()
+        there, back = (points + guess).astype(np.float32), points.copy()
     there, found, _ = cv2.calcOpticalFlowPyrLK(before, after, points, there, **options)  # type: ignore[call-overload]
     back, returned, _ = cv2.calcOpticalFlowPyrLK(after, before, there, back, **options)  # type: ignore[call-overload]
     size = np.array([after.shape[1], after.shape[0]])
@@ -240,17 +241,16 @@ def same_brightness(gray: Gray, other: Gray) -> Gray:
     counts = [np.bincount(p.ravel(), minlength=256) / p.size for p in (gray, other)]
     # The middle of each step: what is clipped to one tone gets the middle one of what it was.
     here, there = (np.cumsum(count) - count / 2 for count in counts)
-    return np.asarray(
-        cv2.LUT(gray, np.rint(np.interp(here, there, np.arange(256))).astype(np.uint8)), np.uint8
-    )
+    shades = np.rint(np.interp(here, there, np.arange(256))).astype(np.uint8)
+    return np.asarray(cv2.LUT(gray, shades), np.uint8)
 
 
 def shift(before: Gray, after: Gray) -> tuple[float, float]:
     """How far the picture as a whole has moved, in pixels along x and y (phase correlation)."""
-    size = (before.shape[1] // 4, before.shape[0] // 4)
+    size = (max(before.shape[1] // 4, 2), max(before.shape[0] // 4, 2))
     a, b = (cv2.resize(p, size, interpolation=cv2.INTER_AREA).astype(np.float32) for p in (before, after))
     (x, y), _ = cv2.phaseCorrelate(a, b, cv2.createHanningWindow(size, cv2.CV_32F))
-    return 4 * x, 4 * y
+    return x * before.shape[1] / size[0], y * before.shape[0] / size[1]
 
 
 def cell_size(picture: Gray | Places, cells: int = CELLS) -> int:
@@ -277,7 +277,8 @@ def _corners(gray: Gray, points: Places, strength: Places, quality: float, cells
     # The flow's window would reach over the border.
     strength[:BORDER] = strength[-BORDER:] = strength[:, :BORDER] = strength[:, -BORDER:] = 0
     corners = best_of_cells(strength, least, points, cells).astype(np.float32)
-    if not len(corners):
+    # OpenCV refines nothing in pictures that are hardly larger than its window.
+    if not len(corners) or min(gray.shape) < 11:
         return corners
     criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 10, 0.02)
     refined = cv2.cornerSubPix(gray, corners[:, None].copy(), (3, 3), (-1, -1), criteria)[:, 0]
@@ -301,9 +302,6 @@ def best_of_cells(strength: Places, least: float, points: Places, cells: int = C
     padded = np.zeros((down * cell, across * cell), np.float32)
     padded[:height, :width] = strength
     tiles = padded.reshape(down, cell, across, cell).swapaxes(1, 2).reshape(down * across, cell * cell)
-    inside = tiles.argmax(axis=1)
     number = np.nonzero((tiles.max(axis=1) > least) & ~filled.ravel())[0]
-    inside = inside[number]
-    return np.stack(
-        [number % across * cell + inside % cell, number // across * cell + inside // cell], axis=1
-    )
+    row, column = np.divmod(tiles.argmax(axis=1)[number], cell)
+    return np.stack([number % across * cell + column, number // across * cell + row], axis=1)

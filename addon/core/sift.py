@@ -121,7 +121,7 @@ class Matcher:
         self._born = 0
         self._index = 0
         self._known = self._new(Keypoints.none())
-        self._past: deque[_Known] = deque(maxlen=PATIENCE)
+        self._past: deque[tuple[Numbers, Places]] = deque(maxlen=PATIENCE)
 
     def _new(self, found: Keypoints) -> _Known:
         count = len(found.places)
@@ -152,7 +152,7 @@ class Matcher:
         lost = ~np.isin(self._known.numbers, now.numbers) & (self._known.views > 1)
         lost &= self._index - self._known.seen < PATIENCE
         self._known = self._known.kept(lost).joined(now)
-        self._past.appendleft(now)
+        self._past.appendleft((now.numbers, now.places))
         self._index += 1
         return now.numbers, now.places
 
@@ -164,13 +164,13 @@ class Matcher:
         good = np.zeros(len(places), bool)
         age = self._index - known.seen
         for each in np.unique(age):
-            then = self._past[each - 1]
+            numbers, before = self._past[each - 1]
             candidates = np.nonzero((age == each) | good)[0]
-            _, here, there = np.intersect1d(known.numbers[candidates], then.numbers, return_indices=True)
+            _, here, there = np.intersect1d(known.numbers[candidates], numbers, return_indices=True)
             rows = candidates[here]
-            alike, judged = company(then.places[there], places[rows], cell, JUMP * each)
+            alike, judged = company(before[there], places[rows], cell, JUMP * each)
             # A wall alone does not determine the fundamental matrix for what stands before it.
-            fits = alike | (epipolar(then.places[there], places[rows]) & ~judged)
+            fits = alike | (epipolar(before[there], places[rows]) & ~judged)
             if fits.sum() >= max(SUPPORT, AGREEING * len(fits)):
                 good[rows[fits & (age[rows] == each)]] = True
         return good
