@@ -123,6 +123,17 @@ def test_the_focal_lengths_uncertainty_is_that_of_repeated_trials(lasting: bool)
     assert 0.6 < typical / spread < 1.6
 
 
+def test_cameras_that_only_turn_tell_the_focal_length_of_points_infinitely_far() -> None:
+    bundle, seen = scene(turn=0.1)
+    far = bundle.points * [1, 1, 1, 0]
+    far /= np.linalg.norm(far, axis=1, keepdims=True)
+    still = replace(bundle, points=far, translation=np.zeros_like(bundle.translation))
+    seen = replace(seen, xy=still.residuals(replace(seen, xy=np.zeros_like(seen.xy))))
+    found = adjust(replace(still, focal=1.1 * still.focal), seen, 1.0, "common")
+    np.testing.assert_allclose(found.bundle.focal, FOCAL, rtol=1e-4)
+    assert np.isfinite(found.focal_sigma)
+
+
 # From nothing
 
 

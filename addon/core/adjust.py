@@ -317,7 +317,8 @@ def _focal_sigma(system: _System, seen: Sightings, frames: int) -> float:
     covariance takes them for, make it several times too sure. Liang and Zeger, "Longitudinal data analysis
     using generalized linear models", 1986 (the sandwich estimator).
     """
-    heavy = system.point + 1e-12 * np.eye(3)
+    # Points infinitely far have a freedom that no picture tells of.
+    heavy = system.point + np.eye(3) * (1e-10 * np.einsum("pii->p", system.point) + 1e-12)[:, None, None]
     solved = np.linalg.inv(heavy) @ np.concatenate([system.cross, system.point_right[..., None]], axis=2)
     flat, crossed = solved.reshape(-1, solved.shape[2]), system.cross.reshape(-1, system.cross.shape[2])
     reduced = system.cameras - crossed.T @ flat[:, :-1]
@@ -333,6 +334,9 @@ def _focal_sigma(system: _System, seen: Sightings, frames: int) -> float:
     # Place, turn and scale of the whole are free, and the focal length is none of their affair.
     diagonal = np.einsum("ii->i", reduced)
     reduced[np.diag_indices_from(reduced)] += 1e-9 * (diagonal + diagonal.mean())
-    inverse = np.linalg.solve(reduced, np.eye(len(reduced))[-1])
+    try:
+        inverse = np.linalg.solve(reduced, np.eye(len(reduced))[-1])
+    except np.linalg.LinAlgError:
+        return float("inf")
     with np.errstate(over="ignore"):
         return float(np.sqrt(((gradient @ inverse) ** 2).sum()))
