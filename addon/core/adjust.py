@@ -43,6 +43,12 @@ class Bundle:
     focal: Floats
     """(F,) pixels."""
 
+    @property
+    def world(self) -> Floats:
+        """(P, 3) points; not finite where they are infinitely far."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(self.points[:, :3] / self.points[:, 3:])
+
     def in_camera(self, seen: Sightings) -> Floats:
         """(m, 3) each observation's point in its camera's axes, times its own homogeneous factor."""
         turned = np.einsum("mij,mj->mi", self.rotation[seen.frame], self.points[seen.point, :3])

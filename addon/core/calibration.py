@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from .adjust import Bundle, Sightings, adjust
-from .direct import agreement
+from .direct import agreement, sightings
 from .reconstruction import Floats, Ints
 from .solution import MIN_VIEWS, Solution
 from .tracks import Tracks
@@ -57,28 +57,18 @@ def _as_bundle(made: Solution) -> tuple[Bundle, Sightings, Ints, Ints]:
     views = np.bincount(tracks.track[made.used], minlength=tracks.count)
     order = np.argsort(-views, kind="stable")[:ENOUGH_TRACKS]
     kept = np.sort(order[views[order] >= MIN_VIEWS]).astype(np.int32)
-    number = np.full(tracks.count, -1)
-    number[kept] = np.arange(len(kept))
-    place = np.full(len(tracks.frames), -1)
-    place[posed] = np.arange(len(posed))
-    rows = made.used & (number[tracks.track] >= 0) & (place[tracks.frame_index] >= 0)
     points = np.column_stack([made.xyz[kept], np.ones(len(kept))])
     points /= np.linalg.norm(points, axis=1, keepdims=True)
     return (
         Bundle(made.rotation[posed], made.translation[posed], points, made.focal[posed]),
-        Sightings(
-            place[tracks.frame_index[rows]].astype(np.int32), number[tracks.track[rows]].astype(np.int32),
-            tracks.xy[rows] - made.centre,
-        ),
-        posed, kept,
+        sightings(tracks, posed, kept, made.used), posed, kept,
     )  # fmt: skip
 
 
 def _put_back(made: Solution, bundle: Bundle, posed: Ints, kept: Ints) -> None:
     made.rotation[posed], made.translation[posed] = bundle.rotation, bundle.translation
     made.xyz[:] = np.nan
-    with np.errstate(divide="ignore", invalid="ignore"):
-        made.xyz[kept] = bundle.points[:, :3] / bundle.points[:, 3:]
+    made.xyz[kept] = bundle.world
 
 
 def turning_explains(made: Solution) -> bool:
@@ -110,9 +100,8 @@ def zoom_ratios(tracks: Tracks) -> Floats:
     """
     steps = [0.0]
     for index in range(1, len(tracks.frames)):
-        (before, a), (after, b) = tracks.in_frame(index - 1), tracks.in_frame(index)
-        _, i, j = np.intersect1d(before, after, assume_unique=True, return_indices=True)
-        steps.append(_growth(a[i], b[j]) if len(i) >= 8 else 0.0)
+        a, b = tracks.shared(index - 1, index)
+        steps.append(_growth(a, b) if len(a) >= 8 else 0.0)
     path = np.cumsum(steps)
     return np.asarray(np.exp(path - path[len(path) // 2]))
 

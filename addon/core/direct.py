@@ -15,6 +15,7 @@ from itertools import pairwise
 import numpy as np
 
 from .adjust import Adjusted, Bundle, Sightings, adjust
+from .parallax import best_turn
 from .reconstruction import Floats, Ints
 from .tracks import Tracks
 
@@ -41,21 +42,22 @@ class Spanning:
 
 def spanning(tracks: Tracks, keys: list[int]) -> Spanning:
     """The tracks that are seen in enough of the keyframes `keys`, indices of the clip's frames."""
-    place = np.full(len(tracks.frames), -1)
-    place[keys] = np.arange(len(keys))
-    rows = place[tracks.frame_index] >= 0
-    seen = np.bincount(tracks.track[rows], minlength=tracks.count)
-    kept = seen >= max(MIN_SIGHTINGS, MIN_SHARE * len(keys))
-    rows &= kept[tracks.track]
-    number = np.cumsum(kept) - 1
+    in_keys = np.isin(tracks.frame_index, keys)
+    views = np.bincount(tracks.track[in_keys], minlength=tracks.count)
+    kept = np.nonzero(views >= max(MIN_SIGHTINGS, MIN_SHARE * len(keys)))[0].astype(np.int32)
+    seen = sightings(tracks, np.array(keys, np.int32), kept, in_keys)
+    return Spanning(seen, kept, len(keys), LOSS * max(tracks.width, tracks.height) / 1000)
+
+
+def sightings(
+    tracks: Tracks, frames: Ints, kept: Ints, rows: np.ndarray[tuple[int], np.dtype[np.bool_]]
+) -> Sightings:
+    """Of the observations `rows` (m,) those of tracks `kept` (P,) in `frames` (F,), numbered as in these."""
+    place, number = np.full(len(tracks.frames), -1, np.int32), np.full(tracks.count, -1, np.int32)
+    place[frames], number[kept] = np.arange(len(frames)), np.arange(len(kept))
+    rows = rows & (place[tracks.frame_index] >= 0) & (number[tracks.track] >= 0)
     centre = np.array([tracks.width, tracks.height]) / 2
-    return Spanning(
-        Sightings(
-            place[tracks.frame_index[rows]].astype(np.int32), number[tracks.track[rows]].astype(np.int32),
-            tracks.xy[rows] - centre,
-        ),
-        np.nonzero(kept)[0].astype(np.int32), len(keys), LOSS * max(tracks.width, tracks.height) / 1000,
-    )  # fmt: skip
+    return Sightings(place[tracks.frame_index[rows]], number[tracks.track[rows]], tracks.xy[rows] - centre)
 
 
 def turned(span: Spanning, focal: float) -> Adjusted:
@@ -111,7 +113,7 @@ def _ahead(bundle: Bundle) -> Floats:
 
 
 def _chained(span: Spanning, rays: Floats) -> Floats:
-    """(F, 3, 3) rotations, each from the frame before by the rays (m, 3) of what both see (Kabsch, 1976)."""
+    """(F, 3, 3) rotations, each from the frame before by the rays (m, 3) of what both see."""
     seen = span.seen
     members = [np.nonzero(seen.frame == frame)[0] for frame in range(span.frames)]
     rotation = [np.eye(3)]
@@ -121,8 +123,7 @@ def _chained(span: Spanning, rays: Floats) -> Floats:
         kept = np.ones(len(i), bool)
         turn = np.eye(3)
         for _ in range(3):
-            u, _, vt = np.linalg.svd(b[kept].T @ a[kept])
-            turn = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
+            turn = best_turn(a[kept], b[kept])
             error = np.linalg.norm(a @ turn.T - b, axis=1)
             kept = error <= 2 * np.median(error) + 1e-12 if len(error) else kept
         rotation.append(turn @ rotation[-1])

@@ -24,9 +24,8 @@ def keyframes(tracks: Tracks) -> list[int]:
     count = len(tracks.frames)
     flow = np.zeros(count)
     for index in range(1, count):
-        (before, a), (after, b) = tracks.in_frame(index - 1), tracks.in_frame(index)
-        _, i, j = np.intersect1d(before, after, assume_unique=True, return_indices=True)
-        flow[index] = np.median(np.linalg.norm(b[j] - a[i], axis=1)) if len(i) else 1.0
+        a, b = tracks.shared(index - 1, index)
+        flow[index] = np.median(np.linalg.norm(b - a, axis=1)) if len(a) else 1.0
     path = np.cumsum(flow + 1e-3)
     steps = np.linspace(path[0], path[-1], min(KEYFRAMES, count))
     return sorted(set(np.clip(np.searchsorted(path, steps - 1e-9), 0, count - 1).tolist()) | {0, count - 1})

@@ -1,8 +1,9 @@
 """Structure from motion for video. Runs in the worker process only: pycolmap can take its process along.
 
-Keyframes first, with the focal length held (COLMAP's defaults fail on short video), by pairs of pictures with
-parallax or, where there are none or the lens zooms, all at once; then the focal length, as far as the clip
-determines it; then every other frame by its pose from the same tracks; then all of it adjusted once more.
+Keyframes first, with the focal length held (COLMAP's defaults fail on short video), by pairs of pictures
+with parallax or, where that explains too little, all at once; then the focal length, as far as the clip
+determines it; then every other frame by its pose from the same tracks; then all of it adjusted once more. A
+zoom is taken out of the tracks before, and given back to the frames after the keyframes.
 """
 
 from __future__ import annotations
@@ -74,7 +75,6 @@ def reconstruct(tracks: Tracks, lens: Lens, progress: Progress) -> Mapped:
     parallax = check_motion(tracks)
     keys = keyframes(tracks)
     start = lens.focal or START_FOCAL * max(tracks.width, tracks.height)
-    # A zoom is taken out of the tracks for as long as one focal length is to be found.
     ratio = calibration.zoom_ratios(tracks) if lens.zooms else np.ones(len(tracks.frames))
     found = _keyframe_solution(calibration.zoomed(tracks, ratio), keys, start, lens, parallax, progress)
     best = found.solution
@@ -197,7 +197,5 @@ def _at_once(tracks: Tracks, keys: list[int], focal: float) -> Solution | None:
     placed = direct.placed(span, direct.turned(span, focal).bundle)
     made = solution.empty(tracks, focal)
     made.rotation[keys], made.translation[keys] = placed.bundle.rotation, placed.bundle.translation
-    points = placed.bundle.points
-    with np.errstate(divide="ignore", invalid="ignore"):
-        made.xyz[span.tracks] = points[:, :3] / points[:, 3:]
+    made.xyz[span.tracks] = placed.bundle.world
     return made

@@ -24,7 +24,7 @@ def check_motion(tracks: Tracks) -> float:
     neither the reprojection error nor the triangulation angle shows it. Raises UserError where the clip has
     too few features or the camera stands still; of a camera that only turns, `only_turns` tells.
     """
-    pairs = [p for p in (_shared(tracks, i, j) for i, j in _pairs(tracks)) if len(p[0]) >= MIN_SHARED]
+    pairs = [p for p in (tracks.shared(i, j) for i, j in _pairs(tracks)) if len(p[0]) >= MIN_SHARED]
     if not pairs:
         raise UserError(
             f"fewer than {MIN_SHARED} features can be followed through the clip; it has too little texture"
@@ -62,7 +62,7 @@ def only_turns(parallax: float) -> UserError:
 def rotation_residual(a: Floats, b: Floats, tracks: Tracks, focal: float) -> float:
     """Median distance in pixels between (n, 2) places b and places a turned by the best rotation.
 
-    Rays are aligned by Kabsch's method (1976), twice reweighted to the half that fits best.
+    Rays are aligned twice more with the half that fits best.
     """
     centre = np.array([tracks.width, tracks.height]) / 2
     length = focal * max(tracks.width, tracks.height)
@@ -70,12 +70,19 @@ def rotation_residual(a: Floats, b: Floats, tracks: Tracks, focal: float) -> flo
     keep = np.ones(len(a), bool)
     error = np.zeros(len(a))
     for _ in range(3):
-        u, _, vt = np.linalg.svd(rays_b[keep].T @ rays_a[keep])
-        turn = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
-        turned = rays_a @ turn.T
+        turned = rays_a @ best_turn(rays_a[keep], rays_b[keep]).T
         error = np.linalg.norm(turned[:, :2] / turned[:, 2:] * length + centre - b, axis=1)
         keep = error <= np.median(error) + 1e-12
     return float(np.median(error))
+
+
+def best_turn(a: Floats, b: Floats) -> Floats:
+    """(3, 3) rotation that brings unit rays (n, 3) a closest to b.
+
+    Kabsch, "A solution for the best rotation to relate two sets of vectors", 1976.
+    """
+    u, _, vt = np.linalg.svd(b.T @ a)
+    return np.asarray(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)
 
 
 def _pairs(tracks: Tracks) -> list[tuple[int, int]]:
@@ -83,12 +90,6 @@ def _pairs(tracks: Tracks) -> list[tuple[int, int]]:
     last = len(tracks.frames) - 1
     cuts = [np.linspace(0, last, parts + 1).round().astype(int) for parts in (1, 2, 4, 8)]
     return sorted({(int(i), int(j)) for c in cuts for i, j in pairwise(c) if j > i})
-
-
-def _shared(tracks: Tracks, i: int, j: int) -> tuple[Floats, Floats]:
-    (ids_i, xy_i), (ids_j, xy_j) = tracks.in_frame(i), tracks.in_frame(j)
-    _, at_i, at_j = np.intersect1d(ids_i, ids_j, assume_unique=True, return_indices=True)
-    return xy_i[at_i], xy_j[at_j]
 
 
 def _rays(xy: Floats) -> Floats:

@@ -292,6 +292,16 @@ def _check_pose(image: Image) -> None:
         )
 
 
+def outermost_angles(rays: Floats, point: Ints, count: int) -> Floats:
+    """(count,) degrees between the outermost unit rays (m, 3) to each point (m,); NaN without a ray."""
+    low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
+    np.minimum.at(low, point, rays)
+    np.maximum.at(high, point, rays)
+    with np.errstate(invalid="ignore"):
+        angle = np.degrees(np.linalg.norm(high - low, axis=1))
+    return np.asarray(np.where(np.isfinite(angle), angle, np.nan))
+
+
 def rotation_vector(matrix: Floats) -> Floats:
     """(3, 3) rotation -> (3,) axis times angle in radians (logarithm map of SO(3))."""
     quaternion = quaternion_from_matrix(matrix)

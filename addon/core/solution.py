@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from .reconstruction import Floats, Image, Intrinsics, Ints, Points, Reconstruction
+from .reconstruction import Floats, Image, Intrinsics, Ints, Points, Reconstruction, outermost_angles
 from .tracks import Progress, Tracks
 
 MAX_ERROR = 2.0
@@ -177,11 +177,7 @@ def drop_shallow(solution: Solution) -> float:
     used = solution.used
     towards = solution.xyz[tracks.track[used]] - centres[tracks.frame_index[used]]
     towards /= np.linalg.norm(towards, axis=1, keepdims=True)
-    low, high = np.full((tracks.count, 3), np.inf), np.full((tracks.count, 3), -np.inf)
-    np.minimum.at(low, tracks.track[used], towards)
-    np.maximum.at(high, tracks.track[used], towards)
-    with np.errstate(invalid="ignore"):
-        angle = np.degrees(np.linalg.norm(high - low, axis=1))
+    angle = outermost_angles(towards, tracks.track[used], tracks.count)
     placed = np.isfinite(solution.xyz[:, 0]) & np.isfinite(angle)
     usual = float(np.median(angle[placed])) if placed.any() else 0.0
     solution.xyz[~(angle >= min(MIN_ANGLE, usual / 3))] = np.nan

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .reconstruction import Floats, Ints, Reconstruction
+from .reconstruction import Floats, Ints, Reconstruction, outermost_angles
 
 WEAK = 30
 """Feature points; a frame with fewer has a mesh that knows little."""
@@ -101,8 +101,9 @@ def report(reconstruction: Reconstruction, frames: tuple[int, ...], said: dict[s
     seen = set(reconstruction.frames.tolist())
     missing = [frame for frame in frames if frame not in seen]
     focal = [reconstruction.intrinsics(image).fx for image in reconstruction.images]
-    angle = _angles(reconstruction)
-    error, drift = _errors(reconstruction)
+    point, residual, rays = _observations(reconstruction)
+    angle = _angles(point, rays, len(reconstruction.points))
+    error, drift = _errors(point, residual, len(reconstruction.points))
     # More sightings of a track do not help: they share its error.
     spread = error / float(np.median(focal)) / max(np.radians(float(np.median(angle))), 1e-9)
     sigma = said.get("focal_sigma")
@@ -191,29 +192,18 @@ def _observations(reconstruction: Reconstruction) -> tuple[Ints, Floats, Floats]
     return np.concatenate(points), np.concatenate(residuals), np.concatenate(rays)
 
 
-def _angles(reconstruction: Reconstruction) -> Floats:
+def _angles(point: Ints, rays: Floats, count: int) -> Floats:
     """Degrees between the outermost rays of the points that two frames see."""
-    point, _, ray = _observations(reconstruction)
-    count = len(reconstruction.points)
-    low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
-    np.minimum.at(low, point, ray)
-    np.maximum.at(high, point, ray)
-    views = np.bincount(point, minlength=count)
-    with np.errstate(invalid="ignore"):
-        angle = np.degrees(np.linalg.norm(high - low, axis=1))
-    good = (views >= 2) & np.isfinite(angle)
-    if not good.any():
-        return np.zeros(1)
-    return np.asarray(angle[good])
+    angle = outermost_angles(rays, point, count)
+    good = (np.bincount(point, minlength=count) >= 2) & np.isfinite(angle)
+    return angle[good] if good.any() else np.zeros(1)
 
 
-def _errors(reconstruction: Reconstruction) -> tuple[float, float]:
+def _errors(point: Ints, residual: Floats, count: int) -> tuple[float, float]:
     """Mean reprojection error of the points, and how far tracks drift from their beginning to their end."""
-    point, residual, _ = _observations(reconstruction)
     size = np.linalg.norm(residual, axis=1)
     good = np.isfinite(size)
     point, residual, size = point[good], residual[good], size[good]
-    count = len(reconstruction.points)
     views = np.bincount(point, minlength=count)
     total = np.bincount(point, weights=size, minlength=count)
     error = float((total[views > 0] / views[views > 0]).mean()) if (views > 0).any() else 0.0

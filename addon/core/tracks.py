@@ -65,6 +65,12 @@ class Tracks:
         low, high = np.searchsorted(self.frame_index, [index, index + 1])
         return self.track[low:high], self.xy[low:high]
 
+    def shared(self, i: int, j: int) -> tuple[Floats, Floats]:
+        """Places (n, 2) and (n, 2) of the tracks that two frames both see."""
+        (before, a), (after, b) = self.in_frame(i), self.in_frame(j)
+        _, at_a, at_b = np.intersect1d(before, after, assume_unique=True, return_indices=True)
+        return a[at_a], b[at_b]
+
 
 class Tracker(Protocol):
     """Sees the frames of a clip one after the other."""

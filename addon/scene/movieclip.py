@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..core import lenses
 from ..core.errors import UserError
 from ..core.footage import Footage, describe
-from ..core.readers.matching import NO_PATH, ONLY_TURNS, Imported
+from ..core.readers.matching import ONLY_TURNS, Imported, at_one_place
 from ..core.reconstruction import Floats, Image, Intrinsics, Ints, Points, Reconstruction
 from .camera import FLIP
 
@@ -78,7 +78,7 @@ def read_movie_clip(clip: bpy.types.MovieClip, footage: Footage) -> Imported:
     if without:
         notes.append(f"{without} frames of the footage are not solved")
     reconstruction = _measured(lens, images, np.array([track.bundle for track in tracks]))
-    if _only_turns(reconstruction):
+    if at_one_place(reconstruction):
         notes.append(ONLY_TURNS)
     return Imported(reconstruction, FORMAT, tuple(notes))
 
@@ -305,9 +305,3 @@ def _measured(lens: Intrinsics, images: tuple[Image, ...], bundles: Floats) -> R
     colour: NDArray[np.uint8] = np.full((int(kept.sum()), 3), GRAY, dtype=np.uint8)
     moved = tuple(replace(image, points=rows[image.points]) for image in images)
     return Reconstruction((lens,), moved, Points(bundles[kept], colour, error))
-
-
-def _only_turns(reconstruction: Reconstruction) -> bool:
-    centres = np.array([image.centre for image in reconstruction.images])
-    distance = np.median(np.linalg.norm(reconstruction.points.xyz - centres[0], axis=1))
-    return bool(np.ptp(centres, axis=0).max() < NO_PATH * distance)

@@ -81,7 +81,7 @@ def match(foreign: Foreign, footage: Footage) -> Imported:
     reconstruction = replace(foreign.reconstruction, images=tuple(known))
     reconstruction, scaled = _fitted(reconstruction, footage)
     notes += scaled
-    if _only_turns(reconstruction):
+    if at_one_place(reconstruction):
         notes.append(ONLY_TURNS)
     return Imported(reconstruction, foreign.format, tuple(notes))
 
@@ -248,7 +248,8 @@ def _check_shape(lens: Intrinsics, footage: Footage) -> None:
     )
 
 
-def _only_turns(model: Reconstruction) -> bool:
+def at_one_place(model: Reconstruction) -> bool:
+    """Whether all cameras stand at one place: then the points have no depth of their own."""
     centres = np.array([image.centre for image in model.images])
     if len(centres) < 2 or not len(model.points):
         return False
