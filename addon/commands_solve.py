@@ -11,15 +11,13 @@ import bpy
 
 from .core.colmap_model import export_model
 from .core.errors import UserError
-from .core.focal import from_equivalent, from_field_of_view
+from .core.focal import Focal, from_equivalent, from_field_of_view, from_sensor
 from .core.footage import Footage, FrameRange, open_footage
 from .core.readers import read_reconstruction
 from .core.readers.matching import Imported
-from .core.reconstruction import normalise
 from .core.solve import Progress, SolveProcess
-from .core.solve_folder import Solve, Staging, is_solved, load_solve
+from .core.solve_folder import Solve, holds_solve, keep_import, load_solve
 from .core.tracks import TRACKERS
-from .scene import exr
 from .scene.movieclip import read_movie_clip
 
 
@@ -64,7 +62,14 @@ def add_footage(command: argparse.ArgumentParser) -> None:
         "--focal35", type=float, metavar="MM", help="known focal length, 35 mm equivalent, held"
     )
     focal.add_argument("--fov", type=float, metavar="DEG", help="known horizontal field of view, held")
+    focal.add_argument(
+        "--focal-mm",
+        type=float,
+        metavar="MM",
+        help="known focal length of the lens itself, with --sensor-mm, held",
+    )
     focal.add_argument("--zoom", action="store_true", help="the focal length changes over the clip")
+    command.add_argument("--sensor-mm", type=float, metavar="MM", help="width of the sensor, with --focal-mm")
     command.add_argument(
         "--tracker", choices=TRACKERS, default=TRACKERS[0], help=f"how features are followed ({TRACKERS[0]})"
     )
@@ -101,8 +106,10 @@ def take_in(options: argparse.Namespace) -> None:
     """`import MODEL --footage FOOTAGE --work DIR`"""
     work: Path = options.work.absolute()
     footage = open_footage(options.footage)
-    if is_solved(work, footage, {}) and not options.again:
-        raise UserError(f"{work} holds a solve already; name another folder, or replace it with --again")
+    if holds_solve(work, footage) and not options.again:
+        raise UserError(
+            f"{work} holds a solve of this clip already; name another folder, or replace it with --again"
+        )
     if options.model.suffix.lower() == ".blend":
         found = _from_blend(options.model, options.clip, footage)
     else:
@@ -112,20 +119,6 @@ def take_in(options: argparse.Namespace) -> None:
     print(f"{found.format}: {solved.summary}", flush=True)
     for note in found.notes:
         print(f"note: {note}", flush=True)
-
-
-def keep_import(found: Imported, footage: Footage, work: Path) -> None:
-    """Keep another program's solve as if it were our own."""
-    reconstruction = normalise(found.reconstruction)
-    staging = Staging(work)
-    try:
-        model = staging.folder / "model"
-        model.mkdir()
-        export_model(model, reconstruction, None)
-        said = {"focal_from": "file", "method": found.format, "notes": list(found.notes)}
-        staging.keep(footage, {"imported": found.format}, said)
-    finally:
-        staging.discard()
 
 
 def hand_out(options: argparse.Namespace) -> None:
@@ -159,16 +152,24 @@ def _from_blend(path: Path, name: str | None, footage: Footage) -> Imported:
     return read_movie_clip(here.movieclips[0], footage)
 
 
-def _focal(options: argparse.Namespace) -> float | None:
-    """Pixels."""
-    focal: float | None = options.focal
-    if options.focal35 is None and options.fov is None:
-        return focal
-    exr.lend()
-    clip = open_footage(options.footage)
+def _focal(options: argparse.Namespace) -> Focal | None:
+    """What the options tell of the focal length."""
+    focal_mm, sensor_mm = options.focal_mm, options.sensor_mm
+    if sensor_mm is not None and focal_mm is None:
+        raise UserError("--sensor-mm means nothing without --focal-mm: give the lens's focal length, too")
+    if focal_mm is not None and sensor_mm is None:
+        raise UserError(
+            "--focal-mm means nothing without --sensor-mm: give the width of the sensor, too, or the lens's"
+            " 35 mm equivalent with --focal35"
+        )
+    if focal_mm is not None:
+        return lambda width, _: from_sensor(focal_mm, sensor_mm, width)
     if options.fov is not None:
-        return from_field_of_view(options.fov, clip.width)
-    return from_equivalent(options.focal35, clip.width, clip.height)
+        return lambda width, _: from_field_of_view(options.fov, width)
+    if options.focal35 is not None:
+        return lambda width, height: from_equivalent(options.focal35, width, height)
+    pixels: float | None = options.focal
+    return pixels
 
 
 class _ProgressLine:

@@ -5,10 +5,12 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
 from addon.commands import run_command
+from addon.core.solve import SolveProcess
 from addon.core.solve_folder import Solve, load_solve
 from addon.core.solve_report import ranges
 
@@ -34,6 +36,33 @@ def solved(clip: Path, tmp_path_factory: pytest.TempPathFactory) -> Solve:
 def test_a_field_of_view_is_a_focal_length(solved: Solve) -> None:
     assert solved.reconstruction.cameras[0].fx == pytest.approx(planes.FOCAL, abs=0.1)
     assert solved.worth.focal_from == "given"
+
+
+def test_a_lens_before_a_sensor_is_the_same_focal_length(clip: Path, tmp_path: Path) -> None:
+    work = tmp_path / "work"
+    assert run("solve", clip, "--work", work, "--focal-mm", 20.4, "--sensor-mm", 24) == 0
+    # 320 pixels on 24 mm.
+    assert load_solve(work).reconstruction.cameras[0].fx == pytest.approx(272.0, rel=1e-12)
+    before = (work / "solve.json").stat().st_mtime_ns
+    assert run("solve", clip, "--work", work, "--focal-mm", 20.4, "--sensor-mm", 24) == 0
+    assert (work / "solve.json").stat().st_mtime_ns == before
+
+
+def test_a_video_is_opened_once_before_its_worker_starts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "walk.mp4"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), 24, planes.SIZE)
+    for picture in planes.sideways(3):
+        writer.write(picture)
+    writer.release()
+    opened = []
+    capture = cv2.VideoCapture
+    monkeypatch.setattr(cv2, "VideoCapture", lambda *told: opened.append(told) or capture(*told))
+    process = SolveProcess(path, tmp_path / "work", focal=lambda width, height: width + height / 1000)
+    process.cancel()
+    assert len(opened) == 1
+    assert process.clip.frames == (1, 2, 3)
 
 
 def test_a_report_is_of_what_is_there(solved: Solve, capsys: pytest.CaptureFixture[str]) -> None:
@@ -71,6 +100,34 @@ def test_an_exported_model_comes_back(solved: Solve, tmp_path: Path) -> None:
         np.testing.assert_allclose(a.centre, b.centre, atol=1e-6)
 
 
+def test_an_import_is_not_taken_for_a_solve(
+    solved: Solve, clip: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    work = tmp_path / "work"
+    assert run("import", solved.work_dir / "model", "--footage", clip, "--work", work) == 0
+    before = (work / "solve.json").read_text()
+    for more in ((), ("--frames", "1-8"), ("--focal", "272")):
+        assert run("solve", clip, "--work", work, *more) == 1
+        said = capsys.readouterr().err
+        assert "holds an import (COLMAP text)" in said
+        assert "--again" in said
+    assert (work / "solve.json").read_text() == before
+    assert run("solve", clip, "--work", work, "--focal", "272", "--again") == 0
+    assert load_solve(work).worth.focal_from == "given"
+    assert run("solve", clip, "--work", work, "--focal", "272") == 0
+
+
+def test_a_solve_of_some_frames_is_not_replaced_by_an_import(
+    solved: Solve, clip: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    work = tmp_path / "work"
+    assert run("solve", clip, "--work", work, "--frames", "1-8", "--focal", "272") == 0
+    before = (work / "solve.json").read_text()
+    assert run("import", solved.work_dir / "model", "--footage", clip, "--work", work) == 1
+    assert "holds a solve of this clip" in capsys.readouterr().err
+    assert (work / "solve.json").read_text() == before
+
+
 def test_nothing_of_the_users_is_overwritten(
     solved: Solve, clip: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -94,13 +151,19 @@ def test_nothing_of_the_users_is_overwritten(
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("--fov", "200"), "field of view"),
-        (("--focal35", "-3"), "greater than zero"),
-        (("--focal", "0"), "greater than zero"),
+        (("--fov", "200"), "field of view is 200 degrees"),
+        (("--fov", "nan"), "field of view is nan degrees"),
+        (("--focal35", "-3"), "focal length is -3 mm"),
+        (("--focal", "0"), "focal length is 0 pixels"),
+        (("--focal-mm", "0", "--sensor-mm", "36"), "focal length is 0 mm"),
+        (("--focal-mm", "35", "--sensor-mm", "-1"), "sensor is -1 mm"),
+        (("--focal-mm", "35"), "without --sensor-mm"),
+        (("--sensor-mm", "36"), "without --focal-mm"),
+        (("--focal", "300", "--sensor-mm", "36"), "without --focal-mm"),
     ],
 )
 def test_a_lens_that_cannot_be_is_refused(
-    clip: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: tuple[str, str], said: str
+    clip: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...], said: str
 ) -> None:
     assert run("solve", clip, "--work", tmp_path / "work", *arguments) == 1
     assert said in capsys.readouterr().err

@@ -5,15 +5,20 @@ from __future__ import annotations
 from pathlib import Path
 
 import bpy
+import numpy as np
 import pytest
 
 import addon
-from addon.core.reconstruction import Intrinsics
+from addon.core.footage import open_footage
+from addon.core.reconstruction import Intrinsics, rotation_matrix
+from addon.core.solve_folder import load_solve
 from addon.scene.build import build
 from addon.ui import panels
+from addon.ui.operators import bring_in
 
+from . import foreign_models as foreign
 from . import planes
-from .scenes import slanted_shot
+from .scenes import slanted_shot, write_frames
 
 LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
 
@@ -82,7 +87,8 @@ def test_render_frame_and_clip_write_pictures(scene: bpy.types.Scene, tmp_path: 
 
 
 def test_scene_changes_can_be_undone() -> None:
-    for name in ("VIRTUAL_APERTURE_OT_solve", "VIRTUAL_APERTURE_OT_set_focus"):
+    for name in ("solve", "import_solve", "import_movie_clip", "set_focus"):
+        name = f"VIRTUAL_APERTURE_OT_{name}"
         assert "UNDO" in getattr(bpy.types, name).bl_options
 
 
@@ -107,9 +113,9 @@ def test_panels_draw(scene: bpy.types.Scene, tmp_path: Path, solved: bool) -> No
         layout = Recorder()
         panel.draw(type("Self", (), {"layout": layout})(), bpy.context)
         drawn += layout.drawn
-    for wanted in ("footage", "virtual_aperture.solve", "virtual_aperture.set_focus", "blur", "views"):
-        assert wanted in drawn
-    assert {"virtual_aperture.render_frame", "virtual_aperture.render_clip"} <= set(drawn)
+    operators = {f"virtual_aperture.{name}" for name in ("solve", "import_solve", "set_focus")}
+    operators |= {"virtual_aperture.render_frame", "virtual_aperture.render_clip"}
+    assert operators | {"footage", "blur", "views"} <= set(drawn)
 
 
 def test_register_again(registered: None) -> None:
@@ -134,7 +140,177 @@ def test_solving_brings_the_clip_into_its_scene(scene: bpy.types.Scene, tmp_path
     assert bpy.ops.virtual_aperture.solve() == {"FINISHED"}
     # 320x240 pixels lie on 34.6x26.0 mm of the 35 mm film's diagonal.
     assert settings.camera.data.lens == pytest.approx(36.0 * 36.0 / 34.61, rel=1e-3)
+    settings.lens, settings.focal_mm, settings.sensor_mm = "SENSOR", 20.0, 18.0
+    assert bpy.ops.virtual_aperture.solve() == {"FINISHED"}
+    assert settings.camera.data.lens == pytest.approx(40.0, rel=1e-5)
     settings.footage = str(tmp_path / "gone")
     with pytest.raises(RuntimeError, match="does not exist"):
         bpy.ops.virtual_aperture.solve()
     assert settings.points is not None
+
+
+def choose_clip(scene: bpy.types.Scene, folder: Path) -> Path:
+    """The clip of the foreign models, chosen in the panel; its working folder."""
+    settings = scene.virtual_aperture
+    settings.footage = str(write_clip(folder / "clip"))
+    settings.work_dir = str(folder / "work")
+    return folder / "work"
+
+
+def write_clip(folder: Path) -> Path:
+    write_frames(folder, foreign.LENS, (1, 2, 3, 4))
+    for path in sorted(folder.iterdir()):
+        path.rename(path.with_name(path.name.replace("clip", "shot")))
+    return folder
+
+
+def write_model(folder: Path, points: int = 12) -> Path:
+    folder.mkdir(parents=True)
+    for name, text in foreign.colmap_text(foreign.world(points=points)).items():
+        (folder / name).write_text(text)
+    return folder
+
+
+@pytest.mark.parametrize("chosen", ["", "0", "0/cameras.txt", "0/points3D.txt"])
+def test_a_model_is_imported_by_its_folder_or_a_file_in_it(
+    scene: bpy.types.Scene, tmp_path: Path, chosen: str
+) -> None:
+    work = choose_clip(scene, tmp_path)
+    write_model(tmp_path / "sparse" / "0")
+    chosen_path = tmp_path / "sparse" / chosen
+    # As the file selector hands folders over.
+    text = f"{chosen_path}/" if chosen_path.is_dir() else str(chosen_path)
+    assert bpy.ops.virtual_aperture.import_solve(filepath=text) == {"FINISHED"}
+    settings = scene.virtual_aperture
+    assert len(settings.points.data.vertices) == 12
+    assert scene.camera == settings.camera
+    assert (scene.frame_start, scene.frame_end) == (1, 4)
+    kept = load_solve(work)
+    assert kept.worth.focal_from == "file"
+    assert kept.reconstruction.cameras[0].fx == foreign.LENS.fx
+    # A lens of 80 pixels on a picture of 96, on Blender's sensor of 36 mm.
+    assert settings.camera.data.lens == pytest.approx(30.0)
+
+
+def test_an_import_replaces_a_solve_only_when_told_to(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    work = choose_clip(scene, tmp_path)
+    first, second = write_model(tmp_path / "one"), write_model(tmp_path / "two", 15)
+    bpy.ops.virtual_aperture.import_solve(filepath=str(first))
+    before = (work / "solve.json").read_text()
+    with pytest.raises(RuntimeError, match="holds a solve of this clip already"):
+        bpy.ops.virtual_aperture.import_solve(filepath=str(second))
+    assert (work / "solve.json").read_text() == before
+    points = scene.virtual_aperture.points
+    assert len(points.data.vertices) == 12
+    assert bpy.ops.virtual_aperture.import_solve(filepath=str(second), again=True) == {"FINISHED"}
+    assert scene.virtual_aperture.points == points
+    assert len(points.data.vertices) == len(load_solve(work).reconstruction.points) == 15
+    # The import is not taken for a solve.
+    with pytest.raises(RuntimeError, match=r"holds an import \(COLMAP text\).*Solve Again"):
+        bpy.ops.virtual_aperture.solve()
+
+
+@pytest.mark.parametrize("elsewhere", [False, True])
+def test_edit_mode_is_left_for_a_new_solve(scene: bpy.types.Scene, tmp_path: Path, elsewhere: bool) -> None:
+    work = choose_clip(scene, tmp_path)
+    bpy.ops.virtual_aperture.import_solve(filepath=str(write_model(tmp_path / "one")))
+    points = scene.virtual_aperture.points
+    select(points, (1, 2))
+    if elsewhere:
+        bpy.context.window.scene = bpy.data.scenes.new("other")
+    bring_in(scene, open_footage(tmp_path / "clip"), work)
+    assert points.mode == "OBJECT"
+    assert len(points.data.vertices) == 12
+
+
+def test_an_import_that_fails_leaves_everything_as_it_was(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    with pytest.raises(RuntimeError, match="Choose a clip first"):
+        bpy.ops.virtual_aperture.import_solve(filepath=str(tmp_path))
+    work = choose_clip(scene, tmp_path)
+    with pytest.raises(RuntimeError, match="no model is chosen"):
+        bpy.ops.virtual_aperture.import_solve()
+    notes = tmp_path / "notes.txt"
+    notes.write_text("Things to do")
+    broken = write_model(tmp_path / "broken")
+    (broken / "images.txt").write_text("nonsense\n")
+    for path, said in (
+        (notes, "no model of a known format"),
+        (tmp_path / "gone", "does not exist"),
+        (broken, "images.txt"),
+        (tmp_path / "a.blend", "Import Movie Clip"),
+    ):
+        with pytest.raises(RuntimeError, match=said):
+            bpy.ops.virtual_aperture.import_solve(filepath=str(path), again=True)
+    assert not work.exists()
+    assert scene.virtual_aperture.points is None
+    assert len(bpy.data.objects) == 0
+    bpy.ops.virtual_aperture.import_solve(filepath=str(write_model(tmp_path / "good")))
+    before = (work / "solve.json").read_text()
+    with pytest.raises(RuntimeError, match=r"images\.txt"):
+        bpy.ops.virtual_aperture.import_solve(filepath=str(broken), again=True)
+    assert (work / "solve.json").read_text() == before
+    assert len(scene.virtual_aperture.points.data.vertices) == 12
+
+
+def test_what_the_reader_notes_is_a_warning(
+    scene: bpy.types.Scene, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    choose_clip(scene, tmp_path)
+    (tmp_path / "clip" / "shot_0004.png").unlink()
+    bpy.ops.virtual_aperture.import_solve(filepath=str(write_model(tmp_path / "model")))
+    assert "Warning: 1 images of the model are not in the clip: shot_0004.png" in capfd.readouterr().out
+
+
+def solved_movie_clip(folder: Path) -> bpy.types.MovieClip:
+    """A movie clip of the folder's pictures with exact tracks, solved by Blender."""
+    width, height = foreign.SIZE
+    clip = bpy.data.movieclips.load(str(folder / "shot_0001.png"))
+    camera = clip.tracking.camera
+    camera.units, camera.focal_length_pixels = "PIXELS", 80.0
+    camera.principal_point_pixels = (width / 2, height / 2)
+    target = clip.tracking.objects[0]
+    target.keyframe_a, target.keyframe_b = 1, 4
+    points = np.random.default_rng(1).uniform([-2, -1.5, 5], [2, 1.5, 9], (40, 3))
+    for _ in points:
+        target.tracks.new(frame=1)
+    for frame in range(1, 5):
+        turn = rotation_matrix(np.array([0.01, -0.02, 0.005]) * frame)
+        local = (points - [0.3 * frame, 0.02 * frame**2, 0.05 * frame]) @ turn.T
+        places = local[:, :2] / local[:, 2:] * [80 / width, -80 / height] + 0.5
+        for track, place in zip(target.tracks, places, strict=True):
+            track.markers.insert_frame(frame, co=place)
+    area = bpy.context.screen.areas[0]
+    kind, area.type = area.type, "CLIP_EDITOR"
+    area.spaces.active.clip = clip
+    window = next(region for region in area.regions if region.type == "WINDOW")
+    with bpy.context.temp_override(area=area, region=window, space_data=area.spaces.active):
+        assert bpy.ops.clip.solve_camera() == {"FINISHED"}
+    area.type = kind
+    return clip
+
+
+def test_a_solved_movie_clip_of_this_file_is_imported(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    work = choose_clip(scene, tmp_path)
+    folder = tmp_path / "clip"
+    unsolved = bpy.data.movieclips.load(str(folder / "shot_0001.png"))
+    unsolved.name = "unsolved"
+    with pytest.raises(RuntimeError, match="No movie clip of this file is solved"):
+        bpy.ops.virtual_aperture.import_movie_clip()
+    clip = solved_movie_clip(folder)
+    with pytest.raises(TypeError, match="unsolved"):
+        bpy.ops.virtual_aperture.import_movie_clip(clip="unsolved")
+    assert bpy.ops.virtual_aperture.import_movie_clip(clip=clip.name) == {"FINISHED"}
+    settings = scene.virtual_aperture
+    assert len(settings.points.data.vertices) == 40
+    assert settings.camera.data.lens == pytest.approx(30.0)
+    assert load_solve(work).worth.reprojection_error < 0.01
+    with pytest.raises(RuntimeError, match="holds a solve of this clip already"):
+        bpy.ops.virtual_aperture.import_movie_clip(clip=clip.name)
+    assert bpy.ops.virtual_aperture.import_movie_clip(clip=clip.name, again=True) == {"FINISHED"}
+    # Another clip's pictures are refused, and the scene stays.
+    write_frames(tmp_path / "other", Intrinsics(64, 64, 80.0, 80.0, 32.0, 32.0))
+    settings.footage, settings.work_dir = str(tmp_path / "other"), str(tmp_path / "elsewhere")
+    with pytest.raises(RuntimeError, match="is 96x64, the footage other 64x64"):
+        bpy.ops.virtual_aperture.import_movie_clip(clip=clip.name)
+    assert not (tmp_path / "elsewhere").exists()
+    assert len(settings.points.data.vertices) == 40

@@ -3,11 +3,21 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 from .errors import UserError
 
 DIAGONAL_35 = math.hypot(36.0, 24.0)
 """Millimetres across the film that 35 mm equivalents speak of."""
+
+Focal = float | Callable[[int, int], float]
+"""A focal length in pixels, or what tells it from a clip's width and height."""
+
+
+def in_pixels(focal: Focal, width: int, height: int) -> float:
+    """Of a clip of this size; UserError unless it is a number greater than zero."""
+    pixels = focal(width, height) if callable(focal) else focal
+    return _positive("focal length", pixels, "pixels")
 
 
 def from_field_of_view(degrees: float, width: int) -> float:
@@ -18,7 +28,22 @@ def from_field_of_view(degrees: float, width: int) -> float:
 
 
 def from_equivalent(millimetres: float, width: int, height: int) -> float:
-    """From the 35 mm equivalent, which compares diagonals, as phones and EXIF do."""
-    if not millimetres > 0:
-        raise UserError(f"the focal length is {millimetres:g} mm; it must be greater than zero")
-    return millimetres / DIAGONAL_35 * math.hypot(width, height)
+    """From the 35 mm equivalent, which compares diagonals, as phones and EXIF do.
+
+    UserError unless it is greater than zero.
+    """
+    return _positive("focal length", millimetres, "mm") / DIAGONAL_35 * math.hypot(width, height)
+
+
+def from_sensor(focal_mm: float, sensor_mm: float, width: int) -> float:
+    """From the lens's own focal length and the width of the sensor behind it, of which the clip shows all.
+
+    UserError unless both are greater than zero.
+    """
+    return _positive("focal length", focal_mm, "mm") / _positive("sensor", sensor_mm, "mm") * width
+
+
+def _positive(what: str, value: float, unit: str) -> float:
+    if not 0 < value < math.inf:
+        raise UserError(f"the {what} is {value:g} {unit}; it must be greater than zero")
+    return value

@@ -14,8 +14,9 @@ from pathlib import Path
 from typing import Any
 
 from .errors import UserError
+from .focal import Focal, in_pixels
 from .footage import FrameRange, open_footage
-from .solve_folder import Staging, is_solved
+from .solve_folder import Staging, imported_from, is_solved
 from .tracks import TRACKERS
 
 SHARES = {
@@ -39,8 +40,9 @@ class Progress:
 class SolveProcess:
     """A solve under way in the worker process.
 
-    Raises UserError at once for a clip that cannot be read and a working folder that is not ours or
-    another clip's. Whatever ends it, the folder then holds either the old solve or the whole new one.
+    Raises UserError at once for a clip that cannot be read, a focal length that cannot be, and a working
+    folder that is not ours, another clip's or, unless `again`, an import's. Whatever ends it, the folder then
+    holds either the old solve or the whole new one.
     """
 
     def __init__(
@@ -48,7 +50,7 @@ class SolveProcess:
         footage: Path,
         work_dir: Path,
         frames: FrameRange | None = None,
-        focal: float | None = None,
+        focal: Focal | None = None,
         again: bool = False,
         tracker: str = TRACKERS[0],
         zooms: bool = False,
@@ -59,14 +61,16 @@ class SolveProcess:
         self._listener: threading.Thread | None = None
         self._staging: Staging | None = None
         self.finished = False
-        if focal is not None and not focal > 0:
-            raise UserError(f"the focal length is {focal:g} pixels; it must be greater than zero")
-        self._options: dict[str, Any] = {"focal": focal, "tracker": tracker, "zooms": zooms}
-        self._clip = open_footage(footage, frames)
-        self._clip.close()
-        if is_solved(work_dir, self._clip, self._options) and not again:
-            self.finished = True
-            return
+        self.clip = open_footage(footage, frames)
+        self.clip.close()
+        pixels = None if focal is None else in_pixels(focal, self.clip.width, self.clip.height)
+        self._options: dict[str, Any] = {"focal": pixels, "tracker": tracker, "zooms": zooms}
+        solved = is_solved(work_dir, self.clip, self._options)
+        if not again:
+            _refuse_import(work_dir)
+            if solved:
+                self.finished = True
+                return
         self._staging = Staging(work_dir)
         try:
             self._launch(self._staging.folder)
@@ -79,8 +83,8 @@ class SolveProcess:
 
     def _launch(self, folder: Path) -> None:
         job = {
-            "footage": str(self._clip.path),
-            "frames": self._clip.frames,
+            "footage": str(self.clip.path),
+            "frames": self.clip.frames,
             "folder": str(folder),
             "tracker": self._options["tracker"],
             "lens": {name: self._options[name] for name in ("focal", "zooms")},
@@ -160,7 +164,7 @@ class SolveProcess:
         assert self._staging is not None
         said = json.loads((self._staging.folder / "report.json").read_text(encoding="utf-8"))
         try:
-            self._staging.keep(self._clip, self._options, said)
+            self._staging.keep(self.clip, self._options, said)
         finally:
             self._clean()
         self.finished = True
@@ -175,6 +179,16 @@ class SolveProcess:
         if self._staging is not None:
             self._staging.discard()
             self._staging = None
+
+
+def _refuse_import(work_dir: Path) -> None:
+    # What another program found may have cost more than a solve, and is not ours to throw away unasked.
+    imported = imported_from(work_dir)
+    if imported:
+        raise UserError(
+            f"{work_dir} holds an import ({imported}), not a solve of our own; go on with it as it is, name"
+            " another folder, or replace it with --again (in the panel: Solve Again)"
+        )
 
 
 def _bug(message: dict[str, Any]) -> Exception | None:

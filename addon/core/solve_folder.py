@@ -17,10 +17,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from .colmap_model import read_model
+from .colmap_model import read_model, write_model
 from .errors import UserError
 from .footage import Footage, open_footage
-from .reconstruction import Reconstruction
+from .readers.matching import Imported
+from .reconstruction import Reconstruction, normalise
 from .solve_report import Report, report
 
 STATE = "solve.json"
@@ -172,22 +173,56 @@ def identity(path: Path) -> str:
 
 def is_solved(work_dir: Path, footage: Footage, options: dict[str, Any]) -> bool:
     """Whether the folder holds this very solve; UserError where it holds something else."""
-    if not work_dir.exists():
+    state = _state_of(work_dir, footage)
+    if state is None:
         return False
+    same = all(value in (None, state.get(name, value)) for name, value in options.items())
+    return same and tuple(state["frames"]) == footage.frames and (work_dir / "model").is_dir()
+
+
+def holds_solve(work_dir: Path, footage: Footage) -> bool:
+    """Whether the folder holds a solve of the clip, of whichever frames and whosever; UserError where it
+    holds something else."""
+    return _state_of(work_dir, footage) is not None and (work_dir / "model").is_dir()
+
+
+def imported_from(work_dir: Path) -> str | None:
+    """The format of the import that the folder keeps; None where it keeps none."""
+    state = _state(work_dir)
+    return None if state is None else state.get("imported")
+
+
+def keep_import(found: Imported, footage: Footage, work_dir: Path) -> None:
+    """Keep another program's solve as if it were our own."""
+    reconstruction = normalise(found.reconstruction)
+    staging = Staging(work_dir)
+    try:
+        model = staging.folder / "model"
+        model.mkdir()
+        write_model(model, reconstruction)
+        said = {"focal_from": "file", "method": found.format, "notes": list(found.notes)}
+        staging.keep(footage, {"imported": found.format}, said)
+    finally:
+        staging.discard()
+
+
+def _state_of(work_dir: Path, footage: Footage) -> dict[str, Any] | None:
+    """What the folder says of its solve of the clip; UserError where it holds something else."""
+    if not work_dir.exists():
+        return None
     if not work_dir.is_dir():
         raise UserError(f"{work_dir} is a file; name a folder with --work")
     state = _state(work_dir)
     if state is None:
         if any(not p.name.startswith(".solving-") for p in work_dir.iterdir()):
             raise UserError(f"{work_dir} is not empty and holds no solve; name another folder with --work")
-        return False
+        return None
     if state["identity"] != identity(footage.path):
         raise UserError(
             f"{work_dir} holds the solve of {Path(state['footage']).name}, not of {footage.path.name};"
             " name another folder with --work"
         )
-    same = all(value in (None, state.get(name, value)) for name, value in options.items())
-    return same and tuple(state["frames"]) == footage.frames and (work_dir / "model").is_dir()
+    return state
 
 
 def _state(work_dir: Path) -> dict[str, Any] | None:

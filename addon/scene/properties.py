@@ -13,6 +13,7 @@ from bpy.props import (
     StringProperty,
 )
 
+from ..core.focal import Focal, from_equivalent, from_sensor
 from ..core.focus import Focus, radius_for_blur
 from ..core.reconstruction import Reconstruction
 from ..core.views import LensSettings
@@ -54,9 +55,10 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
         name="Lens",
         description="What is known of the focal length of the clip",
         items=[
-            ("FIND", "From the Clip", "Found from the clip, as far as it tells"),
-            ("GIVEN", "35 mm Equivalent", "Known, and the same throughout"),
-            ("ZOOM", "Zooms", "It changes over the clip"),
+            ("FIND", "From the Clip", "Found from the clip, as far as it tells", 0),
+            ("GIVEN", "35 mm Equivalent", "Known, and the same throughout", 1),
+            ("SENSOR", "Lens and Sensor", "Known with the sensor's width, and the same throughout", 3),
+            ("ZOOM", "Zooms", "It changes over the clip", 2),
         ],
     )
     equivalent: FloatProperty(
@@ -65,6 +67,22 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
         min=1.0,
         soft_max=400.0,
         default=26.0,
+    )
+    focal_mm: FloatProperty(
+        name="Focal Length",
+        description="What is written on the lens",
+        subtype="DISTANCE_CAMERA",
+        min=0.1,
+        soft_max=400.0,
+        default=35.0,
+    )
+    sensor_mm: FloatProperty(
+        name="Sensor Width",
+        description="Width of the part of the sensor that the clip shows",
+        subtype="DISTANCE_CAMERA",
+        min=0.1,
+        soft_max=70.0,
+        default=36.0,
     )
     depth_maps: StringProperty(
         name="Depth Maps",
@@ -140,6 +158,17 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
         default=0,
         update=_aperture_changed,
     )
+
+
+def focal_of(settings: VirtualApertureSettings) -> Focal | None:
+    """What the settings tell of the clip's focal length."""
+    if settings.lens == "GIVEN":
+        equivalent = settings.equivalent
+        return lambda width, height: from_equivalent(equivalent, width, height)
+    if settings.lens == "SENSOR":
+        focal, sensor = settings.focal_mm, settings.sensor_mm
+        return lambda width, _: from_sensor(focal, sensor, width)
+    return None
 
 
 def focus_of(settings: VirtualApertureSettings) -> Focus:

@@ -10,15 +10,14 @@ import bmesh
 import bpy
 
 from ..core.errors import UserError
-from ..core.focal import from_equivalent
 from ..core.focus import Focus
-from ..core.footage import open_footage
+from ..core.footage import Footage
 from ..core.solve import SolveProcess
-from ..core.solve_folder import default_work_dir, load_solve
+from ..core.solve_folder import STATE, Solve, default_work_dir, load_solve
 from ..scene import aperture_cloud
 from ..scene.build import build
 from ..scene.point_cloud import ID_ATTRIBUTE
-from ..scene.properties import lens_settings, set_focus
+from ..scene.properties import focal_of, lens_settings, set_focus
 from ..scene.shot import footage_path, reconstruction_of
 
 Result = set[str]
@@ -75,6 +74,24 @@ def work_dir(settings: Any) -> Path:
     return default_work_dir(clip, beside)
 
 
+def is_kept(settings: Any) -> bool:
+    """Whether the clip's working folder keeps a solve or an import; for drawing, so nothing is read."""
+    return bool(settings.footage) and (work_dir(settings) / STATE).exists()
+
+
+def bring_in(scene: bpy.types.Scene, footage: Footage, folder: Path) -> Solve:
+    """Build the solve of the clip that a working folder keeps into a scene."""
+    solve = load_solve(folder)
+    points = scene.virtual_aperture.points
+    if points is not None and points.mode == "EDIT":
+        # A mesh cannot be filled there. The window may show another scene meanwhile.
+        layer = scene.view_layers[0]
+        with bpy.context.temp_override(scene=scene, view_layer=layer, active_object=points):
+            bpy.ops.object.mode_set(mode="OBJECT")
+    build(scene, footage, solve.reconstruction)
+    return solve
+
+
 class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
     """Find the cameras and the feature points of the clip, and bring them into the scene"""
 
@@ -101,12 +118,12 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
         settings = context.scene.virtual_aperture
         # The user may go to another scene meanwhile.
         self._scene = context.scene.name
-        path, focal = footage_path(settings), None
-        if settings.lens == "GIVEN":
-            clip = open_footage(path)
-            focal = from_equivalent(settings.equivalent, clip.width, clip.height)
         return SolveProcess(
-            path, work_dir(settings), focal=focal, again=self.again, zooms=settings.lens == "ZOOM"
+            footage_path(settings),
+            work_dir(settings),
+            focal=focal_of(settings),
+            again=self.again,
+            zooms=settings.lens == "ZOOM",
         )
 
     @reported
@@ -165,8 +182,7 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
             raise UserError(
                 f"the scene {self._scene!r} is gone; the solve is kept in {self._process.work_dir}"
             )
-        solve = load_solve(self._process.work_dir)
-        build(scene, open_footage(solve.footage, solve.frames), solve.reconstruction)
+        solve = bring_in(scene, self._process.clip, self._process.work_dir)
         self.report({"INFO"}, solve.summary)
         return {"FINISHED"}
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from . import operators
+from . import import_solve, operators
 
 
 class _Panel:
@@ -26,13 +26,23 @@ class VIRTUAL_APERTURE_PT_clip(_Panel, bpy.types.Panel):  # noqa: N801
         layout.prop(settings, "lens")
         if settings.lens == "GIVEN":
             layout.prop(settings, "equivalent")
+        elif settings.lens == "SENSOR":
+            layout.prop(settings, "focal_mm")
+            layout.prop(settings, "sensor_mm")
         row = layout.row()
         row.scale_y = 1.4
         row.operator(operators.VIRTUAL_APERTURE_OT_solve.bl_idname, icon="TRACKER").again = False
-        if settings.points is not None:
+        if settings.points is not None or operators.is_kept(settings):
             layout.operator(
                 operators.VIRTUAL_APERTURE_OT_solve.bl_idname, text="Solve Again", icon="FILE_REFRESH"
             ).again = True
+        layout.operator(import_solve.VIRTUAL_APERTURE_OT_import_solve.bl_idname, icon="IMPORT")
+        movie_clip = import_solve.VIRTUAL_APERTURE_OT_import_movie_clip.bl_idname
+        if import_solve.solved_clips():
+            layout.operator_menu_enum(movie_clip, "clip", icon="TRACKING")
+        elif bpy.data.movieclips:
+            # Disabled, and says why.
+            layout.operator(movie_clip, icon="TRACKING")
 
 
 class VIRTUAL_APERTURE_PT_lens(_Panel, bpy.types.Panel):  # noqa: N801

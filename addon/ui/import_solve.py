@@ -1,0 +1,166 @@
+"""Operators that take in what another program, or Blender's own tracker, solved."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ..core.errors import UserError
+from ..core.footage import Footage, open_footage
+from ..core.readers import read_reconstruction
+from ..core.readers.matching import Imported
+from ..core.solve_folder import holds_solve, keep_import
+from ..scene.movieclip import read_movie_clip
+from ..scene.shot import footage_path
+from .operators import Result, bring_in, has_clip, reported, work_dir
+
+
+class _Import:
+    """Read, keep in the working folder, bring into the scene; a solve that is there is only replaced when the
+    user was asked."""
+
+    bl_options = {"UNDO"}  # noqa: RUF012
+
+    again: bpy.props.BoolProperty(
+        name="Replace",
+        description="Replace a solve of the clip that is in the working folder",
+        options={"SKIP_SAVE", "HIDDEN"},
+    )
+
+    _asks = False
+
+    def read(self, footage: Footage) -> Imported:
+        """What is to be imported; UserError where it cannot be."""
+        raise NotImplementedError
+
+    def ask(self) -> None:
+        """Call this operator once more, with `again`."""
+        raise NotImplementedError
+
+    @reported
+    def execute(self: Any, context: bpy.types.Context) -> Result:
+        settings = context.scene.virtual_aperture
+        footage, folder = open_footage(footage_path(settings)), work_dir(settings)
+        found = self.read(footage)
+        if holds_solve(folder, footage) and not self.again:
+            if not self._asks:
+                raise UserError(f"{folder} holds a solve of this clip already; to replace it pass again=True")
+            self.ask()
+            return {"CANCELLED"}
+        keep_import(found, footage, folder)
+        solve = bring_in(context.scene, footage, folder)
+        self.report({"INFO"}, f"{found.format}: {solve.summary}")
+        for note in found.notes:
+            self.report({"WARNING"}, note)
+        return {"FINISHED"}
+
+    def confirm(self: Any, context: bpy.types.Context, event: bpy.types.Event) -> Result:
+        folder = work_dir(context.scene.virtual_aperture)
+        answer: Result = context.window_manager.invoke_confirm(
+            self, event, title="Replace Solve", message=f"{folder} holds a solve of this clip",
+            confirm_text="Replace",
+        )  # fmt: skip
+        return answer
+
+
+class VIRTUAL_APERTURE_OT_import_solve(_Import, bpy.types.Operator):  # noqa: N801
+    """Take in the cameras and points that COLMAP, Bundler, VisualSFM or Voodoo found in the clip"""
+
+    bl_idname = "virtual_aperture.import_solve"
+    bl_label = "Import Solve"
+
+    filepath: bpy.props.StringProperty(
+        name="Model",
+        description="File of the model, or the folder of a COLMAP model",
+        subtype="FILE_PATH",
+        options={"SKIP_SAVE"},
+    )
+    filter_glob: bpy.props.StringProperty(default="*.bin;*.txt;*.out;*.nvm", options={"HIDDEN"})
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return has_clip(cls, context)
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
+        if self.again and self.filepath:
+            return self.confirm(context, event)
+        self._asks = True
+        if not self.filepath:
+            # A folder, where models of the clip are likely to be.
+            self.filepath = f"{footage_path(context.scene.virtual_aperture).parent}/"
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        column = self.layout.column(align=True)
+        column.label(text="Choose the file of a model;")
+        column.label(text="of COLMAP's, open the folder.")
+
+    def read(self, footage: Footage) -> Imported:
+        if not self.filepath:
+            raise UserError("no model is chosen; give its file, or the folder of a COLMAP model")
+        path = Path(bpy.path.abspath(self.filepath))
+        if path.suffix.lower() == ".blend":
+            raise UserError(
+                f"{path.name} is a .blend: append its movie clip (File > Append) and import that with Import"
+                " Movie Clip"
+            )
+        return read_reconstruction(path, footage)
+
+    def ask(self) -> None:
+        bpy.ops.virtual_aperture.import_solve("INVOKE_DEFAULT", filepath=self.filepath, again=True)
+
+
+def solved_clips() -> list[bpy.types.MovieClip]:
+    """The movie clips of this file whose camera is solved."""
+    return [
+        clip
+        for clip in bpy.data.movieclips
+        if any(item.is_camera and item.reconstruction.is_valid for item in clip.tracking.objects)
+    ]
+
+
+_items: list[tuple[str, str, str]] = []
+"""Blender keeps no hold of an enumeration's strings."""
+
+
+def _clip_items(_operator: Any, _context: bpy.types.Context | None) -> list[tuple[str, str, str]]:
+    _items[:] = [(clip.name, clip.name, clip.filepath) for clip in solved_clips()]
+    return _items
+
+
+class VIRTUAL_APERTURE_OT_import_movie_clip(_Import, bpy.types.Operator):  # noqa: N801
+    """Take in the camera and the tracks of a movie clip that was solved in the Movie Clip Editor"""
+
+    bl_idname = "virtual_aperture.import_movie_clip"
+    bl_label = "Import Movie Clip"
+
+    clip: bpy.props.EnumProperty(
+        name="Movie Clip", description="Movie clip of this file whose camera is solved", items=_clip_items
+    )
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if not has_clip(cls, context):
+            return False
+        if solved_clips():
+            return True
+        cls.poll_message_set("No movie clip of this file is solved: track one in the Movie Clip Editor first")
+        return False
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
+        if self.again:
+            return self.confirm(context, event)
+        self._asks = True
+        return self.execute(context)
+
+    def read(self, footage: Footage) -> Imported:
+        return read_movie_clip(bpy.data.movieclips[self.clip], footage)
+
+    def ask(self) -> None:
+        bpy.ops.virtual_aperture.import_movie_clip("INVOKE_DEFAULT", clip=self.clip, again=True)
+
+
+CLASSES = (VIRTUAL_APERTURE_OT_import_solve, VIRTUAL_APERTURE_OT_import_movie_clip)
