@@ -1,9 +1,16 @@
-"""A thousand mutations of a small valid model in every format: each is a sound model or a UserError."""
+"""A thousand mutations of a small valid model in every format: each is a sound model or a UserError.
+
+Each format is read in a process of its own, so that a crash is a failure and the peak of its memory is the
+readers' own.
+"""
 
 from __future__ import annotations
 
+import json
 import random
 import signal
+import subprocess
+import sys
 from collections.abc import Callable, Container, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -25,9 +32,12 @@ resource = pytest.importorskip("resource", reason="memory and time are only limi
 
 MUTATIONS = 1000
 MEMORY = 2**30
-"""Bytes that reading may take on top of what the process has."""
+"""Bytes that the process may have at its peak, and address space that reading may take on top."""
 SECONDS = 2.0
-"""Of the process's own time, so that a busy machine fails nothing."""
+"""Of the process's own time for one reading, so that a busy machine fails nothing."""
+HUNG = 300
+"""Seconds after which a process hangs where no signal is heard."""
+ROOT = Path(__file__).resolve().parents[1]
 WORDS = [
     b"nan", b"inf", b"-inf", b"-1", b"0", b"2147483648", b"9223372036854775808", b"18446744073709551615",
     b"4294967295", b"1e308", b"-1e308", b"1e-320", b"", b"word", b"1,5", b"0x10", b"1_0", b"9" * 5000,
@@ -227,13 +237,24 @@ def assert_sound(model: Reconstruction, frames: Container[int]) -> None:
         assert len(image.points) == 0 or (image.points.min() >= 0 and image.points.max() < points)
 
 
-@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="memory is limited through Linux's /proc")
-@pytest.mark.parametrize("label", models())
-def test_every_mutation_is_a_sound_model_or_a_user_error(tmp_path: Path, label: str) -> None:
+def peak() -> int:
+    """Bytes of memory that this process has had at most; getrusage would count its parent's, too."""
+    lines = Path("/proc/self/status").read_text().splitlines()
+    return 1024 * next(int(line.split()[1]) for line in lines if line.startswith("VmHWM:"))
+
+
+def write(path: Path, content: bytes) -> None:
+    """Into a new file: some file systems go to the disk at once when one that is there is overwritten."""
+    path.unlink(missing_ok=True)
+    path.write_bytes(content)
+
+
+def fuzz(label: str, folder: Path) -> int:
+    """Read every mutation of a format in a folder; how many were refused."""
     files = models()[label]
     for name, content in files.items():
-        (tmp_path / name).write_bytes(content)
-    match(read(tmp_path, label), CLIP)
+        write(folder / name, content)
+    match(read(folder, label), CLIP)
 
     rng = random.Random(f"{label} 1")
     refused = 0
@@ -242,10 +263,10 @@ def test_every_mutation_is_a_sound_model_or_a_user_error(tmp_path: Path, label: 
             name = rng.choice(list(files))
             mutate = rng.choice(IN_BINARY if name.endswith(".bin") else IN_TEXT)
             content = mutate(rng, files[name])
-            (tmp_path / name).write_bytes(content)
+            write(folder / name, content)
             signal.setitimer(signal.ITIMER_VIRTUAL, SECONDS)
             try:
-                found = read(tmp_path, label)
+                found = read(folder, label)
                 assert_sound(found.reconstruction, range(len(found.names)))
                 assert_sound(match(found, CLIP).reconstruction, CLIP.frames)
             except UserError as error:
@@ -258,9 +279,30 @@ def test_every_mutation_is_a_sound_model_or_a_user_error(tmp_path: Path, label: 
                 raise
             finally:
                 signal.setitimer(signal.ITIMER_VIRTUAL, 0)
-            (tmp_path / name).write_bytes(files[name])
+            write(folder / name, files[name])
+    return refused
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="memory is limited through Linux's /proc")
+@pytest.mark.parametrize("label", models())
+def test_every_mutation_is_a_sound_model_or_a_user_error(tmp_path: Path, label: str) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "tests.test_fuzz", label, str(tmp_path)],
+        cwd=ROOT, capture_output=True, text=True, timeout=HUNG,
+    )  # fmt: skip
+    assert done.returncode == 0, f"status {done.returncode}: {done.stderr}"
+    said = json.loads(done.stdout)
+    refused, most = said["refused"], said["peak"]
+    print(
+        f"\n{label}: {refused} of {MUTATIONS} mutations refused, {MUTATIONS - refused} read as sound models;"
+        f" peak memory {most / 2**20:.0f} MiB, {said['more'] / 2**20:.0f} MiB of it by reading"
+    )
     # Some damage does not show, as in a comment; most must.
     assert refused > MUTATIONS // 3
-    print(
-        f"\n{label}: {refused} of {MUTATIONS} mutations refused, {MUTATIONS - refused} read as sound models"
-    )
+    assert most < MEMORY
+
+
+if __name__ == "__main__":
+    before = peak()
+    count = fuzz(sys.argv[1], Path(sys.argv[2]))
+    print(json.dumps({"refused": count, "peak": peak(), "more": peak() - before}))
