@@ -44,7 +44,10 @@ DEPTH_STEP = 4
 """There is a depth map of every so many frames, and of the last."""
 TOO_LONG = 900.0
 """Seconds after which a solve is ended."""
-NO_SOLVER = ("aperture", "canvas", "depth", "focus", "views", "warpmesh")
+NO_SOLVER = (
+    "aperture", "canvas", "dense_depth", "dense_fill", "dense_sweep", "depth", "depth_maps", "focus", "views",
+    "visibility", "warpmesh",
+)  # fmt: skip
 """Modules of `addon.core` that take no part in a solve."""
 
 LEAST_REGISTERED = 0.98
@@ -175,7 +178,7 @@ def main() -> None:
             assert clip.truth
             continue
         for tracker in arguments.trackers or TRACKERS:
-            for focal in focals if clip.motion.has_one_focal else ["unknown"]:
+            for focal in focals:
                 run(clip, tracker, focal, rows)
     if arguments.film:
         return
@@ -198,9 +201,11 @@ def run(clip: Clip, tracker: str, focal: str, rows: Rows) -> None:
     if old is None or old.inputs != inputs or not (old.message or work.exists()):
         for stale in clip.folder.glob(f"solve-{tracker}-{focal}-*"):
             shutil.rmtree(stale)
-        given = float(motion.focals[0]) if focal == "known" else None
+        # Of a zoom it is known that it is one.
+        zooms = focal == "known" and not motion.has_one_focal
+        given = float(motion.focals[0]) if focal == "known" and not zooms else None
         began, spent = time.perf_counter(), _children_seconds()
-        message = solve(clip.film(), work, given, tracker, zooms=not motion.has_one_focal)
+        message = solve(clip.film(), work, given, tracker, zooms)
         cost = round(_children_seconds() - spent, 1), round(time.perf_counter() - began, 1)
     else:
         message, cost = old.message, (old.cpu_s, old.wall_s)

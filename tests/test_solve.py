@@ -365,3 +365,17 @@ def test_the_duck(duck: Path) -> None:
     chart, mannequin = inside(0.2, 0.4, 0.7, 0.55), inside(0.8, 0.3, 0.92, 0.5)
     assert max(card, mannequin) < duckling < chart < wall
     assert read_model(duck / "model").frames.tolist() == shot.frames.tolist()
+
+
+def test_a_zoom_that_nobody_announced_is_followed(tmp_path: Path) -> None:
+    focal = planes.FOCAL * np.geomspace(1, 1.4, 16)
+    steps = np.linspace(-0.5, 0.5, 16)
+    pictures = [
+        planes.view(np.array([x, 0.2 * x, 0.0]), np.array([0.0, 0.02 * x, 0.0]), f)
+        for x, f in zip(steps, focal, strict=True)
+    ]
+    solved = solve(planes.write_clip(tmp_path / "clip", pictures), tmp_path / "work")
+    found = np.array([solved.reconstruction.intrinsics(image).fx for image in solved.reconstruction.images])
+    assert len(found) == 16
+    assert np.ptp(np.log(found / focal)) < 0.03
+    assert any("zooms" in note for note in solved.worth.notes)

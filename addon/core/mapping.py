@@ -19,7 +19,7 @@ from . import calibration, direct, solution
 from .errors import UserError
 from .keyframes import adjust, keyframe_features, keyframes, map_keyframes
 from .parallax import check_motion, only_turns
-from .reconstruction import Ints, Reconstruction, normalise
+from .reconstruction import Floats, Ints, Reconstruction, normalise
 from .solution import MIN_POINTS, Solution
 from .tracks import Progress, Tracks
 
@@ -31,6 +31,10 @@ DOUBTFUL = 10.0
 """Pixels of a 1,000-pixel frame; with less parallax it is asked whether turning alone explains the clip."""
 EXPLAINED = 0.8
 """Share of the sightings that a good solve explains; less, and something moves on its own or went wrong."""
+GROWTH = 1.05
+"""Ratio of the picture's scales over a clip below which it is not asked whether the lens zooms, and"""
+ZOOMS = 1.1
+"""by how much a zoom that nobody announced must explain it better."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +68,8 @@ class Mapped:
     """Share of the sightings of lasting tracks that agree with a point that stands still."""
     moving: Ints
     """Numbers of lasting tracks that do not."""
+    zooms: bool
+    """Solved with a focal length a frame."""
 
 
 def reconstruct(tracks: Tracks, lens: Lens, progress: Progress) -> Mapped:
@@ -75,10 +81,9 @@ def reconstruct(tracks: Tracks, lens: Lens, progress: Progress) -> Mapped:
     parallax = check_motion(tracks)
     keys = keyframes(tracks)
     start = lens.focal or START_FOCAL * max(tracks.width, tracks.height)
-    ratio = calibration.zoom_ratios(tracks) if lens.zooms else np.ones(len(tracks.frames))
-    found = _keyframe_solution(calibration.zoomed(tracks, ratio), keys, start, lens, parallax, progress)
+    found, ratio = _zoom_or_not(tracks, keys, start, lens, parallax, progress)
     best = found.solution
-    if lens.zooms:
+    if ratio is not None:
         calibration.settle_zoom(best, tracks, ratio)
     solution.register_frames(best, progress)
     for step in range(2):
@@ -94,7 +99,7 @@ def reconstruct(tracks: Tracks, lens: Lens, progress: Progress) -> Mapped:
         raise UserError("too few points could be placed in space; film with more sideways movement")
     return Mapped(
         normalise(reconstruction), found.method, found.focal_sigma, found.focal_from_clip, parallax, angle,
-        explained, moving,
+        explained, moving, ratio is not None,
     )  # fmt: skip
 
 
@@ -115,6 +120,26 @@ class _Found:
     """Share of the keyframes registered times the share of their sightings that take part."""
     score: float
     """Of 1: how much of what the keyframes see is explained, and how closely."""
+
+
+def _zoom_or_not(
+    tracks: Tracks, keys: list[int], focal: float, lens: Lens, parallax: float, progress: Progress
+) -> tuple[_Found, Floats | None]:
+    """What comes of the keyframes, and (F,) by how much the lens zooms if it does.
+
+    A focal length that changes unannounced leaves much unexplained; one that was given does not change.
+    """
+    found = None if lens.zooms else _keyframe_solution(tracks, keys, focal, lens, parallax, progress)
+    known = lens.focal is not None and lens.sigma == 0
+    if found is not None and (known or found.explained >= EXPLAINED):
+        return found, None
+    ratio = calibration.zoom_ratios(tracks)
+    if found is not None and ratio.max() < GROWTH * ratio.min():
+        return found, None
+    other = _keyframe_solution(calibration.zoomed(tracks, ratio), keys, focal, lens, parallax, progress)
+    if found is not None and other.score < ZOOMS * found.score:
+        return found, None
+    return other, ratio
 
 
 def _keyframe_solution(

@@ -157,7 +157,8 @@ def _advice(
     if sigma is not None and sigma > UNSURE_FOCAL and source != "given":
         return (
             "the clip does not determine its focal length: lengths along the view are uncertain by"
-            f" {100 * sigma:.0f} % (blur hardly depends on it); give it with --focal, --focal35, --focal-mm or --fov"
+            f" {100 * sigma:.0f} % (blur hardly depends on it); give it with --focal, --focal35, --focal-mm"
+            " or --fov"
         )
     if weak:
         return f"frames {ranges(weak)} have few points; the focus may be coarse there"

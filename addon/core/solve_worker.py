@@ -30,6 +30,7 @@ from .tracks import track_features
 
 TOLD_SIGMA = 0.1
 """Relative standard deviation of what files say of the lens: video is cropped more than photos are."""
+ZOOMED = "the picture agrees with a lens that zooms; if it does not, give its focal length"
 MOVING = "moving.npz"
 """Tracks that no scene that stands still explains: frame, track and xy of every sighting."""
 
@@ -91,6 +92,7 @@ def _solve(job: dict[str, Any]) -> None:
         "tracker": job["tracker"],
         "explained": mapped.explained,
         "moving_tracks": len(mapped.moving),
+        "notes": [] if mapped.zooms == lens.zooms else [ZOOMED],
         "parallax": mapped.parallax,
         "triangulation_angle": mapped.angle,
         "size": [footage.width, footage.height],
