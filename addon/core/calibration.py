@@ -17,8 +17,8 @@ GUESS_SIGMA = 0.2
 UNMODELLED = 2.0
 """By how much the errors of focal lengths on clips with truth exceed what the covariance says of them, which
 knows nothing of occlusions and highlights (`make bench-solve`)."""
-ENOUGH_TRACKS = 1500
-"""To find a focal length by."""
+ENOUGH_TRACKS, ENOUGH_IN_FRAME = 1500, 60
+"""The longest of the clip, and of each frame, to find a focal length by."""
 MIN_GAIN = 1.25
 """By how much less a camera that moves must miss than one that only turns, to be believed."""
 MIN_AGREEMENT = 0.6
@@ -54,9 +54,14 @@ def _as_bundle(made: Solution) -> tuple[Bundle, Sightings, Ints, Ints]:
     """The keyframes and the best of their points for an adjustment; with the frames and tracks they are."""
     tracks = made.tracks
     posed = np.nonzero(np.isfinite(made.translation[:, 0]))[0].astype(np.int32)
-    views = np.bincount(tracks.track[made.used], minlength=tracks.count)
-    order = np.argsort(-views, kind="stable")[:ENOUGH_TRACKS]
-    kept = np.sort(order[views[order] >= MIN_VIEWS]).astype(np.int32)
+    rows = np.nonzero(made.used)[0]
+    views = np.bincount(tracks.track[rows], minlength=tracks.count)
+    longest = np.argsort(-views, kind="stable")[:ENOUGH_TRACKS]
+    by_frame = rows[np.lexsort(np.stack([-views[tracks.track[rows]], tracks.frame_index[rows]]))]
+    frame = tracks.frame_index[by_frame]
+    place = np.arange(len(frame)) - np.searchsorted(frame, frame)
+    kept = np.union1d(longest, tracks.track[by_frame[place < ENOUGH_IN_FRAME]]).astype(np.int32)
+    kept = kept[views[kept] >= MIN_VIEWS]
     points = np.column_stack([made.xyz[kept], np.ones(len(kept))])
     points /= np.linalg.norm(points, axis=1, keepdims=True)
     return (

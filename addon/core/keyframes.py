@@ -11,10 +11,15 @@ import numpy as np
 import pycolmap
 
 from .reconstruction import Floats, Ints
-from .solution import MIN_POINTS, Solution
+from .solution import MIN_POINTS, Solution, triangulate
 from .tracks import Progress, Tracks
 
 KEYFRAMES = 40
+"""If the clip has as many frames."""
+STEP = 0.06
+"""Of the long side; the picture moves at most so far from a keyframe to the next."""
+SIGHTINGS = 400_000
+"""That take part in an adjustment; of longer clips an even choice of the tracks does."""
 ENOUGH_FEATURES = 500
 """In a keyframe, to find its pose."""
 
@@ -27,7 +32,8 @@ def keyframes(tracks: Tracks) -> list[int]:
         a, b = tracks.shared(index - 1, index)
         flow[index] = np.median(np.linalg.norm(b - a, axis=1)) if len(a) else 1.0
     path = np.cumsum(flow + 1e-3)
-    steps = np.linspace(path[0], path[-1], min(KEYFRAMES, count))
+    wanted = (path[-1] - path[0]) / (STEP * max(tracks.width, tracks.height)) + 1
+    steps = np.linspace(path[0], path[-1], min(max(KEYFRAMES, round(wanted)), count))
     return sorted(set(np.clip(np.searchsorted(path, steps - 1e-9), 0, count - 1).tolist()) | {0, count - 1})
 
 
@@ -144,7 +150,9 @@ def _new_camera(tracks: Tracks, focal: float, number: int = 1) -> pycolmap.Camer
 def adjust(solution: Solution) -> None:
     """Bundle adjustment of all poses and points, intrinsics held."""
     tracks = solution.tracks
-    rows = np.nonzero(solution.used)[0]
+    share = SIGHTINGS / max(int(solution.used.sum()), 1)
+    chosen = np.random.default_rng(0).random(tracks.count) < share
+    rows = np.nonzero(solution.used & chosen[tracks.track])[0]
     images = tracks.frame_index[rows]
     first = np.searchsorted(images, images)
     place = np.arange(len(rows)) - first
@@ -176,6 +184,9 @@ def adjust(solution: Solution) -> None:
     for index in np.unique(images):
         pose = model.images[int(index) + 1].cam_from_world()
         solution.rotation[index], solution.translation[index] = pose.rotation.matrix(), pose.translation
+    if not chosen.all():
+        solution.xyz[~chosen] = np.nan
+        triangulate(solution)
 
 
 def _adjustment_options(iterations: int) -> pycolmap.BundleAdjustmentOptions:

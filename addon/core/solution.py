@@ -197,12 +197,13 @@ def collect(solution: Solution) -> Reconstruction:
     points = Points(solution.xyz[kept], tracks.rgb[kept], total[kept] / views[kept])
     used = used & kept[tracks.track]
     images = []
-    for index, frame in enumerate(tracks.frames):
-        rows = np.nonzero(used & (tracks.frame_index == index))[0]
+    sightings = np.nonzero(used)[0]
+    first = np.searchsorted(tracks.frame_index[sightings], np.arange(1, len(tracks.frames)))
+    for index, rows in enumerate(np.split(sightings, first)):
         if len(rows) >= MIN_POINTS and np.isfinite(solution.translation[index, 0]):
             ids: Ints = number[tracks.track[rows]].astype(np.int32)
             rotation, translation = solution.rotation[index], solution.translation[index]
-            images.append(Image(frame, rotation, translation, tracks.xy[rows], ids))
+            images.append(Image(tracks.frames[index], rotation, translation, tracks.xy[rows], ids))
     lenses, camera = np.unique(solution.focal, return_inverse=True)
     width, height = tracks.width, tracks.height
     cameras = tuple(Intrinsics(width, height, f, f, width / 2, height / 2) for f in lenses.tolist())

@@ -62,7 +62,8 @@ class Tracks:
 
     def in_frame(self, index: int) -> tuple[Ints, Floats]:
         """Track numbers (n,), ascending, and positions (n, 2) of one frame."""
-        low, high = np.searchsorted(self.frame_index, [index, index + 1])
+        # In the array's own type: searched for another, all of it is converted first.
+        low, high = np.searchsorted(self.frame_index, np.array([index, index + 1], self.frame_index.dtype))
         return self.track[low:high], self.xy[low:high]
 
     def shared(self, i: int, j: int) -> tuple[Floats, Floats]:
