@@ -121,6 +121,8 @@ def test_deleting_our_objects_and_importing_again_works(scene: bpy.types.Scene, 
 def test_the_reconstruction_in_the_blend_is_exact(scene: bpy.types.Scene, tmp_path: Path) -> None:
     shot = slanted_shot(tmp_path / "clip", replace(LENS, k1=-0.1))
     rec = normalise(shot.reconstruction)
+    images = tuple(replace(i, visible=np.arange(n, dtype=np.int32)) for n, i in enumerate(rec.images))
+    rec = replace(rec, images=images)
     settings = build(scene, shot.footage, rec)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "a.blend"))
@@ -131,6 +133,7 @@ def test_the_reconstruction_in_the_blend_is_exact(scene: bpy.types.Scene, tmp_pa
         assert a.frame == b.frame and np.array_equal(a.rotation, b.rotation)
         assert np.array_equal(a.translation, b.translation)
         assert np.array_equal(a.xy, b.xy) and np.array_equal(a.points, b.points)
+        assert np.array_equal(a.visible, b.visible)
     del settings
 
 

@@ -326,6 +326,23 @@ def test_loading_damage(work: Path) -> None:
         load_solve(work)
 
 
+def test_what_frames_show_besides_is_kept_and_its_damage_told(work: Path) -> None:
+    solve = load_solve(work)
+    added = [image.visible for image in solve.reconstruction.images]
+    assert sum(map(len, added)) == sum(solve.report["visible"]) > 0
+    for image in solve.reconstruction.images:
+        assert not len(np.intersect1d(image.points, image.visible))
+    assert f"and {int(np.median([len(each) for each in added]))} that others saw" in solve.worth.text()
+    (work / "model" / "visible.npz").write_bytes(b"PK\3\4")
+    with pytest.raises(UserError, match=r"visible\.npz is damaged"):
+        load_solve(work)
+    np.savez(work / "model" / "visible.npz", frame=[1], point=[len(solve.reconstruction.points)])
+    with pytest.raises(UserError, match=r"visible\.npz is damaged"):
+        load_solve(work)
+    (work / "model" / "visible.npz").unlink()
+    assert all(not len(image.visible) for image in load_solve(work).reconstruction.images)
+
+
 def test_a_clip_that_moved_along_is_found_and_a_lost_one_told(
     solved: Solve, clip: Path, tmp_path: Path
 ) -> None:

@@ -11,6 +11,8 @@ import pytest
 from numpy.typing import NDArray
 
 from addon.core import visibility
+from addon.core.canvas import Canvas
+from addon.core.depth import frame_features
 from addon.core.footage import Footage, open_footage
 from addon.core.reconstruction import Image, Intrinsics, Points, Reconstruction
 from addon.core.tracks import new_corners
@@ -85,7 +87,7 @@ def reconstructed(world: NDArray[np.float64], observes: NDArray[np.bool_]) -> Re
 def lost_at_random(world: NDArray[np.float64]) -> Reconstruction:
     """Each point is observed in a run of frames around the middle where it is seen, and by no other."""
     rng = np.random.default_rng(1)
-    first, last = rng.integers(0, MIDDLE + 1, len(world)), rng.integers(MIDDLE, COUNT, len(world))
+    first, last = rng.integers(0, MIDDLE - 1, len(world)), rng.integers(MIDDLE + 2, COUNT, len(world))
     frames = np.arange(COUNT)[:, None]
     seen = np.array([shown(index, world, 0) for index in range(COUNT)])
     return reconstructed(world, seen & (frames >= first) & (frames <= last))
@@ -101,11 +103,12 @@ def test_what_is_seen_is_found_and_what_is_hidden_is_not(
     found: tuple[Reconstruction, dict[int, Visible]], world: NDArray[np.float64]
 ) -> None:
     reconstruction, visible = found
+    known = reconstruction.views_per_point >= visibility.LASTING
     right = wrong = there = 0
     for index, image in enumerate(reconstruction.images):
         points = visible[image.frame].points
         surely = np.setdiff1d(
-            np.nonzero(shown(index, world, 0) & ~hidden_near(index, world))[0], image.points
+            np.nonzero(known & shown(index, world, 0) & ~hidden_near(index, world))[0], image.points
         )
         right += len(np.intersect1d(points, surely))
         there += len(surely)
@@ -195,6 +198,30 @@ def test_points_at_a_wrong_depth_or_none_are_left_out(footage: Footage, world: N
     points = np.concatenate([each.points for each in visible.values()])
     assert len(points) > 300
     assert wrong[points].mean() < 0.01 and 3 not in points
+
+
+def test_points_that_are_poorly_known_are_left_out(footage: Footage, world: NDArray[np.float64]) -> None:
+    reconstruction = lost_at_random(world)
+    error = np.where(np.arange(len(world)) % 3 == 0, 0.9, 0.3)
+    told = replace(reconstruction, points=replace(reconstruction.points, error=error))
+    points = np.concatenate([each.points for each in visible_points(told, footage).values()])
+    assert len(points) > 300
+    assert (points % 3 > 0).all()
+    assert (told.views_per_point[points] >= visibility.LASTING).all()
+
+
+def test_what_is_found_counts_among_a_frames_features(world: NDArray[np.float64]) -> None:
+    reconstruction = lost_at_random(world)
+    image = reconstruction.images[0]
+    more = np.setdiff1d(np.arange(len(world)), image.points).astype(np.int32)[:40]
+    images = (replace(image, visible=more), *reconstruction.images[1:])
+    canvas = Canvas(LENS)
+    before = frame_features(reconstruction, 1, canvas)
+    after = frame_features(replace(reconstruction, images=images), 1, canvas)
+    np.testing.assert_array_equal(after.points, np.concatenate([before.points, more]))
+    local = image.to_camera(world[more])
+    np.testing.assert_allclose(after.observed[-40:], LENS.project(local))
+    np.testing.assert_allclose(after.inverse_depth[-40:], 1 / local[:, 2])
 
 
 def test_without_points_nothing_is_found(footage: Footage) -> None:

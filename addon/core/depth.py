@@ -37,7 +37,10 @@ class FrameFeatures:
 
 
 def frame_features(reconstruction: Reconstruction, frame: int, canvas: Canvas) -> FrameFeatures:
-    """Features of a frame whose 3D points lie in front of the camera and project to where they were seen."""
+    """Features of a frame whose 3D points lie in front of the camera and project to where they were seen.
+
+    Points that the frame shows but did not track are seen where they project to.
+    """
     image, carried = reconstruction.image_at(frame)
     local, ahead = seen_by(image, reconstruction, image.points)
     source = reconstruction.intrinsics(image)
@@ -47,9 +50,13 @@ def frame_features(reconstruction: Reconstruction, frame: int, canvas: Canvas) -
     with np.errstate(over="ignore", invalid="ignore"):
         fits = np.linalg.norm((observed - projected) / zoom, axis=1) < MAX_REPROJECTION_ERROR
     keep = ahead & fits
+    more, in_front = seen_by(image, reconstruction, image.visible)
+    added = canvas.pinhole.project(more[in_front])
     return FrameFeatures(
-        frame, observed[keep], projected[keep], 1.0 / local[keep, 2], image.points[keep], carried
-    )
+        frame, np.concatenate([observed[keep], added]), np.concatenate([projected[keep], added]),
+        1.0 / np.concatenate([local[keep, 2], more[in_front, 2]]),
+        np.concatenate([image.points[keep], image.visible[in_front]]), carried,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ of the first pixel at (0.5, 0.5). All geometry is float64.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -203,6 +203,8 @@ class Image:
     """(n,) rows of `Reconstruction.points` that the features belong to."""
     camera: int = 0
     """Index into `Reconstruction.cameras`."""
+    visible: Ints = field(default_factory=lambda: np.zeros(0, np.int32))
+    """(k,) rows of other points that are seen in the frame and were not tracked there."""
 
     @property
     def centre(self) -> Floats:

@@ -24,7 +24,8 @@ SHARES = {
     "Verifying matches": (0.2, 0.3),
     "Solving cameras": (0.3, 0.8),
     "Registering frames": (0.8, 0.85),
-    "Adjusting": (0.85, 1.0),
+    "Adjusting": (0.85, 0.95),
+    "Looking for points": (0.95, 1.0),
 }
 """Which part of the whole each stage is, from the duck clip's times."""
 

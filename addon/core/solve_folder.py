@@ -1,7 +1,8 @@
 """The working folder that keeps a solve.
 
 DIR/solve.json   which clip, which frames, how it was solved, and the report
-DIR/model/       the reconstruction as a COLMAP text model
+DIR/model/       the reconstruction as a COLMAP text model; where we solved it ourselves, also the points that
+                 frames show and did not track, and the tracks of what moves
 """
 
 from __future__ import annotations
@@ -12,19 +13,25 @@ import json
 import os
 import shutil
 import tempfile
-from dataclasses import dataclass
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from .colmap_model import read_model, write_model
 from .errors import UserError
 from .footage import Footage, open_footage
 from .readers.matching import Imported
-from .reconstruction import Reconstruction, normalise
+from .reconstruction import Ints, Reconstruction, normalise
 from .solve_report import Report, report
 
 STATE = "solve.json"
+VISIBLE = "visible.npz"
+"""Of the model: frame and point of everything that a frame shows and was not tracked in."""
 VERSION = 1
 
 
@@ -152,7 +159,28 @@ def load_solve(work_dir: Path) -> Solve:
     if not _footage_exists(footage):
         raise UserError(f"the clip {state['footage']} of {work_dir} is gone; put it back, or solve again")
     frames = tuple(int(f) for f in state["frames"])
-    return Solve(work_dir, footage, frames, read_model(work_dir / "model"), state["report"])
+    return Solve(work_dir, footage, frames, _with_visible(work_dir / "model"), state["report"])
+
+
+def keep_visible(model: Path, points: Mapping[int, Ints]) -> None:
+    """Write what each frame shows besides what it tracked, points (k,) by frame number, beside a model."""
+    frame = np.repeat(list(points), [len(each) for each in points.values()])
+    np.savez_compressed(model / VISIBLE, frame=frame, point=np.concatenate(list(points.values())))
+
+
+def _with_visible(model: Path) -> Reconstruction:
+    reconstruction = read_model(model)
+    try:
+        with np.load(model / VISIBLE) as kept:
+            frame, point = kept["frame"], kept["point"].astype(np.int32)
+    except FileNotFoundError:
+        return reconstruction
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        frame = point = np.zeros(1, np.int32) - 1
+    if len(frame) != len(point) or np.any((point < 0) | (point >= len(reconstruction.points))):
+        raise UserError(f"{model / VISIBLE} is damaged; delete the folder and solve again")
+    images = [replace(image, visible=point[frame == image.frame]) for image in reconstruction.images]
+    return replace(reconstruction, images=tuple(images))
 
 
 def identity(path: Path) -> str:

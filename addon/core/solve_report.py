@@ -31,6 +31,8 @@ class Report:
     points: int
     points_per_frame: list[int]
     """Least, median, most."""
+    added: int
+    """Points besides those that a frame shows and did not track, median."""
     histogram: list[list[int]]
     """[from, to, frames] for ranges of points per frame."""
     coverage: float
@@ -79,7 +81,8 @@ class Report:
             f"frames        {self.registered} of {self.frames} registered"
             + (f"; without a camera: {ranges(self.missing)}" if self.missing else ""),
             f"points        {self.points}; per frame {self.points_per_frame[0]} at least,"
-            f" {self.points_per_frame[1]} in the median, {self.points_per_frame[2]} at most;"
+            f" {self.points_per_frame[1]} in the median, {self.points_per_frame[2]} at most, and {self.added}"
+            " that others saw there;"
             f" in {100 * self.coverage:.0f} % of the picture",
             *bars,
             f"reprojection  {self.reprojection_error:.2f} px; drift along tracks {self.drift:.2f} px",
@@ -111,7 +114,8 @@ def report(reconstruction: Reconstruction, frames: tuple[int, ...], said: dict[s
     explained = said.get("explained")
     return Report(
         len(frames), len(counts), missing, len(reconstruction.points),
-        [int(counts.min()), int(np.median(counts)), int(counts.max())], _histogram(counts),
+        [int(counts.min()), int(np.median(counts)), int(counts.max())],
+        int(np.median([len(image.visible) for image in reconstruction.images])), _histogram(counts),
         _coverage(reconstruction), error, drift, [min(focal), max(focal)], sigma,
         said.get("focal_from", "file"), [float(q) for q in np.percentile(angle, (25, 50, 75))],
         float(spread), explained, weak, list(said.get("notes", [])),

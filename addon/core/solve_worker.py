@@ -26,7 +26,9 @@ from .focal import from_equivalent
 from .footage import Footage, open_footage
 from .metadata import equivalent_focal
 from .parallax import refuse_cuts
+from .solve_folder import keep_visible
 from .tracks import track_features
+from .visibility import visible_points
 
 TOLD_SIGMA = 0.1
 """Relative standard deviation of what files say of the lens: video is cropped more than photos are."""
@@ -79,10 +81,15 @@ def _solve(job: dict[str, Any]) -> None:
         frame=np.array(tracks.frames)[tracks.frame_index[moving]],
         track=tracks.track[moving], xy=tracks.xy[moving],
     )  # fmt: skip
+    visible = visible_points(result, footage, progress=_progress)
+    keep_visible(folder / "model", {frame: each.points for frame, each in visible.items()})
     report = {
         "frames": len(footage.frames),
         "registered": len(result.images),
         "points": len(result.points),
+        "visible": [len(each.points) for each in visible.values()],
+        "hidden": sum(each.hidden for each in visible.values()),
+        "unlike": sum(each.unlike for each in visible.values()),
         "reprojection_error": float(result.points.error.mean()),
         "focal": result.cameras[0].fx,
         "focal_sigma": mapped.focal_sigma,

@@ -35,6 +35,8 @@ def write(mesh: bpy.types.Mesh, reconstruction: Reconstruction) -> None:
         "counts": np.array([len(i.points) for i in images], dtype=np.int32),
         "seen_points": np.concatenate([i.points for i in images]).astype(np.int32),
         "seen_xy": np.concatenate([i.xy for i in images]).ravel(),
+        "visible_counts": np.array([len(i.visible) for i in images], dtype=np.int32),
+        "visible_points": np.concatenate([i.visible for i in images]).astype(np.int32),
         "xyz": points.xyz.ravel(),
         "rgb": points.rgb.astype(np.int32).ravel(),
         "error": points.error,
@@ -67,8 +69,12 @@ def read(mesh: bpy.types.Mesh) -> Reconstruction:
     seen = np.split(integers("seen_points"), splits)
     xy = np.split(array("seen_xy").reshape(-1, 2), splits)
     cameras = integers("image_cameras")
+    # Files of the first versions know of none.
+    counts = integers("visible_counts") if PREFIX + "visible_counts" in mesh else np.zeros(len(seen), int)
+    more = integers("visible_points") if counts.any() else np.zeros(0, np.int32)
+    visible = np.split(more, np.cumsum(counts)[:-1])
     images = tuple(
-        Image(int(frame), rotations[i], translations[i], xy[i], seen[i], int(cameras[i]))
+        Image(int(frame), rotations[i], translations[i], xy[i], seen[i], int(cameras[i]), visible[i])
         for i, frame in enumerate(integers("frames"))
     )
     points = Points(
