@@ -168,7 +168,7 @@ def bad_inputs(tmp: Path) -> dict[str, tuple[list[object], str]]:
         folder.mkdir()
     picture = np.random.default_rng(0).integers(0, 255, (48, 64, 3), dtype=np.uint8)
     cv2.imwrite(str(mixed / "1.png"), picture)
-    for number in (2, 3):
+    for number in (2, 3, 4):
         cv2.imwrite(str(mixed / f"{number}.png"), picture[:40])
     cv2.imwrite(str(one / "0001.png"), picture)
     for number in range(5):
@@ -179,7 +179,7 @@ def bad_inputs(tmp: Path) -> dict[str, tuple[list[object], str]]:
     return {
         "missing file": (["run", tmp / "nope.mp4", *out], "nope.mp4 does not exist"),
         "no images": (["run", empty, *out], "has no images"),
-        "one frame": (["run", one, *out], "at least 3"),
+        "one frame": (["run", one, *out], "at least 4"),
         "all frames equal": (["run", same, *out], "does not move"),
         "two sizes": (["run", mixed, *out], "2.png is 64x40, the clip is 64x48"),
         "empty video": (["run", tmp / "zero.mp4", *out], "is empty (0 bytes)"),

@@ -238,7 +238,7 @@ def test_solving_again_replaces_the_solve(work: Path, clip: Path) -> None:
 
 def test_a_failed_solve_keeps_the_old_one(clip: Path, work: Path) -> None:
     before = snapshot(work)
-    with pytest.raises(UserError, match="at least 3"):
+    with pytest.raises(UserError, match="at least 4"):
         solve(clip, work, frames=FrameRange(1, 2))
     assert snapshot(work) == before
 
@@ -300,7 +300,7 @@ def test_a_still_camera_is_refused(tmp_path: Path) -> None:
 
 def test_one_frame_is_refused(tmp_path: Path) -> None:
     clip = planes.write_clip(tmp_path / "one", planes.sideways(3)[:1])
-    assert "at least 3" in refused(clip, tmp_path / "work")
+    assert "at least 4" in refused(clip, tmp_path / "work")
 
 
 def test_no_texture_is_refused(tmp_path: Path) -> None:
@@ -382,6 +382,20 @@ def test_the_duck(duck: Path) -> None:
     chart, mannequin = inside(0.2, 0.4, 0.7, 0.55), inside(0.8, 0.3, 0.92, 0.5)
     assert max(card, mannequin) < duckling < chart < wall
     assert read_model(duck / "model").frames.tolist() == shot.frames.tolist()
+
+
+def test_frames_blurred_by_the_cameras_motion(tmp_path: Path) -> None:
+    # The shutter is open all the time: fifteen frames of seven pictures each.
+    many = planes.sideways(15 * 7)
+    blurred = [np.mean(many[i : i + 7], axis=0).astype(np.uint8) for i in range(0, len(many), 7)]
+    solved = solve(planes.write_clip(tmp_path / "clip", blurred), tmp_path / "work", focal=planes.FOCAL)
+    shot = solved.reconstruction
+    assert len(shot.images) == 15
+    found = np.array([image.centre for image in shot.images])
+    middle = np.linspace(-0.5, 0.5, 15 * 7)[3::7]
+    step = np.linalg.norm(np.diff(found, axis=0), axis=1)
+    true = np.linalg.norm(np.diff(np.column_stack([middle, 0.2 * middle**2, 0.1 * middle]), axis=0), axis=1)
+    assert np.ptp(step / true) < 0.02 * np.median(step / true)
 
 
 def test_a_zoom_that_nobody_announced_is_followed(tmp_path: Path) -> None:

@@ -359,7 +359,7 @@ def test_matches_undo_a_shuffle_and_are_mutual() -> None:
 
 
 def test_large_frames_are_tracked_small_but_told_in_their_own_pixels(tmp_path: Path) -> None:
-    big = [cv2.resize(p, (2001, 1502), interpolation=cv2.INTER_CUBIC) for p in shifted(3, (2.0, 0.0))]
+    big = [cv2.resize(p, (2001, 1502), interpolation=cv2.INTER_CUBIC) for p in shifted(4, (2.0, 0.0))]
     tracks = tracked(planes.write_clip(tmp_path / "clip", big))
     first, start = tracks.in_frame(0)
     last, end = tracks.in_frame(2)
@@ -374,7 +374,7 @@ def test_colours_are_the_pictures(tmp_path: Path, kind: str) -> None:
     picture[..., 0] //= 2  # blue, as OpenCV writes it
     if kind == "uint16":
         picture = picture.astype(np.uint16) * 257
-    tracks = tracked(planes.write_clip(tmp_path / "clip", [picture] * 3))
+    tracks = tracked(planes.write_clip(tmp_path / "clip", [picture] * 4))
     x, y = tracks.in_frame(0)[1].astype(int).T
     expected = (picture[y, x, ::-1] >> 8) if kind == "uint16" else picture[y, x, ::-1]
     assert tracks.rgb.dtype == np.uint8
@@ -390,7 +390,7 @@ def test_tiny_frames_are_no_trouble(tmp_path: Path, tracker: str, size: tuple[in
 
 
 def test_two_frames_are_too_few(tmp_path: Path) -> None:
-    with pytest.raises(UserError, match="at least 3"):
+    with pytest.raises(UserError, match="at least 4"):
         tracked(planes.write_clip(tmp_path / "clip", shifted(2, (2.0, 0.0))))
 
 

@@ -96,9 +96,9 @@ def track_features(footage: Footage, progress: Progress, tracker: str = TRACKERS
     }
     if tracker not in made:
         raise UserError(f"there is no tracker {tracker!r}; choose one of {', '.join(TRACKERS)}")
-    if len(footage.frames) < 3:
+    if len(footage.frames) < 4:
         raise UserError(
-            f"{footage.path.name} has {len(footage.frames)} frame(s); at least 3 with a moving camera are"
+            f"{footage.path.name} has {len(footage.frames)} frame(s); at least 4 with a moving camera are"
             " needed"
         )
     tracks = run(made[tracker](), footage, progress)
