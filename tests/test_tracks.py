@@ -395,5 +395,5 @@ def test_two_frames_are_too_few(tmp_path: Path) -> None:
 
 
 def test_an_unknown_tracker_is_named(tmp_path: Path) -> None:
-    with pytest.raises(UserError, match=r"'surf'.*corners, harris, sift-klt, sift"):
+    with pytest.raises(UserError, match=r"'surf'.*harris, corners, sift-klt, sift"):
         tracked(planes.write_clip(tmp_path / "clip", shifted(3, (2.0, 0.0))), "surf")
