@@ -54,7 +54,7 @@ def test_pixels_count_from_the_first_ones_corner(tmp_path: Path, name: str) -> N
     x, y = np.meshgrid(np.arange(20.5, 150, 25), np.arange(20.5, 110, 25))
     places = np.stack([x.ravel(), y.ravel()], axis=1)
     picture = gaussians(places, np.full(len(places), 1.6), np.full(len(places), 140.0), (160, 120))
-    tracks = thesis_fronts.FRONTS[name](open_footage(planes.write_clip(tmp_path / "clip", [picture] * 3)))
+    tracks = thesis_fronts.FRONTS[name](open_footage(planes.write_clip(tmp_path / "clip", [picture] * 4)))
     xy = tracks.in_frame(0)[1]
     away = np.linalg.norm(xy[:, None] - places, axis=2)
     assert away.min(axis=0).max() < 0.3  # a feature on every blob

@@ -31,6 +31,8 @@ DOUBTFUL = 10.0
 """Pixels of a 1,000-pixel frame; with less parallax it is asked whether turning alone explains the clip."""
 EXPLAINED = 0.8
 """Share of the sightings that a good solve explains; less, and something moves on its own or went wrong."""
+LONGER = 1.3
+"""Times the first focal length: the second one to begin with."""
 GROWTH = 1.05
 """Ratio of the picture's scales over a clip below which it is not asked whether the lens zooms, and"""
 ZOOMS = 1.1
@@ -47,6 +49,11 @@ class Lens:
     """Relative standard deviation of `focal`; 0 holds it."""
     zooms: bool = False
     """It changes over the clip."""
+
+    @property
+    def free(self) -> bool:
+        """No focal length was given that is to be held."""
+        return self.focal is None or self.sigma > 0
 
 
 @dataclass(frozen=True)
@@ -130,8 +137,7 @@ def _zoom_or_not(
     A focal length that changes unannounced leaves much unexplained; one that was given does not change.
     """
     found = None if lens.zooms else _keyframe_solution(tracks, keys, focal, lens, parallax, progress)
-    known = lens.focal is not None and lens.sigma == 0
-    if found is not None and (known or found.explained >= EXPLAINED):
+    if found is not None and (not lens.free or found.explained >= EXPLAINED):
         return found, None
     ratio = calibration.zoom_ratios(tracks)
     if found is not None and ratio.max() < GROWTH * ratio.min():
@@ -157,6 +163,9 @@ def _keyframe_solution(
         if found and found[0].explained < EXPLAINED:
             # It may have fastened upon what moves: what it explains is taken away, and the rest asked.
             keep(_by_pairs(_without(tracks, found[0].solution), keys, focal, progress, tracks), "pairs")
+        if found and lens.free and max(found, key=lambda each: each.score).explained < EXPLAINED:
+            # Or it began with too short a lens and holds a flat background for all there is.
+            keep(_by_pairs(tracks, keys, LONGER * focal, progress), "pairs")
     if not found or max(each.explained for each in found) < EXPLAINED:
         keep(_at_once(tracks, keys, focal), "at once")
     best = max(found, key=lambda each: each.score, default=None)
