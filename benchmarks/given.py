@@ -4,20 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import LinearNDInterpolator
 
 from addon.core.canvas import Canvas
+from addon.core.dense_depth import ClipDepth
 from addon.core.depth import FrameFeatures, frame_features
+from addon.core.enlarge import enlarged
 from addon.core.focus import Focus, pick
-from addon.core.footage import to_gray8, to_linear
+from addon.core.footage import open_footage, to_gray8, to_linear
 from addon.core.reconstruction import Points, Reconstruction
 from addon.core.solve import SolveProcess
 from addon.core.solve_folder import load_solve
 from addon.core.tracks import new_corners
-from addon.core.views import LensSettings, plan_frame
 
 from . import oracle, store
 from .scenes import Picture, Scene
@@ -110,12 +111,18 @@ class Solved:
         solve = load_solve(work)
         self.reconstruction, self.report = solve.reconstruction, solve.report
 
+    @cached_property
+    def _dense(self) -> ClipDepth:
+        return ClipDepth(self.reconstruction, open_footage(self.scene.clip()).read)
+
     def given(self, frame: int, blur: int) -> Given:
         scene, rec = self.scene, self.reconstruction
         focus = self._focus(frame, blur)
         radius = self._radius(blur)
         picture = to_linear(scene.frame(frame))
-        depth = mesh_depth(rec, frame, LensSettings(focus, radius), picture)
+        inverse = enlarged(self._dense.at(frame).inverse_depth, picture)
+        with np.errstate(divide="ignore"):
+            depth = 1 / inverse
         return Given(frame, picture, rec, focus, radius, depth, lambda margin: None)
 
     def _focus(self, frame: int, blur: int) -> Focus:
@@ -152,16 +159,6 @@ class Solved:
             ratios.append(wanted / np.where(found == 0, np.inf, found))
             weights.append(np.abs(found))
         return scene.radius(blur) * weighted_median(np.concatenate(ratios), np.concatenate(weights))
-
-
-def mesh_depth(rec: Reconstruction, frame: int, lens: LensSettings, picture: Picture) -> Floats:
-    """(H, W) depth of the frame's warp mesh: inverse depth is linear over its Delaunay triangles."""
-    height, width = picture.shape[:2]
-    mesh = plan_frame(rec, frame, lens, (width, height)).mesh
-    across, down = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
-    inverse = LinearNDInterpolator(mesh.xy, mesh.inverse_depth)(across, down)
-    with np.errstate(divide="ignore"):
-        return np.asarray(1 / np.maximum(inverse, 0.0), dtype=np.float64)
 
 
 def robust_line(x: Floats, y: Floats) -> tuple[float, float]:

@@ -16,7 +16,7 @@ from addon.core.canvas import Canvas
 from addon.core.errors import UserError
 from addon.core.focus import Focus, exact_registration
 from addon.core.reconstruction import Points, Reconstruction
-from addon.core.views import FramePlan, LensSettings, plan_frame
+from addon.core.views import FramePlan, LensSettings, layered_plan, plan_frame
 from addon.core.warpmesh import WarpMesh
 from addon.render import cycles_views, gpu_views
 from addon.render.quiet import quiet
@@ -64,9 +64,17 @@ def thesis(given: Given, views: int) -> Answer:
     )
 
 
-def features(given: Given, views: int) -> Answer:
-    """Our current method; 0 views leaves the number to it."""
+def layers(given: Given, views: int) -> Answer:
+    """Our method, with the depth that it finds itself (or is given); 0 views leaves the number to it."""
     lens = LensSettings(given.focus, given.radius, views)
+    plan = plan_frame(given.reconstruction, given.frame, lens, _size(given))
+    picture = plan.canvas.from_source(given.picture)
+    return _drawn(given, *layered_plan(plan, given.radius, picture, 1 / given.depth))
+
+
+def features(given: Given, views: int) -> Answer:
+    """One mesh over the feature points; 0 views leaves the number to it."""
+    lens = LensSettings(given.focus, given.radius, views, "features")
     return _drawn(given, plan_frame(given.reconstruction, given.frame, lens, _size(given)))
 
 
@@ -76,7 +84,7 @@ def dense(given: Given, views: int) -> Answer:
 
 
 def cycles(given: Given, views: int) -> Answer:
-    """Cycles' thin lens on our current method's mesh; `views` are its samples."""
+    """Cycles' thin lens on the mesh over the feature points; `views` are its samples."""
     plan = plan_frame(
         given.reconstruction, given.frame, LensSettings(given.focus, given.radius, 16), _size(given)
     )
@@ -115,6 +123,7 @@ PRODUCT = ("addon/core", "addon/render")
 METHODS = {
     "no blur": Method(no_blur, (0,), (0,), ()),
     "thesis": Method(thesis, (16, 64, 256), (16, 64, 256), PRODUCT),
+    "layers": Method(layers, (4, 8, 16, 32, 64, 128, 256), (16, 64), PRODUCT),
     "features": Method(features, (4, 8, 16, 32, 64, 128, 256), (16, 64), PRODUCT),
     "dense mesh": Method(dense, (16, 64), (64,), PRODUCT, ("T1",)),
     "Cycles": Method(cycles, (16, 64), (64,), PRODUCT),
@@ -128,9 +137,10 @@ def _size(given: Given) -> tuple[int, int]:
     return given.picture.shape[1], given.picture.shape[0]
 
 
-def _drawn(given: Given, plan: FramePlan) -> Answer:
+def _drawn(given: Given, plan: FramePlan, texture: Picture | None = None) -> Answer:
     draw = cycles_views.mean_of_views if gpu_views.gpu_problem() else gpu_views.mean_of_views
-    mean = draw(plan, plan.canvas.from_source(given.picture), lambda done, total: True)
+    texture = plan.canvas.from_source(given.picture) if texture is None else texture
+    mean = draw(plan, texture, lambda done, total: True)
     assert mean is not None
     return Answer(plan.canvas.to_source(mean)[..., :3], len(plan.offsets), len(plan.mesh.triangles))
 

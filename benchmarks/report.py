@@ -33,7 +33,8 @@ COLUMNS = (
     ("MB", "peak_mb", "{:.0f}"),
 )
 STYLES = {
-    "no blur": ("0.5", "x"), "thesis": ("tab:brown", "v"), "features": ("tab:red", "o"),
+    "no blur": ("0.5", "x"), "thesis": ("tab:brown", "v"), "layers": ("tab:red", "o"),
+    "features": ("tab:olive", "v"),
     "dense mesh": ("tab:orange", "s"), "Cycles": ("tab:blue", "D"), "Defocus": ("tab:purple", "P"),
     "scatter": ("tab:cyan", "X"), "oracle": ("tab:green", "^"),
 }  # fmt: skip

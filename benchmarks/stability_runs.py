@@ -102,7 +102,9 @@ def plane(plan: FramePlan, inverse: float, slope: tuple[float, float], focus: fl
 
 def as_gpu(plan: FramePlan) -> Floats:
     """(N, V, 2) the vertex shader's arithmetic in float32, from what it is given."""
-    vertices, views = gpu_views.vertex_arrays(plan), gpu_views.view_rows(plan)
+    lens = plan.canvas.pinhole
+    picture = np.zeros((lens.height, lens.width, 4), np.float32)
+    vertices, views = gpu_views.vertex_arrays(plan, picture), gpu_views.view_rows(plan)
     x, y = vertices["xy"].T[:, None, :, None]
     a, b, c, d = np.moveaxis(views, 2, 0)[:, :, None, :]
     seen = a * x + b * y + c - d * vertices["contrast"][:, None]

@@ -76,7 +76,7 @@ def test_every_method_is_scored(tiny: Tiny, rows: dict[tuple[str, int], Row]) ->
             assert value is not None and np.isfinite(value), (row.method, name)
         picture = store.FOLDER / "pictures" / f"bars-T1-6px-{row.method.replace(' ', '_')}-{row.views}.png"
         assert picture.exists()
-    assert rows["features", 4].triangles > 20
+    assert rows["layers", 4].triangles > rows["features", 4].triangles > 20
     assert rows["dense mesh", 16].triangles > 2 * 96 * 54
 
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from .canvas import Canvas
-from .depth_maps import ClipFit, DepthMaps, fit_clip, fit_depth, grid_features
+from .depth_maps import ClipFit, DepthMaps, Fitted, fit_clip, fit_depth, grid_features
 from .reconstruction import Floats, Image, Ints, Reconstruction
 
 MAX_REPROJECTION_ERROR = 3.0
@@ -82,15 +83,46 @@ class MappedDepth:
         """A grid of places with the map's depth instead of the features; those where the frame has no map."""
         if found.frame not in self.maps.numbers:
             return found
-        clip = self.maps.footage
-        zoom = np.array([canvas.lens.width / clip.width, canvas.lens.height / clip.height])
-        seen = canvas.features_to_source(found.observed) / zoom
-        fitted = fit_depth(self.maps.read(found.frame), seen, found.inverse_depth, self.fit)
-        xy, inverse_depth = grid_features(fitted, clip.width / COLUMNS)
-        at = canvas.features_from_source(xy * zoom)
+        xy, inverse_depth = grid_features(self._fitted(found, canvas), self.maps.footage.width / COLUMNS)
+        at = canvas.features_from_source(xy * self._zoom(canvas))
         return FrameFeatures(
             found.frame, at, at, inverse_depth, np.full(len(at), -1, np.int32), found.carried
         )
+
+    def inverse_depth(self, found: FrameFeatures, canvas: Canvas) -> Floats | None:
+        """(h, w) of every pixel of the canvas, unknown ones like the nearest known; None without a map."""
+        if found.frame not in self.maps.numbers:
+            return None
+        values = self._fitted(found, canvas).inverse_depth
+        lens = canvas.pinhole
+        grid = np.stack(np.meshgrid(np.arange(lens.width) + 0.5, np.arange(lens.height) + 0.5), axis=-1)
+        x, y = np.moveaxis(canvas.features_to_source(grid) / self._zoom(canvas), -1, 0)
+        row, column = (
+            np.clip(np.floor(at), 0, size - 1).astype(int)
+            for at, size in zip((y, x), values.shape, strict=True)
+        )
+        return np.asarray(nearest_known(values)[row, column])
+
+    def _zoom(self, canvas: Canvas) -> Floats:
+        clip = self.maps.footage
+        return np.array([canvas.lens.width / clip.width, canvas.lens.height / clip.height])
+
+    def _fitted(self, found: FrameFeatures, canvas: Canvas) -> Fitted:
+        seen = canvas.features_to_source(found.observed) / self._zoom(canvas)
+        return fit_depth(self.maps.read(found.frame), seen, found.inverse_depth, self.fit)
+
+
+def nearest_known(values: Floats) -> Floats:
+    """(h, w) with every NaN replaced by the value of the nearest pixel that has one."""
+    unknown = np.isnan(values)
+    if not unknown.any() or unknown.all():
+        return np.nan_to_num(values)
+    _, label = cv2.distanceTransformWithLabels(
+        unknown.astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    known = np.zeros(int(label.max()) + 1)
+    known[label[~unknown]] = values[~unknown]
+    return np.asarray(known[label])
 
 
 def point_inverse_depths(reconstruction: Reconstruction, frame: int, points: Ints) -> Floats:

@@ -7,14 +7,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .aperture import random_disc, views_needed, vogel_disc
-from .canvas import Canvas
+from .canvas import Canvas, Picture
 from .depth import FrameFeatures, MappedDepth, frame_features
 from .errors import UserError
 from .focus import Focus, exact_registration, fitted_registration
+from .layer_mesh import WIDEST, layer_mesh
 from .reconstruction import Floats, Reconstruction
 from .warpmesh import WarpMesh, feature_mesh, thesis_mesh
 
-METHODS = ("features", "thesis")
+METHODS = ("layers", "features", "thesis")
 ACCEPTABLE = 1500
 MAX_BLUR = 16.0
 """Picture diagonals; in a larger disc nothing is left of what it comes from."""
@@ -31,7 +32,7 @@ class LensSettings:
     """Radius of the virtual aperture in scene units."""
     views: int = 0
     """Number of virtual cameras; 0 takes as many as the largest blur disc of the frame needs."""
-    method: str = "features"
+    method: str = "layers"
     seed: int = 0
     """Of the random positions of the thesis's method."""
 
@@ -99,9 +100,29 @@ def plan_frame(
     else:
         offsets = settings.radius * vogel_disc(count)
         registration = exact_registration(canvas, offsets, inverse)
-        sharpened = replace(features, inverse_depth=in_focus(features, canvas, settings.radius, inverse))
+        sharpened = replace(
+            features, inverse_depth=in_focus(features.inverse_depth, canvas, settings.radius, inverse)
+        )
         mesh = feature_mesh(sharpened, canvas, _margin(sharpened, canvas, settings.radius, inverse))
     return FramePlan(frame, canvas, mesh, offsets, registration, inverse, blur, features.carried)
+
+
+def can_be_layered(plan: FramePlan) -> bool:
+    """Whether the frame's largest discs leave anything of its surfaces; else a coarse mesh does as well."""
+    return plan.blur / 2 < WIDEST * max(plan.canvas.pinhole.width, plan.canvas.pinhole.height)
+
+
+def layered_plan(
+    plan: FramePlan, radius: float, picture: Picture, inverse_depth: Floats
+) -> tuple[FramePlan, Picture]:
+    """The plan with a mesh of two layers, and the texture (h, w, 4) that belongs to it.
+
+    `picture` (H, W, 4) is the canvas picture and `inverse_depth` (H, W) that of all its pixels.
+    """
+    scale = radius * plan.canvas.pinhole.fx
+    depths = in_focus(inverse_depth, plan.canvas, radius, plan.focus_inverse_depth)
+    mesh, texture, _ = layer_mesh(picture, scale * depths, scale * plan.focus_inverse_depth, scale)
+    return replace(plan, mesh=mesh), texture
 
 
 def largest_blur(
@@ -130,8 +151,8 @@ def check_blur(features: FrameFeatures, canvas: Canvas, radius: float, inverse_d
         )
 
 
-def in_focus(features: FrameFeatures, canvas: Canvas, radius: float, inverse_depth: float) -> Floats:
-    """(n,) inverse depths, moved into the focal plane where their blur disc is too small to be seen.
+def in_focus(depths: Floats, canvas: Canvas, radius: float, inverse_depth: float) -> Floats:
+    """Inverse depths, of any shape, moved into the focal plane where their blur disc is too small to be seen.
 
     The photographer's acceptable circle of confusion is the diagonal / 1500. Depths are not known better
     than that, and resampling by fractions of a pixel would cost the subject its sharpness; in the focal
@@ -142,7 +163,7 @@ def in_focus(features: FrameFeatures, canvas: Canvas, radius: float, inverse_dep
     with np.errstate(over="ignore", divide="ignore"):
         a_pixel = 1.0 / np.float64(2 * radius * canvas.pinhole.fx)
         smallest, largest = a_pixel * _diagonal(canvas) * np.array([1 / ACCEPTABLE, MAX_BLUR])
-    contrast = features.inverse_depth - inverse_depth
+    contrast = depths - inverse_depth
     size = np.abs(contrast)
     kept = np.where(size < 2 * smallest, np.maximum(0.0, 2 * (size - smallest)), np.minimum(size, largest))
     return np.asarray(inverse_depth + np.sign(contrast) * kept)

@@ -8,8 +8,11 @@ import cv2
 import numpy as np
 
 from ..core.canvas import Picture
+from ..core.depth import frame_features
+from ..core.enlarge import enlarged
 from ..core.footage import to_linear
-from ..core.views import LensSettings, plan_frame
+from ..core.reconstruction import Floats
+from ..core.views import FramePlan, LensSettings, can_be_layered, layered_plan, plan_frame
 from ..scene.shot import Shot
 from . import cycles_views, gpu_views
 from .main_thread import CarryOn
@@ -31,6 +34,8 @@ def render_frame(
     if plan.carried:
         note(f"Frame {frame} was not registered: its camera is carried over from its neighbours")
     picture = plan.canvas.from_source(_resized(to_linear(shot.footage.read(frame)), size))
+    if lens.method == "layers" and can_be_layered(plan):
+        plan, picture = layered_plan(plan, lens.radius, picture, _depth(shot, plan, picture))
     problem = gpu_views.gpu_problem()
     if problem:
         note(no_gpu_note(problem))
@@ -38,6 +43,17 @@ def render_frame(
     else:
         mean = gpu_views.mean_of_views(plan, picture, carry_on)
     return None if mean is None else plan.canvas.to_source(mean)
+
+
+def _depth(shot: Shot, plan: FramePlan, picture: Picture) -> Floats:
+    """(h, w) inverse depth of every pixel of the canvas: of the user's maps, or from the clip itself."""
+    if shot.depth is not None:
+        told = shot.depth.inverse_depth(
+            frame_features(shot.reconstruction, plan.frame, plan.canvas), plan.canvas
+        )
+        if told is not None:
+            return told
+    return enlarged(shot.dense.at(plan.frame).inverse_depth, picture)
 
 
 def no_gpu_note(problem: str) -> str:

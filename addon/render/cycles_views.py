@@ -139,6 +139,17 @@ def _projecting_material(picture: Picture) -> bpy.types.Material:
     glow, out = nodes.new("ShaderNodeEmission"), nodes.new("ShaderNodeOutputMaterial")
     link(texture.outputs["Color"], glow.inputs["Color"])
     link(glow.outputs[0], out.inputs["Surface"])
+    if picture[..., 3].min() < 1:
+        # Premultiplied: what a pixel leaves uncovered of what is behind it is added to its colour.
+        through, both = nodes.new("ShaderNodeBsdfTransparent"), nodes.new("ShaderNodeAddShader")
+        rest = nodes.new("ShaderNodeMath")
+        rest.operation = "SUBTRACT"
+        rest.inputs[0].default_value = 1.0
+        link(texture.outputs["Alpha"], rest.inputs[1])
+        link(rest.outputs[0], through.inputs["Color"])
+        link(glow.outputs[0], both.inputs[0])
+        link(through.outputs[0], both.inputs[1])
+        link(both.outputs[0], out.inputs["Surface"])
     return material
 
 

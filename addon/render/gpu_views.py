@@ -30,7 +30,7 @@ void main()
     vec2 seen = vec2(dot(row_x.xy, xy), dot(row_y.xy, xy)) + vec2(row_x.z, row_y.z)
         - vec2(row_x.w, row_y.w) * contrast;
     vec2 ndc = 2.0 * seen / size - 1.0;
-    place = texture_xy / size;
+    place = texture_xy;
     /* Pixels count from the top, the framebuffer from the bottom. Nearer vertices win. */
     gl_Position = vec4(ndc.x, -ndc.y, 0.98 * (1.0 - 2.0 * nearness), 1.0);
 }
@@ -146,7 +146,7 @@ def _drawing(plan: FramePlan, picture: Picture) -> Steps:
     sum_target = gpu.types.GPUFrameBuffer(color_slots=(total,))
 
     view_shader, sum_shader = _shaders()
-    mesh = _mesh_batch(plan)
+    mesh = _mesh_batch(plan, picture)
     screen = _screen_batch()
     with sum_target.bind():
         sum_target.clear(color=(0.0, 0.0, 0.0, 0.0))
@@ -156,7 +156,8 @@ def _drawing(plan: FramePlan, picture: Picture) -> Steps:
             view_target.clear(color=(0.0, 0.0, 0.0, 0.0), depth=1.0)
             gpu.state.depth_test_set("LESS_EQUAL")
             gpu.state.depth_mask_set(True)
-            gpu.state.blend_set("NONE")
+            # Triangles come from far to near: half covered pixels lie over what is behind them.
+            gpu.state.blend_set("ALPHA_PREMULT")
             view_shader.bind()
             view_shader.uniform_float("row_x", rows[0].tolist())
             view_shader.uniform_float("row_y", rows[1].tolist())
@@ -177,19 +178,20 @@ def _drawing(plan: FramePlan, picture: Picture) -> Steps:
     return _download(total, width, height) / np.float32(len(plan.offsets))
 
 
-def vertex_arrays(plan: FramePlan) -> dict[str, NDArray[np.float32]]:
+def vertex_arrays(plan: FramePlan, picture: Picture) -> dict[str, NDArray[np.float32]]:
     """What the vertex shader gets of each vertex, by attribute.
 
-    `xy` and `texture_xy` (V, 2) in pixels; `nearness` (V,) is inverse depth over the largest one; `contrast`
-    (V,) is inverse depth relative to the focal plane, over the largest one. The difference is taken here, in
-    double precision: on the GPU the focal plane's own displacement would take the last digits with it.
+    `xy` (V, 2) in pixels; `texture_xy` (V, 2) in shares of the texture's size; `nearness` (V,) is inverse
+    depth over the largest one; `contrast` (V,) is inverse depth relative to the focal plane, over the largest
+    one. The difference is taken here, in double precision: on the GPU the focal plane's own displacement
+    would take the last digits with it.
     """
     mesh = plan.mesh
     nearest = float(mesh.inverse_depth.max(initial=0.0)) or 1.0
     contrast = mesh.inverse_depth - plan.focus_inverse_depth
     return {
         "xy": np.ascontiguousarray(mesh.xy, dtype=np.float32),
-        "texture_xy": np.ascontiguousarray(mesh.texture_xy, dtype=np.float32),
+        "texture_xy": np.ascontiguousarray(mesh.texture_xy / picture.shape[1::-1], dtype=np.float32),
         "nearness": np.ascontiguousarray(mesh.inverse_depth / nearest, dtype=np.float32),
         "contrast": np.ascontiguousarray(contrast / _largest_contrast(plan), dtype=np.float32),
     }
@@ -212,8 +214,8 @@ def _largest_contrast(plan: FramePlan) -> float:
     return float(np.abs(plan.mesh.inverse_depth - plan.focus_inverse_depth).max(initial=0.0)) or 1.0
 
 
-def _mesh_batch(plan: FramePlan) -> gpu.types.GPUBatch:
-    arrays = vertex_arrays(plan)
+def _mesh_batch(plan: FramePlan, picture: Picture) -> gpu.types.GPUBatch:
+    arrays = vertex_arrays(plan, picture)
     layout = _layout(xy=2, texture_xy=2, nearness=1, contrast=1)
     vertices = gpu.types.GPUVertBuf(layout, len(plan.mesh.xy))
     for name, array in arrays.items():

@@ -100,9 +100,21 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
         name="Method",
         description="How views are synthesized",
         items=[
-            ("features", "Features", "Warp mesh over the feature points, carried on past the border"),
-            ("thesis", "Thesis", "The 2010 baseline: pinned corners, random positions, fitted registration"),
+            (
+                "layers",
+                "Layers",
+                "Depth of every pixel; what lies behind silhouettes on a layer of its own",
+                2,
+            ),
+            ("features", "Features", "Warp mesh over the feature points, carried on past the border", 0),
+            (
+                "thesis",
+                "Thesis",
+                "The 2010 baseline: pinned corners, random positions, fitted registration",
+                1,
+            ),
         ],
+        default="layers",
         update=_aperture_changed,
     )
     focus_points: CollectionProperty(type=VirtualApertureFocusPoint)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import bpy
 
+from ..core.dense_depth import ClipDepth
 from ..core.depth import MappedDepth
 from ..core.depth_maps import open_depth
 from ..core.errors import UserError
@@ -29,6 +31,11 @@ class Shot:
     reconstruction: Reconstruction
     depth: MappedDepth | None = None
     """The user's depth maps."""
+
+    @cached_property
+    def dense(self) -> ClipDepth:
+        """Depth of every pixel, from the clip itself."""
+        return ClipDepth(self.reconstruction, self.footage.read)
 
 
 _last: tuple[tuple[str, str, str], Shot] | None = None

@@ -1,0 +1,99 @@
+"""The warp mesh of a frame whose every pixel's depth is known: two layers in one mesh, with their picture."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+
+from .layers import JUMP, Fill, Layers, Picture, layered
+from .quadtree import triangulate
+from .reconstruction import Floats, Ints
+from .warpmesh import WarpMesh
+
+ERROR = 0.5
+"""Pixels by which a view may see a place of the mesh beside where its depth puts it."""
+FINER = 2
+"""Times as fine as the frame is its texture: a view loses less by looking between its pixels."""
+LARGEST_TEXTURE = 24_000_000
+"""Pixels; a larger one stays as coarse as the frame."""
+WIDEST = 0.25
+"""Of the long side; surfaces that are displaced farther from the focal plane than that come back to it."""
+
+
+def layer_mesh(
+    picture: Picture, shift: Floats, focus: float, scale: float, fill: Fill | None = None
+) -> tuple[WarpMesh, Picture, Layers]:
+    """A mesh, its texture (h, w, 4), and the layers it was made of.
+
+    `picture` (H, W, 4) is the canvas picture, linear and premultiplied; `shift` (H, W) the displacement in
+    pixels of every pixel at the rim of the aperture, and `focus` that of the focal plane; displacement over
+    `scale` is inverse depth. Triangles are ordered from far to near.
+    """
+    reach = WIDEST * max(shift.shape)
+    shift = np.clip(shift, focus - reach, focus + reach)
+    margin = int(np.ceil(np.abs(shift - focus).max())) + 2
+    wide = np.pad(picture, ((margin, margin), (margin, margin), (0, 0)), mode="symmetric")
+    layers = layered(wide, np.pad(shift, margin, mode="edge"), fill)
+    everywhere = np.ones_like(layers.hidden)
+    # Behind the gaps nothing may be open: the back surface is in one piece and reaches a pixel farther.
+    behind = cv2.dilate(layers.hidden.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    surfaces = (
+        (layers.front_shift, triangulate(layers.front_shift, everywhere, JUMP, ERROR)),
+        (layers.back_shift, triangulate(layers.back_shift, behind, np.inf, ERROR)),
+    )
+    mesh = _joined(surfaces, margin, scale)
+    finer = 2 * layers.front[..., 0].size * FINER**2 <= LARGEST_TEXTURE
+    texture = _texture(wide, layers) if finer else np.concatenate([layers.front, layers.back])
+    if finer:
+        # A pixel's middle is the middle of a texel: in the focal plane views show the frame's own pixels.
+        mesh = replace(mesh, texture_xy=FINER * (mesh.texture_xy - 0.5) + 0.5)
+    return mesh, texture, layers
+
+
+def _texture(picture: Picture, layers: Layers) -> Picture:
+    """(2 h, w, 4) the front layer above the back one, finer than the picture (H, W, 4).
+
+    Each is interpolated where it is smooth: the front is what the fine picture has more than the back behind
+    it. Interpolated by itself it would ring along every silhouette, where it ends.
+    """
+    whole, back = (np.maximum(_finer(part, cv2.INTER_LANCZOS4), 0) for part in (picture, layers.back))
+    alpha = _finer(layers.front[..., 3], cv2.INTER_LINEAR)
+    back[..., 3] = 1
+    front = np.maximum(whole - (1 - alpha)[..., None] * back, 0)
+    front[..., 3] = alpha
+    return np.concatenate([front, back])
+
+
+def _finer(picture: Picture, flags: int) -> Picture:
+    """A picture (H, W[, c]) whose pixels are every `FINER`th of the result's, first one included."""
+    height, width = picture.shape[:2]
+    scale = np.array([[1 / FINER, 0, 0], [0, 1 / FINER, 0]])
+    return np.asarray(
+        cv2.warpAffine(
+            picture, scale, (FINER * width, FINER * height), flags=flags | cv2.WARP_INVERSE_MAP,
+            borderMode=cv2.BORDER_REPLICATE,
+        ),
+        np.float32,
+    )  # fmt: skip
+
+
+def _joined(surfaces: tuple[tuple[Floats, Ints], ...], margin: int, scale: float) -> WarpMesh:
+    """One mesh of surfaces, each displacements (H, W) and triangles (T, 3) of pixels, below each other in the
+    texture."""
+    height, width = surfaces[0][0].shape
+    xy, texture, inverse, triangles = [], [], [], []
+    first = 0
+    for number, (shift, rows) in enumerate(surfaces):
+        used, renamed = np.unique(rows, return_inverse=True)
+        row, column = np.divmod(used, width)
+        place = np.column_stack([column, row]) + 0.5
+        xy.append(place - margin)
+        texture.append(place + np.array([0, number * height]))
+        inverse.append(shift.ravel()[used] / scale)
+        triangles.append(renamed.reshape(-1, 3) + first)
+        first += len(used)
+    depth, joined = np.concatenate(inverse), np.concatenate(triangles)
+    order = np.argsort(depth[joined].min(axis=1), kind="stable")
+    return WarpMesh(np.concatenate(xy), np.concatenate(texture), depth, joined[order].astype(np.int32))

@@ -1,0 +1,295 @@
+"""Layers: a frame taken apart at its silhouettes, the mesh over it, and what views of it look like."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from addon.core import layer_mesh, layers
+from addon.core.aperture import vogel_disc
+from addon.core.canvas import Canvas
+from addon.core.enlarge import enlarged
+from addon.core.focus import exact_registration
+from addon.core.layer_mesh import layer_mesh as make_mesh
+from addon.core.layers import inpainted, layered
+from addon.core.quadtree import triangulate
+from addon.core.reconstruction import Intrinsics
+from addon.core.views import FramePlan
+from addon.render import cycles_views, gpu_views
+
+from . import planes
+
+Floats = NDArray[np.float64]
+SIZE = (120, 160)
+Y, X = np.mgrid[: SIZE[0], : SIZE[1]] + 0.5
+
+
+def areas(triangles: NDArray[np.int32], width: int) -> Floats:
+    row, column = np.divmod(triangles, width)
+    (ax, bx, cx), (ay, by, cy) = column.T, row.T
+    return np.asarray(((bx - ax) * (cy - ay) - (cx - ax) * (by - ay)) / 2, np.float64)
+
+
+def interpolated(depth: Floats, triangles: NDArray[np.int32]) -> Floats:
+    """The mesh's depth at every pixel, NaN where there is none."""
+    height, width = depth.shape
+    result = np.full(depth.shape, np.nan)
+    for corners in triangles:  # a test's picture is small
+        row, column = np.divmod(corners, width)
+        y, x = np.mgrid[row.min() : row.max() + 1, column.min() : column.max() + 1]
+        system = np.array([column, row, np.ones(3)], np.float64)
+        share = np.linalg.solve(system, np.array([x.ravel(), y.ravel(), np.ones(x.size)]))
+        inside = (share >= -1e-9).all(axis=0)
+        result[y.ravel()[inside], x.ravel()[inside]] = (share.T @ depth.ravel()[corners])[inside]
+    assert result.shape == (height, width)
+    return result
+
+
+# The mesh
+
+
+def test_a_plane_takes_few_triangles() -> None:
+    triangles = triangulate(0.03 * X + 0.01 * Y, np.ones(SIZE, bool), 1.0, 0.01)
+    assert len(triangles) < 0.03 * 2 * SIZE[0] * SIZE[1]
+    assert np.abs(areas(triangles, SIZE[1])).sum() == (SIZE[0] - 1) * (SIZE[1] - 1)
+
+
+def test_nothing_spans_a_jump_and_all_else_is_covered() -> None:
+    depth = 0.02 * X
+    depth[30:90, 40:100] += 9.0
+    triangles = triangulate(depth, np.ones(SIZE, bool), 1.0, 0.05)
+    assert np.ptp(depth.ravel()[triangles], axis=1).max() < 5
+    # A gap a pixel wide all around, less a corner's triangle at each corner of the square.
+    gap = 2 * (60 + 60)
+    assert np.abs(areas(triangles, SIZE[1])).sum() == (SIZE[0] - 1) * (SIZE[1] - 1) - gap + 4 * 0.5
+
+
+@pytest.mark.parametrize("error", [0.05, 0.3])
+def test_the_error_is_bounded_and_there_are_no_cracks(error: float) -> None:
+    depth = 4 * np.exp(-((X - 60) ** 2 + (Y - 50) ** 2) / 900) + 0.4 * np.sin(X / 9)
+    triangles = triangulate(depth, np.ones(SIZE, bool), 1.0, error)
+    found = interpolated(depth, triangles)
+    assert np.isfinite(found).all()
+    # A fan's triangles are smaller than the two that were measured, but not the same.
+    assert np.abs(found - depth).max() < 1.5 * error
+    total = np.abs(areas(triangles, SIZE[1])).sum()
+    assert total == (SIZE[0] - 1) * (SIZE[1] - 1)
+
+
+def test_a_larger_error_takes_fewer_triangles() -> None:
+    depth = 4 * np.exp(-((X - 60) ** 2 + (Y - 50) ** 2) / 900)
+    counts = [len(triangulate(depth, np.ones(SIZE, bool), 1.0, e)) for e in (0.02, 0.1, 0.5)]
+    assert counts[0] > 2 * counts[1] > 4 * counts[2]
+
+
+def test_only_what_is_inside_is_meshed() -> None:
+    inside = (X - 80) ** 2 + (Y - 60) ** 2 < 40**2
+    triangles = triangulate(0.01 * X, inside, 1.0, 0.1)
+    assert inside.ravel()[triangles].all()
+    assert np.abs(areas(triangles, SIZE[1])).sum() == pytest.approx(inside.sum(), rel=0.05)
+    assert triangulate(0.01 * X, np.zeros(SIZE, bool), 1.0, 0.1).shape == (0, 3)
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 9), (2, 2), (5, 3), (65, 64)])
+def test_any_size(size: tuple[int, int]) -> None:
+    triangles = triangulate(np.zeros(size), np.ones(size, bool), 1.0, 0.1)
+    assert np.abs(areas(triangles, size[1])).sum() == (size[0] - 1) * (size[1] - 1)
+
+
+# The layers
+
+DISC = 30.0
+"""Radius of the disc in front, in pixels."""
+NEAR, FAR = 9.0, 1.0
+
+
+def cover(shift_x: float = 0.0, shift_y: float = 0.0) -> Floats:
+    """(H, W) share of each pixel that the disc covers, seen from beside."""
+    far = np.hypot(X - 80 - shift_x, Y - 60 - shift_y)
+    return np.asarray(np.clip(DISC - far + 0.5, 0, 1))
+
+
+def wall(shift_x: float = 0.0, shift_y: float = 0.0) -> Floats:
+    """(H, W, 3) what is behind, smooth."""
+    x, y = X - shift_x, Y - shift_y
+    return np.stack([0.4 + 0.2 * np.sin(x / 3), 0.4 + 0.2 * np.cos(y / 2.5), 0.3 + 0 * x], axis=2)
+
+
+def scene(shift_x: float = 0.0, shift_y: float = 0.0) -> NDArray[np.float32]:
+    """(H, W, 4) a yellow disc before the wall from a place on the aperture, in shares of its radius."""
+    share = cover(NEAR * shift_x, NEAR * shift_y)[..., None]
+    colour = share * [0.9, 0.8, 0.1] + (1 - share) * wall(FAR * shift_x, FAR * shift_y)
+    return np.concatenate([colour, np.ones((*SIZE, 1))], axis=2).astype(np.float32)
+
+
+SHIFT = np.where(cover() > 0.5, NEAR, FAR)
+
+
+def test_both_layers_together_are_the_picture() -> None:
+    picture = scene()
+    found = layered(picture, SHIFT)
+    composed = found.front[..., :3] + (1 - found.front[..., 3:]) * found.back[..., :3]
+    np.testing.assert_allclose(composed, picture[..., :3], atol=2e-3)
+    assert found.front[..., 3].min() >= 0 and found.front[..., 3].max() <= 1
+
+
+def test_a_silhouettes_pixels_know_their_share() -> None:
+    found = layered(scene(), SHIFT)
+    share = np.where(found.front_shift > (NEAR + FAR) / 2, found.front[..., 3], 0)
+    # As far as the wall's own texture, which is in neither surface's mean, lets it be known.
+    assert np.abs(share - cover()).max() < 0.2
+    assert np.abs(share - cover()).mean() < 0.003
+
+
+def test_what_is_behind_is_carried_on_as_far_as_the_aperture_sees() -> None:
+    found = layered(scene(), SHIFT)
+    depth_within = DISC - np.hypot(X - 80, Y - 60)
+    near_edge = (depth_within > 0) & (depth_within < NEAR - FAR)
+    assert found.hidden[near_edge].all()
+    assert not found.hidden[depth_within > NEAR - FAR + 4].any()
+    assert not found.hidden[depth_within < -5].any()
+    np.testing.assert_allclose(found.back_shift[near_edge], FAR, atol=0.01)
+    # No yellow gets behind the disc: it has a third of the wall's blue.
+    assert found.back[near_edge][:, 2].min() > 0.28
+    assert np.abs(found.back[..., :3] - wall())[near_edge].mean() < 0.12
+
+
+def test_other_frames_colours_are_taken_where_there_are_any() -> None:
+    def fill(shift: Floats, asked: layers.Mask) -> tuple[layers.Picture, layers.Mask]:
+        assert shift.shape == SIZE and asked.any()
+        return wall().astype(np.float32), X < 80
+
+    found = layered(scene(), SHIFT, fill)
+    assert found.borrowed.any() and not found.borrowed[X >= 80].any()
+    error = np.abs(found.back[..., :3] - wall())
+    assert error[found.borrowed].max() < 1e-6
+
+
+def test_no_jump_no_layer() -> None:
+    picture = scene()
+    found = layered(picture, 0.02 * X)
+    assert not found.hidden.any()
+    np.testing.assert_array_equal(found.front, picture)
+
+
+def test_colours_are_carried_on() -> None:
+    colour = wall().astype(np.float32)
+    known = (X < 60) | (X > 100)
+    filled = inpainted(np.where(known[..., None], colour, 9.0).astype(np.float32), known)
+    np.testing.assert_array_equal(filled[known], colour[known])
+    assert filled.min() >= colour.min() - 1e-5 and filled.max() <= colour.max() + 1e-5
+    nothing = np.zeros(SIZE, bool)
+    np.testing.assert_array_equal(inpainted(colour, nothing), colour)
+
+
+# Views
+
+LENS = Intrinsics(SIZE[1], SIZE[0], 150.0, 150.0, SIZE[1] / 2, SIZE[0] / 2)
+
+
+def plan(
+    focus: float, count: int, picture: NDArray[np.float32] | None = None
+) -> tuple[FramePlan, NDArray[np.float32]]:
+    """The disc and the wall through an aperture whose rim displaces by `NEAR` and `FAR` pixels."""
+    mesh, texture, _ = make_mesh(scene() if picture is None else picture, SHIFT, focus, 150.0)
+    offsets = vogel_disc(count)
+    canvas = Canvas(LENS)
+    registration = exact_registration(canvas, offsets, focus / 150)
+    return FramePlan(1, canvas, mesh, offsets, registration, focus / 150, 16.0, False), texture
+
+
+def truth(focus: float, offsets: Floats) -> Floats:
+    """(H, W, 3) mean of the true views in register with the focal plane."""
+    total = np.zeros((*SIZE, 3))
+    for x, y in -offsets:
+        share = cover((NEAR - focus) * x, (NEAR - focus) * y)[..., None]
+        total += share * [0.9, 0.8, 0.1] + (1 - share) * wall((FAR - focus) * x, (FAR - focus) * y)
+    return total / len(offsets)
+
+
+def psnr(a: Floats, b: Floats) -> float:
+    return float(-10 * np.log10(np.mean((a - b) ** 2)))
+
+
+@pytest.mark.parametrize("focus", [NEAR, FAR])
+def test_views_are_the_scenes(focus: float) -> None:
+    made, texture = plan(focus, 24)
+    true = truth(focus, made.offsets)
+    inside = (slice(10, -10), slice(10, -10))
+    draw = cycles_views.mean_of_views if gpu_views.gpu_problem() else gpu_views.mean_of_views
+    mean = draw(made, texture, lambda done, total: True)
+    assert mean is not None
+    assert mean[..., 3].min() > 0.999
+    found = psnr(mean[inside][..., :3].astype(np.float64), true[inside])
+    sharp = psnr(scene()[inside][..., :3].astype(np.float64), true[inside])
+    print(f"focus at {focus}: {found:.1f} dB, no blur {sharp:.1f} dB")
+    assert found > 38 > sharp + 8
+
+
+def test_what_is_in_focus_comes_through_untouched() -> None:
+    grain = np.random.default_rng(0).uniform(0.5, 1.0, SIZE)
+    picture = scene()
+    picture[..., :3] *= np.where(np.hypot(X - 80, Y - 60) < DISC - 5, grain, 1.0)[..., None].astype(
+        np.float32
+    )
+    made, texture = plan(NEAR, 16, picture)
+    draw = cycles_views.mean_of_views if gpu_views.gpu_problem() else gpu_views.mean_of_views
+    mean = draw(made, texture, lambda done, total: True)
+    assert mean is not None
+    inner = np.hypot(X - 80, Y - 60) < DISC - 3
+    np.testing.assert_allclose(mean[inner], picture[inner], atol=1e-3)
+
+
+def test_cycles_draws_the_same() -> None:
+    if gpu_views.gpu_problem():
+        pytest.skip("only CI is sure to have a GPU driver, if a software one")
+    made, texture = plan(NEAR, 6)
+    ours = gpu_views.mean_of_views(made, texture, lambda done, total: True)
+    theirs = cycles_views.mean_of_views(made, texture, lambda done, total: True)
+    assert ours is not None and theirs is not None
+    assert np.abs(ours - theirs).mean() < 2e-3
+    assert np.quantile(np.abs(ours - theirs), 0.98) < 0.02
+
+
+def test_what_is_displaced_out_of_the_picture_comes_back() -> None:
+    mesh, texture, _ = make_mesh(scene(), 3 * SHIFT * SIZE[1] / NEAR, FAR, 150.0)
+    margin = layer_mesh.WIDEST * SIZE[1] + 2
+    assert mesh.xy.min() == 0.5 - margin
+    assert np.abs(150 * mesh.inverse_depth - FAR).max() <= layer_mesh.WIDEST * SIZE[1] + 1e-9
+    assert texture.shape[1] == layer_mesh.FINER * (SIZE[1] + 2 * margin)
+
+
+def test_a_large_texture_is_left_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    fine, finer = make_mesh(scene(), SHIFT, FAR, 150.0)[:2]
+    monkeypatch.setattr(layer_mesh, "LARGEST_TEXTURE", 1)
+    plain, texture = make_mesh(scene(), SHIFT, FAR, 150.0)[:2]
+    assert finer.shape[0] == 2 * texture.shape[0]
+    np.testing.assert_allclose(fine.texture_xy, 2 * plain.texture_xy - 0.5)
+
+
+# Depth in the large picture
+
+
+def test_a_jump_lies_at_the_large_pictures_edge() -> None:
+    height, width = 4 * SIZE[0], 4 * SIZE[1]
+    x = np.arange(width) + 0.5
+    edge = 4 * 81.3
+    picture = np.zeros((height, width, 4), np.float32)
+    picture[..., :3] = np.where(x < edge, 0.1, 0.8)[None, :, None]
+    small = np.where(X < 81.3, 0.5, 2.0)
+    found = enlarged(small, picture)
+    assert set(np.unique(found)) == {0.5, 2.0}
+    assert np.abs((found > 1).argmax(axis=1) + 0.5 - edge).max() <= 1
+
+
+def test_smooth_depth_stays_smooth() -> None:
+    small = 1 + 0.001 * X
+    picture = np.repeat(np.float32(planes.texture(4 * SIZE[1], 4 * SIZE[0], 0))[..., None] / 255, 4, axis=2)
+    found = enlarged(small, picture)
+    assert found.shape == (4 * SIZE[0], 4 * SIZE[1])
+    expected = cv2.resize(small, found.shape[::-1], interpolation=cv2.INTER_LINEAR)
+    np.testing.assert_allclose(found[8:-8, 8:-8], expected[8:-8, 8:-8], atol=1e-4)
+    same = enlarged(small, picture[: SIZE[0], : SIZE[1]])
+    np.testing.assert_array_equal(same, small)
