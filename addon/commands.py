@@ -84,6 +84,9 @@ def _add_lens(command: argparse.ArgumentParser, required: bool) -> None:
     )
     command.add_argument("--views", default="auto", metavar="N|auto", help="virtual cameras a frame")
     command.add_argument("--method", choices=METHODS, default=METHODS[0])
+    command.add_argument(
+        "--borrow", choices=("on", "off"), default="on", help="take what a frame hides from others (on)"
+    )
     command.add_argument("--seed", type=int, default=0, help="of the thesis's random positions")
 
 
@@ -265,6 +268,7 @@ def _set_lens(settings: VirtualApertureSettings, solved: Solve, options: argpars
     settings.blur = options.blur or DEFAULT_BLUR
     settings.views = _views(options.views)
     settings.method = options.method
+    settings.borrow = options.borrow == "on"
     settings.seed = options.seed
     aperture_cloud.update(settings)
 

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from addon.core.borrow import Lender
 from addon.core.canvas import Canvas
 from addon.core.dense_depth import ClipDepth
 from addon.core.depth import FrameFeatures, frame_features
@@ -44,6 +45,8 @@ class Given:
     """(H, W), inf infinitely far: what methods get that want a depth map."""
     layers: Callable[[int], oracle.Layers | None]
     """The hidden surfaces past a margin in pixels; None where nobody knows them."""
+    lender: Lender | None = None
+    """The clip's other frames."""
 
     @property
     def focus_depth(self) -> float:
@@ -67,11 +70,15 @@ class Known:
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
 
+    @cached_property
+    def _lender(self) -> Lender:
+        return Lender(self.scene.cameras, open_footage(self.scene.clip()).read)
+
     def given(self, frame: int, blur: int) -> Given:
         scene, depth = self.scene, self.scene.depth(frame)
         return Given(
             frame, to_linear(scene.frame(frame)), self._reconstruction(frame), self._focus(frame, blur),
-            scene.radius(blur), depth, lambda margin: scene.layers(frame, margin),
+            scene.radius(blur), depth, lambda margin: scene.layers(frame, margin), self._lender,
         )  # fmt: skip
 
     def _reconstruction(self, frame: int) -> Reconstruction:
@@ -112,6 +119,10 @@ class Solved:
         self.reconstruction, self.report = solve.reconstruction, solve.report
 
     @cached_property
+    def _lender(self) -> Lender:
+        return Lender(self.reconstruction, open_footage(self.scene.clip()).read)
+
+    @cached_property
     def _dense(self) -> ClipDepth:
         return ClipDepth(self.reconstruction, open_footage(self.scene.clip()).read)
 
@@ -123,7 +134,7 @@ class Solved:
         inverse = enlarged(self._dense.at(frame).inverse_depth, picture)
         with np.errstate(divide="ignore"):
             depth = 1 / inverse
-        return Given(frame, picture, rec, focus, radius, depth, lambda margin: None)
+        return Given(frame, picture, rec, focus, radius, depth, lambda margin: None, self._lender)
 
     def _focus(self, frame: int, blur: int) -> Focus:
         scene = self.scene

@@ -69,7 +69,7 @@ def layers(given: Given, views: int) -> Answer:
     lens = LensSettings(given.focus, given.radius, views)
     plan = plan_frame(given.reconstruction, given.frame, lens, _size(given))
     picture = plan.canvas.from_source(given.picture)
-    return _drawn(given, *layered_plan(plan, given.radius, picture, 1 / given.depth))
+    return _drawn(given, *layered_plan(plan, given.radius, picture, 1 / given.depth, given.lender))
 
 
 def features(given: Given, views: int) -> Answer:

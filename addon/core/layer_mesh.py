@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import cv2
@@ -23,25 +24,40 @@ WIDEST = 0.25
 
 
 def layer_mesh(
-    picture: Picture, shift: Floats, focus: float, scale: float, fill: Fill | None = None
+    picture: Picture,
+    shift: Floats,
+    focus: float,
+    scale: float,
+    settle: Callable[[Floats], Floats] = lambda shift: shift,
+    fill: Fill | None = None,
 ) -> tuple[WarpMesh, Picture, Layers]:
     """A mesh, its texture (h, w, 4), and the layers it was made of.
 
     `picture` (H, W, 4) is the canvas picture, linear and premultiplied; `shift` (H, W) the displacement in
     pixels of every pixel at the rim of the aperture, and `focus` that of the focal plane; displacement over
-    `scale` is inverse depth. Triangles are ordered from far to near.
+    `scale` is inverse depth. `settle` moves displacements (H, W) that are drawn elsewhere than they are, as
+    into the focal plane; `fill` tells other frames' colours, on a raster that is so much larger than the
+    picture as needs be, its middle on the picture's. Triangles are ordered from far to near.
     """
     reach = WIDEST * max(shift.shape)
     shift = np.clip(shift, focus - reach, focus + reach)
     margin = int(np.ceil(np.abs(shift - focus).max())) + 2
     wide = np.pad(picture, ((margin, margin), (margin, margin), (0, 0)), mode="symmetric")
-    layers = layered(wide, np.pad(shift, margin, mode="edge"), fill)
+    shift = np.pad(shift, margin, mode="edge")
+    if fill is not None:
+        beyond = np.ones(shift.shape, bool)
+        beyond[margin:-margin, margin:-margin] = False
+        colour, found = fill(shift, beyond)
+        wide[found, :3] = colour[found]
+    layers = layered(wide, shift, fill)
     everywhere = np.ones_like(layers.hidden)
     # Behind the gaps nothing may be open: the back surface is in one piece and reaches a pixel farther.
     behind = cv2.dilate(layers.hidden.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    front, back = settle(layers.front_shift), settle(layers.back_shift)
+    # Settling can double what neighbours differ by.
     surfaces = (
-        (layers.front_shift, triangulate(layers.front_shift, everywhere, JUMP, ERROR)),
-        (layers.back_shift, triangulate(layers.back_shift, behind, np.inf, ERROR)),
+        (front, triangulate(front, everywhere, 2 * JUMP, ERROR)),
+        (back, triangulate(back, behind, np.inf, ERROR)),
     )
     mesh = _joined(surfaces, margin, scale)
     finer = 2 * layers.front[..., 0].size * FINER**2 <= LARGEST_TEXTURE

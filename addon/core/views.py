@@ -7,11 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .aperture import random_disc, views_needed, vogel_disc
+from .borrow import Lender
 from .canvas import Canvas, Picture
 from .depth import FrameFeatures, MappedDepth, frame_features
 from .errors import UserError
 from .focus import Focus, exact_registration, fitted_registration
 from .layer_mesh import WIDEST, layer_mesh
+from .layers import Mask
 from .reconstruction import Floats, Reconstruction
 from .warpmesh import WarpMesh, feature_mesh, thesis_mesh
 
@@ -35,6 +37,8 @@ class LensSettings:
     method: str = "layers"
     seed: int = 0
     """Of the random positions of the thesis's method."""
+    borrow: bool = True
+    """What a frame does not show is taken from the frames that do."""
 
 
 @dataclass(frozen=True)
@@ -113,15 +117,34 @@ def can_be_layered(plan: FramePlan) -> bool:
 
 
 def layered_plan(
-    plan: FramePlan, radius: float, picture: Picture, inverse_depth: Floats
+    plan: FramePlan, radius: float, picture: Picture, inverse_depth: Floats, lender: Lender | None = None
 ) -> tuple[FramePlan, Picture]:
     """The plan with a mesh of two layers, and the texture (h, w, 4) that belongs to it.
 
-    `picture` (H, W, 4) is the canvas picture and `inverse_depth` (H, W) that of all its pixels.
+    `picture` (H, W, 4) is the canvas picture and `inverse_depth` (H, W) that of all its pixels; the `lender`
+    has other frames' colours for what it does not show.
     """
+    focus = plan.focus_inverse_depth
     scale = radius * plan.canvas.pinhole.fx
-    depths = in_focus(inverse_depth, plan.canvas, radius, plan.focus_inverse_depth)
-    mesh, texture, _ = layer_mesh(picture, scale * depths, scale * plan.focus_inverse_depth, scale)
+
+    def settle(shift: Floats) -> Floats:
+        return scale * in_focus(shift / scale, plan.canvas, radius, focus)
+
+    def fill(shift: Floats, asked: Mask) -> tuple[Picture, Mask]:
+        assert lender is not None
+        row, column = np.nonzero(asked)
+        corner = (np.array(shift.shape) - picture.shape[:2]) // 2
+        places = np.column_stack([column - corner[1], row - corner[0]]) + 0.5
+        told, known = lender.colours(
+            plan.frame, plan.canvas, picture, inverse_depth, places, shift[row, column] / scale
+        )
+        colour, found = np.zeros((*shift.shape, 3), np.float32), np.zeros(shift.shape, bool)
+        colour[row, column], found[row, column] = told, known
+        return colour, found
+
+    mesh, texture, _ = layer_mesh(
+        picture, scale * inverse_depth, scale * focus, scale, settle, fill if lender else None
+    )
     return replace(plan, mesh=mesh), texture
 
 

@@ -35,7 +35,8 @@ def render_frame(
         note(f"Frame {frame} was not registered: its camera is carried over from its neighbours")
     picture = plan.canvas.from_source(_resized(to_linear(shot.footage.read(frame)), size))
     if lens.method == "layers" and can_be_layered(plan):
-        plan, picture = layered_plan(plan, lens.radius, picture, _depth(shot, plan, picture))
+        depth = _depth(shot, plan, picture)
+        plan, picture = layered_plan(plan, lens.radius, picture, depth, shot.lender if lens.borrow else None)
     problem = gpu_views.gpu_problem()
     if problem:
         note(no_gpu_note(problem))

@@ -163,6 +163,12 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
         default=0,
         update=_aperture_changed,
     )
+    borrow: BoolProperty(
+        name="Borrow",
+        description="Take what a frame does not show, behind silhouettes and past the border, from the frames"
+        " that do; without, it is made up from beside",
+        default=True,
+    )
     seed: IntProperty(
         name="Seed",
         description="Of the thesis's random positions",
@@ -210,7 +216,7 @@ def lens_settings(settings: VirtualApertureSettings, reconstruction: Reconstruct
         if frame not in reconstruction.frames:
             frame = int(reconstruction.frames[0])
         radius = radius_for_blur(reconstruction, focus, frame, settings.blur)
-    return LensSettings(focus, radius, settings.views, settings.method, settings.seed)
+    return LensSettings(focus, radius, settings.views, settings.method, settings.seed, settings.borrow)
 
 
 CLASSES = (VirtualApertureFocusPoint, VirtualApertureSettings)

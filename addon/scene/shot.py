@@ -8,6 +8,7 @@ from pathlib import Path
 
 import bpy
 
+from ..core.borrow import Lender
 from ..core.dense_depth import ClipDepth
 from ..core.depth import MappedDepth
 from ..core.depth_maps import open_depth
@@ -36,6 +37,11 @@ class Shot:
     def dense(self) -> ClipDepth:
         """Depth of every pixel, from the clip itself."""
         return ClipDepth(self.reconstruction, self.footage.read)
+
+    @cached_property
+    def lender(self) -> Lender:
+        """Other frames' colours for what a frame does not show."""
+        return Lender(self.reconstruction, self.footage.read)
 
 
 _last: tuple[tuple[str, str, str], Shot] | None = None

@@ -74,7 +74,9 @@ class VIRTUAL_APERTURE_PT_render(_Panel, bpy.types.Panel):  # noqa: N801
         layout = self.layout
         layout.use_property_split = True
         layout.prop(settings, "method")
-        if settings.method == "thesis":
+        if settings.method == "layers":
+            layout.prop(settings, "borrow")
+        elif settings.method == "thesis":
             layout.prop(settings, "seed")
         column = layout.column(align=True)
         column.scale_y = 1.4

@@ -1,0 +1,113 @@
+"""Other frames' colours: cameras that walk along a wall, each picture a part of one wide one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from addon.core.borrow import Lender
+from addon.core.canvas import Canvas
+from addon.core.footage import decode_srgb, to_linear
+from addon.core.reconstruction import Image, Intrinsics, Points, Reconstruction
+
+from . import planes
+
+WIDTH, HEIGHT, FOCAL, DEPTH = 96, 64, 100.0, 10.0
+STEP = 12
+"""Pixels of the wall from a frame to the next."""
+LENS = Intrinsics(WIDTH, HEIGHT, FOCAL, FOCAL, WIDTH / 2, HEIGHT / 2)
+WALL = np.repeat(planes.texture(WIDTH + 20 * STEP, HEIGHT, 4)[..., None] // 2 + 60, 3, axis=2).astype(
+    np.uint8
+)
+FRAMES = 9
+MIDDLE = 5
+
+
+def shot() -> Reconstruction:
+    images = tuple(
+        Image(
+            n, np.eye(3), np.array([-n * STEP * DEPTH / FOCAL, 0, 0]), np.zeros((0, 2)), np.zeros(0, np.int32)
+        )
+        for n in range(1, FRAMES + 1)
+    )
+    return Reconstruction((LENS,), images, Points(np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros(0)))
+
+
+def view(frame: int) -> NDArray[np.uint8]:
+    return WALL[:, frame * STEP : frame * STEP + WIDTH].copy()
+
+
+def asked(read: object, places: NDArray[np.float64], inverse: float, shown: NDArray[np.float64]) -> tuple:  # type: ignore[type-arg]
+    lender = Lender(shot(), read)  # type: ignore[arg-type]
+    picture = to_linear(view(MIDDLE))
+    return lender.colours(MIDDLE, Canvas(LENS), picture, shown, places, np.full(len(places), inverse))
+
+
+BESIDE = np.stack(
+    np.meshgrid(np.arange(WIDTH, WIDTH + 20) + 0.5, np.arange(4, HEIGHT - 4) + 0.5), axis=-1
+).reshape(-1, 2)
+FLAT = np.full((HEIGHT, WIDTH), 1 / DEPTH)
+
+
+def truth(places: NDArray[np.float64]) -> NDArray[np.float64]:
+    column, row = np.floor(places).astype(int).T
+    return decode_srgb(WALL[row, MIDDLE * STEP + column] / 255)
+
+
+def test_what_lies_past_the_border_is_taken_from_the_next_frames() -> None:
+    colour, known = asked(view, BESIDE, 1 / DEPTH, FLAT)
+    assert known.mean() > 0.98
+    np.testing.assert_allclose(colour[known], truth(BESIDE)[known], atol=2e-3)
+
+
+def test_frames_may_be_darker() -> None:
+    def read(frame: int) -> NDArray[np.uint8]:
+        if frame == MIDDLE:
+            return view(frame)
+        linear = decode_srgb(view(frame) / 255) * (0.6 + 0.05 * frame)
+        encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+        return np.round(255 * encoded).astype(np.uint8)
+
+    colour, known = asked(read, BESIDE, 1 / DEPTH, FLAT)
+    assert known.mean() > 0.95
+    assert np.median(np.abs(colour[known] / truth(BESIDE)[known] - 1)) < 0.02
+
+
+def test_what_something_nearer_hides_in_them_is_not_taken() -> None:
+    # A board as wide as the frame stands so near that every other frame sees it before these places, too.
+    near = np.full((HEIGHT, WIDTH), 1.05 / DEPTH)
+    inside = np.array([[WIDTH / 2, HEIGHT / 2], [WIDTH / 2 + 5, HEIGHT / 2]])
+    _, known = asked(view, inside, 0.9 / DEPTH, near)
+    assert not known.any()
+    _, known = asked(view, inside, 1.05 / DEPTH, near)
+    assert known.all()
+
+
+def test_what_frames_disagree_on_is_not_taken() -> None:
+    noise = {
+        n: np.random.default_rng(n).integers(30, 220, (HEIGHT, WIDTH, 3), np.uint8) for n in range(FRAMES + 1)
+    }
+    _, known = asked(lambda frame: noise[frame], BESIDE, 1 / DEPTH, FLAT)
+    # Only what a single frame sees has nobody to disagree.
+    assert known.mean() < 0.5
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_few_places_and_no_other_frames(count: int) -> None:
+    colour, known = asked(view, BESIDE[:count], 1 / DEPTH, FLAT)
+    assert colour.shape == (count, 3) and known.shape == (count,)
+    alone = Reconstruction((LENS,), shot().images[MIDDLE - 1 : MIDDLE], shot().points)
+    told = Lender(alone, view).colours(
+        MIDDLE, Canvas(LENS), to_linear(view(MIDDLE)), FLAT, BESIDE[:1], np.array([1 / DEPTH])
+    )
+    assert not told[1].any()
+
+
+def test_pictures_of_another_size_than_the_lens() -> None:
+    def read(frame: int) -> NDArray[np.uint8]:
+        return np.repeat(np.repeat(view(frame), 2, axis=0), 2, axis=1)
+
+    colour, known = asked(read, BESIDE, 1 / DEPTH, FLAT)
+    assert known.mean() > 0.95
+    assert np.median(np.abs(colour[known] / truth(BESIDE)[known] - 1)) < 0.02
