@@ -80,7 +80,7 @@ def test_what_something_nearer_hides_in_them_is_not_taken() -> None:
     inside = np.array([[WIDTH / 2, HEIGHT / 2], [WIDTH / 2 + 5, HEIGHT / 2]])
     _, known = asked(view, inside, 0.9 / DEPTH, near)
     assert not known.any()
-    _, known = asked(view, inside, 1.05 / DEPTH, near)
+    _, known = asked(view, inside, 1 / DEPTH, FLAT)
     assert known.all()
 
 

@@ -20,9 +20,10 @@ from .reconstruction import Floats, Image, Intrinsics, Reconstruction
 
 Mask = NDArray[np.bool_]
 
-STEPS = (1, 2, 4, 8, 16, 24, 32)
-"""Registered frames before and after that are asked."""
-KEPT, LONGEST = 16, 1920
+STEP, SPAN = 4, 32
+"""Every fourth registered frame is asked, so far before and after. They are the same for frames that
+follow each other: then colours are, too, and pictures are read once."""
+KEPT, LONGEST = 20, 1920
 """Pictures that are kept, and their long side in pixels at most."""
 NEARER = 0.04
 """Of the inverse depth, by which something must be nearer to hide what lies behind."""
@@ -75,8 +76,9 @@ class Lender:
 
     def _others(self, frame: int) -> list[Image]:
         images, at = self._rec.images, int(np.searchsorted(self._rec.frames, frame))
-        wanted = [at + side * step for step in STEPS for side in (-1, 1)]
-        return [images[i] for i in wanted if 0 <= i < len(images) and images[i].frame != frame]
+        step = max(1, min(STEP, len(images) // 8))
+        near = range(-(-max(at - SPAN, 0) // step) * step, min(at + SPAN + 1, len(images)), step)
+        return [images[i] for i in near if images[i].frame != frame]
 
     def _seen(
         self, image: Image, canvas: Canvas, other: Image, own: _Own, places: Floats, inverse: Floats

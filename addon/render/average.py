@@ -17,6 +17,9 @@ from ..scene.shot import Shot
 from . import cycles_views, gpu_views
 from .main_thread import CarryOn
 
+LEAST_COVER = 0.05
+"""Share of the views that must have covered a pixel for its colour to be made whole."""
+
 
 def render_frame(
     shot: Shot,
@@ -34,7 +37,9 @@ def render_frame(
     if plan.carried:
         note(f"Frame {frame} was not registered: its camera is carried over from its neighbours")
     picture = plan.canvas.from_source(_resized(to_linear(shot.footage.read(frame)), size))
-    if lens.method == "layers" and can_be_layered(plan):
+    is_layered = lens.method == "layers" and can_be_layered(plan)
+    is_whole = is_layered and bool(picture[..., 3].min() > 0.999)
+    if is_layered:
         depth = _depth(shot, plan, picture)
         plan, picture = layered_plan(plan, lens.radius, picture, depth, shot.lender if lens.borrow else None)
     problem = gpu_views.gpu_problem()
@@ -43,6 +48,9 @@ def render_frame(
         mean = cycles_views.mean_of_views(plan, picture, carry_on)
     else:
         mean = gpu_views.mean_of_views(plan, picture, carry_on)
+    if mean is not None and is_whole:
+        # A gap that some view had between triangles takes the colour of the other views.
+        mean /= np.maximum(mean[..., 3:], np.float32(LEAST_COVER))
     return None if mean is None else plan.canvas.to_source(mean)
 
 
