@@ -9,11 +9,11 @@ import cv2
 import numpy as np
 
 from .layers import JUMP, Fill, Layers, Picture, layered
-from .quadtree import triangulate
+from .quadtree import Surfaces, triangulate
 from .reconstruction import Floats, Ints
 from .warpmesh import WarpMesh
 
-ERROR = 0.5
+ERROR = 0.33
 """Pixels by which a view may see a place of the mesh beside where its depth puts it."""
 FINER = 2
 """Times as fine as the frame is its texture: a view loses less by looking between its pixels."""
@@ -50,17 +50,26 @@ def layer_mesh(
         colour, found = fill(shift, beyond)
         wide[found, :3] = colour[found]
     layers = layered(wide, shift, fill)
-    everywhere = np.ones_like(layers.hidden)
-    # Behind the gaps nothing may be open: the back surface is in one piece and reaches a pixel farther.
-    behind = cv2.dilate(layers.hidden.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-    front, back = settle(layers.front_shift), settle(layers.back_shift)
+    surfaces = Surfaces(
+        settle(layers.front_shift), settle(layers.near_shift), settle(layers.back_shift),
+        layers.mixed, layers.is_far, layers.hidden,
+    )  # fmt: skip
     # Settling can double what neighbours differ by.
-    surfaces = (
-        (front, triangulate(front, everywhere, 2 * JUMP, ERROR)),
-        (back, triangulate(back, behind, np.inf, ERROR)),
+    triangles = triangulate(surfaces, 2 * JUMP, ERROR)
+    mesh = _joined(
+        (
+            (surfaces.far, triangles.far, 1),
+            (surfaces.near, triangles.near, 0),
+            (surfaces.own, triangles.cut, 0),
+        ),
+        margin,
+        scale,
     )
-    mesh = _joined(surfaces, margin, scale)
-    finer = 2 * layers.front[..., 0].size * FINER**2 <= LARGEST_TEXTURE
+    front = layers.front.copy()
+    # Past its silhouettes the near surface is transparent.
+    front[layers.is_far & triangles.before] = 0
+    layers = replace(layers, front=front)
+    finer = 2 * front[..., 0].size * FINER**2 <= LARGEST_TEXTURE
     texture = _texture(wide, layers) if finer else np.concatenate([layers.front, layers.back])
     if finer:
         # A pixel's middle is the middle of a texel: in the focal plane views show the frame's own pixels.
@@ -95,13 +104,13 @@ def _finer(picture: Picture, flags: int) -> Picture:
     )  # fmt: skip
 
 
-def _joined(surfaces: tuple[tuple[Floats, Ints], ...], margin: int, scale: float) -> WarpMesh:
-    """One mesh of surfaces, each displacements (H, W) and triangles (T, 3) of pixels, below each other in the
-    texture."""
+def _joined(surfaces: tuple[tuple[Floats, Ints, int], ...], margin: int, scale: float) -> WarpMesh:
+    """One mesh of surfaces, each displacements (H, W), triangles (T, 3) of pixels, and which of the pictures
+    below each other in the texture is painted on it; the first one is whole."""
     height, width = surfaces[0][0].shape
     xy, texture, inverse, triangles = [], [], [], []
     first = 0
-    for number, (shift, rows) in enumerate(surfaces):
+    for shift, rows, number in surfaces:
         used, renamed = np.unique(rows, return_inverse=True)
         row, column = np.divmod(used, width)
         place = np.column_stack([column, row]) + 0.5
@@ -111,5 +120,7 @@ def _joined(surfaces: tuple[tuple[Floats, Ints], ...], margin: int, scale: float
         triangles.append(renamed.reshape(-1, 3) + first)
         first += len(used)
     depth, joined = np.concatenate(inverse), np.concatenate(triangles)
-    order = np.argsort(depth[joined].min(axis=1), kind="stable")
+    # What may be half covered comes last; whole triangles hide it where they are nearer.
+    last = np.arange(len(joined)) >= len(triangles[0])
+    order = np.lexsort((depth[joined].min(axis=1), last))
     return WarpMesh(np.concatenate(xy), np.concatenate(texture), depth, joined[order].astype(np.int32))

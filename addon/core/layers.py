@@ -20,28 +20,45 @@ Picture = NDArray[np.float32]
 Fill = Callable[[Floats, Mask], tuple[Picture, Mask]]
 """Colours (H, W, 3) of a surface of displacements (H, W) where a mask asks for them, and where they are."""
 
-JUMP = 1.0
+JUMP = 2.0
 """Pixels; neighbours that differ by more in displacement are not connected."""
 REACH = 3
 """Pixels around a mixed one in which its two surfaces are looked for."""
+SPREAD = 4.0
+"""How much more the colours of a surface vary across a silhouette than beside it: variances."""
+FEWEST = 6
+"""Pixels that something thin must have near each other to be one."""
+LONG = 7
+"""Pixels along something thin from which its colour is taken."""
+ON = 16
+"""Pixels by which surfaces are carried on past a silhouette, more than a view sees of them."""
 CONTRAST = 0.02
 """Distance of two colours (linear light) from which on they tell how a pixel is shared."""
 
 
 @dataclass(frozen=True)
 class Layers:
-    """Both surfaces on the same raster; colours are linear and premultiplied."""
+    """Two surfaces on the same raster; where there is no silhouette around they are the same one.
+
+    Colours are linear and premultiplied.
+    """
 
     front: Picture
-    """(H, W, 4)"""
+    """(H, W, 4) what the actual camera sees; a silhouette's pixels have their share of the near surface."""
     front_shift: Floats
-    """(H, W) displacement in pixels."""
+    """(H, W) displacement in pixels, a silhouette's pixels on the near surface."""
+    near_shift: Floats
+    """(H, W) the near surface's, carried on past its silhouettes."""
+    is_far: Mask
+    """(H, W) pixels past a silhouette: the near surface is not there, and the far one is seen."""
+    mixed: Mask
+    """(H, W) the silhouettes' pixels."""
     back: Picture
-    """(H, W, 4)"""
+    """(H, W, 4) the far surface where there are two."""
     back_shift: Floats
-    """(H, W)"""
+    """(H, W) the far surface's, carried on behind the near one."""
     hidden: Mask
-    """(H, W) where the back surface is needed at all."""
+    """(H, W) where a view may see something behind the near surface."""
     borrowed: Mask
     """(H, W) of these, where its colour comes from other frames."""
 
@@ -55,18 +72,22 @@ def layered(picture: Picture, shift: Floats, fill: Fill | None = None) -> Layers
     rows = mixed.row, mixed.column
     front[rows] = np.column_stack([mixed.front, mixed.alpha])
     front_shift[rows] = mixed.near_shift
-    behind = _behind(picture, shift, front_shift, mixed)
-    back_shift, hidden, known, colour = behind
+    carried = _carried(shift, mixed)
+    colour = picture[..., :3].copy()
+    colour[rows] = mixed.far
     borrowed = np.zeros(shift.shape, bool)
     if fill is not None:
-        asked = hidden & ~known
-        seen, borrowed = fill(back_shift, asked)
-        borrowed &= asked
+        seen, borrowed = fill(carried.far, carried.hidden)
+        borrowed &= carried.hidden
         colour[borrowed] = seen[borrowed]
-    # Elsewhere it is the front's: where the back surface comes up to it, either may be drawn.
-    colour = np.where(hidden[..., None], inpainted(colour, known | borrowed), picture[..., :3])
+    colour = inpainted(colour, ~carried.beneath | borrowed)
     alpha = np.ones((*shift.shape, 1), np.float32)
-    return Layers(front, front_shift, np.concatenate([colour, alpha], axis=2), back_shift, hidden, borrowed)
+    band = np.zeros(shift.shape, bool)
+    band[rows] = True
+    return Layers(
+        front, front_shift, carried.near, carried.is_far, band,
+        np.concatenate([colour, alpha], axis=2), carried.far, carried.hidden, borrowed,
+    )  # fmt: skip
 
 
 def _steep(shift: Floats) -> Floats:
@@ -128,15 +149,19 @@ def _mixed(picture: Picture, shift: Floats, band: Mask) -> _Mixed:
     # What is nearer or farther still belongs to a third surface.
     is_near &= around <= high[:, None] + JUMP
     is_far &= around >= low[:, None] - JUMP
-    near, near_shift = _mean(colours, around, weight * (is_near & pure), weight * is_near, own, high)
-    far, far_shift = _mean(colours, around, weight * (is_far & pure), weight * is_far, own, low)
+    near, near_shift, vary = _mean(colours, around, weight * (is_near & pure), weight * is_near, own, high)
+    far, far_shift, far_vary = _mean(colours, around, weight * (is_far & pure), weight * is_far, own, low)
     colour = picture[row, column, :3]
+    thin = ~(is_near & pure).any(axis=1)
+    near[thin], vary[thin], count = _thin(picture, shift, row[thin], column[thin], near_shift[thin])
     line = near - far
     length = (line**2).sum(axis=1)
     share = ((colour - far) * line).sum(axis=1) / np.maximum(length, 1e-12)
-    # Where both surfaces look alike the depth alone tells.
-    trust = length / (length + CONTRAST**2)
-    alpha = np.clip(trust * share + (1 - trust) * (own > middle), 0, 1)
+    # Where the surfaces look alike, or each of many colours, the depth alone tells; but that something thin
+    # is there at all, only its colour.
+    trust = length / (length + CONTRAST**2 + SPREAD * (vary + far_vary))
+    alpha = np.clip(trust * share + (1 - trust) * ((own > middle) & ~thin), 0, 1)
+    alpha[thin] *= count >= FEWEST
     front = np.maximum(colour - (1 - alpha)[:, None] * far, 0)
     # Where the pixel is darker than the far surface's share alone, that is darker there, too.
     far = np.minimum(far, colour / np.maximum(1 - alpha, 1e-6)[:, None])
@@ -151,48 +176,85 @@ def _mixed(picture: Picture, shift: Floats, band: Mask) -> _Mixed:
     )
 
 
+def _thin(
+    picture: Picture, shift: Floats, row: NDArray[np.intp], column: NDArray[np.intp], near: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """(n, 3) the colour of something so thin that no pixel is its own: the mean along it; (n,) how much it
+    varies; (n,) of how many pixels.
+
+    `near` (n,) is its displacement. A single pixel of it may show more of what is behind.
+    """
+    offset = np.arange(-LONG, LONG + 1)
+    y = np.clip(row[:, None, None] + offset[:, None], 0, shift.shape[0] - 1)
+    x = np.clip(column[:, None, None] + offset, 0, shift.shape[1] - 1)
+    along = (np.abs(shift[y, x] - near[:, None, None]) < JUMP).astype(np.float32)
+    colours = picture[y, x, :3]
+    count = along.sum(axis=(1, 2))
+    mean = np.einsum("nij,nijc->nc", along, colours) / np.maximum(count, 1)[:, None]
+    spread = np.einsum("nij,nijc->n", along, colours**2) / np.maximum(count, 1) - (mean**2).sum(axis=1)
+    return mean, np.maximum(spread, 0), count
+
+
 def _mean(
     colours: Picture, shifts: Floats, pure: Floats, any_: Floats, own: Floats, otherwise: Floats
-) -> tuple[Floats, Floats]:
+) -> tuple[Floats, Floats, Floats]:
     """(n, 3) and (n,) weighted means of the colours (n, k, 3) and shifts (n, k): of pure pixels, if there are
-    any, else of those that there are."""
+    any, else of those that there are; (n,) the variance of the colours."""
     weight = np.where(pure.any(axis=1)[:, None], pure, any_)
     total = weight.sum(axis=1)
     safe = np.maximum(total, 1e-12)[:, None]
     colour = np.einsum("nk,nkc->nc", weight, colours) / safe
+    spread = np.einsum("nk,nkc->n", weight, colours**2) / safe[:, 0] - (colour**2).sum(axis=1)
     shift = np.where(total > 0, np.einsum("nk,nk->n", weight, shifts) / safe[:, 0], otherwise)
-    return colour, shift
+    return colour, shift, np.maximum(spread, 0)
 
 
-def _behind(
-    picture: Picture, shift: Floats, front_shift: Floats, mixed: _Mixed
-) -> tuple[Floats, Mask, Mask, Picture]:
-    """Displacements (H, W) of the far surface carried on behind the near one; where it can be seen at all;
-    where its colour is known; and that colour (H, W, 3)."""
+@dataclass(frozen=True)
+class _Carried:
+    """Both surfaces of a silhouette carried on past it; arrays are (H, W)."""
+
+    near: Floats
+    far: Floats
+    is_far: Mask
+    """Pixels of the far surface that the near one was carried over."""
+    beneath: Mask
+    """Pixels of the near surface that the far one was carried behind."""
+    hidden: Mask
+    """Of these, where a view may see it."""
+
+
+def _carried(shift: Floats, mixed: _Mixed) -> _Carried:
+    """The surfaces of the nearest silhouette at each pixel."""
     seeds = np.zeros(shift.shape, bool)
-    far, colour = shift.copy(), picture[..., :3].copy()
+    near, far = shift.copy(), shift.copy()
+    if not len(mixed.row):
+        return _Carried(near, far, seeds, seeds, seeds)
     seeds[mixed.row, mixed.column] = True
-    far[mixed.row, mixed.column] = mixed.far_shift
-    colour[mixed.row, mixed.column] = mixed.far
-    if not seeds.any():
-        return far, seeds, seeds, colour
+    near[mixed.row, mixed.column], far[mixed.row, mixed.column] = mixed.near_shift, mixed.far_shift
     distance, label = cv2.distanceTransformWithLabels(
         (~seeds).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
     )
-    of_label = np.zeros(int(label.max()) + 1)
-    of_label[label[seeds]] = far[seeds]
-    carried = of_label[label]
-    gap = shift - carried
-    beneath = ~seeds & (gap > JUMP) & (distance <= gap + 2)
-    # The ring beside the gap on the far surface: its own colour, so that nothing opens between the two.
-    ring = ~seeds & (np.abs(gap) <= JUMP) & (distance <= 2)
-    far = np.where(beneath, carried, far)
-    hidden = seeds | beneath | ring
-    smooth = cv2.blur(np.where(hidden, far, 0), (5, 5)) / np.maximum(
-        cv2.blur(hidden.astype(np.float64), (5, 5)), 1e-9
+    of_label = np.zeros((2, int(label.max()) + 1))
+    of_label[:, label[seeds]] = near[seeds], far[seeds]
+    on, behind = of_label[:, label]
+    gap = shift - behind
+    # A little farther than it is seen: there the far surface may come up to the near one.
+    beneath = ~seeds & (gap > JUMP) & (distance <= gap + 2 + ON)
+    is_far = ~seeds & ~beneath & (gap <= JUMP) & (on - shift > JUMP) & (distance <= ON)
+    far = np.where(beneath, behind, far)
+    hidden = beneath & (distance <= gap + 2)
+    far = _smoothed(far, beneath | seeds, beneath)
+    near = np.where(is_far, on, near)
+    near = _smoothed(near, is_far | seeds, is_far)
+    return _Carried(near, far, is_far, beneath, hidden)
+
+
+def _smoothed(shift: Floats, among: Mask, changed: Mask) -> Floats:
+    """Displacements (H, W), those that were carried on as the mean of what was around them."""
+    mean = cv2.blur(np.where(among, shift, 0), (5, 5)) / np.maximum(
+        cv2.blur(among.astype(np.float64), (5, 5)), 1e-9
     )
-    far = np.where(beneath & (np.abs(smooth - far) < JUMP), smooth, far)
-    return far, hidden, hidden & ~beneath, colour
+    return np.where(changed & (np.abs(mean - shift) < JUMP), mean, shift)
 
 
 def inpainted(colour: Picture, known: Mask) -> Picture:

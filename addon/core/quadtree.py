@@ -1,10 +1,13 @@
-"""Triangles over a raster of depths: coarse where depth is smooth, a pixel fine along its jumps.
+"""Triangles over two surfaces on a raster: coarse where both are smooth, a pixel fine where need be.
 
-Vertices lie at pixel centres, so that a piece of surface ends where its last pixel is and takes no colour
-from beyond. Where depth jumps no triangle spans the gap.
+Vertices lie at pixel centres. A cell with a silhouette in it is as coarse as any other where the near surface
+and the far one are smooth by themselves: both are drawn over all of it, and the near one's picture is
+transparent past the silhouette. Where three surfaces meet, cells a pixel wide are cut between them.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,75 +17,179 @@ from .reconstruction import Floats, Ints
 Mask = NDArray[np.bool_]
 
 COARSEST = 6
-"""Levels: a cell is at most 2 ** 6 pixels wide."""
+"""Levels: a cell is at most 2 ** 6 pixels wide,"""
+COARSEST_OF_TWO = 4
+"""and with a silhouette in it 2 ** 4: so far surfaces are carried on past it."""
+AT_SILHOUETTES, HIDDEN = 3, 12
+"""Times the error that is allowed where depth jumps, and where it is a guess."""
 
 
-def triangulate(depth: Floats, inside: Mask, jump: float, error: float) -> Ints:
-    """Triangles (T, 3), three rows of the raveled raster each, interpolating `depth` (H, W) within `error`.
+@dataclass(frozen=True)
+class Surfaces:
+    """Depths on a raster (H, W), of whatever unit; masks are (H, W)."""
 
-    Only pixels `inside` (H, W) are connected, and no two neighbours (diagonal ones too) whose depths are more
-    than `jump` apart. A restricted quadtree: neighbouring cells differ by at most one level, and a cell's
-    triangles fan out to the middle of every side that has finer ones beyond, so there are no cracks.
+    own: Floats
+    """What is seen; pixels of silhouettes are on the near surface."""
+    near: Floats
+    """The near surface, carried on past silhouettes: elsewhere `own`."""
+    far: Floats
+    """The far surface, carried on behind the near one: elsewhere `own`."""
+    mixed: Mask
+    """Pixels of silhouettes."""
+    is_far: Mask
+    """Where the near surface is carried on, and cannot be seen."""
+    hidden: Mask
+    """Where the far surface is carried on and may be seen by some view."""
+
+
+@dataclass(frozen=True)
+class Triangles:
+    """Rows (T, 3) of the raveled raster."""
+
+    far: Ints
+    """Of the far surface, which is everywhere and in one piece."""
+    near: Ints
+    """Of the near surface before it."""
+    cut: Ints
+    """Of what is seen, where no two surfaces are enough."""
+    before: Mask
+    """(H, W) the pixels that `near` covers, its rim included."""
+
+
+def triangulate(surfaces: Surfaces, jump: float, error: float) -> Triangles:
+    """Triangles that interpolate the surfaces within `error`.
+
+    Neighbours in `own` (diagonal ones too) that are more than `jump` apart are not connected. A restricted
+    quadtree: neighbouring cells differ by at most one level, and a cell's triangles fan out to the middle of
+    every side that has finer ones beyond, so there are no cracks.
     Herzen and Barr, "Accurate triangulations of deformed, intersecting surfaces", 1987.
     """
-    height, width = depth.shape
-    rows, columns = (-(-(n - 1) >> COARSEST) << COARSEST for n in (height, width))
-    # Cells reach past the border, where surfaces go straight on; what lies beyond is moved back onto it.
-    beyond = ((0, rows + 1 - height), (0, columns + 1 - width))
-    padded = (
-        np.pad(depth, beyond, mode="reflect", reflect_type="odd")
-        if min(height, width) > 1
-        else np.zeros((rows + 1, columns + 1))
-    )
-    solid = np.pad(inside, beyond, mode="edge")
-    whole = _whole(padded, solid, jump)
-    split = _split(padded, whole, error)
-    parts = []
-    leaf = np.ones((rows >> COARSEST, columns >> COARSEST), bool)
-    for level in range(COARSEST, -1, -1):
-        if level:
-            parts.append(_cells(leaf & ~split[level], split[level], level, padded.shape[1]))
-            leaf = _children(leaf & split[level])
-        else:
-            parts.append(_finest(leaf, padded, solid, whole, jump))
-    triangles = np.concatenate(parts)
-    row, column = np.divmod(triangles, padded.shape[1])
-    moved = np.minimum(row, height - 1) * width + np.minimum(column, width - 1)
-    row, column = np.divmod(moved, width)
+    height, width = surfaces.own.shape
+    raster = _Raster.of(surfaces)
+    whole = _whole(raster.own, ~raster.mixed, jump)
+    split = _split(raster, whole, error)
+    two = _any(raster.mixed | ((raster.near != raster.far) & ~raster.is_far))
+    far, near = [], []
+    covered = np.zeros_like(whole)
+    leaf = np.ones(tuple(n >> COARSEST for n in whole.shape), bool)
+    for level in range(COARSEST, 0, -1):
+        ends = leaf & ~split[level]
+        before = ends & _coarser(two, level)
+        far.append(_cells(ends, split[level], level, raster.width))
+        near.append(_cells(before, split[level], level, raster.width))
+        covered |= _children(before, level)
+        leaf = _children(leaf & split[level])
+    far.append(_squares(leaf, raster.width))
+    near.append(_squares(leaf & whole & two, raster.width))
+    covered |= leaf & whole & two
+    parts = np.concatenate(far), np.concatenate(near), _held(leaf & ~whole, raster.own, jump)
+    rim = np.pad(covered, 1)
+    around = rim[1:, 1:] | rim[:-1, 1:] | rim[1:, :-1] | rim[:-1, :-1]
+    made = [_back(part, raster.width, height, width) for part in parts]
+    return Triangles(made[0], made[1], made[2], around[:height, :width])
+
+
+@dataclass(frozen=True)
+class _Raster:
+    """Surfaces whose sides are multiples of the coarsest cell's, and one more."""
+
+    own: Floats
+    near: Floats
+    far: Floats
+    mixed: Mask
+    is_far: Mask
+    hidden: Mask
+
+    @classmethod
+    def of(cls, surfaces: Surfaces) -> _Raster:
+        """Cells reach past the border, where surfaces go straight on."""
+        height, width = surfaces.own.shape
+        rows, columns = (-(-(n - 1) >> COARSEST) << COARSEST for n in (height, width))
+        beyond = ((0, rows + 1 - height), (0, columns + 1 - width))
+
+        def depth(values: Floats) -> Floats:
+            if min(height, width) == 1:
+                return np.zeros((rows + 1, columns + 1))
+            return np.pad(values, beyond, mode="reflect", reflect_type="odd")
+
+        def mask(values: Mask) -> Mask:
+            return np.pad(values, beyond)
+
+        return cls(
+            depth(surfaces.own), depth(surfaces.near), depth(surfaces.far),
+            mask(surfaces.mixed), mask(surfaces.is_far), mask(surfaces.hidden),
+        )  # fmt: skip
+
+    @property
+    def width(self) -> int:
+        return int(self.own.shape[1])
+
+
+def _back(triangles: Ints, padded: int, height: int, width: int) -> Ints:
+    """Triangles of a raster `padded` pixels wide in one of (height, width): moved back onto the border."""
+    row, column = np.divmod(triangles, padded)
+    row, column = np.minimum(row, height - 1), np.minimum(column, width - 1)
     area = (column[:, 1] - column[:, 0]) * (row[:, 2] - row[:, 0])
     area -= (column[:, 2] - column[:, 0]) * (row[:, 1] - row[:, 0])
-    return np.asarray(moved[area != 0], np.int32)
+    return np.asarray((row * width + column)[area != 0], np.int32)
+
+
+def _corners(values: NDArray[np.generic]) -> list[NDArray[np.generic]]:
+    """Of the cells a pixel wide: four arrays (H - 1, W - 1)."""
+    return [values[i : i - 1 or None, j : j - 1 or None] for i in (0, 1) for j in (0, 1)]
 
 
 def _whole(depth: Floats, solid: Mask, jump: float) -> Mask:
     """(H - 1, W - 1) cells of four connected pixels."""
-    corners = [(slice(i, i - 1 or None), slice(j, j - 1 or None)) for i in (0, 1) for j in (0, 1)]
-    values = np.stack([depth[c] for c in corners])
-    there = np.all([solid[c] for c in corners], axis=0)
-    return np.asarray(there & (np.ptp(values, axis=0) <= jump))
+    return np.asarray(np.all(_corners(solid), axis=0) & (np.ptp(np.stack(_corners(depth)), axis=0) <= jump))
 
 
-def _split(depth: Floats, whole: Mask, error: float) -> list[Mask]:
+def _any(mask: Mask) -> Mask:
+    """(H - 1, W - 1) cells with a corner in a mask (H, W)."""
+    return np.asarray(np.any(_corners(mask), axis=0))
+
+
+def _coarser(cells: Mask, level: int) -> Mask:
+    """Cells of a level with any in a mask of cells a pixel wide."""
+    size = 1 << level
+    blocks = cells.reshape(cells.shape[0] // size, size, cells.shape[1] // size, size)
+    return np.asarray(blocks.any(axis=(1, 3)))
+
+
+def _split(raster: _Raster, whole: Mask, error: float) -> list[Mask]:
     """For each level the cells (R, C) that need finer ones."""
     split = [np.zeros_like(whole)]
-    fine = whole
+    doubled = _any((raster.near != raster.far) & ~raster.is_far)
+    sharp = ~whole
+    steep = np.ptp(np.stack(_corners(raster.own)), axis=0) > error
     for level in range(1, COARSEST + 1):
-        fine = fine[::2, ::2] & fine[1::2, ::2] & fine[::2, 1::2] & fine[1::2, 1::2]
         near = split[-1]
         # A cell beside one that is split twice would differ from its neighbours by two levels.
         wide = np.pad(near, 1)
         wide = wide[:-2] | wide[1:-1] | wide[2:]
         wide = wide[:, :-2] | wide[:, 1:-1] | wide[:, 2:]
-        needed = wide[::2, ::2] | wide[1::2, ::2] | wide[::2, 1::2] | wide[1::2, 1::2]
-        needed |= ~fine
-        rough = np.nonzero(~needed)
-        needed[rough] = _worst(depth, rough, level) > error
+        needed = _coarser(wide, 1)
+        silhouette = _coarser(sharp, level)
+        one = ~silhouette & ~_coarser(doubled, level)
+        if level > COARSEST_OF_TWO:
+            needed |= silhouette
+        rough = np.nonzero(one & ~needed)
+        allowed = np.where(_coarser(steep, level)[rough], AT_SILHOUETTES * error, error)
+        needed[rough] = _worst(raster.own, None, rough, level) > allowed
+        rough = np.nonzero(~one & ~needed)
+        worst = np.maximum.reduce([
+            _worst(raster.near, ~raster.is_far, rough, level) / AT_SILHOUETTES,
+            _worst(raster.far, raster.is_far | raster.mixed, rough, level) / AT_SILHOUETTES,
+            _worst(raster.far, raster.hidden, rough, level) / HIDDEN,
+        ])  # fmt: skip
+        needed[rough] = worst > error
         split.append(needed)
     return split
 
 
-def _worst(depth: Floats, cells: tuple[NDArray[np.intp], ...], level: int) -> Floats:
-    """(n,) by how much a cell's two triangles, or any fan of its sides' middles, miss the depths within."""
+def _worst(depth: Floats, mask: Mask | None, cells: tuple[NDArray[np.intp], ...], level: int) -> Floats:
+    """(n,) by how much a cell's two triangles, or any fan of its sides' middles, miss the depths within it
+    that are in a mask (H, W)."""
     size = 1 << level
     share = np.arange(size + 1) / size
     y, x = share[:, None], share
@@ -90,16 +197,20 @@ def _worst(depth: Floats, cells: tuple[NDArray[np.intp], ...], level: int) -> Fl
     chunk = max(1, 4_000_000 // (size + 1) ** 2)
     for first in range(0, len(worst), chunk):
         row, column = (part[first : first + chunk, None, None] * size for part in cells)
-        inner = depth[row + np.arange(size + 1)[:, None], column + np.arange(size + 1)]
+        within = row + np.arange(size + 1)[:, None], column + np.arange(size + 1)
+        inner = depth[within]
         a, b, c, d = (inner[:, i, j][:, None, None] for i, j in ((0, 0), (0, -1), (-1, 0), (-1, -1)))
         # The diagonal goes from b to c, as in `_cells`.
         plane = np.where(x + y <= 1, a + (b - a) * x + (c - a) * y, d + (c - d) * (1 - x) + (b - d) * (1 - y))
-        worst[first : first + chunk] = np.abs(inner - plane).max(axis=(1, 2))
+        miss = np.abs(inner - plane)
+        if mask is not None:
+            miss[~mask[within]] = 0
+        worst[first : first + chunk] = miss.max(axis=(1, 2))
     return worst
 
 
-def _children(leaf: Mask) -> Mask:
-    return np.repeat(np.repeat(leaf, 2, axis=0), 2, axis=1)
+def _children(cells: Mask, levels: int = 1) -> Mask:
+    return np.repeat(np.repeat(cells, 1 << levels, axis=0), 1 << levels, axis=1)
 
 
 def _cells(leaf: Mask, split: Mask, level: int, width: int) -> Ints:
@@ -126,19 +237,25 @@ def _fan(kind: int) -> NDArray[np.int64]:
     return np.array([[(1, 1), rim[n - 1], rim[n]] for n in range(len(rim))])
 
 
-def _finest(leaf: Mask, depth: Floats, solid: Mask, whole: Mask, jump: float) -> Ints:
-    """Triangles of cells a pixel wide; of those with a gap the ones of three connected pixels."""
+def _squares(leaf: Mask, width: int) -> Ints:
+    """Two triangles (T, 3) for each cell (H - 1, W - 1) a pixel wide."""
+    row, column = np.nonzero(leaf)
+    corner = (row * width + column)[:, None]
+    return np.concatenate([corner + rows for rows in ([0, 1, width], [1, width + 1, width])])
+
+
+def _held(leaf: Mask, depth: Floats, jump: float) -> Ints:
+    """Of cells (H - 1, W - 1) a pixel wide the triangles (T, 3) of three connected pixels, and of four."""
     width = depth.shape[1]
     row, column = np.nonzero(leaf)
     corner = (row * width + column)[:, None] + [0, 1, width, width + 1]
-    z, there = depth.ravel()[corner], solid.ravel()[corner]
+    z = depth.ravel()[corner]
 
     def held(*rows: int) -> Mask:
-        some = z[:, rows]
-        return np.asarray(there[:, rows].all(axis=1) & (np.ptp(some, axis=1) <= jump))
+        return np.asarray(np.ptp(z[:, rows], axis=1) <= jump)
 
-    full = whole[row, column]
-    upper, lower, left, right = held(0, 1, 2), held(1, 2, 3), held(0, 1, 3), held(0, 2, 3)
+    full, upper, lower = held(0, 1, 2, 3), held(0, 1, 2), held(1, 2, 3)
+    left, right = held(0, 1, 3), held(0, 2, 3)
     across = full | upper | lower
     chosen = (
         (upper | full, (0, 1, 2)),

@@ -39,6 +39,9 @@ VIEW_FRAGMENT = """
 void main()
 {
     colour = texture(picture, place);
+    /* Nothing hides nothing. */
+    if (colour.a == 0.0)
+        discard;
 }
 """
 SUM_VERTEX = """
