@@ -16,6 +16,7 @@ from .core.depth_maps import open_depth
 from .core.errors import UserError
 from .core.focus import Focus, check_points, pick, radius_for_blur
 from .core.footage import Footage, FrameRange, open_footage
+from .core.masks import open_masks
 from .core.solve_folder import Solve, default_work_dir, load_solve
 from .core.solve_report import ranges
 from .core.views import METHODS, LensSettings, check_settings
@@ -82,8 +83,19 @@ def _add_lens(command: argparse.ArgumentParser, required: bool) -> None:
     command.add_argument(
         "--depth", type=Path, metavar="DIR", help="your own depth maps: EXR or 16-bit PNG, any scale and kind"
     )
+    command.add_argument(
+        "--mask",
+        type=Path,
+        metavar="DIR",
+        help="your own masks of what moves by itself: pictures, white moves",
+    )
     command.add_argument("--views", default="auto", metavar="N|auto", help="virtual cameras a frame")
-    command.add_argument("--method", choices=METHODS, default=METHODS[0])
+    command.add_argument(
+        "--method", choices=METHODS, default=METHODS[0],
+        help="layers (default): depth of every pixel; features: one coarse mesh, fast; grid: one regular mesh"
+        " that follows the features as stiffly as the picture allows (Liu 2009); edges: triangles along image"
+        " edges (thesis, section 5.2); thesis: the 2010 baseline",
+    )  # fmt: skip
     command.add_argument(
         "--borrow", choices=("on", "off"), default="on", help="take what a frame hides from others (on)"
     )
@@ -263,6 +275,11 @@ def _set_lens(settings: VirtualApertureSettings, solved: Solve, options: argpars
         for note in maps.notes:
             _say(f"note: {note}")
         settings.depth_maps = str(options.depth.absolute())
+    if options.mask:
+        masks = open_masks(options.mask.absolute(), open_footage(solved.footage, solved.frames))
+        for note in masks.notes:
+            _say(f"note: {note}")
+        settings.masks = str(options.mask.absolute())
     settings.use_radius = options.aperture_radius is not None
     settings.aperture_radius = radius
     settings.blur = options.blur or DEFAULT_BLUR

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from addon.core.borrow import Lender
 from addon.core.canvas import Canvas
 from addon.core.dense_depth import ClipDepth
+from addon.core.dense_fusion import SteadyDepth
 from addon.core.depth import FrameFeatures, frame_features
 from addon.core.enlarge import enlarged
 from addon.core.focus import Focus, pick
@@ -123,8 +124,9 @@ class Solved:
         return Lender(self.reconstruction, open_footage(self.scene.clip()).read)
 
     @cached_property
-    def _dense(self) -> ClipDepth:
-        return ClipDepth(self.reconstruction, open_footage(self.scene.clip()).read)
+    def _dense(self) -> SteadyDepth:
+        single = ClipDepth(self.reconstruction, open_footage(self.scene.clip()).read)
+        return SteadyDepth(self.reconstruction, single)
 
     def given(self, frame: int, blur: int) -> Given:
         scene, rec = self.scene, self.reconstruction

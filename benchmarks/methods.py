@@ -16,7 +16,7 @@ from addon.core.canvas import Canvas
 from addon.core.errors import UserError
 from addon.core.focus import Focus, exact_registration
 from addon.core.reconstruction import Points, Reconstruction
-from addon.core.views import FramePlan, LensSettings, layered_plan, plan_frame
+from addon.core.views import FramePlan, LensSettings, edged_plan, layered_plan, plan_frame
 from addon.core.warpmesh import WarpMesh
 from addon.render import cycles_views, gpu_views
 from addon.render.quiet import quiet
@@ -69,13 +69,28 @@ def layers(given: Given, views: int) -> Answer:
     lens = LensSettings(given.focus, given.radius, views)
     plan = plan_frame(given.reconstruction, given.frame, lens, _size(given))
     picture = plan.canvas.from_source(given.picture)
-    return _drawn(given, *layered_plan(plan, given.radius, picture, 1 / given.depth, given.lender))
+    made, texture, _ = layered_plan(plan, given.radius, picture, 1 / given.depth, given.lender)
+    return _drawn(given, made, texture)
 
 
 def features(given: Given, views: int) -> Answer:
     """One mesh over the feature points; 0 views leaves the number to it."""
     lens = LensSettings(given.focus, given.radius, views, "features")
     return _drawn(given, plan_frame(given.reconstruction, given.frame, lens, _size(given)))
+
+
+def grid(given: Given, views: int) -> Answer:
+    """A regular grid that follows the feature points (content-preserving warp)."""
+    lens = LensSettings(given.focus, given.radius, views, "grid")
+    return _drawn(given, plan_frame(given.reconstruction, given.frame, lens, _size(given)))
+
+
+def edges(given: Given, views: int) -> Answer:
+    """Triangles along the picture's edges, with the feature points' depth."""
+    lens = LensSettings(given.focus, given.radius, views, "edges")
+    plan = plan_frame(given.reconstruction, given.frame, lens, _size(given))
+    picture = plan.canvas.from_source(given.picture)
+    return _drawn(given, edged_plan(plan, given.reconstruction, given.radius, picture))
 
 
 def dense(given: Given, views: int) -> Answer:
@@ -125,6 +140,8 @@ METHODS = {
     "thesis": Method(thesis, (16, 64, 256), (16, 64, 256), PRODUCT),
     "layers": Method(layers, (4, 8, 16, 32, 64, 128, 256), (16, 64), PRODUCT),
     "features": Method(features, (4, 8, 16, 32, 64, 128, 256), (16, 64), PRODUCT),
+    "grid": Method(grid, (16, 64), (64,), PRODUCT),
+    "edges": Method(edges, (16, 64), (64,), PRODUCT),
     "dense mesh": Method(dense, (16, 64), (64,), PRODUCT, ("T1",)),
     "Cycles": Method(cycles, (16, 64), (64,), PRODUCT),
     "Defocus": Method(defocus_node, (0,), (0,), ("benchmarks/defocus.py",)),

@@ -45,8 +45,9 @@ DEPTH_STEP = 4
 TOO_LONG = 900.0
 """Seconds after which a solve is ended."""
 NO_SOLVER = (
-    "aperture", "canvas", "dense_depth", "dense_fill", "dense_sweep", "depth", "depth_maps", "focus", "views",
-    "visibility", "warpmesh",
+    "aperture", "borrow", "canvas", "dense_depth", "dense_fill", "dense_fusion", "dense_motion",
+    "dense_neighbours", "dense_sweep", "depth", "depth_maps", "edge_mesh", "enlarge", "focus", "grid_warp",
+    "layer_mesh", "layers", "masks", "quadtree", "views", "visibility", "warpmesh",
 )  # fmt: skip
 """Modules of `addon.core` that take no part in a solve."""
 

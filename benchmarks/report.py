@@ -34,7 +34,7 @@ COLUMNS = (
 )
 STYLES = {
     "no blur": ("0.5", "x"), "thesis": ("tab:brown", "v"), "layers": ("tab:red", "o"),
-    "features": ("tab:olive", "v"),
+    "features": ("tab:olive", "v"), "grid": ("tab:pink", "<"), "edges": ("gold", ">"),
     "dense mesh": ("tab:orange", "s"), "Cycles": ("tab:blue", "D"), "Defocus": ("tab:purple", "P"),
     "scatter": ("tab:cyan", "X"), "oracle": ("tab:green", "^"),
 }  # fmt: skip

@@ -111,3 +111,80 @@ def test_pictures_of_another_size_than_the_lens() -> None:
     colour, known = asked(read, BESIDE, 1 / DEPTH, FLAT)
     assert known.mean() > 0.95
     assert np.median(np.abs(colour[known] / truth(BESIDE)[known] - 1)) < 0.02
+
+
+def crossing(frame: int) -> NDArray[np.bool_]:
+    """(H, W) where something large and bright stands in a frame, which sways before a camera that follows."""
+    mask = np.zeros((HEIGHT, WIDTH), bool)
+    left = 20 + 9 * (frame % 3)
+    mask[10:54, left : left + 32] = True
+    return mask
+
+
+def crossed(frame: int) -> NDArray[np.uint8]:
+    picture = view(frame)
+    picture[crossing(frame)] = 240
+    return picture
+
+
+def behind(moving: object) -> tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.float64]]:
+    """What is lent for the wall behind what crosses the middle frame, and the truth."""
+    places: NDArray[np.float64] = np.argwhere(crossing(MIDDLE))[:, ::-1] + 0.5
+    shown = np.where(crossing(MIDDLE), 2 / DEPTH, FLAT)
+    lender = Lender(shot(), crossed, moving)  # type: ignore[arg-type]
+    told = lender.colours(
+        MIDDLE, Canvas(LENS), to_linear(crossed(MIDDLE)), shown, places, np.full(len(places), 1 / DEPTH)
+    )
+    return *told, truth(places)
+
+
+def test_what_moves_is_not_lent() -> None:
+    colour, known, true = behind(crossing)
+    assert known.mean() > 0.8
+    np.testing.assert_allclose(colour[known], true[known], atol=2e-3)
+    # Unsaid, it hides the wall where it is not: less is lent.
+    assert behind(None)[1].mean() < known.mean()
+
+
+def test_what_stands_before_a_place_in_most_frames_is_no_ghost() -> None:
+    """Of the four frames that see past the border, two show something else there."""
+
+    def mask(frame: int) -> NDArray[np.bool_]:
+        there = np.zeros((HEIGHT, WIDTH), bool)
+        start = MIDDLE * STEP + WIDTH - frame * STEP
+        if frame in (7, 8):
+            there[:, start : start + 20] = True
+        return there
+
+    def read(frame: int) -> NDArray[np.uint8]:
+        picture = view(frame)
+        picture[mask(frame)] = 240
+        return picture
+
+    picture, inverse = to_linear(view(MIDDLE)), np.full(len(BESIDE), 1 / DEPTH)
+    told = [
+        Lender(shot(), read, moving).colours(MIDDLE, Canvas(LENS), picture, FLAT, BESIDE, inverse)
+        for moving in (None, mask)
+    ]
+    off = [np.abs(colour[known] - truth(BESIDE)[known]).max() for colour, known in told]
+    assert off[0] > 0.1 and off[1] < 2e-3
+    assert told[1][1].mean() > 0.98
+
+
+def test_frames_of_which_nothing_is_said_lend_all() -> None:
+    plain = asked(view, BESIDE, 1 / DEPTH, FLAT)
+    lender = Lender(shot(), view, lambda frame: None)
+    told = lender.colours(
+        MIDDLE, Canvas(LENS), to_linear(view(MIDDLE)), FLAT, BESIDE, np.full(len(BESIDE), 1 / DEPTH)
+    )
+    for one, other in zip(plain, told, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_masks_may_have_another_size() -> None:
+    def large(frame: int) -> NDArray[np.bool_]:
+        return np.repeat(np.repeat(crossing(frame), 3, axis=0), 3, axis=1)
+
+    colour, known, true = behind(large)
+    assert known.mean() > 0.8
+    np.testing.assert_allclose(colour[known], true[known], atol=2e-3)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from addon.core.canvas import Canvas
 from addon.core.dense_depth import ClipDepth, DenseDepth
+from addon.core.dense_fill import settle
 from addon.core.dense_neighbours import choose
 from addon.core.reconstruction import Image, Intrinsics, Points, Reconstruction
 
@@ -19,6 +20,7 @@ from . import planes
 
 Picture = NDArray[np.uint8]
 Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 WIDTH, HEIGHT = planes.SIZE
 LENS = Intrinsics(WIDTH, HEIGHT, planes.FOCAL, planes.FOCAL, WIDTH / 2, HEIGHT / 2)
@@ -201,23 +203,93 @@ def test_one_frame_alone() -> None:
     assert not result.confidence.any()
 
 
-def test_what_moves_by_itself_is_told(pictures: list[Picture]) -> None:
+def falling(pictures: Sequence[Picture], before: float) -> tuple[list[Picture], list[Mask]]:
+    """The clip with a square that falls, hiding what is of smaller inverse depth, and where it is seen."""
     pattern = planes.texture(48, 48, seed=7)[..., None]
-    mask = np.zeros((HEIGHT, WIDTH), bool)
-    filmed = []
-    for number, picture in enumerate(pictures, start=1):
+    filmed, masks = [], []
+    for number, (picture, centre) in enumerate(zip(pictures, CENTRES, strict=True), start=1):
         top = 90 + 4 * (number - MIDDLE)
-        changed = picture.copy()
-        changed[top : top + 48, 130:178] = pattern
+        changed, mask = picture.copy(), np.zeros((HEIGHT, WIDTH), bool)
+        mask[top : top + 48, 130:178] = True
+        mask &= truth(centre) < before
+        whole = np.zeros_like(picture)
+        whole[top : top + 48, 130:178] = pattern
+        changed[mask] = whole[mask]
         filmed.append(changed)
-        if number == MIDDLE:
-            mask[top : top + 48, 130:178] = True
+        masks.append(mask)
+    return filmed, masks
+
+
+def test_what_moves_by_itself_is_told(pictures: list[Picture]) -> None:
+    """It is seen in a gap, behind the two nearer planes: it stands on the farthest."""
+    filmed, masks = falling(pictures, before=1 / 8)
+    mask = masks[MIDDLE - 1]
     result = dense(poses(CENTRES, features()), filmed)
     assert (result.moving & mask).sum() > 0.8 * (result.moving | mask).sum()
-    # It stands before the farthest plane, on nothing nearer.
     assert np.ptp(result.inverse_depth[result.moving]) < 0.05 * RANGE
     assert np.median(error(result, truth(CENTRES[MIDDLE - 1]))[mask]) < 0.05
     assert result.confidence[result.moving].max() < 0.5
+
+
+def test_what_moves_is_nearer_than_what_it_hides(pictures: list[Picture]) -> None:
+    """Below it only the farthest plane is seen, but in other frames it hides the edge of the middle one."""
+    filmed, masks = falling(pictures, before=1.0)
+    result = dense(poses(CENTRES, features()), filmed)
+    assert (result.moving & masks[MIDDLE - 1]).sum() > 0.8 * (result.moving | masks[MIDDLE - 1]).sum()
+    assert np.ptp(result.inverse_depth[result.moving]) < 0.05 * RANGE
+    assert np.median(result.inverse_depth[result.moving]) > 1 / 6 - 0.02 * RANGE
+
+
+def test_a_mask_tells_what_moves(pictures: list[Picture]) -> None:
+    """Something that keeps to its place in the picture, which flow cannot tell from the middle plane."""
+    filmed, masks = falling(pictures, before=1 / 8)
+    shot = poses(CENTRES, features())
+    large = {frame: np.repeat(np.repeat(mask, 2, axis=0), 2, axis=1) for frame, mask in enumerate(masks, 1)}
+    told = ClipDepth(shot, lambda n: filmed[n - 1], mask=large.get).at(MIDDLE)
+    mask = masks[MIDDLE - 1]
+    assert told.moving[mask].all()
+    assert np.mean(told.moving & ~mask) < 0.01
+    off = error(told, truth(CENTRES[MIDDLE - 1]))
+    assert np.median(off[mask]) < 0.05 and np.median(off[~mask]) < HALF_LEVEL
+    assert told.confidence[mask].max() < 0.5
+    # What is masked in the neighbours has no part in the depth of what stands still here.
+    plain = ClipDepth(shot, lambda n: pictures[n - 1]).at(MIDDLE)
+    around = cv2.dilate(mask.astype(np.uint8), np.ones((31, 31))) > 0
+    assert np.mean(np.abs(told.inverse_depth - plain.inverse_depth)[around & ~mask] > 0.1 * RANGE) < 0.05
+
+
+def test_a_mask_without_parallax_and_in_a_bent_lens(pictures: list[Picture]) -> None:
+    mask = np.zeros((HEIGHT, WIDTH), bool)
+    mask[100:140, 60:100] = True
+    still = np.zeros((3, 3))
+    result = ClipDepth(poses(still, features()), lambda n: pictures[0], mask=lambda _: mask).at(2)
+    np.testing.assert_array_equal(result.moving, mask)
+    bent = poses(CENTRES, features(), replace(LENS, k1=-0.1))
+    depth = ClipDepth(bent, lambda n: pictures[n - 1], mask=lambda n: mask if n == MIDDLE else None)
+    back = depth.moving(MIDDLE)
+    assert back.shape == mask.shape
+    assert (back & mask).sum() > 0.9 * (back | mask).sum()
+
+
+def test_one_depth_for_each_thing_and_holes_that_show_what_is_behind() -> None:
+    guide, sure = np.full((100, 120), 90, np.float32), np.ones((100, 120), np.float32)
+    inverse = np.tile(np.linspace(0.1, 0.4, 100, dtype=np.float32)[:, None], (1, 120))
+    moving = np.zeros((100, 120), bool)
+    moving[20:80, 20:60] = True
+    moving[40:50, 30:40] = False
+    moving[60:65, 30:40] = False
+    # The ground rises towards the camera: through the upper hole it is seen, the lower one seems nearer.
+    inverse[60:65, 30:40] = 0.9
+    moving[30:50, 80:110] = True
+    nothing = np.zeros((100, 120), bool)
+    depth, confidence, found = settle(guide, inverse, sure, moving, nothing)
+    for thing, ground in ((np.s_[20:80, 20:60], inverse[82, 0]), (np.s_[30:50, 80:110], inverse[52, 0])):
+        own = depth[thing][found[thing]]
+        np.testing.assert_allclose(own, own[0])
+        assert abs(own[0] - ground) < 0.02
+    assert not found[40:50, 30:40].any() and found[60:65, 30:40].all()
+    np.testing.assert_array_equal(depth[~found], inverse[~found])
+    assert confidence[found].max() <= 0.25
 
 
 def test_neighbours_are_chosen_by_baseline_and_not_by_count() -> None:

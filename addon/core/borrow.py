@@ -33,6 +33,8 @@ GAINS = 0.5, 2.0
 """Between which the exposure of another frame may differ."""
 ROW = 4096
 """Places that are looked up at once."""
+AROUND = 0.004
+"""Of the long side, by which what moves is taken to be wider than it was found."""
 AGREE = 0.06
 """Difference of colours (square root of linear light) that frames may disagree by about the same place."""
 
@@ -40,8 +42,18 @@ AGREE = 0.06
 class Lender:
     """Other frames' colours for the frames of a clip, asked in order."""
 
-    def __init__(self, reconstruction: Reconstruction, read: Callable[[int], Pixels]) -> None:
-        self._rec, self._read = reconstruction, read
+    def __init__(
+        self,
+        reconstruction: Reconstruction,
+        read: Callable[[int], Pixels],
+        moving: Callable[[int], Mask | None] | None = None,
+    ) -> None:
+        """`read` gives a frame's picture as `Footage.read` does.
+
+        `moving` gives (h, w), at any size, what moves by itself in a source frame: that is not lent, and in
+        the frame that asks it hides nothing, for elsewhere it stands somewhere else.
+        """
+        self._rec, self._read, self._moving = reconstruction, read, moving
         self._pictures: OrderedDict[int, Picture] = OrderedDict()
 
     def colours(
@@ -61,7 +73,7 @@ class Lender:
         image, _ = self._rec.image_at(frame)
         if not len(places):
             return np.zeros((0, 3), np.float32), np.zeros(0, bool)
-        own = _grid(canvas, picture, inverse_depth)
+        own = self._grid(image.frame, canvas, picture, inverse_depth)
         said = [self._seen(image, canvas, other, own, places, inverse) for other in self._others(frame)]
         if not said:
             return np.zeros((len(places), 3), np.float32), np.zeros(len(places), bool)
@@ -94,12 +106,37 @@ class Lender:
         column, row = (np.nan_to_num(xy).clip(0, limit - 1) / own.step).astype(int).T
         seen = (local[:, 2] > 0) & np.all((xy >= 0.5) & (xy <= limit - 0.5), axis=1)
         seen &= nearest[row, column] <= (1 + NEARER) * there
+        seen &= ~self._moves(other.frame, xy / limit)
         picture = self._picture(other)
         zoom = np.array(picture.shape[1::-1]) / limit
-        gain = _gain(own.colour, _sampled(picture, own_xy * zoom), own_local[:, 2])
+        both = (own_local[:, 2] > 0) & ~self._moves(other.frame, own_xy / limit)
+        gain = _gain(own.colour, _sampled(picture, own_xy * zoom), both)
         colour = _sampled(picture, xy * zoom) * gain
         colour[~seen] = np.nan
         return colour
+
+    def _grid(self, frame: int, canvas: Canvas, picture: Picture, inverse_depth: Floats) -> _Own:
+        """What stands still of a frame."""
+        half = GRID // 2
+        rows = np.arange(half, picture.shape[0], GRID)
+        columns = np.arange(half, picture.shape[1], GRID)
+        places = np.stack(np.meshgrid(columns + 0.5, rows + 0.5), axis=-1).reshape(-1, 2)
+        at = np.ix_(rows, columns)
+        size = [canvas.lens.width, canvas.lens.height]
+        still = ~self._moves(frame, canvas.features_to_source(places) / size)
+        colour = picture[at][..., :3].reshape(-1, 3)
+        return _Own(places[still], inverse_depth[at].ravel()[still], colour[still], 2 * GRID)
+
+    def _moves(self, frame: int, share: Floats) -> Mask:
+        """(n,) whether what moves by itself is at shares (n, 2) of a source frame's width and height."""
+        mask = self._moving(frame) if self._moving else None
+        if mask is None or not mask.any():
+            return np.zeros(len(share), bool)
+        around = 2 * int(np.ceil(AROUND * max(mask.shape))) + 1
+        wide = cv2.dilate(mask.astype(np.uint8), np.ones((around, around)))
+        limit = np.array(mask.shape[::-1])
+        column, row = np.clip(np.nan_to_num(share) * limit, 0, limit - 1).astype(int).T
+        return np.asarray(wide[row, column] > 0)
 
     def _picture(self, image: Image) -> Picture:
         """(h, w, 3) linear."""
@@ -117,21 +154,12 @@ class Lender:
 
 @dataclass(frozen=True)
 class _Own:
-    """The frame's own surfaces, thinned out."""
+    """The frame's own surfaces that stand still, thinned out."""
 
     places: Floats
     inverse: Floats
     colour: Picture
     step: int
-
-
-def _grid(canvas: Canvas, picture: Picture, inverse_depth: Floats) -> _Own:
-    half = GRID // 2
-    rows = np.arange(half, picture.shape[0], GRID)
-    columns = np.arange(half, picture.shape[1], GRID)
-    places = np.stack(np.meshgrid(columns + 0.5, rows + 0.5), axis=-1).reshape(-1, 2)
-    at = np.ix_(rows, columns)
-    return _Own(places, inverse_depth[at].ravel(), picture[at][..., :3].reshape(-1, 3), 2 * GRID)
 
 
 def _moved(
@@ -165,9 +193,9 @@ def _sampled(picture: Picture, xy: Floats) -> Picture:
     return np.asarray(found.reshape(-1, 3)[: len(xy)], np.float32)
 
 
-def _gain(own: Picture, theirs: Picture, depth: Floats) -> Picture:
+def _gain(own: Picture, theirs: Picture, both: Mask) -> Picture:
     """(3,) by how much the frame is brighter than another, of what both see."""
-    good = (depth > 0) & (own > 0.02).all(axis=1) & (own < 0.9).all(axis=1) & (theirs > 0.02).all(axis=1)
+    good = both & (own > 0.02).all(axis=1) & (own < 0.9).all(axis=1) & (theirs > 0.02).all(axis=1)
     if good.sum() < 50:
         return np.ones(3, np.float32)
     return np.asarray(np.clip(np.median(own[good] / theirs[good], axis=0), *GAINS), np.float32)

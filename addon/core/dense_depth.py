@@ -1,7 +1,7 @@
 """Dense inverse depth of a frame from the clip itself and the cameras that were solved for it.
 
 Neighbour frames are chosen by baseline; a plane sweep over them, regularised by semiglobal matching, gives
-each pixel's inverse depth; pixels whose motion contradicts it move by themselves.
+each pixel's inverse depth; pixels whose motion contradicts it move by themselves, as those of a mask do.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from .canvas import Canvas
 from .dense_fill import pin, settle, smooth, splat, spread
-from .dense_motion import SMALLEST, moving_pixels
+from .dense_motion import MASKED, SMALLEST, covered_pixels, moving_pixels
 from .dense_neighbours import Neighbour, choose, relative_pose
 from .dense_sweep import TRUNCATED, Bytes, Map, View, lowest, semiglobal, small_picture, sweep
 from .depth import frame_features, seen_by
@@ -24,9 +24,12 @@ from .footage import Pixels, encode_srgb
 from .reconstruction import Floats, Image, Intrinsics, Reconstruction
 
 Mask = NDArray[np.bool_]
+Moving = Callable[[int], Mask | None]
+"""(h, w), at any size, what moves by itself in a source frame; None where nothing is known of it."""
 
-LONGEST = 640
-"""Pixels of the longer side that is worked at: past it, time and memory grow and a blur gains little."""
+LONGEST, COARSE = 640, 320
+"""Pixels of the longer side that is worked at: past it, time and memory grow and a blur gains little; and
+where only what moves is asked for."""
 KEPT = 40
 """Pictures that are remembered, so that a clip taken in order reads each frame about once."""
 WIDEST = 0.1
@@ -77,11 +80,19 @@ class ClipDepth:
     """Dense depth of the frames of a clip. Memory is that of some pictures at the size worked at."""
 
     def __init__(
-        self, reconstruction: Reconstruction, read: Callable[[int], Pixels], longest: int = LONGEST
+        self,
+        reconstruction: Reconstruction,
+        read: Callable[[int], Pixels],
+        longest: int = LONGEST,
+        mask: Moving | None = None,
     ) -> None:
-        """`read` gives a frame's picture as `Footage.read` does; `longest` bounds the size worked at."""
-        self._rec, self._read, self._longest = reconstruction, read, longest
+        """`read` gives a frame's picture as `Footage.read` does; `longest` bounds the size worked at.
+
+        `mask` gives what is known to move by itself; more may be found.
+        """
+        self._rec, self._read, self._longest, self._mask = reconstruction, read, longest, mask
         self._pictures: OrderedDict[int, Bytes] = OrderedDict()
+        self._movers: OrderedDict[int, Mask] = OrderedDict()
 
     def at(self, frame: int) -> DenseDepth:
         """The depth of a frame.
@@ -97,13 +108,16 @@ class ClipDepth:
         low, high = self._range(image)
         high = self._nearest(image, own, low, high)
         known, count = splat(features.observed, features.inverse_depth, shape)
+        masked = self._masked(image)
+        count[masked] = 0
         near = self._neighbours(image, (low, high), DEPTH_SHARES)
         widest = max((one.parallax for one in near), default=0.0)
         usual = float(np.median(features.inverse_depth)) if len(features.points) else (low + high) / 2
         sparse = np.maximum(spread(guide, known, count, usual), 0)
         if widest < LEAST_PARALLAX:
             nothing = np.zeros(shape, np.float32)
-            return DenseDepth(frame, sparse, nothing, np.zeros(shape, bool), canvas.pinhole)
+            settled = settle(guide, sparse, nothing, masked, np.zeros(shape, bool))
+            return DenseDepth(frame, *settled, canvas.pinhole)
         levels = np.linspace(low, high, int(np.clip(np.ceil(widest / STEP), LEAST_LEVELS, MOST_LEVELS)))
         views = [self._view(image, own, one, (low + high) / 2) for one in near]
         level, confidence = _swept(own, views, levels, guide, known, count)
@@ -113,14 +127,33 @@ class ClipDepth:
             confidence *= share
             if len(features.points) >= FEWEST:
                 inverse = share * inverse + (1 - share) * sparse
-        moving = np.zeros(shape, bool)
+        moving = masked
         if min(shape) >= SMALLEST:
             close = self._neighbours(image, (low, high), MOTION_SHARES)
-            views = [self._view(image, own, one, (low + high) / 2) for one in close]
-            moving = moving_pixels(own, views, inverse, (low + high) / 2)
+            closest = [self._view(image, own, one, (low + high) / 2) for one in close]
+            moving = masked | moving_pixels(own, closest, inverse, (low + high) / 2)
         if moving.any():
-            inverse, confidence = settle(guide, inverse, confidence, moving)
+            covered = covered_pixels(own, views, inverse, (low + high) / 2)
+            inverse, confidence, moving = settle(guide, inverse, confidence, moving, covered)
         return DenseDepth(frame, inverse, confidence, moving, canvas.pinhole)
+
+    def moving(self, frame: int) -> Mask:
+        """(h, w) what moves by itself, over the source frame at the size worked at; remembered."""
+        if frame not in self._movers:
+            image, _ = self._rec.image_at(frame)
+            found, canvas = self.at(frame).moving, self._canvas(image)
+            if canvas.lens.is_distorted:
+                share = np.dstack([found.astype(np.float32)] * 4)
+                found = np.asarray(canvas.to_source(share)[..., 0] > 0.5)
+            self._movers[frame] = found
+            while len(self._movers) > KEPT:
+                self._movers.popitem(last=False)
+        self._movers.move_to_end(frame)
+        return self._movers[frame]
+
+    def picture(self, frame: int) -> Bytes:
+        """(h, w, 3) sRGB of a frame, as its depth is over it."""
+        return np.ascontiguousarray(self._picture(self._rec.image_at(frame)[0])[..., :3])
 
     def _canvas(self, image: Image) -> Canvas:
         lens = self._rec.intrinsics(image)
@@ -128,17 +161,30 @@ class ClipDepth:
         return Canvas(lens.scaled(max(round(lens.width * zoom), 1), max(round(lens.height * zoom), 1)))
 
     def _picture(self, image: Image) -> Bytes:
-        """(h, w, 4) RGB as shown in the canvas, and 255 where the lens saw something."""
+        """(h, w, 4) RGB as shown in the canvas, and 255 where the lens saw something, less what is masked."""
         if image.frame not in self._pictures:
             canvas = self._canvas(image)
             size = (canvas.lens.width, canvas.lens.height)
             small = cv2.resize(_displayed(self._read(image.frame)), size, interpolation=cv2.INTER_AREA)
             small = np.dstack([small, np.full(small.shape[:2], 255, np.uint8)])
-            self._pictures[image.frame] = _straightened(small, canvas) if canvas.lens.is_distorted else small
+            small = _straightened(small, canvas) if canvas.lens.is_distorted else small
+            small[self._masked(image), 3] = MASKED
+            self._pictures[image.frame] = small
             while len(self._pictures) > KEPT:
                 self._pictures.popitem(last=False)
         self._pictures.move_to_end(image.frame)
         return self._pictures[image.frame]
+
+    def _masked(self, image: Image) -> Mask:
+        """(h, w) of the canvas, what is known to move by itself."""
+        canvas = self._canvas(image)
+        mask = self._mask(image.frame) if self._mask else None
+        if mask is None:
+            return np.zeros((canvas.pinhole.height, canvas.pinhole.width), bool)
+        size = (canvas.lens.width, canvas.lens.height)
+        share = cv2.resize(mask.astype(np.uint8) * np.uint8(255), size, interpolation=cv2.INTER_AREA)
+        alone = np.dstack([share] * 4)
+        return np.asarray((_straightened(alone, canvas) if canvas.lens.is_distorted else alone)[..., 0] > 127)
 
     def _range(self, image: Image) -> tuple[float, float]:
         """Least and largest inverse depth that anything in a frame may have."""
@@ -185,7 +231,7 @@ class ClipDepth:
 
     def _view(self, image: Image, own: Bytes, near: Neighbour, middle: float) -> View:
         turn, move = relative_pose(image, near.image)
-        here, there = (_matrix(self._canvas(i).pinhole) for i in (image, near.image))
+        here, there = (pixel_matrix(self._canvas(i).pinhole) for i in (image, near.image))
         back = np.linalg.inv(here)
         ahead = np.outer(move, [0.0, 0.0, 1.0])
         view = View(self._picture(near.image), there @ turn @ back, there @ ahead @ back, near.side)
@@ -211,7 +257,7 @@ def _swept(
     return level, np.where(unseen, 0, single * agreed * np.clip(told / TELLS - 0.5, 0, 1)).astype(np.float32)
 
 
-def _matrix(lens: Intrinsics) -> Floats:
+def pixel_matrix(lens: Intrinsics) -> Floats:
     """(3, 3) with OpenCV's pixel centres."""
     return np.array([[lens.fx, 0, lens.cx - 0.5], [0, lens.fy, lens.cy - 0.5], [0, 0, 1]])
 

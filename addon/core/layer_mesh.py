@@ -13,8 +13,9 @@ from .quadtree import Surfaces, triangulate
 from .reconstruction import Floats, Ints
 from .warpmesh import WarpMesh
 
-ERROR = 0.33
-"""Pixels by which a view may see a place of the mesh beside where its depth puts it."""
+ERROR, RELATIVE = 0.33, 0.03
+"""Pixels by which a view may see a place of the mesh beside where its depth puts it, and how much of the
+blur's radius there beside."""
 FINER = 2
 """Times as fine as the frame is its texture: a view loses less by looking between its pixels."""
 LARGEST_TEXTURE = 24_000_000
@@ -55,7 +56,7 @@ def layer_mesh(
         layers.mixed, layers.is_far, layers.hidden,
     )  # fmt: skip
     # Settling can double what neighbours differ by.
-    triangles = triangulate(surfaces, 2 * JUMP, ERROR)
+    triangles = triangulate(surfaces, 2 * JUMP, ERROR + RELATIVE * np.abs(surfaces.far - focus))
     mesh = _joined(
         (
             (surfaces.far, triangles.far, 1),

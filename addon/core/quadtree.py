@@ -56,8 +56,8 @@ class Triangles:
     """(H, W) the pixels that `near` covers, its rim included."""
 
 
-def triangulate(surfaces: Surfaces, jump: float, error: float) -> Triangles:
-    """Triangles that interpolate the surfaces within `error`.
+def triangulate(surfaces: Surfaces, jump: float, error: float | Floats) -> Triangles:
+    """Triangles that interpolate the surfaces within `error`, one or of every pixel (H, W).
 
     Neighbours in `own` (diagonal ones too) that are more than `jump` apart are not connected. A restricted
     quadtree: neighbouring cells differ by at most one level, and a cell's triangles fan out to the middle of
@@ -67,7 +67,7 @@ def triangulate(surfaces: Surfaces, jump: float, error: float) -> Triangles:
     height, width = surfaces.own.shape
     raster = _Raster.of(surfaces)
     whole = _whole(raster.own, ~raster.mixed, jump)
-    split = _split(raster, whole, error)
+    split = _split(raster, whole, _allowed(error, (height, width), whole.shape))
     two = _any(raster.mixed | ((raster.near != raster.far) & ~raster.is_far))
     far, near = [], []
     covered = np.zeros_like(whole)
@@ -156,13 +156,21 @@ def _coarser(cells: Mask, level: int) -> Mask:
     return np.asarray(blocks.any(axis=(1, 3)))
 
 
-def _split(raster: _Raster, whole: Mask, error: float) -> list[Mask]:
-    """For each level the cells (R, C) that need finer ones."""
+def _allowed(error: float | Floats, shape: tuple[int, int], cells: tuple[int, ...]) -> Floats:
+    """Of each cell (H - 1, W - 1) a pixel wide, past the picture's (H, W) border as at it."""
+    beyond = [(0, n + 1 - size) for n, size in zip(cells, shape, strict=True)]
+    whole = np.pad(np.broadcast_to(np.asarray(error, np.float64), shape), beyond, mode="edge")
+    return np.asarray(np.min(_corners(whole), axis=0), np.float64)
+
+
+def _split(raster: _Raster, whole: Mask, error: Floats) -> list[Mask]:
+    """For each level the cells (R, C) that need finer ones; `error` (H - 1, W - 1) is that of the finest."""
     split = [np.zeros_like(whole)]
     doubled = _any((raster.near != raster.far) & ~raster.is_far)
     sharp = ~whole
     steep = np.ptp(np.stack(_corners(raster.own)), axis=0) > error
     for level in range(1, COARSEST + 1):
+        error = np.minimum.reduce([error[i::2, j::2] for i in (0, 1) for j in (0, 1)])
         near = split[-1]
         # A cell beside one that is split twice would differ from its neighbours by two levels.
         wide = np.pad(near, 1)
@@ -174,7 +182,7 @@ def _split(raster: _Raster, whole: Mask, error: float) -> list[Mask]:
         if level > COARSEST_OF_TWO:
             needed |= silhouette
         rough = np.nonzero(one & ~needed)
-        allowed = np.where(_coarser(steep, level)[rough], AT_SILHOUETTES * error, error)
+        allowed = np.where(_coarser(steep, level), AT_SILHOUETTES, 1)[rough] * error[rough]
         needed[rough] = _worst(raster.own, None, rough, level) > allowed
         rough = np.nonzero(~one & ~needed)
         worst = np.maximum.reduce([
@@ -182,7 +190,7 @@ def _split(raster: _Raster, whole: Mask, error: float) -> list[Mask]:
             _worst(raster.far, raster.is_far | raster.mixed, rough, level) / AT_SILHOUETTES,
             _worst(raster.far, raster.hidden, rough, level) / HIDDEN,
         ])  # fmt: skip
-        needed[rough] = worst > error
+        needed[rough] = worst > error[rough]
         split.append(needed)
     return split
 

@@ -10,14 +10,16 @@ from .aperture import random_disc, views_needed, vogel_disc
 from .borrow import Lender
 from .canvas import Canvas, Picture
 from .depth import FrameFeatures, MappedDepth, frame_features
+from .edge_mesh import edge_mesh
 from .errors import UserError
 from .focus import Focus, exact_registration, fitted_registration
+from .grid_warp import allowed, fading, grid_mesh
 from .layer_mesh import WIDEST, layer_mesh
-from .layers import Mask
+from .layers import Layers, Mask
 from .reconstruction import Floats, Reconstruction
 from .warpmesh import WarpMesh, feature_mesh, thesis_mesh
 
-METHODS = ("layers", "features", "thesis")
+METHODS = ("layers", "features", "thesis", "grid", "edges")
 ACCEPTABLE = 1500
 MAX_BLUR = 16.0
 """Picture diagonals; in a larger disc nothing is left of what it comes from."""
@@ -84,7 +86,8 @@ def plan_frame(
 ) -> FramePlan:
     """Warp mesh and views of one frame, for a rendered frame of size (width, height) pixels.
 
-    `depth` takes the place of the features' depth, except in the thesis's method.
+    `depth` takes the place of the features' depth, except in the thesis's method. The methods "layers" and
+    "edges" have the mesh over the features until they get the picture: `layered_plan`, `edged_plan`.
     Raises UserError for settings that mean nothing, and where the frame's geometry does not carry them.
     """
     check_settings(settings)
@@ -104,10 +107,8 @@ def plan_frame(
     else:
         offsets = settings.radius * vogel_disc(count)
         registration = exact_registration(canvas, offsets, inverse)
-        sharpened = replace(
-            features, inverse_depth=in_focus(features.inverse_depth, canvas, settings.radius, inverse)
-        )
-        mesh = feature_mesh(sharpened, canvas, _margin(sharpened, canvas, settings.radius, inverse))
+        over = _grid_over if settings.method == "grid" else _features_over
+        mesh = over(reconstruction, features, canvas, settings.radius, inverse)
     return FramePlan(frame, canvas, mesh, offsets, registration, inverse, blur, features.carried)
 
 
@@ -118,8 +119,8 @@ def can_be_layered(plan: FramePlan) -> bool:
 
 def layered_plan(
     plan: FramePlan, radius: float, picture: Picture, inverse_depth: Floats, lender: Lender | None = None
-) -> tuple[FramePlan, Picture]:
-    """The plan with a mesh of two layers, and the texture (h, w, 4) that belongs to it.
+) -> tuple[FramePlan, Picture, Layers]:
+    """The plan with a mesh of two layers, the texture (h, w, 4) that belongs to it, and the layers.
 
     `picture` (H, W, 4) is the canvas picture and `inverse_depth` (H, W) that of all its pixels; the `lender`
     has other frames' colours for what it does not show.
@@ -142,10 +143,49 @@ def layered_plan(
         colour[row, column], found[row, column] = told, known
         return colour, found
 
-    mesh, texture, _ = layer_mesh(
+    mesh, texture, layers = layer_mesh(
         picture, scale * inverse_depth, scale * focus, scale, settle, fill if lender else None
     )
-    return replace(plan, mesh=mesh), texture
+    return replace(plan, mesh=mesh), texture, layers
+
+
+def edged_plan(
+    plan: FramePlan,
+    reconstruction: Reconstruction,
+    radius: float,
+    picture: Picture,
+    depth: MappedDepth | None = None,
+) -> FramePlan:
+    """The plan with a mesh whose triangles' sides follow the edges of the canvas picture (h, w, 4)."""
+    features = frame_features(reconstruction, plan.frame, plan.canvas)
+    if depth is not None:
+        features = depth.features(features, plan.canvas)
+    features = _sharpened(features, plan.canvas, radius, plan.focus_inverse_depth)
+    margin = _margin(features.inverse_depth, plan.canvas, radius, plan.focus_inverse_depth)
+    return replace(
+        plan, mesh=edge_mesh(features, plan.canvas, margin, picture, radius * plan.canvas.pinhole.fx)
+    )
+
+
+def _features_over(
+    reconstruction: Reconstruction, features: FrameFeatures, canvas: Canvas, radius: float, focus: float
+) -> WarpMesh:
+    features = _sharpened(features, canvas, radius, focus)
+    return feature_mesh(features, canvas, _margin(features.inverse_depth, canvas, radius, focus))
+
+
+def _grid_over(
+    reconstruction: Reconstruction, features: FrameFeatures, canvas: Canvas, radius: float, focus: float
+) -> WarpMesh:
+    weights = fading(reconstruction, features.frame, features.points)
+    span = in_focus(np.array(allowed(features.inverse_depth, focus)), canvas, radius, focus)
+    mesh = grid_mesh(features, weights, canvas, _margin(span, canvas, radius, focus), focus)
+    # Only now: a subject in the focal plane must not flatten what is between it and the rest.
+    return replace(mesh, inverse_depth=in_focus(mesh.inverse_depth, canvas, radius, focus))
+
+
+def _sharpened(features: FrameFeatures, canvas: Canvas, radius: float, focus: float) -> FrameFeatures:
+    return replace(features, inverse_depth=in_focus(features.inverse_depth, canvas, radius, focus))
 
 
 def largest_blur(
@@ -192,9 +232,9 @@ def in_focus(depths: Floats, canvas: Canvas, radius: float, inverse_depth: float
     return np.asarray(inverse_depth + np.sign(contrast) * kept)
 
 
-def _margin(features: FrameFeatures, canvas: Canvas, radius: float, inverse_depth: float) -> float:
+def _margin(inverse_depths: Floats, canvas: Canvas, radius: float, inverse_depth: float) -> float:
     """Pixels past the border that some view can see. The picture is mirrored out there, over and over."""
-    contrast = np.abs(features.inverse_depth - inverse_depth).max(initial=0.0)
+    contrast = np.abs(inverse_depths - inverse_depth).max(initial=0.0)
     return float(radius * canvas.pinhole.focal.max() * contrast + 2.0)
 
 

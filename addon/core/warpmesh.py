@@ -37,7 +37,7 @@ class WarpMesh:
 
 def thesis_mesh(features: FrameFeatures, canvas: Canvas) -> WarpMesh:
     """The baseline: Delaunay over the features, the four image corners mapped to themselves (section 3.7)."""
-    keep = _distinct(features, canvas, 0.0)
+    keep = distinct(features, canvas, 0.0)
     width, height = canvas.pinhole.width, canvas.pinhole.height
     corners = np.array([[0.0, 0.0], [width, 0.0], [0.0, height], [width, height]])
     texture = np.concatenate([features.observed[keep], corners])
@@ -55,14 +55,14 @@ def feature_mesh(features: FrameFeatures, canvas: Canvas, margin: float) -> Warp
 
     The ring of vertices outside takes its inverse depth from the features nearest to it.
     """
-    keep = _distinct(features, canvas, margin)
+    keep = distinct(features, canvas, margin)
     inside, inverse = features.observed[keep], features.inverse_depth[keep]
-    ring = _ring(canvas, max(margin, 2.0))
-    xy = np.concatenate([inside, ring])
+    outside = ring(canvas, max(margin, 2.0))
+    xy = np.concatenate([inside, outside])
     return WarpMesh(
         xy=xy,
         texture_xy=xy,
-        inverse_depth=np.concatenate([inverse, nearest_mean(inside, inverse, ring)]),
+        inverse_depth=np.concatenate([inverse, nearest_mean(inside, inverse, outside)]),
         triangles=delaunay(xy),
     )
 
@@ -126,7 +126,7 @@ def _key(
     return np.asarray(xy[:, 0].astype(np.float64) + 1j * xy[:, 1].astype(np.float64))
 
 
-def _distinct(features: FrameFeatures, canvas: Canvas, margin: float) -> Ints:
+def distinct(features: FrameFeatures, canvas: Canvas, margin: float) -> Ints:
     """Rows of the features inside the canvas, one per half-pixel cell, or UserError if too few are left."""
     size = np.array([canvas.pinhole.width, canvas.pinhole.height])
     edge = 0.5
@@ -143,7 +143,7 @@ def _distinct(features: FrameFeatures, canvas: Canvas, margin: float) -> Ints:
     return rows.astype(np.int32)
 
 
-def _ring(canvas: Canvas, margin: float) -> Floats:
+def ring(canvas: Canvas, margin: float) -> Floats:
     """(r, 2) vertices around the canvas, `margin` pixels outside, evenly spread."""
     width, height = canvas.pinhole.width, canvas.pinhole.height
     steps = max(4, round(12 * width / max(width, height))), max(4, round(12 * height / max(width, height)))

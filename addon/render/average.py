@@ -8,11 +8,9 @@ import cv2
 import numpy as np
 
 from ..core.canvas import Picture
-from ..core.depth import frame_features
-from ..core.enlarge import enlarged
 from ..core.footage import to_linear
-from ..core.reconstruction import Floats
-from ..core.views import FramePlan, LensSettings, can_be_layered, layered_plan, plan_frame
+from ..core.views import LensSettings
+from ..core.warp_frame import WarpedFrame, warp_frame
 from ..scene.shot import Shot
 from . import cycles_views, gpu_views
 from .main_thread import CarryOn
@@ -33,36 +31,27 @@ def render_frame(
 
     `carry_on(done, total)` is asked before each view, `note` is told what the user should know.
     """
-    plan = plan_frame(shot.reconstruction, frame, lens, size, shot.depth)
-    if plan.carried:
+    source = _resized(to_linear(shot.footage.read(frame)), size)
+    warped = warp_frame(shot, frame, lens, size, source)
+    if warped.plan.carried:
         note(f"Frame {frame} was not registered: its camera is carried over from its neighbours")
-    picture = plan.canvas.from_source(_resized(to_linear(shot.footage.read(frame)), size))
-    is_layered = lens.method == "layers" and can_be_layered(plan)
-    is_whole = is_layered and bool(picture[..., 3].min() > 0.999)
-    if is_layered:
-        depth = _depth(shot, plan, picture)
-        plan, picture = layered_plan(plan, lens.radius, picture, depth, shot.lender if lens.borrow else None)
+    if warped.why:
+        note(f"Frame {frame} is drawn by the method {warped.method}: {warped.why}")
+    mean = draw_mean(warped, carry_on, note)
+    return None if mean is None else warped.plan.canvas.to_source(mean)
+
+
+def draw_mean(warped: WarpedFrame, carry_on: CarryOn, note: Callable[[str], None]) -> Picture | None:
+    """The mean of a frame's views (h, w, 4) in its canvas, as `render_frame` asks and tells."""
     problem = gpu_views.gpu_problem()
     if problem:
         note(no_gpu_note(problem))
-        mean = cycles_views.mean_of_views(plan, picture, carry_on)
-    else:
-        mean = gpu_views.mean_of_views(plan, picture, carry_on)
-    if mean is not None and is_whole:
+    draw = cycles_views.mean_of_views if problem else gpu_views.mean_of_views
+    mean = draw(warped.plan, warped.texture, carry_on)
+    if mean is not None and warped.is_whole:
         # A gap that some view had between triangles takes the colour of the other views.
         mean /= np.maximum(mean[..., 3:], np.float32(LEAST_COVER))
-    return None if mean is None else plan.canvas.to_source(mean)
-
-
-def _depth(shot: Shot, plan: FramePlan, picture: Picture) -> Floats:
-    """(h, w) inverse depth of every pixel of the canvas: of the user's maps, or from the clip itself."""
-    if shot.depth is not None:
-        told = shot.depth.inverse_depth(
-            frame_features(shot.reconstruction, plan.frame, plan.canvas), plan.canvas
-        )
-        if told is not None:
-            return told
-    return enlarged(shot.dense.at(plan.frame).inverse_depth, picture)
+    return mean
 
 
 def no_gpu_note(problem: str) -> str:

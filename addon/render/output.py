@@ -171,7 +171,9 @@ def _key(scene: bpy.types.Scene) -> str:
     lens = lens_settings(scene.virtual_aperture, shot.reconstruction)
     camera = shot.reconstruction.images[0].centre.tobytes() + shot.reconstruction.points.xyz.tobytes()
     maps = (str(shot.depth.maps.maps.path), shot.depth.fit.line.tolist()) if shot.depth else None
-    text = repr((lens, maps, engine.render_size(scene.render), hashlib.sha256(camera).hexdigest()))
+    settings = scene.virtual_aperture
+    masks = settings.masks, settings.mask.name_full if settings.mask else ""
+    text = repr((lens, maps, masks, engine.render_size(scene.render), hashlib.sha256(camera).hexdigest()))
     return hashlib.sha256(text.encode()).hexdigest()
 
 

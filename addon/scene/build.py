@@ -66,7 +66,7 @@ def build(
 
 def make_paths_relative(settings: VirtualApertureSettings) -> None:
     """Paths relative to the .blend, which must have been saved: the folder can then be moved as a whole."""
-    for name in ("footage", "work_dir", "depth_maps"):
+    for name in ("footage", "work_dir", "depth_maps", "masks"):
         if getattr(settings, name):
             setattr(settings, name, bpy.path.relpath(getattr(settings, name)))
 

@@ -92,6 +92,18 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
         options={"PATH_SUPPORTS_BLEND_RELATIVE"},
         update=_aperture_changed,
     )
+    masks: StringProperty(
+        name="Masks",
+        description="Folder of pictures, or one of them: white moves by itself. Empty: found from the clip",
+        subtype="FILE_PATH",
+        options={"PATH_SUPPORTS_BLEND_RELATIVE"},
+    )
+    mask: PointerProperty(
+        type=bpy.types.Mask,
+        name="Mask",
+        description="Drawn in the Image or Movie Clip Editor around what moves by itself; feather and tracks"
+        " are ignored",
+    )
     root: PointerProperty(type=bpy.types.Object, name="Root")
     camera: PointerProperty(type=bpy.types.Object, name="Camera")
     points: PointerProperty(type=bpy.types.Object, name="Point Cloud")
@@ -113,6 +125,13 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
                 "The 2010 baseline: pinned corners, random positions, fitted registration",
                 1,
             ),
+            (
+                "grid",
+                "Grid",
+                "One regular mesh that follows the features as stiffly as the picture allows (Liu 2009)",
+                3,
+            ),
+            ("edges", "Edges", "Triangles along image edges (thesis, section 5.2)", 4),
         ],
         default="layers",
         update=_aperture_changed,

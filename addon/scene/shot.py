@@ -7,15 +7,19 @@ from functools import cached_property
 from pathlib import Path
 
 import bpy
+import numpy as np
 
 from ..core.borrow import Lender
-from ..core.dense_depth import ClipDepth
+from ..core.dense_depth import COARSE, ClipDepth, Mask, Moving
+from ..core.dense_fusion import SteadyDepth
 from ..core.depth import MappedDepth
 from ..core.depth_maps import open_depth
 from ..core.errors import UserError
 from ..core.footage import Footage, open_footage
+from ..core.masks import Masks, open_masks
 from ..core.reconstruction import Reconstruction
 from . import exr, store
+from .masks import DrawnMask, drawn_mask
 from .properties import VirtualApertureSettings
 
 IDENTITY = "virtual_aperture_identity"
@@ -32,19 +36,35 @@ class Shot:
     reconstruction: Reconstruction
     depth: MappedDepth | None = None
     """The user's depth maps."""
+    masks: Masks | None = None
+    """The user's pictures of what moves by itself,"""
+    drawn: DrawnMask | None = None
+    """and what is drawn in Blender; either is enough."""
 
     @cached_property
-    def dense(self) -> ClipDepth:
+    def dense(self) -> SteadyDepth:
         """Depth of every pixel, from the clip itself."""
-        return ClipDepth(self.reconstruction, self.footage.read)
+        single = ClipDepth(self.reconstruction, self.footage.read, mask=self._mask)
+        return SteadyDepth(self.reconstruction, single)
 
     @cached_property
     def lender(self) -> Lender:
-        """Other frames' colours for what a frame does not show."""
-        return Lender(self.reconstruction, self.footage.read)
+        """Other frames' colours for what a frame does not show, but for what moves in them."""
+        movers = ClipDepth(self.reconstruction, self.footage.read, COARSE, self._mask)
+        return Lender(self.reconstruction, self.footage.read, movers.moving)
+
+    @property
+    def _mask(self) -> Moving | None:
+        return self.masked if self.masks or self.drawn else None
+
+    def masked(self, frame: int) -> Mask | None:
+        """(H, W) over a frame, what the user says moves by itself; None where nothing is said."""
+        told = [source.at(frame) for source in (self.masks, self.drawn) if source is not None]
+        known = [mask for mask in told if mask is not None]
+        return np.logical_or.reduce(known) if known else None
 
 
-_last: tuple[tuple[str, str, str], Shot] | None = None
+_last: tuple[tuple[str, ...], Shot] | None = None
 """One shot is kept, because every frame of an animation asks for the same one."""
 
 
@@ -54,12 +74,21 @@ def shot_of(scene: bpy.types.Scene) -> Shot:
     settings = scene.virtual_aperture
     mesh = points_mesh(settings)
     path = footage_path(settings)
-    key = (str(mesh.get(IDENTITY)), str(path), bpy.path.abspath(settings.depth_maps))
-    if _last is None or _last[0] != key:
+    depth_path, masks_path = (bpy.path.abspath(p) for p in (settings.depth_maps, settings.masks))
+    drawn = settings.mask
+    key = (str(mesh.get(IDENTITY)), str(path), depth_path, masks_path, drawn.name_full if drawn else "")
+    if _last is None or _last[0] != key or _was_redrawn(_last[1], drawn, scene.frame_current):
         reconstruction, footage = store.read(mesh), open_footage(path)
-        depth = MappedDepth.of(open_depth(Path(key[2]), footage), reconstruction) if key[2] else None
-        _last = (key, Shot(footage, reconstruction, depth))
+        depth = MappedDepth.of(open_depth(Path(depth_path), footage), reconstruction) if depth_path else None
+        masks = open_masks(Path(masks_path), footage) if masks_path else None
+        size = (footage.width, footage.height)
+        shapes = drawn_mask(drawn, footage.frames, size) if drawn else None
+        _last = (key, Shot(footage, reconstruction, depth, masks, shapes))
     return _last[1]
+
+
+def _was_redrawn(shot: Shot, mask: bpy.types.Mask | None, frame: int) -> bool:
+    return shot.drawn is not None and mask is not None and not shot.drawn.is_still(mask, frame)
 
 
 def reconstruction_of(settings: VirtualApertureSettings) -> Reconstruction:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bpy
 
+from ..scene import masks
 from . import import_solve, operators
 
 
@@ -64,6 +65,10 @@ class VIRTUAL_APERTURE_PT_lens(_Panel, bpy.types.Panel):  # noqa: N801
         layout.prop(settings, "aperture_radius" if settings.use_radius else "blur")
         layout.prop(settings, "views")
         layout.prop(settings, "depth_maps")
+        layout.prop(settings, "masks")
+        layout.prop(settings, "mask")
+        if settings.mask is not None and masks.follows_tracks(settings.mask):
+            layout.label(text="Points of the mask that follow tracks stay where they are", icon="INFO")
 
 
 class VIRTUAL_APERTURE_PT_render(_Panel, bpy.types.Panel):  # noqa: N801

@@ -1,0 +1,170 @@
+"""Depth that is steady in time: each frame's own, with that of frames around it brought into its place."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+
+import cv2
+import numpy as np
+
+from .dense_depth import ClipDepth, DenseDepth, pixel_matrix
+from .dense_neighbours import relative_pose
+from .dense_sweep import Bytes, Map
+from .reconstruction import Image, Reconstruction
+
+STEP, SIDES = 4, 2
+"""Every fourth registered frame helps those around it, this many on either side. They are the same for frames
+that follow each other: so each is found once, and what is unsure does not flicker."""
+KEPT = 8
+"""Frames whose own depth is remembered."""
+FAINT = 0.02
+"""Weight of what nothing is known of."""
+LEVELS, ALIKE = 50, 1.5
+"""Steps of the range of inverse depths; depths within so many of them are one surface."""
+ENOUGH = 2
+"""Sure frames that make sure."""
+SURE = 0.1, 0.5
+"""Confidence up to which depth is that of the surroundings, and from which on it is its own."""
+REACH, EDGE = 4000.0, 6.0
+"""Of the smoother that spreads sure depth: its lambda, and the grey levels that stop it."""
+BEHIND, MOST = 4, 1.2
+"""What is not sure beside something near is behind it: a power of depth as weight, and the largest ratio."""
+EVEN = 30.0
+"""Lambda of the smoother along the surfaces found; a level stops it."""
+ISLAND, AROUND, ASHORE = 0.003, 21, 0.5
+"""Share of the picture that makes an island of what is sure, at most; with so large a share of sure pixels
+around it, within so many, it is none."""
+RIM = 4
+"""Pixels at the border that know too little around them."""
+
+
+class SteadyDepth:
+    """Depth of the frames of a clip, asked for in order. Memory is that of a few frames."""
+
+    def __init__(self, reconstruction: Reconstruction, single: ClipDepth) -> None:
+        self._rec, self._single = reconstruction, single
+        self._kept: OrderedDict[int, DenseDepth] = OrderedDict()
+
+    def at(self, frame: int) -> DenseDepth:
+        """The depth of a frame, as `ClipDepth.at` and with its errors.
+
+        The weighted median of all frames around, and the mean of those near it (Merrell et al., "Real-time
+        visibility-based fusion of depth maps", 2007); where that is not sure, what is sure around it.
+        """
+        own = self._alone(frame)
+        image, _ = self._rec.image_at(frame)
+        others = [(self._alone(other.frame), other) for other in self._around(frame)]
+        seen = [_seen(depth, other, own, image) for depth, other in others]
+        stack = [(own.inverse_depth, _sure(own)), *seen]
+        inverse, confidence, step = fused(*(np.stack(part) for part in zip(*stack, strict=True)))
+        confidence = _without_islands(confidence)
+        inverse = _evened(_filled(self._single.picture(frame), inverse, confidence), step)
+        inverse = np.where(own.moving, own.inverse_depth, inverse)
+        confidence = np.where(own.moving, own.confidence, confidence)
+        return DenseDepth(frame, inverse, confidence, own.moving, own.lens)
+
+    def _around(self, frame: int) -> list[Image]:
+        images, at = self._rec.images, int(np.searchsorted(self._rec.frames, frame))
+        step = max(1, min(STEP, len(images) // 8))
+        first = -(-(at - SIDES * step) // step) * step
+        places = range(max(first, 0), min(at + SIDES * step + 1, len(images)), step)
+        return [images[i] for i in places if images[i].frame != frame]
+
+    def _alone(self, frame: int) -> DenseDepth:
+        if frame not in self._kept:
+            self._kept[frame] = self._single.at(frame)
+            while len(self._kept) > KEPT:
+                self._kept.popitem(last=False)
+        self._kept.move_to_end(frame)
+        return self._kept[frame]
+
+
+def fused(inverse: Map, weight: Map) -> tuple[Map, Map, float]:
+    """(h, w) of k inverse depths (k, h, w) and weights: value, confidence in it, and a level's height.
+
+    Weights are confidences in [0, 1], and 0 where a frame does not see the place.
+    """
+    weight = np.where(weight > 0, weight + np.float32(FAINT), np.float32(0))
+    order = np.argsort(inverse, axis=0)
+    values = np.take_along_axis(inverse, order, axis=0)
+    shares = np.cumsum(np.take_along_axis(weight, order, axis=0), axis=0)
+    middle = (2 * shares >= shares[-1]).argmax(axis=0)
+    median = np.take_along_axis(values, middle[None], axis=0)[0]
+    low, high = np.percentile(median, [1, 99])
+    step = float(high - low) / LEVELS
+    agree = weight * (np.abs(inverse - median) <= np.float32(ALIKE * step))
+    said, total = agree.sum(axis=0), weight.sum(axis=0)
+    mean = (agree * inverse).sum(axis=0) / np.maximum(said, 1e-9)
+    share = np.clip(1.5 * said / np.maximum(total, 1e-9) - 0.25, 0, 1)
+    confidence = np.clip(said / min(ENOUGH, len(inverse)), 0, 1) * share
+    return np.where(said > 0, mean, median).astype(np.float32), confidence.astype(np.float32), step
+
+
+def _sure(depth: DenseDepth) -> Map:
+    """(h, w) confidence, a little everywhere but at the border."""
+    sure = np.maximum(depth.confidence, np.float32(1e-3))
+    inner = np.zeros(sure.shape, bool)
+    inner[RIM:-RIM, RIM:-RIM] = True
+    return np.where(inner, sure, np.float32(1e-3))
+
+
+def _seen(depth: DenseDepth, image: Image, own: DenseDepth, here: Image) -> tuple[Map, Map]:
+    """(h, w) inverse depth of another frame in a frame's place, the nearest of what falls into a pixel, and
+    the confidence in it, 0 where nothing does."""
+    turn, move = relative_pose(image, here)
+    back = np.linalg.inv(pixel_matrix(depth.lens))
+    rotate, shift = pixel_matrix(own.lens) @ turn @ back, pixel_matrix(own.lens) @ move
+    height, width = depth.inverse_depth.shape
+    x, y = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
+    places = [
+        np.float32(r[0]) * x + np.float32(r[1]) * y + np.float32(r[2]) + np.float32(m) * depth.inverse_depth
+        for r, m in zip(rotate, shift, strict=True)
+    ]
+    ahead = np.maximum(places[2], np.float32(0.05))
+    column, row = (np.rint(part / ahead).clip(-1, 1 << 20).astype(np.int32) for part in places[:2])
+    shape = own.inverse_depth.shape
+    inside = (places[2] > 0.05) & (column >= 0) & (row >= 0) & (column < shape[1]) & (row < shape[0])
+    inside &= ~depth.moving
+    value, weight = (depth.inverse_depth / ahead)[inside], _sure(depth)[inside]
+    at, order = (row * shape[1] + column)[inside], np.argsort(value, kind="stable")
+    inverse, confidence = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
+    inverse.ravel()[at[order]], confidence.ravel()[at[order]] = value[order], weight[order]
+    return inverse, confidence
+
+
+def _without_islands(confidence: Map) -> Map:
+    """(h, w) confidence, none in what is small and alone amid what is unsure: that is mostly chance."""
+    sure = confidence > SURE[0]
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(sure.astype(np.uint8), connectivity=8)
+    small = stats[:, cv2.CC_STAT_AREA] < ISLAND * sure.size
+    small[0] = False
+    island = small[labels]
+    near, other = (cv2.blur(part.astype(np.float32), (AROUND, AROUND)) for part in (sure & ~island, ~island))
+    share = near / np.maximum(other, 1e-6)
+    mean = np.bincount(labels.ravel(), weights=share.ravel()) / np.maximum(stats[:, cv2.CC_STAT_AREA], 1)
+    return np.where((small & (mean < ASHORE))[labels], np.float32(0), confidence)
+
+
+def _filled(picture: Bytes, inverse: Map, confidence: Map) -> Map:
+    """Inverse depth (h, w) where it is sure, elsewhere carried on along a picture's (h, w, 3) surfaces."""
+    usual = float(np.median(inverse)) or 1.0
+    nearness = np.maximum(inverse, 1e-6) / usual
+    weight = np.clip((confidence - SURE[0]) / (1 - SURE[0]), 0, 1) ** 2
+    weight *= np.minimum(1 / nearness, MOST) ** BEHIND
+    above, below = (
+        cv2.ximgproc.fastGlobalSmootherFilter(picture, np.ascontiguousarray(part, np.float32), REACH, EDGE)
+        for part in (weight * (nearness - 1), weight)
+    )
+    around = usual * (1 + above / (np.maximum(below, 0) + 1e-7))
+    own = np.clip((confidence - SURE[0]) / (SURE[1] - SURE[0]), 0, 1)
+    return np.asarray(np.maximum(own * inverse + (1 - own) * around, 0), np.float32)
+
+
+def _evened(inverse: Map, step: float) -> Map:
+    """Inverse depth (h, w) smooth along surfaces, whose edges are where it changes by a level or more."""
+    low, high = float(inverse.min()), float(inverse.max())
+    if step <= 0 or high <= low:
+        return inverse
+    scale = min(4 / step, 255 / (high - low))
+    guide = ((inverse - low) * scale).astype(np.uint8)
+    return np.asarray(cv2.ximgproc.fastGlobalSmootherFilter(guide, inverse, EVEN, scale * step), np.float32)

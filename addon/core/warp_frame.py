@@ -1,0 +1,107 @@
+"""One frame made ready for its views: the mesh that its geometry allows, and the picture painted on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import cv2
+import numpy as np
+
+from .borrow import Lender
+from .canvas import Picture
+from .dense_depth import DenseDepth
+from .dense_sweep import Map
+from .depth import MappedDepth, frame_features
+from .enlarge import enlarged
+from .layers import Layers
+from .reconstruction import Floats, Reconstruction
+from .views import FramePlan, LensSettings, can_be_layered, edged_plan, layered_plan, plan_frame
+
+SURE, FEWEST_SURE = 0.1, 0.05
+"""Confidence from which on a pixel's depth is known, and the share of the picture that must have it."""
+
+
+class Dense(Protocol):
+    """Depth of every pixel, from the clip itself."""
+
+    def at(self, frame: int) -> DenseDepth: ...
+
+
+class Clip(Protocol):
+    """What other frames know about one."""
+
+    @property
+    def reconstruction(self) -> Reconstruction: ...
+
+    @property
+    def depth(self) -> MappedDepth | None:
+        """The user's depth maps."""
+
+    @property
+    def dense(self) -> Dense: ...
+
+    @property
+    def lender(self) -> Lender: ...
+
+
+@dataclass(frozen=True)
+class WarpedFrame:
+    """Everything that a renderer needs."""
+
+    plan: FramePlan
+    texture: Picture
+    """(h, w, 4) what is painted on the plan's mesh, linear and premultiplied."""
+    method: str
+    """That made the mesh."""
+    why: str
+    """Why it is not the one that was asked for, or nothing."""
+    is_whole: bool
+    """No view may see through the mesh."""
+    inverse_depth: Floats | None = None
+    """(H, W) of every pixel of the canvas, where the method has it,"""
+    confidence: Map | None = None
+    """(H, W) and how sure it is; None of the user's maps."""
+    layers: Layers | None = None
+
+
+def warp_frame(
+    clip: Clip, frame: int, lens: LensSettings, size: tuple[int, int], source: Picture
+) -> WarpedFrame:
+    """The frame's mesh for a rendered frame of size (width, height), of its picture (height, width, 4).
+
+    Raises UserError as `plan_frame` does.
+    """
+    plan = plan_frame(clip.reconstruction, frame, lens, size, clip.depth)
+    picture = plan.canvas.from_source(source)
+    plain = WarpedFrame(plan, picture, lens.method, "", False)
+    if lens.method == "edges":
+        made = edged_plan(plan, clip.reconstruction, lens.radius, picture, clip.depth)
+        return replace(plain, plan=made)
+    if lens.method != "layers":
+        return plain
+    if not can_be_layered(plan):
+        return replace(plain, method="features", why="its blur discs are too large for layers")
+    inverse, confidence = _depth(clip, plan, picture)
+    if confidence is not None and float(np.mean(confidence > SURE)) < FEWEST_SURE:
+        grid = plan_frame(clip.reconstruction, frame, replace(lens, method="grid"), size, clip.depth)
+        return replace(
+            plain, plan=grid, method="grid", inverse_depth=inverse, confidence=confidence,
+            why=f"the depth of less than {100 * FEWEST_SURE:g} % of its pixels can be told from the clip",
+        )  # fmt: skip
+    lender = clip.lender if lens.borrow else None
+    made, texture, layers = layered_plan(plan, lens.radius, picture, inverse, lender)
+    is_whole = bool(picture[..., 3].min() > 0.999)
+    return WarpedFrame(made, texture, "layers", "", is_whole, inverse, confidence, layers)
+
+
+def _depth(clip: Clip, plan: FramePlan, picture: Picture) -> tuple[Floats, Map | None]:
+    """(h, w) inverse depth of every pixel of the canvas, and confidence if it is the clip's own."""
+    if clip.depth is not None:
+        features = frame_features(clip.reconstruction, plan.frame, plan.canvas)
+        told = clip.depth.inverse_depth(features, plan.canvas)
+        if told is not None:
+            return told, None
+    found = clip.dense.at(plan.frame)
+    size = (picture.shape[1], picture.shape[0])
+    return enlarged(found.inverse_depth, picture), cv2.resize(found.confidence, size)
