@@ -45,11 +45,12 @@ def layer_mesh(
     margin = int(np.ceil(np.abs(shift - focus).max())) + 2
     wide = np.pad(picture, ((margin, margin), (margin, margin), (0, 0)), mode="symmetric")
     shift = np.pad(shift, margin, mode="edge")
+    lent = None
     if fill is not None:
         beyond = np.ones(shift.shape, bool)
         beyond[margin:-margin, margin:-margin] = False
-        colour, found = fill(shift, beyond)
-        wide[found, :3] = colour[found]
+        colour, lent = fill(shift, beyond)
+        wide[lent, :3] = colour[lent]
     layers = layered(wide, shift, fill)
     surfaces = Surfaces(
         settle(layers.front_shift), settle(layers.near_shift), settle(layers.back_shift),
@@ -69,7 +70,7 @@ def layer_mesh(
     front = layers.front.copy()
     # Past its silhouettes the near surface is transparent.
     front[layers.is_far & triangles.before] = 0
-    layers = replace(layers, front=front)
+    layers = replace(layers, front=front, lent=lent)
     finer = 2 * front[..., 0].size * FINER**2 <= LARGEST_TEXTURE
     texture = _texture(wide, layers) if finer else np.concatenate([layers.front, layers.back])
     if finer:
@@ -84,16 +85,16 @@ def _texture(picture: Picture, layers: Layers) -> Picture:
     Each is interpolated where it is smooth: the front is what the fine picture has more than the back behind
     it. Interpolated by itself it would ring along every silhouette, where it ends.
     """
-    whole, back = (np.maximum(_finer(part, cv2.INTER_LANCZOS4), 0) for part in (picture, layers.back))
-    alpha = _finer(layers.front[..., 3], cv2.INTER_LINEAR)
+    whole, back = (np.maximum(texels(part, cv2.INTER_LANCZOS4), 0) for part in (picture, layers.back))
+    alpha = texels(layers.front[..., 3], cv2.INTER_LINEAR)
     back[..., 3] = 1
     front = np.maximum(whole - (1 - alpha)[..., None] * back, 0)
     front[..., 3] = alpha
     return np.concatenate([front, back])
 
 
-def _finer(picture: Picture, flags: int) -> Picture:
-    """A picture (H, W[, c]) whose pixels are every `FINER`th of the result's, first one included."""
+def texels(picture: Picture, flags: int) -> Picture:
+    """The texture of a picture (H, W[, c]) whose pixels are every `FINER`th of it, first one included."""
     height, width = picture.shape[:2]
     scale = np.array([[1 / FINER, 0, 0], [0, 1 / FINER, 0]])
     return np.asarray(

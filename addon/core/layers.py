@@ -20,7 +20,7 @@ Picture = NDArray[np.float32]
 Fill = Callable[[Floats, Mask], tuple[Picture, Mask]]
 """Colours (H, W, 3) of a surface of displacements (H, W) where a mask asks for them, and where they are."""
 
-JUMP = 2.0
+JUMP = 3.0
 """Pixels; neighbours that differ by more in displacement are not connected."""
 REACH = 3
 """Pixels around a mixed one in which its two surfaces are looked for."""
@@ -61,6 +61,10 @@ class Layers:
     """(H, W) where a view may see something behind the near surface."""
     borrowed: Mask
     """(H, W) of these, where its colour comes from other frames."""
+    beneath: Mask
+    """(H, W) where the far surface is carried on behind the near one: what is hidden, and some beside it."""
+    lent: Mask | None = None
+    """(H, W) past the frame's border, where the colour of what is seen comes from other frames."""
 
 
 def layered(picture: Picture, shift: Floats, fill: Fill | None = None) -> Layers:
@@ -87,6 +91,7 @@ def layered(picture: Picture, shift: Floats, fill: Fill | None = None) -> Layers
     return Layers(
         front, front_shift, carried.near, carried.is_far, band,
         np.concatenate([colour, alpha], axis=2), carried.far, carried.hidden, borrowed,
+        carried.beneath,
     )  # fmt: skip
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -63,6 +64,10 @@ class WarpedFrame:
     confidence: Map | None = None
     """(H, W) and how sure it is; None of the user's maps."""
     layers: Layers | None = None
+    depth_seconds: float = 0.0
+    """What finding the depth took,"""
+    mesh_seconds: float = 0.0
+    """and the mesh and its texture."""
 
 
 def warp_frame(
@@ -72,27 +77,32 @@ def warp_frame(
 
     Raises UserError as `plan_frame` does.
     """
+    began = time.perf_counter()
     plan = plan_frame(clip.reconstruction, frame, lens, size, clip.depth)
     picture = plan.canvas.from_source(source)
     plain = WarpedFrame(plan, picture, lens.method, "", False)
-    if lens.method == "edges":
-        made = edged_plan(plan, clip.reconstruction, lens.radius, picture, clip.depth)
-        return replace(plain, plan=made)
-    if lens.method != "layers":
-        return plain
-    if not can_be_layered(plan):
-        return replace(plain, method="features", why="its blur discs are too large for layers")
+    if lens.method == "layers" and not can_be_layered(plan):
+        plain = replace(plain, method="features", why="its blur discs are too large for layers")
+    if plain.method == "edges":
+        plain = replace(plain, plan=edged_plan(plan, clip.reconstruction, lens.radius, picture, clip.depth))
+    if plain.method != "layers":
+        return replace(plain, mesh_seconds=time.perf_counter() - began)
+    planned = time.perf_counter()
     inverse, confidence = _depth(clip, plan, picture)
+    found = time.perf_counter()
+    plain = replace(plain, inverse_depth=inverse, confidence=confidence, depth_seconds=found - planned)
     if confidence is not None and float(np.mean(confidence > SURE)) < FEWEST_SURE:
         grid = plan_frame(clip.reconstruction, frame, replace(lens, method="grid"), size, clip.depth)
-        return replace(
-            plain, plan=grid, method="grid", inverse_depth=inverse, confidence=confidence,
+        made = replace(
+            plain, plan=grid, method="grid",
             why=f"the depth of less than {100 * FEWEST_SURE:g} % of its pixels can be told from the clip",
         )  # fmt: skip
-    lender = clip.lender if lens.borrow else None
-    made, texture, layers = layered_plan(plan, lens.radius, picture, inverse, lender)
-    is_whole = bool(picture[..., 3].min() > 0.999)
-    return WarpedFrame(made, texture, "layers", "", is_whole, inverse, confidence, layers)
+    else:
+        lender = clip.lender if lens.borrow else None
+        layered, texture, layers = layered_plan(plan, lens.radius, picture, inverse, lender)
+        is_whole = bool(picture[..., 3].min() > 0.999)
+        made = replace(plain, plan=layered, texture=texture, is_whole=is_whole, layers=layers)
+    return replace(made, mesh_seconds=time.perf_counter() - found + planned - began)
 
 
 def _depth(clip: Clip, plan: FramePlan, picture: Picture) -> tuple[Floats, Map | None]:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
 from ..core.canvas import Picture
 from ..core.footage import to_linear
+from ..core.inspection import shares_of, source_frame
 from ..core.views import LensSettings
 from ..core.warp_frame import WarpedFrame, warp_frame
 from ..scene.shot import Shot
@@ -19,6 +22,23 @@ LEAST_COVER = 0.05
 """Share of the views that must have covered a pixel for its colour to be made whole."""
 
 
+@dataclass(frozen=True)
+class Drawn:
+    """A frame that was drawn, for who wants to know more of it than its picture."""
+
+    warped: WarpedFrame
+    lens: LensSettings
+    source: Picture
+    """(H, W, 4) the frame, linear."""
+    picture: Picture
+    """(H, W, 4) the result."""
+    seconds: float
+    """What drawing took."""
+
+
+Told = Callable[[Drawn, CarryOn], None]
+
+
 def render_frame(
     shot: Shot,
     frame: int,
@@ -26,10 +46,12 @@ def render_frame(
     size: tuple[int, int],
     carry_on: CarryOn,
     note: Callable[[str], None],
+    told: Told | None = None,
 ) -> Picture | None:
     """One frame through the lens: (h, w, 4) float32, linear, premultiplied; None when `carry_on` said no.
 
-    `carry_on(done, total)` is asked before each view, `note` is told what the user should know.
+    `carry_on(done, total)` is asked before each view, `note` is told what the user should know, and `told`
+    of the frame, if it was drawn.
     """
     source = _resized(to_linear(shot.footage.read(frame)), size)
     warped = warp_frame(shot, frame, lens, size, source)
@@ -37,8 +59,20 @@ def render_frame(
         note(f"Frame {frame} was not registered: its camera is carried over from its neighbours")
     if warped.why:
         note(f"Frame {frame} is drawn by the method {warped.method}: {warped.why}")
+    began = time.perf_counter()
     mean = draw_mean(warped, carry_on, note)
-    return None if mean is None else warped.plan.canvas.to_source(mean)
+    if mean is None:
+        return None
+    picture = warped.plan.canvas.to_source(mean)
+    if told is not None:
+        told(Drawn(warped, lens, source, picture, time.perf_counter() - began), carry_on)
+    return picture
+
+
+def draw_shares(drawn: Drawn, carry_on: CarryOn) -> Picture | None:
+    """(H, W, 3) the shares of `inspection.SOURCES` in each of the result's pixels; None as `render_frame`."""
+    mean = draw_mean(source_frame(drawn.warped, drawn.lens.radius), carry_on, lambda note: None)
+    return None if mean is None else shares_of(mean, drawn.warped.plan.canvas)
 
 
 def draw_mean(warped: WarpedFrame, carry_on: CarryOn, note: Callable[[str], None]) -> Picture | None:

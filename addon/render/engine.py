@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import bpy
 import numpy as np
 
@@ -9,11 +12,14 @@ from ..core.canvas import Picture
 from ..core.errors import UserError
 from ..scene.properties import lens_settings
 from ..scene.shot import Shot, shot_of
-from .average import render_frame
+from .average import Told, render_frame
 from .gpu_views import egl_problem
 
 _error = ""
 """What went wrong in the last render: Blender does not tell scripts of an animation."""
+
+_told: Told | None = None
+"""Who wants to know of each frame that is drawn."""
 
 
 def clear_error() -> None:
@@ -26,6 +32,22 @@ def raise_error() -> None:
     """UserError if the last render failed."""
     if _error:
         raise UserError(_error)
+
+
+def tell(told: Told | None) -> None:
+    """From now on tell this one of each frame that is drawn, on the thread that draws; None tells nobody."""
+    global _told
+    _told = told
+
+
+@contextmanager
+def telling(told: Told) -> Iterator[None]:
+    """Within it, tell `told` of each frame that is drawn."""
+    tell(told)
+    try:
+        yield
+    finally:
+        tell(None)
 
 
 class VirtualApertureEngine(bpy.types.RenderEngine):
@@ -59,7 +81,7 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
         check_shape(shot, size)
         lens = lens_settings(scene.virtual_aperture, shot.reconstruction)
         frame = frame_shown(shot, scene.frame_current)
-        return render_frame(shot, frame, lens, size, self._carry_on, self._note)
+        return render_frame(shot, frame, lens, size, self._carry_on, self._note, _told)
 
     def _carry_on(self, done: int, total: int) -> bool:
         self.update_stats("", f"View {done + 1} of {total}")

@@ -39,7 +39,12 @@ def check_output(out: Path, overwrite: bool) -> None:
         raise UserError(f"{out.name} names one file for many frames; write ####{suffix} for frame numbers")
     if not is_still and out.exists() and not overwrite:
         raise UserError(f"{out} exists; name another file or pass --overwrite")
-    above = next(p for p in [out.parent, *out.parent.parents] if p.exists())
+    check_folder(out.parent)
+
+
+def check_folder(folder: Path) -> None:
+    """UserError for a folder that cannot be written, or made."""
+    above = next(p for p in [folder, *folder.parents] if p.exists())
     if not above.is_dir() or not os.access(above, os.W_OK):
         raise UserError(f"{above} cannot be written; choose another output folder")
 
@@ -62,7 +67,7 @@ def render_sequence(
     """Render frames to `out`, whose #### is the frame number. Goes on where an equal run stopped."""
     out.parent.mkdir(parents=True, exist_ok=True)
     mark = out.parent / MARK
-    key = _key(scene)
+    key = run_key(scene)
     targets = {frame: out.with_name(_numbered(out.name, frame)) for frame in frames}
     there = [path for path in targets.values() if path.exists()]
     same = mark.exists() and json.loads(mark.read_text()).get(out.name) == key
@@ -165,7 +170,7 @@ def _numbered(name: str, frame: int) -> str:
     return name[:start] + f"{frame:0{width}d}" + name[start + width :]
 
 
-def _key(scene: bpy.types.Scene) -> str:
+def run_key(scene: bpy.types.Scene) -> str:
     """What the pictures depend on, so that a run only continues its own like."""
     shot = shot_of(scene)
     lens = lens_settings(scene.virtual_aperture, shot.reconstruction)

@@ -6,9 +6,9 @@ import bpy
 
 from ..render import engine, main_thread
 from ..scene import properties, shot
-from . import import_solve, operators, panels
+from . import import_solve, inspect, operators, panels
 
-CLASSES = (*engine.CLASSES, *operators.CLASSES, *import_solve.CLASSES, *panels.CLASSES)
+CLASSES = (*engine.CLASSES, *operators.CLASSES, *import_solve.CLASSES, *inspect.CLASSES, *panels.CLASSES)
 
 
 def register() -> None:

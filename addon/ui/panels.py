@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ..scene import masks
-from . import import_solve, operators
+from . import import_solve, inspect, operators
 
 
 class _Panel:
@@ -89,4 +89,24 @@ class VIRTUAL_APERTURE_PT_render(_Panel, bpy.types.Panel):  # noqa: N801
         column.operator(operators.VIRTUAL_APERTURE_OT_render_clip.bl_idname, icon="RENDER_ANIMATION")
 
 
-CLASSES = (VIRTUAL_APERTURE_PT_clip, VIRTUAL_APERTURE_PT_lens, VIRTUAL_APERTURE_PT_render)
+class VIRTUAL_APERTURE_PT_debug(_Panel, bpy.types.Panel):  # noqa: N801
+    bl_label = "Debug"
+    bl_parent_id = "VIRTUAL_APERTURE_PT_render"
+    bl_options = {"DEFAULT_CLOSED"}  # noqa: RUF012
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.operator(inspect.VIRTUAL_APERTURE_OT_inspect_frame.bl_idname, icon="VIEWZOOM")
+        if images := inspect.shown():
+            column = layout.column(align=True)
+            column.label(text="In the Image Editor:", icon="IMAGE_DATA")
+            for image in images.values():
+                column.label(text=image.name)
+
+
+CLASSES = (
+    VIRTUAL_APERTURE_PT_clip,
+    VIRTUAL_APERTURE_PT_lens,
+    VIRTUAL_APERTURE_PT_render,
+    VIRTUAL_APERTURE_PT_debug,
+)

@@ -1,0 +1,153 @@
+"""The options of a lens on the command line, and the scene that gets it."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import bpy
+
+from .core.depth_maps import open_depth
+from .core.errors import UserError
+from .core.focus import Focus, check_points, pick, radius_for_blur
+from .core.footage import Footage, open_footage
+from .core.masks import open_masks
+from .core.solve_folder import Solve
+from .core.views import METHODS, LensSettings, check_settings
+from .scene import aperture_cloud
+from .scene.build import build
+from .scene.properties import VirtualApertureSettings, set_focus
+
+DEFAULT_BLUR = 0.03
+
+
+def add_lens(command: argparse.ArgumentParser, required: bool) -> None:
+    """Focus, blur, depth and method; a focus must be given where it is `required`."""
+    focus = command.add_mutually_exclusive_group(required=required)
+    focus.add_argument(
+        "--focus-at", metavar="X,Y[@FRAME]", help="place in the picture, 0,0 top left, 1,1 bottom right"
+    )
+    focus.add_argument("--focus-point", type=int, nargs="+", metavar="ID", help="feature points in focus")
+    focus.add_argument("--focus-distance", type=float, metavar="D", help="depth in scene units")
+    blur = command.add_mutually_exclusive_group()
+    blur.add_argument(
+        "--blur", type=float, metavar="F",
+        help=f"farthest background's blur disc as a share of the image width (default {DEFAULT_BLUR})",
+    )  # fmt: skip
+    blur.add_argument(
+        "--aperture-radius", type=float, metavar="R", help="radius of the aperture in scene units"
+    )
+    command.add_argument(
+        "--depth", type=Path, metavar="DIR", help="your own depth maps: EXR or 16-bit PNG, any scale and kind"
+    )
+    command.add_argument(
+        "--mask",
+        type=Path,
+        metavar="DIR",
+        help="your own masks of what moves by itself: pictures, white moves",
+    )
+    command.add_argument("--views", default="auto", metavar="N|auto", help="virtual cameras a frame")
+    command.add_argument(
+        "--method", choices=METHODS, default=METHODS[0],
+        help="layers (default): depth of every pixel; features: one coarse mesh, fast; grid: one regular mesh"
+        " that follows the features as stiffly as the picture allows (Liu 2009); edges: triangles along image"
+        " edges (thesis, section 5.2); thesis: the 2010 baseline",
+    )  # fmt: skip
+    command.add_argument(
+        "--borrow", choices=("on", "off"), default="on", help="take what a frame hides from others (on)"
+    )
+    command.add_argument("--seed", type=int, default=0, help="of the thesis's random positions")
+
+
+def scene_of(solved: Solve) -> tuple[bpy.types.Scene, VirtualApertureSettings, Footage]:
+    """A fresh scene that holds the solve."""
+    bpy.ops.wm.read_homefile(app_template="", use_empty=True, use_factory_startup=True)
+    scene = bpy.context.scene
+    footage = open_footage(solved.footage, solved.frames)
+    settings = build(scene, footage, solved.reconstruction)
+    settings.work_dir = str(solved.work_dir)
+    return scene, settings, footage
+
+
+def check_numbers(options: argparse.Namespace) -> None:
+    """What can be refused before an hour of solving."""
+    _views(options.views)
+    for name, value in (("blur", options.blur), ("aperture radius", options.aperture_radius)):
+        if value is not None and not value > 0:
+            raise UserError(f"the {name} is {value:g}; it must be greater than zero")
+    if options.focus_distance is not None and not options.focus_distance > 0:
+        raise UserError(f"the focus distance is {options.focus_distance:g}; it must be greater than zero")
+    if options.focus_at:
+        x, y, _ = _place(options.focus_at)
+        if not (0 <= x <= 1 and 0 <= y <= 1):
+            raise UserError(f"focus at {x:g},{y:g} is outside the picture; both must be between 0 and 1")
+
+
+def set_lens(settings: VirtualApertureSettings, solved: Solve, options: argparse.Namespace) -> None:
+    """Write the options into the settings; UserError where the solve does not carry them."""
+    reconstruction = solved.reconstruction
+    frame = int(reconstruction.frames[0])
+    if options.focus_at:
+        x, y, wanted = _place(options.focus_at)
+        frame = frame if wanted is None else wanted
+        focus = pick(reconstruction, frame, x, y)
+        say(f"in focus: points {', '.join(map(str, focus.points))} at frame {frame}")
+    elif options.focus_point:
+        focus = Focus(points=tuple(options.focus_point))
+        check_points(reconstruction, focus.points)
+    else:
+        focus = Focus(distance=options.focus_distance)
+    if options.method == "thesis" and len(focus.points) < 2:
+        raise UserError(
+            "the thesis's method needs at least two focus points: use --focus-at or --focus-point"
+        )
+    radius = options.aperture_radius
+    if radius is None:
+        radius = radius_for_blur(reconstruction, focus, frame, options.blur or DEFAULT_BLUR)
+    check_settings(LensSettings(focus, radius, _views(options.views), options.method, options.seed))
+    set_focus(settings, focus, frame)
+    if options.depth:
+        maps = open_depth(options.depth.absolute(), open_footage(solved.footage, solved.frames))
+        for note in maps.notes:
+            say(f"note: {note}")
+        settings.depth_maps = str(options.depth.absolute())
+    if options.mask:
+        masks = open_masks(options.mask.absolute(), open_footage(solved.footage, solved.frames))
+        for note in masks.notes:
+            say(f"note: {note}")
+        settings.masks = str(options.mask.absolute())
+    settings.use_radius = options.aperture_radius is not None
+    settings.aperture_radius = radius
+    settings.blur = options.blur or DEFAULT_BLUR
+    settings.views = _views(options.views)
+    settings.method = options.method
+    settings.borrow = options.borrow == "on"
+    settings.seed = options.seed
+    aperture_cloud.update(settings)
+
+
+def _views(text: str) -> int:
+    if text == "auto":
+        return 0
+    if not text.lstrip("-").isdigit():
+        raise UserError(f"the number of views {text!r} is not understood; give a whole number or auto")
+    if int(text) < 1:
+        raise UserError(f"the number of views is {text}; it must be at least 1, or auto")
+    return int(text)
+
+
+def _place(text: str) -> tuple[float, float, int | None]:
+    """From "X,Y" or "X,Y@FRAME"."""
+    place, _, frame = text.partition("@")
+    try:
+        x, y = (float(part) for part in place.split(","))
+        return x, y, int(frame) if frame else None
+    except ValueError:
+        raise UserError(
+            f"the focus {text!r} is not understood; write X,Y or X,Y@FRAME, such as 0.5,0.6@12"
+        ) from None
+
+
+def say(text: str) -> None:
+    """A line for the user, at once."""
+    print(text, flush=True)

@@ -1,0 +1,132 @@
+"""What a run of frames was made of: one entry a frame, kept in a file, and a line at the end."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import fields
+from pathlib import Path
+
+import cv2
+
+from ..core.errors import UserError
+from ..core.frame_report import FrameReport, Used, frame_report, summary
+from ..core.inspection import Shown, pictures
+from .average import Drawn, draw_shares
+from .main_thread import CarryOn
+
+KIND = "virtual aperture frame reports"
+
+
+def check_report(path: Path, overwrite: bool) -> None:
+    """UserError for a file of reports that cannot be one, before any work."""
+    if path.suffix.lower() != ".json":
+        raise UserError(f"{path.name} is no file for reports; end it in .json")
+    if path.exists() and not overwrite and not _is_ours(path):
+        raise UserError(f"{path} exists and holds something else; name another file or pass --overwrite")
+
+
+def _is_ours(path: Path) -> bool:
+    try:
+        held = json.loads(path.read_text())
+    except (OSError, ValueError):
+        return False
+    return isinstance(held, dict) and held.get("kind") == KIND
+
+
+class Account:
+    """Told of every frame of a run that is drawn."""
+
+    def __init__(self, path: Path | None = None, key: str = "", overwrite: bool = False) -> None:
+        """`path` gets an entry a frame, after those of an equal run, which has the same `key`.
+
+        UserError where it holds those of another run, unless `overwrite`.
+        """
+        self._path, self._key = path, key
+        self._used: dict[int, Used] = {}
+        self._reports: dict[int, FrameReport] = {}
+        if path is None or not path.exists():
+            return
+        held = json.loads(path.read_text()) if _is_ours(path) else {}
+        if held.get("key") == key:
+            self._reports = {entry.frame: entry for entry in map(_entry, held["frames"]) if entry is not None}
+        elif not overwrite:
+            raise UserError(
+                f"{path} has the reports of a run with other settings; name another file or pass --overwrite"
+            )
+
+    def told(self, drawn: Drawn, carry_on: CarryOn) -> None:
+        """Of a frame; its entry is in the file when this returns."""
+        used = Used.of(drawn.warped)
+        self._used[used.frame] = used
+        if self._path is None:
+            return
+        shares = draw_shares(drawn, carry_on)
+        if shares is not None:
+            self._reports[used.frame] = frame_report(drawn.warped, drawn.lens.radius, shares, drawn.seconds)
+            self._write(self._path)
+
+    def lacks(self, frames: list[int]) -> list[int]:
+        """Frames that have no entry in the file."""
+        return [frame for frame in frames if self._path is not None and frame not in self._reports]
+
+    def summary(self, frames: list[int]) -> str:
+        """One line about a run's frames, those of an earlier one included; empty if nothing is known."""
+        reports = [self._reports[frame] for frame in frames if frame in self._reports]
+        used = {one.frame: Used(one.frame, one.method, one.why) for one in reports} | self._used
+        return summary(used.values(), reports)
+
+    def _write(self, path: Path) -> None:
+        entries = [self._reports[frame].as_dict() for frame in sorted(self._reports)]
+        replaced(path, lambda part: part.write_text(text_of(entries, self._key)))
+
+
+def text_of(entries: list[dict[str, object]], key: str) -> str:
+    """The file of reports: an entry a line."""
+    lines = ",\n".join(json.dumps(entry) for entry in entries)
+    return f'{{"kind": {json.dumps(KIND)}, "key": {json.dumps(key)}, "frames": [\n{lines}\n]}}\n'
+
+
+def _entry(held: object) -> FrameReport | None:
+    names = [one.name for one in fields(FrameReport)]
+    if not isinstance(held, dict) or set(held) != set(names):
+        return None
+    bound = held["bound"]
+    return FrameReport(**held | {"bound": tuple(bound) if bound else None})
+
+
+def replaced(path: Path, write: Callable[[Path], object]) -> None:
+    """Write a file beside its place and move it there: it is whole or as before. UserError if it cannot."""
+    part = path.with_name(f".part-{path.name}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write(part)
+        part.replace(path)
+    except OSError as error:
+        raise UserError(f"{path} cannot be written: {error.strerror}") from None
+    finally:
+        part.unlink(missing_ok=True)
+
+
+class Inspector:
+    """Told of one frame that is drawn: its debug views and its report."""
+
+    def __init__(self) -> None:
+        self.pictures: dict[str, Shown] = {}
+        """(H, W, 3) sRGB; empty until a frame was drawn to its end."""
+        self.report: FrameReport | None = None
+
+    def told(self, drawn: Drawn, carry_on: CarryOn) -> None:
+        """Of the frame."""
+        shares = draw_shares(drawn, carry_on)
+        if shares is not None:
+            radius = drawn.lens.radius
+            self.report = frame_report(drawn.warped, radius, shares, drawn.seconds)
+            self.pictures = pictures(drawn.warped, radius, drawn.source, shares)
+
+
+def write_picture(path: Path, picture: Shown) -> None:
+    """A PNG of (H, W, 3) sRGB; UserError if it cannot be written."""
+    done, data = cv2.imencode(".png", picture[..., ::-1])
+    assert done
+    replaced(path, lambda part: part.write_bytes(data.tobytes()))
