@@ -8,7 +8,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from .layers import JUMP, Fill, Layers, Picture, layered
+from .layers import Fill, Layers, Picture, layered
 from .quadtree import Surfaces, triangulate
 from .reconstruction import Floats, Ints
 from .warpmesh import WarpMesh
@@ -16,6 +16,8 @@ from .warpmesh import WarpMesh
 ERROR, RELATIVE = 0.33, 0.03
 """Pixels by which a view may see a place of the mesh beside where its depth puts it, and how much of the
 blur's radius there beside."""
+JUMP, JUMPS = 0.19, (1.0, 3.0)
+"""Of the largest blur's radius, by which neighbours must be displaced apart to be cut; in these bounds."""
 FINER = 2
 """Times as fine as the frame is its texture: a view loses less by looking between its pixels."""
 LARGEST_TEXTURE = 24_000_000
@@ -51,13 +53,14 @@ def layer_mesh(
         beyond[margin:-margin, margin:-margin] = False
         colour, lent = fill(shift, beyond)
         wide[lent, :3] = colour[lent]
-    layers = layered(wide, shift, fill)
+    jump = float(np.clip(JUMP * np.abs(shift - focus).max(), *JUMPS))
+    layers = layered(wide, shift, fill, jump)
     surfaces = Surfaces(
         settle(layers.front_shift), settle(layers.near_shift), settle(layers.back_shift),
         layers.mixed, layers.is_far, layers.hidden,
     )  # fmt: skip
     # Settling can double what neighbours differ by.
-    triangles = triangulate(surfaces, 2 * JUMP, ERROR + RELATIVE * np.abs(surfaces.far - focus))
+    triangles = triangulate(surfaces, 2 * jump, ERROR + RELATIVE * np.abs(surfaces.far - focus))
     mesh = _joined(
         (
             (surfaces.far, triangles.far, 1),

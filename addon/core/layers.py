@@ -20,8 +20,8 @@ Picture = NDArray[np.float32]
 Fill = Callable[[Floats, Mask], tuple[Picture, Mask]]
 """Colours (H, W, 3) of a surface of displacements (H, W) where a mask asks for them, and where they are."""
 
-JUMP = 3.0
-"""Pixels; neighbours that differ by more in displacement are not connected."""
+JUMP = 1.0
+"""Pixels; neighbours that are displaced farther apart are not connected, unless the caller says so."""
 REACH = 3
 """Pixels around a mixed one in which its two surfaces are looked for."""
 SPREAD = 4.0
@@ -67,16 +67,16 @@ class Layers:
     """(H, W) past the frame's border, where the colour of what is seen comes from other frames."""
 
 
-def layered(picture: Picture, shift: Floats, fill: Fill | None = None) -> Layers:
-    """Take a picture (H, W, 4) with displacements (H, W) apart at its depth jumps."""
-    shift = _steep(shift)
-    near, far = _sides(shift)
-    mixed = _mixed(picture, shift, near | far)
+def layered(picture: Picture, shift: Floats, fill: Fill | None = None, jump: float = JUMP) -> Layers:
+    """Take a picture (H, W, 4) with displacements (H, W) apart where they jump by more than `jump`."""
+    shift = _steep(shift, jump)
+    near, far = _sides(shift, jump)
+    mixed = _mixed(picture, shift, near | far, jump)
     front, front_shift = picture.copy(), shift.copy()
     rows = mixed.row, mixed.column
     front[rows] = np.column_stack([mixed.front, mixed.alpha])
     front_shift[rows] = mixed.near_shift
-    carried = _carried(shift, mixed)
+    carried = _carried(shift, mixed, jump)
     colour = picture[..., :3].copy()
     colour[rows] = mixed.far
     borrowed = np.zeros(shift.shape, bool)
@@ -95,12 +95,12 @@ def layered(picture: Picture, shift: Floats, fill: Fill | None = None) -> Layers
     )  # fmt: skip
 
 
-def _steep(shift: Floats) -> Floats:
+def _steep(shift: Floats, jump: float) -> Floats:
     """Without single pixels half way up a jump, which belong to neither surface: they join the nearer one."""
     for axis in (0, 1):
         before, after = np.roll(shift, 1, axis), np.roll(shift, -1, axis)
         up, down = shift - before, after - shift
-        between = (np.abs(up) > JUMP) & (np.abs(down) > JUMP) & (np.sign(up) == np.sign(down))
+        between = (np.abs(up) > jump) & (np.abs(down) > jump) & (np.sign(up) == np.sign(down))
         joined = np.where(np.abs(up) < np.abs(down), before, after)
         inner = np.zeros(shift.shape, bool)
         inner[1:-1, 1:-1] = True
@@ -108,11 +108,11 @@ def _steep(shift: Floats) -> Floats:
     return shift
 
 
-def _sides(shift: Floats) -> tuple[Mask, Mask]:
+def _sides(shift: Floats, jump: float) -> tuple[Mask, Mask]:
     """Pixels (H, W) on the near side of a jump, and on the far side of one, corners included."""
     kernel = np.ones((3, 3), np.uint8)
     low, high = (np.asarray(f(shift, kernel), np.float64) for f in (cv2.erode, cv2.dilate))
-    return shift - low > JUMP, high - shift > JUMP
+    return shift - low > jump, high - shift > jump
 
 
 @dataclass(frozen=True)
@@ -131,7 +131,7 @@ class _Mixed:
     far_shift: Floats
 
 
-def _mixed(picture: Picture, shift: Floats, band: Mask) -> _Mixed:
+def _mixed(picture: Picture, shift: Floats, band: Mask, jump: float) -> _Mixed:
     """How much of each pixel of a band (H, W) the near surface covers.
 
     A pixel on the line between the colours of both surfaces beside it has its share by where it lies there.
@@ -152,13 +152,13 @@ def _mixed(picture: Picture, shift: Floats, band: Mask) -> _Mixed:
     colours = picture[y, x, :3]
     is_near, is_far = around > middle[:, None], around <= middle[:, None]
     # What is nearer or farther still belongs to a third surface.
-    is_near &= around <= high[:, None] + JUMP
-    is_far &= around >= low[:, None] - JUMP
+    is_near &= around <= high[:, None] + jump
+    is_far &= around >= low[:, None] - jump
     near, near_shift, vary = _mean(colours, around, weight * (is_near & pure), weight * is_near, own, high)
     far, far_shift, far_vary = _mean(colours, around, weight * (is_far & pure), weight * is_far, own, low)
     colour = picture[row, column, :3]
     thin = ~(is_near & pure).any(axis=1)
-    near[thin], vary[thin], count = _thin(picture, shift, row[thin], column[thin], near_shift[thin])
+    near[thin], vary[thin], count = _thin(picture, shift, row[thin], column[thin], near_shift[thin], jump)
     line = near - far
     length = (line**2).sum(axis=1)
     share = ((colour - far) * line).sum(axis=1) / np.maximum(length, 1e-12)
@@ -182,7 +182,12 @@ def _mixed(picture: Picture, shift: Floats, band: Mask) -> _Mixed:
 
 
 def _thin(
-    picture: Picture, shift: Floats, row: NDArray[np.intp], column: NDArray[np.intp], near: Floats
+    picture: Picture,
+    shift: Floats,
+    row: NDArray[np.intp],
+    column: NDArray[np.intp],
+    near: Floats,
+    jump: float,
 ) -> tuple[Floats, Floats, Floats]:
     """(n, 3) the colour of something so thin that no pixel is its own: the mean along it; (n,) how much it
     varies; (n,) of how many pixels.
@@ -192,7 +197,7 @@ def _thin(
     offset = np.arange(-LONG, LONG + 1)
     y = np.clip(row[:, None, None] + offset[:, None], 0, shift.shape[0] - 1)
     x = np.clip(column[:, None, None] + offset, 0, shift.shape[1] - 1)
-    along = (np.abs(shift[y, x] - near[:, None, None]) < JUMP).astype(np.float32)
+    along = (np.abs(shift[y, x] - near[:, None, None]) < jump).astype(np.float32)
     colours = picture[y, x, :3]
     count = along.sum(axis=(1, 2))
     mean = np.einsum("nij,nijc->nc", along, colours) / np.maximum(count, 1)[:, None]
@@ -228,7 +233,7 @@ class _Carried:
     """Of these, where a view may see it."""
 
 
-def _carried(shift: Floats, mixed: _Mixed) -> _Carried:
+def _carried(shift: Floats, mixed: _Mixed, jump: float) -> _Carried:
     """The surfaces of the nearest silhouette at each pixel."""
     seeds = np.zeros(shift.shape, bool)
     near, far = shift.copy(), shift.copy()
@@ -244,22 +249,22 @@ def _carried(shift: Floats, mixed: _Mixed) -> _Carried:
     on, behind = of_label[:, label]
     gap = shift - behind
     # A little farther than it is seen: there the far surface may come up to the near one.
-    beneath = ~seeds & (gap > JUMP) & (distance <= gap + 2 + ON)
-    is_far = ~seeds & ~beneath & (gap <= JUMP) & (on - shift > JUMP) & (distance <= ON)
+    beneath = ~seeds & (gap > jump) & (distance <= gap + 2 + ON)
+    is_far = ~seeds & ~beneath & (gap <= jump) & (on - shift > jump) & (distance <= ON)
     far = np.where(beneath, behind, far)
     hidden = beneath & (distance <= gap + 2)
-    far = _smoothed(far, beneath | seeds, beneath)
+    far = _smoothed(far, beneath | seeds, beneath, jump)
     near = np.where(is_far, on, near)
-    near = _smoothed(near, is_far | seeds, is_far)
+    near = _smoothed(near, is_far | seeds, is_far, jump)
     return _Carried(near, far, is_far, beneath, hidden)
 
 
-def _smoothed(shift: Floats, among: Mask, changed: Mask) -> Floats:
+def _smoothed(shift: Floats, among: Mask, changed: Mask, jump: float) -> Floats:
     """Displacements (H, W), those that were carried on as the mean of what was around them."""
     mean = cv2.blur(np.where(among, shift, 0), (5, 5)) / np.maximum(
         cv2.blur(among.astype(np.float64), (5, 5)), 1e-9
     )
-    return np.where(changed & (np.abs(mean - shift) < JUMP), mean, shift)
+    return np.where(changed & (np.abs(mean - shift) < jump), mean, shift)
 
 
 def inpainted(colour: Picture, known: Mask) -> Picture:
