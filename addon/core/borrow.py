@@ -20,10 +20,10 @@ from .reconstruction import Floats, Image, Intrinsics, Reconstruction
 
 Mask = NDArray[np.bool_]
 
-STEP, SPAN = 4, 32
-"""Every fourth registered frame is asked, so far before and after. They are the same for frames that
-follow each other: then colours are, too, and pictures are read once."""
-KEPT, LONGEST = 20, 1920
+STEP, SPAN, FEWEST = 8, 32, 4
+"""Every eighth registered frame is asked, so far before and after; of a short clip, so many at least. They
+are the same for frames that follow each other: then colours are, too, and pictures are read once."""
+KEPT, LONGEST = 12, 1920
 """Pictures that are kept, and their long side in pixels at most."""
 NEARER = 0.04
 """Of the inverse depth, by which something must be nearer to hide what lies behind."""
@@ -88,7 +88,7 @@ class Lender:
 
     def _others(self, frame: int) -> list[Image]:
         images, at = self._rec.images, int(np.searchsorted(self._rec.frames, frame))
-        step = max(1, min(STEP, len(images) // 8))
+        step = max(1, min(STEP, len(images) // FEWEST))
         near = range(-(-max(at - SPAN, 0) // step) * step, min(at + SPAN + 1, len(images)), step)
         return [images[i] for i in near if images[i].frame != frame]
 

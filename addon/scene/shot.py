@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import OrderedDict
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -15,7 +17,7 @@ from ..core.dense_fusion import SteadyDepth
 from ..core.depth import MappedDepth
 from ..core.depth_maps import open_depth
 from ..core.errors import UserError
-from ..core.footage import Footage, open_footage
+from ..core.footage import Footage, Pixels, open_footage
 from ..core.masks import Masks, open_masks
 from ..core.reconstruction import Reconstruction
 from . import exr, store
@@ -23,6 +25,8 @@ from .masks import DrawnMask, drawn_mask
 from .properties import VirtualApertureSettings
 
 IDENTITY = "virtual_aperture_identity"
+REMEMBERED = 256 << 20
+"""Bytes of pictures as they were read."""
 
 
 exr.lend()
@@ -44,14 +48,29 @@ class Shot:
     @cached_property
     def dense(self) -> SteadyDepth:
         """Depth of every pixel, from the clip itself."""
-        single = ClipDepth(self.reconstruction, self.footage.read, mask=self._mask)
+        single = ClipDepth(self.reconstruction, self._read, mask=self._mask)
         return SteadyDepth(self.reconstruction, single)
 
     @cached_property
     def lender(self) -> Lender:
         """Other frames' colours for what a frame does not show, but for what moves in them."""
-        movers = ClipDepth(self.reconstruction, self.footage.read, COARSE, self._mask)
-        return Lender(self.reconstruction, self.footage.read, movers.moving)
+        movers = ClipDepth(self.reconstruction, self._read, COARSE, self._mask)
+        return Lender(self.reconstruction, self._read, movers.moving)
+
+    @cached_property
+    def _read(self) -> Callable[[int], Pixels]:
+        """Pictures of frames, remembered: depth, what moves and what is lent ask for the same ones."""
+        kept: OrderedDict[int, Pixels] = OrderedDict()
+
+        def read(frame: int) -> Pixels:
+            if frame not in kept:
+                kept[frame] = self.footage.read(frame)
+                while len(kept) > 1 and sum(picture.nbytes for picture in kept.values()) > REMEMBERED:
+                    kept.popitem(last=False)
+            kept.move_to_end(frame)
+            return kept[frame]
+
+        return read
 
     @property
     def _mask(self) -> Moving | None:
