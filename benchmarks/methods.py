@@ -139,7 +139,7 @@ METHODS = {
     "no blur": Method(no_blur, (0,), (0,), ()),
     "thesis": Method(thesis, (16, 64, 256), (16, 64, 256), PRODUCT),
     "layers": Method(layers, (4, 8, 16, 32, 64, 128, 256), (16, 64), PRODUCT),
-    "features": Method(features, (4, 8, 16, 32, 64, 128, 256), (16, 64), PRODUCT),
+    "features": Method(features, (16, 64, 256), (64,), PRODUCT),
     "grid": Method(grid, (16, 64), (64,), PRODUCT),
     "edges": Method(edges, (16, 64), (64,), PRODUCT),
     "dense mesh": Method(dense, (16, 64), (64,), PRODUCT, ("T1",)),
