@@ -138,15 +138,15 @@ PRODUCT = ("addon/core", "addon/render")
 METHODS = {
     "no blur": Method(no_blur, (0,), (0,), ()),
     "thesis": Method(thesis, (16, 64, 256), (16, 64, 256), PRODUCT),
-    "layers": Method(layers, (4, 8, 16, 32, 64, 128, 256), (16, 64), PRODUCT),
-    "features": Method(features, (16, 64, 256), (64,), PRODUCT),
-    "grid": Method(grid, (16, 64), (64,), PRODUCT),
-    "edges": Method(edges, (16, 64), (64,), PRODUCT),
-    "dense mesh": Method(dense, (16, 64), (64,), PRODUCT, ("T1",)),
-    "Cycles": Method(cycles, (16, 64), (64,), PRODUCT),
+    "layers": Method(layers, (4, 16, 64, 256), (16, 64), PRODUCT),
+    "features": Method(features, (16, 64), (64,), PRODUCT),
+    "grid": Method(grid, (64,), (64,), PRODUCT),
+    "edges": Method(edges, (64,), (64,), PRODUCT),
+    "dense mesh": Method(dense, (64,), (64,), PRODUCT, ("T1",)),
+    "Cycles": Method(cycles, (16,), (16,), PRODUCT),
     "Defocus": Method(defocus_node, (0,), (0,), ("benchmarks/defocus.py",)),
     "scatter": Method(scattered, (0,), (0,), ("benchmarks/scatter.py",)),
-    "oracle": Method(knowing, (16, 64), (16, 64), ("benchmarks/oracle.py",), ("T1",), with_layers),
+    "oracle": Method(knowing, (64,), (64,), ("benchmarks/oracle.py",), ("T1",), with_layers),
 }
 
 

@@ -20,7 +20,7 @@ from .reconstruction import Floats, Image, Intrinsics, Reconstruction
 
 Mask = NDArray[np.bool_]
 
-STEP, SPAN, FEWEST = 8, 32, 4
+STEP, SPAN, FEWEST = 8, 32, 8
 """Every eighth registered frame is asked, so far before and after; of a short clip, so many at least. They
 are the same for frames that follow each other: then colours are, too, and pictures are read once."""
 KEPT, LONGEST = 12, 1920

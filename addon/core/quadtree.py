@@ -20,8 +20,12 @@ COARSEST = 6
 """Levels: a cell is at most 2 ** 6 pixels wide,"""
 COARSEST_OF_TWO = 4
 """and with a silhouette in it 2 ** 4: so far surfaces are carried on past it."""
-AT_SILHOUETTES, HIDDEN = 3, 12
+AT_SILHOUETTES, HIDDEN = 6, 24
 """Times the error that is allowed where depth jumps, and where it is a guess."""
+
+
+BEND = 0.5
+"""Share of a change of depth that must not be straight on to be a small jump."""
 
 
 @dataclass(frozen=True)
@@ -144,6 +148,13 @@ def _whole(depth: Floats, solid: Mask, jump: float) -> Mask:
     return np.asarray(np.all(_corners(solid), axis=0) & (np.ptp(np.stack(_corners(depth)), axis=0) <= jump))
 
 
+def _bent(depth: Floats) -> Floats:
+    """(H - 1, W - 1) by how much depth does not go straight on at the corners of cells a pixel wide."""
+    across = np.abs(np.diff(depth, 2, axis=1, prepend=depth[:, :1], append=depth[:, -1:]))
+    down = np.abs(np.diff(depth, 2, axis=0, prepend=depth[:1], append=depth[-1:]))
+    return np.asarray(np.max(_corners(np.maximum(across, down)), axis=0), np.float64)
+
+
 def _any(mask: Mask) -> Mask:
     """(H - 1, W - 1) cells with a corner in a mask (H, W)."""
     return np.asarray(np.any(_corners(mask), axis=0))
@@ -168,7 +179,8 @@ def _split(raster: _Raster, whole: Mask, error: Floats) -> list[Mask]:
     split = [np.zeros_like(whole)]
     doubled = _any((raster.near != raster.far) & ~raster.is_far)
     sharp = ~whole
-    steep = np.ptp(np.stack(_corners(raster.own)), axis=0) > error
+    changes = np.ptp(np.stack(_corners(raster.own)), axis=0)
+    steep = (changes > error) & (_bent(raster.own) > BEND * changes)
     for level in range(1, COARSEST + 1):
         error = np.minimum.reduce([error[i::2, j::2] for i in (0, 1) for j in (0, 1)])
         near = split[-1]
