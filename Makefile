@@ -40,6 +40,7 @@ sample: setup
 
 bench: setup
 	@$(PYTHON) -m benchmarks $(BENCH)
+	@$(PYTHON) -m benchmarks.mesh_times
 
 bench-full: setup
 	@$(PYTHON) -m benchmarks --full $(BENCH)
