@@ -45,9 +45,9 @@ DEPTH_STEP = 4
 TOO_LONG = 900.0
 """Seconds after which a solve is ended."""
 NO_SOLVER = (
-    "aperture", "borrow", "canvas", "dense_depth", "dense_fill", "dense_fusion", "dense_motion",
+    "alongside", "aperture", "borrow", "canvas", "dense_depth", "dense_fill", "dense_fusion", "dense_motion",
     "dense_neighbours", "dense_sweep", "depth", "depth_maps", "edge_mesh", "enlarge", "focus", "frame_report",
-    "grid_warp", "inspection", "layer_mesh", "layers", "masks", "mesh_values", "quadtree", "views",
+    "grid_warp", "inspection", "layer_mesh", "layers", "masks", "mesh_values", "quadtree", "recent", "views",
     "visibility", "warp_frame", "warpmesh",
 )  # fmt: skip
 """Modules of `addon.core` that take no part in a solve."""

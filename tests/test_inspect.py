@@ -42,7 +42,7 @@ def test_a_file_of_reports_goes_on(tmp_path: Path) -> None:
         for frame in frames:
             one_ = replace(warped, plan=replace(warped.plan, frame=frame))
             lens = LensSettings(Focus(distance=1.0), RADIUS)
-            account.told(Drawn(one_, lens, picture(), picture(), 0.1), lambda done, total: True)
+            account.told(Drawn(one_, lens, picture(), 0.1), lambda done, total: True)
 
     first = Account(path, "key")
     draw(first, 4, 2)
@@ -60,7 +60,7 @@ def test_a_file_of_reports_goes_on(tmp_path: Path) -> None:
     # Cancelled while the shares are drawn: nothing is said of the frame.
     stopped = Account(tmp_path / "b.json", "key")
     lens = LensSettings(Focus(distance=1.0), RADIUS)
-    stopped.told(Drawn(warped, lens, picture(), picture(), 0.1), lambda done, total: False)
+    stopped.told(Drawn(warped, lens, picture(), 0.1), lambda done, total: False)
     assert not (tmp_path / "b.json").exists()
 
 

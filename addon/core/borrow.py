@@ -6,7 +6,6 @@ inside its picture and not hidden there by anything that this frame shows, its c
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -15,7 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .canvas import Canvas, Picture
+from .dense_neighbours import regular
 from .footage import Pixels, to_linear
+from .recent import Recent
 from .reconstruction import Floats, Image, Intrinsics, Reconstruction
 
 Mask = NDArray[np.bool_]
@@ -54,7 +55,7 @@ class Lender:
         the frame that asks it hides nothing, for elsewhere it stands somewhere else.
         """
         self._rec, self._read, self._moving = reconstruction, read, moving
-        self._pictures: OrderedDict[int, Picture] = OrderedDict()
+        self._pictures = Recent[NDArray[np.float16]](KEPT)
 
     def colours(
         self,
@@ -87,10 +88,8 @@ class Lender:
         return middle.astype(np.float32), (known > 0) & (2 * agree >= known)
 
     def _others(self, frame: int) -> list[Image]:
-        images, at = self._rec.images, int(np.searchsorted(self._rec.frames, frame))
-        step = max(1, min(STEP, len(images) // FEWEST))
-        near = range(-(-max(at - SPAN, 0) // step) * step, min(at + SPAN + 1, len(images)), step)
-        return [images[i] for i in near if images[i].frame != frame]
+        step = max(1, min(STEP, len(self._rec.images) // FEWEST))
+        return regular(self._rec, frame, step, SPAN)
 
     def _seen(
         self, image: Image, canvas: Canvas, other: Image, own: _Own, places: Floats, inverse: Floats
@@ -140,16 +139,14 @@ class Lender:
 
     def _picture(self, image: Image) -> Picture:
         """(h, w, 3) linear."""
-        if image.frame not in self._pictures:
-            picture = to_linear(self._read(image.frame))[..., :3]
-            zoom = LONGEST / max(picture.shape)
-            if zoom < 1:
-                picture = cv2.resize(picture, None, fx=zoom, fy=zoom, interpolation=cv2.INTER_AREA)
-            self._pictures[image.frame] = picture.astype(np.float16)
-            while len(self._pictures) > KEPT:
-                self._pictures.popitem(last=False)
-        self._pictures.move_to_end(image.frame)
-        return self._pictures[image.frame].astype(np.float32)
+        return self._pictures.get(image.frame, lambda: self._linear(image.frame)).astype(np.float32)
+
+    def _linear(self, frame: int) -> NDArray[np.float16]:
+        picture = to_linear(self._read(frame))[..., :3]
+        zoom = LONGEST / max(picture.shape)
+        if zoom < 1:
+            picture = cv2.resize(picture, None, fx=zoom, fy=zoom, interpolation=cv2.INTER_AREA)
+        return picture.astype(np.float16)
 
 
 @dataclass(frozen=True)

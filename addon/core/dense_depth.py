@@ -6,7 +6,6 @@ each pixel's inverse depth; pixels whose motion contradicts it move by themselve
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -21,6 +20,7 @@ from .dense_neighbours import Neighbour, choose, relative_pose
 from .dense_sweep import TRUNCATED, Bytes, Map, View, lowest, semiglobal, small_picture, sweep
 from .depth import frame_features, seen_by
 from .footage import Pixels, encode_srgb
+from .recent import Recent
 from .reconstruction import Floats, Image, Intrinsics, Reconstruction
 
 Mask = NDArray[np.bool_]
@@ -91,8 +91,8 @@ class ClipDepth:
         `mask` gives what is known to move by itself; more may be found.
         """
         self._rec, self._read, self._longest, self._mask = reconstruction, read, longest, mask
-        self._pictures: OrderedDict[int, Bytes] = OrderedDict()
-        self._movers: OrderedDict[int, Mask] = OrderedDict()
+        self._pictures = Recent[Bytes](KEPT)
+        self._movers = Recent[Mask](KEPT)
 
     def at(self, frame: int) -> DenseDepth:
         """The depth of a frame.
@@ -139,17 +139,15 @@ class ClipDepth:
 
     def moving(self, frame: int) -> Mask:
         """(h, w) what moves by itself, over the source frame at the size worked at; remembered."""
-        if frame not in self._movers:
-            image, _ = self._rec.image_at(frame)
-            found, canvas = self.at(frame).moving, self._canvas(image)
-            if canvas.lens.is_distorted:
-                share = np.dstack([found.astype(np.float32)] * 4)
-                found = np.asarray(canvas.to_source(share)[..., 0] > 0.5)
-            self._movers[frame] = found
-            while len(self._movers) > KEPT:
-                self._movers.popitem(last=False)
-        self._movers.move_to_end(frame)
-        return self._movers[frame]
+        return self._movers.get(frame, lambda: self._moving(frame))
+
+    def _moving(self, frame: int) -> Mask:
+        image, _ = self._rec.image_at(frame)
+        found, canvas = self.at(frame).moving, self._canvas(image)
+        if not canvas.lens.is_distorted:
+            return found
+        share = np.dstack([found.astype(np.float32)] * 4)
+        return np.asarray(canvas.to_source(share)[..., 0] > 0.5)
 
     def picture(self, frame: int) -> Bytes:
         """(h, w, 3) sRGB of a frame, as its depth is over it."""
@@ -162,18 +160,16 @@ class ClipDepth:
 
     def _picture(self, image: Image) -> Bytes:
         """(h, w, 4) RGB as shown in the canvas, and 255 where the lens saw something, less what is masked."""
-        if image.frame not in self._pictures:
-            canvas = self._canvas(image)
-            size = (canvas.lens.width, canvas.lens.height)
-            small = cv2.resize(_displayed(self._read(image.frame)), size, interpolation=cv2.INTER_AREA)
-            small = np.dstack([small, np.full(small.shape[:2], 255, np.uint8)])
-            small = _straightened(small, canvas) if canvas.lens.is_distorted else small
-            small[self._masked(image), 3] = MASKED
-            self._pictures[image.frame] = small
-            while len(self._pictures) > KEPT:
-                self._pictures.popitem(last=False)
-        self._pictures.move_to_end(image.frame)
-        return self._pictures[image.frame]
+        return self._pictures.get(image.frame, lambda: self._shown(image))
+
+    def _shown(self, image: Image) -> Bytes:
+        canvas = self._canvas(image)
+        size = (canvas.lens.width, canvas.lens.height)
+        small = cv2.resize(_displayed(self._read(image.frame)), size, interpolation=cv2.INTER_AREA)
+        small = np.dstack([small, np.full(small.shape[:2], 255, np.uint8)])
+        small = _straightened(small, canvas) if canvas.lens.is_distorted else small
+        small[self._masked(image), 3] = MASKED
+        return small
 
     def _masked(self, image: Image) -> Mask:
         """(h, w) of the canvas, what is known to move by itself."""

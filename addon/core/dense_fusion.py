@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
-
 import cv2
 import numpy as np
 
 from .dense_depth import ClipDepth, DenseDepth, pixel_matrix
-from .dense_neighbours import relative_pose
+from .dense_neighbours import regular, relative_pose
 from .dense_sweep import Bytes, Map
+from .recent import Recent
 from .reconstruction import Image, Reconstruction
 
 STEP, SIDES = 4, 2
@@ -43,7 +42,7 @@ class SteadyDepth:
 
     def __init__(self, reconstruction: Reconstruction, single: ClipDepth) -> None:
         self._rec, self._single = reconstruction, single
-        self._kept: OrderedDict[int, DenseDepth] = OrderedDict()
+        self._kept = Recent[DenseDepth](KEPT)
 
     def at(self, frame: int) -> DenseDepth:
         """The depth of a frame, as `ClipDepth.at` and with its errors.
@@ -64,19 +63,11 @@ class SteadyDepth:
         return DenseDepth(frame, inverse, confidence, own.moving, own.lens)
 
     def _around(self, frame: int) -> list[Image]:
-        images, at = self._rec.images, int(np.searchsorted(self._rec.frames, frame))
-        step = max(1, min(STEP, len(images) // 8))
-        first = -(-(at - SIDES * step) // step) * step
-        places = range(max(first, 0), min(at + SIDES * step + 1, len(images)), step)
-        return [images[i] for i in places if images[i].frame != frame]
+        step = max(1, min(STEP, len(self._rec.images) // 8))
+        return regular(self._rec, frame, step, SIDES * step)
 
     def _alone(self, frame: int) -> DenseDepth:
-        if frame not in self._kept:
-            self._kept[frame] = self._single.at(frame)
-            while len(self._kept) > KEPT:
-                self._kept.popitem(last=False)
-        self._kept.move_to_end(frame)
-        return self._kept[frame]
+        return self._kept.get(frame, lambda: self._single.at(frame))
 
 
 def fused(inverse: Map, weight: Map) -> tuple[Map, Map, float]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .reconstruction import Floats, Image, Intrinsics
+from .reconstruction import Floats, Image, Intrinsics, Reconstruction
 
 SHRINKS = 0.1
 """A place whose depth shrinks below this share on the way to a neighbour is out of its sight."""
@@ -32,6 +32,16 @@ def relative_pose(image: Image, other: Image) -> tuple[Floats, Floats]:
     """Rotation (3, 3) and translation (3,) from an image's camera space to another's."""
     turn = other.rotation @ image.rotation.T
     return turn, np.asarray(other.translation - turn @ image.translation)
+
+
+def regular(reconstruction: Reconstruction, frame: int, step: int, span: int) -> list[Image]:
+    """Every `step`-th registered frame, up to `span` of them before and after a frame, without it.
+
+    They are counted from the first, so that frames that follow each other get the same ones.
+    """
+    images, at = reconstruction.images, int(np.searchsorted(reconstruction.frames, frame))
+    places = range(-(-max(at - span, 0) // step) * step, min(at + span + 1, len(images)), step)
+    return [images[i] for i in places if images[i].frame != frame]
 
 
 def choose(

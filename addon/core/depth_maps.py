@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from .alongside import numbered, stretched
 from .errors import UserError
 from .footage import Footage, describe, open_footage
 from .reconstruction import Floats
@@ -142,39 +143,20 @@ class Fitted:
 def open_depth(path: Path, footage: Footage) -> DepthMaps:
     """Find the depth maps of a clip: a folder, or a pattern such as `depth_####.exr`; EXR or 16-bit PNG.
 
-    They belong to the frames that their names number. Where these are not the clip's numbers but the counts
-    agree, they belong to the frames in order. A video's first frame is 1; maps that begin at 0 begin there.
-    Raises UserError where there are no maps or none fits a frame.
+    `alongside.numbered` tells whose they are. Raises UserError where there are no maps or none fits a frame.
     """
     try:
         maps = open_footage(path)
     except UserError as error:
         raise UserError(f"depth maps: {error}") from error
-    notes = []
-    shifted = 1 if footage.is_video and maps.frames[0] == 0 else 0
-    numbers = {number + shifted: number for number in maps.frames}
-    if not set(footage.frames) <= set(numbers) and len(maps.frames) == len(footage.frames):
-        numbers = dict(zip(footage.frames, maps.frames, strict=True))
-        notes.append(
-            f"depth maps belong to the clip in order: {maps.path.name} has {describe(maps.frames)},"
-            f" the clip {describe(footage.frames)}"
-        )
-    numbers = {frame: numbers[frame] for frame in footage.frames if frame in numbers}
-    if not numbers:
-        raise UserError(
-            f"no depth map in {maps.path.name} belongs to the clip: the maps are {describe(maps.frames)},"
-            f" the clip has {describe(footage.frames)}; number them alike, or give one map for every frame"
-        )
+    numbers, notes = numbered(maps, footage, "depth map")
     missing = len(footage.frames) - len(numbers)
     if missing:
         notes.append(f"{missing} of {len(footage.frames)} frames have no depth map")
     first = maps.read(numbers[next(iter(numbers))])
     if first.dtype == np.uint8:
         notes.append("the depth maps have 8 bits, 256 steps from near to far; 16-bit PNG or EXR is smoother")
-    if abs(maps.width * footage.height / (maps.height * footage.width) - 1) > 0.02:
-        notes.append(
-            f"the depth maps are {maps.width}x{maps.height}, stretched over {footage.width}x{footage.height}"
-        )
+    notes += stretched(maps, footage, "depth map")
     return DepthMaps(footage, maps, numbers, tuple(notes))
 
 

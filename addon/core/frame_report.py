@@ -40,7 +40,7 @@ class FrameReport:
     """Triangles as a share of those of a mesh with a vertex for every pixel."""
     bound: tuple[float, float] | None
     """Pixels by which a view may see the mesh beside where the depth puts it, and of the blur's radius there
-    how much more (a share). Three times that where depth jumps."""
+    how much more (a share); `quadtree.AT_SILHOUETTES` times that where depth jumps."""
     error_mean: float | None
     error_largest: float | None
     """Pixels by which the outermost view does."""

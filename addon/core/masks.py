@@ -10,13 +10,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from .alongside import numbered, stretched
 from .errors import UserError
-from .footage import PICTURES, Footage, Pixels, describe, open_footage
+from .footage import PICTURES, Footage, Pixels, open_footage
 
 Mask = NDArray[np.bool_]
-
-STRETCH = 0.02
-"""By which the shape of the masks may differ from the clip's before the user is told."""
 
 
 @dataclass(frozen=True)
@@ -57,40 +55,20 @@ class Masks:
 def open_masks(path: Path, footage: Footage) -> Masks:
     """Find the masks of a clip: a folder, a pattern such as `mask_####.png`, or one picture of a sequence.
 
-    White moves by itself, black stands still; a transparent pixel is black. Masks belong to the frames that
-    their names number; where these are not the clip's numbers but the counts agree, to the frames in order.
-    A video's first frame is 1; masks that begin at 0 begin there.
-    Raises UserError where there is no mask or none fits a frame.
+    White moves by itself, black stands still; a transparent pixel is black. `alongside.numbered` tells whose
+    they are. Raises UserError where there is no mask or none fits a frame.
     """
     try:
         pictures = open_footage(_pattern(path))
     except UserError as error:
         raise UserError(f"masks: {error}") from error
-    frames, notes = pictures.frames, []
-    shifted = 1 if footage.is_video and frames[0] == 0 else 0
-    numbers = {number + shifted: number for number in frames}
-    if not set(footage.frames) <= set(numbers) and len(frames) == len(footage.frames):
-        numbers = dict(zip(footage.frames, frames, strict=True))
-        notes.append(
-            f"masks belong to the clip in order: {pictures.path.name} has {describe(frames)},"
-            f" the clip {describe(footage.frames)}"
-        )
-    numbers = {frame: numbers[frame] for frame in footage.frames if frame in numbers}
-    if not numbers:
-        raise UserError(
-            f"no mask in {pictures.path.name} belongs to the clip: the masks are {describe(frames)},"
-            f" the clip has {describe(footage.frames)}; number them alike, or give one mask for every frame"
-        )
+    numbers, notes = numbered(pictures, footage, "mask")
     missing = len(footage.frames) - len(numbers)
     if missing:
         notes.append(
             f"{missing} of {len(footage.frames)} frames have no mask; there, what moves is only found"
         )
-    if abs(pictures.width * footage.height / (pictures.height * footage.width) - 1) > STRETCH:
-        notes.append(
-            f"the masks are {pictures.width}x{pictures.height}, stretched over"
-            f" {footage.width}x{footage.height}"
-        )
+    notes += stretched(pictures, footage, "mask")
     return Masks(footage, pictures, numbers, tuple(notes))
 
 

@@ -22,8 +22,6 @@ COARSEST_OF_TWO = 4
 """and with a silhouette in it 2 ** 4: so far surfaces are carried on past it."""
 AT_SILHOUETTES, HIDDEN = 6, 24
 """Times the error that is allowed where depth jumps, and where it is a guess."""
-
-
 BEND = 0.5
 """Share of a change of depth that must not be straight on to be a small jump."""
 
@@ -69,7 +67,8 @@ def triangulate(surfaces: Surfaces, jump: float, error: float | Floats) -> Trian
     Herzen and Barr, "Accurate triangulations of deformed, intersecting surfaces", 1987.
     """
     height, width = surfaces.own.shape
-    raster = _Raster.of(surfaces)
+    raster = _padded(surfaces)
+    columns = raster.own.shape[1]
     whole = _whole(raster.own, ~raster.mixed, jump)
     split = _split(raster, whole, _allowed(error, (height, width), whole.shape))
     two = _any(raster.mixed | ((raster.near != raster.far) & ~raster.is_far))
@@ -79,54 +78,34 @@ def triangulate(surfaces: Surfaces, jump: float, error: float | Floats) -> Trian
     for level in range(COARSEST, 0, -1):
         ends = leaf & ~split[level]
         before = ends & _coarser(two, level)
-        far.append(_cells(ends, split[level], level, raster.width))
-        near.append(_cells(before, split[level], level, raster.width))
+        far.append(_cells(ends, split[level], level, columns))
+        near.append(_cells(before, split[level], level, columns))
         covered |= _children(before, level)
         leaf = _children(leaf & split[level])
-    far.append(_squares(leaf, raster.width))
-    near.append(_squares(leaf & whole & two, raster.width))
+    far.append(_squares(leaf, columns))
+    near.append(_squares(leaf & whole & two, columns))
     covered |= leaf & whole & two
     parts = np.concatenate(far), np.concatenate(near), _held(leaf & ~whole, raster.own, jump)
     rim = np.pad(covered, 1)
     around = rim[1:, 1:] | rim[:-1, 1:] | rim[1:, :-1] | rim[:-1, :-1]
-    made = [_back(part, raster.width, height, width) for part in parts]
+    made = [_back(part, columns, height, width) for part in parts]
     return Triangles(made[0], made[1], made[2], around[:height, :width])
 
 
-@dataclass(frozen=True)
-class _Raster:
-    """Surfaces whose sides are multiples of the coarsest cell's, and one more."""
+def _padded(surfaces: Surfaces) -> Surfaces:
+    """With sides that are multiples of the coarsest cell's, and one more: cells reach past the border, where
+    surfaces go straight on."""
+    height, width = surfaces.own.shape
+    rows, columns = (-(-(n - 1) >> COARSEST) << COARSEST for n in (height, width))
+    beyond = ((0, rows + 1 - height), (0, columns + 1 - width))
 
-    own: Floats
-    near: Floats
-    far: Floats
-    mixed: Mask
-    is_far: Mask
-    hidden: Mask
+    def depth(values: Floats) -> Floats:
+        if min(height, width) == 1:
+            return np.zeros((rows + 1, columns + 1))
+        return np.pad(values, beyond, mode="reflect", reflect_type="odd")
 
-    @classmethod
-    def of(cls, surfaces: Surfaces) -> _Raster:
-        """Cells reach past the border, where surfaces go straight on."""
-        height, width = surfaces.own.shape
-        rows, columns = (-(-(n - 1) >> COARSEST) << COARSEST for n in (height, width))
-        beyond = ((0, rows + 1 - height), (0, columns + 1 - width))
-
-        def depth(values: Floats) -> Floats:
-            if min(height, width) == 1:
-                return np.zeros((rows + 1, columns + 1))
-            return np.pad(values, beyond, mode="reflect", reflect_type="odd")
-
-        def mask(values: Mask) -> Mask:
-            return np.pad(values, beyond)
-
-        return cls(
-            depth(surfaces.own), depth(surfaces.near), depth(surfaces.far),
-            mask(surfaces.mixed), mask(surfaces.is_far), mask(surfaces.hidden),
-        )  # fmt: skip
-
-    @property
-    def width(self) -> int:
-        return int(self.own.shape[1])
+    masks = (np.pad(mask, beyond) for mask in (surfaces.mixed, surfaces.is_far, surfaces.hidden))
+    return Surfaces(depth(surfaces.own), depth(surfaces.near), depth(surfaces.far), *masks)
 
 
 def _back(triangles: Ints, padded: int, height: int, width: int) -> Ints:
@@ -174,7 +153,7 @@ def _allowed(error: float | Floats, shape: tuple[int, int], cells: tuple[int, ..
     return np.asarray(np.min(_corners(whole), axis=0), np.float64)
 
 
-def _split(raster: _Raster, whole: Mask, error: Floats) -> list[Mask]:
+def _split(raster: Surfaces, whole: Mask, error: Floats) -> list[Mask]:
     """For each level the cells (R, C) that need finer ones; `error` (H - 1, W - 1) is that of the finest."""
     split = [np.zeros_like(whole)]
     doubled = _any((raster.near != raster.far) & ~raster.is_far)

@@ -30,8 +30,6 @@ class Drawn:
     lens: LensSettings
     source: Picture
     """(H, W, 4) the frame, linear."""
-    picture: Picture
-    """(H, W, 4) the result."""
     seconds: float
     """What drawing took."""
 
@@ -53,7 +51,7 @@ def render_frame(
     `carry_on(done, total)` is asked before each view, `note` is told what the user should know, and `told`
     of the frame, if it was drawn.
     """
-    source = _resized(to_linear(shot.footage.read(frame)), size)
+    source = _resized(to_linear(shot.read(frame)), size)
     warped = warp_frame(shot, frame, lens, size, source)
     if warped.plan.carried:
         note(f"Frame {frame} was not registered: its camera is carried over from its neighbours")
@@ -65,7 +63,7 @@ def render_frame(
         return None
     picture = warped.plan.canvas.to_source(mean)
     if told is not None:
-        told(Drawn(warped, lens, source, picture, time.perf_counter() - began), carry_on)
+        told(Drawn(warped, lens, source, time.perf_counter() - began), carry_on)
     return picture
 
 

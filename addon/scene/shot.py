@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -19,6 +17,7 @@ from ..core.depth_maps import open_depth
 from ..core.errors import UserError
 from ..core.footage import Footage, Pixels, open_footage
 from ..core.masks import Masks, open_masks
+from ..core.recent import Recent
 from ..core.reconstruction import Reconstruction
 from . import exr, store
 from .masks import DrawnMask, drawn_mask
@@ -48,29 +47,22 @@ class Shot:
     @cached_property
     def dense(self) -> SteadyDepth:
         """Depth of every pixel, from the clip itself."""
-        single = ClipDepth(self.reconstruction, self._read, mask=self._mask)
+        single = ClipDepth(self.reconstruction, self.read, mask=self._mask)
         return SteadyDepth(self.reconstruction, single)
 
     @cached_property
     def lender(self) -> Lender:
         """Other frames' colours for what a frame does not show, but for what moves in them."""
-        movers = ClipDepth(self.reconstruction, self._read, COARSE, self._mask)
-        return Lender(self.reconstruction, self._read, movers.moving)
+        movers = ClipDepth(self.reconstruction, self.read, COARSE, self._mask)
+        return Lender(self.reconstruction, self.read, movers.moving)
+
+    def read(self, frame: int) -> Pixels:
+        """A frame's picture, remembered: depth, what moves and what is lent ask for the same ones."""
+        return self._pictures.get(frame, lambda: self.footage.read(frame))
 
     @cached_property
-    def _read(self) -> Callable[[int], Pixels]:
-        """Pictures of frames, remembered: depth, what moves and what is lent ask for the same ones."""
-        kept: OrderedDict[int, Pixels] = OrderedDict()
-
-        def read(frame: int) -> Pixels:
-            if frame not in kept:
-                kept[frame] = self.footage.read(frame)
-                while len(kept) > 1 and sum(picture.nbytes for picture in kept.values()) > REMEMBERED:
-                    kept.popitem(last=False)
-            kept.move_to_end(frame)
-            return kept[frame]
-
-        return read
+    def _pictures(self) -> Recent[Pixels]:
+        return Recent(REMEMBERED, lambda picture: picture.nbytes)
 
     @property
     def _mask(self) -> Moving | None:

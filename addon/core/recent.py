@@ -1,0 +1,24 @@
+"""What was made for frames lately, so that frames that follow each other need not make it again."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable
+
+
+class Recent[V]:
+    """Values by frame; the least recently asked for are forgotten, the last one never."""
+
+    def __init__(self, limit: int, size: Callable[[V], int] = lambda value: 1) -> None:
+        """At most `limit` of the sum of the values' sizes is kept."""
+        self._limit, self._size = limit, size
+        self._kept: OrderedDict[int, V] = OrderedDict()
+
+    def get(self, frame: int, make: Callable[[], V]) -> V:
+        """A frame's value, made if need be."""
+        if frame not in self._kept:
+            self._kept[frame] = make()
+            while len(self._kept) > 1 and sum(map(self._size, self._kept.values())) > self._limit:
+                self._kept.popitem(last=False)
+        self._kept.move_to_end(frame)
+        return self._kept[frame]
