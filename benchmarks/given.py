@@ -28,8 +28,8 @@ from .scenes import Picture, Scene
 Floats = NDArray[np.float64]
 
 TRACKS = ("T1", "T2")
-ON_SURFACE = 0.03
-"""Share of the depth by which the focus may miss the surface seen there and still be picked on it."""
+ON_SURFACE = 0.5
+"""Pixels of the blur disc by which the focus may miss the surface seen there and still be picked on it."""
 
 
 @dataclass(frozen=True)
@@ -143,8 +143,10 @@ class Solved:
         first = scene.judged(blur)[0]
         x, y = scene.focus_xy(first, blur)
         column, row = int(x), int(y)
-        seen, wanted = scene.depth(first)[row, column], scene.focus_depth(first, blur)
-        if abs(seen - wanted) < ON_SURFACE * wanted:
+        wanted = [1 / scene.focus_depth(frame, blur) for frame in scene.judged(blur)]
+        lens = scene.cameras.intrinsics(scene.cameras.image_at(first)[0])
+        off = 2 * scene.radius(blur) * lens.fx * (1 / scene.depth(first)[row, column] - np.array(wanted))
+        if np.abs(off).max() < ON_SURFACE:
             height, width = scene.depth(first).shape
             return pick(self.reconstruction, first, x / width, y / height)
         # Between two subjects: the distance that the solve gives to the wanted depth, by its own points.

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from addon.core.dense_depth import ClipDepth, DenseDepth
-from addon.core.dense_fusion import RIM, SteadyDepth, fused
+from addon.core.dense_fusion import HIGH, LEVELS, RIM, SteadyDepth, fused, sharpened
 
 from . import planes
 from .test_dense_depth import CENTRES, LENS, MIDDLE, RANGE, clip, features, poses, truth
@@ -201,3 +201,28 @@ def test_a_clips_depth_is_steadier_than_that_of_its_frames() -> None:
     assert changes[1] < changes[0]
     assert off[1] < 1.1 * off[0]
     assert (fused_depth[0].lens.width, fused_depth[0].lens.height) == planes.SIZE
+
+
+# Steps
+
+
+def test_ramps_and_shelves_at_silhouettes_become_steps() -> None:
+    column = np.arange(60.0)
+    for soft in (
+        np.interp(column, [28, 32], [WALL, NEAR]),
+        np.where(column < 29, WALL, np.where(column < 31, 0.22, NEAR)),
+    ):
+        found = sharpened(np.broadcast_to(soft, (40, 60)).astype(np.float32), 0.02)
+        np.testing.assert_allclose(found, np.where(found > 0.25, NEAR, WALL), rtol=1e-6)
+        assert np.all(np.abs((found > 0.25).argmax(axis=1) - 30) <= 1)
+
+
+def test_slopes_and_thin_things_stay() -> None:
+    # The whole range within the picture: as steep as surfaces are that are seen at all.
+    high = HIGH * (NEAR - WALL) / LEVELS
+    slope = np.broadcast_to(np.linspace(WALL, NEAR, 60), (40, 60)).astype(np.float32)
+    np.testing.assert_array_equal(sharpened(slope, high), slope)
+    for wide in (1, 2, 3):
+        thin = np.full((40, 60), WALL, np.float32)
+        thin[:, 30 : 30 + wide] = NEAR
+        np.testing.assert_array_equal(sharpened(thin, high), thin)

@@ -184,6 +184,25 @@ def test_picking_takes_four_points_of_one_depth() -> None:
     assert focus.inverse_depth(rec, 7) == pytest.approx(1 / 3)
 
 
+def test_picking_on_a_slope_focuses_where_it_was_clicked() -> None:
+    rng = np.random.default_rng(2)
+    xy = rng.uniform([10, 10], [310, 170], (700, 2))
+    # A floor; what the features say is a little noisy, and a few of them are wrong.
+    inverse = (xy[:, 1] - 5) / 500
+    noisy = inverse * rng.normal(1, 0.002, 700)
+    noisy[::15] *= 1.5
+    xyz = np.column_stack([(xy - [160, 90]) / 270, np.ones(700)]) / noisy[:, None]
+    image = Image(7, np.eye(3), np.zeros(3), xy, np.arange(700, dtype=np.int32))
+    rec = Reconstruction((LENS,), (image,), Points(xyz, np.zeros((700, 3), np.uint8), np.zeros(700)))
+    clicks = rng.uniform([30, 30], [290, 150], (60, 2))
+    focus = [pick(rec, 7, x / 320, y / 180).inverse_depth(rec, 7) for x, y in clicks]
+    rows_off = np.abs(np.array(focus) * 500 + 5 - clicks[:, 1])
+    nearest = [np.argsort(np.linalg.norm(xy - click, axis=1))[:4] for click in clicks]
+    plain = np.abs(noisy[nearest].mean(axis=1) * 500 + 5 - clicks[:, 1])
+    assert np.median(rows_off) < 0.6 * np.median(plain)
+    assert rows_off.max() < 0.5 * plain.max()
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [

@@ -30,6 +30,9 @@ BEHIND, MOST = 4, 1.2
 """What is not sure beside something near is behind it: a power of depth as weight, and the largest ratio."""
 EVEN = 30.0
 """Lambda of the smoother along the surfaces found; a level stops it."""
+HIGH, RAMP, GROWS = 4.0, 2, 1.8
+"""Levels that make a jump, pixels within which it is one, and how many times as high a slope is within twice
+as many."""
 ISLAND, AROUND, ASHORE = 0.003, 21, 0.5
 """Share of the picture that makes an island of what is sure, at most; with so large a share of sure pixels
 around it, within so many, it is none."""
@@ -58,6 +61,7 @@ class SteadyDepth:
         inverse, confidence, step = fused(*(np.stack(part) for part in zip(*stack, strict=True)))
         confidence = _without_islands(confidence)
         inverse = _evened(_filled(self._single.picture(frame), inverse, confidence), step)
+        inverse = sharpened(inverse, HIGH * step)
         inverse = np.where(own.moving, own.inverse_depth, inverse)
         confidence = np.where(own.moving, own.confidence, confidence)
         return DenseDepth(frame, inverse, confidence, own.moving, own.lens)
@@ -159,3 +163,17 @@ def _evened(inverse: Map, step: float) -> Map:
     scale = min(4 / step, 255 / (high - low))
     guide = ((inverse - low) * scale).astype(np.uint8)
     return np.asarray(cv2.ximgproc.fastGlobalSmootherFilter(guide, inverse, EVEN, scale * step), np.float32)
+
+
+def sharpened(inverse: Map, high: float) -> Map:
+    """Inverse depth (h, w) whose jumps of more than `high` are steps.
+
+    Matching leaves ramps and shelves at silhouettes, which no surface is at: their pixels join the nearer end
+    in depth (Kramer and Bruckner, "Iterations of a non-linear transformation for enhancement of digital
+    images", 1975). A slope goes on beyond, and stays.
+    """
+    near, wide = (np.ones((2 * reach + 1, 2 * reach + 1), np.uint8) for reach in (RAMP, 2 * RAMP))
+    low, top = cv2.erode(inverse, near), cv2.dilate(inverse, near)
+    whole = cv2.dilate(inverse, wide) - cv2.erode(inverse, wide)
+    ramp = (top - low > high) & (whole < GROWS * (top - low))
+    return np.where(ramp, np.where(top - inverse < inverse - low, top, low), inverse).astype(np.float32)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
@@ -13,6 +14,12 @@ from .reconstruction import Floats, Ints, Reconstruction
 
 PICKS = 4
 """The thesis averages four picked points."""
+APART = 0.1
+"""Of their range of inverse depths, what picked points may miss the surface under a click by instead."""
+NEXT_TO = 2.0
+"""Pixels; features closer to a click than that count alike."""
+FLAT = 0.1
+"""How much a surface under a click is taken to face the camera, as a share of what its features tell."""
 
 
 @dataclass(frozen=True)
@@ -62,8 +69,9 @@ def check_points(reconstruction: Reconstruction, points: tuple[int, ...]) -> Int
 def pick(reconstruction: Reconstruction, frame: int, x: float, y: float) -> Focus:
     """The focus points for a click at fractions x, y of the picture (0, 0 = top left) of a frame.
 
-    Of the features nearest to the click the four that agree best in depth are taken, so that a click
-    beside a silhouette does not focus between subject and background.
+    Of the features nearest to the click the four are taken whose mean depth is that of the surface under the
+    click, and which differ little: so a click beside a silhouette does not focus between subject and
+    background, nor one on a slope before or behind the place.
     """
     if not (0 <= x <= 1 and 0 <= y <= 1):
         raise UserError(f"focus at {x:g},{y:g} is outside the picture; both must be between 0 and 1")
@@ -81,12 +89,37 @@ def pick(reconstruction: Reconstruction, frame: int, x: float, y: float) -> Focu
         raise UserError(f"frame {frame} has fewer than two feature points; pick the focus in another frame")
     click = canvas.features_from_source(np.array([[x * canvas.lens.width, y * canvas.lens.height]]))
     distance = np.linalg.norm(features.observed - click, axis=1)
-    near = np.argsort(distance, kind="stable")[: 2 * PICKS + 1]
+    near = np.argsort(distance, kind="stable")[: 3 * PICKS]
     # A neighbour at twice the distance of the fourth says little about the clicked place.
     near = near[distance[near] <= 2 * distance[near[min(PICKS, len(near)) - 1]]]
     inverse = features.inverse_depth[near]
-    agree = np.argsort(np.abs(inverse - np.median(inverse)), kind="stable")[:PICKS]
-    return Focus(points=tuple(int(p) for p in features.points[near[agree]]))
+    under = _surface(features.observed[near] - click, inverse)
+    agree = np.argsort(np.abs(inverse - under), kind="stable")[: 2 * PICKS]
+    fours = np.array(list(combinations(agree, min(PICKS, len(agree)))))
+    chosen = inverse[fours]
+    cost = np.abs(chosen.mean(axis=1) - under) + APART * np.ptp(chosen, axis=1)
+    return Focus(points=tuple(int(p) for p in features.points[near[fours[np.argmin(cost)]]]))
+
+
+def _surface(offsets: Floats, inverse: Floats) -> float:
+    """Inverse depth at a click of the surface that most of the features (n, 2) pixels beside it are on.
+
+    A plane's inverse depth (n,) is linear over the picture: weighted least squares with Cauchy's weights from
+    the weighted median on (Holland and Welsch, "Robust regression using iteratively reweighted
+    least-squares", 1977). Close features count more; few that lie in a row tell little of the tilt.
+    """
+    distance = np.linalg.norm(offsets, axis=1)
+    closeness = 1 / (distance + NEXT_TO)
+    order = np.argsort(inverse, kind="stable")
+    half = np.searchsorted(np.cumsum(closeness[order]), closeness.sum() / 2)
+    across = np.column_stack([np.ones(len(inverse)), offsets / (distance.max() + NEXT_TO)])
+    plane = np.array([inverse[order[half]], 0.0, 0.0])
+    for _ in range(5):
+        miss = np.abs(inverse - across @ plane)
+        weight = closeness / (1 + (miss / (2 * max(float(np.median(miss)), 1e-9 * inverse.max()))) ** 2)
+        flat = np.diag([0.0, 1.0, 1.0]) * FLAT * weight.sum()
+        plane = np.linalg.solve(across.T @ (across * weight[:, None]) + flat, across.T @ (weight * inverse))
+    return float(plane[0])
 
 
 def radius_for_blur(reconstruction: Reconstruction, focus: Focus, frame: int, blur: float) -> float:
