@@ -27,7 +27,7 @@ Mask = NDArray[np.bool_]
 Moving = Callable[[int], Mask | None]
 """(h, w), at any size, what moves by itself in a source frame; None where nothing is known of it."""
 
-LONGEST, COARSE = 640, 320
+LONGEST, COARSE = 960, 320
 """Pixels of the longer side that is worked at: past it, time and memory grow and a blur gains little; and
 where only what moves is asked for."""
 KEPT = 40

@@ -11,7 +11,7 @@ from .dense_sweep import Bytes, Map
 from .recent import Recent
 from .reconstruction import Image, Reconstruction
 
-STEP, SIDES = 4, 2
+STEP, SIDES = 4, 3
 """Every fourth registered frame helps those around it, this many on either side. They are the same for frames
 that follow each other: so each is found once, and what is unsure does not flicker."""
 KEPT = 8
@@ -28,7 +28,7 @@ REACH, EDGE = 4000.0, 6.0
 """Of the smoother that spreads sure depth: its lambda, and the grey levels that stop it."""
 BEHIND, MOST = 4, 1.2
 """What is not sure beside something near is behind it: a power of depth as weight, and the largest ratio."""
-EVEN = 30.0
+EVEN = 15.0
 """Lambda of the smoother along the surfaces found; a level stops it."""
 HIGH, RAMP, GROWS = 4.0, 2, 1.8
 """Levels that make a jump, pixels within which it is one, and how many times as high a slope is within twice
