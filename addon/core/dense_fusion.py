@@ -33,9 +33,11 @@ EVEN = 15.0
 HIGH, RAMP, GROWS = 4.0, 2, 1.8
 """Levels that make a jump, pixels within which it is one, and how many times as high a slope is within twice
 as many."""
-ISLAND, AROUND, ASHORE = 0.003, 21, 0.5
-"""Share of the picture that makes an island of what is sure, at most; with so large a share of sure pixels
-around it, within so many, it is none."""
+NEAR, ALONE, AMID = 0.05, 0.6, 0.95
+"""Of the long side, what is around a pixel; the shares of sure pixels there below which its depth must be
+that of the others, and from which on it may be any,"""
+STRANGE = 4.0
+"""and levels by which it is another."""
 RIM = 4
 """Pixels at the border that know too little around them."""
 
@@ -59,8 +61,9 @@ class SteadyDepth:
         seen = [_seen(depth, other, own, image) for depth, other in others]
         stack = [(own.inverse_depth, _sure(own)), *seen]
         inverse, confidence, step = fused(*(np.stack(part) for part in zip(*stack, strict=True)))
-        confidence = _without_islands(confidence)
-        inverse = _evened(_filled(self._single.picture(frame), inverse, confidence), step)
+        picture = self._single.picture(frame)
+        confidence = _without_chance(picture, inverse, confidence, STRANGE * step)
+        inverse = _evened(_filled(picture, inverse, confidence), step)
         inverse = sharpened(inverse, HIGH * step)
         inverse = np.where(own.moving, own.inverse_depth, inverse)
         confidence = np.where(own.moving, own.confidence, confidence)
@@ -130,21 +133,31 @@ def _seen(depth: DenseDepth, image: Image, own: DenseDepth, here: Image) -> tupl
     return inverse, confidence
 
 
-def _without_islands(confidence: Map) -> Map:
-    """(h, w) confidence, none in what is small and alone amid what is unsure: that is mostly chance."""
-    sure = confidence > SURE[0]
-    _, labels, stats, _ = cv2.connectedComponentsWithStats(sure.astype(np.uint8), connectivity=8)
-    small = stats[:, cv2.CC_STAT_AREA] < ISLAND * sure.size
-    small[0] = False
-    island = small[labels]
-    near, other = (cv2.blur(part.astype(np.float32), (AROUND, AROUND)) for part in (sure & ~island, ~island))
-    share = near / np.maximum(other, 1e-6)
-    mean = np.bincount(labels.ravel(), weights=share.ravel()) / np.maximum(stats[:, cv2.CC_STAT_AREA], 1)
-    return np.where((small & (mean < ASHORE))[labels], np.float32(0), confidence)
+def _without_chance(picture: Bytes, inverse: Map, confidence: Map, strange: float) -> Map:
+    """(h, w) confidence, little where few pixels around are sure and those have other depths: what is found
+    amid what cannot be found is mostly chance."""
+    around = 2 * (int(NEAR * max(confidence.shape)) // 2) + 1
+    inner = np.zeros(confidence.shape, np.float32)
+    inner[RIM:-RIM, RIM:-RIM] = 1
+    sure, known = (
+        cv2.blur(part, (around, around), borderType=cv2.BORDER_CONSTANT)
+        for part in (inner * (confidence > SURE[0]), inner)
+    )
+    share = sure / np.maximum(known, 1e-6)
+    free = np.clip((share - ALONE) / (AMID - ALONE), 0, 1)
+    miss = (inverse - _carried_on(picture, inverse, confidence)) / max(strange, 1e-12)
+    return np.asarray(confidence * (free + (1 - free) * np.exp(-(miss**2))), np.float32)
 
 
 def _filled(picture: Bytes, inverse: Map, confidence: Map) -> Map:
     """Inverse depth (h, w) where it is sure, elsewhere carried on along a picture's (h, w, 3) surfaces."""
+    around = _carried_on(picture, inverse, confidence)
+    own = np.clip((confidence - SURE[0]) / (SURE[1] - SURE[0]), 0, 1)
+    return np.asarray(np.maximum(own * inverse + (1 - own) * around, 0), np.float32)
+
+
+def _carried_on(picture: Bytes, inverse: Map, confidence: Map) -> Map:
+    """(h, w) the sure inverse depth along a picture's (h, w, 3) surfaces."""
     usual = float(np.median(inverse)) or 1.0
     nearness = np.maximum(inverse, 1e-6) / usual
     weight = np.clip((confidence - SURE[0]) / (1 - SURE[0]), 0, 1) ** 2
@@ -153,9 +166,7 @@ def _filled(picture: Bytes, inverse: Map, confidence: Map) -> Map:
         cv2.ximgproc.fastGlobalSmootherFilter(picture, np.ascontiguousarray(part, np.float32), REACH, EDGE)
         for part in (weight * (nearness - 1), weight)
     )
-    around = usual * (1 + above / (np.maximum(below, 0) + 1e-7))
-    own = np.clip((confidence - SURE[0]) / (SURE[1] - SURE[0]), 0, 1)
-    return np.asarray(np.maximum(own * inverse + (1 - own) * around, 0), np.float32)
+    return np.asarray(usual * (1 + above / (np.maximum(below, 0) + 1e-7)), np.float32)
 
 
 def _evened(inverse: Map, step: float) -> Map:
