@@ -55,6 +55,8 @@ class Row:
     flip: float | None = None
     rm: float | None = None
     """Mean temporal difference against the truth's, frame to frame, of 0 to 1."""
+    rm_floor: float | None = None
+    """What the truth's own noise makes of that."""
     warped: float | None = None
     """The same along the true motion."""
     triangles: int = 0
@@ -127,7 +129,7 @@ class Judge:
             ),
             ssim=_mean(list(map(metrics.ssim, pictures, truths))),
             flip=_mean(list(map(metrics.flip, pictures, truths))),
-            rm=_mean([metrics.rm(pictures, truths)]),
+            rm=_mean([metrics.rm(pictures, truths)]), rm_floor=self._rm_floor,
             warped=warped,
             triangles=round(np.mean([a.triangles for a in answers])),
             cpu_s=_mean([c.cpu_s for c in costs]), wall_s=_mean([c.wall_s for c in costs]),
@@ -138,6 +140,12 @@ class Judge:
     def _ceiling(self) -> float:
         seeds = [[self._cropped(seed) for seed in truth.seeds] for truth in self.truths]
         return float(np.mean([metrics.noise_ceiling(one, other) for one, other in seeds]))
+
+    @property
+    def _rm_floor(self) -> float | None:
+        """The mean of two seeds flickers half as much as their difference."""
+        one, other = ([self._cropped(truth.seeds[n]) for truth in self.truths] for n in (0, 1))
+        return _mean([metrics.rm(one, other) / 2])
 
     def _cropped[A: (Picture, metrics.Mask)](self, array: A) -> A:
         """Without the border that there is no truth for."""

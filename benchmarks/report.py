@@ -70,9 +70,11 @@ def table(scene: str, rows: list[Row]) -> str:
         for blur in sorted({row.blur_px for row in rows if row.track == track}):
             own = [row for row in rows if (row.track, row.blur_px) == (track, blur)]
             ceiling = np.mean([row.noise_ceiling for row in own])
+            floors = [row.rm_floor for row in own if row.rm_floor is not None]
+            flicker = f", {np.mean(floors):.4f} of RM" if floors else ""
             lines += [
                 f"## {track}, largest disc {blur} px, {own[0].frames} frames;"
-                f" seed against seed {ceiling:.1f} dB", "",
+                f" the truth's noise: {ceiling:.1f} dB seed against seed{flicker}", "",
                 "| " + " | ".join(heads) + " |", "|" + "---|" * len(heads),
                 *(_line(row, max((r.psnr or 0) for r in own)) for row in own), "",
             ]  # fmt: skip

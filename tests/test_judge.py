@@ -68,6 +68,7 @@ def test_every_method_is_scored(tiny: Tiny, rows: dict[tuple[str, int], Row]) ->
             "ssim",
             "flip",
             "rm",
+            "rm_floor",
             "warped",
             "cpu_s",
             "wall_s",
