@@ -41,7 +41,7 @@ STYLES = {
 
 
 def write(folder: Path, kind: str, rows: list[Row]) -> str:
-    """Write `kind`-scene.md and .png for every scene and an overview plot; returns the tables."""
+    """Write `kind`-scene.md and .png for every scene, an overview plot and `kind`.md; returns the tables."""
     rows = sorted(rows, key=lambda row: (row.scene, list(STYLES).index(row.method), row.views))
     tables = []
     for scene in dict.fromkeys(row.scene for row in rows):
@@ -51,7 +51,51 @@ def write(folder: Path, kind: str, rows: list[Row]) -> str:
         tables.append(text)
         plot(folder / f"{kind}-{scene}.png", scene, own)
     overview(folder / f"{kind}.png", rows)
+    tables.append(summary(rows))
+    (folder / f"{kind}.md").write_text(tables[-1])
     return "\n".join(tables)
+
+
+def summary(rows: list[Row]) -> str:
+    """Our method between the thesis's, Blender's and the oracle, each with the most views it was run with."""
+    heads = ("scene", "track", "disc", "thesis", "Defocus", "ours", "oracle", "way to oracle", "at edges",
+             "unclipped over Defocus", "FLIP of thesis's", "RM of thesis's", "triangles")  # fmt: skip
+    best = {(row.scene, row.track, row.blur_px, row.method): row for row in rows if row.psnr is not None}
+    lines = [
+        "# Our method against the others", "",
+        "PSNR in dB against a real lens. Way to oracle: ours less the thesis's over the oracle's less the"
+        " thesis's. RM of the thesis's: squares without that of the truth's own noise, root of their ratio.",
+        "", "| " + " | ".join(heads) + " |", "|" + "---|" * len(heads),
+    ]  # fmt: skip
+    for scene, track, blur in dict.fromkeys(key[:3] for key in best):
+        thesis, defocus, ours, oracle = (
+            best.get((scene, track, blur, name)) for name in ("thesis", "Defocus", "layers", "oracle")
+        )
+        if thesis is None or defocus is None or ours is None:
+            continue
+        scores = ["-" if row is None else f"{row.psnr:.2f}" for row in (thesis, defocus, ours, oracle)]
+        unclipped = (ours.unclipped_psnr or np.nan) - (defocus.unclipped_psnr or np.nan)
+        cells = (
+            scene, track, f"{blur} px", *scores, _way(thesis, ours, oracle, "psnr"),
+            _way(thesis, ours, oracle, "edge_psnr"), f"{unclipped:+.2f}",
+            f"{(ours.flip or np.nan) / (thesis.flip or np.nan):.2f}",
+            f"{_flicker(ours) / _flicker(thesis):.2f}", str(ours.triangles),
+        )  # fmt: skip
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join([*lines, ""])
+
+
+def _way(thesis: Row, ours: Row, oracle: Row | None, name: str) -> str:
+    low, own, high = (None if row is None else getattr(row, name) for row in (thesis, ours, oracle))
+    if low is None or own is None or high is None:
+        return "-"
+    return f"{100 * (own - low) / (high - low):.0f} %"
+
+
+def _flicker(row: Row) -> float:
+    """RM without the truth's noise, which is independent of it; NaN where it is all of it."""
+    left = (row.rm or 0.0) ** 2 - (row.rm_floor or 0.0) ** 2
+    return float(np.sqrt(left)) if left > 0 else float("nan")
 
 
 def line(row: Row) -> str:

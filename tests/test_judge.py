@@ -181,8 +181,27 @@ def test_tables_and_plots_tell_every_row(rows: dict[tuple[str, int], Row], tmp_p
     text = report.write(tmp_path, "trial", [*rows.values(), noisy, refused])
     assert f"{noisy.psnr:.2f}*" in text or f"{noisy.psnr:.2f}***" in text
     assert "no parallax" in text
-    assert text.count("\n| ") == len(rows) + 2 + 2  # a head each for T1 and T2
-    assert {path.name for path in tmp_path.iterdir()} == {"trial-bars.md", "trial-bars.png", "trial.png"}
+    assert (
+        text.count("\n| ") == len(rows) + 2 + 2 + 2
+    )  # a head each for T1 and T2; and the summary's, and its row
+    files = {"trial-bars.md", "trial-bars.png", "trial.png", "trial.md"}
+    assert {path.name for path in tmp_path.iterdir()} == files
+
+
+def test_the_summary_tells_how_far_it_is_from_the_thesis_to_the_oracle(
+    rows: dict[tuple[str, int], Row],
+) -> None:
+    named = {name: row for (name, _), row in rows.items()}
+    half = replace(named["layers"], psnr=30.0, edge_psnr=None, flip=0.1, rm=0.005, rm_floor=0.003)
+    made = [
+        replace(named["thesis"], psnr=20.0, flip=0.4, rm=0.0085, rm_floor=0.003),
+        half,
+        replace(named["oracle"], psnr=40.0),
+        replace(named["Defocus"], psnr=29.0),
+    ]
+    last = report.summary(made).strip().splitlines()[-1]
+    assert "| 20.00 | 29.00 | 30.00 | 40.00 | 50 % | - |" in last
+    assert "| 0.25 | 0.50 |" in last
 
 
 def test_an_oracle_spreads_a_point_over_its_disc() -> None:
