@@ -217,6 +217,13 @@ def test_ramps_and_shelves_at_silhouettes_become_steps() -> None:
         assert np.all(np.abs((found > 0.25).argmax(axis=1) - 30) <= 1)
 
 
+def test_a_wrong_pixel_beside_a_silhouette_does_not_spread() -> None:
+    step = np.where(np.arange(60) < 30, WALL, NEAR) * np.ones((40, 1))
+    wrong = step.astype(np.float32)
+    wrong[20, 31] = 0.6
+    np.testing.assert_allclose(sharpened(wrong, 0.02), step, rtol=1e-6)
+
+
 def test_slopes_and_thin_things_stay() -> None:
     # The whole range within the picture: as steep as surfaces are that are seen at all.
     high = HIGH * (NEAR - WALL) / LEVELS

@@ -134,8 +134,8 @@ def _seen(depth: DenseDepth, image: Image, own: DenseDepth, here: Image) -> tupl
 
 
 def _without_chance(picture: Bytes, inverse: Map, confidence: Map, strange: float) -> Map:
-    """(h, w) confidence, little where few pixels around are sure and those have other depths: what is found
-    amid what cannot be found is mostly chance."""
+    """(h, w) confidence, little where depth is another than that of what is sure around, and little of that
+    or the pixel itself is sure: what is found amid what cannot be found is mostly chance."""
     around = 2 * (int(NEAR * max(confidence.shape)) // 2) + 1
     inner = np.zeros(confidence.shape, np.float32)
     inner[RIM:-RIM, RIM:-RIM] = 1
@@ -144,7 +144,7 @@ def _without_chance(picture: Bytes, inverse: Map, confidence: Map, strange: floa
         for part in (inner * (confidence > SURE[0]), inner)
     )
     share = sure / np.maximum(known, 1e-6)
-    free = np.clip((share - ALONE) / (AMID - ALONE), 0, 1)
+    free = np.clip((share - ALONE) / (AMID - ALONE), 0, 1) * _own(confidence)
     miss = (inverse - _carried_on(picture, inverse, confidence)) / max(strange, 1e-12)
     return np.asarray(confidence * (free + (1 - free) * np.exp(-(miss**2))), np.float32)
 
@@ -152,8 +152,13 @@ def _without_chance(picture: Bytes, inverse: Map, confidence: Map, strange: floa
 def _filled(picture: Bytes, inverse: Map, confidence: Map) -> Map:
     """Inverse depth (h, w) where it is sure, elsewhere carried on along a picture's (h, w, 3) surfaces."""
     around = _carried_on(picture, inverse, confidence)
-    own = np.clip((confidence - SURE[0]) / (SURE[1] - SURE[0]), 0, 1)
+    own = _own(confidence)
     return np.asarray(np.maximum(own * inverse + (1 - own) * around, 0), np.float32)
+
+
+def _own(confidence: Map) -> Map:
+    """(h, w) share that a pixel's own depth has in what it gets."""
+    return np.asarray(np.clip((confidence - SURE[0]) / (SURE[1] - SURE[0]), 0, 1), np.float32)
 
 
 def _carried_on(picture: Bytes, inverse: Map, confidence: Map) -> Map:
@@ -187,7 +192,9 @@ def sharpened(inverse: Map, high: float) -> Map:
     images", 1975). A slope goes on beyond, and stays.
     """
     near, wide = (np.ones((2 * reach + 1, 2 * reach + 1), np.uint8) for reach in (RAMP, 2 * RAMP))
-    low, top = cv2.erode(inverse, near), cv2.dilate(inverse, near)
-    whole = cv2.dilate(inverse, wide) - cv2.erode(inverse, wide)
+    # Single wrong pixels are no end of a ramp.
+    ends = cv2.medianBlur(inverse, 3)
+    low, top = cv2.erode(ends, near), cv2.dilate(ends, near)
+    whole = cv2.dilate(ends, wide) - cv2.erode(ends, wide)
     ramp = (top - low > high) & (whole < GROWS * (top - low))
     return np.where(ramp, np.where(top - inverse < inverse - low, top, low), inverse).astype(np.float32)
