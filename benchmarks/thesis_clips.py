@@ -19,6 +19,7 @@ from addon.core.reconstruction import Floats, Intrinsics, Reconstruction
 from addon.core.solve import SolveProcess
 from addon.core.solve_folder import Solve, load_solve
 from addon.render.quiet import quiet
+from addon.scene.shot import Shot
 from sample_scenes import filming, staging, truth
 from sample_scenes.stage import Stage
 
@@ -100,6 +101,11 @@ class Clip:
     @cached_property
     def solved(self) -> Solve:
         return self.solve()
+
+    @cached_property
+    def shot(self) -> Shot:
+        """What the add-on renders: the clip, its solve, and the depth that it finds."""
+        return Shot(self.footage, self.reconstruction)
 
     @property
     def reconstruction(self) -> Reconstruction:

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from addon.core.depth import frame_features
 from addon.core.focus import Focus, exact_registration, fitted_registration, radius_for_blur
 from addon.core.reconstruction import Floats
-from addon.core.views import FramePlan, LensSettings, plan_frame
+from addon.core.views import LensSettings
+from addon.core.warp_frame import WarpedFrame, warp_frame
 from addon.render import cycles_views, gpu_views
 from addon.render.average import render_frame
-from addon.scene.shot import Shot
 
 from . import thesis_marks as draw
 from .metrics import psnr
@@ -23,7 +23,7 @@ from .thesis_marks import Figure
 
 Linear = NDArray[np.float32]
 
-METHODS = {"thesis": "the thesis's\nmethod", "features": "ours"}
+METHODS = {"thesis": "the thesis's\nmethod", "layers": "ours"}
 THESIS_VIEWS = 32
 """The thesis took 20 to 40."""
 BLURS = (0.0125, 0.025, 0.05)
@@ -40,10 +40,7 @@ def triangulations(clip: Clip, answers: str) -> Figure:
     frame = clip.middle
     focus = clip.pick(clip.stage.focus[frame - 1], frame)
     radius = radius_for_blur(clip.reconstruction, focus, frame, BLURS[1])
-    meshes = [
-        plan_frame(clip.reconstruction, frame, LensSettings(focus, radius, 1, method), clip.size).mesh
-        for method in METHODS
-    ]
+    meshes = [_warped(clip, frame, LensSettings(focus, radius, 1, method)).plan.mesh for method in METHODS]
     backdrop = draw.muted(clip.frame(frame))
     drawn = [draw.mesh(backdrop, mesh.xy, mesh.triangles, draw.YELLOW) for mesh in meshes]
     sizes = [f"{len(mesh.xy)} vertices, {len(mesh.triangles)} triangles" for mesh in meshes]
@@ -56,7 +53,7 @@ def triangulations(clip: Clip, answers: str) -> Figure:
     return Figure(
         f"triangulation_{clip.name}.png", page,
         "The triangles that the middle frame is cut into. The thesis maps the image's corners to themselves;"
-        " our mesh goes on past the border.",
+        " our mesh is as fine as the depth asks for, double at silhouettes, and goes on past the border.",
         answers, f"The thesis's mesh has {sizes[0]}, ours {sizes[1]}.",
     )  # fmt: skip
 
@@ -75,7 +72,7 @@ def novel_views(clip: Clip, beside: Sequence[float], answers: str) -> Figure:
     for method in METHODS:
         views = [_view(clip, frame, method, focus, np.array([x, 0.0])) for x in far]
         scores = [psnr(view[..., :3], true) for view, true in zip(views, truths, strict=True)]
-        said.append(f"{method.replace('features', 'ours')} " + ", ".join(f"{score:.1f}" for score in scores))
+        said.append(f"{method.replace('layers', 'ours')} " + ", ".join(f"{score:.1f}" for score in scores))
         rows.append([_shown(view) for view in views])
     rows.append([_shown(true) for true in truths])
     names = [f"{100 * abs(x):.0f} cm to the {'left' if x < 0 else 'right'}" for x in far]
@@ -97,20 +94,22 @@ def _view(clip: Clip, frame: int, method: str, focus: Focus, offset: Floats) -> 
     """(H, W, 4) from a camera `offset` metres to the right and down."""
     moved = clip.unit * offset[None]
     radius = float(np.linalg.norm(moved))
-    plan = plan_frame(clip.reconstruction, frame, LensSettings(focus, radius, 1, method), clip.size)
+    warped = _warped(clip, frame, LensSettings(focus, radius, 1, method))
+    plan = warped.plan
     if method == "thesis":
         features = frame_features(clip.reconstruction, frame, plan.canvas)
         registration = fitted_registration(clip.reconstruction, features, plan.canvas, moved, focus)
     else:
         registration = exact_registration(plan.canvas, moved, plan.focus_inverse_depth)
-    return _drawn(replace(plan, offsets=moved, registration=registration), clip.picture(frame))
-
-
-def _drawn(plan: FramePlan, picture: Linear) -> Linear:
     average = cycles_views.mean_of_views if gpu_views.gpu_problem() else gpu_views.mean_of_views
-    mean = average(plan, plan.canvas.from_source(picture), lambda done, total: True)
+    plan = replace(plan, offsets=moved, registration=registration)
+    mean = average(plan, warped.texture, lambda done, total: True)
     assert mean is not None
     return plan.canvas.to_source(mean)
+
+
+def _warped(clip: Clip, frame: int, lens: LensSettings) -> WarpedFrame:
+    return warp_frame(clip.shot, frame, lens, clip.size, clip.picture(frame))
 
 
 def _shown(picture: Linear) -> draw.Picture:
@@ -178,8 +177,7 @@ def _through(clip: Clip, frame: int, method: str, focus: Focus, radius: float) -
     """(h, SHOWN, 3) of the frame through an aperture of `radius` units of the solve."""
     lens = LensSettings(focus, radius, THESIS_VIEWS if method == "thesis" else 0, method)
     size = (SHOWN, round(SHOWN * clip.size[1] / clip.size[0]))
-    shot = Shot(clip.footage, clip.reconstruction)
-    picture = render_frame(shot, frame, lens, size, lambda done, total: True, lambda note: None)
+    picture = render_frame(clip.shot, frame, lens, size, lambda done, total: True, lambda note: None)
     assert picture is not None
     return picture[..., :3]
 
