@@ -17,8 +17,10 @@ from addon.core.errors import UserError
 from addon.core.focus import Focus, exact_registration
 from addon.core.reconstruction import Points, Reconstruction
 from addon.core.views import FramePlan, LensSettings, edged_plan, layered_plan, plan_frame
+from addon.core.warp_frame import WarpedFrame
 from addon.core.warpmesh import WarpMesh
-from addon.render import cycles_views, gpu_views
+from addon.render import cycles_views
+from addon.render.average import draw_mean
 from addon.render.quiet import quiet
 
 from . import oracle
@@ -155,9 +157,11 @@ def _size(given: Given) -> tuple[int, int]:
 
 
 def _drawn(given: Given, plan: FramePlan, texture: Picture | None = None) -> Answer:
-    draw = cycles_views.mean_of_views if gpu_views.gpu_problem() else gpu_views.mean_of_views
+    """As the product draws it; a texture of its own belongs to a mesh that leaves no gaps."""
+    is_whole = texture is not None
     texture = plan.canvas.from_source(given.picture) if texture is None else texture
-    mean = draw(plan, texture, lambda done, total: True)
+    warped = WarpedFrame(plan, texture, "", "", is_whole)
+    mean = draw_mean(warped, lambda done, total: True, lambda note: None)
     assert mean is not None
     return Answer(plan.canvas.to_source(mean)[..., :3], len(plan.offsets), len(plan.mesh.triangles))
 

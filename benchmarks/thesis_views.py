@@ -13,8 +13,7 @@ from addon.core.focus import Focus, exact_registration, fitted_registration, rad
 from addon.core.reconstruction import Floats
 from addon.core.views import LensSettings
 from addon.core.warp_frame import WarpedFrame, warp_frame
-from addon.render import cycles_views, gpu_views
-from addon.render.average import render_frame
+from addon.render.average import draw_mean, render_frame
 
 from . import thesis_marks as draw
 from .metrics import psnr
@@ -101,9 +100,8 @@ def _view(clip: Clip, frame: int, method: str, focus: Focus, offset: Floats) -> 
         registration = fitted_registration(clip.reconstruction, features, plan.canvas, moved, focus)
     else:
         registration = exact_registration(plan.canvas, moved, plan.focus_inverse_depth)
-    average = cycles_views.mean_of_views if gpu_views.gpu_problem() else gpu_views.mean_of_views
-    plan = replace(plan, offsets=moved, registration=registration)
-    mean = average(plan, warped.texture, lambda done, total: True)
+    warped = replace(warped, plan=replace(plan, offsets=moved, registration=registration))
+    mean = draw_mean(warped, lambda done, total: True, lambda note: None)
     assert mean is not None
     return plan.canvas.to_source(mean)
 

@@ -41,7 +41,8 @@ def view(frame: int) -> NDArray[np.uint8]:
 def asked(read: object, places: NDArray[np.float64], inverse: float, shown: NDArray[np.float64]) -> tuple:  # type: ignore[type-arg]
     lender = Lender(shot(), read)  # type: ignore[arg-type]
     picture = to_linear(view(MIDDLE))
-    return lender.colours(MIDDLE, Canvas(LENS), picture, shown, places, np.full(len(places), inverse))
+    loan = lender.loan(MIDDLE, Canvas(LENS), picture, shown)
+    return loan.colours(places, np.full(len(places), inverse))
 
 
 BESIDE = np.stack(
@@ -98,9 +99,8 @@ def test_few_places_and_no_other_frames(count: int) -> None:
     colour, known = asked(view, BESIDE[:count], 1 / DEPTH, FLAT)
     assert colour.shape == (count, 3) and known.shape == (count,)
     alone = Reconstruction((LENS,), shot().images[MIDDLE - 1 : MIDDLE], shot().points)
-    told = Lender(alone, view).colours(
-        MIDDLE, Canvas(LENS), to_linear(view(MIDDLE)), FLAT, BESIDE[:1], np.array([1 / DEPTH])
-    )
+    loan = Lender(alone, view).loan(MIDDLE, Canvas(LENS), to_linear(view(MIDDLE)), FLAT)
+    told = loan.colours(BESIDE[:1], np.array([1 / DEPTH]))
     assert not told[1].any()
 
 
@@ -132,9 +132,8 @@ def behind(moving: object) -> tuple[NDArray[np.float32], NDArray[np.bool_], NDAr
     places: NDArray[np.float64] = np.argwhere(crossing(MIDDLE))[:, ::-1] + 0.5
     shown = np.where(crossing(MIDDLE), 2 / DEPTH, FLAT)
     lender = Lender(shot(), crossed, moving)  # type: ignore[arg-type]
-    told = lender.colours(
-        MIDDLE, Canvas(LENS), to_linear(crossed(MIDDLE)), shown, places, np.full(len(places), 1 / DEPTH)
-    )
+    loan = lender.loan(MIDDLE, Canvas(LENS), to_linear(crossed(MIDDLE)), shown)
+    told = loan.colours(places, np.full(len(places), 1 / DEPTH))
     return *told, truth(places)
 
 
@@ -163,7 +162,7 @@ def test_what_stands_before_a_place_in_most_frames_is_no_ghost() -> None:
 
     picture, inverse = to_linear(view(MIDDLE)), np.full(len(BESIDE), 1 / DEPTH)
     told = [
-        Lender(shot(), read, moving).colours(MIDDLE, Canvas(LENS), picture, FLAT, BESIDE, inverse)
+        Lender(shot(), read, moving).loan(MIDDLE, Canvas(LENS), picture, FLAT).colours(BESIDE, inverse)
         for moving in (None, mask)
     ]
     off = [np.abs(colour[known] - truth(BESIDE)[known]).max() for colour, known in told]
@@ -174,9 +173,8 @@ def test_what_stands_before_a_place_in_most_frames_is_no_ghost() -> None:
 def test_frames_of_which_nothing_is_said_lend_all() -> None:
     plain = asked(view, BESIDE, 1 / DEPTH, FLAT)
     lender = Lender(shot(), view, lambda frame: None)
-    told = lender.colours(
-        MIDDLE, Canvas(LENS), to_linear(view(MIDDLE)), FLAT, BESIDE, np.full(len(BESIDE), 1 / DEPTH)
-    )
+    loan = lender.loan(MIDDLE, Canvas(LENS), to_linear(view(MIDDLE)), FLAT)
+    told = loan.colours(BESIDE, np.full(len(BESIDE), 1 / DEPTH))
     for one, other in zip(plain, told, strict=True):
         np.testing.assert_array_equal(one, other)
 
@@ -188,3 +186,21 @@ def test_masks_may_have_another_size() -> None:
     colour, known, true = behind(large)
     assert known.mean() > 0.8
     np.testing.assert_allclose(colour[known], true[known], atol=2e-3)
+
+
+def test_nothing_is_lent_where_others_do_not_see_what_the_frame_shows() -> None:
+    """A poster that is there in this frame only, towards the border: it may go on past it."""
+    picture = to_linear(view(MIDDLE))
+    picture[:32, -24:, :3] = 0.6
+    # Before the wall, as far as its own depth goes, it is no reason not to lend the wall's colours.
+    for inverse, shown, above in ((1 / DEPTH, FLAT, False), (1 / DEPTH, with_poster(3 / DEPTH), True)):
+        loan = Lender(shot(), view).loan(MIDDLE, Canvas(LENS), picture, shown)
+        _, known = loan.colours(BESIDE, np.full(len(BESIDE), inverse))
+        assert known[BESIDE[:, 1] > 40].mean() > 0.95
+        assert (known[BESIDE[:, 1] < 24].mean() > 0.5) == above
+
+
+def with_poster(inverse: float) -> NDArray[np.float64]:
+    shown = FLAT.copy()
+    shown[:32, -24:] = inverse
+    return shown

@@ -133,7 +133,7 @@ def test_a_coarse_texture_has_the_same_sources(monkeypatch: pytest.MonkeyPatch) 
     fine = shares_of(disc_and_wall())
     monkeypatch.setattr("addon.core.layer_mesh.LARGEST_TEXTURE", 1)
     coarse = disc_and_wall()
-    assert coarse.texture.shape[1] == coarse.layers.hidden.shape[1]  # type: ignore[union-attr]
+    assert coarse.texture.shape[1] == coarse.layers[0].hidden.shape[1]
     assert np.abs(shares_of(coarse) - fine).mean() < 0.005
 
 
@@ -231,11 +231,10 @@ def test_all_pictures() -> None:
 
 def test_what_lies_behind() -> None:
     warped = disc_and_wall(fill=lends(lambda s: np.arange(s.shape[1]) < 90))
-    assert warped.layers is not None
     shown = pictures(warped, RADIUS, scene(), shares_of(warped))["layers"].astype(int)
     left, right = shown[:, : SIZE[1]], shown[:, SIZE[1] :]
-    crop = inspection._inner(warped.layers, warped.plan.canvas)
-    hidden, borrowed = warped.layers.hidden[crop], warped.layers.borrowed[crop]
+    crop = inspection._inner(warped.layers[0], warped.plan.canvas)
+    hidden, borrowed = warped.layers[0].hidden[crop], warped.layers[0].borrowed[crop]
     assert borrowed.any() and (hidden & ~borrowed).any()
     np.testing.assert_array_equal(left[~hidden], right[~hidden])
     change = right - left
@@ -251,7 +250,10 @@ def test_lines_lie_on_the_sides_of_triangles_only() -> None:
     warped = disc_and_wall()
     xy = np.array([[10.5, 10.5], [150.5, 20.5], [20.5, 110.5], [140.5, 100.5]])
     # Two triangles of the near surface, which is the upper half of the texture, and one of the far one.
-    xy, texture_xy = np.tile(xy, (2, 1)), np.concatenate([xy, xy + np.array([0, warped.texture.shape[0]])])
+    xy, texture_xy = (
+        np.tile(xy, (2, 1)),
+        np.concatenate([xy, xy + np.array([0, warped.texture.shape[0] / 2])]),
+    )
     triangles = np.array([[4, 5, 7], [0, 1, 2], [1, 3, 2]], np.int32)
     mesh = WarpMesh(xy, texture_xy, np.ones(8), triangles)
     crossed = replace(warped, plan=replace(warped.plan, mesh=mesh))
@@ -291,14 +293,14 @@ def test_depth_is_what_the_frame_is_drawn_with() -> None:
     assert inverse_depth(warped) is warped.inverse_depth
     # One surface instead of the depth that was found: its own.
     flat = replace(warped.plan.mesh, inverse_depth=np.full(len(warped.plan.mesh.xy), 0.25))
-    single = replace(warped, layers=None, plan=replace(warped.plan, mesh=flat))
+    single = replace(warped, layers=(), plan=replace(warped.plan, mesh=flat))
     np.testing.assert_allclose(inverse_depth(single), 0.25)
 
 
 def test_nothing_known_is_black() -> None:
     warped = disc_and_wall()
     mesh = replace(warped.plan.mesh, triangles=warped.plan.mesh.triangles[:0])
-    warped = replace(warped, plan=replace(warped.plan, mesh=mesh), layers=None, confidence=None)
+    warped = replace(warped, plan=replace(warped.plan, mesh=mesh), layers=(), confidence=None)
     made = pictures(warped, RADIUS, scene(), np.zeros((*SIZE, 3), np.float32))
     assert not made["depth"].any() and not made["blur"].any()
 
@@ -335,9 +337,8 @@ def test_the_report_is_that_of_the_mesh() -> None:
 def test_the_error_made_is_what_the_mesh_misses() -> None:
     depth = NEAR / 2 + 2 * np.exp(-((X - 60) ** 2 + (Y - 50) ** 2) / 900) + 0.4 * np.sin(X / 9)
     warped = disc_and_wall(0.0, depth)
-    assert warped.layers is not None
-    miss, allowed = mesh_error(warped, warped.layers, RADIUS)
-    rows, columns = warped.layers.hidden.shape
+    miss, allowed = mesh_error(warped, RADIUS)
+    rows, columns = warped.layers[0].hidden.shape
     mesh = warped.plan.mesh
     margin = (columns - SIZE[1]) // 2
     # The same by the slow way, of the one surface that there is: vertices are pixels of the raster.
@@ -354,8 +355,7 @@ def test_the_error_made_is_what_the_mesh_misses() -> None:
 
 def test_where_nothing_is_coarse_there_is_no_error() -> None:
     flat = disc_and_wall(FAR, np.full(SIZE, NEAR))
-    assert flat.layers is not None
-    miss, _ = mesh_error(flat, flat.layers, RADIUS)
+    miss, _ = mesh_error(flat, RADIUS)
     assert miss.max() < 1e-9
 
 

@@ -73,8 +73,8 @@ def test_layers_are_the_default(borrow: bool) -> None:
     made, told = warped(sure_in(1.0), borrow=borrow)
     assert (made.method, made.why) == ("layers", "") and made.is_whole
     assert told.asked == [2] and made.plan.frame == 2
-    assert made.layers is not None and made.layers.hidden.any()
-    assert (made.layers.lent is not None) == borrow
+    assert made.layers and made.layers[0].hidden.any()
+    assert (made.layers[0].lent is not None) == borrow
     assert made.inverse_depth is not None and made.inverse_depth.shape == (90, 160)
     assert made.confidence is not None and made.confidence.min() == 1
     # The texture is two layers, one above the other.
@@ -85,7 +85,7 @@ def test_layers_are_the_default(borrow: bool) -> None:
 def test_where_hardly_anything_is_sure_one_grid_is_drawn_and_the_reason_given() -> None:
     made, _ = warped(sure_in(0.5 * FEWEST_SURE))
     assert made.method == "grid" and f"less than {100 * FEWEST_SURE:g} %" in made.why
-    assert made.layers is None and made.confidence is not None
+    assert not made.layers and made.confidence is not None
     asked, _ = warped(sure_in(1.0), method="grid")
     assert (asked.method, asked.why) == ("grid", "")
     np.testing.assert_array_equal(made.plan.mesh.xy, asked.plan.mesh.xy)
@@ -111,7 +111,7 @@ def test_a_method_that_is_asked_for_is_used(method: str) -> None:
     told = Told(sure_in(0))
     made = warp_frame(Clip(slanted_plane(LENS), told), 2, lens, SIZE, SOURCE)
     assert (made.method, made.why) == (method, "")
-    assert made.layers is None and not told.asked
+    assert not made.layers and not told.asked
     np.testing.assert_array_equal(made.texture, SOURCE)
 
 

@@ -8,22 +8,23 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from .canvas import Canvas, Picture
-from .dense_neighbours import regular
+from .dense_neighbours import regular, stride
 from .footage import Pixels, to_linear
 from .recent import Recent
 from .reconstruction import Floats, Image, Intrinsics, Reconstruction
 
 Mask = NDArray[np.bool_]
 
-STEP, SPAN, FEWEST = 8, 32, 8
-"""Every eighth registered frame is asked, so far before and after; of a short clip, so many at least. They
-are the same for frames that follow each other: then colours are, too, and pictures are read once."""
+STEP, SPAN = 8, 32
+"""Every eighth registered frame is asked, so far before and after. They are the same for frames that follow
+each other: then colours are, too, and pictures are read once."""
 KEPT, LONGEST = 12, 1920
 """Pictures that are kept, and their long side in pixels at most."""
 NEARER = 0.04
@@ -38,6 +39,10 @@ AROUND = 0.004
 """Of the long side, by which what moves is taken to be wider than it was found."""
 AGREE = 0.06
 """Difference of colours (square root of linear light) that frames may disagree by about the same place."""
+TRUSTED = 0.5
+"""Share of what the frame shows around that the others must see as it does, if they are to lend."""
+CELLS, DEPTHS, BESIDE = 80, 32, 7
+"""What is around: so many cells in a row, so many depths, and so many cells to a side."""
 
 
 class Lender:
@@ -57,62 +62,36 @@ class Lender:
         self._rec, self._read, self._moving = reconstruction, read, moving
         self._pictures = Recent[NDArray[np.float16]](KEPT)
 
-    def colours(
-        self,
-        frame: int,
-        canvas: Canvas,
-        picture: Picture,
-        inverse_depth: Floats,
-        places: Floats,
-        inverse: Floats,
-    ) -> tuple[Picture, Mask]:
-        """Linear colours (n, 3) of places (n, 2), canvas pixels, at inverse depths (n,), and which are known.
+    def loan(self, frame: int, canvas: Canvas, picture: Picture, inverse_depth: Floats) -> Loan:
+        """What other frames can lend to one.
 
-        `picture` (H, W, 4) and `inverse_depth` (H, W) are what the frame itself shows in the canvas. The
-        median of the frames that see a place, if half of them agree with it: what moved away disagrees.
+        `picture` (H, W, 4) and `inverse_depth` (H, W) are what the frame itself shows in the canvas.
         """
         image, _ = self._rec.image_at(frame)
-        if not len(places):
-            return np.zeros((0, 3), np.float32), np.zeros(0, bool)
         own = self._grid(image.frame, canvas, picture, inverse_depth)
-        said = [self._seen(image, canvas, other, own, places, inverse) for other in self._others(frame)]
-        if not said:
-            return np.zeros((len(places), 3), np.float32), np.zeros(len(places), bool)
-        colours = np.stack(said)
-        known = np.isfinite(colours[..., 0]).sum(axis=0)
-        colours[:, known == 0] = 0
-        middle: Picture = np.nanmedian(colours, axis=0)
-        with np.errstate(invalid="ignore"):
-            off = np.abs(np.sqrt(np.maximum(colours, 0)) - np.sqrt(np.maximum(middle, 0))).max(axis=2)
-            agree = (off < AGREE).sum(axis=0)
-        return middle.astype(np.float32), (known > 0) & (2 * agree >= known)
+        sights, seen, alike = [], np.zeros(len(own.places)), np.zeros(len(own.places))
+        for other in regular(self._rec, frame, stride(self._rec, STEP), SPAN):
+            sight = self._sight(image, canvas, other, own)
+            colours = sight.colours(own.places, own.inverse)
+            sees = np.isfinite(colours[:, 0])
+            seen += sees
+            alike[sees] += _differ(colours[sees], own.colour[sees]) < AGREE
+            sights.append(sight)
+        return Loan(tuple(sights), _Trust.of(own, seen, alike))
 
-    def _others(self, frame: int) -> list[Image]:
-        step = max(1, min(STEP, len(self._rec.images) // FEWEST))
-        return regular(self._rec, frame, step, SPAN)
-
-    def _seen(
-        self, image: Image, canvas: Canvas, other: Image, own: _Own, places: Floats, inverse: Floats
-    ) -> Picture:
-        """(n, 3) colours, NaN where the other frame does not see the places."""
+    def _sight(self, image: Image, canvas: Canvas, other: Image, own: _Own) -> _Sight:
         lens = self._rec.intrinsics(other)
-        local, xy = _moved(image, canvas.pinhole, other, lens, places, inverse)
-        own_local, own_xy = _moved(image, canvas.pinhole, other, lens, own.places, own.inverse)
-        nearest = _nearest(own_xy, own_local[:, 2], (lens.height, lens.width), own.step)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            there = 1 / local[:, 2]
-        limit = np.array([lens.width, lens.height])
-        column, row = (np.nan_to_num(xy).clip(0, limit - 1) / own.step).astype(int).T
-        seen = (local[:, 2] > 0) & np.all((xy >= 0.5) & (xy <= limit - 0.5), axis=1)
-        seen &= nearest[row, column] <= (1 + NEARER) * there
-        seen &= ~self._moves(other.frame, xy / limit)
-        picture = self._picture(other)
-        zoom = np.array(picture.shape[1::-1]) / limit
-        both = (own_local[:, 2] > 0) & ~self._moves(other.frame, own_xy / limit)
-        gain = _gain(own.colour, _sampled(picture, own_xy * zoom), both)
-        colour = _sampled(picture, xy * zoom) * gain
-        colour[~seen] = np.nan
-        return colour
+        local, xy = _moved(image, canvas.pinhole, other, lens, own.places, own.inverse)
+        size = np.array([lens.width, lens.height])
+        picture = self._pictures.get(other.frame, lambda: self._linear(other.frame))
+        both = (local[:, 2] > 0) & ~self._moves(other.frame, xy / size)
+        zoom = np.array(picture.shape[1::-1]) / size
+        gain = _gain(own.colour, _sampled(picture, xy * zoom), both)
+        nearest = _nearest(xy, local[:, 2], (lens.height, lens.width), own.step)
+        return _Sight(
+            image, canvas.pinhole, other, lens, partial(self._moves, other.frame), picture, gain,
+            nearest, own.step,
+        )  # fmt: skip
 
     def _grid(self, frame: int, canvas: Canvas, picture: Picture, inverse_depth: Floats) -> _Own:
         """What stands still of a frame."""
@@ -137,16 +116,83 @@ class Lender:
         column, row = np.clip(np.nan_to_num(share) * limit, 0, limit - 1).astype(int).T
         return np.asarray(wide[row, column] > 0)
 
-    def _picture(self, image: Image) -> Picture:
-        """(h, w, 3) linear."""
-        return self._pictures.get(image.frame, lambda: self._linear(image.frame)).astype(np.float32)
-
     def _linear(self, frame: int) -> NDArray[np.float16]:
+        """(h, w, 3)."""
         picture = to_linear(self._read(frame))[..., :3]
         zoom = LONGEST / max(picture.shape)
         if zoom < 1:
             picture = cv2.resize(picture, None, fx=zoom, fy=zoom, interpolation=cv2.INTER_AREA)
         return picture.astype(np.float16)
+
+
+@dataclass(frozen=True)
+class Loan:
+    """What other frames see of what one does not show."""
+
+    sights: tuple[_Sight, ...]
+    trust: _Trust
+
+    def colours(self, places: Floats, inverse: Floats) -> tuple[Picture, Mask]:
+        """Linear colours (n, 3) of places (n, 2), canvas pixels, at inverse depths (n,), and which are known.
+
+        The median of the frames that see a place, if half of them agree with it: what moved away disagrees.
+        Nothing is known where the frames do not even see what the frame itself shows around at that depth.
+        """
+        if not (len(places) and self.sights):
+            return np.zeros((len(places), 3), np.float32), np.zeros(len(places), bool)
+        colours = np.stack([sight.colours(places, inverse) for sight in self.sights])
+        known = np.isfinite(colours[..., 0]).sum(axis=0)
+        colours[:, known == 0] = 0
+        middle = _median(colours, np.maximum(known, 1))
+        with np.errstate(invalid="ignore"):
+            agree = (_differ(colours, middle) < AGREE).sum(axis=0)
+        return middle, (known > 0) & (2 * agree >= known) & (self.trust.at(places, inverse) >= TRUSTED)
+
+
+@dataclass(frozen=True)
+class _Trust:
+    """How often frames see what they should, by place and depth: a bilateral grid.
+
+    Chen, Paris and Durand, "Real-time edge-aware image processing with the bilateral grid", 2007.
+    """
+
+    share: Floats
+    """(B, R, C) of depths, rows and columns; 1 where nothing is to be seen."""
+    cell: float
+    """Pixels."""
+    low: float
+    """Inverse depth of the first, and their distance."""
+    step: float
+
+    @classmethod
+    def of(cls, own: _Own, seen: Floats, alike: Floats) -> _Trust:
+        """Of places that were seen so many times (n,), and looked alike."""
+        if not len(own.places):
+            return cls(np.ones((1, 1, 1)), np.inf, 0.0, np.inf)
+        low, high = float(own.inverse.min()), float(own.inverse.max())
+        wide, tall = own.places.max(axis=0)
+        cell = max(wide, tall) / CELLS
+        step = max((high - low) / (DEPTHS - 1), 1e-12)
+        empty = np.zeros((DEPTHS, int(tall / cell) + 1, int(wide / cell) + 1))
+        grid = cls(empty, cell, low, step)
+        at = np.ravel_multi_index(grid._cells(own.places, own.inverse), empty.shape)
+        sums = []
+        for values in (alike, seen):
+            total = np.bincount(at, values, empty.size).reshape(empty.shape)
+            # OpenCV filters along the last two axes only.
+            total = cv2.blur(np.moveaxis(total, 0, 2), (BESIDE, BESIDE), borderType=cv2.BORDER_CONSTANT)
+            deep = np.pad(np.moveaxis(total, 2, 0), ((1, 1), (0, 0), (0, 0)))
+            sums.append(deep[:-2] + 2 * deep[1:-1] + deep[2:])
+        share = np.where(sums[1] > 1e-6, sums[0] / np.maximum(sums[1], 1e-6), 1)
+        return cls(share, cell, low, step)
+
+    def at(self, places: Floats, inverse: Floats) -> Floats:
+        """(n,) of places (n, 2) at inverse depths (n,)."""
+        return np.asarray(self.share[self._cells(places, inverse)])
+
+    def _cells(self, places: Floats, inverse: Floats) -> tuple[NDArray[np.intp], ...]:
+        index = np.column_stack([(inverse - self.low) / self.step + 0.5, places[:, ::-1] / self.cell])
+        return tuple(np.clip(index, 0, np.array(self.share.shape) - 1).astype(np.intp).T)
 
 
 @dataclass(frozen=True)
@@ -157,6 +203,38 @@ class _Own:
     inverse: Floats
     colour: Picture
     step: int
+
+
+@dataclass(frozen=True)
+class _Sight:
+    """What another frame sees."""
+
+    image: Image
+    pinhole: Intrinsics
+    other: Image
+    lens: Intrinsics
+    moves: Callable[[Floats], Mask]
+    picture: NDArray[np.float16]
+    """(h, w, 3) linear,"""
+    gain: Picture
+    """and by how much (3,) the frame is brighter."""
+    nearest: Floats
+    """(r, c) inverse depth of what stands before everything else, in squares of `step` pixels."""
+    step: int
+
+    def colours(self, places: Floats, inverse: Floats) -> Picture:
+        """(n, 3), NaN where it does not see the places."""
+        local, xy = _moved(self.image, self.pinhole, self.other, self.lens, places, inverse)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            there = 1 / local[:, 2]
+        limit = np.array([self.lens.width, self.lens.height])
+        column, row = (np.nan_to_num(xy).clip(0, limit - 1) / self.step).astype(int).T
+        seen = (local[:, 2] > 0) & np.all((xy >= 0.5) & (xy <= limit - 0.5), axis=1)
+        seen &= self.nearest[row, column] <= (1 + NEARER) * there
+        seen &= ~self.moves(xy / limit)
+        colour = _sampled(self.picture, xy * np.array(self.picture.shape[1::-1]) / limit) * self.gain
+        colour[~seen] = np.nan
+        return colour
 
 
 def _moved(
@@ -180,13 +258,13 @@ def _nearest(xy: Floats, depth: Floats, shape: tuple[int, int], step: int) -> Fl
     return nearest
 
 
-def _sampled(picture: Picture, xy: Floats) -> Picture:
+def _sampled(picture: NDArray[np.float16], xy: Floats) -> Picture:
     """(n, 3) colours at pixels (n, 2)."""
     # OpenCV looks up at most 32,766 places in a row.
     at = np.full((-(-len(xy) // ROW) * ROW, 2), -9, np.float32)
     at[: len(xy)] = np.nan_to_num(xy - 0.5, nan=-9).clip(-9, max(picture.shape) + 9)
     x, y = at.T.reshape(2, -1, ROW)
-    found = cv2.remap(picture, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    found = cv2.remap(picture.astype(np.float32), x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     return np.asarray(found.reshape(-1, 3)[: len(xy)], np.float32)
 
 
@@ -196,3 +274,16 @@ def _gain(own: Picture, theirs: Picture, both: Mask) -> Picture:
     if good.sum() < 50:
         return np.ones(3, np.float32)
     return np.asarray(np.clip(np.median(own[good] / theirs[good], axis=0), *GAINS), np.float32)
+
+
+def _median(colours: Picture, known: NDArray[np.intp]) -> Picture:
+    """(n, 3) of the first axis of colours (k, n, 3), of which so many (n,) are not NaN."""
+    ordered = np.sort(colours, axis=0)
+    places = np.arange(colours.shape[1])
+    low, high = (ordered[(known - odd) // 2, places] for odd in (1, 0))
+    return np.asarray((low + high) / 2, np.float32)
+
+
+def _differ(a: Picture, b: Picture) -> Floats:
+    """(...) by how much colours (..., 3) differ to the eye: the square roots of linear light."""
+    return np.asarray(np.abs(np.sqrt(np.maximum(a, 0)) - np.sqrt(np.maximum(b, 0))).max(axis=-1))

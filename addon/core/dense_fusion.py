@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from .dense_depth import ClipDepth, DenseDepth, pixel_matrix
-from .dense_neighbours import regular, relative_pose
+from .dense_neighbours import regular, relative_pose, stride
 from .dense_sweep import Bytes, Map
 from .recent import Recent
 from .reconstruction import Image, Reconstruction
@@ -70,7 +70,7 @@ class SteadyDepth:
         return DenseDepth(frame, inverse, confidence, own.moving, own.lens)
 
     def _around(self, frame: int) -> list[Image]:
-        step = max(1, min(STEP, len(self._rec.images) // 8))
+        step = stride(self._rec, STEP)
         return regular(self._rec, frame, step, SIDES * step)
 
     def _alone(self, frame: int) -> DenseDepth:

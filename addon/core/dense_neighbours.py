@@ -16,6 +16,9 @@ OVERLAP = 0.5
 LATER = 0.005
 """How much worse, as a logarithm of the parallax, a frame is for each frame of distance in time."""
 
+FEWEST = 8
+"""Frames of a short clip that are asked, if every frame of a long one need not be."""
+
 
 @dataclass(frozen=True)
 class Neighbour:
@@ -32,6 +35,11 @@ def relative_pose(image: Image, other: Image) -> tuple[Floats, Floats]:
     """Rotation (3, 3) and translation (3,) from an image's camera space to another's."""
     turn = other.rotation @ image.rotation.T
     return turn, np.asarray(other.translation - turn @ image.translation)
+
+
+def stride(reconstruction: Reconstruction, most: int) -> int:
+    """Every how many registered frames to ask: at most `most`, of a short clip so that some are left."""
+    return max(1, min(most, len(reconstruction.images) // FEWEST))
 
 
 def regular(reconstruction: Reconstruction, frame: int, step: int, span: int) -> list[Image]:

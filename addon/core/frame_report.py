@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from .canvas import Picture
-from .inspection import SOURCES, discs, inverse_depth, is_back, largest_shown
+from .inspection import SOURCES, discs, inverse_depth, largest_shown, surface_of
 from .layer_mesh import ERROR, RELATIVE
-from .layers import Layers, Mask
 from .mesh_values import at_pixels
 from .reconstruction import Floats
 from .solve_report import ranges
@@ -97,7 +96,7 @@ class Used:
     @classmethod
     def of(cls, warped: WarpedFrame) -> Used:
         why = ASKED
-        if warped.layers is not None:
+        if warped.layers:
             why = GIVEN if warped.confidence is None else SURE_ENOUGH
         return cls(warped.plan.frame, warped.method, warped.why or why)
 
@@ -112,8 +111,8 @@ def frame_report(warped: WarpedFrame, radius: float, shares: Picture, draw_secon
     median, largest = (float(f(known)) if len(known) else 0.0 for f in (np.median, np.max))
     parts = {n: 100 * float(shares[..., k].mean(dtype=np.float64)) for k, n in enumerate(SOURCES)}
     bound, mean, worst, within = None, None, None, None
-    if warped.layers is not None:
-        miss, allowed = mesh_error(warped, warped.layers, radius)
+    if warped.layers:
+        miss, allowed = mesh_error(warped, radius)
         bound = (ERROR, RELATIVE)
         mean, worst = float(miss.mean()), float(miss.max())
         within = 100 * float(np.mean(miss <= allowed))
@@ -125,29 +124,34 @@ def frame_report(warped: WarpedFrame, radius: float, shares: Picture, draw_secon
     )  # fmt: skip
 
 
-def mesh_error(warped: WarpedFrame, layers: Layers, radius: float) -> tuple[Floats, Floats]:
+def mesh_error(warped: WarpedFrame, radius: float) -> tuple[Floats, Floats]:
     """(n,) pixels by which the outermost view sees the mesh beside where depth puts it, and what is allowed.
 
-    Of every pixel of both surfaces that is seen from the frame's own place: what lies behind is a guess.
+    Of every pixel of all surfaces that is seen from the frame's own place: what lies behind is a guess.
     """
-    plan, shape = warped.plan, layers.hidden.shape
+    plan, layers = warped.plan, warped.layers
+    shape = layers[0].hidden.shape
     scale, focus = radius * plan.canvas.pinhole.fx, plan.focus_inverse_depth
     margin = np.array(shape[::-1]) - [plan.canvas.pinhole.width, plan.canvas.pinhole.height]
-    mesh, back = plan.mesh, is_back(warped)
-    of_back = back[mesh.triangles[:, 0]]
-
-    def drawn(rows: Mask) -> Floats:
-        return at_pixels(mesh.xy + margin / 2, scale * mesh.inverse_depth, mesh.triangles[rows], shape)
-
-    front, behind = drawn(~of_back), drawn(of_back)
-    covered = np.isfinite(front) & ~layers.is_far
-    # A silhouette's pixels show both.
-    beside = (~covered | layers.mixed) & ~layers.hidden & np.isfinite(behind)
+    mesh = plan.mesh
+    surface = surface_of(warped)[mesh.triangles[:, 0]]
     off, allowed = [], []
-    for values, shift, seen in ((front, layers.front_shift, covered), (behind, layers.back_shift, beside)):
-        wanted = scale * in_focus(shift[seen] / scale, plan.canvas, radius, focus)
-        off.append(np.abs(values[seen] - wanted))
+    seen = np.ones(shape, bool)
+    for number in range(len(layers) + 1):
+        rows = mesh.triangles[surface == number]
+        drawn = at_pixels(mesh.xy + margin / 2, scale * mesh.inverse_depth, rows, shape)
+        covered = np.isfinite(drawn)
+        shift = layers[-1].back_shift
+        if number < len(layers):
+            shift = layers[number].front_shift
+            covered &= ~layers[number].is_far
+        asked = seen & covered
+        wanted = scale * in_focus(shift[asked] / scale, plan.canvas, radius, focus)
+        off.append(np.abs(drawn[asked] - wanted))
         allowed.append(ERROR + RELATIVE * np.abs(wanted - scale * focus))
+        if number < len(layers):
+            # A silhouette's pixels show both.
+            seen &= (~covered | layers[number].mixed) & ~layers[number].hidden
     return np.concatenate(off), np.concatenate(allowed)
 
 

@@ -66,8 +66,8 @@ def pictures(warped: WarpedFrame, radius: float, source: Picture, shares: Pictur
         grey = np.repeat(_bytes(warped.confidence)[..., None], 3, axis=2)
         made["confidence"] = _in_source(grey, plan.canvas)
     made["wireframe"] = _wireframe(plan, frame, _is_far(warped))
-    if warped.layers is not None:
-        made["layers"] = _behind(warped.layers, plan.canvas, frame)
+    if warped.layers:
+        made["layers"] = _behind(warped, frame)
     made["sources"] = _sources(shares, frame)
     signed = discs(inverse, plan, radius)
     made["blur"] = _in_source(_blur(signed), plan.canvas)
@@ -76,7 +76,7 @@ def pictures(warped: WarpedFrame, radius: float, source: Picture, shares: Pictur
 
 def inverse_depth(warped: WarpedFrame) -> Floats:
     """(H, W) of the canvas's pixels, that the frame is drawn with; NaN where there is nothing."""
-    if warped.layers is not None and warped.inverse_depth is not None:
+    if warped.layers and warped.inverse_depth is not None:
         return warped.inverse_depth
     mesh, pinhole = warped.plan.mesh, warped.plan.canvas.pinhole
     return at_pixels(mesh.xy, mesh.inverse_depth, mesh.triangles, (pinhole.height, pinhole.width))
@@ -106,8 +106,8 @@ def source_frame(warped: WarpedFrame, radius: float) -> WarpedFrame:
             # Its positions are random and its registration is fitted: the first ones are as good as any.
             offsets, registration = plan.offsets[:SOURCE_VIEWS], plan.registration[:SOURCE_VIEWS]
         plan = replace(plan, offsets=offsets, registration=registration)
-    if warped.layers is not None:
-        return replace(warped, plan=plan, texture=_layers_sources(warped, warped.layers))
+    if warped.layers:
+        return replace(warped, plan=plan, texture=_layers_sources(warped))
     mesh, texture = _plain_sources(warped)
     return replace(warped, plan=replace(plan, mesh=mesh), texture=texture)
 
@@ -138,18 +138,28 @@ def _painted(own: Mask, foreign: Mask) -> Picture:
     return np.stack([~own & ~foreign, foreign, own & ~foreign], axis=2).astype(np.float32)
 
 
-def _layers_sources(warped: WarpedFrame, layers: Layers) -> Picture:
-    """The sources of the texture of two layers, with its alpha."""
-    shape, texture = layers.hidden.shape, warped.texture
-    own = np.zeros(shape, bool)
-    own[_inner(layers, warped.plan.canvas)] = _own(warped.plan.canvas)
-    lent = np.zeros(shape, bool) if layers.lent is None else layers.lent
-    front = _painted(own, lent)
-    back = _painted(own & ~layers.beneath, np.where(layers.beneath, layers.borrowed, lent))
-    if texture.shape[1] != shape[1]:
-        front, back = (texels(part, cv2.INTER_LINEAR) for part in (front, back))
+def _layers_sources(warped: WarpedFrame) -> Picture:
+    """The sources of the texture of layers, with its alpha."""
+    texture = warped.texture
+    painted = [_painted(own, foreign) for own, foreign in _origins(warped)]
+    if texture.shape[1] != painted[0].shape[1]:
+        painted = [texels(part, cv2.INTER_LINEAR) for part in painted]
     alpha = texture[..., 3:]
-    return np.concatenate([np.concatenate([front, back]) * alpha, alpha], axis=2)
+    return np.concatenate([np.concatenate(painted) * alpha, alpha], axis=2)
+
+
+def _origins(warped: WarpedFrame) -> list[tuple[Mask, Mask]]:
+    """Masks (H, W) for every surface of a mesh of layers, near ones first: what the frame shows of it itself,
+    and what other frames lent."""
+    shape, canvas, lent = warped.layers[0].hidden.shape, warped.plan.canvas, warped.layers[0].lent
+    own, foreign = np.zeros(shape, bool), np.zeros(shape, bool) if lent is None else lent
+    own[_inner(warped.layers[0], canvas)] = _own(canvas)
+    found = [(own, foreign)]
+    for layers in warped.layers:
+        own = own & ~layers.beneath
+        foreign = np.where(layers.beneath, layers.borrowed, foreign)
+        found.append((own, foreign))
+    return found
 
 
 def _inner(layers: Layers, canvas: Canvas) -> tuple[slice, slice]:
@@ -194,16 +204,17 @@ def _depth(inverse: Floats) -> Shown:
 
 
 def _is_far(warped: WarpedFrame) -> Mask:
-    """(T,) triangles of the far surface; of one surface, all are."""
+    """(T,) triangles of the farthest surface; of one surface, all are."""
     mesh = warped.plan.mesh
-    if warped.layers is None:
+    if not warped.layers:
         return np.ones(len(mesh.triangles), bool)
-    return np.asarray(is_back(warped)[mesh.triangles[:, 0]])
+    return np.asarray(surface_of(warped)[mesh.triangles[:, 0]] == len(warped.layers))
 
 
-def is_back(warped: WarpedFrame) -> Mask:
-    """(V,) vertices of a mesh of layers that are on the far one."""
-    return np.asarray(warped.plan.mesh.texture_xy[:, 1] > warped.texture.shape[0] / 2)
+def surface_of(warped: WarpedFrame) -> NDArray[np.intp]:
+    """(V,) which surface of a mesh of layers vertices are on, 0 for the nearest."""
+    height = warped.texture.shape[0] / (len(warped.layers) + 1)
+    return np.asarray(warped.plan.mesh.texture_xy[:, 1] // height, np.intp)
 
 
 def _wireframe(plan: FramePlan, frame: Shown, far: Mask) -> Shown:
@@ -229,15 +240,19 @@ def _wireframe(plan: FramePlan, frame: Shown, far: Mask) -> Shown:
     return np.round(result).astype(np.uint8)
 
 
-def _behind(layers: Layers, canvas: Canvas, frame: Shown) -> Shown:
-    """(H, 2 W, 3) the far surface where it is behind the near one, over the darkened frame; the same with
+def _behind(warped: WarpedFrame, frame: Shown) -> Shown:
+    """(H, 2 W, 3) the farthest surface where it is behind another one, over the darkened frame; the same with
     what other frames lent green and what was made up red."""
-    inner = _inner(layers, canvas)
-    behind, borrowed = (mask[inner] for mask in (layers.hidden, layers.borrowed))
-    shown = _encoded(layers.back[inner][..., :3])
+    layers, canvas = warped.layers, warped.plan.canvas
+    inner = _inner(layers[0], canvas)
+    behind, mixed = (
+        np.any([getattr(split, name)[inner] for split in layers], axis=0) for name in ("hidden", "mixed")
+    )
+    borrowed = _origins(warped)[-1][1][inner]
+    shown = _encoded(layers[-1].back[inner][..., :3])
     colour = np.where(borrowed[..., None], GREEN, RED) * 255
     tinted = np.round((1 - TINT) * shown + TINT * colour).astype(np.uint8)
-    both = behind | layers.mixed[inner]
+    both = behind | mixed
     plain, marked = _in_source(shown, canvas), _in_source(tinted, canvas)
     is_behind, is_both = (
         _in_source(255 * mask.astype(np.uint8), canvas)[..., None] > 127 for mask in (behind, both)

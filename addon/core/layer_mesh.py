@@ -1,4 +1,4 @@
-"""The warp mesh of a frame whose every pixel's depth is known: two layers in one mesh, with their picture."""
+"""The warp mesh of a frame whose every pixel's depth is known: layers in one mesh, with their picture."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from .layers import Fill, Layers, Picture, layered
-from .quadtree import Surfaces, triangulate
+from .layers import Fill, Layers, Picture, peeled
+from .quadtree import HIDDEN, Surfaces, triangulate
 from .reconstruction import Floats, Ints
 from .warpmesh import WarpMesh
 
@@ -18,9 +18,11 @@ ERROR, RELATIVE = 0.33, 0.03
 blur's radius there beside."""
 JUMP, JUMPS = 0.19, (1.0, 3.0)
 """Of the largest blur's radius, by which neighbours must be displaced apart to be cut; in these bounds."""
+LARGE = 0.5
+"""Of the same, by which they are cut first."""
 FINER = 2
 """Times as fine as the frame is its texture: a view loses less by looking between its pixels."""
-LARGEST_TEXTURE = 24_000_000
+LARGEST_TEXTURE = 32_000_000
 """Pixels; a larger one stays as coarse as the frame."""
 WIDEST = 0.25
 """Of the long side; surfaces that are displaced farther from the focal plane than that come back to it."""
@@ -33,8 +35,8 @@ def layer_mesh(
     scale: float,
     settle: Callable[[Floats], Floats] = lambda shift: shift,
     fill: Fill | None = None,
-) -> tuple[WarpMesh, Picture, Layers]:
-    """A mesh, its texture (h, w, 4), and the layers it was made of.
+) -> tuple[WarpMesh, Picture, tuple[Layers, ...]]:
+    """A mesh, its texture (h, w, 4), and the layers it was made of, near ones first.
 
     `picture` (H, W, 4) is the canvas picture, linear and premultiplied; `shift` (H, W) the displacement in
     pixels of every pixel at the rim of the aperture, and `focus` that of the focal plane; displacement over
@@ -53,47 +55,54 @@ def layer_mesh(
         beyond[margin:-margin, margin:-margin] = False
         colour, lent = fill(shift, beyond)
         wide[lent, :3] = colour[lent]
-    jump = float(np.clip(JUMP * np.abs(shift - focus).max(), *JUMPS))
-    layers = layered(wide, shift, fill, jump)
-    surfaces = Surfaces(
-        settle(layers.front_shift), settle(layers.near_shift), settle(layers.back_shift),
-        layers.mixed, layers.is_far, layers.hidden,
-    )  # fmt: skip
-    # Settling can double what neighbours differ by.
-    triangles = triangulate(surfaces, 2 * jump, ERROR + RELATIVE * np.abs(surfaces.far - focus))
-    mesh = _joined(
-        (
-            (surfaces.far, triangles.far, 1),
-            (surfaces.near, triangles.near, 0),
-            (surfaces.own, triangles.cut, 0),
-        ),
-        margin,
-        scale,
-    )
-    front = layers.front.copy()
-    # Past its silhouettes the near surface is transparent.
-    front[layers.is_far & triangles.before] = 0
-    layers = replace(layers, front=front, lent=lent)
-    finer = 2 * front[..., 0].size * FINER**2 <= LARGEST_TEXTURE
-    texture = _texture(wide, layers) if finer else np.concatenate([layers.front, layers.back])
-    if finer:
-        # A pixel's middle is the middle of a texel: in the focal plane views show the frame's own pixels.
-        mesh = replace(mesh, texture_xy=FINER * (mesh.texture_xy - 0.5) + 0.5)
-    return mesh, texture, layers
+    largest = float(np.abs(shift - focus).max())
+    jump = float(np.clip(JUMP * largest, *JUMPS))
+    jumps = (LARGE * largest, jump) if LARGE * largest > jump else (jump,)
+    layers = peeled(wide, shift, fill, jumps)
+    surfaces: list[tuple[Floats, Ints, int]] = []
+    fronts = []
+    error = ERROR + RELATIVE * np.abs(layers[-1].back_shift - focus)
+    for number, split in enumerate(layers):
+        made = Surfaces(
+            settle(split.front_shift), settle(split.near_shift), settle(split.back_shift),
+            split.mixed, split.is_far, split.hidden,
+        )  # fmt: skip
+        # Settling can double what neighbours differ by.
+        triangles = triangulate(made, 2 * split.jump, error)
+        surfaces += [(made.near, triangles.near, number), (made.own, triangles.cut, number)]
+        # Past its silhouettes the near surface is transparent.
+        fronts.append(split.front.copy())
+        fronts[-1][split.is_far & triangles.before] = 0
+        # What is left is a guess here, or cannot be seen.
+        error = error * np.where(split.hidden, HIDDEN, np.where(split.beneath, np.inf, 1))
+    surfaces.insert(0, (made.far, triangles.far, len(layers)))
+    mesh = _joined(surfaces, margin, scale)
+    pictures = [wide, *(split.back for split in layers)]
+    layers = tuple(replace(split, front=f, lent=lent) for split, f in zip(layers, fronts, strict=True))
+    if len(pictures) * shift.size * FINER**2 > LARGEST_TEXTURE:
+        return mesh, np.concatenate([*fronts, pictures[-1]]), layers
+    # A pixel's middle is the middle of a texel: in the focal plane views show the frame's own pixels.
+    mesh = replace(mesh, texture_xy=FINER * (mesh.texture_xy - 0.5) + 0.5)
+    return mesh, _texture(pictures, fronts), layers
 
 
-def _texture(picture: Picture, layers: Layers) -> Picture:
-    """(2 h, w, 4) the front layer above the back one, finer than the picture (H, W, 4).
+def _texture(pictures: list[Picture], fronts: list[Picture]) -> Picture:
+    """(n h, w, 4) n - 1 fronts above each other and the last of n pictures (H, W, 4), finer than they are.
 
-    Each is interpolated where it is smooth: the front is what the fine picture has more than the back behind
-    it. Interpolated by itself it would ring along every silhouette, where it ends.
+    Each is interpolated where it is smooth: a front is what its fine picture has more than the next one
+    behind it. Interpolated by itself it would ring along every silhouette, where it ends.
     """
-    whole, back = (np.maximum(texels(part, cv2.INTER_LANCZOS4), 0) for part in (picture, layers.back))
-    alpha = texels(layers.front[..., 3], cv2.INTER_LINEAR)
-    back[..., 3] = 1
-    front = np.maximum(whole - (1 - alpha)[..., None] * back, 0)
-    front[..., 3] = alpha
-    return np.concatenate([front, back])
+    height, width = (FINER * n for n in pictures[0].shape[:2])
+    texture = np.empty((len(pictures), height, width, 4), np.float32)
+    for part, picture in zip(texture, pictures, strict=True):
+        np.maximum(texels(picture, cv2.INTER_LANCZOS4), 0, out=part)
+    texture[-1, ..., 3] = 1
+    for part, behind, front in zip(texture[:-1], texture[1:], fronts, strict=True):
+        alpha = texels(front[..., 3], cv2.INTER_LINEAR)
+        shared = alpha < 1
+        part[shared] = np.maximum(part[shared] - (1 - alpha[shared])[:, None] * behind[shared], 0)
+        part[..., 3] = alpha
+    return texture.reshape(-1, width, 4)
 
 
 def texels(picture: Picture, flags: int) -> Picture:
@@ -109,7 +118,7 @@ def texels(picture: Picture, flags: int) -> Picture:
     )  # fmt: skip
 
 
-def _joined(surfaces: tuple[tuple[Floats, Ints, int], ...], margin: int, scale: float) -> WarpMesh:
+def _joined(surfaces: list[tuple[Floats, Ints, int]], margin: int, scale: float) -> WarpMesh:
     """One mesh of surfaces, each displacements (H, W), triangles (T, 3) of pixels, and which of the pictures
     below each other in the texture is painted on it; the first one is whole."""
     height, width = surfaces[0][0].shape

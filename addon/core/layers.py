@@ -1,4 +1,4 @@
-"""A frame as two surfaces: what the actual camera sees, and what lies behind its silhouettes.
+"""A frame as surfaces before each other: what the actual camera sees, and what lies behind its silhouettes.
 
 Depths are given as displacements: how many pixels a virtual camera at the rim of the aperture sees a pixel
 beside its place, relative to infinity. So a bound in pixels means the same for any scene and aperture.
@@ -32,6 +32,10 @@ LONG = 7
 """Pixels along something thin from which its colour is taken."""
 ON = 16
 """Pixels by which surfaces are carried on past a silhouette, more than a view sees of them."""
+LEAST = 32
+"""Pixels of a silhouette that is left for later; fewer are noise."""
+RISE = 0.5
+"""Of the least jump, by which a far surface may rise from a pixel to the next: diagonally it is half more."""
 CONTRAST = 0.02
 """Distance of two colours (linear light) from which on they tell how a pixel is shared."""
 
@@ -63,20 +67,49 @@ class Layers:
     """(H, W) of these, where its colour comes from other frames."""
     beneath: Mask
     """(H, W) where the far surface is carried on behind the near one: what is hidden, and some beside it."""
+    jump: float
+    """By how much more than this depths jump at the silhouettes."""
     lent: Mask | None = None
     """(H, W) past the frame's border, where the colour of what is seen comes from other frames."""
 
 
-def layered(picture: Picture, shift: Floats, fill: Fill | None = None, jump: float = JUMP) -> Layers:
-    """Take a picture (H, W, 4) with displacements (H, W) apart where they jump by more than `jump`."""
+def peeled(
+    picture: Picture, shift: Floats, fill: Fill | None = None, jumps: tuple[float, ...] = (JUMP,)
+) -> tuple[Layers, ...]:
+    """Take a picture (H, W, 4) with displacements (H, W) apart where they jump by more than the first of
+    `jumps`, which fall, then what is left without the near surfaces at the next: where a silhouette crosses
+    another one there are three surfaces. Splits that find nothing are left out, but for the last.
+    """
+    found: list[Layers] = []
+    for jump in jumps:
+        split = layered(picture, shift, fill, jump, min(jumps))
+        if split.mixed.any() or (jump == jumps[-1] and not found):
+            found.append(split)
+            picture, shift = split.back, split.back_shift
+    return tuple(found)
+
+
+def layered(
+    picture: Picture,
+    shift: Floats,
+    fill: Fill | None = None,
+    jump: float = JUMP,
+    least: float | None = None,
+) -> Layers:
+    """Take a picture (H, W, 4) with displacements (H, W) apart where they jump by more than `jump`.
+
+    Jumps of more than `least` end what is carried on behind the same surface: they are left for later.
+    """
     shift = _steep(shift, jump)
     near, far = _sides(shift, jump)
     mixed = _mixed(picture, shift, near | far, jump)
+    least = jump if least is None else least
+    others = _long(_sides(shift, least)[0] & ~(near | far))
     front, front_shift = picture.copy(), shift.copy()
     rows = mixed.row, mixed.column
     front[rows] = np.column_stack([mixed.front, mixed.alpha])
     front_shift[rows] = mixed.near_shift
-    carried = _carried(shift, mixed, jump)
+    carried = _carried(shift, mixed, jump, least, _away(shift, others, jump))
     colour = picture[..., :3].copy()
     colour[rows] = mixed.far
     borrowed = np.zeros(shift.shape, bool)
@@ -91,7 +124,7 @@ def layered(picture: Picture, shift: Floats, fill: Fill | None = None, jump: flo
     return Layers(
         front, front_shift, carried.near, carried.is_far, band,
         np.concatenate([colour, alpha], axis=2), carried.far, carried.hidden, borrowed,
-        carried.beneath,
+        carried.beneath, jump,
     )  # fmt: skip
 
 
@@ -233,30 +266,67 @@ class _Carried:
     """Of these, where a view may see it."""
 
 
-def _carried(shift: Floats, mixed: _Mixed, jump: float) -> _Carried:
-    """The surfaces of the nearest silhouette at each pixel."""
+def _long(lines: Mask) -> Mask:
+    """Of a mask (H, W), without its small pieces."""
+    _, label, found, _ = cv2.connectedComponentsWithStats(lines.astype(np.uint8), connectivity=8)
+    return np.asarray(lines & (found[:, cv2.CC_STAT_AREA] >= LEAST)[label])
+
+
+def _away(shift: Floats, others: Mask, jump: float) -> Floats:
+    """(H, W) pixels to the nearest of a mask (H, W), infinite where that lies on another surface."""
+    if not others.any():
+        return np.full(shift.shape, np.inf)
+    distance, label = _nearest(others)
+    level = np.zeros(int(label.max()) + 1)
+    level[label[others]] = shift[others]
+    return np.where(np.abs(shift - level[label]) <= jump, distance, np.inf)
+
+
+def _nearest(seeds: Mask) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
+    """(H, W) pixels to the nearest seed, and which one it is."""
+    distance, label = cv2.distanceTransformWithLabels(
+        (~seeds).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    return np.asarray(distance, np.float32), np.asarray(label, np.int32)
+
+
+def _carried(shift: Floats, mixed: _Mixed, jump: float, least: float, away: Floats) -> _Carried:
+    """The surfaces of the nearest silhouette at each pixel; `away` (H, W) is how far the others are."""
     seeds = np.zeros(shift.shape, bool)
     near, far = shift.copy(), shift.copy()
     if not len(mixed.row):
         return _Carried(near, far, seeds, seeds, seeds)
     seeds[mixed.row, mixed.column] = True
     near[mixed.row, mixed.column], far[mixed.row, mixed.column] = mixed.near_shift, mixed.far_shift
-    distance, label = cv2.distanceTransformWithLabels(
-        (~seeds).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
-    )
+    distance, label = _nearest(seeds)
     of_label = np.zeros((2, int(label.max()) + 1))
     of_label[:, label[seeds]] = near[seeds], far[seeds]
     on, behind = of_label[:, label]
     gap = shift - behind
-    # A little farther than it is seen: there the far surface may come up to the near one.
-    beneath = ~seeds & (gap > jump) & (distance <= gap + 2 + ON)
+    beneath = ~seeds & (gap > jump) & (distance <= np.minimum(gap + 2 + ON, away))
     is_far = ~seeds & ~beneath & (gap <= jump) & (on - shift > jump) & (distance <= ON)
     far = np.where(beneath, behind, far)
     hidden = beneath & (distance <= gap + 2)
     far = _smoothed(far, beneath | seeds, beneath, jump)
+    far = np.where(beneath, _rising(far, shift, beneath, seeds, jump, RISE * least), far)
     near = np.where(is_far, on, near)
     near = _smoothed(near, is_far | seeds, is_far, jump)
     return _Carried(near, far, is_far, beneath, hidden)
+
+
+def _rising(behind: Floats, shift: Floats, beneath: Mask, seeds: Mask, jump: float, slope: float) -> Floats:
+    """(H, W) a far surface that comes up to the near one, by `slope` a pixel, where it ends.
+
+    A jump there would be taken for one more silhouette.
+    """
+    highest = cv2.dilate(np.where(beneath, shift, -np.inf), np.ones((3, 3), np.uint8))
+    rim = ~beneath & ~seeds & np.isfinite(highest) & (shift >= highest - jump)
+    if not rim.any():
+        return behind
+    distance, label = _nearest(rim)
+    level = np.zeros(int(label.max()) + 1)
+    level[label[rim]] = shift[rim]
+    return np.asarray(np.maximum(behind, np.minimum(level[label], shift) - slope * distance))
 
 
 def _smoothed(shift: Floats, among: Mask, changed: Mask, jump: float) -> Floats:

@@ -119,8 +119,8 @@ def can_be_layered(plan: FramePlan) -> bool:
 
 def layered_plan(
     plan: FramePlan, radius: float, picture: Picture, inverse_depth: Floats, lender: Lender | None = None
-) -> tuple[FramePlan, Picture, Layers]:
-    """The plan with a mesh of two layers, the texture (h, w, 4) that belongs to it, and the layers.
+) -> tuple[FramePlan, Picture, tuple[Layers, ...]]:
+    """The plan with a mesh of layers, the texture (h, w, 4) that belongs to it, and the layers.
 
     `picture` (H, W, 4) is the canvas picture and `inverse_depth` (H, W) that of all its pixels; the `lender`
     has other frames' colours for what it does not show.
@@ -132,17 +132,16 @@ def layered_plan(
         return scale * in_focus(shift / scale, plan.canvas, radius, focus)
 
     def fill(shift: Floats, asked: Mask) -> tuple[Picture, Mask]:
-        assert lender is not None
+        assert loan is not None
         row, column = np.nonzero(asked)
         corner = (np.array(shift.shape) - picture.shape[:2]) // 2
         places = np.column_stack([column - corner[1], row - corner[0]]) + 0.5
-        told, known = lender.colours(
-            plan.frame, plan.canvas, picture, inverse_depth, places, shift[row, column] / scale
-        )
+        told, known = loan.colours(places, shift[row, column] / scale)
         colour, found = np.zeros((*shift.shape, 3), np.float32), np.zeros(shift.shape, bool)
         colour[row, column], found[row, column] = told, known
         return colour, found
 
+    loan = lender.loan(plan.frame, plan.canvas, picture, inverse_depth) if lender else None
     mesh, texture, layers = layer_mesh(
         picture, scale * inverse_depth, scale * focus, scale, settle, fill if lender else None
     )

@@ -63,7 +63,8 @@ class WarpedFrame:
     """(H, W) of every pixel of the canvas, where the method has it,"""
     confidence: Map | None = None
     """(H, W) and how sure it is; None of the user's maps."""
-    layers: Layers | None = None
+    layers: tuple[Layers, ...] = ()
+    """That the mesh was made of, near ones first."""
     depth_seconds: float = 0.0
     """What finding the depth took,"""
     mesh_seconds: float = 0.0
