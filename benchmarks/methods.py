@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import bpy
@@ -12,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from addon.core.aperture import vogel_disc
+from addon.core.borrow import Lent
 from addon.core.canvas import Canvas
 from addon.core.errors import UserError
 from addon.core.focus import Focus, exact_registration
@@ -30,6 +32,9 @@ from .scatter import scatter
 
 Picture = NDArray[np.float32]
 Floats = NDArray[np.float64]
+
+CLOSE = 0.25
+"""Share of an inverse depth by which a true surface may be off and still be meant."""
 
 
 @dataclass(frozen=True)
@@ -68,11 +73,39 @@ def thesis(given: Given, views: int) -> Answer:
 
 def layers(given: Given, views: int) -> Answer:
     """Our method, with the depth that it finds itself (or is given); 0 views leaves the number to it."""
+    return _layers(given, views)
+
+
+def told(given: Given, views: int) -> Answer:
+    """Ours, told the colours of all that the frame hides: what it lacks then is not what nobody saw."""
+    surfaces = given.layers(0)
+    assert surfaces is not None
+    return _layers(given, views, partial(_colours, surfaces))
+
+
+def _layers(given: Given, views: int, lent: Lent | None = None) -> Answer:
     lens = LensSettings(given.focus, given.radius, views)
     plan = plan_frame(given.reconstruction, given.frame, lens, _size(given))
-    picture = plan.canvas.from_source(given.picture)
-    made, texture, _ = layered_plan(plan, given.radius, picture, 1 / given.depth, given.lender)
+    picture, inverse = plan.canvas.from_source(given.picture), 1 / given.depth
+    if lent is None and given.lender is not None:
+        lent = given.lender.loan(given.frame, plan.canvas, picture, inverse).colours
+    made, texture, _ = layered_plan(plan, given.radius, picture, inverse, lent)
     return _drawn(given, made, texture)
+
+
+def _colours(surfaces: oracle.Layers, places: Floats, inverse: Floats) -> tuple[Picture, NDArray[np.bool_]]:
+    """What is `Lent`, of the layer that is there at about the inverse depth, if any."""
+    limit = np.array(surfaces.layers[0].inverse_depth.shape[::-1]) - 1
+    column, row = np.clip(np.floor(places).astype(int) + surfaces.margin, 0, limit).T
+    colours, known = np.zeros((len(places), 3), np.float32), np.zeros(len(places), bool)
+    least = CLOSE * np.abs(inverse)
+    for layer in surfaces.layers:
+        seen = layer.picture[row, column]
+        off = np.abs(layer.inverse_depth[row, column] - inverse)
+        best = (seen[:, 3] > 0.5) & (off < least)
+        colours[best] = seen[best, :3] / seen[best, 3:]
+        least, known = np.where(best, off, least), known | best
+    return colours, known
 
 
 def features(given: Given, views: int) -> Answer:
@@ -141,6 +174,7 @@ METHODS = {
     "no blur": Method(no_blur, (0,), (0,), ()),
     "thesis": Method(thesis, (16, 64, 256), (16, 64, 256), PRODUCT),
     "layers": Method(layers, (4, 16, 64, 256), (16, 64), PRODUCT),
+    "told": Method(told, (256,), (64,), (*PRODUCT, "benchmarks/oracle.py"), ("T1",), with_layers),
     "features": Method(features, (16, 64), (64,), PRODUCT),
     "grid": Method(grid, (64,), (64,), PRODUCT),
     "edges": Method(edges, (64,), (64,), PRODUCT),

@@ -21,6 +21,8 @@ from .recent import Recent
 from .reconstruction import Floats, Image, Intrinsics, Reconstruction
 
 Mask = NDArray[np.bool_]
+Lent = Callable[[Floats, Floats], tuple[Picture, Mask]]
+"""Linear colours (n, 3) of places (n, 2), canvas pixels, at inverse depths (n,), and which are known."""
 
 STEP, SPAN = 8, 32
 """Every eighth registered frame is asked, so far before and after. They are the same for frames that follow
@@ -133,7 +135,7 @@ class Loan:
     trust: _Trust
 
     def colours(self, places: Floats, inverse: Floats) -> tuple[Picture, Mask]:
-        """Linear colours (n, 3) of places (n, 2), canvas pixels, at inverse depths (n,), and which are known.
+        """What is `Lent`.
 
         The median of the frames that see a place, if half of them agree with it: what moved away disagrees.
         Nothing is known where the frames do not even see what the frame itself shows around at that depth.

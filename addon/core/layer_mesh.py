@@ -57,7 +57,9 @@ def layer_mesh(
         wide[lent, :3] = colour[lent]
     largest = float(np.abs(shift - focus).max())
     jump = float(np.clip(JUMP * largest, *JUMPS))
-    jumps = (LARGE * largest, jump) if LARGE * largest > jump else (jump,)
+    # A few wrong depths must not say what is large.
+    usual = float(np.percentile(np.abs(shift - focus)[::4, ::4], 98))
+    jumps = (LARGE * usual, jump) if LARGE * usual > jump else (jump,)
     layers = peeled(wide, shift, fill, jumps)
     surfaces: list[tuple[Floats, Ints, int]] = []
     fronts = []

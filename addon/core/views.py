@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .aperture import random_disc, views_needed, vogel_disc
-from .borrow import Lender
+from .borrow import Lent
 from .canvas import Canvas, Picture
 from .depth import FrameFeatures, MappedDepth, frame_features
 from .edge_mesh import edge_mesh
@@ -118,12 +118,12 @@ def can_be_layered(plan: FramePlan) -> bool:
 
 
 def layered_plan(
-    plan: FramePlan, radius: float, picture: Picture, inverse_depth: Floats, lender: Lender | None = None
+    plan: FramePlan, radius: float, picture: Picture, inverse_depth: Floats, lent: Lent | None = None
 ) -> tuple[FramePlan, Picture, tuple[Layers, ...]]:
     """The plan with a mesh of layers, the texture (h, w, 4) that belongs to it, and the layers.
 
-    `picture` (H, W, 4) is the canvas picture and `inverse_depth` (H, W) that of all its pixels; the `lender`
-    has other frames' colours for what it does not show.
+    `picture` (H, W, 4) is the canvas picture and `inverse_depth` (H, W) that of all its pixels; `lent`
+    are other frames' colours for what it does not show.
     """
     focus = plan.focus_inverse_depth
     scale = radius * plan.canvas.pinhole.fx
@@ -132,18 +132,17 @@ def layered_plan(
         return scale * in_focus(shift / scale, plan.canvas, radius, focus)
 
     def fill(shift: Floats, asked: Mask) -> tuple[Picture, Mask]:
-        assert loan is not None
+        assert lent is not None
         row, column = np.nonzero(asked)
         corner = (np.array(shift.shape) - picture.shape[:2]) // 2
         places = np.column_stack([column - corner[1], row - corner[0]]) + 0.5
-        told, known = loan.colours(places, shift[row, column] / scale)
+        told, known = lent(places, shift[row, column] / scale)
         colour, found = np.zeros((*shift.shape, 3), np.float32), np.zeros(shift.shape, bool)
         colour[row, column], found[row, column] = told, known
         return colour, found
 
-    loan = lender.loan(plan.frame, plan.canvas, picture, inverse_depth) if lender else None
     mesh, texture, layers = layer_mesh(
-        picture, scale * inverse_depth, scale * focus, scale, settle, fill if lender else None
+        picture, scale * inverse_depth, scale * focus, scale, settle, fill if lent else None
     )
     return replace(plan, mesh=mesh), texture, layers
 

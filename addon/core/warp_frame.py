@@ -99,8 +99,8 @@ def warp_frame(
             why=f"the depth of less than {100 * FEWEST_SURE:g} % of its pixels can be told from the clip",
         )  # fmt: skip
     else:
-        lender = clip.lender if lens.borrow else None
-        layered, texture, layers = layered_plan(plan, lens.radius, picture, inverse, lender)
+        lent = clip.lender.loan(frame, plan.canvas, picture, inverse).colours if lens.borrow else None
+        layered, texture, layers = layered_plan(plan, lens.radius, picture, inverse, lent)
         is_whole = bool(picture[..., 3].min() > 0.999)
         made = replace(plain, plan=layered, texture=texture, is_whole=is_whole, layers=layers)
     return replace(made, mesh_seconds=time.perf_counter() - found + planned - began)
