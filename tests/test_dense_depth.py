@@ -292,6 +292,19 @@ def test_one_depth_for_each_thing_and_holes_that_show_what_is_behind() -> None:
     assert confidence[found].max() <= 0.25
 
 
+def test_what_stands_before_a_things_foot_is_not_what_it_stands_on() -> None:
+    """A post before half of its foot, as pickets before a tram: the ground is seen beside the post."""
+    guide, sure = np.full((100, 120), 90, np.float32), np.ones((100, 120), np.float32)
+    inverse = np.tile(np.linspace(0.1, 0.4, 100, dtype=np.float32)[:, None], (1, 120))
+    moving = np.zeros((100, 120), bool)
+    moving[20:80, 20:60] = True
+    ground = inverse[80, 0]
+    inverse[60:, 35:75] = 0.9
+    moving[76:, 35:75] = False
+    depth, _, found = settle(guide, inverse, sure, moving, np.zeros((100, 120), bool))
+    np.testing.assert_allclose(depth[found], ground, atol=0.03)
+
+
 def test_neighbours_are_chosen_by_baseline_and_not_by_count() -> None:
     """Four times the frames on the same way: the same distances."""
     chosen = []

@@ -22,6 +22,8 @@ WINDOW, ALIKE, NEAR = 9, 1.5, 3.0
 FOOT, LOWEST = 4, 0.1
 """Pixels below a moving thing, where what it stands on is seen, and the share of its height that is its
 foot."""
+FARTHEST = 10
+"""Percentile of what is seen there that counts as the farthest."""
 CLOSE, FAR = 5, 12
 """Pixels between which things are beside it; what is closer may be the thing itself."""
 BINS, FEW, LEAST, HIDES = 24, 20, 0.05, 0.3
@@ -102,14 +104,17 @@ def settle(guide: Map, inverse: Map, confidence: Map, moving: Mask, covered: Mas
 
 
 def _contact(thing: Mask, sure: Mask, inverse: Map) -> float | None:
-    """The inverse depth that is seen at the lowest pixels of a thing (h, w), None if nothing is."""
+    """The inverse depth that is seen at the lowest pixels of a thing (h, w), None if nothing is.
+
+    Of several the farthest: what is nearer stands before it.
+    """
     rows = np.nonzero(thing.any(axis=1))[0]
     lowest = rows[-1] - round(LOWEST * len(rows))
     below = np.zeros_like(thing)
     below[FOOT:] = thing[:-FOOT]
     below[:lowest] = False
     found = inverse[below & ~thing & sure]
-    return float(np.median(found)) if len(found) >= FOOT else None
+    return float(np.percentile(found, FARTHEST)) if len(found) >= FOOT else None
 
 
 def _hides(thing: Mask, sure: Mask, covered: Mask, inverse: Map) -> float | None:
