@@ -58,7 +58,7 @@ def layer_mesh(
     largest = float(np.abs(shift - focus).max())
     jump = float(np.clip(JUMP * largest, *JUMPS))
     # A few wrong depths must not say what is large.
-    usual = float(np.percentile(np.abs(shift - focus)[::4, ::4], 98))
+    usual = float(np.percentile(np.abs(shift - focus)[::4, ::4], 99.9))
     jumps = (LARGE * usual, jump) if LARGE * usual > jump else (jump,)
     layers = peeled(wide, shift, fill, jumps)
     surfaces: list[tuple[Floats, Ints, int]] = []
