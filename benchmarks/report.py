@@ -65,8 +65,9 @@ def summary(rows: list[Row]) -> str:
     lines = [
         "# Our method against the others", "",
         "PSNR in dB against a real lens. Way to oracle: ours less the thesis's over the oracle's less the"
-        " thesis's. Told: both ways of ours with the true colours of all that the frame hides. RM of the"
-        " thesis's: squares without that of the truth's own noise, root of their ratio.",
+        " thesis's. Told: both ways of ours with the true colours of what the frame hides, at the depth that"
+        " we guess for it, which may be another surface's. RM of the thesis's: squares without that of the"
+        " truth's own noise, root of their ratio.",
         "", "| " + " | ".join(heads) + " |", "|" + "---|" * len(heads),
     ]  # fmt: skip
     for scene, track, blur in dict.fromkeys(key[:3] for key in best):
