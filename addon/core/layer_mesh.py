@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import cv2
@@ -61,23 +62,26 @@ def layer_mesh(
     usual = float(np.percentile(np.abs(shift - focus)[::4, ::4], 99.9))
     jumps = (LARGE * usual, jump) if LARGE * usual > jump else (jump,)
     layers = peeled(wide, shift, fill, jumps)
-    surfaces: list[tuple[Floats, Ints, int]] = []
-    fronts = []
     error = ERROR + RELATIVE * np.abs(layers[-1].back_shift - focus)
-    for number, split in enumerate(layers):
+    asked = []
+    for split in layers:
         made = Surfaces(
             settle(split.front_shift), settle(split.near_shift), settle(split.back_shift),
             split.mixed, split.is_far, split.hidden,
         )  # fmt: skip
         # Settling can double what neighbours differ by.
-        triangles = triangulate(made, 2 * split.jump, error)
+        asked.append((made, 2 * split.jump, error))
+        # What is left is a guess here, or cannot be seen.
+        error = error * np.where(split.hidden, HIDDEN, np.where(split.beneath, np.inf, 1))
+    with ThreadPoolExecutor() as pool:
+        found = list(pool.map(lambda one: triangulate(*one), asked))
+    surfaces = [(made.far, found[-1].far, len(layers))]
+    fronts = []
+    for number, (split, (made, _, _), triangles) in enumerate(zip(layers, asked, found, strict=True)):
         surfaces += [(made.near, triangles.near, number), (made.own, triangles.cut, number)]
         # Past its silhouettes the near surface is transparent.
         fronts.append(split.front.copy())
         fronts[-1][split.is_far & triangles.before] = 0
-        # What is left is a guess here, or cannot be seen.
-        error = error * np.where(split.hidden, HIDDEN, np.where(split.beneath, np.inf, 1))
-    surfaces.insert(0, (made.far, triangles.far, len(layers)))
     mesh = _joined(surfaces, margin, scale)
     pictures = [wide, *(split.back for split in layers)]
     layers = tuple(replace(split, front=f, lent=lent) for split, f in zip(layers, fronts, strict=True))

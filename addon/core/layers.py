@@ -104,7 +104,7 @@ def layered(
     near, far = _sides(shift, jump)
     mixed = _mixed(picture, shift, near | far, jump)
     least = jump if least is None else least
-    others = _long(_sides(shift, least)[0] & ~(near | far))
+    others = _long(_sides(shift, least)[0] & ~(near | far)) if least < jump else np.zeros_like(near)
     front, front_shift = picture.copy(), shift.copy()
     rows = mixed.row, mixed.column
     front[rows] = np.column_stack([mixed.front, mixed.alpha])
