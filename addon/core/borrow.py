@@ -181,7 +181,7 @@ class _Trust:
         sums = []
         for values in (alike, seen):
             total = np.bincount(at, values, empty.size).reshape(empty.shape)
-            # OpenCV filters along the last two axes only.
+            # To OpenCV, which filters rows and columns, depths are channels.
             total = cv2.blur(np.moveaxis(total, 0, 2), (BESIDE, BESIDE), borderType=cv2.BORDER_CONSTANT)
             deep = np.pad(np.moveaxis(total, 2, 0), ((1, 1), (0, 0), (0, 0)))
             sums.append(deep[:-2] + 2 * deep[1:-1] + deep[2:])

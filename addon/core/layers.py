@@ -276,18 +276,18 @@ def _away(shift: Floats, others: Mask, jump: float) -> Floats:
     """(H, W) pixels to the nearest of a mask (H, W), infinite where that lies on another surface."""
     if not others.any():
         return np.full(shift.shape, np.inf)
-    distance, label = _nearest(others)
-    level = np.zeros(int(label.max()) + 1)
-    level[label[others]] = shift[others]
-    return np.where(np.abs(shift - level[label]) <= jump, distance, np.inf)
+    distance, level = _of_nearest(others, shift)
+    return np.where(np.abs(shift - level) <= jump, distance, np.inf)
 
 
-def _nearest(seeds: Mask) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
-    """(H, W) pixels to the nearest seed, and which one it is."""
+def _of_nearest(seeds: Mask, values: Floats) -> tuple[NDArray[np.float32], Floats]:
+    """(H, W) pixels to the nearest seed, and the values (..., H, W) of that one."""
     distance, label = cv2.distanceTransformWithLabels(
         (~seeds).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
     )
-    return np.asarray(distance, np.float32), np.asarray(label, np.int32)
+    of_label = np.zeros((*values.shape[:-2], int(label.max()) + 1))
+    of_label[..., label[seeds]] = values[..., seeds]
+    return np.asarray(distance, np.float32), of_label[..., label]
 
 
 def _carried(shift: Floats, mixed: _Mixed, jump: float, least: float, away: Floats) -> _Carried:
@@ -298,17 +298,15 @@ def _carried(shift: Floats, mixed: _Mixed, jump: float, least: float, away: Floa
         return _Carried(near, far, seeds, seeds, seeds)
     seeds[mixed.row, mixed.column] = True
     near[mixed.row, mixed.column], far[mixed.row, mixed.column] = mixed.near_shift, mixed.far_shift
-    distance, label = _nearest(seeds)
-    of_label = np.zeros((2, int(label.max()) + 1))
-    of_label[:, label[seeds]] = near[seeds], far[seeds]
-    on, behind = of_label[:, label]
+    distance, (on, behind) = _of_nearest(seeds, np.stack([near, far]))
     gap = shift - behind
     beneath = ~seeds & (gap > jump) & (distance <= np.minimum(gap + 2 + ON, away))
     is_far = ~seeds & ~beneath & (gap <= jump) & (on - shift > jump) & (distance <= ON)
     far = np.where(beneath, behind, far)
     hidden = beneath & (distance <= gap + 2)
     far = _smoothed(far, beneath | seeds, beneath, jump)
-    far = np.where(beneath, _rising(far, shift, beneath, seeds, jump, RISE * least), far)
+    if least < jump:
+        far = np.where(beneath, _rising(far, shift, beneath, seeds, jump, RISE * least), far)
     near = np.where(is_far, on, near)
     near = _smoothed(near, is_far | seeds, is_far, jump)
     return _Carried(near, far, is_far, beneath, hidden)
@@ -323,10 +321,8 @@ def _rising(behind: Floats, shift: Floats, beneath: Mask, seeds: Mask, jump: flo
     rim = ~beneath & ~seeds & np.isfinite(highest) & (shift >= highest - jump)
     if not rim.any():
         return behind
-    distance, label = _nearest(rim)
-    level = np.zeros(int(label.max()) + 1)
-    level[label[rim]] = shift[rim]
-    return np.asarray(np.maximum(behind, np.minimum(level[label], shift) - slope * distance))
+    distance, level = _of_nearest(rim, shift)
+    return np.asarray(np.maximum(behind, np.minimum(level, shift) - slope * distance))
 
 
 def _smoothed(shift: Floats, among: Mask, changed: Mask, jump: float) -> Floats:
