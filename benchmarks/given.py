@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from addon.core.borrow import Lender
 from addon.core.canvas import Canvas
-from addon.core.dense_depth import ClipDepth
+from addon.core.dense_depth import COARSE, ClipDepth
 from addon.core.dense_fusion import SteadyDepth
 from addon.core.depth import FrameFeatures, frame_features
 from addon.core.enlarge import enlarged
@@ -73,7 +73,7 @@ class Known:
 
     @cached_property
     def _lender(self) -> Lender:
-        return Lender(self.scene.cameras, open_footage(self.scene.clip()).read)
+        return _lender(self.scene.cameras, self.scene)
 
     def given(self, frame: int, blur: int) -> Given:
         scene, depth = self.scene, self.scene.depth(frame)
@@ -121,7 +121,7 @@ class Solved:
 
     @cached_property
     def _lender(self) -> Lender:
-        return Lender(self.reconstruction, open_footage(self.scene.clip()).read)
+        return _lender(self.reconstruction, self.scene)
 
     @cached_property
     def _dense(self) -> SteadyDepth:
@@ -174,6 +174,12 @@ class Solved:
             ratios.append(wanted / np.where(found == 0, np.inf, found))
             weights.append(np.abs(found))
         return scene.radius(blur) * weighted_median(np.concatenate(ratios), np.concatenate(weights))
+
+
+def _lender(cameras: Reconstruction, scene: Scene) -> Lender:
+    """As the product makes it."""
+    read = open_footage(scene.clip()).read
+    return Lender(cameras, read, ClipDepth(cameras, read, COARSE).moving)
 
 
 def robust_line(x: Floats, y: Floats) -> tuple[float, float]:
