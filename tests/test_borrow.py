@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -204,3 +206,81 @@ def with_poster(inverse: float) -> NDArray[np.float64]:
     shown = FLAT.copy()
     shown[:32, -24:] = inverse
     return shown
+
+
+def test_what_goes_on_past_the_border_hides_what_is_behind() -> None:
+    """The frame before sees beside a board that the frame shows up to its border: it may be wider."""
+    board = np.zeros((HEIGHT, WIDTH), bool)
+    board[:, :20] = True
+    shown = np.where(board, 2 / DEPTH, FLAT)
+    loan = Lender(shot(), view).loan(MIDDLE, Canvas(LENS), to_linear(view(MIDDLE)), shown)
+    places = np.argwhere(board)[:, ::-1] + 0.5
+    sight = next(s for s in loan.sights if s.other.frame == MIDDLE - 1)
+    assert np.isnan(sight.colours(places, np.full(len(places), 1 / DEPTH))).all()
+    assert np.isfinite(sight.colours(places + np.array([38, 0]), np.full(len(places), 1 / DEPTH))).all()
+
+
+def test_what_another_frame_sees_from_close_by_hides_all_of_what_is_behind() -> None:
+    """A board fills the frames that are nearer to it; none of them sees through it, between its pixels."""
+    ahead = tuple(
+        Image(n, np.eye(3), np.array([0, 0, -z]), np.zeros((0, 2)), np.zeros(0, np.int32))
+        for n, z in enumerate((0.0, 1.2, 1.5, 1.8), start=1)
+    )
+    shot_ahead = Reconstruction((LENS,), ahead, shot().points)
+    board = np.zeros((HEIGHT, WIDTH), bool)
+    board[20:44, 32:64] = True
+    shown = np.where(board, 4 / DEPTH, FLAT)
+    places: NDArray[np.float64] = np.argwhere(board)[:, ::-1] + 0.5
+    loan = Lender(shot_ahead, lambda frame: view(MIDDLE)).loan(
+        1, Canvas(LENS), to_linear(view(MIDDLE)), shown
+    )
+    assert len(loan.sights) == 3
+    assert not any(np.isfinite(s.colours(places, np.full(len(places), 1 / DEPTH))).any() for s in loan.sights)
+
+
+def test_no_colour_of_a_silhouette_is_lent() -> None:
+    """Beside a board the wall's colours are lent, not the board's nor any that are both's."""
+    board = np.zeros((HEIGHT, WIDTH), bool)
+    board[:, 40:52] = True
+    shown = np.where(board, 2 / DEPTH, FLAT)
+
+    def before(frame: int) -> NDArray[np.uint8]:
+        """The board, and beside it a pixel that it covers in part."""
+        picture = view(frame)
+        left = 40 + 2 * STEP * (MIDDLE - frame)
+        picture[:, max(left, 0) : max(left + 12, 0)] = (250, 30, 30)
+        for column in (left - 1, left + 12):
+            if 0 <= column < WIDTH:
+                picture[:, column] = picture[:, column] // 2 + np.array([125, 15, 15], np.uint8)
+        return picture
+
+    near: NDArray[np.float64] = np.argwhere(board)[:, ::-1] + 0.5
+    picture = to_linear(before(MIDDLE))
+    colour, known = (
+        Lender(shot(), before)
+        .loan(MIDDLE, Canvas(LENS), picture, shown)
+        .colours(near, np.full(len(near), 1 / DEPTH))
+    )
+    assert known.mean() > 0.6
+    np.testing.assert_allclose(colour[known], truth(near)[known], atol=2e-3)
+
+
+def test_a_single_frame_lends_only_colours_like_those_around() -> None:
+    """Something red stood in the only frame that sees behind a board; nobody says that it moves."""
+    board = np.zeros((HEIGHT, WIDTH), bool)
+    board[:, 40:60] = True
+    shown = np.where(board, 2 / DEPTH, FLAT)
+    places = np.argwhere(board)[:, ::-1] + 0.5
+    # Farther in, there is nothing around that could be unlike it.
+    places = places[np.abs(places[:, 0] - 50) > 9]
+
+    def red(frame: int) -> NDArray[np.uint8]:
+        return view(frame) if frame != MIDDLE - 2 else np.full((HEIGHT, WIDTH, 3), (250, 20, 20), np.uint8)
+
+    shares = []
+    for read in (view, red):
+        loan = Lender(shot(), read).loan(MIDDLE, Canvas(LENS), to_linear(view(MIDDLE)), shown)
+        alone = replace(loan, sights=tuple(s for s in loan.sights if s.other.frame == MIDDLE - 2))
+        _, known = alone.colours(places, np.full(len(places), 1 / DEPTH))
+        shares.append(known.mean())
+    assert shares[0] > 0.3 and shares[1] < 0.05

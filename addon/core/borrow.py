@@ -7,7 +7,7 @@ inside its picture and not hidden there by anything that this frame shows, its c
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import cv2
@@ -19,6 +19,7 @@ from .dense_neighbours import regular, stride
 from .footage import Pixels, to_linear
 from .recent import Recent
 from .reconstruction import Floats, Image, Intrinsics, Reconstruction
+from .surroundings import Surroundings, differ
 
 Mask = NDArray[np.bool_]
 Lent = Callable[[Floats, Floats], tuple[Picture, Mask]]
@@ -31,8 +32,14 @@ KEPT, LONGEST = 12, 1920
 """Pictures that are kept, and their long side in pixels at most."""
 NEARER = 0.04
 """Of the inverse depth, by which something must be nearer to hide what lies behind."""
-GRID = 3
-"""Pixels; the frame's own surfaces are projected into the others in squares of this size."""
+GRID, SQUARE = 3, 6
+"""Pixels; the frame's own surfaces are projected into the others so far apart, and hide squares there."""
+WIDE = 2
+"""Squares at most that something near hides around itself."""
+BEYOND = 0.1
+"""Of the long side, by which the frame's surfaces are taken to go on past its border."""
+RIM = 1.0
+"""Pixels beside something nearer that may show it in part."""
 GAINS = 0.5, 2.0
 """Between which the exposure of another frame may differ."""
 ROW = 4096
@@ -43,8 +50,6 @@ AGREE = 0.06
 """Difference of colours (square root of linear light) that frames may disagree by about the same place."""
 TRUSTED = 0.5
 """Share of what the frame shows around that the others must see as it does, if they are to lend."""
-CELLS, DEPTHS, BESIDE = 80, 32, 7
-"""What is around: so many cells in a row, so many depths, and so many cells to a side."""
 
 
 class Lender:
@@ -62,7 +67,7 @@ class Lender:
         the frame that asks it hides nothing, for elsewhere it stands somewhere else.
         """
         self._rec, self._read, self._moving = reconstruction, read, moving
-        self._pictures = Recent[NDArray[np.float16]](KEPT)
+        self._pictures = Recent[Picture](KEPT)
 
     def loan(self, frame: int, canvas: Canvas, picture: Picture, inverse_depth: Floats) -> Loan:
         """What other frames can lend to one.
@@ -70,42 +75,59 @@ class Lender:
         `picture` (H, W, 4) and `inverse_depth` (H, W) are what the frame itself shows in the canvas.
         """
         image, _ = self._rec.image_at(frame)
-        own = self._grid(image.frame, canvas, picture, inverse_depth)
-        sights, seen, alike = [], np.zeros(len(own.places)), np.zeros(len(own.places))
+        own = self._own(image.frame, canvas, picture, inverse_depth)
+        sights = []
+        seen, alike = np.zeros((2, len(own.places)))
         for other in regular(self._rec, frame, stride(self._rec, STEP), SPAN):
-            sight = self._sight(image, canvas, other, own)
-            colours = sight.colours(own.places, own.inverse)
+            sight, colours = self._sight(image, canvas, other, own)
             sees = np.isfinite(colours[:, 0])
             seen += sees
-            alike[sees] += _differ(colours[sees], own.colour[sees]) < AGREE
+            alike[sees] += differ(colours[sees], own.colour[sees]) < AGREE
             sights.append(sight)
-        return Loan(tuple(sights), _Trust.of(own, seen, alike))
+        return Loan(tuple(sights), Surroundings.of(own.places, own.inverse, own.colour, seen, alike))
 
-    def _sight(self, image: Image, canvas: Canvas, other: Image, own: _Own) -> _Sight:
+    def _sight(self, image: Image, canvas: Canvas, other: Image, own: _Own) -> tuple[_Sight, Picture]:
+        """What another frame sees, and its colours (n, 3) of the frame's own places."""
         lens = self._rec.intrinsics(other)
-        local, xy = _moved(image, canvas.pinhole, other, lens, own.places, own.inverse)
-        size = np.array([lens.width, lens.height])
         picture = self._pictures.get(other.frame, lambda: self._linear(other.frame))
-        both = (local[:, 2] > 0) & ~self._moves(other.frame, xy / size)
-        zoom = np.array(picture.shape[1::-1]) / size
-        gain = _gain(own.colour, _sampled(picture, xy * zoom), both)
-        nearest = _nearest(xy, local[:, 2], (lens.height, lens.width), own.step)
-        return _Sight(
-            image, canvas.pinhole, other, lens, partial(self._moves, other.frame), picture, gain,
-            nearest, own.step,
-        )  # fmt: skip
+        sight = _Sight(image, canvas.pinhole, other, lens, partial(self._moves, other.frame), picture)
+        local, xy = sight.moved(own.places, own.inverse)
+        before, before_xy = sight.moved(own.before, own.before_inverse)
+        solid = ~own.moves
+        depth = np.concatenate([local[solid, 2], before[:, 2]])
+        inverse = np.concatenate([own.inverse[solid], own.before_inverse])
+        apart = GRID * lens.fx / canvas.pinhole.fx / np.maximum(depth * inverse, 1e-9)
+        xy_before = np.concatenate([xy[solid], before_xy])
+        nearest = _nearest(xy_before, depth, apart, (lens.height, lens.width))
+        sight = replace(sight, nearest=nearest)
+        colours = sight.seen(local, xy)
+        gain = _gain(own.colour[solid], colours[solid])
+        return replace(sight, gain=gain), colours * gain
 
-    def _grid(self, frame: int, canvas: Canvas, picture: Picture, inverse_depth: Floats) -> _Own:
-        """What stands still of a frame."""
-        half = GRID // 2
-        rows = np.arange(half, picture.shape[0], GRID)
-        columns = np.arange(half, picture.shape[1], GRID)
+    def _own(self, frame: int, canvas: Canvas, picture: Picture, inverse_depth: Floats) -> _Own:
+        """What a frame shows, thinned out."""
+        shape = inverse_depth.shape
+        rows, columns = (np.arange(min(GRID // 2, n - 1), n, GRID) for n in shape)
         places = np.stack(np.meshgrid(columns + 0.5, rows + 0.5), axis=-1).reshape(-1, 2)
         at = np.ix_(rows, columns)
-        size = [canvas.lens.width, canvas.lens.height]
-        still = ~self._moves(frame, canvas.features_to_source(places) / size)
-        colour = picture[at][..., :3].reshape(-1, 3)
-        return _Own(places[still], inverse_depth[at].ravel()[still], colour[still], 2 * GRID)
+        # Surfaces go on past the border.
+        beyond = GRID * int(BEYOND * max(shape) / GRID)
+        rows, columns = (np.arange(GRID // 2 - beyond, n + beyond, GRID) for n in shape)
+        ring = np.stack(np.meshgrid(columns + 0.5, rows + 0.5), axis=-1).reshape(-1, 2)
+        ring = ring[np.any((ring < 0) | (ring > shape[::-1]), axis=1)]
+        least = cv2.erode(inverse_depth, np.ones((3, 3), np.uint8))
+        rim = np.argwhere(inverse_depth > (1 + NEARER) * least)[:, ::-1] + 0.5
+        before = np.concatenate([ring, rim])
+        before = before[~self._shows_moving(frame, canvas, before)]
+        column, row = np.clip(before, 0, np.array(shape[::-1]) - 1).astype(int).T
+        return _Own(
+            places, inverse_depth[at].ravel(), picture[at][..., :3].reshape(-1, 3),
+            self._shows_moving(frame, canvas, places), before, inverse_depth[row, column],
+        )  # fmt: skip
+
+    def _shows_moving(self, frame: int, canvas: Canvas, places: Floats) -> Mask:
+        """(n,) whether what moves is at places (n, 2) of the canvas."""
+        return self._moves(frame, canvas.features_to_source(places) / [canvas.lens.width, canvas.lens.height])
 
     def _moves(self, frame: int, share: Floats) -> Mask:
         """(n,) whether what moves by itself is at shares (n, 2) of a source frame's width and height."""
@@ -118,13 +140,13 @@ class Lender:
         column, row = np.clip(np.nan_to_num(share) * limit, 0, limit - 1).astype(int).T
         return np.asarray(wide[row, column] > 0)
 
-    def _linear(self, frame: int) -> NDArray[np.float16]:
+    def _linear(self, frame: int) -> Picture:
         """(h, w, 3)."""
         picture = to_linear(self._read(frame))[..., :3]
         zoom = LONGEST / max(picture.shape)
         if zoom < 1:
             picture = cv2.resize(picture, None, fx=zoom, fy=zoom, interpolation=cv2.INTER_AREA)
-        return picture.astype(np.float16)
+        return np.asarray(picture, np.float32)
 
 
 @dataclass(frozen=True)
@@ -132,13 +154,14 @@ class Loan:
     """What other frames see of what one does not show."""
 
     sights: tuple[_Sight, ...]
-    trust: _Trust
+    around: Surroundings
 
     def colours(self, places: Floats, inverse: Floats) -> tuple[Picture, Mask]:
         """What is `Lent`.
 
         The median of the frames that see a place, if half of them agree with it: what moved away disagrees.
-        Nothing is known where the frames do not even see what the frame itself shows around at that depth.
+        Nothing is known where the frames do not even see what the frame itself shows around at that depth,
+        nor by a single one whose colour is unlike all of that: something may have passed there.
         """
         if not (len(places) and self.sights):
             return np.zeros((len(places), 3), np.float32), np.zeros(len(places), bool)
@@ -147,64 +170,24 @@ class Loan:
         colours[:, known == 0] = 0
         middle = _median(colours, np.maximum(known, 1))
         with np.errstate(invalid="ignore"):
-            agree = (_differ(colours, middle) < AGREE).sum(axis=0)
-        return middle, (known > 0) & (2 * agree >= known) & (self.trust.at(places, inverse) >= TRUSTED)
-
-
-@dataclass(frozen=True)
-class _Trust:
-    """How often frames see what they should, by place and depth: a bilateral grid.
-
-    Chen, Paris and Durand, "Real-time edge-aware image processing with the bilateral grid", 2007.
-    """
-
-    share: Floats
-    """(B, R, C) of depths, rows and columns; 1 where nothing is to be seen."""
-    cell: float
-    """Pixels."""
-    low: float
-    """Inverse depth of the first, and their distance."""
-    step: float
-
-    @classmethod
-    def of(cls, own: _Own, seen: Floats, alike: Floats) -> _Trust:
-        """Of places that were seen so many times (n,), and looked alike."""
-        if not len(own.places):
-            return cls(np.ones((1, 1, 1)), np.inf, 0.0, np.inf)
-        low, high = float(own.inverse.min()), float(own.inverse.max())
-        wide, tall = own.places.max(axis=0)
-        cell = max(wide, tall) / CELLS
-        step = max((high - low) / (DEPTHS - 1), 1e-12)
-        empty = np.zeros((DEPTHS, int(tall / cell) + 1, int(wide / cell) + 1))
-        grid = cls(empty, cell, low, step)
-        at = np.ravel_multi_index(grid._cells(own.places, own.inverse), empty.shape)
-        sums = []
-        for values in (alike, seen):
-            total = np.bincount(at, values, empty.size).reshape(empty.shape)
-            # To OpenCV, which filters rows and columns, depths are channels.
-            total = cv2.blur(np.moveaxis(total, 0, 2), (BESIDE, BESIDE), borderType=cv2.BORDER_CONSTANT)
-            deep = np.pad(np.moveaxis(total, 2, 0), ((1, 1), (0, 0), (0, 0)))
-            sums.append(deep[:-2] + 2 * deep[1:-1] + deep[2:])
-        share = np.where(sums[1] > 1e-6, sums[0] / np.maximum(sums[1], 1e-6), 1)
-        return cls(share, cell, low, step)
-
-    def at(self, places: Floats, inverse: Floats) -> Floats:
-        """(n,) of places (n, 2) at inverse depths (n,)."""
-        return np.asarray(self.share[self._cells(places, inverse)])
-
-    def _cells(self, places: Floats, inverse: Floats) -> tuple[NDArray[np.intp], ...]:
-        index = np.column_stack([(inverse - self.low) / self.step + 0.5, places[:, ::-1] / self.cell])
-        return tuple(np.clip(index, 0, np.array(self.share.shape) - 1).astype(np.intp).T)
+            agree = (differ(colours, middle) < AGREE).sum(axis=0)
+        sound = (known > 0) & (2 * agree >= known) & (self.around.alike(places, inverse) >= TRUSTED)
+        return middle, sound & ((known > 1) | self.around.shows(places, inverse, middle))
 
 
 @dataclass(frozen=True)
 class _Own:
-    """The frame's own surfaces that stand still, thinned out."""
+    """What the frame itself shows, thinned out."""
 
     places: Floats
+    """(n, 2) every `GRID` pixels,"""
     inverse: Floats
     colour: Picture
-    step: int
+    moves: Mask
+    """and which of it moves by itself."""
+    before: Floats
+    """(m, 2) more places that may hide something elsewhere: past the border, and beside something farther."""
+    before_inverse: Floats
 
 
 @dataclass(frozen=True)
@@ -216,63 +199,82 @@ class _Sight:
     other: Image
     lens: Intrinsics
     moves: Callable[[Floats], Mask]
-    picture: NDArray[np.float16]
-    """(h, w, 3) linear,"""
-    gain: Picture
-    """and by how much (3,) the frame is brighter."""
-    nearest: Floats
-    """(r, c) inverse depth of what stands before everything else, in squares of `step` pixels."""
-    step: int
+    picture: Picture
+    """(h, w, 3) linear."""
+    gain: Picture | float = 1.0
+    """By how much (3,) the frame is brighter."""
+    nearest: Floats | None = None
+    """(r, c) inverse depth of what stands before everything else, in squares of `SQUARE` pixels."""
 
     def colours(self, places: Floats, inverse: Floats) -> Picture:
         """(n, 3), NaN where it does not see the places."""
-        local, xy = _moved(self.image, self.pinhole, self.other, self.lens, places, inverse)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            there = 1 / local[:, 2]
-        limit = np.array([self.lens.width, self.lens.height])
-        column, row = (np.nan_to_num(xy).clip(0, limit - 1) / self.step).astype(int).T
-        seen = (local[:, 2] > 0) & np.all((xy >= 0.5) & (xy <= limit - 0.5), axis=1)
-        seen &= self.nearest[row, column] <= (1 + NEARER) * there
-        seen &= ~self.moves(xy / limit)
-        colour = _sampled(self.picture, xy * np.array(self.picture.shape[1::-1]) / limit) * self.gain
-        colour[~seen] = np.nan
-        return colour
+        return self.seen(*self.moved(places, inverse)) * self.gain
+
+    def moved(self, places: Floats, inverse: Floats) -> tuple[Floats, Floats]:
+        """(n, 3) places of the frame in the other camera's space, and (n, 2) pixels where it sees them."""
+        pinhole = self.pinhole
+        rays = np.column_stack([(places - pinhole.principal_point) / pinhole.focal, np.ones(len(places))])
+        local = rays / np.maximum(inverse, 1e-9)[:, None]
+        there = self.other.to_camera((local - self.image.translation) @ self.image.rotation)
+        return there, self.lens.project(there)
+
+    def seen(self, local: Floats, xy: Floats) -> Picture:
+        """(n, 3) its colours, in its own brightness, of places (n, 3) in its space that it has at pixels
+        (n, 2); NaN where it does not see them."""
+        assert self.nearest is not None
+        inside = (local[:, 2] > 0) & np.all((xy >= 0.5) & (xy <= self._limit - 0.5), axis=1)
+        place = np.nonzero(inside)[0]
+        at, there = xy[place], 1 / local[place, 2]
+        squares = [((at + beside).clip(0, self._limit - 1) / SQUARE).astype(int).T for beside in (-RIM, RIM)]
+        before = np.maximum.reduce([self.nearest[r[1], c[0]] for r in squares for c in squares])
+        sees = (before <= (1 + NEARER) * there) & ~self.moves(at / self._limit)
+        colours = np.full((len(xy), 3), np.nan, np.float32)
+        zoom = np.array(self.picture.shape[1::-1]) / self._limit
+        colours[place[sees]] = _sampled(self.picture, at[sees] * zoom)
+        return colours
+
+    @property
+    def _limit(self) -> Floats:
+        return np.array([self.lens.width, self.lens.height], np.float64)
 
 
-def _moved(
-    image: Image, pinhole: Intrinsics, other: Image, lens: Intrinsics, places: Floats, inverse: Floats
-) -> tuple[Floats, Floats]:
-    """(n, 3) places in another camera's space, and (n, 2) pixels where it sees them."""
-    rays = np.column_stack([(places - pinhole.principal_point) / pinhole.focal, np.ones(len(places))])
-    local = rays / np.maximum(inverse, 1e-9)[:, None]
-    there = other.to_camera((local - image.translation) @ image.rotation)
-    return there, lens.project(there)
+def _nearest(xy: Floats, depth: Floats, apart: Floats, shape: tuple[int, int]) -> Floats:
+    """(h, w) largest inverse depth of the places (n, 2) in each square of a picture, 0 where none is.
 
-
-def _nearest(xy: Floats, depth: Floats, shape: tuple[int, int], step: int) -> Floats:
-    """(h, w) largest inverse depth of the places (n, 2) in each square of a picture, 0 where none is."""
-    size = -(-shape[0] // step), -(-shape[1] // step)
+    `apart` (n,) is how many pixels they are apart: then all squares between are theirs.
+    """
+    size = np.array([-(-n // SQUARE) for n in shape])
+    nearest = np.zeros(size)
     with np.errstate(invalid="ignore"):
         inside = (depth > 0) & np.all((xy >= 0) & (xy < shape[::-1]), axis=1)
-    column, row = (xy[inside] / step).astype(int).T
-    nearest = np.zeros(size)
-    np.maximum.at(nearest, (row, column), 1 / depth[inside])
+    at, inverse = (xy[inside][:, ::-1] / SQUARE).astype(int), 1 / depth[inside]
+    wide = np.minimum(np.ceil((apart[inside] / SQUARE - 1) / 2), WIDE).astype(int)
+    for reach in range(int(wide.max(initial=0)) + 1):
+        # Squares of the ring so far away.
+        far = wide >= reach
+        for step in np.argwhere(np.ones((2 * reach + 1,) * 2)) - reach:
+            if np.abs(step).max() == reach:
+                row, column = np.clip(at[far] + step, 0, size - 1).T
+                np.maximum.at(nearest, (row, column), inverse[far])
     return nearest
 
 
-def _sampled(picture: NDArray[np.float16], xy: Floats) -> Picture:
+def _sampled(picture: Picture, xy: Floats) -> Picture:
     """(n, 3) colours at pixels (n, 2)."""
+    if not len(xy):
+        return np.zeros((0, 3), np.float32)
     # OpenCV looks up at most 32,766 places in a row.
     at = np.full((-(-len(xy) // ROW) * ROW, 2), -9, np.float32)
-    at[: len(xy)] = np.nan_to_num(xy - 0.5, nan=-9).clip(-9, max(picture.shape) + 9)
+    at[: len(xy)] = xy - 0.5
     x, y = at.T.reshape(2, -1, ROW)
-    found = cv2.remap(picture.astype(np.float32), x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    found = cv2.remap(picture, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     return np.asarray(found.reshape(-1, 3)[: len(xy)], np.float32)
 
 
-def _gain(own: Picture, theirs: Picture, both: Mask) -> Picture:
-    """(3,) by how much the frame is brighter than another, of what both see."""
-    good = both & (own > 0.02).all(axis=1) & (own < 0.9).all(axis=1) & (theirs > 0.02).all(axis=1)
+def _gain(own: Picture, theirs: Picture) -> Picture:
+    """(3,) by how much the frame is brighter than another, of colours (n, 3) of the same places; NaN where
+    the other does not see them."""
+    good = (own > 0.02).all(axis=1) & (own < 0.9).all(axis=1) & (theirs > 0.02).all(axis=1)
     if good.sum() < 50:
         return np.ones(3, np.float32)
     return np.asarray(np.clip(np.median(own[good] / theirs[good], axis=0), *GAINS), np.float32)
@@ -284,8 +286,3 @@ def _median(colours: Picture, known: NDArray[np.intp]) -> Picture:
     places = np.arange(colours.shape[1])
     low, high = (ordered[(known - odd) // 2, places] for odd in (1, 0))
     return np.asarray((low + high) / 2, np.float32)
-
-
-def _differ(a: Picture, b: Picture) -> Floats:
-    """(...) by how much colours (..., 3) differ to the eye: the square roots of linear light."""
-    return np.asarray(np.abs(np.sqrt(np.maximum(a, 0)) - np.sqrt(np.maximum(b, 0))).max(axis=-1))
