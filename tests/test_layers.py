@@ -201,6 +201,22 @@ def test_other_frames_colours_are_taken_where_there_are_any() -> None:
     assert error[found.borrowed].max() < 1e-6
 
 
+def test_what_other_frames_see_beside_a_silhouette_tells_its_pixels_shares() -> None:
+    def fill(shift: Floats, asked: layers.Mask) -> tuple[layers.Picture, layers.Mask]:
+        return wall().astype(np.float32), np.ones(SIZE, bool)
+
+    def misled(shift: Floats, asked: layers.Mask) -> tuple[layers.Picture, layers.Mask]:
+        return np.full((*SIZE, 3), 5, np.float32), np.ones(SIZE, bool)
+
+    guessed, told, wrong = (layered(scene(), SHIFT, how) for how in (None, fill, misled))
+    off = [np.abs(found.front[..., 3] - cover())[found.mixed] for found in (guessed, told, wrong)]
+    print("share of a silhouette's pixel, mean error", *(f"{part.mean():.3f}" for part in off))
+    assert off[1].mean() < 0.5 * off[0].mean()
+    np.testing.assert_allclose(told.back[told.mixed][:, :3], wall()[told.mixed], atol=1e-3)
+    # Colours that cannot be there are not believed, but where the pixel may be the disc's alone.
+    assert off[2].mean() < 1.2 * off[0].mean()
+
+
 def test_no_jump_no_layer() -> None:
     picture = scene()
     found = layered(picture, 0.02 * X)
@@ -260,22 +276,25 @@ def lent(shift: Floats, asked: layers.Mask) -> tuple[layers.Picture, layers.Mask
     return colour, known & asked
 
 
-def test_three_surfaces_make_better_views_than_two(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("focus", [NEAR, FAR])
+def test_three_surfaces_make_better_views_than_two(monkeypatch: pytest.MonkeyPatch, focus: float) -> None:
     offsets, canvas = vogel_disc(24), Canvas(LENS)
-    true = np.mean([house(x, y, FAR)[..., :3] for x, y in -offsets], axis=0)
-    registration = exact_registration(canvas, offsets, FAR / 150)
+    true = np.mean([house(x, y, focus)[..., :3] for x, y in -offsets], axis=0)
+    registration = exact_registration(canvas, offsets, focus / 150)
     crossing = (np.abs(Y - GABLE) < 12) & (np.abs(np.abs(X - 80) - DISC) < 12)
     found = []
     for large in (layer_mesh.LARGE, 0.0):
         monkeypatch.setattr(layer_mesh, "LARGE", large)
-        mesh, texture, _ = make_mesh(house(), BEFORE_HOUSE, FAR, 150.0, fill=lent)
-        made = FramePlan(1, canvas, mesh, offsets, registration, FAR / 150, 16.0, False)
+        mesh, texture, _ = make_mesh(house(), BEFORE_HOUSE, focus, 150.0, fill=lent)
+        made = FramePlan(1, canvas, mesh, offsets, registration, focus / 150, 16.0, False)
         draw = cycles_views.mean_of_views if gpu_views.gpu_problem() else gpu_views.mean_of_views
         mean = draw(made, texture, lambda done, total: True)
         assert mean is not None
         found.append(psnr(mean[crossing][:, :3].astype(np.float64), true[crossing]))
     print(f"three surfaces {found[0]:.1f} dB, two {found[1]:.1f} dB")
-    assert found[0] > 38 and found[0] > found[1] + 0.5
+    assert found[0] > 38
+    # With the wall in focus, and told what the silhouettes hide, two are as good.
+    assert found[0] > found[1] + 0.5 or focus == FAR
 
 
 def test_colours_are_carried_on() -> None:

@@ -7,7 +7,7 @@ beside its place, relative to infinity. So a bound in pixels means the same for 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -36,6 +36,8 @@ LEAST = 32
 """Pixels of a silhouette that is left for later; fewer are noise."""
 RISE = 0.5
 """Of the least jump, by which a far surface may rise from a pixel to the next: diagonally it is half more."""
+WORSE = 0.05
+"""Distance from that line, by which what other frames tell may explain a pixel worse than what is beside."""
 CONTRAST = 0.02
 """Distance of two colours (linear light) from which on they tell how a pixel is shared."""
 
@@ -102,28 +104,26 @@ def layered(
     """
     shift = _steep(shift, jump)
     near, far = _sides(shift, jump)
-    mixed = _mixed(picture, shift, near | far, jump)
+    band = near | far
+    around = _around(picture, shift, band, jump)
     least = jump if least is None else least
     others = _long(_sides(shift, least)[0] & ~(near | far)) if least < jump else np.zeros_like(near)
-    front, front_shift = picture.copy(), shift.copy()
-    rows = mixed.row, mixed.column
-    front[rows] = np.column_stack([mixed.front, mixed.alpha])
-    front_shift[rows] = mixed.near_shift
-    carried = _carried(shift, mixed, jump, least, _away(shift, others, jump))
+    carried = _carried(shift, around, jump, least, _away(shift, others, jump))
     colour = picture[..., :3].copy()
-    colour[rows] = mixed.far
     borrowed = np.zeros(shift.shape, bool)
     if fill is not None:
-        seen, borrowed = fill(carried.far, carried.hidden)
-        borrowed &= carried.hidden
+        seen, lent = fill(carried.far, carried.hidden | band)
+        around = _told(around, picture[band, :3], seen[band], lent[band])
+        borrowed = lent & carried.hidden
         colour[borrowed] = seen[borrowed]
+    front, front_shift = picture.copy(), shift.copy()
+    alpha, front[band, :3], colour[band] = _shared(picture[band, :3], around)
+    front[band, 3], front_shift[band] = alpha, around.near_shift
     colour = inpainted(colour, ~carried.beneath | borrowed)
-    alpha = np.ones((*shift.shape, 1), np.float32)
-    band = np.zeros(shift.shape, bool)
-    band[rows] = True
+    opaque = np.ones((*shift.shape, 1), np.float32)
     return Layers(
         front, front_shift, carried.near, carried.is_far, band,
-        np.concatenate([colour, alpha], axis=2), carried.far, carried.hidden, borrowed,
+        np.concatenate([colour, opaque], axis=2), carried.far, carried.hidden, borrowed,
         carried.beneath, jump,
     )  # fmt: skip
 
@@ -149,27 +149,27 @@ def _sides(shift: Floats, jump: float) -> tuple[Mask, Mask]:
 
 
 @dataclass(frozen=True)
-class _Mixed:
-    """Pixels that a near and a far surface share, n of them."""
+class _Around:
+    """The two surfaces that share each of n pixels, as they are beside them."""
 
     row: NDArray[np.intp]
     column: NDArray[np.intp]
-    alpha: Picture
-    """(n,) share of the near one."""
-    front: Picture
-    """(n, 3) its premultiplied colour."""
-    far: Picture
-    """(n, 3) the far one's colour."""
+    near: Floats
+    """(n, 3) colours."""
+    far: Floats
+    vary: Floats
+    """(n,) variances of these."""
+    far_vary: Floats
     near_shift: Floats
     far_shift: Floats
+    share: Floats
+    """(n,) of the near one, as far as depth tells."""
+    sure: Mask
+    """(n,) whether there is a near one: of something thin, too few pixels may be near each other."""
 
 
-def _mixed(picture: Picture, shift: Floats, band: Mask, jump: float) -> _Mixed:
-    """How much of each pixel of a band (H, W) the near surface covers.
-
-    A pixel on the line between the colours of both surfaces beside it has its share by where it lies there.
-    Whatever the share, both together are the pixel as it was.
-    """
+def _around(picture: Picture, shift: Floats, band: Mask, jump: float) -> _Around:
+    """What is beside the pixels of a band (H, W)."""
     row, column = np.nonzero(band)
     offset = np.arange(-REACH, REACH + 1)
     dy, dx = (part.ravel() for part in np.meshgrid(offset, offset, indexing="ij"))
@@ -189,29 +189,51 @@ def _mixed(picture: Picture, shift: Floats, band: Mask, jump: float) -> _Mixed:
     is_far &= around >= low[:, None] - jump
     near, near_shift, vary = _mean(colours, around, weight * (is_near & pure), weight * is_near, own, high)
     far, far_shift, far_vary = _mean(colours, around, weight * (is_far & pure), weight * is_far, own, low)
-    colour = picture[row, column, :3]
     thin = ~(is_near & pure).any(axis=1)
     near[thin], vary[thin], count = _thin(picture, shift, row[thin], column[thin], near_shift[thin], jump)
+    sure = np.ones(len(row), bool)
+    sure[thin] = count >= FEWEST
+    # But that something thin is there at all, only its colour tells.
+    share = ((own > middle) & ~thin).astype(np.float64)
+    return _Around(row, column, near, far, vary, far_vary, near_shift, far_shift, share, sure)
+
+
+def _told(around: _Around, colour: Picture, far: Picture, known: Mask) -> _Around:
+    """With the far surface's own colours (n, 3) where they are known (n,), and explain the pixels' colours
+    (n, 3) as well as those beside."""
+
+    def unexplained(far: Floats | Picture) -> Floats:
+        share = np.clip(_share(colour, around.near, far), 0, 1)[:, None]
+        return np.asarray(((colour - share * around.near - (1 - share) * far) ** 2).sum(axis=1))
+
+    known = known & (unexplained(far) <= unexplained(around.far) + WORSE**2)
+    told = np.where(known[:, None], far.astype(np.float64), around.far)
+    return replace(around, far=told, far_vary=np.where(known, 0, around.far_vary))
+
+
+def _share(colour: Picture, near: Floats, far: Floats | Picture) -> Floats:
+    """(n,) where on the line from far to near colours (n, 3) others lie (n, 3)."""
     line = near - far
-    length = (line**2).sum(axis=1)
-    share = ((colour - far) * line).sum(axis=1) / np.maximum(length, 1e-12)
-    # Where the surfaces look alike, or each of many colours, the depth alone tells; but that something thin
-    # is there at all, only its colour.
-    trust = length / (length + CONTRAST**2 + SPREAD * (vary + far_vary))
-    alpha = np.clip(trust * share + (1 - trust) * ((own > middle) & ~thin), 0, 1)
-    alpha[thin] *= count >= FEWEST
+    return np.asarray(((colour - far) * line).sum(axis=1) / np.maximum((line**2).sum(axis=1), 1e-12))
+
+
+def _shared(colour: Picture, around: _Around) -> tuple[Picture, Picture, Picture]:
+    """How much of n pixels (n, 3) the near surface covers (n,), its premultiplied colour (n, 3), and the far
+    one's.
+
+    A pixel on the line between the colours of both surfaces beside it has its share by where it lies there.
+    Whatever the share, both together are the pixel as it was.
+    """
+    far = around.far
+    length = ((around.near - far) ** 2).sum(axis=1)
+    share = _share(colour, around.near, far)
+    # Where the surfaces look alike, or each of many colours, the depth alone tells.
+    trust = length / (length + CONTRAST**2 + SPREAD * (around.vary + around.far_vary))
+    alpha = np.clip(trust * share + (1 - trust) * around.share, 0, 1) * around.sure
     front = np.maximum(colour - (1 - alpha)[:, None] * far, 0)
     # Where the pixel is darker than the far surface's share alone, that is darker there, too.
     far = np.minimum(far, colour / np.maximum(1 - alpha, 1e-6)[:, None])
-    return _Mixed(
-        row,
-        column,
-        alpha.astype(np.float32),
-        front.astype(np.float32),
-        far.astype(np.float32),
-        near_shift,
-        far_shift,
-    )
+    return alpha.astype(np.float32), front.astype(np.float32), far.astype(np.float32)
 
 
 def _thin(
@@ -290,7 +312,7 @@ def _of_nearest(seeds: Mask, values: Floats) -> tuple[NDArray[np.float32], Float
     return np.asarray(distance, np.float32), of_label[..., label]
 
 
-def _carried(shift: Floats, mixed: _Mixed, jump: float, least: float, away: Floats) -> _Carried:
+def _carried(shift: Floats, mixed: _Around, jump: float, least: float, away: Floats) -> _Carried:
     """The surfaces of the nearest silhouette at each pixel; `away` (H, W) is how far the others are."""
     seeds = np.zeros(shift.shape, bool)
     near, far = shift.copy(), shift.copy()
@@ -346,11 +368,14 @@ def inpainted(colour: Picture, known: Mask) -> Picture:
         size = tuple(-(-n // 2) for n in levels[-1][1].shape[::-1])
         levels.append(tuple(cv2.resize(part, size, interpolation=cv2.INTER_AREA) for part in levels[-1]))
     total, weight = levels[-1]
-    result = total / np.maximum(weight, 1e-9)[..., None]
-    for total, weight in reversed(levels[:-1]):
-        up = cv2.resize(result, weight.shape[::-1], interpolation=cv2.INTER_LINEAR).reshape(total.shape)
+    result = np.asarray(total / np.maximum(weight, 1e-9)[..., None], np.float32)
+    for total, weight in reversed(levels[1:-1]):
+        up = _enlarged(result, weight.shape)
         sure = np.minimum(weight, 1)[..., None]
-        result = np.where(
-            weight[..., None] > 0, total / np.maximum(weight, 1e-9)[..., None], up
-        ) * sure + up * (1 - sure)
-    return np.where(known[..., None], colour, result).astype(np.float32)
+        own = np.where(weight[..., None] > 0, total / np.maximum(weight, 1e-9)[..., None], up)
+        result = np.asarray(own * sure + up * (1 - sure), np.float32)
+    return np.where(known[..., None], colour, _enlarged(result, known.shape)).astype(np.float32)
+
+
+def _enlarged(colour: Picture, shape: tuple[int, ...]) -> Picture:
+    return np.asarray(cv2.resize(colour, shape[::-1], interpolation=cv2.INTER_LINEAR).reshape(*shape, -1))
