@@ -297,6 +297,26 @@ def test_three_surfaces_make_better_views_than_two(monkeypatch: pytest.MonkeyPat
     assert found[0] > found[1] + 0.5 or focus == FAR
 
 
+def test_a_surface_does_not_tear_between_two_silhouettes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The house is behind the disc, and before the wall: near the one it is the far surface, near the other
+    the near one, and between them it goes on."""
+    monkeypatch.setattr(layer_mesh, "LARGE", 0.0)
+    canvas = Canvas(LENS)
+    for offset in np.array([[0.0, 0.95], [0.7, 0.7]]):
+        registration = exact_registration(canvas, offset[None], NEAR / 150)
+        mesh, texture, _ = make_mesh(house(), BEFORE_HOUSE, NEAR, 150.0, fill=lent)
+        made = FramePlan(1, canvas, mesh, offset[None], registration, NEAR / 150, 16.0, False)
+        draw = cycles_views.mean_of_views if gpu_views.gpu_problem() else gpu_views.mean_of_views
+        view = draw(made, texture, lambda done, total: True)
+        assert view is not None
+        x, y = -offset
+        error = np.abs(view[..., :3] - house(x, y, NEAR)[..., :3]).max(axis=2)
+        below = (GABLE + (MIDDLE - NEAR) * y + 4 < Y) & (X > 8)
+        torn = error[below & (np.hypot(X - 80, Y - 60) > DISC + 3)]
+        print(f"seen from {offset}: {torn.max():.2f} off at worst, {np.mean(torn > 0.1):.5f} over 0.1")
+        assert (torn > 0.1).mean() < 4e-3
+
+
 def test_colours_are_carried_on() -> None:
     colour = wall().astype(np.float32)
     known = (X < 60) | (X > 100)

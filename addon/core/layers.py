@@ -325,6 +325,7 @@ def _carried(shift: Floats, mixed: _Around, jump: float, least: float, away: Flo
     beneath = ~seeds & (gap > jump) & (distance <= np.minimum(gap + 2 + ON, away))
     is_far = ~seeds & ~beneath & (gap <= jump) & (on - shift > jump) & (distance <= ON)
     far = np.where(beneath, behind, far)
+    is_far &= ~_beside(shift, beneath, jump)
     hidden = beneath & (distance <= gap + 2)
     far = _smoothed(far, beneath | seeds, beneath, jump)
     if least < jump:
@@ -332,6 +333,15 @@ def _carried(shift: Floats, mixed: _Around, jump: float, least: float, away: Flo
     near = np.where(is_far, on, near)
     near = _smoothed(near, is_far | seeds, is_far, jump)
     return _Carried(near, far, is_far, beneath, hidden)
+
+
+def _beside(shift: Floats, among: Mask, jump: float) -> Mask:
+    """(H, W) pixels with a neighbour among others (H, W) on the same surface: it would tear between them."""
+    found = np.zeros(shift.shape, bool)
+    for filtered, nothing in ((cv2.dilate, -np.inf), (cv2.erode, np.inf)):
+        of_others = filtered(np.where(among, shift, nothing), np.ones((3, 3), np.uint8))
+        found |= np.abs(of_others - shift) <= jump
+    return found
 
 
 def _rising(behind: Floats, shift: Floats, beneath: Mask, seeds: Mask, jump: float, slope: float) -> Floats:
