@@ -16,7 +16,7 @@ from .aperture import vogel_disc
 from .canvas import Canvas, Picture
 from .focus import exact_registration
 from .footage import encode_srgb
-from .layer_mesh import texels
+from .layer_mesh import FINER
 from .layers import Layers, Mask
 from .mesh_values import at_pixels
 from .reconstruction import Floats
@@ -143,9 +143,18 @@ def _layers_sources(warped: WarpedFrame) -> Picture:
     texture = warped.texture
     painted = [_painted(own, foreign) for own, foreign in _origins(warped)]
     if texture.shape[1] != painted[0].shape[1]:
-        painted = [texels(part, cv2.INTER_LINEAR) for part in painted]
+        painted = [_finer(part) for part in painted]
     alpha = texture[..., 3:]
     return np.concatenate([np.concatenate(painted) * alpha, alpha], axis=2)
+
+
+def _finer(picture: Picture) -> Picture:
+    """(h, w, 3) a picture (H, W, 3) as fine as the texture, its pixels at the texture's."""
+    height, width = picture.shape[:2]
+    scale = np.array([[1 / FINER, 0, 0], [0, 1 / FINER, 0]])
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    size = FINER * width, FINER * height
+    return np.asarray(cv2.warpAffine(picture, scale, size, flags=flags, borderMode=cv2.BORDER_REPLICATE))
 
 
 def _origins(warped: WarpedFrame) -> list[tuple[Mask, Mask]]:

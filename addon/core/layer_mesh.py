@@ -23,6 +23,10 @@ LARGE = 0.5
 """Of the same, by which they are cut first."""
 FINER = 2
 """Times as fine as the frame is its texture: a view loses less by looking between its pixels."""
+_AWAY = np.arange(-3, 5) - 0.5
+_LANCZOS = np.sinc(_AWAY) * np.sinc(_AWAY / 4)
+HALFWAY = (_LANCZOS / _LANCZOS.sum()).astype(np.float32)
+"""Weights of the eight pixels around the middle between two."""
 LARGEST_TEXTURE = 32_000_000
 """Pixels; a larger one stays as coarse as the frame."""
 WIDEST = 0.25
@@ -93,35 +97,46 @@ def layer_mesh(
 
 
 def _texture(pictures: list[Picture], fronts: list[Picture]) -> Picture:
-    """(n h, w, 4) n - 1 fronts above each other and the last of n pictures (H, W, 4), finer than they are.
+    """(n h, w, 4) n - 1 fronts above each other and the last of n pictures (H, W, 4), twice as fine.
 
     Each is interpolated where it is smooth: a front is what its fine picture has more than the next one
     behind it. Interpolated by itself it would ring along every silhouette, where it ends.
     """
     height, width = (FINER * n for n in pictures[0].shape[:2])
     texture = np.empty((len(pictures), height, width, 4), np.float32)
-    for part, picture in zip(texture, pictures, strict=True):
-        np.maximum(texels(picture, cv2.INTER_LANCZOS4), 0, out=part)
+    with ThreadPoolExecutor() as pool:
+        list(pool.map(refine, pictures, texture))
     texture[-1, ..., 3] = 1
     for part, behind, front in zip(texture[:-1], texture[1:], fronts, strict=True):
-        alpha = texels(front[..., 3], cv2.INTER_LINEAR)
-        shared = alpha < 1
-        part[shared] = np.maximum(part[shared] - (1 - alpha[shared])[:, None] * behind[shared], 0)
-        part[..., 3] = alpha
+        _taken_off(part, behind, front[..., 3])
     return texture.reshape(-1, width, 4)
 
 
-def texels(picture: Picture, flags: int) -> Picture:
-    """The texture of a picture (H, W[, c]) whose pixels are every `FINER`th of it, first one included."""
-    height, width = picture.shape[:2]
-    scale = np.array([[1 / FINER, 0, 0], [0, 1 / FINER, 0]])
-    return np.asarray(
-        cv2.warpAffine(
-            picture, scale, (FINER * width, FINER * height), flags=flags | cv2.WARP_INVERSE_MAP,
-            borderMode=cv2.BORDER_REPLICATE,
-        ),
-        np.float32,
-    )  # fmt: skip
+def refine(picture: Picture, texture: Picture) -> None:
+    """Write a picture (H, W, c) twice as fine into (2 H, 2 W, c): its pixels are every second one.
+
+    What is between is Lanczos' interpolation, and not negative.
+    """
+    across = cv2.filter2D(picture, -1, HALFWAY[None], anchor=(3, 0), borderType=cv2.BORDER_REPLICATE)
+    texture[::2, ::2] = picture
+    np.maximum(across, 0, out=texture[::2, 1::2])
+    for whole, column in ((picture, 0), (across, 1)):
+        down = cv2.filter2D(whole, -1, HALFWAY[:, None], anchor=(0, 3), borderType=cv2.BORDER_REPLICATE)
+        np.maximum(down, 0, out=texture[1::2, column::2])
+
+
+def _taken_off(part: Picture, behind: Picture, alpha: Picture) -> None:
+    """Leave of a fine picture (2 H, 2 W, 4) what a front of opacity (H, W) has more than what is behind."""
+    row, column = np.nonzero(cv2.erode(alpha, np.ones((2, 2), np.uint8), anchor=(0, 0)) < 1)
+    below, right = (np.minimum(n + 1, size - 1) for n, size in zip((row, column), alpha.shape, strict=True))
+    corners = [[alpha[r, c] for c in (column, right)] for r in (row, below)]
+    for down in (0, 1):
+        for across in (0, 1):
+            share = np.mean([corners[i][j] for i in range(down + 1) for j in range(across + 1)], axis=0)
+            at = FINER * row + down, FINER * column + across
+            found = part[at] - (1 - share)[:, None] * behind[at]
+            found[:, 3] = share
+            part[at] = np.maximum(found, 0)
 
 
 def _joined(surfaces: list[tuple[Floats, Ints, int]], margin: int, scale: float) -> WarpMesh:
