@@ -66,13 +66,15 @@ class Surroundings:
         return np.asarray(self.share[self._at(places, inverse)])
 
     def shows(self, places: Floats, inverse: Floats, colour: Picture) -> Mask:
-        """(n,) whether linear colours (n, 3) are among those around places (n, 2) at inverse depths (n,),
-        also where there are none or the frame ends."""
+        """(n,) whether linear colours (n, 3) are among those around places (n, 2) at inverse depths (n,), or
+        brighter, as lamps are; also where there are none or the frame ends."""
         at = self._at(places, inverse)
         root = np.sqrt(np.maximum(colour, 0))
         inside = np.all((places >= 0) & (places <= self.size), axis=1) & np.isfinite(self.low[at][:, 0])
-        among = np.all((root >= self.low[at] - UNLIKE) & (root <= self.high[at] + UNLIKE), axis=1)
-        return np.asarray(among | ~inside)
+        below = np.all(root <= self.high[at] + UNLIKE, axis=1)
+        among = below & np.all(root >= self.low[at] - UNLIKE, axis=1)
+        brighter = np.all(root >= self.high[at] - UNLIKE, axis=1)
+        return np.asarray(among | brighter | ~inside)
 
     def _at(self, places: Floats, inverse: Floats) -> tuple[NDArray[np.intp], ...]:
         return _cells(places, inverse, (self.first, self.step, self.cell), self.share.shape)
