@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 
 import cv2
 import numpy as np
@@ -90,16 +89,15 @@ class Lender:
         """What another frame sees, and its colours (n, 3) of the frame's own places."""
         lens = self._rec.intrinsics(other)
         picture = self._pictures.get(other.frame, lambda: self._linear(other.frame))
-        sight = _Sight(image, canvas.pinhole, other, lens, partial(self._moves, other.frame), picture)
-        local, xy = sight.moved(own.places, own.inverse)
-        before, before_xy = sight.moved(own.before, own.before_inverse)
+        local, xy = _moved(image, canvas.pinhole, other, lens, own.places, own.inverse)
+        before, before_xy = _moved(image, canvas.pinhole, other, lens, own.before, own.before_inverse)
         solid = ~own.moves
         depth = np.concatenate([local[solid, 2], before[:, 2]])
         inverse = np.concatenate([own.inverse[solid], own.before_inverse])
         apart = GRID * lens.fx / canvas.pinhole.fx / np.maximum(depth * inverse, 1e-9)
         xy_before = np.concatenate([xy[solid], before_xy])
         nearest = _nearest(xy_before, depth, apart, (lens.height, lens.width))
-        sight = replace(sight, nearest=nearest)
+        sight = _Sight(image, canvas.pinhole, other, lens, self._wide(other.frame), picture, nearest)
         colours = sight.seen(local, xy)
         gain = _gain(own.colour[solid], colours[solid])
         return replace(sight, gain=gain), colours * gain
@@ -108,37 +106,30 @@ class Lender:
         """What a frame shows, thinned out."""
         shape = inverse_depth.shape
         rows, columns = (np.arange(min(GRID // 2, n - 1), n, GRID) for n in shape)
-        places = np.stack(np.meshgrid(columns + 0.5, rows + 0.5), axis=-1).reshape(-1, 2)
-        at = np.ix_(rows, columns)
+        places, at = _grid(rows, columns), np.ix_(rows, columns)
         # Surfaces go on past the border.
         beyond = GRID * int(BEYOND * max(shape) / GRID)
         rows, columns = (np.arange(GRID // 2 - beyond, n + beyond, GRID) for n in shape)
-        ring = np.stack(np.meshgrid(columns + 0.5, rows + 0.5), axis=-1).reshape(-1, 2)
+        ring = _grid(rows, columns)
         ring = ring[np.any((ring < 0) | (ring > shape[::-1]), axis=1)]
         least = cv2.erode(inverse_depth, np.ones((3, 3), np.uint8))
         rim = np.argwhere(inverse_depth > (1 + NEARER) * least)[:, ::-1] + 0.5
         before = np.concatenate([ring, rim])
-        before = before[~self._shows_moving(frame, canvas, before)]
+        wide, size = self._wide(frame), [canvas.lens.width, canvas.lens.height]
+        before = before[~_within(wide, canvas.features_to_source(before) / size)]
         column, row = np.clip(before, 0, np.array(shape[::-1]) - 1).astype(int).T
         return _Own(
             places, inverse_depth[at].ravel(), picture[at][..., :3].reshape(-1, 3),
-            self._shows_moving(frame, canvas, places), before, inverse_depth[row, column],
+            _within(wide, canvas.features_to_source(places) / size), before, inverse_depth[row, column],
         )  # fmt: skip
 
-    def _shows_moving(self, frame: int, canvas: Canvas, places: Floats) -> Mask:
-        """(n,) whether what moves is at places (n, 2) of the canvas."""
-        return self._moves(frame, canvas.features_to_source(places) / [canvas.lens.width, canvas.lens.height])
-
-    def _moves(self, frame: int, share: Floats) -> Mask:
-        """(n,) whether what moves by itself is at shares (n, 2) of a source frame's width and height."""
+    def _wide(self, frame: int) -> Mask | None:
+        """(h, w) what moves by itself in a source frame, and a little more."""
         mask = self._moving(frame) if self._moving else None
         if mask is None or not mask.any():
-            return np.zeros(len(share), bool)
+            return None
         around = 2 * int(np.ceil(AROUND * max(mask.shape))) + 1
-        wide = cv2.dilate(mask.astype(np.uint8), np.ones((around, around)))
-        limit = np.array(mask.shape[::-1])
-        column, row = np.clip(np.nan_to_num(share) * limit, 0, limit - 1).astype(int).T
-        return np.asarray(wide[row, column] > 0)
+        return np.asarray(cv2.dilate(mask.astype(np.uint8), np.ones((around, around))) > 0)
 
     def _linear(self, frame: int) -> Picture:
         """(h, w, 3)."""
@@ -198,36 +189,29 @@ class _Sight:
     pinhole: Intrinsics
     other: Image
     lens: Intrinsics
-    moves: Callable[[Floats], Mask]
+    moving: Mask | None
+    """(h, w) what moves by itself in it, at any size."""
     picture: Picture
     """(h, w, 3) linear."""
+    nearest: Floats
+    """(r, c) inverse depth of what stands before everything else, in squares of `SQUARE` pixels."""
     gain: Picture | float = 1.0
     """By how much (3,) the frame is brighter."""
-    nearest: Floats | None = None
-    """(r, c) inverse depth of what stands before everything else, in squares of `SQUARE` pixels."""
 
     def colours(self, places: Floats, inverse: Floats) -> Picture:
         """(n, 3), NaN where it does not see the places."""
-        return self.seen(*self.moved(places, inverse)) * self.gain
-
-    def moved(self, places: Floats, inverse: Floats) -> tuple[Floats, Floats]:
-        """(n, 3) places of the frame in the other camera's space, and (n, 2) pixels where it sees them."""
-        pinhole = self.pinhole
-        rays = np.column_stack([(places - pinhole.principal_point) / pinhole.focal, np.ones(len(places))])
-        local = rays / np.maximum(inverse, 1e-9)[:, None]
-        there = self.other.to_camera((local - self.image.translation) @ self.image.rotation)
-        return there, self.lens.project(there)
+        there = _moved(self.image, self.pinhole, self.other, self.lens, places, inverse)
+        return self.seen(*there) * self.gain
 
     def seen(self, local: Floats, xy: Floats) -> Picture:
         """(n, 3) its colours, in its own brightness, of places (n, 3) in its space that it has at pixels
         (n, 2); NaN where it does not see them."""
-        assert self.nearest is not None
         inside = (local[:, 2] > 0) & np.all((xy >= 0.5) & (xy <= self._limit - 0.5), axis=1)
         place = np.nonzero(inside)[0]
         at, there = xy[place], 1 / local[place, 2]
         squares = [((at + beside).clip(0, self._limit - 1) / SQUARE).astype(int).T for beside in (-RIM, RIM)]
         before = np.maximum.reduce([self.nearest[r[1], c[0]] for r in squares for c in squares])
-        sees = (before <= (1 + NEARER) * there) & ~self.moves(at / self._limit)
+        sees = (before <= (1 + NEARER) * there) & ~_within(self.moving, at / self._limit)
         colours = np.full((len(xy), 3), np.nan, np.float32)
         zoom = np.array(self.picture.shape[1::-1]) / self._limit
         colours[place[sees]] = _sampled(self.picture, at[sees] * zoom)
@@ -236,6 +220,30 @@ class _Sight:
     @property
     def _limit(self) -> Floats:
         return np.array([self.lens.width, self.lens.height], np.float64)
+
+
+def _grid(rows: NDArray[np.intp], columns: NDArray[np.intp]) -> Floats:
+    """(n, 2) the middles of pixels, row by row."""
+    return np.stack(np.meshgrid(columns + 0.5, rows + 0.5), axis=-1).reshape(-1, 2)
+
+
+def _moved(
+    image: Image, pinhole: Intrinsics, other: Image, lens: Intrinsics, places: Floats, inverse: Floats
+) -> tuple[Floats, Floats]:
+    """(n, 3) places in another camera's space, and (n, 2) pixels where it sees them."""
+    rays = np.column_stack([(places - pinhole.principal_point) / pinhole.focal, np.ones(len(places))])
+    local = rays / np.maximum(inverse, 1e-9)[:, None]
+    there = other.to_camera((local - image.translation) @ image.rotation)
+    return there, lens.project(there)
+
+
+def _within(mask: Mask | None, share: Floats) -> Mask:
+    """(n,) whether places at shares (n, 2) of its width and height are in a mask (h, w)."""
+    if mask is None:
+        return np.zeros(len(share), bool)
+    limit = np.array(mask.shape[::-1])
+    column, row = np.clip(np.nan_to_num(share) * limit, 0, limit - 1).astype(int).T
+    return np.asarray(mask[row, column])
 
 
 def _nearest(xy: Floats, depth: Floats, apart: Floats, shape: tuple[int, int]) -> Floats:

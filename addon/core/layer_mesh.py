@@ -105,14 +105,14 @@ def _texture(pictures: list[Picture], fronts: list[Picture]) -> Picture:
     height, width = (FINER * n for n in pictures[0].shape[:2])
     texture = np.empty((len(pictures), height, width, 4), np.float32)
     with ThreadPoolExecutor() as pool:
-        list(pool.map(refine, pictures, texture))
+        list(pool.map(_refine, pictures, texture))
     texture[-1, ..., 3] = 1
     for part, behind, front in zip(texture[:-1], texture[1:], fronts, strict=True):
         _taken_off(part, behind, front[..., 3])
     return texture.reshape(-1, width, 4)
 
 
-def refine(picture: Picture, texture: Picture) -> None:
+def _refine(picture: Picture, texture: Picture) -> None:
     """Write a picture (H, W, c) twice as fine into (2 H, 2 W, c): its pixels are every second one.
 
     What is between is Lanczos' interpolation, and not negative.

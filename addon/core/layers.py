@@ -107,7 +107,7 @@ def layered(
     band = near | far
     around = _around(picture, shift, band, jump)
     least = jump if least is None else least
-    others = _long(_sides(shift, least)[0] & ~(near | far)) if least < jump else np.zeros_like(near)
+    others = _long(_sides(shift, least)[0] & ~band) if least < jump else np.zeros_like(band)
     carried = _carried(shift, around, jump, least, _away(shift, others, jump))
     colour = picture[..., :3].copy()
     borrowed = np.zeros(shift.shape, bool)
@@ -193,7 +193,7 @@ def _around(picture: Picture, shift: Floats, band: Mask, jump: float) -> _Around
     near[thin], vary[thin], count = _thin(picture, shift, row[thin], column[thin], near_shift[thin], jump)
     sure = np.ones(len(row), bool)
     sure[thin] = count >= FEWEST
-    # But that something thin is there at all, only its colour tells.
+    # That something thin is there at all, only its colour tells.
     share = ((own > middle) & ~thin).astype(np.float64)
     return _Around(row, column, near, far, vary, far_vary, near_shift, far_shift, share, sure)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import cv2
@@ -57,8 +56,7 @@ class Surroundings:
         )
         share = np.where(total > 1e-6, same / np.maximum(total, 1e-6), 1)
         root = np.sqrt(np.maximum(colour, 0))
-        low = _extreme(np.minimum, cv2.erode, np.inf, at, root, shape)
-        high = _extreme(np.maximum, cv2.dilate, -np.inf, at, root, shape)
+        low, high = _least(at, root, shape), -_least(at, -root, shape)
         return cls(share, low, high, size, cell, first, step)
 
     def alike(self, places: Floats, inverse: Floats) -> Floats:
@@ -101,20 +99,12 @@ def _summed(values: Floats) -> Floats:
     return np.asarray(deep[:-2] + 2 * deep[1:-1] + deep[2:])
 
 
-def _extreme(
-    of_two: np.ufunc,
-    filtered: Callable[..., Picture],
-    nothing: float,
-    at: NDArray[np.intp],
-    values: Picture,
-    shape: tuple[int, ...],
-) -> Picture:
-    """(B, R, C, 3) the least or largest values (n, 3) in the cells (n,) and those beside."""
-    found = np.full((np.prod(shape), 3), nothing, np.float32)
-    of_two.at(found, at, values)
-    flat = found.reshape(*shape, 3).transpose(1, 2, 0, 3).reshape(*shape[1:], -1)
-    square = np.ones((BESIDE, BESIDE), np.uint8)
-    flat = np.concatenate([filtered(part, square) for part in np.array_split(flat, 32, axis=2)], axis=2)
-    deep = flat.reshape(*shape[1:], shape[0], 3).transpose(2, 0, 1, 3)
-    deep = np.pad(deep, ((1, 1), (0, 0), (0, 0), (0, 0)), constant_values=nothing)
-    return np.asarray(of_two(of_two(deep[:-2], deep[1:-1]), deep[2:]), np.float32)
+def _least(at: NDArray[np.intp], values: Picture, shape: tuple[int, ...]) -> Picture:
+    """(B, R, C, 3) the least values (n, 3) in the cells (n,) and those beside, infinite where none are."""
+    found = np.full((np.prod(shape), 3), np.inf, np.float32)
+    np.minimum.at(found, at, values)
+    flat = np.moveaxis(found.reshape(*shape, 3), 0, 2).reshape(*shape[1:], -1)
+    flat = cv2.erode(flat, np.ones((BESIDE, BESIDE), np.uint8), borderType=cv2.BORDER_REPLICATE)
+    deep = np.moveaxis(flat.reshape(*shape[1:], shape[0], 3), 2, 0)
+    deep = np.pad(deep, ((1, 1), (0, 0), (0, 0), (0, 0)), constant_values=np.inf)
+    return np.asarray(np.minimum.reduce([deep[:-2], deep[1:-1], deep[2:]]), np.float32)
