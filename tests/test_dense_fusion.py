@@ -121,6 +121,18 @@ def test_what_is_not_sure_beside_something_near_is_behind_it() -> None:
     np.testing.assert_allclose(found[20:-20, 130:170], NEAR, atol=0.02)
 
 
+def test_a_hole_in_a_surface_is_filled_from_its_rim() -> None:
+    """Where the picture's edge is faint, as at a wooden head before a wall that is surer."""
+    away = np.hypot(X - 160, Y - 120)
+    head, hole = away < 30, away < 1.2
+    grey = np.where(head, 140 + 0.5 * np.abs(X - 160), 112).astype(np.float32)
+    inverse = np.where(hole, 0.7, np.where(head, NEAR, WALL))
+    confidence = np.where(hole, 0, np.where(head, 0.6, 1))
+    found = steady([depth(1, inverse, confidence)], 1, grey).inverse_depth
+    np.testing.assert_allclose(found[hole], NEAR, atol=0.02)
+    np.testing.assert_allclose(found[(away > 40) & (away < 100)], WALL, atol=0.02)
+
+
 def test_sure_depth_is_carried_up_to_the_edges_of_the_picture_only() -> None:
     """Two unsure surfaces that look different, each with something sure in it."""
     left = X < 160

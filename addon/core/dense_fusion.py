@@ -24,8 +24,12 @@ ENOUGH = 2
 """Sure frames that make sure."""
 SURE = 0.1, 0.5
 """Confidence up to which depth is that of the surroundings, and from which on it is its own."""
-REACH, EDGE = 4000.0, 6.0
-"""Of the smoother that spreads sure depth: its lambda, and the grey levels that stop it."""
+REACH, CLOSE, EDGE = 4000.0, 50.0, 6.0
+"""Of the smoother that spreads sure depth: its lambda, that within holes of what is sure, and the grey levels
+that stop it."""
+HOLE, AMONG = 0.02, (0.5, 0.8)
+"""Of the long side, what is around a pixel in a hole, and the shares of depths of their own there below which
+it is in none, and from which on it is."""
 BEHIND, MOST = 4, 1.2
 """What is not sure beside something near is behind it: a power of depth as weight, and the largest ratio."""
 EVEN = 15.0
@@ -136,23 +140,34 @@ def _seen(depth: DenseDepth, image: Image, own: DenseDepth, here: Image) -> tupl
 def _without_chance(picture: Bytes, inverse: Map, confidence: Map, strange: float) -> Map:
     """(h, w) confidence, little where depth is another than that of what is sure around, and little of that
     or the pixel itself is sure: what is found amid what cannot be found is mostly chance."""
-    around = 2 * (int(NEAR * max(confidence.shape)) // 2) + 1
-    inner = np.zeros(confidence.shape, np.float32)
-    inner[RIM:-RIM, RIM:-RIM] = 1
-    sure, known = (
-        cv2.blur(part, (around, around), borderType=cv2.BORDER_CONSTANT)
-        for part in (inner * (confidence > SURE[0]), inner)
-    )
-    share = sure / np.maximum(known, 1e-6)
+    share = _mean_around((confidence > SURE[0]).astype(np.float32), NEAR)
     free = np.clip((share - ALONE) / (AMID - ALONE), 0, 1) * _own(confidence)
-    miss = (inverse - _carried_on(picture, inverse, confidence)) / max(strange, 1e-12)
+    miss = (inverse - _carried_on(picture, inverse, confidence, REACH)) / max(strange, 1e-12)
     return np.asarray(confidence * (free + (1 - free) * np.exp(-(miss**2))), np.float32)
 
 
+def _mean_around(values: Map, size: float) -> Map:
+    """(h, w) in a square around each pixel, whose side is a share of the long one; but not at the border."""
+    around = 2 * (int(size * max(values.shape)) // 2) + 1
+    inner = np.zeros(values.shape, np.float32)
+    inner[RIM:-RIM, RIM:-RIM] = 1
+    total, known = (
+        cv2.blur(part, (around, around), borderType=cv2.BORDER_CONSTANT) for part in (inner * values, inner)
+    )
+    return np.asarray(total / np.maximum(known, 1e-6), np.float32)
+
+
 def _filled(picture: Bytes, inverse: Map, confidence: Map) -> Map:
-    """Inverse depth (h, w) where it is sure, elsewhere carried on along a picture's (h, w, 3) surfaces."""
-    around = _carried_on(picture, inverse, confidence)
+    """Inverse depth (h, w) where it is sure, elsewhere carried on along a picture's (h, w, 3) surfaces.
+
+    Holes in what is sure get that of their rims: what reaches far mixes in other surfaces where the picture's
+    edges are faint.
+    """
+    far, close = (_carried_on(picture, inverse, confidence, reach) for reach in (REACH, CLOSE))
     own = _own(confidence)
+    amid = _mean_around(own, HOLE)
+    amid = np.clip((amid - AMONG[0]) / (AMONG[1] - AMONG[0]), 0, 1)
+    around = amid * close + (1 - amid) * far
     return np.asarray(np.maximum(own * inverse + (1 - own) * around, 0), np.float32)
 
 
@@ -161,14 +176,14 @@ def _own(confidence: Map) -> Map:
     return np.asarray(np.clip((confidence - SURE[0]) / (SURE[1] - SURE[0]), 0, 1), np.float32)
 
 
-def _carried_on(picture: Bytes, inverse: Map, confidence: Map) -> Map:
+def _carried_on(picture: Bytes, inverse: Map, confidence: Map, reach: float) -> Map:
     """(h, w) the sure inverse depth along a picture's (h, w, 3) surfaces."""
     usual = float(np.median(inverse)) or 1.0
     nearness = np.maximum(inverse, 1e-6) / usual
     weight = np.clip((confidence - SURE[0]) / (1 - SURE[0]), 0, 1) ** 2
     weight *= np.minimum(1 / nearness, MOST) ** BEHIND
     above, below = (
-        cv2.ximgproc.fastGlobalSmootherFilter(picture, np.ascontiguousarray(part, np.float32), REACH, EDGE)
+        cv2.ximgproc.fastGlobalSmootherFilter(picture, np.ascontiguousarray(part, np.float32), reach, EDGE)
         for part in (weight * (nearness - 1), weight)
     )
     return np.asarray(usual * (1 + above / (np.maximum(below, 0) + 1e-7)), np.float32)
