@@ -300,6 +300,8 @@ def test_three_surfaces_make_better_views_than_two(monkeypatch: pytest.MonkeyPat
         print(f"roof at {gable:.0f}: three surfaces {of_three:.1f} dB, two {of_two:.1f} dB")
     assert min(three) > 38
     assert np.mean(three) > np.mean(two) + 0.5
+    # With the wall in focus, and told what the silhouettes hide, two are as good at some roofs.
+    assert focus == FAR or np.min(np.subtract(three, two)) > 0.5
 
 
 def test_a_surface_does_not_tear_between_two_silhouettes(monkeypatch: pytest.MonkeyPatch) -> None:
