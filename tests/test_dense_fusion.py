@@ -133,6 +133,29 @@ def test_a_hole_in_a_surface_is_filled_from_its_rim() -> None:
     np.testing.assert_allclose(found[(away > 40) & (away < 100)], WALL, atol=0.02)
 
 
+def test_a_doubted_place_as_deep_as_its_rim_stays() -> None:
+    """However faint the picture's edge before a wall that is surer."""
+    away = np.hypot(X - 160, Y - 120)
+    head, doubted = away < 30, away < 4
+    grey = np.where(head, 140, 112).astype(np.float32)
+    inverse = np.where(head, NEAR, WALL)
+    confidence = np.where(doubted, 0.2, np.where(head, 0.6, 1))
+    found = steady([depth(1, inverse, confidence)], 1, grey)
+    np.testing.assert_allclose(found.inverse_depth[doubted], NEAR, atol=0.02)
+    assert found.confidence[doubted].min() > 0.4
+
+
+def test_nothing_is_between_two_surfaces() -> None:
+    """At a silhouette that is half sure."""
+    away = np.hypot(X - 160, Y - 120)
+    grey = np.where(away < 30, 124, 112).astype(np.float32)
+    inverse = np.where(away < 30, NEAR, WALL)
+    confidence = np.where((away > 26) & (away < 34), 0.3, 1)
+    found = steady([depth(1, inverse, confidence)], 1, grey).inverse_depth
+    off = np.minimum(np.abs(found - NEAR), np.abs(found - WALL))
+    assert off[20:-20, 20:-20].max() < 0.02
+
+
 def test_sure_depth_is_carried_up_to_the_edges_of_the_picture_only() -> None:
     """Two unsure surfaces that look different, each with something sure in it."""
     left = X < 160

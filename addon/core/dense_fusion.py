@@ -27,10 +27,10 @@ SURE = 0.1, 0.5
 REACH, CLOSE, EDGE = 4000.0, 50.0, 6.0
 """Of the smoother that spreads sure depth: its lambda, that within holes of what is sure, and the grey levels
 that stop it."""
-HOLE, AMONG = 0.02, (0.5, 0.8)
+HOLE, AMONG = 0.02, (0.5, 0.7)
 """Of the long side, what is around a pixel in a hole, and the shares of depths of their own there below which
 it is in none, and from which on it is."""
-BEHIND, MOST = 4, 1.2
+BEHIND, MOST = 4.0, 1.2
 """What is not sure beside something near is behind it: a power of depth as weight, and the largest ratio."""
 EVEN = 15.0
 """Lambda of the smoother along the surfaces found; a level stops it."""
@@ -67,7 +67,7 @@ class SteadyDepth:
         inverse, confidence, step = fused(*(np.stack(part) for part in zip(*stack, strict=True)))
         picture = self._single.picture(frame)
         confidence = _without_chance(picture, inverse, confidence, STRANGE * step)
-        inverse = _evened(_filled(picture, inverse, confidence), step)
+        inverse = _evened(_filled(picture, inverse, confidence, ALIKE * step), step)
         inverse = sharpened(inverse, HIGH * step)
         inverse = np.where(own.moving, own.inverse_depth, inverse)
         confidence = np.where(own.moving, own.confidence, confidence)
@@ -139,11 +139,22 @@ def _seen(depth: DenseDepth, image: Image, own: DenseDepth, here: Image) -> tupl
 
 def _without_chance(picture: Bytes, inverse: Map, confidence: Map, strange: float) -> Map:
     """(h, w) confidence, little where depth is another than that of what is sure around, and little of that
-    or the pixel itself is sure: what is found amid what cannot be found is mostly chance."""
+    or the pixel itself is sure: what is found amid what cannot be found is mostly chance. Where most around
+    is sure, what is as deep as its rim is no chance."""
+    own = _own(confidence)
     share = _mean_around((confidence > SURE[0]).astype(np.float32), NEAR)
-    free = np.clip((share - ALONE) / (AMID - ALONE), 0, 1) * _own(confidence)
-    miss = (inverse - _carried_on(picture, inverse, confidence, REACH)) / max(strange, 1e-12)
-    return np.asarray(confidence * (free + (1 - free) * np.exp(-(miss**2))), np.float32)
+    free = np.clip((share - ALONE) / (AMID - ALONE), 0, 1) * own
+    alike, as_rim = (
+        np.exp(-(((inverse - _carried_on(picture, inverse, confidence, *how)) / max(strange, 1e-12)) ** 2))
+        for how in ((REACH, BEHIND), (CLOSE, 0.0))
+    )
+    kept = confidence * (free + (1 - free) * alike)
+    return np.asarray(np.maximum(kept, SURE[1] * _amid(own, NEAR) * as_rim), np.float32)
+
+
+def _amid(own: Map, size: float) -> Map:
+    """(h, w) how far each pixel has such with depths of their own on most sides, within `size`."""
+    return np.asarray(np.clip((_mean_around(own, size) - AMONG[0]) / (AMONG[1] - AMONG[0]), 0, 1), np.float32)
 
 
 def _mean_around(values: Map, size: float) -> Map:
@@ -157,17 +168,17 @@ def _mean_around(values: Map, size: float) -> Map:
     return np.asarray(total / np.maximum(known, 1e-6), np.float32)
 
 
-def _filled(picture: Bytes, inverse: Map, confidence: Map) -> Map:
+def _filled(picture: Bytes, inverse: Map, confidence: Map, alike: float) -> Map:
     """Inverse depth (h, w) where it is sure, elsewhere carried on along a picture's (h, w, 3) surfaces.
 
     Holes in what is sure get that of their rims: what reaches far mixes in other surfaces where the picture's
-    edges are faint.
+    edges are faint. Depths more than `alike` apart are two surfaces', and a pixel gets one of them.
     """
     far, close = (_carried_on(picture, inverse, confidence, reach) for reach in (REACH, CLOSE))
     own = _own(confidence)
-    amid = _mean_around(own, HOLE)
-    amid = np.clip((amid - AMONG[0]) / (AMONG[1] - AMONG[0]), 0, 1)
+    amid = _amid(own, HOLE)
     around = amid * close + (1 - amid) * far
+    own = np.where(np.abs(inverse - around) > alike, own > 0.5, own)
     return np.asarray(np.maximum(own * inverse + (1 - own) * around, 0), np.float32)
 
 
@@ -176,12 +187,12 @@ def _own(confidence: Map) -> Map:
     return np.asarray(np.clip((confidence - SURE[0]) / (SURE[1] - SURE[0]), 0, 1), np.float32)
 
 
-def _carried_on(picture: Bytes, inverse: Map, confidence: Map, reach: float) -> Map:
-    """(h, w) the sure inverse depth along a picture's (h, w, 3) surfaces."""
+def _carried_on(picture: Bytes, inverse: Map, confidence: Map, reach: float, behind: float = BEHIND) -> Map:
+    """(h, w) the sure inverse depth along a picture's (h, w, 3) surfaces; `behind` as `BEHIND`."""
     usual = float(np.median(inverse)) or 1.0
     nearness = np.maximum(inverse, 1e-6) / usual
     weight = np.clip((confidence - SURE[0]) / (1 - SURE[0]), 0, 1) ** 2
-    weight *= np.minimum(1 / nearness, MOST) ** BEHIND
+    weight *= np.minimum(1 / nearness, MOST) ** behind
     above, below = (
         cv2.ximgproc.fastGlobalSmootherFilter(picture, np.ascontiguousarray(part, np.float32), reach, EDGE)
         for part in (weight * (nearness - 1), weight)
