@@ -156,6 +156,17 @@ def test_nothing_is_between_two_surfaces() -> None:
     assert off[20:-20, 20:-20].max() < 0.02
 
 
+def test_a_disputed_shelf_joins_the_surface_nearer_in_depth() -> None:
+    shelf = (X >= 158) & (X < 162)
+    for share, expected in ((0.7, NEAR), (0.3, WALL)):
+        inverse = np.where(X < 160, NEAR, WALL).astype(np.float32)
+        inverse[shelf] = WALL + share * (NEAR - WALL)
+        high = HIGH * (NEAR - WALL) / LEVELS
+        np.testing.assert_array_equal(sharpened(inverse, high, shelf)[shelf], np.float32(expected))
+        # What is sure may be a thing of its own.
+        np.testing.assert_array_equal(sharpened(inverse, high, ~shelf)[shelf], inverse[shelf])
+
+
 def test_sure_depth_is_carried_up_to_the_edges_of_the_picture_only() -> None:
     """Two unsure surfaces that look different, each with something sure in it."""
     left = X < 160

@@ -7,7 +7,7 @@ import numpy as np
 
 from .dense_depth import ClipDepth, DenseDepth, pixel_matrix
 from .dense_neighbours import regular, relative_pose, stride
-from .dense_sweep import Bytes, Map
+from .dense_sweep import Bytes, Map, Mask
 from .recent import Recent
 from .reconstruction import Image, Reconstruction
 
@@ -67,8 +67,8 @@ class SteadyDepth:
         inverse, confidence, step = fused(*(np.stack(part) for part in zip(*stack, strict=True)))
         picture = self._single.picture(frame)
         confidence = _without_chance(picture, inverse, confidence, STRANGE * step)
-        inverse = _evened(_filled(picture, inverse, confidence, ALIKE * step), step)
-        inverse = sharpened(inverse, HIGH * step)
+        inverse, disputed = _filled(picture, inverse, confidence, ALIKE * step)
+        inverse = sharpened(_evened(inverse, step), HIGH * step, disputed)
         inverse = np.where(own.moving, own.inverse_depth, inverse)
         confidence = np.where(own.moving, own.confidence, confidence)
         return DenseDepth(frame, inverse, confidence, own.moving, own.lens)
@@ -168,7 +168,7 @@ def _mean_around(values: Map, size: float) -> Map:
     return np.asarray(total / np.maximum(known, 1e-6), np.float32)
 
 
-def _filled(picture: Bytes, inverse: Map, confidence: Map, alike: float) -> Map:
+def _filled(picture: Bytes, inverse: Map, confidence: Map, alike: float) -> tuple[Map, Mask]:
     """Inverse depth (h, w) where it is sure, elsewhere carried on along a picture's (h, w, 3) surfaces.
 
     Holes in what is sure get that of their rims: what reaches far mixes in other surfaces where the picture's
@@ -178,8 +178,9 @@ def _filled(picture: Bytes, inverse: Map, confidence: Map, alike: float) -> Map:
     own = _own(confidence)
     amid = _amid(own, HOLE)
     around = amid * close + (1 - amid) * far
-    own = np.where(np.abs(inverse - around) > alike, own > 0.5, own)
-    return np.asarray(np.maximum(own * inverse + (1 - own) * around, 0), np.float32)
+    disputed = (np.abs(inverse - around) > alike) & (own < 1)
+    own = np.where(disputed, own > 0.5, own)
+    return np.asarray(np.maximum(own * inverse + (1 - own) * around, 0), np.float32), disputed
 
 
 def _own(confidence: Map) -> Map:
@@ -210,17 +211,21 @@ def _evened(inverse: Map, step: float) -> Map:
     return np.asarray(cv2.ximgproc.fastGlobalSmootherFilter(guide, inverse, EVEN, scale * step), np.float32)
 
 
-def sharpened(inverse: Map, high: float) -> Map:
+def sharpened(inverse: Map, high: float, disputed: Mask | None = None) -> Map:
     """Inverse depth (h, w) whose jumps of more than `high` are steps.
 
     Matching leaves ramps and shelves at silhouettes, which no surface is at: their pixels join the nearer end
     in depth (Kramer and Bruckner, "Iterations of a non-linear transformation for enhancement of digital
-    images", 1975). A slope goes on beyond, and stays.
+    images", 1975). A slope goes on beyond, and stays, but where it is disputed (h, w).
     """
     near, wide = (np.ones((2 * reach + 1, 2 * reach + 1), np.uint8) for reach in (RAMP, 2 * RAMP))
     # Single wrong pixels are no end of a ramp.
     ends = cv2.medianBlur(inverse, 3)
     low, top = cv2.erode(ends, near), cv2.dilate(ends, near)
-    whole = cv2.dilate(ends, wide) - cv2.erode(ends, wide)
-    ramp = (top - low > high) & (whole < GROWS * (top - low))
+    lowest, highest = cv2.erode(ends, wide), cv2.dilate(ends, wide)
+    ramp = (top - low > high) & (highest - lowest < GROWS * (top - low))
+    if disputed is not None:
+        loose = disputed & (highest - lowest > high)
+        low, top = np.where(loose, lowest, low), np.where(loose, highest, top)
+        ramp |= loose
     return np.where(ramp, np.where(top - inverse < inverse - low, top, low), inverse).astype(np.float32)
