@@ -143,17 +143,19 @@ def semiglobal(costs: Map, guide: Map) -> Map:
 
     Hirschmueller, "Stereo processing by semiglobal matching and mutual information", 2008.
     """
-    upright = np.ascontiguousarray(costs.transpose(0, 2, 1))
+    upright = np.empty((len(costs), *guide.T.shape), np.float32)
     with ThreadPoolExecutor(WORKERS) as pool:
+        # Level by level OpenCV transposes in half the time.
+        list(pool.map(cv2.transpose, costs, upright))
         down, across = pool.map(_both_ways, (costs, upright), (guide, guide.T))
-    down += across.transpose(0, 2, 1)
+        list(pool.map(lambda one, other: cv2.add(one, cv2.transpose(other), dst=one), down, across))
     return down
 
 
 def _both_ways(costs: Map, guide: Map) -> Map:
     """Costs (k, h, w) summed along the columns of a grey picture (h, w), downwards and upwards."""
     jump = np.maximum(JUMP / (1 + np.abs(np.diff(guide, axis=0)) / EDGE), 1.1 * SMALL_STEP).astype(np.float32)
-    total = np.zeros_like(costs)
+    total = np.empty_like(costs)
     last = costs.shape[1] - 1
     for rows in (range(last + 1), range(last, -1, -1)):
         path = np.zeros_like(costs[:, 0])
@@ -165,7 +167,10 @@ def _both_ways(costs: Map, guide: Map) -> Map:
             np.minimum(best[:-1], path[1:] + np.float32(SMALL_STEP), out=best[:-1])
             best -= lowest
             best += costs[:, row]
-            total[:, row] += best
+            if rows.step > 0:
+                total[:, row] = best
+            else:
+                total[:, row] += best
             path, before = best, row
     return total
 
