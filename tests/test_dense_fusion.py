@@ -134,7 +134,7 @@ def test_a_hole_in_a_surface_is_filled_from_its_rim() -> None:
 
 
 def test_a_doubted_place_as_deep_as_its_rim_stays() -> None:
-    """However faint the picture's edge before a wall that is surer."""
+    """A wall beside it is surer, and nothing but a faint edge is between them."""
     away = np.hypot(X - 160, Y - 120)
     head, doubted = away < 30, away < 4
     grey = np.where(head, 140, 112).astype(np.float32)

@@ -211,12 +211,13 @@ def _evened(inverse: Map, step: float) -> Map:
     return np.asarray(cv2.ximgproc.fastGlobalSmootherFilter(guide, inverse, EVEN, scale * step), np.float32)
 
 
-def sharpened(inverse: Map, high: float, disputed: Mask | None = None) -> Map:
+def sharpened(inverse: Map, high: float, disputed: Mask | bool = False) -> Map:
     """Inverse depth (h, w) whose jumps of more than `high` are steps.
 
     Matching leaves ramps and shelves at silhouettes, which no surface is at: their pixels join the nearer end
     in depth (Kramer and Bruckner, "Iterations of a non-linear transformation for enhancement of digital
-    images", 1975). A slope goes on beyond, and stays, but where it is disputed (h, w).
+    images", 1975). A slope goes on beyond, and stays. Where depth is `disputed` (h, w) nothing is a slope,
+    and ends are looked for twice as far.
     """
     near, wide = (np.ones((2 * reach + 1, 2 * reach + 1), np.uint8) for reach in (RAMP, 2 * RAMP))
     # Single wrong pixels are no end of a ramp.
@@ -224,8 +225,7 @@ def sharpened(inverse: Map, high: float, disputed: Mask | None = None) -> Map:
     low, top = cv2.erode(ends, near), cv2.dilate(ends, near)
     lowest, highest = cv2.erode(ends, wide), cv2.dilate(ends, wide)
     ramp = (top - low > high) & (highest - lowest < GROWS * (top - low))
-    if disputed is not None:
-        loose = disputed & (highest - lowest > high)
-        low, top = np.where(loose, lowest, low), np.where(loose, highest, top)
-        ramp |= loose
-    return np.where(ramp, np.where(top - inverse < inverse - low, top, low), inverse).astype(np.float32)
+    loose = disputed & (highest - lowest > high)
+    low, top = np.where(loose, lowest, low), np.where(loose, highest, top)
+    nearer = np.where(top - inverse < inverse - low, top, low)
+    return np.where(ramp | loose, nearer, inverse).astype(np.float32)
