@@ -1,7 +1,8 @@
 """Blender's own panels in the Properties editor, joined by our engine.
 
 A panel of Blender's shows with the engines that its set `COMPAT_ENGINES` names, and other engines add
-themselves. Without, the Properties editor would have no output path, format, frame range or colour management.
+themselves. Without, the Properties editor would have no output path, format, frame range or colour
+management.
 """
 
 from __future__ import annotations
