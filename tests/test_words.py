@@ -41,7 +41,9 @@ def test_the_command_line_has_a_word_for_every_remedy() -> None:
     assert set(COMMAND_LINE) == set(Remedy)
     error = UserError("this is so; name another folder, or replace it", Remedy.WORK_DIR, Remedy.AGAIN)
     assert error.told(COMMAND_LINE).endswith("; name another folder, or replace it (--work DIR, --again)")
-    assert error.told(INTERFACE).endswith("; name another folder, or replace it (Working Folder, Solve Again)")
+    assert error.told(INTERFACE).endswith(
+        "; name another folder, or replace it (Working Folder, Solve Again)"
+    )
     assert str(error) == error.told({})
 
 
@@ -51,7 +53,7 @@ def test_a_clip_with_a_cut_says_in_each_interface_how_to_take_a_part(
     shots = [*planes.sideways(6), *(255 - np.flip(picture) for picture in planes.sideways(6))]
     clip, work = planes.write_clip(tmp_path / "cut", shots), tmp_path / "work"
     process = SolveProcess(clip, work)
-    with pytest.raises(UserError, match="1 cut; .* frames: 1-6, 7-12$") as refused:
+    with pytest.raises(UserError, match=r"1 cut; .* frames: 1-6, 7-12$") as refused:
         process.wait()
     assert refused.value.remedies == (Remedy.FRAMES,)
     assert run_command(["solve", str(clip), "--work", str(work)]) == 1

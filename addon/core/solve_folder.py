@@ -183,6 +183,15 @@ def _with_visible(model: Path) -> Reconstruction:
     return replace(reconstruction, images=tuple(images))
 
 
+def recorded_clip(work_dir: Path) -> Path | None:
+    """Where the clip of a working folder lies as seen from there; None where the folder does not say."""
+    try:
+        state = _state(work_dir)
+    except UserError:
+        return None
+    return (work_dir / state["relative"]).resolve() if state is not None and state["relative"] else None
+
+
 def identity(path: Path) -> str:
     """What a clip is recognised by wherever it lies: a video's size and a hash of its first and last MiB,
     a sequence's file names and sizes. Not the times, which copying changes."""

@@ -5,10 +5,17 @@ from __future__ import annotations
 import bpy
 
 from ..render import engine, main_thread
-from ..scene import properties, shot
-from . import engine_panels, import_solve, inspect, operators, panels
+from ..scene import clip, paths, properties, shot
+from . import engine_panels, find_clip, import_solve, inspect, operators, panels
 
-CLASSES = (*engine.CLASSES, *operators.CLASSES, *import_solve.CLASSES, *inspect.CLASSES, *panels.CLASSES)
+CLASSES = (
+    *engine.CLASSES,
+    *operators.CLASSES,
+    *find_clip.CLASSES,
+    *import_solve.CLASSES,
+    *inspect.CLASSES,
+    *panels.CLASSES,
+)
 
 
 def register() -> None:
@@ -17,13 +24,16 @@ def register() -> None:
     for cls in CLASSES:
         bpy.utils.register_class(cls)
     engine_panels.register()
+    paths.register()
     main_thread.start()
 
 
 def unregister() -> None:
     """Undo `register` in reverse order, and close the open clip."""
     main_thread.stop()
+    paths.unregister()
     engine_panels.unregister()
+    clip.forget()
     shot.forget()
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)

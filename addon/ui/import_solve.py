@@ -12,8 +12,8 @@ from ..core.footage import Footage, open_footage
 from ..core.readers import read_reconstruction
 from ..core.readers.matching import Imported
 from ..core.solve_folder import holds_solve, keep_import
+from ..scene.clip import footage_path
 from ..scene.movieclip import read_movie_clip
-from ..scene.shot import footage_path
 from .operators import Result, bring_in, has_clip, reported, work_dir
 
 

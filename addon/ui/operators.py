@@ -16,9 +16,11 @@ from ..core.solve import SolveProcess
 from ..core.solve_folder import STATE, Solve, default_work_dir, load_solve
 from ..scene import aperture_cloud
 from ..scene.build import build
+from ..scene.clip import footage_path, solved_clip_path
+from ..scene.paths import absolute
 from ..scene.point_cloud import ID_ATTRIBUTE
 from ..scene.properties import focal_of, lens_settings, set_focus
-from ..scene.shot import footage_path, reconstruction_of
+from ..scene.shot import reconstruction_of
 from .words import WORDS
 
 Result = set[str]
@@ -69,7 +71,7 @@ def reported(
 def work_dir(settings: Any) -> Path:
     """The working folder that is set, or the default one beside the .blend (or beside the clip)."""
     if settings.work_dir:
-        return Path(bpy.path.abspath(settings.work_dir)).resolve()
+        return absolute(settings.work_dir)
     clip = footage_path(settings)
     beside = Path(bpy.data.filepath).parent if bpy.data.filepath else clip.parent
     return default_work_dir(clip, beside)
@@ -255,6 +257,7 @@ class _Render:
         settings = context.scene.virtual_aperture
         try:
             lens_settings(settings, reconstruction_of(settings))
+            solved_clip_path(settings)
         except UserError as error:
             self.report({"ERROR"}, error.told(WORDS))  # type: ignore[attr-defined]
             return {"CANCELLED"}

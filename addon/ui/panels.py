@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ..scene import masks
-from . import import_solve, inspect, operators
+from . import import_solve, inspect, notices, operators
 
 
 class _Panel:
@@ -23,6 +23,7 @@ class VIRTUAL_APERTURE_PT_clip(_Panel, bpy.types.Panel):  # noqa: N801
         layout.use_property_split = True
         layout.use_property_decorate = False
         layout.prop(settings, "footage")
+        notices.draw_clip(layout, context)
         layout.prop(settings, "work_dir")
         layout.prop(settings, "lens")
         if settings.lens == "GIVEN":
@@ -83,6 +84,7 @@ class VIRTUAL_APERTURE_PT_render(_Panel, bpy.types.Panel):  # noqa: N801
             layout.prop(settings, "borrow")
         elif settings.method == "thesis":
             layout.prop(settings, "seed")
+        notices.draw_ignored(layout, context)
         column = layout.column(align=True)
         column.scale_y = 1.4
         column.operator(operators.VIRTUAL_APERTURE_OT_render_frame.bl_idname, icon="RENDER_STILL")
