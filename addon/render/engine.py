@@ -10,6 +10,7 @@ import numpy as np
 
 from ..core.canvas import Picture
 from ..core.errors import UserError
+from ..scene.ignored import warn_of_ignored
 from ..scene.properties import lens_settings
 from ..scene.shot import Shot, shot_of
 from .average import Told, render_frame
@@ -66,6 +67,7 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
         global _error
         scene = depsgraph.scene_eval
         size = render_size(scene.render)
+        warn_of_ignored(self, depsgraph.scene)
         try:
             picture = self._frame(scene, size)
         except UserError as error:
