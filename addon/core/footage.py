@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import UserError
+from .errors import Remedy, UserError
 from .progress import checkpoint
 
 Pixels = NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.float32]
@@ -124,7 +124,8 @@ class Footage:
             self.close()
             raise UserError(
                 f"frame {frame} of {self.path.name} cannot be decoded; the file may be truncated:"
-                " convert it again or leave the frame out with --frames"
+                " convert it again or leave the frame out",
+                Remedy.FRAMES,
             )
         decoder.next_frame += 1
         return _square(_rgb(bgr), decoder.capture)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import cv2
 
-from ..core.errors import UserError
+from ..core.errors import Remedy, UserError
 from ..core.frame_report import FrameReport, Used, frame_report, summary
 from ..core.inspection import Shown, pictures
 from .average import Drawn, draw_shares
@@ -22,7 +22,10 @@ def check_report(path: Path, overwrite: bool) -> None:
     if path.suffix.lower() != ".json":
         raise UserError(f"{path.name} is no file for reports; end it in .json")
     if path.exists() and not overwrite and not _is_ours(path):
-        raise UserError(f"{path} exists and holds something else; name another file or pass --overwrite")
+        raise UserError(
+            f"{path} exists and holds something else; name another file, or overwrite it",
+            Remedy.OVERWRITE,
+        )
 
 
 def _is_ours(path: Path) -> bool:
@@ -51,7 +54,8 @@ class Account:
             self._reports = {entry.frame: entry for entry in map(_entry, held["frames"]) if entry is not None}
         elif not overwrite:
             raise UserError(
-                f"{path} has the reports of a run with other settings; name another file or pass --overwrite"
+                f"{path} has the reports of a run with other settings; name another file, or overwrite it",
+                Remedy.OVERWRITE,
             )
 
     def told(self, drawn: Drawn) -> None:

@@ -6,7 +6,7 @@ import bpy
 
 from ..render import engine, main_thread
 from ..scene import properties, shot
-from . import import_solve, inspect, operators, panels
+from . import engine_panels, import_solve, inspect, operators, panels
 
 CLASSES = (*engine.CLASSES, *operators.CLASSES, *import_solve.CLASSES, *inspect.CLASSES, *panels.CLASSES)
 
@@ -16,12 +16,14 @@ def register() -> None:
     properties.register()
     for cls in CLASSES:
         bpy.utils.register_class(cls)
+    engine_panels.register()
     main_thread.start()
 
 
 def unregister() -> None:
     """Undo `register` in reverse order, and close the open clip."""
     main_thread.stop()
+    engine_panels.unregister()
     shot.forget()
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)
