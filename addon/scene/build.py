@@ -10,7 +10,7 @@ import bpy
 
 from ..core.footage import Footage
 from ..core.reconstruction import Reconstruction
-from . import aperture_cloud, camera, point_cloud, store
+from . import aperture_cloud, camera, lens, point_cloud, store
 from .properties import VirtualApertureSettings
 from .shot import IDENTITY, forget
 
@@ -45,7 +45,7 @@ def build(
     for attribute in [a.name for a in settings.points.data.attributes if not a.is_required]:
         settings.points.data.attributes.remove(settings.points.data.attributes[attribute])
     point_cloud.fill(settings.points.data, reconstruction)
-    point_cloud.show_as_dots(settings.points)
+    point_cloud.remove_dots(settings.points)
     store.write(settings.points.data, reconstruction)
     settings.points.data[IDENTITY] = uuid.uuid4().hex
     settings.points.hide_render = True
@@ -55,9 +55,7 @@ def build(
     )
     settings.aperture.hide_render = True
     settings.footage = str(footage.path)
-    settings.focus_points.clear()
-    settings.focus_distance = 0.0
-    settings.focus_frame = int(reconstruction.frames[0])
+    lens.reset(settings, int(reconstruction.frames[0]))
     aperture_cloud.update(settings)
     _set_sound(scene, footage)
     scene.frame_set(scene.frame_start)

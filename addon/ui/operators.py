@@ -17,7 +17,8 @@ from ..core.solve_folder import STATE, Solve, default_work_dir, load_solve
 from ..scene import aperture_cloud
 from ..scene.build import build
 from ..scene.point_cloud import ID_ATTRIBUTE
-from ..scene.properties import focal_of, lens_settings, set_focus
+from ..scene.lens import is_in_focus, set_focus
+from ..scene.properties import focal_of, lens_settings
 from ..scene.shot import footage_path, reconstruction_of
 
 Result = set[str]
