@@ -137,7 +137,7 @@ def radius_for_blur(reconstruction: Reconstruction, focus: Focus, frame: int, bl
 
 
 def blur_for_radius(reconstruction: Reconstruction, focus: Focus, frame: int, radius: float) -> float:
-    """Inverse of `radius_for_blur`: the blur disc, in image widths, that an aperture radius in scene units makes.
+    """Inverse of `radius_for_blur`: the blur disc, in image widths, of an aperture radius in scene units.
 
     UserError where there is nothing to blur.
     """

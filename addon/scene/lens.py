@@ -2,7 +2,7 @@
 
 Blur and aperture radius say the same thing in two ways: the blur at one moment, with what is in focus there;
 the radius for the whole clip. The radius is what counts (`use_radius`); editing the blur computes it, and
-whatever else changes only refreshes the blur that is shown. Files of the first versions may hold a blur alone.
+whatever else changes only refreshes the blur that is shown. Old files may hold a blur alone.
 """
 
 from __future__ import annotations

@@ -37,7 +37,7 @@ def fill(mesh: bpy.types.Mesh, reconstruction: Reconstruction) -> None:
 
 
 def remove_dots(points: bpy.types.Object) -> None:
-    """Remove the modifier that files of the first versions drew the points with, its nodes and its material."""
+    """Remove the modifier that drew the points in files of the first versions, its nodes and material."""
     modifier = points.modifiers.get(DOTS)
     if modifier is None:
         return

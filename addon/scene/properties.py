@@ -179,15 +179,17 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
         name="Focus By",
         description="What the focal plane follows",
         items=[
-            ("POINTS", "Points", "The picked points, followed through the clip; where none are, the distance"),
+            (
+                "POINTS",
+                "Points",
+                "The picked points, followed through the clip; where none are, the distance",
+            ),
             ("DISTANCE", "Distance", "The focus distance, which can be keyed"),
         ],
         update=_edited(lens.on_focus),
     )
     focus_points: CollectionProperty(type=VirtualApertureFocusPoint)
-    focus_frame: IntProperty(
-        name="Focus Frame", description="Frame in which the focus was picked"
-    )
+    focus_frame: IntProperty(name="Focus Frame", description="Frame in which the focus was picked")
     focus_distance: FloatProperty(
         name="Focus Distance",
         description="Distance of the focal plane from the camera. Picked points set it to theirs; editing it"
@@ -265,9 +267,7 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
     summary: StringProperty(
         name="Summary", description="What the solve found, in one line", options={"HIDDEN"}
     )
-    advice: StringProperty(
-        name="Advice", description="What would help the solve most", options={"HIDDEN"}
-    )
+    advice: StringProperty(name="Advice", description="What would help the solve most", options={"HIDDEN"})
     hidden: CollectionProperty(
         type=VirtualApertureName,
         name="Hidden",
