@@ -38,12 +38,13 @@ def look_through_camera(screen: bpy.types.Screen) -> None:
 
 
 def make_active(points: bpy.types.Object, layer: bpy.types.ViewLayer) -> None:
-    """The point cloud alone is selected and active: Tab edits it. Not while something else is edited."""
+    """Nothing is selected and the point cloud is active: Tab edits it. Not while something else is edited."""
     active = layer.objects.active
     if points.name not in layer.objects or (active is not None and active.mode != "OBJECT"):
         return
     for thing in layer.objects:
-        thing.select_set(thing == points, view_layer=layer)
+        # Not the point cloud either: a selected one is drawn all orange, and Tab asks for the active one.
+        thing.select_set(False, view_layer=layer)
     layer.objects.active = points
 
 

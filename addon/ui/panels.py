@@ -135,10 +135,10 @@ class VIRTUAL_APERTURE_PT_lens(_Panel, bpy.types.Panel):  # noqa: N801
             picked.operator(focus.VIRTUAL_APERTURE_OT_clear_focus.bl_idname, text="", icon="X")
         column = layout.column()
         column.active = not by_points
-        column.prop(settings, "focus_distance")
+        column.prop(settings, "focus_distance", text="Distance")
         column = layout.column()
         column.prop(settings, "blur")
-        column.prop(settings, "aperture_radius")
+        column.prop(settings, "aperture_radius", text="Aperture")
 
 
 class VIRTUAL_APERTURE_PT_depth(_Closed, bpy.types.Panel):  # noqa: N801
@@ -170,9 +170,8 @@ class VIRTUAL_APERTURE_PT_render(_Panel, bpy.types.Panel):  # noqa: N801
         column.prop(scene, "frame_end", text="End")
         layout.prop(scene.render, "filepath", text="Output")
         wrapped(layout, context, output_words(scene), icon="OUTPUT")
-        column = layout.column(align=True)
-        column.operator(operators.VIRTUAL_APERTURE_OT_render_frame.bl_idname, icon="RENDER_STILL")
-        row = column.row(align=True)
+        layout.operator(operators.VIRTUAL_APERTURE_OT_render_frame.bl_idname, icon="RENDER_STILL")
+        row = layout.row()
         row.scale_y = PRIMARY
         row.operator(operators.VIRTUAL_APERTURE_OT_render_clip.bl_idname, icon="RENDER_ANIMATION")
 

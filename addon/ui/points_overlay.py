@@ -1,7 +1,7 @@
 """The feature points in the 3D viewport, in their own colours.
 
-Solid shading knows points by one colour of a material only, and draws vertices without edges not at all, so
-they are drawn here, over the viewport, as an overlay.
+Blender draws vertices without edges black, or orange where the object is selected, whatever their colours.
+They are drawn here over those, which still answer clicks.
 """
 
 from __future__ import annotations
@@ -16,10 +16,13 @@ from ..core.reconstruction import Floats
 from ..scene.point_cloud import ID_ATTRIBUTE
 from ..scene.shot import IDENTITY
 
-SIZE = 4.0
-"""Pixels across, at a resolution scale of 1."""
-PICKED_SIZE, RIM_SIZE = 9.0, 12.0
+SIZE, RIM_SIZE = 4.0, 6.0
+"""Pixels across, at a resolution scale of 1: no less than the points that Blender draws without colours."""
+PICKED_SIZE, PICKED_RIM_SIZE = 9.0, 12.0
 PICKED_COLOUR, RIM_COLOUR = (0.25, 1.0, 0.35, 1.0), (0.0, 0.0, 0.0, 1.0)
+
+NEARER = 1e-4
+"""Of the depth range, towards the viewer: Blender draws its own points as much nearer than they are."""
 
 Colours = NDArray[np.float32]
 
@@ -86,21 +89,35 @@ def _draw() -> None:
     points = context.scene.virtual_aperture.points
     everything, picked = _made(context.scene.virtual_aperture)
     scale = context.preferences.system.ui_scale
+    selected = (*context.preferences.themes[0].view_3d.object_active, 1.0)
+    projection = gpu.matrix.get_projection_matrix()
+    projection[2] -= NEARER * projection[3]
     gpu.state.depth_test_set("LESS_EQUAL")
-    with gpu.matrix.push_pop():
+    # A near point's rim covers the far points behind it.
+    gpu.state.depth_mask_set(True)
+    with gpu.matrix.push_pop(), gpu.matrix.push_pop_projection():
+        gpu.matrix.load_projection_matrix(projection)
         gpu.matrix.multiply_matrix(points.matrix_world)
-        shader = gpu.shader.from_builtin("POINT_FLAT_COLOR")
-        gpu.state.point_size_set(SIZE * scale)
-        everything.draw(shader)
+        _draw_points(everything, RIM_SIZE * scale, selected if points.select_get() else RIM_COLOUR)
+        _draw_points(everything, SIZE * scale)
         if picked is not None:
-            shader = gpu.shader.from_builtin("POINT_UNIFORM_COLOR")
-            for colour, size in ((RIM_COLOUR, RIM_SIZE), (PICKED_COLOUR, PICKED_SIZE)):
-                shader.bind()
-                shader.uniform_float("color", colour)
-                gpu.state.point_size_set(size * scale)
-                picked.draw(shader)
+            _draw_points(picked, PICKED_RIM_SIZE * scale, RIM_COLOUR)
+            _draw_points(picked, PICKED_SIZE * scale, PICKED_COLOUR)
     gpu.state.point_size_set(1.0)
+    gpu.state.depth_mask_set(False)
     gpu.state.depth_test_set("NONE")
+
+
+def _draw_points(batch: Any, size: float, colour: tuple[float, ...] | None = None) -> None:
+    """Squares of `size` pixels, in their own colours where none is given."""
+    import gpu
+
+    shader = gpu.shader.from_builtin("POINT_FLAT_COLOR" if colour is None else "POINT_UNIFORM_COLOR")
+    shader.bind()
+    if colour is not None:
+        shader.uniform_float("color", colour)
+    gpu.state.point_size_set(size)
+    batch.draw(shader)
 
 
 def _made(settings: Any) -> tuple[Any, Any]:
@@ -120,6 +137,7 @@ def _batch(places: Floats | NDArray[np.float32], colours: Colours | None = None)
     import gpu
     from gpu_extras.batch import batch_for_shader
 
+    # The shader of one colour for all leaves the points' own aside.
     name = "POINT_UNIFORM_COLOR" if colours is None else "POINT_FLAT_COLOR"
     content = {"pos": places} if colours is None else {"pos": places, "color": colours}
     return batch_for_shader(gpu.shader.from_builtin(name), "POINTS", content)

@@ -10,7 +10,7 @@ import bpy
 FONT = 0
 POINTS = 11
 """Size of the interface's text."""
-MARGIN = 60
+MARGIN = 85
 """Pixels of a panel's width that its text does not get, at a resolution scale of 1."""
 NARROW = 12
 """Characters that a line holds at least."""
