@@ -19,7 +19,7 @@ from addon.core.reconstruction import Intrinsics
 from addon.core.views import FramePlan, LensSettings, plan_frame
 from addon.render import cycles_views, engine, gpu_views
 from addon.scene.build import build
-from addon.scene.properties import set_focus
+from addon.scene.lens import set_focus
 
 from .scenes import psnr, slanted_plane, slanted_shot, texture
 

@@ -41,7 +41,9 @@ def test_the_command_line_has_a_word_for_every_remedy() -> None:
     assert set(COMMAND_LINE) == set(Remedy)
     error = UserError("this is so; name another folder, or replace it", Remedy.WORK_DIR, Remedy.AGAIN)
     assert error.told(COMMAND_LINE).endswith("; name another folder, or replace it (--work DIR, --again)")
-    assert error.told(INTERFACE).endswith("; name another folder, or replace it (Working Folder, Solve Again)")
+    assert error.told(INTERFACE).endswith(
+        "; name another folder, or replace it (Working Folder, Solve Again)"
+    )
     assert str(error) == error.told({})
 
 
