@@ -12,8 +12,7 @@ from .focus import Focus
 from .reconstruction import Floats, Image, Reconstruction
 
 NEAR = 0.006
-"""Of the picture's width: how far from a point's old place a new one stands for it, 4 pixels of 640. By eye: a
-tenth of what people pick on."""
+"""Of the picture's width: how far from a point's old place a new one stands for it, 4 pixels of 640. By eye."""
 UNLIKE = 0.2
 """Relative difference of inverse depths, scales brought together, above which a place close by is another
 surface, past a silhouette."""
@@ -28,7 +27,7 @@ class Refocus:
     """What becomes of a focus and of lengths."""
 
     focus: Focus
-    """Its points are the new reconstruction's; none, and no distance, where their places are not seen there."""
+    """Its points are the new reconstruction's; none where their places are not seen there."""
     frame: int
     """Registered frame of the new reconstruction that the focus was picked in, or the nearest one."""
     scale: float
@@ -43,13 +42,11 @@ def carry_focus(old: Reconstruction, new: Reconstruction, focus: Focus, frame: i
     """
     common = np.intersect1d(old.frames, new.frames)
     if not len(common):
-        return Refocus(Focus(), int(new.frames[0]), 1.0)
+        return Refocus(Focus(distance=focus.distance), int(new.frames[0]), 1.0)
     order = common[np.argsort(np.abs(common - frame), kind="stable")]
     nearest = int(order[0])
     scale = depth_ratio(old, new, nearest)
-    if not focus.points:
-        distance = None if focus.distance is None else focus.distance * scale
-        return Refocus(Focus(distance=distance), nearest, scale)
+    distance = None if focus.distance is None else focus.distance * scale
     found: list[int] = []
     features: dict[int, FrameFeatures] = {}
     for point in focus.points:
@@ -63,7 +60,7 @@ def carry_focus(old: Reconstruction, new: Reconstruction, focus: Focus, frame: i
             found += [] if match is None or match in found else [match]
             break
     enough = len(found) >= min(2, len(focus.points))
-    return Refocus(Focus(points=tuple(found) if enough else ()), nearest, scale)
+    return Refocus(Focus(tuple(found) if enough else (), distance), nearest, scale)
 
 
 def depth_ratio(old: Reconstruction, new: Reconstruction, frame: int) -> float:
@@ -86,7 +83,7 @@ def depth_ratio(old: Reconstruction, new: Reconstruction, frame: int) -> float:
 
 
 def _place(old: Reconstruction, frame: int, point: int) -> tuple[Floats, float] | None:
-    """(2,) pixels of the source frame where a point was tracked, and its inverse depth; None where it was not."""
+    """(2,) pixels of the source frame where a point was tracked, and its inverse depth; else None."""
     image = _image(old, frame)
     row = np.flatnonzero(image.points == point)
     local, ahead = seen_by(image, old, np.array([point], np.int32))
@@ -98,7 +95,7 @@ def _place(old: Reconstruction, frame: int, point: int) -> tuple[Floats, float] 
 def _match(
     features: FrameFeatures, new: Reconstruction, frame: int, place: Floats, inverse_depth: float
 ) -> int | None:
-    """The point of the feature nearest to a place (2,) in pixels whose inverse depth is like the given one."""
+    """The point of the feature nearest to a place (2,) in pixels, of those of about that inverse depth."""
     away = np.linalg.norm(_canvas(new, frame).features_to_source(features.observed) - place, axis=1)
     like = np.abs(features.inverse_depth - inverse_depth) < UNLIKE * inverse_depth
     away[~like] = np.inf

@@ -93,6 +93,9 @@ def render_sequence(
             bpy.ops.render.render(write_still=True, scene=scene.name)
             engine.raise_error()
             part.replace(targets[frame])
+        except RuntimeError:
+            engine.raise_error()
+            raise
         finally:
             part.unlink(missing_ok=True)
         clock.tick(frame)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import bpy
 import numpy as np
@@ -23,7 +24,9 @@ from . import exr, store
 from .clip import solved_clip_path
 from .masks import DrawnMask, drawn_mask
 from .paths import absolute
-from .properties import VirtualApertureSettings
+
+if TYPE_CHECKING:
+    from .properties import VirtualApertureSettings
 
 IDENTITY = "virtual_aperture_identity"
 REMEMBERED = 256 << 20

@@ -6,12 +6,24 @@ import bpy
 
 from ..render import engine, main_thread
 from ..scene import clip, paths, properties, shot
-from . import engine_panels, find_clip, import_solve, inspect, operators, panels
+from . import (
+    choose_clip,
+    engine_panels,
+    find_clip,
+    focus,
+    import_solve,
+    inspect,
+    operators,
+    panels,
+    points_overlay,
+)
 
 CLASSES = (
     *engine.CLASSES,
+    *choose_clip.CLASSES,
     *operators.CLASSES,
     *find_clip.CLASSES,
+    *focus.CLASSES,
     *import_solve.CLASSES,
     *inspect.CLASSES,
     *panels.CLASSES,
@@ -25,6 +37,7 @@ def register() -> None:
         bpy.utils.register_class(cls)
     engine_panels.register()
     paths.register()
+    points_overlay.register()
     main_thread.start()
 
 
@@ -34,6 +47,7 @@ def unregister() -> None:
     paths.unregister()
     engine_panels.unregister()
     clip.forget()
+    points_overlay.unregister()
     shot.forget()
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)
