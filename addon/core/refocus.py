@@ -12,7 +12,7 @@ from .focus import Focus
 from .reconstruction import Floats, Image, Reconstruction
 
 NEAR = 0.006
-"""Of the picture's width: how far from a point's old place a new one stands for it, 4 pixels of 640. By eye."""
+"""Of the picture's width: how far from a point's old place a new one may be; 4 pixels of 640, by eye."""
 UNLIKE = 0.2
 """Relative difference of inverse depths, scales brought together, above which a place close by is another
 surface, past a silhouette."""

@@ -92,6 +92,11 @@ class SolveProcess:
         _refuse_import(self.work_dir)
         return solved
 
+    @property
+    def is_running(self) -> bool:
+        """Whether the working folder is being solved into."""
+        return self._staging is not None
+
     def _launch(self, folder: Path) -> None:
         job = {
             "footage": str(self.clip.path),

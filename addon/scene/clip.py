@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import bpy
 
@@ -12,7 +13,9 @@ from ..core.errors import Remedy, UserError
 from ..core.find_clip import clip_exists, clip_identity, find_clip, is_clip
 from ..core.solve_folder import default_work_dir, recorded_clip
 from .paths import absolute
-from .properties import VirtualApertureSettings
+
+if TYPE_CHECKING:
+    from .properties import VirtualApertureSettings
 
 LOOK_AGAIN = 3.0
 """Seconds until a clip that was not found is looked for again: panels ask with every redraw."""

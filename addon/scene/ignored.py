@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import bpy
 
-from .properties import VirtualApertureSettings
+if TYPE_CHECKING:
+    from .properties import VirtualApertureSettings
 
 GEOMETRY = {
     "MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD", "VOLUME", "GREASEPENCIL",

@@ -50,10 +50,10 @@ class _Import:
             self.ask()
             return {"CANCELLED"}
         keep_import(found, footage, folder)
-        solve = bring_in(context.scene, footage, folder)
+        solve, refocus = bring_in(context.scene, footage, folder)
         report_hidden(self, context.scene)
         self.report({"INFO"}, f"{found.format}: {solve.summary}")
-        for note in found.notes:
+        for note in (*found.notes, *([refocus] if refocus else [])):
             self.report({"WARNING"}, note)
         return {"FINISHED"}
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,12 +12,14 @@ import bpy
 from ..core.errors import UserError
 from ..core.footage import Footage
 from ..core.solve import SolveProcess
-from ..core.solve_folder import STATE, Solve, default_work_dir, load_solve
+from ..core.solve_folder import STATE, Solve, default_work_dir, identity, imported_from, load_solve
+from ..scene import aperture_cloud
 from ..scene.build import build
 from ..scene.clip import footage_path, solved_clip_path
 from ..scene.lens import is_in_focus
 from ..scene.paths import absolute
 from ..scene.properties import focal_of, lens_settings
+from ..scene.refocus import keep_focus, restore_focus
 from ..scene.shot import reconstruction_of
 from . import after_solve
 from .words import WORDS
@@ -80,9 +83,11 @@ def is_kept(settings: Any) -> bool:
     return bool(settings.footage) and (work_dir(settings) / STATE).exists()
 
 
-def bring_in(scene: bpy.types.Scene, footage: Footage, folder: Path) -> Solve:
-    """Build the solve of the clip that a working folder keeps into a scene."""
+def bring_in(scene: bpy.types.Scene, footage: Footage, folder: Path) -> tuple[Solve, str]:
+    """Build the solve of the clip that a working folder keeps into a scene; what became of its focus, if that
+    is worth telling."""
     solve = load_solve(folder)
+    kept = keep_focus(scene.virtual_aperture, identity(footage.path))
     points = scene.virtual_aperture.points
     if points is not None and points.mode == "EDIT":
         # A mesh cannot be filled there. The window may show another scene meanwhile.
@@ -91,8 +96,25 @@ def bring_in(scene: bpy.types.Scene, footage: Footage, folder: Path) -> Solve:
             bpy.ops.object.mode_set(mode="OBJECT")
     settings = build(scene, footage, solve.reconstruction)
     settings.summary, settings.advice = solve.summary, solve.worth.advice
+    note = ""
+    if kept is not None:
+        note = restore_focus(settings, kept, solve.reconstruction)
+        aperture_cloud.update(settings)
     after_solve.show(scene, solve.reconstruction)
-    return solve
+    return solve, note
+
+
+def kept_words(folder: Path) -> str:
+    """What a working folder keeps, in a line, for who is about to replace it."""
+    try:
+        solve = load_solve(folder)
+        what = f"{solve.worth.registered} of {solve.worth.frames} frames, {solve.worth.points} points"
+        what = f"{imported_from(folder) or 'solve'}: {what}"
+    except UserError:
+        # Its clip is gone, or it is damaged.
+        what = "solve"
+    made = time.strftime("%d %B %Y, %H:%M", time.localtime((folder / STATE).stat().st_mtime))
+    return f"It keeps one of {made} ({what})"
 
 
 def report_hidden(operator: bpy.types.Operator, scene: bpy.types.Scene) -> None:
@@ -114,13 +136,23 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
         description="Solve even where the working folder holds a solve",
         options={"SKIP_SAVE"},
     )
+    sure: bpy.props.BoolProperty(
+        name="Do Not Ask", description="The user was asked", options={"SKIP_SAVE", "HIDDEN"}
+    )
 
+    _running: SolveProcess | None = None
+    """Of the class: the solve that is under way in this Blender."""
+    _asks = False
     _process: SolveProcess | None = None
     _timer: bpy.types.Timer | None = None
     _scene = ""
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
+        running = VIRTUAL_APERTURE_OT_solve._running
+        if running is not None and running.is_running:
+            cls.poll_message_set("A clip is being solved; ESC cancels it")
+            return False
         return has_clip(cls, context)
 
     def _start(self, context: bpy.types.Context) -> SolveProcess:
@@ -137,6 +169,10 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
 
     @reported
     def execute(self, context: bpy.types.Context) -> Result:
+        if self._asks:
+            # The answer to the question comes here; the work is for the modal operator.
+            bpy.ops.virtual_aperture.solve("INVOKE_DEFAULT", again=True, sure=True)
+            return {"CANCELLED"}
         self._process = self._start(context)
         try:
             self._process.wait()
@@ -144,11 +180,20 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
             self._process.cancel()
         return self._finish()
 
-    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> Result:
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
         if bpy.app.background:
             return self.execute(context)
+        settings = context.scene.virtual_aperture
+        if self.again and not self.sure and is_kept(settings):
+            self._asks = True
+            folder = work_dir(settings)
+            answer: Result = context.window_manager.invoke_confirm(
+                self, event, title=f"Replace the solve in {folder.name}?", message=kept_words(folder),
+                confirm_text="Solve Again",
+            )  # fmt: skip
+            return answer
         try:
-            self._process = self._start(context)
+            self._process = VIRTUAL_APERTURE_OT_solve._running = self._start(context)
         except UserError as error:
             self.report({"ERROR"}, error.told(WORDS))
             return {"CANCELLED"}
@@ -178,11 +223,15 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
             self._end(context)
             self.report({"ERROR"}, error.told(WORDS))
             return {"CANCELLED"}
+        except Exception:
+            # Else the worker would go on, and the folder stay locked, without anybody to end it.
+            self._end(context)
+            raise
 
     def cancel(self, _context: bpy.types.Context) -> None:
-        """Called by Blender when another file is loaded meanwhile."""
-        assert self._process is not None
-        self._process.cancel()
+        """Called by Blender when another file is loaded meanwhile, or the question is answered by no."""
+        if self._process is not None:
+            self._process.cancel()
 
     def _finish(self) -> Result:
         assert self._process is not None
@@ -191,8 +240,10 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
             raise UserError(
                 f"the scene {self._scene!r} is gone; the solve is kept in {self._process.work_dir}"
             )
-        solve = bring_in(scene, self._process.clip, self._process.work_dir)
+        solve, note = bring_in(scene, self._process.clip, self._process.work_dir)
         report_hidden(self, scene)
+        if note:
+            self.report({"WARNING"}, note)
         self.report({"INFO"}, solve.summary)
         return {"FINISHED"}
 
