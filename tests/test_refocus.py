@@ -161,7 +161,8 @@ def test_solving_again_keeps_the_focus_and_one_at_a_time(scene: bpy.types.Scene,
     bpy.ops.virtual_aperture.solve()
     set_focus(settings, Focus((3, 4, 5)), 6)
     distance = settings.focus_distance
-    assert "(solve: 12 of 12 frames" in kept_words(tmp_path / "work")
+    assert kept_words(tmp_path / "work").startswith("Solve of ")
+    assert ": 12 of 12 frames, " in kept_words(tmp_path / "work")
     other = SolveProcess(clip, tmp_path / "work", again=True)
     with pytest.raises(RuntimeError, match=r"is being solved into here .*\(Working Folder\)"):
         bpy.ops.virtual_aperture.solve(again=True)

@@ -9,6 +9,7 @@ from typing import Any
 
 import bpy
 
+from ..core.counting import counted
 from ..core.errors import UserError
 from ..core.footage import Footage
 from ..core.solve import SolveProcess
@@ -106,15 +107,13 @@ def bring_in(scene: bpy.types.Scene, footage: Footage, folder: Path) -> tuple[So
 
 def kept_words(folder: Path) -> str:
     """What a working folder keeps, in a line, for who is about to replace it."""
+    made = time.strftime("%d %B %Y, %H:%M", time.localtime((folder / STATE).stat().st_mtime))
     try:
-        solve = load_solve(folder)
-        what = f"{solve.worth.registered} of {solve.worth.frames} frames, {solve.worth.points} points"
-        what = f"{imported_from(folder) or 'solve'}: {what}"
+        worth, kind = load_solve(folder).worth, imported_from(folder) or "Solve"
     except UserError:
         # Its clip is gone, or it is damaged.
-        what = "solve"
-    made = time.strftime("%d %B %Y, %H:%M", time.localtime((folder / STATE).stat().st_mtime))
-    return f"It keeps one of {made} ({what})"
+        return f"Solve of {made}"
+    return f"{kind} of {made}: {worth.registered} of {worth.frames} frames, {counted(worth.points, 'point')}"
 
 
 def report_hidden(operator: bpy.types.Operator, scene: bpy.types.Scene) -> None:
@@ -201,6 +200,7 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
         self._timer = manager.event_timer_add(0.1, window=context.window)
         manager.progress_begin(0, 100)
         manager.modal_handler_add(self)
+        _redraw(context)
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
@@ -255,6 +255,13 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
             self._timer = None
         context.window_manager.progress_end()
         context.workspace.status_text_set(None)
+        _redraw(context)
+
+
+def _redraw(context: bpy.types.Context) -> None:
+    """Let buttons show whether they can be pressed now."""
+    for area in context.screen.areas:
+        area.tag_redraw()
 
 
 class _Render:
