@@ -69,7 +69,7 @@ def test_another_clip_is_not_rendered_with_this_solve(scene: bpy.types.Scene, tm
     # Other pictures under the same name.
     shutil.copy(other, desk)
     os.utime(desk, ns=(1, 1))
-    with pytest.raises(UserError, match=r"desk.mp4 is another clip than the desk\.mp4 that was solved"):
+    with pytest.raises(UserError, match=r"desk.mp4 is another one than the desk\.mp4 that was solved"):
         shot_of(scene)
     # What older versions built does not know its clip.
     settings.clip_identity = ""

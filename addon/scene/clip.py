@@ -70,7 +70,7 @@ def trouble_with(settings: VirtualApertureSettings) -> Trouble | None:
         found = _found(settings, path)
         if found is not None:
             return Trouble(
-                f"{path.name} is not in {path.parent}; it was found in {found.parent}", True, found
+                f"the clip {path.name} is not in {path.parent}; it was found in {found.parent}", True, found
             )
         text = (
             f"the clip {name} is not in {path.parent}, nor beside the .blend or below it; put it there, or"
@@ -81,8 +81,8 @@ def trouble_with(settings: VirtualApertureSettings) -> Trouble | None:
         return None
     if path.name == name:
         text = (
-            f"{path} is another clip than the {name} that was solved, though of the same name; solve it, or"
-            " put the other one back"
+            f"the clip {path} is another one than the {name} that was solved; solve it, or put the other one"
+            " back"
         )
     else:
         text = (

@@ -36,7 +36,8 @@ class VIRTUAL_APERTURE_OT_find_clip(bpy.types.Operator):  # noqa: N801
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> Result:
         if self.filepath:
             return self.execute(context)
-        self.filepath = bpy.data.filepath
+        if bpy.data.filepath:
+            self.filepath = f"{Path(bpy.data.filepath).parent}/"
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 
