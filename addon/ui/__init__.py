@@ -6,7 +6,16 @@ import bpy
 
 from ..render import engine, main_thread
 from ..scene import properties, shot
-from . import choose_clip, focus, import_solve, inspect, operators, panels, points_overlay
+from . import (
+    choose_clip,
+    engine_panels,
+    focus,
+    import_solve,
+    inspect,
+    operators,
+    panels,
+    points_overlay,
+)
 
 CLASSES = (
     *engine.CLASSES,
@@ -24,6 +33,7 @@ def register() -> None:
     properties.register()
     for cls in CLASSES:
         bpy.utils.register_class(cls)
+    engine_panels.register()
     points_overlay.register()
     main_thread.start()
 
@@ -31,6 +41,7 @@ def register() -> None:
 def unregister() -> None:
     """Undo `register` in reverse order, and close the open clip."""
     main_thread.stop()
+    engine_panels.unregister()
     points_overlay.unregister()
     shot.forget()
     for cls in reversed(CLASSES):

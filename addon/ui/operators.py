@@ -17,6 +17,7 @@ from ..scene.lens import is_in_focus
 from ..scene.properties import focal_of, lens_settings
 from ..scene.shot import footage_path, reconstruction_of
 from . import after_solve
+from .words import WORDS
 
 Result = set[str]
 
@@ -57,7 +58,7 @@ def reported(
         try:
             return execute(self, context)
         except UserError as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, error.told(WORDS))
             return {"CANCELLED"}
 
     return wrapped
@@ -147,7 +148,7 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
         try:
             self._process = self._start(context)
         except UserError as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, error.told(WORDS))
             return {"CANCELLED"}
         manager = context.window_manager
         self._timer = manager.event_timer_add(0.1, window=context.window)
@@ -173,7 +174,7 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
             return self._finish()
         except UserError as error:
             self._end(context)
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, error.told(WORDS))
             return {"CANCELLED"}
 
     def cancel(self, _context: bpy.types.Context) -> None:
@@ -217,7 +218,7 @@ class _Render:
         try:
             lens_settings(settings, reconstruction_of(settings))
         except UserError as error:
-            self.report({"ERROR"}, str(error))  # type: ignore[attr-defined]
+            self.report({"ERROR"}, error.told(WORDS))  # type: ignore[attr-defined]
             return {"CANCELLED"}
         context.scene.render.engine = "VIRTUAL_APERTURE"
         how = "EXEC_DEFAULT" if bpy.app.background else "INVOKE_DEFAULT"
