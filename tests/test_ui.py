@@ -312,7 +312,7 @@ def test_what_the_reader_notes_is_a_warning(
     choose_clip(scene, tmp_path)
     (tmp_path / "clip" / "shot_0004.png").unlink()
     bpy.ops.virtual_aperture.import_solve(filepath=str(write_model(tmp_path / "model")))
-    assert "Warning: 1 images of the model are not in the clip: shot_0004.png" in capfd.readouterr().out
+    assert "Warning: 1 image of the model is not in the clip: shot_0004.png" in capfd.readouterr().out
 
 
 def solved_movie_clip(folder: Path) -> bpy.types.MovieClip:
