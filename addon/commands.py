@@ -14,6 +14,7 @@ import bpy
 from . import commands_inspect, commands_solve
 from .commands_lens import add_lens, check_numbers, say, scene_of, set_lens
 from .commands_words import WORDS
+from .core.counting import counted
 from .core.errors import UserError
 from .core.footage import Footage, FrameRange, open_footage
 from .core.solve_folder import Solve, default_work_dir, load_solve
@@ -163,10 +164,11 @@ def _render(solved: Solve, options: argparse.Namespace) -> None:
     frames = list(shown)
     least, most = output.plan_all(scene, frames)
     count = str(least) if least == most else f"{least} to {most}"
-    say(f"rendering {len(frames)} frames with {count} views each")
+    say(f"rendering {counted(len(frames), 'frame')} with {count} {'view' if most == 1 else 'views'} each")
     carried = [f for f in frames if f not in solved.reconstruction.frames]
     if carried:
-        say(f"{len(carried)} frames are not registered; neighbours lend their cameras: {ranges(carried)}")
+        missing = f"{counted(len(carried), 'frame')} not registered"
+        say(f"{missing}; neighbours lend their cameras: {ranges(carried)}")
     # Started here, because Blender starts it noisily itself when the engine asks for a context.
     problem = gpu_problem()
     if problem:

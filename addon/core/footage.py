@@ -165,7 +165,7 @@ def describe(frames: tuple[int, ...]) -> str:
     """For messages: "frames 1 to 118", or with its gaps counted."""
     missing = frames[-1] - frames[0] + 1 - len(frames)
     gaps = f" with {missing} missing" if missing else ""
-    return f"frames {frames[0]} to {frames[-1]}{gaps}"
+    return f"frames {frames[0]} to {frames[-1]}{gaps}" if len(frames) > 1 else f"frame {frames[0]}"
 
 
 def to_linear(picture: Pixels) -> NDArray[np.float32]:

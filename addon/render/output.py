@@ -11,6 +11,7 @@ from pathlib import Path
 
 import bpy
 
+from ..core.counting import counted
 from ..core.errors import Remedy, UserError
 from ..core.footage import Footage
 from ..core.views import plan_frame
@@ -82,7 +83,7 @@ def render_sequence(
     _set_still(scene, out.suffix.lower(), shot_of(scene).footage)
     todo = [f for f in frames if not (same and targets[f].exists())]
     if len(todo) < len(frames):
-        report(f"{len(frames) - len(todo)} frames are there already")
+        report(f"{counted(len(frames) - len(todo), 'frame')} there already")
     clock = _Clock(len(todo), report)
     for frame in todo:
         part = targets[frame].with_name(f".part-{targets[frame].name}")

@@ -159,11 +159,11 @@ def _set_output(render: bpy.types.RenderSettings, footage: Footage) -> None:
     saved = bpy.data.filepath
     folder = default_work_dir(footage.path, Path(saved).parent if saved else footage.path.parent)
     folder = folder.with_name(f"{folder.stem.rstrip(' _-.')}_render")
-    # A name that ends in a separator is a folder, in which files are named by their frames.
-    path = f"{folder}{os.sep}"
+    path = str(folder)
     with contextlib.suppress(ValueError):  # another drive
         path = bpy.path.relpath(path) if saved else path
-    render.filepath = path
+    # What ends in a separator is a folder, in which files are named by their frames.
+    render.filepath = path + ("/" if path.startswith("//") else os.sep)
 
 
 def _sounds(scene: bpy.types.Scene) -> list[bpy.types.Strip]:

@@ -2,7 +2,8 @@
 
 Blur and aperture radius say the same thing in two ways: the blur at one moment, with what is in focus there;
 the radius for the whole clip. The radius is what counts (`use_radius`); editing the blur computes it, and
-whatever else changes only refreshes the blur that is shown. Old files may hold a blur alone.
+whatever else changes only refreshes the blur that is shown. A keyed blur counts itself, at every frame, and
+so does that of old files, which hold no radius.
 """
 
 from __future__ import annotations
@@ -56,6 +57,25 @@ def is_in_focus(settings: VirtualApertureSettings) -> bool:
     """Whether anything is in focus."""
     focus = focus_of(settings)
     return bool(focus.points) or focus.distance is not None
+
+
+def has_radius(settings: VirtualApertureSettings) -> bool:
+    """Whether the aperture's radius counts; else the blur does."""
+    return bool(settings.use_radius) and not is_keyed(settings, "blur")
+
+
+def is_keyed(settings: VirtualApertureSettings, name: str) -> bool:
+    """Whether a property has keys or a driver."""
+    from bpy_extras.anim_utils import action_get_channelbag_for_slot
+
+    animation, path = settings.id_data.animation_data, settings.path_from_id(name)
+    if animation is None:
+        return False
+    curves = list(animation.drivers)
+    if animation.action is not None:
+        bag = action_get_channelbag_for_slot(animation.action, animation.action_slot)
+        curves += bag.fcurves if bag is not None else []
+    return any(curve.data_path == path for curve in curves)
 
 
 def set_focus(settings: VirtualApertureSettings, focus: Focus, frame: int) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 import bpy
 
 from ..core.counting import counted
-from ..core.errors import UserError
+from ..core.errors import UserError, with_words
 from ..core.footage import Footage
 from ..core.solve import SolveProcess
 from ..core.solve_folder import STATE, Solve, default_work_dir, identity, imported_from, load_solve
@@ -96,7 +96,8 @@ def bring_in(scene: bpy.types.Scene, footage: Footage, folder: Path) -> tuple[So
         with bpy.context.temp_override(scene=scene, view_layer=layer, active_object=points):
             bpy.ops.object.mode_set(mode="OBJECT")
     settings = build(scene, footage, solve.reconstruction)
-    settings.summary, settings.advice = solve.summary, solve.worth.advice
+    settings.summary = solve.summary
+    settings.advice = with_words(solve.worth.advice, solve.worth.remedies, WORDS)
     note = ""
     if kept is not None:
         note = restore_focus(settings, kept, solve.reconstruction)
