@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..render import engine, main_thread
+from ..render import background, engine, main_thread
 from ..scene import properties, shot
 from . import (
     choose_clip,
@@ -35,12 +35,14 @@ def register() -> None:
         bpy.utils.register_class(cls)
     engine_panels.register()
     points_overlay.register()
+    background.register()
     main_thread.start()
 
 
 def unregister() -> None:
     """Undo `register` in reverse order, and close the open clip."""
     main_thread.stop()
+    background.unregister()
     engine_panels.unregister()
     points_overlay.unregister()
     shot.forget()
