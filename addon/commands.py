@@ -26,6 +26,7 @@ from .render.frame_keys import run_key
 from .render.gpu_views import gpu_problem
 from .render.quiet import quiet
 from .scene.build import make_paths_relative
+from .scene.shot import shot_of
 
 
 def parser() -> argparse.ArgumentParser:
@@ -197,6 +198,11 @@ def _render(solved: Solve, options: argparse.Namespace) -> None:
             output.render_movie(scene, frames, out, report)
         else:
             output.render_sequence(scene, frames, out, options.overwrite, report)
+    if repaired := shot_of(scene).repaired:
+        say(
+            f"{sum(repaired.values())} pixels of {len(repaired)} frames were not finite (NaN or infinite) and"
+            f" were filled from around: {ranges(sorted(repaired))}"
+        )
     if told := account.summary(frames):
         say(told)
     if lacking := account.lacks(frames):
