@@ -14,6 +14,7 @@ from ..core.errors import UserError, with_words
 from ..core.footage import Footage
 from ..core.solve import SolveProcess
 from ..core.solve_folder import STATE, Solve, default_work_dir, identity, imported_from, load_solve
+from ..panel_words import WORDS
 from ..scene import aperture_cloud
 from ..scene.build import build
 from ..scene.clip import footage_path, solved_clip_path
@@ -23,7 +24,6 @@ from ..scene.properties import focal_of, lens_settings
 from ..scene.refocus import keep_focus, restore_focus
 from ..scene.shot import reconstruction_of
 from . import after_solve
-from .words import WORDS
 
 Result = set[str]
 
