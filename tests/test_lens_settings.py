@@ -16,6 +16,7 @@ from addon.scene.properties import lens_settings
 from addon.scene.shot import Shot
 
 from .scenes import slanted_plane, slanted_shot
+from .test_ui import select
 
 LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
 PICKED = (3, 9, 30, 60)
@@ -83,6 +84,23 @@ def test_picked_points_set_the_distance_that_can_be_keyed(scene, shot, settings)
     assert radii(scene, shot) == [pytest.approx(radius)] * 5
     settings.focus_by = "POINTS"
     assert lens.focus_of(settings).points == PICKED
+
+
+def test_a_pick_in_a_pull_is_the_next_key(scene, shot, settings) -> None:
+    lens.set_focus(settings, Focus(points=PICKED), 1)
+    scene.keyframe_insert("virtual_aperture.focus_distance", frame=1)
+    radius = settings.aperture_radius
+    scene.frame_set(5)
+    select(settings.points, (7, 11, 30))
+    assert bpy.ops.virtual_aperture.set_focus() == {"FINISHED"}
+    assert settings.focus_by == "DISTANCE" and len(settings.focus_points) == 3
+    there = 1 / Focus(points=(7, 11, 30)).inverse_depth(shot.reconstruction, 5)
+    scene.frame_set(1)
+    assert settings.focus_distance == pytest.approx(depth(shot, 1))
+    scene.frame_set(5)
+    assert settings.focus_distance == pytest.approx(there)
+    assert lens.focus_of(settings).distance == pytest.approx(there)
+    assert radii(scene, shot) == [pytest.approx(radius)] * 5
 
 
 def test_a_first_distance_is_dragged_with_the_blur_kept(scene, shot, settings) -> None:

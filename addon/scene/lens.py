@@ -66,16 +66,30 @@ def has_radius(settings: VirtualApertureSettings) -> bool:
 
 def is_keyed(settings: VirtualApertureSettings, name: str) -> bool:
     """Whether a property has keys or a driver."""
-    from bpy_extras.anim_utils import action_get_channelbag_for_slot
-
     animation, path = settings.id_data.animation_data, settings.path_from_id(name)
     if animation is None:
         return False
-    curves = list(animation.drivers)
-    if animation.action is not None:
-        bag = action_get_channelbag_for_slot(animation.action, animation.action_slot)
-        curves += bag.fcurves if bag is not None else []
-    return any(curve.data_path == path for curve in curves)
+    return has_keys(settings, name) or any(driver.data_path == path for driver in animation.drivers)
+
+
+def has_keys(settings: VirtualApertureSettings, name: str) -> bool:
+    """Whether a property has keys."""
+    from bpy_extras.anim_utils import action_get_channelbag_for_slot
+
+    animation, path = settings.id_data.animation_data, settings.path_from_id(name)
+    if animation is None or animation.action is None:
+        return False
+    bag = action_get_channelbag_for_slot(animation.action, animation.action_slot)
+    return bag is not None and any(curve.data_path == path for curve in bag.fcurves)
+
+
+def key_distance(settings: VirtualApertureSettings) -> None:
+    """Make the distance a key of its animation at the present frame, and what is in focus."""
+    with writing():
+        settings.focus_by = "DISTANCE"
+        settings.id_data.keyframe_insert(settings.path_from_id("focus_distance"), frame=_frame(settings))
+        if settings.use_radius:
+            _show_blur(settings, _frame(settings))
 
 
 def set_focus(settings: VirtualApertureSettings, focus: Focus, frame: int) -> None:
