@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import bpy
@@ -9,12 +10,15 @@ import numpy as np
 import pytest
 
 import addon
+from addon.core.errors import UserError
 from addon.core.footage import open_footage
+from addon.core.progress import Cancelled, checkpoint
 from addon.core.reconstruction import Intrinsics, rotation_matrix
+from addon.core.solve import SolveProcess
 from addon.core.solve_folder import load_solve
 from addon.scene.build import build
 from addon.ui import panels
-from addon.ui.operators import bring_in
+from addon.ui.operators import _Solving, bring_in
 from addon.ui.text import lines
 
 from . import foreign_models as foreign
@@ -368,3 +372,34 @@ def test_a_solved_movie_clip_of_this_file_is_imported(scene: bpy.types.Scene, tm
         bpy.ops.virtual_aperture.import_movie_clip(clip=clip.name)
     assert not (tmp_path / "elsewhere").exists()
     assert len(settings.points.data.vertices) == 40
+
+
+def test_opening_a_long_clip_is_cancelled_at_once(tmp_path: Path) -> None:
+    counted = 0
+
+    def begin() -> SolveProcess:
+        nonlocal counted
+        # As `open_footage` counts frames.
+        while True:
+            counted += 1
+            checkpoint()
+            time.sleep(0.001)
+
+    solving = _Solving(begin)
+    assert [step.text for step in solving.poll()] == ["Reading the clip"]
+    assert not solving.finished and not solving.ended
+    solving.cancel()
+    assert solving.ended and counted > 0
+    with pytest.raises(Cancelled):
+        solving.poll()
+
+
+def test_what_opening_a_clip_raises_comes_to_who_waits() -> None:
+    def begin() -> SolveProcess:
+        raise UserError("no clip")
+
+    solving = _Solving(begin)
+    with pytest.raises(UserError, match="no clip"):
+        while True:
+            solving.poll()
+    assert solving.ended

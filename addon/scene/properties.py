@@ -272,6 +272,11 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
         default=0,
         update=_aperture_changed,
     )
+    output: StringProperty(
+        name="Output",
+        description="The render output that a solve set, as long as the user sets no other",
+        options={"HIDDEN"},
+    )
     summary: StringProperty(
         name="Summary", description="What the solve found, in one line", options={"HIDDEN"}
     )
