@@ -1,0 +1,66 @@
+"""F12 in every "Render In" mode: each picture is the headless one, to the bit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from .clips import FRAMES, read_exr, write_scene
+from .conftest import PICTURES
+from .program import Program, headless
+from .screen import Screen
+
+MODES = ("WINDOW", "SCREEN", "AREA", "NONE")
+COUNT = 10
+"""Renders in each mode."""
+
+
+@pytest.fixture(scope="module")
+def blend(folder: Path, registered: None) -> Path:
+    return write_scene(folder / "small")
+
+
+@pytest.fixture(scope="module")
+def expected(blend: Path, resources: Path) -> dict[int, np.ndarray]:
+    """The frames as Blender renders them without a window."""
+    out = blend.parent / "headless"
+    headless(resources, "-b", str(blend), "-o", f"{out}/####", "-a")
+    frames = {frame: read_exr(out / f"{frame:04d}.exr") for frame in FRAMES}
+    assert all(picture[..., :3].std() > 0.05 for picture in frames.values()), "the frames show nothing"
+    return frames
+
+
+@pytest.fixture(scope="module")
+def program(screen: Screen, resources: Path, blend: Path) -> Iterator[Program]:
+    """Blender with the small scene open, its viewport drawn anew all the time."""
+    made = Program(screen, resources, PICTURES / "renders", str(blend))
+    made.screen.move(*made.middle("VIEW_3D"))
+    made.screen.key("Escape")
+    #made.ask("bpy.app.timers.register(redraw, persistent=True)")
+    yield made
+    made.close()
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_ten_renders_are_the_headless_ones(
+    program: Program, mode: str, expected: dict[int, np.ndarray]
+) -> None:
+    program.ask(f"bpy.context.preferences.view.render_display_type = {mode!r}")
+    wrong = []
+    for n in range(COUNT):
+        frame = FRAMES[n % len(FRAMES)]
+        program.ask(f"bpy.context.scene.frame_set({frame})")
+        told = program.render()
+        file = program.pictures / f"{mode}_{n}.exr"
+        file.unlink(missing_ok=True)
+        if problem := program.ask(f"save_result({str(file)!r})"):
+            wrong.append(f"render {n}, frame {frame}: {problem}")
+        elif not np.array_equal(picture := read_exr(file), expected[frame]):
+            away = float(np.abs(picture - expected[frame]).max())
+            wrong.append(f"render {n}, frame {frame}: differs by up to {away:g}, {told}")
+        if n in (0, COUNT - 1):
+            program.shot(f"{mode}_{n}")
+    assert not wrong, "\n".join(wrong)
