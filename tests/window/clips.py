@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from addon.core.reconstruction import Intrinsics
+from addon.core.reconstruction import Image, Intrinsics, Reconstruction
 
 from ..scenes import slanted_plane, texture
 
@@ -29,13 +29,12 @@ def write_scene(folder: Path) -> Path:
     lens = Intrinsics(WIDTH, HEIGHT, 150.0, 150.0, WIDTH / 2, HEIGHT / 2)
     clip = folder / "clip"
     clip.mkdir(parents=True)
-    for frame in FRAMES:
-        # Each frame another, so that a frame that was not drawn anew is seen.
-        picture = np.roll(texture(WIDTH, HEIGHT), 3 * frame, axis=1)
-        cv2.imwrite(str(clip / f"clip_{frame:04d}.png"), picture[..., ::-1])
+    solve = slanted_plane(lens, FRAMES)
+    for image in solve.images:
+        cv2.imwrite(str(clip / f"clip_{image.frame:04d}.png"), _seen(solve, image)[..., ::-1])
     bpy.ops.wm.read_homefile(app_template="", use_factory_startup=True)
     scene = bpy.context.scene
-    settings = build(scene, open_footage(clip), slanted_plane(lens, FRAMES))
+    settings = build(scene, open_footage(clip), solve)
     settings.focus_distance = 6.0
     settings.views = VIEWS
     scene.render.filepath = "//frames/####"
@@ -45,6 +44,20 @@ def write_scene(folder: Path) -> Path:
     blend = folder / "scene.blend"
     bpy.ops.wm.save_as_mainfile(filepath=str(blend))
     return blend
+
+
+def _seen(solve: Reconstruction, image: Image) -> NDArray[np.uint8]:
+    """(H, W, 3) RGB: the textured plane of the solve's points as a camera sees it; the first one sees the
+    texture."""
+    lens = solve.cameras[0]
+    xyz = solve.points.xyz
+    normal = np.linalg.lstsq(xyz, np.ones(len(xyz)), rcond=None)[0]
+    camera = np.array([[lens.fx, 0.0, lens.cx], [0.0, lens.fy, lens.cy], [0.0, 0.0, 1.0]])
+    turn = image.rotation + np.outer(image.translation, normal)
+    warp = camera @ turn @ np.linalg.inv(camera)
+    picture = texture(lens.width, lens.height)
+    seen = cv2.warpPerspective(picture, warp, (lens.width, lens.height), borderMode=cv2.BORDER_REFLECT)
+    return seen.astype(np.uint8)
 
 
 def read_exr(file: Path) -> NDArray[np.float32]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import ast
 import json
+import random
 import select
 import socket
 import sys
@@ -103,13 +104,18 @@ def save_result(file: str) -> str:
     return ""
 
 
+_chance = random.Random(1)
+
+
 def redraw() -> float:
-    """A timer's turn: draw all 3D viewports anew."""
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                area.tag_redraw()
-    return 0.05
+    """A timer's turn: draw one of the windows, by chance.
+
+    Each has a GPU context of its own, and the one drawn last is active: now this window's, now that's, as
+    where the mouse moves over one while a render shows its progress in the other.
+    """
+    with bpy.context.temp_override(window=_chance.choice(bpy.context.window_manager.windows)):
+        bpy.ops.wm.redraw_timer(type="DRAW_WIN", iterations=1)
+    return 0.1
 
 
 def answer(question: str) -> Any:
@@ -119,7 +125,9 @@ def answer(question: str) -> Any:
     exec(compile(tree, "question", "exec"), globals())
     if last is None:
         return None
-    return eval(compile(ast.Expression(last.value), "question", "eval"), globals())
+    value = eval(compile(ast.Expression(last.value), "question", "eval"), globals())
+    # What an operator ended with.
+    return sorted(value) if isinstance(value, set) else value
 
 
 def look() -> float:

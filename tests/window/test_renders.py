@@ -10,7 +10,7 @@ import pytest
 
 from .clips import FRAMES, read_exr, write_scene
 from .conftest import PICTURES
-from .program import Program, headless
+from .program import EXTENSION, Program, headless
 from .screen import Screen
 
 MODES = ("WINDOW", "SCREEN", "AREA", "NONE")
@@ -35,11 +35,16 @@ def expected(blend: Path, resources: Path) -> dict[int, np.ndarray]:
 
 @pytest.fixture(scope="module")
 def program(screen: Screen, resources: Path, blend: Path) -> Iterator[Program]:
-    """Blender with the small scene open, its viewport drawn anew all the time."""
-    made = Program(screen, resources, PICTURES / "renders", str(blend))
+    """Blender with the small scene open, its windows drawn anew all the time."""
+    made = Program(screen, resources, PICTURES / "renders")
     made.screen.move(*made.middle("VIEW_3D"))
     made.screen.key("Escape")
-    #made.ask("bpy.app.timers.register(redraw, persistent=True)")
+    # Timers run in the order in which they began: ours before the extension's, so that each of its turns finds
+    # the context of another window.
+    made.ask("bpy.app.timers.register(redraw, persistent=True)")
+    made.ask(f"bpy.ops.preferences.addon_disable(module={EXTENSION!r})")
+    made.ask(f"bpy.ops.preferences.addon_enable(module={EXTENSION!r})")
+    made.ask(f"bpy.ops.wm.open_mainfile(filepath={str(blend)!r}); None")
     yield made
     made.close()
 
