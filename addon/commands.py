@@ -13,6 +13,7 @@ import bpy
 
 from . import commands_inspect, commands_solve
 from .commands_lens import add_lens, check_numbers, say, scene_of, set_lens
+from .commands_words import WORDS
 from .core.errors import UserError
 from .core.footage import Footage, FrameRange, open_footage
 from .core.solve_folder import Solve, default_work_dir, load_solve
@@ -209,7 +210,7 @@ def run_command(arguments: list[str]) -> int:
     except UserError as error:
         if options.debug:
             raise
-        print(f"error: {error}", file=sys.stderr, flush=True)
+        print(f"error: {error.told(WORDS)}", file=sys.stderr, flush=True)
         return 1
     except KeyboardInterrupt:
         print("error: interrupted; finished frames are kept", file=sys.stderr, flush=True)

@@ -16,7 +16,8 @@ from .core.solve_folder import Solve
 from .core.views import METHODS, LensSettings, check_settings
 from .scene import aperture_cloud
 from .scene.build import build
-from .scene.properties import VirtualApertureSettings, set_focus
+from .scene.lens import set_aperture, set_focus
+from .scene.properties import VirtualApertureSettings
 
 DEFAULT_BLUR = 0.03
 
@@ -116,9 +117,8 @@ def set_lens(settings: VirtualApertureSettings, solved: Solve, options: argparse
         for note in masks.notes:
             say(f"note: {note}")
         settings.masks = str(options.mask.absolute())
-    settings.use_radius = options.aperture_radius is not None
-    settings.aperture_radius = radius
-    settings.blur = options.blur or DEFAULT_BLUR
+    blur = None if options.aperture_radius is not None else options.blur or DEFAULT_BLUR
+    set_aperture(settings, radius, blur)
     settings.views = _views(options.views)
     settings.method = options.method
     settings.borrow = options.borrow == "on"

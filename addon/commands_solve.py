@@ -9,6 +9,7 @@ from pathlib import Path
 
 import bpy
 
+from .commands_words import WORDS
 from .core.colmap_model import export_model
 from .core.errors import UserError
 from .core.focal import Focal, from_equivalent, from_field_of_view, from_sensor
@@ -99,7 +100,7 @@ def solve_clip(options: argparse.Namespace, work: Path) -> Solve:
 def report(options: argparse.Namespace) -> None:
     """`report DIR [--json]`"""
     worth = load_solve(options.work.absolute()).worth
-    print(json.dumps(worth.as_dict(), indent=1) if options.json else worth.text(), flush=True)
+    print(json.dumps(worth.as_dict(), indent=1) if options.json else worth.text(WORDS), flush=True)
 
 
 def take_in(options: argparse.Namespace) -> None:

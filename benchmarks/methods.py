@@ -195,8 +195,7 @@ def _drawn(given: Given, plan: FramePlan, texture: Picture | None = None) -> Ans
     is_whole = texture is not None
     texture = plan.canvas.from_source(given.picture) if texture is None else texture
     warped = WarpedFrame(plan, texture, "", "", is_whole)
-    mean = draw_mean(warped, lambda done, total: True, lambda note: None)
-    assert mean is not None
+    mean = draw_mean(warped, lambda note: None)
     return Answer(plan.canvas.to_source(mean)[..., :3], len(plan.offsets), len(plan.mesh.triangles))
 
 

@@ -183,7 +183,7 @@ def _short_of_memory() -> list[Measure]:
     room = pages * resource.getpagesize() + picture.nbytes // 2
     resource.setrlimit(resource.RLIMIT_AS, (room, before[1]))
     try:
-        gpu_views.mean_of_views(plan, picture, lambda done, total: True)
+        gpu_views.mean_of_views(plan, picture)
     finally:
         resource.setrlimit(resource.RLIMIT_AS, before)
     return []
@@ -262,8 +262,7 @@ def _distorted_views(lens: Intrinsics) -> list[Measure]:
     plan = planned(shot(lens), radius=1e-9)
     size = lens.width, lens.height
     source = map_picture(*size)
-    mean = gpu_views.mean_of_views(plan, plan.canvas.from_source(source), lambda done, total: True)
-    assert mean is not None
+    mean = gpu_views.mean_of_views(plan, plan.canvas.from_source(source))
     inside = np.s_[4:-4, 4:-4]
     back = plan.canvas.to_source(mean)[inside]
     return [pixels(displacement_error(back, source[inside], size), 0.1)]
@@ -312,8 +311,7 @@ def _distortions() -> Iterator[Case]:
 def _by_cycles(make: Callable[[], FramePlan]) -> list[Measure]:
     plan = make()
     picture = map_picture(*SIZE)
-    mean = cycles_views.mean_of_views(plan, picture, lambda done, total: True)
-    assert mean is not None
+    mean = cycles_views.mean_of_views(plan, picture)
     return [decibels(psnr(mean, rendered(plan, picture)), 45)]
 
 

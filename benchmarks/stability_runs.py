@@ -40,8 +40,7 @@ def draw(plan: FramePlan) -> Picture:
     if problem:
         raise RuntimeError(f"no GPU context: {problem}")
     lens = plan.canvas.pinhole
-    mean = gpu_views.mean_of_views(plan, map_picture(lens.width, lens.height), lambda done, total: True)
-    assert mean is not None
+    mean = gpu_views.mean_of_views(plan, map_picture(lens.width, lens.height))
     return mean
 
 

@@ -101,8 +101,7 @@ def _view(clip: Clip, frame: int, method: str, focus: Focus, offset: Floats) -> 
     else:
         registration = exact_registration(plan.canvas, moved, plan.focus_inverse_depth)
     warped = replace(warped, plan=replace(plan, offsets=moved, registration=registration))
-    mean = draw_mean(warped, lambda done, total: True, lambda note: None)
-    assert mean is not None
+    mean = draw_mean(warped, lambda note: None)
     return plan.canvas.to_source(mean)
 
 
@@ -175,8 +174,7 @@ def _through(clip: Clip, frame: int, method: str, focus: Focus, radius: float) -
     """(h, SHOWN, 3) of the frame through an aperture of `radius` units of the solve."""
     lens = LensSettings(focus, radius, THESIS_VIEWS if method == "thesis" else 0, method)
     size = (SHOWN, round(SHOWN * clip.size[1] / clip.size[0]))
-    picture = render_frame(clip.shot, frame, lens, size, lambda done, total: True, lambda note: None)
-    assert picture is not None
+    picture = render_frame(clip.shot, frame, lens, size, lambda note: None)
     return picture[..., :3]
 
 

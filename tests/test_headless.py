@@ -232,7 +232,7 @@ def test_output_that_exists_is_not_overwritten(work: Path, tmp_path: Path) -> No
     out = tmp_path / "mine.mp4"
     out.write_text("mine")
     done = headless("render", work, "--focus-at", FOCUS, "--out", out)
-    assert done.returncode == 1 and "pass --overwrite" in done.stderr
+    assert done.returncode == 1 and "--overwrite" in done.stderr
     assert out.read_text() == "mine"
 
 

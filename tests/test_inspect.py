@@ -17,6 +17,7 @@ from addon.core.focus import Focus
 from addon.core.footage import open_footage
 from addon.core.frame_report import FrameReport
 from addon.core.inspection import NAMES
+from addon.core.progress import Cancelled, reporting
 from addon.core.views import LensSettings
 from addon.render.account import Account, check_report
 from addon.render.average import Drawn
@@ -42,7 +43,7 @@ def test_a_file_of_reports_goes_on(tmp_path: Path) -> None:
         for frame in frames:
             one_ = replace(warped, plan=replace(warped.plan, frame=frame))
             lens = LensSettings(Focus(distance=1.0), RADIUS)
-            account.told(Drawn(one_, lens, picture(), 0.1), lambda done, total: True)
+            account.told(Drawn(one_, lens, picture(), 0.1))
 
     first = Account(path, "key")
     draw(first, 4, 2)
@@ -60,7 +61,12 @@ def test_a_file_of_reports_goes_on(tmp_path: Path) -> None:
     # Cancelled while the shares are drawn: nothing is said of the frame.
     stopped = Account(tmp_path / "b.json", "key")
     lens = LensSettings(Focus(distance=1.0), RADIUS)
-    stopped.told(Drawn(warped, lens, picture(), 0.1), lambda done, total: False)
+
+    def stop(_stage: str, _share: float) -> None:
+        raise Cancelled
+
+    with pytest.raises(Cancelled), reporting(stop):
+        stopped.told(Drawn(warped, lens, picture(), 0.1))
     assert not (tmp_path / "b.json").exists()
 
 

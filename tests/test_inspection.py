@@ -50,9 +50,7 @@ def disc_and_wall(focus: float = NEAR, shift: Floats = SHIFT, fill: Fill | None 
 def shares_of(warped: WarpedFrame, radius: float = RADIUS, source: Picture | None = None) -> Picture:
     shown = scene() if source is None else source
     drawn = Drawn(warped, LensSettings(Focus(distance=1.0), radius), shown, 0.5)
-    found = draw_shares(drawn, lambda done, total: True)
-    assert found is not None
-    return found
+    return draw_shares(drawn)
 
 
 def lends(what: Callable[[Floats], Mask]) -> Fill:

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+from addon.core.progress import Cancelled, reporting
 from addon.render import main_thread
 from addon.render.main_thread import Steps, _Job
 
@@ -60,8 +61,25 @@ def test_a_cancelled_drawing_lets_go_of_the_gpu() -> None:
 
 
 def test_without_a_window_it_is_drawn_at_once() -> None:
-    asked: list[int] = []
-    picture = main_thread.draw(steps(4, []), 4, lambda done, total: not asked.append(done))
-    assert picture is PICTURE and asked == [0, 1, 2, 3]
-    assert main_thread.draw(steps(4, closed := []), 4, lambda done, total: done < 2) is None
+    shares: list[float] = []
+    with reporting(lambda stage, share: shares.append(share)):
+        assert main_thread.draw(steps(4, []), 4) is PICTURE
+    assert shares == [0, 0.25, 0.5, 0.75]
+
+    def stop(_stage: str, share: float) -> None:
+        if share >= 0.5:
+            raise Cancelled
+
+    with reporting(stop), pytest.raises(Cancelled):
+        main_thread.draw(steps(4, closed := []), 4)
     assert closed == [True]
+
+
+def test_who_waits_for_a_drawing_that_is_dropped_is_told() -> None:
+    job = _Job(steps(10**9, closed := []))
+    main_thread._waiting.put(job)
+    main_thread._tick()
+    queued = _Job(steps(3, []))
+    main_thread._waiting.put(queued)
+    main_thread.stop()
+    assert job.ended.is_set() and queued.ended.is_set() and closed == [True]

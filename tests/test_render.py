@@ -11,13 +11,15 @@ import cv2
 import numpy as np
 import pytest
 
+from addon.core.errors import UserError
 from addon.core.focus import Focus
 from addon.core.footage import to_linear
+from addon.core.progress import Cancelled, reporting
 from addon.core.reconstruction import Intrinsics
 from addon.core.views import FramePlan, LensSettings, plan_frame
 from addon.render import cycles_views, engine, gpu_views
 from addon.scene.build import build
-from addon.scene.properties import set_focus
+from addon.scene.lens import set_focus
 
 from .scenes import psnr, slanted_plane, slanted_shot, texture
 
@@ -30,10 +32,6 @@ needs_gpu = pytest.mark.skipif(
 @pytest.mark.skipif("CI" not in os.environ, reason="only CI is sure to have a GPU driver, if a software one")
 def test_ci_draws_with_the_gpu_module() -> None:
     assert gpu_views.gpu_problem() == ""
-
-
-def yes(_done: int, _total: int) -> bool:
-    return True
 
 
 def canvas_picture(plan: FramePlan) -> np.ndarray:
@@ -82,8 +80,7 @@ def test_the_mean_of_views_is_cycles_thin_lens(
     plan = plan_frame(rec, 1, LensSettings(Focus(distance=focus), radius, 256), (160, 90))
     assert plan.blur > 8
     picture = canvas_picture(plan)
-    ours = gpu_views.mean_of_views(plan, picture, yes)
-    assert ours is not None
+    ours = gpu_views.mean_of_views(plan, picture)
     reference = thin_lens(plan, picture, radius, tmp_path, samples=1024)
     score = psnr(ours[..., :3], reference[..., :3])
     sharp = psnr(picture[..., :3], reference[..., :3])
@@ -98,11 +95,11 @@ def test_cycles_draws_the_same_views(scene: bpy.types.Scene, method: str) -> Non
     rec = slanted_plane(LENS)
     plan = plan_frame(rec, 1, LensSettings(Focus(points=(3, 9, 30, 60)), 0.4, 6, method), (160, 90))
     picture = canvas_picture(plan)
-    ours = gpu_views.mean_of_views(plan, picture, yes)
-    steps: list[int] = []
-    theirs = cycles_views.mean_of_views(plan, picture, lambda done, _: not steps.append(done))
-    assert ours is not None and theirs is not None
-    assert steps == list(range(6))
+    ours = gpu_views.mean_of_views(plan, picture)
+    shares: list[float] = []
+    with reporting(lambda stage, share: shares.append(share)):
+        theirs = cycles_views.mean_of_views(plan, picture)
+    assert shares == sorted(shares) and shares[0] == 0 and shares[-1] == 5 / 6
     # Rasterisers disagree about pixels that an edge of the mesh cuts; the thesis's border is such an edge.
     most = np.quantile(np.abs(ours - theirs), 0.98)
     print(f"GPU against Cycles, {method}: 98 % of the values within {most:.1e}")
@@ -112,9 +109,15 @@ def test_cycles_draws_the_same_views(scene: bpy.types.Scene, method: str) -> Non
 def test_cancel_ends_cycles_and_the_gpu(scene: bpy.types.Scene) -> None:
     plan = plan_frame(slanted_plane(LENS), 1, LensSettings(Focus(distance=8.0), 0.4, 6), (160, 90))
     picture = canvas_picture(plan)
-    assert cycles_views.mean_of_views(plan, picture, lambda done, _: done < 1) is None
-    if not gpu_views.gpu_problem():
-        assert gpu_views.mean_of_views(plan, picture, lambda done, _: done < 1) is None
+
+    def stop(_stage: str, share: float) -> None:
+        if share > 0:
+            raise Cancelled
+
+    drawers = [cycles_views] if gpu_views.gpu_problem() else [cycles_views, gpu_views]
+    for drawer in drawers:
+        with reporting(stop), pytest.raises(Cancelled):
+            drawer.mean_of_views(plan, picture)
 
 
 @needs_gpu
@@ -123,8 +126,7 @@ def test_a_tiny_aperture_gives_the_source_and_the_border_is_covered(scene: bpy.t
     for radius, limit in ((1e-9, 1e-3), (0.5, None)):
         plan = plan_frame(rec, 1, LensSettings(Focus(distance=8.0), radius, 32), (160, 90))
         picture = canvas_picture(plan)
-        mean = gpu_views.mean_of_views(plan, picture, yes)
-        assert mean is not None
+        mean = gpu_views.mean_of_views(plan, picture)
         assert mean[..., 3].min() > 0.9999
         if limit:
             assert np.abs(mean - picture).max() < limit
@@ -137,8 +139,7 @@ def test_many_views_are_summed_not_overwritten(scene: bpy.types.Scene) -> None:
     plan = plan_frame(rec, 1, LensSettings(Focus(distance=4.0), 0.3, 64), (160, 90))
     ramp = np.ones((90, 160, 4), np.float32)
     ramp[..., :3] = np.linspace(0, 1, 160, dtype=np.float32)[None, :, None]
-    mean = gpu_views.mean_of_views(plan, ramp, yes)
-    assert mean is not None
+    mean = gpu_views.mean_of_views(plan, ramp)
     assert np.abs(mean - ramp)[20:-20, 20:-20].max() < 1e-3
 
 
@@ -211,6 +212,45 @@ def test_errors_of_the_engine_reach_scripts(scene: bpy.types.Scene, tmp_path: Pa
     scene.render.resolution_x = 500
     with pytest.raises(RuntimeError, match="another shape"):
         rendered(scene, tmp_path / "x.png")
+
+
+@pytest.mark.parametrize("error", [ValueError("lost"), MemoryError(), KeyboardInterrupt()])
+def test_whatever_fails_ends_an_animation_and_leaves_no_file(
+    scene: bpy.types.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: BaseException
+) -> None:
+    set_up(scene, tmp_path / "clip")
+    render_frame = engine.render_frame
+
+    def fails(shot: object, frame: int, *rest: object) -> object:
+        if frame == 2:
+            raise error
+        return render_frame(shot, frame, *rest)
+
+    monkeypatch.setattr(engine, "render_frame", fails)
+    scene.render.filepath = str(tmp_path / "out" / "####.png")
+    engine.clear_error()
+    with pytest.raises(RuntimeError, match=type(error).__name__):
+        bpy.ops.render.render(animation=True)
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["0001.png"]
+    with pytest.raises(type(error)):
+        engine.raise_error()
+
+
+def test_a_blank_drawing_is_an_error(scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    plan = plan_frame(slanted_plane(LENS), 1, LensSettings(Focus(distance=8.0), 0.4, 6), (160, 90))
+    picture = canvas_picture(plan)
+    for value in (0, np.nan):
+        broken = np.full((90, 160, 4), value, np.float32)
+        monkeypatch.setattr(gpu_views, "draw", lambda steps, total, broken=broken: broken)
+        with pytest.raises(UserError, match="empty or broken picture"):
+            gpu_views.mean_of_views(plan, picture)
+
+
+def test_a_render_says_which_frame_it_is_at(scene: bpy.types.Scene) -> None:
+    scene.frame_start, scene.frame_end, scene.frame_step = 11, 20, 3
+    scene.frame_set(17)
+    assert engine.frame_title(scene, True) == "Frame 3 of 4"
+    assert engine.frame_title(scene, False) == "Frame 17"
 
 
 def test_distorted_lens_keeps_the_geometry_of_the_source(scene: bpy.types.Scene, tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ from addon.core.focus import Focus
 from addon.core.reconstruction import Intrinsics, normalise
 from addon.scene import store
 from addon.scene.build import build
-from addon.scene.properties import set_focus
+from addon.scene.lens import set_focus
 from addon.scene.shot import Shot
 
 from .scenes import slanted_plane, slanted_shot

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from addon.core.colmap_model import read_model
-from addon.core.errors import UserError
+from addon.core.errors import Remedy, UserError
 from addon.core.footage import FrameRange
 from addon.core.solve import Progress, SolveProcess
 from addon.core.solve_folder import Solve, default_work_dir, load_solve
@@ -177,8 +177,9 @@ def test_the_same_clip_is_known_in_another_place(
 def test_another_clips_folder_is_refused(work: Path, tmp_path: Path) -> None:
     other = planes.write_clip(tmp_path / "other", planes.sideways(3))
     before = snapshot(work)
-    with pytest.raises(UserError, match=r"walk.*other.*--work"):
+    with pytest.raises(UserError, match=r"walk.*other.*name another folder") as refused:
         SolveProcess(other, work)
+    assert refused.value.remedies == (Remedy.WORK_DIR,)
     assert snapshot(work) == before
 
 
@@ -188,7 +189,7 @@ def test_another_clip_in_the_same_folder_is_another_clip(clip: Path, tmp_path: P
         shutil.copy(path, both / path.name.replace("shot", "take"))
     work = tmp_path / "work"
     solve(both / "shot_####.png", work, frames=FrameRange(1, 8))
-    with pytest.raises(UserError, match="--work"):
+    with pytest.raises(UserError, match="name another folder"):
         SolveProcess(both / "take_####.png", work, frames=FrameRange(1, 8))
 
 
@@ -332,7 +333,7 @@ def test_what_frames_show_besides_is_kept_and_its_damage_told(work: Path) -> Non
     assert sum(map(len, added)) == sum(solve.report["visible"]) > 0
     for image in solve.reconstruction.images:
         assert not len(np.intersect1d(image.points, image.visible))
-    assert f"and {int(np.median([len(each) for each in added]))} that others saw" in solve.worth.text()
+    assert f"and {int(np.median([len(each) for each in added]))} that others saw" in solve.worth.text({})
     (work / "model" / "visible.npz").write_bytes(b"PK\3\4")
     with pytest.raises(UserError, match=r"visible\.npz is damaged"):
         load_solve(work)

@@ -15,6 +15,7 @@ import pytest
 
 from addon.core.errors import UserError
 from addon.core.focus import Focus
+from addon.core.progress import reporting
 from addon.core.views import LensSettings, plan_frame
 from benchmarks.stability import Case, Measure, judged, table
 from benchmarks.stability_reference import (
@@ -163,11 +164,14 @@ def test_memory_that_runs_out_while_drawing_is_a_users_error() -> None:
         pytest.skip("no GPU context can be had")
     plan = plan_frame(shot(), 1, LensSettings(Focus(distance=8.0), 0.3, 4), (96, 54))
 
-    def no_room(_done: int, _total: int) -> bool:
+    def no_room(_stage: str, _share: float) -> None:
         raise MemoryError
 
-    with pytest.raises(UserError, match=r"not enough memory to draw a picture of 96x54; render at a lower"):
-        gpu_views.mean_of_views(plan, map_picture(96, 54), no_room)
+    with (
+        reporting(no_room),
+        pytest.raises(UserError, match=r"not enough memory to draw a picture of 96x54; render at a lower"),
+    ):
+        gpu_views.mean_of_views(plan, map_picture(96, 54))
 
 
 def test_one_point_in_the_lens_does_not_refuse_the_frame() -> None:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from .canvas import Canvas, Picture
 from .dense_neighbours import regular, stride
 from .footage import Pixels, to_linear
+from .progress import checkpoint, part
 from .recent import Recent
 from .reconstruction import Floats, Image, Intrinsics, Reconstruction
 from .surroundings import Surroundings, differ
@@ -77,8 +78,10 @@ class Lender:
         own = self._own(image.frame, canvas, picture, inverse_depth)
         sights = []
         seen, alike = np.zeros((2, len(own.places)))
-        for other in regular(self._rec, frame, stride(self._rec, STEP), SPAN):
-            sight, colours = self._sight(image, canvas, other, own)
+        others = regular(self._rec, frame, stride(self._rec, STEP), SPAN)
+        for number, other in enumerate(others):
+            with part(number, len(others)):
+                sight, colours = self._sight(image, canvas, other, own)
             sees = np.isfinite(colours[:, 0])
             seen += sees
             alike[sees] += differ(colours[sees], own.colour[sees]) < AGREE
@@ -89,14 +92,17 @@ class Lender:
         """What another frame sees, and its colours (n, 3) of the frame's own places."""
         lens = self._rec.intrinsics(other)
         picture = self._pictures.get(other.frame, lambda: self._linear(other.frame))
+        checkpoint(0.5)
         local, xy = _moved(image, canvas.pinhole, other, lens, own.places, own.inverse)
         before, before_xy = _moved(image, canvas.pinhole, other, lens, own.before, own.before_inverse)
+        checkpoint(0.6)
         solid = ~own.moves
         depth = np.concatenate([local[solid, 2], before[:, 2]])
         inverse = np.concatenate([own.inverse[solid], own.before_inverse])
         apart = GRID * lens.fx / canvas.pinhole.fx / np.maximum(depth * inverse, 1e-9)
         xy_before = np.concatenate([xy[solid], before_xy])
         nearest = _nearest(xy_before, depth, apart, (lens.height, lens.width))
+        checkpoint(0.8)
         sight = _Sight(image, canvas.pinhole, other, lens, self._wide(other.frame), picture, nearest)
         colours = sight.seen(local, xy)
         gain = _gain(own.colour[solid], colours[solid])
@@ -133,7 +139,9 @@ class Lender:
 
     def _linear(self, frame: int) -> Picture:
         """(h, w, 3)."""
+        checkpoint()
         picture = to_linear(self._read(frame))[..., :3]
+        checkpoint()
         zoom = LONGEST / max(picture.shape)
         if zoom < 1:
             picture = cv2.resize(picture, None, fx=zoom, fy=zoom, interpolation=cv2.INTER_AREA)
@@ -156,10 +164,16 @@ class Loan:
         """
         if not (len(places) and self.sights):
             return np.zeros((len(places), 3), np.float32), np.zeros(len(places), bool)
-        colours = np.stack([sight.colours(places, inverse) for sight in self.sights])
+        found = []
+        for sight in self.sights:
+            checkpoint()
+            found.append(sight.colours(places, inverse))
+        colours = np.stack(found)
         known = np.isfinite(colours[..., 0]).sum(axis=0)
         colours[:, known == 0] = 0
+        checkpoint()
         middle = _median(colours, np.maximum(known, 1))
+        checkpoint()
         with np.errstate(invalid="ignore"):
             agree = (differ(colours, middle) < AGREE).sum(axis=0)
         sound = (known > 0) & (2 * agree >= known) & (self.around.alike(places, inverse) >= TRUSTED)

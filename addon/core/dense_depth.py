@@ -20,6 +20,7 @@ from .dense_neighbours import Neighbour, choose, relative_pose
 from .dense_sweep import TRUNCATED, Bytes, Map, View, lowest, semiglobal, small_picture, sweep
 from .depth import frame_features, seen_by
 from .footage import Pixels, encode_srgb
+from .progress import checkpoint
 from .recent import Recent
 from .reconstruction import Floats, Image, Intrinsics, Reconstruction
 
@@ -127,11 +128,13 @@ class ClipDepth:
             confidence *= share
             if len(features.points) >= FEWEST:
                 inverse = share * inverse + (1 - share) * sparse
+        checkpoint(0.8)
         moving = masked
         if min(shape) >= SMALLEST:
             close = self._neighbours(image, (low, high), MOTION_SHARES)
             closest = [self._view(image, own, one, (low + high) / 2) for one in close]
             moving = masked | moving_pixels(own, closest, inverse, (low + high) / 2)
+        checkpoint(0.9)
         if moving.any():
             covered = covered_pixels(own, views, inverse, (low + high) / 2)
             inverse, confidence, moving = settle(guide, inverse, confidence, moving, covered)
@@ -165,6 +168,7 @@ class ClipDepth:
     def _shown(self, image: Image) -> Bytes:
         canvas = self._canvas(image)
         size = (canvas.lens.width, canvas.lens.height)
+        checkpoint()
         small = cv2.resize(_displayed(self._read(image.frame)), size, interpolation=cv2.INTER_AREA)
         small = np.dstack([small, np.full(small.shape[:2], 255, np.uint8)])
         small = _straightened(small, canvas) if canvas.lens.is_distorted else small
@@ -242,10 +246,14 @@ def _swept(
     unseen = own[..., 3] < 255
     # What lies past the lens's picture continues what lies within.
     costs[:, unseen] = 0
+    checkpoint(0.5)
     told = cv2.blur(costs.mean(axis=0) - costs.min(axis=0), (AROUND, AROUND))
+    checkpoint(0.5)
     pin(costs, known, count, levels)
     sums = semiglobal(costs, guide)
+    checkpoint(0.7)
     best, level = lowest(sums)
+    checkpoint(0.7)
     rivals = np.count_nonzero(sums < sums.min(axis=0) + np.float32(MARGIN), axis=0)
     single = np.clip(1.2 - rivals / (RIVALS * len(levels)), 0, 1)
     at = np.take_along_axis(costs, best[None], axis=0)[0]

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
+
 import cv2
 import numpy as np
 
 from .dense_depth import ClipDepth, DenseDepth, pixel_matrix
 from .dense_neighbours import regular, relative_pose, stride
 from .dense_sweep import Bytes, Map, Mask
+from .progress import checkpoint, part
 from .recent import Recent
 from .reconstruction import Image, Reconstruction
 
@@ -59,15 +62,28 @@ class SteadyDepth:
         The weighted median of all frames around, and the mean of those near it (Merrell et al., "Real-time
         visibility-based fusion of depth maps", 2007); where that is not sure, what is sure around it.
         """
-        own = self._alone(frame)
         image, _ = self._rec.image_at(frame)
-        others = [(self._alone(other.frame), other) for other in self._around(frame)]
-        seen = [_seen(depth, other, own, image) for depth, other in others]
+        around = self._around(frame)
+        wanted = [frame, *(other.frame for other in around)]
+        # What is remembered takes no time.
+        new = [one for one in wanted if one not in self._kept]
+        depths = []
+        for one in wanted:
+            with part(new.index(one), len(new)) if one in new else nullcontext():
+                depths.append(self._alone(one))
+        own, *depths = depths
+        seen = []
+        for depth, other in zip(depths, around, strict=True):
+            checkpoint(1.0)
+            seen.append(_seen(depth, other, own, image))
         stack = [(own.inverse_depth, _sure(own)), *seen]
         inverse, confidence, step = fused(*(np.stack(part) for part in zip(*stack, strict=True)))
+        checkpoint(1.0)
         picture = self._single.picture(frame)
         confidence = _without_chance(picture, inverse, confidence, STRANGE * step)
+        checkpoint(1.0)
         inverse, disputed = _filled(picture, inverse, confidence, ALIKE * step)
+        checkpoint(1.0)
         inverse = sharpened(_evened(inverse, step), HIGH * step, disputed)
         inverse = np.where(own.moving, own.inverse_depth, inverse)
         confidence = np.where(own.moving, own.confidence, confidence)
@@ -91,6 +107,7 @@ def fused(inverse: Map, weight: Map) -> tuple[Map, Map, float]:
     median = np.full(inverse.shape[1:], np.inf, np.float32)
     # So few are faster compared one with another than sorted.
     for value in inverse:
+        checkpoint(1.0)
         enough = 2 * np.einsum("khw,khw->hw", weight, inverse <= value) >= total
         np.minimum(median, value, out=median, where=enough)
     low, high = np.percentile(median, [1, 99])

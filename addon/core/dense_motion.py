@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from .dense_sweep import WORKERS, Bytes, Map, View
+from .progress import checkpoint, in_this_scope
 from .reconstruction import Floats
 
 Mask = NDArray[np.bool_]
@@ -41,7 +43,7 @@ def moving_pixels(own: Bytes, views: Sequence[View], inverse: Map, middle: float
     which the pictures are brought into register first, so that flows are short.
     """
     with ThreadPoolExecutor(WORKERS) as pool:
-        votes = list(pool.map(lambda view: _leaves(own, view, inverse, middle), views))
+        votes = list(pool.map(in_this_scope(partial(_leaves, own, inverse, middle)), views))
     sides = sorted({view.side for view in views})
     agreed = np.ones(inverse.shape, bool)
     for side in sides:
@@ -55,21 +57,24 @@ def moving_pixels(own: Bytes, views: Sequence[View], inverse: Map, middle: float
 def covered_pixels(own: Bytes, views: Sequence[View], inverse: Map, middle: float) -> Mask:
     """(h, w) bool: where some neighbour shows something else at the place that inverse depth (h, w) gives."""
     with ThreadPoolExecutor(WORKERS) as pool:
-        worst = list(pool.map(lambda view: _differs(own, view, inverse, middle), views))
+        worst = list(pool.map(in_this_scope(partial(_differs, own, inverse, middle)), views))
     return np.asarray(np.logical_or.reduce([np.zeros(inverse.shape, bool), *worst]))
 
 
-def _differs(own: Bytes, view: View, inverse: Map, middle: float) -> Mask:
+def _differs(own: Bytes, inverse: Map, middle: float, view: View) -> Mask:
+    checkpoint()
     seen, static = _still(view, inverse, middle)
     return (_mismatch(own, seen, static, HIDDEN_WINDOW) > HIDDEN) & _sees(seen, static, 0)
 
 
-def _leaves(own: Bytes, view: View, inverse: Map, middle: float) -> Map:
+def _leaves(own: Bytes, inverse: Map, middle: float, view: View) -> Map:
     """(h, w) 1 where the flow to a neighbour contradicts the depth and fits the picture better."""
     seen, static = _still(view, inverse, middle)
     grey, other = (cv2.cvtColor(p[..., :3], cv2.COLOR_RGB2GRAY) for p in (own, seen))
+    checkpoint()
     search = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
     flow = search.calc(grey, other, None)  # type: ignore[call-overload]
+    checkpoint()
     found = flow + _grid(inverse)
     off = np.linalg.norm(found - static, axis=2)
     worse = _mismatch(own, seen, static) - _mismatch(own, seen, found)

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from .progress import checkpoint, in_this_scope
 from .reconstruction import Floats
 
 Map = NDArray[np.float32]
@@ -32,6 +33,8 @@ SAME_LIGHT = 0.01
 """Difference of exposure that is left alone."""
 WORKERS = 2
 """Threads."""
+CHECKED = 4
+"""Rows of costs between two checkpoints: 5 ms at 960x540 pixels and 64 levels, on an idle machine."""
 
 
 @dataclass(frozen=True)
@@ -104,9 +107,11 @@ def sweep(own: Bytes, views: Sequence[View], levels: Floats, guide: Map) -> Map:
     costs = np.empty((len(levels), *own.shape[:2]), np.float32)
     sides = [[view for view in views if view.side == side] for side in sorted({v.side for v in views})]
 
+    @in_this_scope
     def fill(first: int) -> None:
         filtering = cv2.ximgproc.createGuidedFilter(guide, RADIUS, FLATNESS)
         for k in range(first, len(levels), WORKERS):
+            checkpoint(k / len(levels))
             parts = [_mean_mismatch(own, side, levels[k]) for side in sides]
             costs[k] = np.minimum.reduce([filtering.filter(cost) for cost, _ in parts])
             costs[k][~np.logical_or.reduce([seen for _, seen in parts])] = np.inf
@@ -146,10 +151,20 @@ def semiglobal(costs: Map, guide: Map) -> Map:
     upright = np.empty((len(costs), *guide.T.shape), np.float32)
     with ThreadPoolExecutor(WORKERS) as pool:
         # OpenCV does one level at a time faster than numpy all, and in both threads.
-        list(pool.map(cv2.transpose, costs, upright))
-        down, across = pool.map(_both_ways, (costs, upright), (guide, guide.T))
-        list(pool.map(lambda one, other: cv2.add(one, cv2.transpose(other), dst=one), down, across))
+        list(pool.map(in_this_scope(_transpose), costs, upright))
+        down, across = pool.map(in_this_scope(_both_ways), (costs, upright), (guide, guide.T))
+        list(pool.map(in_this_scope(_add_transposed), down, across))
     return down
+
+
+def _transpose(plane: Map, into: Map) -> None:
+    checkpoint()
+    cv2.transpose(plane, into)
+
+
+def _add_transposed(plane: Map, other: Map) -> None:
+    checkpoint()
+    cv2.add(plane, cv2.transpose(other), dst=plane)
 
 
 def _both_ways(costs: Map, guide: Map) -> Map:
@@ -161,6 +176,8 @@ def _both_ways(costs: Map, guide: Map) -> Map:
         path = np.zeros_like(costs[:, 0])
         before = rows[0]
         for row in rows:
+            if row % CHECKED == 0:
+                checkpoint()
             lowest = path.min(axis=0)
             best = np.minimum(path, lowest + jump[min(row, before, last - 1)])
             np.minimum(best[1:], path[:-1] + np.float32(SMALL_STEP), out=best[1:])

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .canvas import Picture
+from .progress import checkpoint
 from .reconstruction import Floats
 
 ALIKE = 0.04
@@ -34,6 +35,7 @@ def enlarged(depth: NDArray[np.floating], picture: Picture) -> Floats:
     low, high = np.full_like(best, np.inf), np.full_like(best, -np.inf)
     for row in (np.floor(y), np.floor(y) + 1):
         for column in (np.floor(x), np.floor(x) + 1):
+            checkpoint(1.0)
             at = np.ix_(
                 np.clip(row, 0, small.shape[0] - 1).astype(int),
                 np.clip(column, 0, small.shape[1] - 1).astype(int),

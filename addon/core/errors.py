@@ -1,9 +1,50 @@
 """The one error type that crosses the wall towards the user."""
 
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from enum import StrEnum
+
+
+class Remedy(StrEnum):
+    """What the user can set to go on; each interface has its own name for where that is done."""
+
+    FRAMES = "frames"
+    """Which frames of the clip are solved."""
+    WORK_DIR = "work_dir"
+    """The working folder."""
+    SOLVE = "solve"
+    """Solving the clip."""
+    AGAIN = "again"
+    """Solving, or importing, in place of what the working folder holds."""
+    FOCAL = "focal"
+    """What is known of the focal length."""
+    OVERWRITE = "overwrite"
+    """Writing over output that exists."""
+
+
+Words = Mapping[Remedy, str]
+"""An interface's names for the remedies; it may lack those that it does not have."""
+
 
 class UserError(Exception):
     """Something the user can act on, told in one line: what is wrong, where, and what to do.
 
-    The command line prints the message and ends with a non-zero status; operators report it.
+    The command line prints the message and ends with a non-zero status; operators report it. The message
+    names no interface's controls: `remedies` tell which ones help.
     Everything else that escapes is a bug and keeps its traceback.
     """
+
+    def __init__(self, message: str, *remedies: Remedy) -> None:
+        super().__init__(message)
+        self.remedies = remedies
+
+    def told(self, words: Words) -> str:
+        """The message with an interface's names for the remedies."""
+        return with_words(str(self), self.remedies, words)
+
+
+def with_words(text: str, remedies: Iterable[Remedy], words: Words) -> str:
+    """A text and, in brackets, an interface's names for what helps."""
+    names = [words[remedy] for remedy in remedies if remedy in words]
+    return f"{text} ({', '.join(names)})" if names else text

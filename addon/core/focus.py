@@ -127,12 +127,24 @@ def radius_for_blur(reconstruction: Reconstruction, focus: Focus, frame: int, bl
 
     D = 2 R f |1/Z - 1/Zf|. The farthest background is the 2nd percentile of the frame's inverse depths
     (single points farther away are mostly wrong). With the background itself in focus, the nearest
-    foreground takes its place.
+    foreground takes its place. UserError where there is nothing to blur.
     """
     if not (np.isfinite(blur) and blur > 0):
         raise UserError(
             f"the blur is {blur:g}; it must be greater than zero (0.03 is 3 % of the image width)"
         )
+    return blur / _blur_of_unit_radius(reconstruction, focus, frame)
+
+
+def blur_for_radius(reconstruction: Reconstruction, focus: Focus, frame: int, radius: float) -> float:
+    """Inverse of `radius_for_blur`: the blur disc, in image widths, of an aperture radius in scene units.
+
+    UserError where there is nothing to blur.
+    """
+    return radius * _blur_of_unit_radius(reconstruction, focus, frame)
+
+
+def _blur_of_unit_radius(reconstruction: Reconstruction, focus: Focus, frame: int) -> float:
     image, _ = reconstruction.image_at(frame)
     lens = reconstruction.intrinsics(image)
     features = frame_features(reconstruction, frame, Canvas(lens))
@@ -151,7 +163,7 @@ def radius_for_blur(reconstruction: Reconstruction, focus: Focus, frame: int, bl
             "everything in the picture lies in the focal plane, so there is nothing to blur;"
             " focus elsewhere or give the aperture's radius"
         )
-    return float(blur * lens.width / (2 * lens.fx * contrast))
+    return float(2 * lens.fx * contrast / lens.width)
 
 
 def exact_registration(canvas: Canvas, offsets: Floats, inverse_depth: float) -> Floats:

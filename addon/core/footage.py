@@ -16,7 +16,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import UserError
+from .errors import Remedy, UserError
+from .progress import checkpoint
 
 Pixels = NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.float32]
 
@@ -114,6 +115,7 @@ class Footage:
             self._seek(frame)
         decoder = self._decoder[0]
         while decoder.next_frame < frame:
+            checkpoint()
             if not decoder.capture.grab():
                 break
             decoder.next_frame += 1
@@ -122,7 +124,8 @@ class Footage:
             self.close()
             raise UserError(
                 f"frame {frame} of {self.path.name} cannot be decoded; the file may be truncated:"
-                " convert it again or leave the frame out with --frames"
+                " convert it again or leave the frame out",
+                Remedy.FRAMES,
             )
         decoder.next_frame += 1
         return _square(_rgb(bgr), decoder.capture)
@@ -225,6 +228,7 @@ def _open_video(path: Path) -> Footage:
     count = 1
     while capture.grab():
         count += 1
+        checkpoint(min(1.0, count / max(claimed, 1)))
     capture.release()
     if claimed - count > max(2, claimed // 50):
         raise UserError(

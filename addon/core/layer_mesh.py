@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 
 from .layers import Fill, Layers, Picture, peeled
+from .progress import checkpoint, in_this_scope
 from .quadtree import HIDDEN, Surfaces, triangulate
 from .reconstruction import Floats, Ints
 from .warpmesh import WarpMesh
@@ -52,23 +53,28 @@ def layer_mesh(
     reach = WIDEST * max(shift.shape)
     shift = np.clip(shift, focus - reach, focus + reach)
     margin = int(np.ceil(np.abs(shift - focus).max())) + 2
+    checkpoint()
     wide = np.pad(picture, ((margin, margin), (margin, margin), (0, 0)), mode="symmetric")
     shift = np.pad(shift, margin, mode="edge")
     lent = None
     if fill is not None:
         beyond = np.ones(shift.shape, bool)
         beyond[margin:-margin, margin:-margin] = False
+        checkpoint(0.05)
         colour, lent = fill(shift, beyond)
         wide[lent, :3] = colour[lent]
+    checkpoint(0.1)
     largest = float(np.abs(shift - focus).max())
     jump = float(np.clip(JUMP * largest, *JUMPS))
     # A few wrong depths must not say what is large.
     usual = float(np.percentile(np.abs(shift - focus)[::4, ::4], 99.9))
     jumps = (LARGE * usual, jump) if LARGE * usual > jump else (jump,)
+    checkpoint(0.1)
     layers = peeled(wide, shift, fill, jumps)
     error = ERROR + RELATIVE * np.abs(layers[-1].back_shift - focus)
     asked = []
     for split in layers:
+        checkpoint(0.55)
         made = Surfaces(
             settle(split.front_shift), settle(split.near_shift), settle(split.back_shift),
             split.mixed, split.is_far, split.hidden,
@@ -78,14 +84,16 @@ def layer_mesh(
         # What is left is a guess here, or cannot be seen.
         error = error * np.where(split.hidden, HIDDEN, np.where(split.beneath, np.inf, 1))
     with ThreadPoolExecutor() as pool:
-        found = list(pool.map(lambda one: triangulate(*one), asked))
+        found = list(pool.map(in_this_scope(triangulate), *zip(*asked, strict=True)))
     surfaces = [(made.far, found[-1].far, len(layers))]
     fronts = []
+    checkpoint(0.75)
     for number, (split, (made, _, _), triangles) in enumerate(zip(layers, asked, found, strict=True)):
         surfaces += [(made.near, triangles.near, number), (made.own, triangles.cut, number)]
         # Past its silhouettes the near surface is transparent.
         fronts.append(split.front.copy())
         fronts[-1][split.is_far & triangles.before] = 0
+    checkpoint(0.8)
     mesh = _joined(surfaces, margin, scale)
     pictures = [wide, *(split.back for split in layers)]
     layers = tuple(replace(split, front=f, lent=lent) for split, f in zip(layers, fronts, strict=True))
@@ -105,8 +113,9 @@ def _texture(pictures: list[Picture], fronts: list[Picture]) -> Picture:
     height, width = (FINER * n for n in pictures[0].shape[:2])
     texture = np.empty((len(pictures), height, width, 4), np.float32)
     with ThreadPoolExecutor() as pool:
-        list(pool.map(_refine, pictures, texture))
+        list(pool.map(in_this_scope(_refine), pictures, texture))
     texture[-1, ..., 3] = 1
+    checkpoint(0.9)
     for part, behind, front in zip(texture[:-1], texture[1:], fronts, strict=True):
         _taken_off(part, behind, front[..., 3])
     return texture.reshape(-1, width, 4)
@@ -118,9 +127,11 @@ def _refine(picture: Picture, texture: Picture) -> None:
     What is between is Lanczos' interpolation, and not negative.
     """
     across = cv2.filter2D(picture, -1, HALFWAY[None], anchor=(3, 0), borderType=cv2.BORDER_REPLICATE)
+    checkpoint(0.9)
     texture[::2, ::2] = picture
     np.maximum(across, 0, out=texture[::2, 1::2])
     for whole, column in ((picture, 0), (across, 1)):
+        checkpoint(0.9)
         down = cv2.filter2D(whole, -1, HALFWAY[:, None], anchor=(0, 3), borderType=cv2.BORDER_REPLICATE)
         np.maximum(down, 0, out=texture[1::2, column::2])
 
@@ -132,6 +143,7 @@ def _taken_off(part: Picture, behind: Picture, alpha: Picture) -> None:
     corners = [[alpha[r, c] for c in (column, right)] for r in (row, below)]
     for down in (0, 1):
         for across in (0, 1):
+            checkpoint(0.95)
             share = np.mean([corners[i][j] for i in range(down + 1) for j in range(across + 1)], axis=0)
             at = FINER * row + down, FINER * column + across
             found = part[at] - (1 - share)[:, None] * behind[at]
@@ -146,6 +158,7 @@ def _joined(surfaces: list[tuple[Floats, Ints, int]], margin: int, scale: float)
     xy, texture, inverse, triangles = [], [], [], []
     first = 0
     for shift, rows, number in surfaces:
+        checkpoint(0.8)
         used, renamed = np.unique(rows, return_inverse=True)
         row, column = np.divmod(used, width)
         place = np.column_stack([column, row]) + 0.5
@@ -154,6 +167,7 @@ def _joined(surfaces: list[tuple[Floats, Ints, int]], margin: int, scale: float)
         inverse.append(shift.ravel()[used] / scale)
         triangles.append(renamed.reshape(-1, 3) + first)
         first += len(used)
+    checkpoint(0.85)
     depth, joined = np.concatenate(inverse), np.concatenate(triangles)
     # What may be half covered comes last; whole triangles hide it where they are nearer.
     last = np.arange(len(joined)) >= len(triangles[0])

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from .progress import checkpoint
 from .reconstruction import Floats
 
 Mask = NDArray[np.bool_]
@@ -105,10 +106,13 @@ def layered(
     shift = _steep(shift, jump)
     near, far = _sides(shift, jump)
     band = near | far
+    checkpoint(0.2)
     around = _around(picture, shift, band, jump)
+    checkpoint(0.3)
     least = jump if least is None else least
     others = _long(_sides(shift, least)[0] & ~band) if least < jump else np.zeros_like(band)
     carried = _carried(shift, around, jump, least, _away(shift, others, jump))
+    checkpoint(0.4)
     colour = picture[..., :3].copy()
     borrowed = np.zeros(shift.shape, bool)
     if fill is not None:
@@ -116,10 +120,12 @@ def layered(
         around = _told(around, picture[band, :3], seen[band], lent[band])
         borrowed = lent & carried.hidden
         colour[borrowed] = seen[borrowed]
+    checkpoint(0.5)
     front, front_shift = picture.copy(), shift.copy()
     alpha, front[band, :3], colour[band] = _shared(picture[band, :3], around)
     front[band, 3], front_shift[band] = alpha, around.near_shift
     colour = inpainted(colour, ~carried.beneath | borrowed)
+    checkpoint(0.5)
     opaque = np.ones((*shift.shape, 1), np.float32)
     return Layers(
         front, front_shift, carried.near, carried.is_far, band,
@@ -131,6 +137,7 @@ def layered(
 def _steep(shift: Floats, jump: float) -> Floats:
     """Without single pixels half way up a jump, which belong to neither surface: they join the nearer one."""
     for axis in (0, 1):
+        checkpoint(0.2)
         before, after = np.roll(shift, 1, axis), np.roll(shift, -1, axis)
         up, down = shift - before, after - shift
         between = (np.abs(up) > jump) & (np.abs(down) > jump) & (np.sign(up) == np.sign(down))
@@ -182,13 +189,18 @@ def _around(picture: Picture, shift: Floats, band: Mask, jump: float) -> _Around
     own = shift[row, column]
     middle = (high + low) / 2
     weight = 1.0 / (1.0 + dy**2 + dx**2)
+    checkpoint(0.3)
     colours = picture[y, x, :3]
+    checkpoint(0.3)
     is_near, is_far = around > middle[:, None], around <= middle[:, None]
     # What is nearer or farther still belongs to a third surface.
     is_near &= around <= high[:, None] + jump
     is_far &= around >= low[:, None] - jump
+    checkpoint(0.3)
     near, near_shift, vary = _mean(colours, around, weight * (is_near & pure), weight * is_near, own, high)
+    checkpoint(0.3)
     far, far_shift, far_vary = _mean(colours, around, weight * (is_far & pure), weight * is_far, own, low)
+    checkpoint(0.3)
     thin = ~(is_near & pure).any(axis=1)
     near[thin], vary[thin], count = _thin(picture, shift, row[thin], column[thin], near_shift[thin], jump)
     sure = np.ones(len(row), bool)
@@ -253,6 +265,7 @@ def _thin(
     y = np.clip(row[:, None, None] + offset[:, None], 0, shift.shape[0] - 1)
     x = np.clip(column[:, None, None] + offset, 0, shift.shape[1] - 1)
     along = (np.abs(shift[y, x] - near[:, None, None]) < jump).astype(np.float32)
+    checkpoint(0.3)
     colours = picture[y, x, :3]
     count = along.sum(axis=(1, 2))
     mean = np.einsum("nij,nijc->nc", along, colours) / np.maximum(count, 1)[:, None]
@@ -321,15 +334,18 @@ def _carried(shift: Floats, mixed: _Around, jump: float, least: float, away: Flo
     seeds[mixed.row, mixed.column] = True
     near[mixed.row, mixed.column], far[mixed.row, mixed.column] = mixed.near_shift, mixed.far_shift
     distance, (on, behind) = _of_nearest(seeds, np.stack([near, far]))
+    checkpoint(0.4)
     gap = shift - behind
     beneath = ~seeds & (gap > jump) & (distance <= np.minimum(gap + 2 + ON, away))
     is_far = ~seeds & ~beneath & (gap <= jump) & (on - shift > jump) & (distance <= ON)
     far = np.where(beneath, behind, far)
     is_far &= ~_beside(shift, beneath, jump)
+    checkpoint(0.4)
     hidden = beneath & (distance <= gap + 2)
     far = _smoothed(far, beneath | seeds, beneath, jump)
     if least < jump:
         far = np.where(beneath, _rising(far, shift, beneath, seeds, jump, RISE * least), far)
+    checkpoint(0.4)
     near = np.where(is_far, on, near)
     near = _smoothed(near, is_far | seeds, is_far, jump)
     return _Carried(near, far, is_far, beneath, hidden)
@@ -338,6 +354,7 @@ def _carried(shift: Floats, mixed: _Around, jump: float, least: float, away: Flo
 def _beside(shift: Floats, among: Mask, jump: float) -> Mask:
     """(H, W) pixels with a neighbour among others (H, W) on the same surface: it would tear between them."""
     found = np.zeros(shift.shape, bool)
+    checkpoint(0.4)
     for filtered, nothing in ((cv2.dilate, -np.inf), (cv2.erode, np.inf)):
         of_others = filtered(np.where(among, shift, nothing), np.ones((3, 3), np.uint8))
         found |= np.abs(of_others - shift) <= jump
@@ -375,11 +392,13 @@ def inpainted(colour: Picture, known: Mask) -> Picture:
     weight = known.astype(np.float32)
     levels = [(colour * weight[..., None], weight)]
     while min(levels[-1][1].shape) > 1:
+        checkpoint(0.5)
         size = tuple(-(-n // 2) for n in levels[-1][1].shape[::-1])
         levels.append(tuple(cv2.resize(part, size, interpolation=cv2.INTER_AREA) for part in levels[-1]))
     total, weight = levels[-1]
     result = np.asarray(total / np.maximum(weight, 1e-9)[..., None], np.float32)
     for total, weight in reversed(levels[1:-1]):
+        checkpoint(0.5)
         up = _enlarged(result, weight.shape)
         sure = np.minimum(weight, 1)[..., None]
         own = np.where(weight[..., None] > 0, total / np.maximum(weight, 1e-9)[..., None], up)

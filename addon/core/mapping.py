@@ -16,7 +16,7 @@ import numpy as np
 import pycolmap
 
 from . import calibration, direct, solution
-from .errors import UserError
+from .errors import Remedy, UserError
 from .keyframes import adjust, keyframe_features, keyframes, map_keyframes
 from .parallax import check_motion, only_turns
 from .reconstruction import Floats, Ints, Reconstruction, normalise
@@ -174,7 +174,8 @@ def _keyframe_solution(
     if best is None:
         raise UserError(
             "no camera path explains this clip: too little parallax, or too much moves on its own;"
-            " choose another range with --frames, or film with more sideways movement"
+            " choose another range of frames, or film with more sideways movement",
+            Remedy.FRAMES,
         )
     return best
 

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from .errors import UserError
+from .errors import Remedy, UserError
 from .reconstruction import Floats
 from .tracks import Tracks, cuts
 
@@ -28,7 +28,8 @@ def check_motion(tracks: Tracks) -> float:
     if not pairs:
         raise UserError(
             f"fewer than {MIN_SHARED} features can be followed through the clip; it has too little texture"
-            " or is blurred: choose another range with --frames"
+            " or is blurred: choose another range of frames",
+            Remedy.FRAMES,
         )
     unit = 1000 / max(tracks.width, tracks.height)
     motion = max(float(np.median(np.linalg.norm(b - a, axis=1))) for a, b in pairs) * unit
@@ -47,7 +48,8 @@ def refuse_cuts(tracks: Tracks) -> None:
         shots = [f"{tracks.frames[a]}-{tracks.frames[b - 1]}" for a, b in pairwise(starts)]
         raise UserError(
             f"the clip has {len(shots) - 1} cut{'s' * (len(shots) > 2)}; each shot is solved by itself,"
-            f" with its frames: {', '.join(f'--frames {shot}' for shot in shots)}"
+            f" with its frames: {', '.join(shots)}",
+            Remedy.FRAMES,
         )
 
 

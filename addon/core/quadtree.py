@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .progress import checkpoint
 from .reconstruction import Floats, Ints
 
 Mask = NDArray[np.bool_]
@@ -69,13 +70,17 @@ def triangulate(surfaces: Surfaces, jump: float, error: float | Floats) -> Trian
     height, width = surfaces.own.shape
     raster = _padded(surfaces)
     columns = raster.own.shape[1]
+    checkpoint(0.6)
     whole = _whole(raster.own, ~raster.mixed, jump)
+    checkpoint(0.6)
     split = _split(raster, whole, _allowed(error, (height, width), whole.shape))
+    checkpoint(0.6)
     two = _any(raster.mixed | ((raster.near != raster.far) & ~raster.is_far))
     far, near = [], []
     covered = np.zeros_like(whole)
     leaf = np.ones(tuple(n >> COARSEST for n in whole.shape), bool)
     for level in range(COARSEST, 0, -1):
+        checkpoint(0.6)
         ends = leaf & ~split[level]
         before = ends & _coarser(two, level)
         far.append(_cells(ends, split[level], level, columns))
@@ -85,6 +90,7 @@ def triangulate(surfaces: Surfaces, jump: float, error: float | Floats) -> Trian
     far.append(_squares(leaf, columns))
     near.append(_squares(leaf & whole & two, columns))
     covered |= leaf & whole & two
+    checkpoint(0.6)
     parts = np.concatenate(far), np.concatenate(near), _held(leaf & ~whole, raster.own, jump)
     rim = np.pad(covered, 1)
     around = rim[1:, 1:] | rim[:-1, 1:] | rim[1:, :-1] | rim[:-1, :-1]
@@ -158,9 +164,12 @@ def _split(raster: Surfaces, whole: Mask, error: Floats) -> list[Mask]:
     split = [np.zeros_like(whole)]
     doubled = _any((raster.near != raster.far) & ~raster.is_far)
     sharp = ~whole
+    checkpoint(0.6)
     changes = np.ptp(np.stack(_corners(raster.own)), axis=0)
+    checkpoint(0.6)
     steep = (changes > error) & (_bent(raster.own) > BEND * changes)
     for level in range(1, COARSEST + 1):
+        checkpoint(0.6)
         error = np.minimum.reduce([error[i::2, j::2] for i in (0, 1) for j in (0, 1)])
         near = split[-1]
         # A cell beside one that is split twice would differ from its neighbours by two levels.
@@ -175,6 +184,7 @@ def _split(raster: Surfaces, whole: Mask, error: Floats) -> list[Mask]:
         rough = np.nonzero(one & ~needed)
         allowed = np.where(_coarser(steep, level), AT_SILHOUETTES, 1)[rough] * error[rough]
         needed[rough] = _worst(raster.own, None, rough, level) > allowed
+        checkpoint(0.6)
         rough = np.nonzero(~one & ~needed)
         worst = np.maximum.reduce([
             _worst(raster.near, ~raster.is_far, rough, level) / AT_SILHOUETTES,
@@ -195,6 +205,7 @@ def _worst(depth: Floats, mask: Mask | None, cells: tuple[NDArray[np.intp], ...]
     worst = np.empty(len(cells[0]))
     chunk = max(1, 4_000_000 // (size + 1) ** 2)
     for first in range(0, len(worst), chunk):
+        checkpoint(0.6)
         row, column = (part[first : first + chunk, None, None] * size for part in cells)
         within = row + np.arange(size + 1)[:, None], column + np.arange(size + 1)
         inner = depth[within]

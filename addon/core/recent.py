@@ -14,6 +14,9 @@ class Recent[V]:
         self._limit, self._size = limit, size
         self._kept: OrderedDict[int, V] = OrderedDict()
 
+    def __contains__(self, frame: int) -> bool:
+        return frame in self._kept
+
     def get(self, frame: int, make: Callable[[], V]) -> V:
         """A frame's value, made if need be."""
         if frame not in self._kept:

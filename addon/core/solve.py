@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from .errors import UserError
+from .errors import Remedy, UserError
 from .focal import Focal, in_pixels
 from .footage import FrameRange, open_footage
 from .solve_folder import Staging, imported_from, is_solved
@@ -125,7 +125,7 @@ class SolveProcess:
                 continue
             if "error" in message:
                 self.cancel()
-                raise UserError(message["error"]) from _bug(message)
+                raise UserError(message["error"], *map(Remedy, message["remedies"])) from _bug(message)
             if "ok" in message:
                 self._process.wait()
                 self._keep()
@@ -188,7 +188,9 @@ def _refuse_import(work_dir: Path) -> None:
     if imported:
         raise UserError(
             f"{work_dir} holds an import ({imported}), not a solve of our own; go on with it as it is, name"
-            " another folder, or replace it with --again (in the panel: Solve Again)"
+            " another folder, or replace it",
+            Remedy.WORK_DIR,
+            Remedy.AGAIN,
         )
 
 

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from .colmap_model import read_model, write_model
-from .errors import UserError
+from .errors import Remedy, UserError
 from .footage import Footage, open_footage
 from .readers.matching import Imported
 from .reconstruction import Ints, Reconstruction, normalise
@@ -152,7 +152,7 @@ def load_solve(work_dir: Path) -> Solve:
     """The solve that a working folder keeps; UserError where there is none or its clip is gone."""
     state = _state(work_dir)
     if state is None:
-        raise UserError(f"{work_dir} holds no solve; run: headless.py solve FOOTAGE --work {work_dir}")
+        raise UserError(f"{work_dir} holds no solve; solve the clip into it first", Remedy.SOLVE)
     footage = Path(state["footage"])
     if not _footage_exists(footage) and state["relative"]:
         footage = (work_dir / state["relative"]).resolve()
@@ -239,16 +239,19 @@ def _state_of(work_dir: Path, footage: Footage) -> dict[str, Any] | None:
     if not work_dir.exists():
         return None
     if not work_dir.is_dir():
-        raise UserError(f"{work_dir} is a file; name a folder with --work")
+        raise UserError(f"{work_dir} is a file; name a folder", Remedy.WORK_DIR)
     state = _state(work_dir)
     if state is None:
         if any(not p.name.startswith(".solving-") for p in work_dir.iterdir()):
-            raise UserError(f"{work_dir} is not empty and holds no solve; name another folder with --work")
+            raise UserError(
+                f"{work_dir} is not empty and holds no solve; name another folder", Remedy.WORK_DIR
+            )
         return None
     if state["identity"] != identity(footage.path):
         raise UserError(
             f"{work_dir} holds the solve of {Path(state['footage']).name}, not of {footage.path.name};"
-            " name another folder with --work"
+            " name another folder",
+            Remedy.WORK_DIR,
         )
     return state
 

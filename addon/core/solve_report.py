@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from .errors import Remedy, Words, with_words
 from .reconstruction import Floats, Ints, Reconstruction, outermost_angles
 
 WEAK = 30
@@ -56,12 +57,14 @@ class Report:
     """Frames with fewer than `WEAK` points."""
     notes: list[str]
     advice: str
+    remedies: tuple[Remedy, ...]
+    """What to set to follow the advice."""
 
     def as_dict(self) -> dict[str, Any]:
         return asdict(self)
 
-    def text(self) -> str:
-        """For people."""
+    def text(self, words: Words) -> str:
+        """For people, the advice with an interface's names for what it tells to set."""
         sigma = "" if self.focal_sigma is None else f" +- {100 * self.focal_sigma:.1f} %"
         low, high = self.focal
         lens = f"{low:.0f} px" if high - low < 0.5 else f"{low:.0f} to {high:.0f} px"
@@ -95,7 +98,8 @@ class Report:
             lines.append(f"standing still  {100 * self.explained:.0f} % of what was tracked")
         if self.weak:
             lines.append(f"weak frames   {ranges(self.weak)} (fewer than {WEAK} points)")
-        return "\n".join([*lines, *(f"note: {note}" for note in self.notes), f"advice: {self.advice}"])
+        advice = with_words(self.advice, self.remedies, words)
+        return "\n".join([*lines, *(f"note: {note}" for note in self.notes), f"advice: {advice}"])
 
 
 def report(reconstruction: Reconstruction, frames: tuple[int, ...], said: dict[str, Any]) -> Report:
@@ -119,7 +123,7 @@ def report(reconstruction: Reconstruction, frames: tuple[int, ...], said: dict[s
         _coverage(reconstruction), error, drift, [min(focal), max(focal)], sigma,
         said.get("focal_from", "file"), [float(q) for q in np.percentile(angle, (25, 50, 75))],
         float(spread), explained, weak, list(said.get("notes", [])),
-        _advice(missing, sigma, said.get("focal_from", "file"), float(spread), explained, weak),
+        *_advice(missing, sigma, said.get("focal_from", "file"), float(spread), explained, weak),
     )  # fmt: skip
 
 
@@ -141,32 +145,34 @@ def _advice(
     depth: float,
     explained: float | None,
     weak: list[int],
-) -> str:
-    """The one thing that would help most."""
+) -> tuple[str, tuple[Remedy, ...]]:
+    """The one thing that would help most, and where to set it."""
     if explained is not None and explained < EXPLAINED:
         return (
             f"{100 * (1 - explained):.0f} % of what was tracked moves on its own or was tracked wrongly;"
-            " if a thing that moves fills much of the picture, solve a range of frames without it"
+            " if a thing that moves fills much of the picture, solve a range of frames without it",
+            (Remedy.FRAMES,),
         )
     if missing:
         return (
-            f"frames {ranges(missing)} have no camera and borrow their neighbours';"
-            " leave them out with --frames"
+            f"frames {ranges(missing)} have no camera and borrow their neighbours'; leave them out",
+            (Remedy.FRAMES,),
         )
     if depth > UNSURE_DEPTH:
         return (
             f"depths are uncertain by {100 * depth:.0f} %, for the camera hardly left its place;"
-            " keep the blur small, or film with more sideways movement"
+            " keep the blur small, or film with more sideways movement",
+            (),
         )
     if sigma is not None and sigma > UNSURE_FOCAL and source != "given":
         return (
             "the clip does not determine its focal length: lengths along the view are uncertain by"
-            f" {100 * sigma:.0f} % (blur hardly depends on it); give it with --focal, --focal35, --focal-mm"
-            " or --fov"
+            f" {100 * sigma:.0f} % (blur hardly depends on it); give it",
+            (Remedy.FOCAL,),
         )
     if weak:
-        return f"frames {ranges(weak)} have few points; the focus may be coarse there"
-    return "none needed"
+        return f"frames {ranges(weak)} have few points; the focus may be coarse there", ()
+    return "none needed", ()
 
 
 def _histogram(counts: Ints) -> list[list[int]]:

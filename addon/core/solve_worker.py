@@ -1,6 +1,7 @@
 """The solving worker: `python -m addon.core.solve_worker JOB.json`, one JSON object a line on its output.
 
-`{"stage": ..., "done": ..., "total": ...}` while it works, then `{"ok": true}`, or `{"error": ...}`.
+`{"stage": ..., "done": ..., "total": ...}` while it works, then `{"ok": true}`, or
+`{"error": ..., "remedies": [...]}`.
 """
 
 from __future__ import annotations
@@ -44,12 +45,11 @@ def main(job_path: str) -> int:
     try:
         _solve(job)
     except UserError as error:
-        _say({"error": str(error)})
+        _say({"error": str(error), "remedies": error.remedies})
         return 1
     except Exception as error:  # the parent shows it: a worker must never die silently
-        _say(
-            {"error": f"solving failed: {type(error).__name__}: {error}", "traceback": traceback.format_exc()}
-        )
+        text = f"solving failed: {type(error).__name__}: {error}"
+        _say({"error": text, "remedies": (), "traceback": traceback.format_exc()})
         return 1
     _say({"ok": True})
     return 0

@@ -16,11 +16,17 @@ from .dense_sweep import Map
 from .depth import MappedDepth, frame_features
 from .enlarge import enlarged
 from .layers import Layers
+from .progress import stage
 from .reconstruction import Floats, Reconstruction
 from .views import FramePlan, LensSettings, can_be_layered, edged_plan, layered_plan, plan_frame
 
 SURE, FEWEST_SURE = 0.1, 0.05
 """Confidence from which on a pixel's depth is known, and the share of the picture that must have it."""
+
+
+PLANNED, DEEP, LENT = 0.02, 0.6, 0.7
+"""Shares of a frame's time without its views that are over after planning, depth and what is hidden: from
+`python -m benchmarks.mesh_times`, 1920x1080."""
 
 
 class Dense(Protocol):
@@ -79,7 +85,8 @@ def warp_frame(
     Raises UserError as `plan_frame` does.
     """
     began = time.perf_counter()
-    plan = plan_frame(clip.reconstruction, frame, lens, size, clip.depth)
+    with stage("Plan", 0.0, PLANNED):
+        plan = plan_frame(clip.reconstruction, frame, lens, size, clip.depth)
     picture = plan.canvas.from_source(source)
     plain = WarpedFrame(plan, picture, lens.method, "", False)
     if lens.method == "layers" and not can_be_layered(plan):
@@ -89,7 +96,8 @@ def warp_frame(
     if plain.method != "layers":
         return replace(plain, mesh_seconds=time.perf_counter() - began)
     planned = time.perf_counter()
-    inverse, confidence = _depth(clip, plan, picture)
+    with stage("Depth", PLANNED, DEEP):
+        inverse, confidence = _depth(clip, plan, picture)
     found = time.perf_counter()
     plain = replace(plain, inverse_depth=inverse, confidence=confidence, depth_seconds=found - planned)
     if confidence is not None and float(np.mean(confidence > SURE)) < FEWEST_SURE:
@@ -99,8 +107,12 @@ def warp_frame(
             why=f"the depth of less than {100 * FEWEST_SURE:g} % of its pixels can be told from the clip",
         )  # fmt: skip
     else:
-        lent = clip.lender.loan(frame, plan.canvas, picture, inverse).colours if lens.borrow else None
-        layered, texture, layers = layered_plan(plan, lens.radius, picture, inverse, lent)
+        lent = None
+        if lens.borrow:
+            with stage("Hidden surfaces", DEEP, LENT):
+                lent = clip.lender.loan(frame, plan.canvas, picture, inverse).colours
+        with stage("Mesh", LENT, 1.0):
+            layered, texture, layers = layered_plan(plan, lens.radius, picture, inverse, lent)
         is_whole = bool(picture[..., 3].min() > 0.999)
         made = replace(plain, plan=layered, texture=texture, is_whole=is_whole, layers=layers)
     return replace(made, mesh_seconds=time.perf_counter() - found + planned - began)

@@ -9,11 +9,10 @@ from pathlib import Path
 
 import cv2
 
-from ..core.errors import UserError
+from ..core.errors import Remedy, UserError
 from ..core.frame_report import FrameReport, Used, frame_report, summary
 from ..core.inspection import Shown, pictures
 from .average import Drawn, draw_shares
-from .main_thread import CarryOn
 
 KIND = "virtual aperture frame reports"
 
@@ -23,7 +22,10 @@ def check_report(path: Path, overwrite: bool) -> None:
     if path.suffix.lower() != ".json":
         raise UserError(f"{path.name} is no file for reports; end it in .json")
     if path.exists() and not overwrite and not _is_ours(path):
-        raise UserError(f"{path} exists and holds something else; name another file or pass --overwrite")
+        raise UserError(
+            f"{path} exists and holds something else; name another file, or overwrite it",
+            Remedy.OVERWRITE,
+        )
 
 
 def _is_ours(path: Path) -> bool:
@@ -52,19 +54,19 @@ class Account:
             self._reports = {entry.frame: entry for entry in map(_entry, held["frames"]) if entry is not None}
         elif not overwrite:
             raise UserError(
-                f"{path} has the reports of a run with other settings; name another file or pass --overwrite"
+                f"{path} has the reports of a run with other settings; name another file, or overwrite it",
+                Remedy.OVERWRITE,
             )
 
-    def told(self, drawn: Drawn, carry_on: CarryOn) -> None:
+    def told(self, drawn: Drawn) -> None:
         """Of a frame; its entry is in the file when this returns."""
         used = Used.of(drawn.warped)
         self._used[used.frame] = used
         if self._path is None:
             return
-        shares = draw_shares(drawn, carry_on)
-        if shares is not None:
-            self._reports[used.frame] = frame_report(drawn.warped, drawn.lens.radius, shares, drawn.seconds)
-            self._write(self._path)
+        shares = draw_shares(drawn)
+        self._reports[used.frame] = frame_report(drawn.warped, drawn.lens.radius, shares, drawn.seconds)
+        self._write(self._path)
 
     def lacks(self, frames: list[int]) -> list[int]:
         """Frames that have no entry in the file."""
@@ -116,13 +118,11 @@ class Inspector:
         """(H, W, 3) sRGB; empty until a frame was drawn to its end."""
         self.report: FrameReport | None = None
 
-    def told(self, drawn: Drawn, carry_on: CarryOn) -> None:
+    def told(self, drawn: Drawn) -> None:
         """Of the frame."""
-        shares = draw_shares(drawn, carry_on)
-        if shares is not None:
-            radius = drawn.lens.radius
-            self.report = frame_report(drawn.warped, radius, shares, drawn.seconds)
-            self.pictures = pictures(drawn.warped, radius, drawn.source, shares)
+        shares, radius = draw_shares(drawn), drawn.lens.radius
+        self.report = frame_report(drawn.warped, radius, shares, drawn.seconds)
+        self.pictures = pictures(drawn.warped, radius, drawn.source, shares)
 
 
 def write_picture(path: Path, picture: Shown) -> None:

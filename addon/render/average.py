@@ -12,11 +12,11 @@ import numpy as np
 from ..core.canvas import Picture
 from ..core.footage import to_linear
 from ..core.inspection import shares_of, source_frame
+from ..core.progress import checkpoint, stage
 from ..core.views import LensSettings
 from ..core.warp_frame import WarpedFrame, warp_frame
 from ..scene.shot import Shot
 from . import cycles_views, gpu_views
-from .main_thread import CarryOn
 
 LEAST_COVER = 0.05
 """Share of the views that must have covered a pixel for its colour to be made whole."""
@@ -34,7 +34,11 @@ class Drawn:
     """What drawing took."""
 
 
-Told = Callable[[Drawn, CarryOn], None]
+Told = Callable[[Drawn], None]
+
+READ, WARPED = 0.01, 0.7
+"""Shares of a frame's time that are over once it is read and once its mesh is made; the rest draws its views.
+From `python -m benchmarks.mesh_times` and `view_times`, with 64 views on 2 cores."""
 
 
 def render_frame(
@@ -42,45 +46,46 @@ def render_frame(
     frame: int,
     lens: LensSettings,
     size: tuple[int, int],
-    carry_on: CarryOn,
     note: Callable[[str], None],
     told: Told | None = None,
-) -> Picture | None:
-    """One frame through the lens: (h, w, 4) float32, linear, premultiplied; None when `carry_on` said no.
+) -> Picture:
+    """One frame through the lens: (h, w, 4) float32, linear, premultiplied.
 
-    `carry_on(done, total)` is asked before each view, `note` is told what the user should know, and `told`
-    of the frame, if it was drawn.
+    `note` is told what the user should know, and `told` of the frame that was drawn. Passes checkpoints.
     """
-    source = _resized(to_linear(shot.read(frame)), size)
-    warped = warp_frame(shot, frame, lens, size, source)
+    with stage("Reading", 0.0, READ):
+        source = _resized(to_linear(shot.read(frame)), size)
+    with stage("Mesh", READ, WARPED):
+        warped = warp_frame(shot, frame, lens, size, source)
     if warped.plan.carried:
         note(f"Frame {frame} was not registered: its camera is carried over from its neighbours")
     if warped.why:
         note(f"Frame {frame} is drawn by the method {warped.method}: {warped.why}")
     began = time.perf_counter()
-    mean = draw_mean(warped, carry_on, note)
-    if mean is None:
-        return None
+    with stage("Views", WARPED, 1.0):
+        mean = draw_mean(warped, note)
+    checkpoint(1.0)
     picture = warped.plan.canvas.to_source(mean)
     if told is not None:
-        told(Drawn(warped, lens, source, time.perf_counter() - began), carry_on)
+        told(Drawn(warped, lens, source, time.perf_counter() - began))
     return picture
 
 
-def draw_shares(drawn: Drawn, carry_on: CarryOn) -> Picture | None:
-    """(H, W, 3) the shares of `inspection.SOURCES` in each of the result's pixels; None as `render_frame`."""
-    mean = draw_mean(source_frame(drawn.warped, drawn.lens.radius), carry_on, lambda note: None)
-    return None if mean is None else shares_of(mean, drawn.warped.plan.canvas)
+def draw_shares(drawn: Drawn) -> Picture:
+    """(H, W, 3) the shares of `inspection.SOURCES` in each of the result's pixels."""
+    with stage("Sources", 1.0, 1.0):
+        mean = draw_mean(source_frame(drawn.warped, drawn.lens.radius), lambda note: None)
+    return shares_of(mean, drawn.warped.plan.canvas)
 
 
-def draw_mean(warped: WarpedFrame, carry_on: CarryOn, note: Callable[[str], None]) -> Picture | None:
-    """The mean of a frame's views (h, w, 4) in its canvas, as `render_frame` asks and tells."""
+def draw_mean(warped: WarpedFrame, note: Callable[[str], None]) -> Picture:
+    """The mean of a frame's views (h, w, 4) in its canvas; `note` as of `render_frame`."""
     problem = gpu_views.gpu_problem()
     if problem:
         note(no_gpu_note(problem))
     draw = cycles_views.mean_of_views if problem else gpu_views.mean_of_views
-    mean = draw(warped.plan, warped.texture, carry_on)
-    if mean is not None and warped.is_whole:
+    mean = draw(warped.plan, warped.texture)
+    if warped.is_whole:
         # A gap that some view had between triangles takes the colour of the other views.
         mean /= np.maximum(mean[..., 3:], np.float32(LEAST_COVER))
     return mean

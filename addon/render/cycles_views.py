@@ -9,9 +9,9 @@ from __future__ import annotations
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
+import threading
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import IO, TYPE_CHECKING
 
 import bpy
 import numpy as np
@@ -26,7 +26,7 @@ SENSOR = 36.0
 SCRIPT_MARK = "virtual-aperture-views"
 
 
-def mean_of_views(plan: FramePlan, picture: Picture, carry_on: Callable[[int, int], bool]) -> Picture | None:
+def mean_of_views(plan: FramePlan, picture: Picture) -> Picture:
     """As `gpu_views.mean_of_views`, drawn by Cycles in a child process, which is ended on cancel."""
     from ..core.errors import UserError
 
@@ -37,10 +37,7 @@ def mean_of_views(plan: FramePlan, picture: Picture, carry_on: Callable[[int, in
         with (folder / "log.txt").open("w+") as log:
             child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=log, text=True)
             try:
-                assert child.stdout is not None
-                for line in child.stdout:
-                    if line.startswith(SCRIPT_MARK) and not carry_on(int(line.split()[1]), len(plan.offsets)):
-                        return None
+                _wait(child, len(plan.offsets))
             finally:
                 child.kill()
                 child.wait()
@@ -50,6 +47,27 @@ def mean_of_views(plan: FramePlan, picture: Picture, carry_on: Callable[[int, in
                 raise UserError(f"drawing the views with Cycles failed: {last}")
         mean: Picture = np.load(folder / "mean.npy")
         return mean
+
+
+def _wait(child: subprocess.Popen[str], total: int) -> None:
+    """Wait for the child's end, with checkpoints: its first view comes after seconds."""
+    from ..core.progress import checkpoint
+
+    done = 0
+
+    def listen(output: IO[str]) -> None:
+        nonlocal done
+        for line in output:
+            if line.startswith(SCRIPT_MARK):
+                done = int(line.split()[1])
+
+    assert child.stdout is not None
+    listener = threading.Thread(target=listen, args=(child.stdout,), daemon=True)
+    listener.start()
+    while listener.is_alive():
+        checkpoint(done / total)
+        listener.join(0.05)
+    checkpoint(done / total)
 
 
 def _blender() -> list[str]:

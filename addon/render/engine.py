@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import threading
+import time
+import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -10,13 +13,17 @@ import numpy as np
 
 from ..core.canvas import Picture
 from ..core.errors import UserError
+from ..core.progress import Cancelled, checkpoint, reporting, stage
 from ..scene.properties import lens_settings
 from ..scene.shot import Shot, shot_of
 from .average import Told, render_frame
 from .gpu_views import egl_problem
 
-_error = ""
+_error: BaseException | None = None
 """What went wrong in the last render: Blender does not tell scripts of an animation."""
+
+REDRAW = 0.1
+"""Seconds between two texts about a render's progress: more of them would only cost redraws."""
 
 _told: Told | None = None
 """Who wants to know of each frame that is drawn."""
@@ -25,13 +32,13 @@ _told: Told | None = None
 def clear_error() -> None:
     """Forget the last render's error."""
     global _error
-    _error = ""
+    _error = None
 
 
 def raise_error() -> None:
-    """UserError if the last render failed."""
-    if _error:
-        raise UserError(_error)
+    """Raise what the last render failed of, if it failed."""
+    if _error is not None:
+        raise _error
 
 
 def tell(told: Told | None) -> None:
@@ -62,31 +69,52 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
     bl_use_eevee_viewport = True
 
     def render(self, depsgraph: bpy.types.Depsgraph) -> None:
-        """Render the current frame into the Combined pass; a UserError becomes the engine's error."""
-        global _error
-        scene = depsgraph.scene_eval
-        size = render_size(scene.render)
-        try:
-            picture = self._frame(scene, size)
-        except UserError as error:
-            _error = str(error)
-            self.report({"ERROR"}, str(error))
-            self.error_set(str(error))
-            return
-        if picture is not None:
-            self._hand_over(picture, scene.render)
+        """Render the current frame into the Combined pass.
 
-    def _frame(self, scene: bpy.types.Scene, size: tuple[int, int]) -> Picture | None:
-        shot = shot_of(scene)
+        Whatever is raised is reported as an error: then Blender ends an animation and writes no file for the
+        frame.
+        """
+        scene = depsgraph.scene_eval
+        self._title, self._shown = frame_title(scene, self.is_animation), 0.0
+        self._thread = threading.get_ident()
+        try:
+            with reporting(self._on_progress):
+                checkpoint()
+                self._hand_over(self._frame(scene, render_size(scene.render)), scene.render)
+        except Cancelled:
+            return
+        except UserError as error:
+            self._fail(error, str(error))
+        except Exception as error:
+            traceback.print_exc()
+            self._fail(error, f"Rendering failed: {type(error).__name__}: {error} (the console shows where)")
+        except BaseException as error:
+            # Ctrl-C: Blender would swallow it and go on with the next frame.
+            self._fail(error, f"Rendering was ended by {type(error).__name__}")
+
+    def _fail(self, error: BaseException, text: str) -> None:
+        global _error
+        _error = error
+        self.report({"ERROR"}, text)
+        self.error_set(text)
+
+    def _frame(self, scene: bpy.types.Scene, size: tuple[int, int]) -> Picture:
+        with stage("Clip", 0.0, 0.0):
+            shot = shot_of(scene)
         check_shape(shot, size)
         lens = lens_settings(scene.virtual_aperture, shot.reconstruction)
         frame = frame_shown(shot, scene.frame_current)
-        return render_frame(shot, frame, lens, size, self._carry_on, self._note, _told)
+        return render_frame(shot, frame, lens, size, self._note, _told)
 
-    def _carry_on(self, done: int, total: int) -> bool:
-        self.update_stats("", f"View {done + 1} of {total}")
-        self.update_progress(done / total)
-        return not self.test_break()
+    def _on_progress(self, stage_name: str, share: float) -> None:
+        if self.test_break():
+            raise Cancelled
+        now = time.monotonic()
+        if now - self._shown < REDRAW or threading.get_ident() != self._thread:
+            return
+        self._shown = now
+        self.update_stats("", f"{self._title} | {stage_name or 'Starting'} | {100 * share:.0f} %")
+        self.update_progress(share)
 
     def _note(self, text: str) -> None:
         self.report({"INFO"}, text)
@@ -102,6 +130,14 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
         result = self.begin_result(0, 0, part.shape[1], part.shape[0])
         result.layers[0].passes["Combined"].rect.foreach_set(part.reshape(-1))
         self.end_result(result)
+
+
+def frame_title(scene: bpy.types.Scene, is_animation: bool) -> str:
+    """Which frame is being rendered: "Frame 3 of 36" of an animation, else "Frame 12"."""
+    if not is_animation:
+        return f"Frame {scene.frame_current}"
+    step, start, end = scene.frame_step, scene.frame_start, scene.frame_end
+    return f"Frame {(scene.frame_current - start) // step + 1} of {(end - start) // step + 1}"
 
 
 def render_size(render: bpy.types.RenderSettings) -> tuple[int, int]:

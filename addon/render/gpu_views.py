@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import ctypes
 import sys
-from collections.abc import Callable
 
 import bpy
 import gpu
@@ -115,12 +114,12 @@ def _shaders() -> tuple[gpu.types.GPUShader, gpu.types.GPUShader]:
     return gpu.shader.create_from_info(view), gpu.shader.create_from_info(add)
 
 
-def mean_of_views(plan: FramePlan, picture: Picture, carry_on: Callable[[int, int], bool]) -> Picture | None:
+def mean_of_views(plan: FramePlan, picture: Picture) -> Picture:
     """The mean of all views of a plan in linear light, in the canvas's geometry.
 
-    `picture` is the canvas picture (h, w, 4), linear and premultiplied. `carry_on(done, total)` is asked
-    while views are drawn; where it says no, None is returned. Pixels that no triangle covers count as black
-    and transparent. Raises UserError where the picture is too large for the GPU or the memory.
+    `picture` is the canvas picture (h, w, 4), linear and premultiplied. Pixels that no triangle covers count
+    as black and transparent. Passes checkpoints between views. Raises UserError where the picture is too
+    large for the GPU or the memory, or the GPU gave nothing or values that are not finite.
     """
     limit = gpu.capabilities.max_texture_size_get()
     width, height = plan.canvas.pinhole.width, plan.canvas.pinhole.height
@@ -129,15 +128,27 @@ def mean_of_views(plan: FramePlan, picture: Picture, carry_on: Callable[[int, in
             f"the picture is {width}x{height}, the GPU draws at most {limit} pixels a side; scale it"
         )
     try:
-        return draw(_drawing(plan, picture), len(plan.offsets), carry_on)
+        mean = draw(_drawing(plan, picture), len(plan.offsets))
     except MemoryError:
         raise UserError(
             f"there is not enough memory to draw a picture of {width}x{height}; render at a lower percentage"
         ) from None
+    if not np.isfinite(mean).all() or (picture[..., 3].any() and not mean[..., 3].any()):
+        raise UserError(
+            "the GPU gave an empty or broken picture, as it does when its driver was restarted or it ran out"
+            " of memory; render again, or at a lower percentage"
+        )
+    return mean
 
 
 def _drawing(plan: FramePlan, picture: Picture) -> Steps:
-    """Draw the views one by one; everything on the GPU is made, used and freed by the thread that steps."""
+    """Draw the views one by one; everything on the GPU is made, used and freed by the thread that steps.
+
+    Every window has a GPU context of its own, and between two steps another one may become the active one.
+    Textures, vertex buffers and shaders are shared by all of them, and batches make their vertex arrays anew
+    in another context (`GLVaoCache::context_check`; Vulkan and Metal keep none). Framebuffers belong to the
+    context that they were made in, on OpenGL, Vulkan and Metal alike: they are made anew for every step.
+    """
     width, height = plan.canvas.pinhole.width, plan.canvas.pinhole.height
     source = _upload(picture)
     source.filter_mode(True)
@@ -145,16 +156,15 @@ def _drawing(plan: FramePlan, picture: Picture) -> Steps:
     view = gpu.types.GPUTexture((width, height), format="RGBA32F")
     depth = gpu.types.GPUTexture((width, height), format="DEPTH_COMPONENT32F")
     total = gpu.types.GPUTexture((width, height), format="RGBA32F")
-    view_target = gpu.types.GPUFrameBuffer(depth_slot=depth, color_slots=(view,))
-    sum_target = gpu.types.GPUFrameBuffer(color_slots=(total,))
 
     view_shader, sum_shader = _shaders()
     mesh = _mesh_batch(plan, picture)
     screen = _screen_batch()
-    with sum_target.bind():
-        sum_target.clear(color=(0.0, 0.0, 0.0, 0.0))
+    total.clear(format="FLOAT", value=(0.0, 0.0, 0.0, 0.0))
     for n, rows in enumerate(view_rows(plan)):
         yield n
+        view_target = gpu.types.GPUFrameBuffer(depth_slot=depth, color_slots=(view,))
+        sum_target = gpu.types.GPUFrameBuffer(color_slots=(total,))
         with view_target.bind():
             view_target.clear(color=(0.0, 0.0, 0.0, 0.0), depth=1.0)
             gpu.state.depth_test_set("LESS_EQUAL")
@@ -178,6 +188,7 @@ def _drawing(plan: FramePlan, picture: Picture) -> Steps:
             if n % SYNC == SYNC - 1:
                 sum_target.read_color(0, 0, 1, 1, 4, 0, "FLOAT")
             gpu.state.blend_set("NONE")
+        del view_target, sum_target
     return _download(total, width, height) / np.float32(len(plan.offsets))
 
 

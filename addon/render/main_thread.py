@@ -9,16 +9,17 @@ from __future__ import annotations
 import queue
 import threading
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Generator
 from dataclasses import dataclass, field
 
 import bpy
 
 from ..core.canvas import Picture
+from ..core.progress import Cancelled, checkpoint
 
 Steps = Generator[int, None, Picture]
-"""Yields how many views are drawn, returns their mean."""
-CarryOn = Callable[[int, int], bool]
+"""Yields how many views are drawn, returns their mean. Between two steps another window's GPU context may
+become the active one: nothing that belongs to a context (framebuffers) may be kept from one to the next."""
 
 SLICE = 0.04
 """Seconds of drawing between two looks at the interface's events."""
@@ -42,31 +43,35 @@ _waiting: queue.SimpleQueue[_Job] = queue.SimpleQueue()
 _current: _Job | None = None
 
 
-def draw(steps: Steps, total: int, carry_on: CarryOn) -> Picture | None:
-    """Run the steps to their end; None when `carry_on(done, total)` said no."""
+def draw(steps: Steps, total: int) -> Picture:
+    """Run the steps to their end, with a checkpoint between them; raises what they raise, and Cancelled."""
     if bpy.app.background or threading.current_thread() is threading.main_thread():
-        return _draw_here(steps, total, carry_on)
+        return _draw_here(steps, total)
     job = _Job(steps)
     _waiting.put(job)
-    while not job.ended.wait(0.05):
-        if not carry_on(job.done, total):
-            # Not waited for: Blender's main thread may itself be waiting for this one to end.
-            job.is_cancelled = True
-            return None
+    try:
+        while not job.ended.wait(0.05):
+            checkpoint(job.done / total)
+    except Cancelled:
+        # Not waited for: Blender's main thread may itself be waiting for this one to end.
+        job.is_cancelled = True
+        raise
     if job.error is not None:
         raise job.error
+    if job.picture is None:
+        raise Cancelled
     return job.picture
 
 
-def _draw_here(steps: Steps, total: int, carry_on: CarryOn) -> Picture | None:
+def _draw_here(steps: Steps, total: int) -> Picture:
     try:
         while True:
-            if not carry_on(next(steps), total):
-                steps.close()
-                return None
+            checkpoint(next(steps) / total)
     except StopIteration as end:
         picture: Picture = end.value
         return picture
+    finally:
+        steps.close()
 
 
 def _tick() -> float:
@@ -102,11 +107,15 @@ def start() -> None:
 
 
 def stop() -> None:
-    """Drop all work: what it holds on the GPU must not outlive the window."""
+    """Drop all work: what it holds on the GPU must not outlive the window. Those who wait get Cancelled."""
     global _current
     if bpy.app.timers.is_registered(_tick):
         bpy.app.timers.unregister(_tick)
-    if _current is not None:
-        _current.is_cancelled = True
-        _current.steps.close()
-        _current = None
+    left = [] if _current is None else [_current]
+    _current = None
+    while not _waiting.empty():
+        left.append(_waiting.get_nowait())
+    for job in left:
+        job.is_cancelled = True
+        job.steps.close()
+        job.ended.set()

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import bpy
 
-from ..core.errors import UserError
+from ..core.errors import Remedy, UserError
 from ..core.footage import Footage
 from ..core.views import plan_frame
 from ..scene.build import SOUND
@@ -38,7 +38,7 @@ def check_output(out: Path, overwrite: bool) -> None:
     if is_still and "#" not in out.name:
         raise UserError(f"{out.name} names one file for many frames; write ####{suffix} for frame numbers")
     if not is_still and out.exists() and not overwrite:
-        raise UserError(f"{out} exists; name another file or pass --overwrite")
+        raise UserError(f"{out} exists; name another file, or overwrite it", Remedy.OVERWRITE)
     check_folder(out.parent)
 
 
@@ -74,7 +74,8 @@ def render_sequence(
     if there and not same and not overwrite:
         raise UserError(
             f"{there[0]} exists and was made with other settings or by something else;"
-            " name another folder or pass --overwrite"
+            " name another folder, or overwrite it",
+            Remedy.OVERWRITE,
         )
     marks = json.loads(mark.read_text()) if mark.exists() else {}
     mark.write_text(json.dumps(marks | {out.name: key}))
@@ -92,6 +93,9 @@ def render_sequence(
             bpy.ops.render.render(write_still=True, scene=scene.name)
             engine.raise_error()
             part.replace(targets[frame])
+        except RuntimeError:
+            engine.raise_error()
+            raise
         finally:
             part.unlink(missing_ok=True)
         clock.tick(frame)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
+import tempfile
 import uuid
 from fractions import Fraction
 from pathlib import Path
@@ -10,12 +13,15 @@ import bpy
 
 from ..core.footage import Footage
 from ..core.reconstruction import Reconstruction
-from . import aperture_cloud, camera, point_cloud, store
+from ..core.solve_folder import default_work_dir
+from . import aperture_cloud, camera, lens, point_cloud, store
 from .properties import VirtualApertureSettings
 from .shot import IDENTITY, forget
 
 NAME = "Virtual Aperture"
 SOUND = f"{NAME} Sound"
+TEMPORARY = {"", "/tmp", tempfile.gettempdir()}
+"""Folders, without their last separator, that Blender renders into as long as nobody says where."""
 
 
 def build(
@@ -24,8 +30,9 @@ def build(
     """Put a solved clip into the scene, replacing the one that was there, and set the scene up for it.
 
     Frame range, rate, resolution and pixel aspect follow the clip, the view transform becomes Standard
-    (any other would change the clip's colours), and the engine becomes ours. Objects of the user, the
-    compositor and the output settings stay as they are.
+    (any other would change the clip's colours), and the engine becomes ours. Output into Blender's default
+    temporary folder goes to one beside the .blend or the clip instead. Objects of the user, the compositor
+    and all other output settings stay as they are.
     """
     forget()
     settings: VirtualApertureSettings = scene.virtual_aperture
@@ -45,7 +52,7 @@ def build(
     for attribute in [a.name for a in settings.points.data.attributes if not a.is_required]:
         settings.points.data.attributes.remove(settings.points.data.attributes[attribute])
     point_cloud.fill(settings.points.data, reconstruction)
-    point_cloud.show_as_dots(settings.points)
+    point_cloud.remove_dots(settings.points)
     store.write(settings.points.data, reconstruction)
     settings.points.data[IDENTITY] = uuid.uuid4().hex
     settings.points.hide_render = True
@@ -55,10 +62,9 @@ def build(
     )
     settings.aperture.hide_render = True
     settings.footage = str(footage.path)
-    settings.focus_points.clear()
-    settings.focus_distance = 0.0
-    settings.focus_frame = int(reconstruction.frames[0])
+    lens.reset(settings, int(reconstruction.frames[0]))
     aperture_cloud.update(settings)
+    _set_output(scene.render, footage)
     _set_sound(scene, footage)
     scene.frame_set(scene.frame_start)
     return settings
@@ -135,6 +141,20 @@ def _set_background(data: bpy.types.Camera, footage: Footage) -> None:
 def first_file(footage: Footage) -> Path:
     """The video itself, or the first picture of a sequence."""
     return footage.path if footage.is_video else footage.file(footage.frames[0])
+
+
+def _set_output(render: bpy.types.RenderSettings, footage: Footage) -> None:
+    """Output that the user did not set would be lost in Blender's temporary folder."""
+    if render.filepath.rstrip("/\\") not in TEMPORARY:
+        return
+    saved = bpy.data.filepath
+    folder = default_work_dir(footage.path, Path(saved).parent if saved else footage.path.parent)
+    folder = folder.with_name(f"{folder.stem.rstrip(' _-.')}_render")
+    # A name that ends in a separator is a folder, in which files are named by their frames.
+    path = f"{folder}{os.sep}"
+    with contextlib.suppress(ValueError):  # another drive
+        path = bpy.path.relpath(path) if saved else path
+    render.filepath = path
 
 
 def _set_sound(scene: bpy.types.Scene, footage: Footage) -> None:

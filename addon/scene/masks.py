@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -11,7 +10,6 @@ import cv2
 import numpy as np
 
 from ..core.canvas import Picture
-from ..core.errors import UserError
 from ..core.masks import Mask
 from ..core.reconstruction import Floats
 from ..render import main_thread
@@ -20,8 +18,6 @@ CURVE = 16
 """Straight pieces that a curve between two points is drawn with."""
 SHIFT = 4
 """Bits of a pixel's fraction that OpenCV draws with."""
-PATIENCE = 100
-"""Looks, 0.05 s apart, at a main thread that gets no further, until it is not waited for."""
 
 
 @dataclass(frozen=True)
@@ -62,8 +58,7 @@ def drawn_mask(mask: bpy.types.Mask, frames: Iterable[int], size: tuple[int, int
     """The mask at all frames of a clip of size (width, height), with its shape keys; feather is ignored.
 
     Points that follow a track stay where they were drawn. The frames are evaluated in a scene made for that,
-    on the main thread, and the user's own scene stays at its frame. UserError where the main thread does not
-    get to it.
+    on the main thread, and the user's own scene stays at its frame.
     """
     wanted, found = list(frames), dict[int, tuple[Layer, ...]]()
 
@@ -79,23 +74,8 @@ def drawn_mask(mask: bpy.types.Mask, frames: Iterable[int], size: tuple[int, int
             bpy.data.scenes.remove(scene)
         return np.zeros((0, 0, 4), np.float32)
 
-    if _run(steps(), len(wanted)) is None:
-        raise UserError(f"the mask {mask.name!r} could not be evaluated; render again")
+    main_thread.draw(steps(), len(wanted))
     return DrawnMask(mask.name, size, found)
-
-
-def _run(steps: main_thread.Steps, total: int) -> Picture | None:
-    before, looks = -1, 0
-
-    def carry_on(done: int, _total: int) -> bool:
-        # When the user cancels, Blender's main thread waits for this one and never gets here.
-        nonlocal before, looks
-        before, looks = done, looks + 1 if done == before else 0
-        return looks < PATIENCE
-
-    if threading.current_thread() is threading.main_thread():
-        return main_thread.draw(steps, total, lambda done, total: True)
-    return main_thread.draw(steps, total, carry_on)
 
 
 def layers_of(mask: bpy.types.Mask) -> tuple[Layer, ...]:

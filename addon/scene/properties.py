@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import bpy
 from bpy.props import (
     BoolProperty,
@@ -14,9 +16,10 @@ from bpy.props import (
 )
 
 from ..core.focal import Focal, from_equivalent, from_sensor
-from ..core.focus import Focus, radius_for_blur
+from ..core.focus import radius_for_blur
 from ..core.reconstruction import Reconstruction
 from ..core.views import LensSettings
+from . import lens
 
 VERSION = 1
 
@@ -25,6 +28,42 @@ def _aperture_changed(settings: VirtualApertureSettings, _context: bpy.types.Con
     from . import aperture_cloud
 
     aperture_cloud.update(settings)
+
+
+def _edited(
+    follow: Callable[[VirtualApertureSettings], None],
+) -> Callable[[VirtualApertureSettings, bpy.types.Context], None]:
+    """An update callback that lets the rest of the lens follow an edit by hand or by a script."""
+
+    def update(settings: VirtualApertureSettings, context: bpy.types.Context) -> None:
+        if lens.is_writing():
+            return
+        with lens.writing():
+            follow(settings)
+        _aperture_changed(settings, context)
+
+    return update
+
+
+SHOWN_VIEWS = 64
+"""To begin with, where the number of views is no longer to be found."""
+
+
+def _has_auto_views(settings: VirtualApertureSettings) -> bool:
+    return bool(settings.views == 0)
+
+
+def _set_auto_views(settings: VirtualApertureSettings, auto: bool) -> None:
+    if auto:
+        settings.views = 0
+    elif settings.views == 0:
+        # What they were until now.
+        shown = settings.aperture.data if settings.aperture is not None else None
+        settings.views = (len(shown.vertices) if shown else 0) or SHOWN_VIEWS
+
+
+class VirtualApertureName(bpy.types.PropertyGroup):
+    """A name in a list; `name` is every property group's own."""
 
 
 class VirtualApertureFocusPoint(bpy.types.PropertyGroup):
@@ -136,42 +175,65 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
         default="layers",
         update=_aperture_changed,
     )
-    focus_points: CollectionProperty(type=VirtualApertureFocusPoint)
-    focus_frame: IntProperty(
-        name="Focus Frame", description="Frame in which the focus was picked; the blur is measured there"
+    focus_by: EnumProperty(
+        name="Focus By",
+        description="What the focal plane follows",
+        items=[
+            (
+                "POINTS",
+                "Points",
+                "The picked points, followed through the clip; where none are, the distance",
+            ),
+            ("DISTANCE", "Distance", "The focus distance, which can be keyed"),
+        ],
+        update=_edited(lens.on_focus),
     )
+    focus_points: CollectionProperty(type=VirtualApertureFocusPoint)
+    focus_frame: IntProperty(name="Focus Frame", description="Frame in which the focus was picked")
     focus_distance: FloatProperty(
         name="Focus Distance",
-        description="Depth of the focal plane where no points are picked",
+        description="Distance of the focal plane from the camera. Picked points set it to theirs; editing it"
+        " puts it in their place. Key it to pull focus",
         subtype="DISTANCE",
         min=0.0,
+        soft_max=100.0,
         default=0.0,
-        update=_aperture_changed,
+        precision=3,
+        update=_edited(lens.on_distance),
     )
     blur: FloatProperty(
         name="Blur",
-        description="Diameter of the farthest background's blur disc as a share of the image width",
+        description="Diameter of the farthest background's blur disc as a share of the image width, at this"
+        " frame and with this focus. It sets the aperture's radius, which stays",
         min=0.0001,
         soft_max=0.1,
         max=1.0,
         default=0.03,
         precision=4,
         step=0.1,
-        update=_aperture_changed,
+        # Keys of it would change nothing: those of the radius do.
+        options=set(),
+        update=_edited(lens.on_blur),
     )
     use_radius: BoolProperty(
         name="Set Radius",
-        description="Give the aperture's radius in scene units instead of the blur",
+        description="The aperture's radius is chosen and counts; without, the blur does",
+        options={"HIDDEN"},
         update=_aperture_changed,
+    )
+    follows_blur: BoolProperty(
+        name="Follows Blur",
+        description="The radius follows the blur while a first distance is dragged to its place",
+        options={"HIDDEN"},
     )
     aperture_radius: FloatProperty(
         name="Aperture Radius",
-        description="Radius of the virtual aperture",
+        description="Radius of the virtual aperture: the same throughout the clip, unless it is keyed",
         subtype="DISTANCE",
         min=0.0,
         default=0.1,
         precision=4,
-        update=_aperture_changed,
+        update=_edited(lens.on_radius),
     )
     views: IntProperty(
         name="Views",
@@ -181,6 +243,13 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
         max=4096,
         default=0,
         update=_aperture_changed,
+    )
+    use_auto_views: BoolProperty(
+        name="Automatic Views",
+        description="Take as many virtual cameras as the largest blur disc needs",
+        get=_has_auto_views,
+        set=_set_auto_views,
+        options=set(),
     )
     borrow: BoolProperty(
         name="Borrow",
@@ -195,6 +264,15 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
         default=0,
         update=_aperture_changed,
     )
+    summary: StringProperty(
+        name="Summary", description="What the solve found, in one line", options={"HIDDEN"}
+    )
+    advice: StringProperty(name="Advice", description="What would help the solve most", options={"HIDDEN"})
+    hidden: CollectionProperty(
+        type=VirtualApertureName,
+        name="Hidden",
+        description="Objects that stood in the camera's way and were hidden",
+    )
 
 
 def focal_of(settings: VirtualApertureSettings) -> Focal | None:
@@ -208,26 +286,9 @@ def focal_of(settings: VirtualApertureSettings) -> Focal | None:
     return None
 
 
-def focus_of(settings: VirtualApertureSettings) -> Focus:
-    """The focus that the settings describe; without picked points and distance, one that raises when used."""
-    return Focus(
-        points=tuple(entry.point for entry in settings.focus_points),
-        distance=settings.focus_distance if settings.focus_distance > 0 else None,
-    )
-
-
-def set_focus(settings: VirtualApertureSettings, focus: Focus, frame: int) -> None:
-    """Write a focus into the settings."""
-    settings.focus_points.clear()
-    for point in focus.points:
-        settings.focus_points.add().point = point
-    settings.focus_frame = frame
-    settings.focus_distance = focus.distance or 0.0
-
-
 def lens_settings(settings: VirtualApertureSettings, reconstruction: Reconstruction) -> LensSettings:
     """The lens that the settings describe; UserError where they mean nothing."""
-    focus = focus_of(settings)
+    focus = lens.focus_of(settings)
     if settings.use_radius:
         radius = settings.aperture_radius
     else:
@@ -238,7 +299,7 @@ def lens_settings(settings: VirtualApertureSettings, reconstruction: Reconstruct
     return LensSettings(focus, radius, settings.views, settings.method, settings.seed, settings.borrow)
 
 
-CLASSES = (VirtualApertureFocusPoint, VirtualApertureSettings)
+CLASSES = (VirtualApertureName, VirtualApertureFocusPoint, VirtualApertureSettings)
 
 
 def register() -> None:

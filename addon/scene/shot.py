@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import bpy
 import numpy as np
@@ -21,7 +22,9 @@ from ..core.recent import Recent
 from ..core.reconstruction import Reconstruction
 from . import exr, store
 from .masks import DrawnMask, drawn_mask
-from .properties import VirtualApertureSettings
+
+if TYPE_CHECKING:
+    from .properties import VirtualApertureSettings
 
 IDENTITY = "virtual_aperture_identity"
 REMEMBERED = 256 << 20

@@ -6,9 +6,26 @@ import bpy
 
 from ..render import engine, main_thread
 from ..scene import properties, shot
-from . import import_solve, inspect, operators, panels
+from . import (
+    choose_clip,
+    engine_panels,
+    focus,
+    import_solve,
+    inspect,
+    operators,
+    panels,
+    points_overlay,
+)
 
-CLASSES = (*engine.CLASSES, *operators.CLASSES, *import_solve.CLASSES, *inspect.CLASSES, *panels.CLASSES)
+CLASSES = (
+    *engine.CLASSES,
+    *choose_clip.CLASSES,
+    *operators.CLASSES,
+    *focus.CLASSES,
+    *import_solve.CLASSES,
+    *inspect.CLASSES,
+    *panels.CLASSES,
+)
 
 
 def register() -> None:
@@ -16,12 +33,16 @@ def register() -> None:
     properties.register()
     for cls in CLASSES:
         bpy.utils.register_class(cls)
+    engine_panels.register()
+    points_overlay.register()
     main_thread.start()
 
 
 def unregister() -> None:
     """Undo `register` in reverse order, and close the open clip."""
     main_thread.stop()
+    engine_panels.unregister()
+    points_overlay.unregister()
     shot.forget()
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)

@@ -14,7 +14,7 @@ from ..core.readers.matching import Imported
 from ..core.solve_folder import holds_solve, keep_import
 from ..scene.movieclip import read_movie_clip
 from ..scene.shot import footage_path
-from .operators import Result, bring_in, has_clip, reported, work_dir
+from .operators import Result, bring_in, has_clip, report_hidden, reported, work_dir
 
 
 class _Import:
@@ -51,6 +51,7 @@ class _Import:
             return {"CANCELLED"}
         keep_import(found, footage, folder)
         solve = bring_in(context.scene, footage, folder)
+        report_hidden(self, context.scene)
         self.report({"INFO"}, f"{found.format}: {solve.summary}")
         for note in found.notes:
             self.report({"WARNING"}, note)

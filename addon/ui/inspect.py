@@ -12,6 +12,7 @@ from ..render.account import Inspector
 from ..scene.properties import lens_settings
 from ..scene.shot import reconstruction_of
 from .operators import Result, has_focus, reported
+from .words import WORDS
 
 MARK = "virtual_aperture"
 """Custom property of our images: which picture it is."""
@@ -77,7 +78,7 @@ class VIRTUAL_APERTURE_OT_inspect_frame(bpy.types.Operator):  # noqa: N801
         try:
             return self._finish()
         except UserError as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, error.told(WORDS))
             return {"CANCELLED"}
 
     def cancel(self, context: bpy.types.Context) -> None:

@@ -6,19 +6,18 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import bmesh
 import bpy
 
 from ..core.errors import UserError
-from ..core.focus import Focus
 from ..core.footage import Footage
 from ..core.solve import SolveProcess
 from ..core.solve_folder import STATE, Solve, default_work_dir, load_solve
-from ..scene import aperture_cloud
 from ..scene.build import build
-from ..scene.point_cloud import ID_ATTRIBUTE
-from ..scene.properties import focal_of, lens_settings, set_focus
+from ..scene.lens import is_in_focus
+from ..scene.properties import focal_of, lens_settings
 from ..scene.shot import footage_path, reconstruction_of
+from . import after_solve
+from .words import WORDS
 
 Result = set[str]
 
@@ -44,7 +43,7 @@ def has_focus(cls: Any, context: bpy.types.Context) -> bool:
     settings = context.scene.virtual_aperture
     if not has_solve(cls, context):
         return False
-    if len(settings.focus_points) or settings.focus_distance > 0:
+    if is_in_focus(settings):
         return True
     cls.poll_message_set("Select two or more vertices of the point cloud and set the focus first")
     return False
@@ -59,7 +58,7 @@ def reported(
         try:
             return execute(self, context)
         except UserError as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, error.told(WORDS))
             return {"CANCELLED"}
 
     return wrapped
@@ -88,8 +87,16 @@ def bring_in(scene: bpy.types.Scene, footage: Footage, folder: Path) -> Solve:
         layer = scene.view_layers[0]
         with bpy.context.temp_override(scene=scene, view_layer=layer, active_object=points):
             bpy.ops.object.mode_set(mode="OBJECT")
-    build(scene, footage, solve.reconstruction)
+    settings = build(scene, footage, solve.reconstruction)
+    settings.summary, settings.advice = solve.summary, solve.worth.advice
+    after_solve.show(scene, solve.reconstruction)
     return solve
+
+
+def report_hidden(operator: bpy.types.Operator, scene: bpy.types.Scene) -> None:
+    """Say what was hidden for the camera, if anything."""
+    if names := after_solve.still_hidden(scene):
+        operator.report({"INFO"}, after_solve.hidden_words(names))
 
 
 class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
@@ -141,7 +148,7 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
         try:
             self._process = self._start(context)
         except UserError as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, error.told(WORDS))
             return {"CANCELLED"}
         manager = context.window_manager
         self._timer = manager.event_timer_add(0.1, window=context.window)
@@ -167,7 +174,7 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
             return self._finish()
         except UserError as error:
             self._end(context)
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, error.told(WORDS))
             return {"CANCELLED"}
 
     def cancel(self, _context: bpy.types.Context) -> None:
@@ -183,6 +190,7 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
                 f"the scene {self._scene!r} is gone; the solve is kept in {self._process.work_dir}"
             )
         solve = bring_in(scene, self._process.clip, self._process.work_dir)
+        report_hidden(self, scene)
         self.report({"INFO"}, solve.summary)
         return {"FINISHED"}
 
@@ -194,51 +202,6 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
             self._timer = None
         context.window_manager.progress_end()
         context.workspace.status_text_set(None)
-
-
-class VIRTUAL_APERTURE_OT_set_focus(bpy.types.Operator):  # noqa: N801
-    """Put the selected vertices of the point cloud in focus: two at least, four are better"""
-
-    bl_idname = "virtual_aperture.set_focus"
-    bl_label = "Set Focus from Selected Vertices"
-    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if not has_solve(cls, context):
-            return False
-        points = context.scene.virtual_aperture.points
-        if points.mode == "EDIT":
-            return True
-        cls.poll_message_set("Select the point cloud, press Tab for Edit Mode and select vertices")
-        return False
-
-    @reported
-    def execute(self, context: bpy.types.Context) -> Result:
-        settings = context.scene.virtual_aperture
-        ids = selected_points(settings.points)
-        if len(ids) < 2:
-            raise UserError(
-                f"{len(ids)} vertices are selected; select at least two on what is to be in focus"
-            )
-        focus = Focus(points=tuple(ids))
-        reconstruction = reconstruction_of(settings)
-        frame = reconstruction.image_at(context.scene.frame_current)[0].frame
-        focus.inverse_depth(reconstruction, frame)
-        # In Edit Mode only the mesh can be undone, and the points' colours are hidden.
-        bpy.ops.object.mode_set(mode="OBJECT")
-        set_focus(settings, focus, frame)
-        aperture_cloud.update(settings)
-        self.report({"INFO"}, f"{len(ids)} points are in focus")
-        return {"FINISHED"}
-
-
-def selected_points(points: bpy.types.Object) -> list[int]:
-    """IDs of the vertices that are selected in Edit Mode."""
-    vertices = bmesh.from_edit_mesh(points.data).verts
-    # Attribute arrays are empty while a mesh is edited: the IDs are in the edit mesh's own layer.
-    layer = vertices.layers.int[ID_ATTRIBUTE]
-    return [vertex[layer] for vertex in vertices if vertex.select]
 
 
 class _Render:
@@ -255,7 +218,7 @@ class _Render:
         try:
             lens_settings(settings, reconstruction_of(settings))
         except UserError as error:
-            self.report({"ERROR"}, str(error))  # type: ignore[attr-defined]
+            self.report({"ERROR"}, error.told(WORDS))  # type: ignore[attr-defined]
             return {"CANCELLED"}
         context.scene.render.engine = "VIRTUAL_APERTURE"
         how = "EXEC_DEFAULT" if bpy.app.background else "INVOKE_DEFAULT"
@@ -280,7 +243,6 @@ class VIRTUAL_APERTURE_OT_render_clip(_Render, bpy.types.Operator):  # noqa: N80
 
 CLASSES = (
     VIRTUAL_APERTURE_OT_solve,
-    VIRTUAL_APERTURE_OT_set_focus,
     VIRTUAL_APERTURE_OT_render_frame,
     VIRTUAL_APERTURE_OT_render_clip,
 )

@@ -1,17 +1,43 @@
-"""The sidebar panels, in the order of the work."""
+"""The sidebar panels, in the order of the work: what everybody needs, and the rest in closed sub-panels."""
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import bpy
 
+from ..core.counting import counted
 from ..scene import masks
-from . import import_solve, inspect, operators
+from ..scene.lens import is_in_focus
+from . import after_solve, choose_clip, focus, import_solve, inspect, operators
+from .text import wrapped
+
+PRIMARY = 1.4
+"""Height of the button that a panel is about."""
 
 
 class _Panel:
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
     bl_category = "Virtual Aperture"
+
+
+class _Closed(_Panel):
+    bl_options = {"DEFAULT_CLOSED"}  # noqa: RUF012
+
+
+def next_step(context: bpy.types.Context) -> str:
+    """What is to be done next, in one line."""
+    settings = context.scene.virtual_aperture
+    if not settings.footage:
+        return "Choose a clip"
+    if settings.points is None:
+        return "Solve the clip: where the camera was, and how far things are"
+    if settings.points.mode == "EDIT":
+        return "Select two or more vertices on what is to be sharp, and set the focus"
+    if not is_in_focus(settings):
+        return "Press Tab over the viewport to select vertices on what is to be sharp"
+    return "Ready to render"
 
 
 class VIRTUAL_APERTURE_PT_clip(_Panel, bpy.types.Panel):  # noqa: N801
@@ -22,8 +48,12 @@ class VIRTUAL_APERTURE_PT_clip(_Panel, bpy.types.Panel):  # noqa: N801
         layout = self.layout
         layout.use_property_split = True
         layout.use_property_decorate = False
-        layout.prop(settings, "footage")
-        layout.prop(settings, "work_dir")
+        wrapped(layout, context, next_step(context), icon="INFO")
+        layout.operator(
+            choose_clip.VIRTUAL_APERTURE_OT_choose_clip.bl_idname,
+            text=Path(settings.footage).name or "Choose Clip",
+            icon="FILE_MOVIE" if settings.footage else "FILEBROWSER",
+        )
         layout.prop(settings, "lens")
         if settings.lens == "GIVEN":
             layout.prop(settings, "equivalent")
@@ -31,12 +61,35 @@ class VIRTUAL_APERTURE_PT_clip(_Panel, bpy.types.Panel):  # noqa: N801
             layout.prop(settings, "focal_mm")
             layout.prop(settings, "sensor_mm")
         row = layout.row()
-        row.scale_y = 1.4
+        row.scale_y = PRIMARY
         row.operator(operators.VIRTUAL_APERTURE_OT_solve.bl_idname, icon="TRACKER").again = False
         if settings.points is not None or operators.is_kept(settings):
             layout.operator(
                 operators.VIRTUAL_APERTURE_OT_solve.bl_idname, text="Solve Again", icon="FILE_REFRESH"
             ).again = True
+        if settings.points is not None:
+            _draw_solve(layout, context)
+
+
+def _draw_solve(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """What the solve found, what would help it, and what it hid."""
+    settings = context.scene.virtual_aperture
+    box = layout.box()
+    if settings.summary:
+        wrapped(box, context, settings.summary, icon="CHECKMARK")
+        wrapped(box, context, f"Advice: {settings.advice}", icon="INFO")
+    else:
+        box.label(text="Solved", icon="CHECKMARK")
+    if names := after_solve.still_hidden(context.scene):
+        wrapped(box, context, after_solve.hidden_words(names), icon="HIDE_ON")
+
+
+class VIRTUAL_APERTURE_PT_import(_Closed, bpy.types.Panel):  # noqa: N801
+    bl_label = "Import"
+    bl_parent_id = "VIRTUAL_APERTURE_PT_clip"
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        layout = self.layout
         layout.operator(import_solve.VIRTUAL_APERTURE_OT_import_solve.bl_idname, icon="IMPORT")
         movie_clip = import_solve.VIRTUAL_APERTURE_OT_import_movie_clip.bl_idname
         if import_solve.solved_clips():
@@ -46,6 +99,19 @@ class VIRTUAL_APERTURE_PT_clip(_Panel, bpy.types.Panel):  # noqa: N801
             layout.operator(movie_clip, icon="TRACKING")
 
 
+class VIRTUAL_APERTURE_PT_files(_Closed, bpy.types.Panel):  # noqa: N801
+    bl_label = "Files"
+    bl_parent_id = "VIRTUAL_APERTURE_PT_clip"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        settings = context.scene.virtual_aperture
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        layout.prop(settings, "footage")
+        layout.prop(settings, "work_dir")
+
+
 class VIRTUAL_APERTURE_PT_lens(_Panel, bpy.types.Panel):  # noqa: N801
     bl_label = "Focus and Blur"
 
@@ -53,46 +119,96 @@ class VIRTUAL_APERTURE_PT_lens(_Panel, bpy.types.Panel):  # noqa: N801
         settings = context.scene.virtual_aperture
         layout = self.layout
         layout.use_property_split = True
-        layout.operator(operators.VIRTUAL_APERTURE_OT_set_focus.bl_idname, icon="PIVOT_MEDIAN")
+        row = layout.row()
+        row.scale_y = PRIMARY
+        row.operator(focus.VIRTUAL_APERTURE_OT_set_focus.bl_idname, icon="PIVOT_MEDIAN")
         count = len(settings.focus_points)
+        by_points = count > 0 and settings.focus_by == "POINTS"
         if count:
-            layout.label(
-                text=f"{count} points in focus, set at frame {settings.focus_frame}", icon="CHECKMARK"
+            layout.row().prop(settings, "focus_by", expand=True)
+            picked = layout.row()
+            text = picked.row()
+            text.active = by_points
+            text.label(
+                text=f"{counted(count, 'point')}, picked at frame {settings.focus_frame}", icon="PINNED"
             )
-        else:
-            layout.prop(settings, "focus_distance")
-        layout.prop(settings, "use_radius")
-        layout.prop(settings, "aperture_radius" if settings.use_radius else "blur")
-        layout.prop(settings, "views")
-        layout.prop(settings, "depth_maps")
+            picked.operator(focus.VIRTUAL_APERTURE_OT_clear_focus.bl_idname, text="", icon="X")
+        column = layout.column()
+        column.active = not by_points
+        column.prop(settings, "focus_distance", text="Distance")
+        column = layout.column()
+        column.prop(settings, "blur")
+        column.prop(settings, "aperture_radius", text="Aperture")
+
+
+class VIRTUAL_APERTURE_PT_depth(_Closed, bpy.types.Panel):  # noqa: N801
+    bl_label = "Masks and Depth Maps"
+    bl_parent_id = "VIRTUAL_APERTURE_PT_lens"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        settings = context.scene.virtual_aperture
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
         layout.prop(settings, "masks")
         layout.prop(settings, "mask")
         if settings.mask is not None and masks.follows_tracks(settings.mask):
-            layout.label(text="Points of the mask that follow tracks stay where they are", icon="INFO")
+            wrapped(layout, context, "Points of the mask that follow tracks stay where they are", icon="INFO")
+        layout.prop(settings, "depth_maps")
 
 
 class VIRTUAL_APERTURE_PT_render(_Panel, bpy.types.Panel):  # noqa: N801
     bl_label = "Render"
 
     def draw(self, context: bpy.types.Context) -> None:
+        scene = context.scene
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        column = layout.column(align=True)
+        column.prop(scene, "frame_start", text="Frame Start")
+        column.prop(scene, "frame_end", text="End")
+        layout.prop(scene.render, "filepath", text="Output")
+        wrapped(layout, context, output_words(scene), icon="OUTPUT")
+        layout.operator(operators.VIRTUAL_APERTURE_OT_render_frame.bl_idname, icon="RENDER_STILL")
+        row = layout.row()
+        row.scale_y = PRIMARY
+        row.operator(operators.VIRTUAL_APERTURE_OT_render_clip.bl_idname, icon="RENDER_ANIMATION")
+
+
+def output_words(scene: bpy.types.Scene) -> str:
+    """What Render Clip will do, in one line."""
+    render = scene.render
+    count = len(range(scene.frame_start, scene.frame_end + 1, scene.frame_step))
+    which = f"Frames {scene.frame_start} to {scene.frame_end}" if count > 1 else f"Frame {scene.frame_start}"
+    kind = render.image_settings.bl_rna.properties["file_format"].enum_items[
+        render.image_settings.file_format
+    ]
+    return f"{which}, to {render.filepath or 'the current folder'} as {kind.name}"
+
+
+class VIRTUAL_APERTURE_PT_method(_Closed, bpy.types.Panel):  # noqa: N801
+    bl_label = "Sampling and Method"
+    bl_parent_id = "VIRTUAL_APERTURE_PT_render"
+
+    def draw(self, context: bpy.types.Context) -> None:
         settings = context.scene.virtual_aperture
         layout = self.layout
         layout.use_property_split = True
+        layout.use_property_decorate = False
+        layout.prop(settings, "use_auto_views")
+        if not settings.use_auto_views:
+            layout.prop(settings, "views")
         layout.prop(settings, "method")
         if settings.method == "layers":
             layout.prop(settings, "borrow")
         elif settings.method == "thesis":
             layout.prop(settings, "seed")
-        column = layout.column(align=True)
-        column.scale_y = 1.4
-        column.operator(operators.VIRTUAL_APERTURE_OT_render_frame.bl_idname, icon="RENDER_STILL")
-        column.operator(operators.VIRTUAL_APERTURE_OT_render_clip.bl_idname, icon="RENDER_ANIMATION")
 
 
-class VIRTUAL_APERTURE_PT_debug(_Panel, bpy.types.Panel):  # noqa: N801
+class VIRTUAL_APERTURE_PT_debug(_Closed, bpy.types.Panel):  # noqa: N801
     bl_label = "Debug"
     bl_parent_id = "VIRTUAL_APERTURE_PT_render"
-    bl_options = {"DEFAULT_CLOSED"}  # noqa: RUF012
 
     def draw(self, _context: bpy.types.Context) -> None:
         layout = self.layout
@@ -106,7 +222,11 @@ class VIRTUAL_APERTURE_PT_debug(_Panel, bpy.types.Panel):  # noqa: N801
 
 CLASSES = (
     VIRTUAL_APERTURE_PT_clip,
+    VIRTUAL_APERTURE_PT_import,
+    VIRTUAL_APERTURE_PT_files,
     VIRTUAL_APERTURE_PT_lens,
+    VIRTUAL_APERTURE_PT_depth,
     VIRTUAL_APERTURE_PT_render,
+    VIRTUAL_APERTURE_PT_method,
     VIRTUAL_APERTURE_PT_debug,
 )

@@ -1,0 +1,187 @@
+"""The lens that the settings describe: what is in focus, and an aperture that stays as it was chosen.
+
+Blur and aperture radius say the same thing in two ways: the blur at one moment, with what is in focus there;
+the radius for the whole clip. The radius is what counts (`use_radius`); editing the blur computes it, and
+whatever else changes only refreshes the blur that is shown. Old files may hold a blur alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..core.errors import UserError
+from ..core.focus import Focus, blur_for_radius, radius_for_blur
+from ..core.reconstruction import Reconstruction
+from .shot import reconstruction_of
+
+if TYPE_CHECKING:
+    from .properties import VirtualApertureSettings
+
+_writing = False
+
+
+@contextmanager
+def writing() -> Iterator[None]:
+    """Within it the properties of the lens are only written: none changes another."""
+    global _writing
+    before, _writing = _writing, True
+    try:
+        yield
+    finally:
+        _writing = before
+
+
+def is_writing() -> bool:
+    """Whether `writing` is under way."""
+    return _writing
+
+
+def focus_of(settings: VirtualApertureSettings) -> Focus:
+    """The focus that the settings describe; one that raises when used where nothing is in focus.
+
+    Without picked points the distance counts, whichever is active.
+    """
+    points = tuple(entry.point for entry in settings.focus_points)
+    return Focus(
+        points=points if settings.focus_by == "POINTS" else (),
+        distance=settings.focus_distance if settings.focus_distance > 0 else None,
+    )
+
+
+def is_in_focus(settings: VirtualApertureSettings) -> bool:
+    """Whether anything is in focus."""
+    focus = focus_of(settings)
+    return bool(focus.points) or focus.distance is not None
+
+
+def set_focus(settings: VirtualApertureSettings, focus: Focus, frame: int) -> None:
+    """Put points or a distance in focus, at a frame.
+
+    Points set the distance to their own at that frame, so that it can be keyed from there on. The first
+    focus chooses the aperture, from the blur.
+    """
+    with writing():
+        settings.focus_points.clear()
+        for point in focus.points:
+            settings.focus_points.add().point = point
+        settings.focus_by = "POINTS" if focus.points else "DISTANCE"
+        settings.focus_frame = frame
+        settings.focus_distance = focus.distance or _distance(settings, focus, frame)
+        chosen = settings.use_radius and not settings.follows_blur
+        settings.follows_blur = False
+        if chosen:
+            _show_blur(settings, frame)
+        else:
+            _store_radius(settings, frame)
+
+
+def clear_points(settings: VirtualApertureSettings) -> None:
+    """Forget the picked points; the focus stays at the distance."""
+    with writing():
+        settings.focus_points.clear()
+        settings.focus_by = "DISTANCE" if settings.focus_distance > 0 else "POINTS"
+        if settings.use_radius:
+            _show_blur(settings, _frame(settings))
+
+
+def reset(settings: VirtualApertureSettings, frame: int) -> None:
+    """Nothing is in focus and the blur counts: a new solve has other points and another scale."""
+    with writing():
+        settings.focus_points.clear()
+        settings.focus_by = "POINTS"
+        settings.focus_distance = 0.0
+        settings.focus_frame = frame
+        settings.use_radius = settings.follows_blur = False
+
+
+def set_aperture(settings: VirtualApertureSettings, radius: float, blur: float | None) -> None:
+    """Choose the aperture's radius, and the blur to show; without one, what the radius makes of the focus."""
+    with writing():
+        settings.use_radius, settings.follows_blur = True, False
+        settings.aperture_radius = radius
+        if blur is None:
+            _show_blur(settings, settings.focus_frame)
+        else:
+            settings.blur = blur
+
+
+def on_blur(settings: VirtualApertureSettings) -> None:
+    """The blur was edited: it says, with the present focus at the present frame, what the radius is."""
+    settings.follows_blur = False
+    _store_radius(settings, _frame(settings))
+
+
+def on_radius(settings: VirtualApertureSettings) -> None:
+    """The radius was edited: the blur that is shown follows."""
+    settings.use_radius, settings.follows_blur = True, False
+    _show_blur(settings, _frame(settings))
+
+
+def on_distance(settings: VirtualApertureSettings) -> None:
+    """The distance was edited: it becomes what is in focus."""
+    settings.focus_by = "DISTANCE" if settings.focus_distance > 0 else "POINTS"
+    on_focus(settings)
+
+
+def on_focus(settings: VirtualApertureSettings) -> None:
+    """The focus was moved by hand: the aperture stays, and is chosen where it was not.
+
+    While a first distance is dragged to its place, which takes many edits, the blur is kept and the radius
+    follows; at another frame it is a pull, and the lens stays the same.
+    """
+    frame = _frame(settings)
+    chosen = settings.use_radius
+    if not chosen and not settings.focus_points:
+        settings.follows_blur, settings.focus_frame = True, frame
+    elif frame != settings.focus_frame:
+        settings.follows_blur = False
+    if chosen and not settings.follows_blur:
+        _show_blur(settings, frame)
+    else:
+        _store_radius(settings, frame)
+
+
+def _store_radius(settings: VirtualApertureSettings, frame: int) -> None:
+    try:
+        reconstruction = reconstruction_of(settings)
+        at = _registered(reconstruction, frame)
+        radius = radius_for_blur(reconstruction, focus_of(settings), at, settings.blur)
+    except UserError:
+        # The next focus chooses it; a render before says what is wrong.
+        settings.use_radius = False
+        return
+    settings.aperture_radius = radius
+    settings.use_radius = True
+
+
+def _show_blur(settings: VirtualApertureSettings, frame: int) -> None:
+    try:
+        reconstruction = reconstruction_of(settings)
+        at = _registered(reconstruction, frame)
+        settings.blur = blur_for_radius(reconstruction, focus_of(settings), at, settings.aperture_radius)
+    except UserError:
+        # Without a focus, or with everything in it, the blur of before stands for the next one.
+        return
+
+
+def _distance(settings: VirtualApertureSettings, focus: Focus, frame: int) -> float:
+    try:
+        return 1 / focus.inverse_depth(reconstruction_of(settings), frame)
+    except UserError:
+        return 0.0
+
+
+def _frame(settings: VirtualApertureSettings) -> int:
+    return int(settings.id_data.frame_current)
+
+
+def _registered(reconstruction: Reconstruction, frame: int) -> int:
+    """The registered frame that is nearest; UserError where there is none."""
+    frames = reconstruction.frames
+    if not len(frames):
+        raise UserError("the reconstruction has no registered frames; solve the clip again")
+    return int(frames[np.abs(frames - frame).argmin()])

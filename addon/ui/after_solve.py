@@ -1,0 +1,93 @@
+"""What the windows show when a solve has come into the scene."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ..core.reconstruction import Floats, Reconstruction
+
+SOLID = {"MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD", "VOLUME"}
+"""Types of objects that hide what is behind them."""
+
+
+def show(scene: bpy.types.Scene, reconstruction: Reconstruction) -> None:
+    """Look through the camera, make the point cloud the active object, clear the camera's way."""
+    settings = scene.virtual_aperture
+    manager = bpy.context.window_manager
+    windows = [window for window in manager.windows if window.scene == scene] if manager else []
+    layers = {window.view_layer for window in windows} or {scene.view_layers[0]}
+    for window in windows:
+        look_through_camera(window.screen)
+    # Clicks in Edit Mode are to find vertices: there is nothing else in the point cloud.
+    scene.tool_settings.mesh_select_mode = (True, False, False)
+    settings.hidden.clear()
+    for layer in layers:
+        make_active(settings.points, layer)
+        for thing in clear_the_way(settings, layer, reconstruction):
+            settings.hidden.add().name = thing.name
+
+
+def look_through_camera(screen: bpy.types.Screen) -> None:
+    """Every 3D viewport of a screen looks through the scene's camera."""
+    for area in screen.areas:
+        if area.type == "VIEW_3D" and area.spaces.active.region_3d is not None:
+            area.spaces.active.region_3d.view_perspective = "CAMERA"
+
+
+def make_active(points: bpy.types.Object, layer: bpy.types.ViewLayer) -> None:
+    """Nothing is selected and the point cloud is active: Tab edits it. Not while something else is edited."""
+    active = layer.objects.active
+    if points.name not in layer.objects or (active is not None and active.mode != "OBJECT"):
+        return
+    for thing in layer.objects:
+        # Not the point cloud either: a selected one is drawn all orange, and Tab asks for the active one.
+        thing.select_set(False, view_layer=layer)
+    layer.objects.active = points
+
+
+def clear_the_way(
+    settings: Any, layer: bpy.types.ViewLayer, reconstruction: Reconstruction
+) -> list[bpy.types.Object]:
+    """Hide, with the eye, the user's objects that the camera goes through; which ones."""
+    ours = {settings.root, settings.camera, settings.points, settings.aperture}
+    to_world = np.array(settings.root.matrix_world)
+    centres = np.array([image.centre for image in reconstruction.images])
+    centres = centres @ to_world[:3, :3].T + to_world[:3, 3]
+    found = [
+        thing
+        for thing in layer.objects
+        if thing not in ours
+        and thing.type in SOLID
+        and thing.visible_get(view_layer=layer)
+        and holds(thing, centres)
+    ]
+    for thing in found:
+        thing.hide_set(True, view_layer=layer)
+    return found
+
+
+def holds(thing: bpy.types.Object, places: Floats) -> bool:
+    """Whether any of the places (n, 3) in the world lies in the object's bounding box."""
+    try:
+        to_local = np.array(thing.matrix_world.inverted())
+    except ValueError:
+        return False
+    local = places @ to_local[:3, :3].T + to_local[:3, 3]
+    corners = np.array([corner[:] for corner in thing.bound_box])
+    return bool(np.any(np.all((local >= corners.min(axis=0)) & (local <= corners.max(axis=0)), axis=1)))
+
+
+def still_hidden(scene: bpy.types.Scene) -> list[str]:
+    """Names of the objects that were hidden for the camera and still are."""
+    names = [entry.name for entry in scene.virtual_aperture.hidden]
+    return [name for name in names if name in scene.objects and scene.objects[name].hide_get()]
+
+
+def hidden_words(names: list[str]) -> str:
+    """One line that says what was hidden."""
+    if len(names) == 1:
+        return f"{names[0]} was in the camera's way and is hidden; Alt H shows it"
+    return f"{', '.join(names)} were in the camera's way and are hidden; Alt H shows them"

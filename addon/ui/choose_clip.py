@@ -1,0 +1,78 @@
+"""Choosing a clip with the file browser."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import bpy
+
+from ..core.errors import UserError
+from ..core.footage import PICTURES
+from .operators import Result, reported
+
+
+class VIRTUAL_APERTURE_OT_choose_clip(bpy.types.Operator):  # noqa: N801
+    """Choose a video, a picture of a sequence (which means all of it) or a folder of pictures"""
+
+    bl_idname = "virtual_aperture.choose_clip"
+    bl_label = "Choose Clip"
+    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
+
+    filepath: bpy.props.StringProperty(
+        name="Clip",
+        description="Video, picture of a sequence, or folder of pictures",
+        subtype="FILE_PATH",
+        options={"SKIP_SAVE"},
+    )
+    filter_movie: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
+    filter_image: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
+    filter_folder: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> Result:
+        if not self.filepath:
+            self.filepath = bpy.path.abspath(context.scene.virtual_aperture.footage)
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        column = self.layout.column(align=True)
+        column.label(text="A video, one picture of a sequence,")
+        column.label(text="or an open folder of pictures.")
+
+    @reported
+    def execute(self, context: bpy.types.Context) -> Result:
+        clip = str(clip_of(Path(bpy.path.abspath(self.filepath))))
+        if bpy.data.filepath:
+            clip = relative(clip)
+        context.scene.virtual_aperture.footage = clip
+        return {"FINISHED"}
+
+
+def clip_of(chosen: Path) -> Path:
+    """The clip that a chosen file or folder means: of a picture, its sequence, as a pattern (shot_####.png).
+
+    UserError where nothing is there, or the picture's name has no number.
+    """
+    if not chosen.exists():
+        raise UserError(f"{chosen} does not exist; choose a video, a picture of a sequence or a folder")
+    if chosen.is_dir() or chosen.suffix.lower() not in PICTURES:
+        return chosen
+    number = re.search(r"\d+(?=\D*$)", chosen.stem)
+    if number is None:
+        raise UserError(
+            f"{chosen.name} is a single picture without a number; choose a video or a picture of a sequence"
+        )
+    stem = f"{chosen.stem[: number.start()]}{'#' * len(number[0])}{chosen.stem[number.end() :]}"
+    return chosen.with_name(f"{stem}{chosen.suffix}")
+
+
+def relative(path: str) -> str:
+    """A path relative to the .blend, which must have been saved; as it was where it lies on another drive."""
+    try:
+        return str(bpy.path.relpath(path))
+    except ValueError:
+        return path
+
+
+CLASSES = (VIRTUAL_APERTURE_OT_choose_clip,)

@@ -1,0 +1,78 @@
+"""Blender's own panels in the Properties editor, joined by our engine.
+
+A panel of Blender's shows with the engines that its set `COMPAT_ENGINES` names, and other engines add
+themselves. Without, the Properties editor would have no output path, format, frame range or colour
+management.
+"""
+
+from __future__ import annotations
+
+import bpy
+
+from ..render.engine import VirtualApertureEngine
+
+COMMON = "BLENDER_RENDER"
+"""No engine any more: Blender keeps it as the mark of panels that any engine has a use for."""
+TABS = (
+    "bl_ui.properties_output",
+    "bl_ui.properties_render",
+    "bl_ui.properties_view_layer",
+    "bl_ui.properties_object",
+    "bl_ui.properties_data_camera",
+    "bl_ui.properties_data_mesh",
+    # Heard in movies whichever engine draws them.
+    "bl_ui.properties_data_speaker",
+)
+"""The modules of Blender's interface whose panels say something of our renders, or of our camera and points.
+
+Not those of world, light, material, particle, physics, hair and volume: what they set does not show in a
+render of ours (`scene.ignored` tells of CG objects), and an empty tab says so. Not Freestyle, for the same.
+"""
+IGNORED = (
+    "DATA_PT_camera_stereoscopy",
+    "OBJECT_PT_shading",
+    "RENDER_PT_gpencil",
+    "RENDER_PT_grease_pencil_",
+    # One eye only: Render Multiview does nothing.
+    "RENDER_PT_output_views",
+    "RENDER_PT_simplify",
+    "RENDER_PT_stereoscopy",
+    # The clip's frame is the scene's frame, not the remapped one.
+    "RENDER_PT_time_stretching",
+)
+"""Beginnings of the names of panels in `TABS` that would promise what our engine ignores."""
+MORE = (
+    # The compositor's device, which is everybody's and has no panel of its own; its parent comes along.
+    "RENDER_PT_eevee_performance",
+    "RENDER_PT_eevee_performance_compositor",
+    "RENDER_PT_eevee_performance_compositor_denoise_settings",
+)
+"""Panels without the common mark that say something of our renders all the same."""
+
+_joined: list[type[bpy.types.Panel]] = []
+
+
+def panels() -> list[type[bpy.types.Panel]]:
+    """Blender's panels that our engine has a use for."""
+    return [panel for panel in bpy.types.Panel.__subclasses__() if _is_useful(panel)]
+
+
+def _is_useful(panel: type[bpy.types.Panel]) -> bool:
+    engines = getattr(panel, "COMPAT_ENGINES", ())
+    if panel.__module__ not in TABS or panel.__name__.startswith(IGNORED):
+        return False
+    return COMMON in engines or panel.__name__ in MORE
+
+
+def register() -> None:
+    """Add our engine to Blender's panels."""
+    for panel in panels():
+        if VirtualApertureEngine.bl_idname not in panel.COMPAT_ENGINES:
+            panel.COMPAT_ENGINES.add(VirtualApertureEngine.bl_idname)
+            _joined.append(panel)
+
+
+def unregister() -> None:
+    """Take our engine out of the panels that it was added to."""
+    while _joined:
+        _joined.pop().COMPAT_ENGINES.discard(VirtualApertureEngine.bl_idname)

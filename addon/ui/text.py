@@ -1,0 +1,43 @@
+"""Longer texts in panels."""
+
+from __future__ import annotations
+
+import textwrap
+
+import blf
+import bpy
+
+FONT = 0
+POINTS = 11
+"""Size of the interface's text."""
+MARGIN = 85
+"""Pixels of a panel's width that its text does not get, at a resolution scale of 1."""
+NARROW = 12
+"""Characters that a line holds at least."""
+
+
+def wrapped(
+    layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str = "NONE", alert: bool = False
+) -> None:
+    """A text as labels as wide as the panel, the icon before the first."""
+    column = layout.column(align=True)
+    column.alert = alert
+    column.scale_y = 0.8
+    for number, line in enumerate(lines(text, width_of(context), context.preferences.system.ui_scale)):
+        # An icon's width of nothing keeps the lines in one column.
+        column.label(text=line, icon=icon if number == 0 or icon == "NONE" else "BLANK1")
+
+
+def width_of(context: bpy.types.Context) -> float:
+    """Pixels across that a panel's text has; that of a usual sidebar where nothing is drawn."""
+    scale = context.preferences.system.ui_scale
+    width = context.region.width if context.region is not None else 280 * scale
+    return float(max(width - MARGIN * scale, 1))
+
+
+def lines(text: str, width: float, scale: float = 1.0) -> list[str]:
+    """The text in lines of about `width` pixels."""
+    blf.size(FONT, POINTS * scale)
+    whole, _ = blf.dimensions(FONT, text)
+    fit = int(len(text) * width / whole) if whole > 0 else len(text)
+    return textwrap.wrap(text, max(fit, NARROW))
