@@ -16,14 +16,27 @@ PICTURES = ROOT / "build" / "window"
 
 
 @pytest.fixture(scope="session")
-def screen() -> Iterator[Screen]:
-    """The virtual screen; skips where Blender or a program for the screen is missing."""
+def needed() -> None:
+    """Skips where Blender or a program for the screen is missing."""
     if blender() is None:
         pytest.skip("no Blender program: set BLENDER to one, or put blender on the path")
     if missing := missing_programs():
         pytest.skip(f"{', '.join(missing)} not found: install tools/debian-packages-window.txt")
     shutil.rmtree(PICTURES, ignore_errors=True)
+
+
+@pytest.fixture(scope="session")
+def screen(needed: None) -> Iterator[Screen]:
+    """A virtual screen."""
     made = Screen()
+    yield made
+    made.close()
+
+
+@pytest.fixture(scope="session")
+def small_screen(needed: None) -> Iterator[Screen]:
+    """One on which windows are drawn in less time."""
+    made = Screen((800, 600))
     yield made
     made.close()
 
@@ -44,7 +57,7 @@ def folder() -> Iterator[Path]:
 
 
 @pytest.fixture(scope="session")
-def resources(folder: Path, zip_file: Path) -> Path:
+def resources(needed: None, folder: Path, zip_file: Path) -> Path:
     """Blender's user folder with default preferences and the extension installed and enabled."""
     made = folder / "resources"
     made.mkdir()

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from .screen import SIZE, Screen
+from .screen import Screen
 
 ROOT = Path(__file__).resolve().parents[2]
 """Programs are run in the project's folder: one in a root of its own sees that and /tmp."""
@@ -73,7 +73,7 @@ class Program:
         assert program is not None
         with self.console.open("ab") as console:
             self._process = subprocess.Popen(
-                [program, "--window-geometry", "0", "0", *map(str, SIZE), *arguments,
+                [program, "--window-geometry", "0", "0", *map(str, screen.size), *arguments,
                  "--python", str(self._folder / DRIVER.name), "--", str(where)],
                 env={**screen.environment, "BLENDER_USER_RESOURCES": str(resources)},
                 cwd=ROOT, stdout=console, stderr=subprocess.STDOUT, start_new_session=True,

@@ -12,7 +12,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-SIZE = (1600, 1000)
 PROGRAMS = ("Xvfb", "matchbox-window-manager", "xdotool", "import")
 
 
@@ -22,11 +21,12 @@ def missing_programs() -> list[str]:
 
 
 class Screen:
-    """An X server of our own; `environment` shows programs on it."""
+    """An X server of our own, `size` pixels wide and high; `environment` shows programs on it."""
 
-    def __init__(self) -> None:
+    def __init__(self, size: tuple[int, int] = (1600, 1000)) -> None:
+        self.size = size
         self._server = subprocess.Popen(
-            ["Xvfb", "-displayfd", "1", "-screen", "0", f"{SIZE[0]}x{SIZE[1]}x24", "+extension", "GLX",
+            ["Xvfb", "-displayfd", "1", "-screen", "0", f"{size[0]}x{size[1]}x24", "+extension", "GLX",
              "-nolisten", "tcp", "-noreset"],
             stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
         )  # fmt: skip
