@@ -95,13 +95,6 @@ def messages() -> list[str]:
         area.ui_type = kind
 
 
-def close_windows() -> None:
-    """Close all windows but the first."""
-    for window in bpy.context.window_manager.windows[1:]:
-        with bpy.context.temp_override(window=window):
-            bpy.ops.wm.window_close()
-
-
 def save_result(file: str) -> str:
     """Write the Render Result in the scene's format; why it could not be, or an empty string."""
     try:
