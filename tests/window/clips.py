@@ -15,7 +15,7 @@ from ..scenes import slanted_plane, texture
 WIDTH, HEIGHT = 160, 90
 FRAMES = (1, 2, 3, 4, 5)
 VIEWS = 192
-"""So many that drawing them takes several turns of the main thread: what is kept from one to the next was lost."""
+"""So many that drawing them takes several turns of the main thread."""
 
 
 def write_scene(folder: Path) -> Path:

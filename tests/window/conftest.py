@@ -17,11 +17,11 @@ PICTURES = ROOT / "build" / "window"
 
 @pytest.fixture(scope="session")
 def needed() -> None:
-    """Skips where Blender or a program for the screen is missing."""
+    """Ends the run where Blender or a program for the screen is missing."""
     if blender() is None:
-        pytest.skip("no Blender program: set BLENDER to one, or put blender on the path")
+        pytest.exit("no Blender program: set BLENDER to one, or put blender on the path", 1)
     if missing := missing_programs():
-        pytest.skip(f"{', '.join(missing)} not found: install tools/debian-packages-window.txt")
+        pytest.exit(f"{', '.join(missing)} not found: install what tools/debian-packages-window.txt lists", 1)
     shutil.rmtree(PICTURES, ignore_errors=True)
 
 
@@ -61,9 +61,7 @@ def resources(needed: None, folder: Path, zip_file: Path) -> Path:
     """Blender's user folder with default preferences and the extension installed and enabled."""
     made = folder / "resources"
     made.mkdir()
-    said = headless(
-        made, "--command", "extension", "install-file", "-r", "user_default", "-e", str(zip_file)
-    )
+    said = headless(made, "--command", "extension", "install-file", "-r", "user_default", "-e", str(zip_file))
     # It ends with 0 where it could not.
     assert "ERROR" not in said, said
     return made

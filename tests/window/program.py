@@ -209,7 +209,7 @@ class Program:
     # Rendering
 
     def render(self, *keys: str, seconds: float = 60.0) -> list[str]:
-        """Press the keys that render (F12), and wait until Blender has; what its handlers were told, in order."""
+        """Press the keys that render (F12), wait until Blender has; what its handlers were told, in order."""
         before = self.ask("len(log)")
         self.screen.key(*(keys or ("F12",)))
         self.wait(f"[w for w, _ in log[{before}:] if w == 'idle']", seconds)

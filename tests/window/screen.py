@@ -73,7 +73,7 @@ class Screen:
         self._xdotool("mouseup", "1")
 
     def key(self, *names: str) -> float:
-        """Press and release keys one after the other, as X names them ("ctrl+F12"); when the last was sent."""
+        """Press keys one after the other, as X names them ("ctrl+F12"); when the last one was sent."""
         sent = time.time()
         for name in names:
             sent = time.time()

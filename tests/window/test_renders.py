@@ -42,8 +42,8 @@ def program(small_screen: Screen, resources: Path, blend: Path) -> Iterator[Prog
     made = Program(small_screen, resources, PICTURES / "renders")
     made.screen.move(*made.middle("VIEW_3D"))
     made.screen.key("Escape")
-    # Timers run in the order in which they began: ours before the extension's, so that each of its turns finds
-    # the context of another window.
+    # Timers run in the order in which they began: ours before the extension's, so that each of its turns
+    # finds the context of another window.
     made.ask("bpy.app.timers.register(redraw, persistent=True)")
     made.ask(f"bpy.ops.preferences.addon_disable(module={EXTENSION!r})")
     made.ask(f"bpy.ops.preferences.addon_enable(module={EXTENSION!r})")
@@ -53,7 +53,7 @@ def program(small_screen: Screen, resources: Path, blend: Path) -> Iterator[Prog
 
 
 def likeness(shot: np.ndarray, picture: np.ndarray) -> float:
-    """How well the best place on the screen correlates with a rendered picture (linear light, 1:1), at most 1."""
+    """Correlation, at most 1, of a rendered picture (linear light) with the best place on the screen, 1:1."""
     display = np.clip(encode_srgb(picture[..., :3]) * 255, 0, 255).astype(np.uint8)
     return float(cv2.matchTemplate(shot, display, cv2.TM_CCOEFF_NORMED).max())
 
