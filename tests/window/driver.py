@@ -47,10 +47,10 @@ def region_of(kind: str, region: str, window: int = 0) -> dict[str, Any]:
 
 
 def rectangle(kind: str, region: str, window: int = 0) -> list[int]:
-    """Left, top, width, height of a region in the window, pixels from the top left."""
+    """Left, bottom, width, height of a region on the screen, pixels from the bottom left."""
     found = region_of(kind, region, window)
     shown, where = found["window"], found["region"]
-    return [where.x, shown.height - where.y - where.height, where.width, where.height]
+    return [shown.x + where.x, shown.y + where.y, where.width, where.height]
 
 
 def button_under_mouse(kind: str, region: str, window: int = 0) -> str:
@@ -64,16 +64,16 @@ def button_under_mouse(kind: str, region: str, window: int = 0) -> str:
 
 
 def project(points: Any) -> list[list[float]]:
-    """Places (x, y) of world positions in the first window's 3D viewport, pixels from the top left; those
-    outside of its main region are left out."""
+    """Places (x, y) of world positions on the screen, as the first window's 3D viewport shows them, pixels
+    from the bottom left; those outside of its main region are left out."""
     from bpy_extras.view3d_utils import location_3d_to_region_2d
 
     found = view("VIEW_3D")
-    left, top, width, height = rectangle("VIEW_3D", "WINDOW")
+    left, bottom, width, height = rectangle("VIEW_3D", "WINDOW")
     space = found["area"].spaces.active.region_3d
     places = [location_3d_to_region_2d(found["region"], space, point) for point in points]
     return [
-        [left + x, top + height - y] for x, y in (p for p in places if p) if 0 < x < width and 0 < y < height
+        [left + x, bottom + y] for x, y in (p for p in places if p) if 0 < x < width and 0 < y < height
     ]
 
 

@@ -44,7 +44,7 @@ def headless(resources: Path, *arguments: str) -> str:
 
 @dataclass(frozen=True)
 class Button:
-    """A button, by what it does, and a place on it, pixels from the window's top left."""
+    """A button, by what it does, and a place on it, pixels from the screen's top left."""
 
     does: str
     x: float
@@ -140,9 +140,9 @@ class Program:
     # Places
 
     def rectangle(self, kind: str, region: str = "WINDOW", window: int = 0) -> tuple[int, int, int, int]:
-        """Left, top, width, height of a region of the largest area of a kind."""
-        left, top, width, height = self.ask(f"rectangle({kind!r}, {region!r}, {window})")
-        return left, top, width, height
+        """Left, top, width, height of a region of the largest area of a kind, pixels on the screen."""
+        left, bottom, width, height = self.ask(f"rectangle({kind!r}, {region!r}, {window})")
+        return left, self.screen.size[1] - bottom - height, width, height
 
     def middle(self, kind: str, region: str = "WINDOW", window: int = 0) -> tuple[float, float]:
         left, top, width, height = self.rectangle(kind, region, window)
@@ -205,6 +205,26 @@ class Program:
             self.screen.click(left + width - 8, y)
             self.settle()
         raise AssertionError(f"no tab {tab!r}")
+
+    def choose_file(self, file: Path) -> None:
+        """Type a file's path into the file browser that has opened, and accept."""
+        kinds = "[[area.type for area in w.screen.areas] for w in bpy.context.window_manager.windows]"
+        self.wait(f"['FILE_BROWSER'] in {kinds}")
+        window = self.ask(f"{kinds}.index(['FILE_BROWSER'])")
+        self.settle()
+        left, top, width, height = self.rectangle("FILE_BROWSER", "UI", window)
+        self.fill(Button("path", left + 0.35 * width, top + height / 2), str(file))
+        chosen = f"view('FILE_BROWSER', {window})['area'].spaces.active.params.filename"
+        self.wait(f"{chosen} == {file.name!r}")
+        # The path is still being edited; a click beside it ends that.
+        left, top, width, height = self.rectangle("FILE_BROWSER", "WINDOW", window)
+        self.screen.click(left + width / 2, top + height - 40)
+        self.settle()
+        self.shot(f"choose_{file.stem}")
+        left, top, width, height = self.rectangle("FILE_BROWSER", "EXECUTE", window)
+        self.screen.click(left + 0.92 * width, top + height / 2)
+        self.wait(f"['FILE_BROWSER'] not in {kinds}")
+        self.settle()
 
     # Rendering
 
