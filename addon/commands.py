@@ -23,7 +23,7 @@ from .render.account import Account, check_report
 from .render.average import no_gpu_note
 from .render.gpu_views import gpu_problem
 from .render.quiet import quiet
-from .scene.build import make_paths_relative
+from .scene.build import move_clip
 
 
 def parser() -> argparse.ArgumentParser:
@@ -108,30 +108,19 @@ def save(options: argparse.Namespace) -> None:
     if any((options.focus_at, options.focus_point, options.focus_distance is not None)):
         set_lens(settings, solved, options)
     blend.parent.mkdir(parents=True, exist_ok=True)
-    settings.footage = str(_beside(footage, blend.parent))
+    clip = _beside(footage, blend.parent)
+    move_clip(scene, open_footage(clip, footage.frames))
     # The solve is in the .blend; another machine does not have this folder.
     settings.work_dir = ""
-    if footage.is_video and scene.sequence_editor is not None:
-        for strip in scene.sequence_editor.strips:
-            strip.sound.filepath = settings.footage
-    settings.camera.data.background_images[0].image.filepath = str(
-        settings.footage if footage.is_video else Path(settings.footage).parent / footage.files[0].name
-    )
     scene.render.filepath = "//render/"
     part = blend.with_name(f".part-{blend.name}")
     try:
-        # Saved once where it will lie, because relative paths need to know.
-        bpy.ops.wm.save_as_mainfile(
-            filepath=str(blend.with_name(f".part-{blend.name}")), check_existing=False
-        )
-        make_paths_relative(settings)
-        bpy.ops.file.make_paths_relative()
         bpy.ops.wm.save_as_mainfile(filepath=str(part), check_existing=False)
         part.replace(blend)
     finally:
         part.unlink(missing_ok=True)
         part.with_name(part.name + "1").unlink(missing_ok=True)
-    say(f"saved {blend}; send it together with {Path(bpy.path.abspath(settings.footage)).name} beside it")
+    say(f"saved {blend}; send it together with {clip.name} beside it")
 
 
 def _beside(footage: Footage, folder: Path) -> Path:

@@ -53,7 +53,7 @@ def test_a_clip_with_a_cut_says_in_each_interface_how_to_take_a_part(
     shots = [*planes.sideways(6), *(255 - np.flip(picture) for picture in planes.sideways(6))]
     clip, work = planes.write_clip(tmp_path / "cut", shots), tmp_path / "work"
     process = SolveProcess(clip, work)
-    with pytest.raises(UserError, match="1 cut; .* frames: 1-6, 7-12$") as refused:
+    with pytest.raises(UserError, match=r"1 cut; .* frames: 1-6, 7-12$") as refused:
         process.wait()
     assert refused.value.remedies == (Remedy.FRAMES,)
     assert run_command(["solve", str(clip), "--work", str(work)]) == 1

@@ -146,8 +146,8 @@ def open_footage(
     anything that cannot be read.
     """
     path = Path(path).expanduser().absolute()
-    if _is_pattern(path.name):
-        footage = _open_sequence(path, _matching(path), fps)
+    if is_pattern(path.name):
+        footage = _open_sequence(path, pattern_matches(path), fps)
     elif path.is_dir():
         footage = _open_sequence(path, [p for p in path.iterdir() if p.suffix.lower() in PICTURES], fps)
     elif not path.exists():
@@ -343,12 +343,13 @@ def _narrowed(footage: Footage, wanted: FrameRange | Iterable[int]) -> Footage:
     return replace(footage, frames=kept, files=files)
 
 
-def _is_pattern(name: str) -> bool:
+def is_pattern(name: str) -> bool:
+    """Whether the name of a clip stands for numbered pictures: shot_####.png, shot_%04d.png."""
     return "#" in name or re.search(r"%0?\d*d", name) is not None
 
 
-def _matching(path: Path) -> list[Path]:
-    """The files that a pattern names: # is one digit, %04d at least four."""
+def pattern_matches(path: Path) -> list[Path]:
+    """The files that a pattern names: # is one digit, %04d at least four. UserError without its folder."""
     expression = re.escape(path.name).replace(r"\#", "#")
     expression = re.sub(r"#+", lambda m: rf"(\\d{{{len(m[0])},}})", expression)
     expression = re.sub(r"%0?(\d*)d", lambda m: rf"(\\d{{{m[1] or 1},}})", expression).replace("\\\\d", "\\d")

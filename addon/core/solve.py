@@ -42,8 +42,8 @@ class SolveProcess:
     """A solve under way in the worker process.
 
     Raises UserError at once for a clip that cannot be read, a focal length that cannot be, and a working
-    folder that is not ours, another clip's or, unless `again`, an import's. Whatever ends it, the folder then
-    holds either the old solve or the whole new one.
+    folder that is not ours, another clip's, being solved into by somebody else, or, unless `again`, an
+    import's. Whatever ends it, the folder then holds either the old solve or the whole new one.
     """
 
     def __init__(
@@ -66,14 +66,16 @@ class SolveProcess:
         self.clip.close()
         pixels = None if focal is None else in_pixels(focal, self.clip.width, self.clip.height)
         self._options: dict[str, Any] = {"focal": pixels, "tracker": tracker, "zooms": zooms}
-        solved = is_solved(work_dir, self.clip, self._options)
-        if not again:
-            _refuse_import(work_dir)
-            if solved:
-                self.finished = True
-                return
+        if self._is_kept(again):
+            self.finished = True
+            return
         self._staging = Staging(work_dir)
         try:
+            # Somebody else may have come to the end meanwhile.
+            if self._is_kept(again):
+                self.finished = True
+                self.cancel()
+                return
             self._launch(self._staging.folder)
         except OSError as error:
             self.cancel()
@@ -81,6 +83,19 @@ class SolveProcess:
         except UserError:
             self.cancel()
             raise
+
+    def _is_kept(self, again: bool) -> bool:
+        """Whether the folder keeps this very solve; UserError where it keeps what may not be replaced."""
+        solved = is_solved(self.work_dir, self.clip, self._options)
+        if again:
+            return False
+        _refuse_import(self.work_dir)
+        return solved
+
+    @property
+    def is_running(self) -> bool:
+        """Whether the working folder is being solved into."""
+        return self._staging is not None
 
     def _launch(self, folder: Path) -> None:
         job = {

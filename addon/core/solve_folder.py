@@ -24,6 +24,7 @@ import numpy as np
 
 from .colmap_model import read_model, write_model
 from .errors import Remedy, UserError
+from .folder_lock import FolderLock
 from .footage import Footage, open_footage
 from .readers.matching import Imported
 from .reconstruction import Ints, Reconstruction, normalise
@@ -82,19 +83,22 @@ def default_work_dir(footage: Path, beside: Path) -> Path:
 class Staging:
     """A folder within the working folder in which a solve comes to be: kept whole, or gone without a trace.
 
-    Raises UserError where no folder can be made.
+    While it lasts nobody else can have one there. Raises UserError where no folder can be made, or somebody
+    else has one.
     """
 
     def __init__(self, work_dir: Path) -> None:
         self.work_dir = work_dir
         self._made: Path | None = None
+        self._lock: FolderLock | None = None
         try:
             if not work_dir.exists():
                 self._made = next(p for p in [*reversed(work_dir.parents), work_dir] if not p.exists())
-                work_dir.mkdir(parents=True)
+                work_dir.mkdir(parents=True, exist_ok=True)
+            self._lock = FolderLock(work_dir)
             self.folder = Path(tempfile.mkdtemp(prefix=".solving-", dir=work_dir))
         except OSError as error:
-            self._remove_made()
+            self._let_go()
             raise UserError(
                 f"no solve can be started in the working folder {work_dir}: {error.strerror}"
             ) from None
@@ -134,9 +138,11 @@ class Staging:
     def discard(self) -> None:
         """Remove what is not kept."""
         shutil.rmtree(self.folder, ignore_errors=True)
-        self._remove_made()
+        self._let_go()
 
-    def _remove_made(self) -> None:
+    def _let_go(self) -> None:
+        if self._lock is not None:
+            self._lock.release()
         if self._made is None:
             return
         # Only folders of our own making, and only while they are empty.
@@ -183,6 +189,15 @@ def _with_visible(model: Path) -> Reconstruction:
     return replace(reconstruction, images=tuple(images))
 
 
+def recorded_clip(work_dir: Path) -> Path | None:
+    """Where the clip of a working folder lies as seen from there; None where the folder does not say."""
+    try:
+        state = _state(work_dir)
+    except UserError:
+        return None
+    return (work_dir / state["relative"]).resolve() if state is not None and state["relative"] else None
+
+
 def identity(path: Path) -> str:
     """What a clip is recognised by wherever it lies: a video's size and a hash of its first and last MiB,
     a sequence's file names and sizes. Not the times, which copying changes."""
@@ -221,10 +236,12 @@ def imported_from(work_dir: Path) -> str | None:
 
 
 def keep_import(found: Imported, footage: Footage, work_dir: Path) -> None:
-    """Keep another program's solve as if it were our own."""
+    """Keep another program's solve as if it were our own; UserError where the folder holds something else, or
+    is being solved into."""
     reconstruction = normalise(found.reconstruction)
     staging = Staging(work_dir)
     try:
+        _state_of(work_dir, footage)
         model = staging.folder / "model"
         model.mkdir()
         write_model(model, reconstruction)
@@ -242,7 +259,7 @@ def _state_of(work_dir: Path, footage: Footage) -> dict[str, Any] | None:
         raise UserError(f"{work_dir} is a file; name a folder", Remedy.WORK_DIR)
     state = _state(work_dir)
     if state is None:
-        if any(not p.name.startswith(".solving-") for p in work_dir.iterdir()):
+        if any(not p.name.startswith(".solving") for p in work_dir.iterdir()):
             raise UserError(
                 f"{work_dir} is not empty and holds no solve; name another folder", Remedy.WORK_DIR
             )

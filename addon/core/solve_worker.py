@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import shutil
@@ -24,6 +25,7 @@ from . import footage as footage_module
 from .colmap_model import write_model
 from .errors import UserError
 from .focal import from_equivalent
+from .folder_lock import FolderLock
 from .footage import Footage, open_footage
 from .metadata import equivalent_focal
 from .parallax import refuse_cuts
@@ -135,6 +137,9 @@ def _end_with_parent(folder: Path) -> None:
     # The solve goes on beside us and may put a file into a folder that is being emptied.
     while folder.exists():
         shutil.rmtree(folder, ignore_errors=True)
+    # The lock ended with its owner, its file did not. Whoever solves there already keeps it.
+    with contextlib.suppress(UserError, OSError):
+        FolderLock(folder.parent).release()
     os._exit(1)
 
 

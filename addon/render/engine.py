@@ -14,6 +14,7 @@ import numpy as np
 from ..core.canvas import Picture
 from ..core.errors import UserError
 from ..core.progress import Cancelled, checkpoint, reporting, stage
+from ..scene.ignored import warn_of_ignored
 from ..scene.properties import lens_settings
 from ..scene.shot import Shot, shot_of
 from .average import Told, render_frame
@@ -80,6 +81,7 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
         try:
             with reporting(self._on_progress):
                 checkpoint()
+                warn_of_ignored(self, depsgraph.scene)
                 self._hand_over(self._frame(scene, render_size(scene.render)), scene.render)
         except Cancelled:
             return

@@ -13,8 +13,9 @@ import bpy
 
 from ..core.footage import Footage
 from ..core.reconstruction import Reconstruction
-from ..core.solve_folder import default_work_dir
+from ..core.solve_folder import default_work_dir, identity
 from . import aperture_cloud, camera, lens, point_cloud, store
+from .paths import relative
 from .properties import VirtualApertureSettings
 from .shot import IDENTITY, forget
 
@@ -61,7 +62,9 @@ def build(
         settings.aperture, f"{NAME} Virtual Cameras", bpy.data.meshes, collection, settings.camera
     )
     settings.aperture.hide_render = True
-    settings.footage = str(footage.path)
+    settings.footage = relative(footage.path)
+    settings.clip_identity, settings.clip_name = identity(footage.path), footage.path.name
+    settings.clip_first, settings.clip_last = footage.frames[0], footage.frames[-1]
     lens.reset(settings, int(reconstruction.frames[0]))
     aperture_cloud.update(settings)
     _set_output(scene.render, footage)
@@ -70,11 +73,15 @@ def build(
     return settings
 
 
-def make_paths_relative(settings: VirtualApertureSettings) -> None:
-    """Paths relative to the .blend, which must have been saved: the folder can then be moved as a whole."""
-    for name in ("footage", "work_dir", "depth_maps", "masks"):
-        if getattr(settings, name):
-            setattr(settings, name, bpy.path.relpath(getattr(settings, name)))
+def move_clip(scene: bpy.types.Scene, footage: Footage) -> None:
+    """The clip that is in the scene lies in another place: the path, the background and the sound follow."""
+    settings: VirtualApertureSettings = scene.virtual_aperture
+    settings.footage = relative(footage.path)
+    for background in settings.camera.data.background_images if settings.camera is not None else ():
+        if background.image is not None and background.image.get(IDENTITY):
+            background.image.filepath = relative(first_file(footage))
+    for strip in _sounds(scene):
+        strip.sound.filepath = relative(footage.path)
 
 
 def _set_up_scene(scene: bpy.types.Scene, footage: Footage, reconstruction: Reconstruction) -> None:
@@ -124,6 +131,8 @@ def _set_background(data: bpy.types.Camera, footage: Footage) -> None:
             bpy.data.images.remove(old.image)
         data.background_images.remove(old)
     image = bpy.data.images.load(str(first_file(footage)), check_existing=False)
+    # Blender makes all paths relative when a .blend is saved for the first time, and no others later.
+    image.filepath = relative(first_file(footage))
     image[IDENTITY] = True
     image.source = "MOVIE" if footage.is_video else "SEQUENCE"
     background = data.background_images.new()
@@ -157,12 +166,17 @@ def _set_output(render: bpy.types.RenderSettings, footage: Footage) -> None:
     render.filepath = path
 
 
+def _sounds(scene: bpy.types.Scene) -> list[bpy.types.Strip]:
+    """The strips of the clip's sound."""
+    editor = scene.sequence_editor
+    return [s for s in editor.strips if s.name.startswith(SOUND)] if editor is not None else []
+
+
 def _set_sound(scene: bpy.types.Scene, footage: Footage) -> None:
     """The clip's sound as a strip of the scene, so that movie output carries it."""
     editor = scene.sequence_editor
-    if editor is not None:
-        for strip in [s for s in editor.strips if s.name.startswith(SOUND)]:
-            editor.strips.remove(strip)
+    for strip in _sounds(scene):
+        editor.strips.remove(strip)
     if not footage.is_video:
         return
     editor = editor or scene.sequence_editor_create()
@@ -174,5 +188,6 @@ def _set_sound(scene: bpy.types.Scene, footage: Footage) -> None:
     if strip.frame_duration <= 1:
         editor.strips.remove(strip)
         return
+    strip.sound.filepath = relative(footage.path)
     # The clip's first picture is frame 1, whatever range is rendered.
     strip.frame_start = 1

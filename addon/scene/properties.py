@@ -147,6 +147,16 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
     camera: PointerProperty(type=bpy.types.Object, name="Camera")
     points: PointerProperty(type=bpy.types.Object, name="Point Cloud")
     aperture: PointerProperty(type=bpy.types.Object, name="Virtual Cameras")
+    clip_identity: StringProperty(
+        name="Identity", description="What the solved clip is recognised by", options={"HIDDEN"}
+    )
+    clip_name: StringProperty(name="Name", description="Name of the solved clip", options={"HIDDEN"})
+    clip_first: IntProperty(
+        name="First Frame", description="Of the frames that were solved", options={"HIDDEN"}
+    )
+    clip_last: IntProperty(
+        name="Last Frame", description="Of the frames that were solved", options={"HIDDEN"}
+    )
     method: EnumProperty(
         name="Method",
         description="How views are synthesized",

@@ -21,7 +21,9 @@ from ..core.masks import Masks, open_masks
 from ..core.recent import Recent
 from ..core.reconstruction import Reconstruction
 from . import exr, store
+from .clip import solved_clip_path
 from .masks import DrawnMask, drawn_mask
+from .paths import absolute
 
 if TYPE_CHECKING:
     from .properties import VirtualApertureSettings
@@ -87,8 +89,8 @@ def shot_of(scene: bpy.types.Scene) -> Shot:
     global _last
     settings = scene.virtual_aperture
     mesh = points_mesh(settings)
-    path = footage_path(settings)
-    depth_path, masks_path = (bpy.path.abspath(p) for p in (settings.depth_maps, settings.masks))
+    path = solved_clip_path(settings)
+    depth_path, masks_path = (str(absolute(p)) if p else "" for p in (settings.depth_maps, settings.masks))
     drawn = settings.mask
     key = (str(mesh.get(IDENTITY)), str(path), depth_path, masks_path, drawn.name_full if drawn else "")
     if _last is None or _last[0] != key or _was_redrawn(_last[1], drawn, scene.frame_current):
@@ -118,13 +120,6 @@ def points_mesh(settings: VirtualApertureSettings) -> bpy.types.Mesh:
     if settings.points is None or settings.points.type != "MESH":
         raise UserError("the scene has no solved clip; choose a clip and solve it first")
     return settings.points.data
-
-
-def footage_path(settings: VirtualApertureSettings) -> Path:
-    """The clip's path, with Blender's // resolved."""
-    if not settings.footage:
-        raise UserError("no clip is chosen")
-    return Path(bpy.path.abspath(settings.footage)).resolve()
 
 
 def forget() -> None:

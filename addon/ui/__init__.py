@@ -5,10 +5,11 @@ from __future__ import annotations
 import bpy
 
 from ..render import engine, main_thread
-from ..scene import properties, shot
+from ..scene import clip, paths, properties, shot
 from . import (
     choose_clip,
     engine_panels,
+    find_clip,
     focus,
     import_solve,
     inspect,
@@ -21,6 +22,7 @@ CLASSES = (
     *engine.CLASSES,
     *choose_clip.CLASSES,
     *operators.CLASSES,
+    *find_clip.CLASSES,
     *focus.CLASSES,
     *import_solve.CLASSES,
     *inspect.CLASSES,
@@ -34,6 +36,7 @@ def register() -> None:
     for cls in CLASSES:
         bpy.utils.register_class(cls)
     engine_panels.register()
+    paths.register()
     points_overlay.register()
     main_thread.start()
 
@@ -41,7 +44,9 @@ def register() -> None:
 def unregister() -> None:
     """Undo `register` in reverse order, and close the open clip."""
     main_thread.stop()
+    paths.unregister()
     engine_panels.unregister()
+    clip.forget()
     points_overlay.unregister()
     shot.forget()
     for cls in reversed(CLASSES):

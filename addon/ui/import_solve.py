@@ -12,8 +12,8 @@ from ..core.footage import Footage, open_footage
 from ..core.readers import read_reconstruction
 from ..core.readers.matching import Imported
 from ..core.solve_folder import holds_solve, keep_import
+from ..scene.clip import footage_path
 from ..scene.movieclip import read_movie_clip
-from ..scene.shot import footage_path
 from .operators import Result, bring_in, has_clip, report_hidden, reported, work_dir
 
 
@@ -50,10 +50,10 @@ class _Import:
             self.ask()
             return {"CANCELLED"}
         keep_import(found, footage, folder)
-        solve = bring_in(context.scene, footage, folder)
+        solve, refocus = bring_in(context.scene, footage, folder)
         report_hidden(self, context.scene)
         self.report({"INFO"}, f"{found.format}: {solve.summary}")
-        for note in found.notes:
+        for note in (*found.notes, *([refocus] if refocus else [])):
             self.report({"WARNING"}, note)
         return {"FINISHED"}
 

@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import bpy
 
+from ..core.counting import counted
 from ..core.errors import UserError
 from ..core.footage import Footage
 from ..core.solve import SolveProcess
-from ..core.solve_folder import STATE, Solve, default_work_dir, load_solve
+from ..core.solve_folder import STATE, Solve, default_work_dir, identity, imported_from, load_solve
+from ..scene import aperture_cloud
 from ..scene.build import build
+from ..scene.clip import footage_path, solved_clip_path
 from ..scene.lens import is_in_focus
+from ..scene.paths import absolute
 from ..scene.properties import focal_of, lens_settings
-from ..scene.shot import footage_path, reconstruction_of
+from ..scene.refocus import keep_focus, restore_focus
+from ..scene.shot import reconstruction_of
 from . import after_solve
 from .words import WORDS
 
@@ -67,7 +73,7 @@ def reported(
 def work_dir(settings: Any) -> Path:
     """The working folder that is set, or the default one beside the .blend (or beside the clip)."""
     if settings.work_dir:
-        return Path(bpy.path.abspath(settings.work_dir)).resolve()
+        return absolute(settings.work_dir)
     clip = footage_path(settings)
     beside = Path(bpy.data.filepath).parent if bpy.data.filepath else clip.parent
     return default_work_dir(clip, beside)
@@ -78,9 +84,11 @@ def is_kept(settings: Any) -> bool:
     return bool(settings.footage) and (work_dir(settings) / STATE).exists()
 
 
-def bring_in(scene: bpy.types.Scene, footage: Footage, folder: Path) -> Solve:
-    """Build the solve of the clip that a working folder keeps into a scene."""
+def bring_in(scene: bpy.types.Scene, footage: Footage, folder: Path) -> tuple[Solve, str]:
+    """Build the solve of the clip that a working folder keeps into a scene; what became of its focus, if that
+    is worth telling."""
     solve = load_solve(folder)
+    kept = keep_focus(scene.virtual_aperture, identity(footage.path))
     points = scene.virtual_aperture.points
     if points is not None and points.mode == "EDIT":
         # A mesh cannot be filled there. The window may show another scene meanwhile.
@@ -89,8 +97,23 @@ def bring_in(scene: bpy.types.Scene, footage: Footage, folder: Path) -> Solve:
             bpy.ops.object.mode_set(mode="OBJECT")
     settings = build(scene, footage, solve.reconstruction)
     settings.summary, settings.advice = solve.summary, solve.worth.advice
+    note = ""
+    if kept is not None:
+        note = restore_focus(settings, kept, solve.reconstruction)
+        aperture_cloud.update(settings)
     after_solve.show(scene, solve.reconstruction)
-    return solve
+    return solve, note
+
+
+def kept_words(folder: Path) -> str:
+    """What a working folder keeps, in a line, for who is about to replace it."""
+    made = time.strftime("%d %B %Y, %H:%M", time.localtime((folder / STATE).stat().st_mtime))
+    try:
+        worth, kind = load_solve(folder).worth, imported_from(folder) or "Solve"
+    except UserError:
+        # Its clip is gone, or it is damaged.
+        return f"Solve of {made}"
+    return f"{kind} of {made}: {worth.registered} of {worth.frames} frames, {counted(worth.points, 'point')}"
 
 
 def report_hidden(operator: bpy.types.Operator, scene: bpy.types.Scene) -> None:
@@ -112,13 +135,23 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
         description="Solve even where the working folder holds a solve",
         options={"SKIP_SAVE"},
     )
+    sure: bpy.props.BoolProperty(
+        name="Do Not Ask", description="The user was asked", options={"SKIP_SAVE", "HIDDEN"}
+    )
 
+    _running: SolveProcess | None = None
+    """Of the class: the solve that is under way in this Blender."""
+    _asks = False
     _process: SolveProcess | None = None
     _timer: bpy.types.Timer | None = None
     _scene = ""
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
+        running = VIRTUAL_APERTURE_OT_solve._running
+        if running is not None and running.is_running:
+            cls.poll_message_set("A clip is being solved; ESC cancels it")
+            return False
         return has_clip(cls, context)
 
     def _start(self, context: bpy.types.Context) -> SolveProcess:
@@ -135,6 +168,10 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
 
     @reported
     def execute(self, context: bpy.types.Context) -> Result:
+        if self._asks:
+            # The answer to the question comes here; the work is for the modal operator.
+            bpy.ops.virtual_aperture.solve("INVOKE_DEFAULT", again=True, sure=True)
+            return {"CANCELLED"}
         self._process = self._start(context)
         try:
             self._process.wait()
@@ -142,11 +179,20 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
             self._process.cancel()
         return self._finish()
 
-    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> Result:
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
         if bpy.app.background:
             return self.execute(context)
+        settings = context.scene.virtual_aperture
+        if self.again and not self.sure and is_kept(settings):
+            self._asks = True
+            folder = work_dir(settings)
+            answer: Result = context.window_manager.invoke_confirm(
+                self, event, title=f"Replace the solve in {folder.name}?", message=kept_words(folder),
+                confirm_text="Solve Again",
+            )  # fmt: skip
+            return answer
         try:
-            self._process = self._start(context)
+            self._process = VIRTUAL_APERTURE_OT_solve._running = self._start(context)
         except UserError as error:
             self.report({"ERROR"}, error.told(WORDS))
             return {"CANCELLED"}
@@ -154,6 +200,7 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
         self._timer = manager.event_timer_add(0.1, window=context.window)
         manager.progress_begin(0, 100)
         manager.modal_handler_add(self)
+        _redraw(context)
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
@@ -176,11 +223,15 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
             self._end(context)
             self.report({"ERROR"}, error.told(WORDS))
             return {"CANCELLED"}
+        except Exception:
+            # Else the worker would go on, and the folder stay locked, without anybody to end it.
+            self._end(context)
+            raise
 
     def cancel(self, _context: bpy.types.Context) -> None:
-        """Called by Blender when another file is loaded meanwhile."""
-        assert self._process is not None
-        self._process.cancel()
+        """Called by Blender when another file is loaded meanwhile, or the question is answered by no."""
+        if self._process is not None:
+            self._process.cancel()
 
     def _finish(self) -> Result:
         assert self._process is not None
@@ -189,8 +240,10 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
             raise UserError(
                 f"the scene {self._scene!r} is gone; the solve is kept in {self._process.work_dir}"
             )
-        solve = bring_in(scene, self._process.clip, self._process.work_dir)
+        solve, note = bring_in(scene, self._process.clip, self._process.work_dir)
         report_hidden(self, scene)
+        if note:
+            self.report({"WARNING"}, note)
         self.report({"INFO"}, solve.summary)
         return {"FINISHED"}
 
@@ -202,6 +255,13 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
             self._timer = None
         context.window_manager.progress_end()
         context.workspace.status_text_set(None)
+        _redraw(context)
+
+
+def _redraw(context: bpy.types.Context) -> None:
+    """Let buttons show whether they can be pressed now."""
+    for area in context.screen.areas:
+        area.tag_redraw()
 
 
 class _Render:
@@ -217,6 +277,7 @@ class _Render:
         settings = context.scene.virtual_aperture
         try:
             lens_settings(settings, reconstruction_of(settings))
+            solved_clip_path(settings)
         except UserError as error:
             self.report({"ERROR"}, error.told(WORDS))  # type: ignore[attr-defined]
             return {"CANCELLED"}

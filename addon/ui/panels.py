@@ -9,7 +9,7 @@ import bpy
 from ..core.counting import counted
 from ..scene import masks
 from ..scene.lens import is_in_focus
-from . import after_solve, choose_clip, focus, import_solve, inspect, operators
+from . import after_solve, choose_clip, focus, import_solve, inspect, notices, operators
 from .text import wrapped
 
 PRIMARY = 1.4
@@ -54,6 +54,7 @@ class VIRTUAL_APERTURE_PT_clip(_Panel, bpy.types.Panel):  # noqa: N801
             text=Path(settings.footage).name or "Choose Clip",
             icon="FILE_MOVIE" if settings.footage else "FILEBROWSER",
         )
+        notices.draw_clip(layout, context)
         layout.prop(settings, "lens")
         if settings.lens == "GIVEN":
             layout.prop(settings, "equivalent")
@@ -170,6 +171,7 @@ class VIRTUAL_APERTURE_PT_render(_Panel, bpy.types.Panel):  # noqa: N801
         column.prop(scene, "frame_end", text="End")
         layout.prop(scene.render, "filepath", text="Output")
         wrapped(layout, context, output_words(scene), icon="OUTPUT")
+        notices.draw_ignored(layout, context)
         layout.operator(operators.VIRTUAL_APERTURE_OT_render_frame.bl_idname, icon="RENDER_STILL")
         row = layout.row()
         row.scale_y = PRIMARY

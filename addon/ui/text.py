@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
-
 import blf
 import bpy
 
@@ -12,8 +10,6 @@ POINTS = 11
 """Size of the interface's text."""
 MARGIN = 85
 """Pixels of a panel's width that its text does not get, at a resolution scale of 1."""
-NARROW = 12
-"""Characters that a line holds at least."""
 
 
 def wrapped(
@@ -36,8 +32,13 @@ def width_of(context: bpy.types.Context) -> float:
 
 
 def lines(text: str, width: float, scale: float = 1.0) -> list[str]:
-    """The text in lines of about `width` pixels."""
+    """The text in lines of at most `width` pixels, but for words that are wider."""
     blf.size(FONT, POINTS * scale)
-    whole, _ = blf.dimensions(FONT, text)
-    fit = int(len(text) * width / whole) if whole > 0 else len(text)
-    return textwrap.wrap(text, max(fit, NARROW))
+    found: list[str] = []
+    for word in text.split():
+        longer = f"{found[-1]} {word}" if found else word
+        if found and blf.dimensions(FONT, longer)[0] <= width:
+            found[-1] = longer
+        else:
+            found.append(word)
+    return found

@@ -1,0 +1,112 @@
+"""The clip of a scene's solve: whether the path leads to it, and where it is if not."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import bpy
+
+from ..core.errors import Remedy, UserError
+from ..core.find_clip import clip_exists, clip_identity, find_clip, is_clip
+from ..core.solve_folder import default_work_dir, recorded_clip
+from .paths import absolute
+
+if TYPE_CHECKING:
+    from .properties import VirtualApertureSettings
+
+LOOK_AGAIN = 3.0
+"""Seconds until a clip that was not found is looked for again: panels ask with every redraw."""
+
+
+@dataclass(frozen=True)
+class Trouble:
+    """Why the chosen clip is not the one that was solved."""
+
+    text: str
+    """For the user: what is wrong."""
+    is_missing: bool
+    """Nothing is where the path leads; else it leads to another clip."""
+    found: Path | None = None
+    """Where the solved clip lies instead."""
+
+
+_searches: dict[tuple[str, ...], tuple[float, Path | None]] = {}
+
+
+def footage_path(settings: VirtualApertureSettings) -> Path:
+    """The path of the chosen clip, with Blender's // resolved; UserError where none is chosen."""
+    if not settings.footage:
+        raise UserError("no clip is chosen")
+    return absolute(settings.footage)
+
+
+def solved_clip_path(settings: VirtualApertureSettings) -> Path:
+    """Where the clip of the scene's solve lies: where the path leads, or where it was found again.
+
+    UserError where another clip is chosen, or it is not found. What older versions built knows no identity:
+    there the path is taken as it is.
+    """
+    path = footage_path(settings)
+    trouble = trouble_with(settings)
+    if trouble is None:
+        return path
+    if trouble.found is None:
+        raise UserError(trouble.text, *(() if trouble.is_missing else (Remedy.SOLVE,)))
+    return trouble.found
+
+
+def trouble_with(settings: VirtualApertureSettings) -> Trouble | None:
+    """What is wrong with the path of the clip that was solved; None where nothing is, or nothing is solved.
+
+    Cheap while nothing changes.
+    """
+    if settings.points is None or not settings.footage or not settings.clip_identity:
+        return None
+    path, wanted, name = footage_path(settings), settings.clip_identity, settings.clip_name
+    if not clip_exists(path):
+        found = _found(settings, path)
+        if found is not None:
+            return Trouble(
+                f"the clip {path.name} is not in {path.parent}; it was found in {found.parent}", True, found
+            )
+        text = (
+            f"the clip {name} is not in {path.parent}, nor beside the .blend or below it; put it there, or"
+            " show where it is with Find Clip"
+        )
+        return Trouble(text, True)
+    if clip_identity(path) == wanted:
+        return None
+    if path.name == name:
+        text = (
+            f"the clip {path} is another one than the {name} that was solved; solve it, or put the other one"
+            " back"
+        )
+    else:
+        text = (
+            f"the scene's solve is of {name}, the clip chosen is {path.name}; solve it, or choose {name}"
+            " again"
+        )
+    return Trouble(text, False)
+
+
+def _found(settings: VirtualApertureSettings, path: Path) -> Path | None:
+    beside = Path(bpy.data.filepath).parent if bpy.data.filepath else None
+    work_dir = absolute(settings.work_dir) if settings.work_dir else None
+    key = (str(path), settings.clip_identity, str(beside), str(work_dir))
+    if key in _searches:
+        when, found = _searches[key]
+        if time.monotonic() - when < LOOK_AGAIN or (found and is_clip(found, settings.clip_identity)):
+            return found
+    folders = [work_dir or default_work_dir(path, beside or path.parent)]
+    places = [place for place in map(recorded_clip, folders) if place is not None]
+    found = find_clip(settings.clip_name or path.name, settings.clip_identity, places, beside)
+    _searches[key] = (time.monotonic(), found)
+    return found
+
+
+def forget() -> None:
+    """Look for missing clips anew."""
+    _searches.clear()

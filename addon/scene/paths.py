@@ -1,0 +1,104 @@
+"""Our paths in the .blend: relative to it wherever it is saved, so that its folder can be moved as a whole.
+
+Blender does this for the paths of images and sounds, and not for those of property groups.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import bpy
+from bpy.app.handlers import persistent
+
+PATHS = ("footage", "work_dir", "depth_maps", "masks")
+"""Properties of the settings that are paths."""
+
+_before: list[tuple[str, str, str]] = []
+"""Scene, property and value of the paths that were changed for a file that is being written."""
+
+
+def absolute(path: str) -> Path:
+    """A path of the settings, with Blender's // resolved; as it is in a .blend that was never saved."""
+    if path.startswith("//"):
+        # By the text, as Blender does it: a folder on the way may be a link.
+        path = os.path.normpath(bpy.path.abspath(path))
+    return Path(path).resolve()
+
+
+def relative(path: str | Path, folder: Path | None = None) -> str:
+    """A path as a .blend in a folder keeps it: with // for that folder, which by default is this .blend's.
+
+    As it is where it cannot be relative: on another drive, or in a .blend that was never saved.
+    """
+    text, here = str(path), bpy.data.filepath
+    if folder is None:
+        if not here:
+            return text
+        folder = Path(here).parent
+    if text.startswith("//"):
+        if not here:
+            return text
+        text = bpy.path.abspath(text)
+    try:
+        # Slashes are understood everywhere, backslashes are not.
+        return "//" + os.path.relpath(text, folder).replace(os.sep, "/")
+    except ValueError:
+        return text
+
+
+def _save_pre(filepath: str, _unused: object) -> None:
+    _before.clear()
+    if not filepath:
+        return
+    folder = Path(filepath).absolute().parent
+    for scene in bpy.data.scenes:
+        if scene.library is not None:
+            continue
+        settings = scene.virtual_aperture
+        for name in PATHS:
+            value = getattr(settings, name)
+            kept = relative(value, folder) if value else value
+            if kept != value:
+                _before.append((scene.name, name, value))
+                setattr(settings, name, kept)
+
+
+def _save_post(filepath: str, _unused: object) -> None:
+    here = bpy.data.filepath
+    # A copy lies elsewhere than the file that stays open.
+    if not here or Path(here).parent != Path(filepath).absolute().parent:
+        _restore()
+    _before.clear()
+
+
+def _save_post_fail(_filepath: str, _unused: object) -> None:
+    _restore()
+
+
+def _restore() -> None:
+    for scene, name, value in _before:
+        setattr(bpy.data.scenes[scene].virtual_aperture, name, value)
+    _before.clear()
+
+
+def _handlers() -> list[tuple[list[Callable[..., None]], Callable[..., None]]]:
+    handlers = bpy.app.handlers
+    return [
+        (handlers.save_pre, _save_pre),
+        (handlers.save_post, _save_post),
+        (handlers.save_post_fail, _save_post_fail),
+    ]
+
+
+def register() -> None:
+    """Be called when a .blend is saved, in whichever .blend is open."""
+    for called, ours in _handlers():
+        called.append(persistent(ours))
+
+
+def unregister() -> None:
+    """Undo `register`."""
+    for called, ours in _handlers():
+        called.remove(ours)

@@ -1,0 +1,94 @@
+"""The focus of a scene, kept over a new solve of the same clip."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import bpy
+from bpy_extras.anim_utils import action_get_channelbag_for_slot
+
+from ..core.errors import UserError
+from ..core.focus import Focus
+from ..core.reconstruction import Reconstruction
+from ..core.refocus import carry_focus
+from . import lens
+from .shot import reconstruction_of
+
+if TYPE_CHECKING:
+    from .properties import VirtualApertureSettings
+
+LENGTHS = ("focus_distance", "aperture_radius")
+"""Properties of the lens in scene units, which are other ones after a new solve."""
+
+
+@dataclass(frozen=True)
+class KeptFocus:
+    """What the lens was set to, in terms of the reconstruction that is about to be replaced."""
+
+    reconstruction: Reconstruction
+    focus: Focus
+    frame: int
+    by: str
+    radius: float | None
+    """None while the blur has not chosen it."""
+
+
+def keep_focus(settings: VirtualApertureSettings, clip_identity: str) -> KeptFocus | None:
+    """The scene's focus; None where there is none, or the scene's solve is of another clip."""
+    if settings.points is None or settings.clip_identity != clip_identity:
+        return None
+    focus = Focus(
+        tuple(entry.point for entry in settings.focus_points),
+        settings.focus_distance if settings.focus_distance > 0 else None,
+    )
+    if not focus.points and focus.distance is None:
+        return None
+    radius = settings.aperture_radius if settings.use_radius else None
+    try:
+        old = reconstruction_of(settings)
+    except UserError:
+        return None
+    return KeptFocus(old, focus, settings.focus_frame, settings.focus_by, radius)
+
+
+def restore_focus(settings: VirtualApertureSettings, kept: KeptFocus, new: Reconstruction) -> str:
+    """Put the kept focus into a scene whose clip was solved again; what the user should know, if anything.
+
+    Keys of the distance and of the aperture are brought to the new scale, too.
+    """
+    carried = carry_focus(kept.reconstruction, new, kept.focus, kept.frame)
+    with lens.writing():
+        settings.focus_points.clear()
+        for point in carried.focus.points:
+            settings.focus_points.add().point = point
+        settings.focus_frame = carried.frame
+        settings.focus_distance = carried.focus.distance or 0.0
+        has_points = bool(carried.focus.points)
+        settings.focus_by = kept.by if has_points or not settings.focus_distance else "DISTANCE"
+        settings.use_radius = kept.radius is not None
+        if kept.radius is not None:
+            settings.aperture_radius = kept.radius * carried.scale
+    for name in LENGTHS:
+        _scale_keys(settings, name, carried.scale)
+    if has_points or kept.by != "POINTS" or not kept.focus.points:
+        return ""
+    if settings.focus_distance:
+        return "The points in focus were not found again: the focus stays at their distance; pick it again"
+    return "The points in focus were not found again: pick the focus again"
+
+
+def _scale_keys(settings: VirtualApertureSettings, name: str, scale: float) -> None:
+    animation: bpy.types.AnimData | None = settings.id_data.animation_data
+    if animation is None or animation.action is None:
+        return
+    bag = action_get_channelbag_for_slot(animation.action, animation.action_slot)
+    curve = bag.fcurves.find(settings.path_from_id(name)) if bag is not None else None
+    if curve is None:
+        return
+    for key in curve.keyframe_points:
+        # Assigning the key's own value would move its handles along.
+        left, right = key.handle_left[1] * scale, key.handle_right[1] * scale
+        key.co[1] *= scale
+        key.handle_left[1], key.handle_right[1] = left, right
+    curve.update()

@@ -1,0 +1,70 @@
+"""Showing where a clip is that does not lie where it lay."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+
+from ..core.errors import UserError
+from ..core.find_clip import is_clip
+from ..core.footage import is_pattern, open_footage
+from ..scene.build import move_clip
+from ..scene.paths import absolute
+from .operators import Result, has_solve, reported
+
+
+class VIRTUAL_APERTURE_OT_find_clip(bpy.types.Operator):  # noqa: N801
+    """Show where the solved clip lies now; the solve, the focus and the background stay as they are"""
+
+    bl_idname = "virtual_aperture.find_clip"
+    bl_label = "Find Clip"
+    bl_options = {"UNDO"}  # noqa: RUF012
+
+    filepath: bpy.props.StringProperty(
+        name="Clip", description="The video, or a picture of the sequence", subtype="FILE_PATH",
+        options={"SKIP_SAVE"},
+    )  # fmt: skip
+    filter_movie: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
+    filter_image: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
+    filter_folder: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return has_solve(cls, context)
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> Result:
+        if self.filepath:
+            return self.execute(context)
+        if bpy.data.filepath:
+            self.filepath = f"{Path(bpy.data.filepath).parent}/"
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    @reported
+    def execute(self, context: bpy.types.Context) -> Result:
+        settings = context.scene.virtual_aperture
+        if not settings.clip_identity:
+            raise UserError("this .blend does not tell which clip was solved; choose it as Clip")
+        if not self.filepath:
+            raise UserError(f"no file is chosen; show where {settings.clip_name} is")
+        chosen = absolute(self.filepath)
+        for path in _meant(chosen, settings.clip_name):
+            if is_clip(path, settings.clip_identity):
+                move_clip(context.scene, open_footage(path))
+                self.report({"INFO"}, f"The clip is {settings.footage}")
+                return {"FINISHED"}
+        raise UserError(
+            f"{chosen.name} is not the clip that was solved, {settings.clip_name}; choose that one, or choose"
+            f" {chosen.name} as Clip and solve it"
+        )
+
+
+def _meant(chosen: Path, name: str) -> list[Path]:
+    """What a path in the file browser may stand for: for a sequence, one of its pictures or its folder."""
+    if is_pattern(name):
+        return [chosen.parent / name, chosen / name, chosen]
+    return [chosen, chosen.parent]
+
+
+CLASSES = (VIRTUAL_APERTURE_OT_find_clip,)

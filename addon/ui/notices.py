@@ -1,0 +1,36 @@
+"""What panels tell of what will not go as the user may think."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..scene.clip import trouble_with
+from ..scene.ignored import ignored
+from .find_clip import VIRTUAL_APERTURE_OT_find_clip
+from .operators import VIRTUAL_APERTURE_OT_solve
+from .text import wrapped
+
+
+def draw_clip(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Another clip than the solved one is chosen, or it is not where the path leads: and the way out."""
+    trouble = trouble_with(context.scene.virtual_aperture)
+    if trouble is None:
+        return
+    box = layout.box()
+    wrapped(box, context, trouble.text[0].upper() + trouble.text[1:], icon="ERROR")
+    if not trouble.is_missing:
+        box.operator(VIRTUAL_APERTURE_OT_solve.bl_idname, text="Solve This Clip", icon="TRACKER")
+        return
+    row = box.row(align=True)
+    if trouble.found is not None:
+        here = row.operator(VIRTUAL_APERTURE_OT_find_clip.bl_idname, text="Use It There", icon="CHECKMARK")
+        here.filepath = str(trouble.found)
+    row.operator(VIRTUAL_APERTURE_OT_find_clip.bl_idname, icon="FILE_FOLDER").filepath = ""
+
+
+def draw_ignored(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """What the scene asks for and the render will not give."""
+    if lines := ignored(context.scene):
+        box = layout.box()
+        for line in lines:
+            wrapped(box, context, line, icon="INFO")
