@@ -1,0 +1,67 @@
+"""Scenes to render: made in code, small, so that many renders take little time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from addon.core.reconstruction import Image, Intrinsics, Reconstruction
+
+from ..scenes import slanted_plane, texture
+
+WIDTH, HEIGHT = 160, 90
+FRAMES = (1, 2, 3, 4, 5)
+VIEWS = 192
+"""So many that drawing them takes several turns of the main thread."""
+
+
+def write_scene(folder: Path) -> Path:
+    """A .blend with a solved clip of five frames, in focus at a distance, our engine and EXR output; the clip
+    beside it."""
+    import bpy
+
+    from addon.core.footage import open_footage
+    from addon.scene.build import build
+
+    lens = Intrinsics(WIDTH, HEIGHT, 150.0, 150.0, WIDTH / 2, HEIGHT / 2)
+    clip = folder / "clip"
+    clip.mkdir(parents=True)
+    solve = slanted_plane(lens, FRAMES)
+    for image in solve.images:
+        cv2.imwrite(str(clip / f"clip_{image.frame:04d}.png"), _seen(solve, image)[..., ::-1])
+    bpy.ops.wm.read_homefile(app_template="", use_factory_startup=True)
+    scene = bpy.context.scene
+    settings = build(scene, open_footage(clip), solve)
+    settings.focus_distance = 6.0
+    settings.views = VIEWS
+    scene.render.filepath = "//frames/####"
+    output = scene.render.image_settings
+    output.file_format, output.color_mode, output.color_depth = "OPEN_EXR", "RGBA", "32"
+    settings.footage = "//clip"
+    blend = folder / "scene.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(blend))
+    return blend
+
+
+def _seen(solve: Reconstruction, image: Image) -> NDArray[np.uint8]:
+    """(H, W, 3) RGB: the textured plane of the solve's points as a camera sees it; the first one sees the
+    texture."""
+    lens = solve.cameras[0]
+    xyz = solve.points.xyz
+    normal = np.linalg.lstsq(xyz, np.ones(len(xyz)), rcond=None)[0]
+    camera = np.array([[lens.fx, 0.0, lens.cx], [0.0, lens.fy, lens.cy], [0.0, 0.0, 1.0]])
+    turn = image.rotation + np.outer(image.translation, normal)
+    warp = camera @ turn @ np.linalg.inv(camera)
+    picture = texture(lens.width, lens.height)
+    seen = cv2.warpPerspective(picture, warp, (lens.width, lens.height), borderMode=cv2.BORDER_REFLECT)
+    return seen.astype(np.uint8)
+
+
+def read_exr(file: Path) -> NDArray[np.float32]:
+    """(H, W, 4) float32, top row first."""
+    from addon.scene.exr import read
+
+    return read(file)

@@ -1,0 +1,246 @@
+"""A Blender in a window, as a user has it before them: mouse and keys go in, its state can be asked for."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from .screen import Screen
+
+ROOT = Path(__file__).resolve().parents[2]
+"""Programs are run in the project's folder: one in a root of its own sees that and /tmp."""
+DRIVER = Path(__file__).with_name("driver.py")
+EXTENSION = "bl_ext.user_default.virtual_aperture"
+START = 60.0
+"""Seconds in which the program must have started."""
+
+
+def blender() -> str | None:
+    """The program: the BLENDER variable, else `blender` on the path."""
+    return shutil.which(os.environ.get("BLENDER") or "blender")
+
+
+def headless(resources: Path, *arguments: str) -> str:
+    """Run Blender without a window; what it printed. AssertionError where it failed."""
+    program = blender()
+    assert program is not None
+    done = subprocess.run(
+        [program, *arguments],
+        env={**os.environ, "BLENDER_USER_RESOURCES": str(resources), "LIBGL_ALWAYS_SOFTWARE": "1"},
+        cwd=ROOT, capture_output=True, text=True, timeout=300,
+    )  # fmt: skip
+    said = done.stdout + done.stderr
+    assert done.returncode == 0, said[-3000:]
+    return said
+
+
+@dataclass(frozen=True)
+class Button:
+    """A button, by what it does, and a place on it, pixels from the screen's top left."""
+
+    does: str
+    x: float
+    y: float
+
+
+class Program:
+    """Blender in the full screen's window, with settings of its own in the folder `resources`.
+
+    `pictures` takes the screenshots. The console is kept in `console`.
+    """
+
+    def __init__(self, screen: Screen, resources: Path, pictures: Path, *arguments: str) -> None:
+        self.screen, self.pictures = screen, pictures
+        pictures.mkdir(parents=True, exist_ok=True)
+        # Sockets' paths must be short.
+        self._folder = resources.parent / f"{resources.name}.window"
+        self._folder.mkdir(exist_ok=True)
+        self.console = self._folder / "console.txt"
+        where = self._folder / f"{time.monotonic_ns()}"
+        listener = socket.socket(socket.AF_UNIX)
+        listener.bind(str(where))
+        listener.listen(1)
+        shutil.copy(DRIVER, self._folder)
+        program = blender()
+        assert program is not None
+        with self.console.open("ab") as console:
+            self._process = subprocess.Popen(
+                [program, "--window-geometry", "0", "0", *map(str, screen.size), *arguments,
+                 "--python", str(self._folder / DRIVER.name), "--", str(where)],
+                env={**screen.environment, "BLENDER_USER_RESOURCES": str(resources)},
+                cwd=ROOT, stdout=console, stderr=subprocess.STDOUT, start_new_session=True,
+            )  # fmt: skip
+        listener.settimeout(START)
+        try:
+            self._connection = listener.accept()[0]
+        except TimeoutError:
+            self.close()
+            raise AssertionError(f"Blender did not start: {self.said()[-3000:]}") from None
+        finally:
+            listener.close()
+        self._answers = self._connection.makefile("r")
+        self.ask("1")
+
+    def close(self) -> None:
+        if self._process.poll() is None:
+            # The program may be a script around Blender.
+            os.killpg(self._process.pid, signal.SIGTERM)
+            try:
+                self._process.wait(10)
+            except subprocess.TimeoutExpired:
+                os.killpg(self._process.pid, signal.SIGKILL)
+                self._process.wait()
+
+    def said(self) -> str:
+        """What Blender printed."""
+        return self.console.read_text(errors="replace")
+
+    # Asking
+
+    def ask(self, question: str, seconds: float = 60.0) -> Any:
+        """The value of a Python expression (after statements) in Blender's driver."""
+        self._connection.settimeout(seconds)
+        self._connection.sendall(json.dumps(question).encode() + b"\n")
+        line = self._answers.readline()
+        if not line:
+            raise AssertionError(f"Blender ended while it was asked {question!r}: {self.said()[-3000:]}")
+        answer = json.loads(line)
+        if "error" in answer:
+            raise AssertionError(f"{question}\n{answer['error']}")
+        return answer["value"]
+
+    def wait(self, question: str, seconds: float = 30.0, every: float = 0.05) -> Any:
+        """Ask until the answer is true; that answer. AssertionError after `seconds`."""
+        until = time.monotonic() + seconds
+        while not (value := self.ask(question)):
+            if time.monotonic() > until:
+                self.shot("timeout")
+                raise AssertionError(f"not true in {seconds:g} s: {question}\n{self.said()[-2000:]}")
+            time.sleep(every)
+        return value
+
+    def settle(self) -> None:
+        """Until Blender has taken in all events and drawn its windows."""
+        for _ in range(3):
+            self.ask("1")
+            time.sleep(0.05)
+
+    def shot(self, name: str) -> Any:
+        """A picture of the screen, kept under a name."""
+        return self.screen.picture(self.pictures / f"{name}.png")
+
+    # Places
+
+    def rectangle(self, kind: str, region: str = "WINDOW", window: int = 0) -> tuple[int, int, int, int]:
+        """Left, top, width, height of a region of the largest area of a kind, pixels on the screen."""
+        left, bottom, width, height = self.ask(f"rectangle({kind!r}, {region!r}, {window})")
+        return left, self.screen.size[1] - bottom - height, width, height
+
+    def middle(self, kind: str, region: str = "WINDOW", window: int = 0) -> tuple[float, float]:
+        left, top, width, height = self.rectangle(kind, region, window)
+        return left + width / 2, top + height / 2
+
+    def buttons(
+        self, kind: str, region: str, across: float = 0.6, step: int = 8, window: int = 0
+    ) -> list[Button]:
+        """Buttons that the mouse meets on its way down a region, at a share of its width."""
+        left, top, width, height = self.rectangle(kind, region, window)
+        found: list[Button] = []
+        for y in range(top + 2, top + height, step):
+            self.screen.move(left + across * width, y)
+            self.ask("1")
+            does = self.ask(f"button_under_mouse({kind!r}, {region!r}, {window})")
+            if does and (not found or found[-1].does != does):
+                found.append(Button(does, left + across * width, y + 3))
+        return found
+
+    def find(self, does: str, kind: str, region: str, across: float = 0.6, window: int = 0) -> Button:
+        """The first button of a region that does this (a part of its operator's call or property's path);
+        the region is scrolled down to it."""
+        seen: list[Button] = []
+        for _ in range(6):
+            now = self.buttons(kind, region, across, window=window)
+            for button in now:
+                if does in button.does:
+                    return button
+            if seen and [b.does for b in now] == [b.does for b in seen]:
+                break
+            seen = now
+            x, y = self.middle(kind, region, window)
+            for _ in range(4):
+                self.screen.click(x, y, 5)
+            self.settle()
+        self.shot("missing_button")
+        raise AssertionError(f"no button {does!r}; there are {[b.does for b in seen]}")
+
+    # Doing
+
+    def press(self, does: str, kind: str = "VIEW_3D", region: str = "UI", across: float = 0.6) -> None:
+        """Find a button, and click it."""
+        button = self.find(does, kind, region, across)
+        self.screen.click(button.x, button.y)
+        self.settle()
+
+    def show_sidebar(self, tab: str) -> None:
+        """N over the 3D viewport, and a click on a tab."""
+        if not self.ask('view("VIEW_3D")["area"].spaces.active.show_region_ui'):
+            self.screen.move(*self.middle("VIEW_3D"))
+            self.settle()
+            self.screen.key("n")
+            self.wait('view("VIEW_3D")["area"].spaces.active.show_region_ui')
+            self.wait('region_of("VIEW_3D", "UI")["region"].width > 50')
+        category = 'region_of("VIEW_3D", "UI")["region"].active_panel_category'
+        left, top, width, height = self.rectangle("VIEW_3D", "UI")
+        for y in range(top + 20, top + height, 30):
+            if self.ask(category) == tab:
+                return
+            self.screen.click(left + width - 8, y)
+            self.settle()
+        raise AssertionError(f"no tab {tab!r}")
+
+    def choose_file(self, file: Path) -> None:
+        """Type a file's path into the file browser that has opened, and accept."""
+        kinds = "[[area.type for area in w.screen.areas] for w in bpy.context.window_manager.windows]"
+        self.wait(f"['FILE_BROWSER'] in {kinds}")
+        window = self.ask(f"{kinds}.index(['FILE_BROWSER'])")
+        self.settle()
+        left, top, width, height = self.rectangle("FILE_BROWSER", "UI", window)
+        self.fill(Button("path", left + 0.35 * width, top + height / 2), str(file))
+        chosen = f"view('FILE_BROWSER', {window})['area'].spaces.active.params.filename"
+        self.wait(f"{chosen} == {file.name!r}")
+        # The path is still being edited; a click beside it ends that.
+        left, top, width, height = self.rectangle("FILE_BROWSER", "WINDOW", window)
+        self.screen.click(left + width / 2, top + height - 40)
+        self.settle()
+        self.shot(f"choose_{file.stem}")
+        left, top, width, height = self.rectangle("FILE_BROWSER", "EXECUTE", window)
+        self.screen.click(left + 0.92 * width, top + height / 2)
+        self.wait(f"['FILE_BROWSER'] not in {kinds}")
+        self.settle()
+
+    # Rendering
+
+    def render(self, *keys: str, seconds: float = 60.0) -> list[str]:
+        """Press the keys that render (F12), wait until Blender has; what its handlers were told, in order."""
+        before = self.ask("len(log)")
+        self.screen.key(*(keys or ("F12",)))
+        self.wait(f"[w for w, _ in log[{before}:] if w == 'idle']", seconds)
+        told: list[str] = self.ask(f"[w for w, _ in log[{before}:]]")
+        return told
+
+    def fill(self, button: Button, text: str) -> None:
+        """Double click a text field, replace what is in it, Enter."""
+        self.screen.double_click(button.x, button.y)
+        self.settle()
+        self.screen.key("ctrl+a")
+        self.screen.type(text)
+        self.screen.key("Return")
+        self.settle()

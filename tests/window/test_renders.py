@@ -1,0 +1,90 @@
+"""F12 in every "Render In" mode: each picture is the headless one, to the bit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from addon.core.footage import encode_srgb
+
+from .clips import FRAMES, read_exr, write_scene
+from .conftest import PICTURES
+from .program import EXTENSION, Program, headless
+from .screen import Screen
+
+MODES = ("WINDOW", "SCREEN", "AREA", "NONE")
+COUNT = 10
+"""Renders in each mode."""
+
+
+@pytest.fixture(scope="module")
+def blend(folder: Path, registered: None) -> Path:
+    return write_scene(folder / "small")
+
+
+@pytest.fixture(scope="module")
+def expected(blend: Path, resources: Path) -> dict[int, np.ndarray]:
+    """The frames as Blender renders them without a window."""
+    out = blend.parent / "headless"
+    headless(resources, "-b", str(blend), "-o", f"{out}/####", "-a")
+    frames = {frame: read_exr(out / f"{frame:04d}.exr") for frame in FRAMES}
+    assert all(picture[..., :3].std() > 0.05 for picture in frames.values()), "the frames show nothing"
+    return frames
+
+
+@pytest.fixture(scope="module")
+def program(small_screen: Screen, resources: Path, blend: Path) -> Iterator[Program]:
+    """Blender with the small scene open, its windows drawn anew all the time."""
+    made = Program(small_screen, resources, PICTURES / "renders")
+    made.screen.move(*made.middle("VIEW_3D"))
+    made.screen.key("Escape")
+    # Timers run in the order in which they began: ours before the extension's, so that each of its turns
+    # finds the context of another window.
+    made.ask("bpy.app.timers.register(redraw, persistent=True)")
+    made.ask(f"bpy.ops.preferences.addon_disable(module={EXTENSION!r})")
+    made.ask(f"bpy.ops.preferences.addon_enable(module={EXTENSION!r})")
+    made.ask(f"bpy.ops.wm.open_mainfile(filepath={str(blend)!r}); None")
+    yield made
+    made.close()
+
+
+def likeness(shot: np.ndarray, picture: np.ndarray) -> float:
+    """Correlation, at most 1, of a rendered picture (linear light) with the best place on the screen, 1:1."""
+    display = np.clip(encode_srgb(picture[..., :3]) * 255, 0, 255).astype(np.uint8)
+    return float(cv2.matchTemplate(shot, display, cv2.TM_CCOEFF_NORMED).max())
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_ten_renders_are_the_headless_ones(
+    program: Program, mode: str, expected: dict[int, np.ndarray]
+) -> None:
+    # With the layout of windows that the file holds.
+    program.ask("bpy.ops.wm.open_mainfile(filepath=bpy.data.filepath)")
+    program.settle()
+    program.ask(f"bpy.context.preferences.view.render_display_type = {mode!r}")
+    wrong = []
+    for n in range(COUNT):
+        frame = FRAMES[n % len(FRAMES)]
+        if n == COUNT // 2 and mode != "WINDOW":
+            # A second one, as "New Window" makes it.
+            program.ask("bpy.ops.wm.window_new()")
+            program.settle()
+        program.ask(f"bpy.context.scene.frame_set({frame})")
+        told = program.render()
+        file = program.pictures / f"{mode}_{n}.exr"
+        file.unlink(missing_ok=True)
+        if problem := program.ask(f"save_result({str(file)!r})"):
+            wrong.append(f"render {n}, frame {frame}: {problem}")
+        elif not np.array_equal(picture := read_exr(file), expected[frame]):
+            away = float(np.abs(picture - expected[frame]).max())
+            wrong.append(f"render {n}, frame {frame}: differs by up to {away:g}, {told}")
+        if n in (0, COUNT - 1):
+            program.settle()
+            seen = likeness(program.shot(f"{mode}_{n}"), expected[frame])
+            if mode != "NONE" and seen < 0.98:
+                wrong.append(f"render {n}, frame {frame}: the screen shows nothing like it: {seen:.2f}")
+    assert not wrong, "\n".join(wrong)
