@@ -36,6 +36,8 @@ from .visibility import visible_points
 TOLD_SIGMA = 0.1
 """Relative standard deviation of what files say of the lens: video is cropped more than photos are."""
 ZOOMED = "the picture agrees with a lens that zooms; if it does not, give its focal length"
+PATIENCE = 5.0
+"""Seconds in which a process that ends has let go of all that it held."""
 MOVING = "moving.npz"
 """Tracks that no scene that stands still explains: frame, track and xy of every sighting."""
 
@@ -137,9 +139,14 @@ def _end_with_parent(folder: Path) -> None:
     # The solve goes on beside us and may put a file into a folder that is being emptied.
     while folder.exists():
         shutil.rmtree(folder, ignore_errors=True)
-    # The lock ended with its owner, its file did not. Whoever solves there already keeps it.
-    with contextlib.suppress(UserError, OSError):
-        FolderLock(folder.parent).release()
+    # The lock ends with its owner, its file does not. Our pipe may be closed a moment before the lock is, and
+    # whoever solves there already keeps it.
+    until = time.monotonic() + PATIENCE
+    while time.monotonic() < until:
+        with contextlib.suppress(UserError, OSError):
+            FolderLock(folder.parent).release()
+            break
+        time.sleep(0.05)
     os._exit(1)
 
 
