@@ -135,6 +135,10 @@ def test_a_repainted_clip_gives_other_keys(ready: bpy.types.Scene, tmp_path: Pat
     picture[10:20, 10:20] = 255 - picture[10:20, 10:20]
     cv2.imwrite(str(path), picture)
     shot.forget()
+    with pytest.raises(UserError, match="is another one than the clip that was solved"):
+        rendered(ready, out)
+    # What older versions built does not know its clip.
+    ready.virtual_aperture.clip_identity = ""
     with pytest.raises(UserError, match="made from something else"):
         rendered(ready, out)
 

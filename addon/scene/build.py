@@ -11,9 +11,10 @@ from pathlib import Path
 
 import bpy
 
+from ..core.clip_identity import identity
 from ..core.footage import Footage
 from ..core.reconstruction import Reconstruction
-from ..core.solve_folder import default_work_dir, identity
+from ..core.solve_folder import default_work_dir
 from . import aperture_cloud, camera, lens, point_cloud, store
 from .paths import relative
 from .properties import VirtualApertureSettings

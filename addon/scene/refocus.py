@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import bpy
 from bpy_extras.anim_utils import action_get_channelbag_for_slot
 
 from ..core.errors import UserError
+from ..core.find_clip import is_clip
 from ..core.focus import Focus
 from ..core.reconstruction import Reconstruction
 from ..core.refocus import carry_focus
@@ -34,9 +36,9 @@ class KeptFocus:
     """None while the blur has not chosen it."""
 
 
-def keep_focus(settings: VirtualApertureSettings, clip_identity: str) -> KeptFocus | None:
+def keep_focus(settings: VirtualApertureSettings, clip: Path) -> KeptFocus | None:
     """The scene's focus; None where there is none, or the scene's solve is of another clip."""
-    if settings.points is None or settings.clip_identity != clip_identity:
+    if settings.points is None or not is_clip(clip, settings.clip_identity):
         return None
     focus = Focus(
         tuple(entry.point for entry in settings.focus_points),

@@ -16,7 +16,8 @@ from ..core.errors import UserError, with_words
 from ..core.footage import Footage
 from ..core.progress import Cancelled, reporting
 from ..core.solve import Progress, SolveProcess
-from ..core.solve_folder import STATE, Solve, default_work_dir, identity, imported_from, load_solve
+from ..core.solve_folder import Solve, default_work_dir, imported_from, load_solve
+from ..core.solve_state import STATE
 from ..panel_words import WORDS
 from ..scene import aperture_cloud
 from ..scene.build import build
@@ -93,8 +94,8 @@ def is_kept(settings: Any) -> bool:
 def bring_in(scene: bpy.types.Scene, footage: Footage, folder: Path) -> tuple[Solve, str]:
     """Build the solve of the clip that a working folder keeps into a scene; what became of its focus, if that
     is worth telling."""
-    solve = load_solve(folder)
-    kept = keep_focus(scene.virtual_aperture, identity(footage.path))
+    solve = load_solve(folder, footage.path)
+    kept = keep_focus(scene.virtual_aperture, footage.path)
     points = scene.virtual_aperture.points
     if points is not None and points.mode == "EDIT":
         # A mesh cannot be filled there. The window may show another scene meanwhile.
