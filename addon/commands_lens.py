@@ -34,14 +34,14 @@ def add_lens(command: argparse.ArgumentParser, required: bool) -> None:
         "--focus-at", metavar="X,Y[@FRAME]", help="place in the picture, 0,0 top left, 1,1 bottom right"
     )
     focus.add_argument("--focus-point", type=int, nargs="+", metavar="ID", help="feature points in focus")
-    focus.add_argument("--focus-distance", type=float, metavar="D", help="depth in scene units")
+    focus.add_argument("--focus-distance", type=float, metavar="D", help="depth in the model's own unit")
     blur = command.add_mutually_exclusive_group()
     blur.add_argument(
         "--blur", type=float, metavar="F",
         help=f"farthest background's blur disc as a share of the image width (default {DEFAULT_BLUR})",
     )  # fmt: skip
     blur.add_argument(
-        "--aperture-radius", type=float, metavar="R", help="radius of the aperture in scene units"
+        "--aperture-radius", type=float, metavar="R", help="radius of the aperture in the model's own unit"
     )
     command.add_argument(
         "--depth", type=Path, metavar="DIR", help="your own depth maps: EXR or 16-bit PNG, any scale and kind"

@@ -28,7 +28,7 @@ from .errors import Remedy, UserError
 from .folder_lock import FolderLock
 from .footage import Footage, open_footage
 from .readers.matching import Imported
-from .reconstruction import Ints, Reconstruction, normalise
+from .reconstruction import Ints, Reconstruction, upright
 from .solve_report import Report, report
 
 STATE = "solve.json"
@@ -237,9 +237,9 @@ def imported_from(work_dir: Path) -> str | None:
 
 
 def keep_import(found: Imported, footage: Footage, work_dir: Path) -> None:
-    """Keep another program's solve as if it were our own; UserError where the folder holds something else, or
-    is being solved into."""
-    reconstruction = normalise(found.reconstruction)
+    """Keep another program's solve, in its own unit, as if it were our own; UserError where the folder holds
+    something else, or is being solved into."""
+    reconstruction = upright(found.reconstruction)
     staging = Staging(work_dir)
     try:
         _state_of(work_dir, footage)
