@@ -234,7 +234,17 @@ class Program:
         self.screen.key(*(keys or ("F12",)))
         self.wait(f"[w for w, _ in log[{before}:] if w == 'idle']", seconds)
         told: list[str] = self.ask(f"[w for w, _ in log[{before}:]]")
+        # What the job reported is shown when its operator ends, which is at the next event.
+        self.screen.nudge()
+        self.settle()
         return told
+
+    def close_window(self) -> None:
+        """Close the window in front, by the window manager's key."""
+        before = self.ask("len(bpy.context.window_manager.windows)")
+        self.screen.key("alt+F4")
+        self.wait(f"len(bpy.context.window_manager.windows) == {before - 1}")
+        self.settle()
 
     def fill(self, button: Button, text: str) -> None:
         """Double click a text field, replace what is in it, Enter."""

@@ -50,6 +50,11 @@ class Screen:
     def move(self, x: float, y: float) -> None:
         self._xdotool("mousemove", str(round(x)), str(round(y)))
 
+    def nudge(self) -> None:
+        """Move the mouse by a pixel and back."""
+        for by in ("1", "-1"):
+            self._xdotool("mousemove_relative", "--", by, "0")
+
     def click(self, x: float, y: float, button: int = 1) -> None:
         """Move there, and click; 4 and 5 are the wheel up and down."""
         self.move(x, y)
