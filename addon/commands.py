@@ -6,6 +6,7 @@ import argparse
 import contextlib
 import os
 import shutil
+import signal
 import sys
 from pathlib import Path
 
@@ -14,6 +15,7 @@ import bpy
 from . import commands_inspect, commands_solve
 from .commands_lens import add_lens, check_numbers, say, scene_of, set_lens
 from .commands_words import WORDS
+from .core.counting import counted
 from .core.errors import UserError
 from .core.footage import Footage, FrameRange, open_footage
 from .core.solve_folder import Solve, default_work_dir, load_solve
@@ -21,9 +23,11 @@ from .core.solve_report import ranges
 from .render import engine, output
 from .render.account import Account, check_report
 from .render.average import no_gpu_note
+from .render.frame_keys import run_key
 from .render.gpu_views import gpu_problem
 from .render.quiet import quiet
 from .scene.build import move_clip
+from .scene.shot import shot_of
 
 
 def parser() -> argparse.ArgumentParser:
@@ -163,16 +167,17 @@ def _render(solved: Solve, options: argparse.Namespace) -> None:
     frames = list(shown)
     least, most = output.plan_all(scene, frames)
     count = str(least) if least == most else f"{least} to {most}"
-    say(f"rendering {len(frames)} frames with {count} views each")
+    say(f"rendering {counted(len(frames), 'frame')} with {count} {'view' if most == 1 else 'views'} each")
     carried = [f for f in frames if f not in solved.reconstruction.frames]
     if carried:
-        say(f"{len(carried)} frames are not registered; neighbours lend their cameras: {ranges(carried)}")
+        missing = f"{counted(len(carried), 'frame')} not registered"
+        say(f"{missing}; neighbours lend their cameras: {ranges(carried)}")
     # Started here, because Blender starts it noisily itself when the engine asks for a context.
     problem = gpu_problem()
     if problem:
         say(no_gpu_note(problem))
     account = Account(
-        options.report.absolute() if options.report else None, output.run_key(scene), options.overwrite
+        options.report.absolute() if options.report else None, run_key(scene), options.overwrite
     )
     silent = contextlib.nullcontext(1) if options.debug else quiet(1)
     with silent as descriptor, engine.telling(account.told):
@@ -184,6 +189,11 @@ def _render(solved: Solve, options: argparse.Namespace) -> None:
             output.render_movie(scene, frames, out, report)
         else:
             output.render_sequence(scene, frames, out, options.overwrite, report)
+    if repaired := shot_of(scene).repaired:
+        say(
+            f"{sum(repaired.values())} pixels of {len(repaired)} frames were not finite (NaN or infinite) and"
+            f" were filled from around: {ranges(sorted(repaired))}"
+        )
     if told := account.summary(frames):
         say(told)
     if lacking := account.lacks(frames):
@@ -191,9 +201,20 @@ def _render(solved: Solve, options: argparse.Namespace) -> None:
     say(f"wrote {options.out}")
 
 
+class _Terminated(KeyboardInterrupt):
+    """Whoever runs the command wants it to end, as farms do before they kill."""
+
+
+def _terminate(_number: int, _frame: object) -> None:
+    raise _Terminated
+
+
 def run_command(arguments: list[str]) -> int:
     """Run one command: 0, or non-zero after one readable line on standard error."""
     options = parser().parse_args(arguments)
+    # Blender's program has a handler of its own for Ctrl-C, which only ends the frame under way.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGTERM, _terminate)
     try:
         options.command(options)
     except UserError as error:
@@ -201,9 +222,9 @@ def run_command(arguments: list[str]) -> int:
             raise
         print(f"error: {error.told(WORDS)}", file=sys.stderr, flush=True)
         return 1
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as error:
         print("error: interrupted; finished frames are kept", file=sys.stderr, flush=True)
-        return 130
+        return 128 + (signal.SIGTERM if isinstance(error, _Terminated) else signal.SIGINT)
     except Exception as error:  # one readable line for everybody, the traceback for those who ask
         if options.debug:
             raise

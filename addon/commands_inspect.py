@@ -14,9 +14,10 @@ from .core.errors import UserError
 from .core.frame_report import FrameReport
 from .core.inspection import NAMES, Shown
 from .core.solve_folder import load_solve
-from .render import engine, output
+from .render import output
 from .render.account import Inspector, replaced, write_picture
 from .render.average import no_gpu_note, render_frame
+from .render.frame_size import render_size
 from .render.gpu_views import gpu_problem
 from .render.quiet import quiet
 from .scene.properties import lens_settings
@@ -73,7 +74,7 @@ def _inspected(scene: bpy.types.Scene, frame: int, debug: bool) -> tuple[dict[st
     if problem:
         say(no_gpu_note(problem))
     shot, inspector = shot_of(scene), Inspector()
-    lens, size = lens_settings(scene.virtual_aperture, shot.reconstruction), engine.render_size(scene.render)
+    lens, size = lens_settings(scene.virtual_aperture, shot.reconstruction), render_size(scene.render)
     with contextlib.nullcontext(1) if debug else quiet(1):
         render_frame(shot, frame, lens, size, lambda note: None, inspector.told)
     assert inspector.report is not None

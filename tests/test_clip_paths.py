@@ -131,6 +131,25 @@ def test_paths_are_relative_in_what_is_saved(scene: bpy.types.Scene, tmp_path: P
     assert clip.solved_clip_path(settings) == tmp_path / "a" / "desk.mp4"
 
 
+def test_the_output_that_a_solve_set_moves_along_and_the_users_own_stays(
+    scene: bpy.types.Scene, tmp_path: Path
+) -> None:
+    scene.render.filepath = "/tmp/"
+    set_up(scene, write_video(tmp_path / "clips" / "desk.mp4"))
+    assert scene.render.filepath == str(tmp_path / "clips" / "desk_render") + os.sep
+    save(tmp_path / "scenes" / "a.blend")
+    assert scene.render.filepath == scene.virtual_aperture.output == "//../clips/desk_render/"
+    # A copy elsewhere has its own, and the open file keeps this one.
+    save(tmp_path / "b.blend", copy=True)
+    assert scene.render.filepath == "//../clips/desk_render/"
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "b.blend"))
+    scene = bpy.context.scene
+    assert scene.render.filepath == "//clips/desk_render/"
+    scene.render.filepath = str(tmp_path / "mine")
+    save(tmp_path / "b.blend")
+    assert scene.render.filepath == str(tmp_path / "mine")
+
+
 def test_a_clip_that_is_solved_in_a_saved_file_is_relative_at_once(
     scene: bpy.types.Scene, tmp_path: Path
 ) -> None:

@@ -277,8 +277,8 @@ def test_maps_find_their_frames(depths: dict[int, np.ndarray], clip: Footage, tm
     (folder / "e05.png").unlink()
     fewer = open_depth(folder, clip)
     assert fewer.numbers == {1: 1}
-    assert "5 of 6 frames have no depth map" in fewer.notes
-    with pytest.raises(UserError, match="frame 8 has no depth map in maps; there are maps for frames 1 to 1"):
+    assert "5 of 6 frames without a depth map" in fewer.notes
+    with pytest.raises(UserError, match="frame 8 has no depth map in maps; there are maps for frame 1"):
         fewer.read(8)
     with pytest.raises(UserError, match="no depth map in maps belongs to the clip"):
         open_depth(folder, part)

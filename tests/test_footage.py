@@ -9,7 +9,16 @@ import numpy as np
 import pytest
 
 from addon.core.errors import UserError
-from addon.core.footage import FrameRange, decode_srgb, encode_srgb, open_footage, to_gray8, to_linear
+from addon.core.footage import (
+    BRIGHTEST,
+    FrameRange,
+    decode_srgb,
+    encode_srgb,
+    finite,
+    open_footage,
+    to_gray8,
+    to_linear,
+)
 
 
 def numbered_picture(number: int, width: int = 64, height: int = 48) -> np.ndarray:
@@ -158,3 +167,20 @@ def test_a_broken_or_differently_sized_picture_is_named(tmp_path: Path) -> None:
         footage.read(2)
     with pytest.raises(UserError, match=r"3\.png is 32x20, the clip is 64x48"):
         footage.read(3)
+
+
+def test_values_that_are_not_finite_come_from_around() -> None:
+    picture = np.full((20, 30, 4), 0.25, np.float32)
+    picture[:, 15:] = 0.75
+    broken = picture.copy()
+    broken[5, 4, 0], broken[6, 20], broken[7, 20, 3] = np.nan, np.inf, -np.inf
+    broken[10, 10, 1], broken[11, 10, 1] = -5e6, 1e30
+    mended, count = finite(broken)
+    assert count == 3
+    assert mended[10, 10, 1] == 0 and mended[11, 10, 1] == BRIGHTEST
+    mended[10:12, 10, 1] = 0.25
+    assert np.array_equal(mended, picture)
+    nothing, count = finite(np.full((4, 5, 3), np.nan, np.float32))
+    assert count == 20 and np.array_equal(nothing, np.zeros((4, 5, 3)))
+    stored = np.full((4, 5, 3), 9, np.uint8)
+    assert finite(stored) == (stored, 0)

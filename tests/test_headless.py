@@ -88,7 +88,7 @@ def test_a_sequence_goes_on_where_it_stopped(work: Path, tmp_path: Path) -> None
     stamp = (out.parent / "0003.png").stat().st_mtime_ns
     (out.parent / "0006.png").unlink()
     second = headless(*lens, "--out", out)
-    assert "2 frames are there already" in second.stdout
+    assert "2 frames there already" in second.stdout
     assert (out.parent / "0003.png").stat().st_mtime_ns == stamp
     assert sorted(p.name for p in out.parent.glob("*.png")) == names
     other = headless(*lens, "--blur", 0.05, "--out", out)

@@ -136,7 +136,7 @@ def test_the_button_is_in_a_closed_panel(scene: bpy.types.Scene) -> None:
     ui.show({"blur": np.zeros((4, 6, 3), np.uint8)})
     layout = Recorder()
     panel.draw(type("Self", (), {"layout": layout})(), bpy.context)
-    assert layout.drawn[0] == "virtual_aperture.inspect_frame"
+    assert layout.operators[0] == "virtual_aperture.inspect_frame"
     assert "UNDO" in bpy.types.VIRTUAL_APERTURE_OT_inspect_frame.bl_options
 
 

@@ -68,7 +68,7 @@ def test_a_folder_a_pattern_or_one_of_the_pictures(clip: Footage, tmp_path: Path
 def test_frames_without_a_mask_are_unknown(clip: Footage, tmp_path: Path) -> None:
     masks = open_masks(write_masks(tmp_path / "masks", (4,)), clip)
     assert masks.at(3) is None and masks.at(4) is not None
-    assert "2 of 3 frames have no mask" in masks.notes[0]
+    assert "2 of 3 frames without a mask" in masks.notes[0]
 
 
 def test_other_numbers_in_order_but_not_other_counts(clip: Footage, tmp_path: Path) -> None:

@@ -329,7 +329,7 @@ def test_muted_markers_unplaced_tracks_and_objects_are_left_out(pictures: Path) 
     shot.clip.tracking.objects.new("Spoon").tracks.new(frame=1)
     imported = read_movie_clip(shot.clip, shot.footage)
     assert "tracked objects are left out: Spoon" in imported.notes
-    assert "1 of 70 tracks have no place in space and are left out" in imported.notes
+    assert "1 of 70 tracks without a place in space left out" in imported.notes
     assert len(imported.reconstruction.points) == 69
     assert max(e.max() for e in errors(imported.reconstruction)) < 1e-3
     # Row 3 has gone, so the muted marker's point is row 4.

@@ -217,7 +217,7 @@ def test_bundler_keeps_the_index_of_cameras_that_are_not_registered(tmp_path: Pa
     assert len(found.names) == 4
     imported = match(found, foreign.footage())
     assert imported.reconstruction.frames.tolist() == [1, 3, 4]
-    assert "1 frames of the clip have no camera: 2" in imported.notes
+    assert "1 frame of the clip has no camera: 2" in imported.notes
 
 
 def test_features_of_cameras_without_a_pose_and_repeated_ones_are_left_out(tmp_path: Path) -> None:
@@ -458,7 +458,7 @@ def test_voodoo_counts_from_its_own_first_frame(tmp_path: Path) -> None:
     later = put(tmp_path, "b.txt", foreign.voodoo(world(), first=2))
     imported = read_reconstruction(later, foreign.video())
     assert imported.reconstruction.frames.tolist() == [2, 3, 4]
-    assert any("1 images of the model are not in the clip: timeindex 5" in note for note in imported.notes)
+    assert any("1 image of the model is not in the clip: timeindex 5" in note for note in imported.notes)
 
 
 # Matching.
@@ -530,7 +530,7 @@ def test_what_is_left_out_is_named() -> None:
         "6 images of the model are not in the clip: shot_0005.png, shot_0006.png, shot_0007.png,"
         in " ".join(imported.notes)
     )
-    assert "1 frames of the clip have no camera: 1" in imported.notes
+    assert "1 frame of the clip has no camera: 1" in imported.notes
 
 
 def test_another_size_of_the_same_shape_is_scaled() -> None:

@@ -205,6 +205,7 @@ def test_border_and_percentage(scene: bpy.types.Scene, tmp_path: Path) -> None:
 def test_errors_of_the_engine_reach_scripts(scene: bpy.types.Scene, tmp_path: Path) -> None:
     set_up(scene, tmp_path / "clip")
     scene.virtual_aperture.focus_points.clear()
+    scene.virtual_aperture.focus_distance = 0.0
     engine.clear_error()
     with pytest.raises(RuntimeError, match="nothing is in focus"):
         rendered(scene, tmp_path / "x.png")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import bpy
@@ -9,15 +10,20 @@ import numpy as np
 import pytest
 
 import addon
+from addon.core.errors import UserError
 from addon.core.footage import open_footage
+from addon.core.progress import Cancelled, checkpoint
 from addon.core.reconstruction import Intrinsics, rotation_matrix
+from addon.core.solve import SolveProcess
 from addon.core.solve_folder import load_solve
 from addon.scene.build import build
 from addon.ui import panels
-from addon.ui.operators import bring_in
+from addon.ui.operators import _Solving, bring_in
+from addon.ui.text import lines
 
 from . import foreign_models as foreign
 from . import planes
+from .recorder import Recorder, draw
 from .scenes import slanted_shot, write_frames
 
 LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
@@ -55,7 +61,7 @@ def test_focus_from_selected_vertices(scene: bpy.types.Scene, tmp_path: Path) ->
     settings = build(scene, shot.footage, shot.reconstruction)
     scene.frame_set(2)
     select(settings.points, (7,))
-    with pytest.raises(RuntimeError, match="1 vertices are selected; select at least two"):
+    with pytest.raises(RuntimeError, match="1 vertex is selected; select at least two"):
         bpy.ops.virtual_aperture.set_focus()
     select(settings.points, (7, 11, 30))
     assert bpy.ops.virtual_aperture.set_focus() == {"FINISHED"}
@@ -69,6 +75,17 @@ def test_focus_from_selected_vertices(scene: bpy.types.Scene, tmp_path: Path) ->
     assert bpy.ops.virtual_aperture.set_focus() == {"FINISHED"}
     assert [entry.point for entry in settings.focus_points] == [7, 11]
     assert len(settings.aperture.data.vertices) > 0
+
+
+def test_all_points_are_no_focus(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    shot = slanted_shot(tmp_path, LENS)
+    settings = build(scene, shot.footage, shot.reconstruction)
+    select(settings.points, tuple(range(150)))
+    with pytest.raises(RuntimeError, match="all 150 vertices are selected"):
+        bpy.ops.virtual_aperture.set_focus()
+    assert settings.points.mode == "EDIT" and not settings.focus_points
+    select(settings.points, tuple(range(149)))
+    assert bpy.ops.virtual_aperture.set_focus() == {"FINISHED"}
 
 
 def test_render_frame_and_clip_write_pictures(scene: bpy.types.Scene, tmp_path: Path) -> None:
@@ -87,35 +104,76 @@ def test_render_frame_and_clip_write_pictures(scene: bpy.types.Scene, tmp_path: 
 
 
 def test_scene_changes_can_be_undone() -> None:
-    for name in ("solve", "import_solve", "import_movie_clip", "set_focus"):
+    for name in ("choose_clip", "solve", "import_solve", "import_movie_clip", "set_focus", "clear_focus"):
         name = f"VIRTUAL_APERTURE_OT_{name}"
         assert "UNDO" in getattr(bpy.types, name).bl_options
 
 
-class Recorder:
-    """A layout that remembers what was drawn."""
+def test_the_recorder_knows_what_blender_refuses(scene: bpy.types.Scene) -> None:
+    layout, settings = Recorder(), scene.virtual_aperture
+    with pytest.raises(AssertionError, match="has no property blurr"):
+        layout.prop(settings, "blurr")
+    with pytest.raises(AssertionError, match="no icon TRACKR"):
+        layout.row().label(text="", icon="TRACKR")
+    with pytest.raises(KeyError):
+        layout.operator("virtual_aperture.slove")
+    with pytest.raises(AssertionError, match="has no property agian"):
+        layout.operator("virtual_aperture.solve").agian = True
+    with pytest.raises(AssertionError, match="has no use_split"):
+        layout.use_split = True
 
-    def __init__(self) -> None:
-        self.drawn: list[str] = []
 
-    def __getattr__(self, name: str) -> object:
-        return lambda *args, **_: self.drawn.append(str(args[-1] if args else name)) or self
+def drawn(closed: bool) -> tuple[set[str], set[str], str]:
+    """Properties, greyed ones in brackets, operators and texts of the panels that are closed, or not."""
+    shown = [draw(p) for p in panels.CLASSES if ("DEFAULT_CLOSED" in getattr(p, "bl_options", ())) == closed]
+    props, operators = ({n for s in shown for n in getattr(s, kind)} for kind in ("props", "operators"))
+    return props, operators, " ".join(text for s in shown for text in s.texts)
 
 
-@pytest.mark.parametrize("solved", [False, True])
-def test_panels_draw(scene: bpy.types.Scene, tmp_path: Path, solved: bool) -> None:
-    if solved:
-        shot = slanted_shot(tmp_path, LENS)
-        build(scene, shot.footage, shot.reconstruction)
-    drawn: list[str] = []
-    for panel in panels.CLASSES:
-        assert panel.bl_category == "Virtual Aperture"
-        layout = Recorder()
-        panel.draw(type("Self", (), {"layout": layout})(), bpy.context)
-        drawn += layout.drawn
-    operators = {f"virtual_aperture.{name}" for name in ("solve", "import_solve", "set_focus")}
-    operators |= {"virtual_aperture.render_frame", "virtual_aperture.render_clip"}
-    assert operators | {"footage", "blur", "views"} <= set(drawn)
+def test_panels_show_the_next_step(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    assert all(panel.bl_category == "Virtual Aperture" for panel in panels.CLASSES)
+    props, operators, texts = drawn(closed=False)
+    assert "Choose a clip" in texts
+    assert {"focus_distance", "blur", "aperture_radius", "filepath", "frame_start"} <= props
+    names = ("choose_clip", "solve", "set_focus", "render_frame", "render_clip")
+    assert {f"virtual_aperture.{name}" for name in names} == operators
+    shot = slanted_shot(tmp_path, LENS)
+    settings = scene.virtual_aperture
+    settings.footage = str(shot.footage.path)
+    assert "Solve the clip" in drawn(closed=False)[2]
+    build(scene, shot.footage, shot.reconstruction)
+    assert "Press Tab" in drawn(closed=False)[2]
+    select(settings.points, (7, 11, 30))
+    assert "Select two or more vertices" in drawn(closed=False)[2]
+    bpy.ops.virtual_aperture.set_focus()
+    props, operators, texts = drawn(closed=False)
+    assert "Ready to render" in texts and "3 points, picked at frame 1" in texts
+    assert "virtual_aperture.clear_focus" in operators
+    assert {"focus_by", "(focus_distance)"} <= props
+    settings.focus_distance = 7.0
+    assert "focus_distance" in drawn(closed=False)[0]
+    scene.render.filepath = "//out/"
+    assert "Frames 1 to 3, to //out/ as PNG" in drawn(closed=False)[2]
+
+
+def test_jargon_is_in_closed_panels(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    shot = slanted_shot(tmp_path, LENS)
+    settings = build(scene, shot.footage, shot.reconstruction)
+    jargon = {"method", "borrow", "use_auto_views", "masks", "mask", "depth_maps", "work_dir", "footage"}
+    assert jargon <= drawn(closed=True)[0]
+    assert not jargon & drawn(closed=False)[0]
+    # Found automatically, no number is shown.
+    assert "views" not in drawn(closed=True)[0]
+    settings.views, settings.method = 12, "thesis"
+    assert {"views", "seed"} <= drawn(closed=True)[0]
+
+
+def test_long_texts_are_wrapped_to_the_panel() -> None:
+    words = "36 of 36 frames registered, 1554 points, reprojection error 0.13 px"
+    narrow, wide = lines(words, 150), lines(words, 2000)
+    assert wide == [words] and len(narrow) > 2
+    assert " ".join(narrow) == words
+    assert lines("", 100) == []
 
 
 def test_register_again(registered: None) -> None:
@@ -258,7 +316,7 @@ def test_what_the_reader_notes_is_a_warning(
     choose_clip(scene, tmp_path)
     (tmp_path / "clip" / "shot_0004.png").unlink()
     bpy.ops.virtual_aperture.import_solve(filepath=str(write_model(tmp_path / "model")))
-    assert "Warning: 1 images of the model are not in the clip: shot_0004.png" in capfd.readouterr().out
+    assert "Warning: 1 image of the model is not in the clip: shot_0004.png" in capfd.readouterr().out
 
 
 def solved_movie_clip(folder: Path) -> bpy.types.MovieClip:
@@ -314,3 +372,34 @@ def test_a_solved_movie_clip_of_this_file_is_imported(scene: bpy.types.Scene, tm
         bpy.ops.virtual_aperture.import_movie_clip(clip=clip.name)
     assert not (tmp_path / "elsewhere").exists()
     assert len(settings.points.data.vertices) == 40
+
+
+def test_opening_a_long_clip_is_cancelled_at_once(tmp_path: Path) -> None:
+    counted = 0
+
+    def begin() -> SolveProcess:
+        nonlocal counted
+        # As `open_footage` counts frames.
+        while True:
+            counted += 1
+            checkpoint()
+            time.sleep(0.001)
+
+    solving = _Solving(begin)
+    assert [step.text for step in solving.poll()] == ["Reading the clip"]
+    assert not solving.finished and not solving.ended
+    solving.cancel()
+    assert solving.ended and counted > 0
+    with pytest.raises(Cancelled):
+        solving.poll()
+
+
+def test_what_opening_a_clip_raises_comes_to_who_waits() -> None:
+    def begin() -> SolveProcess:
+        raise UserError("no clip")
+
+    solving = _Solving(begin)
+    with pytest.raises(UserError, match="no clip"):
+        while True:
+            solving.poll()
+    assert solving.ended

@@ -14,7 +14,7 @@ from addon.commands import run_command
 from addon.commands_words import WORDS as COMMAND_LINE
 from addon.core.errors import Remedy, UserError
 from addon.core.solve import SolveProcess
-from addon.ui.words import WORDS as INTERFACE
+from addon.panel_words import WORDS as INTERFACE
 
 from . import planes
 
@@ -22,8 +22,8 @@ SHARED = [
     path
     for folder in ("core", "scene", "ui", "render")
     for path in sorted(Path(addon.__file__).parent.joinpath(folder).rglob("*.py"))
-    # Its strings are arguments of a second Blender.
-    if path.name != "cycles_views.py"
+    # Their strings are arguments of Blender's own command line.
+    if path.name not in ("cycles_views.py", "background.py")
 ]
 
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from .canvas import Canvas
 from .depth_maps import ClipFit, DepthMaps, Fitted, fit_clip, fit_depth, grid_features
+from .fill import nearest
 from .reconstruction import Floats, Image, Ints, Reconstruction
 
 MAX_REPROJECTION_ERROR = 3.0
@@ -113,16 +113,8 @@ class MappedDepth:
 
 
 def nearest_known(values: Floats) -> Floats:
-    """(h, w) with every NaN replaced by the value of the nearest pixel that has one."""
-    unknown = np.isnan(values)
-    if not unknown.any() or unknown.all():
-        return np.nan_to_num(values)
-    _, label = cv2.distanceTransformWithLabels(
-        unknown.astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
-    )
-    known = np.zeros(int(label.max()) + 1)
-    known[label[~unknown]] = values[~unknown]
-    return np.asarray(known[label])
+    """(h, w) with every NaN replaced by the value of the nearest pixel that has one; 0 where none has."""
+    return np.nan_to_num(nearest(values, ~np.isnan(values)))
 
 
 def point_inverse_depths(reconstruction: Reconstruction, frame: int, points: Ints) -> Floats:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .alongside import numbered, stretched
+from .counting import counted
 from .errors import UserError
 from .footage import Footage, describe, open_footage
 from .reconstruction import Floats
@@ -152,7 +153,7 @@ def open_depth(path: Path, footage: Footage) -> DepthMaps:
     numbers, notes = numbered(maps, footage, "depth map")
     missing = len(footage.frames) - len(numbers)
     if missing:
-        notes.append(f"{missing} of {len(footage.frames)} frames have no depth map")
+        notes.append(f"{missing} of {len(footage.frames)} frames without a depth map")
     first = maps.read(numbers[next(iter(numbers))])
     if first.dtype == np.uint8:
         notes.append("the depth maps have 8 bits, 256 steps from near to far; 16-bit PNG or EXR is smoother")
@@ -264,7 +265,7 @@ def _fit_alone(depth: DepthMap, stored: Floats, inverse: Floats) -> ClipFit:
     """The fit of the kind that misses less, with nothing to compare it with."""
     if len(stored) < MIN_POINTS:
         raise UserError(
-            f"{depth.name} knows the depth of {len(stored)} feature points of frame {depth.frame},"
+            f"{depth.name} knows the depth of {counted(len(stored), 'feature point')} of frame {depth.frame},"
             f" {MIN_POINTS} are needed; leave the frame out or solve the clip again"
         )
     alone = [_fit_clip(kind, [(depth.frame, stored, inverse)]) for kind in KINDS]

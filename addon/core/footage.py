@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import Remedy, UserError
+from .fill import nearest
 from .progress import checkpoint
 
 Pixels = NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.float32]
@@ -30,6 +31,8 @@ theirs: Blender its own (`scene.exr`), the solving worker pycolmap's."""
 
 PICTURES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".exr")
 DEFAULT_FPS = 24.0
+BRIGHTEST = 65504.0
+"""The largest number that a half float holds: sums over hundreds of views of it stay finite."""
 AHEAD = 48
 """Frames that are skipped by decoding rather than by opening the video again."""
 
@@ -165,7 +168,20 @@ def describe(frames: tuple[int, ...]) -> str:
     """For messages: "frames 1 to 118", or with its gaps counted."""
     missing = frames[-1] - frames[0] + 1 - len(frames)
     gaps = f" with {missing} missing" if missing else ""
-    return f"frames {frames[0]} to {frames[-1]}{gaps}"
+    return f"frames {frames[0]} to {frames[-1]}{gaps}" if len(frames) > 1 else f"frame {frames[0]}"
+
+
+def finite(picture: Pixels) -> tuple[Pixels, int]:
+    """A picture (H, W, 3 or 4) with floats between 0 and `BRIGHTEST`, and how many pixels were not finite.
+
+    Those take the value of the nearest one that is: one alone would spread over everything that a filter or a
+    blur reaches. Integers stay as they are.
+    """
+    if picture.dtype != np.float32:
+        return picture, 0
+    known = np.isfinite(picture).all(axis=2)
+    filled = nearest(np.where(known[..., None], picture, np.float32(0)), known)
+    return np.asarray(np.clip(filled, 0, BRIGHTEST), np.float32), int(np.count_nonzero(~known))
 
 
 def to_linear(picture: Pixels) -> NDArray[np.float32]:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from .canvas import Picture
+from .counting import counted
 from .inspection import SOURCES, discs, inverse_depth, largest_shown, surface_of
 from .layer_mesh import ERROR, RELATIVE
 from .mesh_values import at_pixels
@@ -64,7 +65,7 @@ class FrameReport:
 
     def words(self) -> list[str]:
         """Lines for people."""
-        lines = [f"frame {self.frame}: drawn by {self.method} with {self.views} views: {self.why}"]
+        lines = [f"frame {self.frame}: drawn by {self.method} with {counted(self.views, 'view')}: {self.why}"]
         if self.carried:
             lines.append("camera: carried over from its neighbours, the frame was not registered")
         if self.sure is not None:
@@ -162,7 +163,7 @@ def summary(used: Iterable[Used], reports: Iterable[FrameReport] = ()) -> str:
         groups.setdefault((one.method, one.why), []).append(one.frame)
     parts: list[str] = []
     for (method, why), frames in sorted(groups.items(), key=lambda item: -len(item[1])):
-        count = f"{len(frames)} frame{'s' if len(frames) > 1 else ''}"
+        count = counted(len(frames), "frame")
         # Which ones, of those that are not as most are.
         which = f" ({ranges(sorted(frames))})" if parts else ""
         parts.append(f"{count}{which} drawn by {method}: {why}")

@@ -66,7 +66,7 @@ def open_masks(path: Path, footage: Footage) -> Masks:
     missing = len(footage.frames) - len(numbers)
     if missing:
         notes.append(
-            f"{missing} of {len(footage.frames)} frames have no mask; there, what moves is only found"
+            f"{missing} of {len(footage.frames)} frames without a mask; there, what moves is only found"
         )
     notes += stretched(pictures, footage, "mask")
     return Masks(footage, pictures, numbers, tuple(notes))

@@ -30,6 +30,10 @@ SHARES = {
 """Which part of the whole each stage is, from the duck clip's times."""
 
 
+END = 0.3
+"""Seconds that the worker has to end by itself: it has nothing to clean up, and who cancels waits."""
+
+
 @dataclass(frozen=True)
 class Progress:
     """How far a solve is."""
@@ -91,11 +95,6 @@ class SolveProcess:
             return False
         _refuse_import(self.work_dir)
         return solved
-
-    @property
-    def is_running(self) -> bool:
-        """Whether the working folder is being solved into."""
-        return self._staging is not None
 
     def _launch(self, folder: Path) -> None:
         job = {
@@ -170,7 +169,7 @@ class SolveProcess:
         if process is not None and process.poll() is None:
             process.terminate()
             try:
-                process.wait(3)
+                process.wait(END)
             except subprocess.TimeoutExpired:
                 process.kill()
                 process.wait()

@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 
 from .colmap_model import read_model, write_model
+from .counting import counted
 from .errors import Remedy, UserError
 from .folder_lock import FolderLock
 from .footage import Footage, open_footage
@@ -68,9 +69,9 @@ class Solve:
             else ""
         )
         return (
-            f"{worth.registered} of {worth.frames} frames registered, {worth.points} points,"
-            f" reprojection error {worth.reprojection_error:.2f} px, focal length {found[worth.focal_from]}"
-            f" {worth.focal[0]:.0f} px{sure}"
+            f"{worth.registered} of {counted(worth.frames, 'frame')} registered,"
+            f" {counted(worth.points, 'point')}, reprojection error {worth.reprojection_error:.2f} px,"
+            f" focal length {found[worth.focal_from]} {worth.focal[0]:.0f} px{sure}"
         )
 
 

@@ -155,7 +155,9 @@ def _advice(
         )
     if missing:
         return (
-            f"frames {ranges(missing)} have no camera and borrow their neighbours'; leave them out",
+            f"frame {missing[0]} has no camera and borrows its neighbours'; leave it out"
+            if len(missing) == 1
+            else f"frames {ranges(missing)} have no camera and borrow their neighbours'; leave them out",
             (Remedy.FRAMES,),
         )
     if depth > UNSURE_DEPTH:
@@ -171,7 +173,8 @@ def _advice(
             (Remedy.FOCAL,),
         )
     if weak:
-        return f"frames {ranges(weak)} have few points; the focus may be coarse there", ()
+        which = f"frame {weak[0]} has" if len(weak) == 1 else f"frames {ranges(weak)} have"
+        return f"{which} few points; the focus may be coarse there", ()
     return "none needed", ()
 
 

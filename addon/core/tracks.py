@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from .counting import counted
 from .errors import UserError
 from .following import TwoScales, follow, new_corners, new_harris
 from .footage import Footage, to_gray8
@@ -99,8 +100,8 @@ def track_features(footage: Footage, progress: Progress, tracker: str = TRACKERS
         raise UserError(f"there is no tracker {tracker!r}; choose one of {', '.join(TRACKERS)}")
     if len(footage.frames) < 4:
         raise UserError(
-            f"{footage.path.name} has {len(footage.frames)} frame(s); at least 4 with a moving camera are"
-            " needed"
+            f"{footage.path.name} has {counted(len(footage.frames), 'frame')}; at least 4 with a moving"
+            " camera are needed"
         )
     tracks = run(made[tracker](), footage, progress)
     return _followed(tracks) if tracker == "sift" else tracks

@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 
 from .canvas import Canvas
+from .counting import counted
 from .depth import FrameFeatures
 from .errors import UserError
 from .reconstruction import Floats, Ints
@@ -137,8 +138,8 @@ def distinct(features: FrameFeatures, canvas: Canvas, margin: float) -> Ints:
     rows = rows[np.sort(first)]
     if len(rows) < MIN_FEATURES:
         raise UserError(
-            f"frame {features.frame} has {len(rows)} usable feature points, {MIN_FEATURES} are needed;"
-            " leave the frame out or solve the clip again"
+            f"frame {features.frame} has {counted(len(rows), 'usable feature point')}, {MIN_FEATURES} are"
+            " needed; leave the frame out or solve the clip again"
         )
     return rows.astype(np.int32)
 

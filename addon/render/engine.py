@@ -14,10 +14,12 @@ import numpy as np
 from ..core.canvas import Picture
 from ..core.errors import UserError
 from ..core.progress import Cancelled, checkpoint, reporting, stage
+from ..panel_words import WORDS
 from ..scene.ignored import warn_of_ignored
 from ..scene.properties import lens_settings
 from ..scene.shot import Shot, shot_of
 from .average import Told, render_frame
+from .frame_size import render_size
 from .gpu_views import egl_problem
 
 _error: BaseException | None = None
@@ -86,7 +88,7 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
         except Cancelled:
             return
         except UserError as error:
-            self._fail(error, str(error))
+            self._fail(error, error.told(WORDS))
         except Exception as error:
             traceback.print_exc()
             self._fail(error, f"Rendering failed: {type(error).__name__}: {error} (the console shows where)")
@@ -140,12 +142,6 @@ def frame_title(scene: bpy.types.Scene, is_animation: bool) -> str:
         return f"Frame {scene.frame_current}"
     step, start, end = scene.frame_step, scene.frame_start, scene.frame_end
     return f"Frame {(scene.frame_current - start) // step + 1} of {(end - start) // step + 1}"
-
-
-def render_size(render: bpy.types.RenderSettings) -> tuple[int, int]:
-    """(width, height) in pixels of the whole rendered frame."""
-    share = render.resolution_percentage / 100
-    return max(1, int(render.resolution_x * share)), max(1, int(render.resolution_y * share))
 
 
 def check_shape(shot: Shot, size: tuple[int, int]) -> None:

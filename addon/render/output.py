@@ -1,36 +1,42 @@
-"""Frames and movies through Blender's own output, written beside and moved into place."""
+"""Frames and movies through Blender's own output: written beside, read back, only then moved into place."""
 
 from __future__ import annotations
 
-import hashlib
-import json
 import os
+import shutil
 import time
 from collections.abc import Callable
 from pathlib import Path
 
 import bpy
 
+from ..core import atomic
+from ..core.counting import counted
 from ..core.errors import Remedy, UserError
 from ..core.footage import Footage
 from ..core.views import plan_frame
 from ..scene.build import SOUND
 from ..scene.properties import lens_settings
 from ..scene.shot import shot_of
-from . import engine
+from . import engine, frame_files
+from .frame_keys import frame_keys
+from .frame_size import render_size, written_size
 
 MOVIES = {".mp4": "MPEG4", ".mov": "QUICKTIME", ".mkv": "MKV"}
 STILLS = {".png": "PNG", ".exr": "OPEN_EXR"}
 RATE_FACTOR = 12
 """H.264's. The clip has been through one encoder already: at Blender's best preset (17) the second takes up
 to a seventh of the subject's sharpness."""
-MARK = ".virtual_aperture.json"
 
 Report = Callable[[str], None]
 
 
 def check_output(out: Path, overwrite: bool) -> None:
     """UserError for an output that cannot be written or would overwrite something, before any work."""
+    try:
+        os.fsencode(out).decode()
+    except UnicodeDecodeError:
+        raise UserError(f"{os.fsencode(out)!r} is no name that Blender can write (not UTF-8)") from None
     suffix = out.suffix.lower()
     is_still = suffix in STILLS
     if suffix not in MOVIES and not is_still:
@@ -56,7 +62,7 @@ def plan_all(scene: bpy.types.Scene, frames: list[int]) -> tuple[int, int]:
     """
     shot = shot_of(scene)
     lens = lens_settings(scene.virtual_aperture, shot.reconstruction)
-    size = engine.render_size(scene.render)
+    size = render_size(scene.render)
     counts = [len(plan_frame(shot.reconstruction, frame, lens, size, shot.depth).offsets) for frame in frames]
     return min(counts), max(counts)
 
@@ -64,69 +70,113 @@ def plan_all(scene: bpy.types.Scene, frames: list[int]) -> tuple[int, int]:
 def render_sequence(
     scene: bpy.types.Scene, frames: list[int], out: Path, overwrite: bool, report: Report
 ) -> None:
-    """Render frames to `out`, whose #### is the frame number. Goes on where an equal run stopped."""
-    out.parent.mkdir(parents=True, exist_ok=True)
-    mark = out.parent / MARK
-    key = run_key(scene)
-    targets = {frame: out.with_name(_numbered(out.name, frame)) for frame in frames}
-    there = [path for path in targets.values() if path.exists()]
-    same = mark.exists() and json.loads(mark.read_text()).get(out.name) == key
-    if there and not same and not overwrite:
-        raise UserError(
-            f"{there[0]} exists and was made with other settings or by something else;"
-            " name another folder, or overwrite it",
-            Remedy.OVERWRITE,
-        )
-    marks = json.loads(mark.read_text()) if mark.exists() else {}
-    mark.write_text(json.dumps(marks | {out.name: key}))
+    """Render frames to `out`, whose last #### is the frame number, each whole and right or not there.
+
+    Frames that are there are kept where their own key says that they were made from the same things; others
+    are replaced with `overwrite`, damaged ones always. Raises UserError, naming the frame.
+    """
+    atomic.collect_orphans(out.parent)
+    targets = {frame: out.with_name(numbered(out.name, frame)) for frame in frames}
+    keys = frame_keys(scene, frames)
+    todo = _missing(targets, keys, overwrite, report)
     _set_still(scene, out.suffix.lower(), shot_of(scene).footage)
-    todo = [f for f in frames if not (same and targets[f].exists())]
-    if len(todo) < len(frames):
-        report(f"{len(frames) - len(todo)} frames are there already")
     clock = _Clock(len(todo), report)
     for frame in todo:
-        part = targets[frame].with_name(f".part-{targets[frame].name}")
-        try:
-            scene.frame_set(frame)
-            scene.render.filepath = str(part)
-            engine.clear_error()
-            bpy.ops.render.render(write_still=True, scene=scene.name)
-            engine.raise_error()
-            part.replace(targets[frame])
-        except RuntimeError:
-            engine.raise_error()
-            raise
-        finally:
-            part.unlink(missing_ok=True)
+        _render_still(scene, frame, targets[frame], keys[frame])
         clock.tick(frame)
 
 
+def _missing(targets: dict[int, Path], keys: dict[int, str], overwrite: bool, report: Report) -> list[int]:
+    """Frames that are to be rendered; UserError where others' files would be replaced unasked."""
+    todo, damaged = [], 0
+    for frame, path in targets.items():
+        if not path.exists():
+            todo.append(frame)
+            continue
+        is_same = frame_files.key_of(path) == keys[frame]
+        problem = frame_files.still_problem(path) if is_same or not path.stat().st_size else ""
+        if is_same and not problem:
+            continue
+        if not (problem or overwrite):
+            raise UserError(
+                f"{path} exists and was made from something else or with other settings; name another folder,"
+                " or overwrite it",
+                Remedy.OVERWRITE,
+            )
+        damaged += bool(problem)
+        todo.append(frame)
+    if len(todo) < len(targets):
+        report(f"{counted(len(targets) - len(todo), 'frame')} there already")
+    if damaged:
+        report(f"{counted(damaged, 'frame')} there but damaged or empty: rendered again")
+    return todo
+
+
+def _render_still(scene: bpy.types.Scene, frame: int, target: Path, key: str) -> None:
+    """One frame into its file; UserError, naming the frame, where anything is wrong with it."""
+    render = scene.render
+    scene.frame_set(frame)
+    render.use_stamp_note, render.stamp_note_text = True, frame_files.note_of(key)
+    with atomic.staged(target) as part:
+        render.filepath = blender_path(part)
+        engine.clear_error()
+        try:
+            bpy.ops.render.render(write_still=True, scene=scene.name)
+        except RuntimeError as error:
+            engine.raise_error()
+            raise UserError(f"frame {frame}: Blender could not write it: {str(error).strip()}") from error
+        engine.raise_error()
+        frame_files.refuse(target, frame_files.still_problem(part, written_size(render)))
+
+
 def render_movie(scene: bpy.types.Scene, frames: list[int], out: Path, report: Report) -> None:
-    """Render a movie with the clip's rate and sound. A gap in the clip holds the frame before it."""
-    out.parent.mkdir(parents=True, exist_ok=True)
-    part = out.with_name(f".part-{out.name}")
-    _set_movie(scene, out.suffix.lower())
-    scene.frame_start, scene.frame_end = frames[0], frames[-1]
-    scene.render.filepath = str(part)
-    clock = _Clock(frames[-1] - frames[0] + 1, report)
+    """Render a movie with the clip's rate and sound. A gap in the clip holds the frame before it.
 
-    def written(rendered: bpy.types.Scene, _: object = None) -> None:
-        clock.tick(rendered.frame_current)
+    The frames are kept beside it as pictures until the movie is whole, so that an equal run goes on where
+    this one stopped.
+    """
+    folder = out.with_name(f"{out.name}.frames")
+    _crop_to_even(scene.render)
+    # What is in this folder is ours: pictures of another run of the same movie are replaced.
+    render_sequence(scene, frames, folder / "######.png", True, report)
+    files = {frame: folder / f"{frame:06d}.png" for frame in frames}
+    join(scene, files, out)
+    shutil.rmtree(folder, ignore_errors=True)
 
-    engine.clear_error()
-    bpy.app.handlers.render_write.append(written)
+
+def join(scene: bpy.types.Scene, files: dict[int, Path], out: Path) -> None:
+    """Write pictures, by frame number, as a movie with the rate and the sound of a scene.
+
+    UserError where the movie that was written has not exactly their frames; then nothing is at its place.
+    """
+    atomic.collect_orphans(out.parent)
+    first, last = min(files), max(files)
+    held = [max(frame for frame in files if frame <= shown) for shown in range(first, last + 1)]
+    size = written_size(scene.render)
+    movie = bpy.data.scenes.new("Virtual Aperture Movie")
     try:
-        bpy.ops.render.render(animation=True, scene=scene.name)
-        engine.raise_error()
-        if not part.exists():
-            raise UserError(f"Blender wrote no movie to {part}; is the disk full?")
-        part.replace(out)
-    except RuntimeError as error:
-        engine.raise_error()
-        raise UserError(f"Blender could not write {out.name}: {str(error).strip()}") from error
+        _set_movie(movie, scene, out.suffix.lower(), size)
+        movie.frame_start, movie.frame_end = first, last
+        strips = movie.sequence_editor_create().strips
+        strip = strips.new_image("Frames", str(files[first]), 1, first)
+        for frame in held[1:]:
+            strip.elements.append(files[frame].name)
+        for sound in _sounds(scene):
+            strips.new_sound(SOUND, bpy.path.abspath(sound.sound.filepath), 2, round(sound.frame_start))
+        with atomic.staged(out) as part:
+            movie.render.filepath = blender_path(part)
+            try:
+                bpy.ops.render.render(animation=True, scene=movie.name)
+            except RuntimeError as error:
+                raise UserError(f"Blender could not write {out.name}: {str(error).strip()}") from error
+            frame_files.refuse(out, frame_files.movie_problem(part, len(held), size))
     finally:
-        bpy.app.handlers.render_write.remove(written)
-        part.unlink(missing_ok=True)
+        bpy.data.scenes.remove(movie)
+
+
+def _sounds(scene: bpy.types.Scene) -> list[bpy.types.SoundStrip]:
+    editor = scene.sequence_editor
+    return [s for s in editor.strips if s.name.startswith(SOUND)] if editor is not None else []
 
 
 def _set_still(scene: bpy.types.Scene, suffix: str, footage: Footage) -> None:
@@ -136,54 +186,56 @@ def _set_still(scene: bpy.types.Scene, suffix: str, footage: Footage) -> None:
     settings.color_mode = "RGBA" if suffix == ".exr" else "RGB"
     deep = footage.read(footage.frames[0]).dtype != "uint8"
     settings.color_depth = {".png": "16" if deep else "8", ".exr": "32" if deep else "16"}[suffix]
+    # Nothing in a file may tell runs apart that gave the same picture.
+    for name in [name for name in dir(scene.render) if name.startswith("use_stamp")]:
+        setattr(scene.render, name, False)
 
 
-def _set_movie(scene: bpy.types.Scene, suffix: str) -> None:
-    settings = scene.render.image_settings
+def _set_movie(movie: bpy.types.Scene, scene: bpy.types.Scene, suffix: str, size: tuple[int, int]) -> None:
+    render, settings = movie.render, movie.render.image_settings
+    render.fps, render.fps_base = scene.render.fps, scene.render.fps_base
+    render.resolution_x, render.resolution_y = size
+    render.resolution_percentage = 100
+    render.pixel_aspect_x, render.pixel_aspect_y = scene.render.pixel_aspect_x, scene.render.pixel_aspect_y
+    # The pictures are what is seen; they are not graded or dithered twice.
+    movie.view_settings.view_transform, movie.view_settings.look = "Standard", "None"
+    render.dither_intensity = 0
     settings.media_type = "VIDEO"
     settings.file_format = "FFMPEG"
     settings.color_mode = "RGB"
-    ffmpeg = scene.render.ffmpeg
+    ffmpeg = render.ffmpeg
     ffmpeg.format = MOVIES[suffix]
     ffmpeg.codec = "H264"
     ffmpeg.constant_rate_factor = "CUSTOM"
     ffmpeg.custom_constant_rate_factor = RATE_FACTOR
     ffmpeg.ffmpeg_preset = "GOOD"
-    editor = scene.sequence_editor
-    sounds = [s.sound for s in editor.strips if s.name.startswith(SOUND)] if editor is not None else []
+    sounds = [strip.sound for strip in _sounds(scene)]
     ffmpeg.audio_codec = "AAC" if sounds else "NONE"
     if sounds:
         ffmpeg.audio_mixrate = sounds[0].samplerate or ffmpeg.audio_mixrate
         ffmpeg.audio_channels = "MONO" if sounds[0].channels == "MONO" else "STEREO"
-    _crop_to_even(scene.render)
 
 
 def _crop_to_even(render: bpy.types.RenderSettings) -> None:
     """H.264 stores colour for two by two pixels: an odd last row or column is cut off."""
-    width, height = engine.render_size(render)
+    width, height = render_size(render)
     if width % 2 or height % 2:
         render.use_border = render.use_crop_to_border = True
         render.border_min_x, render.border_max_x = 0.0, (width - width % 2) / width
         render.border_min_y, render.border_max_y = (height % 2) / height, 1.0
 
 
-def _numbered(name: str, frame: int) -> str:
-    """#### replaced by the frame number."""
-    start = name.index("#")
-    width = len(name[start:]) - len(name[start:].lstrip("#"))
-    return name[:start] + f"{frame:0{width}d}" + name[start + width :]
+def blender_path(path: Path) -> str:
+    """A path as Blender's output setting takes it: braces are its templates, two slashes its own folder."""
+    text = str(path.absolute()).replace("{", "{{").replace("}", "}}")
+    return "/" + text.lstrip("/") if text.startswith("//") else text
 
 
-def run_key(scene: bpy.types.Scene) -> str:
-    """What the pictures depend on, so that a run only continues its own like."""
-    shot = shot_of(scene)
-    lens = lens_settings(scene.virtual_aperture, shot.reconstruction)
-    camera = shot.reconstruction.images[0].centre.tobytes() + shot.reconstruction.points.xyz.tobytes()
-    maps = (str(shot.depth.maps.maps.path), shot.depth.fit.line.tolist()) if shot.depth else None
-    settings = scene.virtual_aperture
-    masks = settings.masks, settings.mask.name_full if settings.mask else ""
-    text = repr((lens, maps, masks, engine.render_size(scene.render), hashlib.sha256(camera).hexdigest()))
-    return hashlib.sha256(text.encode()).hexdigest()
+def numbered(name: str, frame: int) -> str:
+    """The last #### of a name replaced by the frame number, as Blender does."""
+    end = name.rindex("#") + 1
+    start = len(name[:end].rstrip("#"))
+    return name[:start] + f"{frame:0{end - start}d}" + name[end:]
 
 
 class _Clock:

@@ -67,7 +67,7 @@ def build(
     settings.clip_first, settings.clip_last = footage.frames[0], footage.frames[-1]
     lens.reset(settings, int(reconstruction.frames[0]))
     aperture_cloud.update(settings)
-    _set_output(scene.render, footage)
+    _set_output(scene, footage)
     _set_sound(scene, footage)
     scene.frame_set(scene.frame_start)
     return settings
@@ -152,18 +152,20 @@ def first_file(footage: Footage) -> Path:
     return footage.path if footage.is_video else footage.file(footage.frames[0])
 
 
-def _set_output(render: bpy.types.RenderSettings, footage: Footage) -> None:
+def _set_output(scene: bpy.types.Scene, footage: Footage) -> None:
     """Output that the user did not set would be lost in Blender's temporary folder."""
+    render = scene.render
     if render.filepath.rstrip("/\\") not in TEMPORARY:
         return
     saved = bpy.data.filepath
     folder = default_work_dir(footage.path, Path(saved).parent if saved else footage.path.parent)
     folder = folder.with_name(f"{folder.stem.rstrip(' _-.')}_render")
-    # A name that ends in a separator is a folder, in which files are named by their frames.
-    path = f"{folder}{os.sep}"
+    path = str(folder)
     with contextlib.suppress(ValueError):  # another drive
         path = bpy.path.relpath(path) if saved else path
-    render.filepath = path
+    # What ends in a separator is a folder, in which files are named by their frames.
+    render.filepath = path + ("/" if path.startswith("//") else os.sep)
+    scene.virtual_aperture.output = render.filepath
 
 
 def _sounds(scene: bpy.types.Scene) -> list[bpy.types.Strip]:

@@ -2,7 +2,8 @@
 
 Blur and aperture radius say the same thing in two ways: the blur at one moment, with what is in focus there;
 the radius for the whole clip. The radius is what counts (`use_radius`); editing the blur computes it, and
-whatever else changes only refreshes the blur that is shown. Old files may hold a blur alone.
+whatever else changes only refreshes the blur that is shown. A keyed blur counts itself, at every frame, and
+so does that of old files, which hold no radius.
 """
 
 from __future__ import annotations
@@ -56,6 +57,39 @@ def is_in_focus(settings: VirtualApertureSettings) -> bool:
     """Whether anything is in focus."""
     focus = focus_of(settings)
     return bool(focus.points) or focus.distance is not None
+
+
+def has_radius(settings: VirtualApertureSettings) -> bool:
+    """Whether the aperture's radius counts; else the blur does."""
+    return bool(settings.use_radius) and not is_keyed(settings, "blur")
+
+
+def is_keyed(settings: VirtualApertureSettings, name: str) -> bool:
+    """Whether a property has keys or a driver."""
+    animation, path = settings.id_data.animation_data, settings.path_from_id(name)
+    if animation is None:
+        return False
+    return has_keys(settings, name) or any(driver.data_path == path for driver in animation.drivers)
+
+
+def has_keys(settings: VirtualApertureSettings, name: str) -> bool:
+    """Whether a property has keys."""
+    from bpy_extras.anim_utils import action_get_channelbag_for_slot
+
+    animation, path = settings.id_data.animation_data, settings.path_from_id(name)
+    if animation is None or animation.action is None:
+        return False
+    bag = action_get_channelbag_for_slot(animation.action, animation.action_slot)
+    return bag is not None and any(curve.data_path == path for curve in bag.fcurves)
+
+
+def key_distance(settings: VirtualApertureSettings) -> None:
+    """Make the distance a key of its animation at the present frame, and what is in focus."""
+    with writing():
+        settings.focus_by = "DISTANCE"
+        settings.id_data.keyframe_insert(settings.path_from_id("focus_distance"), frame=_frame(settings))
+        if settings.use_radius:
+            _show_blur(settings, _frame(settings))
 
 
 def set_focus(settings: VirtualApertureSettings, focus: Focus, frame: int) -> None:

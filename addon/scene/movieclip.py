@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core import lenses
+from ..core.counting import counted
 from ..core.errors import UserError
 from ..core.footage import Footage, describe
 from ..core.readers.matching import ONLY_TURNS, Imported, at_one_place
@@ -221,7 +222,7 @@ def _frame_numbers(clip: bpy.types.MovieClip, footage: Footage, notes: list[str]
     if is_video != footage.is_video:
         if clip.frame_duration != len(footage.frames):
             raise UserError(
-                f"the movie clip {clip.name} has {clip.frame_duration} frames and the footage"
+                f"the movie clip {clip.name} has {counted(clip.frame_duration, 'frame')} and the footage"
                 f" {footage.path.name} {len(footage.frames)}; a video and a sequence must agree"
             )
         notes.append(f"the frames of {Path(clip.filepath).name} and {footage.path.name} are matched in order")
@@ -255,7 +256,7 @@ def _tracks(target: bpy.types.MovieTrackingObject, name: str, notes: list[str]) 
         tracks.append(_Track(bundle, frames[usable], moved[usable]))
     without = len(target.tracks) - len(tracks)
     if without:
-        notes.append(f"{without} of {len(target.tracks)} tracks have no place in space and are left out")
+        notes.append(f"{without} of {counted(len(target.tracks), 'track')} without a place in space left out")
     if not tracks:
         raise UserError(f"the movie clip {name} has no track with a place in space; solve it again")
     return tracks

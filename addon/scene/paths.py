@@ -15,8 +15,8 @@ from bpy.app.handlers import persistent
 PATHS = ("footage", "work_dir", "depth_maps", "masks")
 """Properties of the settings that are paths."""
 
-_before: list[tuple[str, str, str]] = []
-"""Scene, property and value of the paths that were changed for a file that is being written."""
+_before: list[tuple[bpy.types.bpy_struct, str, str]] = []
+"""Owner, property and value of the paths that were changed for a file that is being written."""
 
 
 def absolute(path: str) -> Path:
@@ -56,13 +56,23 @@ def _save_pre(filepath: str, _unused: object) -> None:
     for scene in bpy.data.scenes:
         if scene.library is not None:
             continue
-        settings = scene.virtual_aperture
-        for name in PATHS:
-            value = getattr(settings, name)
+        for owner, name in _paths(scene):
+            value = getattr(owner, name)
             kept = relative(value, folder) if value else value
+            # A folder's last separator tells it from the beginning of a file's name.
+            kept += "/" if value.endswith(("/", os.sep)) and not kept.endswith("/") else ""
             if kept != value:
-                _before.append((scene.name, name, value))
-                setattr(settings, name, kept)
+                _before.append((owner, name, value))
+                setattr(owner, name, kept)
+
+
+def _paths(scene: bpy.types.Scene) -> list[tuple[bpy.types.bpy_struct, str]]:
+    """Owners and properties of our paths in a scene, with that of its output while it is the one we set."""
+    settings = scene.virtual_aperture
+    paths = [(settings, name) for name in PATHS]
+    if settings.output and scene.render.filepath == settings.output:
+        paths += [(scene.render, "filepath"), (settings, "output")]
+    return paths
 
 
 def _save_post(filepath: str, _unused: object) -> None:
@@ -78,8 +88,8 @@ def _save_post_fail(_filepath: str, _unused: object) -> None:
 
 
 def _restore() -> None:
-    for scene, name, value in _before:
-        setattr(bpy.data.scenes[scene].virtual_aperture, name, value)
+    for owner, name, value in _before:
+        setattr(owner, name, value)
     _before.clear()
 
 

@@ -214,15 +214,13 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
     blur: FloatProperty(
         name="Blur",
         description="Diameter of the farthest background's blur disc as a share of the image width, at this"
-        " frame and with this focus. It sets the aperture's radius, which stays",
+        " frame and with this focus. It sets the aperture's radius, which stays; keyed, it counts itself",
         min=0.0001,
         soft_max=0.1,
         max=1.0,
         default=0.03,
         precision=4,
         step=0.1,
-        # Keys of it would change nothing: those of the radius do.
-        options=set(),
         update=_edited(lens.on_blur),
     )
     use_radius: BoolProperty(
@@ -274,6 +272,11 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
         default=0,
         update=_aperture_changed,
     )
+    output: StringProperty(
+        name="Output",
+        description="The render output that a solve set, as long as the user sets no other",
+        options={"HIDDEN"},
+    )
     summary: StringProperty(
         name="Summary", description="What the solve found, in one line", options={"HIDDEN"}
     )
@@ -299,7 +302,7 @@ def focal_of(settings: VirtualApertureSettings) -> Focal | None:
 def lens_settings(settings: VirtualApertureSettings, reconstruction: Reconstruction) -> LensSettings:
     """The lens that the settings describe; UserError where they mean nothing."""
     focus = lens.focus_of(settings)
-    if settings.use_radius:
+    if lens.has_radius(settings):
         radius = settings.aperture_radius
     else:
         frame = settings.focus_frame

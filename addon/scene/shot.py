@@ -16,7 +16,7 @@ from ..core.dense_fusion import SteadyDepth
 from ..core.depth import MappedDepth
 from ..core.depth_maps import open_depth
 from ..core.errors import UserError
-from ..core.footage import Footage, Pixels, open_footage
+from ..core.footage import Footage, Pixels, finite, open_footage
 from ..core.masks import Masks, open_masks
 from ..core.recent import Recent
 from ..core.reconstruction import Reconstruction
@@ -63,7 +63,18 @@ class Shot:
 
     def read(self, frame: int) -> Pixels:
         """A frame's picture, remembered: depth, what moves and what is lent ask for the same ones."""
-        return self._pictures.get(frame, lambda: self.footage.read(frame))
+        return self._pictures.get(frame, lambda: self._finite(frame))
+
+    def _finite(self, frame: int) -> Pixels:
+        picture, count = finite(self.footage.read(frame))
+        if count:
+            self.repaired[frame] = count
+        return picture
+
+    @cached_property
+    def repaired(self) -> dict[int, int]:
+        """Of the frames read so far, those with pixels that were not finite numbers, and how many."""
+        return {}
 
     @cached_property
     def _pictures(self) -> Recent[Pixels]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..render import engine, main_thread
+from ..render import background, engine, main_thread
 from ..scene import clip, paths, properties, shot
 from . import (
     choose_clip,
@@ -38,6 +38,7 @@ def register() -> None:
     engine_panels.register()
     paths.register()
     points_overlay.register()
+    background.register()
     main_thread.start()
 
 
@@ -45,6 +46,7 @@ def unregister() -> None:
     """Undo `register` in reverse order, and close the open clip."""
     main_thread.stop()
     paths.unregister()
+    background.unregister()
     engine_panels.unregister()
     clip.forget()
     points_overlay.unregister()

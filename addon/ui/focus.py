@@ -50,8 +50,13 @@ class VIRTUAL_APERTURE_OT_set_focus(bpy.types.Operator):  # noqa: N801
         # In Edit Mode only the mesh can be undone, and the points' colours are hidden.
         bpy.ops.object.mode_set(mode="OBJECT")
         lens.set_focus(settings, focus, frame)
+        said = f"{counted(len(ids), 'point')} are in focus"
+        if lens.has_keys(settings, "focus_distance"):
+            # In a pull the next pick is the next key: the points alone would hide it.
+            lens.key_distance(settings)
+            said = f"the focus distance is keyed at frame {context.scene.frame_current}"
         aperture_cloud.update(settings)
-        self.report({"INFO"}, f"{counted(len(ids), 'point')} are in focus")
+        self.report({"INFO"}, said[0].upper() + said[1:])
         return {"FINISHED"}
 
 

@@ -7,12 +7,12 @@ import numpy as np
 
 from ..core.errors import UserError
 from ..core.inspection import NAMES, Shown
+from ..panel_words import WORDS
 from ..render import engine
 from ..render.account import Inspector
 from ..scene.properties import lens_settings
 from ..scene.shot import reconstruction_of
 from .operators import Result, has_focus, reported
-from .words import WORDS
 
 MARK = "virtual_aperture"
 """Custom property of our images: which picture it is."""

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import bpy
 
 from ..core.counting import counted
-from ..core.errors import UserError
+from ..core.errors import UserError, with_words
 from ..core.footage import Footage
-from ..core.solve import SolveProcess
+from ..core.progress import Cancelled, reporting
+from ..core.solve import Progress, SolveProcess
 from ..core.solve_folder import STATE, Solve, default_work_dir, identity, imported_from, load_solve
+from ..panel_words import WORDS
 from ..scene import aperture_cloud
 from ..scene.build import build
 from ..scene.clip import footage_path, solved_clip_path
@@ -23,9 +27,11 @@ from ..scene.properties import focal_of, lens_settings
 from ..scene.refocus import keep_focus, restore_focus
 from ..scene.shot import reconstruction_of
 from . import after_solve
-from .words import WORDS
 
 Result = set[str]
+
+LOOK = 0.1
+"""Seconds between two looks at the solving process."""
 
 
 def has_clip(cls: Any, context: bpy.types.Context) -> bool:
@@ -96,7 +102,8 @@ def bring_in(scene: bpy.types.Scene, footage: Footage, folder: Path) -> tuple[So
         with bpy.context.temp_override(scene=scene, view_layer=layer, active_object=points):
             bpy.ops.object.mode_set(mode="OBJECT")
     settings = build(scene, footage, solve.reconstruction)
-    settings.summary, settings.advice = solve.summary, solve.worth.advice
+    settings.summary = solve.summary
+    settings.advice = with_words(solve.worth.advice, solve.worth.remedies, WORDS)
     note = ""
     if kept is not None:
         note = restore_focus(settings, kept, solve.reconstruction)
@@ -122,6 +129,54 @@ def report_hidden(operator: bpy.types.Operator, scene: bpy.types.Scene) -> None:
         operator.report({"INFO"}, after_solve.hidden_words(names))
 
 
+class _Solving:
+    """A solve from its first moment on: the clip is opened and its frames counted, which takes seconds, in
+    a thread, so that the interface goes on meanwhile and ESC ends it."""
+
+    def __init__(self, begin: Callable[[], SolveProcess]) -> None:
+        """`begin` makes the process; it must not touch Blender's data."""
+        self.process: SolveProcess | None = None
+        self.ended = False
+        self._error: BaseException | None = None
+        self._cancelled = threading.Event()
+        self._opening = threading.Thread(target=self._open, args=(begin,), daemon=True)
+        self._opening.start()
+
+    def _open(self, begin: Callable[[], SolveProcess]) -> None:
+        try:
+            with reporting(self._on_progress):
+                self.process = begin()
+        except BaseException as error:  # raised again where the solve is waited for
+            self._error = error
+
+    def _on_progress(self, _stage: str, _share: float) -> None:
+        if self._cancelled.is_set():
+            raise Cancelled
+
+    @property
+    def finished(self) -> bool:
+        """Whether the folder holds the solve."""
+        return self.process is not None and self.process.finished
+
+    def poll(self) -> list[Progress]:
+        """As `SolveProcess.poll`; also raises what opening the clip raised."""
+        if self._opening.is_alive():
+            return [Progress("Reading the clip", 0.0)]
+        if self._error is not None:
+            self.ended = True
+            raise self._error
+        assert self.process is not None
+        return self.process.poll()
+
+    def cancel(self) -> None:
+        """End what is under way and leave the folder as it was; harmless after the end."""
+        self._cancelled.set()
+        self._opening.join()
+        if self.process is not None:
+            self.process.cancel()
+        self.ended = True
+
+
 class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
     """Find the cameras and the feature points of the clip, and bring them into the scene"""
 
@@ -139,31 +194,34 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
         name="Do Not Ask", description="The user was asked", options={"SKIP_SAVE", "HIDDEN"}
     )
 
-    _running: SolveProcess | None = None
+    _running: _Solving | None = None
     """Of the class: the solve that is under way in this Blender."""
     _asks = False
-    _process: SolveProcess | None = None
+    _process: _Solving | None = None
     _timer: bpy.types.Timer | None = None
     _scene = ""
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         running = VIRTUAL_APERTURE_OT_solve._running
-        if running is not None and running.is_running:
+        if running is not None and not running.ended:
             cls.poll_message_set("A clip is being solved; ESC cancels it")
             return False
         return has_clip(cls, context)
 
-    def _start(self, context: bpy.types.Context) -> SolveProcess:
+    def _start(self, context: bpy.types.Context) -> _Solving:
         settings = context.scene.virtual_aperture
         # The user may go to another scene meanwhile.
         self._scene = context.scene.name
-        return SolveProcess(
-            footage_path(settings),
-            work_dir(settings),
-            focal=focal_of(settings),
-            again=self.again,
-            zooms=settings.lens == "ZOOM",
+        return _Solving(
+            partial(
+                SolveProcess,
+                footage_path(settings),
+                work_dir(settings),
+                focal=focal_of(settings),
+                again=self.again,
+                zooms=settings.lens == "ZOOM",
+            )
         )
 
     @reported
@@ -172,11 +230,13 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
             # The answer to the question comes here; the work is for the modal operator.
             bpy.ops.virtual_aperture.solve("INVOKE_DEFAULT", again=True, sure=True)
             return {"CANCELLED"}
-        self._process = self._start(context)
+        solving = self._process = self._start(context)
         try:
-            self._process.wait()
+            while not solving.finished:
+                solving.poll()
+                time.sleep(LOOK)
         finally:
-            self._process.cancel()
+            solving.cancel()
         return self._finish()
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
@@ -197,7 +257,7 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
             self.report({"ERROR"}, error.told(WORDS))
             return {"CANCELLED"}
         manager = context.window_manager
-        self._timer = manager.event_timer_add(0.1, window=context.window)
+        self._timer = manager.event_timer_add(LOOK, window=context.window)
         manager.progress_begin(0, 100)
         manager.modal_handler_add(self)
         _redraw(context)
@@ -234,13 +294,11 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
             self._process.cancel()
 
     def _finish(self) -> Result:
-        assert self._process is not None
-        scene = bpy.data.scenes.get(self._scene)
+        assert self._process is not None and self._process.process is not None
+        process, scene = self._process.process, bpy.data.scenes.get(self._scene)
         if scene is None:
-            raise UserError(
-                f"the scene {self._scene!r} is gone; the solve is kept in {self._process.work_dir}"
-            )
-        solve, note = bring_in(scene, self._process.clip, self._process.work_dir)
+            raise UserError(f"the scene {self._scene!r} is gone; the solve is kept in {process.work_dir}")
+        solve, note = bring_in(scene, process.clip, process.work_dir)
         report_hidden(self, scene)
         if note:
             self.report({"WARNING"}, note)

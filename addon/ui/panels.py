@@ -7,8 +7,7 @@ from pathlib import Path
 import bpy
 
 from ..core.counting import counted
-from ..scene import masks
-from ..scene.lens import is_in_focus
+from ..scene import lens, masks
 from . import after_solve, choose_clip, focus, import_solve, inspect, notices, operators
 from .text import wrapped
 
@@ -35,7 +34,7 @@ def next_step(context: bpy.types.Context) -> str:
         return "Solve the clip: where the camera was, and how far things are"
     if settings.points.mode == "EDIT":
         return "Select two or more vertices on what is to be sharp, and set the focus"
-    if not is_in_focus(settings):
+    if not lens.is_in_focus(settings):
         return "Press Tab over the viewport to select vertices on what is to be sharp"
     return "Ready to render"
 
@@ -137,8 +136,9 @@ class VIRTUAL_APERTURE_PT_lens(_Panel, bpy.types.Panel):  # noqa: N801
         column = layout.column()
         column.active = not by_points
         column.prop(settings, "focus_distance", text="Distance")
+        layout.prop(settings, "blur")
         column = layout.column()
-        column.prop(settings, "blur")
+        column.active = not lens.is_keyed(settings, "blur")
         column.prop(settings, "aperture_radius", text="Aperture")
 
 

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ..counting import counted
 from ..errors import UserError
 from ..reconstruction import Floats, Image, Intrinsics
 from .building import Sightings, assemble, check_size, picture_size, rotation_from, sightings_of, visible
@@ -254,7 +255,7 @@ def _names(file: Path, bundle: Path, cameras: int) -> list[str]:
         names.append(re.sub(r"\s+0\s+[-+.\deE]+$", "", row))
     if len(names) != cameras:
         raise UserError(
-            f"{file} names {len(names)} pictures, {bundle.name} has {cameras} cameras;"
+            f"{file} names {counted(len(names), 'picture')}, {bundle.name} has {counted(cameras, 'camera')};"
             " both must be of the same solve"
         )
     return names

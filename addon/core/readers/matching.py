@@ -14,6 +14,7 @@ from pathlib import PurePosixPath
 
 import numpy as np
 
+from ..counting import counted
 from ..errors import UserError
 from ..footage import Footage, describe
 from ..reconstruction import Image, Intrinsics, Reconstruction
@@ -73,11 +74,13 @@ def match(foreign: Foreign, footage: Footage) -> Imported:
         )
     left_out = [_shown(foreign, image.frame) for image in images if image.frame not in pairing.frames]
     if left_out:
-        notes.append(f"{len(left_out)} images of the model are not in the clip: {_some(left_out)}")
+        are = "image of the model is" if len(left_out) == 1 else "images of the model are"
+        notes.append(f"{len(left_out)} {are} not in the clip: {_some(left_out)}")
     frames = {image.frame for image in known}
     without = [str(frame) for frame in footage.frames if frame not in frames]
     if without:
-        notes.append(f"{len(without)} frames of the clip have no camera: {_some(without)}")
+        have = "frame of the clip has" if len(without) == 1 else "frames of the clip have"
+        notes.append(f"{len(without)} {have} no camera: {_some(without)}")
     reconstruction = replace(foreign.reconstruction, images=tuple(known))
     reconstruction, scaled = _fitted(reconstruction, footage)
     notes += scaled
@@ -114,14 +117,15 @@ def _no_match(foreign: Foreign, footage: Footage) -> str:
     clip = f"{footage.path.name} has {describe(footage.frames)}"
     if not any(foreign.names):
         return (
-            f"the {foreign.format} model has {count} cameras without names, and {clip}: which is which"
-            " cannot be told; give the footage that was solved, or for Bundler put list.txt beside the model"
+            f"the {foreign.format} model has {counted(count, 'camera')} without names, and {clip}: which is"
+            " which cannot be told; give the footage that was solved, or for Bundler put list.txt beside the"
+            " model"
         )
     if footage.files:
         clip += f" ({_some([file.name for file in footage.files])})"
     return (
-        f"none of the {count} images of the {foreign.format} model ({_some(list(foreign.names))}) is in the"
-        f" clip: {clip}; give the footage that was solved"
+        f"none of the {counted(count, 'image')} of the {foreign.format} model ({_some(list(foreign.names))})"
+        f" is in the clip: {clip}; give the footage that was solved"
     )
 
 

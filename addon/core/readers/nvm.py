@@ -153,10 +153,10 @@ def _largest_model(text: Text, header: _Header) -> tuple[_Model, list[str]]:
     if best is None:
         raise text.ends("the number of cameras") if row is None else text.wrong("at least one camera")
     others = len(sizes) - 1
-    note = (
-        f"the file has {len(sizes)} models; the largest is imported, {sum(sizes) - len(best.cameras)} cameras"
-    )
-    return best, [f"{note} of the others are left out"] if others else []
+    left_out = sum(sizes) - len(best.cameras)
+    are = "camera of the others is" if left_out == 1 else "cameras of the others are"
+    note = f"the file has {len(sizes)} models; the largest is imported, {left_out} {are} left out"
+    return best, [note] if others else []
 
 
 def _cameras(text: Text, header: _Header, count: int) -> tuple[tuple[str, ...], list[_Camera]]:

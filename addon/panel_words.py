@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..core.errors import Remedy, Words
+from .core.errors import Remedy, Words
 
 WORDS: Words = {
     # The interface solves whole clips.

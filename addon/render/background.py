@@ -1,0 +1,66 @@
+"""Rendering by Blender's own command line: `blender -b FILE -a` ends with status 1 if a frame is not right.
+
+Blender itself ends with status 0 after an engine's error, and does not look at what it wrote. Farms go by the
+status.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import NoReturn
+
+import bpy
+from bpy.app.handlers import persistent
+
+from . import engine, frame_files
+from .frame_size import written_size
+
+COMMANDS = {"-a", "--render-anim", "-f", "--render-frame"}
+FORMATS = {"PNG", "OPEN_EXR"}
+"""File formats that are read back after they were written."""
+
+
+def register() -> None:
+    """Watch the renders of this Blender, if its command line asked for them."""
+    if bpy.app.background and bpy.app.binary_path and COMMANDS & set(sys.argv):
+        bpy.app.handlers.render_write.append(_on_write)
+        bpy.app.handlers.render_cancel.append(_on_cancel)
+
+
+def unregister() -> None:
+    """Undo `register`."""
+    for handlers, handler in (
+        (bpy.app.handlers.render_write, _on_write),
+        (bpy.app.handlers.render_cancel, _on_cancel),
+    ):
+        if handler in handlers:
+            handlers.remove(handler)
+
+
+@persistent
+def _on_write(scene: bpy.types.Scene, _: object = None) -> None:
+    render = scene.render
+    if render.engine != engine.VirtualApertureEngine.bl_idname:
+        return
+    if render.image_settings.file_format not in FORMATS:
+        return
+    path = Path(render.frame_path(frame=scene.frame_current))
+    problem = frame_files.still_problem(path, written_size(render))
+    if problem:
+        path.unlink(missing_ok=True)
+        _end(f"frame {scene.frame_current}: {path} {problem} and was not kept; is the disk full?")
+
+
+@persistent
+def _on_cancel(scene: bpy.types.Scene, _: object = None) -> None:
+    if scene.render.engine == engine.VirtualApertureEngine.bl_idname:
+        _end("rendering was ended by an error or a signal; the frames written before it are whole")
+
+
+def _end(text: str) -> NoReturn:
+    print(f"error: {text}", file=sys.stderr, flush=True)
+    sys.stdout.flush()
+    # Blender would go on with its next argument, and end with status 0.
+    os._exit(1)

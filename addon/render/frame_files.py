@@ -1,0 +1,99 @@
+"""Rendered pictures and movies on disk: read back before they count, each still with the key of what made it.
+
+The key is in the picture's own metadata (Blender's stamp note), so a file never says of another one what it
+was made from, several processes can write into one folder, and a moved or copied file keeps its key.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import cv2
+import imbuf
+import numpy as np
+
+from ..core.errors import UserError
+
+NOTE = "Note"
+"""Name under which Blender writes a stamp's note into PNG and EXR files."""
+HEADER = 1 << 16
+"""Bytes of a file in which its metadata is looked for; Blender writes it before the pixels."""
+_KEY = re.compile(rb"virtual-aperture-frame ([0-9a-f]{64})")
+
+
+def note_of(key: str) -> str:
+    """The stamp note that carries a key (64 hexadecimal digits)."""
+    return f"virtual-aperture-frame {key}"
+
+
+def key_of(path: Path) -> str | None:
+    """The key of what a picture was made from; None where it has none."""
+    with path.open("rb") as file:
+        found = _KEY.search(file.read(HEADER))
+    return found[1].decode() if found else None
+
+
+def still_problem(path: Path, size: tuple[int, int] | None = None) -> str:
+    """Why a picture is none that can be used, or an empty string: it is decoded as a whole.
+
+    `size` is the (width, height) that it must have.
+    """
+    try:
+        if path.stat().st_size == 0:
+            return "is empty"
+        found = _exr_size(path) if path.suffix.lower() == ".exr" else _png_size(path)
+    except FileNotFoundError:
+        return "was not written"
+    except (OSError, ValueError, RuntimeError, cv2.error) as error:
+        return f"cannot be read back ({error})"
+    if found is None:
+        return "is cut off or damaged"
+    if size is not None and found != size:
+        return f"is {found[0]}x{found[1]} and should be {size[0]}x{size[1]}"
+    return ""
+
+
+def movie_problem(path: Path, count: int, size: tuple[int, int]) -> str:
+    """Why a movie is not whole, or an empty string: its frames are decoded and counted."""
+    if not path.exists():
+        return "was not written"
+    level = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    try:
+        movie = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
+        found = 0
+        while movie.grab():
+            found += 1
+        held = tuple(int(movie.get(p)) for p in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT))
+        movie.release()
+    finally:
+        cv2.utils.logging.setLogLevel(level)
+    if found != count:
+        return f"has {found} frames that can be decoded and should have {count}"
+    return "" if held == size else f"is {held[0]}x{held[1]} and should be {size[0]}x{size[1]}"
+
+
+def refuse(path: Path, problem: str) -> None:
+    """UserError for a file that was just written and is not right; nothing where there is no problem."""
+    if problem:
+        raise UserError(
+            f"{path.name} {problem}; is the disk full? It was not kept: free some space, render again"
+        )
+
+
+def _png_size(path: Path) -> tuple[int, int] | None:
+    level = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    try:
+        picture = cv2.imdecode(np.fromfile(path, np.uint8), cv2.IMREAD_UNCHANGED)
+    finally:
+        cv2.utils.logging.setLogLevel(level)
+    return None if picture is None else (picture.shape[1], picture.shape[0])
+
+
+def _exr_size(path: Path) -> tuple[int, int] | None:
+    image = imbuf.load(str(path))
+    if image is None:
+        return None
+    width, height = image.size
+    image.free()
+    return width, height

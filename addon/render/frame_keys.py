@@ -1,0 +1,68 @@
+"""What a rendered frame depends on, as a key: by the contents of files, not by their names and places."""
+
+from __future__ import annotations
+
+import hashlib
+
+import bpy
+import numpy as np
+
+from ..core.digest import file_digest, files_digest
+from ..core.footage import Footage
+from ..scene.masks import DrawnMask
+from ..scene.properties import lens_settings
+from ..scene.shot import Shot, shot_of
+from .frame_size import render_size, written_size
+
+PICTURES = 1
+"""Version of the method: counted up when the same settings give another picture, so that a run that goes on
+does not mix them."""
+
+
+def run_key(scene: bpy.types.Scene) -> str:
+    """64 hexadecimal digits of all that the pictures of a scene's clip depend on, whichever frame."""
+    shot, settings = shot_of(scene), scene.virtual_aperture
+    parts = (
+        PICTURES, clip_digest(shot.footage), _reconstruction_digest(shot), _depth_digest(shot),
+        shot.masks and clip_digest(shot.masks.pictures), shot.drawn and _drawn_digest(shot.drawn),
+        render_size(scene.render), written_size(scene.render), lens_settings(settings, shot.reconstruction),
+    )  # fmt: skip
+    return hashlib.sha256(repr(parts).encode()).hexdigest()
+
+
+def frame_keys(scene: bpy.types.Scene, frames: list[int]) -> dict[int, str]:
+    """64 hexadecimal digits for each frame of all that its picture depends on."""
+    key = run_key(scene)
+    return {frame: hashlib.sha256(f"{key} {frame}".encode()).hexdigest() for frame in frames}
+
+
+def clip_digest(footage: Footage) -> str:
+    """64 hexadecimal digits of a clip's pictures."""
+    return file_digest(footage.path) if footage.is_video else files_digest(footage.files)
+
+
+def _reconstruction_digest(shot: Shot) -> str:
+    reconstruction, digest = shot.reconstruction, hashlib.sha256()
+    digest.update(repr(reconstruction.cameras).encode())
+    for image in reconstruction.images:
+        digest.update(f"{image.frame} {image.camera}".encode())
+        for array in (image.rotation, image.translation, image.xy, image.points, image.visible):
+            digest.update(np.ascontiguousarray(array).tobytes())
+    digest.update(np.ascontiguousarray(reconstruction.points.xyz).tobytes())
+    return digest.hexdigest()
+
+
+def _depth_digest(shot: Shot) -> tuple[str, list[float]] | None:
+    if shot.depth is None:
+        return None
+    return clip_digest(shot.depth.maps.maps), shot.depth.fit.line.tolist()
+
+
+def _drawn_digest(drawn: DrawnMask) -> str:
+    digest = hashlib.sha256()
+    for frame, layers in sorted(drawn.layers.items()):
+        for layer in layers:
+            digest.update(repr((frame, layer.alpha, layer.blend, layer.is_inverted, layer.overlaps)).encode())
+            for outline in layer.outlines:
+                digest.update(np.ascontiguousarray(outline).tobytes())
+    return digest.hexdigest()

@@ -1,0 +1,26 @@
+"""Sizes in pixels of what Blender's render settings ask for."""
+
+from __future__ import annotations
+
+import bpy
+
+
+def render_size(render: bpy.types.RenderSettings) -> tuple[int, int]:
+    """(width, height) in pixels of the whole rendered frame."""
+    share = render.resolution_percentage / 100
+    return max(1, int(render.resolution_x * share)), max(1, int(render.resolution_y * share))
+
+
+def written_size(render: bpy.types.RenderSettings) -> tuple[int, int]:
+    """(width, height) of the picture that Blender writes: the frame, or its border where that is cropped."""
+    size = render_size(render)
+    if not (render.use_border and render.use_crop_to_border):
+        return size
+    across, down = (
+        round(high * n) - round(low * n)
+        for n, low, high in zip(
+            size, (render.border_min_x, render.border_min_y), (render.border_max_x, render.border_max_y),
+            strict=True,
+        )
+    )  # fmt: skip
+    return across, down
