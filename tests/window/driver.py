@@ -18,6 +18,7 @@ import time
 import traceback
 from typing import Any
 
+import bmesh
 import bpy
 from bpy.app.handlers import persistent
 

@@ -206,14 +206,21 @@ class Program:
             self.settle()
         raise AssertionError(f"no tab {tab!r}")
 
-    def choose_file(self, file: Path) -> None:
-        """Type a file's path into the file browser that has opened, and accept."""
+    def choose_file(self, file: Path, new: bool = False) -> None:
+        """Type a file's path into the file browser that has opened, and accept.
+
+        Of a new file, its folder goes into the field of the path and its name into that of the name.
+        """
         kinds = "[[area.type for area in w.screen.areas] for w in bpy.context.window_manager.windows]"
         self.wait(f"['FILE_BROWSER'] in {kinds}")
         window = self.ask(f"{kinds}.index(['FILE_BROWSER'])")
         self.settle()
         left, top, width, height = self.rectangle("FILE_BROWSER", "UI", window)
-        self.fill(Button("path", left + 0.35 * width, top + height / 2), str(file))
+        path = file.parent if new else file
+        self.fill(Button("path", left + 0.35 * width, top + height / 2), str(path))
+        if new:
+            left, top, width, height = self.rectangle("FILE_BROWSER", "EXECUTE", window)
+            self.fill(Button("name", left + 0.25 * width, top + height / 2), file.name)
         chosen = f"view('FILE_BROWSER', {window})['area'].spaces.active.params.filename"
         self.wait(f"{chosen} == {file.name!r}")
         # The path is still being edited; a click beside it ends that.
