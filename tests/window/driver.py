@@ -18,7 +18,7 @@ import time
 import traceback
 from typing import Any
 
-import bmesh
+import bmesh  # noqa: F401  questions ask it
 import bpy
 from bpy.app.handlers import persistent
 

@@ -1,4 +1,4 @@
-"""What a first-time user does, in one Blender, in this order: install, choose, solve, focus, render, save, move.
+"""What a first-time user does, in one Blender and in this order: from the zip to a project that was moved.
 
 Mouse and keys do it. The driver only reads state, finds places, and sets what is no part of the test (the
 output's file format, the frame range). A step that fails leaves those after it skipped.
@@ -200,13 +200,18 @@ def test_pick_points(program: Program) -> None:
     # Not under the toolbar or the sidebar, and near the middle of the picture.
     sidebar = program.rectangle("VIEW_3D", "UI")[2]
     usable = (x > left + 120) & (x < left + width - sidebar - 20) & (y > top + 80) & (y < top + height - 20)
-    near = np.argsort(np.hypot(x - np.median(x[usable]), y - np.median(y[usable])))
-    chosen = [n for n in near if usable[n]][:4]
+    chosen: list[int] = []
+    for n in np.argsort(np.hypot(x - np.median(x[usable]), y - np.median(y[usable]))):
+        away = np.hypot(x - x[n], y - y[n])
+        # A click takes the nearest: one with nothing close, and not next to one that is taken.
+        if usable[n] and np.sort(away)[1] > 5 and all(away[taken] > 30 for taken in chosen):
+            chosen.append(n)
+    chosen = chosen[:4]
     for count, n in enumerate(chosen):
         program.screen.click(x[n], y[n], 1, "shift" if count else "")
         program.settle()
     picked = program.ask(SELECTED)
-    assert 2 <= len(picked) <= 4
+    assert len(picked) == 4
     program.shot("picked")
     program.press("virtual_aperture.set_focus()")
     program.wait(f"{SETTINGS}.points.mode == 'OBJECT'")
@@ -223,13 +228,22 @@ def test_focus_is_undone_and_redone(program: Program) -> None:
     program.wait(f"len({SETTINGS}.focus_points) == {count}")
 
 
-@pytest.mark.parametrize("tab, shows", [("RENDER", "render.engine"), ("OUTPUT", "render.filepath")])
-def test_properties_editor(program: Program, tab: str, shows: str) -> None:
+@pytest.mark.parametrize(
+    "tab, shows",
+    [
+        ("RENDER", ["render.engine"]),
+        (
+            "OUTPUT",
+            ["render.resolution_x", "render.resolution_percentage", "frame_start", "render.filepath",
+             "image_settings.file_format"],
+        ),
+    ],
+)  # fmt: skip
+def test_properties_editor(program: Program, tab: str, shows: list[str]) -> None:
     show_properties(program, tab)
     program.shot(f"properties_{tab.lower()}")
-    found = [button.does for button in program.buttons("PROPERTIES", "WINDOW")]
-    assert any(shows in does for does in found), found
-    assert len(found) > 3, found
+    for does in shows:
+        program.find(does, "PROPERTIES", "WINDOW", across=0.7)
 
 
 def show_properties(program: Program, tab: str) -> None:
@@ -261,21 +275,21 @@ def test_save(program: Program, project: Path) -> None:
     assert program.ask(f"{SETTINGS}.footage") == "//desk.mp4"
 
 
-def test_f12_with_default_preferences(program: Program, project: Path, own: Path) -> None:
+def test_f12_with_default_preferences(program: Program, project: Path, resources: Path) -> None:
     first_window(program)
     told = program.render(seconds=180)
     program.shot("f12")
     assert "complete" in told
     picture = rendered(program, "f12")
     frame = program.ask("bpy.context.scene.frame_current")
-    headless(own, "-b", str(project / "desk.blend"), "-o", f"{project}/alone/####", "-f", str(frame))
+    headless(resources, "-b", str(project / "desk.blend"), "-o", f"{project}/alone/####", "-f", str(frame))
     alone = read_exr(project / "alone" / f"{frame:04d}.exr")
     assert alone[..., :3].std() > 0.02
     assert np.array_equal(picture, alone), f"differs by up to {np.abs(picture - alone).max():g}"
     first_window(program)
 
 
-def test_ctrl_f12_writes_the_headless_frames(program: Program, project: Path, own: Path) -> None:
+def test_ctrl_f12_writes_the_headless_frames(program: Program, project: Path, resources: Path) -> None:
     program.ask("bpy.context.scene.frame_end = 3")
     program.render("ctrl+F12", seconds=300)
     program.shot("ctrl_f12")
