@@ -214,3 +214,18 @@ def test_digests_tell_contents(tmp_path: Path) -> None:
     assert file_digest(one) == file_digest(same) != file_digest(other)
     with pytest.raises(UserError, match="cannot be read"):
         file_digest(tmp_path / "d")
+
+
+def test_a_frame_that_was_never_begun_is_not_taken_for_one(ready: bpy.types.Scene, tmp_path: Path) -> None:
+    """As where a signal arrives while Blender prepares a frame: then its picture is black, and no error."""
+    out = tmp_path / "o" / "####.png"
+    render = engine.VirtualApertureEngine.render
+    engine.VirtualApertureEngine.render = lambda self, depsgraph: None
+    try:
+        with pytest.raises(UserError, match="before there was a picture"):
+            rendered(ready, out)
+    finally:
+        engine.VirtualApertureEngine.render = render
+    assert not listed(out.parent)
+    rendered(ready, out)
+    assert len(listed(out.parent)) == 3
