@@ -10,7 +10,7 @@ import bpy
 from .core.depth_maps import open_depth
 from .core.errors import UserError
 from .core.focus import Focus, check_points, pick, radius_for_blur
-from .core.footage import Footage, open_footage
+from .core.footage import Footage, FrameRange, open_footage
 from .core.masks import open_masks
 from .core.solve_folder import Solve
 from .core.views import METHODS, LensSettings, check_settings
@@ -60,6 +60,26 @@ def add_lens(command: argparse.ArgumentParser, required: bool) -> None:
     command.add_argument("--seed", type=int, default=0, help="of the thesis's random positions")
 
 
+LENS = (
+    "focus_at", "focus_point", "focus_distance", "blur", "aperture_radius", "depth", "mask", "views",
+    "method", "borrow", "seed",
+)  # fmt: skip
+"""What the options of `add_lens` are kept as."""
+
+
+def lens_arguments(options: argparse.Namespace, **others: Path | None) -> list[str]:
+    """The options of `add_lens` as words for another process's command line; `others` replace some."""
+    words = []
+    for name in LENS:
+        value = others[name] if name in others else getattr(options, name)
+        if value is not None:
+            values = value if isinstance(value, list) else [value]
+            # A path is another process's, in whichever folder.
+            told = [str(each.absolute()) if isinstance(each, Path) else str(each) for each in values]
+            words += [f"--{name.replace('_', '-')}", *told]
+    return words
+
+
 def scene_of(solved: Solve) -> tuple[bpy.types.Scene, VirtualApertureSettings, Footage]:
     """A fresh scene that holds the solve."""
     bpy.ops.wm.read_homefile(app_template="", use_empty=True, use_factory_startup=True)
@@ -68,6 +88,25 @@ def scene_of(solved: Solve) -> tuple[bpy.types.Scene, VirtualApertureSettings, F
     settings = build(scene, footage, solved.reconstruction)
     settings.work_dir = str(solved.work_dir)
     return scene, settings, footage
+
+
+def wanted_frames(footage: Footage, frames: str | None) -> tuple[int, ...]:
+    """Those of a clip that `--frames` asks for, all of them without; UserError where there are none."""
+    wanted = FrameRange.parse(frames).of(footage.frames) if frames else footage.frames
+    if not wanted:
+        raise UserError(
+            f"the solve has no frames {frames}; it has {footage.frames[0]} to {footage.frames[-1]}"
+        )
+    return wanted
+
+
+def movie_frames(solved: Solve, frames: str | None) -> list[int]:
+    """The frames that a movie of those asked for shows: every one of the range.
+
+    Those that the solve left out get their camera from their neighbours.
+    """
+    wanted = wanted_frames(open_footage(solved.footage, solved.frames), frames)
+    return list(open_footage(solved.footage, FrameRange(wanted[0], wanted[-1])).frames)
 
 
 def check_numbers(options: argparse.Namespace) -> None:
