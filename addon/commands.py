@@ -228,7 +228,8 @@ def run_command(arguments: list[str]) -> int:
         return 128 + _signal if _signal else 1
     finally:
         for number, handler in before.items():
-            signal.signal(number, handler)
+            if handler is not None:  # one of Blender's own cannot be put back
+                signal.signal(number, handler)
     return 0
 
 
