@@ -5,28 +5,35 @@ from __future__ import annotations
 import argparse
 import contextlib
 import os
-import shutil
 import signal
 import sys
+import tempfile
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
-import bpy
-
-from . import commands_inspect, commands_solve
-from .commands_lens import add_lens, check_numbers, say, scene_of, set_lens
+from . import commands_farm, commands_inspect, commands_save, commands_solve
+from .commands_lens import (
+    add_lens,
+    check_numbers,
+    lens_arguments,
+    movie_frames,
+    say,
+    scene_of,
+    set_lens,
+    wanted_frames,
+)
 from .commands_words import WORDS
 from .core.counting import counted
 from .core.errors import UserError
-from .core.footage import Footage, FrameRange, open_footage
+from .core.footage import FrameRange, open_footage
 from .core.solve_folder import Solve, default_work_dir, load_solve
 from .core.solve_report import ranges
-from .render import engine, output
+from .render import engine, jobs, output
 from .render.account import Account, check_report
 from .render.average import no_gpu_note
 from .render.frame_keys import run_key
 from .render.gpu_views import gpu_problem
 from .render.quiet import quiet
-from .scene.build import move_clip
 from .scene.shot import shot_of
 
 
@@ -42,6 +49,13 @@ def parser() -> argparse.ArgumentParser:
     two.add_argument("work", type=Path, metavar="DIR", help="folder that keeps the solve")
     add_lens(two, required=True)
     two.add_argument("--frames", metavar="A-B[:STEP]", help="frames to render")
+    two.add_argument(
+        "--for-movie",
+        action="store_true",
+        help="frames as join takes them: every one of the range, even sizes",
+    )
+    # For processes that others started to render a share.
+    two.add_argument("--end-with-input", action="store_true", help=argparse.SUPPRESS)
     _add_output(two)
     two.set_defaults(command=render)
 
@@ -51,17 +65,10 @@ def parser() -> argparse.ArgumentParser:
     three.add_argument("--frames", metavar="A-B[:STEP]", help="frames of the clip to solve and render")
     add_lens(three, required=True)
     _add_output(three)
-    three.set_defaults(command=run)
+    three.set_defaults(command=run, for_movie=False)
 
-    four = commands.add_parser(
-        "save", parents=[common], help="save the solved clip as a .blend, ready to open or to send"
-    )
-    four.add_argument("work", type=Path, metavar="DIR", help="folder that keeps the solve")
-    four.add_argument("--blend", type=Path, required=True, metavar="FILE")
-    four.add_argument("--overwrite", action="store_true", help="replace the .blend if it exists")
-    add_lens(four, required=False)
-    four.set_defaults(command=save)
-
+    commands_save.add_command(commands, common)
+    commands_farm.add_commands(commands, common)
     commands_inspect.add_command(commands, common)
     return top
 
@@ -70,12 +77,17 @@ def _add_output(command: argparse.ArgumentParser) -> None:
     command.add_argument("--out", type=Path, required=True, metavar="FILE.mp4|DIR/####.png|DIR/####.exr")
     command.add_argument("--overwrite", action="store_true", help="replace output that exists")
     command.add_argument(
+        "--jobs", type=int, default=1, metavar="N", help="processes that render side by side"
+    )
+    command.add_argument(
         "--report", type=Path, metavar="FILE.json", help="method, mesh, error, sources and time of each frame"
     )
 
 
 def _check_output(options: argparse.Namespace) -> None:
     output.check_output(options.out, options.overwrite)
+    if options.jobs < 1:
+        raise UserError(f"the number of jobs is {options.jobs}; it must be at least 1")
     if options.report:
         check_report(options.report, options.overwrite)
         output.check_folder(options.report.absolute().parent)
@@ -83,6 +95,8 @@ def _check_output(options: argparse.Namespace) -> None:
 
 def render(options: argparse.Namespace) -> None:
     """`render DIR ... --out OUT`"""
+    if options.end_with_input:
+        jobs.end_with_input()
     _check_output(options)
     check_numbers(options)
     _render(load_solve(options.work), options)
@@ -99,72 +113,22 @@ def run(options: argparse.Namespace) -> None:
     _render(solved, options)
 
 
-def save(options: argparse.Namespace) -> None:
-    """`save DIR --blend FILE`: the .blend, and the clip beside it, so that the folder is all there is."""
-    blend: Path = options.blend.absolute()
-    if blend.suffix.lower() != ".blend":
-        raise UserError(f"{blend.name} must end in .blend")
-    if blend.exists() and not options.overwrite:
-        raise UserError(f"{blend} exists; name another file or pass --overwrite")
-    check_numbers(options)
-    solved = load_solve(options.work)
-    scene, settings, footage = scene_of(solved)
-    if any((options.focus_at, options.focus_point, options.focus_distance is not None)):
-        set_lens(settings, solved, options)
-    blend.parent.mkdir(parents=True, exist_ok=True)
-    clip = _beside(footage, blend.parent)
-    move_clip(scene, open_footage(clip, footage.frames))
-    # The solve is in the .blend; another machine does not have this folder.
-    settings.work_dir = ""
-    scene.render.filepath = "//render/"
-    part = blend.with_name(f".part-{blend.name}")
-    try:
-        bpy.ops.wm.save_as_mainfile(filepath=str(part), check_existing=False)
-        part.replace(blend)
-    finally:
-        part.unlink(missing_ok=True)
-        part.with_name(part.name + "1").unlink(missing_ok=True)
-    say(f"saved {blend}; send it together with {clip.name} beside it")
-
-
-def _beside(footage: Footage, folder: Path) -> Path:
-    """The clip, copied beside the .blend unless it lies in that folder or below."""
-    if footage.path.resolve().is_relative_to(folder.resolve()):
-        return footage.path
-    if footage.is_video:
-        copies = {folder / footage.path.name: footage.path}
-        path = folder / footage.path.name
-    else:
-        home = folder / f"{footage.files[0].parent.name}_frames"
-        copies = {home / file.name: file for file in footage.files}
-        path = home if footage.path.is_dir() else home / footage.path.name
-    for target, source in copies.items():
-        if target.exists():
-            if target.stat().st_size != source.stat().st_size:
-                raise UserError(
-                    f"{target} exists and is another file than {source}; save into another folder"
-                )
-            continue
-        target.parent.mkdir(parents=True, exist_ok=True)
-        part = target.with_name(f".part-{target.name}")
-        shutil.copyfile(source, part)
-        part.replace(target)
-    return path
-
-
 def _render(solved: Solve, options: argparse.Namespace) -> None:
     scene, settings, footage = scene_of(solved)
-    wanted = FrameRange.parse(options.frames).of(footage.frames) if options.frames else footage.frames
-    if not wanted:
-        raise UserError(
-            f"the solve has no frames {options.frames}; it has {footage.frames[0]} to {footage.frames[-1]}"
-        )
-    set_lens(settings, solved, options, wanted)
+    # A share of a farm's job focuses as the whole does.
+    set_lens(settings, solved, options, () if options.for_movie else wanted_frames(footage, options.frames))
     out: Path = options.out.absolute()
     is_movie = out.suffix.lower() in output.MOVIES
-    # A movie shows every frame of the range: those that a step left out get their camera from neighbours.
-    shown = open_footage(solved.footage, FrameRange(wanted[0], wanted[-1])).frames if is_movie else wanted
-    frames = list(shown)
+    if options.for_movie:
+        # A share of those that a movie shows.
+        frames = list(
+            open_footage(solved.footage, options.frames and FrameRange.parse(options.frames)).frames
+        )
+        output.crop_to_even(scene.render)
+    elif is_movie:
+        frames = movie_frames(solved, options.frames)
+    else:
+        frames = list(wanted_frames(footage, options.frames))
     least, most = output.plan_all(scene, frames)
     count = str(least) if least == most else f"{least} to {most}"
     say(f"rendering {counted(len(frames), 'frame')} with {count} {'view' if most == 1 else 'views'} each")
@@ -184,11 +148,13 @@ def _render(solved: Solve, options: argparse.Namespace) -> None:
 
         def report(text: str) -> None:
             os.write(descriptor, f"{text}\n".encode())
+            _check_interrupted()
 
+        draw = None if options.jobs == 1 else _side_by_side(solved, options, account, report)
         if is_movie:
-            output.render_movie(scene, frames, out, report)
+            output.render_movie(scene, frames, out, report, draw)
         else:
-            output.render_sequence(scene, frames, out, options.overwrite, report)
+            output.render_sequence(scene, frames, out, options.overwrite, report, draw)
     if repaired := shot_of(scene).repaired:
         say(
             f"{sum(repaired.values())} pixels of {len(repaired)} frames were not finite (NaN or infinite) and"
@@ -201,33 +167,77 @@ def _render(solved: Solve, options: argparse.Namespace) -> None:
     say(f"wrote {options.out}")
 
 
-class _Terminated(KeyboardInterrupt):
-    """Whoever runs the command wants it to end, as farms do before they kill."""
+def _side_by_side(
+    solved: Solve, options: argparse.Namespace, account: Account, report: output.Report
+) -> output.Draw:
+    """Have frames drawn by `--jobs` processes of this command line."""
+    is_movie = options.for_movie or options.out.suffix.lower() in output.MOVIES
+    step = FrameRange.parse(options.frames).step if options.frames and not is_movie else 1
+
+    def draw(todo: list[int], out: Path, done: Callable[[int], None]) -> None:
+        with tempfile.TemporaryDirectory(prefix="virtual-aperture-") as scratch:
+            reports = [Path(scratch) / f"{number}.json" for number in range(options.jobs)]
+
+            def command(frames: Sequence[int], number: int) -> list[str]:
+                words = ["render", str(solved.work_dir.absolute()), *lens_arguments(options)]
+                words += ["--frames", f"{frames[0]}-{frames[-1]}:{step}", "--out", str(out)]
+                words += ["--for-movie"] * is_movie + ["--overwrite"] * (is_movie or options.overwrite)
+                return words + (["--report", str(reports[number])] if options.report else [])
+
+            try:
+                jobs.render_side_by_side(todo, options.jobs, command, done, report)
+            finally:
+                for path in reports:
+                    account.take_over(path)
+
+    return draw
 
 
-def _terminate(_number: int, _frame: object) -> None:
-    raise _Terminated
+class _Interrupted(KeyboardInterrupt):
+    """Whoever runs the command wants it to end: Ctrl-C, or SIGTERM, as farms send before they kill."""
+
+
+_signal = 0
+"""Number of the signal that was heard. Blender loses exceptions where it calls Python from within."""
+
+
+def _interrupt(number: int, _frame: object) -> None:
+    global _signal
+    _signal = number
+    raise _Interrupted
+
+
+def _check_interrupted() -> None:
+    if _signal:
+        raise _Interrupted
 
 
 def run_command(arguments: list[str]) -> int:
     """Run one command: 0, or non-zero after one readable line on standard error."""
+    global _signal
     options = parser().parse_args(arguments)
+    _signal = 0
     # Blender's program has a handler of its own for Ctrl-C, which only ends the frame under way.
-    signal.signal(signal.SIGINT, signal.default_int_handler)
-    signal.signal(signal.SIGTERM, _terminate)
+    before = {number: signal.signal(number, _interrupt) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         options.command(options)
-    except UserError as error:
-        if options.debug:
+        _check_interrupted()
+    except (Exception, KeyboardInterrupt) as error:
+        if options.debug and not _signal:
             raise
-        print(f"error: {error.told(WORDS)}", file=sys.stderr, flush=True)
-        return 1
-    except KeyboardInterrupt as error:
-        print("error: interrupted; finished frames are kept", file=sys.stderr, flush=True)
-        return 128 + (signal.SIGTERM if isinstance(error, _Terminated) else signal.SIGINT)
-    except Exception as error:  # one readable line for everybody, the traceback for those who ask
-        if options.debug:
-            raise
-        print(f"error: {type(error).__name__}: {error} (--debug shows where)", file=sys.stderr, flush=True)
-        return 1
+        print(f"error: {_told(error)}", file=sys.stderr, flush=True)
+        return 128 + _signal if _signal else 1
+    finally:
+        for number, handler in before.items():
+            if handler is not None:  # one of Blender's own cannot be put back
+                signal.signal(number, handler)
     return 0
+
+
+def _told(error: BaseException) -> str:
+    """One readable line for everybody; the traceback is for those who ask."""
+    if _signal:
+        return "interrupted; finished frames are kept"
+    if isinstance(error, UserError):
+        return error.told(WORDS)
+    return f"{type(error).__name__}: {error} (--debug shows where)"

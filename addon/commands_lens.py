@@ -13,7 +13,7 @@ from .core.depth_maps import open_depth
 from .core.errors import UserError
 from .core.focus import Focus, check_points, radius_for_blur
 from .core.focus_place import find_place
-from .core.footage import Footage, open_footage
+from .core.footage import Footage, FrameRange, open_footage
 from .core.masks import open_masks
 from .core.reconstruction import Reconstruction
 from .core.solve_folder import Solve
@@ -65,6 +65,26 @@ def add_lens(command: argparse.ArgumentParser, required: bool) -> None:
     command.add_argument("--seed", type=int, default=0, help="of the thesis's random positions")
 
 
+LENS = (
+    "focus_at", "focus_point", "focus_distance", "blur", "aperture_radius", "depth", "mask", "views",
+    "method", "borrow", "seed",
+)  # fmt: skip
+"""What the options of `add_lens` are kept as."""
+
+
+def lens_arguments(options: argparse.Namespace, **others: Path | None) -> list[str]:
+    """The options of `add_lens` as words for another process's command line; `others` replace some."""
+    words = []
+    for name in LENS:
+        value = others[name] if name in others else getattr(options, name)
+        if value is not None:
+            values = value if isinstance(value, list) else [value]
+            # A path is another process's, in whichever folder.
+            told = [str(each.absolute()) if isinstance(each, Path) else str(each) for each in values]
+            words += [f"--{name.replace('_', '-')}", *told]
+    return words
+
+
 def scene_of(solved: Solve) -> tuple[bpy.types.Scene, VirtualApertureSettings, Footage]:
     """A fresh scene that holds the solve."""
     bpy.ops.wm.read_homefile(app_template="", use_empty=True, use_factory_startup=True)
@@ -73,6 +93,25 @@ def scene_of(solved: Solve) -> tuple[bpy.types.Scene, VirtualApertureSettings, F
     settings = build(scene, footage, solved.reconstruction)
     settings.work_dir = str(solved.work_dir)
     return scene, settings, footage
+
+
+def wanted_frames(footage: Footage, frames: str | None) -> tuple[int, ...]:
+    """Those of a clip that `--frames` asks for, all of them without; UserError where there are none."""
+    wanted = FrameRange.parse(frames).of(footage.frames) if frames else footage.frames
+    if not wanted:
+        raise UserError(
+            f"the solve has no frames {frames}; it has {footage.frames[0]} to {footage.frames[-1]}"
+        )
+    return wanted
+
+
+def movie_frames(solved: Solve, frames: str | None) -> list[int]:
+    """The frames that a movie of those asked for shows: every one of the range.
+
+    Those that the solve left out get their camera from their neighbours.
+    """
+    wanted = wanted_frames(open_footage(solved.footage, solved.frames), frames)
+    return list(open_footage(solved.footage, FrameRange(wanted[0], wanted[-1])).frames)
 
 
 def check_numbers(options: argparse.Namespace) -> None:
@@ -98,7 +137,7 @@ def set_lens(
     """Write the options into the settings; UserError where the solve does not carry them.
 
     A place to focus on is in the first registered frame of `frames` (by default the clip's), unless the
-    options name one.
+    options name one; afterwards they do.
     """
     reconstruction = solved.reconstruction
     _set_clip_files(settings, solved, options)
@@ -106,6 +145,8 @@ def set_lens(
     if options.focus_at:
         x, y, wanted = _place(options.focus_at)
         frame = _registered(reconstruction, frames) if wanted is None else wanted
+        # Other processes that render a part of the same frames must not take the first of theirs.
+        options.focus_at = f"{options.focus_at.partition('@')[0]}@{frame}"
         place = find_place(shot_of(settings.id_data), frame, x, y)
         focus = place.focus
         say(f"in focus: {place.distance:.4g} away at frame {frame}, from {place.source}")

@@ -54,9 +54,13 @@ def add_commands(
     four.set_defaults(command=hand_out)
 
 
-def add_footage(command: argparse.ArgumentParser) -> None:
-    """The arguments of a clip to be solved."""
-    command.add_argument("footage", type=Path, metavar="FOOTAGE", help="video, folder of images, or pattern")
+def add_footage(
+    command: argparse.ArgumentParser,
+    name: str = "FOOTAGE",
+    told: str = "video, folder of images, or pattern",
+) -> None:
+    """The arguments of a clip to be solved, which is called `name` and described as `told`."""
+    command.add_argument("footage", type=Path, metavar=name, help=told)
     focal = command.add_mutually_exclusive_group()
     focal.add_argument("--focal", type=float, metavar="PX", help="known focal length in pixels, held")
     focal.add_argument(
@@ -75,6 +79,15 @@ def add_footage(command: argparse.ArgumentParser) -> None:
         "--tracker", choices=TRACKERS, default=TRACKERS[0], help=f"how features are followed ({TRACKERS[0]})"
     )
     command.add_argument("--again", action="store_true", help="solve even if the folder holds this solve")
+
+
+def solve_arguments(options: argparse.Namespace) -> list[str]:
+    """The options of `add_footage` as words for another process's command line, without the clip."""
+    words = []
+    for name in ("focal", "focal35", "fov", "focal_mm", "sensor_mm", "tracker"):
+        if (value := getattr(options, name)) is not None:
+            words += [f"--{name.replace('_', '-')}", str(value)]
+    return words + ["--zoom"] * options.zoom
 
 
 def solve(options: argparse.Namespace) -> None:

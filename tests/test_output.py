@@ -231,3 +231,18 @@ def test_a_keyed_lens_is_in_the_key_of_each_frame(ready: bpy.types.Scene) -> Non
         keys.append(frame_keys(ready, FRAMES))
     assert keys[0][1] == keys[1][1]
     assert keys[0][2] != keys[1][2] and keys[0][3] != keys[1][3]
+
+
+def test_a_frame_that_was_never_begun_is_not_taken_for_one(ready: bpy.types.Scene, tmp_path: Path) -> None:
+    """As where a signal arrives while Blender prepares a frame: then its picture is black, and no error."""
+    out = tmp_path / "o" / "####.png"
+    render = engine.VirtualApertureEngine.render
+    engine.VirtualApertureEngine.render = lambda self, depsgraph: None
+    try:
+        with pytest.raises(UserError, match="before there was a picture"):
+            rendered(ready, out)
+    finally:
+        engine.VirtualApertureEngine.render = render
+    assert not listed(out.parent)
+    rendered(ready, out)
+    assert len(listed(out.parent)) == 3

@@ -14,6 +14,7 @@ from ..core import atomic
 from ..core.counting import counted
 from ..core.errors import Remedy, UserError
 from ..core.footage import Footage
+from ..core.solve_report import ranges
 from ..core.views import plan_frame
 from ..scene.build import SOUND
 from ..scene.properties import lens_settings
@@ -29,6 +30,8 @@ RATE_FACTOR = 12
 to a seventh of the subject's sharpness."""
 
 Report = Callable[[str], None]
+Draw = Callable[[list[int], Path, Callable[[int], None]], None]
+"""Renders frames to a path whose last #### is the frame number, and tells of each one that is done."""
 
 
 def check_output(out: Path, overwrite: bool) -> None:
@@ -72,22 +75,52 @@ def plan_all(scene: bpy.types.Scene, frames: list[int]) -> tuple[int, int]:
 
 
 def render_sequence(
-    scene: bpy.types.Scene, frames: list[int], out: Path, overwrite: bool, report: Report
+    scene: bpy.types.Scene,
+    frames: list[int],
+    out: Path,
+    overwrite: bool,
+    report: Report,
+    draw: Draw | None = None,
 ) -> None:
     """Render frames to `out`, whose last #### is the frame number, each whole and right or not there.
 
     Frames that are there are kept where their own key says that they were made from the same things; others
-    are replaced with `overwrite`, damaged ones always. Raises UserError, naming the frame.
+    are replaced with `overwrite`, damaged ones always. `draw` may have others render them, in place of this
+    process. Raises UserError, naming the frame.
     """
     atomic.collect_orphans(out.parent)
     targets = {frame: out.with_name(numbered(out.name, frame)) for frame in frames}
     keys = frame_keys(scene, frames)
     todo = _missing(targets, keys, overwrite, report)
-    _set_still(scene, out.suffix.lower(), shot_of(scene).footage)
+    set_still(scene, out.suffix.lower(), shot_of(scene).footage)
     clock = _Clock(len(todo), report)
+    if draw is not None and todo:
+        draw(todo, out, clock.tick)
+        check_frames({frame: targets[frame] for frame in todo}, written_size(scene.render), keys)
+        return
     for frame in todo:
         _render_still(scene, frame, targets[frame], keys[frame])
         clock.tick(frame)
+
+
+def check_frames(files: dict[int, Path], size: tuple[int, int], keys: dict[int, str] | None = None) -> None:
+    """UserError naming the frames whose files are not there, are damaged or not of a size (width, height).
+
+    With `keys`, also those that were made from something else.
+    """
+    problems: dict[str, list[int]] = {}
+    for frame, path in files.items():
+        problem = frame_files.still_problem(path, size)
+        if not problem and keys is not None and frame_files.key_of(path) != keys[frame]:
+            problem = "was made from something else or with other settings"
+        if problem:
+            problems.setdefault(problem.replace("was not written", "is missing"), []).append(frame)
+    if problems:
+        told = "; ".join(
+            f"{'frame' if len(which) == 1 else 'each of frames'} {ranges(which)} {problem}"
+            for problem, which in problems.items()
+        )
+        raise UserError(f"{told} in {next(iter(files.values())).parent}; render what is not right again")
 
 
 def _missing(targets: dict[int, Path], keys: dict[int, str], overwrite: bool, report: Report) -> list[int]:
@@ -129,20 +162,22 @@ def _render_still(scene: bpy.types.Scene, frame: int, target: Path, key: str) ->
         except RuntimeError as error:
             engine.raise_error()
             raise UserError(f"frame {frame}: Blender could not write it: {str(error).strip()}") from error
-        engine.raise_error()
+        engine.check_drawn()
         frame_files.refuse(target, frame_files.still_problem(part, written_size(render)))
 
 
-def render_movie(scene: bpy.types.Scene, frames: list[int], out: Path, report: Report) -> None:
+def render_movie(
+    scene: bpy.types.Scene, frames: list[int], out: Path, report: Report, draw: Draw | None = None
+) -> None:
     """Render a movie with the clip's rate and sound. A gap in the clip holds the frame before it.
 
     The frames are kept beside it as pictures until the movie is whole, so that an equal run goes on where
     this one stopped.
     """
     folder = out.with_name(f"{out.name}.frames")
-    _crop_to_even(scene.render)
+    crop_to_even(scene.render)
     # What is in this folder is ours: pictures of another run of the same movie are replaced.
-    render_sequence(scene, frames, folder / "######.png", True, report)
+    render_sequence(scene, frames, folder / "######.png", True, report, draw)
     files = {frame: folder / f"{frame:06d}.png" for frame in frames}
     join(scene, files, out)
     shutil.rmtree(folder, ignore_errors=True)
@@ -183,16 +218,21 @@ def _sounds(scene: bpy.types.Scene) -> list[bpy.types.SoundStrip]:
     return [s for s in editor.strips if s.name.startswith(SOUND)] if editor is not None else []
 
 
-def _set_still(scene: bpy.types.Scene, suffix: str, footage: Footage) -> None:
+def set_still(scene: bpy.types.Scene, suffix: str, footage: Footage) -> None:
+    """Write PNG or EXR, by the suffix, as deep as the clip and without anything that tells runs apart."""
     settings = scene.render.image_settings
     settings.media_type = "IMAGE"
     settings.file_format = STILLS[suffix]
     settings.color_mode = "RGBA" if suffix == ".exr" else "RGB"
     deep = footage.read(footage.frames[0]).dtype != "uint8"
     settings.color_depth = {".png": "16" if deep else "8", ".exr": "32" if deep else "16"}[suffix]
-    # Nothing in a file may tell runs apart that gave the same picture.
-    for name in [name for name in dir(scene.render) if name.startswith("use_stamp")]:
-        setattr(scene.render, name, False)
+    _set_no_stamps(scene.render)
+
+
+def _set_no_stamps(render: bpy.types.RenderSettings) -> None:
+    """Nothing in a file may tell runs apart that gave the same picture: neither times nor paths."""
+    for name in [name for name in dir(render) if name.startswith("use_stamp")]:
+        setattr(render, name, False)
 
 
 def _set_movie(movie: bpy.types.Scene, scene: bpy.types.Scene, suffix: str, size: tuple[int, int]) -> None:
@@ -204,6 +244,7 @@ def _set_movie(movie: bpy.types.Scene, scene: bpy.types.Scene, suffix: str, size
     # The pictures are what is seen; they are not graded or dithered twice.
     movie.view_settings.view_transform, movie.view_settings.look = "Standard", "None"
     render.dither_intensity = 0
+    _set_no_stamps(render)
     settings.media_type = "VIDEO"
     settings.file_format = "FFMPEG"
     settings.color_mode = "RGB"
@@ -220,7 +261,7 @@ def _set_movie(movie: bpy.types.Scene, scene: bpy.types.Scene, suffix: str, size
         ffmpeg.audio_channels = "MONO" if sounds[0].channels == "MONO" else "STEREO"
 
 
-def _crop_to_even(render: bpy.types.RenderSettings) -> None:
+def crop_to_even(render: bpy.types.RenderSettings) -> None:
     """H.264 stores colour for two by two pixels: an odd last row or column is cut off."""
     width, height = render_size(render)
     if width % 2 or height % 2:
