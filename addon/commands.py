@@ -14,8 +14,11 @@ import bpy
 
 from . import commands_inspect, commands_solve
 from .commands_lens import add_lens, check_numbers, say, scene_of, set_lens
+from .commands_paths import path
 from .commands_words import WORDS
+from .core.atomic import collect_orphans, collect_temporary, staged
 from .core.counting import counted
+from .core.digest import file_digest
 from .core.errors import UserError
 from .core.footage import Footage, FrameRange, open_footage
 from .core.solve_folder import Solve, default_work_dir, load_solve
@@ -39,7 +42,7 @@ def parser() -> argparse.ArgumentParser:
 
     commands_solve.add_commands(commands, common)
     two = commands.add_parser("render", parents=[common], help="render a solved clip with depth of field")
-    two.add_argument("work", type=Path, metavar="DIR", help="folder that keeps the solve")
+    two.add_argument("work", type=path, metavar="DIR", help="folder that keeps the solve")
     add_lens(two, required=True)
     two.add_argument("--frames", metavar="A-B[:STEP]", help="frames to render")
     _add_output(two)
@@ -47,7 +50,7 @@ def parser() -> argparse.ArgumentParser:
 
     three = commands.add_parser("run", parents=[common], help="solve and render")
     commands_solve.add_footage(three)
-    three.add_argument("--work", type=Path, metavar="DIR", help="default: CLIP.aperture beside the output")
+    three.add_argument("--work", type=path, metavar="DIR", help="default: CLIP.aperture beside the output")
     three.add_argument("--frames", metavar="A-B[:STEP]", help="frames of the clip to solve and render")
     add_lens(three, required=True)
     _add_output(three)
@@ -56,8 +59,8 @@ def parser() -> argparse.ArgumentParser:
     four = commands.add_parser(
         "save", parents=[common], help="save the solved clip as a .blend, ready to open or to send"
     )
-    four.add_argument("work", type=Path, metavar="DIR", help="folder that keeps the solve")
-    four.add_argument("--blend", type=Path, required=True, metavar="FILE")
+    four.add_argument("work", type=path, metavar="DIR", help="folder that keeps the solve")
+    four.add_argument("--blend", type=path, required=True, metavar="FILE")
     four.add_argument("--overwrite", action="store_true", help="replace the .blend if it exists")
     add_lens(four, required=False)
     four.set_defaults(command=save)
@@ -67,36 +70,49 @@ def parser() -> argparse.ArgumentParser:
 
 
 def _add_output(command: argparse.ArgumentParser) -> None:
-    command.add_argument("--out", type=Path, required=True, metavar="FILE.mp4|DIR/####.png|DIR/####.exr")
+    command.add_argument("--out", type=path, required=True, metavar="FILE.mp4|DIR/####.png|DIR/####.exr")
     command.add_argument("--overwrite", action="store_true", help="replace output that exists")
     command.add_argument(
-        "--report", type=Path, metavar="FILE.json", help="method, mesh, error, sources and time of each frame"
+        "--report", type=path, metavar="FILE.json", help="method, mesh, error, sources and time of each frame"
     )
 
 
 def _check_output(options: argparse.Namespace) -> None:
-    output.check_output(options.out, options.overwrite)
+    output.check_output(options.out.absolute(), options.overwrite)
     if options.report:
         check_report(options.report, options.overwrite)
         output.check_folder(options.report.absolute().parent)
+
+
+def _check_apart(options: argparse.Namespace, clip: Path) -> None:
+    """UserError for output that would replace, or lie among, what it is made from."""
+    out = options.out.absolute()
+    sources = [source for source in (clip, options.mask, options.depth) if source is not None]
+    written = [out, output.frames_folder(out)] if out.suffix.lower() in output.MOVIES else [out.parent]
+    output.check_apart([*written, *([options.report] if options.report else [])], sources)
 
 
 def render(options: argparse.Namespace) -> None:
     """`render DIR ... --out OUT`"""
     _check_output(options)
     check_numbers(options)
-    _render(load_solve(options.work), options)
+    with output.claimed(options.out.absolute()):
+        _check_output(options)
+        _render(load_solve(options.work), options)
 
 
 def run(options: argparse.Namespace) -> None:
     """`run FOOTAGE ... --out OUT`"""
     _check_output(options)
     check_numbers(options)
-    solved = commands_solve.solve_clip(
-        options, options.work or default_work_dir(options.footage, options.out.absolute().parent)
-    )
-    say(solved.summary)
-    _render(solved, options)
+    _check_apart(options, options.footage)
+    with output.claimed(options.out.absolute()):
+        _check_output(options)
+        solved = commands_solve.solve_clip(
+            options, options.work or default_work_dir(options.footage, options.out.absolute().parent)
+        )
+        say(solved.summary)
+        _render(solved, options)
 
 
 def save(options: argparse.Namespace) -> None:
@@ -111,19 +127,18 @@ def save(options: argparse.Namespace) -> None:
     scene, settings, footage = scene_of(solved)
     if any((options.focus_at, options.focus_point, options.focus_distance is not None)):
         set_lens(settings, solved, options)
+    collect_orphans(blend.parent)
     blend.parent.mkdir(parents=True, exist_ok=True)
     clip = _beside(footage, blend.parent)
     move_clip(scene, open_footage(clip, footage.frames))
     # The solve is in the .blend; another machine does not have this folder.
     settings.work_dir = ""
     scene.render.filepath = "//render/"
-    part = blend.with_name(f".part-{blend.name}")
-    try:
-        bpy.ops.wm.save_as_mainfile(filepath=str(part), check_existing=False)
-        part.replace(blend)
-    finally:
-        part.unlink(missing_ok=True)
-        part.with_name(part.name + "1").unlink(missing_ok=True)
+    with staged(blend) as part:
+        try:
+            bpy.ops.wm.save_as_mainfile(filepath=str(part), check_existing=False)
+        except RuntimeError as error:
+            raise UserError(f"{blend} cannot be written: {str(error).strip()}") from error
     say(f"saved {blend}; send it together with {clip.name} beside it")
 
 
@@ -140,19 +155,18 @@ def _beside(footage: Footage, folder: Path) -> Path:
         path = home if footage.path.is_dir() else home / footage.path.name
     for target, source in copies.items():
         if target.exists():
-            if target.stat().st_size != source.stat().st_size:
+            if file_digest(target) != file_digest(source):
                 raise UserError(
                     f"{target} exists and is another file than {source}; save into another folder"
                 )
             continue
-        target.parent.mkdir(parents=True, exist_ok=True)
-        part = target.with_name(f".part-{target.name}")
-        shutil.copyfile(source, part)
-        part.replace(target)
+        with staged(target) as part:
+            shutil.copyfile(source, part)
     return path
 
 
 def _render(solved: Solve, options: argparse.Namespace) -> None:
+    _check_apart(options, solved.footage)
     scene, settings, footage = scene_of(solved)
     set_lens(settings, solved, options)
     wanted = FrameRange.parse(options.frames).of(footage.frames) if options.frames else footage.frames
@@ -211,14 +225,16 @@ def _terminate(_number: int, _frame: object) -> None:
 
 def run_command(arguments: list[str]) -> int:
     """Run one command: 0, or non-zero after one readable line on standard error."""
-    options = parser().parse_args(arguments)
     # Blender's program has a handler of its own for Ctrl-C, which only ends the frame under way.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     signal.signal(signal.SIGTERM, _terminate)
+    debug = "--debug" in arguments
     try:
+        collect_temporary()
+        options = parser().parse_args(arguments)
         options.command(options)
     except UserError as error:
-        if options.debug:
+        if debug:
             raise
         print(f"error: {error.told(WORDS)}", file=sys.stderr, flush=True)
         return 1
@@ -226,7 +242,7 @@ def run_command(arguments: list[str]) -> int:
         print("error: interrupted; finished frames are kept", file=sys.stderr, flush=True)
         return 128 + (signal.SIGTERM if isinstance(error, _Terminated) else signal.SIGINT)
     except Exception as error:  # one readable line for everybody, the traceback for those who ask
-        if options.debug:
+        if debug:
             raise
         print(f"error: {type(error).__name__}: {error} (--debug shows where)", file=sys.stderr, flush=True)
         return 1
