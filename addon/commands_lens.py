@@ -9,6 +9,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+from .commands_paths import path
 from .core.depth_maps import open_depth
 from .core.errors import UserError
 from .core.focus import Focus, check_points, radius_for_blur
@@ -44,11 +45,11 @@ def add_lens(command: argparse.ArgumentParser, required: bool) -> None:
         "--aperture-radius", type=float, metavar="R", help="radius of the aperture in the model's own unit"
     )
     command.add_argument(
-        "--depth", type=Path, metavar="DIR", help="your own depth maps: EXR or 16-bit PNG, any scale and kind"
+        "--depth", type=path, metavar="DIR", help="your own depth maps: EXR or 16-bit PNG, any scale and kind"
     )
     command.add_argument(
         "--mask",
-        type=Path,
+        type=path,
         metavar="DIR",
         help="your own masks of what moves by itself: pictures, white moves",
     )

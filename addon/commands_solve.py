@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import argparse
 import json
+import shutil
 import time
 from pathlib import Path
 
 import bpy
 
+from .commands_paths import path
 from .commands_words import WORDS
+from .core.atomic import PART, collect_orphans, owned_name
 from .core.colmap_model import export_model
 from .core.errors import UserError
 from .core.focal import Focal, from_equivalent, from_field_of_view, from_sensor
@@ -28,29 +31,29 @@ def add_commands(
     """`solve`, `report`, `import` and `export`; each sets `command` to the function that runs it."""
     one = commands.add_parser("solve", parents=[common], help="find cameras and points of a clip")
     add_footage(one)
-    one.add_argument("--work", type=Path, required=True, metavar="DIR", help="folder that keeps the solve")
+    one.add_argument("--work", type=path, required=True, metavar="DIR", help="folder that keeps the solve")
     one.add_argument("--frames", metavar="A-B[:STEP]", help="frames of the clip to solve")
     one.set_defaults(command=solve)
 
     two = commands.add_parser("report", parents=[common], help="what a solve is worth, and advice")
-    two.add_argument("work", type=Path, metavar="DIR", help="folder that keeps the solve")
+    two.add_argument("work", type=path, metavar="DIR", help="folder that keeps the solve")
     two.add_argument("--json", action="store_true", help="for programs")
     two.set_defaults(command=report)
 
     three = commands.add_parser("import", parents=[common], help="take in what another program solved")
     three.add_argument(
-        "model", type=Path, metavar="MODEL",
+        "model", type=path, metavar="MODEL",
         help="COLMAP model, bundle.out, .nvm, Voodoo text export, or a .blend with a solved movie clip",
     )  # fmt: skip
-    three.add_argument("--footage", type=Path, required=True, metavar="FOOTAGE", help="what was solved")
-    three.add_argument("--work", type=Path, required=True, metavar="DIR", help="folder that keeps the solve")
+    three.add_argument("--footage", type=path, required=True, metavar="FOOTAGE", help="what was solved")
+    three.add_argument("--work", type=path, required=True, metavar="DIR", help="folder that keeps the solve")
     three.add_argument("--clip", metavar="NAME", help="which movie clip of the .blend")
     three.add_argument("--again", action="store_true", help="replace a solve of this clip in the folder")
     three.set_defaults(command=take_in)
 
     four = commands.add_parser("export", parents=[common], help="write a solve as a COLMAP text model")
-    four.add_argument("work", type=Path, metavar="DIR", help="folder that keeps the solve")
-    four.add_argument("--model", type=Path, required=True, metavar="OUT", help="folder that is not there yet")
+    four.add_argument("work", type=path, metavar="DIR", help="folder that keeps the solve")
+    four.add_argument("--model", type=path, required=True, metavar="OUT", help="folder that is not there yet")
     four.set_defaults(command=hand_out)
 
 
@@ -60,7 +63,7 @@ def add_footage(
     told: str = "video, folder of images, or pattern",
 ) -> None:
     """The arguments of a clip to be solved, which is called `name` and described as `told`."""
-    command.add_argument("footage", type=Path, metavar=name, help=told)
+    command.add_argument("footage", type=path, metavar=name, help=told)
     focal = command.add_mutually_exclusive_group()
     focal.add_argument("--focal", type=float, metavar="PX", help="known focal length in pixels, held")
     focal.add_argument(
@@ -145,10 +148,16 @@ def hand_out(options: argparse.Namespace) -> None:
         raise UserError(f"{out} exists; name a folder that is not there yet")
     footage = open_footage(solved.footage, solved.frames)
     names = {} if footage.is_video else {frame: footage.file(frame).name for frame in footage.frames}
-    part = out.with_name(f".part-{out.name}")
-    part.mkdir(parents=True)
-    export_model(part, solved.reconstruction, names)
-    part.rename(out)
+    collect_orphans(out.parent)
+    part = out.with_name(f"{owned_name(PART)}-{out.name}")
+    try:
+        part.mkdir(parents=True)
+        export_model(part, solved.reconstruction, names)
+        part.rename(out)
+    except OSError as error:
+        raise UserError(f"{out} cannot be written: {error.strerror}") from error
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
     print(f"wrote {options.model}: {solved.summary}", flush=True)
 
 

@@ -84,7 +84,6 @@ def reconstruct(tracks: Tracks, lens: Lens, progress: Progress) -> Mapped:
 
     Raises UserError with the reason where the clip has no solution.
     """
-    pycolmap.logging.minloglevel = 3
     parallax = check_motion(tracks)
     keys = keyframes(tracks)
     start = lens.focal or START_FOCAL * max(tracks.width, tracks.height)

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from .atomic import collect_temporary
 from .clip_identity import identity
 from .errors import Remedy, UserError
 from .focal import Focal, in_pixels
@@ -68,6 +69,7 @@ class SolveProcess:
         self._listener: threading.Thread | None = None
         self._staging: Staging | None = None
         self.finished = False
+        collect_temporary()
         self.clip = open_footage(footage, frames)
         self.clip.close()
         self._identity = identity(self.clip.path)
@@ -198,6 +200,8 @@ class SolveProcess:
         if self._staging is not None:
             self._staging.discard()
             self._staging = None
+            # The worker's own, where it was ended.
+            collect_temporary()
 
 
 def _refuse_import(work_dir: Path) -> None:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 import shutil
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 
 import bpy
@@ -13,7 +14,9 @@ import bpy
 from ..core import atomic
 from ..core.counting import counted
 from ..core.errors import Remedy, UserError
-from ..core.footage import Footage
+from ..core.file_names import checked_name
+from ..core.folder_lock import OutputLock
+from ..core.footage import PICTURES, Footage, is_pattern
 from ..core.solve_report import ranges
 from ..core.views import plan_frame
 from ..scene.build import SOUND
@@ -36,10 +39,7 @@ Draw = Callable[[list[int], Path, Callable[[int], None]], None]
 
 def check_output(out: Path, overwrite: bool) -> None:
     """UserError for an output that cannot be written or would overwrite something, before any work."""
-    try:
-        os.fsencode(out).decode()
-    except UnicodeDecodeError:
-        raise UserError(f"{os.fsencode(out)!r} is no name that Blender can write (not UTF-8)") from None
+    checked_name(out.absolute())
     suffix = out.suffix.lower()
     is_still = suffix in STILLS
     if suffix not in MOVIES and not is_still:
@@ -49,6 +49,40 @@ def check_output(out: Path, overwrite: bool) -> None:
     if not is_still and out.exists() and not overwrite:
         raise UserError(f"{out} exists; name another file, or overwrite it", Remedy.OVERWRITE)
     check_folder(out.parent)
+
+
+def check_apart(written: Iterable[Path], sources: Iterable[Path]) -> None:
+    """UserError where a file or folder that is written is a source, or the folder of one's pictures.
+
+    Sources are clips, masks and depth maps: videos, folders, patterns or one picture of a sequence.
+    """
+    places = [
+        source.parent if is_pattern(source) or source.suffix.lower() in PICTURES else source
+        for source in (source.absolute() for source in sources)
+    ]
+    for path in written:
+        for place in places:
+            if path.resolve() == place.resolve() or (
+                path.exists() and place.exists() and path.samefile(place)
+            ):
+                raise UserError(
+                    f"{path} is a source that the frames are made from; write into another folder, or name"
+                    " another file"
+                )
+
+
+def claimed(out: Path) -> AbstractContextManager[None]:
+    """Hold an output for a run, within it; UserError naming the owner where another run has it.
+
+    A sequence needs none: each frame is moved into place as a whole and knows what it was made from, so runs
+    can write ranges of it side by side.
+    """
+    return OutputLock(out) if out.suffix.lower() in MOVIES else nullcontext()
+
+
+def frames_folder(out: Path) -> Path:
+    """Where the frames of a movie are kept until it is whole."""
+    return out.with_name(f"{out.name}.frames")
 
 
 def check_folder(folder: Path) -> None:
@@ -91,16 +125,19 @@ def render_sequence(
     atomic.collect_orphans(out.parent)
     targets = {frame: out.with_name(numbered(out.name, frame)) for frame in frames}
     keys = frame_keys(scene, frames)
-    todo = _missing(targets, keys, overwrite, report)
+    todo = {frame: _stamp(targets[frame]) for frame in _missing(targets, keys, overwrite, report)}
     set_still(scene, out.suffix.lower(), shot_of(scene).footage)
     clock = _Clock(len(todo), report)
     if draw is not None and todo:
-        draw(todo, out, clock.tick)
+        draw(list(todo), out, clock.tick)
         check_frames({frame: targets[frame] for frame in todo}, written_size(scene.render), keys)
         return
-    for frame in todo:
-        _render_still(scene, frame, targets[frame], keys[frame])
+    for frame, stamp in todo.items():
+        if not _is_made_meanwhile(frame, targets[frame], keys[frame], stamp):
+            _render_still(scene, frame, targets[frame], keys[frame], stamp)
         clock.tick(frame)
+    for frame, path in targets.items():
+        _check_ours(frame, path, keys[frame])
 
 
 def check_frames(files: dict[int, Path], size: tuple[int, int], keys: dict[int, str] | None = None) -> None:
@@ -149,7 +186,37 @@ def _missing(targets: dict[int, Path], keys: dict[int, str], overwrite: bool, re
     return todo
 
 
-def _render_still(scene: bpy.types.Scene, frame: int, target: Path, key: str) -> None:
+_Stamp = tuple[int, int, int]
+
+
+def _stamp(path: Path) -> _Stamp | None:
+    """Inode, size and time of a file; None where there is none."""
+    try:
+        told = path.stat()
+    except FileNotFoundError:
+        return None
+    return told.st_ino, told.st_size, told.st_mtime_ns
+
+
+def _is_made_meanwhile(frame: int, target: Path, key: str, stamp: _Stamp | None) -> bool:
+    """Whether an equal run made a frame since it was looked at; UserError where an unequal one did."""
+    now = _stamp(target)
+    if now is None or now == stamp:
+        return False
+    _check_ours(frame, target, key)
+    return not frame_files.still_problem(target)
+
+
+def _check_ours(frame: int, target: Path, key: str) -> None:
+    """UserError where a frame's file is not the one of the key."""
+    if not target.exists() or frame_files.key_of(target) != key:
+        raise UserError(
+            f"frame {frame}: {target} was replaced meanwhile by something else, such as a run with other"
+            " settings; end that one, or name another folder"
+        )
+
+
+def _render_still(scene: bpy.types.Scene, frame: int, target: Path, key: str, stamp: _Stamp | None) -> None:
     """One frame into its file; UserError, naming the frame, where anything is wrong with it."""
     render = scene.render
     scene.frame_set(frame)
@@ -164,6 +231,7 @@ def _render_still(scene: bpy.types.Scene, frame: int, target: Path, key: str) ->
             raise UserError(f"frame {frame}: Blender could not write it: {str(error).strip()}") from error
         engine.check_drawn()
         frame_files.refuse(target, frame_files.still_problem(part, written_size(render)))
+        _is_made_meanwhile(frame, target, key, stamp)
 
 
 def render_movie(
@@ -174,7 +242,7 @@ def render_movie(
     The frames are kept beside it as pictures until the movie is whole, so that an equal run goes on where
     this one stopped.
     """
-    folder = out.with_name(f"{out.name}.frames")
+    folder = frames_folder(out)
     crop_to_even(scene.render)
     # What is in this folder is ours: pictures of another run of the same movie are replaced.
     render_sequence(scene, frames, folder / "######.png", True, report, draw)
