@@ -165,9 +165,16 @@ def _render(solved: Solve, options: argparse.Namespace) -> None:
     # A movie shows every frame of the range: those that a step left out get their camera from neighbours.
     shown = open_footage(solved.footage, FrameRange(wanted[0], wanted[-1])).frames if is_movie else wanted
     frames = list(shown)
-    least, most = output.plan_all(scene, frames)
+    planned = output.plan_all(scene, frames)
+    least, most = planned.views
     count = str(least) if least == most else f"{least} to {most}"
     say(f"rendering {counted(len(frames), 'frame')} with {count} {'view' if most == 1 else 'views'} each")
+    if planned.coarse:
+        say(
+            f"blur discs are too large for layers in {counted(len(planned.coarse), 'frame')}"
+            f" ({ranges(planned.coarse)}), drawn by features, one coarse mesh, instead; a smaller blur or"
+            " aperture keeps layers"
+        )
     carried = [f for f in frames if f not in solved.reconstruction.frames]
     if carried:
         missing = f"{counted(len(carried), 'frame')} not registered"

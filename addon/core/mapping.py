@@ -156,6 +156,7 @@ def _keyframe_solution(
 
     def keep(made: Solution | None, method: str) -> None:
         if made is not None:
+            progress("Settling the focal length", 0, 1)
             found.append(_judged(made, keys, lens, focal, method))
 
     if parallax >= MIN_PARALLAX:
