@@ -95,7 +95,7 @@ def run(options: argparse.Namespace) -> None:
     solved = commands_solve.solve_clip(
         options, options.work or default_work_dir(options.footage, options.out.absolute().parent)
     )
-    say(solved.summary)
+    commands_solve.tell(solved)
     _render(solved, options)
 
 

@@ -80,7 +80,12 @@ def add_footage(command: argparse.ArgumentParser) -> None:
 
 def solve(options: argparse.Namespace) -> None:
     """`solve FOOTAGE --work DIR`"""
-    print(solve_clip(options, options.work).summary, flush=True)
+    tell(solve_clip(options, options.work))
+
+
+def tell(solved: Solve) -> None:
+    """What a solve found, and what would help it."""
+    print(solved.summary, solved.worth.advised(WORDS), sep="\n", flush=True)
 
 
 def solve_clip(options: argparse.Namespace, work: Path) -> Solve:
