@@ -124,7 +124,7 @@ def run(options: argparse.Namespace) -> None:
         solved = commands_solve.solve_clip(
             options, options.work or default_work_dir(options.footage, options.out.absolute().parent)
         )
-        say(solved.summary)
+        commands_solve.tell(solved)
         _render(solved, options)
 
 
@@ -145,9 +145,16 @@ def _render(solved: Solve, options: argparse.Namespace) -> None:
         frames = movie_frames(solved, options.frames)
     else:
         frames = list(wanted_frames(footage, options.frames))
-    least, most = output.plan_all(scene, frames)
+    planned = output.plan_all(scene, frames)
+    least, most = planned.views
     count = str(least) if least == most else f"{least} to {most}"
     say(f"rendering {counted(len(frames), 'frame')} with {count} {'view' if most == 1 else 'views'} each")
+    if planned.coarse:
+        say(
+            f"blur discs are too large for layers in {counted(len(planned.coarse), 'frame')}"
+            f" ({ranges(planned.coarse)}), drawn by features, one coarse mesh, instead; a smaller blur or"
+            " aperture keeps layers"
+        )
     carried = [f for f in frames if f not in solved.reconstruction.frames]
     if carried:
         missing = f"{counted(len(carried), 'frame')} not registered"

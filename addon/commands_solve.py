@@ -21,6 +21,7 @@ from .core.readers import read_reconstruction
 from .core.readers.matching import Imported
 from .core.solve import Progress, SolveProcess
 from .core.solve_folder import Solve, check_replaceable, holds_solve, keep_import, load_solve
+from .core.time_left import TimeLeft
 from .core.tracks import TRACKERS
 from .scene.movieclip import read_movie_clip
 
@@ -95,7 +96,12 @@ def solve_arguments(options: argparse.Namespace) -> list[str]:
 
 def solve(options: argparse.Namespace) -> None:
     """`solve FOOTAGE --work DIR`"""
-    print(solve_clip(options, options.work).summary, flush=True)
+    tell(solve_clip(options, options.work))
+
+
+def tell(solved: Solve) -> None:
+    """What a solve found, and what would help it."""
+    print(solved.summary, solved.worth.advised(WORDS), sep="\n", flush=True)
 
 
 def solve_clip(options: argparse.Namespace, work: Path) -> Solve:
@@ -201,16 +207,17 @@ class _ProgressLine:
     """One line a stage and every few seconds, with the time left."""
 
     def __init__(self) -> None:
-        self._start = self._shown = time.monotonic()
+        self._shown = time.monotonic()
+        self._left = TimeLeft(self._shown)
         self._stage = ""
 
     def show(self, step: Progress) -> None:
         now = time.monotonic()
         stage = step.text.rsplit(" ", 1)[0]
+        left = self._left.at(now, step.share)
         if stage == self._stage and now - self._shown < 5:
             return
         self._stage, self._shown = stage, now
-        left = (now - self._start) * (1 - step.share) / step.share if step.share > 0.05 else None
         print(
             f"solving: {step.text}" + (f", about {left:.0f} s left" if left is not None else ""), flush=True
         )

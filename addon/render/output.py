@@ -7,6 +7,7 @@ import shutil
 import time
 from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
@@ -18,7 +19,7 @@ from ..core.file_names import checked_name
 from ..core.folder_lock import OutputLock
 from ..core.footage import PICTURES, Footage, is_pattern
 from ..core.solve_report import ranges
-from ..core.views import plan_frame
+from ..core.views import can_be_layered, plan_frame
 from ..scene.build import SOUND
 from ..scene.properties import lens_settings
 from ..scene.shot import shot_of
@@ -92,20 +93,30 @@ def check_folder(folder: Path) -> None:
         raise UserError(f"{above} cannot be written; choose another output folder")
 
 
-def plan_all(scene: bpy.types.Scene, frames: list[int]) -> tuple[int, int]:
-    """Plan every frame, so that what is wrong shows before an hour of rendering.
+@dataclass(frozen=True)
+class Planned:
+    """What a render of frames will be."""
 
-    Returns the smallest and the largest number of views.
-    """
+    views: tuple[int, int]
+    """The smallest and the largest number."""
+    coarse: list[int]
+    """Frames that are to be drawn in layers and have larger blur discs than those allow."""
+
+
+def plan_all(scene: bpy.types.Scene, frames: list[int]) -> Planned:
+    """Plan every frame, so that what is wrong shows before an hour of rendering."""
     shot = shot_of(scene)
     size = render_size(scene.render)
-    counts = []
+    counts, coarse = [], []
     for frame in frames:
         # The focus may be keyed.
         scene.frame_set(frame)
         lens = lens_settings(scene.virtual_aperture, shot.reconstruction)
-        counts.append(len(plan_frame(shot.reconstruction, frame, lens, size, shot.depth).offsets))
-    return min(counts), max(counts)
+        plan = plan_frame(shot.reconstruction, frame, lens, size, shot.depth)
+        counts.append(len(plan.offsets))
+        if lens.method == "layers" and not can_be_layered(plan):
+            coarse.append(frame)
+    return Planned((min(counts), max(counts)), coarse)
 
 
 def render_sequence(
@@ -352,18 +363,25 @@ def numbered(name: str, frame: int) -> str:
 
 
 class _Clock:
-    """Progress lines with the time left."""
+    """Progress lines with the time left.
+
+    The first frame finds depth for its neighbours, too: it costs several times as much as each of the others,
+    and tells nothing of them.
+    """
 
     def __init__(self, total: int, report: Report) -> None:
         self._total, self._report = total, report
-        self._start = time.monotonic()
+        self._start = self._first = time.monotonic()
         self._done = 0
 
     def tick(self, frame: int) -> None:
         self._done += 1
-        each = (time.monotonic() - self._start) / self._done
+        now = time.monotonic()
+        line = f"frame {frame}: {self._done} of {self._total}"
+        if self._done == 1:
+            self._first = now
+            self._report(f"{line}, {now - self._start:.1f} s")
+            return
+        each = (now - self._first) / (self._done - 1)
         left = round(each * (self._total - self._done))
-        self._report(
-            f"frame {frame}: {self._done} of {self._total}, {each:.1f} s a frame,"
-            f" {left // 60} min {left % 60:02d} s left"
-        )
+        self._report(f"{line}, {each:.1f} s a frame, {left // 60} min {left % 60:02d} s left")
