@@ -20,6 +20,7 @@ from addon.core.errors import UserError
 from addon.core.focus import Focus
 from addon.core.reconstruction import Intrinsics
 from addon.render import engine, frame_files, output
+from addon.render.frame_keys import frame_keys
 from addon.scene import shot
 from addon.scene.build import build
 from addon.scene.lens import set_focus
@@ -122,8 +123,12 @@ def test_damaged_and_empty_frames_are_rendered_again(ready: bpy.types.Scene, tmp
     good = listed(out.parent)
     (out.parent / "0001.png").write_bytes(good["0001.png"][:-200])
     (out.parent / "0002.png").write_bytes(b"")
+    # One bit, which the decoder takes: only the checksum tells.
+    data = bytearray(good["0003.png"])
+    data[-18] ^= 1
+    (out.parent / "0003.png").write_bytes(bytes(data))
     said = rendered(ready, out)
-    assert "2 frames there but damaged or empty: rendered again" in said
+    assert "3 frames there but damaged or empty: rendered again" in said
     assert listed(out.parent) == good
 
 
@@ -135,6 +140,10 @@ def test_a_repainted_clip_gives_other_keys(ready: bpy.types.Scene, tmp_path: Pat
     picture[10:20, 10:20] = 255 - picture[10:20, 10:20]
     cv2.imwrite(str(path), picture)
     shot.forget()
+    with pytest.raises(UserError, match="is another one than the clip that was solved"):
+        rendered(ready, out)
+    # What older versions built does not know its clip.
+    ready.virtual_aperture.clip_identity = ""
     with pytest.raises(UserError, match="made from something else"):
         rendered(ready, out)
 
@@ -229,3 +238,15 @@ def test_a_frame_that_was_never_begun_is_not_taken_for_one(ready: bpy.types.Scen
     assert not listed(out.parent)
     rendered(ready, out)
     assert len(listed(out.parent)) == 3
+
+
+def test_a_keyed_lens_is_in_the_key_of_each_frame(ready: bpy.types.Scene) -> None:
+    settings, keys = ready.virtual_aperture, []
+    for last in (7.0, 9.0):
+        for frame, distance in ((1, 6.0), (3, last)):
+            settings.focus_distance = distance
+            ready.keyframe_insert("virtual_aperture.focus_distance", frame=frame)
+        ready.frame_set(1)
+        keys.append(frame_keys(ready, FRAMES))
+    assert keys[0][1] == keys[1][1]
+    assert keys[0][2] != keys[1][2] and keys[0][3] != keys[1][3]

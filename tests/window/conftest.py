@@ -41,6 +41,25 @@ def small_screen(needed: None) -> Iterator[Screen]:
     made.close()
 
 
+_failed: set[str] = set()
+"""Modules in which a step failed."""
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) -> Iterator[None]:
+    report = yield
+    if report.failed:
+        _failed.add(item.nodeid.partition("::")[0])
+    return report
+
+
+@pytest.fixture
+def in_order(request: pytest.FixtureRequest) -> None:
+    """Steps that build on each other: skips where one of the module's failed before."""
+    if request.node.nodeid.partition("::")[0] in _failed:
+        pytest.skip("an earlier step failed")
+
+
 @pytest.fixture(scope="session")
 def zip_file() -> Path:
     """The extension with its wheels, which `make test-window` builds."""

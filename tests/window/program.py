@@ -206,14 +206,21 @@ class Program:
             self.settle()
         raise AssertionError(f"no tab {tab!r}")
 
-    def choose_file(self, file: Path) -> None:
-        """Type a file's path into the file browser that has opened, and accept."""
+    def choose_file(self, file: Path, new: bool = False) -> None:
+        """Type a file's path into the file browser that has opened, and accept.
+
+        Of a new file, its folder goes into the field of the path and its name into that of the name.
+        """
         kinds = "[[area.type for area in w.screen.areas] for w in bpy.context.window_manager.windows]"
         self.wait(f"['FILE_BROWSER'] in {kinds}")
         window = self.ask(f"{kinds}.index(['FILE_BROWSER'])")
         self.settle()
         left, top, width, height = self.rectangle("FILE_BROWSER", "UI", window)
-        self.fill(Button("path", left + 0.35 * width, top + height / 2), str(file))
+        path = file.parent if new else file
+        self.fill(Button("path", left + 0.35 * width, top + height / 2), str(path))
+        if new:
+            left, top, width, height = self.rectangle("FILE_BROWSER", "EXECUTE", window)
+            self.fill(Button("name", left + 0.25 * width, top + height / 2), file.name)
         chosen = f"view('FILE_BROWSER', {window})['area'].spaces.active.params.filename"
         self.wait(f"{chosen} == {file.name!r}")
         # The path is still being edited; a click beside it ends that.
@@ -234,7 +241,17 @@ class Program:
         self.screen.key(*(keys or ("F12",)))
         self.wait(f"[w for w, _ in log[{before}:] if w == 'idle']", seconds)
         told: list[str] = self.ask(f"[w for w, _ in log[{before}:]]")
+        # What the job reported is shown when its operator ends, which is at the next event.
+        self.screen.nudge()
+        self.settle()
         return told
+
+    def close_window(self) -> None:
+        """Close the window in front, by the window manager's key."""
+        before = self.ask("len(bpy.context.window_manager.windows)")
+        self.screen.key("alt+F4")
+        self.wait(f"len(bpy.context.window_manager.windows) == {before - 1}")
+        self.settle()
 
     def fill(self, button: Button, text: str) -> None:
         """Double click a text field, replace what is in it, Enter."""
