@@ -15,8 +15,8 @@ from . import commands_farm, commands_inspect, commands_save, commands_solve
 from .commands_lens import (
     add_lens,
     check_numbers,
-    lens_arguments,
     movie_frames,
+    pinned,
     say,
     scene_of,
     set_lens,
@@ -131,20 +131,19 @@ def run(options: argparse.Namespace) -> None:
 def _render(solved: Solve, options: argparse.Namespace) -> None:
     _check_apart(options, solved.footage)
     scene, settings, footage = scene_of(solved)
-    # A share of a farm's job focuses as the whole does.
-    set_lens(settings, solved, options, () if options.for_movie else wanted_frames(footage, options.frames))
     out: Path = options.out.absolute()
     is_movie = out.suffix.lower() in output.MOVIES
     if options.for_movie:
         # A share of those that a movie shows.
-        frames = list(
-            open_footage(solved.footage, options.frames and FrameRange.parse(options.frames)).frames
-        )
+        share = FrameRange.parse(options.frames) if options.frames else None
+        frames = list(open_footage(solved.footage, share).frames)
         output.crop_to_even(scene.render)
     elif is_movie:
         frames = movie_frames(solved, options.frames)
     else:
         frames = list(wanted_frames(footage, options.frames))
+    # A share of a farm's job focuses as the whole does.
+    set_lens(settings, solved, options, () if options.for_movie else frames)
     planned = output.plan_all(scene, frames)
     least, most = planned.views
     count = str(least) if least == most else f"{least} to {most}"
@@ -173,7 +172,8 @@ def _render(solved: Solve, options: argparse.Namespace) -> None:
             os.write(descriptor, f"{text}\n".encode())
             _check_interrupted()
 
-        draw = None if options.jobs == 1 else _side_by_side(solved, options, account, report)
+        lens = pinned(options, settings)
+        draw = None if options.jobs == 1 else _side_by_side(solved, options, lens, account, report)
         if is_movie:
             output.render_movie(scene, frames, out, report, draw)
         else:
@@ -191,9 +191,9 @@ def _render(solved: Solve, options: argparse.Namespace) -> None:
 
 
 def _side_by_side(
-    solved: Solve, options: argparse.Namespace, account: Account, report: output.Report
+    solved: Solve, options: argparse.Namespace, lens: list[str], account: Account, report: output.Report
 ) -> output.Draw:
-    """Have frames drawn by `--jobs` processes of this command line."""
+    """Have frames drawn by `--jobs` processes of this command line, which are told of the lens by words."""
     is_movie = options.for_movie or options.out.suffix.lower() in output.MOVIES
     step = FrameRange.parse(options.frames).step if options.frames and not is_movie else 1
 
@@ -202,7 +202,7 @@ def _side_by_side(
             reports = [Path(scratch) / f"{number}.json" for number in range(options.jobs)]
 
             def command(frames: Sequence[int], number: int) -> list[str]:
-                words = ["render", str(solved.work_dir.absolute()), *lens_arguments(options)]
+                words = ["render", str(solved.work_dir.absolute()), *lens]
                 words += ["--frames", f"{frames[0]}-{frames[-1]}:{step}", "--out", str(out)]
                 words += ["--for-movie"] * is_movie + ["--overwrite"] * (is_movie or options.overwrite)
                 return words + (["--report", str(reports[number])] if options.report else [])

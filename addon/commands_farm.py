@@ -16,10 +16,10 @@ from .commands_lens import (
     check_numbers,
     lens_arguments,
     movie_frames,
+    pinned,
     say,
     scene_of,
     set_lens,
-    wanted_frames,
 )
 from .commands_paths import path
 from .commands_save import DEPTH, MASKS
@@ -93,7 +93,7 @@ def join(options: argparse.Namespace) -> None:
     output.crop_to_even(scene.render)
     keys = None
     if any((options.focus_at, options.focus_point, options.focus_distance is not None)):
-        set_lens(settings, solved, options)
+        set_lens(settings, solved, options, frames)
         keys = frame_keys(scene, frames)
     output.check_frames(files, written_size(scene.render), keys)
     if lacking := [frame for frame, path in files.items() if key_of(path) is None]:
@@ -123,15 +123,19 @@ def farm(options: argparse.Namespace) -> None:
         footage = open_footage(solved.footage, solved.frames)
         # What the lens asks for is wrong now or never.
         _scene, settings, _ = scene_of(solved)
-        set_lens(settings, solved, options, wanted_frames(footage, options.frames))
         frames = movie_frames(solved, options.frames)
+        set_lens(settings, solved, options, frames)
+        words = pinned(options, settings, depth=None, mask=None)
         clip = copy_clip(open_footage(solved.footage), folder)
         _copy_solve(source, folder / "solve", clip)
     else:
         footage = open_footage(source, options.frames and FrameRange.parse(options.frames))
         frames = list(open_footage(source, FrameRange(footage.frames[0], footage.frames[-1])).frames)
         clip = copy_clip(open_footage(source), folder)
-    lens = _lens(options, footage, folder)
+        if options.focus_at and "@" not in options.focus_at:
+            options.focus_at += f"@{frames[0]}"
+        words = lens_arguments(options, depth=None, mask=None)
+    lens = words + _pictures(options, footage, folder)
     name = clip.relative_to(folder).as_posix()
     job = _job(options, _chunks(frames, options.chunk), lens, None if is_solved else name)
     atomic.write_bytes(out / TEMPLATE, (json.dumps(job, indent=1) + "\n").encode())
@@ -150,9 +154,9 @@ def _copy_solve(source: Path, target: Path, clip: Path) -> None:
     atomic.write_bytes(target / STATE, json.dumps(state, indent=1).encode())
 
 
-def _lens(options: argparse.Namespace, footage: Footage, folder: Path) -> list[str]:
-    """The words of the lens, with the user's depth maps and masks copied into the bundle."""
-    words = lens_arguments(options, depth=None, mask=None)
+def _pictures(options: argparse.Namespace, footage: Footage, folder: Path) -> list[str]:
+    """Copy the user's depth maps and masks into the bundle; the words that lead there."""
+    words = []
     if options.depth:
         maps = open_depth(options.depth.absolute(), footage).maps
         words += ["--depth", _in_bundle(copy_pictures(maps, folder / DEPTH), folder)]

@@ -75,7 +75,14 @@ LENS = (
 """What the options of `add_lens` are kept as."""
 
 
-def lens_arguments(options: argparse.Namespace, **others: Path | None) -> list[str]:
+def pinned(options: argparse.Namespace, settings: VirtualApertureSettings, **others: None) -> list[str]:
+    """`lens_arguments` once the lens is set: a place to focus on is in this frame, whichever are rendered."""
+    if options.focus_at and "@" not in options.focus_at:
+        return lens_arguments(options, focus_at=f"{options.focus_at}@{settings.focus_frame}", **others)
+    return lens_arguments(options, **others)
+
+
+def lens_arguments(options: argparse.Namespace, **others: str | None) -> list[str]:
     """The options of `add_lens` as words for another process's command line; `others` replace some."""
     words = []
     for name in LENS:
@@ -146,7 +153,7 @@ def set_lens(
     """Write the options into the settings; UserError where the solve does not carry them.
 
     A place to focus on is in the first registered frame of `frames` (by default the clip's), unless the
-    options name one; afterwards they do.
+    options name one.
     """
     reconstruction = solved.reconstruction
     _set_clip_files(settings, solved, options)
@@ -154,8 +161,6 @@ def set_lens(
     if options.focus_at:
         x, y, wanted = _place(options.focus_at)
         frame = _registered(reconstruction, frames) if wanted is None else wanted
-        # Other processes that render a part of the same frames must not take the first of theirs.
-        options.focus_at = f"{options.focus_at.partition('@')[0]}@{frame}"
         place = find_place(shot_of(settings.id_data), frame, x, y)
         focus = place.focus
         say(f"in focus: {place.distance:.4g} away at frame {frame}, from {place.source}")
