@@ -32,14 +32,28 @@ def headless(resources: Path, *arguments: str) -> str:
     """Run Blender without a window; what it printed. AssertionError where it failed."""
     program = blender()
     assert program is not None
-    done = subprocess.run(
+    process = subprocess.Popen(
         [program, *arguments],
         env={**os.environ, "BLENDER_USER_RESOURCES": str(resources), "LIBGL_ALWAYS_SOFTWARE": "1"},
-        cwd=ROOT, capture_output=True, text=True, timeout=300,
+        cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True,
     )  # fmt: skip
-    said = done.stdout + done.stderr
-    assert done.returncode == 0, said[-3000:]
+    try:
+        said = process.communicate(timeout=300)[0]
+    finally:
+        end(process)
+    assert process.returncode == 0, said[-3000:]
     return said
+
+
+def end(process: subprocess.Popen[Any]) -> None:
+    """End a program and what it started: it may be a script around Blender."""
+    if process.poll() is None:
+        os.killpg(process.pid, signal.SIGTERM)
+        try:
+            process.wait(10)
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
 
 
 @dataclass(frozen=True)
@@ -90,14 +104,7 @@ class Program:
         self.ask("1")
 
     def close(self) -> None:
-        if self._process.poll() is None:
-            # The program may be a script around Blender.
-            os.killpg(self._process.pid, signal.SIGTERM)
-            try:
-                self._process.wait(10)
-            except subprocess.TimeoutExpired:
-                os.killpg(self._process.pid, signal.SIGKILL)
-                self._process.wait()
+        end(self._process)
 
     def said(self) -> str:
         """What Blender printed."""

@@ -295,7 +295,16 @@ def test_ctrl_f12_writes_the_headless_frames(program: Program, project: Path, re
     program.shot("ctrl_f12")
     first_window(program)
     headless(
-        own, "-b", str(project / "desk.blend"), "-o", f"{project}/alone/####", "-s", "1", "-e", "3", "-a"
+        resources,
+        "-b",
+        str(project / "desk.blend"),
+        "-o",
+        f"{project}/alone/####",
+        "-s",
+        "1",
+        "-e",
+        "3",
+        "-a",
     )
     files = sorted(file.name for file in (project / "frames").iterdir())
     assert files == ["0001.exr", "0002.exr", "0003.exr"]
