@@ -2,6 +2,8 @@
 VENV := .venv
 PYTHON := $(VENV)/bin/python
 PLATFORM ?= linux-x64
+# Test processes side by side; each has a Blender of its own.
+JOBS ?= 2
 
 # A part of the benchmark: make bench SCENES="bars slope" TRACK=T1 BLURS="16 32"
 # A part of the solve benchmark: make bench-solve MOTIONS="ahead mover" TRACKERS=corners FOCAL=unknown
@@ -34,7 +36,7 @@ demo: setup
 	@$(PYTHON) sample_scenes/demo.py
 
 test: setup
-	@$(PYTHON) -m pytest
+	@$(PYTHON) -m pytest -n $(JOBS) --dist loadfile
 
 test-window: setup
 	@command -v "$${BLENDER:-blender}" >/dev/null \

@@ -154,12 +154,12 @@ def _beside(footage: Footage, folder: Path) -> Path:
 
 def _render(solved: Solve, options: argparse.Namespace) -> None:
     scene, settings, footage = scene_of(solved)
-    set_lens(settings, solved, options)
     wanted = FrameRange.parse(options.frames).of(footage.frames) if options.frames else footage.frames
     if not wanted:
         raise UserError(
             f"the solve has no frames {options.frames}; it has {footage.frames[0]} to {footage.frames[-1]}"
         )
+    set_lens(settings, solved, options, wanted)
     out: Path = options.out.absolute()
     is_movie = out.suffix.lower() in output.MOVIES
     # A movie shows every frame of the range: those that a step left out get their camera from neighbours.

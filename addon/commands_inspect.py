@@ -56,7 +56,9 @@ def inspect(options: argparse.Namespace) -> None:
         raise UserError(
             f"the solve has no frame {options.frame}; it has {footage.frames[0]} to {footage.frames[-1]}"
         )
-    set_lens(settings, solved, options)
+    set_lens(settings, solved, options, (options.frame,))
+    # A focus that is followed is another one at each frame.
+    scene.frame_set(options.frame)
     pictures, report = _inspected(scene, options.frame, options.debug)
     # What this frame does not have must not be left from another one.
     for file in there:

@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 
 import bpy
+import numpy as np
 
 from .core.depth_maps import open_depth
 from .core.errors import UserError
-from .core.focus import Focus, check_points, pick, radius_for_blur
+from .core.focus import Focus, check_points, radius_for_blur
+from .core.focus_place import find_place
 from .core.footage import Footage, open_footage
 from .core.masks import open_masks
+from .core.reconstruction import Reconstruction
 from .core.solve_folder import Solve
 from .core.views import METHODS, LensSettings, check_settings
 from .scene import aperture_cloud
 from .scene.build import build
-from .scene.lens import set_aperture, set_focus
+from .scene.lens import follow_distances, set_aperture, set_focus
 from .scene.properties import VirtualApertureSettings
+from .scene.shot import shot_of
 
 DEFAULT_BLUR = 0.03
 
@@ -29,14 +34,14 @@ def add_lens(command: argparse.ArgumentParser, required: bool) -> None:
         "--focus-at", metavar="X,Y[@FRAME]", help="place in the picture, 0,0 top left, 1,1 bottom right"
     )
     focus.add_argument("--focus-point", type=int, nargs="+", metavar="ID", help="feature points in focus")
-    focus.add_argument("--focus-distance", type=float, metavar="D", help="depth in scene units")
+    focus.add_argument("--focus-distance", type=float, metavar="D", help="depth in the model's own unit")
     blur = command.add_mutually_exclusive_group()
     blur.add_argument(
         "--blur", type=float, metavar="F",
         help=f"farthest background's blur disc as a share of the image width (default {DEFAULT_BLUR})",
     )  # fmt: skip
     blur.add_argument(
-        "--aperture-radius", type=float, metavar="R", help="radius of the aperture in scene units"
+        "--aperture-radius", type=float, metavar="R", help="radius of the aperture in the model's own unit"
     )
     command.add_argument(
         "--depth", type=Path, metavar="DIR", help="your own depth maps: EXR or 16-bit PNG, any scale and kind"
@@ -84,15 +89,26 @@ def check_numbers(options: argparse.Namespace) -> None:
             raise UserError(f"focus at {x:g},{y:g} is outside the picture; both must be between 0 and 1")
 
 
-def set_lens(settings: VirtualApertureSettings, solved: Solve, options: argparse.Namespace) -> None:
-    """Write the options into the settings; UserError where the solve does not carry them."""
+def set_lens(
+    settings: VirtualApertureSettings,
+    solved: Solve,
+    options: argparse.Namespace,
+    frames: Sequence[int] = (),
+) -> None:
+    """Write the options into the settings; UserError where the solve does not carry them.
+
+    A place to focus on is in the first registered frame of `frames` (by default the clip's), unless the
+    options name one.
+    """
     reconstruction = solved.reconstruction
-    frame = int(reconstruction.frames[0])
+    _set_clip_files(settings, solved, options)
+    frame, place = int(reconstruction.frames[0]), None
     if options.focus_at:
         x, y, wanted = _place(options.focus_at)
-        frame = frame if wanted is None else wanted
-        focus = pick(reconstruction, frame, x, y)
-        say(f"in focus: points {', '.join(map(str, focus.points))} at frame {frame}")
+        frame = _registered(reconstruction, frames) if wanted is None else wanted
+        place = find_place(shot_of(settings.id_data), frame, x, y)
+        focus = place.focus
+        say(f"in focus: {place.distance:.4g} away at frame {frame}, from {place.source}")
     elif options.focus_point:
         focus = Focus(points=tuple(options.focus_point))
         check_points(reconstruction, focus.points)
@@ -100,13 +116,27 @@ def set_lens(settings: VirtualApertureSettings, solved: Solve, options: argparse
         focus = Focus(distance=options.focus_distance)
     if options.method == "thesis" and len(focus.points) < 2:
         raise UserError(
-            "the thesis's method needs at least two focus points: use --focus-at or --focus-point"
+            "the thesis's method needs at least two focus points: use --focus-point, or --focus-at where"
+            " there are points"
         )
     radius = options.aperture_radius
     if radius is None:
         radius = radius_for_blur(reconstruction, focus, frame, options.blur or DEFAULT_BLUR)
     check_settings(LensSettings(focus, radius, _views(options.views), options.method, options.seed))
     set_focus(settings, focus, frame)
+    if place is not None:
+        follow_distances(settings, place.distances(reconstruction))
+    blur = None if options.aperture_radius is not None else options.blur or DEFAULT_BLUR
+    set_aperture(settings, radius, blur)
+    settings.views = _views(options.views)
+    settings.method = options.method
+    settings.borrow = options.borrow == "on"
+    settings.seed = options.seed
+    aperture_cloud.update(settings)
+
+
+def _set_clip_files(settings: VirtualApertureSettings, solved: Solve, options: argparse.Namespace) -> None:
+    """The user's depth maps and masks of the clip, and what is to be said of them."""
     if options.depth:
         maps = open_depth(options.depth.absolute(), open_footage(solved.footage, solved.frames))
         for note in maps.notes:
@@ -117,13 +147,15 @@ def set_lens(settings: VirtualApertureSettings, solved: Solve, options: argparse
         for note in masks.notes:
             say(f"note: {note}")
         settings.masks = str(options.mask.absolute())
-    blur = None if options.aperture_radius is not None else options.blur or DEFAULT_BLUR
-    set_aperture(settings, radius, blur)
-    settings.views = _views(options.views)
-    settings.method = options.method
-    settings.borrow = options.borrow == "on"
-    settings.seed = options.seed
-    aperture_cloud.update(settings)
+
+
+def _registered(reconstruction: Reconstruction, frames: Sequence[int]) -> int:
+    """The first of `frames` with a camera of its own, or the nearest to the first of them."""
+    own = reconstruction.frames
+    found = [frame for frame in frames if frame in own]
+    if found or not len(frames):
+        return int(found[0] if found else own[0])
+    return int(own[np.abs(own - frames[0]).argmin()])
 
 
 def _views(text: str) -> int:

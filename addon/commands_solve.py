@@ -17,7 +17,7 @@ from .core.footage import Footage, FrameRange, open_footage
 from .core.readers import read_reconstruction
 from .core.readers.matching import Imported
 from .core.solve import Progress, SolveProcess
-from .core.solve_folder import Solve, holds_solve, keep_import, load_solve
+from .core.solve_folder import Solve, check_replaceable, holds_solve, keep_import, load_solve
 from .core.tracks import TRACKERS
 from .scene.movieclip import read_movie_clip
 
@@ -94,7 +94,7 @@ def solve_clip(options: argparse.Namespace, work: Path) -> Solve:
         process.wait(line.show)
     finally:
         process.cancel()
-    return load_solve(work.absolute())
+    return load_solve(work.absolute(), process.clip.path)
 
 
 def report(options: argparse.Namespace) -> None:
@@ -107,7 +107,9 @@ def take_in(options: argparse.Namespace) -> None:
     """`import MODEL --footage FOOTAGE --work DIR`"""
     work: Path = options.work.absolute()
     footage = open_footage(options.footage)
-    if holds_solve(work, footage) and not options.again:
+    if options.again:
+        check_replaceable(work, footage)
+    elif holds_solve(work, footage):
         raise UserError(
             f"{work} holds a solve of this clip already; name another folder, or replace it with --again"
         )
@@ -116,7 +118,7 @@ def take_in(options: argparse.Namespace) -> None:
     else:
         found = read_reconstruction(options.model, footage)
     keep_import(found, footage, work)
-    solved = load_solve(work)
+    solved = load_solve(work, footage.path)
     print(f"{found.format}: {solved.summary}", flush=True)
     for note in found.notes:
         print(f"note: {note}", flush=True)

@@ -22,7 +22,8 @@ from addon.core.dense_depth import ClipDepth, DenseDepth
 from addon.core.depth import frame_features
 from addon.core.footage import Footage, open_footage, to_gray8
 from addon.core.reconstruction import Points, Reconstruction
-from addon.core.solve_folder import STATE, load_solve
+from addon.core.solve_folder import load_solve
+from addon.core.solve_state import STATE
 from addon.core.tracks import new_corners
 from addon.render.quiet import quiet
 from sample_scenes import filming, truth

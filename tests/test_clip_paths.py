@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 import pytest
 
-from addon.core import find_clip
+from addon.core import clip_identity, find_clip
 from addon.core.errors import UserError
 from addon.core.footage import open_footage
 from addon.core.reconstruction import Intrinsics
@@ -95,8 +95,9 @@ def test_a_clip_is_read_for_its_identity_once(
 ) -> None:
     set_up(scene, write_video(tmp_path / "desk.mp4"))
     read = []
-    identity = find_clip.identity
-    monkeypatch.setattr(find_clip, "identity", lambda path: read.append(path) or identity(path))
+    contents = clip_identity._contents
+    monkeypatch.setattr(clip_identity, "_contents", lambda *told: read.append(told) or contents(*told))
+    clip_identity._known.clear()
     for _ in range(5):
         shot_of(scene)
         assert clip.trouble_with(scene.virtual_aperture) is None
@@ -212,7 +213,7 @@ def test_a_clip_is_found_where_its_working_folder_says(scene: bpy.types.Scene, t
     settings = set_up(scene, write_video(tmp_path / "p" / "clips" / "desk.mp4"))
     (work / "solve.json").write_text(
         '{"version": 1, "footage": "/gone.mp4", "relative": "../clips/desk.mp4", "identity": "",'
-        ' "frames": [], "report": {}}'
+        ' "frames": [1], "report": {}}'
     )
     settings.work_dir = str(work)
     settings.footage = str(tmp_path / "gone.mp4")
@@ -221,8 +222,7 @@ def test_a_clip_is_found_where_its_working_folder_says(scene: bpy.types.Scene, t
 
 def test_folders_are_searched_two_levels_down(tmp_path: Path) -> None:
     clip_path = write_video(tmp_path / "1" / "2" / "desk.mp4")
-    wanted = find_clip.clip_identity(clip_path)
-    assert wanted is not None
+    wanted = clip_identity.identity(clip_path)
     assert find_clip.find_clip("desk.mp4", wanted, (), tmp_path) == clip_path
     assert find_clip.find_clip("desk.mp4", wanted, (clip_path,), None) == clip_path
     deeper = tmp_path / "1" / "2" / "3" / "desk.mp4"

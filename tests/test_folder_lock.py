@@ -12,7 +12,7 @@ import pytest
 from addon.core.errors import Remedy, UserError
 from addon.core.folder_lock import NAME, FolderLock
 from addon.core.solve import SolveProcess
-from addon.core.solve_folder import Staging
+from addon.core.solve_staging import Staging
 
 from . import planes
 

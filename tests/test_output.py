@@ -20,6 +20,7 @@ from addon.core.errors import UserError
 from addon.core.focus import Focus
 from addon.core.reconstruction import Intrinsics
 from addon.render import engine, frame_files, output
+from addon.render.frame_keys import frame_keys
 from addon.scene import shot
 from addon.scene.build import build
 from addon.scene.lens import set_focus
@@ -135,6 +136,10 @@ def test_a_repainted_clip_gives_other_keys(ready: bpy.types.Scene, tmp_path: Pat
     picture[10:20, 10:20] = 255 - picture[10:20, 10:20]
     cv2.imwrite(str(path), picture)
     shot.forget()
+    with pytest.raises(UserError, match="is another one than the clip that was solved"):
+        rendered(ready, out)
+    # What older versions built does not know its clip.
+    ready.virtual_aperture.clip_identity = ""
     with pytest.raises(UserError, match="made from something else"):
         rendered(ready, out)
 
@@ -214,3 +219,15 @@ def test_digests_tell_contents(tmp_path: Path) -> None:
     assert file_digest(one) == file_digest(same) != file_digest(other)
     with pytest.raises(UserError, match="cannot be read"):
         file_digest(tmp_path / "d")
+
+
+def test_a_keyed_lens_is_in_the_key_of_each_frame(ready: bpy.types.Scene) -> None:
+    settings, keys = ready.virtual_aperture, []
+    for last in (7.0, 9.0):
+        for frame, distance in ((1, 6.0), (3, last)):
+            settings.focus_distance = distance
+            ready.keyframe_insert("virtual_aperture.focus_distance", frame=frame)
+        ready.frame_set(1)
+        keys.append(frame_keys(ready, FRAMES))
+    assert keys[0][1] == keys[1][1]
+    assert keys[0][2] != keys[1][2] and keys[0][3] != keys[1][3]

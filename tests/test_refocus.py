@@ -105,7 +105,7 @@ def scene_of(scene: bpy.types.Scene, folder: Path, old: Reconstruction) -> bpy.t
 
 
 def again(settings: bpy.types.PropertyGroup, new: Reconstruction, folder: Path) -> str:
-    kept = keep_focus(settings, settings.clip_identity)
+    kept = keep_focus(settings, folder)
     assert kept is not None
     build(settings.id_data, open_footage(folder), new)
     return restore_focus(settings, kept, new)
@@ -146,12 +146,12 @@ def test_a_focus_that_is_gone_stays_at_its_distance_and_says_so(
 
 def test_another_clips_focus_is_not_kept(scene: bpy.types.Scene, tmp_path: Path, old: Reconstruction) -> None:
     settings = scene_of(scene, tmp_path / "one", old)
-    assert keep_focus(settings, settings.clip_identity) is None
+    assert keep_focus(settings, tmp_path / "one") is None
     set_focus(settings, Focus(PICKED), 2)
-    assert keep_focus(settings, settings.clip_identity) is not None
-    assert keep_focus(settings, "another") is None
+    assert keep_focus(settings, tmp_path / "one") is not None
+    assert keep_focus(settings, write_frames(tmp_path / "other", LENS, FRAMES[:2])) is None
     settings.points = None
-    assert keep_focus(settings, settings.clip_identity) is None
+    assert keep_focus(settings, tmp_path / "one") is None
 
 
 def test_solving_again_keeps_the_focus_and_one_at_a_time(scene: bpy.types.Scene, tmp_path: Path) -> None:

@@ -335,9 +335,19 @@ def test_what_frames_show_besides_is_kept_and_its_damage_told(work: Path) -> Non
         assert not len(np.intersect1d(image.points, image.visible))
     assert f"and {int(np.median([len(each) for each in added]))} that others saw" in solve.worth.text({})
     (work / "model" / "visible.npz").write_bytes(b"PK\3\4")
+    with pytest.raises(UserError, match=r"visible\.npz is not what the solve wrote") as told:
+        load_solve(work)
+    assert told.value.remedies == (Remedy.AGAIN,)
+    # Older solves do not tell what they wrote.
+    state = json.loads((work / "solve.json").read_text())
+    (work / "solve.json").write_text(json.dumps({k: v for k, v in state.items() if k != "model"}))
     with pytest.raises(UserError, match=r"visible\.npz is damaged"):
         load_solve(work)
     np.savez(work / "model" / "visible.npz", frame=[1], point=[len(solve.reconstruction.points)])
+    with pytest.raises(UserError, match=r"visible\.npz is damaged"):
+        load_solve(work)
+    first = solve.reconstruction.frames[0]
+    np.savez(work / "model" / "visible.npz", frame=[-first], point=[0])
     with pytest.raises(UserError, match=r"visible\.npz is damaged"):
         load_solve(work)
     (work / "model" / "visible.npz").unlink()

@@ -5,48 +5,32 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
+from .clip_identity import is_same_clip
 from .errors import UserError
 from .footage import is_pattern, pattern_matches
-from .solve_folder import identity
 
 LEVELS = 2
 """Folders below each other that are looked into."""
 MOST_FOLDERS = 500
 """Looked into at most: the .blend may lie in a home folder."""
 
-_identities: dict[Path, tuple[tuple[int, int], str]] = {}
-
 
 def clip_exists(path: Path) -> bool:
     """Whether a video, a folder, or at least one picture of a pattern is there."""
     try:
-        if is_pattern(path.name):
+        if is_pattern(path):
             return path.parent.is_dir() and any(pattern_matches(path))
         return path.exists()
     except OSError:
         return False
 
 
-def clip_identity(path: Path) -> str | None:
-    """`solve_folder.identity` of a clip, read again only when its size or time changes; None where it cannot
-    be read.
-
-    Of a sequence the folder's time counts, which changes when pictures come or go.
-    """
-    try:
-        told = (path.parent if is_pattern(path.name) else path).stat()
-        stamp = (told.st_size, told.st_mtime_ns)
-        known = _identities.get(path)
-        if known is None or known[0] != stamp:
-            known = _identities[path] = (stamp, identity(path))
-        return known[1]
-    except (OSError, UserError):
-        return None
-
-
 def is_clip(path: Path, wanted: str) -> bool:
-    """Whether a path leads to the clip of the identity `wanted`."""
-    return clip_exists(path) and clip_identity(path) == wanted
+    """Whether a path leads to the clip of the identity `wanted`; not where it cannot be read."""
+    try:
+        return clip_exists(path) and is_same_clip(path, wanted)
+    except UserError:
+        return False
 
 
 def find_clip(name: str, wanted: str, places: Iterable[Path], below: Path | None) -> Path | None:

@@ -1,4 +1,4 @@
-"""One solve at a time in a working folder, whichever process asks."""
+"""One solve at a time in a working folder, and one run at a time a movie, whichever process asks."""
 
 from __future__ import annotations
 
@@ -9,26 +9,32 @@ import os
 import socket
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
+from types import TracebackType
 
+from .atomic import is_alive
 from .errors import Remedy, UserError
 
 NAME = ".solving.lock"
+OUTPUT = ".virtual-aperture-"
+"""Begins the name of an output's lock, which ends in .lock."""
 HELD = {errno.EACCES, errno.EAGAIN, errno.EDEADLK}
 """What the systems say of a lock that somebody else has."""
 FAR = 1 << 30
 """Byte that Windows locks: past the text, which others could not read otherwise."""
 
 
-class FolderLock:
-    """Holds an existing folder until `release`. UserError naming the owner where it is held already.
+class FileLock:
+    """Holds a file until `release`, or to the end of a `with`; the file is there only meanwhile.
 
-    The lock is the operating system's, on a file in the folder, so it ends with its process: none is ever
-    left over, whatever file is. A file system that knows no locks is used without.
+    The lock is the operating system's, on the file, so it ends with its process: none is ever left over,
+    whatever file is. A file system that knows no locks is used without.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self._path = folder / NAME
+    def __init__(self, path: Path, refused: Callable[[str], UserError]) -> None:
+        """`refused` makes the error for who has it, as " by process 4"; OSError where none can be made."""
+        self._path = path
         self._file: int | None = None
         while self._file is None:
             file = os.open(self._path, os.O_RDWR | os.O_CREAT, 0o666)
@@ -40,7 +46,7 @@ class FolderLock:
                     self._file = file
             except OSError as error:
                 if error.errno in HELD:
-                    raise UserError(_held(folder, _owner(self._path)), Remedy.WORK_DIR) from None
+                    raise refused(_who(_owner(self._path))) from None
                 if error.errno not in (errno.ENOLCK, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS):
                     raise
                 self._file = file
@@ -48,8 +54,16 @@ class FolderLock:
                 if self._file is None:
                     os.close(file)
 
+    def __enter__(self) -> None:
+        return None
+
+    def __exit__(
+        self, _kind: type[BaseException] | None, _error: BaseException | None, _where: TracebackType | None
+    ) -> None:
+        self.release()
+
     def release(self) -> None:
-        """Let others have the folder; harmless when done before."""
+        """Let others have it; harmless when done before."""
         if self._file is None:
             return
         file, self._file = self._file, None
@@ -65,6 +79,49 @@ class FolderLock:
     def _remove(self) -> None:
         with contextlib.suppress(OSError):
             self._path.unlink()
+
+
+class FolderLock(FileLock):
+    """Holds an existing folder for solving. UserError naming the owner where it is held already."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__(
+            folder / NAME,
+            lambda who: UserError(
+                f"{folder} is being solved into{who}; wait for it or cancel it, or name another folder",
+                Remedy.WORK_DIR,
+            ),
+        )
+
+
+class OutputLock(FileLock):
+    """Holds a file that is being made, in a folder that is made if need be.
+
+    UserError naming the owner where it is held already, or where its folder cannot be written.
+    """
+
+    def __init__(self, out: Path) -> None:
+        try:
+            out.parent.mkdir(parents=True, exist_ok=True)
+            collect_locks(out.parent)
+            super().__init__(
+                out.with_name(f"{OUTPUT}{out.name}.lock"),
+                lambda who: UserError(
+                    f"{out} is being written{who}; wait for it or cancel it, or name another file"
+                ),
+            )
+        except OSError as error:
+            raise UserError(f"{out} cannot be written: {error.strerror or error}") from error
+
+
+def collect_locks(folder: Path) -> None:
+    """Remove the files of the output locks whose owners are dead."""
+    for path in folder.glob(f"{OUTPUT}*.lock"):
+        owner = _owner(path)
+        # One without an owner is just being made: to hold it meanwhile would send its owner away.
+        if owner.get("host") == socket.gethostname() and not is_alive(int(str(owner.get("pid", 0)))):
+            with contextlib.suppress(UserError, OSError):
+                FileLock(path, UserError).release()
 
 
 def _lock(file: int) -> None:
@@ -101,11 +158,9 @@ def _owner(path: Path) -> dict[str, object]:
         return {}
 
 
-def _held(folder: Path, owner: dict[str, object]) -> str:
+def _who(owner: dict[str, object]) -> str:
     if owner.get("pid") == os.getpid() and owner.get("host") == socket.gethostname():
-        who = f" here since {owner['since']}"
-    elif owner:
-        who = f" by process {owner.get('pid')} on {owner.get('host')} since {owner.get('since')}"
-    else:
-        who = ""
-    return f"{folder} is being solved into{who}; wait for it or cancel it, or name another folder"
+        return f" here since {owner['since']}"
+    if owner:
+        return f" by process {owner.get('pid')} on {owner.get('host')} since {owner.get('since')}"
+    return ""

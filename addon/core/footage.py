@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import Remedy, UserError
+from .file_names import checked_name
 from .fill import nearest
 from .progress import checkpoint
 
@@ -148,20 +149,42 @@ def open_footage(
     `frames` narrows the clip to a range or to given frame numbers. Raises UserError, one line, for
     anything that cannot be read.
     """
-    path = Path(path).expanduser().absolute()
-    if is_pattern(path.name):
-        footage = _open_sequence(path, pattern_matches(path), fps)
-    elif path.is_dir():
-        footage = _open_sequence(path, [p for p in path.iterdir() if p.suffix.lower() in PICTURES], fps)
-    elif not path.exists():
-        raise UserError(
-            f"{path} does not exist; give a video file, a folder of images or a pattern like ####.png"
-        )
-    elif path.suffix.lower() in PICTURES:
-        raise UserError(f"{path.name} is a single image; a clip needs several: give the folder or a pattern")
-    else:
-        footage = _open_video(path)
+    path = checked_name(_expanded(path))
+    try:
+        if is_pattern(path) or path.is_dir():
+            footage = _open_sequence(path, clip_files(path), fps)
+        elif not path.exists():
+            raise UserError(
+                f"{path} does not exist; give a video file, a folder of images or a pattern like ####.png"
+            )
+        elif path.suffix.lower() in PICTURES:
+            raise UserError(
+                f"{path.name} is a single image; a clip needs several: give the folder or a pattern"
+            )
+        else:
+            footage = _open_video(path)
+    except OSError as error:
+        raise UserError(f"{error.filename or path} cannot be read: {error.strerror or error}") from error
     return footage if frames is None else _narrowed(footage, frames)
+
+
+def clip_files(path: Path) -> list[Path]:
+    """The files of a clip, by name: the video itself, the pictures of a folder, or those a pattern names.
+
+    UserError where a pattern's folder is missing, OSError where the folder cannot be listed.
+    """
+    if is_pattern(path):
+        return sorted(pattern_matches(path))
+    if path.is_dir():
+        return sorted(p for p in path.iterdir() if p.suffix.lower() in PICTURES)
+    return [path]
+
+
+def _expanded(path: Path | str) -> Path:
+    try:
+        return Path(path).expanduser().absolute()
+    except RuntimeError as error:  # ~ of a user who is not known
+        raise UserError(f"{path} does not exist: {error}") from None
 
 
 def describe(frames: tuple[int, ...]) -> str:
@@ -284,6 +307,8 @@ def _square(picture: Pixels, capture: cv2.VideoCapture) -> Pixels:
 def _open_sequence(path: Path, files: list[Path], fps: float | None) -> Footage:
     if not files:
         raise UserError(f"{path} has no images; PNG, JPEG, TIFF and EXR are read")
+    for file in files:
+        checked_name(file)
     numbered: dict[int, Path] = {}
     numbers = [_number(file) for file in files]
     if any(number is None for number in numbers):
@@ -304,6 +329,15 @@ def _open_sequence(path: Path, files: list[Path], fps: float | None) -> Footage:
 
 
 def _read_file(path: Path) -> Pixels:
+    try:
+        return _decoded(path)
+    except OSError as error:
+        raise UserError(
+            f"{path} cannot be read: {error.strerror or error}; put it back or leave the frame out"
+        ) from error
+
+
+def _decoded(path: Path) -> Pixels:
     if path.stat().st_size == 0:
         raise UserError(f"{path.name} is empty (0 bytes); export the sequence again")
     if path.suffix.lower() == ".exr":
@@ -319,7 +353,7 @@ def _read_file(path: Path) -> Pixels:
         picture = None
     finally:
         cv2.utils.logging.setLogLevel(level)
-    if picture is None:
+    if picture is None or (picture.ndim == 3 and picture.shape[2] > 4):
         raise UserError(f"{path.name} cannot be decoded; export this frame again or leave it out")
     if picture.dtype not in (np.uint8, np.uint16, np.float32):
         picture = picture.astype(np.float32)
@@ -339,6 +373,8 @@ def _read_exr(path: Path) -> Pixels:
 
 def _rgb(picture: NDArray[np.generic]) -> Pixels:
     channels = 1 if picture.ndim == 2 else picture.shape[2]
+    if channels == 2:  # gray and alpha
+        picture, channels = picture[..., [0, 0, 0, 1]], 4
     code = {1: cv2.COLOR_GRAY2RGB, 3: cv2.COLOR_BGR2RGB, 4: cv2.COLOR_BGRA2RGBA}[channels]
     return cv2.cvtColor(picture, code)  # type: ignore[no-any-return, call-overload]
 
@@ -359,19 +395,36 @@ def _narrowed(footage: Footage, wanted: FrameRange | Iterable[int]) -> Footage:
     return replace(footage, frames=kept, files=files)
 
 
-def is_pattern(name: str) -> bool:
-    """Whether the name of a clip stands for numbered pictures: shot_####.png, shot_%04d.png."""
-    return "#" in name or re.search(r"%0?\d*d", name) is not None
+_NUMBER = re.compile(r"#+|%0?(\d*)d")
+
+
+def is_pattern(path: Path) -> bool:
+    """Whether the path of a clip stands for numbered pictures: shot_####.png, shot_%04d.png.
+
+    A file or a folder that is really called that is no pattern.
+    """
+    return _NUMBER.search(path.name) is not None and not path.exists()
 
 
 def pattern_matches(path: Path) -> list[Path]:
-    """The files that a pattern names: # is one digit, %04d at least four. UserError without its folder."""
-    expression = re.escape(path.name).replace(r"\#", "#")
-    expression = re.sub(r"#+", lambda m: rf"(\\d{{{len(m[0])},}})", expression)
-    expression = re.sub(r"%0?(\d*)d", lambda m: rf"(\\d{{{m[1] or 1},}})", expression).replace("\\\\d", "\\d")
+    """The files that a pattern names: # is one digit, %04d at least four. UserError without its folder.
+
+    Where none is named by all of its places, only the last one is taken for the frame's number, as in the
+    names of rendered frames: the # in `take #3_####.png` is a part of the name.
+    """
     if not path.parent.is_dir():
         raise UserError(f"{path.parent} does not exist; give the folder that holds {path.name}")
-    return [p for p in path.parent.iterdir() if re.fullmatch(expression, p.name)]
+    names, places = list(path.parent.iterdir()), list(_NUMBER.finditer(path.name))
+    for numbers in (places, places[-1:]):
+        expression, end = "", 0
+        for place in numbers:
+            digits = place[1] or 1 if place[0].startswith("%") else len(place[0])
+            expression += re.escape(path.name[end : place.start()]) + rf"\d{{{digits},}}"
+            end = place.end()
+        expression += re.escape(path.name[end:])
+        if found := [each for each in names if re.fullmatch(expression, each.name)]:
+            return found
+    return []
 
 
 def _number(path: Path) -> int | None:

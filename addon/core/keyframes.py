@@ -22,6 +22,9 @@ SIGHTINGS = 400_000
 """That take part in an adjustment; of longer clips an even choice of the tracks does."""
 ENOUGH_FEATURES = 500
 """In a keyframe, to find its pose."""
+THREADS = 1
+"""Of pycolmap's. With more, the order in which pairs are stored and sums are added up is whatever thread was
+faster, and the same clip gives one model today and another tomorrow."""
 
 
 def keyframes(tracks: Tracks) -> list[int]:
@@ -62,7 +65,9 @@ def map_keyframes(
         verification = pycolmap.TwoViewGeometryOptions()
         verification.ransac.max_error = 4.0
         verification.ransac.random_seed = 0
-        pycolmap.geometric_verification(database, two_view_geometry_options=verification)
+        threads = pycolmap.GeometricVerifierOptions()
+        threads.num_threads = THREADS
+        pycolmap.geometric_verification(database, threads, two_view_geometry_options=verification)
         done = [2]
 
         def next_image() -> None:
@@ -91,7 +96,8 @@ def _mapper_options(angle: float) -> pycolmap.IncrementalPipelineOptions:
     options.multiple_models = False
     options.min_model_size = 3
     options.extract_colors = False
-    options.random_seed = 0
+    options.random_seed = options.triangulation.random_seed = 0
+    options.num_threads = THREADS
     options.ba_refine_focal_length = False
     options.ba_refine_extra_params = False
     options.ba_global_frames_ratio = options.ba_global_points_ratio = 1.4
@@ -109,6 +115,7 @@ def _mapper_options(angle: float) -> pycolmap.IncrementalPipelineOptions:
     mapper.abs_pose_max_error = 6.0
     mapper.ba_local_min_tri_angle = 1.0
     mapper.random_seed = 0
+    mapper.num_threads = THREADS
     options.triangulation.min_angle = 0.25
     return options
 
@@ -195,6 +202,7 @@ def _adjustment_options(iterations: int) -> pycolmap.BundleAdjustmentOptions:
     options.refine_focal_length = options.refine_extra_params = options.refine_principal_point = False
     options.print_summary = False
     options.ceres.loss_function_type = pycolmap.LossFunctionType.SOFT_L1
+    options.ceres.solver_options.num_threads = THREADS
     options.ceres.solver_options.max_num_iterations = iterations
     options.ceres.solver_options.function_tolerance = 1e-5
     return options

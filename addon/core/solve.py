@@ -13,10 +13,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from .clip_identity import identity
 from .errors import Remedy, UserError
 from .focal import Focal, in_pixels
 from .footage import FrameRange, open_footage
-from .solve_folder import Staging, imported_from, is_solved
+from .solve_folder import check_replaceable, imported_from, is_solved
+from .solve_staging import Staging
 from .tracks import TRACKERS
 
 SHARES = {
@@ -68,6 +70,7 @@ class SolveProcess:
         self.finished = False
         self.clip = open_footage(footage, frames)
         self.clip.close()
+        self._identity = identity(self.clip.path)
         pixels = None if focal is None else in_pixels(focal, self.clip.width, self.clip.height)
         self._options: dict[str, Any] = {"focal": pixels, "tracker": tracker, "zooms": zooms}
         if self._is_kept(again):
@@ -90,9 +93,10 @@ class SolveProcess:
 
     def _is_kept(self, again: bool) -> bool:
         """Whether the folder keeps this very solve; UserError where it keeps what may not be replaced."""
-        solved = is_solved(self.work_dir, self.clip, self._options)
         if again:
+            check_replaceable(self.work_dir, self.clip)
             return False
+        solved = is_solved(self.work_dir, self.clip, self._options)
         _refuse_import(self.work_dir)
         return solved
 
@@ -179,7 +183,7 @@ class SolveProcess:
         assert self._staging is not None
         said = json.loads((self._staging.folder / "report.json").read_text(encoding="utf-8"))
         try:
-            self._staging.keep(self.clip, self._options, said)
+            self._staging.keep(self.clip, self._identity, self._options, said)
         finally:
             self._clean()
         self.finished = True

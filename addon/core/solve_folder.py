@@ -7,12 +7,6 @@ DIR/model/       the reconstruction as a COLMAP text model; where we solved it o
 
 from __future__ import annotations
 
-import contextlib
-import hashlib
-import json
-import os
-import shutil
-import tempfile
 import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -22,19 +16,30 @@ from typing import Any
 
 import numpy as np
 
+from . import atomic
+from .clip_identity import identity
 from .colmap_model import read_model, write_model
 from .counting import counted
 from .errors import Remedy, UserError
-from .folder_lock import FolderLock
-from .footage import Footage, open_footage
+from .file_names import checked_name
+from .find_clip import clip_exists
+from .footage import Footage
 from .readers.matching import Imported
-from .reconstruction import Ints, Reconstruction, normalise
+from .reconstruction import Ints, Reconstruction, upright
 from .solve_report import Report, report
+from .solve_staging import Staging, recover
+from .solve_state import (
+    MODEL,
+    STATE,
+    UnusableStateError,
+    check_model,
+    is_state_of,
+    read_state,
+    recorded_places,
+)
 
-STATE = "solve.json"
 VISIBLE = "visible.npz"
 """Of the model: frame and point of everything that a frame shows and was not tracked in."""
-VERSION = 1
 
 
 @dataclass(frozen=True)
@@ -50,7 +55,13 @@ class Solve:
     @cached_property
     def worth(self) -> Report:
         """The numbers and the advice."""
-        return report(self.reconstruction, self.frames, self.report)
+        try:
+            return report(self.reconstruction, self.frames, self.report)
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            raise UserError(
+                f"the report in {self.work_dir / STATE} is damaged ({error}); solve again in its place",
+                Remedy.AGAIN,
+            ) from error
 
     @property
     def summary(self) -> str:
@@ -81,92 +92,36 @@ def default_work_dir(footage: Path, beside: Path) -> Path:
     return beside / f"{Path(stem).stem if footage.suffix else stem}.aperture"
 
 
-class Staging:
-    """A folder within the working folder in which a solve comes to be: kept whole, or gone without a trace.
+def load_solve(work_dir: Path, clip: Path | None = None) -> Solve:
+    """The solve that a working folder keeps.
 
-    While it lasts nobody else can have one there. Raises UserError where no folder can be made, or somebody
-    else has one.
+    Its clip is the first of `clip`, the folder's own copy and the place where it lay that is the one that was
+    solved. UserError where there is no solve, its model was altered, or its clip is gone or another one.
     """
-
-    def __init__(self, work_dir: Path) -> None:
-        self.work_dir = work_dir
-        self._made: Path | None = None
-        self._lock: FolderLock | None = None
-        try:
-            if not work_dir.exists():
-                self._made = next(p for p in [*reversed(work_dir.parents), work_dir] if not p.exists())
-                work_dir.mkdir(parents=True, exist_ok=True)
-            self._lock = FolderLock(work_dir)
-            self.folder = Path(tempfile.mkdtemp(prefix=".solving-", dir=work_dir))
-        except OSError as error:
-            self._let_go()
-            raise UserError(
-                f"no solve can be started in the working folder {work_dir}: {error.strerror}"
-            ) from None
-
-    def keep(self, footage: Footage, options: dict[str, Any], said: dict[str, Any]) -> None:
-        """Move `model` into place, the state file last, because it makes the folder a solve.
-
-        `options` tell this solve from others of the same clip. Raises UserError, the old solve as it was.
-        """
-        state = {
-            "version": VERSION,
-            "footage": str(footage.path),
-            "relative": _relative(footage.path, self.work_dir),
-            "identity": identity(footage.path),
-            "frames": footage.frames,
-            **options,
-            "report": said,
-        }
-        model, old = self.work_dir / "model", self.folder / "old"
-        try:
-            (self.folder / STATE).write_text(json.dumps(state, indent=1), encoding="utf-8")
-            if model.exists():
-                model.rename(old)
-            (self.folder / "model").rename(model)
-            (self.folder / STATE).replace(self.work_dir / STATE)
-        except OSError as error:
-            if old.exists():
-                shutil.rmtree(model, ignore_errors=True)
-                old.rename(model)
-            self.discard()
-            raise UserError(
-                f"the solve cannot be moved into {self.work_dir}: {error.strerror}; the old one is as it was"
-            ) from None
-        self._made = None
-        self.discard()
-
-    def discard(self) -> None:
-        """Remove what is not kept."""
-        shutil.rmtree(self.folder, ignore_errors=True)
-        self._let_go()
-
-    def _let_go(self) -> None:
-        if self._lock is not None:
-            self._lock.release()
-        if self._made is None:
-            return
-        # Only folders of our own making, and only while they are empty.
-        folder = self.work_dir
-        with contextlib.suppress(OSError):
-            while folder != self._made.parent:
-                folder.rmdir()
-                folder = folder.parent
-        self._made = None
-
-
-def load_solve(work_dir: Path) -> Solve:
-    """The solve that a working folder keeps; UserError where there is none or its clip is gone."""
-    state = _state(work_dir)
+    checked_name(work_dir.absolute())
+    recover(work_dir)
+    state = read_state(work_dir)
     if state is None:
         raise UserError(f"{work_dir} holds no solve; solve the clip into it first", Remedy.SOLVE)
-    footage = Path(state["footage"])
-    if not _footage_exists(footage) and state["relative"]:
-        footage = (work_dir / state["relative"]).resolve()
-    if not _footage_exists(footage):
-        raise UserError(f"the clip {state['footage']} of {work_dir} is gone; put it back, or solve again")
-    frames = tuple(int(f) for f in state["frames"])
-    return Solve(work_dir, footage, frames, _with_visible(work_dir / "model"), state["report"])
+    footage = _clip_of(work_dir, state, clip)
+    check_model(work_dir / MODEL, state)
+    frames = tuple(state["frames"])
+    return Solve(work_dir, footage, frames, _with_visible(work_dir / MODEL), state["report"])
+
+
+def _clip_of(work_dir: Path, state: dict[str, Any], clip: Path | None) -> Path:
+    places = [*([clip] if clip is not None else []), *recorded_places(work_dir, state)]
+    there = [place for place in places if clip_exists(place)]
+    for place in there:
+        if is_state_of(state, place):
+            return place
+    if there:
+        raise UserError(
+            f"the clip {there[0]} is not the one that was solved into {work_dir}: it was changed, or another"
+            " one is in its place; put the one that was solved back, or solve this one",
+            Remedy.AGAIN,
+        )
+    raise UserError(f"the clip {state['footage']} of {work_dir} is gone; put it back, or solve again")
 
 
 def keep_visible(model: Path, points: Mapping[int, Ints]) -> None:
@@ -184,8 +139,12 @@ def _with_visible(model: Path) -> Reconstruction:
         return reconstruction
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
         frame = point = np.zeros(1, np.int32) - 1
-    if len(frame) != len(point) or np.any((point < 0) | (point >= len(reconstruction.points))):
-        raise UserError(f"{model / VISIBLE} is damaged; delete the folder and solve again")
+    is_known = len(frame) == len(point) and np.isin(frame, reconstruction.frames).all()
+    if not is_known or np.any((point < 0) | (point >= len(reconstruction.points))):
+        raise UserError(
+            f"{model / VISIBLE} is damaged: it is not of these frames and points; solve again in its place",
+            Remedy.AGAIN,
+        )
     images = [replace(image, visible=point[frame == image.frame]) for image in reconstruction.images]
     return replace(reconstruction, images=tuple(images))
 
@@ -193,26 +152,10 @@ def _with_visible(model: Path) -> Reconstruction:
 def recorded_clip(work_dir: Path) -> Path | None:
     """Where the clip of a working folder lies as seen from there; None where the folder does not say."""
     try:
-        state = _state(work_dir)
+        state = read_state(work_dir)
     except UserError:
         return None
     return (work_dir / state["relative"]).resolve() if state is not None and state["relative"] else None
-
-
-def identity(path: Path) -> str:
-    """What a clip is recognised by wherever it lies: a video's size and a hash of its first and last MiB,
-    a sequence's file names and sizes. Not the times, which copying changes."""
-    digest = hashlib.sha256()
-    if path.is_file():
-        size = path.stat().st_size
-        with path.open("rb") as file:
-            digest.update(str(size).encode() + file.read(1 << 20))
-            file.seek(max(0, size - (1 << 20)))
-            digest.update(file.read())
-    else:
-        for image in open_footage(path).files:
-            digest.update(f"{image.name}\n{image.stat().st_size}\n".encode())
-    return digest.hexdigest()
 
 
 def is_solved(work_dir: Path, footage: Footage, options: dict[str, Any]) -> bool:
@@ -221,80 +164,80 @@ def is_solved(work_dir: Path, footage: Footage, options: dict[str, Any]) -> bool
     if state is None:
         return False
     same = all(value in (None, state.get(name, value)) for name, value in options.items())
-    return same and tuple(state["frames"]) == footage.frames and (work_dir / "model").is_dir()
+    return same and tuple(state["frames"]) == footage.frames and (work_dir / MODEL).is_dir()
 
 
 def holds_solve(work_dir: Path, footage: Footage) -> bool:
     """Whether the folder holds a solve of the clip, of whichever frames and whosever; UserError where it
     holds something else."""
-    return _state_of(work_dir, footage) is not None and (work_dir / "model").is_dir()
+    return _state_of(work_dir, footage) is not None and (work_dir / MODEL).is_dir()
+
+
+def check_replaceable(work_dir: Path, footage: Footage) -> None:
+    """UserError where a solve of the clip may not be put in place of what the folder holds: something else,
+    or another clip's solve.
+
+    A solve that is damaged, or whose clip was replaced by this one, may be.
+    """
+    try:
+        _state_of(work_dir, footage)
+    except (UnusableStateError, _ClipReplacedError):
+        return
 
 
 def imported_from(work_dir: Path) -> str | None:
     """The format of the import that the folder keeps; None where it keeps none."""
-    state = _state(work_dir)
+    state = read_state(work_dir)
     return None if state is None else state.get("imported")
 
 
 def keep_import(found: Imported, footage: Footage, work_dir: Path) -> None:
-    """Keep another program's solve as if it were our own; UserError where the folder holds something else, or
-    is being solved into."""
-    reconstruction = normalise(found.reconstruction)
+    """Keep another program's solve, in its own unit, as if it were our own; UserError where the folder holds
+    something else, or is being solved into."""
+    clip_identity = identity(footage.path)
+    reconstruction = upright(found.reconstruction)
     staging = Staging(work_dir)
     try:
-        _state_of(work_dir, footage)
-        model = staging.folder / "model"
+        check_replaceable(work_dir, footage)
+        model = staging.folder / MODEL
         model.mkdir()
         write_model(model, reconstruction)
         said = {"focal_from": "file", "method": found.format, "notes": list(found.notes)}
-        staging.keep(footage, {"imported": found.format}, said)
+        staging.keep(footage, clip_identity, {"imported": found.format}, said)
     finally:
         staging.discard()
 
 
+class _ClipReplacedError(UserError):
+    """The clip that a solve is of was changed, or another one is in its place."""
+
+
 def _state_of(work_dir: Path, footage: Footage) -> dict[str, Any] | None:
     """What the folder says of its solve of the clip; UserError where it holds something else."""
+    checked_name(work_dir.absolute())
     if not work_dir.exists():
         return None
     if not work_dir.is_dir():
         raise UserError(f"{work_dir} is a file; name a folder", Remedy.WORK_DIR)
-    state = _state(work_dir)
+    recover(work_dir)
+    state = read_state(work_dir)
     if state is None:
-        if any(not p.name.startswith(".solving") for p in work_dir.iterdir()):
+        if any(not p.name.startswith((".solving", atomic.PART)) for p in work_dir.iterdir()):
             raise UserError(
                 f"{work_dir} is not empty and holds no solve; name another folder", Remedy.WORK_DIR
             )
         return None
-    if state["identity"] != identity(footage.path):
+    if not is_state_of(state, footage.path):
+        if footage.path.resolve() in [place.resolve() for place in recorded_places(work_dir, state)]:
+            raise _ClipReplacedError(
+                f"{footage.path} is not the clip any more that was solved into {work_dir}: it was changed, or"
+                " another one is in its place; solve again in place of the old solve, or name another folder",
+                Remedy.AGAIN,
+                Remedy.WORK_DIR,
+            )
         raise UserError(
             f"{work_dir} holds the solve of {Path(state['footage']).name}, not of {footage.path.name};"
             " name another folder",
             Remedy.WORK_DIR,
         )
     return state
-
-
-def _state(work_dir: Path) -> dict[str, Any] | None:
-    try:
-        state = json.loads((work_dir / STATE).read_text(encoding="utf-8"))
-        if state["version"] > VERSION:
-            raise UserError(f"{work_dir} was made with a newer Virtual Aperture; update the extension")
-        missing = {"footage", "relative", "identity", "frames", "report"} - set(state)
-    except FileNotFoundError:
-        return None
-    except (OSError, ValueError, KeyError, TypeError):
-        missing = {"everything"}
-    if missing:
-        raise UserError(f"{work_dir / STATE} is damaged; delete the folder and solve again")
-    return dict(state)
-
-
-def _footage_exists(path: Path) -> bool:
-    return path.exists() or (path.parent.is_dir() and ("#" in path.name or "%" in path.name))
-
-
-def _relative(path: Path, folder: Path) -> str:
-    try:
-        return os.path.relpath(path, folder)
-    except ValueError:  # another drive
-        return ""

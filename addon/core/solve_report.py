@@ -49,6 +49,8 @@ class Report:
     """"clip", "given", "guess" or "file"."""
     angle: list[float]
     """Degrees between the outermost rays of a point: quartiles."""
+    distances: list[float]
+    """Of points from cameras, along the view, in the model's own unit: 2nd percentile, median, 98th."""
     depth_sigma: float
     """Relative standard deviation of a typical depth."""
     explained: float | None
@@ -93,6 +95,8 @@ class Report:
             f"parallax      {self.angle[0]:.2f}, {self.angle[1]:.2f}, {self.angle[2]:.2f} degrees"
             " (quartiles of the points);"
             f" depth uncertain by {100 * self.depth_sigma:.1f} %",
+            f"distances     {self.distances[0]:.4g} to {self.distances[2]:.4g}, {self.distances[1]:.4g} in"
+            " the median, in the model's own unit",
         ]
         if self.explained is not None:
             lines.append(f"standing still  {100 * self.explained:.0f} % of what was tracked")
@@ -122,7 +126,7 @@ def report(reconstruction: Reconstruction, frames: tuple[int, ...], said: dict[s
         int(np.median([len(image.visible) for image in reconstruction.images])), _histogram(counts),
         _coverage(reconstruction), error, drift, [min(focal), max(focal)], sigma,
         said.get("focal_from", "file"), [float(q) for q in np.percentile(angle, (25, 50, 75))],
-        float(spread), explained, weak, list(said.get("notes", [])),
+        _distances(reconstruction), float(spread), explained, weak, list(said.get("notes", [])),
         *_advice(missing, sigma, said.get("focal_from", "file"), float(spread), explained, weak),
     )  # fmt: skip
 
@@ -204,6 +208,15 @@ def _observations(reconstruction: Reconstruction) -> tuple[Ints, Floats, Floats]
         with np.errstate(invalid="ignore", divide="ignore"):
             rays.append(local / np.linalg.norm(local, axis=1, keepdims=True) @ image.rotation)
     return np.concatenate(points), np.concatenate(residuals), np.concatenate(rays)
+
+
+def _distances(reconstruction: Reconstruction) -> list[float]:
+    """As `Report.distances`."""
+    depths = np.concatenate(
+        [image.to_camera(reconstruction.points.xyz[image.points])[:, 2] for image in reconstruction.images]
+    )
+    depths = depths[np.isfinite(depths) & (depths > 0)]
+    return [float(q) for q in np.percentile(depths, (2, 50, 98))] if len(depths) else [0.0, 0.0, 0.0]
 
 
 def _angles(point: Ints, rays: Floats, count: int) -> Floats:

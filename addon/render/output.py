@@ -61,9 +61,13 @@ def plan_all(scene: bpy.types.Scene, frames: list[int]) -> tuple[int, int]:
     Returns the smallest and the largest number of views.
     """
     shot = shot_of(scene)
-    lens = lens_settings(scene.virtual_aperture, shot.reconstruction)
     size = render_size(scene.render)
-    counts = [len(plan_frame(shot.reconstruction, frame, lens, size, shot.depth).offsets) for frame in frames]
+    counts = []
+    for frame in frames:
+        # The focus may be keyed.
+        scene.frame_set(frame)
+        lens = lens_settings(scene.virtual_aperture, shot.reconstruction)
+        counts.append(len(plan_frame(shot.reconstruction, frame, lens, size, shot.depth).offsets))
     return min(counts), max(counts)
 
 

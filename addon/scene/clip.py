@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import bpy
 
 from ..core.errors import Remedy, UserError
-from ..core.find_clip import clip_exists, clip_identity, find_clip, is_clip
+from ..core.find_clip import clip_exists, find_clip, is_clip
 from ..core.solve_folder import default_work_dir, recorded_clip
 from .paths import absolute
 
@@ -77,7 +77,7 @@ def trouble_with(settings: VirtualApertureSettings) -> Trouble | None:
             " show where it is with Find Clip"
         )
         return Trouble(text, True)
-    if clip_identity(path) == wanted:
+    if is_clip(path, wanted):
         return None
     if path.name == name:
         text = (

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-import bpy
-from bpy_extras.anim_utils import action_get_channelbag_for_slot
-
 from ..core.errors import UserError
+from ..core.find_clip import is_clip
 from ..core.focus import Focus
 from ..core.reconstruction import Reconstruction
 from ..core.refocus import carry_focus
@@ -34,9 +33,9 @@ class KeptFocus:
     """None while the blur has not chosen it."""
 
 
-def keep_focus(settings: VirtualApertureSettings, clip_identity: str) -> KeptFocus | None:
+def keep_focus(settings: VirtualApertureSettings, clip: Path) -> KeptFocus | None:
     """The scene's focus; None where there is none, or the scene's solve is of another clip."""
-    if settings.points is None or settings.clip_identity != clip_identity:
+    if settings.points is None or not is_clip(clip, settings.clip_identity):
         return None
     focus = Focus(
         tuple(entry.point for entry in settings.focus_points),
@@ -79,11 +78,7 @@ def restore_focus(settings: VirtualApertureSettings, kept: KeptFocus, new: Recon
 
 
 def _scale_keys(settings: VirtualApertureSettings, name: str, scale: float) -> None:
-    animation: bpy.types.AnimData | None = settings.id_data.animation_data
-    if animation is None or animation.action is None:
-        return
-    bag = action_get_channelbag_for_slot(animation.action, animation.action_slot)
-    curve = bag.fcurves.find(settings.path_from_id(name)) if bag is not None else None
+    curve = lens.keys_of(settings, name)
     if curve is None:
         return
     for key in curve.keyframe_points:

@@ -62,8 +62,8 @@ class VIRTUAL_APERTURE_OT_find_clip(bpy.types.Operator):  # noqa: N801
 
 def _meant(chosen: Path, name: str) -> list[Path]:
     """What a path in the file browser may stand for: for a sequence, one of its pictures or its folder."""
-    if is_pattern(name):
-        return [chosen.parent / name, chosen / name, chosen]
+    if is_pattern(chosen.parent / name):
+        return [chosen.parent / name, chosen / name, chosen, chosen.parent]
     return [chosen, chosen.parent]
 
 

@@ -11,7 +11,7 @@ from ..core.errors import UserError
 from ..core.footage import Footage, open_footage
 from ..core.readers import read_reconstruction
 from ..core.readers.matching import Imported
-from ..core.solve_folder import holds_solve, keep_import
+from ..core.solve_folder import check_replaceable, holds_solve, keep_import
 from ..scene.clip import footage_path
 from ..scene.movieclip import read_movie_clip
 from .operators import Result, bring_in, has_clip, report_hidden, reported, work_dir
@@ -44,7 +44,9 @@ class _Import:
         settings = context.scene.virtual_aperture
         footage, folder = open_footage(footage_path(settings)), work_dir(settings)
         found = self.read(footage)
-        if holds_solve(folder, footage) and not self.again:
+        if self.again:
+            check_replaceable(folder, footage)
+        elif holds_solve(folder, footage):
             if not self._asks:
                 raise UserError(f"{folder} holds a solve of this clip already; to replace it pass again=True")
             self.ask()
