@@ -243,8 +243,9 @@ def test_focus_is_undone_and_redone(program: Program) -> None:
 def test_properties_editor(program: Program, tab: str, shows: list[str]) -> None:
     show_properties(program, tab)
     program.shot(f"properties_{tab.lower()}")
-    for does in shows:
-        program.find(does, "PROPERTIES", "WINDOW", across=0.7)
+    found = [button.does for button in program.buttons("PROPERTIES", "WINDOW", across=0.7)]
+    missing = [does for does in shows if not any(does in button for button in found)]
+    assert not missing, found
 
 
 def show_properties(program: Program, tab: str) -> None:
@@ -336,7 +337,7 @@ def test_moved_project(program: Program, project: Path) -> None:
 def test_disable(program: Program) -> None:
     show_preferences(program, "ADDONS")
     off = f'addon_disable(module="{EXTENSION}")'
-    button = program.find(off, "PREFERENCES", "WINDOW", across=0.02, window=1)
+    button = program.find(off, "PREFERENCES", "WINDOW", across=0.035, window=1)
     program.screen.click(button.x, button.y)
     program.wait(f"{EXTENSION!r} not in bpy.context.preferences.addons")
     program.shot("disabled")
