@@ -164,10 +164,14 @@ class Program:
         """Buttons that the mouse meets on its way down a region, at a share of its width."""
         left, top, width, height = self.rectangle(kind, region, window)
         found: list[Button] = []
+        under = f"button_under_mouse({kind!r}, {region!r}, {window})"
         for y in range(top + 2, top + height, step):
             self.screen.move(left + across * width, y)
+            if y == top + 2:
+                # Away from the button where the mouse was.
+                self.settle()
             self.ask("1")
-            does = self.ask(f"button_under_mouse({kind!r}, {region!r}, {window})")
+            does = self.ask(under)
             if does and (not found or found[-1].does != does):
                 found.append(Button(does, left + across * width, y + 3))
         return found
@@ -179,7 +183,7 @@ class Program:
         for _ in range(6):
             now = self.buttons(kind, region, across, window=window)
             for button in now:
-                if does in button.does:
+                if does in button.does and self._is_there(button, kind, region, window):
                     return button
             if seen and [b.does for b in now] == [b.does for b in seen]:
                 break
@@ -190,6 +194,15 @@ class Program:
             self.settle()
         self.shot("missing_button")
         raise AssertionError(f"no button {does!r}; there are {[b.does for b in seen]}")
+
+    def _is_there(self, button: Button, kind: str, region: str, window: int) -> bool:
+        """Whether a button is where it was seen: Blender may have been behind the mouse."""
+        self.screen.move(*self.middle(kind, region, window))
+        self.settle()
+        self.screen.move(button.x, button.y)
+        self.settle()
+        under: str = self.ask(f"button_under_mouse({kind!r}, {region!r}, {window})")
+        return under == button.does
 
     # Doing
 
