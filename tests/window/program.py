@@ -59,6 +59,10 @@ def end(process: subprocess.Popen[Any]) -> None:
             process.wait()
 
 
+class TooLate(AssertionError):
+    """Something took longer than LATEST."""
+
+
 @dataclass(frozen=True)
 class Button:
     """A button, by what it does, and a place on it, pixels from the screen's top left."""
@@ -269,16 +273,18 @@ class Program:
         self.settle()
         return told
 
-    def best_of_three(self, measure: Callable[[], float], what: str) -> float:
-        """The shortest of at most three measured times in seconds, the first that is under LATEST.
+    def ends_in_time(self, measure: Callable[[], float], what: str) -> None:
+        """Measure seconds up to three times; TooLate where none is under LATEST.
 
         What is late by its own fault is so each time; the machine's other work is not.
         """
         times: list[float] = []
         while len(times) < 3 and (not times or times[-1] >= LATEST):
             times.append(measure())
-        print(f"{what}: {', '.join(f'{seconds:.2f}' for seconds in times)} s")
-        return min(times)
+        said = f"{what}: {', '.join(f'{seconds:.2f}' for seconds in times)} s, load {os.getloadavg()[0]:.1f}"
+        print(said)
+        if min(times) >= LATEST:
+            raise TooLate(said)
 
     def close_window(self) -> None:
         """Close the window in front, by the window manager's key."""

@@ -12,7 +12,7 @@ import pytest
 
 from .clips import read_exr, write_scene
 from .conftest import PICTURES
-from .program import EXTENSION, LATEST, Program
+from .program import EXTENSION, Program
 from .screen import Screen
 
 SIZES = ((640, 360), (1920, 1080))
@@ -98,7 +98,7 @@ def test_esc_ends_a_frame_before_it_is_drawn(program: Program, opened: tuple[int
         back_to_viewport(program)
         return took
 
-    assert program.best_of_three(measure, f"{opened[1]}p, ESC {after} s after F12") < LATEST
+    program.ends_in_time(measure, f"{opened[1]}p, ESC {after} s after F12")
 
 
 def test_esc_ends_a_frame_while_it_is_drawn(program: Program, opened: tuple[int, int]) -> None:
@@ -109,7 +109,7 @@ def test_esc_ends_a_frame_while_it_is_drawn(program: Program, opened: tuple[int,
         back_to_viewport(program)
         return took
 
-    assert program.best_of_three(measure, f"{opened[1]}p, ESC while views are drawn") < LATEST
+    program.ends_in_time(measure, f"{opened[1]}p, ESC while views are drawn")
 
 
 def test_esc_ends_an_animation_and_leaves_whole_files(program: Program, opened: tuple[int, int]) -> None:
@@ -132,7 +132,7 @@ def test_esc_ends_an_animation_and_leaves_whole_files(program: Program, opened: 
             assert np.all(read_exr(file)[..., 3] == 1), f"{file.name} is not whole"
         return took
 
-    assert program.best_of_three(measure, f"{opened[1]}p, ESC in an animation") < LATEST
+    program.ends_in_time(measure, f"{opened[1]}p, ESC in an animation")
 
 
 @pytest.mark.parametrize("key", ["F12", "ctrl+F12"])
