@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from .program import ROOT, TooLate, blender, headless
+from .program import ROOT, TooLateError, blender, headless
 from .screen import Screen, missing_programs
 
 PICTURES = ROOT / "build" / "window"
@@ -49,7 +49,7 @@ _failed: set[str] = set()
 def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) -> Iterator[None]:
     report = yield
     # What was late was done all the same.
-    if report.failed and not (call.excinfo and call.excinfo.errisinstance(TooLate)):
+    if report.failed and not (call.excinfo and call.excinfo.errisinstance(TooLateError)):
         _failed.add(item.nodeid.partition("::")[0])
     return report
 

@@ -59,7 +59,7 @@ def end(process: subprocess.Popen[Any]) -> None:
             process.wait()
 
 
-class TooLate(AssertionError):
+class TooLateError(AssertionError):
     """Something took longer than LATEST."""
 
 
@@ -274,7 +274,7 @@ class Program:
         return told
 
     def ends_in_time(self, measure: Callable[[], float], what: str) -> None:
-        """Measure seconds up to three times; TooLate where none is under LATEST.
+        """Measure seconds up to three times; TooLateError where none is under LATEST.
 
         What is late by its own fault is so each time; the machine's other work is not.
         """
@@ -284,7 +284,7 @@ class Program:
         said = f"{what}: {', '.join(f'{seconds:.2f}' for seconds in times)} s, load {os.getloadavg()[0]:.1f}"
         print(said)
         if min(times) >= LATEST:
-            raise TooLate(said)
+            raise TooLateError(said)
 
     def close_window(self) -> None:
         """Close the window in front, by the window manager's key."""
