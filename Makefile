@@ -2,17 +2,20 @@
 VENV := .venv
 PYTHON := $(VENV)/bin/python
 PLATFORM ?= linux-x64
+# Test processes side by side; each has a Blender of its own.
+JOBS ?= 2
 
 # A part of the benchmark: make bench SCENES="bars slope" TRACK=T1 BLURS="16 32"
 # A part of the solve benchmark: make bench-solve MOTIONS="ahead mover" TRACKERS=corners FOCAL=unknown
 SOLVES := $(if $(MOTIONS),--motions $(MOTIONS)) $(if $(TRACKERS),--trackers $(TRACKERS)) $(if $(FOCAL),--focal $(FOCAL))
 BENCH := $(if $(SCENES),--scenes $(SCENES)) $(if $(TRACK),--track $(TRACK)) $(if $(BLURS),--blurs $(BLURS))
 
-.PHONY: help setup demo test test-window sample bench bench-full bench-solve bench-stability figures lint zip clean
+.PHONY: help setup demo test test-window torture sample bench bench-full bench-solve bench-stability figures lint zip clean
 help:
 	@echo "make demo    render the sample clip with depth of field and say where the video is"
 	@echo "make test    run the tests"
 	@echo "make test-window  drive a real Blender on a virtual screen with mouse and keys (BLENDER=PROGRAM)"
+	@echo "make torture  kills, full disks, races and damaged files for hours; resumes (TRIES=100 FAULTS=\"movie jobs\")"
 	@echo "make sample SCENE=bars  a scene of the benchmark: .blend, clip and true cameras, into sample/"
 	@echo "make bench   speed against error, quick subset (SCENES=bars TRACK=T1 BLURS=16: a part)"
 	@echo "make bench-full       all of it, for hours; resumes where it was stopped"
@@ -34,13 +37,16 @@ demo: setup
 	@$(PYTHON) sample_scenes/demo.py
 
 test: setup
-	@$(PYTHON) -m pytest
+	@$(PYTHON) -m pytest -n $(JOBS) --dist loadfile
 
 test-window: setup
 	@command -v "$${BLENDER:-blender}" >/dev/null \
 	  || { echo "make test-window: no Blender program; set BLENDER to one, or put blender on the path" >&2; exit 1; }
 	@$(PYTHON) tools/build_zip.py
 	@$(PYTHON) -m pytest tests/window
+
+torture: setup
+	@$(PYTHON) -m benchmarks.torture $(if $(TRIES),--tries $(TRIES)) $(if $(FAULTS),--faults $(FAULTS))
 
 sample: setup
 	@$(PYTHON) sample_scenes/filming.py $(SCENE) --out sample/$(SCENE)

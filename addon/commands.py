@@ -5,31 +5,37 @@ from __future__ import annotations
 import argparse
 import contextlib
 import os
-import shutil
 import signal
 import sys
+import tempfile
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
-import bpy
-
-from . import commands_inspect, commands_solve
-from .commands_lens import add_lens, check_numbers, say, scene_of, set_lens
+from . import commands_farm, commands_inspect, commands_save, commands_solve
+from .commands_lens import (
+    add_lens,
+    check_numbers,
+    movie_frames,
+    pinned,
+    say,
+    scene_of,
+    set_lens,
+    wanted_frames,
+)
 from .commands_paths import path
 from .commands_words import WORDS
-from .core.atomic import collect_orphans, collect_temporary, staged
+from .core.atomic import collect_temporary
 from .core.counting import counted
-from .core.digest import file_digest
 from .core.errors import UserError
-from .core.footage import Footage, FrameRange, open_footage
+from .core.footage import FrameRange, open_footage
 from .core.solve_folder import Solve, default_work_dir, load_solve
 from .core.solve_report import ranges
-from .render import engine, output
+from .render import engine, jobs, output
 from .render.account import Account, check_report
 from .render.average import no_gpu_note
 from .render.frame_keys import run_key
 from .render.gpu_views import gpu_problem
 from .render.quiet import quiet
-from .scene.build import move_clip
 from .scene.shot import shot_of
 
 
@@ -45,6 +51,13 @@ def parser() -> argparse.ArgumentParser:
     two.add_argument("work", type=path, metavar="DIR", help="folder that keeps the solve")
     add_lens(two, required=True)
     two.add_argument("--frames", metavar="A-B[:STEP]", help="frames to render")
+    two.add_argument(
+        "--for-movie",
+        action="store_true",
+        help="frames as join takes them: every one of the range, even sizes",
+    )
+    # For processes that others started to render a share.
+    two.add_argument("--end-with-input", action="store_true", help=argparse.SUPPRESS)
     _add_output(two)
     two.set_defaults(command=render)
 
@@ -54,17 +67,10 @@ def parser() -> argparse.ArgumentParser:
     three.add_argument("--frames", metavar="A-B[:STEP]", help="frames of the clip to solve and render")
     add_lens(three, required=True)
     _add_output(three)
-    three.set_defaults(command=run)
+    three.set_defaults(command=run, for_movie=False)
 
-    four = commands.add_parser(
-        "save", parents=[common], help="save the solved clip as a .blend, ready to open or to send"
-    )
-    four.add_argument("work", type=path, metavar="DIR", help="folder that keeps the solve")
-    four.add_argument("--blend", type=path, required=True, metavar="FILE")
-    four.add_argument("--overwrite", action="store_true", help="replace the .blend if it exists")
-    add_lens(four, required=False)
-    four.set_defaults(command=save)
-
+    commands_save.add_command(commands, common)
+    commands_farm.add_commands(commands, common)
     commands_inspect.add_command(commands, common)
     return top
 
@@ -73,12 +79,17 @@ def _add_output(command: argparse.ArgumentParser) -> None:
     command.add_argument("--out", type=path, required=True, metavar="FILE.mp4|DIR/####.png|DIR/####.exr")
     command.add_argument("--overwrite", action="store_true", help="replace output that exists")
     command.add_argument(
+        "--jobs", type=int, default=1, metavar="N", help="processes that render side by side"
+    )
+    command.add_argument(
         "--report", type=path, metavar="FILE.json", help="method, mesh, error, sources and time of each frame"
     )
 
 
 def _check_output(options: argparse.Namespace) -> None:
     output.check_output(options.out.absolute(), options.overwrite)
+    if options.jobs < 1:
+        raise UserError(f"the number of jobs is {options.jobs}; it must be at least 1")
     if options.report:
         check_report(options.report, options.overwrite)
         output.check_folder(options.report.absolute().parent)
@@ -94,6 +105,8 @@ def _check_apart(options: argparse.Namespace, clip: Path) -> None:
 
 def render(options: argparse.Namespace) -> None:
     """`render DIR ... --out OUT`"""
+    if options.end_with_input:
+        jobs.end_with_input()
     _check_output(options)
     check_numbers(options)
     with output.claimed(options.out.absolute()):
@@ -111,77 +124,36 @@ def run(options: argparse.Namespace) -> None:
         solved = commands_solve.solve_clip(
             options, options.work or default_work_dir(options.footage, options.out.absolute().parent)
         )
-        say(solved.summary)
+        commands_solve.tell(solved)
         _render(solved, options)
-
-
-def save(options: argparse.Namespace) -> None:
-    """`save DIR --blend FILE`: the .blend, and the clip beside it, so that the folder is all there is."""
-    blend: Path = options.blend.absolute()
-    if blend.suffix.lower() != ".blend":
-        raise UserError(f"{blend.name} must end in .blend")
-    if blend.exists() and not options.overwrite:
-        raise UserError(f"{blend} exists; name another file or pass --overwrite")
-    check_numbers(options)
-    solved = load_solve(options.work)
-    scene, settings, footage = scene_of(solved)
-    if any((options.focus_at, options.focus_point, options.focus_distance is not None)):
-        set_lens(settings, solved, options)
-    collect_orphans(blend.parent)
-    blend.parent.mkdir(parents=True, exist_ok=True)
-    clip = _beside(footage, blend.parent)
-    move_clip(scene, open_footage(clip, footage.frames))
-    # The solve is in the .blend; another machine does not have this folder.
-    settings.work_dir = ""
-    scene.render.filepath = "//render/"
-    with staged(blend) as part:
-        try:
-            bpy.ops.wm.save_as_mainfile(filepath=str(part), check_existing=False)
-        except RuntimeError as error:
-            raise UserError(f"{blend} cannot be written: {str(error).strip()}") from error
-    say(f"saved {blend}; send it together with {clip.name} beside it")
-
-
-def _beside(footage: Footage, folder: Path) -> Path:
-    """The clip, copied beside the .blend unless it lies in that folder or below."""
-    if footage.path.resolve().is_relative_to(folder.resolve()):
-        return footage.path
-    if footage.is_video:
-        copies = {folder / footage.path.name: footage.path}
-        path = folder / footage.path.name
-    else:
-        home = folder / f"{footage.files[0].parent.name}_frames"
-        copies = {home / file.name: file for file in footage.files}
-        path = home if footage.path.is_dir() else home / footage.path.name
-    for target, source in copies.items():
-        if target.exists():
-            if file_digest(target) != file_digest(source):
-                raise UserError(
-                    f"{target} exists and is another file than {source}; save into another folder"
-                )
-            continue
-        with staged(target) as part:
-            shutil.copyfile(source, part)
-    return path
 
 
 def _render(solved: Solve, options: argparse.Namespace) -> None:
     _check_apart(options, solved.footage)
     scene, settings, footage = scene_of(solved)
-    set_lens(settings, solved, options)
-    wanted = FrameRange.parse(options.frames).of(footage.frames) if options.frames else footage.frames
-    if not wanted:
-        raise UserError(
-            f"the solve has no frames {options.frames}; it has {footage.frames[0]} to {footage.frames[-1]}"
-        )
     out: Path = options.out.absolute()
     is_movie = out.suffix.lower() in output.MOVIES
-    # A movie shows every frame of the range: those that a step left out get their camera from neighbours.
-    shown = open_footage(solved.footage, FrameRange(wanted[0], wanted[-1])).frames if is_movie else wanted
-    frames = list(shown)
-    least, most = output.plan_all(scene, frames)
+    if options.for_movie:
+        # A share of those that a movie shows.
+        share = FrameRange.parse(options.frames) if options.frames else None
+        frames = list(open_footage(solved.footage, share).frames)
+        output.crop_to_even(scene.render)
+    elif is_movie:
+        frames = movie_frames(solved, options.frames)
+    else:
+        frames = list(wanted_frames(footage, options.frames))
+    # A share of a farm's job focuses as the whole does.
+    set_lens(settings, solved, options, () if options.for_movie else frames)
+    planned = output.plan_all(scene, frames)
+    least, most = planned.views
     count = str(least) if least == most else f"{least} to {most}"
     say(f"rendering {counted(len(frames), 'frame')} with {count} {'view' if most == 1 else 'views'} each")
+    if planned.coarse:
+        say(
+            f"blur discs are too large for layers in {counted(len(planned.coarse), 'frame')}"
+            f" ({ranges(planned.coarse)}), drawn by features, one coarse mesh, instead; a smaller blur or"
+            " aperture keeps layers"
+        )
     carried = [f for f in frames if f not in solved.reconstruction.frames]
     if carried:
         missing = f"{counted(len(carried), 'frame')} not registered"
@@ -198,11 +170,14 @@ def _render(solved: Solve, options: argparse.Namespace) -> None:
 
         def report(text: str) -> None:
             os.write(descriptor, f"{text}\n".encode())
+            _check_interrupted()
 
+        lens = pinned(options, settings)
+        draw = None if options.jobs == 1 else _side_by_side(solved, options, lens, account, report)
         if is_movie:
-            output.render_movie(scene, frames, out, report)
+            output.render_movie(scene, frames, out, report, draw)
         else:
-            output.render_sequence(scene, frames, out, options.overwrite, report)
+            output.render_sequence(scene, frames, out, options.overwrite, report, draw)
     if repaired := shot_of(scene).repaired:
         say(
             f"{sum(repaired.values())} pixels of {len(repaired)} frames were not finite (NaN or infinite) and"
@@ -215,35 +190,78 @@ def _render(solved: Solve, options: argparse.Namespace) -> None:
     say(f"wrote {options.out}")
 
 
-class _Terminated(KeyboardInterrupt):
-    """Whoever runs the command wants it to end, as farms do before they kill."""
+def _side_by_side(
+    solved: Solve, options: argparse.Namespace, lens: list[str], account: Account, report: output.Report
+) -> output.Draw:
+    """Have frames drawn by `--jobs` processes of this command line, which are told of the lens by words."""
+    is_movie = options.for_movie or options.out.suffix.lower() in output.MOVIES
+    step = FrameRange.parse(options.frames).step if options.frames and not is_movie else 1
+
+    def draw(todo: list[int], out: Path, done: Callable[[int], None]) -> None:
+        with tempfile.TemporaryDirectory(prefix="virtual-aperture-") as scratch:
+            reports = [Path(scratch) / f"{number}.json" for number in range(options.jobs)]
+
+            def command(frames: Sequence[int], number: int) -> list[str]:
+                words = ["render", str(solved.work_dir.absolute()), *lens]
+                words += ["--frames", f"{frames[0]}-{frames[-1]}:{step}", "--out", str(out)]
+                words += ["--for-movie"] * is_movie + ["--overwrite"] * (is_movie or options.overwrite)
+                return words + (["--report", str(reports[number])] if options.report else [])
+
+            try:
+                jobs.render_side_by_side(todo, options.jobs, command, done, report)
+            finally:
+                for path in reports:
+                    account.take_over(path)
+
+    return draw
 
 
-def _terminate(_number: int, _frame: object) -> None:
-    raise _Terminated
+class _Interrupted(KeyboardInterrupt):
+    """Whoever runs the command wants it to end: Ctrl-C, or SIGTERM, as farms send before they kill."""
+
+
+_signal = 0
+"""Number of the signal that was heard. Blender loses exceptions where it calls Python from within."""
+
+
+def _interrupt(number: int, _frame: object) -> None:
+    global _signal
+    _signal = number
+    raise _Interrupted
+
+
+def _check_interrupted() -> None:
+    if _signal:
+        raise _Interrupted
 
 
 def run_command(arguments: list[str]) -> int:
     """Run one command: 0, or non-zero after one readable line on standard error."""
+    global _signal
+    _signal, debug = 0, "--debug" in arguments
     # Blender's program has a handler of its own for Ctrl-C, which only ends the frame under way.
-    signal.signal(signal.SIGINT, signal.default_int_handler)
-    signal.signal(signal.SIGTERM, _terminate)
-    debug = "--debug" in arguments
+    before = {number: signal.signal(number, _interrupt) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         collect_temporary()
         options = parser().parse_args(arguments)
         options.command(options)
-    except UserError as error:
-        if debug:
+        _check_interrupted()
+    except (Exception, KeyboardInterrupt) as error:
+        if debug and not _signal:
             raise
-        print(f"error: {error.told(WORDS)}", file=sys.stderr, flush=True)
-        return 1
-    except KeyboardInterrupt as error:
-        print("error: interrupted; finished frames are kept", file=sys.stderr, flush=True)
-        return 128 + (signal.SIGTERM if isinstance(error, _Terminated) else signal.SIGINT)
-    except Exception as error:  # one readable line for everybody, the traceback for those who ask
-        if debug:
-            raise
-        print(f"error: {type(error).__name__}: {error} (--debug shows where)", file=sys.stderr, flush=True)
-        return 1
+        print(f"error: {_told(error)}", file=sys.stderr, flush=True)
+        return 128 + _signal if _signal else 1
+    finally:
+        for number, handler in before.items():
+            if handler is not None:  # one of Blender's own cannot be put back
+                signal.signal(number, handler)
     return 0
+
+
+def _told(error: BaseException) -> str:
+    """One readable line for everybody; the traceback is for those who ask."""
+    if _signal:
+        return "interrupted; finished frames are kept"
+    if isinstance(error, UserError):
+        return error.told(WORDS)
+    return f"{type(error).__name__}: {error} (--debug shows where)"

@@ -59,7 +59,9 @@ def inspect(options: argparse.Namespace) -> None:
         )
     sources = [source for source in (solved.footage, options.mask, options.depth) if source is not None]
     output.check_apart([out], sources)
-    set_lens(settings, solved, options)
+    set_lens(settings, solved, options, (options.frame,))
+    # A focus that is followed is another one at each frame.
+    scene.frame_set(options.frame)
     pictures, report = _inspected(scene, options.frame, options.debug)
     # What this frame does not have must not be left from another one.
     for file in there:

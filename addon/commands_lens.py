@@ -3,23 +3,31 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
+from pathlib import Path
 
 import bpy
+import numpy as np
 
 from .commands_paths import path
 from .core.depth_maps import open_depth
 from .core.errors import UserError
-from .core.focus import Focus, check_points, pick, radius_for_blur
-from .core.footage import Footage, open_footage
+from .core.focus import Focus, check_points, largest_discs, radius_for_blur
+from .core.focus_place import find_place
+from .core.footage import Footage, FrameRange, open_footage
 from .core.masks import open_masks
+from .core.reconstruction import Reconstruction
 from .core.solve_folder import Solve
 from .core.views import METHODS, LensSettings, check_settings
 from .scene import aperture_cloud
 from .scene.build import build
-from .scene.lens import set_aperture, set_focus
+from .scene.lens import follow_distances, set_aperture, set_focus
 from .scene.properties import VirtualApertureSettings
+from .scene.shot import shot_of
 
 DEFAULT_BLUR = 0.03
+MOST_BLUR = 0.5
+"""Image widths; larger discs are more than layers can be made for (`layer_mesh.WIDEST` on either side)."""
 
 
 def add_lens(command: argparse.ArgumentParser, required: bool) -> None:
@@ -29,14 +37,14 @@ def add_lens(command: argparse.ArgumentParser, required: bool) -> None:
         "--focus-at", metavar="X,Y[@FRAME]", help="place in the picture, 0,0 top left, 1,1 bottom right"
     )
     focus.add_argument("--focus-point", type=int, nargs="+", metavar="ID", help="feature points in focus")
-    focus.add_argument("--focus-distance", type=float, metavar="D", help="depth in scene units")
+    focus.add_argument("--focus-distance", type=float, metavar="D", help="depth in the model's own unit")
     blur = command.add_mutually_exclusive_group()
     blur.add_argument(
         "--blur", type=float, metavar="F",
         help=f"farthest background's blur disc as a share of the image width (default {DEFAULT_BLUR})",
     )  # fmt: skip
     blur.add_argument(
-        "--aperture-radius", type=float, metavar="R", help="radius of the aperture in scene units"
+        "--aperture-radius", type=float, metavar="R", help="radius of the aperture in the model's own unit"
     )
     command.add_argument(
         "--depth", type=path, metavar="DIR", help="your own depth maps: EXR or 16-bit PNG, any scale and kind"
@@ -60,6 +68,33 @@ def add_lens(command: argparse.ArgumentParser, required: bool) -> None:
     command.add_argument("--seed", type=int, default=0, help="of the thesis's random positions")
 
 
+LENS = (
+    "focus_at", "focus_point", "focus_distance", "blur", "aperture_radius", "depth", "mask", "views",
+    "method", "borrow", "seed",
+)  # fmt: skip
+"""What the options of `add_lens` are kept as."""
+
+
+def pinned(options: argparse.Namespace, settings: VirtualApertureSettings, **others: None) -> list[str]:
+    """`lens_arguments` once the lens is set: a place to focus on is in this frame, whichever are rendered."""
+    if options.focus_at and "@" not in options.focus_at:
+        return lens_arguments(options, focus_at=f"{options.focus_at}@{settings.focus_frame}", **others)
+    return lens_arguments(options, **others)
+
+
+def lens_arguments(options: argparse.Namespace, **others: str | None) -> list[str]:
+    """The options of `add_lens` as words for another process's command line; `others` replace some."""
+    words = []
+    for name in LENS:
+        value = others[name] if name in others else getattr(options, name)
+        if value is not None:
+            values = value if isinstance(value, list) else [value]
+            # A path is another process's, in whichever folder.
+            told = [str(each.absolute()) if isinstance(each, Path) else str(each) for each in values]
+            words += [f"--{name.replace('_', '-')}", *told]
+    return words
+
+
 def scene_of(solved: Solve) -> tuple[bpy.types.Scene, VirtualApertureSettings, Footage]:
     """A fresh scene that holds the solve."""
     bpy.ops.wm.read_homefile(app_template="", use_empty=True, use_factory_startup=True)
@@ -70,12 +105,37 @@ def scene_of(solved: Solve) -> tuple[bpy.types.Scene, VirtualApertureSettings, F
     return scene, settings, footage
 
 
+def wanted_frames(footage: Footage, frames: str | None) -> tuple[int, ...]:
+    """Those of a clip that `--frames` asks for, all of them without; UserError where there are none."""
+    wanted = FrameRange.parse(frames).of(footage.frames) if frames else footage.frames
+    if not wanted:
+        raise UserError(
+            f"the solve has no frames {frames}; it has {footage.frames[0]} to {footage.frames[-1]}"
+        )
+    return wanted
+
+
+def movie_frames(solved: Solve, frames: str | None) -> list[int]:
+    """The frames that a movie of those asked for shows: every one of the range.
+
+    Those that the solve left out get their camera from their neighbours.
+    """
+    wanted = wanted_frames(open_footage(solved.footage, solved.frames), frames)
+    return list(open_footage(solved.footage, FrameRange(wanted[0], wanted[-1])).frames)
+
+
 def check_numbers(options: argparse.Namespace) -> None:
     """What can be refused before an hour of solving."""
     _views(options.views)
     for name, value in (("blur", options.blur), ("aperture radius", options.aperture_radius)):
         if value is not None and not value > 0:
             raise UserError(f"the {name} is {value:g}; it must be greater than zero")
+    if options.blur is not None and options.blur > MOST_BLUR:
+        meant = f"; for {options.blur:g} % write {options.blur / 100:g}" if options.blur >= 1 else ""
+        raise UserError(
+            f"the blur is {options.blur:g}, which is {100 * options.blur:g} % of the image width{meant};"
+            f" at most {MOST_BLUR:g} can be drawn"
+        )
     if options.focus_distance is not None and not options.focus_distance > 0:
         raise UserError(f"the focus distance is {options.focus_distance:g}; it must be greater than zero")
     if options.focus_at:
@@ -84,15 +144,26 @@ def check_numbers(options: argparse.Namespace) -> None:
             raise UserError(f"focus at {x:g},{y:g} is outside the picture; both must be between 0 and 1")
 
 
-def set_lens(settings: VirtualApertureSettings, solved: Solve, options: argparse.Namespace) -> None:
-    """Write the options into the settings; UserError where the solve does not carry them."""
+def set_lens(
+    settings: VirtualApertureSettings,
+    solved: Solve,
+    options: argparse.Namespace,
+    frames: Sequence[int] = (),
+) -> None:
+    """Write the options into the settings; UserError where the solve does not carry them.
+
+    A place to focus on is in the first registered frame of `frames` (by default the clip's), unless the
+    options name one.
+    """
     reconstruction = solved.reconstruction
-    frame = int(reconstruction.frames[0])
+    _set_clip_files(settings, solved, options)
+    frame, place = int(reconstruction.frames[0]), None
     if options.focus_at:
         x, y, wanted = _place(options.focus_at)
-        frame = frame if wanted is None else wanted
-        focus = pick(reconstruction, frame, x, y)
-        say(f"in focus: points {', '.join(map(str, focus.points))} at frame {frame}")
+        frame = _registered(reconstruction, frames) if wanted is None else wanted
+        place = find_place(shot_of(settings.id_data), frame, x, y)
+        focus = place.focus
+        say(f"in focus: {place.distance:.4g} away at frame {frame}, from {place.source}")
     elif options.focus_point:
         focus = Focus(points=tuple(options.focus_point))
         check_points(reconstruction, focus.points)
@@ -100,13 +171,28 @@ def set_lens(settings: VirtualApertureSettings, solved: Solve, options: argparse
         focus = Focus(distance=options.focus_distance)
     if options.method == "thesis" and len(focus.points) < 2:
         raise UserError(
-            "the thesis's method needs at least two focus points: use --focus-at or --focus-point"
+            "the thesis's method needs at least two focus points: use --focus-point, or --focus-at where"
+            " there are points"
         )
     radius = options.aperture_radius
     if radius is None:
         radius = radius_for_blur(reconstruction, focus, frame, options.blur or DEFAULT_BLUR)
     check_settings(LensSettings(focus, radius, _views(options.views), options.method, options.seed))
     set_focus(settings, focus, frame)
+    if place is not None:
+        follow_distances(settings, place.distances(reconstruction))
+    say(_discs(reconstruction, focus, frame, radius))
+    blur = None if options.aperture_radius is not None else options.blur or DEFAULT_BLUR
+    set_aperture(settings, radius, blur)
+    settings.views = _views(options.views)
+    settings.method = options.method
+    settings.borrow = options.borrow == "on"
+    settings.seed = options.seed
+    aperture_cloud.update(settings)
+
+
+def _set_clip_files(settings: VirtualApertureSettings, solved: Solve, options: argparse.Namespace) -> None:
+    """The user's depth maps and masks of the clip, and what is to be said of them."""
     if options.depth:
         maps = open_depth(options.depth.absolute(), open_footage(solved.footage, solved.frames))
         for note in maps.notes:
@@ -117,13 +203,29 @@ def set_lens(settings: VirtualApertureSettings, solved: Solve, options: argparse
         for note in masks.notes:
             say(f"note: {note}")
         settings.masks = str(options.mask.absolute())
-    blur = None if options.aperture_radius is not None else options.blur or DEFAULT_BLUR
-    set_aperture(settings, radius, blur)
-    settings.views = _views(options.views)
-    settings.method = options.method
-    settings.borrow = options.borrow == "on"
-    settings.seed = options.seed
-    aperture_cloud.update(settings)
+
+
+def _discs(reconstruction: Reconstruction, focus: Focus, frame: int, radius: float) -> str:
+    """How large the blur is on either side of the focal plane: seldom alike."""
+    width = reconstruction.intrinsics(reconstruction.image_at(frame)[0]).width
+    parts = [
+        f"{side * width:.1f} px ({100 * side:.1f} % of the width) {where}" if side > 0 else f"none {where}"
+        for side, where in zip(
+            largest_discs(reconstruction, focus, frame, radius),
+            ("before the focus", "behind it"),
+            strict=True,
+        )
+    ]
+    return f"largest blur discs at frame {frame}: {', '.join(parts)}"
+
+
+def _registered(reconstruction: Reconstruction, frames: Sequence[int]) -> int:
+    """The first of `frames` with a camera of its own, or the nearest to the first of them."""
+    own = reconstruction.frames
+    found = [frame for frame in frames if frame in own]
+    if found or not len(frames):
+        return int(found[0] if found else own[0])
+    return int(own[np.abs(own - frames[0]).argmin()])
 
 
 def _views(text: str) -> int:

@@ -21,6 +21,7 @@ from .core.readers import read_reconstruction
 from .core.readers.matching import Imported
 from .core.solve import Progress, SolveProcess
 from .core.solve_folder import Solve, check_replaceable, holds_solve, keep_import, load_solve
+from .core.time_left import TimeLeft
 from .core.tracks import TRACKERS
 from .scene.movieclip import read_movie_clip
 
@@ -57,9 +58,13 @@ def add_commands(
     four.set_defaults(command=hand_out)
 
 
-def add_footage(command: argparse.ArgumentParser) -> None:
-    """The arguments of a clip to be solved."""
-    command.add_argument("footage", type=path, metavar="FOOTAGE", help="video, folder of images, or pattern")
+def add_footage(
+    command: argparse.ArgumentParser,
+    name: str = "FOOTAGE",
+    told: str = "video, folder of images, or pattern",
+) -> None:
+    """The arguments of a clip to be solved, which is called `name` and described as `told`."""
+    command.add_argument("footage", type=path, metavar=name, help=told)
     focal = command.add_mutually_exclusive_group()
     focal.add_argument("--focal", type=float, metavar="PX", help="known focal length in pixels, held")
     focal.add_argument(
@@ -80,9 +85,23 @@ def add_footage(command: argparse.ArgumentParser) -> None:
     command.add_argument("--again", action="store_true", help="solve even if the folder holds this solve")
 
 
+def solve_arguments(options: argparse.Namespace) -> list[str]:
+    """The options of `add_footage` as words for another process's command line, without the clip."""
+    words = []
+    for name in ("focal", "focal35", "fov", "focal_mm", "sensor_mm", "tracker"):
+        if (value := getattr(options, name)) is not None:
+            words += [f"--{name.replace('_', '-')}", str(value)]
+    return words + ["--zoom"] * options.zoom
+
+
 def solve(options: argparse.Namespace) -> None:
     """`solve FOOTAGE --work DIR`"""
-    print(solve_clip(options, options.work).summary, flush=True)
+    tell(solve_clip(options, options.work))
+
+
+def tell(solved: Solve) -> None:
+    """What a solve found, and what would help it."""
+    print(solved.summary, solved.worth.advised(WORDS), sep="\n", flush=True)
 
 
 def solve_clip(options: argparse.Namespace, work: Path) -> Solve:
@@ -188,16 +207,17 @@ class _ProgressLine:
     """One line a stage and every few seconds, with the time left."""
 
     def __init__(self) -> None:
-        self._start = self._shown = time.monotonic()
+        self._shown = time.monotonic()
+        self._left = TimeLeft(self._shown)
         self._stage = ""
 
     def show(self, step: Progress) -> None:
         now = time.monotonic()
         stage = step.text.rsplit(" ", 1)[0]
+        left = self._left.at(now, step.share)
         if stage == self._stage and now - self._shown < 5:
             return
         self._stage, self._shown = stage, now
-        left = (now - self._start) * (1 - step.share) / step.share if step.share > 0.05 else None
         print(
             f"solving: {step.text}" + (f", about {left:.0f} s left" if left is not None else ""), flush=True
         )

@@ -11,6 +11,8 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import os
+import signal
 import sys
 from pathlib import Path
 
@@ -31,6 +33,12 @@ def main(arguments: list[str]) -> int:
     return int(commands.run_command(arguments))
 
 
+def _end(number: int, _frame: object) -> None:
+    """Ctrl-C or SIGTERM while nothing is begun yet."""
+    os.write(2, b"error: interrupted\n")
+    os._exit(128 + number)
+
+
 def _load_folder() -> None:
     """Make the folder of this file importable as the package that it is."""
     folder = Path(__file__).resolve().parent
@@ -45,4 +53,10 @@ def _load_folder() -> None:
 
 if __name__ == "__main__":
     given = sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else sys.argv[1:]
-    sys.exit(main(given))
+    for heard in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(heard, _end)
+    status = main(given)
+    # What was to be done is done, or was said to have failed.
+    for heard in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(heard, signal.SIG_IGN)
+    sys.exit(status)

@@ -45,10 +45,10 @@ DEPTH_STEP = 4
 TOO_LONG = 900.0
 """Seconds after which a solve is ended."""
 NO_SOLVER = (
-    "alongside", "aperture", "borrow", "canvas", "dense_depth", "dense_fill", "dense_fusion", "dense_motion",
-    "dense_neighbours", "dense_sweep", "depth", "depth_maps", "edge_mesh", "enlarge", "focus", "frame_report",
-    "grid_warp", "inspection", "layer_mesh", "layers", "masks", "mesh_values", "quadtree", "recent", "views",
-    "visibility", "warp_frame", "warpmesh",
+    "alongside", "aperture", "borrow", "canvas", "dense_depth", "dense_fill", "dense_fusion",
+    "dense_motion", "dense_neighbours", "dense_sweep", "depth", "depth_maps", "edge_mesh", "enlarge",
+    "focus", "focus_place", "frame_report", "grid_warp", "inspection", "layer_mesh", "layers", "masks",
+    "mesh_values", "quadtree", "recent", "views", "visibility", "warp_frame", "warpmesh",
 )  # fmt: skip
 """Modules of `addon.core` that take no part in a solve."""
 

@@ -20,6 +20,7 @@ from addon.core.errors import UserError
 from addon.core.focus import Focus
 from addon.core.reconstruction import Intrinsics
 from addon.render import engine, frame_files, output
+from addon.render.frame_keys import frame_keys
 from addon.scene import shot
 from addon.scene.build import build
 from addon.scene.lens import set_focus
@@ -122,8 +123,12 @@ def test_damaged_and_empty_frames_are_rendered_again(ready: bpy.types.Scene, tmp
     good = listed(out.parent)
     (out.parent / "0001.png").write_bytes(good["0001.png"][:-200])
     (out.parent / "0002.png").write_bytes(b"")
+    # One bit that the decoder does not mind: only the checksum tells.
+    data = bytearray(good["0003.png"])
+    data[-2] ^= 1
+    (out.parent / "0003.png").write_bytes(bytes(data))
     said = rendered(ready, out)
-    assert "2 frames there but damaged or empty: rendered again" in said
+    assert "3 frames there but damaged or empty: rendered again" in said
     assert listed(out.parent) == good
 
 
@@ -218,3 +223,30 @@ def test_digests_tell_contents(tmp_path: Path) -> None:
     assert file_digest(one) == file_digest(same) != file_digest(other)
     with pytest.raises(UserError, match="cannot be read"):
         file_digest(tmp_path / "d")
+
+
+def test_a_keyed_lens_is_in_the_key_of_each_frame(ready: bpy.types.Scene) -> None:
+    settings, keys = ready.virtual_aperture, []
+    for last in (7.0, 9.0):
+        for frame, distance in ((1, 6.0), (3, last)):
+            settings.focus_distance = distance
+            ready.keyframe_insert("virtual_aperture.focus_distance", frame=frame)
+        ready.frame_set(1)
+        keys.append(frame_keys(ready, FRAMES))
+    assert keys[0][1] == keys[1][1]
+    assert keys[0][2] != keys[1][2] and keys[0][3] != keys[1][3]
+
+
+def test_a_frame_that_was_never_begun_is_not_taken_for_one(ready: bpy.types.Scene, tmp_path: Path) -> None:
+    """As where a signal arrives while Blender prepares a frame: then its picture is black, and no error."""
+    out = tmp_path / "o" / "####.png"
+    render = engine.VirtualApertureEngine.render
+    engine.VirtualApertureEngine.render = lambda self, depsgraph: None
+    try:
+        with pytest.raises(UserError, match="before there was a picture"):
+            rendered(ready, out)
+    finally:
+        engine.VirtualApertureEngine.render = render
+    assert not listed(out.parent)
+    rendered(ready, out)
+    assert len(listed(out.parent)) == 3

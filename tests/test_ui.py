@@ -374,7 +374,7 @@ def test_a_solved_movie_clip_of_this_file_is_imported(scene: bpy.types.Scene, tm
     assert len(settings.points.data.vertices) == 40
 
 
-def test_opening_a_long_clip_is_cancelled_at_once(tmp_path: Path) -> None:
+def test_opening_a_long_clip_is_told_and_cancelled_at_once(scene: bpy.types.Scene) -> None:
     counted = 0
 
     def begin() -> SolveProcess:
@@ -388,6 +388,13 @@ def test_opening_a_long_clip_is_cancelled_at_once(tmp_path: Path) -> None:
     solving = _Solving(begin)
     assert [step.text for step in solving.poll()] == ["Reading the clip"]
     assert not solving.finished and not solving.ended
+    operator = bpy.types.VIRTUAL_APERTURE_OT_solve
+    operator._running = solving
+    try:
+        texts = draw(panels.VIRTUAL_APERTURE_PT_clip).texts
+    finally:
+        operator._running = None
+    assert texts[0] == "Reading the clip (ESC cancels)"
     solving.cancel()
     assert solving.ended and counted > 0
     with pytest.raises(Cancelled):

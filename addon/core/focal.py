@@ -10,6 +10,9 @@ from .errors import UserError
 DIAGONAL_35 = math.hypot(36.0, 24.0)
 """Millimetres across the film that 35 mm equivalents speak of."""
 
+PLAUSIBLE = (5.0, 2000.0)
+"""Millimetres: 35 mm equivalents that a lens can have, 153 degrees to 1.2 across the diagonal."""
+
 Focal = float | Callable[[int, int], float]
 """A focal length in pixels, or what tells it from a clip's width and height."""
 
@@ -33,6 +36,11 @@ def from_equivalent(millimetres: float, width: int, height: int) -> float:
     UserError unless it is greater than zero.
     """
     return _positive("focal length", millimetres, "mm") / DIAGONAL_35 * math.hypot(width, height)
+
+
+def is_plausible(focal: float, width: int, height: int) -> bool:
+    """Whether a lens can have such a field of view: a focal length in pixels of a picture of this size."""
+    return PLAUSIBLE[0] < focal / math.hypot(width, height) * DIAGONAL_35 < PLAUSIBLE[1]
 
 
 def from_sensor(focal_mm: float, sensor_mm: float, width: int) -> float:

@@ -9,11 +9,11 @@ import struct
 from collections.abc import Iterator
 from pathlib import Path
 
+from .focal import PLAUSIBLE
+
 EQUIVALENT = "com.apple.quicktime.camera.focal_length.35mm_equivalent"
 LARGEST = 2**26
 """Bytes of the part that is read; the pictures lie elsewhere."""
-PLAUSIBLE = (5.0, 2000.0)
-"""Millimetres."""
 
 
 def equivalent_focal(video: Path) -> float | None:

@@ -234,7 +234,11 @@ class Points:
 
 @dataclass(frozen=True)
 class Reconstruction:
-    """What structure from motion found. `images` is ordered by frame number."""
+    """What structure from motion found. `images` is ordered by frame number.
+
+    Its unit of length is that of the model it was read from, such as metres; of a solve of our own it is
+    what `normalise` makes it. Focus distances and aperture radii are in the same unit everywhere.
+    """
 
     cameras: tuple[Intrinsics, ...]
     images: tuple[Image, ...]
@@ -354,18 +358,51 @@ def quaternion_from_matrix(matrix: Floats) -> Floats:
     return np.asarray(quaternion if quaternion[0] >= 0 else -quaternion)
 
 
-def normalise(reconstruction: Reconstruction) -> Reconstruction:
-    """Recentre, turn upright and rescale, so that float32 loses nothing and the scene looks natural.
+def typical_distance(reconstruction: Reconstruction) -> float:
+    """Median distance of the points from the mean camera centre, in the reconstruction's unit.
 
-    The mean camera centre becomes the origin, the mean camera up direction +z, the mean viewing
-    direction points to +y, and the median distance of the points becomes `MEDIAN_DEPTH`.
-    Points that are not finite stay so; UserError where a camera is not, or nothing gives a scale.
+    UserError where nothing gives a scale.
     """
     images = reconstruction.images
     if not images or not len(reconstruction.points):
         raise UserError("the reconstruction has no cameras or no points; solve the clip again")
     for image in images:
         _check_pose(image)
+    centre = np.mean([image.centre for image in images], axis=0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        distances = np.linalg.norm(reconstruction.points.xyz - centre, axis=1)
+    distances = distances[np.isfinite(distances)]
+    typical = float(np.median(distances)) if len(distances) else 0.0
+    if not typical > 0:
+        raise UserError(
+            "the reconstruction's points are no numbers or lie in the camera, so it has no scale;"
+            " solve the clip again"
+        )
+    return typical
+
+
+def normalise(reconstruction: Reconstruction) -> Reconstruction:
+    """Recentre, turn upright and rescale: a solve from pictures alone has no unit of its own.
+
+    As `upright`, and the median distance of the points becomes `MEDIAN_DEPTH`.
+    """
+    return _moved(reconstruction, MEDIAN_DEPTH / typical_distance(reconstruction))
+
+
+def upright(reconstruction: Reconstruction) -> Reconstruction:
+    """Recentre and turn upright, lengths as they are: float32, as Blender's objects are, holds any unit, but
+    no scene far from the origin.
+
+    The mean camera centre becomes the origin, the mean camera up direction +z, and the mean viewing
+    direction points to +y. Points that are not finite stay so; UserError where a camera is not, or nothing
+    gives a scale.
+    """
+    typical_distance(reconstruction)
+    return _moved(reconstruction, 1.0)
+
+
+def _moved(reconstruction: Reconstruction, scale: float) -> Reconstruction:
+    images = reconstruction.images
     centre = np.mean([image.centre for image in images], axis=0)
     up = -np.mean([image.rotation[1] for image in images], axis=0)
     forward = np.mean([image.rotation[2] for image in images], axis=0)
@@ -376,16 +413,6 @@ def normalise(reconstruction: Reconstruction) -> Reconstruction:
     x = np.cross(forward, z)
     x /= np.linalg.norm(x)
     turn = np.stack([x, np.cross(z, x), z])
-    with np.errstate(over="ignore", invalid="ignore"):
-        distances = np.linalg.norm(reconstruction.points.xyz - centre, axis=1)
-    distances = distances[np.isfinite(distances)]
-    typical = float(np.median(distances)) if len(distances) else 0.0
-    if not typical > 0:
-        raise UserError(
-            "the reconstruction's points are no numbers or lie in the camera, so it has no scale;"
-            " solve the clip again"
-        )
-    scale = MEDIAN_DEPTH / typical
 
     def moved(image: Image) -> Image:
         rotation = image.rotation @ turn.T

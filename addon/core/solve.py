@@ -24,13 +24,14 @@ from .tracks import TRACKERS
 
 SHARES = {
     "Tracking features": (0.0, 0.2),
-    "Verifying matches": (0.2, 0.3),
-    "Solving cameras": (0.3, 0.8),
-    "Registering frames": (0.8, 0.85),
-    "Adjusting": (0.85, 0.95),
-    "Looking for points": (0.95, 1.0),
+    "Verifying matches": (0.2, 0.27),
+    "Solving cameras": (0.27, 0.42),
+    "Settling the focal length": (0.42, 0.8),
+    "Registering frames": (0.8, 0.82),
+    "Adjusting": (0.82, 0.93),
+    "Looking for points": (0.93, 1.0),
 }
-"""Which part of the whole each stage is, from the duck clip's times."""
+"""Which part of the whole each stage is, from the times of the duck and the sample clip."""
 
 
 END = 0.3

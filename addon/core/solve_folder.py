@@ -25,7 +25,7 @@ from .file_names import checked_name
 from .find_clip import clip_exists
 from .footage import Footage
 from .readers.matching import Imported
-from .reconstruction import Ints, Reconstruction, normalise
+from .reconstruction import Ints, Reconstruction, upright
 from .solve_report import Report, report
 from .solve_staging import Staging, recover
 from .solve_state import (
@@ -192,10 +192,10 @@ def imported_from(work_dir: Path) -> str | None:
 
 
 def keep_import(found: Imported, footage: Footage, work_dir: Path) -> None:
-    """Keep another program's solve as if it were our own; UserError where the folder holds something else, or
-    is being solved into."""
+    """Keep another program's solve, in its own unit, as if it were our own; UserError where the folder holds
+    something else, or is being solved into."""
     clip_identity = identity(footage.path)
-    reconstruction = normalise(found.reconstruction)
+    reconstruction = upright(found.reconstruction)
     staging = Staging(work_dir)
     try:
         check_replaceable(work_dir, footage)

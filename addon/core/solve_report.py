@@ -49,6 +49,8 @@ class Report:
     """"clip", "given", "guess" or "file"."""
     angle: list[float]
     """Degrees between the outermost rays of a point: quartiles."""
+    distances: list[float]
+    """Of points from cameras, along the view, in the model's own unit: 2nd percentile, median, 98th."""
     depth_sigma: float
     """Relative standard deviation of a typical depth."""
     explained: float | None
@@ -62,6 +64,13 @@ class Report:
 
     def as_dict(self) -> dict[str, Any]:
         return asdict(self)
+
+    def advised(self, words: Words) -> str:
+        """What to do, in a line or two: the share that stands still, if it is small, and the advice."""
+        still = ""
+        if self.explained is not None and self.explained < EXPLAINED:
+            still = f"only {100 * self.explained:.0f} % of what was tracked stands still\n"
+        return f"{still}advice: {with_words(self.advice, self.remedies, words)}"
 
     def text(self, words: Words) -> str:
         """For people, the advice with an interface's names for what it tells to set."""
@@ -93,13 +102,15 @@ class Report:
             f"parallax      {self.angle[0]:.2f}, {self.angle[1]:.2f}, {self.angle[2]:.2f} degrees"
             " (quartiles of the points);"
             f" depth uncertain by {100 * self.depth_sigma:.1f} %",
+            f"distances     {self.distances[0]:.4g} to {self.distances[2]:.4g}, {self.distances[1]:.4g} in"
+            " the median, in the model's own unit",
         ]
         if self.explained is not None:
             lines.append(f"standing still  {100 * self.explained:.0f} % of what was tracked")
         if self.weak:
             lines.append(f"weak frames   {ranges(self.weak)} (fewer than {WEAK} points)")
-        advice = with_words(self.advice, self.remedies, words)
-        return "\n".join([*lines, *(f"note: {note}" for note in self.notes), f"advice: {advice}"])
+        advice = f"advice: {with_words(self.advice, self.remedies, words)}"
+        return "\n".join([*lines, *(f"note: {note}" for note in self.notes), advice])
 
 
 def report(reconstruction: Reconstruction, frames: tuple[int, ...], said: dict[str, Any]) -> Report:
@@ -122,7 +133,7 @@ def report(reconstruction: Reconstruction, frames: tuple[int, ...], said: dict[s
         int(np.median([len(image.visible) for image in reconstruction.images])), _histogram(counts),
         _coverage(reconstruction), error, drift, [min(focal), max(focal)], sigma,
         said.get("focal_from", "file"), [float(q) for q in np.percentile(angle, (25, 50, 75))],
-        float(spread), explained, weak, list(said.get("notes", [])),
+        _distances(reconstruction), float(spread), explained, weak, list(said.get("notes", [])),
         *_advice(missing, sigma, said.get("focal_from", "file"), float(spread), explained, weak),
     )  # fmt: skip
 
@@ -204,6 +215,15 @@ def _observations(reconstruction: Reconstruction) -> tuple[Ints, Floats, Floats]
         with np.errstate(invalid="ignore", divide="ignore"):
             rays.append(local / np.linalg.norm(local, axis=1, keepdims=True) @ image.rotation)
     return np.concatenate(points), np.concatenate(residuals), np.concatenate(rays)
+
+
+def _distances(reconstruction: Reconstruction) -> list[float]:
+    """As `Report.distances`."""
+    depths = np.concatenate(
+        [image.to_camera(reconstruction.points.xyz[image.points])[:, 2] for image in reconstruction.images]
+    )
+    depths = depths[np.isfinite(depths) & (depths > 0)]
+    return [float(q) for q in np.percentile(depths, (2, 50, 98))] if len(depths) else [0.0, 0.0, 0.0]
 
 
 def _angles(point: Ints, rays: Floats, count: int) -> Floats:

@@ -24,7 +24,8 @@ from numpy.typing import NDArray
 from . import footage as footage_module
 from .colmap_model import write_model
 from .errors import UserError
-from .focal import from_equivalent
+from .exif import photo_lens
+from .focal import from_equivalent, is_plausible
 from .folder_lock import FolderLock
 from .footage import Footage, open_footage
 from .metadata import equivalent_focal
@@ -36,6 +37,8 @@ from .visibility import visible_points
 TOLD_SIGMA = 0.1
 """Relative standard deviation of what files say of the lens: video is cropped more than photos are."""
 ZOOMED = "the picture agrees with a lens that zooms; if it does not, give its focal length"
+PATIENCE = 5.0
+"""Seconds in which a process that ends has let go of all that it held."""
 MOVING = "moving.npz"
 """Tracks that no scene that stands still explains: frame, track and xy of every sighting."""
 
@@ -113,17 +116,25 @@ def _solve(job: dict[str, Any]) -> None:
 
 
 def _told(footage: Footage) -> float | None:
-    """The focal length in pixels that the files say they were taken with."""
+    """The focal length in pixels that the files say they were taken with, if it agrees with the pictures."""
+    width, height = footage.width, footage.height
     if footage.is_video:
         equivalent = equivalent_focal(footage.path)
-        return from_equivalent(equivalent, footage.width, footage.height) if equivalent else None
+        return from_equivalent(equivalent, width, height) if equivalent else None
+    lens = photo_lens(footage.files[0])
+    if lens is None or lens.was_cropped(width, height):
+        return None
+    if lens.equivalent or lens.resolution or not lens.focal_mm:
+        return lens.focal(width, height)
     import pycolmap
 
+    # It knows the sensors of many cameras by their names, which tell nothing of pixels.
     try:
         camera = pycolmap.infer_camera_from_image(footage.files[0])
     except (RuntimeError, ValueError):
         return None
-    return float(camera.mean_focal_length()) if camera.has_prior_focal_length else None
+    focal = float(camera.mean_focal_length())
+    return focal if camera.has_prior_focal_length and is_plausible(focal, width, height) else None
 
 
 def _focal_source(lens: dict[str, Any], told: float | None, from_clip: bool) -> str:
@@ -137,9 +148,14 @@ def _end_with_parent(folder: Path) -> None:
     # The solve goes on beside us and may put a file into a folder that is being emptied.
     while folder.exists():
         shutil.rmtree(folder, ignore_errors=True)
-    # The lock ended with its owner, its file did not. Whoever solves there already keeps it.
-    with contextlib.suppress(UserError, OSError):
-        FolderLock(folder.parent).release()
+    # The lock ends with its owner, its file does not. Our pipe may be closed a moment before the lock is, and
+    # whoever solves there already keeps it.
+    until = time.monotonic() + PATIENCE
+    while time.monotonic() < until:
+        with contextlib.suppress(UserError, OSError):
+            FolderLock(folder.parent).release()
+            break
+        time.sleep(0.05)
     os._exit(1)
 
 

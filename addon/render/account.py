@@ -71,6 +71,14 @@ class Account:
         self._reports[used.frame] = frame_report(drawn.warped, drawn.lens.radius, shares, drawn.seconds)
         self._write(self._path)
 
+    def take_over(self, path: Path) -> None:
+        """Make the entries of another file of reports, where it is there, this one's."""
+        if self._path is None or not path.exists() or not _is_ours(path):
+            return
+        held = map(_entry, json.loads(path.read_text())["frames"])
+        self._reports |= {entry.frame: entry for entry in held if entry is not None}
+        self._write(self._path)
+
     def lacks(self, frames: list[int]) -> list[int]:
         """Frames that have no entry in the file."""
         return [frame for frame in frames if self._path is not None and frame not in self._reports]

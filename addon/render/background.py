@@ -56,7 +56,7 @@ def _on_write(scene: bpy.types.Scene, _: object = None) -> None:
 @persistent
 def _on_cancel(scene: bpy.types.Scene, _: object = None) -> None:
     if scene.render.engine == engine.VirtualApertureEngine.bl_idname:
-        _end(f"rendering ended at frame {scene.frame_current}")
+        _end("rendering was ended by an error or a signal; the frames written before it are whole")
 
 
 def _end(text: str) -> NoReturn:

@@ -25,6 +25,10 @@ from .gpu_views import egl_problem
 _error: BaseException | None = None
 """What went wrong in the last render: Blender does not tell scripts of an animation."""
 
+_is_drawn = False
+"""Whether the last render got as far as its picture. An exception that comes before our code can hear of it,
+as a signal does while Blender prepares a frame, leaves a black frame and no error."""
+
 REDRAW = 0.1
 """Seconds between two texts about a render's progress: more of them would only cost redraws."""
 
@@ -34,14 +38,21 @@ _told: Told | None = None
 
 def clear_error() -> None:
     """Forget the last render's error."""
-    global _error
-    _error = None
+    global _error, _is_drawn
+    _error, _is_drawn = None, False
 
 
 def raise_error() -> None:
     """Raise what the last render failed of, if it failed."""
     if _error is not None:
         raise _error
+
+
+def check_drawn() -> None:
+    """Raise what the last render since `clear_error` failed of, or UserError where it has no picture."""
+    raise_error()
+    if not _is_drawn:
+        raise UserError("rendering ended before there was a picture; render again")
 
 
 def tell(told: Told | None) -> None:
@@ -134,6 +145,8 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
         result = self.begin_result(0, 0, part.shape[1], part.shape[0])
         result.layers[0].passes["Combined"].rect.foreach_set(part.reshape(-1))
         self.end_result(result)
+        global _is_drawn
+        _is_drawn = True
 
 
 def frame_title(scene: bpy.types.Scene, is_animation: bool) -> str:

@@ -7,6 +7,7 @@ was made from, several processes can write into one folder, and a moved or copie
 from __future__ import annotations
 
 import re
+import zlib
 from pathlib import Path
 
 import cv2
@@ -19,6 +20,7 @@ NOTE = "Note"
 """Name under which Blender writes a stamp's note into PNG and EXR files."""
 HEADER = 1 << 16
 """Bytes of a file in which its metadata is looked for; Blender writes it before the pixels."""
+_PNG = b"\x89PNG\r\n\x1a\n"
 _KEY = re.compile(rb"virtual-aperture-frame ([0-9a-f]{64})")
 
 
@@ -82,12 +84,32 @@ def refuse(path: Path, problem: str) -> None:
 
 
 def _png_size(path: Path) -> tuple[int, int] | None:
+    data = path.read_bytes()
+    if not _has_whole_chunks(data):
+        return None
     level = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     try:
-        picture = cv2.imdecode(np.fromfile(path, np.uint8), cv2.IMREAD_UNCHANGED)
+        picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     finally:
         cv2.utils.logging.setLogLevel(level)
     return None if picture is None else (picture.shape[1], picture.shape[0])
+
+
+def _has_whole_chunks(data: bytes) -> bool:
+    """Whether a PNG is a row of chunks that agree with their own checksums (ISO/IEC 15948), to its very end.
+
+    The decoder takes many a picture whose checksums are wrong.
+    """
+    at, kind = len(_PNG), b""
+    if data[:at] != _PNG:
+        return False
+    while at + 12 <= len(data) and kind != b"IEND":
+        length = int.from_bytes(data[at : at + 4])
+        kind, end = data[at + 4 : at + 8], at + 8 + length
+        if zlib.crc32(data[at + 4 : end]) != int.from_bytes(data[end : end + 4]):
+            return False
+        at = end + 4
+    return kind == b"IEND" and at == len(data)
 
 
 def _exr_size(path: Path) -> tuple[int, int] | None:

@@ -20,20 +20,33 @@ does not mix them."""
 
 
 def run_key(scene: bpy.types.Scene) -> str:
-    """64 hexadecimal digits of all that the pictures of a scene's clip depend on, whichever frame."""
-    shot, settings = shot_of(scene), scene.virtual_aperture
+    """64 hexadecimal digits of all that the pictures of a scene's clip depend on, whichever frame. A keyed
+    lens is that of the clip's first frame. Shows that frame."""
+    return _with_lens(scene, _clip_key(scene), shot_of(scene).footage.frames[0])
+
+
+def frame_keys(scene: bpy.types.Scene, frames: list[int]) -> dict[int, str]:
+    """64 hexadecimal digits for each frame of all that its picture depends on. Shows the frames."""
+    key = _clip_key(scene)
+    return {frame: _with_lens(scene, f"{key} {frame}", frame) for frame in frames}
+
+
+def _clip_key(scene: bpy.types.Scene) -> str:
+    """Of all but the lens."""
+    shot = shot_of(scene)
     parts = (
         PICTURES, clip_digest(shot.footage), _reconstruction_digest(shot), _depth_digest(shot),
         shot.masks and clip_digest(shot.masks.pictures), shot.drawn and _drawn_digest(shot.drawn),
-        render_size(scene.render), written_size(scene.render), lens_settings(settings, shot.reconstruction),
+        render_size(scene.render), written_size(scene.render),
     )  # fmt: skip
     return hashlib.sha256(repr(parts).encode()).hexdigest()
 
 
-def frame_keys(scene: bpy.types.Scene, frames: list[int]) -> dict[int, str]:
-    """64 hexadecimal digits for each frame of all that its picture depends on."""
-    key = run_key(scene)
-    return {frame: hashlib.sha256(f"{key} {frame}".encode()).hexdigest() for frame in frames}
+def _with_lens(scene: bpy.types.Scene, key: str, frame: int) -> str:
+    """A key together with the lens at a frame: its settings may be keyed."""
+    scene.frame_set(frame)
+    lens = lens_settings(scene.virtual_aperture, shot_of(scene).reconstruction)
+    return hashlib.sha256(f"{key} {lens!r}".encode()).hexdigest()
 
 
 def clip_digest(footage: Footage) -> str:

@@ -7,6 +7,7 @@ import shutil
 import time
 from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
@@ -17,7 +18,8 @@ from ..core.errors import Remedy, UserError
 from ..core.file_names import checked_name
 from ..core.folder_lock import OutputLock
 from ..core.footage import PICTURES, Footage, is_pattern
-from ..core.views import plan_frame
+from ..core.solve_report import ranges
+from ..core.views import can_be_layered, plan_frame
 from ..scene.build import SOUND
 from ..scene.properties import lens_settings
 from ..scene.shot import shot_of
@@ -32,6 +34,8 @@ RATE_FACTOR = 12
 to a seventh of the subject's sharpness."""
 
 Report = Callable[[str], None]
+Draw = Callable[[list[int], Path, Callable[[int], None]], None]
+"""Renders frames to a path whose last #### is the frame number, and tells of each one that is done."""
 
 
 def check_output(out: Path, overwrite: bool) -> None:
@@ -89,38 +93,82 @@ def check_folder(folder: Path) -> None:
         raise UserError(f"{above} cannot be written; choose another output folder")
 
 
-def plan_all(scene: bpy.types.Scene, frames: list[int]) -> tuple[int, int]:
-    """Plan every frame, so that what is wrong shows before an hour of rendering.
+@dataclass(frozen=True)
+class Planned:
+    """What a render of frames will be."""
 
-    Returns the smallest and the largest number of views.
-    """
+    views: tuple[int, int]
+    """The smallest and the largest number."""
+    coarse: list[int]
+    """Frames that are to be drawn in layers and have larger blur discs than those allow."""
+
+
+def plan_all(scene: bpy.types.Scene, frames: list[int]) -> Planned:
+    """Plan every frame, so that what is wrong shows before an hour of rendering."""
     shot = shot_of(scene)
-    lens = lens_settings(scene.virtual_aperture, shot.reconstruction)
     size = render_size(scene.render)
-    counts = [len(plan_frame(shot.reconstruction, frame, lens, size, shot.depth).offsets) for frame in frames]
-    return min(counts), max(counts)
+    counts, coarse = [], []
+    for frame in frames:
+        # The focus may be keyed.
+        scene.frame_set(frame)
+        lens = lens_settings(scene.virtual_aperture, shot.reconstruction)
+        plan = plan_frame(shot.reconstruction, frame, lens, size, shot.depth)
+        counts.append(len(plan.offsets))
+        if lens.method == "layers" and not can_be_layered(plan):
+            coarse.append(frame)
+    return Planned((min(counts), max(counts)), coarse)
 
 
 def render_sequence(
-    scene: bpy.types.Scene, frames: list[int], out: Path, overwrite: bool, report: Report
+    scene: bpy.types.Scene,
+    frames: list[int],
+    out: Path,
+    overwrite: bool,
+    report: Report,
+    draw: Draw | None = None,
 ) -> None:
     """Render frames to `out`, whose last #### is the frame number, each whole and right or not there.
 
     Frames that are there are kept where their own key says that they were made from the same things; others
-    are replaced with `overwrite`, damaged ones always. Raises UserError, naming the frame.
+    are replaced with `overwrite`, damaged ones always. `draw` may have others render them, in place of this
+    process. Raises UserError, naming the frame.
     """
     atomic.collect_orphans(out.parent)
     targets = {frame: out.with_name(numbered(out.name, frame)) for frame in frames}
     keys = frame_keys(scene, frames)
     todo = {frame: _stamp(targets[frame]) for frame in _missing(targets, keys, overwrite, report)}
-    _set_still(scene, out.suffix.lower(), shot_of(scene).footage)
+    set_still(scene, out.suffix.lower(), shot_of(scene).footage)
     clock = _Clock(len(todo), report)
+    if draw is not None and todo:
+        draw(list(todo), out, clock.tick)
+        check_frames({frame: targets[frame] for frame in todo}, written_size(scene.render), keys)
+        return
     for frame, stamp in todo.items():
         if not _is_made_meanwhile(frame, targets[frame], keys[frame], stamp):
             _render_still(scene, frame, targets[frame], keys[frame], stamp)
         clock.tick(frame)
     for frame, path in targets.items():
         _check_ours(frame, path, keys[frame])
+
+
+def check_frames(files: dict[int, Path], size: tuple[int, int], keys: dict[int, str] | None = None) -> None:
+    """UserError naming the frames whose files are not there, are damaged or not of a size (width, height).
+
+    With `keys`, also those that were made from something else.
+    """
+    problems: dict[str, list[int]] = {}
+    for frame, path in files.items():
+        problem = frame_files.still_problem(path, size)
+        if not problem and keys is not None and frame_files.key_of(path) != keys[frame]:
+            problem = "was made from something else or with other settings"
+        if problem:
+            problems.setdefault(problem.replace("was not written", "is missing"), []).append(frame)
+    if problems:
+        told = "; ".join(
+            f"{'frame' if len(which) == 1 else 'each of frames'} {ranges(which)} {problem}"
+            for problem, which in problems.items()
+        )
+        raise UserError(f"{told} in {next(iter(files.values())).parent}; render what is not right again")
 
 
 def _missing(targets: dict[int, Path], keys: dict[int, str], overwrite: bool, report: Report) -> list[int]:
@@ -192,21 +240,23 @@ def _render_still(scene: bpy.types.Scene, frame: int, target: Path, key: str, st
         except RuntimeError as error:
             engine.raise_error()
             raise UserError(f"frame {frame}: Blender could not write it: {str(error).strip()}") from error
-        engine.raise_error()
+        engine.check_drawn()
         frame_files.refuse(target, frame_files.still_problem(part, written_size(render)))
         _is_made_meanwhile(frame, target, key, stamp)
 
 
-def render_movie(scene: bpy.types.Scene, frames: list[int], out: Path, report: Report) -> None:
+def render_movie(
+    scene: bpy.types.Scene, frames: list[int], out: Path, report: Report, draw: Draw | None = None
+) -> None:
     """Render a movie with the clip's rate and sound. A gap in the clip holds the frame before it.
 
     The frames are kept beside it as pictures until the movie is whole, so that an equal run goes on where
     this one stopped.
     """
     folder = frames_folder(out)
-    _crop_to_even(scene.render)
+    crop_to_even(scene.render)
     # What is in this folder is ours: pictures of another run of the same movie are replaced.
-    render_sequence(scene, frames, folder / "######.png", True, report)
+    render_sequence(scene, frames, folder / "######.png", True, report, draw)
     files = {frame: folder / f"{frame:06d}.png" for frame in frames}
     join(scene, files, out)
     shutil.rmtree(folder, ignore_errors=True)
@@ -247,16 +297,21 @@ def _sounds(scene: bpy.types.Scene) -> list[bpy.types.SoundStrip]:
     return [s for s in editor.strips if s.name.startswith(SOUND)] if editor is not None else []
 
 
-def _set_still(scene: bpy.types.Scene, suffix: str, footage: Footage) -> None:
+def set_still(scene: bpy.types.Scene, suffix: str, footage: Footage) -> None:
+    """Write PNG or EXR, by the suffix, as deep as the clip and without anything that tells runs apart."""
     settings = scene.render.image_settings
     settings.media_type = "IMAGE"
     settings.file_format = STILLS[suffix]
     settings.color_mode = "RGBA" if suffix == ".exr" else "RGB"
     deep = footage.read(footage.frames[0]).dtype != "uint8"
     settings.color_depth = {".png": "16" if deep else "8", ".exr": "32" if deep else "16"}[suffix]
-    # Nothing in a file may tell runs apart that gave the same picture.
-    for name in [name for name in dir(scene.render) if name.startswith("use_stamp")]:
-        setattr(scene.render, name, False)
+    _set_no_stamps(scene.render)
+
+
+def _set_no_stamps(render: bpy.types.RenderSettings) -> None:
+    """Nothing in a file may tell runs apart that gave the same picture: neither times nor paths."""
+    for name in [name for name in dir(render) if name.startswith("use_stamp")]:
+        setattr(render, name, False)
 
 
 def _set_movie(movie: bpy.types.Scene, scene: bpy.types.Scene, suffix: str, size: tuple[int, int]) -> None:
@@ -268,6 +323,7 @@ def _set_movie(movie: bpy.types.Scene, scene: bpy.types.Scene, suffix: str, size
     # The pictures are what is seen; they are not graded or dithered twice.
     movie.view_settings.view_transform, movie.view_settings.look = "Standard", "None"
     render.dither_intensity = 0
+    _set_no_stamps(render)
     settings.media_type = "VIDEO"
     settings.file_format = "FFMPEG"
     settings.color_mode = "RGB"
@@ -284,7 +340,7 @@ def _set_movie(movie: bpy.types.Scene, scene: bpy.types.Scene, suffix: str, size
         ffmpeg.audio_channels = "MONO" if sounds[0].channels == "MONO" else "STEREO"
 
 
-def _crop_to_even(render: bpy.types.RenderSettings) -> None:
+def crop_to_even(render: bpy.types.RenderSettings) -> None:
     """H.264 stores colour for two by two pixels: an odd last row or column is cut off."""
     width, height = render_size(render)
     if width % 2 or height % 2:
@@ -307,18 +363,25 @@ def numbered(name: str, frame: int) -> str:
 
 
 class _Clock:
-    """Progress lines with the time left."""
+    """Progress lines with the time left.
+
+    The first frame finds depth for its neighbours, too: it costs several times as much as each of the others,
+    and tells nothing of them.
+    """
 
     def __init__(self, total: int, report: Report) -> None:
         self._total, self._report = total, report
-        self._start = time.monotonic()
+        self._start = self._first = time.monotonic()
         self._done = 0
 
     def tick(self, frame: int) -> None:
         self._done += 1
-        each = (time.monotonic() - self._start) / self._done
+        now = time.monotonic()
+        line = f"frame {frame}: {self._done} of {self._total}"
+        if self._done == 1:
+            self._first = now
+            self._report(f"{line}, {now - self._start:.1f} s")
+            return
+        each = (now - self._first) / (self._done - 1)
         left = round(each * (self._total - self._done))
-        self._report(
-            f"frame {frame}: {self._done} of {self._total}, {each:.1f} s a frame,"
-            f" {left // 60} min {left % 60:02d} s left"
-        )
+        self._report(f"{line}, {each:.1f} s a frame, {left // 60} min {left % 60:02d} s left")

@@ -14,7 +14,7 @@ import bpy
 from ..core.clip_identity import identity
 from ..core.errors import UserError
 from ..core.footage import Footage
-from ..core.reconstruction import Reconstruction
+from ..core.reconstruction import Reconstruction, typical_distance
 from ..core.solve_folder import default_work_dir
 from . import aperture_cloud, camera, lens, point_cloud, store
 from .paths import relative
@@ -46,15 +46,17 @@ def build(
             f"{footage.path.name} is {footage.width}x{footage.height} pixels; Blender renders no"
             f" picture with a side of fewer than {LEAST_SIDE}"
         )
+    # The scene has the reconstruction's own unit, whatever that is.
+    size = typical_distance(reconstruction)
     _set_up_scene(scene, footage, reconstruction)
     collection = _collection(scene)
     root = settings.root = _object(settings.root, NAME, None, collection, None)
-    root.empty_display_size = 0.5
+    root.empty_display_size = 0.05 * size
 
     settings.camera = _object(settings.camera, f"{NAME} Camera", bpy.data.cameras, collection, root)
     camera.animate(settings.camera, reconstruction)
-    settings.camera.data.clip_end = 10_000.0
-    settings.camera.data.display_size = 0.5
+    settings.camera.data.clip_start, settings.camera.data.clip_end = 0.01 * size, 1000 * size
+    settings.camera.data.display_size = 0.05 * size
     _set_background(settings.camera.data, footage)
     scene.camera = settings.camera
 

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+import bpy
 import numpy as np
 
 from ..core.errors import UserError
@@ -74,13 +75,18 @@ def is_keyed(settings: VirtualApertureSettings, name: str) -> bool:
 
 def has_keys(settings: VirtualApertureSettings, name: str) -> bool:
     """Whether a property has keys."""
+    return keys_of(settings, name) is not None
+
+
+def keys_of(settings: VirtualApertureSettings, name: str) -> bpy.types.FCurve | None:
+    """The keys of a property; None where it has none."""
     from bpy_extras.anim_utils import action_get_channelbag_for_slot
 
     animation, path = settings.id_data.animation_data, settings.path_from_id(name)
     if animation is None or animation.action is None:
-        return False
+        return None
     bag = action_get_channelbag_for_slot(animation.action, animation.action_slot)
-    return bag is not None and any(curve.data_path == path for curve in bag.fcurves)
+    return None if bag is None else bag.fcurves.find(path)
 
 
 def key_distance(settings: VirtualApertureSettings) -> None:
@@ -111,6 +117,24 @@ def set_focus(settings: VirtualApertureSettings, focus: Focus, frame: int) -> No
             _show_blur(settings, frame)
         else:
             _store_radius(settings, frame)
+
+
+def follow_distances(settings: VirtualApertureSettings, distances: dict[int, float]) -> None:
+    """Key the focus distance, in scene units, at frames, linear between them; without any do nothing."""
+    if not distances:
+        return
+    scene, path = settings.id_data, settings.path_from_id("focus_distance")
+    shown = settings.focus_distance
+    with writing():
+        for frame, distance in distances.items():
+            settings.focus_distance = distance
+            scene.keyframe_insert(path, frame=frame)
+        settings.focus_distance = shown
+    curve = keys_of(settings, "focus_distance")
+    assert curve is not None
+    linear = np.ones(len(curve.keyframe_points), dtype=np.int32)
+    curve.keyframe_points.foreach_set("interpolation", linear)
+    curve.update()
 
 
 def clear_points(settings: VirtualApertureSettings) -> None:

@@ -202,8 +202,9 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
     focus_frame: IntProperty(name="Focus Frame", description="Frame in which the focus was picked")
     focus_distance: FloatProperty(
         name="Focus Distance",
-        description="Distance of the focal plane from the camera. Picked points set it to theirs; editing it"
-        " puts it in their place. Key it to pull focus",
+        description="Distance of the focal plane from the camera, in the scene's unit, which is an imported"
+        " model's own. Picked points set it to theirs; editing it puts it in their place. Key it to pull"
+        " focus",
         subtype="DISTANCE",
         min=0.0,
         soft_max=100.0,
@@ -236,7 +237,8 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
     )
     aperture_radius: FloatProperty(
         name="Aperture Radius",
-        description="Radius of the virtual aperture: the same throughout the clip, unless it is keyed",
+        description="Radius of the virtual aperture, in the scene's unit, which is an imported model's own:"
+        " the same throughout the clip, unless it is keyed",
         subtype="DISTANCE",
         min=0.0,
         default=0.1,

@@ -6,9 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import bpy
-from bpy_extras.anim_utils import action_get_channelbag_for_slot
-
 from ..core.errors import UserError
 from ..core.find_clip import is_clip
 from ..core.focus import Focus
@@ -81,11 +78,7 @@ def restore_focus(settings: VirtualApertureSettings, kept: KeptFocus, new: Recon
 
 
 def _scale_keys(settings: VirtualApertureSettings, name: str, scale: float) -> None:
-    animation: bpy.types.AnimData | None = settings.id_data.animation_data
-    if animation is None or animation.action is None:
-        return
-    bag = action_get_channelbag_for_slot(animation.action, animation.action_slot)
-    curve = bag.fcurves.find(settings.path_from_id(name)) if bag is not None else None
+    curve = lens.keys_of(settings, name)
     if curve is None:
         return
     for key in curve.keyframe_points:

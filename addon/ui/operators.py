@@ -138,6 +138,8 @@ class _Solving:
         """`begin` makes the process; it must not touch Blender's data."""
         self.process: SolveProcess | None = None
         self.ended = False
+        self.step = Progress("Reading the clip", 0.0)
+        """How far it is."""
         self._error: BaseException | None = None
         self._cancelled = threading.Event()
         self._opening = threading.Thread(target=self._open, args=(begin,), daemon=True)
@@ -162,12 +164,14 @@ class _Solving:
     def poll(self) -> list[Progress]:
         """As `SolveProcess.poll`; also raises what opening the clip raised."""
         if self._opening.is_alive():
-            return [Progress("Reading the clip", 0.0)]
+            return [self.step]
         if self._error is not None:
             self.ended = True
             raise self._error
         assert self.process is not None
-        return self.process.poll()
+        steps = self.process.poll()
+        self.step = steps[-1] if steps else self.step
+        return steps
 
     def cancel(self) -> None:
         """End what is under way and leave the folder as it was; harmless after the end."""
@@ -204,8 +208,7 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        running = VIRTUAL_APERTURE_OT_solve._running
-        if running is not None and not running.ended:
+        if running_solve() is not None:
             cls.poll_message_set("A clip is being solved; ESC cancels it")
             return False
         return has_clip(cls, context)
@@ -276,6 +279,7 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
             for step in self._process.poll():
                 context.window_manager.progress_update(100 * step.share)
                 context.workspace.status_text_set(f"Virtual Aperture: {step.text}    (ESC cancels)")
+                _redraw(context)
             if not self._process.finished:
                 return {"RUNNING_MODAL"}
             self._end(context)
@@ -317,8 +321,14 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
         _redraw(context)
 
 
+def running_solve() -> _Solving | None:
+    """The solve that is under way in this Blender."""
+    running = VIRTUAL_APERTURE_OT_solve._running
+    return None if running is None or running.ended else running
+
+
 def _redraw(context: bpy.types.Context) -> None:
-    """Let buttons show whether they can be pressed now."""
+    """Let panels show how far a solve is, and buttons whether they can be pressed now."""
     for area in context.screen.areas:
         area.tag_redraw()
 

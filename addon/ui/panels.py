@@ -47,7 +47,11 @@ class VIRTUAL_APERTURE_PT_clip(_Panel, bpy.types.Panel):  # noqa: N801
         layout = self.layout
         layout.use_property_split = True
         layout.use_property_decorate = False
-        wrapped(layout, context, next_step(context), icon="INFO")
+        running = operators.running_solve()
+        if running is not None:
+            layout.progress(factor=running.step.share, text=f"{running.step.text} (ESC cancels)")
+        else:
+            wrapped(layout, context, next_step(context), icon="INFO")
         layout.operator(
             choose_clip.VIRTUAL_APERTURE_OT_choose_clip.bl_idname,
             text=Path(settings.footage).name or "Choose Clip",

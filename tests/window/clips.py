@@ -12,21 +12,22 @@ from addon.core.reconstruction import Image, Intrinsics, Reconstruction
 
 from ..scenes import slanted_plane, texture
 
-WIDTH, HEIGHT = 160, 90
+SMALL = (160, 90)
 FRAMES = (1, 2, 3, 4, 5)
 VIEWS = 192
 """So many that drawing them takes several turns of the main thread."""
 
 
-def write_scene(folder: Path) -> Path:
+def write_scene(folder: Path, size: tuple[int, int] = SMALL, views: int = VIEWS) -> Path:
     """A .blend with a solved clip of five frames, in focus at a distance, our engine and EXR output; the clip
     beside it."""
+    width, height = size
     import bpy
 
     from addon.core.footage import open_footage
     from addon.scene.build import build
 
-    lens = Intrinsics(WIDTH, HEIGHT, 150.0, 150.0, WIDTH / 2, HEIGHT / 2)
+    lens = Intrinsics(width, height, 0.95 * width, 0.95 * width, width / 2, height / 2)
     clip = folder / "clip"
     clip.mkdir(parents=True)
     solve = slanted_plane(lens, FRAMES)
@@ -36,7 +37,7 @@ def write_scene(folder: Path) -> Path:
     scene = bpy.context.scene
     settings = build(scene, open_footage(clip), solve)
     settings.focus_distance = 6.0
-    settings.views = VIEWS
+    settings.use_auto_views, settings.views = False, views
     scene.render.filepath = "//frames/####"
     output = scene.render.image_settings
     output.file_format, output.color_mode, output.color_depth = "OPEN_EXR", "RGBA", "32"

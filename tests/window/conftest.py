@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from .program import ROOT, blender, headless
+from .program import ROOT, TooLateError, blender, headless
 from .screen import Screen, missing_programs
 
 PICTURES = ROOT / "build" / "window"
@@ -39,6 +39,26 @@ def small_screen(needed: None) -> Iterator[Screen]:
     made = Screen((800, 600))
     yield made
     made.close()
+
+
+_failed: set[str] = set()
+"""Modules in which a step failed."""
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) -> Iterator[None]:
+    report = yield
+    # What was late was done all the same.
+    if report.failed and not (call.excinfo and call.excinfo.errisinstance(TooLateError)):
+        _failed.add(item.nodeid.partition("::")[0])
+    return report
+
+
+@pytest.fixture
+def in_order(request: pytest.FixtureRequest) -> None:
+    """Steps that build on each other: skips where one of the module's failed before."""
+    if request.node.nodeid.partition("::")[0] in _failed:
+        pytest.skip("an earlier step failed")
 
 
 @pytest.fixture(scope="session")

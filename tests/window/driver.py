@@ -18,6 +18,7 @@ import time
 import traceback
 from typing import Any
 
+import bmesh  # noqa: F401  questions ask it
 import bpy
 from bpy.app.handlers import persistent
 
@@ -72,9 +73,7 @@ def project(points: Any) -> list[list[float]]:
     left, bottom, width, height = rectangle("VIEW_3D", "WINDOW")
     space = found["area"].spaces.active.region_3d
     places = [location_3d_to_region_2d(found["region"], space, point) for point in points]
-    return [
-        [left + x, bottom + y] for x, y in (p for p in places if p) if 0 < x < width and 0 < y < height
-    ]
+    return [[left + x, bottom + y] for x, y in (p for p in places if p) if 0 < x < width and 0 < y < height]
 
 
 def messages() -> list[str]:

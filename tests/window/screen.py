@@ -50,12 +50,20 @@ class Screen:
     def move(self, x: float, y: float) -> None:
         self._xdotool("mousemove", str(round(x)), str(round(y)))
 
-    def click(self, x: float, y: float, button: int = 1) -> None:
-        """Move there, and click; 4 and 5 are the wheel up and down."""
+    def nudge(self) -> None:
+        """Move the mouse by a pixel and back."""
+        for by in ("1", "-1"):
+            self._xdotool("mousemove_relative", "--", by, "0")
+
+    def click(self, x: float, y: float, button: int = 1, held: str = "") -> None:
+        """Move there, and click, with a key held down; buttons 4 and 5 are the wheel up and down."""
         self.move(x, y)
         # Blender looks what is under the mouse when it moves there.
         time.sleep(0.15)
-        self._xdotool("click", str(button))
+        if held:
+            self._xdotool("keydown", held, "click", str(button), "keyup", held)
+        else:
+            self._xdotool("click", str(button))
 
     def double_click(self, x: float, y: float) -> None:
         self.move(x, y)

@@ -1,0 +1,101 @@
+"""A tiny clip with sound that is solved without solving, so that a try takes seconds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from addon.core.footage import open_footage
+from addon.core.readers.matching import Imported
+from addon.core.reconstruction import Image, Intrinsics, Points, Reconstruction, rotation_matrix
+from addon.core.solve_folder import keep_import
+from addon.render.quiet import quiet
+from sample_scenes import clip as encoding
+
+LENS = Intrinsics(96, 54, 84.0, 84.0, 48.0, 27.0)
+RATE = 24
+POINTS = 60
+NEAR, FAR = 5.0, 12.0
+
+
+def picture(frame: int, lens: Intrinsics = LENS) -> NDArray[np.uint8]:
+    """(H, W, 3) of a frame: no two are alike, so that one in another's place is seen."""
+    rng = np.random.default_rng(7)
+    size = (lens.width, lens.height)
+    coarse, fine = (
+        cv2.resize(rng.random((lens.height // s, lens.width // s, 3)), size, interpolation=cv2.INTER_CUBIC)
+        for s in (3, 9)
+    )
+    mixed = np.roll(0.5 * coarse + 0.5 * fine, frame, axis=1)
+    return np.asarray(np.clip(mixed * 255, 0, 255), np.uint8)
+
+
+def truth(frames: range, lens: Intrinsics = LENS) -> Reconstruction:
+    """Points on a plane that recedes to the right, seen by cameras that drift sideways."""
+    rng = np.random.default_rng(3)
+    rays = (rng.uniform([0, 0], [lens.width, lens.height], (POINTS, 2)) - lens.principal_point) / lens.focal
+    share = (rays[:, 0] - rays[:, 0].min()) / np.ptp(rays[:, 0])
+    depth = 1 / ((1 - share) / NEAR + share / FAR)
+    xyz = np.column_stack([rays, np.ones(POINTS)]) * depth[:, None]
+    images = []
+    for frame in frames:
+        rotation = rotation_matrix(np.array([0.0002, -0.0003, 0.0001]) * frame)
+        centre = np.array([0.01, -0.002, 0.004]) * frame
+        seen = lens.project((xyz - centre) @ rotation.T)
+        images.append(Image(frame, rotation, -rotation @ centre, seen, np.arange(POINTS, dtype=np.int32)))
+    colours = np.full((POINTS, 3), 128, np.uint8)
+    return Reconstruction((lens,), tuple(images), Points(xyz, colours, np.full(POINTS, 0.1)))
+
+
+def write_video(folder: Path, count: int) -> Path:
+    """The clip as H.264 with a tone, `clip.mp4` in the folder."""
+    pictures = sorted(write_pictures(folder / "pictures", count).iterdir())
+    tone, path = folder / "tone.wav", folder / "clip.mp4"
+    encoding.write_sound(tone, encoding.ticking(count / RATE))
+    with quiet(1):
+        encoding.encode(pictures, path, RATE, tone)
+    return path
+
+
+def write_pictures(folder: Path, count: int, lens: Intrinsics = LENS) -> Path:
+    """The clip as PNG, 0001.png and so on; the folder."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for frame in range(1, count + 1):
+        cv2.imwrite(str(folder / f"{frame:04d}.png"), picture(frame, lens))
+    return folder
+
+
+def write_masks(folder: Path, count: int) -> None:
+    """A square that moves by itself, one picture a frame."""
+    folder.mkdir(parents=True)
+    for frame in range(1, count + 1):
+        mask = np.zeros((LENS.height, LENS.width), np.uint8)
+        mask[20:32, 30 + frame : 44 + frame] = 255
+        cv2.imwrite(str(folder / f"{frame:04d}.png"), mask)
+
+
+def write_depth(folder: Path, count: int) -> None:
+    """The plane's inverse depth of every frame, 16 bits."""
+    folder.mkdir(parents=True)
+    share = np.linspace(0, 1, LENS.width)
+    inverse = np.tile((1 - share) / NEAR + share / FAR, (LENS.height, 1))
+    for frame in range(1, count + 1):
+        cv2.imwrite(str(folder / f"{frame:04d}.png"), (inverse * 200_000).astype(np.uint16))
+
+
+def write_floats(folder: Path, count: int) -> None:
+    """The clip in scene linear floats."""
+    folder.mkdir(parents=True)
+    for frame in range(1, count + 1):
+        cv2.imwrite(str(folder / f"{frame:04d}.tif"), (picture(frame) / np.float32(255)) ** np.float32(2.2))
+
+
+def solve(clip: Path, work: Path, lens: Intrinsics = LENS) -> Path:
+    """Put the truth into a working folder as if another program had solved the clip; the folder."""
+    footage = open_footage(clip)
+    model = truth(range(footage.frames[0], footage.frames[-1] + 1), lens)
+    keep_import(Imported(model, "truth", ()), footage, work)
+    return work

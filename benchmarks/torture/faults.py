@@ -1,0 +1,54 @@
+"""All faults, by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from . import disks, kills, mutations, races, sizes
+from .bench import Try
+
+MANY = 1_000_000
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A kind of thing that goes wrong."""
+
+    told: str
+    """For the table."""
+    run: Callable[[Try], None]
+    most: int = MANY
+    """Tries that make sense: those that take minutes are not repeated a hundred times."""
+
+
+FAULTS = {
+    "frames": Fault("ended while it renders a sequence (KILL, TERM, INT)", kills.frames),
+    "movie": Fault("ended while it renders a movie", kills.movie),
+    "overwriting": Fault("ended while it replaces frames of another lens", kills.overwriting),
+    "switching": Fault("ended, and then rendered with another lens", kills.switching),
+    "jobs": Fault("one of several processes ended, or all of them", kills.jobs),
+    "saving": Fault("ended while it saves and packs", kills.saving),
+    "file-size": Fault("no file can grow beyond a size", disks.file_size),
+    "small-disk": Fault("a disk of a few kilobytes is full", disks.small_disk),
+    "no-space-to-save": Fault("no space to save and pack", disks.saving),
+    "same-frames": Fault("two processes render one sequence", races.same_frames),
+    "other-frames": Fault("two processes, one sequence, two lenses", races.other_frames),
+    "same-movie": Fault("two processes render one movie", races.same_movie),
+    "other-movie": Fault("two processes, one movie, two lenses", races.other_movie),
+    "two-solves": Fault("two solves go into one folder", races.solves),
+    "replaced": Fault("the clip is replaced while it is rendered", races.replaced_input),
+    "removed": Fault("the masks are removed while frames are rendered", races.removed_input),
+    "solve": Fault("a file of the working folder is damaged", mutations.solve),
+    "footage": Fault("the clip is damaged", mutations.footage),
+    "output": Fault("frames of an earlier run are damaged", mutations.output),
+    "masks": Fault("a mask is damaged or repainted", mutations.masks),
+    "depth": Fault("a depth map is damaged or repainted", mutations.depth),
+    "report": Fault("the file of reports is damaged", mutations.report),
+    "blend": Fault("a property of a .blend is damaged", mutations.blend),
+    "not-finite": Fault("NaN and infinite pixels", mutations.not_finite),
+    "memory": Fault("little memory", sizes.memory),
+    "wide": Fault("pictures of 16,384 x 96", sizes.wide, 10),
+    "large": Fault("pictures of 16,384 x 9,216, little memory or enough", sizes.large, 6),
+    "long": Fault("2,000 frames, ended six times", sizes.long, 3),
+}

@@ -1,0 +1,73 @@
+"""Large pictures, long clips, and little memory."""
+
+from __future__ import annotations
+
+import signal
+
+import cv2
+import numpy as np
+
+from addon.core.reconstruction import Intrinsics
+
+from . import clip
+from .bench import LENS, Try, contents, memory_limit
+from .kills import SIGNALS, interrupt
+
+WIDE = Intrinsics(16384, 96, 14000.0, 14000.0, 8192.0, 48.0)
+LARGE = Intrinsics(16384, 9216, 14000.0, 14000.0, 8192.0, 4608.0)
+LONG = 2000
+
+
+def memory(one: Try) -> None:
+    """A limit of the address space: refused, or as without."""
+    size = int(one.dice.uniform(0.3, 3.0) * 2**30)
+    out = one.folder / "out" / "####.png"
+    words = ("render", one.bench.work, *LENS, "--out", out)
+    run = one.end(one.start(*words, limits=memory_limit(size)), expected=())
+    if run.status == 0 and contents(out.parent) != one.bench.frames:
+        one.verdict.add("wrong", f"{size >> 20} MiB: {run.said[-300:]}")
+    one.check_partial(one.bench.frames, out.parent)
+    one.expect(one.bench.frames, out, one.run(*words))
+
+
+def wide(one: Try) -> None:
+    """Pictures of 16,384 pixels across."""
+    _large(one, WIDE)
+
+
+def large(one: Try) -> None:
+    """Pictures of 16,384 by 9,216 pixels, and memory for them or not."""
+    _large(one, LARGE, int(one.dice.uniform(2, 24) * 2**30) if one.dice.random() < 0.7 else None)
+
+
+def _large(one: Try, lens: Intrinsics, limit: int | None = None) -> None:
+    pictures = clip.write_pictures(one.folder / "clip", 2, lens)
+    work = clip.solve(pictures, one.folder / "work", lens)
+    out = one.folder / "out" / "####.png"
+    words = ("render", work, *LENS[:-1], "2", "--frames", "1", "--out", out)
+    run = one.run(*words, limits=memory_limit(limit) if limit else None)
+    path = out.parent / "0001.png"
+    if run.status:
+        if path.exists():
+            one.verdict.add("wrong", "a frame that failed is there")
+        return
+    picture = np.asarray(cv2.imread(str(path)))
+    if picture.shape != (lens.height, lens.width, 3) or picture.std() < 5:
+        one.verdict.add("wrong", f"{path.name} is not the picture")
+
+
+def long(one: Try) -> None:
+    """Two thousand frames, interrupted many times."""
+    pictures = clip.write_pictures(one.folder / "clip", LONG)
+    work = clip.solve(pictures, one.folder / "work")
+    whole = one.folder / "whole" / "####.png"
+    words = ("render", work, *LENS, "--out")
+    began = one.run(*words, whole)
+    if began.status:
+        one.verdict.add("lost", began.said[-300:])
+        return
+    out = one.folder / "out" / "####.png"
+    for _ in range(6):
+        number: signal.Signals = one.dice.choice(SIGNALS)
+        interrupt(one, one.start(*words, out), one.dice.uniform(0.1, 0.3) * began.seconds, number)
+    one.expect(contents(whole.parent), out, one.run(*words, out))

@@ -1,0 +1,162 @@
+"""ESC in renders of 640x360 and 1080p, and a drawing that fails: soon over, said, and no half a file."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from .clips import read_exr, write_scene
+from .conftest import PICTURES
+from .program import EXTENSION, Program
+from .screen import Screen
+
+SIZES = ((640, 360), (1920, 1080))
+FAILING = f"""
+import sys
+views = sys.modules["{EXTENSION}.addon.render.gpu_views"]
+kept = views.view_rows
+def failing(*_):
+    raise RuntimeError("provoked while drawing")
+views.view_rows = failing
+"""
+
+
+@pytest.fixture(scope="module")
+def program(screen: Screen, resources: Path) -> Iterator[Program]:
+    made = Program(screen, resources, PICTURES / "cancel")
+    made.screen.move(*made.middle("VIEW_3D"))
+    made.screen.key("Escape")
+    made.settle()
+    yield made
+    made.close()
+
+
+@pytest.fixture(params=SIZES, ids=["360p", "1080p"], scope="module")
+def opened(
+    request: pytest.FixtureRequest, program: Program, folder: Path, registered: None
+) -> tuple[int, int]:
+    """A scene of this size is open; its width and height."""
+    size: tuple[int, int] = request.param
+    # Views take several seconds in either size.
+    blend = write_scene(folder / f"cancel{size[0]}", size, views=512)
+    program.ask(f"bpy.ops.wm.open_mainfile(filepath={str(blend)!r})")
+    program.settle()
+    program.screen.move(*program.middle("VIEW_3D"))
+    return size
+
+
+def seconds_to_idle(program: Program) -> float:
+    """Press ESC in a render; seconds from the key to the end of the job."""
+    before = program.ask("len(log)")
+    sent = program.screen.key("Escape")
+    program.wait(f"[w for w, _ in log[{before}:] if w == 'idle']", 60)
+    ended: float = program.ask(f"next(at for what, at in log[{before}:] if what == 'idle')")
+    return ended - sent
+
+
+def back_to_viewport(program: Program) -> None:
+    """Close the render's window."""
+    while program.ask("len(bpy.context.window_manager.windows)") > 1:
+        program.close_window()
+    program.screen.move(*program.middle("VIEW_3D"))
+
+
+def start(program: Program, key: str) -> None:
+    program.settle()
+    program.screen.key(key)
+    program.wait("bpy.app.is_job_running('RENDER')")
+
+
+DRAWN = f"__import__('sys').modules['{EXTENSION}.addon.render.main_thread']._current"
+
+
+@pytest.fixture(autouse=True)
+def nothing_left_running(program: Program) -> Iterator[None]:
+    """Each test begins with the first window alone, and nothing rendering."""
+    yield
+    if program.ask("bpy.app.is_job_running('RENDER')"):
+        program.screen.key("Escape")
+        program.wait("not bpy.app.is_job_running('RENDER')")
+    back_to_viewport(program)
+
+
+@pytest.mark.parametrize("after", [0.1, 0.6, 1.5])
+def test_esc_ends_a_frame_before_it_is_drawn(program: Program, opened: tuple[int, int], after: float) -> None:
+    def measure() -> float:
+        start(program, "F12")
+        time.sleep(after)
+        program.shot(f"{opened[1]}_{after}_before")
+        assert program.ask("bpy.app.is_job_running('RENDER')"), "over before ESC"
+        took = seconds_to_idle(program)
+        program.settle()
+        program.shot(f"{opened[1]}_{after}_cancelled")
+        back_to_viewport(program)
+        return took
+
+    program.ends_in_time(measure, f"{opened[1]}p, ESC {after} s after F12")
+
+
+def test_esc_ends_a_frame_while_it_is_drawn(program: Program, opened: tuple[int, int]) -> None:
+    def measure() -> float:
+        start(program, "F12")
+        program.wait(f"{DRAWN} is not None and {DRAWN}.done > 8", 120)
+        took = seconds_to_idle(program)
+        back_to_viewport(program)
+        return took
+
+    program.ends_in_time(measure, f"{opened[1]}p, ESC while views are drawn")
+
+
+def test_esc_ends_an_animation_and_leaves_whole_files(program: Program, opened: tuple[int, int]) -> None:
+    out = Path(program.ask("bpy.path.abspath('//')")) / "frames"
+
+    def measure() -> float:
+        shutil.rmtree(out, ignore_errors=True)
+        before = program.ask("len(log)")
+        program.ask("bpy.context.scene.virtual_aperture.views = 32")
+        start(program, "ctrl+F12")
+        program.wait(f"[w for w, _ in log[{before}:] if w == 'write']", 120)
+        time.sleep(0.3)
+        took = seconds_to_idle(program)
+        back_to_viewport(program)
+        program.ask("bpy.context.scene.virtual_aperture.views = 512")
+        files = sorted(out.iterdir())
+        assert 1 <= len(files) < 5
+        for file in files:
+            assert file.suffix == ".exr"
+            assert np.all(read_exr(file)[..., 3] == 1), f"{file.name} is not whole"
+        return took
+
+    program.ends_in_time(measure, f"{opened[1]}p, ESC in an animation")
+
+
+@pytest.mark.parametrize("key", ["F12", "ctrl+F12"])
+def test_what_fails_while_drawing_is_said_and_written_nowhere(
+    program: Program, opened: tuple[int, int], key: str
+) -> None:
+    out = Path(program.ask("bpy.path.abspath('//')")) / "frames"
+    shutil.rmtree(out, ignore_errors=True)
+    heard = program.ask("len(messages())")
+    program.ask(FAILING)
+    try:
+        told = program.render(key, seconds=180)
+    finally:
+        program.ask("views.view_rows = kept; None")
+    shot = f"{opened[1]}_{key.replace('+', '_')}_failed"
+    program.shot(shot)
+    said = [line for line in program.ask("messages()")[heard:] if "provoked while drawing" in line]
+    back_to_viewport(program)
+    program.shot(f"{shot}_viewport")
+    assert said, "nothing is said"
+    assert not any("Traceback" in line for line in said)
+    assert "write" not in told
+    assert not out.exists() or not list(out.iterdir()), "a file was written"
+    # The next one is right again.
+    program.ask("bpy.context.scene.virtual_aperture.views = 16")
+    assert "complete" in program.render("F12", seconds=180)
+    program.ask("bpy.context.scene.virtual_aperture.views = 512")

@@ -1,0 +1,349 @@
+"""What a first-time user does, in one Blender and in this order: from the zip to a project that was moved.
+
+Mouse and keys do it. The driver only reads state, finds places, and sets what is no part of the test (the
+output's file format, the frame range). A step that fails leaves those after it skipped.
+"""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from .clips import read_exr
+from .conftest import PICTURES
+from .program import EXTENSION, ROOT, Program, headless
+from .screen import Screen
+
+CLIP = ROOT / "sample_scenes" / "desk.mp4"
+SETTINGS = "bpy.context.scene.virtual_aperture"
+MODAL = "[o.bl_idname for w in bpy.context.window_manager.windows for o in w.modal_operators]"
+SOLVING = f"'VIRTUAL_APERTURE_OT_solve' in {MODAL}"
+LAYER = "bpy.context.window_manager.windows[0].view_layer"
+SCENE = "sorted([o.name for o in bpy.data.objects] + [m.name for m in bpy.data.meshes])"
+
+pytestmark = pytest.mark.usefixtures("in_order")
+
+
+@pytest.fixture(scope="module")
+def own(folder: Path) -> Path:
+    """Blender's user folder, as it is before anything was installed."""
+    made = folder / "journey"
+    made.mkdir()
+    return made
+
+
+@pytest.fixture(scope="module")
+def program(screen: Screen, own: Path) -> Iterator[Program]:
+    made = Program(screen, own, PICTURES / "journey")
+    yield made
+    made.close()
+
+
+@pytest.fixture(scope="module")
+def project(folder: Path) -> Path:
+    """The folder of the clip."""
+    made = folder / "project"
+    made.mkdir()
+    shutil.copy(CLIP, made)
+    return made
+
+
+def first_window(program: Program) -> None:
+    """Close all windows but the first; the mouse is over its viewport."""
+    while program.ask("len(bpy.context.window_manager.windows)") > 1:
+        program.close_window()
+    left, top, width, height = program.rectangle("VIEW_3D")
+    program.screen.move(left + 0.2 * width, top + 0.8 * height)
+    program.settle()
+
+
+def rendered(program: Program, name: str) -> np.ndarray:
+    """The Render Result, (H, W, 4) linear light."""
+    file = program.pictures / f"{name}.exr"
+    problem = program.ask(f"save_result({str(file)!r})")
+    assert not problem, problem
+    return read_exr(file)
+
+
+def test_default_start_file(program: Program) -> None:
+    program.screen.move(*program.middle("VIEW_3D"))
+    program.screen.key("Escape")  # the splash screen
+    program.settle()
+    program.shot("start")
+    assert program.ask("sorted(bpy.data.objects.keys())") == ["Camera", "Cube", "Light"]
+    assert program.ask("bpy.context.preferences.view.render_display_type") == "WINDOW"
+
+
+def show_preferences(program: Program, section: str) -> None:
+    """Ctrl comma, and a click on a section."""
+    program.screen.move(*program.middle("VIEW_3D"))
+    program.screen.key("ctrl+comma")
+    program.wait("len(bpy.context.window_manager.windows) == 2")
+    program.settle()
+    left, top, width, height = program.rectangle("PREFERENCES", "UI", 1)
+    for y in range(top + 20, top + height // 2, 12):
+        program.screen.click(left + width / 2, y)
+        program.settle()
+        if program.ask("bpy.context.preferences.active_section") == section:
+            return
+    raise AssertionError(f"no section {section}")
+
+
+def test_install_from_disk(program: Program, zip_file: Path) -> None:
+    show_preferences(program, "EXTENSIONS")
+    left, top, width, _ = program.rectangle("PREFERENCES", "WINDOW", 1)
+    # The menu in the upper right corner; Install from Disk is its last entry.
+    program.screen.click(left + width - 18, top + 18)
+    program.settle()
+    program.screen.key("Up", "Return")
+    program.choose_file(zip_file)
+    program.wait(f"{EXTENSION!r} in bpy.context.preferences.addons", 60)
+    program.settle()
+    program.shot("installed")
+    first_window(program)
+
+
+def test_sidebar(program: Program) -> None:
+    program.show_sidebar("Virtual Aperture")
+    program.shot("sidebar")
+    found = [button.does for button in program.buttons("VIEW_3D", "UI")]
+    assert any("choose_clip" in does for does in found)
+
+
+def test_choose_the_clip(program: Program, project: Path) -> None:
+    program.press("virtual_aperture.choose_clip")
+    program.choose_file(project / CLIP.name)
+    program.settle()
+    program.shot("clip_chosen")
+    assert Path(program.ask(f"bpy.path.abspath({SETTINGS}.footage)")) == project / CLIP.name
+
+
+@pytest.mark.parametrize("after", [1, 5])
+def test_esc_cancels_a_solve(program: Program, project: Path, after: float) -> None:
+    before = program.ask(SCENE)
+
+    def measure() -> float:
+        program.press("virtual_aperture.solve(again=False)")
+        program.wait(SOLVING)
+        time.sleep(after)
+        program.shot(f"solving_{after}")
+        assert program.ask(SOLVING), "over before ESC"
+        sent = program.screen.key("Escape")
+        ended: float = program.wait(f"not {SOLVING} and time.time()", every=0.0)
+        program.settle()
+        program.shot(f"solve_cancelled_{after}")
+        assert program.ask(SCENE) == before
+        assert [file.name for file in project.iterdir()] == [CLIP.name]
+        return ended - sent
+
+    program.ends_in_time(measure, f"ESC {after} s after Solve")
+
+
+def test_solve(program: Program, project: Path) -> None:
+    program.press("virtual_aperture.solve(again=False)")
+    program.wait(SOLVING)
+    # A second press of the button, as of a nervous finger, starts nothing beside it.
+    program.press("virtual_aperture.solve(again=False)")
+    assert len(program.ask(MODAL)) == 1
+    program.wait(f"not {SOLVING}", 180)
+    program.settle()
+    program.shot("solved")
+    assert program.ask(f"{SETTINGS}.points is not None")
+    assert (project / "desk.aperture" / "solve.json").exists()
+    # The camera's view, the clip behind the points, the cube out of the way.
+    assert program.ask("view('VIEW_3D')['area'].spaces.active.region_3d.view_perspective") == "CAMERA"
+    assert program.ask(f"{LAYER}.objects.active == {SETTINGS}.points")
+    assert program.ask(f"bpy.data.objects['Cube'].hide_get(view_layer={LAYER})")
+    assert program.ask(f"[o.name for o in {LAYER}.objects if o.select_get(view_layer={LAYER})]") == []
+
+
+def test_the_clip_and_the_points_are_seen(program: Program) -> None:
+    left, top, width, height = program.rectangle("VIEW_3D")
+    seen = program.shot("viewport")[top + height // 3 : top + 2 * height // 3, left + 200 : left + width // 2]
+    # An empty viewport is grey all over.
+    assert (np.ptp(seen.astype(int), axis=2) > 40).mean() > 0.01
+    assert seen.std() > 20
+
+
+def test_solve_is_undone_and_redone(program: Program) -> None:
+    first_window(program)
+    program.screen.key("ctrl+z")
+    program.wait(f"{SETTINGS}.points is None")
+    program.settle()
+    program.shot("solve_undone")
+    assert not program.ask(f"bpy.data.objects['Cube'].hide_get(view_layer={LAYER})")
+    program.screen.key("ctrl+shift+z")
+    program.wait(f"{SETTINGS}.points is not None")
+    program.settle()
+    program.shot("solve_redone")
+
+
+VERTICES = f"bmesh.from_edit_mesh({SETTINGS}.points.data).verts"
+SELECTED = f"[vertex.index for vertex in {VERTICES} if vertex.select]"
+
+
+def test_pick_points(program: Program) -> None:
+    first_window(program)
+    program.screen.key("Tab")
+    program.wait(f"{SETTINGS}.points.mode == 'EDIT'")
+    program.settle()
+    program.shot("edit_mode")
+    assert program.ask(SELECTED) == []
+    world = f"[{SETTINGS}.points.matrix_world @ vertex.co for vertex in {VERTICES}]"
+    places = np.array(program.ask(f"project({world})"))
+    left, top, width, height = program.rectangle("VIEW_3D")
+    x, y = places[:, 0], program.screen.size[1] - places[:, 1]
+    # Not under the toolbar or the sidebar, and near the middle of the picture.
+    sidebar = program.rectangle("VIEW_3D", "UI")[2]
+    usable = (x > left + 120) & (x < left + width - sidebar - 20) & (y > top + 80) & (y < top + height - 20)
+    chosen: list[int] = []
+    for n in np.argsort(np.hypot(x - np.median(x[usable]), y - np.median(y[usable]))):
+        away = np.hypot(x - x[n], y - y[n])
+        # A click takes the nearest: one with nothing close, and not next to one that is taken.
+        if usable[n] and np.sort(away)[1] > 5 and all(away[taken] > 30 for taken in chosen):
+            chosen.append(n)
+    chosen = chosen[:4]
+    for count, n in enumerate(chosen):
+        program.screen.click(x[n], y[n], 1, "shift" if count else "")
+        program.settle()
+    picked = program.ask(SELECTED)
+    assert len(picked) == 4
+    program.shot("picked")
+    program.press("virtual_aperture.set_focus()")
+    program.wait(f"{SETTINGS}.points.mode == 'OBJECT'")
+    program.shot("focus_set")
+    assert program.ask(f"len({SETTINGS}.focus_points)") == len(picked)
+
+
+def test_focus_is_undone_and_redone(program: Program) -> None:
+    first_window(program)
+    count = program.ask(f"len({SETTINGS}.focus_points)")
+    program.screen.key("ctrl+z")
+    program.wait(f"len({SETTINGS}.focus_points) == 0")
+    program.screen.key("ctrl+shift+z")
+    program.wait(f"len({SETTINGS}.focus_points) == {count}")
+
+
+@pytest.mark.parametrize(
+    "tab, shows",
+    [
+        ("RENDER", ["render.engine"]),
+        (
+            "OUTPUT",
+            ["render.resolution_x", "render.resolution_percentage", "frame_start", "render.filepath",
+             "image_settings.file_format"],
+        ),
+    ],
+)  # fmt: skip
+def test_properties_editor(program: Program, tab: str, shows: list[str]) -> None:
+    show_properties(program, tab)
+    program.shot(f"properties_{tab.lower()}")
+    found = [button.does for button in program.buttons("PROPERTIES", "WINDOW", across=0.7)]
+    missing = [does for does in shows if not any(does in button for button in found)]
+    assert not missing, found
+
+
+def show_properties(program: Program, tab: str) -> None:
+    left, top, width, height = program.rectangle("PROPERTIES", "NAVIGATION_BAR")
+    for y in range(top + 10, top + height, 12):
+        program.screen.click(left + width / 2, y)
+        program.settle()
+        if program.ask("view('PROPERTIES')['area'].spaces.active.context") == tab:
+            return
+    raise AssertionError(f"no tab {tab}")
+
+
+def test_output_path(program: Program, project: Path) -> None:
+    show_properties(program, "OUTPUT")
+    program.fill(program.find("render.filepath", "PROPERTIES", "WINDOW", 0.7), f"{project}/frames/####")
+    assert program.ask("bpy.context.scene.render.filepath") == f"{project}/frames/####"
+    program.ask(
+        "s = bpy.context.scene.render.image_settings\n"
+        "s.file_format, s.color_mode, s.color_depth = 'OPEN_EXR', 'RGBA', '32'"
+    )
+
+
+def test_save(program: Program, project: Path) -> None:
+    first_window(program)
+    program.screen.key("ctrl+s")
+    program.choose_file(project / "desk.blend", new=True)
+    program.wait("bpy.data.filepath")
+    assert (project / "desk.blend").exists()
+    assert program.ask(f"{SETTINGS}.footage") == "//desk.mp4"
+
+
+def test_f12_with_default_preferences(program: Program, project: Path, resources: Path) -> None:
+    first_window(program)
+    told = program.render(seconds=180)
+    program.shot("f12")
+    assert "complete" in told
+    picture = rendered(program, "f12")
+    frame = program.ask("bpy.context.scene.frame_current")
+    headless(resources, "-b", str(project / "desk.blend"), "-o", f"{project}/alone/####", "-f", str(frame))
+    alone = read_exr(project / "alone" / f"{frame:04d}.exr")
+    assert alone[..., :3].std() > 0.02
+    assert np.array_equal(picture, alone), f"differs by up to {np.abs(picture - alone).max():g}"
+    first_window(program)
+
+
+def test_ctrl_f12_writes_the_headless_frames(program: Program, project: Path, resources: Path) -> None:
+    program.ask("bpy.context.scene.frame_end = 3")
+    program.render("ctrl+F12", seconds=300)
+    program.shot("ctrl_f12")
+    first_window(program)
+    headless(
+        resources,
+        "-b",
+        str(project / "desk.blend"),
+        "-o",
+        f"{project}/alone/####",
+        "-s",
+        "1",
+        "-e",
+        "3",
+        "-a",
+    )
+    files = sorted(file.name for file in (project / "frames").iterdir())
+    assert files == ["0001.exr", "0002.exr", "0003.exr"]
+    for file in files:
+        assert np.array_equal(read_exr(project / "frames" / file), read_exr(project / "alone" / file)), file
+    program.ask("bpy.context.scene.frame_end = 36")
+
+
+def test_moved_project(program: Program, project: Path) -> None:
+    first_window(program)
+    program.screen.key("ctrl+s")
+    program.wait("not bpy.data.is_dirty")
+    kept = read_exr(project / "alone" / "0001.exr")
+    moved = project.rename(project.with_name("elsewhere"))
+    program.screen.key("ctrl+o")
+    program.choose_file(moved / "desk.blend")
+    program.wait(f"bpy.data.filepath == {str(moved / 'desk.blend')!r}")
+    program.settle()
+    program.shot("moved")
+    first_window(program)
+    assert program.ask("bpy.context.scene.frame_current") == 1
+    assert "complete" in program.render(seconds=180)
+    program.shot("moved_f12")
+    assert np.array_equal(rendered(program, "moved"), kept)
+    first_window(program)
+
+
+def test_disable(program: Program) -> None:
+    show_preferences(program, "ADDONS")
+    off = f'addon_disable(module="{EXTENSION}")'
+    button = program.find(off, "PREFERENCES", "WINDOW", across=0.035, window=1)
+    program.screen.click(button.x, button.y)
+    program.wait(f"{EXTENSION!r} not in bpy.context.preferences.addons")
+    program.shot("disabled")
+    first_window(program)
+    assert not program.ask("hasattr(bpy.types.Scene, 'virtual_aperture')")
+    ours = "'VIRTUAL_APERTURE' in getattr(panel, 'COMPAT_ENGINES', ())"
+    assert program.ask(f"[panel.__name__ for panel in bpy.types.Panel.__subclasses__() if {ours}]") == []
+    show_properties(program, "OUTPUT")
+    program.shot("disabled_properties")
