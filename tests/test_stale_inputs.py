@@ -201,9 +201,10 @@ def test_an_altered_model_is_told(tmp_path: Path) -> None:
 def test_a_clip_that_changes_while_it_is_solved_is_not_kept(tmp_path: Path) -> None:
     clip = planes.write_clip(tmp_path / "walk", planes.sideways(12))
     process = SolveProcess(clip, tmp_path / "work")
-    exchange(clip / "shot_0012.png")
+    with (clip / "shot_0012.png").open("ab") as file:
+        file.write(b"\0")
     try:
-        with pytest.raises(UserError, match=r"was changed while it was being solved|cannot be decoded"):
+        with pytest.raises(UserError, match="was changed while it was being solved"):
             process.wait()
     finally:
         process.cancel()
