@@ -22,7 +22,9 @@ from .commands_lens import (
     set_lens,
     wanted_frames,
 )
+from .commands_paths import path
 from .commands_words import WORDS
+from .core.atomic import collect_temporary
 from .core.counting import counted
 from .core.errors import UserError
 from .core.footage import FrameRange, open_footage
@@ -46,7 +48,7 @@ def parser() -> argparse.ArgumentParser:
 
     commands_solve.add_commands(commands, common)
     two = commands.add_parser("render", parents=[common], help="render a solved clip with depth of field")
-    two.add_argument("work", type=Path, metavar="DIR", help="folder that keeps the solve")
+    two.add_argument("work", type=path, metavar="DIR", help="folder that keeps the solve")
     add_lens(two, required=True)
     two.add_argument("--frames", metavar="A-B[:STEP]", help="frames to render")
     two.add_argument(
@@ -61,7 +63,7 @@ def parser() -> argparse.ArgumentParser:
 
     three = commands.add_parser("run", parents=[common], help="solve and render")
     commands_solve.add_footage(three)
-    three.add_argument("--work", type=Path, metavar="DIR", help="default: CLIP.aperture beside the output")
+    three.add_argument("--work", type=path, metavar="DIR", help="default: CLIP.aperture beside the output")
     three.add_argument("--frames", metavar="A-B[:STEP]", help="frames of the clip to solve and render")
     add_lens(three, required=True)
     _add_output(three)
@@ -74,23 +76,31 @@ def parser() -> argparse.ArgumentParser:
 
 
 def _add_output(command: argparse.ArgumentParser) -> None:
-    command.add_argument("--out", type=Path, required=True, metavar="FILE.mp4|DIR/####.png|DIR/####.exr")
+    command.add_argument("--out", type=path, required=True, metavar="FILE.mp4|DIR/####.png|DIR/####.exr")
     command.add_argument("--overwrite", action="store_true", help="replace output that exists")
     command.add_argument(
         "--jobs", type=int, default=1, metavar="N", help="processes that render side by side"
     )
     command.add_argument(
-        "--report", type=Path, metavar="FILE.json", help="method, mesh, error, sources and time of each frame"
+        "--report", type=path, metavar="FILE.json", help="method, mesh, error, sources and time of each frame"
     )
 
 
 def _check_output(options: argparse.Namespace) -> None:
-    output.check_output(options.out, options.overwrite)
+    output.check_output(options.out.absolute(), options.overwrite)
     if options.jobs < 1:
         raise UserError(f"the number of jobs is {options.jobs}; it must be at least 1")
     if options.report:
         check_report(options.report, options.overwrite)
         output.check_folder(options.report.absolute().parent)
+
+
+def _check_apart(options: argparse.Namespace, clip: Path) -> None:
+    """UserError for output that would replace, or lie among, what it is made from."""
+    out = options.out.absolute()
+    sources = [source for source in (clip, options.mask, options.depth) if source is not None]
+    written = [out, output.frames_folder(out)] if out.suffix.lower() in output.MOVIES else [out.parent]
+    output.check_apart([*written, *([options.report] if options.report else [])], sources)
 
 
 def render(options: argparse.Namespace) -> None:
@@ -99,21 +109,27 @@ def render(options: argparse.Namespace) -> None:
         jobs.end_with_input()
     _check_output(options)
     check_numbers(options)
-    _render(load_solve(options.work), options)
+    with output.claimed(options.out.absolute()):
+        _check_output(options)
+        _render(load_solve(options.work), options)
 
 
 def run(options: argparse.Namespace) -> None:
     """`run FOOTAGE ... --out OUT`"""
     _check_output(options)
     check_numbers(options)
-    solved = commands_solve.solve_clip(
-        options, options.work or default_work_dir(options.footage, options.out.absolute().parent)
-    )
-    say(solved.summary)
-    _render(solved, options)
+    _check_apart(options, options.footage)
+    with output.claimed(options.out.absolute()):
+        _check_output(options)
+        solved = commands_solve.solve_clip(
+            options, options.work or default_work_dir(options.footage, options.out.absolute().parent)
+        )
+        commands_solve.tell(solved)
+        _render(solved, options)
 
 
 def _render(solved: Solve, options: argparse.Namespace) -> None:
+    _check_apart(options, solved.footage)
     scene, settings, footage = scene_of(solved)
     out: Path = options.out.absolute()
     is_movie = out.suffix.lower() in output.MOVIES
@@ -126,10 +142,18 @@ def _render(solved: Solve, options: argparse.Namespace) -> None:
         frames = movie_frames(solved, options.frames)
     else:
         frames = list(wanted_frames(footage, options.frames))
-    set_lens(settings, solved, options, frames)
-    least, most = output.plan_all(scene, frames)
+    # A share of a farm's job focuses as the whole does.
+    set_lens(settings, solved, options, () if options.for_movie else frames)
+    planned = output.plan_all(scene, frames)
+    least, most = planned.views
     count = str(least) if least == most else f"{least} to {most}"
     say(f"rendering {counted(len(frames), 'frame')} with {count} {'view' if most == 1 else 'views'} each")
+    if planned.coarse:
+        say(
+            f"blur discs are too large for layers in {counted(len(planned.coarse), 'frame')}"
+            f" ({ranges(planned.coarse)}), drawn by features, one coarse mesh, instead; a smaller blur or"
+            " aperture keeps layers"
+        )
     carried = [f for f in frames if f not in solved.reconstruction.frames]
     if carried:
         missing = f"{counted(len(carried), 'frame')} not registered"
@@ -214,15 +238,16 @@ def _check_interrupted() -> None:
 def run_command(arguments: list[str]) -> int:
     """Run one command: 0, or non-zero after one readable line on standard error."""
     global _signal
-    options = parser().parse_args(arguments)
-    _signal = 0
+    _signal, debug = 0, "--debug" in arguments
     # Blender's program has a handler of its own for Ctrl-C, which only ends the frame under way.
     before = {number: signal.signal(number, _interrupt) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
+        collect_temporary()
+        options = parser().parse_args(arguments)
         options.command(options)
         _check_interrupted()
     except (Exception, KeyboardInterrupt) as error:
-        if options.debug and not _signal:
+        if debug and not _signal:
             raise
         print(f"error: {_told(error)}", file=sys.stderr, flush=True)
         return 128 + _signal if _signal else 1

@@ -21,6 +21,7 @@ from .commands_lens import (
     scene_of,
     set_lens,
 )
+from .commands_paths import path
 from .commands_save import DEPTH, MASKS
 from .commands_solve import add_footage, solve_arguments
 from .core import atomic
@@ -54,7 +55,7 @@ def add_commands(
     )
     one.description = "The job renders chunks of frames side by side and joins them to a movie with sound."
     add_footage(one, "DIR|FOOTAGE", "folder that keeps the solve, or the clip: then the job solves it first")
-    one.add_argument("--out", type=Path, required=True, metavar="BUNDLE", help="folder for the job")
+    one.add_argument("--out", type=path, required=True, metavar="BUNDLE", help="folder for the job")
     one.add_argument("--chunk", type=int, default=12, metavar="N", help="frames a task (default 12)")
     one.add_argument("--frames", metavar="A-B", help="frames to render")
     one.add_argument("--movie", default="movie.mp4", metavar="NAME", help="the movie's name (movie.mp4)")
@@ -65,11 +66,11 @@ def add_commands(
     two.description = (
         "With the focus and all else as for render, frames made with other settings are refused."
     )
-    two.add_argument("work", type=Path, metavar="DIR", help="folder that keeps the solve")
+    two.add_argument("work", type=path, metavar="DIR", help="folder that keeps the solve")
     two.add_argument(
-        "--rendered", type=Path, required=True, metavar="DIR/####.png", help="frames of render --for-movie"
+        "--rendered", type=path, required=True, metavar="DIR/####.png", help="frames of render --for-movie"
     )
-    two.add_argument("--out", type=Path, required=True, metavar="FILE.mp4")
+    two.add_argument("--out", type=path, required=True, metavar="FILE.mp4")
     two.add_argument("--frames", metavar="A-B", help="frames that the movie shows")
     two.add_argument("--overwrite", action="store_true", help="replace the movie if it exists")
     add_lens(two, required=False)

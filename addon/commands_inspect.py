@@ -10,6 +10,7 @@ from pathlib import Path
 import bpy
 
 from .commands_lens import add_lens, check_numbers, say, scene_of, set_lens
+from .commands_paths import path
 from .core.errors import UserError
 from .core.frame_report import FrameReport
 from .core.inspection import NAMES, Shown
@@ -33,9 +34,9 @@ def add_command(
     one = commands.add_parser(
         "inspect", parents=[common], help="pictures and figures of what a frame is drawn from"
     )
-    one.add_argument("work", type=Path, metavar="DIR", help="folder that keeps the solve")
+    one.add_argument("work", type=path, metavar="DIR", help="folder that keeps the solve")
     one.add_argument("--frame", type=int, required=True, metavar="N", help="frame of the clip")
-    one.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the pictures")
+    one.add_argument("--out", type=path, required=True, metavar="DIR", help="folder for the pictures")
     one.add_argument("--overwrite", action="store_true", help="replace pictures that are there")
     add_lens(one, required=True)
     one.set_defaults(command=inspect)
@@ -56,6 +57,8 @@ def inspect(options: argparse.Namespace) -> None:
         raise UserError(
             f"the solve has no frame {options.frame}; it has {footage.frames[0]} to {footage.frames[-1]}"
         )
+    sources = [source for source in (solved.footage, options.mask, options.depth) if source is not None]
+    output.check_apart([out], sources)
     set_lens(settings, solved, options, (options.frame,))
     # A focus that is followed is another one at each frame.
     scene.frame_set(options.frame)

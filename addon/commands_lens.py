@@ -9,9 +9,10 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+from .commands_paths import path
 from .core.depth_maps import open_depth
 from .core.errors import UserError
-from .core.focus import Focus, check_points, radius_for_blur
+from .core.focus import Focus, check_points, largest_discs, radius_for_blur
 from .core.focus_place import find_place
 from .core.footage import Footage, FrameRange, open_footage
 from .core.masks import open_masks
@@ -25,6 +26,8 @@ from .scene.properties import VirtualApertureSettings
 from .scene.shot import shot_of
 
 DEFAULT_BLUR = 0.03
+MOST_BLUR = 0.5
+"""Image widths; larger discs are more than layers can be made for (`layer_mesh.WIDEST` on either side)."""
 
 
 def add_lens(command: argparse.ArgumentParser, required: bool) -> None:
@@ -44,11 +47,11 @@ def add_lens(command: argparse.ArgumentParser, required: bool) -> None:
         "--aperture-radius", type=float, metavar="R", help="radius of the aperture in the model's own unit"
     )
     command.add_argument(
-        "--depth", type=Path, metavar="DIR", help="your own depth maps: EXR or 16-bit PNG, any scale and kind"
+        "--depth", type=path, metavar="DIR", help="your own depth maps: EXR or 16-bit PNG, any scale and kind"
     )
     command.add_argument(
         "--mask",
-        type=Path,
+        type=path,
         metavar="DIR",
         help="your own masks of what moves by itself: pictures, white moves",
     )
@@ -127,6 +130,12 @@ def check_numbers(options: argparse.Namespace) -> None:
     for name, value in (("blur", options.blur), ("aperture radius", options.aperture_radius)):
         if value is not None and not value > 0:
             raise UserError(f"the {name} is {value:g}; it must be greater than zero")
+    if options.blur is not None and options.blur > MOST_BLUR:
+        meant = f"; for {options.blur:g} % write {options.blur / 100:g}" if options.blur >= 1 else ""
+        raise UserError(
+            f"the blur is {options.blur:g}, which is {100 * options.blur:g} % of the image width{meant};"
+            f" at most {MOST_BLUR:g} can be drawn"
+        )
     if options.focus_distance is not None and not options.focus_distance > 0:
         raise UserError(f"the focus distance is {options.focus_distance:g}; it must be greater than zero")
     if options.focus_at:
@@ -172,6 +181,7 @@ def set_lens(
     set_focus(settings, focus, frame)
     if place is not None:
         follow_distances(settings, place.distances(reconstruction))
+    say(_discs(reconstruction, focus, frame, radius))
     blur = None if options.aperture_radius is not None else options.blur or DEFAULT_BLUR
     set_aperture(settings, radius, blur)
     settings.views = _views(options.views)
@@ -193,6 +203,20 @@ def _set_clip_files(settings: VirtualApertureSettings, solved: Solve, options: a
         for note in masks.notes:
             say(f"note: {note}")
         settings.masks = str(options.mask.absolute())
+
+
+def _discs(reconstruction: Reconstruction, focus: Focus, frame: int, radius: float) -> str:
+    """How large the blur is on either side of the focal plane: seldom alike."""
+    width = reconstruction.intrinsics(reconstruction.image_at(frame)[0]).width
+    parts = [
+        f"{side * width:.1f} px ({100 * side:.1f} % of the width) {where}" if side > 0 else f"none {where}"
+        for side, where in zip(
+            largest_discs(reconstruction, focus, frame, radius),
+            ("before the focus", "behind it"),
+            strict=True,
+        )
+    ]
+    return f"largest blur discs at frame {frame}: {', '.join(parts)}"
 
 
 def _registered(reconstruction: Reconstruction, frames: Sequence[int]) -> int:

@@ -9,6 +9,7 @@ from pathlib import Path
 import bpy
 
 from .commands_lens import add_lens, check_numbers, say, scene_of, set_lens
+from .commands_paths import path
 from .core import atomic
 from .core.copying import copy_clip, copy_pictures
 from .core.depth_maps import open_depth
@@ -35,8 +36,8 @@ def add_command(
     one = commands.add_parser(
         "save", parents=[common], help="save the solved clip as a .blend, ready to open or to send"
     )
-    one.add_argument("work", type=Path, metavar="DIR", help="folder that keeps the solve")
-    one.add_argument("--blend", type=Path, required=True, metavar="FILE")
+    one.add_argument("work", type=path, metavar="DIR", help="folder that keeps the solve")
+    one.add_argument("--blend", type=path, required=True, metavar="FILE")
     one.add_argument(
         "--pack", action="store_true", help="also write the .blend and all it needs as one file, FILE.zip"
     )

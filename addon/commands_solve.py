@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import argparse
 import json
+import shutil
 import time
 from pathlib import Path
 
 import bpy
 
+from .commands_paths import path
 from .commands_words import WORDS
+from .core.atomic import PART, collect_orphans, owned_name
 from .core.colmap_model import export_model
 from .core.errors import UserError
 from .core.focal import Focal, from_equivalent, from_field_of_view, from_sensor
@@ -18,6 +21,7 @@ from .core.readers import read_reconstruction
 from .core.readers.matching import Imported
 from .core.solve import Progress, SolveProcess
 from .core.solve_folder import Solve, check_replaceable, holds_solve, keep_import, load_solve
+from .core.time_left import TimeLeft
 from .core.tracks import TRACKERS
 from .scene.movieclip import read_movie_clip
 
@@ -28,29 +32,29 @@ def add_commands(
     """`solve`, `report`, `import` and `export`; each sets `command` to the function that runs it."""
     one = commands.add_parser("solve", parents=[common], help="find cameras and points of a clip")
     add_footage(one)
-    one.add_argument("--work", type=Path, required=True, metavar="DIR", help="folder that keeps the solve")
+    one.add_argument("--work", type=path, required=True, metavar="DIR", help="folder that keeps the solve")
     one.add_argument("--frames", metavar="A-B[:STEP]", help="frames of the clip to solve")
     one.set_defaults(command=solve)
 
     two = commands.add_parser("report", parents=[common], help="what a solve is worth, and advice")
-    two.add_argument("work", type=Path, metavar="DIR", help="folder that keeps the solve")
+    two.add_argument("work", type=path, metavar="DIR", help="folder that keeps the solve")
     two.add_argument("--json", action="store_true", help="for programs")
     two.set_defaults(command=report)
 
     three = commands.add_parser("import", parents=[common], help="take in what another program solved")
     three.add_argument(
-        "model", type=Path, metavar="MODEL",
+        "model", type=path, metavar="MODEL",
         help="COLMAP model, bundle.out, .nvm, Voodoo text export, or a .blend with a solved movie clip",
     )  # fmt: skip
-    three.add_argument("--footage", type=Path, required=True, metavar="FOOTAGE", help="what was solved")
-    three.add_argument("--work", type=Path, required=True, metavar="DIR", help="folder that keeps the solve")
+    three.add_argument("--footage", type=path, required=True, metavar="FOOTAGE", help="what was solved")
+    three.add_argument("--work", type=path, required=True, metavar="DIR", help="folder that keeps the solve")
     three.add_argument("--clip", metavar="NAME", help="which movie clip of the .blend")
     three.add_argument("--again", action="store_true", help="replace a solve of this clip in the folder")
     three.set_defaults(command=take_in)
 
     four = commands.add_parser("export", parents=[common], help="write a solve as a COLMAP text model")
-    four.add_argument("work", type=Path, metavar="DIR", help="folder that keeps the solve")
-    four.add_argument("--model", type=Path, required=True, metavar="OUT", help="folder that is not there yet")
+    four.add_argument("work", type=path, metavar="DIR", help="folder that keeps the solve")
+    four.add_argument("--model", type=path, required=True, metavar="OUT", help="folder that is not there yet")
     four.set_defaults(command=hand_out)
 
 
@@ -60,7 +64,7 @@ def add_footage(
     told: str = "video, folder of images, or pattern",
 ) -> None:
     """The arguments of a clip to be solved, which is called `name` and described as `told`."""
-    command.add_argument("footage", type=Path, metavar=name, help=told)
+    command.add_argument("footage", type=path, metavar=name, help=told)
     focal = command.add_mutually_exclusive_group()
     focal.add_argument("--focal", type=float, metavar="PX", help="known focal length in pixels, held")
     focal.add_argument(
@@ -92,7 +96,12 @@ def solve_arguments(options: argparse.Namespace) -> list[str]:
 
 def solve(options: argparse.Namespace) -> None:
     """`solve FOOTAGE --work DIR`"""
-    print(solve_clip(options, options.work).summary, flush=True)
+    tell(solve_clip(options, options.work))
+
+
+def tell(solved: Solve) -> None:
+    """What a solve found, and what would help it."""
+    print(solved.summary, solved.worth.advised(WORDS), sep="\n", flush=True)
 
 
 def solve_clip(options: argparse.Namespace, work: Path) -> Solve:
@@ -145,10 +154,16 @@ def hand_out(options: argparse.Namespace) -> None:
         raise UserError(f"{out} exists; name a folder that is not there yet")
     footage = open_footage(solved.footage, solved.frames)
     names = {} if footage.is_video else {frame: footage.file(frame).name for frame in footage.frames}
-    part = out.with_name(f".part-{out.name}")
-    part.mkdir(parents=True)
-    export_model(part, solved.reconstruction, names)
-    part.rename(out)
+    collect_orphans(out.parent)
+    part = out.with_name(f"{owned_name(PART)}-{out.name}")
+    try:
+        part.mkdir(parents=True)
+        export_model(part, solved.reconstruction, names)
+        part.rename(out)
+    except OSError as error:
+        raise UserError(f"{out} cannot be written: {error.strerror}") from error
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
     print(f"wrote {options.model}: {solved.summary}", flush=True)
 
 
@@ -192,16 +207,17 @@ class _ProgressLine:
     """One line a stage and every few seconds, with the time left."""
 
     def __init__(self) -> None:
-        self._start = self._shown = time.monotonic()
+        self._shown = time.monotonic()
+        self._left = TimeLeft(self._shown)
         self._stage = ""
 
     def show(self, step: Progress) -> None:
         now = time.monotonic()
         stage = step.text.rsplit(" ", 1)[0]
+        left = self._left.at(now, step.share)
         if stage == self._stage and now - self._shown < 5:
             return
         self._stage, self._shown = stage, now
-        left = (now - self._start) * (1 - step.share) / step.share if step.share > 0.05 else None
         print(
             f"solving: {step.text}" + (f", about {left:.0f} s left" if left is not None else ""), flush=True
         )

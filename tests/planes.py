@@ -31,15 +31,22 @@ def camera_matrix(focal: float = FOCAL) -> NDArray[np.float64]:
     return np.array([[focal, 0, SIZE[0] / 2 - 0.5], [0, focal, SIZE[1] / 2 - 0.5], [0, 0, 1]])
 
 
-def view(centre: NDArray[np.float64], turn: NDArray[np.float64], focal: float = FOCAL) -> NDArray[np.uint8]:
-    """(240, 320, 3) picture from a camera at `centre` with world-to-camera rotation vector `turn`."""
+def view(
+    centre: NDArray[np.float64],
+    turn: NDArray[np.float64],
+    focal: float = FOCAL,
+    shift: tuple[float, float] = (0.0, 0.0),
+) -> NDArray[np.uint8]:
+    """(240, 320, 3) picture from a camera at `centre` with world-to-camera rotation vector `turn`, what it
+    shows shifted by so many pixels."""
     picture = np.zeros((SIZE[1], SIZE[0]), np.float32)
     rotation = cv2.Rodrigues(turn)[0]
+    moved = np.array([[1, 0, shift[0]], [0, 1, shift[1]], [0, 0, 1.0]])
     for seed, (depth, (left, right)) in enumerate(PLANES.items()):
         pattern = texture(round((right - left) * TEXELS), 24 * TEXELS, seed)
         from_texel = np.array([[1 / TEXELS, 0, left], [0, 1 / TEXELS, -12], [0, 0, 1]])
         plane = np.column_stack([np.eye(3)[:, :2], [0, 0, depth] - centre])
-        matrix = camera_matrix(focal) @ rotation @ plane @ from_texel
+        matrix = moved @ camera_matrix(focal) @ rotation @ plane @ from_texel
         warped = cv2.warpPerspective(pattern, matrix, SIZE, flags=cv2.INTER_LINEAR)
         cover = cv2.warpPerspective(np.full_like(pattern, 255), matrix, SIZE) / np.float32(255)
         picture += cover * (warped - picture)
@@ -61,6 +68,13 @@ def sideways(count: int, focal: float = FOCAL) -> list[NDArray[np.uint8]]:
     return [
         view(np.array([s, 0.2 * s * s, 0.1 * s]), np.array([0.01 * s, 0.04 * s, 0.0]), focal) for s in steps
     ]
+
+
+def stabilised(count: int, depth: float, path: float = 1.0) -> list[NDArray[np.uint8]]:
+    """A camera that slides `path` units to the side without turning, its pictures shifted so that what is at
+    `depth` stays in place, as in rectified light fields."""
+    steps = path * np.linspace(-0.5, 0.5, count)
+    return [view(np.array([s, 0, 0]), np.zeros(3), shift=(FOCAL * s / depth, 0.0)) for s in steps]
 
 
 def turning(count: int) -> list[NDArray[np.uint8]]:

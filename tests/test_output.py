@@ -225,6 +225,18 @@ def test_digests_tell_contents(tmp_path: Path) -> None:
         file_digest(tmp_path / "d")
 
 
+def test_a_keyed_lens_is_in_the_key_of_each_frame(ready: bpy.types.Scene) -> None:
+    settings, keys = ready.virtual_aperture, []
+    for last in (7.0, 9.0):
+        for frame, distance in ((1, 6.0), (3, last)):
+            settings.focus_distance = distance
+            ready.keyframe_insert("virtual_aperture.focus_distance", frame=frame)
+        ready.frame_set(1)
+        keys.append(frame_keys(ready, FRAMES))
+    assert keys[0][1] == keys[1][1]
+    assert keys[0][2] != keys[1][2] and keys[0][3] != keys[1][3]
+
+
 def test_a_frame_that_was_never_begun_is_not_taken_for_one(ready: bpy.types.Scene, tmp_path: Path) -> None:
     """As where a signal arrives while Blender prepares a frame: then its picture is black, and no error."""
     out = tmp_path / "o" / "####.png"
@@ -238,15 +250,3 @@ def test_a_frame_that_was_never_begun_is_not_taken_for_one(ready: bpy.types.Scen
     assert not listed(out.parent)
     rendered(ready, out)
     assert len(listed(out.parent)) == 3
-
-
-def test_a_keyed_lens_is_in_the_key_of_each_frame(ready: bpy.types.Scene) -> None:
-    settings, keys = ready.virtual_aperture, []
-    for last in (7.0, 9.0):
-        for frame, distance in ((1, 6.0), (3, last)):
-            settings.focus_distance = distance
-            ready.keyframe_insert("virtual_aperture.focus_distance", frame=frame)
-        ready.frame_set(1)
-        keys.append(frame_keys(ready, FRAMES))
-    assert keys[0][1] == keys[1][1]
-    assert keys[0][2] != keys[1][2] and keys[0][3] != keys[1][3]

@@ -22,8 +22,8 @@ SHARED = [
     path
     for folder in ("core", "scene", "ui", "render")
     for path in sorted(Path(addon.__file__).parent.joinpath(folder).rglob("*.py"))
-    # Their strings are arguments of Blender's own command line.
-    if path.name not in ("cycles_views.py", "background.py")
+    # Their strings are arguments of other processes.
+    if path.name not in ("cycles_views.py", "background.py", "jobs.py")
 ]
 
 

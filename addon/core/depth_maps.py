@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from .alongside import numbered, stretched
 from .counting import counted
 from .errors import UserError
-from .footage import Footage, describe, open_footage
+from .footage import Footage, Pixels, describe, open_footage
 from .reconstruction import Floats
 
 KINDS = ("depth", "inverse")
@@ -93,7 +93,7 @@ class DepthMaps:
             )
         number = self.numbers[frame]
         name = self.maps.file(number).name if self.maps.files else f"frame {number} of {self.maps.path.name}"
-        values = _values(self.maps.read(number), name)
+        values = _values(_read(self.maps, number), name)
         return DepthMap(frame, name, values, self.footage.width, self.footage.height)
 
 
@@ -154,11 +154,18 @@ def open_depth(path: Path, footage: Footage) -> DepthMaps:
     missing = len(footage.frames) - len(numbers)
     if missing:
         notes.append(f"{missing} of {len(footage.frames)} frames without a depth map")
-    first = maps.read(numbers[next(iter(numbers))])
+    first = _read(maps, numbers[next(iter(numbers))])
     if first.dtype == np.uint8:
         notes.append("the depth maps have 8 bits, 256 steps from near to far; 16-bit PNG or EXR is smoother")
     notes += stretched(maps, footage, "depth map")
     return DepthMaps(footage, maps, numbers, tuple(notes))
+
+
+def _read(maps: Footage, number: int) -> Pixels:
+    try:
+        return maps.read(number)
+    except UserError as error:
+        raise UserError(f"depth maps: {error}") from error
 
 
 def fit_clip(maps: DepthMaps, features: Callable[[int], tuple[Floats, Floats]]) -> ClipFit:

@@ -144,6 +144,24 @@ def blur_for_radius(reconstruction: Reconstruction, focus: Focus, frame: int, ra
     return radius * _blur_of_unit_radius(reconstruction, focus, frame)
 
 
+def largest_discs(
+    reconstruction: Reconstruction, focus: Focus, frame: int, radius: float
+) -> tuple[float, float]:
+    """Diameters of a frame's largest blur discs before and beyond the focal plane, in image widths.
+
+    Of all but the nearest and farthest 2 % of its points; 0 where none is on that side.
+    """
+    image, _ = reconstruction.image_at(frame)
+    lens = reconstruction.intrinsics(image)
+    inverse = frame_features(reconstruction, frame, Canvas(lens)).inverse_depth
+    if not len(inverse):
+        return 0.0, 0.0
+    plane = focus.inverse_depth(reconstruction, frame)
+    far, near = np.percentile(inverse, [2, 98])
+    of_contrast = 2 * radius * lens.fx / lens.width
+    return float(of_contrast * max(near - plane, 0.0)), float(of_contrast * max(plane - far, 0.0))
+
+
 def _blur_of_unit_radius(reconstruction: Reconstruction, focus: Focus, frame: int) -> float:
     image, _ = reconstruction.image_at(frame)
     lens = reconstruction.intrinsics(image)

@@ -38,6 +38,8 @@ OUTSIDE = 8
 """Cells past the border at most; a wide margin has large ones."""
 SPARE = 0.25
 """Of the features' range of inverse depths, by which vertices may leave it."""
+TALLEST = 4
+"""Times the width: of a picture that is taller, cells are larger, or there would be thousands of rows."""
 AROUND = 8
 """Features around one that are asked whether it can be right."""
 ACCURACY, STEPS = 1e-9, 2000
@@ -52,7 +54,8 @@ def grid_mesh(
     `weights` (n,) in [0, 1] are those of the features; `flat` is the inverse depth where there are none.
     """
     width, height = canvas.pinhole.width, canvas.pinhole.height
-    x, y = (_lines(side, width / COLUMNS, margin) for side in (width, height))
+    step = max(width, height / TALLEST) / COLUMNS
+    x, y = (_lines(side, step, margin) for side in (width, height))
     inside = np.all((features.observed >= 0) & (features.observed <= [width, height]), axis=1)
     inside &= np.isfinite(features.inverse_depth) & (features.inverse_depth > 0)
     known, inverse, weights = features.observed[inside], features.inverse_depth[inside], weights[inside]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from pathlib import Path
 
 # The order matters: imported after pycolmap, OpenCV's PNG writer frees memory twice.
@@ -10,9 +9,14 @@ import cv2  # noqa: F401
 import numpy as np
 import pycolmap
 
+from .atomic import temporary_folder
 from .reconstruction import Floats, Ints
 from .solution import MIN_POINTS, Solution, triangulate
 from .tracks import Progress, Tracks
+
+# Else every process leaves a file in the folder for temporary ones.
+pycolmap.logging.logtostderr = True
+pycolmap.logging.minloglevel = 3
 
 KEYFRAMES = 40
 """If the clip has as many frames."""
@@ -57,8 +61,7 @@ def map_keyframes(
 ) -> pycolmap.Reconstruction | None:
     """The best model of the keyframes that have these features; image i + 1 is keyframe i."""
     keys = len(features)
-    with tempfile.TemporaryDirectory(prefix="virtual-aperture-") as name:
-        folder = Path(name)
+    with temporary_folder() as folder:
         database = folder / "database.db"
         _write_database(database, tracks, features, focal)
         progress("Verifying matches", 0, 1)

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from .atomic import collect_temporary
 from .clip_identity import identity
 from .errors import Remedy, UserError
 from .focal import Focal, in_pixels
@@ -23,13 +24,14 @@ from .tracks import TRACKERS
 
 SHARES = {
     "Tracking features": (0.0, 0.2),
-    "Verifying matches": (0.2, 0.3),
-    "Solving cameras": (0.3, 0.8),
-    "Registering frames": (0.8, 0.85),
-    "Adjusting": (0.85, 0.95),
-    "Looking for points": (0.95, 1.0),
+    "Verifying matches": (0.2, 0.27),
+    "Solving cameras": (0.27, 0.42),
+    "Settling the focal length": (0.42, 0.8),
+    "Registering frames": (0.8, 0.82),
+    "Adjusting": (0.82, 0.93),
+    "Looking for points": (0.93, 1.0),
 }
-"""Which part of the whole each stage is, from the duck clip's times."""
+"""Which part of the whole each stage is, from the times of the duck and the sample clip."""
 
 
 END = 0.3
@@ -68,6 +70,7 @@ class SolveProcess:
         self._listener: threading.Thread | None = None
         self._staging: Staging | None = None
         self.finished = False
+        collect_temporary()
         self.clip = open_footage(footage, frames)
         self.clip.close()
         self._identity = identity(self.clip.path)
@@ -198,6 +201,8 @@ class SolveProcess:
         if self._staging is not None:
             self._staging.discard()
             self._staging = None
+            # The worker's own, where it was ended.
+            collect_temporary()
 
 
 def _refuse_import(work_dir: Path) -> None:

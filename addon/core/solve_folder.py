@@ -82,7 +82,7 @@ class Solve:
         return (
             f"{worth.registered} of {counted(worth.frames, 'frame')} registered,"
             f" {counted(worth.points, 'point')}, reprojection error {worth.reprojection_error:.2f} px,"
-            f" focal length {found[worth.focal_from]} {worth.focal[0]:.0f} px{sure}"
+            f" focal length {found.get(worth.focal_from, found['metadata'])} {worth.focal[0]:.0f} px{sure}"
         )
 
 

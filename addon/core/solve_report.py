@@ -65,6 +65,13 @@ class Report:
     def as_dict(self) -> dict[str, Any]:
         return asdict(self)
 
+    def advised(self, words: Words) -> str:
+        """What to do, in a line or two: the share that stands still, if it is small, and the advice."""
+        still = ""
+        if self.explained is not None and self.explained < EXPLAINED:
+            still = f"only {100 * self.explained:.0f} % of what was tracked stands still\n"
+        return f"{still}advice: {with_words(self.advice, self.remedies, words)}"
+
     def text(self, words: Words) -> str:
         """For people, the advice with an interface's names for what it tells to set."""
         sigma = "" if self.focal_sigma is None else f" +- {100 * self.focal_sigma:.1f} %"
@@ -102,8 +109,8 @@ class Report:
             lines.append(f"standing still  {100 * self.explained:.0f} % of what was tracked")
         if self.weak:
             lines.append(f"weak frames   {ranges(self.weak)} (fewer than {WEAK} points)")
-        advice = with_words(self.advice, self.remedies, words)
-        return "\n".join([*lines, *(f"note: {note}" for note in self.notes), f"advice: {advice}"])
+        advice = f"advice: {with_words(self.advice, self.remedies, words)}"
+        return "\n".join([*lines, *(f"note: {note}" for note in self.notes), advice])
 
 
 def report(reconstruction: Reconstruction, frames: tuple[int, ...], said: dict[str, Any]) -> Report:

@@ -28,6 +28,8 @@ TRACKERS = ("harris", "corners", "sift-klt", "sift")
 with known truth 28 were right with it, 27 with the second, 24 with the others (`make bench-solve`)."""
 LONG_SIDE = 960
 """Pixels; larger frames are shrunk for tracking."""
+SHORT_SIDE = 16
+"""Pixels that must be left of the other side then: less has no room for features and what is around them."""
 LIKE = 0.35
 """Correlation of a frame with the one before, shifted to fit, below which it shows something else."""
 THUMBNAIL = 64
@@ -103,8 +105,18 @@ def track_features(footage: Footage, progress: Progress, tracker: str = TRACKERS
             f"{footage.path.name} has {counted(len(footage.frames), 'frame')}; at least 4 with a moving"
             " camera are needed"
         )
+    _check_shape(footage)
     tracks = run(made[tracker](), footage, progress)
     return _followed(tracks) if tracker == "sift" else tracks
+
+
+def _check_shape(footage: Footage) -> None:
+    width, height = footage.width, footage.height
+    if min(width, height) * min(1.0, LONG_SIDE / max(width, height)) < SHORT_SIDE:
+        raise UserError(
+            f"{footage.path.name} is {width}x{height} pixels; features cannot be followed where a side has"
+            f" fewer than {SHORT_SIDE} pixels, or is {LONG_SIDE // SHORT_SIDE} times shorter than the other"
+        )
 
 
 def run(tracker: Tracker, footage: Footage, progress: Progress = lambda *_: None) -> Tracks:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import cv2
 
+from ..core.atomic import staged
 from ..core.errors import Remedy, UserError
 from ..core.frame_report import FrameReport, Used, frame_report, summary
 from ..core.inspection import Shown, pictures
@@ -51,7 +52,9 @@ class Account:
             return
         held = json.loads(path.read_text()) if _is_ours(path) else {}
         if held.get("key") == key:
-            self._reports = {entry.frame: entry for entry in map(_entry, held["frames"]) if entry is not None}
+            entries = held.get("frames")
+            known = map(_entry, entries if isinstance(entries, list) else [])
+            self._reports = {entry.frame: entry for entry in known if entry is not None}
         elif not overwrite:
             raise UserError(
                 f"{path} has the reports of a run with other settings; name another file, or overwrite it",
@@ -107,15 +110,8 @@ def _entry(held: object) -> FrameReport | None:
 
 def replaced(path: Path, write: Callable[[Path], object]) -> None:
     """Write a file beside its place and move it there: it is whole or as before. UserError if it cannot."""
-    part = path.with_name(f".part-{path.name}")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+    with staged(path) as part:
         write(part)
-        part.replace(path)
-    except OSError as error:
-        raise UserError(f"{path} cannot be written: {error.strerror}") from None
-    finally:
-        part.unlink(missing_ok=True)
 
 
 class Inspector:

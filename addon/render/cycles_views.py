@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import subprocess
 import sys
-import tempfile
 import threading
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
@@ -28,12 +27,12 @@ SCRIPT_MARK = "virtual-aperture-views"
 
 def mean_of_views(plan: FramePlan, picture: Picture) -> Picture:
     """As `gpu_views.mean_of_views`, drawn by Cycles in a child process, which is ended on cancel."""
+    from ..core.atomic import temporary_folder
     from ..core.errors import UserError
 
-    with tempfile.TemporaryDirectory(prefix="virtual-aperture-") as name:
-        folder = Path(name)
+    with temporary_folder() as folder:
         _write_job(folder, plan, picture)
-        command = [*_blender(), __file__, "--", SCRIPT_MARK, name]
+        command = [*_blender(), __file__, "--", SCRIPT_MARK, str(folder)]
         with (folder / "log.txt").open("w+") as log:
             child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=log, text=True)
             try:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import os
 import shutil
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
@@ -13,9 +15,11 @@ import bpy
 from ..core import atomic
 from ..core.counting import counted
 from ..core.errors import Remedy, UserError
-from ..core.footage import Footage
+from ..core.file_names import checked_name
+from ..core.folder_lock import OutputLock
+from ..core.footage import PICTURES, Footage, is_pattern
 from ..core.solve_report import ranges
-from ..core.views import plan_frame
+from ..core.views import can_be_layered, plan_frame
 from ..scene.build import SOUND
 from ..scene.properties import lens_settings
 from ..scene.shot import shot_of
@@ -36,10 +40,7 @@ Draw = Callable[[list[int], Path, Callable[[int], None]], None]
 
 def check_output(out: Path, overwrite: bool) -> None:
     """UserError for an output that cannot be written or would overwrite something, before any work."""
-    try:
-        os.fsencode(out).decode()
-    except UnicodeDecodeError:
-        raise UserError(f"{os.fsencode(out)!r} is no name that Blender can write (not UTF-8)") from None
+    checked_name(out.absolute())
     suffix = out.suffix.lower()
     is_still = suffix in STILLS
     if suffix not in MOVIES and not is_still:
@@ -51,6 +52,40 @@ def check_output(out: Path, overwrite: bool) -> None:
     check_folder(out.parent)
 
 
+def check_apart(written: Iterable[Path], sources: Iterable[Path]) -> None:
+    """UserError where a file or folder that is written is a source, or the folder of one's pictures.
+
+    Sources are clips, masks and depth maps: videos, folders, patterns or one picture of a sequence.
+    """
+    places = [
+        source.parent if is_pattern(source) or source.suffix.lower() in PICTURES else source
+        for source in (source.absolute() for source in sources)
+    ]
+    for path in written:
+        for place in places:
+            if path.resolve() == place.resolve() or (
+                path.exists() and place.exists() and path.samefile(place)
+            ):
+                raise UserError(
+                    f"{path} is a source that the frames are made from; write into another folder, or name"
+                    " another file"
+                )
+
+
+def claimed(out: Path) -> AbstractContextManager[None]:
+    """Hold an output for a run, within it; UserError naming the owner where another run has it.
+
+    A sequence needs none: each frame is moved into place as a whole and knows what it was made from, so runs
+    can write ranges of it side by side.
+    """
+    return OutputLock(out) if out.suffix.lower() in MOVIES else nullcontext()
+
+
+def frames_folder(out: Path) -> Path:
+    """Where the frames of a movie are kept until it is whole."""
+    return out.with_name(f"{out.name}.frames")
+
+
 def check_folder(folder: Path) -> None:
     """UserError for a folder that cannot be written, or made."""
     above = next(p for p in [folder, *folder.parents] if p.exists())
@@ -58,20 +93,30 @@ def check_folder(folder: Path) -> None:
         raise UserError(f"{above} cannot be written; choose another output folder")
 
 
-def plan_all(scene: bpy.types.Scene, frames: list[int]) -> tuple[int, int]:
-    """Plan every frame, so that what is wrong shows before an hour of rendering.
+@dataclass(frozen=True)
+class Planned:
+    """What a render of frames will be."""
 
-    Returns the smallest and the largest number of views.
-    """
+    views: tuple[int, int]
+    """The smallest and the largest number."""
+    coarse: list[int]
+    """Frames that are to be drawn in layers and have larger blur discs than those allow."""
+
+
+def plan_all(scene: bpy.types.Scene, frames: list[int]) -> Planned:
+    """Plan every frame, so that what is wrong shows before an hour of rendering."""
     shot = shot_of(scene)
     size = render_size(scene.render)
-    counts = []
+    counts, coarse = [], []
     for frame in frames:
         # The focus may be keyed.
         scene.frame_set(frame)
         lens = lens_settings(scene.virtual_aperture, shot.reconstruction)
-        counts.append(len(plan_frame(shot.reconstruction, frame, lens, size, shot.depth).offsets))
-    return min(counts), max(counts)
+        plan = plan_frame(shot.reconstruction, frame, lens, size, shot.depth)
+        counts.append(len(plan.offsets))
+        if lens.method == "layers" and not can_be_layered(plan):
+            coarse.append(frame)
+    return Planned((min(counts), max(counts)), coarse)
 
 
 def render_sequence(
@@ -91,16 +136,19 @@ def render_sequence(
     atomic.collect_orphans(out.parent)
     targets = {frame: out.with_name(numbered(out.name, frame)) for frame in frames}
     keys = frame_keys(scene, frames)
-    todo = _missing(targets, keys, overwrite, report)
+    todo = {frame: _stamp(targets[frame]) for frame in _missing(targets, keys, overwrite, report)}
     set_still(scene, out.suffix.lower(), shot_of(scene).footage)
     clock = _Clock(len(todo), report)
     if draw is not None and todo:
-        draw(todo, out, clock.tick)
+        draw(list(todo), out, clock.tick)
         check_frames({frame: targets[frame] for frame in todo}, written_size(scene.render), keys)
         return
-    for frame in todo:
-        _render_still(scene, frame, targets[frame], keys[frame])
+    for frame, stamp in todo.items():
+        if not _is_made_meanwhile(frame, targets[frame], keys[frame], stamp):
+            _render_still(scene, frame, targets[frame], keys[frame], stamp)
         clock.tick(frame)
+    for frame, path in targets.items():
+        _check_ours(frame, path, keys[frame])
 
 
 def check_frames(files: dict[int, Path], size: tuple[int, int], keys: dict[int, str] | None = None) -> None:
@@ -149,7 +197,37 @@ def _missing(targets: dict[int, Path], keys: dict[int, str], overwrite: bool, re
     return todo
 
 
-def _render_still(scene: bpy.types.Scene, frame: int, target: Path, key: str) -> None:
+_Stamp = tuple[int, int, int]
+
+
+def _stamp(path: Path) -> _Stamp | None:
+    """Inode, size and time of a file; None where there is none."""
+    try:
+        told = path.stat()
+    except FileNotFoundError:
+        return None
+    return told.st_ino, told.st_size, told.st_mtime_ns
+
+
+def _is_made_meanwhile(frame: int, target: Path, key: str, stamp: _Stamp | None) -> bool:
+    """Whether an equal run made a frame since it was looked at; UserError where an unequal one did."""
+    now = _stamp(target)
+    if now is None or now == stamp:
+        return False
+    _check_ours(frame, target, key)
+    return not frame_files.still_problem(target)
+
+
+def _check_ours(frame: int, target: Path, key: str) -> None:
+    """UserError where a frame's file is not the one of the key."""
+    if not target.exists() or frame_files.key_of(target) != key:
+        raise UserError(
+            f"frame {frame}: {target} was replaced meanwhile by something else, such as a run with other"
+            " settings; end that one, or name another folder"
+        )
+
+
+def _render_still(scene: bpy.types.Scene, frame: int, target: Path, key: str, stamp: _Stamp | None) -> None:
     """One frame into its file; UserError, naming the frame, where anything is wrong with it."""
     render = scene.render
     scene.frame_set(frame)
@@ -164,6 +242,7 @@ def _render_still(scene: bpy.types.Scene, frame: int, target: Path, key: str) ->
             raise UserError(f"frame {frame}: Blender could not write it: {str(error).strip()}") from error
         engine.check_drawn()
         frame_files.refuse(target, frame_files.still_problem(part, written_size(render)))
+        _is_made_meanwhile(frame, target, key, stamp)
 
 
 def render_movie(
@@ -174,7 +253,7 @@ def render_movie(
     The frames are kept beside it as pictures until the movie is whole, so that an equal run goes on where
     this one stopped.
     """
-    folder = out.with_name(f"{out.name}.frames")
+    folder = frames_folder(out)
     crop_to_even(scene.render)
     # What is in this folder is ours: pictures of another run of the same movie are replaced.
     render_sequence(scene, frames, folder / "######.png", True, report, draw)
@@ -284,18 +363,25 @@ def numbered(name: str, frame: int) -> str:
 
 
 class _Clock:
-    """Progress lines with the time left."""
+    """Progress lines with the time left.
+
+    The first frame finds depth for its neighbours, too: it costs several times as much as each of the others,
+    and tells nothing of them.
+    """
 
     def __init__(self, total: int, report: Report) -> None:
         self._total, self._report = total, report
-        self._start = time.monotonic()
+        self._start = self._first = time.monotonic()
         self._done = 0
 
     def tick(self, frame: int) -> None:
         self._done += 1
-        each = (time.monotonic() - self._start) / self._done
+        now = time.monotonic()
+        line = f"frame {frame}: {self._done} of {self._total}"
+        if self._done == 1:
+            self._first = now
+            self._report(f"{line}, {now - self._start:.1f} s")
+            return
+        each = (now - self._first) / (self._done - 1)
         left = round(each * (self._total - self._done))
-        self._report(
-            f"frame {frame}: {self._done} of {self._total}, {each:.1f} s a frame,"
-            f" {left // 60} min {left % 60:02d} s left"
-        )
+        self._report(f"{line}, {each:.1f} s a frame, {left // 60} min {left % 60:02d} s left")

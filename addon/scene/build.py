@@ -12,6 +12,7 @@ from pathlib import Path
 import bpy
 
 from ..core.clip_identity import identity
+from ..core.errors import UserError
 from ..core.footage import Footage
 from ..core.reconstruction import Reconstruction, typical_distance
 from ..core.solve_folder import default_work_dir
@@ -20,6 +21,8 @@ from .paths import relative
 from .properties import VirtualApertureSettings
 from .shot import IDENTITY, forget
 
+LEAST_SIDE = 4
+"""Pixels; what is less, Blender takes for as many."""
 NAME = "Virtual Aperture"
 SOUND = f"{NAME} Sound"
 TEMPORARY = {"", "/tmp", tempfile.gettempdir()}
@@ -38,6 +41,11 @@ def build(
     """
     forget()
     settings: VirtualApertureSettings = scene.virtual_aperture
+    if min(footage.width, footage.height) < LEAST_SIDE:
+        raise UserError(
+            f"{footage.path.name} is {footage.width}x{footage.height} pixels; Blender renders no"
+            f" picture with a side of fewer than {LEAST_SIDE}"
+        )
     # The scene has the reconstruction's own unit, whatever that is.
     size = typical_distance(reconstruction)
     _set_up_scene(scene, footage, reconstruction)

@@ -9,6 +9,7 @@ import signal
 import socket
 import subprocess
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,8 @@ ROOT = Path(__file__).resolve().parents[2]
 """Programs are run in the project's folder: one in a root of its own sees that and /tmp."""
 DRIVER = Path(__file__).with_name("driver.py")
 EXTENSION = "bl_ext.user_default.virtual_aperture"
+LATEST = 0.5
+"""Seconds after which ESC must have ended what it ends."""
 START = 60.0
 """Seconds in which the program must have started."""
 
@@ -32,14 +35,32 @@ def headless(resources: Path, *arguments: str) -> str:
     """Run Blender without a window; what it printed. AssertionError where it failed."""
     program = blender()
     assert program is not None
-    done = subprocess.run(
+    process = subprocess.Popen(
         [program, *arguments],
         env={**os.environ, "BLENDER_USER_RESOURCES": str(resources), "LIBGL_ALWAYS_SOFTWARE": "1"},
-        cwd=ROOT, capture_output=True, text=True, timeout=300,
+        cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True,
     )  # fmt: skip
-    said = done.stdout + done.stderr
-    assert done.returncode == 0, said[-3000:]
+    try:
+        said = process.communicate(timeout=300)[0]
+    finally:
+        end(process)
+    assert process.returncode == 0, said[-3000:]
     return said
+
+
+def end(process: subprocess.Popen[Any]) -> None:
+    """End a program and what it started: it may be a script around Blender."""
+    if process.poll() is None:
+        os.killpg(process.pid, signal.SIGTERM)
+        try:
+            process.wait(10)
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+
+
+class TooLateError(AssertionError):
+    """Something took longer than LATEST."""
 
 
 @dataclass(frozen=True)
@@ -90,14 +111,7 @@ class Program:
         self.ask("1")
 
     def close(self) -> None:
-        if self._process.poll() is None:
-            # The program may be a script around Blender.
-            os.killpg(self._process.pid, signal.SIGTERM)
-            try:
-                self._process.wait(10)
-            except subprocess.TimeoutExpired:
-                os.killpg(self._process.pid, signal.SIGKILL)
-                self._process.wait()
+        end(self._process)
 
     def said(self) -> str:
         """What Blender printed."""
@@ -154,10 +168,14 @@ class Program:
         """Buttons that the mouse meets on its way down a region, at a share of its width."""
         left, top, width, height = self.rectangle(kind, region, window)
         found: list[Button] = []
+        under = f"button_under_mouse({kind!r}, {region!r}, {window})"
         for y in range(top + 2, top + height, step):
             self.screen.move(left + across * width, y)
+            if y == top + 2:
+                # Away from the button where the mouse was.
+                self.settle()
             self.ask("1")
-            does = self.ask(f"button_under_mouse({kind!r}, {region!r}, {window})")
+            does = self.ask(under)
             if does and (not found or found[-1].does != does):
                 found.append(Button(does, left + across * width, y + 3))
         return found
@@ -169,7 +187,7 @@ class Program:
         for _ in range(6):
             now = self.buttons(kind, region, across, window=window)
             for button in now:
-                if does in button.does:
+                if does in button.does and self._is_there(button, kind, region, window):
                     return button
             if seen and [b.does for b in now] == [b.does for b in seen]:
                 break
@@ -180,6 +198,15 @@ class Program:
             self.settle()
         self.shot("missing_button")
         raise AssertionError(f"no button {does!r}; there are {[b.does for b in seen]}")
+
+    def _is_there(self, button: Button, kind: str, region: str, window: int) -> bool:
+        """Whether a button is where it was seen: Blender may have been behind the mouse."""
+        self.screen.move(*self.middle(kind, region, window))
+        self.settle()
+        self.screen.move(button.x, button.y)
+        self.settle()
+        under: str = self.ask(f"button_under_mouse({kind!r}, {region!r}, {window})")
+        return under == button.does
 
     # Doing
 
@@ -245,6 +272,19 @@ class Program:
         self.screen.nudge()
         self.settle()
         return told
+
+    def ends_in_time(self, measure: Callable[[], float], what: str) -> None:
+        """Measure seconds up to three times; TooLateError where none is under LATEST.
+
+        What is late by its own fault is so each time; the machine's other work is not.
+        """
+        times: list[float] = []
+        while len(times) < 3 and (not times or times[-1] >= LATEST):
+            times.append(measure())
+        said = f"{what}: {', '.join(f'{seconds:.2f}' for seconds in times)} s, load {os.getloadavg()[0]:.1f}"
+        print(said)
+        if min(times) >= LATEST:
+            raise TooLateError(said)
 
     def close_window(self) -> None:
         """Close the window in front, by the window manager's key."""
