@@ -25,6 +25,9 @@ from .scene.properties import VirtualApertureSettings
 MASKS, DEPTH = "masks", "depth"
 """Folders beside the .blend, or within a farm's bundle, for copies of the user's pictures."""
 
+ENDS = b"ENDB", b"\xb1\xea\x92\x8f"
+"""What ends a .blend: its last block, or, where it is compressed, the number of Zstandard's seek table."""
+
 
 def add_command(
     commands: argparse._SubParsersAction[argparse.ArgumentParser], common: argparse.ArgumentParser
@@ -94,7 +97,6 @@ def copy_beside(settings: VirtualApertureSettings, footage: Footage, folder: Pat
 
 def _write(blend: Path) -> None:
     with atomic.staged(blend) as part:
-        # Blender takes a name for one of its own only by its ending.
         try:
             with quiet(1):
                 bpy.ops.wm.save_as_mainfile(filepath=str(part), check_existing=False)
@@ -102,6 +104,9 @@ def _write(blend: Path) -> None:
             raise UserError(f"{blend} cannot be written: {str(error).strip()}") from None
         finally:
             part.with_name(part.name + "1").unlink(missing_ok=True)
+        # Blender does not always notice that it could not write on.
+        if not any(end in part.read_bytes()[-64:] for end in ENDS):
+            raise UserError(f"{blend} could not be written as a whole; is the disk full?")
 
 
 def _pack(packed: Path, blend: Path, parts: list[Path]) -> None:

@@ -15,12 +15,22 @@ import os
 import signal
 import sys
 from pathlib import Path
+from types import ModuleType
 
 PACKAGE = "addon"
 
 
 def main(arguments: list[str]) -> int:
     """Run one command; the exit status."""
+    try:
+        commands = _commands()
+    except (ImportError, MemoryError) as error:
+        print(f"error: the program cannot be loaded: {error}".splitlines()[0], file=sys.stderr, flush=True)
+        return 1
+    return int(commands.run_command(arguments))
+
+
+def _commands() -> ModuleType:
     import bpy
 
     name = next((n for n in sys.modules if n.endswith(".virtual_aperture.addon.ui")), None)
@@ -29,8 +39,7 @@ def main(arguments: list[str]) -> int:
         name = f"{PACKAGE}.ui"
         if not hasattr(bpy.types.Scene, "virtual_aperture"):
             importlib.import_module(PACKAGE).register()
-    commands = importlib.import_module(name.removesuffix(".ui") + ".commands")
-    return int(commands.run_command(arguments))
+    return importlib.import_module(name.removesuffix(".ui") + ".commands")
 
 
 def _end(number: int, _frame: object) -> None:

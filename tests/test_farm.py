@@ -23,7 +23,7 @@ from addon.core.copying import copy_file
 from addon.core.errors import UserError
 from addon.render import jobs
 from benchmarks.torture import clip
-from benchmarks.torture.bench import contents
+from benchmarks.torture.bench import contents, file_limit
 
 ROOT = Path(__file__).resolve().parent.parent
 HEADLESS = ROOT / "addon" / "headless.py"
@@ -305,3 +305,17 @@ def test_copies_are_known_by_their_contents(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="another file"):
         copy_file(source, target)
     assert target.read_bytes() == b"54321"
+
+
+def test_a_blend_that_was_cut_off_is_not_kept(work: Path, tmp_path: Path) -> None:
+    blend = tmp_path / "a" / "a.blend"
+    done("save", work, *LENS, "--blend", blend)
+    size = blend.stat().st_size
+    blend.unlink()
+    for share in (0.9, 0.99):
+        words = [sys.executable, str(HEADLESS), "save", str(work), *LENS, "--blend", str(blend)]
+        limited = subprocess.run(
+            words, capture_output=True, text=True, check=False, preexec_fn=file_limit(int(share * size))
+        )
+        assert limited.returncode == 1 and "a.blend c" in limited.stderr, limited.stderr
+        assert not blend.exists()

@@ -24,13 +24,19 @@ NEAR, FAR = 5.0, 12.0
 def picture(frame: int, lens: Intrinsics = LENS) -> NDArray[np.uint8]:
     """(H, W, 3) of a frame: no two are alike, so that one in another's place is seen."""
     rng = np.random.default_rng(7)
-    size = (lens.width, lens.height)
     coarse, fine = (
-        cv2.resize(rng.random((lens.height // s, lens.width // s, 3)), size, interpolation=cv2.INTER_CUBIC)
+        cv2.resize(
+            rng.random((LENS.height // s, LENS.width // s, 3)),
+            (LENS.width, LENS.height),
+            interpolation=cv2.INTER_CUBIC,
+        )
         for s in (3, 9)
     )
     mixed = np.roll(0.5 * coarse + 0.5 * fine, frame, axis=1)
-    return np.asarray(np.clip(mixed * 255, 0, 255), np.uint8)
+    tile = np.asarray(np.clip(mixed * 255, 0, 255), np.uint8)
+    # Large ones are many of it, so that making them takes no memory.
+    across, down = -(-lens.width // LENS.width), -(-lens.height // LENS.height)
+    return np.tile(tile, (down, across, 1))[: lens.height, : lens.width]
 
 
 def truth(frames: range, lens: Intrinsics = LENS) -> Reconstruction:
