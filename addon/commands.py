@@ -10,6 +10,9 @@ import sys
 import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from types import FrameType
+
+import bpy
 
 from . import commands_farm, commands_inspect, commands_save, commands_solve
 from .commands_lens import (
@@ -131,6 +134,7 @@ def run(options: argparse.Namespace) -> None:
 def _render(solved: Solve, options: argparse.Namespace) -> None:
     _check_apart(options, solved.footage)
     scene, settings, footage = scene_of(solved)
+    _check_interrupted()
     out: Path = options.out.absolute()
     is_movie = out.suffix.lower() in output.MOVIES
     if options.for_movie:
@@ -224,10 +228,13 @@ _signal = 0
 """Number of the signal that was heard. Blender loses exceptions where it calls Python from within."""
 
 
-def _interrupt(number: int, _frame: object) -> None:
+def _interrupt(number: int, frame: FrameType | None) -> None:
     global _signal
     _signal = number
-    raise _Interrupted
+    # Raised in a handler of Blender's own scripts it would only be printed.
+    scripts = bpy.utils.system_resource("SCRIPTS")
+    if frame is None or not scripts or not frame.f_code.co_filename.startswith(scripts):
+        raise _Interrupted
 
 
 def _check_interrupted() -> None:

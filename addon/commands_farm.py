@@ -93,12 +93,14 @@ def join(options: argparse.Namespace) -> None:
     output.crop_to_even(scene.render)
     keys = None
     if any((options.focus_at, options.focus_point, options.focus_distance is not None)):
-        set_lens(settings, solved, options, frames)
+        # As render --for-movie, whichever part of it.
+        set_lens(settings, solved, options)
         keys = frame_keys(scene, frames)
     output.check_frames(files, written_size(scene.render), keys)
     if lacking := [frame for frame, path in files.items() if key_of(path) is None]:
         raise UserError(f"{files[lacking[0]]} was not rendered by this program; name the frames that were")
-    with contextlib.nullcontext(1) if options.debug else quiet(1):
+    silent = contextlib.nullcontext(1) if options.debug else quiet(1)
+    with output.claimed(out), silent:
         output.join(scene, files, out)
     say(f"joined {counted(len(files), 'frame')}")
     say(f"wrote {options.out}")

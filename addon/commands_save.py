@@ -63,6 +63,7 @@ def save(options: argparse.Namespace) -> None:
     if any((options.focus_at, options.focus_point, options.focus_distance is not None)):
         set_lens(settings, solved, options)
     set_still(scene, ".png", footage)
+    atomic.collect_orphans(blend.parent)
     # The whole clip: it is recognised by it.
     clip = copy_clip(open_footage(footage.path), blend.parent)
     pictures = copy_beside(settings, footage, blend.parent)

@@ -224,6 +224,17 @@ def test_frames_that_no_process_can_render_are_named(work: Path, tmp_path: Path)
     assert "wrote" not in said and "Traceback" not in said
 
 
+def test_a_process_that_dies_after_its_last_frame_is_done(monkeypatch: pytest.MonkeyPatch) -> None:
+    script = (
+        "import os, sys; n = int(sys.argv[1]);"
+        "print(f'frame {n}: 1 of 1, 0.0 s a frame, 0 min 00 s left', flush=True); os.abort()"
+    )
+    monkeypatch.setattr(jobs, "launcher", lambda: [sys.executable, "-c", script])
+    told: list[int] = []
+    jobs.render_side_by_side([4, 5], 2, lambda frames, _: [str(frames[0])], told.append, print)
+    assert sorted(told) == [4, 5]
+
+
 def test_shares_are_neighbours_and_as_equal_as_can_be() -> None:
     assert jobs.shares([1, 2, 3, 5, 6, 9, 10], 3) == [[1, 2], [3, 5], [6, 9, 10]]
     assert jobs.shares([4, 5], 5) == [[4], [5]]

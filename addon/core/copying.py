@@ -31,6 +31,8 @@ def copy_pictures(footage: Footage, home: Path) -> Path:
 
     The path is the folder, or a pattern or video in it, as that of the original is.
     """
+    if home.is_dir():
+        atomic.collect_orphans(home)
     for file in footage.files or (footage.path,):
         copy_file(file, home / file.name)
     return home if footage.path.is_dir() else home / footage.path.name

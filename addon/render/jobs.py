@@ -89,7 +89,7 @@ def render_side_by_side(
                     note(line.strip())
                 continue
             assert share.process is not None
-            if share.process.wait() == 0:
+            if share.process.wait() == 0 or not share.todo:
                 left -= 1
             elif share.tries < TRIES:
                 _start(share, command, told)
