@@ -7,7 +7,6 @@ import contextlib
 import os
 import signal
 import sys
-import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import FrameType
@@ -27,7 +26,7 @@ from .commands_lens import (
 )
 from .commands_paths import path
 from .commands_words import WORDS
-from .core.atomic import collect_temporary
+from .core.atomic import collect_temporary, temporary_folder
 from .core.counting import counted
 from .core.errors import UserError
 from .core.footage import FrameRange, open_footage
@@ -202,8 +201,8 @@ def _side_by_side(
     step = FrameRange.parse(options.frames).step if options.frames and not is_movie else 1
 
     def draw(todo: list[int], out: Path, done: Callable[[int], None]) -> None:
-        with tempfile.TemporaryDirectory(prefix="virtual-aperture-") as scratch:
-            reports = [Path(scratch) / f"{number}.json" for number in range(options.jobs)]
+        with temporary_folder() as scratch:
+            reports = [scratch / f"{number}.json" for number in range(options.jobs)]
 
             def command(frames: Sequence[int], number: int) -> list[str]:
                 words = ["render", str(solved.work_dir.absolute()), *lens]

@@ -94,7 +94,8 @@ def table(entries: Iterable[dict[str, Any]]) -> str:
         "", "Lost: something of the user's, or a finished frame, changed or gone, or the next run fails.",
         "Crash: ended by a signal that nobody sent, or by an error that is not one readable line.",
         "Leftover: files or processes that are there after the next run.",
-        "Wrong success: status 0, and not the pictures of the reference.", "",
+        "Wrong success: status 0, and not the pictures of the reference. With little memory, libraries abort",
+        "(SIGABRT, SIGSEGV) where they cannot say so; the status is not 0, and the next run is right.", "",
     ]  # fmt: skip
     return "\n".join(lines + notes)
 

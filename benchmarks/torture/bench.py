@@ -20,6 +20,8 @@ ROOT = Path(__file__).resolve().parents[2]
 HEADLESS = ROOT / "addon" / "headless.py"
 FRAMES = 24
 LENS = ("--focus-distance", "7", "--blur", "0.05", "--method", "features", "--views", "4")
+DENSE = (*LENS[:4], "--views", "4")
+"""The same by the method that reads masks and depth maps."""
 OTHER = ("--focus-distance", "9", "--blur", "0.08", "--method", "features", "--views", "4")
 """Another lens, whose pictures are others."""
 HANGS = 90.0
@@ -198,7 +200,7 @@ class Bench:
         runs.append(one.run("render", self.work, *LENS, "--out", self.folder / "one.mp4"))
         runs.append(one.run("render", self.work, *OTHER, "--out", self.folder / "other.mp4"))
         masked = self.folder / "masked" / "####.png"
-        runs.append(one.run("render", self.work, *LENS, "--mask", self.masks, "--out", masked))
+        runs.append(one.run("render", self.work, *DENSE, "--mask", self.masks, "--out", masked))
         work = clip.solve(self.floats, self.folder / "floats_work")
         runs.append(one.run("render", work, *LENS, "--out", self.floats_rendered / "####.png"))
         runs.append(one.run("save", self.work, *LENS, "--blend", self.saved))

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import clip
-from .bench import FRAMES, LENS, Run, Try, contents
+from .bench import DENSE, FRAMES, LENS, Run, Try, contents
 
 WORDS = (
     b"nan",
@@ -192,7 +192,7 @@ def _pictures(one: Try, source: Path, option: str) -> None:
     """The user's pictures may change: then no old frame is kept as the new run's."""
     folder, out = one.folder / "pictures", one.folder / "out" / "####.png"
     shutil.copytree(source, folder)
-    words = ("render", one.bench.work, *LENS, option, folder, "--frames", FEW)
+    words = ("render", one.bench.work, *DENSE, option, folder, "--frames", FEW)
     one.run(*words, "--out", out)
     file = folder / f"{one.dice.randint(1, FRAMES):04d}.png"
     changed: Callable[[bytes], bytes] = (

@@ -6,7 +6,7 @@ import shutil
 import time
 
 from . import clip
-from .bench import LENS, OTHER, Try, contents
+from .bench import DENSE, LENS, OTHER, Try, contents
 
 
 def same_frames(one: Try) -> None:
@@ -93,7 +93,7 @@ def removed_input(one: Try) -> None:
     masks = one.folder / "masks"
     shutil.copytree(one.bench.masks, masks)
     out = one.folder / "out" / "####.png"
-    words = ("render", one.bench.work, *LENS, "--mask", masks, "--out", out)
+    words = ("render", one.bench.work, *DENSE, "--mask", masks, "--out", out)
     process = one.start(*words)
     time.sleep(one.dice.uniform(0.4, 1.0) * one.bench.seconds)
     shutil.rmtree(masks)
