@@ -31,7 +31,7 @@ from .footage import Footage, open_footage
 from .metadata import equivalent_focal
 from .parallax import refuse_cuts
 from .solve_folder import keep_visible
-from .tracks import track_features
+from .tracks import check_shape, track_features
 from .visibility import visible_points
 
 TOLD_SIGMA = 0.1
@@ -69,6 +69,7 @@ def _solve(job: dict[str, Any]) -> None:
     footage_module.exr_decoder = _exr
     folder = Path(str(job["folder"]))
     footage = open_footage(job["footage"], job["frames"])
+    check_shape(footage)
     tracks = track_features(footage, _progress, job["tracker"])
     refuse_cuts(tracks)
     lens = mapping.Lens(**job["lens"])

@@ -21,7 +21,7 @@ from .footage import Footage, to_gray8
 from .reconstruction import Floats, Ints
 from .sift import Detector, Matcher
 
-__all__ = ["TRACKERS", "Progress", "Tracks", "cuts", "follow", "new_corners", "track_features"]
+__all__ = ["TRACKERS", "Progress", "Tracks", "check_shape", "cuts", "follow", "new_corners", "track_features"]
 
 TRACKERS = ("harris", "corners", "sift-klt", "sift")
 """All but the last follow points by optical flow, and differ in which. The first is the default: of 28 solves
@@ -105,12 +105,12 @@ def track_features(footage: Footage, progress: Progress, tracker: str = TRACKERS
             f"{footage.path.name} has {counted(len(footage.frames), 'frame')}; at least 4 with a moving"
             " camera are needed"
         )
-    _check_shape(footage)
     tracks = run(made[tracker](), footage, progress)
     return _followed(tracks) if tracker == "sift" else tracks
 
 
-def _check_shape(footage: Footage) -> None:
+def check_shape(footage: Footage) -> None:
+    """UserError for a clip whose pictures are too small or too long for features that tell a camera."""
     width, height = footage.width, footage.height
     if min(width, height) * min(1.0, LONG_SIDE / max(width, height)) < SHORT_SIDE:
         raise UserError(
