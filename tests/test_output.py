@@ -63,6 +63,23 @@ def full_disk(size: int) -> Iterator[None]:
         signal.signal(signal.SIGXFSZ, handled)
 
 
+@contextmanager
+def interrupted(at: int) -> Iterator[None]:
+    """Ctrl-C arrives while this frame is drawn."""
+    drawn = engine.render_frame
+
+    def stops(taken: object, frame: int, *rest: object) -> object:
+        if frame == at:
+            raise KeyboardInterrupt
+        return drawn(taken, frame, *rest)
+
+    engine.render_frame = stops
+    try:
+        yield
+    finally:
+        engine.render_frame = drawn
+
+
 def test_names_with_every_sign(ready: bpy.types.Scene, tmp_path: Path) -> None:
     out = tmp_path / "{a} #1" / "take #3 {frame} 100%d_####.png"
     rendered(ready, out)
@@ -81,19 +98,8 @@ def test_frames_are_kept_by_their_own_key_and_replaced_only_when_asked(
         rendered(ready, out)
     assert listed(out.parent) == first
     # Interrupted while it overwrites: the frames that were replaced are the new ones, and a third run knows.
-    drawn = engine.render_frame
-
-    def stops(taken: object, frame: int, *rest: object) -> object:
-        if frame == 3:
-            raise KeyboardInterrupt
-        return drawn(taken, frame, *rest)
-
-    engine.render_frame = stops
-    try:
-        with pytest.raises(KeyboardInterrupt):
-            rendered(ready, out, overwrite=True)
-    finally:
-        engine.render_frame = drawn
+    with interrupted(3), pytest.raises(KeyboardInterrupt):
+        rendered(ready, out, overwrite=True)
     mixed = listed(out.parent)
     assert mixed["0003.png"] == first["0003.png"] and mixed["0001.png"] != first["0001.png"]
     assert "2 frames there already" in rendered(ready, out, overwrite=True)
@@ -155,19 +161,8 @@ def test_movies_are_whole_or_not_there(ready: bpy.types.Scene, tmp_path: Path) -
     assert not frame_files.movie_problem(out, 3, (160, 90))
     out.unlink()
     said: list[str] = []
-    drawn = engine.render_frame
-
-    def stops(taken: object, frame: int, *rest: object) -> object:
-        if frame == 3:
-            raise KeyboardInterrupt
-        return drawn(taken, frame, *rest)
-
-    engine.render_frame = stops
-    try:
-        with pytest.raises(KeyboardInterrupt):
-            output.render_movie(ready, FRAMES, out, said.append)
-    finally:
-        engine.render_frame = drawn
+    with interrupted(3), pytest.raises(KeyboardInterrupt):
+        output.render_movie(ready, FRAMES, out, said.append)
     assert not out.exists()
     output.render_movie(ready, FRAMES, out, said.append)
     assert "2 frames there already" in said
