@@ -12,7 +12,18 @@ from benchmarks.torture.bench import Bench
 from benchmarks.torture.faults import FAULTS
 from benchmarks.torture.mutations import mutate
 
-QUICK = ("frames", "movie", "overwriting", "saving", "file-size", "other-frames", "output", "solve", "masks")
+QUICK = (
+    "frames",
+    "movie",
+    "overwriting",
+    "saving",
+    "solving",
+    "file-size",
+    "other-frames",
+    "output",
+    "solve",
+    "masks",
+)
 
 
 @pytest.fixture(scope="module")

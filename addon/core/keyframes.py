@@ -14,9 +14,11 @@ from .reconstruction import Floats, Ints
 from .solution import MIN_POINTS, Solution, triangulate
 from .tracks import Progress, Tracks
 
-# Else every process leaves a file in the folder for temporary ones.
-pycolmap.logging.logtostderr = True
 pycolmap.logging.minloglevel = 3
+# Else every process leaves a file in the folder for temporary ones. `logtostderr` alone does not last: a bundle
+# adjustment sets it back.
+for _level in pycolmap.logging.Level.__members__.values():
+    pycolmap.logging.set_log_destination(_level, "")
 
 KEYFRAMES = 40
 """If the clip has as many frames."""

@@ -175,6 +175,7 @@ class Bench:
         self.clip, self.work = folder / "clip" / "clip.mp4", folder / "work"
         self.masks, self.depth, self.floats = (folder / name for name in ("masks", "depth", "floats"))
         self.floats_rendered, self.saved = folder / "floats_rendered", folder / "shot" / "a.blend"
+        self.walk, self.walk_work = folder / "walk", folder / "walk_work"
         self._counted = 0
         done = folder / "done"
         if not done.exists():
@@ -184,12 +185,14 @@ class Bench:
             clip.write_masks(self.masks, FRAMES)
             clip.write_depth(self.depth, FRAMES)
             clip.write_floats(self.floats, 6)
+            clip.write_walk(self.walk)
             self._make_references()
             done.touch()
         self.frames, self.others = contents(folder / "frames"), contents(folder / "others")
         self.masked = contents(folder / "masked")
         self.movie, self.other_movie = ((folder / f"{name}.mp4").read_bytes() for name in ("one", "other"))
         self.seconds = float((folder / "seconds").read_text())
+        self.solve_seconds = float((folder / "solve_seconds").read_text())
 
     def _make_references(self) -> None:
         one = Try(self, self.folder, random.Random(0))
@@ -204,6 +207,9 @@ class Bench:
         work = clip.solve(self.floats, self.folder / "floats_work")
         runs.append(one.run("render", work, *LENS, "--out", self.floats_rendered / "####.png"))
         runs.append(one.run("save", self.work, *LENS, "--blend", self.saved))
+        began = time.monotonic()
+        runs.append(one.run("solve", self.walk, "--work", self.walk_work))
+        (self.folder / "solve_seconds").write_text(str(time.monotonic() - began))
         for run in runs:
             if run.status:
                 raise RuntimeError(f"an untouched run failed: {run.said}")

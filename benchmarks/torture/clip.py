@@ -19,6 +19,8 @@ LENS = Intrinsics(96, 54, 84.0, 84.0, 48.0, 27.0)
 RATE = 24
 POINTS = 60
 NEAR, FAR = 5.0, 12.0
+WALLS = {10.0: (-30.0, 30.0), 6.0: (-2.6, -0.6), 4.0: (0.5, 1.6)}
+"""Depth of the walls that a solve finds, far to near, and where they begin and end."""
 
 
 def picture(frame: int, lens: Intrinsics = LENS) -> NDArray[np.uint8]:
@@ -105,3 +107,34 @@ def solve(clip: Path, work: Path, lens: Intrinsics = LENS) -> Path:
     model = truth(range(footage.frames[0], footage.frames[-1] + 1), lens)
     keep_import(Imported(model, "truth", ()), footage, work)
     return work
+
+
+def write_walk(folder: Path, count: int = 12) -> Path:
+    """A clip that can be solved: three walls before a camera that goes to the side and turns a little."""
+    folder.mkdir(parents=True)
+    width, height, focal = 320, 240, 272.0
+    lens = np.array([[focal, 0, width / 2], [0, focal, height / 2], [0, 0, 1]])
+    for frame, step in enumerate(np.linspace(-0.5, 0.5, count), 1):
+        shown = np.zeros((height, width), np.float32)
+        turned = cv2.Rodrigues(np.array([0.01 * step, 0.04 * step, 0.0]))[0]
+        centre = np.array([step, 0.2 * step * step, 0.1 * step])
+        for depth, (left, right) in WALLS.items():
+            rng = np.random.default_rng(int(depth))
+            across, down = round((right - left) * 60), 1440
+            wall = sum(
+                cv2.resize(
+                    rng.normal(0, 38, (down // s, across // s)), (across, down), interpolation=cv2.INTER_CUBIC
+                )
+                for s in (3, 8, 24)
+            )
+            from_texel = np.array([[1 / 60, 0, left], [0, 1 / 60, -12], [0, 0, 1]])
+            plane = np.column_stack([np.eye(3)[:, :2], np.array([0, 0, depth]) - centre])
+            seen = [
+                cv2.warpPerspective(
+                    each.astype(np.float32), lens @ turned @ plane @ from_texel, (width, height)
+                )
+                for each in (np.asarray(wall) + 128, np.ones((down, across)))
+            ]
+            shown += seen[1] * (seen[0] - shown)
+        cv2.imwrite(str(folder / f"{frame:04d}.png"), np.clip(shown, 0, 255).astype(np.uint8))
+    return folder

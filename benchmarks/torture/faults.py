@@ -29,6 +29,7 @@ FAULTS = {
     "switching": Fault("ended, and then rendered with another lens", kills.switching),
     "jobs": Fault("one of several processes ended, or all of them", kills.jobs),
     "saving": Fault("ended while it saves and packs", kills.saving),
+    "solving": Fault("ended while it solves, or solves again", kills.solving),
     "file-size": Fault("no file can grow beyond a size", disks.file_size),
     "small-disk": Fault("a disk of a few kilobytes is full", disks.small_disk),
     "no-space-to-save": Fault("no space to save and pack", disks.saving),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
 import time
@@ -117,6 +118,27 @@ def switching(one: Try) -> None:
     words = ("render", one.bench.work, *LENS, "--out", out, "--overwrite")
     interrupt(one, one.start(*words), moment(one), one.dice.choice(SIGNALS))
     one.expect({"a.mp4": one.bench.movie}, out, one.run(*words))
+
+
+def solving(one: Try) -> None:
+    """A solve, into an empty folder or in place of another: the next one gives the same model, to the bit."""
+    work = one.folder / "work"
+    again = ["--again"] * one.dice.randrange(2)
+    if again:
+        shutil.copytree(one.bench.walk_work, work)
+    words = ("solve", one.bench.walk, "--work", work, *again)
+    seconds = one.dice.uniform(0.05, 1.1) * one.bench.solve_seconds
+    interrupt(one, one.start(*words), seconds, one.dice.choice(SIGNALS))
+    if again and one.run("report", work).status:
+        one.verdict.add("lost", "the solve that was there is not usable while it is replaced")
+    run = one.run(*words)
+    if run.status:
+        one.verdict.add("lost", f"the next solve ended with {run.status}: {run.said[-300:]}")
+        return
+    expected, there = contents(one.bench.walk_work / "model"), contents(work / "model")
+    if bad := sorted(name for name in expected if there.get(name) != expected[name]):
+        one.verdict.add("wrong", f"{bad} differ from the reference")
+    one.look_for_leftovers({"solve.json", *(f"model/{name}" for name in expected)}, set(contents(work)))
 
 
 def _children(process: int) -> list[int]:
