@@ -52,20 +52,20 @@ sample: setup
 	@$(PYTHON) sample_scenes/filming.py $(SCENE) --out sample/$(SCENE)
 
 bench: setup
-	@$(PYTHON) -m benchmarks $(BENCH)
-	@$(PYTHON) -m benchmarks.mesh_times
+	@$(PYTHON) -m benchmarks.accuracy $(BENCH)
+	@$(PYTHON) -m benchmarks.timings.mesh_times
 
 bench-full: setup
-	@$(PYTHON) -m benchmarks --full $(BENCH)
+	@$(PYTHON) -m benchmarks.accuracy --full $(BENCH)
 
 bench-solve: setup
-	@$(PYTHON) -m benchmarks.motions $(SOLVES)
+	@$(PYTHON) -m benchmarks.solving $(SOLVES)
 
 bench-stability: setup
 	@$(PYTHON) -m benchmarks.stability
 
 figures: setup
-	@$(PYTHON) -m benchmarks.figures
+	@$(PYTHON) -m benchmarks.thesis
 
 lint: setup
 	@$(VENV)/bin/ruff check .

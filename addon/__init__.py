@@ -7,11 +7,15 @@ import the package.
 
 def register() -> None:
     from . import ui
+    from .cli import blender_command
 
     ui.register()
+    blender_command.register()
 
 
 def unregister() -> None:
     from . import ui
+    from .cli import blender_command
 
+    blender_command.unregister()
     ui.unregister()

@@ -39,7 +39,7 @@ def _commands() -> ModuleType:
         name = f"{PACKAGE}.ui"
         if not hasattr(bpy.types.Scene, "virtual_aperture"):
             importlib.import_module(PACKAGE).register()
-    return importlib.import_module(name.removesuffix(".ui") + ".commands")
+    return importlib.import_module(name.removesuffix(".ui") + ".cli.main")
 
 
 def _end(number: int, _frame: object) -> None:

@@ -15,6 +15,8 @@ from addon.render.quiet import quiet
 
 ROOT = Path(__file__).resolve().parents[1]
 FOLDER = ROOT / "build" / "bench"
+SOLVER = tuple(f"addon/core/{room}" for room in ("base", "camera", "media", "sfm"))
+"""What a solve is made by; the rest of the product cannot change it."""
 
 
 def digest(*things: Any) -> str:

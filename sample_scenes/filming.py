@@ -16,8 +16,8 @@ if __name__ == "__main__" and not __package__:
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
     __package__ = "sample_scenes"
 
-from addon.core.colmap_model import write_model
-from addon.core.reconstruction import Image, Intrinsics, Points, Reconstruction
+from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
+from addon.core.readers.colmap_export import write_model
 
 from . import staging, truth
 from .stage import Cameras, Stage

@@ -16,7 +16,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from addon.core.footage import encode_srgb
+from addon.core.media.clip import encode_srgb
 from addon.render.cycles_views import render_to_array
 
 from .stage import Floats, Stage

@@ -45,7 +45,7 @@ def scene(registered: None) -> Iterator[object]:
 @pytest.fixture(scope="session")
 def duck(data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The working folder of the real clip, solved once for all tests: it takes half a minute."""
-    from addon.core.solve import SolveProcess
+    from addon.core.sfm.process import SolveProcess
 
     work = tmp_path_factory.mktemp("duck") / "demo.aperture"
     process = SolveProcess(data / "duck" / "demo.mp4", work)

@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from addon.core.footage import Footage
-from addon.core.reconstruction import (
+from addon.core.camera.reconstruction import (
     Image,
     Intrinsics,
     Points,
@@ -18,6 +17,7 @@ from addon.core.reconstruction import (
     quaternion_from_matrix,
     rotation_matrix,
 )
+from addon.core.media.clip import Footage
 
 SIZE = (96, 64)
 LENS = Intrinsics(*SIZE, 80.0, 80.0, 48.0, 32.0)

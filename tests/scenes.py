@@ -7,8 +7,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from addon.core.footage import open_footage
-from addon.core.reconstruction import Image, Intrinsics, Points, Reconstruction, rotation_matrix
+from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction, rotation_matrix
+from addon.core.media.clip import open_footage
 from addon.scene.shot import Shot
 
 

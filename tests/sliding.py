@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from addon.core.footage import Footage, open_footage
+from addon.core.media.clip import Footage, open_footage
 
 from . import planes
 

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import cv2
 
-from ..core.atomic import staged
-from ..core.errors import Remedy, UserError
-from ..core.frame_report import FrameReport, Used, frame_report, summary
-from ..core.inspection import Shown, pictures
+from ..core.base.atomic import staged
+from ..core.base.errors import Remedy, UserError
+from ..core.lens.inspection import Shown, pictures
+from ..core.lens.report import FrameReport, Used, frame_report, summary
 from .average import Drawn, draw_shares
 
 KIND = "virtual aperture frame reports"

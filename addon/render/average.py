@@ -9,12 +9,12 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ..core.canvas import Picture
-from ..core.footage import to_linear
-from ..core.inspection import shares_of, source_frame
-from ..core.progress import checkpoint, stage
-from ..core.views import LensSettings
-from ..core.warp_frame import WarpedFrame, warp_frame
+from ..core.base.progress import checkpoint, stage
+from ..core.camera.canvas import Picture
+from ..core.lens.frame import WarpedFrame, warp_frame
+from ..core.lens.inspection import shares_of, source_frame
+from ..core.lens.plan import LensSettings
+from ..core.media.clip import to_linear
 from ..scene.shot import Shot
 from . import cycles_views, gpu_views
 
@@ -38,7 +38,7 @@ Told = Callable[[Drawn], None]
 
 READ, WARPED = 0.01, 0.7
 """Shares of a frame's time that are over once it is read and once its mesh is made; the rest draws its views.
-From `python -m benchmarks.mesh_times` and `view_times`, with 64 views on 2 cores."""
+From `python -m benchmarks.timings.mesh_times` and `view_times`, with 64 views on 2 cores."""
 
 
 def render_frame(

@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from ..core.canvas import Picture
-    from ..core.reconstruction import Floats
-    from ..core.views import FramePlan
+    from ..core.camera.canvas import Picture
+    from ..core.camera.reconstruction import Floats
+    from ..core.lens.plan import FramePlan
 
 SENSOR = 36.0
 SCRIPT_MARK = "virtual-aperture-views"
@@ -27,8 +27,8 @@ SCRIPT_MARK = "virtual-aperture-views"
 
 def mean_of_views(plan: FramePlan, picture: Picture) -> Picture:
     """As `gpu_views.mean_of_views`, drawn by Cycles in a child process, which is ended on cancel."""
-    from ..core.atomic import temporary_folder
-    from ..core.errors import UserError
+    from ..core.base.atomic import temporary_folder
+    from ..core.base.errors import UserError
 
     with temporary_folder() as folder:
         _write_job(folder, plan, picture)
@@ -50,7 +50,7 @@ def mean_of_views(plan: FramePlan, picture: Picture) -> Picture:
 
 def _wait(child: subprocess.Popen[str], total: int) -> None:
     """Wait for the child's end, with checkpoints: its first view comes after seconds."""
-    from ..core.progress import checkpoint
+    from ..core.base.progress import checkpoint
 
     done = 0
 

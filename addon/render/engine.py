@@ -11,12 +11,12 @@ from contextlib import contextmanager
 import bpy
 import numpy as np
 
-from ..core.canvas import Picture
-from ..core.errors import UserError
-from ..core.progress import Cancelled, checkpoint, reporting, stage
-from ..panel_words import WORDS
+from ..core.base.errors import UserError
+from ..core.base.progress import Cancelled, checkpoint, reporting, stage
+from ..core.camera.canvas import Picture
 from ..scene.ignored import warn_of_ignored
 from ..scene.properties import lens_settings
+from ..scene.remedy_words import WORDS
 from ..scene.shot import Shot, shot_of
 from .average import Told, render_frame
 from .frame_size import render_size

@@ -14,7 +14,7 @@ import cv2
 import imbuf
 import numpy as np
 
-from ..core.errors import UserError
+from ..core.base.errors import UserError
 
 NOTE = "Note"
 """Name under which Blender writes a stamp's note into PNG and EXR files."""

@@ -7,8 +7,8 @@ import hashlib
 import bpy
 import numpy as np
 
-from ..core.digest import file_digest, files_digest
-from ..core.footage import Footage
+from ..core.base.digest import file_digest, files_digest
+from ..core.media.clip import Footage
 from ..scene.masks import DrawnMask
 from ..scene.properties import lens_settings
 from ..scene.shot import Shot, shot_of

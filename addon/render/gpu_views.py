@@ -14,10 +14,10 @@ import gpu
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.canvas import Picture
-from ..core.errors import UserError
-from ..core.views import FramePlan
-from .main_thread import Steps, draw
+from ..core.base.errors import UserError
+from ..core.camera.canvas import Picture
+from ..core.lens.plan import FramePlan
+from ..scene.main_thread import Steps, draw
 from .quiet import quiet
 
 SYNC = 4

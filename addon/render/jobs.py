@@ -16,8 +16,8 @@ from pathlib import Path
 
 import bpy
 
-from ..core.errors import UserError
-from ..core.solve_report import ranges
+from ..core.base.errors import UserError
+from ..core.sfm.report import ranges
 
 HEADLESS = Path(__file__).resolve().parents[1] / "headless.py"
 PATIENCE = 10.0

@@ -12,14 +12,14 @@ from pathlib import Path
 
 import bpy
 
-from ..core import atomic
-from ..core.counting import counted
-from ..core.errors import Remedy, UserError
-from ..core.file_names import checked_name
-from ..core.folder_lock import OutputLock
-from ..core.footage import PICTURES, Footage, is_pattern
-from ..core.solve_report import ranges
-from ..core.views import can_be_layered, plan_frame
+from ..core.base import atomic
+from ..core.base.counting import counted
+from ..core.base.errors import Remedy, UserError
+from ..core.base.file_names import checked_name
+from ..core.base.folder_lock import OutputLock
+from ..core.lens.plan import can_be_layered, plan_frame
+from ..core.media.clip import PICTURES, Footage, is_pattern
+from ..core.sfm.report import ranges
 from ..scene.build import SOUND
 from ..scene.properties import lens_settings
 from ..scene.shot import shot_of

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..core.aperture import random_disc, vogel_disc
-from ..core.errors import UserError
-from ..core.reconstruction import Floats
-from ..core.views import LensSettings, plan_frame
+from ..core.base.errors import UserError
+from ..core.camera.reconstruction import Floats
+from ..core.lens.aperture_sampling import random_disc, vogel_disc
+from ..core.lens.plan import LensSettings, plan_frame
 
 if TYPE_CHECKING:
     from .properties import VirtualApertureSettings

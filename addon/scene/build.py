@@ -11,11 +11,11 @@ from pathlib import Path
 
 import bpy
 
-from ..core.clip_identity import identity
-from ..core.errors import UserError
-from ..core.footage import Footage
-from ..core.reconstruction import Reconstruction, typical_distance
-from ..core.solve_folder import default_work_dir
+from ..core.base.errors import UserError
+from ..core.camera.reconstruction import Reconstruction, typical_distance
+from ..core.media.clip import Footage
+from ..core.media.clip_identity import identity
+from ..core.sfm.workspace import default_work_dir
 from . import aperture_cloud, camera, lens, point_cloud, store
 from .paths import relative
 from .properties import VirtualApertureSettings

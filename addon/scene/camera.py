@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from ..core.reconstruction import Floats, Image, Intrinsics, Reconstruction, quaternion_from_matrix
+from ..core.camera.reconstruction import Floats, Image, Intrinsics, Reconstruction, quaternion_from_matrix
 
 SENSOR = 36.0
 """Millimetres of the horizontal sensor, Blender's own default."""

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 import bpy
 
-from ..core.errors import Remedy, UserError
-from ..core.find_clip import clip_exists, find_clip, is_clip
-from ..core.solve_folder import default_work_dir, recorded_clip
+from ..core.base.errors import Remedy, UserError
+from ..core.media.find_clip import clip_exists, find_clip, is_clip
+from ..core.sfm.workspace import default_work_dir, recorded_clip
 from .paths import absolute
 
 if TYPE_CHECKING:

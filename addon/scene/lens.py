@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING
 import bpy
 import numpy as np
 
-from ..core.errors import UserError
-from ..core.focus import Focus, blur_for_radius, radius_for_blur
-from ..core.reconstruction import Reconstruction
+from ..core.base.errors import UserError
+from ..core.camera.reconstruction import Reconstruction
+from ..core.lens.focus import Focus, blur_for_radius, radius_for_blur
 from .shot import reconstruction_of
 
 if TYPE_CHECKING:

@@ -9,10 +9,10 @@ import bpy
 import cv2
 import numpy as np
 
-from ..core.canvas import Picture
-from ..core.masks import Mask
-from ..core.reconstruction import Floats
-from ..render import main_thread
+from ..core.camera.canvas import Picture
+from ..core.camera.reconstruction import Floats
+from ..core.media.masks import Mask
+from . import main_thread
 
 CURVE = 16
 """Straight pieces that a curve between two points is drawn with."""

@@ -13,12 +13,12 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core import lenses
-from ..core.counting import counted
-from ..core.errors import UserError
-from ..core.footage import Footage, describe
+from ..core.base.counting import counted
+from ..core.base.errors import UserError
+from ..core.camera import distortion
+from ..core.camera.reconstruction import Floats, Image, Intrinsics, Ints, Points, Reconstruction
+from ..core.media.clip import Footage, describe
 from ..core.readers.matching import ONLY_TURNS, Imported, at_one_place
-from ..core.reconstruction import Floats, Image, Intrinsics, Ints, Points, Reconstruction
 from .camera import FLIP
 
 FORMAT = "Blender movie clip"
@@ -136,7 +136,7 @@ def _with_distortion(lens: Intrinsics, camera: bpy.types.MovieTrackingCamera, no
             if not camera.brown_k4:
                 return _rational(lens, radial[:3], tangential=tangential)
             seen = _seen_rays(lens)
-            rays = lenses.Brown(radial, tangential).undistort(seen)
+            rays = distortion.Brown(radial, tangential).undistort(seen)
             return _fitted(lens, rays, seen, tangential, "Brown", notes)
         case "NUKE":
             if not any((camera.nuke_k1, camera.nuke_k2, camera.nuke_p1, camera.nuke_p2)):
@@ -191,7 +191,7 @@ def _fitted(
     largest = float(square.max())
     if not np.isfinite(largest):
         raise UserError(f"the {model} lens distortion of the movie clip folds the picture; solve it again")
-    straight = seen - lenses.Brown((0.0,), tangential).distort(rays) + rays
+    straight = seen - distortion.Brown((0.0,), tangential).distort(rays) + rays
     factor = (straight * rays).sum(axis=1) / np.maximum(square, 1e-300)
     powers = (square / largest)[:, None] ** [1, 2, 3]
     # factor = (1 + a . powers) / (1 + b . powers), times the lower side, in distances and not in ratios.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from ..core.reconstruction import Reconstruction
+from ..core.camera.reconstruction import Reconstruction
 
 DOTS = "Virtual Aperture Points"
 """Modifier, node group and material of the first versions."""

@@ -15,10 +15,10 @@ from bpy.props import (
     StringProperty,
 )
 
-from ..core.focal import Focal, from_equivalent, from_sensor
-from ..core.focus import radius_for_blur
-from ..core.reconstruction import Reconstruction
-from ..core.views import LensSettings
+from ..core.camera.focal_length import Focal, from_equivalent, from_sensor
+from ..core.camera.reconstruction import Reconstruction
+from ..core.lens.focus import radius_for_blur
+from ..core.lens.plan import LensSettings
 from . import lens
 
 VERSION = 1

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..core.errors import UserError
-from ..core.find_clip import is_clip
-from ..core.focus import Focus
-from ..core.reconstruction import Reconstruction
-from ..core.refocus import carry_focus
+from ..core.base.errors import UserError
+from ..core.camera.reconstruction import Reconstruction
+from ..core.lens.focus import Focus
+from ..core.lens.refocus import carry_focus
+from ..core.media.find_clip import is_clip
 from . import lens
 from .shot import reconstruction_of
 

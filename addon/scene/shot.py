@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING
 import bpy
 import numpy as np
 
-from ..core.borrow import Lender
-from ..core.dense_depth import COARSE, ClipDepth, Mask, Moving
-from ..core.dense_fusion import SteadyDepth
-from ..core.depth import MappedDepth
-from ..core.depth_maps import open_depth
-from ..core.errors import UserError
-from ..core.footage import Footage, Pixels, finite, open_footage
-from ..core.masks import Masks, open_masks
-from ..core.recent import Recent
-from ..core.reconstruction import Reconstruction
+from ..core.base.errors import UserError
+from ..core.base.lru_cache import Recent
+from ..core.camera.reconstruction import Reconstruction
+from ..core.depth.multi_view_stereo import COARSE, ClipDepth, Mask, Moving
+from ..core.depth.sparse import MappedDepth
+from ..core.depth.temporal_fusion import SteadyDepth
+from ..core.depth.user_maps import open_depth
+from ..core.media.clip import Footage, Pixels, finite, open_footage
+from ..core.media.masks import Masks, open_masks
+from ..core.warp.disocclusion_fill import Lender
 from . import exr, store
 from .clip import solved_clip_path
 from .masks import DrawnMask, drawn_mask

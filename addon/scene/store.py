@@ -10,9 +10,9 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.errors import UserError
-from ..core.lenses import FAMILIES, PARAMETERS, term_names
-from ..core.reconstruction import Image, Intrinsics, Points, Reconstruction
+from ..core.base.errors import UserError
+from ..core.camera.distortion import FAMILIES, PARAMETERS, term_names
+from ..core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
 
 PREFIX = "virtual_aperture_"
 VERSION = 2

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import bpy
 
-from .. import command_line
-from ..render import background, engine, main_thread
-from ..scene import clip, paths, properties, shot
+from ..render import background, engine
+from ..scene import clip, main_thread, paths, properties, shot
 from . import (
     choose_clip,
     engine_panels,
@@ -40,7 +39,6 @@ def register() -> None:
     paths.register()
     points_overlay.register()
     background.register()
-    command_line.register()
     main_thread.start()
 
 
@@ -48,7 +46,6 @@ def unregister() -> None:
     """Undo `register` in reverse order, and close the open clip."""
     main_thread.stop()
     paths.unregister()
-    command_line.unregister()
     background.unregister()
     engine_panels.unregister()
     clip.forget()

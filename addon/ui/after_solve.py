@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..core.reconstruction import Floats, Reconstruction
+from ..core.camera.reconstruction import Floats, Reconstruction
 
 SOLID = {"MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD", "VOLUME"}
 """Types of objects that hide what is behind them."""

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import bpy
 
-from ..core.errors import UserError
-from ..core.footage import PICTURES
+from ..core.base.errors import UserError
+from ..core.media.clip import PICTURES
 from .operators import Result, reported
 
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import bpy
 
-from ..core.errors import UserError
-from ..core.find_clip import is_clip
-from ..core.footage import is_pattern, open_footage
+from ..core.base.errors import UserError
+from ..core.media.clip import is_pattern, open_footage
+from ..core.media.find_clip import is_clip
 from ..scene.build import move_clip
 from ..scene.paths import absolute
 from .operators import Result, has_solve, reported

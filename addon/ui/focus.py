@@ -5,9 +5,9 @@ from __future__ import annotations
 import bmesh
 import bpy
 
-from ..core.counting import counted
-from ..core.errors import UserError
-from ..core.focus import Focus
+from ..core.base.counting import counted
+from ..core.base.errors import UserError
+from ..core.lens.focus import Focus
 from ..scene import aperture_cloud, lens
 from ..scene.point_cloud import ID_ATTRIBUTE
 from ..scene.shot import reconstruction_of

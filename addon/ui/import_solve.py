@@ -7,11 +7,11 @@ from typing import Any
 
 import bpy
 
-from ..core.errors import UserError
-from ..core.footage import Footage, open_footage
+from ..core.base.errors import UserError
+from ..core.media.clip import Footage, open_footage
 from ..core.readers import read_reconstruction
 from ..core.readers.matching import Imported
-from ..core.solve_folder import check_replaceable, holds_solve, keep_import
+from ..core.sfm.workspace import check_replaceable, holds_solve, keep_import
 from ..scene.clip import footage_path
 from ..scene.movieclip import read_movie_clip
 from .operators import Result, bring_in, has_clip, report_hidden, reported, work_dir

@@ -5,12 +5,12 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from ..core.errors import UserError
-from ..core.inspection import NAMES, Shown
-from ..panel_words import WORDS
+from ..core.base.errors import UserError
+from ..core.lens.inspection import NAMES, Shown
 from ..render import engine
 from ..render.account import Inspector
 from ..scene.properties import lens_settings
+from ..scene.remedy_words import WORDS
 from ..scene.shot import reconstruction_of
 from .operators import Result, has_focus, reported
 

@@ -11,14 +11,13 @@ from typing import Any
 
 import bpy
 
-from ..core.counting import counted
-from ..core.errors import UserError, with_words
-from ..core.footage import Footage
-from ..core.progress import Cancelled, reporting
-from ..core.solve import Progress, SolveProcess
-from ..core.solve_folder import Solve, default_work_dir, imported_from, load_solve
-from ..core.solve_state import STATE
-from ..panel_words import WORDS
+from ..core.base.counting import counted
+from ..core.base.errors import UserError, with_words
+from ..core.base.progress import Cancelled, reporting
+from ..core.media.clip import Footage
+from ..core.sfm.process import Progress, SolveProcess
+from ..core.sfm.state import STATE
+from ..core.sfm.workspace import Solve, default_work_dir, imported_from, load_solve
 from ..scene import aperture_cloud
 from ..scene.build import build
 from ..scene.clip import footage_path, solved_clip_path
@@ -26,6 +25,7 @@ from ..scene.lens import is_in_focus
 from ..scene.paths import absolute
 from ..scene.properties import focal_of, lens_settings
 from ..scene.refocus import keep_focus, restore_focus
+from ..scene.remedy_words import WORDS
 from ..scene.shot import reconstruction_of
 from . import after_solve
 

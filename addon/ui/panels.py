@@ -6,7 +6,7 @@ from pathlib import Path
 
 import bpy
 
-from ..core.counting import counted
+from ..core.base.counting import counted
 from ..scene import lens, masks
 from . import after_solve, choose_clip, focus, import_solve, inspect, notices, operators
 from .text import wrapped

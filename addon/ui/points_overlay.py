@@ -12,7 +12,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.reconstruction import Floats
+from ..core.camera.reconstruction import Floats
 from ..scene.point_cloud import ID_ATTRIBUTE
 from ..scene.shot import IDENTITY
 

@@ -8,10 +8,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from addon.core.footage import open_footage
+from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction, rotation_matrix
+from addon.core.media.clip import open_footage
 from addon.core.readers.matching import Imported
-from addon.core.reconstruction import Image, Intrinsics, Points, Reconstruction, rotation_matrix
-from addon.core.solve_folder import keep_import
+from addon.core.sfm.workspace import keep_import
 from addon.render.quiet import quiet
 from sample_scenes import clip as encoding
 

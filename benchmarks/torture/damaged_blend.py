@@ -16,7 +16,7 @@ import bpy
 if __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
     import addon
-    from addon.core.errors import UserError
+    from addon.core.base.errors import UserError
     from addon.render import engine
 
     addon.register()

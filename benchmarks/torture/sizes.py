@@ -7,7 +7,7 @@ import signal
 import cv2
 import numpy as np
 
-from addon.core.reconstruction import Intrinsics
+from addon.core.camera.reconstruction import Intrinsics
 
 from . import clip
 from .bench import LENS, Try, contents, memory_limit

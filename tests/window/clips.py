@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from addon.core.reconstruction import Image, Intrinsics, Reconstruction
+from addon.core.camera.reconstruction import Image, Intrinsics, Reconstruction
 
 from ..scenes import slanted_plane, texture
 
@@ -24,7 +24,7 @@ def write_scene(folder: Path, size: tuple[int, int] = SMALL, views: int = VIEWS)
     width, height = size
     import bpy
 
-    from addon.core.footage import open_footage
+    from addon.core.media.clip import open_footage
     from addon.scene.build import build
 
     lens = Intrinsics(width, height, 0.95 * width, 0.95 * width, width / 2, height / 2)

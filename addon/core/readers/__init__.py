@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Protocol
 
-from ..errors import UserError
-from ..footage import Footage
+from ..base.errors import UserError
+from ..media.clip import Footage
 from . import bundler, colmap, nvm, voodoo
 from .foreign import Foreign
 from .matching import Imported, match

@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import UserError
-from ..footage import PICTURES
-from ..reconstruction import Floats, Image, Intrinsics, Points, Reconstruction
+from ..base.errors import UserError
+from ..camera.reconstruction import Floats, Image, Intrinsics, Points, Reconstruction
+from ..media.clip import PICTURES
 from .parsing import LARGEST, Numbers
 
 ACCURATE = 0.01

@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..counting import counted
-from ..errors import UserError
-from ..reconstruction import Floats, Image, Intrinsics
+from ..base.counting import counted
+from ..base.errors import UserError
+from ..camera.reconstruction import Floats, Image, Intrinsics
 from .building import Sightings, assemble, check_size, picture_size, rotation_from, sightings_of, visible
 from .foreign import Foreign
 from .parsing import Numbers, Text

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..errors import UserError
+from ..base.errors import UserError
 from . import colmap_binary, colmap_text
 from .colmap_tables import assemble
 from .foreign import Foreign

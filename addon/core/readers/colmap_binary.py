@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from ..errors import UserError
-from ..lenses import PARAMETERS
-from ..reconstruction import Intrinsics, Points
+from ..base.errors import UserError
+from ..camera.distortion import PARAMETERS
+from ..camera.reconstruction import Intrinsics, Points
 from .colmap_tables import ImageRow, PointTable, Tables, contents, lens, name_of, wrong
 
 FILES = ("cameras.bin", "images.bin", "points3D.bin")

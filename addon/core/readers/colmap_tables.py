@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import UserError
-from ..reconstruction import Floats, Image, Intrinsics, Points, Reconstruction, matrix_from_quaternion
+from ..base.errors import UserError
+from ..camera.reconstruction import Floats, Image, Intrinsics, Points, Reconstruction, matrix_from_quaternion
 
 Longs = NDArray[np.int64]
 

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import UserError
-from ..reconstruction import Floats, Intrinsics, Points
+from ..base.errors import UserError
+from ..camera.reconstruction import Floats, Intrinsics, Points
 from .colmap_tables import NO_POINT, ImageRow, Longs, PointTable, Tables, contents, lens, name_of, wrong
 
 FILES = ("cameras.txt", "images.txt", "points3D.txt")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..reconstruction import Reconstruction
+from ..camera.reconstruction import Reconstruction
 
 
 @dataclass(frozen=True)

@@ -14,10 +14,10 @@ from pathlib import PurePosixPath
 
 import numpy as np
 
-from ..counting import counted
-from ..errors import UserError
-from ..footage import Footage, describe
-from ..reconstruction import Image, Intrinsics, Reconstruction
+from ..base.counting import counted
+from ..base.errors import UserError
+from ..camera.reconstruction import Image, Intrinsics, Reconstruction
+from ..media.clip import Footage, describe
 from .foreign import Foreign
 
 SAME_ASPECT = 0.01

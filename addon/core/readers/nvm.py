@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import UserError
-from ..reconstruction import Floats, Image, Intrinsics, matrix_from_quaternion
+from ..base.errors import UserError
+from ..camera.reconstruction import Floats, Image, Intrinsics, matrix_from_quaternion
 from .building import (
     ACCURATE,
     Sightings,

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import UserError
-from ..reconstruction import Floats
+from ..base.errors import UserError
+from ..camera.reconstruction import Floats
 
 SPACE = np.isin(np.arange(256), list(b" \t\n\r\v\f"))
 """Which bytes separate words."""

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..reconstruction import Floats, Image, Intrinsics, Points, Reconstruction
+from ..camera.reconstruction import Floats, Image, Intrinsics, Points, Reconstruction
 from .building import ACCURATE, rotation_from, undistorting, visible
 from .foreign import Foreign
 from .parsing import Text

@@ -1,0 +1,1 @@
+"""The command line: `headless.py` and `blender --command virtual_aperture`."""

@@ -1,0 +1,39 @@
+"""The command line of an installed extension: `blender --command virtual_aperture ARGS`.
+
+A Blender without the extension ends with status 1 and says that it does not know the command, so nothing is
+ever rendered by another engine instead.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+NAME = "virtual_aperture"
+
+_handle: Any = None
+
+
+def register() -> None:
+    """Let this Blender's `--command` know us."""
+    global _handle
+    _handle = bpy.utils.register_cli_command(NAME, _run)
+
+
+def unregister() -> None:
+    """Undo `register`."""
+    global _handle
+    bpy.utils.unregister_cli_command(_handle)
+    _handle = None
+
+
+def _run(arguments: list[str]) -> int:
+    # Only here: the commands import what a window never needs.
+    from .main import run_command
+
+    try:
+        return run_command(arguments)
+    except SystemExit as end:
+        # argparse's way to end after --help and for arguments that are not understood.
+        return end.code if isinstance(end.code, int) else 1

@@ -1,0 +1,220 @@
+"""The commands for farms: a job's bundle, and joining the frames that its machines rendered."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ..core.base import atomic
+from ..core.base.counting import counted
+from ..core.base.errors import UserError
+from ..core.depth.user_maps import open_depth
+from ..core.media.clip import Footage, FrameRange, open_footage
+from ..core.media.copying import copy_clip, copy_file, copy_pictures
+from ..core.media.masks import open_masks
+from ..core.sfm.state import STATE
+from ..core.sfm.workspace import load_solve
+from ..render import jobs, output
+from ..render.frame_files import key_of
+from ..render.frame_keys import frame_keys
+from ..render.frame_size import written_size
+from ..render.quiet import quiet
+from .blender_command import NAME
+from .lens import add_lens, check_numbers, lens_arguments, movie_frames, pinned, say, scene_of, set_lens
+from .paths import path
+from .save import DEPTH, MASKS
+from .solve import add_footage, solve_arguments
+
+TEMPLATE = "template.json"
+VERSION = "jobtemplate-2023-09"
+CHUNKS = 1024
+"""The most values that Open Job Description lets a task parameter list."""
+FRAMES = "frames/######.png"
+
+
+def add_commands(
+    commands: argparse._SubParsersAction[argparse.ArgumentParser], common: argparse.ArgumentParser
+) -> None:
+    """`farm` and `join`; each sets `command` to the function that runs it."""
+    one = commands.add_parser(
+        "farm", parents=[common], help="write a job for render farms, in the Open Job Description format"
+    )
+    one.description = "The job renders chunks of frames side by side and joins them to a movie with sound."
+    add_footage(one, "DIR|FOOTAGE", "folder that keeps the solve, or the clip: then the job solves it first")
+    one.add_argument("--out", type=path, required=True, metavar="BUNDLE", help="folder for the job")
+    one.add_argument("--chunk", type=int, default=12, metavar="N", help="frames a task (default 12)")
+    one.add_argument("--frames", metavar="A-B", help="frames to render")
+    one.add_argument("--movie", default="movie.mp4", metavar="NAME", help="the movie's name (movie.mp4)")
+    add_lens(one, required=True)
+    one.set_defaults(command=farm)
+
+    two = commands.add_parser("join", parents=[common], help="join rendered frames to a movie with sound")
+    two.description = (
+        "With the focus and all else as for render, frames made with other settings are refused."
+    )
+    two.add_argument("work", type=path, metavar="DIR", help="folder that keeps the solve")
+    two.add_argument(
+        "--rendered", type=path, required=True, metavar="DIR/####.png", help="frames of render --for-movie"
+    )
+    two.add_argument("--out", type=path, required=True, metavar="FILE.mp4")
+    two.add_argument("--frames", metavar="A-B", help="frames that the movie shows")
+    two.add_argument("--overwrite", action="store_true", help="replace the movie if it exists")
+    add_lens(two, required=False)
+    two.set_defaults(command=join)
+
+
+def join(options: argparse.Namespace) -> None:
+    """`join DIR --rendered FRAMES --out FILE`: all frames are there, whole and of one run, or it fails."""
+    rendered, out = options.rendered.absolute(), options.out.absolute()
+    output.check_output(out, options.overwrite)
+    if out.suffix.lower() not in output.MOVIES:
+        raise UserError(f"{out.name} is no movie; end it in {', '.join(output.MOVIES)}")
+    if rendered.suffix.lower() != ".png" or "#" not in rendered.name:
+        raise UserError(f"{rendered.name} must be a pattern like ####.png, as render writes with --for-movie")
+    check_numbers(options)
+    solved = load_solve(options.work)
+    scene, settings, _ = scene_of(solved)
+    frames = movie_frames(solved, options.frames)
+    files = {frame: rendered.with_name(output.numbered(rendered.name, frame)) for frame in frames}
+    output.crop_to_even(scene.render)
+    keys = None
+    if any((options.focus_at, options.focus_point, options.focus_distance is not None)):
+        # As render --for-movie, whichever part of it.
+        set_lens(settings, solved, options)
+        keys = frame_keys(scene, frames)
+    output.check_frames(files, written_size(scene.render), keys)
+    if lacking := [frame for frame, path in files.items() if key_of(path) is None]:
+        raise UserError(f"{files[lacking[0]]} was not rendered by this program; name the frames that were")
+    silent = contextlib.nullcontext(1) if options.debug else quiet(1)
+    with output.claimed(out), silent:
+        output.join(scene, files, out)
+    say(f"joined {counted(len(files), 'frame')}")
+    say(f"wrote {options.out}")
+
+
+def farm(options: argparse.Namespace) -> None:
+    """`farm DIR --out BUNDLE`: a folder with the job and all that it reads, to be moved as it is."""
+    out: Path = options.out.absolute()
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise UserError(f"{out} exists; name a folder that is not there yet")
+    if Path(options.movie).suffix.lower() not in output.MOVIES or Path(options.movie).name != options.movie:
+        raise UserError(f"{options.movie} is no name of a movie; end it in {', '.join(output.MOVIES)}")
+    if options.chunk < 1:
+        raise UserError(f"a task of {options.chunk} frames renders nothing; give at least 1")
+    output.check_folder(out.parent)
+    check_numbers(options)
+    source: Path = options.footage.absolute()
+    is_solved = (source / STATE).is_file()
+    folder = out / "input"
+    if is_solved:
+        solved = load_solve(source)
+        footage = open_footage(solved.footage, solved.frames)
+        # What the lens asks for is wrong now or never.
+        _scene, settings, _ = scene_of(solved)
+        frames = movie_frames(solved, options.frames)
+        set_lens(settings, solved, options, frames)
+        words = pinned(options, settings, depth=None, mask=None)
+        clip = copy_clip(open_footage(solved.footage), folder)
+        _copy_solve(source, folder / "solve", clip)
+    else:
+        footage = open_footage(source, options.frames and FrameRange.parse(options.frames))
+        frames = list(open_footage(source, FrameRange(footage.frames[0], footage.frames[-1])).frames)
+        clip = copy_clip(open_footage(source), folder)
+        if options.focus_at and "@" not in options.focus_at:
+            options.focus_at += f"@{frames[0]}"
+        words = lens_arguments(options, depth=None, mask=None)
+    lens = words + _pictures(options, footage, folder)
+    name = clip.relative_to(folder).as_posix()
+    job = _job(options, _chunks(frames, options.chunk), lens, None if is_solved else name)
+    atomic.write_bytes(out / TEMPLATE, (json.dumps(job, indent=1) + "\n").encode())
+    tasks = counted(len(job["steps"][-2]["parameterSpace"]["taskParameterDefinitions"][0]["range"]), "task")
+    say(f"wrote {options.out}: {counted(len(frames), 'frame')} in {tasks}")
+    say(f"run it here: openjd run {out / TEMPLATE} --step Join --run-dependencies")
+
+
+def _copy_solve(source: Path, target: Path, clip: Path) -> None:
+    for file in [source / STATE, *(source / "model").iterdir()]:
+        if file.name != STATE:
+            copy_file(file, target / file.relative_to(source))
+    state = json.loads((source / STATE).read_text(encoding="utf-8"))
+    # Every machine has the clip where the bundle lies there, however it writes paths.
+    state |= {"footage": str(clip), "relative": f"../{clip.relative_to(target.parent).as_posix()}"}
+    atomic.write_bytes(target / STATE, json.dumps(state, indent=1).encode())
+
+
+def _pictures(options: argparse.Namespace, footage: Footage, folder: Path) -> list[str]:
+    """Copy the user's depth maps and masks into the bundle; the words that lead there."""
+    words = []
+    if options.depth:
+        maps = open_depth(options.depth.absolute(), footage).maps
+        words += ["--depth", _in_bundle(copy_pictures(maps, folder / DEPTH), folder)]
+    if options.mask:
+        pictures = open_masks(options.mask.absolute(), footage).pictures
+        words += ["--mask", _in_bundle(copy_pictures(pictures, folder / MASKS), folder)]
+    return words
+
+
+def _in_bundle(path: Path, folder: Path) -> str:
+    return f"{{{{Param.Input}}}}/{path.relative_to(folder).as_posix()}"
+
+
+def _chunks(frames: list[int], size: int) -> list[str]:
+    """Ranges of frames, as `--frames` takes them."""
+    least = -(-len(frames) // CHUNKS)
+    if size < least:
+        raise UserError(f"tasks of {size} frames are more than {CHUNKS}; give --chunk {least} or more")
+    parts = [frames[at : at + size] for at in range(0, len(frames), size)]
+    return [f"{part[0]}-{part[-1]}" for part in parts]
+
+
+def _job(options: argparse.Namespace, chunks: list[str], lens: list[str], clip: str | None) -> dict[str, Any]:
+    """The template. `clip` is the path within the input folder of one that is to be solved first."""
+    program, *before = _program()
+    work = "{{Param.Output}}/solve" if clip else "{{Param.Input}}/solve"
+
+    def step(name: str, words: list[str], after: str = "", **others: Any) -> dict[str, Any]:
+        run = {"command": "{{Param.Program}}", "args": [*before, *words]}
+        dependencies = {"dependencies": [{"dependsOn": after}]} if after else {}
+        return {"name": name, **dependencies, **others, "script": {"actions": {"onRun": run}}}
+
+    steps = []
+    if clip:
+        # The folder keeps the solve, and a second run of an equal step takes it.
+        words = ["solve", f"{{{{Param.Input}}}}/{clip}", "--work", work, *solve_arguments(options)]
+        steps.append(step("Solve", words + (["--frames", options.frames] if options.frames else [])))
+    rendered = f"{{{{Param.Output}}}}/{FRAMES}"
+    words = ["render", work, *lens, "--for-movie", "--frames", "{{Task.Param.Frames}}", "--out", rendered]
+    space = {"taskParameterDefinitions": [{"name": "Frames", "type": "STRING", "range": chunks}]}
+    steps.append(step("Render", words, "Solve" if clip else "", parameterSpace=space))
+    words = ["join", work, *lens, "--rendered", rendered, "--overwrite"]
+    words += ["--frames", options.frames] if options.frames else []
+    steps.append(step("Join", [*words, "--out", f"{{{{Param.Output}}}}/{options.movie}"], "Render"))
+    return {
+        "specificationVersion": VERSION,
+        "name": f"Virtual Aperture {options.footage.stem}"[:128],
+        "parameterDefinitions": [
+            {
+                "name": "Program", "type": "STRING", "default": program,
+                "description": "Blender with the extension Virtual Aperture installed and enabled",
+            },
+            {
+                "name": "Input", "type": "PATH", "objectType": "DIRECTORY", "dataFlow": "IN",
+                "default": "input", "description": "The clip, its solve, and the user's masks and depth maps",
+            },
+            {
+                "name": "Output", "type": "PATH", "objectType": "DIRECTORY", "dataFlow": "OUT",
+                "default": "output", "description": "The movie, and the folder of its frames",
+            },
+        ],
+        "steps": steps,
+    }  # fmt: skip
+
+
+def _program() -> list[str]:
+    """The program that a farm's machines start, and the words before a command's name."""
+    return ["blender", "--command", NAME] if bpy.app.binary_path else jobs.launcher()

@@ -1,0 +1,86 @@
+"""The command that shows what a frame is drawn from."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+from pathlib import Path
+
+import bpy
+
+from ..core.base.errors import UserError
+from ..core.lens.inspection import NAMES, Shown
+from ..core.lens.report import FrameReport
+from ..core.sfm.workspace import load_solve
+from ..render import output
+from ..render.account import Inspector, replaced, write_picture
+from ..render.average import no_gpu_note, render_frame
+from ..render.frame_size import render_size
+from ..render.gpu_views import gpu_problem
+from ..render.quiet import quiet
+from ..scene.properties import lens_settings
+from ..scene.shot import shot_of
+from .lens import add_lens, check_numbers, say, scene_of, set_lens
+from .paths import path
+
+REPORT = "report.json"
+
+
+def add_command(
+    commands: argparse._SubParsersAction[argparse.ArgumentParser], common: argparse.ArgumentParser
+) -> None:
+    """`inspect`, which sets `command` to the function that runs it."""
+    one = commands.add_parser(
+        "inspect", parents=[common], help="pictures and figures of what a frame is drawn from"
+    )
+    one.add_argument("work", type=path, metavar="DIR", help="folder that keeps the solve")
+    one.add_argument("--frame", type=int, required=True, metavar="N", help="frame of the clip")
+    one.add_argument("--out", type=path, required=True, metavar="DIR", help="folder for the pictures")
+    one.add_argument("--overwrite", action="store_true", help="replace pictures that are there")
+    add_lens(one, required=True)
+    one.set_defaults(command=inspect)
+
+
+def inspect(options: argparse.Namespace) -> None:
+    """`inspect DIR --frame N ... --out OUT`"""
+    out: Path = options.out.absolute()
+    files = [out / name for name in (*(f"{name}.png" for name in NAMES), REPORT)]
+    there = [file for file in files if file.exists()]
+    if there and not options.overwrite:
+        raise UserError(f"{there[0]} exists; name another folder or pass --overwrite")
+    output.check_folder(out)
+    check_numbers(options)
+    solved = load_solve(options.work)
+    scene, settings, footage = scene_of(solved)
+    if options.frame not in footage.frames:
+        raise UserError(
+            f"the solve has no frame {options.frame}; it has {footage.frames[0]} to {footage.frames[-1]}"
+        )
+    sources = [source for source in (solved.footage, options.mask, options.depth) if source is not None]
+    output.check_apart([out], sources)
+    set_lens(settings, solved, options, (options.frame,))
+    # A focus that is followed is another one at each frame.
+    scene.frame_set(options.frame)
+    pictures, report = _inspected(scene, options.frame, options.debug)
+    # What this frame does not have must not be left from another one.
+    for file in there:
+        file.unlink()
+    for name, picture in pictures.items():
+        write_picture(out / f"{name}.png", picture)
+    replaced(out / REPORT, lambda part: part.write_text(json.dumps(report.as_dict(), indent=1) + "\n"))
+    for line in report.words():
+        say(line)
+    say(f"wrote {', '.join(pictures)} and {REPORT} into {options.out}")
+
+
+def _inspected(scene: bpy.types.Scene, frame: int, debug: bool) -> tuple[dict[str, Shown], FrameReport]:
+    problem = gpu_problem()
+    if problem:
+        say(no_gpu_note(problem))
+    shot, inspector = shot_of(scene), Inspector()
+    lens, size = lens_settings(scene.virtual_aperture, shot.reconstruction), render_size(scene.render)
+    with contextlib.nullcontext(1) if debug else quiet(1):
+        render_frame(shot, frame, lens, size, lambda note: None, inspector.told)
+    assert inspector.report is not None
+    return inspector.pictures, inspector.report

@@ -1,0 +1,255 @@
+"""The options of a lens on the command line, and the scene that gets it."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ..core.base.errors import UserError
+from ..core.camera.reconstruction import Reconstruction
+from ..core.depth.user_maps import open_depth
+from ..core.lens.focus import Focus, check_points, largest_discs, radius_for_blur
+from ..core.lens.focus_place import find_place
+from ..core.lens.plan import METHODS, LensSettings, check_settings
+from ..core.media.clip import Footage, FrameRange, open_footage
+from ..core.media.masks import open_masks
+from ..core.sfm.workspace import Solve
+from ..scene import aperture_cloud
+from ..scene.build import build
+from ..scene.lens import follow_distances, set_aperture, set_focus
+from ..scene.properties import VirtualApertureSettings
+from ..scene.shot import shot_of
+from .paths import path
+
+DEFAULT_BLUR = 0.03
+MOST_BLUR = 0.5
+"""Image widths; larger discs are more than layers can be made for (`layer_mesh.WIDEST` on either side)."""
+
+
+def add_lens(command: argparse.ArgumentParser, required: bool) -> None:
+    """Focus, blur, depth and method; a focus must be given where it is `required`."""
+    focus = command.add_mutually_exclusive_group(required=required)
+    focus.add_argument(
+        "--focus-at", metavar="X,Y[@FRAME]", help="place in the picture, 0,0 top left, 1,1 bottom right"
+    )
+    focus.add_argument("--focus-point", type=int, nargs="+", metavar="ID", help="feature points in focus")
+    focus.add_argument("--focus-distance", type=float, metavar="D", help="depth in the model's own unit")
+    blur = command.add_mutually_exclusive_group()
+    blur.add_argument(
+        "--blur", type=float, metavar="F",
+        help=f"farthest background's blur disc as a share of the image width (default {DEFAULT_BLUR})",
+    )  # fmt: skip
+    blur.add_argument(
+        "--aperture-radius", type=float, metavar="R", help="radius of the aperture in the model's own unit"
+    )
+    command.add_argument(
+        "--depth", type=path, metavar="DIR", help="your own depth maps: EXR or 16-bit PNG, any scale and kind"
+    )
+    command.add_argument(
+        "--mask",
+        type=path,
+        metavar="DIR",
+        help="your own masks of what moves by itself: pictures, white moves",
+    )
+    command.add_argument("--views", default="auto", metavar="N|auto", help="virtual cameras a frame")
+    command.add_argument(
+        "--method", choices=METHODS, default=METHODS[0],
+        help="layers (default): depth of every pixel; features: one coarse mesh, fast; grid: one regular mesh"
+        " that follows the features as stiffly as the picture allows (Liu 2009); edges: triangles along image"
+        " edges (thesis, section 5.2); thesis: the 2010 baseline",
+    )  # fmt: skip
+    command.add_argument(
+        "--borrow", choices=("on", "off"), default="on", help="take what a frame hides from others (on)"
+    )
+    command.add_argument("--seed", type=int, default=0, help="of the thesis's random positions")
+
+
+LENS = (
+    "focus_at", "focus_point", "focus_distance", "blur", "aperture_radius", "depth", "mask", "views",
+    "method", "borrow", "seed",
+)  # fmt: skip
+"""What the options of `add_lens` are kept as."""
+
+
+def pinned(options: argparse.Namespace, settings: VirtualApertureSettings, **others: None) -> list[str]:
+    """`lens_arguments` once the lens is set: a place to focus on is in this frame, whichever are rendered."""
+    if options.focus_at and "@" not in options.focus_at:
+        return lens_arguments(options, focus_at=f"{options.focus_at}@{settings.focus_frame}", **others)
+    return lens_arguments(options, **others)
+
+
+def lens_arguments(options: argparse.Namespace, **others: str | None) -> list[str]:
+    """The options of `add_lens` as words for another process's command line; `others` replace some."""
+    words = []
+    for name in LENS:
+        value = others[name] if name in others else getattr(options, name)
+        if value is not None:
+            values = value if isinstance(value, list) else [value]
+            # A path is another process's, in whichever folder.
+            told = [str(each.absolute()) if isinstance(each, Path) else str(each) for each in values]
+            words += [f"--{name.replace('_', '-')}", *told]
+    return words
+
+
+def scene_of(solved: Solve) -> tuple[bpy.types.Scene, VirtualApertureSettings, Footage]:
+    """A fresh scene that holds the solve."""
+    bpy.ops.wm.read_homefile(app_template="", use_empty=True, use_factory_startup=True)
+    scene = bpy.context.scene
+    footage = open_footage(solved.footage, solved.frames)
+    settings = build(scene, footage, solved.reconstruction)
+    settings.work_dir = str(solved.work_dir)
+    return scene, settings, footage
+
+
+def wanted_frames(footage: Footage, frames: str | None) -> tuple[int, ...]:
+    """Those of a clip that `--frames` asks for, all of them without; UserError where there are none."""
+    wanted = FrameRange.parse(frames).of(footage.frames) if frames else footage.frames
+    if not wanted:
+        raise UserError(
+            f"the solve has no frames {frames}; it has {footage.frames[0]} to {footage.frames[-1]}"
+        )
+    return wanted
+
+
+def movie_frames(solved: Solve, frames: str | None) -> list[int]:
+    """The frames that a movie of those asked for shows: every one of the range.
+
+    Those that the solve left out get their camera from their neighbours.
+    """
+    wanted = wanted_frames(open_footage(solved.footage, solved.frames), frames)
+    return list(open_footage(solved.footage, FrameRange(wanted[0], wanted[-1])).frames)
+
+
+def check_numbers(options: argparse.Namespace) -> None:
+    """What can be refused before an hour of solving."""
+    _views(options.views)
+    for name, value in (("blur", options.blur), ("aperture radius", options.aperture_radius)):
+        if value is not None and not value > 0:
+            raise UserError(f"the {name} is {value:g}; it must be greater than zero")
+    if options.blur is not None and options.blur > MOST_BLUR:
+        meant = f"; for {options.blur:g} % write {options.blur / 100:g}" if options.blur >= 1 else ""
+        raise UserError(
+            f"the blur is {options.blur:g}, which is {100 * options.blur:g} % of the image width{meant};"
+            f" at most {MOST_BLUR:g} can be drawn"
+        )
+    if options.focus_distance is not None and not options.focus_distance > 0:
+        raise UserError(f"the focus distance is {options.focus_distance:g}; it must be greater than zero")
+    if options.focus_at:
+        x, y, _ = _place(options.focus_at)
+        if not (0 <= x <= 1 and 0 <= y <= 1):
+            raise UserError(f"focus at {x:g},{y:g} is outside the picture; both must be between 0 and 1")
+
+
+def set_lens(
+    settings: VirtualApertureSettings,
+    solved: Solve,
+    options: argparse.Namespace,
+    frames: Sequence[int] = (),
+) -> None:
+    """Write the options into the settings; UserError where the solve does not carry them.
+
+    A place to focus on is in the first registered frame of `frames` (by default the clip's), unless the
+    options name one.
+    """
+    reconstruction = solved.reconstruction
+    _set_clip_files(settings, solved, options)
+    frame, place = int(reconstruction.frames[0]), None
+    if options.focus_at:
+        x, y, wanted = _place(options.focus_at)
+        frame = _registered(reconstruction, frames) if wanted is None else wanted
+        place = find_place(shot_of(settings.id_data), frame, x, y)
+        focus = place.focus
+        say(f"in focus: {place.distance:.4g} away at frame {frame}, from {place.source}")
+    elif options.focus_point:
+        focus = Focus(points=tuple(options.focus_point))
+        check_points(reconstruction, focus.points)
+    else:
+        focus = Focus(distance=options.focus_distance)
+    if options.method == "thesis" and len(focus.points) < 2:
+        raise UserError(
+            "the thesis's method needs at least two focus points: use --focus-point, or --focus-at where"
+            " there are points"
+        )
+    radius = options.aperture_radius
+    if radius is None:
+        radius = radius_for_blur(reconstruction, focus, frame, options.blur or DEFAULT_BLUR)
+    check_settings(LensSettings(focus, radius, _views(options.views), options.method, options.seed))
+    set_focus(settings, focus, frame)
+    if place is not None:
+        follow_distances(settings, place.distances(reconstruction))
+    say(_discs(reconstruction, focus, frame, radius))
+    blur = None if options.aperture_radius is not None else options.blur or DEFAULT_BLUR
+    set_aperture(settings, radius, blur)
+    settings.views = _views(options.views)
+    settings.method = options.method
+    settings.borrow = options.borrow == "on"
+    settings.seed = options.seed
+    aperture_cloud.update(settings)
+
+
+def _set_clip_files(settings: VirtualApertureSettings, solved: Solve, options: argparse.Namespace) -> None:
+    """The user's depth maps and masks of the clip, and what is to be said of them."""
+    if options.depth:
+        maps = open_depth(options.depth.absolute(), open_footage(solved.footage, solved.frames))
+        for note in maps.notes:
+            say(f"note: {note}")
+        settings.depth_maps = str(options.depth.absolute())
+    if options.mask:
+        masks = open_masks(options.mask.absolute(), open_footage(solved.footage, solved.frames))
+        for note in masks.notes:
+            say(f"note: {note}")
+        settings.masks = str(options.mask.absolute())
+
+
+def _discs(reconstruction: Reconstruction, focus: Focus, frame: int, radius: float) -> str:
+    """How large the blur is on either side of the focal plane: seldom alike."""
+    width = reconstruction.intrinsics(reconstruction.image_at(frame)[0]).width
+    parts = [
+        f"{side * width:.1f} px ({100 * side:.1f} % of the width) {where}" if side > 0 else f"none {where}"
+        for side, where in zip(
+            largest_discs(reconstruction, focus, frame, radius),
+            ("before the focus", "behind it"),
+            strict=True,
+        )
+    ]
+    return f"largest blur discs at frame {frame}: {', '.join(parts)}"
+
+
+def _registered(reconstruction: Reconstruction, frames: Sequence[int]) -> int:
+    """The first of `frames` with a camera of its own, or the nearest to the first of them."""
+    own = reconstruction.frames
+    found = [frame for frame in frames if frame in own]
+    if found or not len(frames):
+        return int(found[0] if found else own[0])
+    return int(own[np.abs(own - frames[0]).argmin()])
+
+
+def _views(text: str) -> int:
+    if text == "auto":
+        return 0
+    if not text.lstrip("-").isdigit():
+        raise UserError(f"the number of views {text!r} is not understood; give a whole number or auto")
+    if int(text) < 1:
+        raise UserError(f"the number of views is {text}; it must be at least 1, or auto")
+    return int(text)
+
+
+def _place(text: str) -> tuple[float, float, int | None]:
+    """From "X,Y" or "X,Y@FRAME"."""
+    place, _, frame = text.partition("@")
+    try:
+        x, y = (float(part) for part in place.split(","))
+        return x, y, int(frame) if frame else None
+    except ValueError:
+        raise UserError(
+            f"the focus {text!r} is not understood; write X,Y or X,Y@FRAME, such as 0.5,0.6@12"
+        ) from None
+
+
+def say(text: str) -> None:
+    """A line for the user, at once."""
+    print(text, flush=True)

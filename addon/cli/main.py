@@ -1,0 +1,264 @@
+"""The commands of the command line."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import os
+import signal
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from types import FrameType
+
+import bpy
+
+from ..core.base.atomic import collect_temporary, temporary_folder
+from ..core.base.counting import counted
+from ..core.base.errors import UserError
+from ..core.media.clip import FrameRange, open_footage
+from ..core.sfm.report import ranges
+from ..core.sfm.workspace import Solve, default_work_dir, load_solve
+from ..render import engine, jobs, output
+from ..render.account import Account, check_report
+from ..render.average import no_gpu_note
+from ..render.frame_keys import run_key
+from ..render.gpu_views import gpu_problem
+from ..render.quiet import quiet
+from ..scene.shot import shot_of
+from . import farm, inspect, save, solve
+from .lens import add_lens, check_numbers, movie_frames, pinned, say, scene_of, set_lens, wanted_frames
+from .paths import path
+from .words import WORDS
+
+
+def parser() -> argparse.ArgumentParser:
+    """All commands; each sets `command` to the function that runs it."""
+    top = argparse.ArgumentParser(prog="headless.py", description="Depth of field for all-sharp video.")
+    common = argparse.ArgumentParser(add_help=False)
+    common.add_argument("--debug", action="store_true", help="show a traceback with errors")
+    commands = top.add_subparsers(required=True, metavar="COMMAND")
+
+    solve.add_commands(commands, common)
+    two = commands.add_parser("render", parents=[common], help="render a solved clip with depth of field")
+    two.add_argument("work", type=path, metavar="DIR", help="folder that keeps the solve")
+    add_lens(two, required=True)
+    two.add_argument("--frames", metavar="A-B[:STEP]", help="frames to render")
+    two.add_argument(
+        "--for-movie",
+        action="store_true",
+        help="frames as join takes them: every one of the range, even sizes",
+    )
+    # For processes that others started to render a share.
+    two.add_argument("--end-with-input", action="store_true", help=argparse.SUPPRESS)
+    _add_output(two)
+    two.set_defaults(command=render)
+
+    three = commands.add_parser("run", parents=[common], help="solve and render")
+    solve.add_footage(three)
+    three.add_argument("--work", type=path, metavar="DIR", help="default: CLIP.aperture beside the output")
+    three.add_argument("--frames", metavar="A-B[:STEP]", help="frames of the clip to solve and render")
+    add_lens(three, required=True)
+    _add_output(three)
+    three.set_defaults(command=run, for_movie=False)
+
+    save.add_command(commands, common)
+    farm.add_commands(commands, common)
+    inspect.add_command(commands, common)
+    return top
+
+
+def _add_output(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--out", type=path, required=True, metavar="FILE.mp4|DIR/####.png|DIR/####.exr")
+    command.add_argument("--overwrite", action="store_true", help="replace output that exists")
+    command.add_argument(
+        "--jobs", type=int, default=1, metavar="N", help="processes that render side by side"
+    )
+    command.add_argument(
+        "--report", type=path, metavar="FILE.json", help="method, mesh, error, sources and time of each frame"
+    )
+
+
+def _check_output(options: argparse.Namespace) -> None:
+    output.check_output(options.out.absolute(), options.overwrite)
+    if options.jobs < 1:
+        raise UserError(f"the number of jobs is {options.jobs}; it must be at least 1")
+    if options.report:
+        check_report(options.report, options.overwrite)
+        output.check_folder(options.report.absolute().parent)
+
+
+def _check_apart(options: argparse.Namespace, clip: Path) -> None:
+    """UserError for output that would replace, or lie among, what it is made from."""
+    out = options.out.absolute()
+    sources = [source for source in (clip, options.mask, options.depth) if source is not None]
+    written = [out, output.frames_folder(out)] if out.suffix.lower() in output.MOVIES else [out.parent]
+    output.check_apart([*written, *([options.report] if options.report else [])], sources)
+
+
+def render(options: argparse.Namespace) -> None:
+    """`render DIR ... --out OUT`"""
+    if options.end_with_input:
+        jobs.end_with_input()
+    _check_output(options)
+    check_numbers(options)
+    with output.claimed(options.out.absolute()):
+        _check_output(options)
+        _render(load_solve(options.work), options)
+
+
+def run(options: argparse.Namespace) -> None:
+    """`run FOOTAGE ... --out OUT`"""
+    _check_output(options)
+    check_numbers(options)
+    _check_apart(options, options.footage)
+    with output.claimed(options.out.absolute()):
+        _check_output(options)
+        solved = solve.solve_clip(
+            options, options.work or default_work_dir(options.footage, options.out.absolute().parent)
+        )
+        solve.tell(solved)
+        _render(solved, options)
+
+
+def _render(solved: Solve, options: argparse.Namespace) -> None:
+    _check_apart(options, solved.footage)
+    scene, settings, footage = scene_of(solved)
+    _check_interrupted()
+    out: Path = options.out.absolute()
+    is_movie = out.suffix.lower() in output.MOVIES
+    if options.for_movie:
+        # A share of those that a movie shows.
+        share = FrameRange.parse(options.frames) if options.frames else None
+        frames = list(open_footage(solved.footage, share).frames)
+        output.crop_to_even(scene.render)
+    elif is_movie:
+        frames = movie_frames(solved, options.frames)
+    else:
+        frames = list(wanted_frames(footage, options.frames))
+    # A share of a farm's job focuses as the whole does.
+    set_lens(settings, solved, options, () if options.for_movie else frames)
+    planned = output.plan_all(scene, frames)
+    least, most = planned.views
+    count = str(least) if least == most else f"{least} to {most}"
+    say(f"rendering {counted(len(frames), 'frame')} with {count} {'view' if most == 1 else 'views'} each")
+    if planned.coarse:
+        say(
+            f"blur discs are too large for layers in {counted(len(planned.coarse), 'frame')}"
+            f" ({ranges(planned.coarse)}), drawn by features, one coarse mesh, instead; a smaller blur or"
+            " aperture keeps layers"
+        )
+    carried = [f for f in frames if f not in solved.reconstruction.frames]
+    if carried:
+        missing = f"{counted(len(carried), 'frame')} not registered"
+        say(f"{missing}; neighbours lend their cameras: {ranges(carried)}")
+    # Started here, because Blender starts it noisily itself when the engine asks for a context.
+    problem = gpu_problem()
+    if problem:
+        say(no_gpu_note(problem))
+    account = Account(
+        options.report.absolute() if options.report else None, run_key(scene), options.overwrite
+    )
+    silent = contextlib.nullcontext(1) if options.debug else quiet(1)
+    with silent as descriptor, engine.telling(account.told):
+
+        def report(text: str) -> None:
+            os.write(descriptor, f"{text}\n".encode())
+            _check_interrupted()
+
+        lens = pinned(options, settings)
+        draw = None if options.jobs == 1 else _side_by_side(solved, options, lens, account, report)
+        if is_movie:
+            output.render_movie(scene, frames, out, report, draw)
+        else:
+            output.render_sequence(scene, frames, out, options.overwrite, report, draw)
+    if repaired := shot_of(scene).repaired:
+        say(
+            f"{sum(repaired.values())} pixels of {len(repaired)} frames were not finite (NaN or infinite) and"
+            f" were filled from around: {ranges(sorted(repaired))}"
+        )
+    if told := account.summary(frames):
+        say(told)
+    if lacking := account.lacks(frames):
+        say(f"no report of frames that were there already: {ranges(lacking)}")
+    say(f"wrote {options.out}")
+
+
+def _side_by_side(
+    solved: Solve, options: argparse.Namespace, lens: list[str], account: Account, report: output.Report
+) -> output.Draw:
+    """Have frames drawn by `--jobs` processes of this command line, which are told of the lens by words."""
+    is_movie = options.for_movie or options.out.suffix.lower() in output.MOVIES
+    step = FrameRange.parse(options.frames).step if options.frames and not is_movie else 1
+
+    def draw(todo: list[int], out: Path, done: Callable[[int], None]) -> None:
+        with temporary_folder() as scratch:
+            reports = [scratch / f"{number}.json" for number in range(options.jobs)]
+
+            def command(frames: Sequence[int], number: int) -> list[str]:
+                words = ["render", str(solved.work_dir.absolute()), *lens]
+                words += ["--frames", f"{frames[0]}-{frames[-1]}:{step}", "--out", str(out)]
+                words += ["--for-movie"] * is_movie + ["--overwrite"] * (is_movie or options.overwrite)
+                return words + (["--report", str(reports[number])] if options.report else [])
+
+            try:
+                jobs.render_side_by_side(todo, options.jobs, command, done, report)
+            finally:
+                for path in reports:
+                    account.take_over(path)
+
+    return draw
+
+
+class _Interrupted(KeyboardInterrupt):
+    """Whoever runs the command wants it to end: Ctrl-C, or SIGTERM, as farms send before they kill."""
+
+
+_signal = 0
+"""Number of the signal that was heard. Blender loses exceptions where it calls Python from within."""
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    global _signal
+    _signal = number
+    # Raised in a handler of Blender's own scripts it would only be printed.
+    scripts = bpy.utils.system_resource("SCRIPTS")
+    if frame is None or not scripts or not frame.f_code.co_filename.startswith(scripts):
+        raise _Interrupted
+
+
+def _check_interrupted() -> None:
+    if _signal:
+        raise _Interrupted
+
+
+def run_command(arguments: list[str]) -> int:
+    """Run one command: 0, or non-zero after one readable line on standard error."""
+    global _signal
+    _signal, debug = 0, "--debug" in arguments
+    # Blender's program has a handler of its own for Ctrl-C, which only ends the frame under way.
+    before = {number: signal.signal(number, _interrupt) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        collect_temporary()
+        options = parser().parse_args(arguments)
+        options.command(options)
+        _check_interrupted()
+    except (Exception, KeyboardInterrupt) as error:
+        if debug and not _signal:
+            raise
+        print(f"error: {_told(error)}", file=sys.stderr, flush=True)
+        return 128 + _signal if _signal else 1
+    finally:
+        for number, handler in before.items():
+            if handler is not None:  # one of Blender's own cannot be put back
+                signal.signal(number, handler)
+    return 0
+
+
+def _told(error: BaseException) -> str:
+    """One readable line for everybody; the traceback is for those who ask."""
+    if _signal:
+        return "interrupted; finished frames are kept"
+    if isinstance(error, UserError):
+        return error.told(WORDS)
+    return f"{type(error).__name__}: {error} (--debug shows where)"

@@ -1,0 +1,19 @@
+"""Paths on the command line."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from ..core.base.file_names import checked_name
+
+
+def path(text: str) -> Path:
+    """A path as it was typed; UserError for one that is not UTF-8.
+
+    Two slashes in front are one, as everywhere but in Blender, to which they mean the folder of the .blend.
+    """
+    if os.name == "posix" and text.startswith("//"):
+        text = "/" + text.lstrip("/")
+    checked_name(Path(text).absolute())
+    return Path(text)

@@ -1,0 +1,223 @@
+"""The commands that make a solve, take one in, hand one out and judge one."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shutil
+import time
+from pathlib import Path
+
+import bpy
+
+from ..core.base.atomic import PART, collect_orphans, owned_name
+from ..core.base.errors import UserError
+from ..core.base.time_left import TimeLeft
+from ..core.camera.focal_length import Focal, from_equivalent, from_field_of_view, from_sensor
+from ..core.media.clip import Footage, FrameRange, open_footage
+from ..core.readers import read_reconstruction
+from ..core.readers.colmap_export import export_model
+from ..core.readers.matching import Imported
+from ..core.sfm.process import Progress, SolveProcess
+from ..core.sfm.tracks import TRACKERS
+from ..core.sfm.workspace import Solve, check_replaceable, holds_solve, keep_import, load_solve
+from ..scene.movieclip import read_movie_clip
+from .paths import path
+from .words import WORDS
+
+
+def add_commands(
+    commands: argparse._SubParsersAction[argparse.ArgumentParser], common: argparse.ArgumentParser
+) -> None:
+    """`solve`, `report`, `import` and `export`; each sets `command` to the function that runs it."""
+    one = commands.add_parser("solve", parents=[common], help="find cameras and points of a clip")
+    add_footage(one)
+    one.add_argument("--work", type=path, required=True, metavar="DIR", help="folder that keeps the solve")
+    one.add_argument("--frames", metavar="A-B[:STEP]", help="frames of the clip to solve")
+    one.set_defaults(command=solve)
+
+    two = commands.add_parser("report", parents=[common], help="what a solve is worth, and advice")
+    two.add_argument("work", type=path, metavar="DIR", help="folder that keeps the solve")
+    two.add_argument("--json", action="store_true", help="for programs")
+    two.set_defaults(command=report)
+
+    three = commands.add_parser("import", parents=[common], help="take in what another program solved")
+    three.add_argument(
+        "model", type=path, metavar="MODEL",
+        help="COLMAP model, bundle.out, .nvm, Voodoo text export, or a .blend with a solved movie clip",
+    )  # fmt: skip
+    three.add_argument("--footage", type=path, required=True, metavar="FOOTAGE", help="what was solved")
+    three.add_argument("--work", type=path, required=True, metavar="DIR", help="folder that keeps the solve")
+    three.add_argument("--clip", metavar="NAME", help="which movie clip of the .blend")
+    three.add_argument("--again", action="store_true", help="replace a solve of this clip in the folder")
+    three.set_defaults(command=take_in)
+
+    four = commands.add_parser("export", parents=[common], help="write a solve as a COLMAP text model")
+    four.add_argument("work", type=path, metavar="DIR", help="folder that keeps the solve")
+    four.add_argument("--model", type=path, required=True, metavar="OUT", help="folder that is not there yet")
+    four.set_defaults(command=hand_out)
+
+
+def add_footage(
+    command: argparse.ArgumentParser,
+    name: str = "FOOTAGE",
+    told: str = "video, folder of images, or pattern",
+) -> None:
+    """The arguments of a clip to be solved, which is called `name` and described as `told`."""
+    command.add_argument("footage", type=path, metavar=name, help=told)
+    focal = command.add_mutually_exclusive_group()
+    focal.add_argument("--focal", type=float, metavar="PX", help="known focal length in pixels, held")
+    focal.add_argument(
+        "--focal35", type=float, metavar="MM", help="known focal length, 35 mm equivalent, held"
+    )
+    focal.add_argument("--fov", type=float, metavar="DEG", help="known horizontal field of view, held")
+    focal.add_argument(
+        "--focal-mm",
+        type=float,
+        metavar="MM",
+        help="known focal length of the lens itself, with --sensor-mm, held",
+    )
+    focal.add_argument("--zoom", action="store_true", help="the focal length changes over the clip")
+    command.add_argument("--sensor-mm", type=float, metavar="MM", help="width of the sensor, with --focal-mm")
+    command.add_argument(
+        "--tracker", choices=TRACKERS, default=TRACKERS[0], help=f"how features are followed ({TRACKERS[0]})"
+    )
+    command.add_argument("--again", action="store_true", help="solve even if the folder holds this solve")
+
+
+def solve_arguments(options: argparse.Namespace) -> list[str]:
+    """The options of `add_footage` as words for another process's command line, without the clip."""
+    words = []
+    for name in ("focal", "focal35", "fov", "focal_mm", "sensor_mm", "tracker"):
+        if (value := getattr(options, name)) is not None:
+            words += [f"--{name.replace('_', '-')}", str(value)]
+    return words + ["--zoom"] * options.zoom
+
+
+def solve(options: argparse.Namespace) -> None:
+    """`solve FOOTAGE --work DIR`"""
+    tell(solve_clip(options, options.work))
+
+
+def tell(solved: Solve) -> None:
+    """What a solve found, and what would help it."""
+    print(solved.summary, solved.worth.advised(WORDS), sep="\n", flush=True)
+
+
+def solve_clip(options: argparse.Namespace, work: Path) -> Solve:
+    """Solve the clip into the folder, or take the solve that is there."""
+    frames = FrameRange.parse(options.frames) if options.frames else None
+    process = SolveProcess(
+        options.footage, work.absolute(), frames, _focal(options), options.again, options.tracker,
+        options.zoom,
+    )  # fmt: skip
+    line = _ProgressLine()
+    try:
+        process.wait(line.show)
+    finally:
+        process.cancel()
+    return load_solve(work.absolute(), process.clip.path)
+
+
+def report(options: argparse.Namespace) -> None:
+    """`report DIR [--json]`"""
+    worth = load_solve(options.work.absolute()).worth
+    print(json.dumps(worth.as_dict(), indent=1) if options.json else worth.text(WORDS), flush=True)
+
+
+def take_in(options: argparse.Namespace) -> None:
+    """`import MODEL --footage FOOTAGE --work DIR`"""
+    work: Path = options.work.absolute()
+    footage = open_footage(options.footage)
+    if options.again:
+        check_replaceable(work, footage)
+    elif holds_solve(work, footage):
+        raise UserError(
+            f"{work} holds a solve of this clip already; name another folder, or replace it with --again"
+        )
+    if options.model.suffix.lower() == ".blend":
+        found = _from_blend(options.model, options.clip, footage)
+    else:
+        found = read_reconstruction(options.model, footage)
+    keep_import(found, footage, work)
+    solved = load_solve(work, footage.path)
+    print(f"{found.format}: {solved.summary}", flush=True)
+    for note in found.notes:
+        print(f"note: {note}", flush=True)
+
+
+def hand_out(options: argparse.Namespace) -> None:
+    """`export DIR --model OUT`"""
+    solved = load_solve(options.work.absolute())
+    out: Path = options.model.absolute()
+    if out.exists():
+        raise UserError(f"{out} exists; name a folder that is not there yet")
+    footage = open_footage(solved.footage, solved.frames)
+    names = {} if footage.is_video else {frame: footage.file(frame).name for frame in footage.frames}
+    collect_orphans(out.parent)
+    part = out.with_name(f"{owned_name(PART)}-{out.name}")
+    try:
+        part.mkdir(parents=True)
+        export_model(part, solved.reconstruction, names)
+        part.rename(out)
+    except OSError as error:
+        raise UserError(f"{out} cannot be written: {error.strerror}") from error
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+    print(f"wrote {options.model}: {solved.summary}", flush=True)
+
+
+def _from_blend(path: Path, name: str | None, footage: Footage) -> Imported:
+    if not path.is_file():
+        raise UserError(f"{path} does not exist")
+    try:
+        with bpy.data.libraries.load(str(path.absolute()), link=False) as (there, here):
+            names = list(there.movieclips)
+            wanted = [each for each in names if name in (None, each)]
+            if len(wanted) != 1:
+                have = ", ".join(names) or "none"
+                raise UserError(f"{path.name} must tell one movie clip; name it with --clip (it has: {have})")
+            here.movieclips = wanted
+    except OSError as error:
+        raise UserError(f"{path} cannot be read as a .blend: {error}") from None
+    return read_movie_clip(here.movieclips[0], footage)
+
+
+def _focal(options: argparse.Namespace) -> Focal | None:
+    """What the options tell of the focal length."""
+    focal_mm, sensor_mm = options.focal_mm, options.sensor_mm
+    if sensor_mm is not None and focal_mm is None:
+        raise UserError("--sensor-mm means nothing without --focal-mm: give the lens's focal length, too")
+    if focal_mm is not None and sensor_mm is None:
+        raise UserError(
+            "--focal-mm means nothing without --sensor-mm: give the width of the sensor, too, or the lens's"
+            " 35 mm equivalent with --focal35"
+        )
+    if focal_mm is not None:
+        return lambda width, _: from_sensor(focal_mm, sensor_mm, width)
+    if options.fov is not None:
+        return lambda width, _: from_field_of_view(options.fov, width)
+    if options.focal35 is not None:
+        return lambda width, height: from_equivalent(options.focal35, width, height)
+    pixels: float | None = options.focal
+    return pixels
+
+
+class _ProgressLine:
+    """One line a stage and every few seconds, with the time left."""
+
+    def __init__(self) -> None:
+        self._shown = time.monotonic()
+        self._left = TimeLeft(self._shown)
+        self._stage = ""
+
+    def show(self, step: Progress) -> None:
+        now = time.monotonic()
+        stage = step.text.rsplit(" ", 1)[0]
+        left = self._left.at(now, step.share)
+        if stage == self._stage and now - self._shown < 5:
+            return
+        self._stage, self._shown = stage, now
+        print(
+            f"solving: {step.text}" + (f", about {left:.0f} s left" if left is not None else ""), flush=True
+        )

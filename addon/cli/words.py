@@ -1,0 +1,14 @@
+"""What the command line calls the ways out of an error."""
+
+from __future__ import annotations
+
+from ..core.base.errors import Remedy, Words
+
+WORDS: Words = {
+    Remedy.FRAMES: "--frames A-B",
+    Remedy.WORK_DIR: "--work DIR",
+    Remedy.SOLVE: "headless.py solve FOOTAGE --work DIR",
+    Remedy.AGAIN: "--again",
+    Remedy.FOCAL: "--focal, --focal35, --focal-mm or --fov",
+    Remedy.OVERWRITE: "--overwrite",
+}

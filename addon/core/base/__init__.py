@@ -1,0 +1,1 @@
+"""What every room stands on: errors, progress and cancelling, files that are whole, locks."""

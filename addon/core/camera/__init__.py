@@ -1,0 +1,1 @@
+"""Cameras: poses, intrinsics, lens distortion, and the undistorted canvas."""

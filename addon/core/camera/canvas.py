@@ -1,0 +1,119 @@
+"""Undoing lens distortion before the warp, and putting it back afterwards."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.errors import UserError
+from .reconstruction import Floats, Intrinsics
+
+Picture = NDArray[np.float32]
+
+MAX_PADDING = 0.5
+"""Strong barrel distortion sends corners to infinity: at most this share of the side can be padded."""
+BAND = 256
+"""Rows that are resampled at once: a map of places in double precision takes more room than the picture."""
+
+
+@dataclass(frozen=True)
+class Canvas:
+    """The pinhole picture in which views are drawn.
+
+    It is the source lens without its distortion, padded until every source pixel has a place. Without
+    distortion it is the source frame itself and nothing is resampled.
+    """
+
+    lens: Intrinsics
+    """The source lens at the size of the rendered frame."""
+
+    @cached_property
+    def pinhole(self) -> Intrinsics:
+        """The padded canvas as a distortion-free lens; UserError for a lens that cannot be."""
+        if not np.all(np.isfinite(self.lens.focal) & (self.lens.focal > 0)):
+            raise UserError(
+                f"the focal length is {self.lens.fx:g}, {self.lens.fy:g} pixels; it must be greater than zero"
+            )
+        plain = self.lens.without_distortion()
+        if not self.lens.is_distorted:
+            return plain
+        width, height = self.lens.width, self.lens.height
+        across, down = np.linspace(0, width, 65), np.linspace(0, height, 65)
+        border = np.concatenate([
+            np.stack(np.meshgrid(across, [0.0, height]), axis=-1).reshape(-1, 2),
+            np.stack(np.meshgrid([0.0, width], down), axis=-1).reshape(-1, 2),
+        ])  # fmt: skip
+        reach = self.lens.pinhole_pixels(border)
+        size = np.array([width, height])
+        padding = np.stack([-reach.min(axis=0), reach.max(axis=0) - size])
+        if np.isnan(reach).any() or self._folds(reach) or np.any(padding > MAX_PADDING * size):
+            raise UserError(
+                f"the lens ({self.lens.described()}) bends the picture's border beyond what a flat picture"
+                f" can show: it folds, lies 90 degrees from the axis, or would take more than"
+                f" {1 + 2 * MAX_PADDING:g} times the side; solve the clip again, or crop or undistort it and"
+                " give a reconstruction of that"
+            )
+        before, after = np.ceil(np.maximum(padding, 0)).astype(int)
+        return replace(
+            plain,
+            width=width + int(before[0] + after[0]), height=height + int(before[1] + after[1]),
+            cx=plain.cx + float(before[0]), cy=plain.cy + float(before[1]),
+        )  # fmt: skip
+
+    def _folds(self, reach: Floats) -> bool:
+        """Whether a place within the border, at pinhole pixels (n, 2), has no inverse or more than one."""
+        rays = (reach - self.lens.principal_point) / self.lens.focal
+        on_the_way = np.linspace(0, 1, 33)[:, None, None] * rays
+        with np.errstate(over="ignore", invalid="ignore"):
+            # It is one-to-one as long as it mirrors nothing.
+            return not bool(np.all(np.linalg.det(self.lens.distort_jacobian(on_the_way)) > 0))
+
+    def features_from_source(self, xy: Floats) -> Floats:
+        """Source pixels (n, 2) -> canvas pixels (n, 2)."""
+        return self.lens.pinhole_pixels(xy) + (self.pinhole.principal_point - self.lens.principal_point)
+
+    def features_to_source(self, xy: Floats) -> Floats:
+        """Canvas pixels (n, 2) -> source pixels (n, 2)."""
+        rays = (xy - self.pinhole.principal_point) / self.pinhole.focal
+        return np.asarray(self.lens.distort(rays) * self.lens.focal + self.lens.principal_point)
+
+    def from_source(self, picture: Picture) -> Picture:
+        """(H, W, 4) float32 source frame -> the canvas picture, mirrored where the lens saw nothing."""
+        if not self.lens.is_distorted:
+            return picture
+        return _resampled(picture, self.pinhole.width, self.pinhole.height, self.features_to_source)
+
+    def to_source(self, picture: Picture) -> Picture:
+        """(h, w, 4) float32 canvas picture -> (H, W, 4) in the geometry of the source frame."""
+        if not self.lens.is_distorted:
+            return picture
+        return _resampled(picture, self.lens.width, self.lens.height, self.features_from_source)
+
+
+def _resampled(picture: Picture, width: int, height: int, place: Callable[[Floats], Floats]) -> Picture:
+    """(height, width, 4) of a picture's pixels at place(pixel centres (h, w, 2))."""
+    result = np.empty((height, width, picture.shape[2]), dtype=np.float32)
+    for first in range(0, height, BAND):
+        rows = np.arange(first, min(first + BAND, height))
+        grid = np.stack(np.meshgrid(np.arange(width) + 0.5, rows + 0.5), axis=-1)
+        result[rows] = _sample(picture, place(grid))
+    return result
+
+
+def _sample(picture: Picture, xy: Floats) -> Picture:
+    # OpenCV counts from the centre of the first pixel, COLMAP from its corner. Lanczos keeps the
+    # sharpness that two bilinear passes would lose; its overshoot below black is cut.
+    at = (xy - 0.5).astype(np.float32)
+    sampled = cv2.remap(
+        picture,
+        at,
+        None,
+        cv2.INTER_LANCZOS4,
+        borderMode=cv2.BORDER_REFLECT,  # type: ignore[call-overload]
+    )
+    return np.asarray(np.maximum(sampled, 0), dtype=np.float32)

@@ -1,0 +1,57 @@
+"""Focal lengths in pixels from what is written on lenses and in data sheets."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from ..base.errors import UserError
+
+DIAGONAL_35 = math.hypot(36.0, 24.0)
+"""Millimetres across the film that 35 mm equivalents speak of."""
+
+PLAUSIBLE = (5.0, 2000.0)
+"""Millimetres: 35 mm equivalents that a lens can have, 153 degrees to 1.2 across the diagonal."""
+
+Focal = float | Callable[[int, int], float]
+"""A focal length in pixels, or what tells it from a clip's width and height."""
+
+
+def in_pixels(focal: Focal, width: int, height: int) -> float:
+    """Of a clip of this size; UserError unless it is a number greater than zero."""
+    pixels = focal(width, height) if callable(focal) else focal
+    return _positive("focal length", pixels, "pixels")
+
+
+def from_field_of_view(degrees: float, width: int) -> float:
+    """From the horizontal field of view; UserError unless it is between 0 and 180 degrees."""
+    if not 0 < degrees < 180:
+        raise UserError(f"the field of view is {degrees:g} degrees; it must be between 0 and 180")
+    return width / 2 / math.tan(math.radians(degrees) / 2)
+
+
+def from_equivalent(millimetres: float, width: int, height: int) -> float:
+    """From the 35 mm equivalent, which compares diagonals, as phones and EXIF do.
+
+    UserError unless it is greater than zero.
+    """
+    return _positive("focal length", millimetres, "mm") / DIAGONAL_35 * math.hypot(width, height)
+
+
+def is_plausible(focal: float, width: int, height: int) -> bool:
+    """Whether a lens can have such a field of view: a focal length in pixels of a picture of this size."""
+    return PLAUSIBLE[0] < focal / math.hypot(width, height) * DIAGONAL_35 < PLAUSIBLE[1]
+
+
+def from_sensor(focal_mm: float, sensor_mm: float, width: int) -> float:
+    """From the lens's own focal length and the width of the sensor behind it, of which the clip shows all.
+
+    UserError unless both are greater than zero.
+    """
+    return _positive("focal length", focal_mm, "mm") / _positive("sensor", sensor_mm, "mm") * width
+
+
+def _positive(what: str, value: float, unit: str) -> float:
+    if not 0 < value < math.inf:
+        raise UserError(f"the {what} is {value:g} {unit}; it must be greater than zero")
+    return value

@@ -1,0 +1,442 @@
+"""Cameras, poses and 3D feature points: what structure from motion knows about a clip.
+
+Conventions are COLMAP's: world-to-camera poses, camera axes x right, y down, z forward, the centre
+of the first pixel at (0.5, 0.5). All geometry is float64.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.errors import UserError
+from . import distortion
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
+
+MAX_SIDE = 1_000_000
+"""Pixels; a larger picture is damage, not a picture."""
+MEDIAN_DEPTH = 10.0
+"""Median distance between cameras and points after `normalise`, in scene units."""
+NEAREST = 1e-6
+"""Of the frame's median depth. What lies nearer is an error: one such point would outweigh all the others."""
+
+
+@dataclass(frozen=True)
+class Intrinsics:
+    """A pinhole and what its lens does to the picture, lengths in pixels.
+
+    `model` is one of `lenses.FAMILIES`, which hold all of COLMAP's perspective and fisheye models. The
+    default is OPENCV, with its terms by name; without any it is a plain pinhole.
+    """
+
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    k1: float = 0.0
+    k2: float = 0.0
+    p1: float = 0.0
+    p2: float = 0.0
+    model: str = "OPENCV"
+    terms: tuple[float, ...] = ()
+    """All distortion terms of any other model than OPENCV, in COLMAP's order."""
+
+    def __post_init__(self) -> None:
+        own = self.model == "OPENCV"
+        count = 0 if own else len(distortion.term_names(self.model))
+        if self.model not in distortion.FAMILIES or len(self.terms) != count:
+            raise ValueError(f"{self.model} is no family of lenses with {len(self.terms)} terms")
+        if not own and any((self.k1, self.k2, self.p1, self.p2)):
+            raise ValueError(f"the distortion of a lens {self.model} is in its terms, not in k1 to p2")
+
+    @classmethod
+    def from_parameters(cls, model: str, width: int, height: int, values: Sequence[float]) -> Intrinsics:
+        """One of COLMAP's models and its parameters in COLMAP's order.
+
+        UserError, beginning "expected", for a model that no pinhole picture can be made of, a wrong number
+        of parameters, a size or focal length that is not greater than zero, or what is not finite.
+        """
+        names = distortion.PARAMETERS.get(model)
+        if names is None:
+            raise UserError(f"expected a camera model that is one of {', '.join(distortion.PARAMETERS)}")
+        if model == "EQUIRECTANGULAR":
+            raise UserError(
+                "expected a perspective or fisheye camera, not a panorama of 360 degrees (EQUIRECTANGULAR):"
+                " cut perspective pictures out of the clip and solve these"
+            )
+        if len(values) != len(names):
+            raise UserError(f"expected {len(names)} parameters of {model}, not {len(values)}")
+        if not np.all(np.isfinite(values)):
+            raise UserError("expected finite camera parameters")
+        given = dict(zip(names, (float(value) for value in values), strict=True))
+        fx, fy = (given.pop("f"),) * 2 if "f" in given else (given.pop("fx"), given.pop("fy"))
+        if not (0 < width <= MAX_SIDE and 0 < height <= MAX_SIDE and fx > 0 and fy > 0):
+            raise UserError(
+                f"expected a size from 1 to {MAX_SIDE} pixels and focal lengths greater than zero"
+            )
+        cx, cy = given.pop("cx"), given.pop("cy")
+        family = next(name for name, members in distortion.FAMILIES.items() if model in members)
+        terms = tuple(given.get(name, 0.0) for name in distortion.term_names(family))
+        if family == "OPENCV":
+            k1, k2, p1, p2 = terms
+            return cls(width, height, fx, fy, cx, cy, k1, k2, p1, p2)
+        wish = distortion.impossible(family, terms)
+        if wish:
+            raise UserError(f"expected {wish}")
+        return cls(width, height, fx, fy, cx, cy, model=family, terms=terms)
+
+    def parameters(self) -> tuple[str, tuple[float, ...]]:
+        """The simplest of COLMAP's models that is this very lens, and its parameters in COLMAP's order."""
+        own = {name: getattr(self, name) for name in distortion.PLACES[1:]} | self._named_terms
+        for model in distortion.FAMILIES[self.model]:
+            names = distortion.PARAMETERS[model]
+            left_out = [value for name, value in self._named_terms.items() if name not in names]
+            if not any(left_out) and (self.fx == self.fy or "f" not in names):
+                return model, tuple(float(own["fx" if name == "f" else name]) for name in names)
+        raise AssertionError("the last model of a family has all its terms")
+
+    @property
+    def _named_terms(self) -> dict[str, float]:
+        names = distortion.term_names(self.model)
+        own = self.model == "OPENCV"
+        return dict(zip(names, (getattr(self, name) for name in names) if own else self.terms, strict=True))
+
+    @cached_property
+    def _stages(self) -> tuple[distortion.Stage, ...]:
+        return distortion.stages(self.model, tuple(self._named_terms.values()))
+
+    @property
+    def is_distorted(self) -> bool:
+        return bool(self._stages)
+
+    @property
+    def focal(self) -> Floats:
+        """(2,) focal lengths fx, fy in pixels."""
+        return np.array([self.fx, self.fy])
+
+    @property
+    def principal_point(self) -> Floats:
+        """(2,) principal point cx, cy in pixels."""
+        return np.array([self.cx, self.cy])
+
+    def scaled(self, width: int, height: int) -> Intrinsics:
+        """The same lens on a picture resampled to width x height pixels."""
+        sx, sy = width / self.width, height / self.height
+        return replace(
+            self, width=width, height=height,
+            fx=self.fx * sx, cx=self.cx * sx, fy=self.fy * sy, cy=self.cy * sy,
+        )  # fmt: skip
+
+    def without_distortion(self) -> Intrinsics:
+        return Intrinsics(self.width, self.height, self.fx, self.fy, self.cx, self.cy)
+
+    def described(self) -> str:
+        """The lens's distortion for people: "OPENCV, k1 -0.1, k2 0, p1 0, p2 0"."""
+        return ", ".join([self.model, *(f"{name} {value:g}" for name, value in self._named_terms.items())])
+
+    def distort(self, rays: Floats) -> Floats:
+        """Normalised pinhole coordinates (..., 2) -> normalised coordinates seen through the lens.
+
+        NaN where the lens sees nothing.
+        """
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            for stage in self._stages:
+                rays = stage.distort(rays)
+        return rays
+
+    def distort_jacobian(self, rays: Floats) -> Floats:
+        """Derivative (..., 2, 2) of `distort` at rays (..., 2)."""
+        result = np.broadcast_to(np.eye(2), (*rays.shape, 2))
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            for stage in self._stages:
+                result = stage.jacobian(rays) @ result
+                rays = stage.distort(rays)
+        return result
+
+    def undistort(self, rays: Floats) -> Floats:
+        """Inverse of `distort`; (..., 2) -> (..., 2), to about 1e-12.
+
+        NaN where no ray ahead of the camera is seen: past a fold, or 90 degrees from the axis.
+        """
+        rays = np.array(rays, dtype=np.float64)
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            for stage in reversed(self._stages):
+                rays = stage.undistort(rays)
+        return rays
+
+    def project(self, points: Floats) -> Floats:
+        """Camera-space points (..., 3) -> pixels (..., 2) of the source frame; not finite at depth 0.
+
+        A point behind the camera lands where its mirror image ahead does: check the depth.
+        """
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            rays = points[..., :2] / points[..., 2:]
+            return np.asarray(self.distort(rays) * self.focal + self.principal_point)
+
+    def pinhole_pixels(self, pixels: Floats) -> Floats:
+        """Pixels of the source frame (..., 2) -> pixels of the same lens without distortion."""
+        if not self.is_distorted:
+            return np.array(pixels, dtype=np.float64)
+        rays = self.undistort((pixels - self.principal_point) / self.focal)
+        return rays * self.focal + self.principal_point
+
+
+@dataclass(frozen=True)
+class Image:
+    """One registered frame: its pose and the features it sees that have a 3D point."""
+
+    frame: int
+    """Frame number of the clip."""
+    rotation: Floats
+    """(3, 3) world-to-camera rotation."""
+    translation: Floats
+    """(3,) world-to-camera translation: camera = rotation @ world + translation."""
+    xy: Floats
+    """(n, 2) observed feature positions in pixels of the source frame."""
+    points: Ints
+    """(n,) rows of `Reconstruction.points` that the features belong to."""
+    camera: int = 0
+    """Index into `Reconstruction.cameras`."""
+    visible: Ints = field(default_factory=lambda: np.zeros(0, np.int32))
+    """(k,) rows of other points that are seen in the frame and were not tracked there."""
+
+    @property
+    def centre(self) -> Floats:
+        """(3,) projection centre in world coordinates."""
+        return -self.rotation.T @ self.translation
+
+    def to_camera(self, world: Floats) -> Floats:
+        """World points (..., 3) -> camera space (..., 3); z is the depth. What is not finite stays so."""
+        with np.errstate(invalid="ignore", over="ignore"):
+            return np.asarray(world @ self.rotation.T + self.translation)
+
+
+@dataclass(frozen=True)
+class Points:
+    """The m feature points of a reconstruction. A point's row is its ID everywhere."""
+
+    xyz: Floats
+    """(m, 3) world coordinates."""
+    rgb: NDArray[np.uint8]
+    """(m, 3) sRGB colour."""
+    error: Floats
+    """(m,) mean reprojection error in pixels."""
+
+    def __len__(self) -> int:
+        return len(self.xyz)
+
+
+@dataclass(frozen=True)
+class Reconstruction:
+    """What structure from motion found. `images` is ordered by frame number.
+
+    Its unit of length is that of the model it was read from, such as metres; of a solve of our own it is
+    what `normalise` makes it. Focus distances and aperture radii are in the same unit everywhere.
+    """
+
+    cameras: tuple[Intrinsics, ...]
+    images: tuple[Image, ...]
+    points: Points
+
+    @cached_property
+    def frames(self) -> Ints:
+        """(k,) registered frame numbers, ascending."""
+        return np.array([image.frame for image in self.images], dtype=np.int32)
+
+    @cached_property
+    def views_per_point(self) -> Ints:
+        """(m,) number of registered frames that see each point."""
+        seen = np.concatenate([i.points for i in self.images]) if self.images else np.zeros(0, int)
+        return np.bincount(seen, minlength=len(self.points)).astype(np.int32)
+
+    def intrinsics(self, image: Image) -> Intrinsics:
+        return self.cameras[image.camera]
+
+    def image_at(self, frame: int) -> tuple[Image, bool]:
+        """The image of a frame, and whether its pose had to be carried over from its neighbours.
+
+        A frame that was not registered gets a pose interpolated between the registered frames
+        around it (or the nearest one's, outside their range) and those frames' points.
+        Raises UserError where there is no registered frame, or a pose that is needed is not finite.
+        """
+        if not self.images:
+            raise UserError("the reconstruction has no registered frames; solve the clip again")
+        at = int(np.searchsorted(self.frames, frame))
+        if at < len(self.images) and self.frames[at] == frame:
+            _check_pose(self.images[at])
+            return self.images[at], False
+        before, after = self.images[max(at - 1, 0)], self.images[min(at, len(self.images) - 1)]
+        span = after.frame - before.frame
+        return self._between(before, after, frame, (frame - before.frame) / span if span else 0.0), True
+
+    def _between(self, before: Image, after: Image, frame: int, share: float) -> Image:
+        _check_pose(before)
+        _check_pose(after)
+        turn = rotation_vector(after.rotation @ before.rotation.T)
+        rotation = rotation_matrix(share * turn) @ before.rotation
+        centre = (1 - share) * before.centre + share * after.centre
+        seen = np.union1d(before.points, after.points).astype(np.int32)
+        carried = Image(frame, rotation, -rotation @ centre, np.zeros((0, 2)), seen, before.camera)
+        local = carried.to_camera(self.points.xyz[seen])
+        lens = self.cameras[before.camera]
+        xy = lens.project(local)
+        inside = (local[:, 2] > 0) & np.all((xy >= 0) & (xy <= [lens.width, lens.height]), axis=1)
+        return replace(carried, xy=xy[inside], points=seen[inside])
+
+
+def _check_pose(image: Image) -> None:
+    if not (np.all(np.isfinite(image.rotation)) and np.all(np.isfinite(image.translation))):
+        raise UserError(
+            f"the camera of frame {image.frame} has a position or rotation that is no number;"
+            " solve the clip again, or take the frame out of the reconstruction"
+        )
+
+
+def outermost_angles(rays: Floats, point: Ints, count: int) -> Floats:
+    """(count,) degrees between the outermost unit rays (m, 3) to each point (m,); NaN without a ray."""
+    low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
+    np.minimum.at(low, point, rays)
+    np.maximum.at(high, point, rays)
+    with np.errstate(invalid="ignore"):
+        angle = np.degrees(np.linalg.norm(high - low, axis=1))
+    return np.asarray(np.where(np.isfinite(angle), angle, np.nan))
+
+
+def rotation_vector(matrix: Floats) -> Floats:
+    """(3, 3) rotation -> (3,) axis times angle in radians (logarithm map of SO(3))."""
+    quaternion = quaternion_from_matrix(matrix)
+    sine = np.linalg.norm(quaternion[1:])
+    if sine < 1e-300:
+        return np.zeros(3)
+    return np.asarray(2 * np.arctan2(sine, quaternion[0]) / sine * quaternion[1:])
+
+
+def rotation_matrix(vector: Floats) -> Floats:
+    """(3,) axis times angle in radians -> (3, 3) rotation (Rodrigues)."""
+    angle = float(np.linalg.norm(vector))
+    if angle == 0.0:
+        return np.eye(3)
+    half = angle / 2
+    return matrix_from_quaternion(np.concatenate([[np.cos(half)], np.sin(half) / angle * vector]))
+
+
+def matrix_from_quaternion(quaternion: Floats) -> Floats:
+    """(4,) quaternion w, x, y, z of any non-zero length -> (3, 3) rotation; else UserError."""
+    largest = np.abs(quaternion).max()
+    if not (np.isfinite(largest) and largest > 0):
+        raise UserError(f"a camera's quaternion is {np.asarray(quaternion)}; it must be finite and not zero")
+    # Divided before the norm too, so that its squares neither vanish nor overflow.
+    shortened = np.asarray(quaternion, dtype=np.float64) / largest
+    w, x, y, z = shortened / np.linalg.norm(shortened)
+    return np.array([
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ])  # fmt: skip
+
+
+def quaternion_from_matrix(matrix: Floats) -> Floats:
+    """(3, 3) rotation -> (4,) unit quaternion w, x, y, z with w >= 0.
+
+    Bar-Itzhack, "New method for extracting the quaternion from a rotation matrix", 2000: the
+    eigenvector of the largest eigenvalue, stable at every angle and for slightly skewed input.
+    """
+    m = matrix
+    k = np.array([
+        [m[0, 0] + m[1, 1] + m[2, 2], m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]],
+        [0.0, m[0, 0] - m[1, 1] - m[2, 2], m[1, 0] + m[0, 1], m[2, 0] + m[0, 2]],
+        [0.0, 0.0, m[1, 1] - m[0, 0] - m[2, 2], m[2, 1] + m[1, 2]],
+        [0.0, 0.0, 0.0, m[2, 2] - m[0, 0] - m[1, 1]],
+    ])  # fmt: skip
+    quaternion = np.linalg.eigh(k, UPLO="U")[1][:, -1]
+    return np.asarray(quaternion if quaternion[0] >= 0 else -quaternion)
+
+
+def typical_distance(reconstruction: Reconstruction) -> float:
+    """Median distance of the points from the mean camera centre, in the reconstruction's unit.
+
+    UserError where nothing gives a scale.
+    """
+    images = reconstruction.images
+    if not images or not len(reconstruction.points):
+        raise UserError("the reconstruction has no cameras or no points; solve the clip again")
+    for image in images:
+        _check_pose(image)
+    centre = np.mean([image.centre for image in images], axis=0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        distances = np.linalg.norm(reconstruction.points.xyz - centre, axis=1)
+    distances = distances[np.isfinite(distances)]
+    typical = float(np.median(distances)) if len(distances) else 0.0
+    if not typical > 0:
+        raise UserError(
+            "the reconstruction's points are no numbers or lie in the camera, so it has no scale;"
+            " solve the clip again"
+        )
+    return typical
+
+
+def normalise(reconstruction: Reconstruction) -> Reconstruction:
+    """Recentre, turn upright and rescale: a solve from pictures alone has no unit of its own.
+
+    As `upright`, and the median distance of the points becomes `MEDIAN_DEPTH`.
+    """
+    return _moved(reconstruction, MEDIAN_DEPTH / typical_distance(reconstruction))
+
+
+def upright(reconstruction: Reconstruction) -> Reconstruction:
+    """Recentre and turn upright, lengths as they are: float32, as Blender's objects are, holds any unit, but
+    no scene far from the origin.
+
+    The mean camera centre becomes the origin, the mean camera up direction +z, and the mean viewing
+    direction points to +y. Points that are not finite stay so; UserError where a camera is not, or nothing
+    gives a scale.
+    """
+    typical_distance(reconstruction)
+    return _moved(reconstruction, 1.0)
+
+
+def _moved(reconstruction: Reconstruction, scale: float) -> Reconstruction:
+    images = reconstruction.images
+    centre = np.mean([image.centre for image in images], axis=0)
+    up = -np.mean([image.rotation[1] for image in images], axis=0)
+    forward = np.mean([image.rotation[2] for image in images], axis=0)
+    # A clip that turns all the way round has no mean direction; then the first camera gives it.
+    if min(np.linalg.norm(up), np.linalg.norm(np.cross(up, forward))) < 1e-3:
+        up, forward = -images[0].rotation[1], images[0].rotation[2]
+    z = up / np.linalg.norm(up)
+    x = np.cross(forward, z)
+    x /= np.linalg.norm(x)
+    turn = np.stack([x, np.cross(z, x), z])
+
+    def moved(image: Image) -> Image:
+        rotation = image.rotation @ turn.T
+        return replace(
+            image, rotation=rotation, translation=-rotation @ (scale * turn @ (image.centre - centre))
+        )
+
+    with np.errstate(over="ignore", invalid="ignore"):
+        xyz = scale * (reconstruction.points.xyz - centre) @ turn.T
+    points = replace(reconstruction.points, xyz=xyz)
+    return Reconstruction(reconstruction.cameras, tuple(moved(image) for image in images), points)
+
+
+def seen_by(image: Image, reconstruction: Reconstruction, points: Ints) -> tuple[Floats, NDArray[np.bool_]]:
+    """Points (k,) in a camera's space (k, 3), and which of them (k,) are finite and ahead of the camera.
+
+    Ahead is farther than `NEAREST` of the median depth of what the frame sees, in any units.
+    """
+    depths = image.to_camera(reconstruction.points.xyz[image.points])[:, 2]
+    depths = depths[np.isfinite(depths) & (depths > 0)]
+    usual = float(np.median(depths)) if len(depths) else 0.0
+    local = image.to_camera(reconstruction.points.xyz[points])
+    # The smallest normal number is the last whose inverse is one.
+    nearest = max(NEAREST * usual, float(np.finfo(float).tiny))
+    return local, np.all(np.isfinite(local), axis=1) & (local[:, 2] > nearest)

@@ -1,0 +1,1 @@
+"""Depth of a frame: of sparse features, of the user's maps, or of multi-view stereo fused over time."""

@@ -1,0 +1,50 @@
+"""Depth found in a small picture for every pixel of the large one."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.progress import checkpoint
+from ..camera.canvas import Picture
+from ..camera.reconstruction import Floats
+
+ALIKE = 0.04
+"""Distance of two colours (display values, 0 to 1) that counts as much as a pixel of the small picture."""
+STEP = 0.03
+"""Of the largest inverse depth; where neighbours differ by more, one is taken instead of their mean."""
+
+
+def enlarged(depth: NDArray[np.floating], picture: Picture) -> Floats:
+    """(H, W) of small inverse depths (h, w), their jumps where the large picture (H, W, 4) has its edges.
+
+    Of the four neighbours in the small picture the one is taken that is nearest and most alike in colour.
+    Kopf et al., "Joint bilateral upsampling", 2007, with a single vote.
+    """
+    height, width = picture.shape[:2]
+    if depth.shape == (height, width):
+        return depth.astype(np.float64)
+    small = depth.astype(np.float32)
+    shown = np.clip(picture[..., :3], 0, 1) ** np.float32(1 / 2.2)
+    guide = cv2.resize(shown, small.shape[::-1], interpolation=cv2.INTER_AREA)
+    x = (np.arange(width, dtype=np.float32) + 0.5) * (small.shape[1] / width) - 0.5
+    y = (np.arange(height, dtype=np.float32) + 0.5) * (small.shape[0] / height) - 0.5
+    best = np.full((height, width), np.inf, np.float32)
+    chosen, total = np.zeros_like(best), np.zeros_like(best)
+    low, high = np.full_like(best, np.inf), np.full_like(best, -np.inf)
+    for row in (np.floor(y), np.floor(y) + 1):
+        for column in (np.floor(x), np.floor(x) + 1):
+            checkpoint(1.0)
+            at = np.ix_(
+                np.clip(row, 0, small.shape[0] - 1).astype(int),
+                np.clip(column, 0, small.shape[1] - 1).astype(int),
+            )
+            value = small[at]
+            share = (1 - np.abs(y - row))[:, None] * (1 - np.abs(x - column))
+            off = np.linalg.norm(shown - guide[at], axis=2) / ALIKE + (1 - share)
+            nearer = off < best
+            best, chosen = np.where(nearer, off, best), np.where(nearer, value, chosen)
+            total += share * value
+            low, high = np.minimum(low, value), np.maximum(high, value)
+    return np.where(high - low > STEP * float(small.max(initial=0)), chosen, total).astype(np.float64)

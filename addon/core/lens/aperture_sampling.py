@@ -1,0 +1,52 @@
+"""Positions of the virtual cameras on the virtual aperture, and how many are needed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..base.errors import UserError
+from ..camera.reconstruction import Floats
+
+MIN_VIEWS, MAX_VIEWS = 16, 512
+MOST_VIEWS = 1 << 16
+"""That can be asked for: more would only fill the memory with positions."""
+
+
+def random_disc(count: int, seed: int) -> Floats:
+    """(count, 2) independent, uniformly random positions on the unit disc: the thesis's section 3.5."""
+    _check(count)
+    rng = np.random.default_rng(seed)
+    radius = np.sqrt(rng.random(count))
+    angle = 2 * np.pi * rng.random(count)
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
+
+
+def vogel_disc(count: int) -> Floats:
+    """(count, 2) Vogel spiral on the unit disc, recentred to a mean of exactly zero.
+
+    Vogel, "A better way to construct the sunflower head", 1979. At equal error it needs 4 to 8 times
+    fewer positions than random ones; the same positions on every frame, so that nothing flickers.
+    """
+    _check(count)
+    index = np.arange(count)
+    radius = np.sqrt((index + 0.5) / count)
+    angle = index * np.pi * (3 - np.sqrt(5))
+    disc = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
+    return np.asarray(disc - disc.mean(axis=0))
+
+
+def views_needed(blur: float) -> int:
+    """Number of Vogel positions for a step edge at about 45 dB under a blur disc of `blur` pixels.
+
+    Fitted to measured 45, 80 and 130 positions at 16, 32 and 64 pixels.
+    """
+    if not np.isfinite(blur):
+        raise UserError("the blur disc has no finite size; choose a smaller aperture")
+    return int(np.clip(np.ceil(45 * (max(blur, 0.0) / 16) ** 0.77), MIN_VIEWS, MAX_VIEWS))
+
+
+def _check(count: int) -> None:
+    if count < 1:
+        raise UserError(f"the number of views is {count}; it must be at least 1")
+    if count > MOST_VIEWS:
+        raise UserError(f"the number of views is {count}; it must be at most {MOST_VIEWS}")

@@ -1,0 +1,234 @@
+"""What is in focus, how large the aperture is, and how each view is brought into register."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from ..base.errors import UserError
+from ..camera.canvas import Canvas
+from ..camera.reconstruction import Floats, Ints, Reconstruction, seen_by
+from ..depth.sparse import FrameFeatures, frame_features, point_inverse_depths
+
+PICKS = 4
+"""The thesis averages four picked points."""
+APART = 0.1
+"""Of their range of inverse depths, what picked points may miss the surface under a click by instead."""
+NEXT_TO = 2.0
+"""Pixels; features closer to a click than that count alike."""
+FLAT = 0.1
+"""How much a surface under a click is taken to face the camera, as a share of what its features tell."""
+
+
+@dataclass(frozen=True)
+class Focus:
+    """What is in focus: 3D points that are followed through the clip, or a constant distance."""
+
+    points: tuple[int, ...] = ()
+    distance: float | None = None
+    """Depth along the optical axis, in scene units, or infinity; used where there are no points."""
+
+    def inverse_depth(self, reconstruction: Reconstruction, frame: int) -> float:
+        """Inverse depth of the focal plane at a frame.
+
+        Points are carried as 3D points: they need not be seen in the frame.
+        Raises UserError where nothing is picked or the picked points lie behind the camera.
+        """
+        if not self.points:
+            if self.distance is None:
+                raise UserError("nothing is in focus; pick two or more points or give a focus distance")
+            # The smallest normal number is the last whose inverse is one.
+            if not self.distance >= np.finfo(float).tiny:
+                raise UserError(f"the focus distance is {self.distance:g}; it must be greater than zero")
+            return 1.0 / float(self.distance)
+        ids = check_points(reconstruction, self.points)
+        inverse = point_inverse_depths(reconstruction, frame, ids)
+        ahead = inverse[inverse > 0]
+        if not len(ahead):
+            raise UserError(
+                f"frame {frame}: no focus point lies ahead of the camera; pick points that lie ahead there"
+            )
+        return float(ahead.mean())
+
+
+def check_points(reconstruction: Reconstruction, points: tuple[int, ...]) -> Ints:
+    """Point IDs as an array; UserError naming the first one that does not exist."""
+    ids = np.array(points, dtype=np.int64)
+    wrong = ids[(ids < 0) | (ids >= len(reconstruction.points))]
+    if len(wrong) and not len(reconstruction.points):
+        raise UserError("the reconstruction has no points to focus on; solve the clip again")
+    if len(wrong):
+        raise UserError(
+            f"there is no focus point {wrong[0]}; the points are 0 to {len(reconstruction.points) - 1}"
+        )
+    return ids.astype(np.int32)
+
+
+def pick(reconstruction: Reconstruction, frame: int, x: float, y: float) -> Focus:
+    """The focus points for a click at fractions x, y of the picture (0, 0 = top left) of a frame.
+
+    Of the features nearest to the click the four are taken whose mean depth is that of the surface under the
+    click, and which differ little: so a click beside a silhouette does not focus between subject and
+    background, nor one on a slope before or behind the place.
+    """
+    if not (0 <= x <= 1 and 0 <= y <= 1):
+        raise UserError(f"focus at {x:g},{y:g} is outside the picture; both must be between 0 and 1")
+    if frame not in reconstruction.frames:
+        if not reconstruction.images:
+            raise UserError("the reconstruction has no registered frames; solve the clip again")
+        first, last = reconstruction.frames[[0, -1]]
+        raise UserError(
+            f"frame {frame} has no camera to pick a focus in; registered frames are {first} to {last}"
+        )
+    image, _ = reconstruction.image_at(frame)
+    canvas = Canvas(reconstruction.intrinsics(image))
+    features = frame_features(reconstruction, frame, canvas)
+    if len(features.points) < 2:
+        raise UserError(f"frame {frame} has fewer than two feature points; pick the focus in another frame")
+    click = canvas.features_from_source(np.array([[x * canvas.lens.width, y * canvas.lens.height]]))
+    distance = np.linalg.norm(features.observed - click, axis=1)
+    near = np.argsort(distance, kind="stable")[: 3 * PICKS]
+    # A neighbour at twice the distance of the fourth says little about the clicked place.
+    near = near[distance[near] <= 2 * distance[near[min(PICKS, len(near)) - 1]]]
+    inverse = features.inverse_depth[near]
+    under = _surface(features.observed[near] - click, inverse)
+    agree = np.argsort(np.abs(inverse - under), kind="stable")[: 2 * PICKS]
+    fours = np.array(list(combinations(agree, min(PICKS, len(agree)))))
+    chosen = inverse[fours]
+    cost = np.abs(chosen.mean(axis=1) - under) + APART * np.ptp(chosen, axis=1)
+    return Focus(points=tuple(int(p) for p in features.points[near[fours[np.argmin(cost)]]]))
+
+
+def _surface(offsets: Floats, inverse: Floats) -> float:
+    """Inverse depth at a click of the surface that most of the features (n, 2) pixels beside it are on.
+
+    A plane's inverse depth (n,) is linear over the picture: weighted least squares with Cauchy's weights from
+    the weighted median on (Holland and Welsch, "Robust regression using iteratively reweighted
+    least-squares", 1977). Close features count more; few that lie in a row tell little of the tilt.
+    """
+    distance = np.linalg.norm(offsets, axis=1)
+    closeness = 1 / (distance + NEXT_TO)
+    order = np.argsort(inverse, kind="stable")
+    half = np.searchsorted(np.cumsum(closeness[order]), closeness.sum() / 2)
+    across = np.column_stack([np.ones(len(inverse)), offsets / (distance.max() + NEXT_TO)])
+    plane = np.array([inverse[order[half]], 0.0, 0.0])
+    for _ in range(5):
+        miss = np.abs(inverse - across @ plane)
+        weight = closeness / (1 + (miss / (2 * max(float(np.median(miss)), 1e-9 * inverse.max()))) ** 2)
+        flat = np.diag([0.0, 1.0, 1.0]) * FLAT * weight.sum()
+        plane = np.linalg.solve(across.T @ (across * weight[:, None]) + flat, across.T @ (weight * inverse))
+    return float(plane[0])
+
+
+def radius_for_blur(reconstruction: Reconstruction, focus: Focus, frame: int, blur: float) -> float:
+    """Aperture radius in scene units that blurs the farthest background into a disc of `blur` image widths.
+
+    D = 2 R f |1/Z - 1/Zf|. The farthest background is the 2nd percentile of the frame's inverse depths
+    (single points farther away are mostly wrong). With the background itself in focus, the nearest
+    foreground takes its place. UserError where there is nothing to blur.
+    """
+    if not (np.isfinite(blur) and blur > 0):
+        raise UserError(
+            f"the blur is {blur:g}; it must be greater than zero (0.03 is 3 % of the image width)"
+        )
+    return blur / _blur_of_unit_radius(reconstruction, focus, frame)
+
+
+def blur_for_radius(reconstruction: Reconstruction, focus: Focus, frame: int, radius: float) -> float:
+    """Inverse of `radius_for_blur`: the blur disc, in image widths, of an aperture radius in scene units.
+
+    UserError where there is nothing to blur.
+    """
+    return radius * _blur_of_unit_radius(reconstruction, focus, frame)
+
+
+def largest_discs(
+    reconstruction: Reconstruction, focus: Focus, frame: int, radius: float
+) -> tuple[float, float]:
+    """Diameters of a frame's largest blur discs before and beyond the focal plane, in image widths.
+
+    Of all but the nearest and farthest 2 % of its points; 0 where none is on that side.
+    """
+    image, _ = reconstruction.image_at(frame)
+    lens = reconstruction.intrinsics(image)
+    inverse = frame_features(reconstruction, frame, Canvas(lens)).inverse_depth
+    if not len(inverse):
+        return 0.0, 0.0
+    plane = focus.inverse_depth(reconstruction, frame)
+    far, near = np.percentile(inverse, [2, 98])
+    of_contrast = 2 * radius * lens.fx / lens.width
+    return float(of_contrast * max(near - plane, 0.0)), float(of_contrast * max(plane - far, 0.0))
+
+
+def _blur_of_unit_radius(reconstruction: Reconstruction, focus: Focus, frame: int) -> float:
+    image, _ = reconstruction.image_at(frame)
+    lens = reconstruction.intrinsics(image)
+    features = frame_features(reconstruction, frame, Canvas(lens))
+    if not len(features.points):
+        raise UserError(
+            f"frame {frame} has no usable feature points to measure a blur by; pick the focus in another"
+            " frame, give the aperture's radius, or solve the clip again"
+        )
+    inverse = focus.inverse_depth(reconstruction, frame)
+    far, near = np.percentile(features.inverse_depth, [2, 98])
+    contrast = inverse - far
+    if contrast < 0.25 * (near - inverse):
+        contrast = near - inverse
+    if contrast <= 1e-6 * inverse:
+        raise UserError(
+            "everything in the picture lies in the focal plane, so there is nothing to blur;"
+            " focus elsewhere or give the aperture's radius"
+        )
+    return float(2 * lens.fx * contrast / lens.width)
+
+
+def exact_registration(canvas: Canvas, offsets: Floats, inverse_depth: float) -> Floats:
+    """(N, 2, 3) shears that bring the plane 1/inverse_depth into register, for offsets (N, 2) in scene units.
+
+    A point moves by -f (dx, dy) / z when the camera moves by (dx, dy); the shear adds the focal plane's
+    share back, which in Blender is `shift_x`, `shift_y`.
+    """
+    registration = np.zeros((len(offsets), 2, 3))
+    registration[:, 0, 0] = registration[:, 1, 1] = 1.0
+    registration[:, :, 2] = canvas.pinhole.focal * offsets * inverse_depth
+    return registration
+
+
+def fitted_registration(
+    reconstruction: Reconstruction, features: FrameFeatures, canvas: Canvas, offsets: Floats, focus: Focus
+) -> Floats:
+    """(N, 2, 3) scalings and translations that map the focus points back by least squares.
+
+    The thesis's section 3.8. Features of the frame are used where at least two focus points are seen in
+    it; otherwise the 3D focus points are carried into the frame by projection.
+    """
+    if len(focus.points) < 2:
+        raise UserError("the thesis's method needs at least two focus points; pick four on the subject")
+    ids = check_points(reconstruction, focus.points)
+    seen = np.isin(features.points, ids)
+    if seen.sum() >= 2:
+        start, projected = features.observed[seen], features.projected[seen]
+        inverse = features.inverse_depth[seen]
+    else:
+        image, _ = reconstruction.image_at(features.frame)
+        local, ahead = seen_by(image, reconstruction, ids)
+        local = local[ahead]
+        if len(local) < 2:
+            raise UserError(
+                f"frame {features.frame} has fewer than two focus points in front of the camera;"
+                " pick more points that lie ahead there"
+            )
+        start = projected = canvas.pinhole.project(local)
+        inverse = 1.0 / local[:, 2]
+    moved = projected - (canvas.pinhole.focal * offsets)[:, None, :] * inverse[:, None]
+    centre, target = moved.mean(axis=1, keepdims=True), start.mean(axis=0)
+    spread = ((moved - centre) ** 2).sum(axis=(1, 2))
+    match = ((moved - centre) * (start - target)).sum(axis=(1, 2))
+    # Coinciding focus points determine no scale.
+    scale = np.divide(match, spread, out=np.ones_like(match), where=spread > 1e-9)
+    registration = np.zeros((len(offsets), 2, 3))
+    registration[:, 0, 0] = registration[:, 1, 1] = scale
+    registration[:, :, 2] = target - scale[:, None] * centre[:, 0]
+    return registration

@@ -1,0 +1,1 @@
+"""Clips and what lies beside them: pictures of frames, metadata, masks, and how a clip is recognised."""

@@ -1,0 +1,432 @@
+"""Reading clips: video files and image sequences, in their true picture geometry.
+
+Pictures come out as RGB or RGBA with square pixels and upright. Frame numbers are the clip's own: a video's
+first picture is frame 1, as in Blender, and a sequence keeps the numbers of its file names, gaps included.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.errors import Remedy, UserError
+from ..base.file_names import checked_name
+from ..base.nearest_fill import nearest
+from ..base.progress import checkpoint
+
+Pixels = NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.float32]
+
+# FFmpeg's own complaints would stand beside the one line that we say.
+os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
+
+exr_decoder: Callable[[Path], NDArray[np.float32]] | None = None
+"""Reads an EXR as (H, W, 3 or 4) float32 RGB(A). OpenCV's wheel has no OpenEXR, so whoever runs us lends
+theirs: Blender its own (`scene.exr`), the solving worker pycolmap's."""
+
+PICTURES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".exr")
+DEFAULT_FPS = 24.0
+BRIGHTEST = 65504.0
+"""The largest number that a half float holds: sums over hundreds of views of it stay finite."""
+AHEAD = 48
+"""Frames that are skipped by decoding rather than by opening the video again."""
+
+
+@dataclass(frozen=True)
+class FrameRange:
+    """Frames first to last of the clip, both included, every step-th."""
+
+    first: int
+    last: int
+    step: int = 1
+
+    @classmethod
+    def parse(cls, text: str) -> FrameRange:
+        """From "A-B", "A-B:STEP" or "A"."""
+        match = re.fullmatch(r"(\d+)(?:-(\d+))?(?::(\d+))?", text.strip())
+        if not match:
+            raise UserError(f"frames {text!r} are not understood; write A-B, A-B:STEP or a single frame")
+        first, last, step = (int(part) if part else None for part in match.groups())
+        assert first is not None
+        return cls(first, first if last is None else last, 1 if step is None else step)
+
+    def of(self, frames: Iterable[int]) -> tuple[int, ...]:
+        return tuple(f for f in frames if self.first <= f <= self.last and (f - self.first) % self.step == 0)
+
+
+@dataclass
+class _Decoder:
+    """An open video and the picture that it gives next."""
+
+    capture: cv2.VideoCapture
+    next_frame: int = 1
+
+
+@dataclass(frozen=True)
+class Footage:
+    """A clip. Hold one open for as long as its frames are read in order: seeking is slow."""
+
+    path: Path
+    """The video, the folder, or the pattern, absolute."""
+    frames: tuple[int, ...]
+    width: int
+    """Of the true picture: square pixels, upright."""
+    height: int
+    fps: float
+    files: tuple[Path, ...] = ()
+    """One per frame; empty for a video."""
+    _decoder: list[_Decoder] = field(default_factory=list, repr=False, compare=False)
+
+    @property
+    def is_video(self) -> bool:
+        return not self.files
+
+    def file(self, frame: int) -> Path:
+        """The file that holds a frame."""
+        return self.files[self.frames.index(frame)] if self.files else self.path
+
+    def read(self, frame: int) -> Pixels:
+        """(height, width, 3 or 4) RGB or RGBA as stored: uint8, uint16 or float32.
+
+        Raises UserError naming the frame if the clip does not have it, it cannot be decoded, or its size
+        is not the clip's.
+        """
+        if frame not in self.frames:
+            raise UserError(f"{self.path.name} has no frame {frame}; it has {describe(self.frames)}")
+        picture = self._from_video(frame) if self.is_video else _read_file(self.file(frame))
+        if picture.shape[:2] != (self.height, self.width):
+            where = self.file(frame).name if self.files else f"frame {frame}"
+            raise UserError(
+                f"{where} is {picture.shape[1]}x{picture.shape[0]}, the clip is {self.width}x{self.height};"
+                " all frames of a clip must have one size"
+            )
+        return picture
+
+    def close(self) -> None:
+        """Release the video file."""
+        while self._decoder:
+            self._decoder.pop().capture.release()
+
+    def _from_video(self, frame: int) -> Pixels:
+        # Seeking is not exact in every codec; decoding from the start always is.
+        if not self._decoder or not 0 <= frame - self._decoder[0].next_frame <= AHEAD:
+            self._seek(frame)
+        decoder = self._decoder[0]
+        while decoder.next_frame < frame:
+            checkpoint()
+            if not decoder.capture.grab():
+                break
+            decoder.next_frame += 1
+        done, bgr = decoder.capture.read()
+        if not done or bgr is None:
+            self.close()
+            raise UserError(
+                f"frame {frame} of {self.path.name} cannot be decoded; the file may be truncated:"
+                " convert it again or leave the frame out",
+                Remedy.FRAMES,
+            )
+        decoder.next_frame += 1
+        return _square(_rgb(bgr), decoder.capture)
+
+    def _seek(self, frame: int) -> None:
+        decoder = self._decoder[0] if self._decoder else None
+        if decoder is None or frame < decoder.next_frame:
+            self.close()
+            self._decoder.append(_Decoder(_open_capture(self.path)))
+
+
+def open_footage(
+    path: Path | str, frames: FrameRange | Iterable[int] | None = None, fps: float | None = None
+) -> Footage:
+    """Open a video file, a folder of images, or a pattern such as `shot_####.png` or `shot_%04d.png`.
+
+    `frames` narrows the clip to a range or to given frame numbers. Raises UserError, one line, for
+    anything that cannot be read.
+    """
+    path = checked_name(_expanded(path))
+    try:
+        if is_pattern(path) or path.is_dir():
+            footage = _open_sequence(path, clip_files(path), fps)
+        elif not path.exists():
+            raise UserError(
+                f"{path} does not exist; give a video file, a folder of images or a pattern like ####.png"
+            )
+        elif path.suffix.lower() in PICTURES:
+            raise UserError(
+                f"{path.name} is a single image; a clip needs several: give the folder or a pattern"
+            )
+        else:
+            footage = _open_video(path)
+    except OSError as error:
+        raise UserError(f"{error.filename or path} cannot be read: {error.strerror or error}") from error
+    return footage if frames is None else _narrowed(footage, frames)
+
+
+def clip_files(path: Path) -> list[Path]:
+    """The files of a clip, by name: the video itself, the pictures of a folder, or those a pattern names.
+
+    UserError where a pattern's folder is missing, OSError where the folder cannot be listed.
+    """
+    if is_pattern(path):
+        return sorted(pattern_matches(path))
+    if path.is_dir():
+        return sorted(p for p in path.iterdir() if p.suffix.lower() in PICTURES)
+    return [path]
+
+
+def _expanded(path: Path | str) -> Path:
+    try:
+        return Path(path).expanduser().absolute()
+    except RuntimeError as error:  # ~ of a user who is not known
+        raise UserError(f"{path} does not exist: {error}") from None
+
+
+def describe(frames: tuple[int, ...]) -> str:
+    """For messages: "frames 1 to 118", or with its gaps counted."""
+    missing = frames[-1] - frames[0] + 1 - len(frames)
+    gaps = f" with {missing} missing" if missing else ""
+    return f"frames {frames[0]} to {frames[-1]}{gaps}" if len(frames) > 1 else f"frame {frames[0]}"
+
+
+def finite(picture: Pixels) -> tuple[Pixels, int]:
+    """A picture (H, W, 3 or 4) with floats between 0 and `BRIGHTEST`, and how many pixels were not finite.
+
+    Those take the value of the nearest one that is: one alone would spread over everything that a filter or a
+    blur reaches. Integers stay as they are.
+    """
+    if picture.dtype != np.float32:
+        return picture, 0
+    known = np.isfinite(picture).all(axis=2)
+    filled = nearest(np.where(known[..., None], picture, np.float32(0)), known)
+    return np.asarray(np.clip(filled, 0, BRIGHTEST), np.float32), int(np.count_nonzero(~known))
+
+
+def to_linear(picture: Pixels) -> NDArray[np.float32]:
+    """(H, W, 3 or 4) as stored -> (H, W, 4) float32, scene linear Rec.709, premultiplied alpha.
+
+    Integers are sRGB encoded (IEC 61966-2-1), floats linear already. EXR is premultiplied in the file.
+    """
+    if picture.dtype == np.float32:
+        colour = np.asarray(picture[..., :3], dtype=np.float32)
+    else:
+        top = 255 if picture.dtype == np.uint8 else 65535
+        table = decode_srgb(np.arange(top + 1) / top).astype(np.float32)
+        colour = table[picture[..., :3]]
+    out = np.ones((*picture.shape[:2], 4), dtype=np.float32)
+    out[..., :3] = colour
+    if picture.shape[2] == 4:
+        if picture.dtype == np.float32:
+            out[..., 3] = picture[..., 3]
+        else:
+            out[..., 3] = picture[..., 3].astype(np.float32) / (255 if picture.dtype == np.uint8 else 65535)
+            out[..., :3] *= out[..., 3:]
+    return out
+
+
+def to_gray8(picture: Pixels) -> NDArray[np.uint8]:
+    """(H, W, 3 or 4) as stored -> (H, W) uint8 display-encoded luma, for tracking."""
+    if picture.dtype == np.float32:
+        encoded = encode_srgb(np.clip(np.nan_to_num(picture[..., :3]), 0, 1))
+        rgb = np.round(encoded * 255).astype(np.uint8)
+    elif picture.dtype == np.uint16:
+        rgb = (np.asarray(picture[..., :3], dtype=np.uint16) >> 8).astype(np.uint8)
+    else:
+        rgb = np.ascontiguousarray(picture[..., :3], dtype=np.uint8)
+    return np.asarray(cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
+
+
+def encode_srgb(linear: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Linear light in [0, 1] -> display values in [0, 1] (IEC 61966-2-1)."""
+    return np.where(
+        linear <= 0.0031308, linear * 12.92, 1.055 * np.maximum(linear, 0.0031308) ** (1 / 2.4) - 0.055
+    )
+
+
+def decode_srgb(encoded: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Display values in [0, 1] -> linear light in [0, 1] (IEC 61966-2-1)."""
+    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+
+
+def _open_video(path: Path) -> Footage:
+    if path.stat().st_size == 0:
+        raise UserError(f"{path.name} is empty (0 bytes); copy it again from the camera")
+    capture = _open_capture(path)
+    done, bgr = capture.read()
+    if not done or bgr is None:
+        raise UserError(f"{path.name} has no frame that can be decoded; convert it to H.264 and try again")
+    height, width = _square(_rgb(bgr), capture).shape[:2]
+    fps = capture.get(cv2.CAP_PROP_FPS)
+    claimed = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
+    # The header's count may be wrong. Grabbing decodes without converting: a few milliseconds a frame.
+    count = 1
+    while capture.grab():
+        count += 1
+        checkpoint(min(1.0, count / max(claimed, 1)))
+    capture.release()
+    if claimed - count > max(2, claimed // 50):
+        raise UserError(
+            f"{path.name} is truncated: frame {count + 1} of {claimed} cannot be decoded;"
+            " copy or convert it again"
+        )
+    usable = fps if np.isfinite(fps) and 0 < fps < 1000 else DEFAULT_FPS
+    return Footage(path, tuple(range(1, count + 1)), width, height, float(usable))
+
+
+def _open_capture(path: Path) -> cv2.VideoCapture:
+    level = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    try:
+        capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
+    finally:
+        cv2.utils.logging.setLogLevel(level)
+    if not capture.isOpened():
+        raise UserError(f"{path.name} is not a video that can be read; convert it to H.264 and try again")
+    capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 1)
+    return capture
+
+
+def _square(picture: Pixels, capture: cv2.VideoCapture) -> Pixels:
+    """Stored pixels -> square pixels: the sample aspect ratio stretches the width."""
+    across, down = capture.get(cv2.CAP_PROP_SAR_NUM), capture.get(cv2.CAP_PROP_SAR_DEN)
+    if not (across > 0 and down > 0) or across == down:
+        return picture
+    height, width = picture.shape[:2]
+    turned = int(capture.get(cv2.CAP_PROP_ORIENTATION_META)) % 180 != 0
+    # A clip that is shown on its side has its stored width upright.
+    size = (width, round(height * across / down)) if turned else (round(width * across / down), height)
+    shrinks = size[0] * size[1] < width * height
+    resized = cv2.resize(picture, size, interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_CUBIC)
+    return np.asarray(resized, dtype=picture.dtype)
+
+
+def _open_sequence(path: Path, files: list[Path], fps: float | None) -> Footage:
+    if not files:
+        raise UserError(f"{path} has no images; PNG, JPEG, TIFF and EXR are read")
+    for file in files:
+        checked_name(file)
+    numbered: dict[int, Path] = {}
+    numbers = [_number(file) for file in files]
+    if any(number is None for number in numbers):
+        files = sorted(files)
+        numbers = list(range(1, len(files) + 1))
+    for number, file in zip(numbers, files, strict=True):
+        assert number is not None
+        if number in numbered:
+            raise UserError(
+                f"{numbered[number].name} and {file.name} both are frame {number}; keep one clip in a folder"
+                " or name it with a pattern like shot_####.png"
+            )
+        numbered[number] = file
+    frames = tuple(sorted(numbered))
+    first = _read_file(numbered[frames[0]])
+    ordered = tuple(numbered[f] for f in frames)
+    return Footage(path, frames, first.shape[1], first.shape[0], fps or DEFAULT_FPS, ordered)
+
+
+def _read_file(path: Path) -> Pixels:
+    try:
+        return _decoded(path)
+    except OSError as error:
+        raise UserError(
+            f"{path} cannot be read: {error.strerror or error}; put it back or leave the frame out"
+        ) from error
+
+
+def _decoded(path: Path) -> Pixels:
+    if path.stat().st_size == 0:
+        raise UserError(f"{path.name} is empty (0 bytes); export the sequence again")
+    if path.suffix.lower() == ".exr":
+        return _read_exr(path)
+    level = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    try:
+        picture = cv2.imdecode(np.fromfile(path, dtype=np.uint8), cv2.IMREAD_UNCHANGED | cv2.IMREAD_ANYCOLOR)
+        if picture is not None and picture.ndim == 3 and picture.shape[2] == 3:
+            # Only this way does OpenCV honour the orientation that a camera writes into a JPEG.
+            upright = cv2.imread(str(path), cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH)
+            picture = upright if upright is not None else picture
+    except cv2.error:
+        picture = None
+    finally:
+        cv2.utils.logging.setLogLevel(level)
+    if picture is None or (picture.ndim == 3 and picture.shape[2] > 4):
+        raise UserError(f"{path.name} cannot be decoded; export this frame again or leave it out")
+    if picture.dtype not in (np.uint8, np.uint16, np.float32):
+        picture = picture.astype(np.float32)
+    return _rgb(picture)
+
+
+def _read_exr(path: Path) -> Pixels:
+    if exr_decoder is None:
+        raise UserError(
+            f"{path.name} is an EXR, which can only be read inside Blender; convert it to 16-bit PNG"
+        )
+    try:
+        return exr_decoder(path)
+    except (OSError, ValueError, RuntimeError) as error:
+        raise UserError(f"{path.name} cannot be decoded; export this frame again or leave it out") from error
+
+
+def _rgb(picture: NDArray[np.generic]) -> Pixels:
+    channels = 1 if picture.ndim == 2 else picture.shape[2]
+    if channels == 2:  # gray and alpha
+        picture, channels = picture[..., [0, 0, 0, 1]], 4
+    code = {1: cv2.COLOR_GRAY2RGB, 3: cv2.COLOR_BGR2RGB, 4: cv2.COLOR_BGRA2RGBA}[channels]
+    return cv2.cvtColor(picture, code)  # type: ignore[no-any-return, call-overload]
+
+
+def _narrowed(footage: Footage, wanted: FrameRange | Iterable[int]) -> Footage:
+    if isinstance(wanted, FrameRange):
+        if wanted.step < 1:
+            raise UserError(f"the frame step is {wanted.step}; it must be at least 1")
+        kept = wanted.of(footage.frames)
+        text = f"{wanted.first}-{wanted.last}"
+    else:
+        chosen = set(wanted)
+        kept = tuple(f for f in footage.frames if f in chosen)
+        text = "asked for"
+    if not kept:
+        raise UserError(f"{footage.path.name} has no frames {text}; it has {describe(footage.frames)}")
+    files = tuple(footage.file(f) for f in kept) if footage.files else ()
+    return replace(footage, frames=kept, files=files)
+
+
+_NUMBER = re.compile(r"#+|%0?(\d*)d")
+
+
+def is_pattern(path: Path) -> bool:
+    """Whether the path of a clip stands for numbered pictures: shot_####.png, shot_%04d.png.
+
+    A file or a folder that is really called that is no pattern.
+    """
+    return _NUMBER.search(path.name) is not None and not path.exists()
+
+
+def pattern_matches(path: Path) -> list[Path]:
+    """The files that a pattern names: # is one digit, %04d at least four. UserError without its folder.
+
+    Where none is named by all of its places, only the last one is taken for the frame's number, as in the
+    names of rendered frames: the # in `take #3_####.png` is a part of the name.
+    """
+    if not path.parent.is_dir():
+        raise UserError(f"{path.parent} does not exist; give the folder that holds {path.name}")
+    names, places = list(path.parent.iterdir()), list(_NUMBER.finditer(path.name))
+    for numbers in (places, places[-1:]):
+        expression, end = "", 0
+        for place in numbers:
+            digits = place[1] or 1 if place[0].startswith("%") else len(place[0])
+            expression += re.escape(path.name[end : place.start()]) + rf"\d{{{digits},}}"
+            end = place.end()
+        expression += re.escape(path.name[end:])
+        if found := [each for each in names if re.fullmatch(expression, each.name)]:
+            return found
+    return []
+
+
+def _number(path: Path) -> int | None:
+    digits = re.findall(r"\d+", path.stem)
+    return int(digits[-1]) if digits else None

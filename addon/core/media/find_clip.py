@@ -1,0 +1,64 @@
+"""Finding a clip again that does not lie where it lay: by its name, and by what is in it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from ..base.errors import UserError
+from .clip import is_pattern, pattern_matches
+from .clip_identity import is_same_clip
+
+LEVELS = 2
+"""Folders below each other that are looked into."""
+MOST_FOLDERS = 500
+"""Looked into at most: the .blend may lie in a home folder."""
+
+
+def clip_exists(path: Path) -> bool:
+    """Whether a video, a folder, or at least one picture of a pattern is there."""
+    try:
+        if is_pattern(path):
+            return path.parent.is_dir() and any(pattern_matches(path))
+        return path.exists()
+    except OSError:
+        return False
+
+
+def is_clip(path: Path, wanted: str) -> bool:
+    """Whether a path leads to the clip of the identity `wanted`; not where it cannot be read."""
+    try:
+        return clip_exists(path) and is_same_clip(path, wanted)
+    except UserError:
+        return False
+
+
+def find_clip(name: str, wanted: str, places: Iterable[Path], below: Path | None) -> Path | None:
+    """The clip of the identity `wanted`: at one of the `places`, or called `name` in or below a folder.
+
+    `name` is a video's, a folder's or a pattern's. None where it is not found.
+    """
+    for place in places:
+        if is_clip(place, wanted):
+            return place
+    for folder in _folders(below) if below is not None else ():
+        if is_clip(folder / name, wanted):
+            return folder / name
+    return None
+
+
+def _folders(top: Path) -> Iterator[Path]:
+    """A folder and those below it, the nearest first."""
+    level, count = [top], 0
+    for _ in range(LEVELS + 1):
+        deeper: list[Path] = []
+        for folder in level:
+            yield folder
+            count += 1
+            if count == MOST_FOLDERS:
+                return
+            try:
+                deeper += sorted(path for path in folder.iterdir() if path.is_dir() and path.name[0] != ".")
+            except OSError:
+                continue
+        level = deeper

@@ -1,0 +1,42 @@
+"""Pictures that lie beside a clip, a depth map or a mask for each frame: which belongs to which."""
+
+from __future__ import annotations
+
+from ..base.errors import UserError
+from .clip import Footage, describe
+
+STRETCH = 0.02
+"""By which their shape may differ from the clip's before the user is told."""
+
+
+def numbered(pictures: Footage, clip: Footage, kind: str) -> tuple[dict[int, int], list[str]]:
+    """The clip's frame -> that of its picture, frames without one missing; and what the user should know.
+
+    They belong to the frames that their names number. Where these are not the clip's numbers but the counts
+    agree, they belong to the frames in order. A video's first frame is 1; pictures that begin at 0 begin
+    there. `kind` names one, as "depth map". UserError where none fits a frame.
+    """
+    frames, notes = pictures.frames, []
+    shifted = 1 if clip.is_video and frames[0] == 0 else 0
+    numbers = {number + shifted: number for number in frames}
+    if not set(clip.frames) <= set(numbers) and len(frames) == len(clip.frames):
+        numbers = dict(zip(clip.frames, frames, strict=True))
+        notes.append(
+            f"{kind}s belong to the clip in order: {pictures.path.name} has {describe(frames)},"
+            f" the clip {describe(clip.frames)}"
+        )
+    numbers = {frame: numbers[frame] for frame in clip.frames if frame in numbers}
+    if not numbers:
+        short = kind.split()[-1]
+        raise UserError(
+            f"no {kind} in {pictures.path.name} belongs to the clip: the {short}s are {describe(frames)},"
+            f" the clip has {describe(clip.frames)}; number them alike, or give one {short} for every frame"
+        )
+    return numbers, notes
+
+
+def stretched(pictures: Footage, clip: Footage, kind: str) -> list[str]:
+    """What the user should know where they have another shape than the clip."""
+    if abs(pictures.width * clip.height / (pictures.height * clip.width) - 1) <= STRETCH:
+        return []
+    return [f"the {kind}s are {pictures.width}x{pictures.height}, stretched over {clip.width}x{clip.height}"]

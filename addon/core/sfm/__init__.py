@@ -1,0 +1,1 @@
+"""Structure from motion: feature tracks, cameras, points, and the working folder that keeps them."""

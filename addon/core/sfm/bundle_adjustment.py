@@ -1,0 +1,348 @@
+"""Bundle adjustment with numpy, for what a solver's library leaves open: points at any distance, focal
+lengths that change from frame to frame, and a covariance that is true of tracked video.
+
+Points are homogeneous, so that one at infinity is like any other. Triggs, McLauchlan, Hartley and Fitzgibbon,
+"Bundle adjustment: a modern synthesis", 2000.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..camera.reconstruction import Floats, Ints
+
+STEPS = 60
+SETTLED = 1e-7
+"""Relative fall of the cost at which it is enough."""
+
+
+@dataclass(frozen=True)
+class Sightings:
+    """Where points are seen: m observations, sorted in any way, at most one of a point in a frame."""
+
+    frame: Ints
+    """(m,) 0 to F - 1."""
+    point: Ints
+    """(m,) 0 to P - 1."""
+    xy: Floats
+    """(m, 2) pixels from the principal point."""
+
+
+@dataclass(frozen=True)
+class Bundle:
+    """Cameras and points, in any units."""
+
+    rotation: Floats
+    """(F, 3, 3) world-to-camera."""
+    translation: Floats
+    """(F, 3)"""
+    points: Floats
+    """(P, 4) homogeneous, of unit length."""
+    focal: Floats
+    """(F,) pixels."""
+
+    @property
+    def world(self) -> Floats:
+        """(P, 3) points; not finite where they are infinitely far."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(self.points[:, :3] / self.points[:, 3:])
+
+    def in_camera(self, seen: Sightings) -> Floats:
+        """(m, 3) each observation's point in its camera's axes, times its own homogeneous factor."""
+        turned = np.einsum("mij,mj->mi", self.rotation[seen.frame], self.points[seen.point, :3])
+        return np.asarray(turned + self.points[seen.point, 3:] * self.translation[seen.frame])
+
+    def residuals(self, seen: Sightings) -> Floats:
+        """(m, 2) projection minus observation, in pixels."""
+        local = self.in_camera(seen)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(self.focal[seen.frame, None] * local[:, :2] / local[:, 2:] - seen.xy)
+
+
+@dataclass(frozen=True)
+class Adjusted:
+    """The outcome."""
+
+    bundle: Bundle
+    cost: float
+    """Sum of the robust squared errors, in pixels squared."""
+    error: float
+    """Root mean square of the robust residuals, per coordinate, in pixels."""
+    focal_sigma: float
+    """Relative standard deviation of the common focal length, 0 if held."""
+
+
+@dataclass(frozen=True)
+class _System:
+    """The normal equations, points eliminated as far as `steps` needs."""
+
+    cost: float
+    cameras: Floats
+    """(C, C)"""
+    right: Floats
+    """(C,)"""
+    point: Floats
+    """(P, 3, 3)"""
+    point_right: Floats
+    """(P, 3)"""
+    cross: Floats
+    """(P, 3, C)"""
+    basis: Floats
+    """(P, 4, 3) tangents of the points."""
+    per_observation: tuple[Floats, Floats, Floats]
+    """Weighted (m, 2, 7) camera and (m, 2, 3) point derivatives and (m, 2) residuals."""
+
+
+def adjust(
+    bundle: Bundle,
+    seen: Sightings,
+    loss: float,
+    free_focal: str = "held",
+    tie: float = 0.0,
+    steps: int = STEPS,
+) -> Adjusted:
+    """Least squares over all poses and points, by Levenberg and Marquardt, with Huber's loss from `loss` px.
+
+    `free_focal` is "held", "common" (one factor for all frames) or "each": every frame has its own, and a
+    change from one to the next costs `tie` times the square of its logarithm, in pixels squared.
+    """
+    frames = len(bundle.focal)
+    extra = {"held": 0, "common": 1, "each": frames}[free_focal]
+    damping = 1e-4
+    system = _system(bundle, seen, loss, extra, tie)
+    for _ in range(steps):
+        step = _solved(system, damping)
+        if step is not None:
+            moved = _moved(bundle, system.basis, *step, extra)
+            cost = _cost(moved, seen, loss, tie)
+            if cost < system.cost:
+                fallen = (system.cost - cost) / max(system.cost, 1e-300)
+                bundle, damping = moved, max(damping / 8, 1e-10)
+                system = _system(bundle, seen, loss, extra, tie)
+                if fallen < SETTLED:
+                    break
+                continue
+        damping *= 6
+        if damping > 1e8:
+            break
+    count = max(2 * len(seen.frame) - 6 * frames - 3 * len(bundle.points), 1)
+    sigma = _focal_sigma(system, seen, frames) if extra == 1 else 0.0
+    return Adjusted(bundle, system.cost, float(np.sqrt(system.cost / count)), sigma)
+
+
+def _weights(residuals: Floats, loss: float) -> tuple[Floats, float]:
+    """Huber's weights (m,) and the cost."""
+    size = np.linalg.norm(residuals, axis=1)
+    bad = ~np.isfinite(size)
+    size = np.where(bad, 1e6, size)
+    weight = np.where(size <= loss, 1.0, loss / np.maximum(size, loss))
+    cost = float(np.where(size <= loss, size**2, 2 * loss * size - loss**2).sum())
+    return np.where(bad, 0.0, weight), cost
+
+
+def _cost(bundle: Bundle, seen: Sightings, loss: float, tie: float) -> float:
+    return _weights(_residuals(bundle, seen), loss)[1] + tie * float(
+        (np.diff(np.log(bundle.focal)) ** 2).sum()
+    )
+
+
+def _residuals(bundle: Bundle, seen: Sightings) -> Floats:
+    """(m, 2) pixels; NaN behind the camera, from where a point would fit as well."""
+    residuals = bundle.residuals(seen)
+    residuals[bundle.in_camera(seen)[:, 2] <= 0] = np.nan
+    return residuals
+
+
+def _system(bundle: Bundle, seen: Sightings, loss: float, extra: int, tie: float) -> _System:
+    frames, count = len(bundle.focal), len(bundle.points)
+    local = bundle.in_camera(seen)
+    residuals = _residuals(bundle, seen)
+    weight, _ = _weights(residuals, loss)
+    root = np.sqrt(weight)[:, None]
+    residuals = root * np.nan_to_num(residuals)
+    camera, point, basis = _derivatives(bundle, seen, local)
+    camera *= root[..., None]
+    point *= root[..., None]
+    if extra == 0:
+        camera[..., 6] = 0
+    columns = 6 * frames + extra
+    last = 6 * frames + (seen.frame if extra == frames and extra > 1 else np.zeros_like(seen.frame))
+    cross = np.zeros((count, 3, columns))
+    blocks = np.einsum("mki,mkj->mij", point, camera)
+    at = 6 * seen.frame[:, None] + np.arange(6)
+    cross[seen.point[:, None, None], np.arange(3)[:, None], at[:, None, :]] = blocks[..., :6]
+    full = np.zeros((columns, columns))
+    right = np.zeros(columns)
+    own = _summed(np.einsum("mki,mkj->mij", camera, camera), seen.frame, frames)
+    own_right = _summed(np.einsum("mki,mk->mi", camera, residuals), seen.frame, frames)
+    place = 6 * np.arange(frames)[:, None] + np.arange(6)
+    full[place[:, :, None], place[:, None, :]] = own[:, :6, :6]
+    right[: 6 * frames] = own_right[:, :6].ravel()
+    if extra:
+        np.add.at(cross, (seen.point[:, None], np.arange(3), last[:, None]), blocks[..., 6])
+        lasts = 6 * frames + (np.arange(frames) if extra == frames and extra > 1 else np.zeros(frames, int))
+        np.add.at(full, (lasts, lasts), own[:, 6, 6])
+        np.add.at(full, (place, lasts[:, None]), own[:, :6, 6])
+        np.add.at(full, (lasts[:, None], place), own[:, :6, 6])
+        np.add.at(right, lasts, own_right[:, 6])
+    if extra == frames and tie:
+        change = np.diff(np.eye(frames), axis=0)
+        full[6 * frames :, 6 * frames :] += tie * change.T @ change
+        right[6 * frames :] += tie * change.T @ np.diff(np.log(bundle.focal))
+    return _System(
+        _cost(bundle, seen, loss, tie), full, right,
+        _summed(np.einsum("mki,mkj->mij", point, point), seen.point, count),
+        _summed(np.einsum("mki,mk->mi", point, residuals), seen.point, count), cross, basis,
+        (camera, point, residuals),
+    )  # fmt: skip
+
+
+def _derivatives(bundle: Bundle, seen: Sightings, local: Floats) -> tuple[Floats, Floats, Floats]:
+    """Of projections by (turn, shift, log of the focal length) (m, 2, 7), by points (m, 2, 3); tangents."""
+    x, y, z = np.where(local[:, 2:] > 0, local, [0.0, 0.0, 1.0]).T
+    focal, w = bundle.focal[seen.frame], bundle.points[seen.point, 3]
+    u, v = x / z, y / z
+    camera = np.empty((len(x), 2, 7))
+    # Projection by camera coordinates, and those by a small turn of the camera: -[local]x.
+    camera[:, 0] = np.stack([-u * v, 1 + u * u, -v, w / z, 0 * w, -u * w / z, u], axis=1) * focal[:, None]
+    camera[:, 1] = np.stack([-1 - v * v, u * v, u, 0 * w, w / z, -v * w / z, v], axis=1) * focal[:, None]
+    basis = _tangents(bundle.points)
+    pose = np.concatenate([bundle.rotation, bundle.translation[..., None]], axis=2)
+    moved = np.einsum("mij,mjk->mik", pose[seen.frame], basis[seen.point])
+    scale = (focal / z)[:, None]
+    point = np.stack(
+        [(moved[:, 0] - u[:, None] * moved[:, 2]) * scale, (moved[:, 1] - v[:, None] * moved[:, 2]) * scale],
+        axis=1,
+    )
+    return camera, point, basis
+
+
+def _tangents(points: Floats) -> Floats:
+    """(P, 4, 3) orthonormal bases of what is perpendicular to unit vectors (P, 4) (Householder)."""
+    sign = np.where(points[:, :1] >= 0, 1.0, -1.0)
+    mirror = points.copy()
+    mirror[:, :1] += sign
+    whole = np.eye(4) - 2 * mirror[:, :, None] * mirror[:, None] / (mirror**2).sum(axis=1)[:, None, None]
+    return whole[:, :, 1:]
+
+
+def _summed(values: Floats, index: Ints, count: int) -> Floats:
+    """(count, ...) sums of (m, ...) by index (m,)."""
+    order = np.argsort(index, kind="stable")
+    numbers, starts = np.unique(index[order], return_index=True)
+    result = np.zeros((count, *values.shape[1:]))
+    if len(numbers):
+        result[numbers] = np.add.reduceat(values[order], starts, axis=0)
+    return result
+
+
+def _solved(system: _System, damping: float) -> tuple[Floats, Floats] | None:
+    """The step of cameras (C,) and points (P, 3), points eliminated (Schur's complement)."""
+    diagonal = np.einsum("pii->pi", system.point)
+    heavy = system.point + np.eye(3) * (damping * diagonal + 1e-12)[:, None, :]
+    own = np.einsum("ii->i", system.cameras)
+    try:
+        factor = np.linalg.inv(np.linalg.cholesky(heavy))
+        half = factor @ np.concatenate([system.cross, system.point_right[..., None]], axis=2)
+        flat = half.reshape(-1, half.shape[2])
+        product = flat[:, :-1].T @ flat
+        reduced = system.cameras - product[:, :-1]
+        reduced[np.diag_indices_from(reduced)] += damping * own + 1e-12
+        # The first camera stays where it is: whither the whole drifts, the pictures do not say.
+        reduced[:6], reduced[:, :6] = 0, 0
+        reduced[np.arange(6), np.arange(6)] = 1
+        product[:6, -1] = system.right[:6]
+        cameras = np.linalg.solve(reduced, product[:, -1] - system.right)
+    except np.linalg.LinAlgError:
+        return None
+    rest = -half[..., -1] - half[..., :-1] @ cameras
+    return cameras, np.einsum("pji,pj->pi", factor, rest)
+
+
+def _moved(bundle: Bundle, basis: Floats, cameras: Floats, points: Floats, extra: int) -> Bundle:
+    frames = len(bundle.focal)
+    pose = cameras[: 6 * frames].reshape(frames, 6).copy()
+    if extra == 1:
+        change = float(np.clip(cameras[-1], -0.3, 0.3))
+        bundle, shift, slide = _stretched(bundle, change)
+        pose[:, 3:] -= change * shift
+        points = points - change * np.einsum("pij,pi->pj", basis, slide)
+    elif extra:
+        bundle = replace(bundle, focal=bundle.focal * np.exp(np.clip(cameras[6 * frames :], -0.3, 0.3)))
+    turn = _turns(pose[:, :3])
+    placed = bundle.points + np.einsum("pij,pj->pi", basis, points)
+    return replace(
+        bundle,
+        rotation=turn @ bundle.rotation,
+        translation=np.einsum("fij,fj->fi", turn, bundle.translation) + pose[:, 3:],
+        points=placed / np.linalg.norm(placed, axis=1, keepdims=True),
+    )
+
+
+def _stretched(bundle: Bundle, change: float) -> tuple[Bundle, Floats, Floats]:
+    """The focal length changed by the factor exp(`change`), and the scene in depth, so that pictures stay.
+
+    It is stretched along the first camera's axis, which cameras that look alike see nothing of. On its own, a
+    step of the focal length would at once leave the narrow, curved valley in which it is determined. Beside
+    it, (F, 3) and (P, 4), how translations and points begin to move.
+    """
+    ahead = bundle.rotation[0, 2]
+    centres = -np.einsum("fji,fj->fi", bundle.rotation, bundle.translation)
+    shift = -bundle.rotation @ ahead * ((centres - centres[0]) @ ahead)[:, None]
+    slide = np.zeros_like(bundle.points)
+    slide[:, :3] = ahead * ((bundle.points[:, :3] - bundle.points[:, 3:] * centres[0]) @ ahead)[:, None]
+    points = bundle.points + np.expm1(change) * slide
+    return (
+        replace(
+            bundle, focal=bundle.focal * np.exp(change),
+            translation=bundle.translation + np.expm1(change) * shift,
+            points=points / np.linalg.norm(points, axis=1, keepdims=True),
+        ),
+        shift, slide,
+    )  # fmt: skip
+
+
+def _turns(vectors: Floats) -> Floats:
+    """(F, 3) axes times angles -> (F, 3, 3) rotations (Rodrigues)."""
+    angle = np.linalg.norm(vectors, axis=1)[:, None, None]
+    x, y, z = vectors.T
+    zero = np.zeros(len(x))
+    cross = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=1).reshape(-1, 3, 3)
+    safe = np.where(angle > 0, angle, 1.0)
+    one = np.where(angle > 1e-8, np.sin(safe) / safe, 1.0)
+    two = np.where(angle > 1e-4, (1 - np.cos(safe)) / safe**2, 0.5)
+    return np.asarray(np.eye(3) + one * cross + two * cross @ cross)
+
+
+def _focal_sigma(system: _System, seen: Sightings, frames: int) -> float:
+    """Relative standard deviation of the common focal length, from a covariance whose units are whole tracks.
+
+    A tracked feature's errors in successive frames are the same error: independent observations, as the usual
+    covariance takes them for, make it several times too sure. Liang and Zeger, "Longitudinal data analysis
+    using generalized linear models", 1986 (the sandwich estimator).
+    """
+    # Points infinitely far have a freedom that no picture tells of.
+    heavy = system.point + np.eye(3) * (1e-10 * np.einsum("pii->p", system.point) + 1e-12)[:, None, None]
+    solved = np.linalg.inv(heavy) @ np.concatenate([system.cross, system.point_right[..., None]], axis=2)
+    flat, crossed = solved.reshape(-1, solved.shape[2]), system.cross.reshape(-1, system.cross.shape[2])
+    reduced = system.cameras - crossed.T @ flat[:, :-1]
+    camera, point, residual = system.per_observation
+    # Each observation's part in the reduced gradient, summed over its track.
+    eliminated = np.einsum("mki,mk->mi", point, residual)
+    count = len(system.point)
+    gradient = np.zeros((count, reduced.shape[0]))
+    own = np.einsum("mki,mk->mi", camera, residual)
+    gradient[seen.point[:, None], 6 * seen.frame[:, None] + np.arange(6)] = own[:, :6]
+    gradient[:, -1] += np.bincount(seen.point, weights=own[:, 6], minlength=count)
+    gradient -= np.einsum("pij,pi->pj", solved[..., :-1], _summed(eliminated, seen.point, count))
+    # Place, turn and scale of the whole are free, and the focal length is none of their affair.
+    diagonal = np.einsum("ii->i", reduced)
+    reduced[np.diag_indices_from(reduced)] += 1e-9 * (diagonal + diagonal.mean())
+    try:
+        inverse = np.linalg.solve(reduced, np.eye(len(reduced))[-1])
+    except np.linalg.LinAlgError:
+        return float("inf")
+    with np.errstate(over="ignore"):
+        return float(np.sqrt(((gradient @ inverse) ** 2).sum()))

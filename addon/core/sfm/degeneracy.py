@@ -1,0 +1,99 @@
+"""Before any solving: does the camera move, and does the picture tell depth?"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from ..base.errors import Remedy, UserError
+from ..camera.reconstruction import Floats
+from .tracks import Tracks, cuts
+
+MIN_SHARED = 40
+MIN_MOTION = 0.3
+"""Pixels of a 1,000-pixel frame; less is a still camera."""
+FOCALS = (0.5, 0.6, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0, 3.0)
+"""Tried focal lengths, in long sides of the frame."""
+
+
+def check_motion(tracks: Tracks) -> float:
+    """Pixels (of a frame 1,000 pixels long) that stay unexplained by the best pure rotation.
+
+    A pan, even with a perfect reprojection error, has one depth for all points (a "confident fake"), and
+    neither the reprojection error nor the triangulation angle shows it. Raises UserError where the clip has
+    too few features or the camera stands still; of a camera that only turns, `only_turns` tells.
+    """
+    pairs = [p for p in (tracks.shared(i, j) for i, j in _pairs(tracks)) if len(p[0]) >= MIN_SHARED]
+    if not pairs:
+        raise UserError(
+            f"fewer than {MIN_SHARED} features can be followed through the clip; it has too little texture"
+            " or is blurred: choose another range of frames",
+            Remedy.FRAMES,
+        )
+    unit = 1000 / max(tracks.width, tracks.height)
+    motion = max(float(np.median(np.linalg.norm(b - a, axis=1))) for a, b in pairs) * unit
+    if motion < MIN_MOTION:
+        raise UserError(
+            "the camera does not move in this clip; depth needs a camera that moves sideways a little"
+        )
+    residuals = [min(rotation_residual(a, b, tracks, focal) for focal in FOCALS) for a, b in pairs]
+    return max(residuals) * unit
+
+
+def refuse_cuts(tracks: Tracks) -> None:
+    """UserError that names the shots of a clip with cuts."""
+    starts = [0, *cuts(tracks), len(tracks.frames)]
+    if len(starts) > 2:
+        shots = [f"{tracks.frames[a]}-{tracks.frames[b - 1]}" for a, b in pairwise(starts)]
+        raise UserError(
+            f"the clip has {len(shots) - 1} cut{'s' * (len(shots) > 2)}; each shot is solved by itself,"
+            f" with its frames: {', '.join(shots)}",
+            Remedy.FRAMES,
+        )
+
+
+def only_turns(parallax: float) -> UserError:
+    """The refusal of a clip whose pictures agree with a camera that does not leave its place."""
+    return UserError(
+        f"the camera only turns in this clip ({parallax:.2f} of 1000 px are not explained by turning, and do"
+        " not agree on depth): too little parallax; move the camera sideways while filming"
+    )
+
+
+def rotation_residual(a: Floats, b: Floats, tracks: Tracks, focal: float) -> float:
+    """Median distance in pixels between (n, 2) places b and places a turned by the best rotation.
+
+    Rays are aligned twice more with the half that fits best.
+    """
+    centre = np.array([tracks.width, tracks.height]) / 2
+    length = focal * max(tracks.width, tracks.height)
+    rays_a, rays_b = (_rays((xy - centre) / length) for xy in (a, b))
+    keep = np.ones(len(a), bool)
+    error = np.zeros(len(a))
+    for _ in range(3):
+        turned = rays_a @ best_turn(rays_a[keep], rays_b[keep]).T
+        error = np.linalg.norm(turned[:, :2] / turned[:, 2:] * length + centre - b, axis=1)
+        keep = error <= np.median(error) + 1e-12
+    return float(np.median(error))
+
+
+def best_turn(a: Floats, b: Floats) -> Floats:
+    """(3, 3) rotation that brings unit rays (n, 3) a closest to b.
+
+    Kabsch, "A solution for the best rotation to relate two sets of vectors", 1976.
+    """
+    u, _, vt = np.linalg.svd(b.T @ a)
+    return np.asarray(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)
+
+
+def _pairs(tracks: Tracks) -> list[tuple[int, int]]:
+    """Pairs of frames with wide gaps: the whole clip, its halves, quarters, eighths."""
+    last = len(tracks.frames) - 1
+    cuts = [np.linspace(0, last, parts + 1).round().astype(int) for parts in (1, 2, 4, 8)]
+    return sorted({(int(i), int(j)) for c in cuts for i, j in pairwise(c) if j > i})
+
+
+def _rays(xy: Floats) -> Floats:
+    rays = np.column_stack([xy, np.ones(len(xy))])
+    return np.asarray(rays / np.linalg.norm(rays, axis=1, keepdims=True))

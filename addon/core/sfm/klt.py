@@ -1,0 +1,307 @@
+"""Points that are followed by optical flow from frame to frame, with new ones wherever there are none.
+
+Lucas and Kanade in pyramids (Bouguet, 2001), checked there and back. All places here are OpenCV's, the first
+pixel's middle at (0, 0), and of the size that is tracked at.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from .template_tracking import Mask, Patches, Rows
+
+Gray = NDArray[np.uint8]
+Places = NDArray[np.float32]
+Numbers = NDArray[np.int64]
+
+CELLS = 36
+"""The long side is divided into this many cells, each of which is kept filled with points."""
+MAX_ROUND_TRIP = 0.5
+"""Pixels between a point and where flow there and back puts it."""
+WINDOW = (9, 9)
+"""Small, so that few windows see two surfaces at once; what a small one knows less well, `Patches` mends."""
+LEVELS = 4
+BORDER = 4
+"""Pixels at the frame's edge where no corner is taken."""
+QUALITY = 0.002
+"""Smallest eigenvalue of a corner relative to the frame's strongest."""
+LEAST_STRENGTH = 1e-12
+"""Of a corner whatever the frame: a plain one has none."""
+HARRIS_K = 0.04
+ENOUGH = 0.5
+"""Share of the points that should be found again; else the picture has jumped, flashed, or been cut."""
+BROKEN = 0.1
+"""Share of the points below which those found again are chance."""
+PATIENCE = 3
+"""Frames after which points that were lost all at once are given up."""
+JUMP = 1.0
+"""Pixels in one frame, and"""
+OTHERWISE = 0.3
+"""the share of its own move, by which a point may move otherwise than its neighbours."""
+AROUND, FEW = 2, 6
+"""Cells a side in which a point's neighbours are looked for, and how many there must be."""
+
+COARSE = 4
+"""How many times smaller frames are where texture is so weak that nothing small stands out of the noise."""
+COARSE_CELLS = 12
+COARSE_QUALITY = 0.0002
+
+Detector = Callable[[Gray, Places], Places]
+
+
+@dataclass
+class _Points(Rows):
+    """Points of one frame and their tracks' numbers, ascending."""
+
+    numbers: Numbers
+    places: Places
+    moves: Places
+    """(n, 2) from the frame before, NaN where a point is new."""
+    patches: Patches
+
+    @classmethod
+    def new(cls, first: int, places: Places) -> _Points:
+        count = len(places)
+        moves = np.full((count, 2), np.nan, np.float32)
+        return cls(first + np.arange(count), places, moves, Patches.unknown(count))
+
+    def __len__(self) -> int:
+        return len(self.numbers)
+
+
+class Follower:
+    """Follows points through frames that are shown to it one after the other."""
+
+    def __init__(self, detect: Detector) -> None:
+        """`detect` finds new points (k, 2) in a frame (H, W) beside those there are (n, 2)."""
+        self._detect = detect
+        self._born = 0
+        self._before: Gray | None = None
+        self._points = _Points.new(0, np.zeros((0, 2), np.float32))
+        self._lost: tuple[Gray, _Points, int] | None = None
+
+    def step(self, gray: Gray) -> tuple[Numbers, Places]:
+        """Track numbers (n,), ascending, and places (n, 2) in the next frame (H, W)."""
+        if self._before is not None:
+            self._follow(self._before, gray)
+        fresh = _Points.new(self._born, self._detect(gray, self._points.places))
+        self._born += len(fresh)
+        self._points = self._points.joined(fresh)
+        self._points.patches.learn(gray.astype(np.float32), self._points.places)
+        self._before = gray
+        return self._points.numbers, self._points.places
+
+    @property
+    def lost(self) -> bool:
+        """All points that there were have just been lost at once."""
+        return self._lost is not None and self._lost[2] == 0
+
+    def forget(self) -> None:
+        """Begin anew in the next frame."""
+        self._before, self._lost = None, None
+        self._points = _Points.new(self._born, np.zeros((0, 2), np.float32))
+
+    def _follow(self, before: Gray, gray: Gray) -> None:
+        old, self._points = self._points, _carried(before, self._points, gray)
+        if len(self._points) < BROKEN * len(old):
+            self._points = self._points.kept(np.zeros(len(self._points), bool))
+            if self._lost is None:
+                self._lost = (before, old, 0)
+                return
+        if self._lost is not None:
+            # A flash lasts a frame or two, and then the points are where they were before it.
+            seen, lost, age = self._lost
+            again = _carried(seen, lost, gray)
+            self._lost = (seen, lost, age + 1) if age + 1 < PATIENCE else None
+            if len(again) >= ENOUGH * len(lost):
+                self._points, self._lost = again.joined(self._points), None
+
+
+class TwoScales:
+    """Follows small features and, where a frame has none, large ones in frames made smaller."""
+
+    def __init__(self, detect: Detector) -> None:
+        self._fine, self._coarse = Follower(detect), Follower(self._weak)
+        self._names = [np.zeros(0, np.int64), np.zeros(0, np.int64)]
+        self._taken = np.zeros((0, 2), np.float32)
+
+    def step(self, gray: Gray) -> tuple[Numbers, Places]:
+        """As `Follower.step`."""
+        number, place = self._fine.step(gray)
+        size = (max(gray.shape[1] // COARSE, 1), max(gray.shape[0] // COARSE, 1))
+        zoom = np.array(gray.shape[::-1]) / size
+        self._taken = ((place + 0.5) / zoom - 0.5).astype(np.float32)
+        if self._fine.lost:
+            # Too few to know by themselves chance from a cut.
+            self._coarse.forget()
+        rough, at = self._coarse.step(cv2.resize(gray, size, interpolation=cv2.INTER_AREA))
+        numbers = np.concatenate([self._named(0, number), self._named(1, rough)])
+        places = np.concatenate([place, ((at + 0.5) * zoom - 0.5).astype(np.float32)])
+        order = np.argsort(numbers)
+        return numbers[order], places[order]
+
+    def _weak(self, gray: Gray, points: Places) -> Places:
+        points = np.concatenate([points, self._taken])
+        strength = cv2.cornerMinEigenVal(gray, 3)
+        return _corners(gray, points, strength, COARSE_QUALITY, COARSE_CELLS)
+
+    def _named(self, which: int, numbers: Numbers) -> Numbers:
+        """One follower's track numbers among both's."""
+        names, other = self._names[which], self._names[1 - which]
+        count = int(numbers[-1]) + 1 - len(names) if len(numbers) else 0
+        if count > 0:
+            first = len(names) + len(other)
+            self._names[which] = names = np.concatenate([names, first + np.arange(count)])
+        return np.asarray(names[numbers])
+
+
+def _carried(before: Gray, points: _Points, after: Gray) -> _Points:
+    """The points of one frame that are found again in another, there."""
+    found = _found(points, *follow(before, after, points.places), before, after)
+    if len(found) >= ENOUGH * len(points):
+        return found
+    # Light that changes and moves that are too long for flow are taken out first.
+    alike = same_brightness(after, before)
+    again = _found(points, *follow(before, alike, points.places, shift(before, alike)), before, after)
+    return max(found, again, key=len)
+
+
+def _found(points: _Points, places: Places, kept: Mask, before: Gray, after: Gray) -> _Points:
+    """Those of the points that were kept, at their places in `after`, without what went elsewhere."""
+    found = points.kept(kept)
+    old, last = found.places, found.moves
+    found.places, good = found.patches.refined(after.astype(np.float32), places)
+    found.moves = found.places - old
+    good &= ~strays(old, found.places, last, cell_size(before))
+    return found.kept(good)
+
+
+def follow(
+    before: Gray, after: Gray, points: Places, guess: tuple[float, float] | None = None
+) -> tuple[Places, Mask]:
+    """Positions (k, 2) in `after` of those of (n, 2) points that flow there and back agrees on, and which.
+
+    `guess` is about how far the picture as a whole has moved, in pixels, if it is far.
+    """
+    if not len(points):
+        return points, np.zeros(0, bool)
+    options = {"winSize": WINDOW, "maxLevel": LEVELS}
+    there = back = None
+    if guess is not None:
+        options["flags"] = cv2.OPTFLOW_USE_INITIAL_FLOW
+        there, back = (points + guess).astype(np.float32), points.copy()
+    there, found, _ = cv2.calcOpticalFlowPyrLK(before, after, points, there, **options)  # type: ignore[call-overload]
+    back, returned, _ = cv2.calcOpticalFlowPyrLK(after, before, there, back, **options)  # type: ignore[call-overload]
+    size = np.array([after.shape[1], after.shape[0]])
+    good = (found.ravel() == 1) & (returned.ravel() == 1)
+    good &= np.linalg.norm(back - points, axis=1) < MAX_ROUND_TRIP
+    good &= np.all((there >= 0) & (there <= size - 1), axis=1)
+    return there[good], good
+
+
+def strays(before: Places, after: Places, moves: Places, cell: int) -> Mask:
+    """(n,) which points jumped: moved otherwise than all around, and than they did before, by `moves` (n, 2).
+
+    Only gross errors. Whatever moves in company stays, and so does a lone near point before a far wall, which
+    no epipolar geometry could tell from an error: with a wall alone it is not determined.
+    """
+    jumped: Mask = np.linalg.norm(after - before - moves, axis=1) > JUMP
+    if not jumped.any():
+        return jumped
+    alike, judged = company(before, after, cell, JUMP)
+    return np.asarray(jumped & judged & ~alike)
+
+
+def company(before: Places, after: Places, cell: int, jump: float) -> tuple[Mask, Mask]:
+    """(n,) which points moved like two others in the cells around, and which have enough others there.
+
+    Alike is by less than `jump` pixels, or a share of the move. One other may be chance.
+    """
+    if not len(before):
+        return np.zeros(0, bool), np.zeros(0, bool)
+    move = after - before
+    column, row = (before // cell).astype(int).T + AROUND
+    grid = np.full((row.max() + AROUND + 1, column.max() + AROUND + 1), -1)
+    grid[row, column] = np.arange(len(before))
+    offset = np.arange(-AROUND, AROUND + 1)
+    beside = grid[row[:, None, None] + offset[:, None], column[:, None, None] + offset].reshape(len(row), -1)
+    other = (beside >= 0) & (beside != np.arange(len(before))[:, None])
+    apart = np.where(other, np.linalg.norm(move[beside] - move[:, None], axis=2), np.inf)
+    allowed = np.maximum(jump, OTHERWISE * np.linalg.norm(move, axis=1))
+    return np.partition(apart, 1, axis=1)[:, 1] < allowed, other.sum(axis=1) >= FEW
+
+
+def same_brightness(gray: Gray, other: Gray) -> Gray:
+    """A picture with the histogram of another: its own tones in the other's shades."""
+    counts = [np.bincount(p.ravel(), minlength=256) / p.size for p in (gray, other)]
+    # The middle of each step: what is clipped to one tone gets the middle one of what it was.
+    here, there = (np.cumsum(count) - count / 2 for count in counts)
+    shades = np.rint(np.interp(here, there, np.arange(256))).astype(np.uint8)
+    return np.asarray(cv2.LUT(gray, shades), np.uint8)
+
+
+def shift(before: Gray, after: Gray) -> tuple[float, float]:
+    """How far the picture as a whole has moved, in pixels along x and y (phase correlation)."""
+    size = (max(before.shape[1] // 4, 2), max(before.shape[0] // 4, 2))
+    a, b = (cv2.resize(p, size, interpolation=cv2.INTER_AREA).astype(np.float32) for p in (before, after))
+    (x, y), _ = cv2.phaseCorrelate(a, b, cv2.createHanningWindow(size, cv2.CV_32F))
+    return x * before.shape[1] / size[0], y * before.shape[0] / size[1]
+
+
+def cell_size(picture: Gray | Places, cells: int = CELLS) -> int:
+    """Pixels a side of the cells of a picture (H, W) whose long side has so many."""
+    return int(np.ceil(max(picture.shape) / cells))
+
+
+def new_corners(gray: Gray, points: Places) -> Places:
+    """Corners (k, 2) for the cells of the frame that hold no point: borders and weak regions included.
+
+    The strongest corner of each empty cell, if it is a corner at all. Shi and Tomasi, "Good features to
+    track", 1994: the smaller eigenvalue of the structure tensor.
+    """
+    return _corners(gray, points, cv2.cornerMinEigenVal(gray, 3), QUALITY, CELLS)
+
+
+def new_harris(gray: Gray, points: Places) -> Places:
+    """As `new_corners`, by Harris's response (Harris and Stephens, 1988), which goes with its square."""
+    return _corners(gray, points, cv2.cornerHarris(gray, 3, 3, HARRIS_K), QUALITY**2, CELLS)
+
+
+def _corners(gray: Gray, points: Places, strength: Places, quality: float, cells: int) -> Places:
+    least = max(quality * float(strength.max()), LEAST_STRENGTH)
+    # The flow's window would reach over the border.
+    strength[:BORDER] = strength[-BORDER:] = strength[:, :BORDER] = strength[:, -BORDER:] = 0
+    corners = best_of_cells(strength, least, points, cells).astype(np.float32)
+    # OpenCV refines nothing in pictures that are hardly larger than its window.
+    if not len(corners) or min(gray.shape) < 11:
+        return corners
+    criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 10, 0.02)
+    refined = cv2.cornerSubPix(gray, corners[:, None].copy(), (3, 3), (-1, -1), criteria)[:, 0]
+    steady = np.linalg.norm(refined - corners, axis=1) < 3
+    return np.where(steady[:, None], refined, corners).astype(np.float32)
+
+
+def best_of_cells(strength: Places, least: float, points: Places, cells: int = CELLS) -> NDArray[np.intp]:
+    """(k, 2) columns and rows of the strongest pixel of each cell that holds none of the points (n, 2)."""
+    height, width = strength.shape
+    cell = cell_size(strength, cells)
+    across, down = -(-width // cell), -(-height // cell)
+    filled = np.zeros((down, across), bool)
+    if len(points):
+        at = np.clip(np.round(points).astype(int), 0, [width - 1, height - 1])
+        filled[at[:, 1] // cell, at[:, 0] // cell] = True
+        # A second point on the same corner, just over a cell's edge, adds nothing.
+        free = np.ones(strength.shape, np.uint8)
+        free[at[:, 1], at[:, 0]] = 0
+        strength = np.where(cv2.distanceTransform(free, cv2.DIST_L2, 3) < cell / 3, 0, strength)
+    padded = np.zeros((down * cell, across * cell), np.float32)
+    padded[:height, :width] = strength
+    tiles = padded.reshape(down, cell, across, cell).swapaxes(1, 2).reshape(down * across, cell * cell)
+    number = np.nonzero((tiles.max(axis=1) > least) & ~filled.ravel())[0]
+    row, column = np.divmod(tiles.argmax(axis=1)[number], cell)
+    return np.stack([number % across * cell + column, number // across * cell + row], axis=1)

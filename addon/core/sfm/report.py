@@ -1,0 +1,259 @@
+"""What a solve is worth, in numbers and in one sentence of advice."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from ..base.errors import Remedy, Words, with_words
+from ..camera.reconstruction import Floats, Ints, Reconstruction, outermost_angles
+
+WEAK = 30
+"""Feature points; a frame with fewer has a mesh that knows little."""
+GRID = (8, 6)
+"""Columns and rows that a frame is divided into to see whether its points are spread."""
+BINS = 8
+UNSURE_FOCAL = 0.02
+UNSURE_DEPTH = 0.015
+"""Relative standard deviations above which lengths are not to be relied on."""
+EXPLAINED = 0.8
+
+
+@dataclass(frozen=True)
+class Report:
+    """A solve's worth. Pixels are the clip's own."""
+
+    frames: int
+    registered: int
+    missing: list[int]
+    """Frame numbers without a camera."""
+    points: int
+    points_per_frame: list[int]
+    """Least, median, most."""
+    added: int
+    """Points besides those that a frame shows and did not track, median."""
+    histogram: list[list[int]]
+    """[from, to, frames] for ranges of points per frame."""
+    coverage: float
+    """Share of the cells of an 8x6 grid that hold points, mean over the frames."""
+    reprojection_error: float
+    drift: float
+    """Pixels by which a track's last sightings miss otherwise than its first ones, median."""
+    focal: list[float]
+    """Least and greatest focal length."""
+    focal_sigma: float | None
+    """Relative standard deviation; None where nobody said."""
+    focal_from: str
+    """"clip", "given", "guess" or "file"."""
+    angle: list[float]
+    """Degrees between the outermost rays of a point: quartiles."""
+    distances: list[float]
+    """Of points from cameras, along the view, in the model's own unit: 2nd percentile, median, 98th."""
+    depth_sigma: float
+    """Relative standard deviation of a typical depth."""
+    explained: float | None
+    """Share of the tracked sightings that agree with a scene that stands still."""
+    weak: list[int]
+    """Frames with fewer than `WEAK` points."""
+    notes: list[str]
+    advice: str
+    remedies: tuple[Remedy, ...]
+    """What to set to follow the advice."""
+
+    def as_dict(self) -> dict[str, Any]:
+        return asdict(self)
+
+    def advised(self, words: Words) -> str:
+        """What to do, in a line or two: the share that stands still, if it is small, and the advice."""
+        still = ""
+        if self.explained is not None and self.explained < EXPLAINED:
+            still = f"only {100 * self.explained:.0f} % of what was tracked stands still\n"
+        return f"{still}advice: {with_words(self.advice, self.remedies, words)}"
+
+    def text(self, words: Words) -> str:
+        """For people, the advice with an interface's names for what it tells to set."""
+        sigma = "" if self.focal_sigma is None else f" +- {100 * self.focal_sigma:.1f} %"
+        low, high = self.focal
+        lens = f"{low:.0f} px" if high - low < 0.5 else f"{low:.0f} to {high:.0f} px"
+        source = {
+            "clip": "found from the clip",
+            "given": "given",
+            "metadata": "as the clip's file says",
+            "guess": "a phone's, assumed",
+            "file": "read",
+        }
+        most = max(count for _, _, count in self.histogram)
+        bars = [
+            f"  {start:5d} to {end:5d} points  {count:4d} frames  {'#' * round(40 * count / most)}"
+            for start, end, count in self.histogram
+        ]
+        lines = [
+            f"frames        {self.registered} of {self.frames} registered"
+            + (f"; without a camera: {ranges(self.missing)}" if self.missing else ""),
+            f"points        {self.points}; per frame {self.points_per_frame[0]} at least,"
+            f" {self.points_per_frame[1]} in the median, {self.points_per_frame[2]} at most, and {self.added}"
+            " that others saw there;"
+            f" in {100 * self.coverage:.0f} % of the picture",
+            *bars,
+            f"reprojection  {self.reprojection_error:.2f} px; drift along tracks {self.drift:.2f} px",
+            f"focal length  {lens}{sigma}, {source[self.focal_from]}",
+            f"parallax      {self.angle[0]:.2f}, {self.angle[1]:.2f}, {self.angle[2]:.2f} degrees"
+            " (quartiles of the points);"
+            f" depth uncertain by {100 * self.depth_sigma:.1f} %",
+            f"distances     {self.distances[0]:.4g} to {self.distances[2]:.4g}, {self.distances[1]:.4g} in"
+            " the median, in the model's own unit",
+        ]
+        if self.explained is not None:
+            lines.append(f"standing still  {100 * self.explained:.0f} % of what was tracked")
+        if self.weak:
+            lines.append(f"weak frames   {ranges(self.weak)} (fewer than {WEAK} points)")
+        advice = f"advice: {with_words(self.advice, self.remedies, words)}"
+        return "\n".join([*lines, *(f"note: {note}" for note in self.notes), advice])
+
+
+def report(reconstruction: Reconstruction, frames: tuple[int, ...], said: dict[str, Any]) -> Report:
+    """Of a reconstruction of the clip's `frames`; `said` is what the solver or the reader reported of it."""
+    counts = np.array([len(image.points) for image in reconstruction.images])
+    seen = set(reconstruction.frames.tolist())
+    missing = [frame for frame in frames if frame not in seen]
+    focal = [reconstruction.intrinsics(image).fx for image in reconstruction.images]
+    point, residual, rays = _observations(reconstruction)
+    angle = _angles(point, rays, len(reconstruction.points))
+    error, drift = _errors(point, residual, len(reconstruction.points))
+    # More sightings of a track do not help: they share its error.
+    spread = error / float(np.median(focal)) / max(np.radians(float(np.median(angle))), 1e-9)
+    sigma = said.get("focal_sigma")
+    weak = [image.frame for image in reconstruction.images if len(image.points) < WEAK]
+    explained = said.get("explained")
+    return Report(
+        len(frames), len(counts), missing, len(reconstruction.points),
+        [int(counts.min()), int(np.median(counts)), int(counts.max())],
+        int(np.median([len(image.visible) for image in reconstruction.images])), _histogram(counts),
+        _coverage(reconstruction), error, drift, [min(focal), max(focal)], sigma,
+        said.get("focal_from", "file"), [float(q) for q in np.percentile(angle, (25, 50, 75))],
+        _distances(reconstruction), float(spread), explained, weak, list(said.get("notes", [])),
+        *_advice(missing, sigma, said.get("focal_from", "file"), float(spread), explained, weak),
+    )  # fmt: skip
+
+
+def ranges(frames: list[int]) -> str:
+    """1, 2, 3, 7 -> "1-3, 7"."""
+    spans: list[list[int]] = []
+    for frame in frames:
+        if spans and frame == spans[-1][1] + 1:
+            spans[-1][1] = frame
+        else:
+            spans.append([frame, frame])
+    return ", ".join(str(a) if a == b else f"{a}-{b}" for a, b in spans)
+
+
+def _advice(
+    missing: list[int],
+    sigma: float | None,
+    source: str,
+    depth: float,
+    explained: float | None,
+    weak: list[int],
+) -> tuple[str, tuple[Remedy, ...]]:
+    """The one thing that would help most, and where to set it."""
+    if explained is not None and explained < EXPLAINED:
+        return (
+            f"{100 * (1 - explained):.0f} % of what was tracked moves on its own or was tracked wrongly;"
+            " if a thing that moves fills much of the picture, solve a range of frames without it",
+            (Remedy.FRAMES,),
+        )
+    if missing:
+        return (
+            f"frame {missing[0]} has no camera and borrows its neighbours'; leave it out"
+            if len(missing) == 1
+            else f"frames {ranges(missing)} have no camera and borrow their neighbours'; leave them out",
+            (Remedy.FRAMES,),
+        )
+    if depth > UNSURE_DEPTH:
+        return (
+            f"depths are uncertain by {100 * depth:.0f} %, for the camera hardly left its place;"
+            " keep the blur small, or film with more sideways movement",
+            (),
+        )
+    if sigma is not None and sigma > UNSURE_FOCAL and source != "given":
+        return (
+            "the clip does not determine its focal length: lengths along the view are uncertain by"
+            f" {100 * sigma:.0f} % (blur hardly depends on it); give it",
+            (Remedy.FOCAL,),
+        )
+    if weak:
+        which = f"frame {weak[0]} has" if len(weak) == 1 else f"frames {ranges(weak)} have"
+        return f"{which} few points; the focus may be coarse there", ()
+    return "none needed", ()
+
+
+def _histogram(counts: Ints) -> list[list[int]]:
+    edges = np.unique(np.linspace(counts.min(), counts.max() + 1, BINS + 1).astype(int))
+    number, _ = np.histogram(counts, edges)
+    return [[int(a), int(b) - 1, int(n)] for a, b, n in zip(edges[:-1], edges[1:], number, strict=True)]
+
+
+def _coverage(reconstruction: Reconstruction) -> float:
+    shares = []
+    for image in reconstruction.images:
+        lens = reconstruction.intrinsics(image)
+        cell = np.floor(image.xy / [lens.width, lens.height] * GRID).astype(int)
+        inside = np.all((cell >= 0) & (cell < GRID), axis=1)
+        shares.append(len(np.unique(cell[inside], axis=0)) / (GRID[0] * GRID[1]))
+    return float(np.mean(shares))
+
+
+def _observations(reconstruction: Reconstruction) -> tuple[Ints, Floats, Floats]:
+    """Of all images in order: point (m,), residual (m, 2) in pixels and unit ray (m, 3) in the world."""
+    points, residuals, rays = [], [], []
+    for image in reconstruction.images:
+        local = image.to_camera(reconstruction.points.xyz[image.points])
+        points.append(image.points)
+        residuals.append(reconstruction.intrinsics(image).project(local) - image.xy)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            rays.append(local / np.linalg.norm(local, axis=1, keepdims=True) @ image.rotation)
+    return np.concatenate(points), np.concatenate(residuals), np.concatenate(rays)
+
+
+def _distances(reconstruction: Reconstruction) -> list[float]:
+    """As `Report.distances`."""
+    depths = np.concatenate(
+        [image.to_camera(reconstruction.points.xyz[image.points])[:, 2] for image in reconstruction.images]
+    )
+    depths = depths[np.isfinite(depths) & (depths > 0)]
+    return [float(q) for q in np.percentile(depths, (2, 50, 98))] if len(depths) else [0.0, 0.0, 0.0]
+
+
+def _angles(point: Ints, rays: Floats, count: int) -> Floats:
+    """Degrees between the outermost rays of the points that two frames see."""
+    angle = outermost_angles(rays, point, count)
+    good = (np.bincount(point, minlength=count) >= 2) & np.isfinite(angle)
+    return angle[good] if good.any() else np.zeros(1)
+
+
+def _errors(point: Ints, residual: Floats, count: int) -> tuple[float, float]:
+    """Mean reprojection error of the points, and how far tracks drift from their beginning to their end."""
+    size = np.linalg.norm(residual, axis=1)
+    good = np.isfinite(size)
+    point, residual, size = point[good], residual[good], size[good]
+    views = np.bincount(point, minlength=count)
+    total = np.bincount(point, weights=size, minlength=count)
+    error = float((total[views > 0] / views[views > 0]).mean()) if (views > 0).any() else 0.0
+    # Images are in the order of time, and a stable sort keeps it within each point.
+    order = np.argsort(point, kind="stable")
+    rank = np.arange(len(order)) - (np.cumsum(views) - views)[point[order]]
+    share = rank / np.maximum(views[point[order]] - 1, 1)
+    ends = []
+    for part in (share < 0.25, share > 0.75):
+        rows = order[part]
+        number = np.maximum(np.bincount(point[rows], minlength=count), 1)
+        ends.append(
+            np.stack([np.bincount(point[rows], residual[rows, k], minlength=count) for k in (0, 1)], 1)
+            / number[:, None]
+        )
+    lasting = views >= 8
+    if not lasting.any():
+        return error, 0.0
+    return error, float(np.median(np.linalg.norm(ends[1] - ends[0], axis=1)[lasting]))

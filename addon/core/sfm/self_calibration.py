@@ -1,0 +1,145 @@
+"""Focal lengths, as far as a clip determines them, and whether it tells depth at all."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..camera.reconstruction import Floats, Ints
+from .bundle_adjustment import Bundle, Sightings, adjust
+from .small_motion import agreement, sightings
+from .solution import MIN_VIEWS, Solution
+from .tracks import Tracks
+
+GUESS_SIGMA = 0.2
+"""Relative standard deviation of a focal length that nobody told."""
+UNMODELLED = 2.0
+"""By how much the errors of focal lengths on clips with truth exceed what the covariance says of them, which
+knows nothing of occlusions and highlights (`make bench-solve`)."""
+ENOUGH_TRACKS, ENOUGH_IN_FRAME = 1500, 60
+"""The longest of the clip, and of each frame, to find a focal length by."""
+MIN_GAIN = 1.25
+"""By how much less a camera that moves must miss than one that only turns, to be believed."""
+MIN_AGREEMENT = 0.6
+"""Of the depths that the clip's two halves tell."""
+ZOOM_STEP = 0.02
+"""Relative change of the focal length from a keyframe to the next that costs as much as all tracks missing by
+a tenth of a pixel."""
+
+
+def settle_focal(made: Solution, start: float, known: float) -> tuple[float, bool]:
+    """Weigh what the clip says of the focal length against `start`, known to a relative sigma `known`.
+
+    Returns the relative sigma of what comes of it, and whether the clip had the larger say.
+
+    With a path of a few per cent of the depth the focal length is hardly determined and runs off; in a walk
+    straight ahead it is not determined at all. The covariance tells, if whole tracks are its units.
+    """
+    if known == 0:
+        return 0.0, False
+    bundle, seen, posed, kept = _as_bundle(made)
+    freed = adjust(bundle, seen, made.max_error / 2, "common")
+    sigma = max(UNMODELLED * freed.focal_sigma, 1e-4)
+    weight = known**2 / (known**2 + sigma**2) if np.isfinite(sigma) else 0.0
+    wanted = float(np.exp((1 - weight) * np.log(start) + weight * np.log(freed.bundle.focal[0])))
+    # On the way to a focal length that the clip does not determine, poses and points have to follow.
+    settled = adjust(replace(freed.bundle, focal=np.full(len(posed), wanted)), seen, made.max_error / 2)
+    made.focal[:] = wanted
+    _put_back(made, settled.bundle, posed, kept)
+    return float(1 / np.sqrt(1 / known**2 + 1 / sigma**2)), weight > 0.5
+
+
+def _as_bundle(made: Solution) -> tuple[Bundle, Sightings, Ints, Ints]:
+    """The keyframes and the best of their points for an adjustment; with the frames and tracks they are."""
+    tracks = made.tracks
+    posed = np.nonzero(np.isfinite(made.translation[:, 0]))[0].astype(np.int32)
+    rows = np.nonzero(made.used)[0]
+    views = np.bincount(tracks.track[rows], minlength=tracks.count)
+    longest = np.argsort(-views, kind="stable")[:ENOUGH_TRACKS]
+    by_frame = rows[np.lexsort(np.stack([-views[tracks.track[rows]], tracks.frame_index[rows]]))]
+    frame = tracks.frame_index[by_frame]
+    place = np.arange(len(frame)) - np.searchsorted(frame, frame)
+    kept = np.union1d(longest, tracks.track[by_frame[place < ENOUGH_IN_FRAME]]).astype(np.int32)
+    kept = kept[views[kept] >= MIN_VIEWS]
+    points = np.column_stack([made.xyz[kept], np.ones(len(kept))])
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    return (
+        Bundle(made.rotation[posed], made.translation[posed], points, made.focal[posed]),
+        sightings(tracks, posed, kept, made.used), posed, kept,
+    )  # fmt: skip
+
+
+def _put_back(made: Solution, bundle: Bundle, posed: Ints, kept: Ints) -> None:
+    made.rotation[posed], made.translation[posed] = bundle.rotation, bundle.translation
+    made.xyz[:] = np.nan
+    made.xyz[kept] = bundle.world
+
+
+def turning_explains(made: Solution) -> bool:
+    """Whether cameras that only turn explain the tracks as well, or the depths of the clip's halves disagree.
+
+    Reprojection errors and angles of a pan look as good as those of any other solve.
+    """
+    bundle, seen, _, _ = _as_bundle(made)
+    loss = made.max_error / 2
+    moving = adjust(bundle, seen, loss)
+    points = bundle.points.copy()
+    centre = -np.einsum("fji,fj->fi", bundle.rotation, bundle.translation).mean(axis=0)
+    points[:, :3] -= points[:, 3:] * centre
+    points[:, 3] = 0
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    still = replace(bundle, points=points, translation=np.zeros_like(bundle.translation))
+    turning = adjust(still, seen, loss, "common")
+    told = agreement(seen, moving.bundle)
+    return turning.error < MIN_GAIN * moving.error or (told is not None and told < MIN_AGREEMENT)
+
+
+# Zoom
+
+
+def zoom_ratios(tracks: Tracks) -> Floats:
+    """(F,) focal length of each frame relative to the middle one, as far as the growth of the picture tells.
+
+    Walking ahead makes the picture grow, too: `settle_zoom` tells the two apart.
+    """
+    steps = [0.0]
+    for index in range(1, len(tracks.frames)):
+        a, b = tracks.shared(index - 1, index)
+        steps.append(_growth(a, b) if len(a) >= 8 else 0.0)
+    path = np.cumsum(steps)
+    return np.asarray(np.exp(path - path[len(path) // 2]))
+
+
+def _growth(a: Floats, b: Floats) -> float:
+    """Logarithm of the scale between places (n, 2), by least squares, three times without the worst half."""
+    kept = np.ones(len(a), bool)
+    scale = 1.0
+    for _ in range(3):
+        from_a, from_b = a - a[kept].mean(axis=0), b - b[kept].mean(axis=0)
+        scale = float((from_a[kept] * from_b[kept]).sum() / max((from_a[kept] ** 2).sum(), 1e-12))
+        error = np.linalg.norm(scale * from_a - from_b, axis=1)
+        kept = error <= np.median(error)
+    return float(np.log(np.clip(scale, 0.5, 2.0)))
+
+
+def zoomed(tracks: Tracks, ratio: Floats) -> Tracks:
+    """The tracks as a lens that does not zoom would have seen them."""
+    if np.all(ratio == 1):
+        return tracks
+    centre = np.array([tracks.width, tracks.height]) / 2
+    return replace(tracks, xy=(tracks.xy - centre) / ratio[tracks.frame_index, None] + centre)
+
+
+def settle_zoom(made: Solution, tracks: Tracks, ratio: Floats) -> None:
+    """From a solution of tracks whose zoom was taken out to one of `tracks`, with a focal length a frame."""
+    made.tracks = tracks
+    made.focal = made.focal * ratio
+    bundle, seen, posed, kept = _as_bundle(made)
+    tie = 0.01 * len(kept) / ZOOM_STEP**2
+    settled = adjust(bundle, seen, made.max_error / 2, "each", tie, steps=200)
+    _put_back(made, settled.bundle, posed, kept)
+    # Between the keyframes the picture's growth is the better guide.
+    frames = np.arange(len(tracks.frames))
+    correction = np.interp(frames, posed, np.log(settled.bundle.focal / made.focal[posed]))
+    made.focal = made.focal * np.exp(correction)

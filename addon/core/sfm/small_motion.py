@@ -1,0 +1,149 @@
+"""Cameras and points from tracks alone, without pairs of pictures to begin with: for a hand that only
+trembles.
+
+All points begin infinitely far, which leaves each camera's turn; then all of them get about the same depth,
+the cameras about the same place, and one adjustment finds the rest. That works as long as the picture hangs
+together: points seen in a good part of the frames. Yu and Gallup, "3D reconstruction from accidental motion",
+2014.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from ..camera.reconstruction import Floats, Ints
+from .bundle_adjustment import Adjusted, Bundle, Sightings, adjust
+from .degeneracy import best_turn
+from .tracks import Tracks
+
+MIN_SHARE = 0.4
+"""Of the keyframes, which a point must be seen in."""
+MIN_SIGHTINGS = 4
+ENOUGH = 30
+"""Points in both halves of a clip to compare their depths by."""
+LOSS = 1.0
+"""Pixels of a frame 1,000 pixels long from where an observation loses weight."""
+
+
+@dataclass(frozen=True)
+class Spanning:
+    """Tracks that span a good part of the keyframes."""
+
+    seen: Sightings
+    tracks: Ints
+    """(P,) their numbers."""
+    frames: int
+    loss: float
+    """Pixels."""
+
+
+def spanning(tracks: Tracks, keys: list[int]) -> Spanning:
+    """The tracks that are seen in enough of the keyframes `keys`, indices of the clip's frames."""
+    in_keys = np.isin(tracks.frame_index, keys)
+    views = np.bincount(tracks.track[in_keys], minlength=tracks.count)
+    kept = np.nonzero(views >= max(MIN_SIGHTINGS, MIN_SHARE * len(keys)))[0].astype(np.int32)
+    seen = sightings(tracks, np.array(keys, np.int32), kept, in_keys)
+    return Spanning(seen, kept, len(keys), LOSS * max(tracks.width, tracks.height) / 1000)
+
+
+def sightings(
+    tracks: Tracks, frames: Ints, kept: Ints, rows: np.ndarray[tuple[int], np.dtype[np.bool_]]
+) -> Sightings:
+    """Of the observations `rows` (m,) those of tracks `kept` (P,) in `frames` (F,), numbered as in these."""
+    place, number = np.full(len(tracks.frames), -1, np.int32), np.full(tracks.count, -1, np.int32)
+    place[frames], number[kept] = np.arange(len(frames)), np.arange(len(kept))
+    rows = rows & (place[tracks.frame_index] >= 0) & (number[tracks.track] >= 0)
+    centre = np.array([tracks.width, tracks.height]) / 2
+    return Sightings(place[tracks.frame_index[rows]], number[tracks.track[rows]], tracks.xy[rows] - centre)
+
+
+def turned(span: Spanning, focal: float) -> Adjusted:
+    """Cameras that only turn, and points infinitely far, for a focal length in pixels."""
+    seen = span.seen
+    rays = np.column_stack([seen.xy / focal, np.ones(len(seen.xy))])
+    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+    rotation = _chained(span, rays)
+    towards = np.zeros((len(span.tracks), 3))
+    np.add.at(towards, seen.point, np.einsum("mji,mj->mi", rotation[seen.frame], rays))
+    points = np.column_stack([towards, np.zeros(len(towards))])
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    start = Bundle(rotation, np.zeros((span.frames, 3)), points, np.full(span.frames, focal))
+    return adjust(start, seen, span.loss)
+
+
+def placed(span: Spanning, start: Bundle) -> Adjusted:
+    """Cameras and points, from cameras that only turn; depths begin alike, and cameras near each other.
+
+    The sign of the depths is not in the pictures of a small motion: the one with more points ahead is taken.
+    """
+    rng = np.random.default_rng(0)
+    points = start.points.copy()
+    points[:, 3] = rng.uniform(0.5, 1.5, len(points))
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    begun = replace(start, points=points, translation=rng.normal(0, 1e-3, (span.frames, 3)))
+    found = adjust(begun, span.seen, span.loss)
+    if np.median(found.bundle.points[:, 3] * np.sign(_ahead(found.bundle))) < 0:
+        mirrored = found.bundle.points * [1, 1, 1, -1]
+        turned_over = replace(found.bundle, points=mirrored, translation=-found.bundle.translation)
+        found = adjust(turned_over, span.seen, span.loss)
+    return found
+
+
+def agreement(seen: Sightings, bundle: Bundle) -> float | None:
+    """Rank correlation of the points' inverse depths from the clip's first half and from its second.
+
+    Depth that is really there is found twice; what follows from noise and drift of the tracks is not. None
+    where too few points are seen in both halves.
+    """
+    half = (len(bundle.focal) + 1) // 2
+    halves = [_inverse_depths(seen, bundle, seen.frame // half == n) for n in (0, 1)]
+    both = np.all(np.isfinite(halves), axis=0)
+    if both.sum() < ENOUGH:
+        return None
+    first, second = (np.argsort(np.argsort(each[both])).astype(np.float64) for each in halves)
+    return float(np.corrcoef(first, second)[0, 1])
+
+
+def _ahead(bundle: Bundle) -> Floats:
+    """(P,) positive for directions that the middle camera sees before it."""
+    return np.asarray(bundle.points[:, :3] @ bundle.rotation[len(bundle.rotation) // 2, 2])
+
+
+def _chained(span: Spanning, rays: Floats) -> Floats:
+    """(F, 3, 3) rotations, each from the frame before by the rays (m, 3) of what both see."""
+    seen = span.seen
+    members = [np.nonzero(seen.frame == frame)[0] for frame in range(span.frames)]
+    rotation = [np.eye(3)]
+    for before, after in pairwise(members):
+        _, i, j = np.intersect1d(seen.point[before], seen.point[after], return_indices=True)
+        a, b = rays[before[i]], rays[after[j]]
+        kept = np.ones(len(i), bool)
+        turn = np.eye(3)
+        for _ in range(3):
+            turn = best_turn(a[kept], b[kept])
+            error = np.linalg.norm(a @ turn.T - b, axis=1)
+            kept = error <= 2 * np.median(error) + 1e-12 if len(error) else kept
+        rotation.append(turn @ rotation[-1])
+    return np.array(rotation)
+
+
+def _inverse_depths(
+    seen: Sightings, bundle: Bundle, rows: np.ndarray[tuple[int], np.dtype[np.bool_]]
+) -> Floats:
+    """(P,) from some of the observations alone, by linear least squares; NaN where they are too few."""
+    frame, point = seen.frame[rows], seen.point[rows]
+    ray = seen.xy[rows] / bundle.focal[frame, None]
+    pose = np.concatenate([bundle.rotation, bundle.translation[..., None]], axis=2)[frame]
+    equations = pose[:, :2] - ray[..., None] * pose[:, 2:]
+    count = len(bundle.points)
+    normal = np.zeros((count, 4, 4))
+    np.add.at(normal, point, np.einsum("mki,mkj->mij", equations, equations))
+    flat = np.linalg.eigh(normal)[1][:, :, 0]
+    size = np.linalg.norm(flat[:, :3], axis=1)
+    sign = np.sign(np.einsum("pi,pi->p", flat[:, :3], bundle.points[:, :3]))
+    enough = np.bincount(point, minlength=count) >= MIN_SIGHTINGS
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.where(enough, flat[:, 3] / size * sign, np.nan))

@@ -1,0 +1,212 @@
+"""A solve under way: poses of frames, points of tracks, and what brings them closer to each other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ..camera.reconstruction import Floats, Image, Intrinsics, Ints, Points, Reconstruction, outermost_angles
+from .tracks import Progress, Tracks
+
+MAX_ERROR = 2.0
+"""Pixels of reprojection error of a kept observation, for a frame 1,000 pixels long."""
+CLOSE = 0.25
+"""Share of the largest error at which a sighting no longer speaks for a solution."""
+MIN_POINTS = 12
+"""In a frame, to find its pose."""
+MIN_VIEWS = 3
+MIN_ANGLE = 0.3
+"""Degrees between the outermost rays of a kept point that are enough in any clip."""
+
+Mask = NDArray[np.bool_]
+
+
+@dataclass
+class Solution:
+    """The state of the solve over all frames and tracks, world units arbitrary."""
+
+    tracks: Tracks
+    focal: Floats
+    """(F,) pixels."""
+    rotation: Floats
+    """(F, 3, 3); NaN where a frame is not registered."""
+    translation: Floats
+    """(F, 3)"""
+    xyz: Floats
+    """(count, 3); NaN where a track has no point."""
+    used: Mask
+    """(m,) observations that take part."""
+
+    @property
+    def centre(self) -> Floats:
+        return np.array([self.tracks.width, self.tracks.height]) / 2
+
+    @property
+    def max_error(self) -> float:
+        return MAX_ERROR * max(self.tracks.width, self.tracks.height) / 1000
+
+    def rays(self) -> tuple[Floats, Floats]:
+        """(F, 3) camera centres and (m, 3) unit world directions of all observations."""
+        focal = self.focal[self.tracks.frame_index, None]
+        local = np.column_stack([(self.tracks.xy - self.centre) / focal, np.ones(len(focal))])
+        turned = np.einsum("mji,mj->mi", self.rotation[self.tracks.frame_index], local)
+        centres = -np.einsum("fji,fj->fi", self.rotation, self.translation)
+        return centres, turned / np.linalg.norm(turned, axis=1, keepdims=True)
+
+    def errors(self) -> Floats:
+        """(m,) reprojection errors in pixels; infinite behind a camera, NaN without pose or point."""
+        frame = self.tracks.frame_index
+        local = np.einsum("mij,mj->mi", self.rotation[frame], self.xyz[self.tracks.track])
+        local += self.translation[frame]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            seen = local[:, :2] / local[:, 2:] * self.focal[frame, None] + self.centre
+        error = np.linalg.norm(seen - self.tracks.xy, axis=1)
+        return np.where(local[:, 2] <= 0, np.inf, error)
+
+
+def empty(tracks: Tracks, focal: float) -> Solution:
+    """No pose and no point yet."""
+    frames = len(tracks.frames)
+    return Solution(
+        tracks, np.full(frames, focal), np.full((frames, 3, 3), np.nan), np.full((frames, 3), np.nan),
+        np.full((tracks.count, 3), np.nan), np.ones(len(tracks.xy), bool),
+    )  # fmt: skip
+
+
+def explained(solution: Solution) -> tuple[float, Ints]:
+    """Share of the sightings of lasting tracks that take part, and the lasting tracks (k,) without a point.
+
+    Lasting are tracks that three registered frames see.
+    """
+    tracks = solution.tracks
+    posed = np.isfinite(solution.translation[tracks.frame_index, 0])
+    lasting = np.bincount(tracks.track[posed], minlength=tracks.count) >= MIN_VIEWS
+    rows = posed & lasting[tracks.track]
+    without = np.nonzero(lasting & np.isnan(solution.xyz[:, 0]))[0]
+    return float(solution.used[rows].mean()) if rows.any() else 0.0, without.astype(np.int32)
+
+
+def score(solution: Solution, keys: list[int]) -> float:
+    """How much of what lasting tracks tell in the keyframes is explained, and how closely; 1 is all, exactly.
+
+    A truncated quadratic of the errors: a scene that bends to explain two motions a little loses to one that
+    explains the one well (MSAC: Torr and Zisserman, "MLESAC", 2000).
+    """
+    tracks = solution.tracks
+    is_key = np.zeros(len(tracks.frames), bool)
+    is_key[keys] = True
+    rows = is_key[tracks.frame_index]
+    lasting = np.bincount(tracks.track[rows], minlength=tracks.count) >= MIN_VIEWS
+    rows &= lasting[tracks.track]
+    error = np.where(solution.used, solution.errors(), np.inf)[rows]
+    share = np.nan_to_num(error, nan=np.inf) / (CLOSE * solution.max_error)
+    return float(np.maximum(1 - share**2, 0).mean()) if rows.any() else 0.0
+
+
+def register_frames(solution: Solution, progress: Progress) -> None:
+    """Poses of the frames between the keyframes from the points they see: robust PnP, then refined."""
+    tracks = solution.tracks
+    missing = np.nonzero(np.isnan(solution.translation[:, 0]))[0]
+    for done, index in enumerate(missing):
+        progress("Registering frames", done, len(missing))
+        ids, xy = tracks.in_frame(int(index))
+        known = np.isfinite(solution.xyz[ids, 0])
+        if known.sum() < MIN_POINTS:
+            continue
+        world, seen = solution.xyz[ids[known]], xy[known]
+        lens = np.diag([solution.focal[index], solution.focal[index], 1.0])
+        lens[:2, 2] = solution.centre
+        cv2.setRNGSeed(0)
+        found, turn, shift, inliers = cv2.solvePnPRansac(
+            world, seen, lens, None, iterationsCount=200,
+            reprojectionError=2 * solution.max_error, flags=cv2.SOLVEPNP_SQPNP,
+        )  # fmt: skip
+        if not found or inliers is None or len(inliers) < max(MIN_POINTS, 0.3 * known.sum()):
+            continue
+        rows = inliers.ravel()
+        turn, shift = cv2.solvePnPRefineLM(world[rows], seen[rows], lens, None, turn, shift)
+        solution.rotation[index] = cv2.Rodrigues(turn)[0]
+        solution.translation[index] = shift.ravel()
+
+
+def triangulate(solution: Solution) -> None:
+    """Points for tracks that have none: where their rays come closest, by least squares."""
+    tracks = solution.tracks
+    # What was dropped with another pose or focal length is asked again.
+    solution.used = np.ones(len(tracks.xy), bool)
+    posed = np.isfinite(solution.translation[:, 0])
+    wanted = np.isnan(solution.xyz[:, 0]) & (np.bincount(tracks.track, minlength=tracks.count) >= MIN_VIEWS)
+    rows = wanted[tracks.track] & posed[tracks.frame_index]
+    centres, rays = solution.rays()
+    away = np.eye(3) - rays[rows][:, :, None] * rays[rows][:, None, :]
+    system = np.zeros((tracks.count, 3, 3))
+    right = np.zeros((tracks.count, 3))
+    np.add.at(system, tracks.track[rows], away)
+    np.add.at(right, tracks.track[rows], np.einsum("mij,mj->mi", away, centres[tracks.frame_index[rows]]))
+    views = np.bincount(tracks.track[rows], minlength=tracks.count)
+    # Nearly parallel rays make the system singular: no depth.
+    good = wanted & (views >= MIN_VIEWS)
+    good[good] = np.linalg.eigvalsh(system[good])[:, 0] > 1e-10 * views[good]
+    solution.xyz[good] = np.linalg.solve(system[good], right[good][..., None])[..., 0]
+
+
+def drop_bad(solution: Solution) -> None:
+    """Take out observations with a large error, then points with too few left or a poor one on the whole."""
+    tracks = solution.tracks
+    errors = solution.errors()
+    with np.errstate(invalid="ignore"):
+        solution.used = errors < solution.max_error
+    posed = np.isfinite(solution.translation[tracks.frame_index, 0])
+    seen = np.bincount(tracks.track, weights=posed, minlength=tracks.count)
+    views = np.bincount(tracks.track[solution.used], minlength=tracks.count)
+    # A point that half of its own observations contradict moves on its own or was tracked wrongly.
+    solution.xyz[(views < MIN_VIEWS) | (views < 0.5 * seen)] = np.nan
+    solution.used &= np.isfinite(solution.xyz[tracks.track, 0])
+
+
+def drop_shallow(solution: Solution) -> float:
+    """Take out points whose outermost rays enclose too small an angle; median degrees of the others.
+
+    In a clip where all angles are small, those that are small beside the others.
+    """
+    tracks = solution.tracks
+    centres, _ = solution.rays()
+    used = solution.used
+    towards = solution.xyz[tracks.track[used]] - centres[tracks.frame_index[used]]
+    towards /= np.linalg.norm(towards, axis=1, keepdims=True)
+    angle = outermost_angles(towards, tracks.track[used], tracks.count)
+    placed = np.isfinite(solution.xyz[:, 0]) & np.isfinite(angle)
+    usual = float(np.median(angle[placed])) if placed.any() else 0.0
+    solution.xyz[~(angle >= min(MIN_ANGLE, usual / 3))] = np.nan
+    solution.used &= np.isfinite(solution.xyz[tracks.track, 0])
+    kept = angle[np.isfinite(solution.xyz[:, 0])]
+    return float(np.median(kept)) if len(kept) else 0.0
+
+
+def collect(solution: Solution) -> Reconstruction:
+    """The solution as our own type, points numbered anew."""
+    tracks, used = solution.tracks, solution.used
+    count = tracks.count
+    views = np.bincount(tracks.track[used], minlength=count)
+    kept = np.isfinite(solution.xyz[:, 0]) & (views >= MIN_VIEWS)
+    number = np.cumsum(kept) - 1
+    total = np.bincount(tracks.track[used], weights=solution.errors()[used], minlength=count)
+    points = Points(solution.xyz[kept], tracks.rgb[kept], total[kept] / views[kept])
+    used = used & kept[tracks.track]
+    images = []
+    sightings = np.nonzero(used)[0]
+    first = np.searchsorted(tracks.frame_index[sightings], np.arange(1, len(tracks.frames)))
+    for index, rows in enumerate(np.split(sightings, first)):
+        if len(rows) >= MIN_POINTS and np.isfinite(solution.translation[index, 0]):
+            ids: Ints = number[tracks.track[rows]].astype(np.int32)
+            rotation, translation = solution.rotation[index], solution.translation[index]
+            images.append(Image(tracks.frames[index], rotation, translation, tracks.xy[rows], ids))
+    lenses, camera = np.unique(solution.focal, return_inverse=True)
+    width, height = tracks.width, tracks.height
+    cameras = tuple(Intrinsics(width, height, f, f, width / 2, height / 2) for f in lenses.tolist())
+    place = dict(zip(tracks.frames, camera.tolist(), strict=True))
+    images = [replace(image, camera=place[image.frame]) for image in images]
+    return Reconstruction(cameras, tuple(images), points)

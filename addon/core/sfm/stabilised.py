@@ -1,0 +1,174 @@
+"""Clips whose pictures were shifted so that something in mid-scene stays in place: they cannot be solved.
+
+Rectified light fields and stabilised clips are such: their principal point moves from frame to frame. Of a
+camera that slides without turning a place is seen at
+
+    x_ij = a_j + d_j m_i + s_i,
+
+with inverse depth d_j, the camera's place m_i and the picture's shift s_i. The same pictures belong to
+depths -d_j and places -m_i: what is near and what is far is not in them, nor where infinity is (as with
+affine cameras: Koenderink and van Doorn, "Affine structure from motion", 1991). Solved with a principal point
+that is held, such shifts are taken for turns, and depth comes out wrong with small errors.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..base.errors import Remedy, UserError
+from ..camera.reconstruction import Floats, Ints
+from . import small_motion
+from .bundle_adjustment import Sightings
+from .solution import CLOSE, Solution
+
+ROUNDS = 40
+"""Of alternating least squares."""
+LEAST = 40
+"""Tracks that two keyframes share, to begin with."""
+BETTER = 1.2
+"""By how much pictures that are only shifted must explain the clip better than cameras that turn."""
+TELLS, IN_ORDER = 0.5, 0.5
+"""Score from which on shifts tell the order of the tracks' motion, and rank correlation with it, without
+regard to its sign, below which the order of a solve's depths contradicts it."""
+
+
+@dataclass(frozen=True)
+class Shifted:
+    """The best explanation of tracks by a camera that slides, and pictures that are shifted."""
+
+    inverse_depth: Floats
+    """(P,) of the tracks, up to a scale, a shift and the sign."""
+    error: Floats
+    """(m,) pixels by which it misses each sighting."""
+
+
+def fit_shifts(seen: Sightings, frames: int, points: int, loss: float) -> Shifted | None:
+    """Of sightings in so many frames of so many points; `loss` in pixels. None where they hang together too
+    little."""
+    frame, point, xy = seen.frame, seen.point, seen.xy
+    place = np.full((frames, points, 2), np.nan)
+    place[frame, point] = xy
+    flow = place - place[0]
+    spread = [
+        float(np.nanmedian(np.abs(f - np.nanmedian(f, axis=0))))
+        if np.isfinite(f[:, 0]).sum() >= LEAST else 0.0
+        for f in flow
+    ]  # fmt: skip
+    widest = int(np.argmax(spread))
+    if spread[widest] <= 0:
+        return None
+    both = np.isfinite(flow[widest, :, 0])
+    away = flow[widest, both] - np.median(flow[widest, both], axis=0)
+    along = np.linalg.eigh(away.T @ away)[1][:, 1]
+    depth, at = np.full(points, np.nan), place[0].copy()
+    depth[both] = away @ along
+    weight = np.where(np.isfinite(depth), 1.0, 0.0)[point]
+    move, shift = np.zeros((frames, 2)), np.zeros((frames, 2))
+    error = np.zeros(len(xy))
+    for _ in range(ROUNDS):
+        move, shift = _slopes(depth[point], xy - at[point], weight, frame, frames)
+        told = move[frame]
+        depth, at = _common_slope(told, xy - shift[frame], _weight(error, loss), point, points)
+        miss = xy - at[point] - depth[point, None] * told - shift[frame]
+        error = np.linalg.norm(miss, axis=1)
+        weight = _weight(error, loss)
+    return Shifted(depth, error)
+
+
+def _weight(error: Floats, loss: float) -> Floats:
+    """(m,) Cauchy's weights of errors."""
+    return np.asarray(1 / (1 + (error / loss) ** 2))
+
+
+def _slopes(x: Floats, y: Floats, weight: Floats, group: Ints, count: int) -> tuple[Floats, Floats]:
+    """Of y (m, 2) = slope (2,) x (m,) + offset (2,), (count, 2) each, by weighted least squares in groups."""
+    known = weight > 0
+    x, y, weight, group = x[known], y[known], weight[known], group[known]
+    total = np.maximum(np.bincount(group, weight, count), 1e-12)
+    mean_x = np.bincount(group, weight * x, count) / total
+    mean_y = np.stack([np.bincount(group, weight * y[:, k], count) / total for k in (0, 1)], axis=1)
+    away = x - mean_x[group]
+    spread = np.maximum(np.bincount(group, weight * away**2, count), 1e-12)
+    slope = np.stack(
+        [np.bincount(group, weight * away * (y - mean_y[group])[:, k], count) / spread for k in (0, 1)],
+        axis=1,
+    )
+    return slope, mean_y - slope * mean_x[:, None]
+
+
+def _common_slope(x: Floats, y: Floats, weight: Floats, group: Ints, count: int) -> tuple[Floats, Floats]:
+    """Of y (m, 2) = slope x (m, 2) + offset (2,): slope (count,) and offset (count, 2), in groups."""
+    total = np.maximum(np.bincount(group, weight, count), 1e-12)
+    mean_x, mean_y = (
+        np.stack([np.bincount(group, weight * z[:, k], count) / total for k in (0, 1)], axis=1)
+        for z in (x, y)
+    )
+    away = x - mean_x[group]
+    spread = np.maximum(np.bincount(group, weight * (away**2).sum(axis=1), count), 1e-12)
+    slope = np.bincount(group, weight * (away * (y - mean_y[group])).sum(axis=1), count) / spread
+    return slope, mean_y - slope[:, None] * mean_x
+
+
+@dataclass(frozen=True)
+class Compared:
+    """A solve beside shifted pictures, on the same sightings."""
+
+    solved: float
+    shifted: float
+    """Scores of 1: how much is explained and how closely, as `solution.score`."""
+    order: float
+    """Rank correlation of the inverse depths of the two, without its sign; 1 where it cannot be told."""
+
+
+def compare(made: Solution, keys: list[int]) -> Compared | None:
+    """A solve of the keyframes `keys` beside shifts; None where too few tracks span them."""
+    span = small_motion.spanning(made.tracks, keys)
+    if len(span.tracks) < LEAST:
+        return None
+    found = fit_shifts(span.seen, span.frames, len(span.tracks), span.loss)
+    if found is None:
+        return None
+    index = np.array(keys)[span.seen.frame]
+    world = made.xyz[span.tracks]
+    local = np.einsum("mij,mj->mi", made.rotation[index], world[span.seen.point]) + made.translation[index]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        at = local[:, :2] / local[:, 2:] * made.focal[index, None]
+    own = np.linalg.norm(at - span.seen.xy, axis=1)
+    own = np.where(local[:, 2] > 0, own, np.inf)
+    close = CLOSE * made.max_error
+    middle = keys[len(keys) // 2]
+    depth = (world @ made.rotation[middle].T + made.translation[middle])[:, 2]
+    good = np.isfinite(depth) & (depth > 0)
+    order = _rank_correlation(1 / depth[good], found.inverse_depth[good]) if good.sum() >= LEAST else 1.0
+    return Compared(_score(own, close), _score(found.error, close), abs(order))
+
+
+def refuse_shifted(made: Solution, keys: list[int]) -> None:
+    """UserError for a clip whose pictures were shifted, or whose depths are not in the order of motion."""
+    told = compare(made, keys)
+    if told is None:
+        return
+    if told.shifted > BETTER * told.solved:
+        raise UserError(
+            "the pictures of this clip were shifted so that something in mid-scene stays in place (rectified"
+            " or stabilised): near and far cannot be told apart in such pictures; solve the clip as it was"
+            " filmed, without stabilisation"
+        )
+    if told.shifted > TELLS and told.order < IN_ORDER:
+        raise UserError(
+            "the depths that were found contradict the order in which things move past each other in this"
+            " clip; choose another range of frames, or film with more sideways movement",
+            Remedy.FRAMES,
+        )
+
+
+def _score(error: Floats, close: float) -> float:
+    share = np.minimum(np.nan_to_num(error, nan=np.inf), close) / close
+    return float((1 - share**2).mean())
+
+
+def _rank_correlation(a: Floats, b: Floats) -> float:
+    first, second = (np.argsort(np.argsort(each)).astype(np.float64) for each in (a, b))
+    return float(np.corrcoef(first, second)[0, 1])

@@ -1,0 +1,159 @@
+"""How a solve comes into a working folder: as a whole, or not at all, whatever ends its process."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import shutil
+from pathlib import Path
+from typing import Any
+
+from ..base import atomic
+from ..base.errors import Remedy, UserError
+from ..base.file_names import checked_name
+from ..base.folder_lock import FolderLock
+from ..media.clip import Footage
+from ..media.clip_identity import identity
+from .state import MODEL, STATE, VERSION, check_model, model_digests
+
+PREFIX = ".solving-"
+"""Begins the name of a folder in which a solve comes to be."""
+OLD = "old"
+"""In it, the model that is being replaced."""
+
+
+class Staging:
+    """A folder within the working folder in which a solve comes to be: kept whole, or gone without a trace.
+
+    While it lasts nobody else can have one there. Raises UserError where no folder can be made, or somebody
+    else has one.
+    """
+
+    def __init__(self, work_dir: Path) -> None:
+        self.work_dir = checked_name(work_dir)
+        self._made: Path | None = None
+        self._lock: FolderLock | None = None
+        try:
+            if not work_dir.exists():
+                self._made = next(p for p in [*reversed(work_dir.parents), work_dir] if not p.exists())
+                work_dir.mkdir(parents=True, exist_ok=True)
+            self._lock = FolderLock(work_dir)
+            recover(work_dir)
+            self._before = _state_bytes(work_dir)
+            self.folder = work_dir / atomic.owned_name(PREFIX)
+            self.folder.mkdir()
+        except OSError as error:
+            self._let_go()
+            raise UserError(
+                f"no solve can be started in the working folder {work_dir}: {error.strerror}"
+            ) from None
+        except UserError:
+            self._let_go()
+            raise
+
+    def keep(
+        self, footage: Footage, clip_identity: str, options: dict[str, Any], said: dict[str, Any]
+    ) -> None:
+        """Move `model` into place, the state file last, because it makes the folder a solve.
+
+        `clip_identity` is the clip's before it was solved, `options` tell this solve from others of the same
+        clip. Raises UserError, the old solve as it was.
+        """
+        if identity(footage.path) != clip_identity:
+            raise UserError(f"the clip {footage.path} was changed while it was being solved; solve it again")
+        if _state_bytes(self.work_dir) != self._before:
+            # Where no locks are known, nobody was kept from it.
+            raise UserError(
+                f"another solve was put into {self.work_dir} meanwhile; name another folder", Remedy.WORK_DIR
+            )
+        model, old = self.work_dir / MODEL, self.folder / OLD
+        try:
+            state = {
+                "version": VERSION,
+                "footage": str(footage.path),
+                "relative": _relative(footage.path, self.work_dir),
+                "identity": clip_identity,
+                "frames": footage.frames,
+                **options,
+                "report": said,
+                "model": model_digests(self.folder / MODEL),
+            }
+            for path in (self.folder / MODEL).iterdir():
+                atomic.sync(path)
+            (self.folder / STATE).write_text(json.dumps(state, indent=1), encoding="utf-8")
+            atomic.sync(self.folder / STATE)
+            if model.exists():
+                model.rename(old)
+            (self.folder / MODEL).rename(model)
+            atomic.publish(self.folder / STATE, self.work_dir / STATE)
+        except OSError as error:
+            if old.exists():
+                shutil.rmtree(model, ignore_errors=True)
+                old.rename(model)
+            self.discard()
+            raise UserError(
+                f"the solve cannot be moved into {self.work_dir}: {error.strerror}; the old one is as it was"
+            ) from None
+        self._made = None
+        self.discard()
+
+    def discard(self) -> None:
+        """Remove what is not kept."""
+        shutil.rmtree(self.folder, ignore_errors=True)
+        self._let_go()
+
+    def _let_go(self) -> None:
+        if self._lock is not None:
+            self._lock.release()
+        if self._made is None:
+            return
+        # Only folders of our own making, and only while they are empty.
+        folder = self.work_dir
+        with contextlib.suppress(OSError):
+            while folder != self._made.parent:
+                folder.rmdir()
+                folder = folder.parent
+        self._made = None
+
+
+def recover(work_dir: Path) -> None:
+    """Remove what dead processes left in a working folder; what one had begun to move into place is ended.
+
+    Harmless whoever else does the same.
+    """
+    for folder in atomic.orphans(work_dir, PREFIX):
+        with contextlib.suppress(OSError):
+            _finish_moving(work_dir, folder)
+            shutil.rmtree(folder)
+    atomic.collect_orphans(work_dir)
+
+
+def _finish_moving(work_dir: Path, folder: Path) -> None:
+    """Bring to its end what `Staging.keep` began to move out of a folder: the model is moved before its
+    state."""
+    if not (work_dir / MODEL).exists() and (folder / OLD).exists():
+        (folder / OLD).rename(work_dir / MODEL)
+        return
+    try:
+        state = json.loads((folder / STATE).read_text(encoding="utf-8"))
+        if state["model"]:
+            check_model(work_dir / MODEL, state)
+            (folder / STATE).replace(work_dir / STATE)
+    except (UserError, ValueError, KeyError, TypeError, OSError):
+        # There is none, or the model in place is not its.
+        return
+
+
+def _state_bytes(work_dir: Path) -> bytes | None:
+    try:
+        return (work_dir / STATE).read_bytes()
+    except FileNotFoundError:
+        return None
+
+
+def _relative(path: Path, folder: Path) -> str:
+    try:
+        return os.path.relpath(path, folder)
+    except ValueError:  # another drive
+        return ""

@@ -1,0 +1,89 @@
+"""What a working folder says of its solve: `solve.json`, read and checked, and the model that it is of."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from ..base.digest import whole_digest
+from ..base.errors import Remedy, UserError
+from ..media.clip_identity import is_same_clip
+
+STATE = "solve.json"
+MODEL = "model"
+VERSION = 1
+_TYPES: dict[str, type] = {"footage": str, "relative": str, "identity": str, "frames": list, "report": dict}
+
+
+class UnusableStateError(UserError):
+    """A working folder's state cannot be read; solving again replaces it."""
+
+
+def read_state(work_dir: Path) -> dict[str, Any] | None:
+    """What `solve.json` says; None where there is none. UnusableStateError where it cannot be used."""
+    path = work_dir / STATE
+    try:
+        text = path.read_text(encoding="utf-8")
+        state = json.loads(text) if text else None
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        raise UserError(f"{path} cannot be read: {error.strerror}") from None
+    except (ValueError, RecursionError):
+        raise _damaged(path, "it is no JSON") from None
+    if state is None:
+        raise _damaged(path, "it is empty")
+    if not isinstance(state, dict) or not isinstance(state.get("version"), int):
+        raise _damaged(path, "it lacks a version")
+    if state["version"] > VERSION:
+        raise UnusableStateError(
+            f"{path} was made with a newer Virtual Aperture; update the extension, or solve again",
+            Remedy.AGAIN,
+        )
+    for name, kind in _TYPES.items():
+        if not isinstance(state.get(name), kind):
+            raise _damaged(path, f"it lacks {name}")
+    if not state["frames"] or not all(type(frame) is int for frame in state["frames"]):
+        raise _damaged(path, "its frames are no numbers")
+    return state
+
+
+def _damaged(path: Path, why: str) -> UnusableStateError:
+    return UnusableStateError(
+        f"{path} is damaged ({why}); put it back, or solve again in its place", Remedy.AGAIN
+    )
+
+
+def model_digests(model: Path) -> dict[str, str]:
+    """64 hexadecimal digits for each file of a model, by its name."""
+    return {path.name: whole_digest(path) for path in sorted(model.iterdir()) if path.is_file()}
+
+
+def check_model(model: Path, state: dict[str, Any]) -> None:
+    """UserError naming the file of a model that is not the one that the state was written with.
+
+    Older states do not tell.
+    """
+    digests = state.get("model", {})
+    for name, digest in digests.items() if isinstance(digests, dict) else ():
+        path = model / str(name)
+        if not path.is_file():
+            raise UserError(f"{path} is gone; put it back, or solve again in its place", Remedy.AGAIN)
+        if whole_digest(path) != digest:
+            raise UserError(
+                f"{path} is not what the solve wrote: it was changed or damaged since; put it back, solve"
+                " again in its place, or import what you changed into another folder",
+                Remedy.AGAIN,
+            )
+
+
+def is_state_of(state: dict[str, Any], clip: Path) -> bool:
+    """Whether a state is of a solve of this very clip. UserError where the clip cannot be read."""
+    return is_same_clip(clip, state["identity"])
+
+
+def recorded_places(work_dir: Path, state: dict[str, Any]) -> list[Path]:
+    """Where a state's clip may lie: as seen from the folder, with which it may have moved, and before."""
+    beside = [(work_dir / state["relative"]).resolve()] if state["relative"] else []
+    return [*beside, Path(state["footage"])]

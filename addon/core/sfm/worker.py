@@ -1,0 +1,186 @@
+"""The solving worker: `python -m addon.core.sfm.worker JOB.json`, one JSON object a line on its output.
+
+`{"stage": ..., "done": ..., "total": ...}` while it works, then `{"ok": true}`, or
+`{"error": ..., "remedies": [...]}`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import shutil
+import signal
+import sys
+import threading
+import time
+import traceback
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.errors import UserError
+from ..base.folder_lock import FolderLock
+from ..camera.focal_length import from_equivalent, is_plausible
+from ..media import clip as footage_module
+from ..media.clip import Footage, open_footage
+from ..media.exif import photo_lens
+from ..media.metadata import equivalent_focal
+from ..readers.colmap_export import write_model
+from .degeneracy import refuse_cuts
+from .tracks import check_shape, track_features
+from .visibility import visible_points
+from .workspace import keep_visible
+
+TOLD_SIGMA = 0.1
+"""Relative standard deviation of what files say of the lens: video is cropped more than photos are."""
+ZOOMED = "the picture agrees with a lens that zooms; if it does not, give its focal length"
+PATIENCE = 5.0
+"""Seconds in which a process that ends has let go of all that it held."""
+MOVING = "moving.npz"
+"""Tracks that no scene that stands still explains: frame, track and xy of every sighting."""
+
+
+def main(job_path: str) -> int:
+    """Solve the job's clip into its folder; 0, or 1 after saying what went wrong."""
+    job = json.loads(Path(job_path).read_text(encoding="utf-8"))
+    threading.Thread(target=_end_with_parent, args=(Path(job["folder"]),), daemon=True).start()
+    try:
+        _solve(job)
+    except UserError as error:
+        _say({"error": str(error), "remedies": error.remedies})
+        return 1
+    except Exception as error:  # the parent shows it: a worker must never die silently
+        text = f"solving failed: {type(error).__name__}: {error}"
+        _say({"error": text, "remedies": (), "traceback": traceback.format_exc()})
+        return 1
+    _say({"ok": True})
+    return 0
+
+
+def _solve(job: dict[str, Any]) -> None:
+    began = time.monotonic()
+    # After cv2 has been imported, and with pycolmap's own handler for SIGTERM, which can hang, taken out.
+    from . import incremental_mapping
+
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    footage_module.exr_decoder = _exr
+    folder = Path(str(job["folder"]))
+    footage = open_footage(job["footage"], job["frames"])
+    check_shape(footage)
+    tracks = track_features(footage, _progress, job["tracker"])
+    refuse_cuts(tracks)
+    lens = incremental_mapping.Lens(**job["lens"])
+    told = None if lens.focal or lens.zooms else _told(footage)
+    if told:
+        lens = incremental_mapping.Lens(told, TOLD_SIGMA)
+    mapped = incremental_mapping.reconstruct(tracks, lens, _progress)
+    result = mapped.reconstruction
+    (folder / "model").mkdir()
+    write_model(folder / "model", result)
+    moving = np.isin(tracks.track, mapped.moving)
+    # Kept aside: a thing that moves on its own has its tracks here.
+    np.savez_compressed(
+        folder / "model" / MOVING,
+        frame=np.array(tracks.frames)[tracks.frame_index[moving]],
+        track=tracks.track[moving], xy=tracks.xy[moving],
+    )  # fmt: skip
+    visible = visible_points(result, footage, progress=_progress)
+    keep_visible(folder / "model", {frame: each.points for frame, each in visible.items()})
+    report = {
+        "frames": len(footage.frames),
+        "registered": len(result.images),
+        "points": len(result.points),
+        "visible": [len(each.points) for each in visible.values()],
+        "hidden": sum(each.hidden for each in visible.values()),
+        "unlike": sum(each.unlike for each in visible.values()),
+        "reprojection_error": float(result.points.error.mean()),
+        "focal": result.cameras[0].fx,
+        "focal_sigma": mapped.focal_sigma,
+        "focal_held": not mapped.focal_from_clip,
+        "focal_from": _focal_source(job["lens"], told, mapped.focal_from_clip),
+        "method": mapped.method,
+        "tracker": job["tracker"],
+        "explained": mapped.explained,
+        "moving_tracks": len(mapped.moving),
+        "notes": [] if mapped.zooms == lens.zooms else [ZOOMED],
+        "parallax": mapped.parallax,
+        "triangulation_angle": mapped.angle,
+        "size": [footage.width, footage.height],
+        "fps": footage.fps,
+        "versions": incremental_mapping.versions(),
+        "seconds": round(time.monotonic() - began, 1),
+    }
+    (folder / "report.json").write_text(json.dumps(report), encoding="utf-8")
+
+
+def _told(footage: Footage) -> float | None:
+    """The focal length in pixels that the files say they were taken with, if it agrees with the pictures."""
+    width, height = footage.width, footage.height
+    if footage.is_video:
+        equivalent = equivalent_focal(footage.path)
+        return from_equivalent(equivalent, width, height) if equivalent else None
+    lens = photo_lens(footage.files[0])
+    if lens is None or lens.was_cropped(width, height):
+        return None
+    if lens.equivalent or lens.resolution or not lens.focal_mm:
+        return lens.focal(width, height)
+    import pycolmap
+
+    # It knows the sensors of many cameras by their names, which tell nothing of pixels.
+    try:
+        camera = pycolmap.infer_camera_from_image(footage.files[0])
+    except (RuntimeError, ValueError):
+        return None
+    focal = float(camera.mean_focal_length())
+    return focal if camera.has_prior_focal_length and is_plausible(focal, width, height) else None
+
+
+def _focal_source(lens: dict[str, Any], told: float | None, from_clip: bool) -> str:
+    """As `solve_report.Report.focal_from`."""
+    return "clip" if from_clip else "given" if lens["focal"] else "metadata" if told else "guess"
+
+
+def _end_with_parent(folder: Path) -> None:
+    # Standard input closes when whoever started us is gone; then nobody wants the result.
+    os.read(0, 1)
+    # The solve goes on beside us and may put a file into a folder that is being emptied.
+    while folder.exists():
+        shutil.rmtree(folder, ignore_errors=True)
+    # The lock ends with its owner, its file does not. Our pipe may be closed a moment before the lock is, and
+    # whoever solves there already keeps it.
+    until = time.monotonic() + PATIENCE
+    while time.monotonic() < until:
+        with contextlib.suppress(UserError, OSError):
+            FolderLock(folder.parent).release()
+            break
+        time.sleep(0.05)
+    os._exit(1)
+
+
+def _progress(stage: str, done: int, total: int) -> None:
+    _say({"stage": stage, "done": done, "total": total})
+
+
+def _say(message: dict[str, object]) -> None:
+    try:
+        print(json.dumps(message), flush=True)
+    except BrokenPipeError:
+        # Nobody listens any more: `_end_with_parent` is about to clean up and end the process.
+        threading.Event().wait()
+
+
+def _exr(path: Path) -> NDArray[np.float32]:
+    # Eight bits are enough to follow features; the picture itself is read in Blender.
+    import pycolmap
+
+    bitmap = pycolmap.Bitmap.read(str(path), True)
+    if bitmap is None:
+        raise OSError(path)
+    return (np.asarray(bitmap.to_array()) / 255).astype(np.float32)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1]))

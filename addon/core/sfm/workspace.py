@@ -1,0 +1,235 @@
+"""The working folder that keeps a solve.
+
+DIR/solve.json   which clip, which frames, how it was solved, and the report
+DIR/model/       the reconstruction as a COLMAP text model; where we solved it ourselves, also the points that
+                 frames show and did not track, and the tracks of what moves
+"""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..base import atomic
+from ..base.counting import counted
+from ..base.errors import Remedy, UserError
+from ..base.file_names import checked_name
+from ..camera.reconstruction import Ints, Reconstruction, upright
+from ..media.clip import Footage
+from ..media.clip_identity import identity
+from ..media.find_clip import clip_exists
+from ..readers.colmap_export import read_model, write_model
+from ..readers.matching import Imported
+from .report import Report, report
+from .staging import Staging, recover
+from .state import MODEL, STATE, UnusableStateError, check_model, is_state_of, read_state, recorded_places
+
+VISIBLE = "visible.npz"
+"""Of the model: frame and point of everything that a frame shows and was not tracked in."""
+
+
+@dataclass(frozen=True)
+class Solve:
+    """A finished solve and its clip."""
+
+    work_dir: Path
+    footage: Path
+    frames: tuple[int, ...]
+    reconstruction: Reconstruction
+    report: dict[str, Any]
+
+    @cached_property
+    def worth(self) -> Report:
+        """The numbers and the advice."""
+        try:
+            return report(self.reconstruction, self.frames, self.report)
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            raise UserError(
+                f"the report in {self.work_dir / STATE} is damaged ({error}); solve again in its place",
+                Remedy.AGAIN,
+            ) from error
+
+    @property
+    def summary(self) -> str:
+        """One line for the user."""
+        worth = self.worth
+        found = {
+            "clip": "found",
+            "given": "given as",
+            "guess": "assumed to be",
+            "file": "read as",
+            "metadata": "said to be",
+        }
+        sure = (
+            f" (+- {100 * worth.focal_sigma:.1f} %)"
+            if worth.focal_from == "clip" and worth.focal_sigma
+            else ""
+        )
+        return (
+            f"{worth.registered} of {counted(worth.frames, 'frame')} registered,"
+            f" {counted(worth.points, 'point')}, reprojection error {worth.reprojection_error:.2f} px,"
+            f" focal length {found.get(worth.focal_from, found['metadata'])} {worth.focal[0]:.0f} px{sure}"
+        )
+
+
+def default_work_dir(footage: Path, beside: Path) -> Path:
+    """The working folder of a clip when none is named: `<clip>.aperture` in the folder `beside`."""
+    stem = footage.name.replace("#", "").replace("%", "") or footage.parent.name
+    return beside / f"{Path(stem).stem if footage.suffix else stem}.aperture"
+
+
+def load_solve(work_dir: Path, clip: Path | None = None) -> Solve:
+    """The solve that a working folder keeps.
+
+    Its clip is the first of `clip`, the folder's own copy and the place where it lay that is the one that was
+    solved. UserError where there is no solve, its model was altered, or its clip is gone or another one.
+    """
+    checked_name(work_dir.absolute())
+    recover(work_dir)
+    state = read_state(work_dir)
+    if state is None:
+        raise UserError(f"{work_dir} holds no solve; solve the clip into it first", Remedy.SOLVE)
+    footage = _clip_of(work_dir, state, clip)
+    check_model(work_dir / MODEL, state)
+    frames = tuple(state["frames"])
+    return Solve(work_dir, footage, frames, _with_visible(work_dir / MODEL), state["report"])
+
+
+def _clip_of(work_dir: Path, state: dict[str, Any], clip: Path | None) -> Path:
+    places = [*([clip] if clip is not None else []), *recorded_places(work_dir, state)]
+    there = [place for place in places if clip_exists(place)]
+    for place in there:
+        if is_state_of(state, place):
+            return place
+    if there:
+        raise UserError(
+            f"the clip {there[0]} is not the one that was solved into {work_dir}: it was changed, or another"
+            " one is in its place; put the one that was solved back, or solve this one",
+            Remedy.AGAIN,
+        )
+    raise UserError(f"the clip {state['footage']} of {work_dir} is gone; put it back, or solve again")
+
+
+def keep_visible(model: Path, points: Mapping[int, Ints]) -> None:
+    """Write what each frame shows besides what it tracked, points (k,) by frame number, beside a model."""
+    frame = np.repeat(list(points), [len(each) for each in points.values()])
+    np.savez_compressed(model / VISIBLE, frame=frame, point=np.concatenate(list(points.values())))
+
+
+def _with_visible(model: Path) -> Reconstruction:
+    reconstruction = read_model(model)
+    try:
+        with np.load(model / VISIBLE) as kept:
+            frame, point = kept["frame"], kept["point"].astype(np.int32)
+    except FileNotFoundError:
+        return reconstruction
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        frame = point = np.zeros(1, np.int32) - 1
+    is_known = len(frame) == len(point) and np.isin(frame, reconstruction.frames).all()
+    if not is_known or np.any((point < 0) | (point >= len(reconstruction.points))):
+        raise UserError(
+            f"{model / VISIBLE} is damaged: it is not of these frames and points; solve again in its place",
+            Remedy.AGAIN,
+        )
+    images = [replace(image, visible=point[frame == image.frame]) for image in reconstruction.images]
+    return replace(reconstruction, images=tuple(images))
+
+
+def recorded_clip(work_dir: Path) -> Path | None:
+    """Where the clip of a working folder lies as seen from there; None where the folder does not say."""
+    try:
+        state = read_state(work_dir)
+    except UserError:
+        return None
+    return (work_dir / state["relative"]).resolve() if state is not None and state["relative"] else None
+
+
+def is_solved(work_dir: Path, footage: Footage, options: dict[str, Any]) -> bool:
+    """Whether the folder holds this very solve; UserError where it holds something else."""
+    state = _state_of(work_dir, footage)
+    if state is None:
+        return False
+    same = all(value in (None, state.get(name, value)) for name, value in options.items())
+    return same and tuple(state["frames"]) == footage.frames and (work_dir / MODEL).is_dir()
+
+
+def holds_solve(work_dir: Path, footage: Footage) -> bool:
+    """Whether the folder holds a solve of the clip, of whichever frames and whosever; UserError where it
+    holds something else."""
+    return _state_of(work_dir, footage) is not None and (work_dir / MODEL).is_dir()
+
+
+def check_replaceable(work_dir: Path, footage: Footage) -> None:
+    """UserError where a solve of the clip may not be put in place of what the folder holds: something else,
+    or another clip's solve.
+
+    A solve that is damaged, or whose clip was replaced by this one, may be.
+    """
+    try:
+        _state_of(work_dir, footage)
+    except (UnusableStateError, _ClipReplacedError):
+        return
+
+
+def imported_from(work_dir: Path) -> str | None:
+    """The format of the import that the folder keeps; None where it keeps none."""
+    state = read_state(work_dir)
+    return None if state is None else state.get("imported")
+
+
+def keep_import(found: Imported, footage: Footage, work_dir: Path) -> None:
+    """Keep another program's solve, in its own unit, as if it were our own; UserError where the folder holds
+    something else, or is being solved into."""
+    clip_identity = identity(footage.path)
+    reconstruction = upright(found.reconstruction)
+    staging = Staging(work_dir)
+    try:
+        check_replaceable(work_dir, footage)
+        model = staging.folder / MODEL
+        model.mkdir()
+        write_model(model, reconstruction)
+        said = {"focal_from": "file", "method": found.format, "notes": list(found.notes)}
+        staging.keep(footage, clip_identity, {"imported": found.format}, said)
+    finally:
+        staging.discard()
+
+
+class _ClipReplacedError(UserError):
+    """The clip that a solve is of was changed, or another one is in its place."""
+
+
+def _state_of(work_dir: Path, footage: Footage) -> dict[str, Any] | None:
+    """What the folder says of its solve of the clip; UserError where it holds something else."""
+    checked_name(work_dir.absolute())
+    if not work_dir.exists():
+        return None
+    if not work_dir.is_dir():
+        raise UserError(f"{work_dir} is a file; name a folder", Remedy.WORK_DIR)
+    recover(work_dir)
+    state = read_state(work_dir)
+    if state is None:
+        if any(not p.name.startswith((".solving", atomic.PART)) for p in work_dir.iterdir()):
+            raise UserError(
+                f"{work_dir} is not empty and holds no solve; name another folder", Remedy.WORK_DIR
+            )
+        return None
+    if not is_state_of(state, footage.path):
+        if footage.path.resolve() in [place.resolve() for place in recorded_places(work_dir, state)]:
+            raise _ClipReplacedError(
+                f"{footage.path} is not the clip any more that was solved into {work_dir}: it was changed, or"
+                " another one is in its place; solve again in place of the old solve, or name another folder",
+                Remedy.AGAIN,
+                Remedy.WORK_DIR,
+            )
+        raise UserError(
+            f"{work_dir} holds the solve of {Path(state['footage']).name}, not of {footage.path.name};"
+            " name another folder",
+            Remedy.WORK_DIR,
+        )
+    return state

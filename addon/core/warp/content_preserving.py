@@ -1,0 +1,222 @@
+"""A regular grid that follows the features as stiffly as it can: the content-preserving warp.
+
+Liu, Gleicher, Jin and Agarwala, "Content-preserving warps for 3D video stabilization", 2009, section 4.2.
+Theirs finds the grid of each view: a feature in a cell should land where the view sees it, and every half of
+a cell should only turn and grow. Both are linear in the vertices as complex numbers, and a feature goes
+where its inverse depth times the virtual camera's position takes it, so the grids of all views are one
+complex number a vertex times that position. Its real part is an inverse depth. Its imaginary part is motion
+across, and is left out: with it results change by 0.02 dB at most.
+
+What is left is a membrane. The energy of triangles that should only turn and grow is that of stretching,
+in either part, less the area covered, which depends on the border alone (Pinkall and Polthier, "Computing
+discrete minimal surfaces and their conjugates", 1993). Weights by how much colour varies in a cell, as in
+the paper, changed results by up to 0.16 dB, less than a softer membrane does, and are left out too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.errors import UserError
+from ..camera.canvas import Canvas
+from ..camera.reconstruction import Floats, Ints, Reconstruction
+from ..depth.sparse import FrameFeatures
+from .mesh import WarpMesh
+
+Mask = NDArray[np.bool_]
+
+COLUMNS = 64
+"""Cells across the picture."""
+STIFFNESS = 0.02
+"""What a step of inverse depth between two vertices costs, against missing a feature by as much."""
+FADE = 10
+"""Registered frames in which a feature comes and goes."""
+OUTSIDE = 8
+"""Cells past the border at most; a wide margin has large ones."""
+SPARE = 0.25
+"""Of the features' range of inverse depths, by which vertices may leave it."""
+TALLEST = 4
+"""Times the width: of a picture that is taller, cells are larger, or there would be thousands of rows."""
+AROUND = 8
+"""Features around one that are asked whether it can be right."""
+ACCURACY, STEPS = 1e-9, 2000
+"""Of the solver: what may be left of the right hand side, and its steps at most."""
+
+
+def grid_mesh(
+    features: FrameFeatures, weights: Floats, canvas: Canvas, margin: float, flat: float
+) -> WarpMesh:
+    """The grid over the canvas and `margin` pixels past its border, two triangles a cell.
+
+    `weights` (n,) in [0, 1] are those of the features; `flat` is the inverse depth where there are none.
+    """
+    width, height = canvas.pinhole.width, canvas.pinhole.height
+    step = max(width, height / TALLEST) / COLUMNS
+    x, y = (_lines(side, step, margin) for side in (width, height))
+    inside = np.all((features.observed >= 0) & (features.observed <= [width, height]), axis=1)
+    inside &= np.isfinite(features.inverse_depth) & (features.inverse_depth > 0)
+    known, inverse, weights = features.observed[inside], features.inverse_depth[inside], weights[inside]
+    across, down = np.meshgrid(x, y)
+    xy = np.column_stack([across.ravel(), down.ravel()])
+    depth = np.full(len(xy), flat)
+    if len(known):
+        usual = ~wild(known, inverse)
+        depth = membrane(x, y, known[usual], inverse[usual], weights[usual]).ravel()
+    low, high = allowed(features.inverse_depth, flat)
+    first = (len(x) * np.arange(len(y) - 1)[:, None] + np.arange(len(x) - 1)).ravel()
+    below = first + len(x)
+    triangles = np.concatenate([
+        np.column_stack([first, first + 1, below]), np.column_stack([first + 1, below + 1, below]),
+    ])  # fmt: skip
+    return WarpMesh(xy, xy, np.clip(depth, low, high), triangles.astype(np.int32))
+
+
+def allowed(inverse_depth: Floats, flat: float) -> tuple[float, float]:
+    """Least and largest inverse depth of a grid over features (n,); its margin has to do for both."""
+    usable = inverse_depth[np.isfinite(inverse_depth) & (inverse_depth > 0)]
+    low, high = float(usable.min(initial=np.inf)), float(usable.max(initial=-np.inf))
+    if not len(usable):
+        return flat, flat
+    spare = SPARE * (high - low)
+    return max(low - spare, 0.0), high + spare
+
+
+def wild(xy: Floats, inverse_depth: Floats) -> Mask:
+    """(n,) features that differ from all around them by more than the whole frame's usual range.
+
+    Nothing less is an error for sure: weights by how far a feature is off the membrane, as usual against
+    outliers, drew things in front into the background and cost a decibel in two scenes of three.
+    """
+    result = np.zeros(len(xy), bool)
+    if len(xy) <= AROUND:
+        return result
+    low, high = np.percentile(inverse_depth, [2, 98])
+    asked = np.nonzero((inverse_depth < low) | (inverse_depth > high))[0]
+    off = ((xy[asked, None] - xy) ** 2).sum(axis=2)
+    off[np.arange(len(asked)), asked] = np.inf
+    near = np.argpartition(off, AROUND - 1, axis=1)[:, :AROUND]
+    away = np.abs(inverse_depth[near] - inverse_depth[asked, None]).min(axis=1)
+    result[asked] = away > high - low
+    return result
+
+
+def membrane(x: Floats, y: Floats, xy: Floats, values: Floats, weights: Floats) -> Floats:
+    """(h, w) values at vertices on lines x (w,) and y (h,): stretched over those at places (n, 2).
+
+    Minimises the weighted squares of what the bilinear interpolation misses at the places, and `STIFFNESS`
+    times those of the steps between vertices, both of what the best plane leaves over: planes come out
+    exactly. (The paper warps by a homography first, for the same reason.)
+    """
+    slope = _plane(xy, values, weights)
+    rest = values - np.column_stack([xy, np.ones(len(xy))]) @ slope
+    vertex, share = _bilinear(x, y, xy)
+    count = len(x) * len(y)
+    pull = weights[:, None] * share
+    # A cell's edge is as stiff as it is broad: the membrane is the same however the lines lie.
+    stiff_x = STIFFNESS * _breadth(y)[:, None] / np.diff(x)
+    stiff_y = STIFFNESS * _breadth(x) / np.diff(y)[:, None]
+
+    def summed(parts: Floats) -> Floats:
+        return np.bincount(vertex.ravel(), parts.ravel(), count).reshape(len(y), len(x))
+
+    def applied(grid: Floats) -> Floats:
+        result = summed(pull * (share * grid.ravel()[vertex]).sum(axis=1)[:, None])
+        along, down = stiff_x * np.diff(grid, axis=1), stiff_y * np.diff(grid, axis=0)
+        result[:, 1:] += along
+        result[:, :-1] -= along
+        result[1:] += down
+        result[:-1] -= down
+        return result
+
+    diagonal = summed(pull * share)
+    diagonal[:, 1:] += stiff_x
+    diagonal[:, :-1] += stiff_x
+    diagonal[1:] += stiff_y
+    diagonal[:-1] += stiff_y
+    found = conjugate_gradients(applied, summed(pull * rest[:, None]), diagonal)
+    return np.asarray(found + slope[0] * x + slope[1] * y[:, None] + slope[2])
+
+
+def conjugate_gradients(applied: Callable[[Floats], Floats], wanted: Floats, diagonal: Floats) -> Floats:
+    """The grid (h, w) that a symmetric positive matrix, as a function, takes to `wanted`; its diagonal helps.
+
+    Hestenes and Stiefel, "Methods of conjugate gradients for solving linear systems", 1952, with Jacobi's
+    preconditioner. UserError where it does not get there.
+    """
+    found, left = np.zeros_like(wanted), wanted.copy()
+    enough = ACCURACY * np.linalg.norm(wanted)
+    ahead = left / diagonal
+    product = float((left * ahead).sum())
+    for _ in range(STEPS):
+        if np.linalg.norm(left) <= enough:
+            return found
+        pushed = applied(ahead)
+        bend = float((ahead * pushed).sum())
+        if bend <= 0:
+            break
+        length = product / bend
+        found += length * ahead
+        left -= length * pushed
+        turned = left / diagonal
+        before, product = product, float((left * turned).sum())
+        ahead = turned + product / before * ahead
+    raise UserError("the grid of a frame cannot be found; solve the clip again or choose another method")
+
+
+def fading(reconstruction: Reconstruction, frame: int, points: Ints) -> Floats:
+    """(n,) weights in (0, 1] of a frame's points: low in the first and last `FADE` frames that see them.
+
+    The clip's own ends do not count: what is seen up to there is not about to go. Points -1, which no
+    frame tracks, have 1.
+    """
+    frames = reconstruction.frames
+    before = reconstruction.images[: np.searchsorted(frames, frame)][: -FADE - 1 : -1]
+    after = reconstruction.images[np.searchsorted(frames, frame, side="right") :][:FADE]
+    weights = np.ones(len(points))
+    for images in (before, after):
+        run, alive = np.ones(len(points)), np.ones(len(points), bool)
+        for image in images:
+            alive &= np.isin(points, np.concatenate([image.points, image.visible]))
+            run += alive
+        # Past the clip's end whatever was seen goes on.
+        run += (FADE - len(images)) * alive
+        weights = np.minimum(weights, run / (FADE + 1))
+    # A feature that has just come must not outweigh the stiffness at once: the ends are flat.
+    return np.where(points < 0, 1.0, weights**2 * (3 - 2 * weights))
+
+
+def _lines(side: float, cell: float, margin: float) -> Floats:
+    """Coordinates of a grid's lines: about `cell` apart in the picture, and on to `margin` past it."""
+    inside = np.linspace(0, side, max(round(side / cell), 1) + 1)
+    steps = int(np.clip(np.ceil(margin / cell), 1, OUTSIDE))
+    outside = margin * np.arange(1, steps + 1) / steps
+    return np.concatenate([-outside[::-1], inside, side + outside])
+
+
+def _breadth(lines: Floats) -> Floats:
+    """(n,) half the way to the neighbours on either side."""
+    return np.asarray(np.convolve(np.diff(lines), [0.5, 0.5]))
+
+
+def _bilinear(x: Floats, y: Floats, xy: Floats) -> tuple[Ints, Floats]:
+    """(n, 4) vertices of the cells that places (n, 2) lie in, and the places' shares of them."""
+    column, row = (
+        np.clip(np.searchsorted(lines, at, side="right") - 1, 0, len(lines) - 2)
+        for lines, at in ((x, xy[:, 0]), (y, xy[:, 1]))
+    )
+    s = (xy[:, 0] - x[column]) / (x[column + 1] - x[column])
+    t = (xy[:, 1] - y[row]) / (y[row + 1] - y[row])
+    share = np.stack([(1 - s) * (1 - t), s * (1 - t), (1 - s) * t, s * t], axis=1)
+    vertex = (row * len(x) + column)[:, None] + [0, 1, len(x), len(x) + 1]
+    return vertex.astype(np.int32), share
+
+
+def _plane(xy: Floats, values: Floats, weights: Floats) -> Floats:
+    """(3,) a, b, c of the plane a x + b y + c nearest to values (n,); level where places leave it open."""
+    centre = np.average(xy, axis=0, weights=weights)
+    terms = np.sqrt(weights)[:, None] * np.column_stack([xy - centre, np.ones(len(xy))])
+    slope = np.linalg.lstsq(terms, np.sqrt(weights) * values, rcond=1e-6)[0]
+    return np.array([slope[0], slope[1], slope[2] - slope[:2] @ centre])

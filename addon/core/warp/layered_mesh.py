@@ -1,0 +1,175 @@
+"""The warp mesh of a frame whose every pixel's depth is known: layers in one mesh, with their picture."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import cv2
+import numpy as np
+
+from ..base.progress import checkpoint, in_this_scope
+from ..camera.reconstruction import Floats, Ints
+from .layered_depth_image import Fill, Layers, Picture, peeled
+from .mesh import WarpMesh
+from .quadtree import HIDDEN, Surfaces, triangulate
+
+ERROR, RELATIVE = 0.33, 0.03
+"""Pixels by which a view may see a place of the mesh beside where its depth puts it, and how much of the
+blur's radius there beside."""
+JUMP, JUMPS = 0.19, (1.0, 3.0)
+"""Of the largest blur's radius, by which neighbours must be displaced apart to be cut; in these bounds."""
+LARGE = 0.5
+"""Of the same, by which they are cut first."""
+FINER = 2
+"""Times as fine as the frame is its texture: a view loses less by looking between its pixels."""
+_AWAY = np.arange(-3, 5) - 0.5
+_LANCZOS = np.sinc(_AWAY) * np.sinc(_AWAY / 4)
+HALFWAY = (_LANCZOS / _LANCZOS.sum()).astype(np.float32)
+"""Weights of the eight pixels around the middle between two."""
+LARGEST_TEXTURE = 32_000_000
+"""Pixels; a larger one stays as coarse as the frame."""
+WIDEST = 0.25
+"""Of the long side; surfaces that are displaced farther from the focal plane than that come back to it."""
+
+
+def layer_mesh(
+    picture: Picture,
+    shift: Floats,
+    focus: float,
+    scale: float,
+    settle: Callable[[Floats], Floats] = lambda shift: shift,
+    fill: Fill | None = None,
+) -> tuple[WarpMesh, Picture, tuple[Layers, ...]]:
+    """A mesh, its texture (h, w, 4), and the layers it was made of, near ones first.
+
+    `picture` (H, W, 4) is the canvas picture, linear and premultiplied; `shift` (H, W) the displacement in
+    pixels of every pixel at the rim of the aperture, and `focus` that of the focal plane; displacement over
+    `scale` is inverse depth. `settle` moves displacements (H, W) that are drawn elsewhere than they are, as
+    into the focal plane; `fill` tells other frames' colours, on a raster that is so much larger than the
+    picture as needs be, its middle on the picture's. Triangles are ordered from far to near.
+    """
+    reach = WIDEST * max(shift.shape)
+    shift = np.clip(shift, focus - reach, focus + reach)
+    margin = int(np.ceil(np.abs(shift - focus).max())) + 2
+    checkpoint()
+    wide = np.pad(picture, ((margin, margin), (margin, margin), (0, 0)), mode="symmetric")
+    shift = np.pad(shift, margin, mode="edge")
+    lent = None
+    if fill is not None:
+        beyond = np.ones(shift.shape, bool)
+        beyond[margin:-margin, margin:-margin] = False
+        checkpoint(0.05)
+        colour, lent = fill(shift, beyond)
+        wide[lent, :3] = colour[lent]
+    checkpoint(0.1)
+    largest = float(np.abs(shift - focus).max())
+    jump = float(np.clip(JUMP * largest, *JUMPS))
+    # A few wrong depths must not say what is large.
+    usual = float(np.percentile(np.abs(shift - focus)[::4, ::4], 99.9))
+    jumps = (LARGE * usual, jump) if LARGE * usual > jump else (jump,)
+    checkpoint(0.1)
+    layers = peeled(wide, shift, fill, jumps)
+    error = ERROR + RELATIVE * np.abs(layers[-1].back_shift - focus)
+    asked = []
+    for split in layers:
+        checkpoint(0.55)
+        made = Surfaces(
+            settle(split.front_shift), settle(split.near_shift), settle(split.back_shift),
+            split.mixed, split.is_far, split.hidden,
+        )  # fmt: skip
+        # Settling can double what neighbours differ by.
+        asked.append((made, 2 * split.jump, error))
+        # What is left is a guess here, or cannot be seen.
+        error = error * np.where(split.hidden, HIDDEN, np.where(split.beneath, np.inf, 1))
+    with ThreadPoolExecutor() as pool:
+        found = list(pool.map(in_this_scope(triangulate), *zip(*asked, strict=True)))
+    surfaces = [(made.far, found[-1].far, len(layers))]
+    fronts = []
+    checkpoint(0.75)
+    for number, (split, (made, _, _), triangles) in enumerate(zip(layers, asked, found, strict=True)):
+        surfaces += [(made.near, triangles.near, number), (made.own, triangles.cut, number)]
+        # Past its silhouettes the near surface is transparent.
+        fronts.append(split.front.copy())
+        fronts[-1][split.is_far & triangles.before] = 0
+    checkpoint(0.8)
+    mesh = _joined(surfaces, margin, scale)
+    pictures = [wide, *(split.back for split in layers)]
+    layers = tuple(replace(split, front=f, lent=lent) for split, f in zip(layers, fronts, strict=True))
+    if len(pictures) * shift.size * FINER**2 > LARGEST_TEXTURE:
+        return mesh, np.concatenate([*fronts, pictures[-1]]), layers
+    # A pixel's middle is the middle of a texel: in the focal plane views show the frame's own pixels.
+    mesh = replace(mesh, texture_xy=FINER * (mesh.texture_xy - 0.5) + 0.5)
+    return mesh, _texture(pictures, fronts), layers
+
+
+def _texture(pictures: list[Picture], fronts: list[Picture]) -> Picture:
+    """(n h, w, 4) n - 1 fronts above each other and the last of n pictures (H, W, 4), twice as fine.
+
+    Each is interpolated where it is smooth: a front is what its fine picture has more than the next one
+    behind it. Interpolated by itself it would ring along every silhouette, where it ends.
+    """
+    height, width = (FINER * n for n in pictures[0].shape[:2])
+    texture = np.empty((len(pictures), height, width, 4), np.float32)
+    with ThreadPoolExecutor() as pool:
+        list(pool.map(in_this_scope(_refine), pictures, texture))
+    texture[-1, ..., 3] = 1
+    checkpoint(0.9)
+    for part, behind, front in zip(texture[:-1], texture[1:], fronts, strict=True):
+        _taken_off(part, behind, front[..., 3])
+    return texture.reshape(-1, width, 4)
+
+
+def _refine(picture: Picture, texture: Picture) -> None:
+    """Write a picture (H, W, c) twice as fine into (2 H, 2 W, c): its pixels are every second one.
+
+    What is between is Lanczos' interpolation, and not negative.
+    """
+    across = cv2.filter2D(picture, -1, HALFWAY[None], anchor=(3, 0), borderType=cv2.BORDER_REPLICATE)
+    checkpoint(0.9)
+    texture[::2, ::2] = picture
+    np.maximum(across, 0, out=texture[::2, 1::2])
+    for whole, column in ((picture, 0), (across, 1)):
+        checkpoint(0.9)
+        down = cv2.filter2D(whole, -1, HALFWAY[:, None], anchor=(0, 3), borderType=cv2.BORDER_REPLICATE)
+        np.maximum(down, 0, out=texture[1::2, column::2])
+
+
+def _taken_off(part: Picture, behind: Picture, alpha: Picture) -> None:
+    """Leave of a fine picture (2 H, 2 W, 4) what a front of opacity (H, W) has more than what is behind."""
+    row, column = np.nonzero(cv2.erode(alpha, np.ones((2, 2), np.uint8), anchor=(0, 0)) < 1)
+    below, right = (np.minimum(n + 1, size - 1) for n, size in zip((row, column), alpha.shape, strict=True))
+    corners = [[alpha[r, c] for c in (column, right)] for r in (row, below)]
+    for down in (0, 1):
+        for across in (0, 1):
+            checkpoint(0.95)
+            share = np.mean([corners[i][j] for i in range(down + 1) for j in range(across + 1)], axis=0)
+            at = FINER * row + down, FINER * column + across
+            found = part[at] - (1 - share)[:, None] * behind[at]
+            found[:, 3] = share
+            part[at] = np.maximum(found, 0)
+
+
+def _joined(surfaces: list[tuple[Floats, Ints, int]], margin: int, scale: float) -> WarpMesh:
+    """One mesh of surfaces, each displacements (H, W), triangles (T, 3) of pixels, and which of the pictures
+    below each other in the texture is painted on it; the first one is whole."""
+    height, width = surfaces[0][0].shape
+    xy, texture, inverse, triangles = [], [], [], []
+    first = 0
+    for shift, rows, number in surfaces:
+        checkpoint(0.8)
+        used, renamed = np.unique(rows, return_inverse=True)
+        row, column = np.divmod(used, width)
+        place = np.column_stack([column, row]) + 0.5
+        xy.append(place - margin)
+        texture.append(place + np.array([0, number * height]))
+        inverse.append(shift.ravel()[used] / scale)
+        triangles.append(renamed.reshape(-1, 3) + first)
+        first += len(used)
+    checkpoint(0.85)
+    depth, joined = np.concatenate(inverse), np.concatenate(triangles)
+    # What may be half covered comes last; whole triangles hide it where they are nearer.
+    last = np.arange(len(joined)) >= len(triangles[0])
+    order = np.lexsort((depth[joined].min(axis=1), last))
+    return WarpMesh(np.concatenate(xy), np.concatenate(texture), depth, joined[order].astype(np.int32))

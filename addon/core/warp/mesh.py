@@ -1,0 +1,158 @@
+"""Warp meshes: the frame cut into textured triangles that know their inverse depth.
+
+A triangle of a plane seen by two cameras with parallel axes is warped affinely, and its inverse depth is
+affine in the picture, so vertices in pixels with an inverse depth are all that a view needs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from ..base.counting import counted
+from ..base.errors import UserError
+from ..camera.canvas import Canvas
+from ..camera.reconstruction import Floats, Ints
+from ..depth.sparse import FrameFeatures
+
+MIN_FEATURES = 3
+MERGE = 0.5
+"""Pixels; features closer than this would make slivers."""
+
+
+@dataclass(frozen=True)
+class WarpMesh:
+    """Triangles over the actual camera's canvas picture, all in canvas pixels."""
+
+    xy: Floats
+    """(V, 2) where the actual camera sees the vertex."""
+    texture_xy: Floats
+    """(V, 2) which place of the frame is painted on it."""
+    inverse_depth: Floats
+    """(V,) 1 / z, in 1 / scene units; 0 is infinitely far."""
+    triangles: Ints
+    """(T, 3) vertex rows."""
+
+
+def thesis_mesh(features: FrameFeatures, canvas: Canvas) -> WarpMesh:
+    """The baseline: Delaunay over the features, the four image corners mapped to themselves (section 3.7)."""
+    keep = distinct(features, canvas, 0.0)
+    width, height = canvas.pinhole.width, canvas.pinhole.height
+    corners = np.array([[0.0, 0.0], [width, 0.0], [0.0, height], [width, height]])
+    texture = np.concatenate([features.observed[keep], corners])
+    # Zero inverse depth keeps a corner where it is in every view.
+    return WarpMesh(
+        xy=np.concatenate([features.projected[keep], corners]),
+        texture_xy=texture,
+        inverse_depth=np.concatenate([features.inverse_depth[keep], np.zeros(4)]),
+        triangles=delaunay(texture),
+    )
+
+
+def feature_mesh(features: FrameFeatures, canvas: Canvas, margin: float) -> WarpMesh:
+    """Delaunay over the features, carried on past the border by `margin` pixels instead of pinned.
+
+    The ring of vertices outside takes its inverse depth from the features nearest to it.
+    """
+    keep = distinct(features, canvas, margin)
+    inside, inverse = features.observed[keep], features.inverse_depth[keep]
+    outside = ring(canvas, max(margin, 2.0))
+    xy = np.concatenate([inside, outside])
+    return WarpMesh(
+        xy=xy,
+        texture_xy=xy,
+        inverse_depth=np.concatenate([inverse, nearest_mean(inside, inverse, outside)]),
+        triangles=delaunay(xy),
+    )
+
+
+def nearest_mean(places: Floats, values: Floats, wanted: Floats, count: int = 6) -> Floats:
+    """(k,) inverse-square-distance mean of the `count` values nearest to each of (k, 2) wanted places."""
+    squared = ((wanted[:, None, :] - places[None, :, :]) ** 2).sum(axis=2)
+    count = min(count, len(places))
+    nearest = np.argpartition(squared, count - 1, axis=1)[:, :count]
+    weight = 1.0 / (np.take_along_axis(squared, nearest, axis=1) + 1.0)
+    return np.asarray((weight * values[nearest]).sum(axis=1) / weight.sum(axis=1))
+
+
+def delaunay(xy: Floats) -> Ints:
+    """Delaunay triangles (T, 3) of distinct points (n, 2) in pixels; their convex hull is covered.
+
+    OpenCV's subdivision fails on some point sets and loses triangles at the hull of others, so the area
+    is checked, and on failure the points are moved by up to a tenth of a pixel and tried again.
+    """
+    hull = cv2.convexHull(xy.astype(np.float32))
+    wanted = cv2.contourArea(hull)
+    rng = np.random.default_rng(0)
+    for attempt in range(8):
+        # Sixteenths of a pixel are exact in float32, on which the subdivision's predicates depend.
+        moved = np.round((xy + rng.uniform(-0.1, 0.1, xy.shape)) * 16) / 16 if attempt else xy
+        triangles = _subdivide(moved.astype(np.float32))
+        if triangles is None:
+            continue
+        a, b, c = (xy[triangles[:, i]] for i in range(3))
+        areas = np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]) / 2
+        if abs(areas.sum() - wanted) < 1e-3 * wanted:
+            return triangles
+    raise UserError("the feature points of a frame cannot be triangulated; solve the clip again")
+
+
+def _subdivide(xy: np.ndarray[tuple[int, ...], np.dtype[np.float32]]) -> Ints | None:
+    low, high = np.floor(xy.min(axis=0)), np.ceil(xy.max(axis=0))
+    # The subdivision's outer triangle must be far away, or it takes triangles of a long hull edge with it.
+    far = 64 * (high - low).max()
+    origin = low - far
+    size = (high - low) + 2 * far
+    subdivision = cv2.Subdiv2D((int(origin[0]), int(origin[1]), int(size[0]), int(size[1])))
+    try:
+        subdivision.insert(xy.tolist())
+        corners = np.asarray(subdivision.getTriangleList(), dtype=np.float32).reshape(-1, 2)
+    except cv2.error:
+        return None
+    order = np.argsort(_key(xy), kind="stable")
+    keys = _key(xy)[order]
+    wanted = _key(corners)
+    at = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
+    rows = order[at].reshape(-1, 3)
+    real = (keys[at] == wanted).reshape(-1, 3).all(axis=1)
+    kept: Ints = rows[real].astype(np.int32)
+    return kept
+
+
+def _key(
+    xy: np.ndarray[tuple[int, ...], np.dtype[np.float32]],
+) -> np.ndarray[tuple[int, ...], np.dtype[np.complex128]]:
+    return np.asarray(xy[:, 0].astype(np.float64) + 1j * xy[:, 1].astype(np.float64))
+
+
+def distinct(features: FrameFeatures, canvas: Canvas, margin: float) -> Ints:
+    """Rows of the features inside the canvas, one per half-pixel cell, or UserError if too few are left."""
+    size = np.array([canvas.pinhole.width, canvas.pinhole.height])
+    edge = 0.5
+    inside = np.all((features.observed > edge) & (features.observed < size - edge), axis=1)
+    inside &= np.isfinite(features.inverse_depth) & (features.inverse_depth > 0)
+    rows = np.nonzero(inside)[0]
+    _, first = np.unique(np.floor(features.observed[rows] / MERGE), axis=0, return_index=True)
+    rows = rows[np.sort(first)]
+    if len(rows) < MIN_FEATURES:
+        raise UserError(
+            f"frame {features.frame} has {counted(len(rows), 'usable feature point')}, {MIN_FEATURES} are"
+            " needed; leave the frame out or solve the clip again"
+        )
+    return rows.astype(np.int32)
+
+
+def ring(canvas: Canvas, margin: float) -> Floats:
+    """(r, 2) vertices around the canvas, `margin` pixels outside, evenly spread."""
+    width, height = canvas.pinhole.width, canvas.pinhole.height
+    steps = max(4, round(12 * width / max(width, height))), max(4, round(12 * height / max(width, height)))
+    across = np.linspace(-margin, width + margin, steps[0] + 1)
+    down = np.linspace(-margin, height + margin, steps[1] + 1)[1:-1]
+    return np.concatenate([
+        np.stack([across, np.full_like(across, -margin)], axis=1),
+        np.stack([across, np.full_like(across, height + margin)], axis=1),
+        np.stack([np.full_like(down, -margin), down], axis=1),
+        np.stack([np.full_like(down, width + margin), down], axis=1),
+    ])  # fmt: skip

@@ -1,0 +1,276 @@
+"""Triangles over two surfaces on a raster: coarse where both are smooth, a pixel fine where need be.
+
+Vertices lie at pixel centres. A cell with a silhouette in it is as coarse as any other where the near surface
+and the far one are smooth by themselves: both are drawn over all of it, and the near one's picture is
+transparent past the silhouette. Where three surfaces meet, cells a pixel wide are cut between them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.progress import checkpoint
+from ..camera.reconstruction import Floats, Ints
+
+Mask = NDArray[np.bool_]
+
+COARSEST = 6
+"""Levels: a cell is at most 2 ** 6 pixels wide,"""
+COARSEST_OF_TWO = 4
+"""and with a silhouette in it 2 ** 4: so far surfaces are carried on past it."""
+AT_SILHOUETTES, HIDDEN = 6, 24
+"""Times the error that is allowed where depth jumps, and where it is a guess."""
+BEND = 0.5
+"""Share of a change of depth that must not be straight on to be a small jump."""
+
+
+@dataclass(frozen=True)
+class Surfaces:
+    """Depths on a raster (H, W), of whatever unit; masks are (H, W)."""
+
+    own: Floats
+    """What is seen; pixels of silhouettes are on the near surface."""
+    near: Floats
+    """The near surface, carried on past silhouettes: elsewhere `own`."""
+    far: Floats
+    """The far surface, carried on behind the near one: elsewhere `own`."""
+    mixed: Mask
+    """Pixels of silhouettes."""
+    is_far: Mask
+    """Where the near surface is carried on, and cannot be seen."""
+    hidden: Mask
+    """Where the far surface is carried on and may be seen by some view."""
+
+
+@dataclass(frozen=True)
+class Triangles:
+    """Rows (T, 3) of the raveled raster."""
+
+    far: Ints
+    """Of the far surface, which is everywhere and in one piece."""
+    near: Ints
+    """Of the near surface before it."""
+    cut: Ints
+    """Of what is seen, where no two surfaces are enough."""
+    before: Mask
+    """(H, W) the pixels that `near` covers, its rim included."""
+
+
+def triangulate(surfaces: Surfaces, jump: float, error: float | Floats) -> Triangles:
+    """Triangles that interpolate the surfaces within `error`, one or of every pixel (H, W).
+
+    Neighbours in `own` (diagonal ones too) that are more than `jump` apart are not connected. A restricted
+    quadtree: neighbouring cells differ by at most one level, and a cell's triangles fan out to the middle of
+    every side that has finer ones beyond, so there are no cracks.
+    Herzen and Barr, "Accurate triangulations of deformed, intersecting surfaces", 1987.
+    """
+    height, width = surfaces.own.shape
+    raster = _padded(surfaces)
+    columns = raster.own.shape[1]
+    checkpoint(0.6)
+    whole = _whole(raster.own, ~raster.mixed, jump)
+    checkpoint(0.6)
+    split = _split(raster, whole, _allowed(error, (height, width), whole.shape))
+    checkpoint(0.6)
+    two = _any(raster.mixed | ((raster.near != raster.far) & ~raster.is_far))
+    far, near = [], []
+    covered = np.zeros_like(whole)
+    leaf = np.ones(tuple(n >> COARSEST for n in whole.shape), bool)
+    for level in range(COARSEST, 0, -1):
+        checkpoint(0.6)
+        ends = leaf & ~split[level]
+        before = ends & _coarser(two, level)
+        far.append(_cells(ends, split[level], level, columns))
+        near.append(_cells(before, split[level], level, columns))
+        covered |= _children(before, level)
+        leaf = _children(leaf & split[level])
+    far.append(_squares(leaf, columns))
+    near.append(_squares(leaf & whole & two, columns))
+    covered |= leaf & whole & two
+    checkpoint(0.6)
+    parts = np.concatenate(far), np.concatenate(near), _held(leaf & ~whole, raster.own, jump)
+    rim = np.pad(covered, 1)
+    around = rim[1:, 1:] | rim[:-1, 1:] | rim[1:, :-1] | rim[:-1, :-1]
+    made = [_back(part, columns, height, width) for part in parts]
+    return Triangles(made[0], made[1], made[2], around[:height, :width])
+
+
+def _padded(surfaces: Surfaces) -> Surfaces:
+    """With sides that are multiples of the coarsest cell's, and one more: cells reach past the border, where
+    surfaces go straight on."""
+    height, width = surfaces.own.shape
+    rows, columns = (-(-(n - 1) >> COARSEST) << COARSEST for n in (height, width))
+    beyond = ((0, rows + 1 - height), (0, columns + 1 - width))
+
+    def depth(values: Floats) -> Floats:
+        if min(height, width) == 1:
+            return np.zeros((rows + 1, columns + 1))
+        return np.pad(values, beyond, mode="reflect", reflect_type="odd")
+
+    masks = (np.pad(mask, beyond) for mask in (surfaces.mixed, surfaces.is_far, surfaces.hidden))
+    return Surfaces(depth(surfaces.own), depth(surfaces.near), depth(surfaces.far), *masks)
+
+
+def _back(triangles: Ints, padded: int, height: int, width: int) -> Ints:
+    """Triangles of a raster `padded` pixels wide in one of (height, width): moved back onto the border."""
+    row, column = np.divmod(triangles, padded)
+    row, column = np.minimum(row, height - 1), np.minimum(column, width - 1)
+    area = (column[:, 1] - column[:, 0]) * (row[:, 2] - row[:, 0])
+    area -= (column[:, 2] - column[:, 0]) * (row[:, 1] - row[:, 0])
+    return np.asarray((row * width + column)[area != 0], np.int32)
+
+
+def _corners(values: NDArray[np.generic]) -> list[NDArray[np.generic]]:
+    """Of the cells a pixel wide: four arrays (H - 1, W - 1)."""
+    return [values[i : i - 1 or None, j : j - 1 or None] for i in (0, 1) for j in (0, 1)]
+
+
+def _whole(depth: Floats, solid: Mask, jump: float) -> Mask:
+    """(H - 1, W - 1) cells of four connected pixels."""
+    return np.asarray(np.all(_corners(solid), axis=0) & (np.ptp(np.stack(_corners(depth)), axis=0) <= jump))
+
+
+def _bent(depth: Floats) -> Floats:
+    """(H - 1, W - 1) by how much depth does not go straight on at the corners of cells a pixel wide."""
+    across = np.abs(np.diff(depth, 2, axis=1, prepend=depth[:, :1], append=depth[:, -1:]))
+    down = np.abs(np.diff(depth, 2, axis=0, prepend=depth[:1], append=depth[-1:]))
+    return np.asarray(np.max(_corners(np.maximum(across, down)), axis=0), np.float64)
+
+
+def _any(mask: Mask) -> Mask:
+    """(H - 1, W - 1) cells with a corner in a mask (H, W)."""
+    return np.asarray(np.any(_corners(mask), axis=0))
+
+
+def _coarser(cells: Mask, level: int) -> Mask:
+    """Cells of a level with any in a mask of cells a pixel wide."""
+    size = 1 << level
+    blocks = cells.reshape(cells.shape[0] // size, size, cells.shape[1] // size, size)
+    return np.asarray(blocks.any(axis=(1, 3)))
+
+
+def _allowed(error: float | Floats, shape: tuple[int, int], cells: tuple[int, ...]) -> Floats:
+    """Of each cell (H - 1, W - 1) a pixel wide, past the picture's (H, W) border as at it."""
+    beyond = [(0, n + 1 - size) for n, size in zip(cells, shape, strict=True)]
+    whole = np.pad(np.broadcast_to(np.asarray(error, np.float64), shape), beyond, mode="edge")
+    return np.asarray(np.min(_corners(whole), axis=0), np.float64)
+
+
+def _split(raster: Surfaces, whole: Mask, error: Floats) -> list[Mask]:
+    """For each level the cells (R, C) that need finer ones; `error` (H - 1, W - 1) is that of the finest."""
+    split = [np.zeros_like(whole)]
+    doubled = _any((raster.near != raster.far) & ~raster.is_far)
+    sharp = ~whole
+    checkpoint(0.6)
+    changes = np.ptp(np.stack(_corners(raster.own)), axis=0)
+    checkpoint(0.6)
+    steep = (changes > error) & (_bent(raster.own) > BEND * changes)
+    for level in range(1, COARSEST + 1):
+        checkpoint(0.6)
+        error = np.minimum.reduce([error[i::2, j::2] for i in (0, 1) for j in (0, 1)])
+        near = split[-1]
+        # A cell beside one that is split twice would differ from its neighbours by two levels.
+        wide = np.pad(near, 1)
+        wide = wide[:-2] | wide[1:-1] | wide[2:]
+        wide = wide[:, :-2] | wide[:, 1:-1] | wide[:, 2:]
+        needed = _coarser(wide, 1)
+        silhouette = _coarser(sharp, level)
+        one = ~silhouette & ~_coarser(doubled, level)
+        if level > COARSEST_OF_TWO:
+            needed |= silhouette
+        rough = np.nonzero(one & ~needed)
+        allowed = np.where(_coarser(steep, level), AT_SILHOUETTES, 1)[rough] * error[rough]
+        needed[rough] = _worst(raster.own, None, rough, level) > allowed
+        checkpoint(0.6)
+        rough = np.nonzero(~one & ~needed)
+        worst = np.maximum.reduce([
+            _worst(raster.near, ~raster.is_far, rough, level) / AT_SILHOUETTES,
+            _worst(raster.far, raster.is_far | raster.mixed, rough, level) / AT_SILHOUETTES,
+            _worst(raster.far, raster.hidden, rough, level) / HIDDEN,
+        ])  # fmt: skip
+        needed[rough] = worst > error[rough]
+        split.append(needed)
+    return split
+
+
+def _worst(depth: Floats, mask: Mask | None, cells: tuple[NDArray[np.intp], ...], level: int) -> Floats:
+    """(n,) by how much a cell's two triangles, or any fan of its sides' middles, miss the depths within it
+    that are in a mask (H, W)."""
+    size = 1 << level
+    share = np.arange(size + 1) / size
+    y, x = share[:, None], share
+    worst = np.empty(len(cells[0]))
+    chunk = max(1, 4_000_000 // (size + 1) ** 2)
+    for first in range(0, len(worst), chunk):
+        checkpoint(0.6)
+        row, column = (part[first : first + chunk, None, None] * size for part in cells)
+        within = row + np.arange(size + 1)[:, None], column + np.arange(size + 1)
+        inner = depth[within]
+        a, b, c, d = (inner[:, i, j][:, None, None] for i, j in ((0, 0), (0, -1), (-1, 0), (-1, -1)))
+        # The diagonal goes from b to c, as in `_cells`.
+        plane = np.where(x + y <= 1, a + (b - a) * x + (c - a) * y, d + (c - d) * (1 - x) + (b - d) * (1 - y))
+        miss = np.abs(inner - plane)
+        if mask is not None:
+            miss[~mask[within]] = 0
+        worst[first : first + chunk] = miss.max(axis=(1, 2))
+    return worst
+
+
+def _children(cells: Mask, levels: int = 1) -> Mask:
+    return np.repeat(np.repeat(cells, 1 << levels, axis=0), 1 << levels, axis=1)
+
+
+def _cells(leaf: Mask, split: Mask, level: int, width: int) -> Ints:
+    """Triangles (T, 3) of the leaves (R, C) of a level; the middles of sides with finer cells take part."""
+    wide = np.pad(split, 1)
+    sides = wide[:-2, 1:-1], wide[1:-1, 2:], wide[2:, 1:-1], wide[1:-1, :-2]
+    pattern = sum(side.astype(np.int64) << n for n, side in enumerate(sides))
+    half = 1 << (level - 1)
+    parts = [np.zeros((0, 3), np.int64)]
+    for kind in range(16):
+        row, column = np.nonzero(leaf & (pattern == kind))
+        fan = _fan(kind) * half
+        first = ((row * width + column) << level)[:, None, None]
+        parts.append((first + fan[..., 0] * width + fan[..., 1]).reshape(-1, 3))
+    return np.concatenate(parts)
+
+
+def _fan(kind: int) -> NDArray[np.int64]:
+    """(t, 3, 2) rows and columns of a cell's triangles, in half cells; bit n of `kind` refines side n."""
+    if not kind:
+        return np.array([[(0, 0), (0, 2), (2, 0)], [(0, 2), (2, 2), (2, 0)]])
+    corners, middles = ((0, 0), (0, 2), (2, 2), (2, 0)), ((0, 1), (1, 2), (2, 1), (1, 0))
+    rim = [place for n in range(4) for place in (corners[n], *([middles[n]] if kind >> n & 1 else []))]
+    return np.array([[(1, 1), rim[n - 1], rim[n]] for n in range(len(rim))])
+
+
+def _squares(leaf: Mask, width: int) -> Ints:
+    """Two triangles (T, 3) for each cell (H - 1, W - 1) a pixel wide."""
+    row, column = np.nonzero(leaf)
+    corner = (row * width + column)[:, None]
+    return np.concatenate([corner + rows for rows in ([0, 1, width], [1, width + 1, width])])
+
+
+def _held(leaf: Mask, depth: Floats, jump: float) -> Ints:
+    """Of cells (H - 1, W - 1) a pixel wide the triangles (T, 3) of three connected pixels, and of four."""
+    width = depth.shape[1]
+    row, column = np.nonzero(leaf)
+    corner = (row * width + column)[:, None] + [0, 1, width, width + 1]
+    z = depth.ravel()[corner]
+
+    def held(*rows: int) -> Mask:
+        return np.asarray(np.ptp(z[:, rows], axis=1) <= jump)
+
+    full, upper, lower = held(0, 1, 2, 3), held(0, 1, 2), held(1, 2, 3)
+    left, right = held(0, 1, 3), held(0, 2, 3)
+    across = full | upper | lower
+    chosen = (
+        (upper | full, (0, 1, 2)),
+        (lower | full, (1, 3, 2)),
+        (left & ~across, (0, 1, 3)),
+        (right & ~across, (0, 3, 2)),
+    )
+    return np.concatenate([corner[mask][:, rows] for mask, rows in chosen])

@@ -1,0 +1,121 @@
+"""Drawing on Blender's main thread, in slices, while a render thread waits for the result.
+
+With a window open, a render thread that holds the GPU stops the main thread at its next redraw: the
+interface would freeze and never see ESC. So the main thread itself draws, a little between its own events.
+"""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections.abc import Generator
+from dataclasses import dataclass, field
+
+import bpy
+
+from ..core.base.progress import Cancelled, checkpoint
+from ..core.camera.canvas import Picture
+
+Steps = Generator[int, None, Picture]
+"""Yields how many views are drawn, returns their mean. Between two steps another window's GPU context may
+become the active one: nothing that belongs to a context (framebuffers) may be kept from one to the next."""
+
+SLICE = 0.04
+"""Seconds of drawing between two looks at the interface's events."""
+IDLE = 0.1
+"""Seconds between two looks for work."""
+
+
+@dataclass
+class _Job:
+    """One frame's drawing, shared by the two threads."""
+
+    steps: Steps
+    done: int = 0
+    picture: Picture | None = None
+    error: Exception | None = None
+    is_cancelled: bool = False
+    ended: threading.Event = field(default_factory=threading.Event)
+
+
+_waiting: queue.SimpleQueue[_Job] = queue.SimpleQueue()
+_current: _Job | None = None
+
+
+def draw(steps: Steps, total: int) -> Picture:
+    """Run the steps to their end, with a checkpoint between them; raises what they raise, and Cancelled."""
+    if bpy.app.background or threading.current_thread() is threading.main_thread():
+        return _draw_here(steps, total)
+    job = _Job(steps)
+    _waiting.put(job)
+    try:
+        while not job.ended.wait(0.05):
+            checkpoint(job.done / total)
+    except Cancelled:
+        # Not waited for: Blender's main thread may itself be waiting for this one to end.
+        job.is_cancelled = True
+        raise
+    if job.error is not None:
+        raise job.error
+    if job.picture is None:
+        raise Cancelled
+    return job.picture
+
+
+def _draw_here(steps: Steps, total: int) -> Picture:
+    try:
+        while True:
+            checkpoint(next(steps) / total)
+    except StopIteration as end:
+        picture: Picture = end.value
+        return picture
+    finally:
+        steps.close()
+
+
+def _tick() -> float:
+    """A timer's turn on the main thread; returns the seconds to the next one."""
+    global _current
+    if _current is None:
+        try:
+            _current = _waiting.get_nowait()
+        except queue.Empty:
+            return IDLE
+    job, until = _current, time.monotonic() + SLICE
+    try:
+        while time.monotonic() < until:
+            if job.is_cancelled:
+                job.steps.close()
+                break
+            job.done = next(job.steps)
+        else:
+            return 0.0
+    except StopIteration as end:
+        job.picture = end.value
+    except Exception as error:  # raised again in the thread that waits
+        job.error = error
+    _current = None
+    job.ended.set()
+    return 0.0
+
+
+def start() -> None:
+    """Begin to look for work, if there is a window."""
+    if not bpy.app.background:
+        bpy.app.timers.register(_tick, persistent=True)
+
+
+def stop() -> None:
+    """Drop all work: what it holds on the GPU must not outlive the window. Those who wait get Cancelled."""
+    global _current
+    if bpy.app.timers.is_registered(_tick):
+        bpy.app.timers.unregister(_tick)
+    left = [] if _current is None else [_current]
+    _current = None
+    while not _waiting.empty():
+        left.append(_waiting.get_nowait())
+    for job in left:
+        job.is_cancelled = True
+        job.steps.close()
+        job.ended.set()

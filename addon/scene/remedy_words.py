@@ -1,0 +1,14 @@
+"""What the interface calls the ways out of an error."""
+
+from __future__ import annotations
+
+from ..core.base.errors import Remedy, Words
+
+WORDS: Words = {
+    # The interface solves whole clips.
+    Remedy.FRAMES: "cut the clip to them, in the Video Editor for one",
+    Remedy.WORK_DIR: "Working Folder",
+    Remedy.SOLVE: "Solve Clip",
+    Remedy.AGAIN: "Solve Again",
+    Remedy.FOCAL: "Lens",
+}

@@ -1,0 +1,204 @@
+"""What a method is given for one frame: by the truth (track T1), or found from the video alone (T2)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from addon.core.camera.canvas import Canvas
+from addon.core.camera.reconstruction import Points, Reconstruction
+from addon.core.depth.joint_upsampling import enlarged
+from addon.core.depth.multi_view_stereo import COARSE, ClipDepth
+from addon.core.depth.sparse import FrameFeatures, frame_features
+from addon.core.depth.temporal_fusion import SteadyDepth
+from addon.core.lens.focus import Focus, pick
+from addon.core.media.clip import open_footage, to_gray8, to_linear
+from addon.core.sfm.process import SolveProcess
+from addon.core.sfm.tracks import new_corners
+from addon.core.sfm.workspace import load_solve
+from addon.core.warp.disocclusion_fill import Lender
+
+from .. import store
+from . import oracle
+from .scenes import Picture, Scene
+
+Floats = NDArray[np.float64]
+
+TRACKS = ("T1", "T2")
+ON_SURFACE = 0.5
+"""Pixels of the blur disc by which the focus may miss the surface seen there and still be picked on it."""
+
+
+@dataclass(frozen=True)
+class Given:
+    """One frame, its cameras and depth, and the lens; lengths in the reconstruction's own units."""
+
+    frame: int
+    picture: Picture
+    """(H, W, 4) linear."""
+    reconstruction: Reconstruction
+    focus: Focus
+    radius: float
+    depth: Floats
+    """(H, W), inf infinitely far: what methods get that want a depth map."""
+    layers: Callable[[int], oracle.Layers | None]
+    """The hidden surfaces past a margin in pixels; None where nobody knows them."""
+    lender: Lender | None = None
+    """The clip's other frames."""
+
+    @property
+    def focus_depth(self) -> float:
+        return 1 / self.focus.inverse_depth(self.reconstruction, self.frame)
+
+    @property
+    def focal(self) -> float:
+        """In pixels."""
+        image, _ = self.reconstruction.image_at(self.frame)
+        return self.reconstruction.intrinsics(image).fx
+
+    @property
+    def disc(self) -> Floats:
+        """(H, W) signed blur disc diameters in pixels, positive nearer than the focal plane."""
+        return 2 * self.radius * self.focal * (1 / self.depth - 1 / self.focus_depth)
+
+
+class Known:
+    """T1: true cameras and depth. Features are found in the frame, their depth is the truth's."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+
+    @cached_property
+    def _lender(self) -> Lender:
+        return _lender(self.scene.cameras, self.scene)
+
+    def given(self, frame: int, blur: int) -> Given:
+        scene, depth = self.scene, self.scene.depth(frame)
+        return Given(
+            frame, to_linear(scene.frame(frame)), self._reconstruction(frame), self._focus(frame, blur),
+            scene.radius(blur), depth, lambda margin: scene.layers(frame, margin), self._lender,
+        )  # fmt: skip
+
+    def _reconstruction(self, frame: int) -> Reconstruction:
+        """The frame's camera and the same corners that tracking would take, with their true depth."""
+        scene, depth = self.scene, self.scene.depth(frame)
+        cameras = scene.cameras
+        image, _ = cameras.image_at(frame)
+        lens = cameras.intrinsics(image)
+        xy = new_corners(to_gray8(scene.frame(frame)), np.zeros((0, 2), np.float32)).astype(np.float64) + 0.5
+        column, row = np.clip(xy, 0, [lens.width - 1, lens.height - 1]).astype(int).T
+        z = depth[row, column]
+        xy, z = xy[np.isfinite(z)], z[np.isfinite(z)]
+        local = np.column_stack([(xy - lens.principal_point) / lens.focal, np.ones(len(xy))]) * z[:, None]
+        world = (local - image.translation) @ image.rotation
+        points = Points(world, np.zeros((len(xy), 3), np.uint8), np.zeros(len(xy)))
+        seen = replace(image, xy=xy, points=np.arange(len(xy), dtype=np.int32))
+        return Reconstruction(cameras.cameras, (seen,), points)
+
+    def _focus(self, frame: int, blur: int) -> Focus:
+        return Focus(distance=self.scene.focus_depth(frame, blur))
+
+
+class Solved:
+    """T2: cameras and points solved from the clip. The user's two inputs are set as a user would.
+
+    The focus is picked in the picture where the subject is seen, on the first frame that is judged. A solve
+    has no scale, so the amount of blur is set by eye: one radius for the clip, with which the features'
+    discs have the true size in the median.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        clip = scene.clip()
+        code = store.digest(store.sources(*store.SOLVER))
+        work = store.FOLDER / "solves" / f"{scene.name}-{scene.key}-{code}.aperture"
+        SolveProcess(clip, work).wait()
+        solve = load_solve(work)
+        self.reconstruction, self.report = solve.reconstruction, solve.report
+
+    @cached_property
+    def _lender(self) -> Lender:
+        return _lender(self.reconstruction, self.scene)
+
+    @cached_property
+    def _dense(self) -> SteadyDepth:
+        single = ClipDepth(self.reconstruction, open_footage(self.scene.clip()).read)
+        return SteadyDepth(self.reconstruction, single)
+
+    def given(self, frame: int, blur: int) -> Given:
+        scene, rec = self.scene, self.reconstruction
+        focus = self._focus(frame, blur)
+        radius = self._radius(blur)
+        picture = to_linear(scene.frame(frame))
+        inverse = enlarged(self._dense.at(frame).inverse_depth, picture)
+        with np.errstate(divide="ignore"):
+            depth = 1 / inverse
+        return Given(frame, picture, rec, focus, radius, depth, lambda margin: None, self._lender)
+
+    def _focus(self, frame: int, blur: int) -> Focus:
+        scene = self.scene
+        first = scene.judged(blur)[0]
+        x, y = scene.focus_xy(first, blur)
+        column, row = int(x), int(y)
+        wanted = [1 / scene.focus_depth(frame, blur) for frame in scene.judged(blur)]
+        lens = scene.cameras.intrinsics(scene.cameras.image_at(first)[0])
+        off = 2 * scene.radius(blur) * lens.fx * (1 / scene.depth(first)[row, column] - np.array(wanted))
+        if np.abs(off).max() < ON_SURFACE:
+            height, width = scene.depth(first).shape
+            return pick(self.reconstruction, first, x / width, y / height)
+        # Between two subjects: the distance that the solve gives to the wanted depth, by its own points.
+        features, true = self._features(frame)
+        slope, offset = robust_line(1 / true, features.inverse_depth)
+        return Focus(distance=float(1 / (slope / scene.focus_depth(frame, blur) + offset)))
+
+    def _features(self, frame: int) -> tuple[FrameFeatures, Floats]:
+        """The frame's features and the true depth (n,) at each of them."""
+        image, _ = self.reconstruction.image_at(frame)
+        features = frame_features(self.reconstruction, frame, Canvas(self.reconstruction.intrinsics(image)))
+        depth = self.scene.depth(frame)
+        column, row = np.clip(features.observed, 0, [depth.shape[1] - 1, depth.shape[0] - 1]).astype(int).T
+        return features, depth[row, column]
+
+    def _radius(self, blur: int) -> float:
+        scene, ratios, weights = self.scene, [], []
+        for frame in scene.judged(blur):
+            features, true = self._features(frame)
+            image, _ = scene.cameras.image_at(frame)
+            wanted = scene.cameras.intrinsics(image).fx * (1 / true - 1 / scene.focus_depth(frame, blur))
+            own, _ = self.reconstruction.image_at(frame)
+            inverse = self._focus(frame, blur).inverse_depth(self.reconstruction, frame)
+            found = self.reconstruction.intrinsics(own).fx * (features.inverse_depth - inverse)
+            ratios.append(wanted / np.where(found == 0, np.inf, found))
+            weights.append(np.abs(found))
+        return scene.radius(blur) * weighted_median(np.concatenate(ratios), np.concatenate(weights))
+
+
+def _lender(cameras: Reconstruction, scene: Scene) -> Lender:
+    """As the product makes it."""
+    read = open_footage(scene.clip()).read
+    return Lender(cameras, read, ClipDepth(cameras, read, COARSE).moving)
+
+
+def robust_line(x: Floats, y: Floats) -> tuple[float, float]:
+    """Slope and offset of y = slope x + offset, outliers of more than 3 scaled deviations left out."""
+    keep = np.isfinite(x) & np.isfinite(y)
+    for _ in range(5):
+        slope, offset = np.polyfit(x[keep], y[keep], 1)
+        miss = np.abs(slope * x + offset - y)
+        keep = np.isfinite(miss) & (miss <= 3 * 1.4826 * np.median(miss[keep]) + 1e-12)
+    return float(slope), float(offset)
+
+
+def weighted_median(values: Floats, weights: Floats) -> float:
+    order = np.argsort(values)
+    total = np.cumsum(weights[order])
+    return float(values[order][np.searchsorted(total, total[-1] / 2)])
+
+
+def track(name: str, scene: Scene) -> Known | Solved:
+    """The track T1 or T2 of a scene."""
+    return Known(scene) if name == "T1" else Solved(scene)

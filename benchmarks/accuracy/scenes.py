@@ -1,0 +1,210 @@
+"""What the judge needs of a scene: a clip, and what is true of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Protocol
+
+import bpy
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from addon.core.camera.reconstruction import Reconstruction
+from addon.core.media.clip import decode_srgb, encode_srgb
+from addon.render.quiet import quiet
+from sample_scenes import filming, staging, truth
+from sample_scenes.stage import Stage
+
+from .. import store
+from . import oracle
+
+Picture = NDArray[np.float32]
+Floats = NDArray[np.float64]
+Motion = tuple[Floats, NDArray[np.bool_]]
+
+FILM_SAMPLES = 16
+
+
+@dataclass(frozen=True)
+class Truth:
+    """One frame through one lens."""
+
+    picture: Picture
+    """(H, W, 3) linear: the mean of two seeds."""
+    seeds: tuple[Picture, Picture]
+    """The two, for the noise ceiling."""
+
+
+class Scene(Protocol):
+    """A clip with cameras, depth and lens pictures that are true; frames count from 1."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def blurs(self) -> tuple[int, ...]:
+        """Largest blur discs in pixels that it is judged at."""
+
+    @property
+    def cameras(self) -> Reconstruction: ...
+
+    @property
+    def key(self) -> str:
+        """Changes with everything that the truth depends on."""
+
+    def judged(self, blur: int) -> tuple[int, ...]:
+        """Frames that there is truth for, consecutive."""
+
+    def clip(self) -> Path:
+        """The folder of the whole clip."""
+
+    def frame(self, frame: int) -> NDArray[np.uint8]:
+        """(H, W, 3) of the clip, sRGB."""
+
+    def depth(self, frame: int) -> Floats:
+        """(H, W) true depth, inf for infinitely far."""
+
+    def focus_depth(self, frame: int, blur: int) -> float: ...
+
+    def focus_xy(self, frame: int, blur: int) -> Floats:
+        """(2,) where the subject is seen, in pixels."""
+
+    def radius(self, blur: int) -> float: ...
+
+    def margin(self, blur: int) -> int:
+        """Pixels a side that are not judged, for there is no truth for them."""
+
+    def truth(self, frame: int, blur: int) -> Truth: ...
+
+    def motion(self, frame: int) -> Motion | None:
+        """Motion to the next frame and where it is seen there; None where it is not known."""
+
+    def layers(self, frame: int, margin: int) -> oracle.Layers | None:
+        """What the oracle is told; None where nobody knows."""
+
+
+class Staged:
+    """A scene that is rendered from code."""
+
+    def __init__(self, name: str, noise: float) -> None:
+        self.name = name
+        self.noise = noise
+        self.blurs = (8, 16, 32, 64)
+
+    @cached_property
+    def stage(self) -> Stage:
+        return filming.load(self.name)
+
+    @cached_property
+    def key(self) -> str:
+        return store.digest(self.folder, store.sources("sample_scenes/filming.py"))
+
+    @cached_property
+    def folder(self) -> str:
+        """Of what does not depend on how the clip is recorded."""
+        code = store.sources("sample_scenes/staging.py", "sample_scenes/truth.py")
+        return f"{self.name}-{store.digest(self.stage, code, bpy.app.version_string, FILM_SAMPLES)}"
+
+    @cached_property
+    def scene(self) -> bpy.types.Scene:
+        return staging.build(self.stage)
+
+    @cached_property
+    def cameras(self) -> Reconstruction:
+        return filming.true_cameras(self.stage.cameras)
+
+    def judged(self, blur: int) -> tuple[int, ...]:
+        middle = len(self.stage.cameras) // 2
+        return (middle, middle + 1, middle + 2)
+
+    def clip(self) -> Path:
+        for frame in range(1, len(self.stage.cameras) + 1):
+            self._film(frame)
+        return self._clip_folder
+
+    def frame(self, frame: int) -> NDArray[np.uint8]:
+        bgr = cv2.imread(str(self._film(frame)))
+        assert bgr is not None
+        return np.ascontiguousarray(bgr[..., ::-1], dtype=np.uint8)
+
+    def _film(self, frame: int) -> Path:
+        path = self._clip_folder / f"frame_{frame:04d}.png"
+        if not path.exists():
+            with quiet(1):
+                filming.film_frame(self.scene, frame, self._clip_folder, FILM_SAMPLES)
+        return path
+
+    @property
+    def _clip_folder(self) -> Path:
+        return store.FOLDER / self.folder / f"clip-{self.key}"
+
+    def geometry(self, frame: int) -> truth.Geometry:
+        def make() -> Floats:
+            found = truth.geometry(self.scene, frame)
+            return np.stack([found.depth, found.thing.astype(np.float64)])
+
+        depth, thing = store.kept(self.folder, f"geometry-{frame:04d}", make)
+        return truth.Geometry(depth, thing.astype(np.int32))
+
+    def depth(self, frame: int) -> Floats:
+        return self.geometry(frame).depth
+
+    def focus_depth(self, frame: int, blur: int) -> float:
+        return float(self.stage.focus_depth[frame - 1])
+
+    def focus_xy(self, frame: int, blur: int) -> Floats:
+        return np.asarray(self.stage.focus_xy[frame - 1], dtype=np.float64)
+
+    def radius(self, blur: int) -> float:
+        """The aperture whose largest disc over the judged frames is `blur` pixels."""
+        focal = self.stage.cameras.focal
+        contrast = [
+            np.abs(1 / self.depth(frame) - 1 / self.focus_depth(frame, blur)).max()
+            for frame in self.judged(blur)
+        ]
+        return float(blur / (2 * focal * max(contrast)))
+
+    def margin(self, blur: int) -> int:
+        return 0
+
+    def truth(self, frame: int, blur: int) -> Truth:
+        radius, focus = self.radius(blur), self.focus_depth(frame, blur)
+        seeds = [
+            store.kept(
+                self.folder,
+                f"lens-{frame:04d}-{blur}px-{self.noise:g}-seed{seed}",
+                lambda seed=seed: truth.lens(self.scene, frame, radius, focus, self.noise, seed),  # type: ignore[misc]
+            )
+            for seed in (1, 2)
+        ]
+        return Truth((seeds[0] + seeds[1]) / 2, (seeds[0], seeds[1]))
+
+    def motion(self, frame: int) -> Motion:
+        return truth.motion(self.stage, frame, self.geometry(frame), self.geometry(frame + 1))
+
+    def layers(self, frame: int, margin: int) -> oracle.Layers:
+        numbers = sorted({thing.layer for thing in self.stage.things})
+        made = [self._layer(frame, margin, number) for number in numbers]
+        red, green, blue = self.stage.air
+        return oracle.Layers(tuple(made), margin, (red, green, blue))
+
+    def _layer(self, frame: int, margin: int, number: int) -> oracle.Layer:
+        def make() -> NDArray[np.float32]:
+            picture, depth = truth.layer(self.scene, self.stage, frame, number, margin, FILM_SAMPLES)
+            return np.concatenate([clipped(picture), oracle.extended(depth)[..., None]], axis=-1)
+
+        code = store.digest(store.sources("benchmarks/accuracy/scenes.py", "benchmarks/accuracy/oracle.py"))
+        stored = store.kept(f"{self.folder}/layers-{code}", f"{frame:04d}-{number}-{margin}", make)
+        return oracle.Layer(stored[..., :4], np.ascontiguousarray(stored[..., 4]))
+
+
+def clipped(picture: Picture) -> Picture:
+    """A premultiplied picture (h, w, 4) with its colours as a camera records them: clipped, 8 bits.
+
+    A camera clips what arrives at a pixel, so a lamp that covers a third of one may still fill it.
+    """
+    steps = np.rint(255 * encode_srgb(np.clip(picture[..., :3], 0, 1))) / 255
+    return np.concatenate([decode_srgb(steps), picture[..., 3:]], axis=-1).astype(np.float32)

@@ -1,0 +1,369 @@
+"""Structure from motion against the truth: trackers over motions, focal length unknown and known.
+
+`python -m benchmarks.solving` films what is not filmed yet, solves one clip after the other, and prints a
+table; rows whose inputs have not changed are kept, so that a run resumes where it was stopped.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import re
+import resource
+import shutil
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import bpy
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from addon.core.base.errors import UserError
+from addon.core.sfm import tracks
+from addon.core.sfm.process import SolveProcess
+from addon.core.sfm.report import UNSURE_DEPTH
+from addon.core.sfm.workspace import load_solve
+from addon.render.quiet import quiet
+from sample_scenes import staging, truth
+
+from .. import store
+from .ground_truth import Figures, Floats, Mask, Truth, measure
+from .scenes import MOTIONS, Motion
+
+RESULTS = Path(__file__).parents[1] / "results"
+TRACKERS: tuple[str, ...] = getattr(tracks, "TRACKERS", ("corners",))
+FOCALS = ("unknown", "known")
+FILM_SAMPLES = 8
+DEPTH_STEP = 4
+"""There is a depth map of every so many frames, and of the last."""
+TOO_LONG = 900.0
+"""Seconds after which a solve is ended."""
+LEAST_REGISTERED = 0.98
+MOST_LENGTHS = {"known": 2.0, "unknown": 5.0}
+"""Per cent of error of length ratios."""
+MOST_ON_MOVER = 0.05
+BROKEN = "solving failed|ended with status|took longer"
+"""In the message of a solve that came to nothing by itself."""
+COVERAGE = 2.0
+"""Standard deviations within which the true focal length must lie."""
+
+
+class Clip:
+    """A motion on film, and what is true of it. Films and renders what is missing."""
+
+    def __init__(self, motion: Motion) -> None:
+        self.motion = motion
+
+    @cached_property
+    def key(self) -> str:
+        code = store.sources("sample_scenes/staging.py", "sample_scenes/truth.py")
+        motion = self.motion
+        return store.digest(motion.stage, motion.focals, code, bpy.app.version_string, FILM_SAMPLES)
+
+    @property
+    def folder(self) -> Path:
+        return store.FOLDER / "motions" / f"{self.motion.name}-{self.key}"
+
+    @cached_property
+    def scene(self) -> bpy.types.Scene:
+        bpy.ops.wm.read_homefile(app_template="", use_empty=True, use_factory_startup=True)
+        scene, lens = staging.build(self.motion.stage), "lens"
+        data = scene.camera.data
+        for frame, focal in enumerate(self.motion.focals, start=1):
+            data.lens = focal * data.sensor_width / self.motion.cameras.width
+            data.keyframe_insert(lens, frame=frame)
+        return scene
+
+    def film(self) -> Path:
+        """The folder of the whole clip."""
+        before: truth.Picture | None = None
+        for frame in range(1, len(self.motion.cameras) + 1):
+            path = self.folder / "clip" / f"frame_{frame:04d}.png"
+            if path.exists():
+                continue
+            if before is None or not self._stands_still(frame):
+                with quiet(1):
+                    # Every frame has a seed of its own: noise that stays in place would be tracked.
+                    before = truth.pinhole(self.scene, frame, FILM_SAMPLES, seed=frame)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            part = path.with_suffix(".part")
+            picture = truth.recorded(before, frame)
+            part.write_bytes(cv2.imencode(".png", picture[..., ::-1])[1].tobytes())
+            part.rename(path)
+        return self.folder / "clip"
+
+    def _stands_still(self, frame: int) -> bool:
+        cameras, index = self.motion.cameras, frame - 1
+        poses = np.concatenate([cameras.rotation.reshape(-1, 9), cameras.translation], axis=1)
+        return index > 0 and bool((poses[index] == poses[index - 1]).all())
+
+    @cached_property
+    def truth(self) -> Truth:
+        stage, last = self.motion.stage, len(self.motion.cameras)
+        movers = [
+            i for i, t in enumerate(stage.things) if t.travel is not None and np.ptp(t.travel, axis=0).any()
+        ]
+        depth: dict[int, Floats] = {}
+        moves: dict[int, Mask] = {}
+        for frame in sorted({*range(1, last + 1, DEPTH_STEP), last}):
+            stored = store.kept(f"motions/{self.folder.name}/geometry", f"{frame:04d}", self._geometry(frame))
+            depth[frame] = stored[0].astype(np.float64)
+            moves[frame] = np.isin(stored[1], movers)
+        return Truth(self.motion.cameras, self.motion.focals, depth, moves)
+
+    def _geometry(self, frame: int) -> Callable[[], NDArray[np.float32]]:
+        def make() -> NDArray[np.float32]:
+            found = truth.geometry(self.scene, frame)
+            return np.stack([found.depth, found.thing]).astype(np.float32)
+
+        return make
+
+
+@dataclass(frozen=True)
+class Row:
+    """One solve."""
+
+    motion: str
+    tracker: str
+    focal: str
+    inputs: str
+    """Changes with everything that the solve depends on."""
+    judged: str
+    """Changes with how it is measured."""
+    verdict: str
+    """"right", or what is wrong."""
+    message: str = ""
+    """Of the refusal."""
+    figures: dict[str, float] = field(default_factory=dict)
+    claims: dict[str, Any] = field(default_factory=dict)
+    """The solve's own report."""
+    cpu_s: float = 0.0
+    """Of the worker, both threads."""
+    wall_s: float = 0.0
+
+    @property
+    def key(self) -> tuple[str, str, str]:
+        return self.motion, self.tracker, self.focal
+
+
+type Rows = dict[tuple[str, str, str], Row]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--motions", nargs="*", default=[], choices=list(MOTIONS), help="only these")
+    parser.add_argument("--trackers", nargs="*", default=[], choices=TRACKERS, help="only these")
+    parser.add_argument("--focal", choices=FOCALS, help="only with the focal length unknown, or known")
+    parser.add_argument("--film", action="store_true", help="film, solve nothing")
+    parser.add_argument("--report", action="store_true", help="write the table again, solve nothing")
+    arguments = parser.parse_args()
+    rows = load()
+    focals = [arguments.focal] if arguments.focal else list(FOCALS)
+    for name in () if arguments.report else arguments.motions or MOTIONS:
+        clip = Clip(MOTIONS[name]())
+        clip.film()
+        if arguments.film:
+            assert clip.truth
+            continue
+        for tracker in arguments.trackers or TRACKERS:
+            for focal in focals:
+                run(clip, tracker, focal, rows)
+    if arguments.film:
+        return
+    text = table(list(rows.values()))
+    (RESULTS / "motions.md").write_text(text)
+    print(text)
+
+
+def run(clip: Clip, tracker: str, focal: str, rows: Rows) -> None:
+    """Solve and measure; what is there and whose inputs are what they were is kept."""
+    motion = clip.motion
+    inputs = store.digest(clip.key, store.sources(*store.SOLVER), tracker, focal)
+    judge = store.sources("benchmarks/solving/ground_truth.py", "benchmarks/solving/__main__.py")
+    judged = store.digest(judge, motion.refusal, motion.optional)
+    old = rows.get((motion.name, tracker, focal))
+    if old is not None and (old.inputs, old.judged) == (inputs, judged):
+        return
+    work = clip.folder / f"solve-{tracker}-{focal}-{inputs}"
+    if old is None or old.inputs != inputs or not (old.message or work.exists()):
+        for stale in clip.folder.glob(f"solve-{tracker}-{focal}-*"):
+            shutil.rmtree(stale)
+        # Of a zoom it is known that it is one.
+        zooms = focal == "known" and not motion.has_one_focal
+        given = float(motion.focals[0]) if focal == "known" and not zooms else None
+        began, spent = time.perf_counter(), _children_seconds()
+        message = solve(clip.film(), work, given, tracker, zooms)
+        cost = round(_children_seconds() - spent, 1), round(time.perf_counter() - began, 1)
+    else:
+        message, cost = old.message, (old.cpu_s, old.wall_s)
+    found = None if message else load_solve(work)
+    figures = None if found is None else measure(found.reconstruction, clip.truth)
+    claims = {} if found is None else found.report | {"depth_sigma": found.worth.depth_sigma}
+    row = Row(
+        motion.name, tracker, focal, inputs, judged, verdict(motion, focal, message, figures, claims),
+        message, {} if figures is None else asdict(figures), claims, *cost,
+    )  # fmt: skip
+    rows[row.key] = row
+    save(rows)
+    print(line(row), flush=True)
+
+
+def solve(clip: Path, work: Path, focal: float | None, tracker: str, zooms: bool) -> str:
+    """Solve in the worker process into the folder `work`; empty, or why there is no solve."""
+    process = SolveProcess(clip, work, focal=focal, tracker=tracker, zooms=zooms)
+    began = time.perf_counter()
+    try:
+        while not process.finished:
+            process.poll()
+            time.sleep(0.05)
+            if time.perf_counter() - began > TOO_LONG:
+                return f"the solve took longer than {TOO_LONG:g} s"
+    except UserError as error:
+        return str(error)
+    finally:
+        process.cancel()
+    return ""
+
+
+def _children_seconds() -> float:
+    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return usage.ru_utime + usage.ru_stime
+
+
+def verdict(motion: Motion, focal: str, message: str, figures: Figures | None, claims: dict[str, Any]) -> str:
+    """What is wrong with a solve, or "right": a refusal with the right name where there is no solution."""
+    if figures is None:
+        if re.search(BROKEN, message):
+            return "broken"
+        if not motion.refusal:
+            return "refused"
+        return "right" if re.search(motion.refusal, message, re.IGNORECASE) else "wrong words"
+    if motion.refusal and not motion.optional:
+        return "not refused"
+    wrong = []
+    if figures.registered < LEAST_REGISTERED:
+        wrong.append("frames")
+    # Where the focal length was only assumed, and that is said, lengths along the view may be off by as much;
+    # where depths are uncertain, and that is said, by two standard deviations.
+    assumed = abs(figures.focal) if focal == "unknown" and claims["focal_held"] else 0.0
+    unsure = 200 * claims["depth_sigma"] if claims["depth_sigma"] > UNSURE_DEPTH else 0.0
+    if not figures.lengths <= MOST_LENGTHS[focal] + assumed + unsure:
+        wrong.append("lengths")
+    if covers(figures, claims) is False:
+        wrong.append("uncertainty")
+    if figures.on_mover > MOST_ON_MOVER:
+        wrong.append("on mover")
+    return ", ".join(wrong) or "right"
+
+
+def covers(figures: Figures, claims: dict[str, Any]) -> bool | None:
+    """Whether the found focal length's own uncertainty has room for its error; None where it found none."""
+    if claims["focal_held"] or claims["focal_sigma"] is None:
+        return None
+    return abs(figures.focal) <= COVERAGE * 100 * float(claims["focal_sigma"])
+
+
+# Reporting
+
+COLUMNS: tuple[tuple[str, Callable[[Row], str]], ...] = (
+    ("frames %", lambda r: f"{100 * r.figures['registered']:.0f}"),
+    ("points", lambda r: f"{r.figures['points_median']:.0f} / {r.figures['points_least']:.0f}"),
+    ("grid %", lambda r: f"{100 * r.figures['grid']:.0f}"),
+    ("rotation deg", lambda r: f"{r.figures['rotation_median']:.3f} / {r.figures['rotation_max']:.3f}"),
+    (
+        "place % path / depth",
+        lambda r: f"{r.figures['position_path']:.2f} / {r.figures['position_depth']:.3f}",
+    ),
+    ("focal %", lambda r: f"{r.figures['focal']:+.2f}"),
+    ("claimed", lambda r: _claimed(r)),
+    ("lengths % (floor)", lambda r: f"{r.figures['lengths']:.2f} ({r.figures['lengths_floor']:.2f})"),
+    ("stretch %", lambda r: f"{r.figures['stretch']:+.2f}"),
+    ("1/z % med / 90", lambda r: f"{r.figures['inverse_depth']:.2f} / {r.figures['inverse_depth_90']:.2f}"),
+    ("disc %", lambda r: f"{r.figures['disc']:.2f}"),
+    ("track px", lambda r: f"{r.figures['track_px']:.2f}"),
+    ("reprojection px", lambda r: f"{r.claims['reprojection_error']:.2f}"),
+    ("on mover %", lambda r: f"{100 * r.figures['on_mover']:.1f}"),
+)
+LEGEND = """
+- *points*: median / least of a frame. *grid*: share of an 8x6 grid that has points, mean over the frames.
+- *rotation*: median / largest error. *place*: RMS error of the camera centres after the best similarity, over
+  the extent of the true path / over the median depth.
+- *claimed*: what the solve says of its focal length, one standard deviation; x where the true one is over two
+  away. "held": it was only assumed;
+  in brackets what it was found to within.
+- *lengths*: median |log| of how far ratios of a length along the view to one across it are off, and in
+  brackets what the same tracks give with the true cameras. *stretch*: the median with its sign, by how much
+  lengths along the view are too long on the whole.
+- *1/z*: relative error of inverse depth after the best scale, median / 90th percentile. *disc*: its median
+  over the range of inverse depth in the clip, the error of a blur disc over the largest disc.
+- *track*: distance of the observations from where the true points are seen. CPU seconds are the worker's.
+"""
+
+
+def table(rows: list[Row]) -> str:
+    """All rows as Markdown, those of a motion together."""
+    names = list(MOTIONS)
+    rows = sorted(rows, key=lambda r: (names.index(r.motion), r.tracker, r.focal == "known"))
+    heads = ["motion", "tracker", "focal", "verdict", *(head for head, _ in COLUMNS), "CPU s", "wall s"]
+    lines = ["# Solving", "", "| " + " | ".join(heads) + " |", "|" + "---|" * len(heads)]
+    for row in rows:
+        cells = (
+            [cell(row) for _, cell in COLUMNS] if row.figures else [row.message, *[""] * (len(COLUMNS) - 1)]
+        )
+        cost = [f"{row.cpu_s:.0f}", f"{row.wall_s:.0f}"]
+        shown = row.verdict if row.verdict == "right" else f"**{row.verdict}**"
+        lines.append("| " + " | ".join([row.motion, row.tracker, row.focal, shown, *cells, *cost]) + " |")
+    right = sum(row.verdict == "right" for row in rows)
+    return "\n".join([*lines, "", f"{right} of {len(rows)} right.", LEGEND])
+
+
+def line(row: Row) -> str:
+    """One row on one line, for watching a run."""
+    name = f"{row.motion} {row.tracker} {row.focal}".ljust(28) + row.verdict.ljust(20)
+    if not row.figures:
+        return f"{name} {row.message} ({row.cpu_s:.0f} s)"
+    parts = [f"{head} {cell(row)}" for head, cell in COLUMNS]
+    return f"{name} {'; '.join(parts)} ({row.cpu_s:.0f} CPU s)"
+
+
+def _claimed(row: Row) -> str:
+    sigma = row.claims["focal_sigma"]
+    spread = "?" if sigma is None else f"{100 * sigma:.2f}"
+    if row.focal == "known":
+        return "given"
+    if row.claims["focal_held"]:
+        return f"held ({spread})"
+    outside = abs(row.figures["focal"]) > COVERAGE * 100 * (sigma or 0)
+    return f"±{spread}{' x' if outside else ''}"
+
+
+def load() -> Rows:
+    with contextlib.suppress(FileNotFoundError):
+        rows = [Row(**each) for each in json.loads((RESULTS / "motions.json").read_text())]
+        # JSON has no NaN.
+        for row in rows:
+            row.figures.update((name, np.nan) for name, value in row.figures.items() if value is None)
+        return {row.key: row for row in rows if row.motion in MOTIONS}
+    return {}
+
+
+def save(rows: Rows) -> None:
+    RESULTS.mkdir(exist_ok=True)
+    part = RESULTS / "motions.part"
+    stored = [asdict(rows[key]) for key in sorted(rows)]
+    for row in stored:
+        row["figures"] = {
+            name: value if np.isfinite(value) else None for name, value in row["figures"].items()
+        }
+    part.write_text(json.dumps(stored, indent=1, allow_nan=False))
+    part.rename(RESULTS / "motions.json")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""What depth, mesh and views cost on this machine."""

@@ -1,0 +1,72 @@
+"""Estimates of the time left: none before they mean something, and none that jump."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import pytest
+
+from addon.cli import solve
+from addon.core.base.time_left import TimeLeft
+from addon.core.sfm.process import SHARES, Progress
+from addon.render import output
+
+
+def test_even_work_is_told_from_when_it_can_be() -> None:
+    left = TimeLeft(100.0)
+    assert left.at(101, 0.15) is None  # too short a time
+    assert TimeLeft(100.0).at(104, 0.05) is None  # too small a share
+    for second in range(16, 101):
+        assert left.at(100 + second, second / 100) == pytest.approx(100 - second)
+
+
+def test_what_is_tried_again_takes_no_part_and_is_not_told() -> None:
+    left = TimeLeft(0.0)
+    assert left.at(80, 0.8) == pytest.approx(20)
+    # It falls back to three tenths, where 80 s were said to be 190 s left.
+    assert [left.at(t, s) for t, s in ((81, 0.3), (100, 0.5), (150, 0.75))] == [None, None, None]
+    # Past where it was, by the pace of before: 90 % in 90 s of work.
+    assert left.at(160, 0.9) == pytest.approx(10, abs=1)
+
+
+def test_estimates_that_contradict_each_other_are_none() -> None:
+    left = TimeLeft(0.0)
+    assert left.at(95, 0.95) == pytest.approx(5)
+    # A stage at whose end the time stands still.
+    assert left.at(400, 0.96) is None
+    assert left.at(410, 0.97) == pytest.approx(12.7, abs=0.1)
+
+
+def test_the_line_of_a_solve_never_jumps(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    now = [0.0]
+    monkeypatch.setattr(solve.time, "monotonic", lambda: now[0])
+    line = solve._ProgressLine()
+    low, high = SHARES["Solving cameras"]
+    told: list[tuple[float, float | None]] = []
+    # Three tries of the cameras, the first two given up near their end.
+    for share in (0.1, low, high - 0.01, low, high - 0.01, low, high, 0.95, 0.99):
+        now[0] += 30
+        line.show(Progress(f"Stage{share} 1/2", share))
+        said = capsys.readouterr().out
+        told.append((now[0], float(said.split("about ")[1].split()[0]) if "left" in said else None))
+    assert sum(left is not None for _, left in told) >= 3
+    for (before, one), (after, other) in pairwise(told):
+        assert one is None or other is None or other <= 2 * max(one - (after - before), 0) + 6
+
+
+def test_the_first_frame_tells_nothing_of_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    now, told = [0.0], []
+    monkeypatch.setattr(output.time, "monotonic", lambda: now[0])
+    clock = output._Clock(5, told.append)
+    for frame, seconds in ((11, 40.0), (12, 4.0), (13, 6.0), (14, 5.0), (15, 5.0)):
+        now[0] += seconds
+        clock.tick(frame)
+    assert told == [
+        "frame 11: 1 of 5, 40.0 s",
+        "frame 12: 2 of 5, 4.0 s a frame, 0 min 12 s left",
+        "frame 13: 3 of 5, 5.0 s a frame, 0 min 10 s left",
+        "frame 14: 4 of 5, 5.0 s a frame, 0 min 05 s left",
+        "frame 15: 5 of 5, 5.0 s a frame, 0 min 00 s left",
+    ]

@@ -1,0 +1,319 @@
+"""The benchmark: what is given, how it is scored, kept and reported."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import cached_property
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+from addon.core.base.errors import UserError
+from addon.core.camera.reconstruction import Reconstruction
+from benchmarks import cost, store
+from benchmarks.accuracy import __main__ as bench
+from benchmarks.accuracy import judge, oracle, report
+from benchmarks.accuracy.cases import Known, Solved, robust_line, weighted_median
+from benchmarks.accuracy.judge import Judge, Row
+from benchmarks.accuracy.methods import METHODS, with_layers
+from benchmarks.accuracy.scenes import Staged, clipped
+from sample_scenes import filming
+from sample_scenes.stage import Stage
+
+BLUR = 6
+
+
+class Tiny(Staged):
+    """The bars at 96x54 pixels."""
+
+    @cached_property
+    def stage(self) -> Stage:
+        made = filming.load("bars")
+        return replace(made, cameras=made.cameras.resized(96, 54))
+
+
+@pytest.fixture(scope="module")
+def tiny(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Tiny]:
+    patch = pytest.MonkeyPatch()
+    patch.setattr(store, "FOLDER", tmp_path_factory.mktemp("bench"))
+    before = bpy.context.window.scene
+    scene = Tiny("bars", noise=0.02)
+    yield scene
+    patch.undo()
+    bpy.context.window.scene = before
+    bpy.data.scenes.remove(scene.scene)
+
+
+@pytest.fixture(scope="module")
+def rows(tiny: Tiny) -> dict[tuple[str, int], Row]:
+    """Every method of track T1, at its smallest number of views."""
+    known, judged = Known(tiny), Judge(tiny, BLUR)
+    found = [judged.row("T1", known, name, min(method.views)) for name, method in METHODS.items()]
+    return {(row.method, row.views): row for row in found}
+
+
+def test_every_method_is_scored(tiny: Tiny, rows: dict[tuple[str, int], Row]) -> None:
+    assert {name for name, _ in rows} == set(METHODS)
+    for row in rows.values():
+        assert not row.note
+        assert row.frames == 3
+        for name in (
+            "psnr",
+            "edge_psnr",
+            "unclipped_psnr",
+            "ssim",
+            "flip",
+            "rm",
+            "rm_floor",
+            "warped",
+            "cpu_s",
+            "wall_s",
+        ):
+            value = getattr(row, name)
+            assert value is not None and np.isfinite(value), (row.method, name)
+        picture = store.FOLDER / "pictures" / f"bars-T1-6px-{row.method.replace(' ', '_')}-{row.views}.png"
+        assert picture.exists()
+    triangles = {method: row.triangles for (method, _), row in rows.items()}
+    assert triangles["dense mesh"] > 2 * 96 * 54 > 5 * triangles["layers"]
+    assert min(triangles["layers"], triangles["features"]) > 20
+
+
+def test_scores_are_in_the_order_that_must_be(rows: dict[tuple[str, int], Row]) -> None:
+    score = {name: row.psnr for (name, _), row in rows.items()}
+    assert score["no blur"] == min(score.values())
+    assert score["oracle"] == max(score.values())
+    assert score["dense mesh"] > score["features"]
+
+
+def test_the_same_mesh_through_cycles_scores_alike(tiny: Tiny) -> None:
+    known, judged = Known(tiny), Judge(tiny, BLUR)
+    ours, lens = (judged.row("T1", known, name, 64) for name in ("features", "Cycles"))
+    assert ours.psnr == pytest.approx(lens.psnr, abs=0.3)
+
+
+def test_known_features_lie_where_they_are_seen(tiny: Tiny) -> None:
+    given = Known(tiny).given(18, BLUR)
+    image, _ = given.reconstruction.image_at(18)
+    lens = given.reconstruction.intrinsics(image)
+    local = image.to_camera(given.reconstruction.points.xyz[image.points])
+    np.testing.assert_allclose(lens.project(local), image.xy, atol=1e-6)
+    column, row = image.xy.astype(int).T
+    np.testing.assert_allclose(local[:, 2], tiny.depth(18)[row, column], rtol=1e-9)
+    # The largest disc over the judged frames is what was asked for.
+    largest = max(np.abs(Known(tiny).given(frame, BLUR).disc).max() for frame in tiny.judged(BLUR))
+    assert largest == pytest.approx(BLUR)
+
+
+def scaled(rec: Reconstruction, by: float) -> Reconstruction:
+    image = replace(rec.images[0], translation=by * rec.images[0].translation)
+    return Reconstruction(rec.cameras, (image,), replace(rec.points, xyz=by * rec.points.xyz))
+
+
+def test_the_amount_of_blur_is_set_whatever_the_scale_of_the_solve(
+    tiny: Tiny, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    true = Known(tiny).given(18, BLUR)
+    monkeypatch.setattr(Tiny, "judged", lambda self, blur: (18,))
+    solved = object.__new__(Solved)  # as if the clip had been solved seven times too large
+    solved.scene, solved.reconstruction = tiny, scaled(true.reconstruction, 7.0)
+    given = solved.given(18, BLUR)
+    assert given.focus.points, "the focus was to be picked"
+    # Four features around the picked place are not exactly as deep as the place.
+    assert given.focus_depth == pytest.approx(7 * true.focus_depth, rel=0.02)
+    assert given.radius == pytest.approx(7 * true.radius, rel=0.05)
+    # With the focus in the air, between things, there is nothing to pick.
+    monkeypatch.setattr(Tiny, "focus_depth", lambda self, frame, blur: 4.5)
+    given = solved.given(18, BLUR)
+    assert not given.focus.points
+    assert given.focus_depth == pytest.approx(7 * 4.5)
+
+
+def test_robust_line_and_weighted_median() -> None:
+    x = np.linspace(0, 1, 50)
+    y = 3 * x - 1
+    y[::10] += 50
+    assert robust_line(x, y) == pytest.approx((3, -1))
+    assert weighted_median(np.array([5.0, 1.0, 9.0]), np.array([1.0, 1.0, 5.0])) == 9.0
+    assert weighted_median(np.array([5.0, 1.0, 9.0]), np.ones(3)) == 5.0
+
+
+def test_a_refusal_is_a_row(tiny: Tiny, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(given: object, views: int) -> None:
+        raise UserError("not with me")
+
+    monkeypatch.setitem(METHODS, "scatter", replace(METHODS["scatter"], run=refuse))
+    row = Judge(tiny, BLUR).row("T1", Known(tiny), "scatter", 0)
+    assert row.note == "not with me"
+    assert row.psnr is None
+    assert "not with me" in report.line(row)
+    given = replace(Known(tiny).given(18, BLUR), layers=lambda margin: None)
+    with pytest.raises(UserError, match="hides"):
+        with_layers(given)
+
+
+def test_a_run_resumes_and_repeats_what_has_changed(
+    tiny: Tiny, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(bench, "RESULTS", tmp_path)
+    monkeypatch.setattr(bench, "METHODS", {name: METHODS[name] for name in ("no blur", "scatter")})
+    plan = replace(bench.QUICK, kind="trial")
+    bench.run_track(plan, Judge(tiny, BLUR), "T1", {})
+    first = json.loads((tmp_path / "trial.json").read_text())
+    assert [row["method"] for row in first] == ["no blur", "scatter"]
+    runs: list[str] = []
+    row_of = Judge.row
+    monkeypatch.setattr(Judge, "row", lambda self, *a: runs.append(a[2]) or row_of(self, *a))
+    bench.run_track(plan, Judge(tiny, BLUR), "T1", bench.load(plan))
+    assert runs == []
+    stale = bench.load(plan)
+    key = ("bars", "T1", "scatter", 0, BLUR)
+    stale[key] = replace(stale[key], inputs="other code")
+    bench.run_track(plan, Judge(tiny, BLUR), "T1", stale)
+    assert runs == ["scatter"]
+
+
+def test_tables_and_plots_tell_every_row(rows: dict[tuple[str, int], Row], tmp_path: Path) -> None:
+    noisy = replace(rows["scatter", 0], noise_ceiling=1.0)
+    refused = replace(rows["no blur", 0], psnr=None, note="no parallax", track="T2")
+    text = report.write(tmp_path, "trial", [*rows.values(), noisy, refused])
+    assert f"{noisy.psnr:.2f}*" in text or f"{noisy.psnr:.2f}***" in text
+    assert "no parallax" in text
+    assert (
+        text.count("\n| ") == len(rows) + 2 + 2 + 2
+    )  # a head each for T1 and T2; and the summary's, and its row
+    files = {"trial-bars.md", "trial-bars.png", "trial.png", "trial.md"}
+    assert {path.name for path in tmp_path.iterdir()} == files
+
+
+def test_the_summary_tells_how_far_it_is_from_the_thesis_to_the_oracle(
+    rows: dict[tuple[str, int], Row],
+) -> None:
+    named = {name: row for (name, _), row in rows.items()}
+    half = replace(named["layers"], psnr=30.0, edge_psnr=None, flip=0.1, rm=0.005, rm_floor=0.003)
+    made = [
+        replace(named["thesis"], psnr=20.0, flip=0.4, rm=0.0085, rm_floor=0.003),
+        half,
+        replace(named["told"], psnr=35.0, edge_psnr=None),
+        replace(named["oracle"], psnr=40.0),
+        replace(named["Defocus"], psnr=29.0),
+    ]
+    last = report.summary(made).strip().splitlines()[-1]
+    assert "| 20.00 | 29.00 | 30.00 | 40.00 | 50 % | - | 75 % / - |" in last
+    assert "| 0.25 | 0.50 |" in last
+
+
+def test_an_oracle_spreads_a_point_over_its_disc() -> None:
+    picture = np.zeros((81, 81, 4), np.float32)
+    picture[..., 3] = 1
+    picture[40, 40, :3] = 100
+    layer = oracle.Layer(picture, np.full((81, 81), 1 / 4, np.float32))
+    layers = oracle.Layers((layer,), 10, (0, 0, 0))
+    # D = 2 R f |1/z - 1/zf| = 2 * 0.1 * 800 * |1/4 - 1/2| = 40 pixels
+    out = oracle.render(layers, focal=800, radius=0.1, focus=2.0, views=2000)
+    assert out.shape == (61, 61, 3)
+    assert out.sum() == pytest.approx(300, rel=1e-3)
+    y, x = np.mgrid[-30:31, -30:31]
+    weight = out[..., 0] / out[..., 0].sum()
+    # A disc's mean squared radius is half its radius squared.
+    assert (weight * (x**2 + y**2)).sum() == pytest.approx(20**2 / 2, rel=0.02)
+    sharp = oracle.render(layers, focal=800, radius=0.1, focus=4.0, views=16)
+    np.testing.assert_allclose(sharp, picture[10:71, 10:71, :3], atol=1e-3)
+
+
+def test_an_oracle_sees_behind_an_edge() -> None:
+    behind = np.ones((64, 64, 4), np.float32)
+    before = np.zeros((64, 64, 4), np.float32)
+    before[:, 32:, 3] = 1  # black, opaque, on the right half
+    layers = oracle.Layers(
+        (
+            oracle.Layer(behind, np.full((64, 64), 1 / 4, np.float32)),
+            oracle.Layer(before, np.full((64, 64), 1 / 2, np.float32)),
+        ),
+        0,
+        (0, 0, 0),
+    )
+    out = oracle.render(layers, focal=160, radius=0.25, focus=4.0, views=512)[32, :, 0]
+    # D = 2 * 0.25 * 160 * (1/2 - 1/4) = 20 pixels around the edge at x = 32
+    np.testing.assert_allclose(out[:21], 1, atol=1e-6)
+    np.testing.assert_allclose(out[43:], 0, atol=1e-6)
+    # Share of a disc to the left of a chord at distance d: 1/2 + (d sqrt(1-d^2) + asin d) / pi.
+    d = (32 - (np.arange(24, 40) + 0.5)) / 10
+    np.testing.assert_allclose(out[24:40], 0.5 + (d * np.sqrt(1 - d**2) + np.arcsin(d)) / np.pi, atol=0.02)
+
+
+def test_a_layers_depth_goes_on_around_it() -> None:
+    depth = np.full((20, 30), np.inf)
+    depth[5:10, 5:10] = 2.0
+    depth[5:10, 20:25] = 4.0
+    filled = oracle.extended(depth)
+    assert filled[7, 0] == filled[0, 7] == np.float32(0.5)
+    assert filled[19, 29] == np.float32(0.25)
+    assert (oracle.extended(np.full((4, 4), np.inf)) == 0).all()
+
+
+def test_a_layer_is_recorded_clipped_in_eight_bits() -> None:
+    picture = np.zeros((2, 2, 4), np.float32)
+    picture[0, 0] = (3.0, 0.25, 0.0, 0.5)  # a lamp of 6 at half coverage
+    out = clipped(picture)
+    assert out[0, 0, 0] == 1.0
+    assert out[0, 0, 3] == 0.5
+    assert out[0, 0, 1] == pytest.approx(0.25, rel=0.01)
+    assert (out[1] == 0).all()
+
+
+def test_digests_tell_things_apart(tmp_path: Path) -> None:
+    one = filming.load("bars")
+    assert store.digest(one) == store.digest(filming.load("bars"))
+    assert store.digest(one) != store.digest(replace(one, air=(0.0, 0.0, 0.1)))
+    moved = one.focus.copy()
+    moved[3, 0] += 1e-9
+    assert store.digest(one) != store.digest(replace(one, focus=moved))
+    assert store.digest((1, (2, 3))) != store.digest((1, 2, 3))
+    file = tmp_path / "code.py"
+    file.write_text("a")
+    before = store.digest(file)
+    file.write_text("b")
+    assert store.digest(file) != before
+
+
+def test_what_is_kept_is_made_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(store, "FOLDER", tmp_path)
+    made: list[int] = []
+
+    def make() -> np.ndarray:
+        made.append(1)
+        return np.arange(3.0)
+
+    for _ in range(2):
+        np.testing.assert_array_equal(store.kept("a", "b", make), [0, 1, 2])
+    assert len(made) == 1
+    assert [path.name for path in (tmp_path / "a").iterdir()] == ["b.npy"]
+
+
+def test_cost_counts_processor_time_and_memory() -> None:
+    def work() -> int:
+        block = np.ones(40_000_000)  # 320 MB
+        end = time.process_time() + 0.2
+        while time.process_time() < end:
+            pass
+        return len(block)
+
+    result, spent = cost.measured(work)
+    assert result == 40_000_000
+    assert spent.cpu_s >= 0.2
+    assert spent.wall_s >= 0.2 * 0.5
+    if cost.STATUS.exists():
+        assert 250 < spent.peak_mb < 450
+    _, idle = cost.measured(lambda: time.sleep(0.3))
+    assert idle.cpu_s < 0.2 < idle.wall_s
+
+
+def test_scenes_that_are_not_there_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("VA_DATA", str(tmp_path / "nothing"))
+    assert "VA_DATA" in str(bench.open_scene("shop5", 0.1))
+    assert judge.given_by("T1", Tiny("bars", 0.1)) is not None

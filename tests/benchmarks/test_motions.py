@@ -1,0 +1,260 @@
+"""The figures of the table of motions, each on a case worked by hand; nothing is rendered or solved."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
+from benchmarks.solving import __main__ as motions
+from benchmarks.solving import ground_truth, scenes
+from benchmarks.solving.ground_truth import Figures, Truth
+from sample_scenes.stage import Cameras
+
+FOCAL, WIDTH, HEIGHT = 200.0, 160, 120
+NEAR, FAR = 4.0, 8.0
+STEPS = np.linspace(0, 1, 5)
+
+
+@pytest.fixture(scope="module")
+def truth() -> Truth:
+    """Two walls, at 4 m left of the middle and 8 m right of it, and a camera that walks straight at them.
+
+    The walls' edge is in the middle column of every frame.
+    """
+    count = len(STEPS)
+    translation = np.column_stack([0 * STEPS, 0 * STEPS, -STEPS])
+    cameras = Cameras(WIDTH, HEIGHT, FOCAL, np.tile(np.eye(3), (count, 1, 1)), translation)
+    walls = np.where(np.arange(WIDTH) < WIDTH // 2, NEAR, FAR)
+    depth = {frame: np.tile(walls - STEPS[frame - 1], (HEIGHT, 1)) for frame in (1, 3, 5)}
+    still = {frame: np.zeros((HEIGHT, WIDTH), bool) for frame in depth}
+    return Truth(cameras, np.full(count, FOCAL), depth, still)
+
+
+@pytest.fixture(scope="module")
+def solved(truth: Truth) -> Reconstruction:
+    """The perfect solve: 60 points on each wall, seen in every frame."""
+    rng = np.random.default_rng(0)
+    left = np.column_stack([rng.uniform((-1.0, -0.7), (-0.2, 0.7), (60, 2)), np.full(60, NEAR)])
+    right = np.column_stack([rng.uniform((0.2, -1.5), (2.0, 1.5), (60, 2)), np.full(60, FAR)])
+    return seen_by(truth, np.concatenate([left, right]))
+
+
+def seen_by(truth: Truth, xyz: np.ndarray) -> Reconstruction:
+    cameras = truth.cameras
+    lens = Intrinsics(WIDTH, HEIGHT, FOCAL, FOCAL, WIDTH / 2, HEIGHT / 2)
+    rows = np.arange(len(xyz), dtype=np.int32)
+    images = tuple(
+        Image(frame + 1, cameras.rotation[frame], cameras.translation[frame], xy, rows)
+        for frame, xy in enumerate(cameras.project(xyz))
+    )
+    nothing = np.zeros(len(xyz))
+    return Reconstruction((lens,), images, Points(xyz, np.zeros((len(xyz), 3), np.uint8), nothing))
+
+
+def moved(shot: Reconstruction, scale: float, turn: np.ndarray, shift: np.ndarray) -> Reconstruction:
+    """The same solve in another world: x -> scale turn x + shift."""
+    images = tuple(
+        replace(
+            image,
+            rotation=image.rotation @ turn.T,
+            translation=scale * image.translation - image.rotation @ turn.T @ shift,
+        )
+        for image in shot.images
+    )
+    points = replace(shot.points, xyz=scale * shot.points.xyz @ turn.T + shift)
+    return replace(shot, images=images, points=points)
+
+
+def stretched(shot: Reconstruction, factor: float) -> Reconstruction:
+    """Depths and focal length too large by a factor.
+
+    A camera that walks straight ahead has one such solve for every factor, all with the same reprojections.
+    """
+    deeper = np.array([1, 1, factor])
+    lens = replace(shot.cameras[0], fx=FOCAL * factor, fy=FOCAL * factor)
+    images = tuple(replace(image, translation=image.translation * deeper) for image in shot.images)
+    return Reconstruction((lens,), images, replace(shot.points, xyz=shot.points.xyz * deeper))
+
+
+def rotated(degrees: float, axis: tuple[float, float, float]) -> np.ndarray:
+    return np.asarray(cv2.Rodrigues(np.radians(degrees) * np.asarray(axis))[0], np.float64)
+
+
+def errors(figures: Figures) -> np.ndarray:
+    names = (
+        "rotation_max",
+        "position_path",
+        "position_depth",
+        "focal",
+        "lengths",
+        "stretch",
+        "inverse_depth",
+    )
+    return np.array([getattr(figures, name) for name in (*names, "inverse_depth_90", "disc", "track_px")])
+
+
+def test_a_perfect_solve_has_no_error(solved: Reconstruction, truth: Truth) -> None:
+    figures = ground_truth.measure(solved, truth)
+    assert np.abs(errors(figures)).max() < 1e-4
+    assert figures.registered == 1 and figures.on_mover == 0
+    assert figures.points_median == figures.points_least == figures.measured == 120
+
+
+def test_a_world_of_its_own_is_no_error(solved: Reconstruction, truth: Truth) -> None:
+    away = moved(solved, 7.3, rotated(130, (0.6, 0.0, 0.8)), np.array([3.0, -20.0, 0.4]))
+    assert np.abs(errors(ground_truth.measure(away, truth))).max() < 1e-4
+
+
+def test_a_focal_length_off_by_a_tenth(solved: Reconstruction, truth: Truth) -> None:
+    wrong = stretched(solved, 1.1)
+    for image in wrong.images:
+        seen = wrong.cameras[0].project(image.to_camera(wrong.points.xyz))
+        assert np.abs(seen - image.xy).max() < 1e-9  # nothing that a solver could see
+    figures = ground_truth.measure(wrong, truth)
+    assert figures.focal == pytest.approx(10)
+    # The walls are 4 m apart and at most 3 m wide: lengths from one to the other lean over a little.
+    assert figures.stretch == pytest.approx(figures.lengths) == pytest.approx(10, abs=1.5)
+    # The tracks are not to blame.
+    assert figures.lengths_floor == pytest.approx(0, abs=1e-4)
+    # All depths are too large by the same factor: blur is right.
+    assert figures.inverse_depth == pytest.approx(0, abs=1e-4) == figures.rotation_max
+
+
+def test_lengths_of_a_cube_too_deep_by_a_tenth() -> None:
+    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], np.float64)
+    axis = np.array([0.0, 0.0, 1.0])
+    changes = ground_truth.length_changes(3 * corners * [1, 1, 1.1], corners, axis)
+    # Of all pairs a seventh is parallel to the axis, three sevenths are at right angles to it.
+    assert changes == pytest.approx(np.log(1.1))
+    assert ground_truth.length_changes(corners @ rotated(40, (1, 0, 0)).T, corners, axis) == pytest.approx(0)
+    assert len(ground_truth.length_changes(corners[:7], corners[:7], axis)) == 0
+
+
+def test_depths_that_are_wrong_on_one_wall(solved: Reconstruction, truth: Truth) -> None:
+    # The far wall's points 10 % too far along their rays from the first camera.
+    xyz = solved.points.xyz * np.where(np.arange(120) < 60, 1.0, 1.1)[:, None]
+    shot = seen_by(truth, xyz)
+    shot = replace(shot, images=shot.images[:1])
+    figures = ground_truth.measure(shot, truth)
+    # The scale is somewhere between the walls: the errors of both add up to the ratio.
+    assert 0 < figures.inverse_depth_90 < 10.01
+    assert figures.stretch > 5
+    assert figures.registered == pytest.approx(0.2) and figures.points_least == 0
+
+
+def test_one_of_two_cameras_is_turned() -> None:
+    true = np.tile(np.eye(3), (2, 1, 1))
+    turned = np.stack([np.eye(3), rotated(1.0, (0, 1, 0))])
+    # The best turn of the world is halfway.
+    assert ground_truth.rotation_errors(turned, true) == pytest.approx([0.5, 0.5])
+
+
+def test_positions_out_of_plane() -> None:
+    h = 0.1
+    true = np.array([[1, 1, 0], [-1, -1, 0], [1, -1, 0], [-1, 1, 0]], np.float64)
+    bent = true + np.array([[0, 0, h], [0, 0, h], [0, 0, -h], [0, 0, -h]])
+    # By symmetry no turn helps; the best scale shrinks a little.
+    scale = 2 / (2 + h * h)
+    expected = np.sqrt(2 * (1 - scale) ** 2 + (scale * h) ** 2)
+    assert ground_truth.position_errors(bent, true) == pytest.approx(np.full(4, expected))
+    assert ground_truth.extent(true) == pytest.approx(np.sqrt(8))
+
+
+def test_a_camera_that_never_moved_has_no_path() -> None:
+    assert (ground_truth.position_errors(np.zeros((4, 3)), np.eye(4, 3)) > 0).all()
+    assert ground_truth.extent(np.ones((3, 3))) == 0
+
+
+def test_the_grid_is_counted_by_cells(truth: Truth) -> None:
+    # Cells are 20 x 20 pixels here; two points share one, and one lies on the border.
+    xy = np.array([[1.0, 1.0], [19.0, 19.0], [21.0, 1.0], [160.0, 120.0]])
+    image = Image(1, np.eye(3), np.zeros(3), xy, np.arange(4, dtype=np.int32))
+    assert ground_truth.grid_share(image, truth.cameras) == pytest.approx(3 / 48)
+
+
+def test_no_depth_beside_a_jump_nor_on_what_moves(solved: Reconstruction, truth: Truth) -> None:
+    column = np.nonzero(ground_truth.jumps(truth.depth[1])[0])[0]
+    # The last column of the nearer wall, and two to either side.
+    assert column.tolist() == [77, 78, 79, 80, 81]
+    left = np.tile(np.arange(WIDTH) < 40, (HEIGHT, 1))
+    shot = ground_truth.observations(solved)
+    places = ground_truth.true_places(shot, replace(truth, moves=dict.fromkeys(truth.depth, left)), 120)
+    on_left = np.zeros(120, bool)
+    on_left[shot.point[(shot.xy[:, 0] < 40) & np.isin(shot.frame, (1, 3, 5))]] = True
+    assert 0 < on_left.sum() < 60
+    assert (np.isnan(places.xyz[:, 0]) == on_left).all()
+    assert places.xyz[~on_left] == pytest.approx(solved.points.xyz[~on_left])
+    assert np.isnan(places.z[np.isin(shot.frame, (2, 4))]).all()
+
+
+def test_a_zoom_is_followed(solved: Reconstruction, truth: Truth) -> None:
+    zoomed = replace(truth, focals=FOCAL * np.array([1.0, 1.05, 1.1, 1.15, 1.25]))
+    # Held at its first value, the focal length is off by the most in the last frame.
+    assert ground_truth.measure(solved, zoomed).focal == pytest.approx(-20)
+
+
+# What is said of a row
+
+
+def verdict(
+    name: str, message: str = "", given: str = "unknown", unsure: float = 0.001, **changed: float
+) -> str:
+    motion = replace(SOLVABLE, refusal=name)
+    figures = None if message else replace(GOOD, **changed)
+    claims = {"focal_held": False, "focal_sigma": 0.01, "depth_sigma": unsure}
+    return motions.verdict(motion, given, message, figures, claims)
+
+
+SOLVABLE = scenes.textureless()
+GOOD = Figures(
+    registered=1, points_median=500, points_least=400, grid=1, rotation_median=0, rotation_max=0,
+    position_path=0, position_depth=0, focal=1.0, lengths=1.5, lengths_floor=1, stretch=1, inverse_depth=0,
+    inverse_depth_90=0, disc=0, track_px=0, on_mover=0, measured=400,
+)  # fmt: skip
+
+
+def test_verdicts() -> None:
+    assert verdict("") == "right"
+    assert verdict("", lengths=4.9) == "right" and verdict("", lengths=5.1) == "lengths"
+    assert verdict("", given="known", lengths=2.1) == "lengths"
+    # Uncertain by 4 % and said so: by twice that lengths may be off more.
+    assert (
+        verdict("", lengths=12.9, unsure=0.04) == "right"
+        and verdict("", lengths=13.1, unsure=0.04) == "lengths"
+    )
+    assert verdict("", registered=0.9, lengths=np.nan) == "frames, lengths"
+    assert verdict("", focal=-2.5) == "uncertainty"
+    assert verdict("", on_mover=0.3) == "on mover"
+    assert verdict("", message="no camera path") == "refused"
+    assert verdict("turns", message="the solving process ended with status -11: turns") == "broken"
+    assert verdict("turns") == "not refused"
+    assert verdict("turns|pan", message="the camera only Turns") == "right"
+    assert verdict("turns|pan", message="something else") == "wrong words"
+
+
+def test_an_assumed_focal_length_excuses_its_own_error() -> None:
+    claims = {"focal_held": True, "focal_sigma": 0.2, "depth_sigma": 0.001}
+    off = replace(GOOD, lengths=18.0, focal=-15.0)
+    motion = replace(SOLVABLE, refusal="")
+    assert motions.verdict(motion, "unknown", "", off, claims) == "right"
+    assert motions.verdict(motion, "known", "", off, claims) == "lengths"
+    assert motions.verdict(motion, "unknown", "", replace(off, lengths=40.0), claims) == "lengths"
+
+
+# The clips
+
+
+def test_what_makes_the_motions() -> None:
+    jitter, planar = scenes.jitter(), scenes.planar()
+    centres = jitter.cameras.centres
+    assert 0.003 < np.sqrt(((centres - centres.mean(axis=0)) ** 2).sum(axis=1).mean()) < 0.010
+    top = max(thing.shape.vertices[:, 1].max() for thing in planar.stage.things if thing.name != "wall")
+    relief = top - min(thing.shape.vertices[:, 1].min() for thing in planar.stage.things)
+    assert 0 < relief <= 0.061
+    for motion in (jitter, planar, SOLVABLE):
+        assert len(motion.cameras) == len(motion.focals) == scenes.FRAMES
+        assert motion.has_one_focal

@@ -1,0 +1,288 @@
+"""Every camera model of COLMAP against COLMAP itself, limit cases by hand, the canvas and the .blend."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from addon.core.base.errors import UserError
+from addon.core.camera.canvas import MAX_PADDING, Canvas
+from addon.core.camera.distortion import FAMILIES, PARAMETERS
+from addon.core.camera.reconstruction import Intrinsics, Reconstruction
+from tests.scenes import slanted_plane, texture
+
+WIDTH, HEIGHT = 640, 480
+TERMS: dict[str, tuple[float, ...]] = {
+    "SIMPLE_PINHOLE": (),
+    "PINHOLE": (),
+    "SIMPLE_RADIAL": (-0.12,),
+    "RADIAL": (-0.12, 0.03),
+    "OPENCV": (-0.12, 0.03, 0.002, -0.003),
+    "OPENCV_FISHEYE": (0.05, -0.02, 0.003, -0.001),
+    "FULL_OPENCV": (0.3, 0.05, 0.001, -0.002, 0.01, 0.35, 0.04, 0.01),
+    "FOV": (0.9,),
+    "SIMPLE_RADIAL_FISHEYE": (-0.03,),
+    "RADIAL_FISHEYE": (-0.03, 0.01),
+    "THIN_PRISM_FISHEYE": (-0.03, 0.01, 0.002, -0.001, 0.001, -0.002, 0.003, -0.002),
+    "RAD_TAN_THIN_PRISM_FISHEYE": (
+        0.02, -0.01, 0.004, -0.002, 0.001, -0.0003, 0.001, -0.002, 0.003, -0.001, 0.002, 0.0005,
+    ),
+    "SIMPLE_DIVISION": (-0.15,),
+    "DIVISION": (0.1,),
+    "SIMPLE_FISHEYE": (),
+    "FISHEYE": (),
+    "EUCM": (0.6, 1.1),
+}  # fmt: skip
+"""A lens of every model that a flat picture can be made of, strong enough for every term to show."""
+
+# pycolmap must not be loaded into the same process as bpy.
+COLMAP = """
+import json, sys, numpy, pycolmap
+job = json.load(sys.stdin)
+out = {"ids": {n: pycolmap.CameraModelId.__members__[n].value for n in job["models"]}, "counts": {}}
+for name in job["models"]:
+    camera = pycolmap.Camera.create_from_model_name(
+        camera_id=1, model_name=name, focal_length=1, width=640, height=480)
+    out["counts"][name] = len(camera.params)
+def camera(name):
+    params = job["params"][name]
+    return pycolmap.Camera(model=name, width=640, height=480, params=params)
+out["seen"] = {n: camera(n).img_from_cam(numpy.array(r)).tolist() for n, r in job["rays"].items()}
+out["rays"] = {n: camera(n).cam_from_img(numpy.array(job["pixels"])).tolist() for n in job["rays"]}
+print(json.dumps(out))
+"""
+
+
+def values_of(model: str) -> tuple[float, ...]:
+    """Parameters in COLMAP's order, with different focal lengths where there are two."""
+    focal = (410.0,) if PARAMETERS[model][0] == "f" else (410.0, 425.0)
+    return (*focal, 325.0, 236.0, *TERMS[model])
+
+
+def lens_of(model: str) -> Intrinsics:
+    return Intrinsics.from_parameters(model, WIDTH, HEIGHT, values_of(model))
+
+
+def grid() -> np.ndarray:
+    """(n, 2) places over the whole picture, its border included."""
+    x, y = np.meshgrid(np.linspace(0, WIDTH, 41), np.linspace(0, HEIGHT, 31))
+    return np.stack([x, y], axis=-1).reshape(-1, 2)
+
+
+def rays_of(lens: Intrinsics) -> np.ndarray:
+    return lens.undistort((grid() - lens.principal_point) / lens.focal)
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What COLMAP says of the same lenses."""
+
+    ids: dict[str, int]
+    counts: dict[str, int]
+    seen: dict[str, np.ndarray]
+    """(n, 2) pixels of the rays that we found for `grid`."""
+    rays: dict[str, np.ndarray]
+    """(n, 2) rays of `grid`."""
+
+
+@pytest.fixture(scope="module")
+def colmap() -> Reference:
+    job = {
+        "models": list(PARAMETERS),
+        "params": {model: values_of(model) for model in TERMS},
+        "rays": {m: np.column_stack([rays_of(lens_of(m)), np.ones(len(grid()))]).tolist() for m in TERMS},
+        "pixels": grid().tolist(),
+    }
+    child = subprocess.run(
+        [sys.executable, "-c", COLMAP], input=json.dumps(job), capture_output=True, text=True, check=True
+    )
+    out = json.loads(child.stdout)
+    tables = ({model: np.array(rows) for model, rows in out[name].items()} for name in ("seen", "rays"))
+    return Reference(out["ids"], out["counts"], *tables)
+
+
+def test_models_are_numbered_as_colmap_numbers_them(colmap: Reference) -> None:
+    assert [colmap.ids[model] for model in PARAMETERS] == list(range(18))
+    assert {model: len(names) for model, names in PARAMETERS.items()} == colmap.counts
+    assert set(TERMS) == set(PARAMETERS) - {"EQUIRECTANGULAR"}
+
+
+@pytest.mark.parametrize("model", TERMS)
+def test_colmap_sees_the_same(colmap: Reference, model: str) -> None:
+    """To 1e-9 px over the whole picture; COLMAP's own inverse stops a little earlier."""
+    lens, rays = lens_of(model), rays_of(lens_of(model))
+    np.testing.assert_allclose(colmap.seen[model], grid(), rtol=0, atol=1e-9)
+    points = np.column_stack([rays, np.ones(len(rays))]) * np.linspace(0.1, 50, len(rays))[:, None]
+    np.testing.assert_allclose(lens.project(points), colmap.seen[model], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(colmap.rays[model], rays, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("model", TERMS)
+def test_the_jacobian_is_the_derivative(model: str) -> None:
+    lens, step = lens_of(model), 1e-6
+    rays = rays_of(lens)
+    moved = [(lens.distort(rays + d) - lens.distort(rays - d)) / (2 * step) for d in step * np.eye(2)]
+    np.testing.assert_allclose(lens.distort_jacobian(rays), np.stack(moved, axis=-1), rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize("model", TERMS)
+def test_parameters_survive(model: str) -> None:
+    lens = lens_of(model)
+    assert lens.parameters() == (model, values_of(model))
+    assert lens.is_distorted != (model in ("SIMPLE_PINHOLE", "PINHOLE"))
+    stretched = lens.scaled(WIDTH, 2 * HEIGHT)
+    name, values = stretched.parameters()
+    assert Intrinsics.from_parameters(name, WIDTH, 2 * HEIGHT, values) == stretched
+    np.testing.assert_allclose(
+        stretched.project(np.array([0.3, 0.2, 1.0])), lens.project(np.array([0.3, 0.2, 1.0])) * [1, 2]
+    )
+
+
+def test_the_simplest_model_is_named() -> None:
+    plain = Intrinsics(WIDTH, HEIGHT, 400.0, 400.0, 320.0, 240.0)
+    names = [replace(plain, **terms).parameters()[0] for terms in (
+        {}, {"fy": 401.0}, {"k1": 0.1}, {"k2": 0.1}, {"k1": 0.1, "fy": 401.0}, {"p2": 0.1},
+    )]  # fmt: skip
+    assert names == ["SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "OPENCV"]
+
+
+@pytest.mark.parametrize(
+    ("model", "terms"),
+    [("FULL_OPENCV", (0.0,) * 8), ("FOV", (0.0,)), ("DIVISION", (0.0,)), ("EUCM", (0.0, 2.0))],
+)
+def test_lenses_without_distortion_are_pinholes(model: str, terms: tuple[float, ...]) -> None:
+    lens = Intrinsics(WIDTH, HEIGHT, 400.0, 410.0, 320.0, 240.0, model=model, terms=terms)
+    assert not lens.is_distorted
+    assert Canvas(lens).pinhole == lens.without_distortion()
+    rays = np.array([[0.3, -0.2]])
+    np.testing.assert_array_equal(lens.distort(rays), rays)
+    np.testing.assert_array_equal(lens.distort_jacobian(rays), np.eye(2)[None])
+
+
+@pytest.mark.parametrize(("model", "terms"), [("FOV", (1e-4,)), ("DIVISION", (1e-9,)), ("EUCM", (1e-9, 1.0))])
+def test_weak_lenses_are_nearly_pinholes(model: str, terms: tuple[float, ...]) -> None:
+    lens = Intrinsics(WIDTH, HEIGHT, 400.0, 410.0, 320.0, 240.0, model=model, terms=terms)
+    rays = np.random.default_rng(0).uniform(-0.6, 0.6, (50, 2))
+    np.testing.assert_allclose(lens.distort(rays), rays, atol=1e-8)
+    np.testing.assert_allclose(lens.undistort(lens.distort(rays)), rays, atol=1e-12)
+
+
+def test_worked_by_hand() -> None:
+    def radius(model: str, tangent: float, *terms: float) -> float:
+        lens = Intrinsics(2, 2, 1.0, 1.0, 0.0, 0.0, model=model, terms=terms)
+        return float(lens.project(np.array([tangent, 0.0, 1.0]))[0])
+
+    still = (0.0,) * 4
+    assert radius("OPENCV_FISHEYE", 1.0, *still) == pytest.approx(np.pi / 4, abs=1e-15)
+    assert radius("OPENCV_FISHEYE", 1e-9, *still) == pytest.approx(1e-9, rel=1e-15)
+    # k1 = 1: theta + theta^3.
+    assert radius("OPENCV_FISHEYE", 1.0, 1.0, 0.0, 0.0, 0.0) == pytest.approx(np.pi / 4 + (np.pi / 4) ** 3)
+    # omega = 90 degrees: r = atan(2 tan 45) / (pi / 2).
+    assert radius("FOV", 1.0, np.pi / 2) == pytest.approx(np.arctan(2) / (np.pi / 2))
+    # x_u = x_d / (1 + k x_d^2) at x_d = 1, k = -1/2.
+    assert radius("DIVISION", 2.0, -0.5) == pytest.approx(1.0)
+    # alpha = 1/2 on the unit sphere is the stereographic projection 2 tan(theta / 2).
+    assert radius("EUCM", 1.0, 0.5, 1.0) == pytest.approx(2 * np.tan(np.pi / 8))
+
+
+@pytest.mark.parametrize("model", ["FISHEYE", "FOV", "DIVISION", "EUCM", "THIN_PRISM_FISHEYE"])
+def test_what_is_not_ahead_is_lost(model: str) -> None:
+    """With a short focal length the corners are 90 degrees from the axis or farther, the centre is not."""
+    lens = replace(lens_of(model), fx=120.0, fy=120.0)
+    if model == "DIVISION":
+        lens = replace(lens, terms=(-0.15,))
+    found = lens.undistort((grid() - lens.principal_point) / lens.focal)
+    lost = np.isnan(found).any(axis=1)
+    assert lost[[0, 40, -41, -1]].all()
+    assert not lost[np.linalg.norm(grid() - lens.principal_point, axis=1) < 60].any()
+    np.testing.assert_allclose(
+        (lens.distort(found) * lens.focal + lens.principal_point)[~lost], grid()[~lost], rtol=0, atol=1e-6
+    )
+    with pytest.raises(UserError, match=f"{lens.model}.*90 degrees"):
+        Canvas(lens).pinhole  # noqa: B018
+
+
+@pytest.mark.parametrize("model", TERMS)
+def test_the_canvas_holds_the_whole_picture(model: str) -> None:
+    size = (160, 120)
+    lens = lens_of(model).scaled(*size)
+    canvas = Canvas(lens)
+    places = canvas.features_from_source(grid() / (WIDTH, HEIGHT) * size)
+    pinhole = canvas.pinhole
+    assert np.all(places >= -1e-6) and np.all(places <= [pinhole.width + 1e-6, pinhole.height + 1e-6])
+    assert not pinhole.is_distorted
+    assert max(pinhole.width / size[0], pinhole.height / size[1]) <= 1 + 2 * MAX_PADDING
+    picture = np.ones((size[1], size[0], 4), np.float32)
+    small = texture(size[0] // 8, size[1] // 8).astype(np.float32) / 255
+    picture[..., :3] = np.repeat(np.repeat(small, 8, axis=0), 8, axis=1)
+    for _ in range(12):
+        picture[1:-1, 1:-1] = (
+            picture[:-2, 1:-1] + picture[2:, 1:-1] + picture[1:-1, :-2] + picture[1:-1, 2:]
+        ) / 4
+    back = canvas.to_source(canvas.from_source(picture))
+    assert np.abs(back - picture)[4:-4, 4:-4].max() < 0.02
+
+
+@pytest.mark.parametrize(
+    ("model", "values", "message"),
+    [
+        ("EQUIRECTANGULAR", (640.0, 480.0), "perspective pictures"),
+        ("FISHEYE_3", (1.0,), "one of SIMPLE_PINHOLE"),
+        ("PINHOLE", (400.0, 320.0, 240.0), "4 parameters of PINHOLE, not 3"),
+        ("PINHOLE", (400.0, np.nan, 320.0, 240.0), "finite"),
+        ("PINHOLE", (400.0, -1.0, 320.0, 240.0), "greater than zero"),
+        ("FOV", (400.0, 400.0, 320.0, 240.0, 3.2), "less than pi"),
+        ("EUCM", (400.0, 400.0, 320.0, 240.0, 1.5, 1.0), "alpha from 0 to 1"),
+        ("EUCM", (400.0, 400.0, 320.0, 240.0, 0.5, 0.0), "beta greater"),
+    ],
+)
+def test_no_lens_is_refused(model: str, values: tuple[float, ...], message: str) -> None:
+    with pytest.raises(UserError, match=f"^expected.*{message}"):
+        Intrinsics.from_parameters(model, WIDTH, HEIGHT, values)
+    with pytest.raises(UserError, match="size"):
+        Intrinsics.from_parameters("PINHOLE", 0, HEIGHT, (1.0, 1.0, 0.0, 0.0))
+
+
+def test_terms_belong_to_their_model() -> None:
+    fisheye = lens_of("OPENCV_FISHEYE")
+    with pytest.raises(ValueError, match="in its terms"):
+        replace(fisheye, k1=0.1)
+    with pytest.raises(ValueError, match="no family"):
+        replace(fisheye, terms=(0.1,))
+    with pytest.raises(ValueError, match="no family"):
+        replace(fisheye, model="OPENCV")
+    assert all(members[-1] == family for family, members in FAMILIES.items())
+
+
+def test_every_lens_is_kept_in_the_blend(scene: object, tmp_path: Path) -> None:
+    import bpy
+
+    from addon.scene import store
+
+    lenses = tuple(lens_of(model) for model in TERMS)
+    before = Reconstruction(lenses, slanted_plane(lenses[0]).images, slanted_plane(lenses[0]).points)
+    mesh = bpy.data.meshes.new("points")
+    mesh.use_fake_user = True
+    store.write(mesh, before)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "lenses.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "lenses.blend"))
+    assert store.read(bpy.data.meshes["points"]).cameras == lenses
+
+
+def test_a_blend_of_the_first_version_still_loads(scene: object) -> None:
+    import bpy
+
+    from addon.scene import store
+
+    before = slanted_plane(lens_of("OPENCV"))
+    mesh = bpy.data.meshes.new("points")
+    store.write(mesh, before)
+    mesh[store.PREFIX + "version"] = 1
+    del mesh[store.PREFIX + "lens_models"], mesh[store.PREFIX + "lens_terms"]
+    assert store.read(mesh).cameras == before.cameras

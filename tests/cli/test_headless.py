@@ -1,0 +1,249 @@
+"""The command line, as people run it."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from addon.render.gpu_views import gpu_problem
+
+ROOT = Path(__file__).resolve().parents[2]
+CLIP = ROOT / "sample_scenes" / "desk.mp4"
+FOCUS = "0.528,0.458"
+
+
+def headless(
+    *arguments: object, cwd: Path | None = None, environment: dict[str, str] | None = None
+) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, str(ROOT / "addon" / "headless.py"), *map(str, arguments)],
+        capture_output=True, text=True, cwd=cwd, check=False,
+        env=os.environ | {"PYTHONUNBUFFERED": "1"} | (environment or {}),
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def work(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The sample clip, solved once."""
+    folder = tmp_path_factory.mktemp("solve") / "desk.aperture"
+    done = headless("solve", CLIP, "--work", folder)
+    assert done.returncode == 0, done.stderr
+    assert "36 of 36 frames registered" in done.stdout
+    return folder
+
+
+def sharpness(picture: np.ndarray) -> float:
+    return float(cv2.Laplacian(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY).astype(float), cv2.CV_64F).var())
+
+
+def test_a_movie_with_rate_sound_and_a_sharp_subject(work: Path, tmp_path: Path) -> None:
+    out = tmp_path / "a.mp4"
+    done = headless("render", work, "--focus-at", FOCUS, "--blur", 0.04, "--views", 16, "--out", out)
+    assert done.returncode == 0, done.stderr
+    assert "36 of 36" in done.stdout and "left" in done.stdout
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.mp4"]
+    before, after = cv2.VideoCapture(str(CLIP)), cv2.VideoCapture(str(out))
+    assert after.get(cv2.CAP_PROP_FPS) == pytest.approx(24)
+    count = 0
+    while True:
+        (a, source), (b, picture) = before.read(), after.read()
+        assert a == b
+        if not a:
+            break
+        count += 1
+        assert picture.shape == source.shape
+        subject, wall = np.s_[140:190, 315:365], np.s_[10:80, 200:440]
+        assert sharpness(picture[subject]) > 0.5 * sharpness(source[subject])
+        assert sharpness(picture[wall]) < 0.3 * sharpness(source[wall])
+        # No dark and no frozen border.
+        for edge in (np.s_[:2], np.s_[-2:], np.s_[:, :2], np.s_[:, -2:]):
+            assert picture[edge].mean() > 0.8 * source[edge].mean()
+    assert count == 36
+    probe = (
+        "import bpy, sys; editor = bpy.context.scene.sequence_editor_create();"
+        "s = editor.strips.new_sound('s', sys.argv[1], 1, 1);"
+        "print('SOUND', s.frame_duration)"
+    )
+    heard = subprocess.run(
+        [sys.executable, "-c", probe, str(out)], capture_output=True, text=True, check=True
+    )
+    assert abs(int(heard.stdout.split("SOUND ")[1].split()[0]) - 36) <= 2
+
+
+def test_a_sequence_goes_on_where_it_stopped(work: Path, tmp_path: Path) -> None:
+    lens = ("render", work, "--focus-at", FOCUS, "--views", 4, "--frames", "3-9:3")
+    out = tmp_path / "frames" / "####.png"
+    first = headless(*lens, "--out", out)
+    assert first.returncode == 0, first.stderr
+    names = ["0003.png", "0006.png", "0009.png"]
+    assert sorted(p.name for p in out.parent.glob("*.png")) == names
+    stamp = (out.parent / "0003.png").stat().st_mtime_ns
+    (out.parent / "0006.png").unlink()
+    second = headless(*lens, "--out", out)
+    assert "2 frames there already" in second.stdout
+    assert (out.parent / "0003.png").stat().st_mtime_ns == stamp
+    assert sorted(p.name for p in out.parent.glob("*.png")) == names
+    other = headless(*lens, "--blur", 0.05, "--out", out)
+    assert other.returncode == 1 and "other settings" in other.stderr
+    again = headless(*lens, "--blur", 0.05, "--out", out, "--overwrite")
+    assert again.returncode == 0
+    assert (out.parent / "0003.png").stat().st_mtime_ns != stamp
+
+
+def test_exr_is_written(work: Path, tmp_path: Path) -> None:
+    done = headless(
+        "render", work, "--focus-distance", 3, "--aperture-radius", 0.05, "--views", 2, "--frames", 5,
+        "--out", tmp_path / "e" / "f_####.exr", "--method", "features",
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "e" / "f_0005.exr").stat().st_size > 10_000
+
+
+def test_gaps_and_odd_sizes_go_through(tmp_path: Path) -> None:
+    shot = tmp_path / "shot"
+    shot.mkdir()
+    clip = cv2.VideoCapture(str(CLIP))
+    for number in range(101, 125):
+        picture = clip.read()[1]
+        if number not in (110, 111, 112):
+            cv2.imwrite(str(shot / f"img_{number:05d}.png"), picture[:359, :639])
+    lens = ("--focus-at", FOCUS, "--views", 2)
+    done = headless("run", shot / "img_#####.png", *lens, "--out", tmp_path / "o" / "####.png")
+    assert done.returncode == 0, done.stderr
+    numbers = [int(p.stem) for p in sorted((tmp_path / "o").glob("*.png"))]
+    assert numbers == [*range(101, 110), *range(113, 125)]
+    assert cv2.imread(str(tmp_path / "o" / "0113.png")).shape == (359, 639, 3)
+    work = next((tmp_path / "o").glob("*.aperture"))
+    done = headless("render", work, *lens, "--out", tmp_path / "a.mp4")
+    assert done.returncode == 0, done.stderr
+    movie = cv2.VideoCapture(str(tmp_path / "a.mp4"))
+    # The gap is held, so that time stays right; H.264 needs even sizes.
+    sizes = (cv2.CAP_PROP_FRAME_COUNT, cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)
+    assert [int(movie.get(p)) for p in sizes] == [24, 638, 358]
+
+
+def test_the_thesis_method_renders(work: Path, tmp_path: Path) -> None:
+    out = tmp_path / "t" / "####.png"
+    done = headless(
+        "render", work, "--focus-at", FOCUS, "--method", "thesis", "--views", 8, "--seed", 3,
+        "--frames", 1, "--out", out,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert cv2.imread(str(tmp_path / "t" / "0001.png")).shape == (360, 640, 3)
+
+
+def test_a_saved_blend_renders_when_it_was_moved(work: Path, tmp_path: Path) -> None:
+    done = headless("save", work, "--focus-at", FOCUS, "--views", 4, "--blend", tmp_path / "a" / "desk.blend")
+    assert done.returncode == 0, done.stderr
+    assert sorted(p.name for p in (tmp_path / "a").iterdir()) == ["desk.blend", "desk.mp4"]
+    shutil.move(tmp_path / "a", tmp_path / "b")
+    script = (
+        "import sys; sys.path.insert(0, sys.argv[1]); import bpy, addon; addon.register();"
+        "bpy.ops.wm.open_mainfile(filepath=sys.argv[2]); bpy.context.scene.frame_end = 1;"
+        "bpy.ops.render.render(animation=True)"
+    )
+    blend = tmp_path / "b" / "desk.blend"
+    subprocess.run([sys.executable, "-c", script, str(ROOT), str(blend)], check=True, capture_output=True)
+    headless(
+        "render", work, "--focus-at", FOCUS, "--views", 4, "--frames", 1, "--out", tmp_path / "c" / "####.png"
+    )
+    a = cv2.imread(str(tmp_path / "b" / "render" / "0001.png")).astype(float)
+    b = cv2.imread(str(tmp_path / "c" / "0001.png")).astype(float)
+    assert np.abs(a - b).mean() <= 1
+
+
+def bad_inputs(tmp: Path) -> dict[str, tuple[list[object], str]]:
+    tmp.mkdir(exist_ok=True)
+    out = ["--focus-at", "0.5,0.5", "--out", tmp / "o.mp4"]
+    empty, mixed, one, same, locked = (tmp / n for n in ("empty", "mixed", "one", "same", "locked"))
+    for folder in (empty, mixed, one, same, locked):
+        folder.mkdir()
+    picture = np.random.default_rng(0).integers(0, 255, (48, 64, 3), dtype=np.uint8)
+    cv2.imwrite(str(mixed / "1.png"), picture)
+    for number in (2, 3, 4):
+        cv2.imwrite(str(mixed / f"{number}.png"), picture[:40])
+    cv2.imwrite(str(one / "0001.png"), picture)
+    for number in range(5):
+        cv2.imwrite(str(same / f"{number}.png"), cv2.resize(picture, (320, 240)))
+    (tmp / "zero.mp4").touch()
+    (tmp / "text.mp4").write_text("not a video\n" * 50)
+    (tmp / "file").touch()
+    return {
+        "missing file": (["run", tmp / "nope.mp4", *out], "nope.mp4 does not exist"),
+        "no images": (["run", empty, *out], "has no images"),
+        "one frame": (["run", one, *out], "at least 4"),
+        "all frames equal": (["run", same, *out], "does not move"),
+        "two sizes": (["run", mixed, *out], "2.png is 64x40, the clip is 64x48"),
+        "empty video": (["run", tmp / "zero.mp4", *out], "is empty (0 bytes)"),
+        "text as video": (["run", tmp / "text.mp4", *out], "not a video that can be read"),
+        "output in a file": (["run", CLIP, *out[:2], "--out", tmp / "file" / "o.mp4"], "cannot be written"),
+        "unknown output": (["run", CLIP, *out[:2], "--out", tmp / "o.gif"], "o.gif is no output"),
+        "one name for all": (["run", CLIP, *out[:2], "--out", tmp / "o.png"], "write ####.png"),
+        "focus outside": (["run", CLIP, "--focus-at", "1.2,0.5", *out[2:]], "outside the picture"),
+        "focus nonsense": (["run", CLIP, "--focus-at", "left", *out[2:]], "write X,Y"),
+        "negative aperture": (["run", CLIP, *out, "--aperture-radius", "-1"], "aperture radius is -1"),
+        "zero blur": (["run", CLIP, *out, "--blur", "0"], "blur is 0; it must be greater than zero"),
+        "no views": (["run", CLIP, *out, "--views", "0"], "number of views is 0"),
+        "views nonsense": (["run", CLIP, *out, "--views", "many"], "a whole number or auto"),
+        "frames outside": (["run", CLIP, *out, "--frames", "90-99"], "has no frames 90-99"),
+        "frames nonsense": (["run", CLIP, *out, "--frames", "a-b"], "are not understood"),
+        "no solve": (["render", empty, *out], "holds no solve"),
+    }
+
+
+@pytest.mark.parametrize("name", [
+    "missing file", "no images", "one frame", "all frames equal", "two sizes", "empty video", "text as video",
+    "output in a file", "unknown output", "one name for all", "focus outside", "focus nonsense",
+    "negative aperture", "zero blur", "no views", "views nonsense", "frames outside", "frames nonsense",
+    "no solve",
+])  # fmt: skip
+def test_bad_input_is_one_line_and_leaves_nothing(name: str, tmp_path: Path) -> None:
+    arguments, message = bad_inputs(tmp_path / "in")[name]
+    before = sorted(str(p) for p in (tmp_path / "in").rglob("*"))
+    done = headless(*arguments, cwd=tmp_path)
+    assert done.returncode == 1, done.stdout
+    said = [line for line in done.stderr.splitlines() if line and "EGL" not in line]
+    assert len(said) == 1 and said[0].startswith("error: ") and message in said[0], done.stderr
+    assert sorted(str(p) for p in (tmp_path / "in").rglob("*")) == before
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["in"]
+
+
+def test_the_folder_of_another_clip_is_left_alone(work: Path, tmp_path: Path) -> None:
+    state = (work / "solve.json").read_text()
+    other = tmp_path / "other"
+    other.mkdir()
+    for number in range(1, 5):
+        cv2.imwrite(str(other / f"{number}.png"), np.full((48, 64, 3), number * 20, np.uint8))
+    done = headless("solve", other, "--work", work)
+    assert done.returncode == 1 and "holds the solve of desk.mp4, not of other" in done.stderr
+    assert (work / "solve.json").read_text() == state
+    assert json.loads(state)["report"]["registered"] == 36
+
+
+def test_output_that_exists_is_not_overwritten(work: Path, tmp_path: Path) -> None:
+    out = tmp_path / "mine.mp4"
+    out.write_text("mine")
+    done = headless("render", work, "--focus-at", FOCUS, "--out", out)
+    assert done.returncode == 1 and "--overwrite" in done.stderr
+    assert out.read_text() == "mine"
+
+
+def test_without_a_gpu_driver_cycles_draws_the_same_frame(work: Path, tmp_path: Path) -> None:
+    pictures = []
+    for name, driver in (("gpu", {}), ("cycles", {"__EGL_VENDOR_LIBRARY_DIRS": "/nonexistent"})):
+        out = tmp_path / name / "####.png"
+        done = headless(
+            "render", work, "--focus-at", FOCUS, "--views", 4, "--frames", 1, "--out", out, environment=driver
+        )
+        assert done.returncode == 0, done.stderr
+        assert ("drawn by Cycles" in done.stdout) == (name == "cycles" or bool(gpu_problem()))
+        pictures.append(cv2.imread(str(tmp_path / name / "0001.png")).astype(float))
+    assert np.abs(pictures[0] - pictures[1]).mean() < 0.1

@@ -1,0 +1,88 @@
+"""The lens as it is told on the command line, and what is said of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from addon.cli.main import run_command
+from addon.core.camera.reconstruction import Intrinsics
+from addon.core.lens.focus import Focus, largest_discs
+from addon.core.readers.colmap_export import write_model
+
+from ..scenes import slanted_plane, write_frames
+
+LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
+FRAMES = tuple(range(1, 7))
+
+
+@pytest.fixture
+def work(registered: None, tmp_path: Path) -> Path:
+    (tmp_path / "model").mkdir()
+    write_model(tmp_path / "model", slanted_plane(LENS, FRAMES, count=1500))
+    footage = write_frames(tmp_path / "clip", LENS, FRAMES)
+    told = ("import", tmp_path / "model", "--footage", footage, "--work", tmp_path / "work")
+    assert run_command([str(each) for each in told]) == 0
+    return tmp_path / "work"
+
+
+def run(command: str, work: Path, *told: object) -> int:
+    return run_command([command, str(work), *map(str, told), "--views", "2"])
+
+
+@pytest.mark.parametrize(("blur", "meant"), [("3", "for 3 % write 0.03"), ("1", "for 1 % write 0.01")])
+def test_a_blur_in_per_cent_is_refused_with_what_was_meant(
+    work: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], blur: str, meant: str
+) -> None:
+    lens = ("--focus-distance", 6, "--method", "features", "--blur", blur)
+    assert run("render", work, *lens, "--out", tmp_path / "o" / "####.png") == 1
+    said = capsys.readouterr().err
+    assert f"the blur is {blur}, which is {blur}00 % of the image width" in said and meant in said
+    assert not (tmp_path / "o").exists()
+
+
+def test_a_blur_too_large_for_layers_says_so_before(
+    work: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    lens = ("--focus-distance", 12, "--aperture-radius", 3, "--frames", 2)
+    assert run("render", work, *lens, "--out", tmp_path / "o" / "####.png") == 0
+    said = capfd.readouterr().out
+    assert "too large for layers in 1 frame (2), drawn by features" in said
+    assert said.index("too large") < said.index("frame 2: 1 of 1")
+
+
+def test_a_place_is_in_the_frame_that_is_asked_for(
+    work: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    at = ("--method", "features", "--focus-at", "0.5,0.5")
+    assert run("inspect", work, "--frame", 5, *at, "--out", tmp_path / "i") == 0
+    assert "away at frame 5, from points" in capsys.readouterr().out
+    assert run("render", work, "--frames", "3-4", *at, "--out", tmp_path / "o" / "####.png") == 0
+    assert "away at frame 3, from points" in capsys.readouterr().out
+    assert (
+        run("render", work, "--frames", "3-4", *at[:-1], "0.5,0.5@2", "--out", tmp_path / "p" / "####.png")
+        == 0
+    )
+    assert "away at frame 2, from points" in capsys.readouterr().out
+
+
+def test_discs_before_and_behind_are_said(
+    work: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lens = ("--focus-distance", 8, "--blur", 0.01, "--method", "features")
+    assert run("inspect", work, "--frame", 2, *lens, "--out", tmp_path / "i") == 0
+    front, behind = largest_discs(slanted_plane(LENS, FRAMES, count=1500), Focus(distance=8.0), 1, 1.0)
+    # Twice what was asked for of the background.
+    assert front > 1.5 * behind
+    said = capsys.readouterr().out
+    assert f"frame 1: {1.6 * front / behind:.1f} px ({front / behind:.1f} % of the width) before" in said
+    assert "1.6 px (1.0 % of the width) behind it" in said
+
+
+def test_discs_are_those_of_the_lens() -> None:
+    shot = slanted_plane(LENS, FRAMES, count=1500)
+    front, behind = largest_discs(shot, Focus(distance=7.0), 1, 0.2)
+    for side, depth in ((front, 5.0), (behind, 12.0)):
+        assert side == pytest.approx(2 * 0.2 * LENS.fx * abs(1 / depth - 1 / 7) / LENS.width, rel=0.08)
+    assert largest_discs(shot, Focus(distance=40.0), 1, 0.2)[1] == 0

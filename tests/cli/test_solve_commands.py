@@ -1,0 +1,210 @@
+"""Taking solves in, handing them out and judging them, on the command line."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from addon.cli.main import run_command
+from addon.core.sfm.process import SolveProcess
+from addon.core.sfm.report import ranges
+from addon.core.sfm.workspace import Solve, load_solve
+
+from .. import planes
+
+
+def run(*arguments: object) -> int:
+    return run_command([str(argument) for argument in arguments])
+
+
+@pytest.fixture(scope="module")
+def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return planes.write_clip(tmp_path_factory.mktemp("footage") / "walk", planes.sideways(16))
+
+
+@pytest.fixture(scope="module")
+def solved(clip: Path, tmp_path_factory: pytest.TempPathFactory) -> Solve:
+    work = tmp_path_factory.mktemp("solves") / "work"
+    assert run("solve", clip, "--work", work, "--fov", 60.93) == 0
+    return load_solve(work)
+
+
+def test_a_field_of_view_is_a_focal_length(solved: Solve) -> None:
+    assert solved.reconstruction.cameras[0].fx == pytest.approx(planes.FOCAL, abs=0.1)
+    assert solved.worth.focal_from == "given"
+
+
+def test_a_lens_before_a_sensor_is_the_same_focal_length(clip: Path, tmp_path: Path) -> None:
+    work = tmp_path / "work"
+    assert run("solve", clip, "--work", work, "--focal-mm", 20.4, "--sensor-mm", 24) == 0
+    # 320 pixels on 24 mm.
+    assert load_solve(work).reconstruction.cameras[0].fx == pytest.approx(272.0, rel=1e-12)
+    before = (work / "solve.json").stat().st_mtime_ns
+    assert run("solve", clip, "--work", work, "--focal-mm", 20.4, "--sensor-mm", 24) == 0
+    assert (work / "solve.json").stat().st_mtime_ns == before
+
+
+def test_a_video_is_opened_once_before_its_worker_starts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "walk.mp4"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), 24, planes.SIZE)
+    for picture in planes.sideways(3):
+        writer.write(picture)
+    writer.release()
+    opened = []
+    capture = cv2.VideoCapture
+    monkeypatch.setattr(cv2, "VideoCapture", lambda *told: opened.append(told) or capture(*told))
+    process = SolveProcess(path, tmp_path / "work", focal=lambda width, height: width + height / 1000)
+    process.cancel()
+    assert len(opened) == 1
+    assert process.clip.frames == (1, 2, 3)
+
+
+def test_a_report_is_of_what_is_there(solved: Solve, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("report", solved.work_dir, "--json") == 0
+    found = json.loads(capsys.readouterr().out)
+    counts = [len(image.points) for image in solved.reconstruction.images]
+    assert found["registered"] == found["frames"] == 16
+    assert found["points_per_frame"] == [min(counts), int(np.median(counts)), max(counts)]
+    assert sum(number for _, _, number in found["histogram"]) == 16
+    assert all(
+        number == sum(low <= count <= high for count in counts) for low, high, number in found["histogram"]
+    )
+    assert found["reprojection_error"] == pytest.approx(solved.reconstruction.points.error.mean(), rel=0.01)
+    assert found["explained"] > 0.9
+    assert 0.8 < found["coverage"] <= 1
+    assert found["advice"] == "none needed"
+    assert run("report", solved.work_dir) == 0
+    assert "16 of 16 registered" in capsys.readouterr().out
+
+
+def test_an_exported_model_comes_back(solved: Solve, tmp_path: Path) -> None:
+    out, work = tmp_path / "model", tmp_path / "work"
+    assert run("export", solved.work_dir, "--model", out) == 0
+    assert "shot_0001.png" in (out / "images.txt").read_text()
+    assert run("import", out, "--footage", solved.footage, "--work", work) == 0
+    back = load_solve(work)
+    assert back.worth.focal_from == "file"
+    one, other = solved.reconstruction, back.reconstruction
+    np.testing.assert_array_equal(one.frames, other.frames)
+    for a, b in zip(one.images, other.images, strict=True):
+        np.testing.assert_array_equal(a.xy, b.xy)
+        np.testing.assert_array_equal(a.points, b.points)
+        # It was normalised already.
+        np.testing.assert_allclose(a.rotation, b.rotation, atol=1e-9)
+        np.testing.assert_allclose(a.centre, b.centre, atol=1e-6)
+
+
+def test_an_import_is_not_taken_for_a_solve(
+    solved: Solve, clip: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    work = tmp_path / "work"
+    assert run("import", solved.work_dir / "model", "--footage", clip, "--work", work) == 0
+    before = (work / "solve.json").read_text()
+    for more in ((), ("--frames", "1-8"), ("--focal", "272")):
+        assert run("solve", clip, "--work", work, *more) == 1
+        said = capsys.readouterr().err
+        assert "holds an import (COLMAP text)" in said
+        assert "--again" in said
+    assert (work / "solve.json").read_text() == before
+    assert run("solve", clip, "--work", work, "--focal", "272", "--again") == 0
+    assert load_solve(work).worth.focal_from == "given"
+    assert run("solve", clip, "--work", work, "--focal", "272") == 0
+
+
+def test_a_solve_of_some_frames_is_not_replaced_by_an_import(
+    solved: Solve, clip: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    work = tmp_path / "work"
+    assert run("solve", clip, "--work", work, "--frames", "1-8", "--focal", "272") == 0
+    before = (work / "solve.json").read_text()
+    assert run("import", solved.work_dir / "model", "--footage", clip, "--work", work) == 1
+    assert "holds a solve of this clip" in capsys.readouterr().err
+    assert (work / "solve.json").read_text() == before
+
+
+def test_nothing_of_the_users_is_overwritten(
+    solved: Solve, clip: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "model").mkdir()
+    assert run("export", solved.work_dir, "--model", tmp_path / "model") == 1
+    assert "exists" in capsys.readouterr().err
+    assert run("import", solved.work_dir / "model", "--footage", clip, "--work", solved.work_dir) == 1
+    assert "--again" in capsys.readouterr().err
+    before = (solved.work_dir / "solve.json").read_text()
+    broken = tmp_path / "broken"
+    broken.mkdir()
+    for name in ("cameras.txt", "images.txt", "points3D.txt"):
+        (broken / name).write_text("nonsense\n")
+    assert run("import", broken, "--footage", clip, "--work", tmp_path / "work") == 1
+    assert "cameras.txt" in capsys.readouterr().err
+    assert not (tmp_path / "work").exists()
+    assert run("import", broken, "--footage", clip, "--work", solved.work_dir, "--again") == 1
+    assert (solved.work_dir / "solve.json").read_text() == before
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--fov", "200"), "field of view is 200 degrees"),
+        (("--fov", "nan"), "field of view is nan degrees"),
+        (("--focal35", "-3"), "focal length is -3 mm"),
+        (("--focal", "0"), "focal length is 0 pixels"),
+        (("--focal-mm", "0", "--sensor-mm", "36"), "focal length is 0 mm"),
+        (("--focal-mm", "35", "--sensor-mm", "-1"), "sensor is -1 mm"),
+        (("--focal-mm", "35"), "without --sensor-mm"),
+        (("--sensor-mm", "36"), "without --focal-mm"),
+        (("--focal", "300", "--sensor-mm", "36"), "without --focal-mm"),
+    ],
+)
+def test_a_lens_that_cannot_be_is_refused(
+    clip: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...], said: str
+) -> None:
+    assert run("solve", clip, "--work", tmp_path / "work", *arguments) == 1
+    assert said in capsys.readouterr().err
+    assert not (tmp_path / "work").exists()
+
+
+def test_what_moves_is_kept_aside(solved: Solve) -> None:
+    kept = np.load(solved.work_dir / "model" / "moving.npz")
+    assert len(kept["frame"]) == len(kept["track"]) == len(kept["xy"])
+    assert set(kept["frame"]) <= set(solved.frames)
+
+
+def test_ranges_are_short() -> None:
+    assert ranges([1, 2, 3, 7]) == "1-3, 7"
+    assert ranges([]) == ""
+
+
+@pytest.mark.parametrize("model", ["colmap_bin", "colmap_txt", "visualsfm.nvm"])
+def test_the_castle_is_taken_in(data: Path, tmp_path: Path, model: str) -> None:
+    folder = data / "sceaux"
+    work = tmp_path / "work"
+    assert run("import", folder / model, "--footage", folder / "images", "--work", work) == 0
+    worth = load_solve(work).worth
+    assert worth.registered == 11
+    assert worth.reprojection_error < 0.7
+
+
+def test_bundlers_kermit_is_taken_in(data: Path, tmp_path: Path) -> None:
+    folder = data / "kermit"
+    work = tmp_path / "work"
+    assert run("import", folder / "bundle.out", "--footage", folder, "--work", work) == 0
+    worth = load_solve(work).worth
+    assert (worth.registered, worth.frames, worth.missing) == (9, 11, [4, 6])
+
+
+def test_voodoos_pan_is_taken_in_and_called_one(
+    data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = data / "voodoo"
+    assert run("import", folder / "3d_tracking.txt", "--footage", folder, "--work", tmp_path / "work") == 0
+    assert "only turns" in capsys.readouterr().out
+    assert run("solve", folder, "--work", tmp_path / "solve") == 1
+    assert "only turns" in capsys.readouterr().err
+    assert not (tmp_path / "solve").exists()

@@ -1,0 +1,318 @@
+"""Dense depth of three textured planes before a moving camera, whose depth is known at every pixel."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from addon.core.camera.canvas import Canvas
+from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
+from addon.core.depth.completion import settle
+from addon.core.depth.multi_view_stereo import ClipDepth, DenseDepth
+from addon.core.depth.view_selection import choose
+
+from .. import planes
+
+Picture = NDArray[np.uint8]
+Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+WIDTH, HEIGHT = planes.SIZE
+LENS = Intrinsics(WIDTH, HEIGHT, planes.FOCAL, planes.FOCAL, WIDTH / 2, HEIGHT / 2)
+STEPS = np.linspace(-0.4, 0.4, 9)
+CENTRES = np.column_stack([STEPS, 0.1 * STEPS**2, np.zeros(9)])
+MIDDLE = 5
+RANGE = 1 / 4 - 1 / 10
+HALF_LEVEL = 0.02
+"""Of the range. The far plane's texture is finer than the pixels, so its place is uncertain."""
+
+
+def clip(centres: Floats) -> list[Picture]:
+    return [planes.view(centre, np.zeros(3)) for centre in centres]
+
+
+def poses(centres: Floats, points: Floats | None = None, lens: Intrinsics = LENS) -> Reconstruction:
+    """Cameras that look straight ahead, and points that all of them observe."""
+    xyz = np.zeros((0, 3)) if points is None else points
+    images = []
+    for frame, centre in enumerate(centres, start=1):
+        xy = lens.project(xyz - centre)
+        images.append(Image(frame, np.eye(3), -centre, xy, np.arange(len(xyz), dtype=np.int32)))
+    found = Points(xyz, np.zeros((len(xyz), 3), np.uint8), np.zeros(len(xyz)))
+    return Reconstruction((lens,), tuple(images), found)
+
+
+def features() -> Floats:
+    """Some points on each plane."""
+    rng = np.random.default_rng(1)
+    made = []
+    for depth, (left, right) in planes.PLANES.items():
+        left, right = max(left, -4.0), min(right, 4.0)
+        x, y = rng.uniform(left, right, 30), rng.uniform(-0.3 * depth, 0.3 * depth, 30)
+        made.append(np.column_stack([x, y, np.full(30, depth)]))
+    return np.concatenate(made)
+
+
+def truth(centre: Floats, lens: Intrinsics = LENS) -> Floats:
+    """(h, w) inverse depth that a camera looking straight ahead from a centre sees."""
+    x = (np.arange(lens.width) + 0.5 - lens.cx) / lens.fx
+    inverse = np.zeros(lens.width)
+    for depth, (left, right) in planes.PLANES.items():
+        there = centre[0] + x * (depth - centre[2])
+        inverse[(there > left) & (there < right)] = 1 / (depth - centre[2])
+    return np.tile(inverse, (lens.height, 1))
+
+
+def dense(reconstruction: Reconstruction, pictures: Sequence[Picture], frame: int = MIDDLE) -> DenseDepth:
+    result = ClipDepth(reconstruction, lambda number: pictures[number - 1]).at(frame)
+    shape = (result.lens.height, result.lens.width)
+    assert result.inverse_depth.shape == result.confidence.shape == result.moving.shape == shape
+    assert np.all(np.isfinite(result.inverse_depth)) and np.all(result.inverse_depth >= 0)
+    assert np.all((result.confidence >= 0) & (result.confidence <= 1))
+    return result
+
+
+def error(result: DenseDepth, true: Floats) -> Floats:
+    """(h, w) share of the range of inverse depths."""
+    return np.asarray(np.abs(result.inverse_depth - true) / RANGE)
+
+
+@pytest.fixture(scope="module")
+def pictures() -> list[Picture]:
+    return clip(CENTRES)
+
+
+@pytest.fixture(scope="module")
+def found(pictures: list[Picture]) -> DenseDepth:
+    return dense(poses(CENTRES, features()), pictures)
+
+
+def test_depth_is_that_of_the_planes(found: DenseDepth) -> None:
+    off = error(found, truth(CENTRES[MIDDLE - 1]))
+    assert np.median(off) < HALF_LEVEL
+    assert np.mean(off > 0.05) < 0.03
+    right = found.confidence[off < 0.05]
+    assert right.mean() > 2 * found.confidence[off > 0.05].mean()
+    assert found.moving.mean() < 0.001
+
+
+def test_silhouettes_lie_where_the_picture_has_them(found: DenseDepth) -> None:
+    """Left and right edges of the nearest plane, row by row."""
+    near = found.inverse_depth > (1 / 4 + 1 / 6) / 2
+    left, right = WIDTH / 2 + planes.FOCAL * np.array(planes.PLANES[4.0]) / 4
+    rows = slice(10, HEIGHT - 10)
+    first = near[rows].argmax(axis=1)
+    last = WIDTH - near[rows, ::-1].argmax(axis=1)
+    assert np.median(np.abs(first - left)) <= 1 and np.median(np.abs(last - right)) <= 1
+    assert np.mean(np.abs(first - left) > 3) < 0.1 and np.mean(np.abs(last - right) > 3) < 0.1
+
+
+def test_first_and_last_frame_have_neighbours_on_one_side_only(pictures: list[Picture]) -> None:
+    for frame in (1, len(pictures)):
+        result = dense(poses(CENTRES, features()), pictures, frame)
+        assert np.mean(error(result, truth(CENTRES[frame - 1])) > 0.05) < 0.15
+
+
+def test_the_scale_of_the_world_means_nothing(pictures: list[Picture], found: DenseDepth) -> None:
+    for scale in (1e-3, 1e3):
+        scaled = dense(poses(scale * CENTRES, scale * features()), pictures)
+        off = np.abs(scaled.inverse_depth * scale - found.inverse_depth) / RANGE
+        assert np.percentile(off, 99) < 1e-3
+        assert np.percentile(np.abs(scaled.confidence - found.confidence), 99) < 1e-3
+
+
+def test_points_are_not_needed(pictures: list[Picture]) -> None:
+    off = error(dense(poses(CENTRES), pictures), truth(CENTRES[MIDDLE - 1]))
+    assert np.median(off) < 0.02 and np.mean(off > 0.05) < 0.1
+
+
+def test_exposure_may_change(pictures: list[Picture]) -> None:
+    darker = [p if i % 2 else (0.8 * p).astype(np.uint8) for i, p in enumerate(pictures)]
+    off = error(dense(poses(CENTRES, features()), darker), truth(CENTRES[MIDDLE - 1]))
+    assert np.median(off) < HALF_LEVEL and np.mean(off > 0.05) < 0.05
+
+
+def test_distortion_is_taken_out(pictures: list[Picture]) -> None:
+    lens = replace(LENS, k1=-0.1)
+    grid = np.stack(np.meshgrid(np.arange(WIDTH) + 0.5, np.arange(HEIGHT) + 0.5), axis=-1)
+    at = (lens.pinhole_pixels(grid) - 0.5).astype(np.float32)
+    bent = [cv2.remap(p, at, None, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT) for p in pictures]
+    result = dense(poses(CENTRES, features(), lens), bent)
+    assert result.lens == Canvas(lens).pinhole
+    off = error(result, truth(CENTRES[MIDDLE - 1], result.lens))
+    # The mirrored margin that the remapping made is no part of the scene.
+    inner = off[20:-20, 20:-20]
+    assert np.median(inner) < HALF_LEVEL and np.mean(inner > 0.05) < 0.05
+
+
+def test_the_size_worked_at_is_bounded(pictures: list[Picture]) -> None:
+    result = ClipDepth(poses(CENTRES, features()), lambda frame: pictures[frame - 1], longest=160).at(MIDDLE)
+    assert result.inverse_depth.shape == (120, 160)
+    assert result.lens == LENS.scaled(160, 120)
+    assert np.median(error(result, truth(CENTRES[MIDDLE - 1], result.lens))) < 0.02
+
+
+@pytest.mark.parametrize("kind", ("as stored", "16 bits", "linear"))
+def test_every_kind_of_picture_is_read(pictures: list[Picture], found: DenseDepth, kind: str) -> None:
+    def read(frame: int) -> NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.float32]:
+        picture = pictures[frame - 1]
+        if kind == "16 bits":
+            return picture.astype(np.uint16) * 257
+        if kind == "linear":
+            return ((picture / 255) ** 2.2).astype(np.float32)
+        return np.dstack([picture, np.full(picture.shape[:2], 255, np.uint8)])
+
+    result = ClipDepth(poses(CENTRES, features()), read).at(MIDDLE)
+    assert np.percentile(np.abs(result.inverse_depth - found.inverse_depth), 90) < 0.02 * RANGE
+
+
+def test_a_camera_that_only_turns_is_sure_of_nothing() -> None:
+    still = np.zeros((5, 3))
+    result = dense(poses(still, features()), clip(still), frame=3)
+    assert not result.confidence.any() and not result.moving.any()
+    # Depth comes from the points alone: it stays within theirs.
+    assert np.all((result.inverse_depth > 0.09) & (result.inverse_depth < 0.26))
+
+
+def test_a_hand_that_trembles_is_sure_of_little(found: DenseDepth) -> None:
+    centres = 0.05 * CENTRES
+    result = dense(poses(centres, features()), clip(centres))
+    assert result.confidence.mean() < 0.5 * found.confidence.mean()
+
+
+@pytest.mark.parametrize("points", (None, features()))
+def test_nothing_is_seen_in_an_even_wall(points: Floats | None) -> None:
+    even = [np.full((HEIGHT, WIDTH, 3), 90, np.uint8)] * len(CENTRES)
+    result = dense(poses(CENTRES, points), even)
+    assert result.confidence.mean() < 0.3 and not result.moving.any()
+
+
+def test_walking_straight_ahead(found: DenseDepth) -> None:
+    centres = np.column_stack([np.zeros(9), np.zeros(9), np.linspace(-0.8, 0.8, 9)])
+    off = error(dense(poses(centres, features()), clip(centres)), truth(centres[MIDDLE - 1]))
+    assert np.median(off) < 0.05
+
+
+def test_one_frame_alone() -> None:
+    result = dense(poses(CENTRES[:1], features()), clip(CENTRES[:1]), frame=1)
+    assert not result.confidence.any()
+
+
+def falling(pictures: Sequence[Picture], before: float) -> tuple[list[Picture], list[Mask]]:
+    """The clip with a square that falls, hiding what is of smaller inverse depth, and where it is seen."""
+    pattern = planes.texture(48, 48, seed=7)[..., None]
+    filmed, masks = [], []
+    for number, (picture, centre) in enumerate(zip(pictures, CENTRES, strict=True), start=1):
+        top = 90 + 4 * (number - MIDDLE)
+        changed, mask = picture.copy(), np.zeros((HEIGHT, WIDTH), bool)
+        mask[top : top + 48, 130:178] = True
+        mask &= truth(centre) < before
+        whole = np.zeros_like(picture)
+        whole[top : top + 48, 130:178] = pattern
+        changed[mask] = whole[mask]
+        filmed.append(changed)
+        masks.append(mask)
+    return filmed, masks
+
+
+def test_what_moves_by_itself_is_told(pictures: list[Picture]) -> None:
+    """It is seen in a gap, behind the two nearer planes: it stands on the farthest."""
+    filmed, masks = falling(pictures, before=1 / 8)
+    mask = masks[MIDDLE - 1]
+    result = dense(poses(CENTRES, features()), filmed)
+    assert (result.moving & mask).sum() > 0.8 * (result.moving | mask).sum()
+    assert np.ptp(result.inverse_depth[result.moving]) < 0.05 * RANGE
+    assert np.median(error(result, truth(CENTRES[MIDDLE - 1]))[mask]) < 0.05
+    assert result.confidence[result.moving].max() < 0.5
+
+
+def test_what_moves_is_nearer_than_what_it_hides(pictures: list[Picture]) -> None:
+    """Below it only the farthest plane is seen, but in other frames it hides the edge of the middle one."""
+    filmed, masks = falling(pictures, before=1.0)
+    result = dense(poses(CENTRES, features()), filmed)
+    assert (result.moving & masks[MIDDLE - 1]).sum() > 0.8 * (result.moving | masks[MIDDLE - 1]).sum()
+    assert np.ptp(result.inverse_depth[result.moving]) < 0.05 * RANGE
+    assert np.median(result.inverse_depth[result.moving]) > 1 / 6 - 0.02 * RANGE
+
+
+def test_a_mask_tells_what_moves(pictures: list[Picture]) -> None:
+    """Something that keeps to its place in the picture, which flow cannot tell from the middle plane."""
+    filmed, masks = falling(pictures, before=1 / 8)
+    shot = poses(CENTRES, features())
+    large = {frame: np.repeat(np.repeat(mask, 2, axis=0), 2, axis=1) for frame, mask in enumerate(masks, 1)}
+    told = ClipDepth(shot, lambda n: filmed[n - 1], mask=large.get).at(MIDDLE)
+    mask = masks[MIDDLE - 1]
+    assert told.moving[mask].all()
+    assert np.mean(told.moving & ~mask) < 0.01
+    off = error(told, truth(CENTRES[MIDDLE - 1]))
+    assert np.median(off[mask]) < 0.05 and np.median(off[~mask]) < HALF_LEVEL
+    assert told.confidence[mask].max() < 0.5
+    # What is masked in the neighbours has no part in the depth of what stands still here.
+    plain = ClipDepth(shot, lambda n: pictures[n - 1]).at(MIDDLE)
+    around = cv2.dilate(mask.astype(np.uint8), np.ones((31, 31))) > 0
+    assert np.mean(np.abs(told.inverse_depth - plain.inverse_depth)[around & ~mask] > 0.1 * RANGE) < 0.05
+
+
+def test_a_mask_without_parallax_and_in_a_bent_lens(pictures: list[Picture]) -> None:
+    mask = np.zeros((HEIGHT, WIDTH), bool)
+    mask[100:140, 60:100] = True
+    still = np.zeros((3, 3))
+    result = ClipDepth(poses(still, features()), lambda n: pictures[0], mask=lambda _: mask).at(2)
+    np.testing.assert_array_equal(result.moving, mask)
+    bent = poses(CENTRES, features(), replace(LENS, k1=-0.1))
+    depth = ClipDepth(bent, lambda n: pictures[n - 1], mask=lambda n: mask if n == MIDDLE else None)
+    back = depth.moving(MIDDLE)
+    assert back.shape == mask.shape
+    assert (back & mask).sum() > 0.9 * (back | mask).sum()
+
+
+def test_one_depth_for_each_thing_and_holes_that_show_what_is_behind() -> None:
+    guide, sure = np.full((100, 120), 90, np.float32), np.ones((100, 120), np.float32)
+    inverse = np.tile(np.linspace(0.1, 0.4, 100, dtype=np.float32)[:, None], (1, 120))
+    moving = np.zeros((100, 120), bool)
+    moving[20:80, 20:60] = True
+    moving[40:50, 30:40] = False
+    moving[60:65, 30:40] = False
+    # The ground rises towards the camera: through the upper hole it is seen, the lower one seems nearer.
+    inverse[60:65, 30:40] = 0.9
+    moving[30:50, 80:110] = True
+    nothing = np.zeros((100, 120), bool)
+    depth, confidence, found = settle(guide, inverse, sure, moving, nothing)
+    for thing, ground in ((np.s_[20:80, 20:60], inverse[82, 0]), (np.s_[30:50, 80:110], inverse[52, 0])):
+        own = depth[thing][found[thing]]
+        np.testing.assert_allclose(own, own[0])
+        assert abs(own[0] - ground) < 0.02
+    assert not found[40:50, 30:40].any() and found[60:65, 30:40].all()
+    np.testing.assert_array_equal(depth[~found], inverse[~found])
+    assert confidence[found].max() <= 0.25
+
+
+def test_what_stands_before_a_things_foot_is_not_what_it_stands_on() -> None:
+    """A post before half of its foot, as pickets before a tram: the ground is seen beside the post."""
+    guide, sure = np.full((100, 120), 90, np.float32), np.ones((100, 120), np.float32)
+    inverse = np.tile(np.linspace(0.1, 0.4, 100, dtype=np.float32)[:, None], (1, 120))
+    moving = np.zeros((100, 120), bool)
+    moving[20:80, 20:60] = True
+    ground = inverse[80, 0]
+    inverse[60:, 35:75] = 0.9
+    moving[76:, 35:75] = False
+    depth, _, found = settle(guide, inverse, sure, moving, np.zeros((100, 120), bool))
+    np.testing.assert_allclose(depth[found], ground, atol=0.03)
+
+
+def test_neighbours_are_chosen_by_baseline_and_not_by_count() -> None:
+    """Four times the frames on the same way: the same distances."""
+    chosen = []
+    for count in (9, 33):
+        steps = np.linspace(-0.4, 0.4, count)
+        images = poses(np.column_stack([steps, 0 * steps, 0 * steps])).images
+        own = images[count // 2]
+        near = choose(own, LENS, ((i, LENS) for i in images), (0.1, 0.25), (12.0, 4.0))
+        chosen.append(sorted(round(one.image.centre[0], 1) for one in near))
+        assert sorted(one.side for one in near) == [-1, -1, 1, 1]
+    assert chosen[0] == chosen[1] == [-0.3, -0.1, 0.1, 0.3]

@@ -1,0 +1,36 @@
+"""Costs summed along rows and columns, against the textbook's recursion, pixel by pixel."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from addon.core.depth.plane_sweep import EDGE, JUMP, SMALL_STEP, Map, semiglobal
+
+
+def by_hand(costs: Map, guide: Map) -> Map:
+    """Hirschmueller 2008, eq. 13, in four directions."""
+    levels, height, width = costs.shape
+    total = np.zeros(costs.shape)
+    for down, across in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+        path = np.zeros(costs.shape)
+        for row in range(height)[:: down or 1]:
+            for column in range(width)[:: across or 1]:
+                before = row - down, column - across
+                if not (0 <= before[0] < height and 0 <= before[1] < width):
+                    path[:, row, column] = costs[:, row, column]
+                    continue
+                last = path[:, *before]
+                jump = max(JUMP / (1 + abs(guide[row, column] - guide[before]) / EDGE), 1.1 * SMALL_STEP)
+                for k in range(levels):
+                    steps = [last[j] + SMALL_STEP for j in (k - 1, k + 1) if 0 <= j < levels]
+                    best = min(last[k], last.min() + jump, *steps)
+                    path[k, row, column] = costs[k, row, column] + best - last.min()
+        total += path
+    return total
+
+
+def test_costs_are_summed_along_four_directions() -> None:
+    random = np.random.default_rng(3)
+    costs = random.uniform(0, 20, (7, 9, 12)).astype(np.float32)
+    guide = random.uniform(0, 60, (9, 12)).astype(np.float32)
+    np.testing.assert_allclose(semiglobal(costs, guide), by_hand(costs, guide), rtol=1e-5, atol=1e-4)

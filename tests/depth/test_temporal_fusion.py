@@ -1,0 +1,281 @@
+"""Depth that is steady in time: what is fused of several frames, what is filled, and what is left alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from addon.core.depth.multi_view_stereo import ClipDepth, DenseDepth
+from addon.core.depth.temporal_fusion import HIGH, LEVELS, RIM, SteadyDepth, fused, sharpened
+
+from .. import planes
+from .test_multi_view_stereo import CENTRES, LENS, MIDDLE, RANGE, clip, features, poses, truth
+
+Map = NDArray[np.float32]
+Mask = NDArray[np.bool_]
+SHAPE = (LENS.height, LENS.width)
+WALL, NEAR = 0.1, 0.4
+Y, X = np.mgrid[: SHAPE[0], : SHAPE[1]]
+
+
+@dataclass
+class Told:
+    """Depth of single frames that was made by hand."""
+
+    frames: dict[int, DenseDepth]
+    grey: Map = field(default_factory=lambda: np.full(SHAPE, 120, np.float32))
+
+    def at(self, frame: int) -> DenseDepth:
+        return self.frames[frame]
+
+    def picture(self, frame: int) -> NDArray[np.uint8]:
+        return np.repeat(self.grey.astype(np.uint8)[..., None], 3, axis=2)
+
+
+def depth(frame: int, inverse: object, confidence: object, moving: Mask | None = None) -> DenseDepth:
+    nothing = np.zeros(SHAPE, bool)
+    return DenseDepth(
+        frame,
+        np.broadcast_to(np.asarray(inverse, np.float32), SHAPE).copy(),
+        np.broadcast_to(np.asarray(confidence, np.float32), SHAPE).copy(),
+        nothing if moving is None else moving,
+        LENS,
+    )
+
+
+def steady(made: list[DenseDepth], frame: int, grey: Map | None = None) -> DenseDepth:
+    """Of cameras that all stand at one place."""
+    still = poses(np.zeros((len(made), 3)))
+    told = Told({one.frame: one for one in made})
+    if grey is not None:
+        told.grey = grey
+    return SteadyDepth(still, told).at(frame)  # type: ignore[arg-type]
+
+
+# Many frames
+
+
+def test_one_wrong_frame_changes_nothing() -> None:
+    inverse = np.full((5, *SHAPE), WALL, np.float32) + np.linspace(0, 0.2, SHAPE[1], dtype=np.float32)
+    right = inverse[0].copy()
+    inverse[3] += 0.5
+    weight = np.full((5, *SHAPE), 0.9, np.float32)
+    value, confidence, _ = fused(inverse, weight)
+    np.testing.assert_allclose(value, right, atol=1e-6)
+    assert confidence.min() > 0.8
+    # Unless it is the only one that knows.
+    weight[:] = 0
+    weight[3] = 0.9
+    np.testing.assert_allclose(fused(inverse, weight)[0], inverse[3], atol=1e-6)
+
+
+def test_a_frame_that_is_surer_weighs_more() -> None:
+    inverse = np.stack([np.full(SHAPE, v, np.float32) for v in (WALL, WALL, NEAR)])
+    inverse[:, :, ::2] += 1
+    weight = np.stack([np.full(SHAPE, w, np.float32) for w in (0.1, 0.1, 0.9)])
+    np.testing.assert_allclose(fused(inverse, weight)[0], inverse[2], atol=1e-6)
+
+
+def test_agreeing_frames_make_sure() -> None:
+    means = []
+    for agreeing in range(1, 6):
+        inverse = np.full((5, *SHAPE), 2.0, np.float32) + 0.2 * (X > 100)
+        # The others say something else each, nearer and farther.
+        for n in range(agreeing, 5):
+            inverse[n] += (-1) ** n * (0.3 + 0.3 * n)
+        means.append(float(fused(inverse.astype(np.float32), np.full_like(inverse, 0.3))[1].mean()))
+    assert np.all(np.diff(means) > 0)
+    # Five frames that say five things know nothing.
+    assert means[0] < 0.05
+
+
+def test_what_a_frame_does_not_see_has_no_say() -> None:
+    inverse = np.stack([np.full(SHAPE, v, np.float32) for v in (WALL, NEAR, NEAR)])
+    inverse[:, :, ::2] += 1
+    weight = np.stack([np.full(SHAPE, w, np.float32) for w in (0.1, 0, 0)])
+    np.testing.assert_allclose(fused(inverse, weight)[0], inverse[0], atol=1e-6)
+
+
+# One frame
+
+
+def test_what_is_sure_stays() -> None:
+    inverse = WALL + 0.0005 * X
+    found = steady([depth(1, inverse, 1.0)], 1)
+    inner = np.s_[3 * RIM : -3 * RIM, 3 * RIM : -3 * RIM]
+    np.testing.assert_allclose(found.inverse_depth[inner], inverse[inner], atol=0.01 * np.ptp(inverse))
+    assert found.confidence[inner].min() > 0.9
+
+
+def test_what_is_not_sure_beside_something_near_is_behind_it() -> None:
+    near, unsure = (X > 120) & (X < 180), (X >= 180) & (X < 220)
+    inverse = np.where(near, NEAR, WALL)
+    inverse[unsure] = 0.7
+    found = steady([depth(1, inverse, np.where(unsure, 0, 1))], 1).inverse_depth
+    band = found[20:-20, 185:215]
+    # Its middle is as far from the one as from the other, and nothing of its own depth is left.
+    assert band[:, 15].max() < WALL + 0.1 * (NEAR - WALL)
+    assert np.median(band) < WALL + 0.05 * (NEAR - WALL)
+    np.testing.assert_allclose(found[20:-20, 130:170], NEAR, atol=0.02)
+
+
+def test_a_hole_in_a_surface_is_filled_from_its_rim() -> None:
+    """Where the picture's edge is faint, as at a wooden head before a wall that is surer."""
+    away = np.hypot(X - 160, Y - 120)
+    head, hole = away < 30, away < 1.2
+    grey = np.where(head, 140 + 0.5 * np.abs(X - 160), 112).astype(np.float32)
+    inverse = np.where(hole, 0.7, np.where(head, NEAR, WALL))
+    confidence = np.where(hole, 0, np.where(head, 0.6, 1))
+    found = steady([depth(1, inverse, confidence)], 1, grey).inverse_depth
+    np.testing.assert_allclose(found[hole], NEAR, atol=0.02)
+    np.testing.assert_allclose(found[(away > 40) & (away < 100)], WALL, atol=0.02)
+
+
+def test_a_doubted_place_as_deep_as_its_rim_stays() -> None:
+    """A wall beside it is surer, and nothing but a faint edge is between them."""
+    away = np.hypot(X - 160, Y - 120)
+    head, doubted = away < 30, away < 4
+    grey = np.where(head, 140, 112).astype(np.float32)
+    inverse = np.where(head, NEAR, WALL)
+    confidence = np.where(doubted, 0.2, np.where(head, 0.6, 1))
+    found = steady([depth(1, inverse, confidence)], 1, grey)
+    np.testing.assert_allclose(found.inverse_depth[doubted], NEAR, atol=0.02)
+    assert found.confidence[doubted].min() > 0.4
+
+
+def test_nothing_is_between_two_surfaces() -> None:
+    """At a silhouette that is half sure."""
+    away = np.hypot(X - 160, Y - 120)
+    grey = np.where(away < 30, 124, 112).astype(np.float32)
+    inverse = np.where(away < 30, NEAR, WALL)
+    confidence = np.where((away > 26) & (away < 34), 0.3, 1)
+    found = steady([depth(1, inverse, confidence)], 1, grey).inverse_depth
+    off = np.minimum(np.abs(found - NEAR), np.abs(found - WALL))
+    assert off[20:-20, 20:-20].max() < 0.02
+
+
+def test_a_disputed_shelf_joins_the_surface_nearer_in_depth() -> None:
+    shelf = (X >= 158) & (X < 162)
+    for share, expected in ((0.7, NEAR), (0.3, WALL)):
+        inverse = np.where(X < 160, NEAR, WALL).astype(np.float32)
+        inverse[shelf] = WALL + share * (NEAR - WALL)
+        high = HIGH * (NEAR - WALL) / LEVELS
+        np.testing.assert_array_equal(sharpened(inverse, high, shelf)[shelf], np.float32(expected))
+        # What is sure may be a thing of its own.
+        np.testing.assert_array_equal(sharpened(inverse, high, ~shelf)[shelf], inverse[shelf])
+
+
+def test_sure_depth_is_carried_up_to_the_edges_of_the_picture_only() -> None:
+    """Two unsure surfaces that look different, each with something sure in it."""
+    left = X < 160
+    sure = (np.abs(X - 60) < 25) | (np.abs(X - 260) < 25)
+    inverse, grey = np.where(left, 0.2, 0.1), np.where(left, 60, 190).astype(np.float32)
+    wrong = np.where(sure, inverse, 0.5)
+    found = steady([depth(1, wrong, np.where(sure, 1, 0))], 1, grey).inverse_depth
+    inner = np.s_[20:-20, 20:-20]
+    off = np.abs(found - inverse)[inner][:, np.abs(X[0, 20:-20] - 160) > 4]
+    assert off.max() < 0.01
+
+
+def test_islands_of_chance_go_and_small_things_stay() -> None:
+    blob = (np.abs(X - 160) < 6) & (np.abs(Y - 120) < 6)
+    inverse = np.where(blob, NEAR, WALL)
+    # Amid what nobody is sure of: far from it is the wall.
+    unsure = (np.abs(X - 160) < 80) & (np.abs(Y - 120) < 80) & ~blob
+    found = steady([depth(1, inverse, np.where(unsure, 0, 1))], 1)
+    assert found.confidence[blob].max() < 0.1
+    np.testing.assert_allclose(found.inverse_depth[blob], WALL, atol=0.02)
+    # With a rim that nobody is sure of, amid what everybody is.
+    rim = (np.abs(X - 160) < 7) & (np.abs(Y - 120) < 7) & ~blob
+    found = steady([depth(1, inverse, np.where(rim, 0, 1))], 1)
+    assert found.confidence[blob].min() > 0.5
+    np.testing.assert_allclose(found.inverse_depth[blob], NEAR, atol=0.02)
+
+
+def test_what_moves_keeps_the_depth_of_its_own_frame() -> None:
+    """In the frames around it the wall is seen there, surely."""
+    moving = (np.abs(X - 160) < 30) & (np.abs(Y - 120) < 30)
+    made = [depth(n, WALL + 0.0005 * X, 1.0) for n in range(1, 6)]
+    own = np.where(moving, NEAR, WALL + 0.0005 * X)
+    made[2] = depth(3, own, np.where(moving, 0.2, 1.0), moving)
+    found = steady(made, 3)
+    np.testing.assert_array_equal(found.inverse_depth[moving], made[2].inverse_depth[moving])
+    np.testing.assert_array_equal(found.confidence[moving], made[2].confidence[moving])
+    np.testing.assert_array_equal(found.moving, moving)
+    # And it is not lent to the frame after it.
+    after = steady(made, 4).inverse_depth
+    np.testing.assert_allclose(after[moving], (WALL + 0.0005 * X)[moving], atol=0.01)
+
+
+def test_frames_are_brought_into_place() -> None:
+    """A frame that knows nothing, between frames that see the near plane elsewhere in the picture."""
+    shot = poses(CENTRES)
+    frames = {
+        n: depth(n, truth(centre), 0.0 if n == MIDDLE else 0.9) for n, centre in enumerate(CENTRES, start=1)
+    }
+    found = SteadyDepth(shot, Told(frames)).at(MIDDLE)  # type: ignore[arg-type]
+    off = np.abs(found.inverse_depth - truth(CENTRES[MIDDLE - 1])) / RANGE
+    # No frame says anything of the first and last rows.
+    off = off[RIM:-RIM]
+    assert np.mean(off > 0.05) < 0.01 and np.median(off) < 0.01
+    assert (found.confidence > 0.5).mean() > 0.9
+
+
+# A clip
+
+
+def test_a_clips_depth_is_steadier_than_that_of_its_frames() -> None:
+    pictures, shot = clip(CENTRES), poses(CENTRES, features())
+    single = ClipDepth(shot, lambda frame: pictures[frame - 1])
+    frames = (MIDDLE - 1, MIDDLE, MIDDLE + 1)
+    alone = [single.at(frame) for frame in frames]
+    both = SteadyDepth(shot, single)
+    fused_depth = [both.at(frame) for frame in frames]
+    true = [truth(CENTRES[frame - 1]) for frame in frames]
+    # The planes face the camera, so where both frames see the same one the depth is the same.
+    changes, off = [], []
+    for found in (alone, fused_depth):
+        pairs = zip(found, found[1:], true, true[1:], strict=False)
+        changes.append(
+            np.mean([np.abs(b.inverse_depth - a.inverse_depth)[s == t].mean() for a, b, s, t in pairs])
+        )
+        off.append(np.mean([np.abs(f.inverse_depth - t).mean() for f, t in zip(found, true, strict=True)]))
+    print(f"change from frame to frame {changes[0] / RANGE:.4f} alone, {changes[1] / RANGE:.4f} fused")
+    print(f"error {off[0] / RANGE:.4f} alone, {off[1] / RANGE:.4f} fused, of the range")
+    assert changes[1] < changes[0]
+    assert off[1] < 1.1 * off[0]
+    assert (fused_depth[0].lens.width, fused_depth[0].lens.height) == planes.SIZE
+
+
+# Steps
+
+
+def test_ramps_and_shelves_at_silhouettes_become_steps() -> None:
+    column = np.arange(60.0)
+    for soft in (
+        np.interp(column, [28, 32], [WALL, NEAR]),
+        np.where(column < 29, WALL, np.where(column < 31, 0.22, NEAR)),
+    ):
+        found = sharpened(np.broadcast_to(soft, (40, 60)).astype(np.float32), 0.02)
+        np.testing.assert_allclose(found, np.where(found > 0.25, NEAR, WALL), rtol=1e-6)
+        assert np.all(np.abs((found > 0.25).argmax(axis=1) - 30) <= 1)
+
+
+def test_a_wrong_pixel_beside_a_silhouette_does_not_spread() -> None:
+    step = np.where(np.arange(60) < 30, WALL, NEAR) * np.ones((40, 1))
+    wrong = step.astype(np.float32)
+    wrong[20, 31] = 0.6
+    np.testing.assert_allclose(sharpened(wrong, 0.02), step, rtol=1e-6)
+
+
+def test_slopes_and_thin_things_stay() -> None:
+    # The whole range within the picture: as steep as surfaces are that are seen at all.
+    high = HIGH * (NEAR - WALL) / LEVELS
+    slope = np.broadcast_to(np.linspace(WALL, NEAR, 60), (40, 60)).astype(np.float32)
+    np.testing.assert_array_equal(sharpened(slope, high), slope)
+    for wide in (1, 2, 3):
+        thin = np.full((40, 60), WALL, np.float32)
+        thin[:, 30 : 30 + wide] = NEAR
+        np.testing.assert_array_equal(sharpened(thin, high), thin)

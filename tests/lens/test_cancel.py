@@ -1,0 +1,77 @@
+"""A frame's depth and mesh can be cancelled at every step, and leave nothing behind that is wrong."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from addon.core.base.progress import Cancelled, reporting
+from addon.core.lens.focus import Focus
+from addon.core.lens.frame import WarpedFrame, warp_frame
+from addon.core.lens.plan import LensSettings
+from addon.core.media.clip import open_footage, to_linear
+from addon.scene.shot import Shot
+
+from .. import planes
+from ..depth.test_multi_view_stereo import CENTRES, MIDDLE, clip, features, poses
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return planes.write_clip(tmp_path_factory.mktemp("cancel") / "clip", clip(CENTRES))
+
+
+def fresh(folder: Path) -> Shot:
+    """A clip with true cameras, of which nothing is remembered; its depth is found from its pictures."""
+    return Shot(open_footage(folder), poses(CENTRES, features()))
+
+
+def warped(shot: Shot) -> WarpedFrame:
+    lens = LensSettings(Focus(distance=4.0), 0.2, 8)
+    return warp_frame(shot, MIDDLE, lens, planes.SIZE, to_linear(shot.read(MIDDLE)))
+
+
+def test_every_stage_passes_many_checkpoints_and_goes_on(folder: Path) -> None:
+    told: list[tuple[str, float]] = []
+    with reporting(lambda stage, share: told.append((stage, share))):
+        warped(fresh(folder))
+    count = Counter(stage for stage, _ in told)
+    # At 320x240; rows and levels, and so checkpoints, grow with the picture.
+    assert count["Depth"] > 1000 and count["Hidden surfaces"] > 10 and count["Mesh"] > 100, count
+    shares = [share for _, share in told]
+    assert min(shares) >= 0 and max(shares) <= 1
+    middles = [share for stage, share in told if stage == "Depth"]
+    assert len({round(share, 2) for share in middles}) > 10
+
+
+def test_what_was_cancelled_anywhere_is_drawn_right_afterwards(folder: Path) -> None:
+    first = warped(fresh(folder))
+    total = 0
+
+    def count(_stage: str, _share: float) -> None:
+        nonlocal total
+        total += 1
+
+    with reporting(count):
+        warped(fresh(folder))
+    shot = fresh(folder)
+    for at in np.random.default_rng(1).integers(1, total, 12):
+        left = int(at)
+
+        def stop(_stage: str, _share: float) -> None:
+            nonlocal left
+            left -= 1
+            if left <= 0:
+                raise Cancelled
+
+        with reporting(stop), pytest.raises(Cancelled):
+            warped(shot)
+            # What is remembered from the tries before leaves fewer checkpoints.
+            raise Cancelled
+    again = warped(shot)
+    assert np.array_equal(again.texture, first.texture)
+    assert np.array_equal(again.plan.mesh.triangles, first.plan.mesh.triangles)
+    assert np.array_equal(again.plan.mesh.inverse_depth, first.plan.mesh.inverse_depth)

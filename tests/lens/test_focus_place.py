@@ -1,0 +1,92 @@
+"""The focus at a place of the picture: from points that are near, from dense depth, or refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+from addon.cli.main import run_command
+from addon.core.base.errors import UserError
+from addon.core.lens.focus_place import NEAR, find_place
+from addon.core.media.clip import open_footage
+from addon.core.readers.colmap_export import write_model
+from addon.scene.shot import Shot
+
+from .. import planes
+from ..depth.test_multi_view_stereo import HEIGHT, STEPS, WIDTH, clip, features, poses
+
+CENTRES = np.column_stack([STEPS, 0.1 * STEPS**2, STEPS])
+"""To the side, and ahead as far."""
+FRAME, PLANE = 5, 6.0
+BARE = (0.26, 0.5)
+"""A place on the plane without points; the nearest are on the wall behind."""
+BESIDE = (0.68, 0.5)
+
+
+@pytest.fixture(scope="module")
+def footage(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return planes.write_clip(tmp_path_factory.mktemp("footage") / "walk", clip(CENTRES))
+
+
+@pytest.fixture(scope="module")
+def shot(footage: Path) -> Shot:
+    points = features()
+    return Shot(open_footage(footage), poses(CENTRES, points[points[:, 2] != PLANE]))
+
+
+def test_a_place_without_points_has_its_dense_depth(shot: Shot) -> None:
+    found = find_place(shot, FRAME, *BARE)
+    depth = PLANE - CENTRES[FRAME - 1, 2]
+    assert found.distance == pytest.approx(depth, rel=0.02)
+    assert found.focus.points == () and found.focus.distance == found.distance
+    assert "dense depth" in found.source
+    # It is followed as a place that stands still.
+    for frame, distance in found.distances(shot.reconstruction).items():
+        assert distance == pytest.approx(PLANE - CENTRES[frame - 1, 2], rel=0.02)
+    assert len(found.distances(shot.reconstruction)) == len(CENTRES)
+
+
+def test_a_place_amid_points_is_theirs() -> None:
+    rng = np.random.default_rng(0)
+    xyz = np.column_stack([rng.uniform(0.6, 1.5, 80), rng.uniform(-1, 1, 80), np.full(80, 4.0)])
+    found = find_place(Shot(None, poses(CENTRES, xyz)), FRAME, *BESIDE)  # type: ignore[arg-type]
+    assert len(found.focus.points) == 4
+    assert found.distance == pytest.approx(4.0, rel=1e-6)
+    assert found.source.startswith("points ") and "px of the place" in found.source
+    assert float(found.source.split("within ")[1].split()[0]) <= NEAR * WIDTH
+    assert found.distances(poses(CENTRES, xyz)) == {}
+
+
+def test_where_nothing_is_known_it_is_refused(tmp_path: Path) -> None:
+    plain = [np.full((HEIGHT, WIDTH, 3), 90, np.uint8) for _ in CENTRES]
+    footage = open_footage(planes.write_clip(tmp_path / "plain", plain))
+    points = features()
+    corner = points[(points[:, 2] == 4) & (points[:, 1] < -0.3)]
+    with pytest.raises(UserError, match=r"0\.1,0\.9 of frame 5: its points are 2\d\d px away, .* not sure"):
+        find_place(Shot(footage, poses(CENTRES, corner)), FRAME, 0.1, 0.9)
+
+
+def test_the_command_line_says_how_far_and_follows(
+    registered: None, shot: Shot, footage: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "model").mkdir()
+    write_model(tmp_path / "model", shot.reconstruction)
+    work = tmp_path / "work"
+    assert (
+        run_command(["import", str(tmp_path / "model"), "--footage", str(footage), "--work", str(work)]) == 0
+    )
+    at = f"{BARE[0]},{BARE[1]}@{FRAME}"
+    assert run_command(["save", str(work), "--blend", str(tmp_path / "a.blend"), "--focus-at", at]) == 0
+    said = capsys.readouterr().out
+    assert "in focus: " in said and f" away at frame {FRAME}, from the clip's dense depth" in said
+    scene = bpy.context.scene
+    told = []
+    for frame in (1, FRAME, len(CENTRES)):
+        scene.frame_set(frame)
+        told.append(scene.virtual_aperture.focus_distance)
+    true = PLANE - CENTRES[[0, FRAME - 1, -1], 2]
+    # Whatever a unit is.
+    np.testing.assert_allclose(np.array(told) / told[1], true / true[1], rtol=0.01)

@@ -1,0 +1,130 @@
+"""Which mesh a frame gets, and the reason that is given where it is not the one asked for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from addon.core.camera.reconstruction import Intrinsics, Reconstruction
+from addon.core.depth.multi_view_stereo import DenseDepth
+from addon.core.lens.focus import Focus
+from addon.core.lens.frame import FEWEST_SURE, SURE, WarpedFrame, warp_frame
+from addon.core.lens.plan import LensSettings
+from addon.core.media.clip import to_linear
+from addon.core.warp.disocclusion_fill import Lender
+
+from ..scenes import slanted_plane, texture
+
+LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
+SIZE = (160, 90)
+FOCUS = 8.0
+SOURCE = to_linear(texture(*SIZE))
+
+
+@dataclass
+class Told:
+    """Depth that was made by hand, at a quarter of the size."""
+
+    confidence: NDArray[np.float32]
+    asked: list[int] = field(default_factory=list)
+
+    def at(self, frame: int) -> DenseDepth:
+        self.asked.append(frame)
+        lens = LENS.scaled(80, 45)
+        inverse = np.where(np.arange(80) < 40, 1 / FOCUS, 1 / 12).astype(np.float32)
+        nothing = np.zeros((45, 80), bool)
+        return DenseDepth(frame, np.tile(inverse, (45, 1)), self.confidence, nothing, lens)
+
+
+@dataclass
+class Clip:
+    """What a shot has, without footage: no frame can lend anything."""
+
+    reconstruction: Reconstruction
+    dense: Told
+    depth: None = None
+
+    @property
+    def lender(self) -> Lender:
+        return Lender(self.reconstruction, lambda frame: texture(*SIZE))
+
+
+def sure_in(share: float) -> NDArray[np.float32]:
+    """Confidence that is over the threshold in a share of the picture."""
+    confidence = np.full(45 * 80, 0.5 * SURE, np.float32)
+    confidence[: round(share * confidence.size)] = 1
+    return confidence.reshape(45, 80)
+
+
+def warped(
+    confidence: NDArray[np.float32], radius: float = 0.5, method: str = "layers", borrow: bool = False
+) -> tuple[WarpedFrame, Told]:
+    told = Told(confidence)
+    lens = LensSettings(Focus(distance=FOCUS), radius, 8, method, borrow=borrow)
+    return warp_frame(Clip(slanted_plane(LENS), told), 2, lens, SIZE, SOURCE), told
+
+
+@pytest.mark.parametrize("borrow", [False, True])
+def test_layers_are_the_default(borrow: bool) -> None:
+    assert LensSettings(Focus(distance=FOCUS), 0.5).method == "layers"
+    made, told = warped(sure_in(1.0), borrow=borrow)
+    assert (made.method, made.why) == ("layers", "") and made.is_whole
+    assert told.asked == [2] and made.plan.frame == 2
+    assert made.layers and made.layers[0].hidden.any()
+    assert (made.layers[0].lent is not None) == borrow
+    assert made.inverse_depth is not None and made.inverse_depth.shape == (90, 160)
+    assert made.confidence is not None and made.confidence.min() == 1
+    # The texture is two layers, one above the other.
+    assert made.texture.shape[0] % 2 == 0 and made.texture.shape[0] > 90
+    assert made.depth_seconds > 0 and made.mesh_seconds > 0
+
+
+def test_where_hardly_anything_is_sure_one_grid_is_drawn_and_the_reason_given() -> None:
+    made, _ = warped(sure_in(0.5 * FEWEST_SURE))
+    assert made.method == "grid" and f"less than {100 * FEWEST_SURE:g} %" in made.why
+    assert not made.layers and made.confidence is not None
+    asked, _ = warped(sure_in(1.0), method="grid")
+    assert (asked.method, asked.why) == ("grid", "")
+    np.testing.assert_array_equal(made.plan.mesh.xy, asked.plan.mesh.xy)
+    np.testing.assert_array_equal(made.plan.mesh.inverse_depth, asked.plan.mesh.inverse_depth)
+    np.testing.assert_array_equal(made.texture, asked.texture)
+    # A little more is enough.
+    assert warped(sure_in(2 * FEWEST_SURE))[0].method == "layers"
+
+
+def test_discs_that_leave_nothing_take_the_features_and_say_so() -> None:
+    made, told = warped(sure_in(1.0), radius=20.0)
+    assert made.method == "features" and "too large for layers" in made.why
+    assert not told.asked and made.inverse_depth is None
+    asked, _ = warped(sure_in(1.0), radius=20.0, method="features")
+    assert (asked.method, asked.why) == ("features", "")
+    np.testing.assert_array_equal(made.plan.mesh.triangles, asked.plan.mesh.triangles)
+
+
+@pytest.mark.parametrize("method", ["features", "thesis", "grid", "edges"])
+def test_a_method_that_is_asked_for_is_used(method: str) -> None:
+    picks = Focus(points=(3, 9, 30, 60))
+    lens = LensSettings(picks, 0.5, 8, method)
+    told = Told(sure_in(0))
+    made = warp_frame(Clip(slanted_plane(LENS), told), 2, lens, SIZE, SOURCE)
+    assert (made.method, made.why) == (method, "")
+    assert not made.layers and not told.asked
+    np.testing.assert_array_equal(made.texture, SOURCE)
+
+
+def test_edges_follow_the_picture() -> None:
+    """The sides of triangles lie along a line that the features know nothing of."""
+    picture = np.full((90, 160, 4), 0.05, np.float32)
+    picture[..., 3] = 1
+    picture[:, 90:, :3] = 0.8
+    told = Told(sure_in(0))
+    lens = LensSettings(Focus(distance=FOCUS), 3.0, 8, "edges")
+    clip = Clip(slanted_plane(LENS, near=4.0, far=30.0), told)
+    along = warp_frame(clip, 2, lens, SIZE, picture).plan.mesh
+    flat = warp_frame(clip, 2, lens, SIZE, np.full_like(picture, 0.3)).plan.mesh
+    close = [int((np.abs(mesh.xy[:, 0] - 90) < 2).sum()) for mesh in (along, flat)]
+    print(f"vertices within two pixels of the edge: {close[0]}, without the edge {close[1]}")
+    assert close[0] > close[1] + 5

@@ -1,0 +1,382 @@
+"""Debug views and reports: what they show is what the frame is drawn from."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from addon.core.camera.canvas import Canvas
+from addon.core.camera.reconstruction import Intrinsics
+from addon.core.lens import inspection
+from addon.core.lens.aperture_sampling import vogel_disc
+from addon.core.lens.focus import Focus, exact_registration
+from addon.core.lens.frame import WarpedFrame, warp_frame
+from addon.core.lens.inspection import NAMES, discs, inverse_depth, pictures, source_frame
+from addon.core.lens.plan import FramePlan, LensSettings
+from addon.core.lens.report import Used, frame_report, mesh_error, summary
+from addon.core.media.clip import to_linear
+from addon.core.warp.layered_depth_image import Fill, Mask, Picture
+from addon.core.warp.layered_mesh import ERROR, RELATIVE
+from addon.core.warp.layered_mesh import layer_mesh as make_mesh
+from addon.core.warp.mesh import WarpMesh
+from addon.core.warp.quadtree import AT_SILHOUETTES, triangulate
+from addon.core.warp.rasterise import at_pixels
+from addon.render.average import Drawn, draw_shares
+
+from ..scenes import slanted_plane, texture
+from ..warp.test_layered_depth_image import (
+    FAR,
+    LENS,
+    NEAR,
+    SHIFT,
+    SIZE,
+    X,
+    Y,
+    cover,
+    interpolated,
+    one,
+    scene,
+    wall,
+)
+
+Floats = NDArray[np.float64]
+RADIUS = 1.0
+"""Of an aperture whose rim displaces by what `SHIFT` says."""
+RED, GREEN, BLUE = range(3)
+
+
+def disc_and_wall(focus: float = NEAR, shift: Floats = SHIFT, fill: Fill | None = None) -> WarpedFrame:
+    """The scene of the layers' tests, ready to be drawn."""
+    mesh, painted, layers = make_mesh(scene(), shift, focus, LENS.fx, fill=fill)
+    offsets, canvas = RADIUS * vogel_disc(24), Canvas(LENS)
+    registration = exact_registration(canvas, offsets, focus / LENS.fx)
+    plan = FramePlan(1, canvas, mesh, offsets, registration, focus / LENS.fx, 16.0, False)
+    sure = np.where(X < 80, 1, 0).astype(np.float32)
+    return WarpedFrame(plan, painted, "layers", "", True, shift / LENS.fx, sure, layers)
+
+
+def shares_of(warped: WarpedFrame, radius: float = RADIUS, source: Picture | None = None) -> Picture:
+    shown = scene() if source is None else source
+    drawn = Drawn(warped, LensSettings(Focus(distance=1.0), radius), shown, 0.5)
+    return draw_shares(drawn)
+
+
+def lends(what: Callable[[Floats], Mask]) -> Fill:
+    """Other frames' colours where `what` says so of the pixels asked for."""
+
+    def fill(shift: Floats, asked: Mask) -> tuple[Picture, Mask]:
+        return np.full((*shift.shape, 3), 0.5, np.float32), asked & what(shift)
+
+    return fill
+
+
+# What a mesh says at every pixel
+
+
+def test_values_of_a_mesh() -> None:
+    depth = 4 * np.exp(-((X - 60) ** 2 + (Y - 50) ** 2) / 900) + 0.4 * np.sin(X / 9)
+    rows = triangulate(one(depth), 1.0, 0.1).far
+    row, column = np.divmod(np.arange(depth.size), SIZE[1])
+    xy = np.column_stack([column, row]) + 0.5
+    found = at_pixels(xy, depth.ravel(), rows, SIZE)
+    np.testing.assert_allclose(found, interpolated(depth, rows), atol=1e-9)
+    moved = at_pixels(xy + 0.25, (xy[:, 0] + 0.25) * 2, rows, SIZE)
+    assert np.isnan(moved[0]).all() and np.isnan(moved[:, 0]).all()
+    np.testing.assert_allclose(moved[1:, 1:], 2 * X[1:, 1:], atol=1e-9)
+
+
+def test_the_nearest_of_several_triangles_counts_and_nothing_is_nothing() -> None:
+    xy = np.array([[0.0, 0], [40, 0], [0, 40], [0, 0], [20, 0], [0, 20], [5, 5], [5, 5], [9, 9]])
+    values = np.repeat([1.0, 3.0, 9.0], 3)
+    found = at_pixels(xy, values, np.arange(9, dtype=np.int32).reshape(3, 3), (50, 60))
+    x, y = np.meshgrid(np.arange(60) + 0.5, np.arange(50) + 0.5)
+    np.testing.assert_array_equal(np.isnan(found), x + y > 40)
+    np.testing.assert_array_equal(np.isclose(found, 3), x + y <= 20)
+
+
+# Sources
+
+
+def test_shares_make_one_where_the_frame_is_whole() -> None:
+    shares = shares_of(disc_and_wall())
+    assert shares.shape == (*SIZE, 3) and shares.dtype == np.float32
+    assert shares.min() >= 0
+    np.testing.assert_allclose(shares.sum(axis=2), 1, atol=1e-4)
+    inner = np.s_[12:-12, 12:-12]
+    # Nothing is lent; what the disc hides is made up, as far as the aperture sees.
+    assert shares[..., GREEN].max() == 0
+    away = np.abs(np.hypot(X - 80, Y - 60) - 30)
+    assert shares[..., RED][inner][away[inner] < 4].max() > 0.2
+    assert shares[..., RED][inner][away[inner] > NEAR - FAR + 3].max() < 1e-4
+
+
+def test_all_is_the_frames_own_without_jumps() -> None:
+    inner = np.s_[4:-4, 4:-4]
+    slope = shares_of(disc_and_wall(4.0, 2 + 0.02 * X))
+    np.testing.assert_allclose(slope[inner][..., BLUE], 1, atol=1e-5)
+    # At the border views look past it.
+    assert slope[0, :, RED].mean() > 0.05
+    focused = shares_of(disc_and_wall(FAR, np.full(SIZE, FAR)))
+    np.testing.assert_allclose(focused[..., BLUE], 1, atol=1e-3)
+
+
+def test_what_is_lent_is_not_made_up() -> None:
+    alone, half, all_ = (
+        shares_of(disc_and_wall(fill=fill)).mean(axis=(0, 1))
+        for fill in (
+            None,
+            lends(lambda s: np.arange(s.shape[1]) < 80),
+            lends(lambda s: np.ones(s.shape, bool)),
+        )
+    )
+    assert alone[GREEN] == 0 < 0.2 * all_[GREEN] < half[GREEN] < all_[GREEN]
+    assert alone[RED] > half[RED] > all_[RED] == 0
+    np.testing.assert_allclose([alone[BLUE], half[BLUE]], all_[BLUE], atol=1e-4)
+    assert alone[BLUE] > 0.9
+
+
+def test_a_coarse_texture_has_the_same_sources(monkeypatch: pytest.MonkeyPatch) -> None:
+    fine = shares_of(disc_and_wall())
+    monkeypatch.setattr("addon.core.warp.layered_mesh.LARGEST_TEXTURE", 1)
+    coarse = disc_and_wall()
+    assert coarse.texture.shape[1] == coarse.layers[0].hidden.shape[1]
+    assert np.abs(shares_of(coarse) - fine).mean() < 0.005
+
+
+def test_few_views_tell_the_shares_of_many() -> None:
+    warped = disc_and_wall()
+    few = source_frame(warped, RADIUS)
+    assert len(few.plan.offsets) == inspection.SOURCE_VIEWS < len(warped.plan.offsets)
+    assert few.plan.mesh is warped.plan.mesh
+    np.testing.assert_array_equal(few.texture[..., 3], warped.texture[..., 3])
+    np.testing.assert_allclose(few.texture[..., :3].sum(axis=2), few.texture[..., 3], atol=1e-6)
+    plan = warped.plan
+    eight = replace(warped, plan=replace(plan, offsets=plan.offsets[:8], registration=plan.registration[:8]))
+    assert source_frame(eight, RADIUS).plan is eight.plan
+
+
+PLAIN = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
+
+
+class Scene:
+    """A slanted plane for the methods that need no depth of every pixel."""
+
+    def __init__(self, lens: Intrinsics = PLAIN) -> None:
+        self.reconstruction = slanted_plane(lens)
+        self.depth = self.dense = self.lender = None
+
+
+@pytest.mark.parametrize("method", ["features", "thesis", "grid", "edges"])
+def test_a_single_surface_is_the_frames_own_but_for_the_border(method: str) -> None:
+    source = to_linear(texture(160, 90))
+    lens = LensSettings(Focus(points=(3, 9, 30, 60)), 0.5, 24, method)
+    warped = warp_frame(Scene(), 2, lens, (160, 90), source)  # type: ignore[arg-type]
+    shares = shares_of(warped, 0.5, source)
+    assert shares[..., GREEN].max() == 0
+    np.testing.assert_allclose(shares[12:-12, 12:-12, BLUE], 1, atol=1e-4)
+    if method == "thesis":
+        # Its border is pinned: views show nothing past it, and what they leave is nobody's.
+        assert shares[..., RED].max() < 0.1
+        assert shares.sum(axis=2).min() <= 1 + 1e-4
+    else:
+        assert shares[:, 0, RED].max() > 0.2
+        np.testing.assert_allclose(shares.sum(axis=2), 1, atol=1e-4)
+    made = pictures(warped, 0.5, source, shares)
+    assert set(made) == {"depth", "wireframe", "sources", "blur"}
+    report = frame_report(warped, 0.5, shares, 1.0)
+    assert (
+        report.bound is None and report.sure is None and report.triangles == len(warped.plan.mesh.triangles)
+    )
+    assert "%" in "\n".join(report.words())
+
+
+def test_a_very_wide_aperture() -> None:
+    """The mesh reaches past the border by more than a texture can."""
+    source = to_linear(texture(160, 90))
+    lens = LensSettings(Focus(distance=8.0), 60.0, 24, "features")
+    warped = warp_frame(Scene(), 2, lens, (160, 90), source)  # type: ignore[arg-type]
+    painted = source_frame(warped, 60.0)
+    assert max(painted.texture.shape) <= inspection.LARGEST_TEXTURE + 1
+    shares = shares_of(warped, 60.0, source)
+    assert 0.2 < shares[..., RED].mean() < 1
+
+
+def test_pictures_have_the_geometry_of_a_bent_lens() -> None:
+    bent = replace(PLAIN, k1=-0.1)
+    source = to_linear(texture(160, 90))
+    lens = LensSettings(Focus(distance=8.0), 0.5, 8, "features")
+    warped = warp_frame(Scene(bent), 2, lens, (160, 90), source)  # type: ignore[arg-type]
+    assert (warped.plan.canvas.pinhole.width, warped.plan.canvas.pinhole.height) != (160, 90)
+    shares = shares_of(warped, 0.5, source)
+    np.testing.assert_allclose(shares[15:-15, 15:-15, BLUE], 1, atol=1e-3)
+    for picture in pictures(warped, 0.5, source, shares).values():
+        assert picture.shape == (90, 160, 3)
+
+
+# Pictures
+
+
+def test_all_pictures() -> None:
+    warped = disc_and_wall(fill=lends(lambda s: np.arange(s.shape[1]) < 90))
+    shares = shares_of(warped)
+    made = pictures(warped, RADIUS, scene(), shares)
+    assert tuple(made) == NAMES
+    for name, picture in made.items():
+        assert picture.dtype == np.uint8
+        assert picture.shape == (SIZE[0], SIZE[1] * (2 if name == "layers" else 1), 3)
+    inside, outside = (60, 80), (10, 10)
+    # Near is red, far is blue.
+    assert made["depth"][inside][0] > made["depth"][inside][2]
+    assert made["depth"][outside][2] > made["depth"][outside][0]
+    assert (
+        made["confidence"][60, 20].tolist() == [255] * 3 and made["confidence"][60, 140].tolist() == [0] * 3
+    )
+    assert (np.abs(made["blur"][inside].astype(int) - 255) <= 1).all()
+    assert made["blur"][outside][2] > made["blur"][outside][0] + 60
+
+
+def test_what_lies_behind() -> None:
+    warped = disc_and_wall(fill=lends(lambda s: np.arange(s.shape[1]) < 90))
+    shown = pictures(warped, RADIUS, scene(), shares_of(warped))["layers"].astype(int)
+    left, right = shown[:, : SIZE[1]], shown[:, SIZE[1] :]
+    crop = inspection._inner(warped.layers[0], warped.plan.canvas)
+    hidden, borrowed = warped.layers[0].hidden[crop], warped.layers[0].borrowed[crop]
+    assert borrowed.any() and (hidden & ~borrowed).any()
+    np.testing.assert_array_equal(left[~hidden], right[~hidden])
+    change = right - left
+    assert change[borrowed][:, 1].mean() > change[borrowed][:, 0].mean() + 20
+    made_up = hidden & ~borrowed
+    assert change[made_up][:, 0].mean() > change[made_up][:, 1].mean() + 20
+    # On the left the far surface's own colours, no yellow.
+    assert left[hidden][:, 2].mean() > 100
+    assert wall().shape == (*SIZE, 3) and cover().max() == 1
+
+
+def test_lines_lie_on_the_sides_of_triangles_only() -> None:
+    warped = disc_and_wall()
+    xy = np.array([[10.5, 10.5], [150.5, 20.5], [20.5, 110.5], [140.5, 100.5]])
+    # Two triangles of the near surface, which is the upper half of the texture, and one of the far one.
+    xy, texture_xy = (
+        np.tile(xy, (2, 1)),
+        np.concatenate([xy, xy + np.array([0, warped.texture.shape[0] / 2])]),
+    )
+    triangles = np.array([[4, 5, 7], [0, 1, 2], [1, 3, 2]], np.int32)
+    mesh = WarpMesh(xy, texture_xy, np.ones(8), triangles)
+    crossed = replace(warped, plan=replace(warped.plan, mesh=mesh))
+    frame = scene()
+    frame[..., :3] = 0
+    lines = pictures(crossed, RADIUS, frame, np.zeros((*SIZE, 3), np.float32))["wireframe"].astype(float)
+    drawn = lines.max(axis=2) > 0
+    near, far = (
+        np.min([away(xy[a], xy[b]) for t in rows for a, b in zip(t, np.roll(t, 1), strict=True)], axis=0)
+        for rows in (triangles[1:], triangles[:1])
+    )
+    assert not drawn[np.minimum(near, far) > 1.5].any()
+    assert drawn[np.minimum(near, far) < 0.4].all()
+    orange = lines[..., 0] > lines[..., 2]
+    assert orange[near < 0.4].all()
+    assert (~orange)[(far < 0.4) & (near > 2)].all()
+
+
+def away(a: Floats, b: Floats) -> Floats:
+    """(H, W) distance of the pixels' middles from a line between two places."""
+    share = np.clip(((X - a[0]) * (b - a)[0] + (Y - a[1]) * (b - a)[1]) / ((b - a) ** 2).sum(), 0, 1)
+    return np.asarray(np.hypot(X - a[0] - share * (b - a)[0], Y - a[1] - share * (b - a)[1]))
+
+
+def test_discs_are_those_of_the_thin_lens() -> None:
+    plan = disc_and_wall().plan
+    depth = np.array([1 / plan.focus_inverse_depth, 5.0, 20.0, 1e9])
+    found = discs(1 / depth, plan, RADIUS)
+    expected = 2 * RADIUS * LENS.fx * np.abs(1 / depth - 1 / depth[0])
+    np.testing.assert_allclose(np.abs(found), expected, atol=1e-12)
+    assert found[0] == 0
+    assert (found[1:] > 0).tolist() == (depth[1:] < depth[0]).tolist()
+
+
+def test_depth_is_what_the_frame_is_drawn_with() -> None:
+    warped = disc_and_wall()
+    assert inverse_depth(warped) is warped.inverse_depth
+    # One surface instead of the depth that was found: its own.
+    flat = replace(warped.plan.mesh, inverse_depth=np.full(len(warped.plan.mesh.xy), 0.25))
+    single = replace(warped, layers=(), plan=replace(warped.plan, mesh=flat))
+    np.testing.assert_allclose(inverse_depth(single), 0.25)
+
+
+def test_nothing_known_is_black() -> None:
+    warped = disc_and_wall()
+    mesh = replace(warped.plan.mesh, triangles=warped.plan.mesh.triangles[:0])
+    warped = replace(warped, plan=replace(warped.plan, mesh=mesh), layers=(), confidence=None)
+    made = pictures(warped, RADIUS, scene(), np.zeros((*SIZE, 3), np.float32))
+    assert not made["depth"].any() and not made["blur"].any()
+
+
+# Reports
+
+
+def test_the_report_is_that_of_the_mesh() -> None:
+    warped = disc_and_wall()
+    shares = shares_of(warped)
+    report = frame_report(warped, RADIUS, shares, 2.5)
+    triangles = len(warped.plan.mesh.triangles)
+    assert report.triangles == triangles
+    assert report.of_pixel_grid == pytest.approx(100 * triangles / (2 * SIZE[0] * SIZE[1]))
+    assert report.bound == (ERROR, RELATIVE)
+    assert report.own + report.borrowed + report.inpainted == pytest.approx(100, abs=0.01)
+    assert report.sure == pytest.approx(50)
+    assert (report.frame, report.method, report.why, report.views) == (
+        1,
+        "layers",
+        "its depth is sure enough",
+        24,
+    )
+    # Most is the wall, whose disc is twice what the rim displaces.
+    assert report.blur_median == report.blur_largest == pytest.approx(2 * (NEAR - FAR))
+    assert report.draw_seconds == 2.5
+    assert json.loads(json.dumps(report.as_dict()))["triangles"] == triangles
+    text = "\n".join(report.words())
+    assert f"{triangles:,} triangles" in text and "layers with 24 views: its depth is sure enough" in text
+    given = frame_report(replace(warped, confidence=None), RADIUS, shares, 2.5)
+    assert given.why == "its depth is given" and given.sure is None
+
+
+def test_the_error_made_is_what_the_mesh_misses() -> None:
+    depth = NEAR / 2 + 2 * np.exp(-((X - 60) ** 2 + (Y - 50) ** 2) / 900) + 0.4 * np.sin(X / 9)
+    warped = disc_and_wall(0.0, depth)
+    miss, allowed = mesh_error(warped, RADIUS)
+    rows, columns = warped.layers[0].hidden.shape
+    mesh = warped.plan.mesh
+    margin = (columns - SIZE[1]) // 2
+    # The same by the slow way, of the one surface that there is: vertices are pixels of the raster.
+    column, row = np.floor(mesh.xy + margin).astype(int).T
+    drawn = np.zeros((rows, columns))
+    drawn[row, column] = LENS.fx * mesh.inverse_depth
+    slow = np.abs(
+        interpolated(drawn, (row * columns + column)[mesh.triangles]) - np.pad(depth, margin, "edge")
+    )
+    assert miss.max() == pytest.approx(slow.max()) and miss.mean() == pytest.approx(slow.mean())
+    assert 0 < miss.mean() < miss.max() < 1.5 * AT_SILHOUETTES * allowed.max()
+    assert np.mean(miss <= allowed) > 0.95
+
+
+def test_where_nothing_is_coarse_there_is_no_error() -> None:
+    flat = disc_and_wall(FAR, np.full(SIZE, NEAR))
+    miss, _ = mesh_error(flat, RADIUS)
+    assert miss.max() < 1e-9
+
+
+def test_a_run_in_one_line() -> None:
+    report = frame_report(disc_and_wall(), RADIUS, np.zeros((*SIZE, 3), np.float32), 0.0)
+    used = [Used(n, "layers", "as asked") for n in range(1, 8)] + [
+        Used(n, "grid", "little is sure") for n in (8, 9, 12)
+    ]
+    text = summary(used, [replace(report, own=80.0, borrowed=15.0, inpainted=5.0)] * 3)
+    assert "7 frames drawn by layers: as asked" in text
+    assert "3 frames (8-9, 12) drawn by grid: little is sure" in text
+    assert "80.0 %" in text and "15.0 %" in text and "5.0 %" in text and "nothing" not in text
+    assert summary([]) == ""

@@ -1,0 +1,197 @@
+"""Focus, blur and aperture radius as the user sets them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+import pytest
+
+from addon.core.base.errors import UserError
+from addon.core.camera.reconstruction import Intrinsics
+from addon.core.lens.focus import Focus, blur_for_radius, radius_for_blur
+from addon.scene import lens
+from addon.scene.build import build
+from addon.scene.properties import lens_settings
+from addon.scene.shot import Shot
+
+from ..scenes import slanted_plane, slanted_shot
+from ..ui.test_ui import select
+
+LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
+PICKED = (3, 9, 30, 60)
+
+
+@pytest.fixture
+def shot(tmp_path: Path) -> Shot:
+    return slanted_shot(tmp_path / "clip", LENS, tuple(range(1, 6)))
+
+
+@pytest.fixture
+def settings(scene: bpy.types.Scene, shot: Shot) -> bpy.types.PropertyGroup:
+    return build(scene, shot.footage, shot.reconstruction)
+
+
+def radii(scene: bpy.types.Scene, shot: Shot) -> list[float]:
+    """The aperture's radius at every frame, as the engine reads it."""
+    found = []
+    for frame in shot.footage.frames:
+        scene.frame_set(frame)
+        evaluated = scene.evaluated_get(bpy.context.evaluated_depsgraph_get())
+        found.append(lens_settings(evaluated.virtual_aperture, shot.reconstruction).radius)
+    return found
+
+
+def depth(shot: Shot, frame: int) -> float:
+    return 1 / Focus(points=PICKED).inverse_depth(shot.reconstruction, frame)
+
+
+def test_blur_and_radius_are_each_others_inverse() -> None:
+    reconstruction, focus = slanted_plane(LENS), Focus(distance=6.0)
+    for blur in (0.001, 0.03, 0.2):
+        radius = radius_for_blur(reconstruction, focus, 2, blur)
+        assert blur_for_radius(reconstruction, focus, 2, radius) == pytest.approx(blur, rel=1e-12)
+
+
+def test_the_lens_stays_the_same_while_the_focus_is_pulled(scene, shot, settings) -> None:
+    scene.frame_set(1)
+    settings.focus_distance = 6.0
+    assert scene.keyframe_insert("virtual_aperture.focus_distance")
+    scene.frame_set(5)
+    settings.focus_distance = 12.0
+    assert scene.keyframe_insert("virtual_aperture.focus_distance")
+    scene.frame_set(1)
+    assert settings.focus_distance == pytest.approx(6.0)
+    expected = radius_for_blur(shot.reconstruction, Focus(distance=6.0), 1, 0.03)
+    assert radii(scene, shot) == [pytest.approx(expected, rel=1e-5)] * 5
+
+
+def test_picked_points_set_the_distance_that_can_be_keyed(scene, shot, settings) -> None:
+    lens.set_focus(settings, Focus(points=PICKED), 2)
+    assert settings.focus_distance == pytest.approx(depth(shot, 2))
+    assert lens.focus_of(settings).points == PICKED
+    scene.frame_set(2)
+    radius = settings.aperture_radius
+    assert settings.use_radius
+    assert radius == pytest.approx(radius_for_blur(shot.reconstruction, Focus(points=PICKED), 2, 0.03))
+    scene.keyframe_insert("virtual_aperture.focus_distance")
+    scene.frame_set(5)
+    settings.focus_distance = 11.0
+    scene.keyframe_insert("virtual_aperture.focus_distance")
+    # The points are kept, the distance is active.
+    assert settings.focus_by == "DISTANCE" and len(settings.focus_points) == 4
+    assert lens.focus_of(settings) == Focus(distance=11.0)
+    assert radii(scene, shot) == [pytest.approx(radius)] * 5
+    settings.focus_by = "POINTS"
+    assert lens.focus_of(settings).points == PICKED
+
+
+def test_a_pick_in_a_pull_is_the_next_key(scene, shot, settings) -> None:
+    lens.set_focus(settings, Focus(points=PICKED), 1)
+    scene.keyframe_insert("virtual_aperture.focus_distance", frame=1)
+    radius = settings.aperture_radius
+    scene.frame_set(5)
+    select(settings.points, (7, 11, 30))
+    assert bpy.ops.virtual_aperture.set_focus() == {"FINISHED"}
+    assert settings.focus_by == "DISTANCE" and len(settings.focus_points) == 3
+    there = 1 / Focus(points=(7, 11, 30)).inverse_depth(shot.reconstruction, 5)
+    scene.frame_set(1)
+    assert settings.focus_distance == pytest.approx(depth(shot, 1))
+    scene.frame_set(5)
+    assert settings.focus_distance == pytest.approx(there)
+    assert lens.focus_of(settings).distance == pytest.approx(there)
+    assert radii(scene, shot) == [pytest.approx(radius)] * 5
+
+
+def test_a_first_distance_is_dragged_with_the_blur_kept(scene, shot, settings) -> None:
+    for distance in (0.1, 1.0, 5.0, 6.5):
+        settings.focus_distance = distance
+    assert settings.blur == pytest.approx(0.03)
+    expected = radius_for_blur(shot.reconstruction, Focus(distance=6.5), 1, 0.03)
+    assert settings.aperture_radius == pytest.approx(expected, rel=1e-5)
+    # From then on the lens is what it is.
+    settings.aperture_radius = 0.2
+    settings.focus_distance = 9.0
+    assert settings.aperture_radius == pytest.approx(0.2)
+    expected = blur_for_radius(shot.reconstruction, Focus(distance=9.0), 1, 0.2)
+    assert settings.blur == pytest.approx(expected, rel=1e-5)
+
+
+def test_blur_sets_the_radius_and_the_radius_shows_its_blur(scene, shot, settings) -> None:
+    lens.set_focus(settings, Focus(points=PICKED), 1)
+    scene.frame_set(3)
+    settings.blur = 0.05
+    expected = radius_for_blur(shot.reconstruction, Focus(points=PICKED), 3, 0.05)
+    assert settings.aperture_radius == pytest.approx(expected, rel=1e-5)
+    assert settings.blur == pytest.approx(0.05)
+    settings.aperture_radius = 0.1
+    expected = blur_for_radius(shot.reconstruction, Focus(points=PICKED), 3, 0.1)
+    assert settings.blur == pytest.approx(expected, rel=1e-5)
+    assert settings.aperture_radius == pytest.approx(0.1)
+    # Another pick looks through the same lens.
+    lens.set_focus(settings, Focus(points=(7, 8)), 2)
+    assert settings.aperture_radius == pytest.approx(0.1)
+    expected = blur_for_radius(shot.reconstruction, Focus(points=(7, 8)), 2, 0.1)
+    assert settings.blur == pytest.approx(expected, rel=1e-5)
+
+
+def test_the_blur_waits_for_a_focus(settings, shot) -> None:
+    settings.blur = 0.06
+    assert not settings.use_radius
+    lens.set_focus(settings, Focus(points=PICKED), 1)
+    expected = radius_for_blur(shot.reconstruction, Focus(points=PICKED), 1, 0.06)
+    assert settings.aperture_radius == pytest.approx(expected, rel=1e-5)
+
+
+def test_files_without_a_radius_render_as_before(scene, shot, settings) -> None:
+    with lens.writing():
+        settings.focus_distance = 6.0
+        settings.blur = 0.04
+    expected = radius_for_blur(shot.reconstruction, Focus(distance=6.0), 1, 0.04)
+    assert radii(scene, shot) == [pytest.approx(expected, rel=1e-5)] * 5
+    # Whatever was keyed there counts, too.
+    scene.keyframe_insert("virtual_aperture.blur", frame=1)
+    with lens.writing():
+        settings.blur = 0.08
+    scene.keyframe_insert("virtual_aperture.blur", frame=5)
+    found = radii(scene, shot)
+    assert found[0] == pytest.approx(expected, rel=1e-5)
+    assert found[4] == pytest.approx(2 * expected, rel=1e-5)
+
+
+def test_clearing_leaves_the_focus_at_its_distance(scene, shot, settings) -> None:
+    with pytest.raises(RuntimeError, match="No points are picked"):
+        bpy.ops.virtual_aperture.clear_focus()
+    lens.set_focus(settings, Focus(points=PICKED), 1)
+    radius = settings.aperture_radius
+    assert bpy.ops.virtual_aperture.clear_focus() == {"FINISHED"}
+    assert len(settings.focus_points) == 0 and settings.focus_by == "DISTANCE"
+    assert lens.focus_of(settings).distance == pytest.approx(depth(shot, 1))
+    assert settings.aperture_radius == radius
+    settings.focus_distance = 0.0
+    assert not lens.is_in_focus(settings)
+    with pytest.raises(UserError, match="nothing is in focus"):
+        lens.focus_of(settings).inverse_depth(shot.reconstruction, 1)
+
+
+def test_a_new_solve_starts_from_the_blur(scene, shot, settings) -> None:
+    lens.set_focus(settings, Focus(points=PICKED), 1)
+    settings.aperture_radius = 5.0
+    build(scene, shot.footage, shot.reconstruction)
+    assert not settings.use_radius and settings.focus_by == "POINTS"
+    assert not lens.is_in_focus(settings)
+
+
+def test_automatic_views_are_no_views(settings) -> None:
+    assert settings.views == 0 and settings.use_auto_views
+    settings.use_auto_views = False
+    assert settings.views == 64
+    settings.views = 30
+    settings.use_auto_views = True
+    assert settings.views == 0
+    lens.set_focus(settings, Focus(points=PICKED), 1)
+    settings.blur = 0.1
+    shown = len(settings.aperture.data.vertices)
+    settings.use_auto_views = False
+    # What they were until now.
+    assert settings.views == shown > 16

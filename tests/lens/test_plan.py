@@ -1,0 +1,231 @@
+"""The geometry of views: limit cases, invariances, round trips."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from addon.core.base.errors import UserError
+from addon.core.camera.canvas import Canvas
+from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
+from addon.core.depth.sparse import frame_features
+from addon.core.lens.aperture_sampling import random_disc, views_needed, vogel_disc
+from addon.core.lens.focus import Focus, pick, radius_for_blur
+from addon.core.lens.plan import LensSettings, plan_frame
+from addon.core.warp.mesh import delaunay
+
+from ..scenes import slanted_plane, texture
+
+LENS = Intrinsics(320, 180, 270.0, 270.0, 160.0, 90.0)
+SIZE = (320, 180)
+
+
+def scaled(rec: Reconstruction, factor: float) -> Reconstruction:
+    images = tuple(replace(i, translation=i.translation * factor) for i in rec.images)
+    return replace(rec, images=images, points=replace(rec.points, xyz=rec.points.xyz * factor))
+
+
+@pytest.mark.parametrize("method", ["features", "thesis"])
+@pytest.mark.parametrize("factor", [1e-6, 1e6])
+def test_the_picture_does_not_depend_on_the_scenes_scale(method: str, factor: float) -> None:
+    rec = slanted_plane(LENS)
+    focus = Focus(points=(3, 20, 50, 70))
+    lens = LensSettings(focus, radius_for_blur(rec, focus, 1, 0.04), 24, method)
+    big = scaled(rec, factor)
+    lens_big = replace(lens, radius=radius_for_blur(big, focus, 1, 0.04))
+    a, b = plan_frame(rec, 1, lens, SIZE), plan_frame(big, 1, lens_big, SIZE)
+    shift_a = a.displace(a.mesh.xy, a.mesh.inverse_depth)
+    shift_b = b.displace(b.mesh.xy, b.mesh.inverse_depth)
+    assert np.abs(shift_a - shift_b).max() < 1e-6
+    assert lens_big.radius == pytest.approx(factor * lens.radius, rel=1e-9)
+
+
+def test_displacement_is_a_projection_from_a_moved_camera() -> None:
+    """Against a projection written out in three dimensions, without inverse depths."""
+    rec = slanted_plane(LENS)
+    plan = plan_frame(rec, 2, LensSettings(Focus(distance=8.0), 0.3, 16), SIZE)
+    features = frame_features(rec, 2, plan.canvas)
+    image, _ = rec.image_at(2)
+    local = image.to_camera(rec.points.xyz[features.points])
+    on_plane = np.column_stack([(features.observed - [160, 90]) / 270 * 8.0, np.full(len(local), 8.0)])
+    for view, offset in enumerate(plan.offsets):
+        eye = np.append(offset, 0.0)
+        seen = LENS.project(local - eye)
+        # Where the focal plane's point at the same pixel went is where registration brings it back from.
+        slip = LENS.project(on_plane - eye) - features.observed
+        expected = seen - slip
+        got = plan.displace(features.observed, features.inverse_depth)[view]
+        assert np.abs(got - expected).max() < 1e-6
+
+
+def test_blur_is_the_disc_of_the_farthest_background() -> None:
+    rec = slanted_plane(LENS)
+    focus = Focus(points=(5, 6, 7, 8))
+    for blur in (0.01, 0.05):
+        radius = radius_for_blur(rec, focus, 1, blur)
+        features = frame_features(rec, 1, Canvas(LENS))
+        contrast = np.abs(features.inverse_depth - focus.inverse_depth(rec, 1))
+        discs = 2 * radius * LENS.fx * contrast / LENS.width
+        far = features.inverse_depth < np.percentile(features.inverse_depth, 4)
+        near = features.inverse_depth > np.percentile(features.inverse_depth, 96)
+        assert min(abs(np.median(discs[far]) - blur), abs(np.median(discs[near]) - blur)) < 0.05 * blur
+
+
+def test_features_in_focus_do_not_move_and_unpinned_corners_do() -> None:
+    rec = slanted_plane(LENS)
+    plan = plan_frame(rec, 1, LensSettings(Focus(distance=7.0), 0.4, 32), SIZE)
+    moved = plan.displace(plan.mesh.xy, plan.mesh.inverse_depth) - plan.mesh.xy
+    disc = 2 * 0.4 * 270 * np.abs(plan.mesh.inverse_depth - 1 / 7.0)
+    length = np.linalg.norm(moved, axis=2).max(axis=0)
+    assert np.all(length[disc < 1e-9] < 1e-9)
+    assert np.allclose(length, disc / 2, atol=0.02 * disc.max())
+    outside = (plan.mesh.xy[:, 0] < 0) | (plan.mesh.xy[:, 0] > 320)
+    assert outside.any() and length[outside].min() > 1.0
+
+
+def test_the_thesis_pins_corners_before_registration() -> None:
+    rec = slanted_plane(LENS)
+    plan = plan_frame(rec, 1, LensSettings(Focus(points=(1, 2, 3, 4)), 0.3, 8, "thesis", 5), SIZE)
+    corners = plan.mesh.xy[-4:]
+    assert {tuple(c) for c in corners} == {(0, 0), (320, 0), (0, 180), (320, 180)}
+    placed = plan.displace(corners, plan.mesh.inverse_depth[-4:])
+    expected = (
+        np.einsum("nij,vj->nvi", plan.registration[:, :, :2], corners) + plan.registration[:, None, :, 2]
+    )
+    assert np.allclose(placed, expected)
+
+
+def test_the_thesis_registration_is_the_least_squares_one() -> None:
+    rec = slanted_plane(LENS)
+    focus = Focus(points=(1, 40, 80, 120))
+    plan = plan_frame(rec, 1, LensSettings(focus, 0.3, 8, "thesis", 5), SIZE)
+    features = frame_features(rec, 1, plan.canvas)
+    at = np.isin(features.points, focus.points)
+    start, inverse = features.observed[at], features.inverse_depth[at]
+
+    def error(registration: np.ndarray) -> np.ndarray:
+        other = replace(plan, registration=registration)
+        return ((other.displace(features.projected[at], inverse) - start) ** 2).sum(axis=(1, 2))
+
+    best = error(plan.registration)
+    for change in ((0, 0, 2, 0.01), (1, 1, 2, 0.01), (0, 0, 0, 1e-4)):
+        row, row2, column, step = change
+        for sign in (1, -1):
+            other = plan.registration.copy()
+            other[:, row, column] += sign * step
+            if column < 2:
+                other[:, 1, 1] = other[:, 0, 0]
+            assert np.all(error(other) >= best - 1e-12), row2
+
+
+def test_discs_are_filled_evenly() -> None:
+    for points in (vogel_disc(256), random_disc(4096, 1)):
+        assert np.linalg.norm(points, axis=1).max() <= 1.01
+        assert np.abs(points.mean(axis=0)).max() < 0.03
+        assert (points**2).sum(axis=1).mean() == pytest.approx(0.5, abs=0.02)
+    assert np.array_equal(random_disc(9, 4), random_disc(9, 4))
+    assert not np.array_equal(random_disc(9, 4), random_disc(9, 5))
+    assert views_needed(0) <= views_needed(16) <= views_needed(64)
+
+
+def test_delaunay_covers_the_hull_with_empty_circles() -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        inner = rng.uniform(1, 99, (rng.integers(3, 60), 2))
+        xy = np.concatenate([inner, [[-7, -7], [107, -7], [-7, 107], [107, 107]]])
+        triangles = delaunay(xy)
+        a, b, c = (xy[triangles[:, i]] for i in range(3))
+        area = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
+        assert np.abs(area).sum() / 2 == pytest.approx(114**2, rel=1e-6)
+        # Circumcircles hold no other point, to the subdivision's float32.
+        d = 2 * area
+        sq = (xy**2).sum(axis=1)
+        sa, sb, sc = (sq[triangles[:, i]] for i in range(3))
+        ux = (sa * (b - c)[:, 1] + sb * (c - a)[:, 1] + sc * (a - b)[:, 1]) / d
+        uy = -(sa * (b - c)[:, 0] + sb * (c - a)[:, 0] + sc * (a - b)[:, 0]) / d
+        centre = np.stack([ux, uy], axis=1)
+        radius = np.linalg.norm(centre - a, axis=1)
+        distance = np.linalg.norm(xy[None] - centre[:, None], axis=2)
+        assert np.all(distance.min(axis=1) >= radius * (1 - 1e-4))
+
+
+def test_canvas_round_trip_under_distortion() -> None:
+    for k1 in (-0.12, 0.08):
+        lens = replace(LENS, k1=k1, p1=0.001)
+        canvas = Canvas(lens)
+        picture = np.ones((180, 320, 4), np.float32)
+        picture[..., :3] = texture(320, 180, seed=2) / 255
+        smooth = picture.copy()
+        for _ in range(3):
+            smooth[1:-1, 1:-1] = (
+                smooth[:-2, 1:-1] + smooth[2:, 1:-1] + smooth[1:-1, :-2] + smooth[1:-1, 2:]
+            ) / 4
+        back = canvas.to_source(canvas.from_source(smooth))
+        assert back.shape == smooth.shape
+        assert np.abs(back - smooth)[4:-4, 4:-4].mean() < 0.004
+        corners = np.array([[0.0, 0.0], [320, 180], [0, 180], [320, 0]])
+        inside = canvas.features_from_source(corners)
+        assert np.all(inside >= -1e-6) and np.all(inside <= [canvas.pinhole.width, canvas.pinhole.height])
+
+
+def test_picking_takes_four_points_of_one_depth() -> None:
+    rng = np.random.default_rng(1)
+    xy = np.concatenate(
+        [rng.uniform([140, 70], [160, 110], (6, 2)), rng.uniform([162, 70], [300, 110], (30, 2))]
+    )
+    depth = np.concatenate([np.full(6, 3.0), np.full(30, 9.0)])
+    xyz = np.column_stack([(xy - [160, 90]) / 270, np.ones(36)]) * depth[:, None]
+    image = Image(7, np.eye(3), np.zeros(3), xy, np.arange(36, dtype=np.int32))
+    rec = Reconstruction((LENS,), (image,), Points(xyz, np.zeros((36, 3), np.uint8), np.zeros(36)))
+    focus = pick(rec, 7, 150 / 320, 90 / 180)
+    assert len(focus.points) == 4 and max(focus.points) < 6
+    assert focus.inverse_depth(rec, 7) == pytest.approx(1 / 3)
+
+
+def test_picking_on_a_slope_focuses_where_it_was_clicked() -> None:
+    rng = np.random.default_rng(2)
+    xy = rng.uniform([10, 10], [310, 170], (700, 2))
+    # A floor; what the features say is a little noisy, and a few of them are wrong.
+    inverse = (xy[:, 1] - 5) / 500
+    noisy = inverse * rng.normal(1, 0.002, 700)
+    noisy[::15] *= 1.5
+    xyz = np.column_stack([(xy - [160, 90]) / 270, np.ones(700)]) / noisy[:, None]
+    image = Image(7, np.eye(3), np.zeros(3), xy, np.arange(700, dtype=np.int32))
+    rec = Reconstruction((LENS,), (image,), Points(xyz, np.zeros((700, 3), np.uint8), np.zeros(700)))
+    clicks = rng.uniform([30, 30], [290, 150], (60, 2))
+    focus = [pick(rec, 7, x / 320, y / 180).inverse_depth(rec, 7) for x, y in clicks]
+    rows_off = np.abs(np.array(focus) * 500 + 5 - clicks[:, 1])
+    nearest = [np.argsort(np.linalg.norm(xy - click, axis=1))[:4] for click in clicks]
+    plain = np.abs(noisy[nearest].mean(axis=1) * 500 + 5 - clicks[:, 1])
+    assert np.median(rows_off) < 0.6 * np.median(plain)
+    assert rows_off.max() < 0.5 * plain.max()
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"radius": 0.0}, "aperture radius is 0; it must be greater than zero"),
+        ({"radius": -1.0}, "aperture radius is -1"),
+        ({"radius": float("nan")}, "aperture radius is nan"),
+        ({"views": -1}, "number of views is -1"),
+        ({"method": "magic"}, "no method 'magic'"),
+        ({"focus": Focus(distance=-2.0)}, "focus distance is -2"),
+        ({"focus": Focus()}, "nothing is in focus"),
+        ({"focus": Focus(points=(1, 999))}, "no focus point 999"),
+        ({"method": "thesis", "focus": Focus(distance=8.0)}, "at least two focus points"),
+    ],
+)
+def test_settings_that_mean_nothing_are_refused(change: dict, message: str) -> None:
+    lens = replace(LensSettings(Focus(distance=8.0), 0.1, 8), **change)
+    with pytest.raises(UserError, match=message):
+        plan_frame(slanted_plane(LENS), 1, lens, SIZE)
+
+
+def test_an_unregistered_frame_gets_a_camera_between_its_neighbours() -> None:
+    rec = slanted_plane(LENS, frames=(1, 5))
+    plan = plan_frame(rec, 3, LensSettings(Focus(distance=8.0), 0.1, 8), SIZE)
+    assert plan.carried and len(plan.mesh.triangles) > 50
+    middle, _ = rec.image_at(3)
+    assert np.allclose(middle.centre, (rec.images[0].centre + rec.images[1].centre) / 2)

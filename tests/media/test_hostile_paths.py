@@ -1,0 +1,232 @@
+"""Names, places and shapes that nobody expects: used as they are, or refused in one readable line."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from pathlib import Path
+
+import bpy
+import cv2
+import numpy as np
+import pytest
+
+from addon.cli.main import run_command
+from addon.core.base.errors import UserError
+from addon.core.camera.reconstruction import Intrinsics
+from addon.core.depth.user_maps import open_depth
+from addon.core.media.clip import open_footage
+from addon.core.media.find_clip import clip_exists
+from addon.core.media.masks import open_masks
+from addon.core.sfm.staging import Staging
+from addon.core.sfm.workspace import load_solve
+from addon.render import output
+from addon.scene import shot
+from addon.scene.build import build
+from addon.ui.choose_clip import clip_of
+
+from ..render.test_output import LENS, listed
+from ..scenes import slanted_plane, write_frames
+from .test_stale_inputs import LENS_OPTIONS, keep, run, video
+
+FOREIGN = os.fsdecode(b"na\xefve")
+"""A name in Latin-1."""
+
+
+@pytest.mark.parametrize("name", ["take #3.mp4", "100%d.mp4", "{a} ###.mp4", "'quoted' \"x\" $HOME;.mp4"])
+def test_videos_by_any_name(
+    tmp_path: Path, scene: bpy.types.Scene, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    clip, work = video(tmp_path / name), tmp_path / "work"
+    assert open_footage(clip).is_video and clip_exists(clip) and clip_of(clip) == clip
+    keep(clip, work)
+    assert load_solve(work).footage == clip
+    assert run("render", work, *LENS_OPTIONS, "--frames", "2", "--out", tmp_path / "o" / "####.png") == 0
+    assert list(listed(tmp_path / "o")) == ["0002.png"]
+    assert run("save", work, "--blend", tmp_path / "send" / "a.blend") == 0
+    assert sorted(listed(tmp_path / "send")) == sorted(["a.blend", name])
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "send" / "a.blend"))
+    assert shot.shot_of(bpy.context.scene).footage.path == tmp_path / "send" / name
+    shot.forget()
+
+
+def test_sequences_by_any_name(tmp_path: Path) -> None:
+    folder = write_frames(tmp_path / "take #3 %d", LENS)
+    assert open_footage(folder).frames == (1, 2, 3)
+    for path in sorted(folder.iterdir()):
+        path.rename(folder / path.name.replace("clip", "{a} #3 100%d"))
+    for name in ("{a} #3 100%d_####.png", "{a} #3 100%d_%04d.png"):
+        assert open_footage(folder / name).frames == (1, 2, 3)
+    chosen = clip_of(folder / "{a} #3 100%d_0002.png")
+    assert open_footage(chosen).frames == (1, 2, 3)
+    assert open_masks(folder / "{a} #3 100%d_0002.png", open_footage(folder)).frames == (1, 2, 3)
+    # Where all places are numbers, they are.
+    (tmp_path / "shots").mkdir()
+    for number in (1, 2):
+        shutil.copy(folder / "{a} #3 100%d_0001.png", tmp_path / "shots" / f"s7_{number:03d}.png")
+    assert open_footage(tmp_path / "shots" / "s#_###.png").frames == (1, 2)
+    with pytest.raises(UserError, match="has no images"):
+        open_footage(tmp_path / "shots" / "t#_###.png")
+
+
+def test_two_slashes_in_front(tmp_path: Path, scene: bpy.types.Scene) -> None:
+    clip, work = write_frames(tmp_path / "clip", LENS), tmp_path / "work"
+    model = tmp_path / "model"
+    keep(clip, work)
+    assert run("export", f"/{work}", "--model", f"//{model}") == 0
+    assert run("import", f"/{model}", "--footage", f"/{clip}", "--work", f"/{tmp_path}/again") == 0
+    assert load_solve(tmp_path / "again").footage == clip
+    out = tmp_path / "o" / "####.png"
+    assert (
+        run("render", f"/{work}", *LENS_OPTIONS, "--frames", 1, "--mask", f"/{clip}", "--out", f"/{out}") == 0
+    )
+    assert list(listed(out.parent)) == ["0001.png"]
+    assert run("save", f"/{work}", "--blend", f"/{tmp_path}/send/a.blend") == 0
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "send" / "a.blend"))
+    assert shot.shot_of(bpy.context.scene).footage.path == tmp_path / "send" / "clip_frames"
+
+
+def test_names_that_are_not_utf8_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    clip, work = write_frames(tmp_path / "clip", LENS), tmp_path / "work"
+    keep(clip, work)
+    bad = tmp_path / FOREIGN
+    shutil.copytree(clip, bad)
+    keys = ("render", work, *LENS_OPTIONS)
+    for command in (
+        ("solve", bad, "--work", tmp_path / "w"),
+        ("solve", clip, "--work", bad / "w"),
+        ("run", bad / "clip_####.png", *LENS_OPTIONS, "--out", tmp_path / "o.mp4"),
+        (*keys, "--out", bad / "####.png"),
+        (*keys, "--out", tmp_path / f"{FOREIGN}.mp4"),
+        (*keys, "--out", tmp_path / "o.mp4", "--mask", bad),
+        (*keys, "--out", tmp_path / "o.mp4", "--depth", bad / "clip_####.png"),
+        (*keys, "--out", tmp_path / "o.mp4", "--report", tmp_path / f"{FOREIGN}.json"),
+        ("save", work, "--blend", bad / "a.blend"),
+    ):
+        assert run(*command) == 1
+        said = capsys.readouterr().err
+        assert "(not UTF-8)" in said and r"na\xefve" in said and len(said.splitlines()) == 1
+    assert sorted(listed(bad)) == [f"clip_000{n}.png" for n in (1, 2, 3)]
+    # Wherever they come from.
+    footage = open_footage(clip)
+    for call in (open_footage, lambda p: open_masks(p, footage), lambda p: open_depth(p, footage)):
+        with pytest.raises(UserError, match="not UTF-8"):
+            call(bad)
+    for make in (Staging, load_solve, lambda p: output.check_output(p / "o.mp4", False)):
+        with pytest.raises(UserError, match="not UTF-8"):
+            make(bad / "w")
+    shutil.copy(clip / "clip_0001.png", clip / f"{FOREIGN}_0004.png")
+    with pytest.raises(UserError, match="not UTF-8"):
+        open_footage(clip)
+
+
+def test_a_folder_that_is_not_utf8_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / FOREIGN).mkdir()
+    video(tmp_path / "clip.mp4").rename(tmp_path / FOREIGN / "clip.mp4")
+    monkeypatch.chdir(tmp_path / FOREIGN)
+    assert run("solve", "clip.mp4", "--work", "w") == 1
+    assert "(not UTF-8)" in capsys.readouterr().err
+
+
+def test_nothing_is_written_over_its_source(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], scene: bpy.types.Scene
+) -> None:
+    film, filmed = video(tmp_path / "film.mp4"), tmp_path / "film.aperture"
+    frames, work = write_frames(tmp_path / "x.mp4.frames", LENS), tmp_path / "work"
+    masks, depth = (write_frames(tmp_path / name, LENS) for name in ("masks", "depth"))
+    keep(film, filmed)
+    keep(frames, work)
+    os.link(film, tmp_path / "linked.mp4")
+    (tmp_path / "way").symlink_to(frames, target_is_directory=True)
+    before = {folder: listed(folder) for folder in (frames, masks, depth)} | {film: film.read_bytes()}
+    beside = ("--mask", masks / "clip_0001.png", "--depth", depth)
+    for command in (
+        ("render", filmed, "--out", film),
+        ("render", filmed, "--out", tmp_path / "linked.mp4"),
+        ("run", film, "--work", filmed, "--out", film),
+        ("render", work, "--out", frames / "clip_####.png"),
+        ("render", work, "--out", tmp_path / "way" / "new_####.png"),
+        ("render", work, "--out", tmp_path / "x.mp4"),
+        ("render", work, *beside, "--out", masks / "clip_####.png"),
+        ("render", work, *beside, "--out", depth / "clip_####.png"),
+        ("inspect", work, "--frame", 1, "--out", frames),
+    ):
+        assert run(*command, *LENS_OPTIONS, "--overwrite") == 1, command
+        assert "is a source that the frames are made from" in capsys.readouterr().err
+    assert before == {folder: listed(folder) for folder in (frames, masks, depth)} | {film: film.read_bytes()}
+    # A movie beside the pictures is none of them.
+    output.check_apart([frames / "o.mp4", frames / "o.mp4.frames"], [frames, masks])
+
+
+@pytest.mark.parametrize("size", [(4000, 2), (2, 4000), (1, 50), (50, 1), (1, 1), (2, 2), (4000, 30)])
+def test_pictures_of_absurd_shapes_end_in_a_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], size: tuple[int, int]
+) -> None:
+    folder = tmp_path / "clip"
+    folder.mkdir()
+    noise = np.random.default_rng(0).integers(0, 255, (size[1], size[0] + 20, 3), np.uint8)
+    for frame in range(1, 6):
+        cv2.imwrite(str(folder / f"a_{frame}.png"), noise[:, 3 * frame : 3 * frame + size[0]])
+    assert run_command(["solve", str(folder), "--work", str(tmp_path / "work")]) == 1
+    said = capsys.readouterr().err
+    assert f"is {size[0]}x{size[1]} pixels; features cannot be followed" in said
+    assert len(said.splitlines()) == 1 and not (tmp_path / "work").exists()
+
+
+@pytest.mark.parametrize("size", [(4000, 2), (2, 4000), (1, 1)])
+def test_pictures_that_blender_cannot_render_are_refused(
+    tmp_path: Path, scene: bpy.types.Scene, size: tuple[int, int]
+) -> None:
+    lens = Intrinsics(*size, 100.0, 100.0, size[0] / 2, size[1] / 2)
+    footage = open_footage(write_frames(tmp_path / "clip", lens))
+    with pytest.raises(UserError, match="Blender renders no picture with a side of fewer than 4"):
+        build(scene, footage, slanted_plane(lens))
+
+
+def test_a_grid_over_a_tower_is_no_endless_one(tmp_path: Path, scene: bpy.types.Scene) -> None:
+    lens = Intrinsics(16, 3000, 2500.0, 2500.0, 8.0, 1500.0)
+    clip, work = write_frames(tmp_path / "clip", lens), tmp_path / "work"
+    keep(clip, work, lens)
+    options = [*LENS_OPTIONS[:-3], "grid", "--views", 4]
+    assert run("render", work, *options, "--frames", 1, "--out", tmp_path / "o" / "####.png") == 0
+
+
+def test_masks_and_depth_maps_that_cannot_be_read_are_named(tmp_path: Path) -> None:
+    clip = open_footage(write_frames(tmp_path / "clip", LENS))
+    masks = open_masks(write_frames(tmp_path / "masks", LENS), clip)
+    (tmp_path / "depth").mkdir()
+    for frame in (1, 2, 3):
+        ramp = np.linspace(1, 60_000, LENS.width * LENS.height).reshape(LENS.height, LENS.width)
+        cv2.imwrite(str(tmp_path / "depth" / f"d_{frame}.png"), ramp.astype(np.uint16))
+    depth = open_depth(tmp_path / "depth", clip)
+    for path, kind, read in (
+        (tmp_path / "masks" / "clip_0002.png", "masks", masks.at),
+        (tmp_path / "depth" / "d_2.png", "depth maps", depth.read),
+    ):
+        path.unlink()
+        for damage, said in (
+            (lambda: None, "cannot be read: No such file or directory"),
+            (lambda p=path: p.mkdir(), "cannot be read: Is a directory"),
+            (
+                lambda p=path: (p.rmdir(), p.symlink_to(p)),
+                "cannot be read: Too many levels of symbolic links",
+            ),
+            (lambda p=path: (p.unlink(), p.write_bytes(b"")), r"is empty \(0 bytes\)"),
+            (lambda p=path: p.write_bytes(b"\x89PNG broken"), "cannot be decoded"),
+        ):
+            damage()
+            with pytest.raises(UserError, match=rf"{kind}: .*{path.name} {said}"):
+                read(2)
+
+
+def test_gray_with_alpha_is_a_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    clip = write_frames(tmp_path / "clip", LENS)
+    gray = np.dstack([np.full((90, 160), 77, np.uint8), np.full((90, 160), 200, np.uint8)])
+    monkeypatch.setattr(cv2, "imdecode", lambda *_: gray)
+    picture = open_footage(clip).read(1)
+    assert picture.shape == (90, 160, 4) and picture[0, 0].tolist() == [77, 77, 77, 200]
+    monkeypatch.setattr(cv2, "imdecode", lambda *_: np.zeros((90, 160, 5), np.uint8))
+    with pytest.raises(UserError, match="cannot be decoded"):
+        open_footage(clip)

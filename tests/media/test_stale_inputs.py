@@ -1,0 +1,439 @@
+"""Inputs that were exchanged, altered or damaged, and two who write the same: told, never taken silently."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import bpy
+import cv2
+import numpy as np
+import pytest
+
+from addon.cli.main import run_command
+from addon.core.base import atomic, digest, folder_lock
+from addon.core.base.errors import Remedy, UserError
+from addon.core.camera.reconstruction import Intrinsics
+from addon.core.media import clip_identity
+from addon.core.media.clip import open_footage
+from addon.core.media.clip_identity import identity, is_same_clip
+from addon.core.media.find_clip import is_clip
+from addon.core.readers.colmap_export import write_model
+from addon.core.readers.matching import Imported
+from addon.core.sfm.process import SolveProcess
+from addon.core.sfm.staging import Staging
+from addon.core.sfm.workspace import check_replaceable, is_solved, keep_import, load_solve
+from addon.render import engine, frame_files, output
+
+from .. import planes
+from ..render.test_output import FRAMES, LENS, listed, ready, rendered
+from ..scenes import slanted_plane, texture, write_frames
+
+__all__ = ["ready"]
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def exchange(path: Path) -> None:
+    """Other contents of the same size and time under the same name."""
+    told, data = path.stat(), bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 0xFF
+    path.write_bytes(data)
+    os.utime(path, ns=(told.st_atime_ns, told.st_mtime_ns))
+
+
+def video(path: Path, seed: int = 0) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), 24, (LENS.width, LENS.height))
+    for number in range(3):
+        writer.write(np.roll(texture(LENS.width, LENS.height, seed), number, axis=1))
+    writer.release()
+    return path
+
+
+def keep(clip: Path, work: Path, lens: Intrinsics = LENS) -> None:
+    keep_import(Imported(slanted_plane(lens), "COLMAP text", ()), open_footage(clip), work)
+
+
+def run(*arguments: object) -> int:
+    return run_command([str(argument) for argument in arguments])
+
+
+LENS_OPTIONS = ("--focus-point", 3, 9, 30, "--method", "features", "--views", 4)
+
+
+@pytest.mark.parametrize("kind", ["video", "frames"])
+def test_an_exchanged_clip_is_refused_by_every_command(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], scene: bpy.types.Scene, kind: str
+) -> None:
+    clip, work = tmp_path / f"clip{'.mp4' if kind == 'video' else ''}", tmp_path / "work"
+    if kind == "video":
+        video(clip)
+        changed = clip
+    else:
+        write_frames(clip, LENS)
+        changed = clip / "clip_0002.png"
+    keep(clip, work)
+    good = changed.read_bytes()
+    exchange(changed)
+    for command in (
+        ("render", work, *LENS_OPTIONS, "--out", tmp_path / "o" / "####.png"),
+        ("inspect", work, "--frame", 1, *LENS_OPTIONS, "--out", tmp_path / "i"),
+        ("save", work, "--blend", tmp_path / "s" / "a.blend"),
+    ):
+        assert run(*command) == 1
+        said = capsys.readouterr().err
+        assert f"the clip {clip} is not the one that was solved" in said and "--again" in said
+    assert sorted(p.name for p in tmp_path.iterdir()) == sorted([clip.name, "work"])
+    with pytest.raises(UserError, match="is not the clip any more that was solved") as told:
+        is_solved(work, open_footage(clip), {})
+    assert Remedy.AGAIN in told.value.remedies
+    check_replaceable(work, open_footage(clip))
+    changed.write_bytes(good)
+    assert load_solve(work).footage == clip
+
+
+def test_the_projects_own_copy_wins_if_it_is_the_one(tmp_path: Path) -> None:
+    first = tmp_path / "first"
+    keep(video(first / "clip.mp4"), first / "work")
+    second = Path(shutil.copytree(first, tmp_path / "second"))
+    assert load_solve(second / "work").footage == second / "clip.mp4"
+    video(second / "clip.mp4", 1)
+    assert load_solve(second / "work").footage == first / "clip.mp4"
+    third = Path(shutil.copy(first / "clip.mp4", tmp_path / "third.mp4"))
+    assert load_solve(second / "work", third).footage == third
+    (first / "clip.mp4").unlink()
+    with pytest.raises(UserError, match=r"second/clip\.mp4 is not the one that was solved"):
+        load_solve(second / "work")
+
+
+def test_identities_of_older_solves_are_known(tmp_path: Path) -> None:
+    for clip in (video(tmp_path / "clip.mp4"), write_frames(tmp_path / "frames", LENS)):
+        old = clip_identity._identity(clip, is_old=True)
+        assert len(old) == 64 and is_same_clip(clip, old) and is_same_clip(clip, identity(clip))
+    # The old way saw the names and sizes of a sequence; the new one sees what is in it.
+    frames = tmp_path / "frames"
+    old, new = clip_identity._identity(frames, is_old=True), identity(frames)
+    exchange(frames / "clip_0003.png")
+    assert is_clip(frames, old) and not is_clip(frames, new)
+    assert identity(frames / "clip_####.png") == identity(frames)
+
+
+def test_many_large_pictures_are_sampled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    paths = [tmp_path / f"{n}.exr" for n in range(3)]
+    for path in paths:
+        path.write_bytes(os.urandom(100_000))
+    monkeypatch.setattr(digest, "MANY", 200_000)
+    read = []
+    before = digest._digest
+    monkeypatch.setattr(digest, "_digest", lambda *told: read.append(told[3] * told[4]) or before(*told))
+    one = digest.pictures_digest(paths)
+    assert sum(read) < 250_000 and digest.pictures_digest(paths) == one
+    with paths[1].open("r+b") as file:
+        file.seek(-1, os.SEEK_END)
+        file.write(b"\0\0")
+    assert digest.pictures_digest(paths) != one
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "is damaged .it is empty"),
+        ("{", "is damaged .it is no JSON"),
+        ("[" * 100_000, "is damaged .it is no JSON"),
+        ('{"version": 1}', "is damaged .it lacks footage"),
+        ('{"version": "1"}', "is damaged .it lacks a version"),
+        ('{"version": 99}', "made with a newer Virtual Aperture"),
+    ],
+)
+def test_a_damaged_state_is_told_and_replaced(tmp_path: Path, text: str, said: str) -> None:
+    clip, work = write_frames(tmp_path / "frames", LENS), tmp_path / "work"
+    keep(clip, work)
+    (work / "solve.json").write_text(text)
+    calls: tuple[Callable[[], object], ...] = (
+        lambda: load_solve(work),
+        lambda: SolveProcess(clip, work),
+        lambda: is_solved(work, open_footage(clip), {}),
+    )
+    for call in calls:
+        with pytest.raises(UserError, match=said) as told:
+            call()
+        assert str(work / "solve.json") in str(told.value) and Remedy.AGAIN in told.value.remedies
+    process = SolveProcess(clip, work, again=True)
+    assert not process.finished
+    process.cancel()
+    keep(clip, work)
+    assert len(load_solve(work).frames) == 3
+
+
+def test_a_damaged_report_is_told(tmp_path: Path) -> None:
+    clip, work = write_frames(tmp_path / "frames", LENS), tmp_path / "work"
+    keep(clip, work)
+    state = json.loads((work / "solve.json").read_text())
+    (work / "solve.json").write_text(json.dumps(state | {"report": {"explained": "all"}}))
+    with pytest.raises(UserError, match=r"the report in .*solve\.json is damaged"):
+        _ = load_solve(work).summary
+
+
+def test_an_altered_model_is_told(tmp_path: Path) -> None:
+    clip, work = write_frames(tmp_path / "frames", LENS), tmp_path / "work"
+    keep(clip, work)
+    images = work / "model" / "images.txt"
+    lines = images.read_text().splitlines()
+    words = lines[2].split()
+    words[5] = repr(float(words[5]) + 0.5)
+    lines[2] = " ".join(words)
+    images.write_text("\n".join(lines) + "\n")
+    with pytest.raises(UserError, match=r"images\.txt is not what the solve wrote") as told:
+        load_solve(work)
+    assert told.value.remedies == (Remedy.AGAIN,)
+    images.unlink()
+    with pytest.raises(UserError, match=r"images\.txt is gone"):
+        load_solve(work)
+    # It may be imported, elsewhere.
+    write_model(work / "model", slanted_plane(LENS))
+    assert run("import", work / "model", "--footage", clip, "--work", tmp_path / "own") == 0
+
+
+def test_a_clip_that_changes_while_it_is_solved_is_not_kept(tmp_path: Path) -> None:
+    clip = planes.write_clip(tmp_path / "walk", planes.sideways(12))
+    process = SolveProcess(clip, tmp_path / "work")
+    with (clip / "shot_0012.png").open("ab") as file:
+        file.write(b"\0")
+    try:
+        with pytest.raises(UserError, match="was changed while it was being solved"):
+            process.wait()
+    finally:
+        process.cancel()
+    assert not (tmp_path / "work").exists()
+
+
+@pytest.mark.parametrize("moved", ["old", "model", "model and no solve before"])
+def test_a_kill_between_model_and_state_loses_nothing(tmp_path: Path, moved: str) -> None:
+    clip, other, work = write_frames(tmp_path / "frames", LENS), tmp_path / "other", tmp_path / "work"
+    keep(clip, work)
+    before = listed(work / "model")
+    longer = Intrinsics(LENS.width, LENS.height, 2 * LENS.fx, 2 * LENS.fy, LENS.cx, LENS.cy)
+    keep(clip, other, longer)
+    killed = work / f".solving-{atomic._host()}-999999999-0123abcd"
+    killed.mkdir()
+    (work / "model").rename(killed / "old")
+    shutil.copy(other / "solve.json", killed)
+    if moved != "old":
+        shutil.copytree(other / "model", work / "model")
+    if moved == "model and no solve before":
+        (work / "solve.json").unlink()
+        shutil.rmtree(killed / "old")
+    expected = before if moved == "old" else listed(other / "model")
+    assert load_solve(work).reconstruction.cameras[0].fx == (LENS.fx if moved == "old" else longer.fx)
+    assert listed(work / "model") == expected
+    assert sorted(p.name for p in work.iterdir()) == ["model", "solve.json"]
+
+
+def test_litter_of_dead_processes_is_collected(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    temporary, work = tmp_path / "tmp", tmp_path / "work"
+    monkeypatch.setattr(atomic.tempfile, "gettempdir", lambda: str(temporary))
+    dead, alive = (f"{atomic._host()}-{pid}-0123abcd" for pid in (999999999, os.getppid()))
+    for folder, name in ((temporary, "virtual-aperture-"), (work, ".solving-")):
+        for owner in (dead, alive):
+            (folder / f"{name}{owner}").mkdir(parents=True)
+            (folder / f"{name}{owner}" / "database.db").touch()
+    (temporary / "virtual-aperture-of-mine").mkdir()
+    clip = planes.write_clip(tmp_path / "walk", planes.sideways(3))
+    SolveProcess(clip, work).cancel()
+    assert [p.name for p in work.iterdir()] == [f".solving-{alive}"]
+    assert sorted(p.name for p in temporary.iterdir()) == sorted(
+        [f"virtual-aperture-{alive}", "virtual-aperture-of-mine"]
+    )
+    with atomic.temporary_folder() as folder:
+        assert folder.parent == temporary and not atomic.collect_temporary()
+    assert not folder.exists()
+
+
+def test_a_killed_solve_leaves_nothing_after_the_next_start(tmp_path: Path) -> None:
+    clip = planes.write_clip(tmp_path / "walk", planes.sideways(16))
+    temporary = tmp_path / "tmp"
+    temporary.mkdir()
+    script = (
+        "import os, sys; from pathlib import Path; from addon.core.sfm.process import SolveProcess\n"
+        "p = SolveProcess(Path(sys.argv[1]), Path(sys.argv[2]))\n"
+        "while not any('Solving' in s.text for s in p.poll()): pass\n"
+        "os.kill(p._process.pid, 9); os._exit(0)"
+    )
+    env = os.environ | {"PYTHONPATH": str(ROOT), "TMPDIR": str(temporary)}
+    subprocess.run([sys.executable, "-c", script, clip, tmp_path / "work"], check=True, env=env, timeout=60)
+    assert list(temporary.iterdir()) and list((tmp_path / "work").iterdir())
+    again = script.splitlines()[0] + "\np = SolveProcess(Path(sys.argv[1]), Path(sys.argv[2])); p.cancel()"
+    subprocess.run([sys.executable, "-c", again, clip, tmp_path / "work"], check=True, env=env, timeout=60)
+    assert list(temporary.iterdir()) == [] == list((tmp_path / "work").iterdir())
+
+
+def test_pycolmap_leaves_no_logs(tmp_path: Path) -> None:
+    from addon.core.sfm import keyframes
+
+    assert keyframes.pycolmap.logging.logtostderr
+
+
+def test_two_clips_do_not_share_a_folder_where_no_locks_are_known(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def unknown(_file: int) -> None:
+        raise OSError(folder_lock.errno.ENOLCK, "no locks available")
+
+    monkeypatch.setattr(folder_lock, "_lock", unknown)
+    clip, work = write_frames(tmp_path / "one", LENS), tmp_path / "work"
+    late = Staging(work)
+    keep(clip, work)
+    first = listed(work / "model")
+    other = open_footage(video(tmp_path / "two.mp4"))
+    (late.folder / "model").mkdir()
+    write_model(late.folder / "model", slanted_plane(LENS))
+    with pytest.raises(UserError, match=r"another solve was put into .* meanwhile"):
+        late.keep(other, identity(other.path), {}, {})
+    late.discard()
+    assert listed(work / "model") == first and load_solve(work).footage == clip
+
+
+def test_two_clips_race_into_one_folder(tmp_path: Path) -> None:
+    script = (
+        "import sys; from pathlib import Path; from addon.core.sfm.process import SolveProcess\n"
+        "p = SolveProcess(Path(sys.argv[1]), Path(sys.argv[2]))\n"
+        "try: p.wait()\n"
+        "finally: p.cancel()"
+    )
+    clips = [planes.write_clip(tmp_path / name, planes.sideways(12)[s:]) for name, s in (("a", 0), ("b", 1))]
+    both = [
+        subprocess.Popen(
+            [sys.executable, "-c", script, str(clip), str(tmp_path / "work")],
+            stderr=subprocess.PIPE, text=True, env=os.environ | {"PYTHONPATH": str(ROOT)},
+        )
+        for clip in clips
+    ]  # fmt: skip
+    told = [process.communicate(timeout=120)[1] for process in both]
+    assert sorted(process.returncode for process in both) == [0, 1]
+    won = 0 if both[0].returncode == 0 else 1
+    assert "is being solved into" in told[1 - won] or "name another folder" in told[1 - won]
+    assert load_solve(tmp_path / "work").footage == clips[won]
+
+
+def test_a_movie_is_written_by_one(ready: bpy.types.Scene, tmp_path: Path) -> None:
+    out = tmp_path / "new" / "m.mp4"
+    hold = (
+        "import sys, pathlib; sys.path.insert(0, sys.argv[1]);"
+        "from addon.core.base.folder_lock import OutputLock;"
+        "lock = OutputLock(pathlib.Path(sys.argv[2])); print('held', flush=True); input()"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", hold, str(ROOT), str(out)],
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+    ) as other:  # fmt: skip
+        assert other.stdout is not None and other.stdout.readline() == "held\n"
+        with pytest.raises(UserError, match=rf"m\.mp4 is being written by process {other.pid} on "):
+            output.claimed(out)
+        with output.claimed(out.with_name("other.mp4")):
+            pass
+        other.kill()
+    with output.claimed(out):
+        output.render_movie(ready, FRAMES, out, lambda text: None)
+        with pytest.raises(UserError, match=r"m\.mp4 is being written here since"):
+            output.claimed(out)
+    assert [p.name for p in out.parent.iterdir()] == ["m.mp4"]
+
+
+def test_the_command_line_holds_its_movie(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    work, out = tmp_path / "work", tmp_path / "o.mp4"
+    keep(write_frames(tmp_path / "frames", LENS), work)
+    with folder_lock.OutputLock(out):
+        assert run("render", work, *LENS_OPTIONS, "--out", out) == 1
+    assert "is being written here" in capsys.readouterr().err
+
+
+class _Meanwhile:
+    """Runs `other` before the picture of a frame is drawn."""
+
+    def __init__(self, frame: int, other: Callable[[], object], monkeypatch: pytest.MonkeyPatch) -> None:
+        drawn = engine.render_frame
+        self.frames: list[int] = []
+
+        def render(taken: object, number: int, *rest: object) -> object:
+            self.frames.append(number)
+            if number == frame:
+                other()
+            return drawn(taken, number, *rest)
+
+        monkeypatch.setattr(engine, "render_frame", render)
+
+
+def test_ranges_of_a_sequence_are_written_side_by_side(
+    ready: bpy.types.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole, out = tmp_path / "whole" / "####.png", tmp_path / "o" / "####.png"
+    rendered(ready, whole)
+
+    def other() -> None:
+        # Another run of frames 2 and 3, which comes to its end meanwhile.
+        for frame in (2, 3):
+            shutil.copy(whole.with_name(f"000{frame}.png"), out.parent)
+
+    mine = _Meanwhile(1, other, monkeypatch)
+    rendered(ready, out)
+    assert mine.frames == [1]
+    assert listed(out.parent) == listed(whole.parent)
+
+
+@pytest.mark.parametrize("overwrite", [False, True])
+@pytest.mark.parametrize("taken", [1, 2, 3])
+def test_another_run_with_other_settings_is_told(
+    ready: bpy.types.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, overwrite: bool, taken: int
+) -> None:
+    out, others = tmp_path / "o" / "####.png", tmp_path / "others" / "####.png"
+    ready.virtual_aperture.blur = 0.08
+    rendered(ready, others)
+    ready.virtual_aperture.blur = 0.03
+    # While frame 2 is drawn, the other run replaces one of before, this one, or one of after.
+    _Meanwhile(2, lambda: shutil.copy(others.with_name(f"000{taken}.png"), out.parent), monkeypatch)
+    with pytest.raises(UserError, match=rf"frame {taken}: .*000{taken}\.png was replaced meanwhile"):
+        rendered(ready, out, overwrite)
+    theirs = out.with_name(f"000{taken}.png")
+    assert frame_files.key_of(theirs) == frame_files.key_of(others.with_name(f"000{taken}.png"))
+
+
+def test_save_takes_no_other_file_for_the_clip(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    clip, work, sent = video(tmp_path / "clip.mp4"), tmp_path / "work", tmp_path / "send"
+    keep(clip, work)
+    shutil.copytree(tmp_path, sent, ignore=lambda *_: ["work", "send"])
+    exchange(sent / "clip.mp4")
+    assert run("save", work, "--blend", sent / "a.blend") == 1
+    assert "exists and is another file than" in capsys.readouterr().err
+    assert [p.name for p in sent.iterdir()] == ["clip.mp4"]
+
+
+def test_same_clip_same_model(tmp_path: Path) -> None:
+    clip = planes.write_clip(tmp_path / "walk", planes.sideways(16))
+    models = []
+    for number in range(3):
+        process = SolveProcess(clip, tmp_path / f"work{number}")
+        # Whoever else computes must not matter.
+        busy = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(number)]
+        try:
+            process.wait()
+        finally:
+            process.cancel()
+            for each in busy:
+                each.kill()
+                each.wait()
+        models.append(listed(tmp_path / f"work{number}" / "model"))
+    assert models[0] == models[1] == models[2]
+
+
+def test_nothing_of_pycolmaps_is_left_to_threads_or_chance() -> None:
+    from addon.core.sfm import keyframes
+
+    mapper = keyframes._mapper_options(3.0)
+    assert mapper.num_threads == mapper.mapper.num_threads == 1
+    assert mapper.random_seed == mapper.mapper.random_seed == mapper.triangulation.random_seed == 0
+    assert keyframes._adjustment_options(5).ceres.solver_options.num_threads == 1

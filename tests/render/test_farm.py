@@ -1,0 +1,332 @@
+"""Rendering by many: shares of one machine, a farm's job, and a project that is sent away."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import bpy
+import cv2
+import numpy as np
+import pytest
+
+from addon.core.base.errors import UserError
+from addon.core.media.copying import copy_file
+from addon.render import jobs
+from benchmarks.torture import clip
+from benchmarks.torture.bench import contents, file_limit
+
+ROOT = Path(__file__).resolve().parents[2]
+HEADLESS = ROOT / "addon" / "headless.py"
+LENS = ("--focus-distance", "7", "--blur", "0.05", "--method", "features", "--views", "4")
+COUNT = 48
+
+
+def start(*arguments: object, **environment: str) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, str(HEADLESS), *map(str, arguments)], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        text=True, env=os.environ | {"PYTHONUNBUFFERED": "1"} | environment, start_new_session=True,
+    )  # fmt: skip
+
+
+def headless(*arguments: object) -> tuple[int, str]:
+    process = start(*arguments)
+    said = "".join(process.communicate())
+    return process.returncode, said
+
+
+def done(*arguments: object) -> str:
+    status, said = headless(*arguments)
+    assert status == 0, said
+    return said
+
+
+@pytest.fixture(scope="module")
+def work(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A tiny clip of 48 frames with sound, its solve, and one machine's frames and movie."""
+    folder = tmp_path_factory.mktemp("farm")
+    clip.solve(clip.write_video(folder / "clip", COUNT), folder / "work")
+    done("render", folder / "work", *LENS, "--for-movie", "--out", folder / "frames" / "######.png")
+    done("render", folder / "work", *LENS, "--out", folder / "one.mp4")
+    return folder / "work"
+
+
+def has_sound(movie: Path) -> bool:
+    scene = bpy.data.scenes.new("listen")
+    try:
+        return (
+            scene.sequence_editor_create().strips.new_sound("s", str(movie), 1, 1).frame_duration > COUNT / 2
+        )
+    finally:
+        bpy.data.scenes.remove(scene)
+
+
+def tasks(job: dict[str, Any], bundle: Path) -> dict[str, list[list[str]]]:
+    """The commands of each step as a scheduler runs them, with the bundle where it lies now."""
+    values = {each["name"]: each["default"] for each in job["parameterDefinitions"]}
+    values |= {name: str(bundle / values[name]) for name in ("Input", "Output")}
+    found = {}
+    for step in job["steps"]:
+        run = step["script"]["actions"]["onRun"]
+        space = step.get("parameterSpace", {}).get("taskParameterDefinitions", [{"name": "", "range": [""]}])[
+            0
+        ]
+        found[step["name"]] = commands = []
+        for value in space["range"]:
+            given = {f"Param.{name}": each for name, each in values.items()} | {
+                f"Task.Param.{space['name']}": value
+            }
+            words = [run["command"], *run["args"]]
+            for name, each in given.items():
+                words = [word.replace(f"{{{{{name}}}}}", each) for word in words]
+            commands.append(words)
+    return found
+
+
+def test_a_job_on_two_workers_one_of_which_is_killed(work: Path, tmp_path: Path) -> None:
+    said = done("farm", work, *LENS, "--chunk", 12, "--out", tmp_path / "job")
+    assert "48 frames in 4 tasks" in said
+    # Another machine has another path, and nothing but the bundle.
+    bundle = tmp_path / "elsewhere" / "a job"
+    bundle.parent.mkdir()
+    (tmp_path / "job").rename(bundle)
+    assert str(work.parent) not in (bundle / "template.json").read_text()
+    steps = tasks(json.loads((bundle / "template.json").read_text()), bundle)
+    assert list(steps) == ["Render", "Join"] and len(steps["Render"]) == 4
+
+    def begin(words: list[str]) -> subprocess.Popen[bytes]:
+        return subprocess.Popen(words, stdout=subprocess.DEVNULL)
+
+    frames = bundle / "output" / "frames"
+    one, two = map(begin, steps["Render"][:2])
+    while not list(frames.glob("*.png")):
+        assert one.poll() in (0, None)
+        time.sleep(0.01)
+    two.kill()
+    assert two.wait() == -signal.SIGKILL and one.wait() == 0
+    # Joined too early, it says what is missing, and there is no movie.
+    early = subprocess.run(steps["Join"][0], capture_output=True, text=True, check=False)
+    assert early.returncode == 1 and "is missing" in early.stderr
+    assert not (bundle / "output" / "movie.mp4").exists()
+    again = [begin(steps["Render"][1]), begin(steps["Render"][2])]
+    assert [each.wait() for each in again] == [0, 0]
+    for words in (steps["Render"][3], steps["Join"][0]):
+        subprocess.run(words, check=True, capture_output=True)
+    assert contents(frames) == contents(work.parent / "frames")
+    movie = bundle / "output" / "movie.mp4"
+    assert movie.read_bytes() == (work.parent / "one.mp4").read_bytes()
+    assert has_sound(movie)
+
+
+def test_the_job_is_an_open_job_description(work: Path, tmp_path: Path) -> None:
+    if not (openjd := shutil.which(os.environ.get("OPENJD", "openjd"))):
+        pytest.skip("no openjd program (pip install openjd-cli, or OPENJD names it)")
+    done("farm", work, *LENS, "--frames", "5-10", "--chunk", 2, "--out", tmp_path / "job")
+    template = tmp_path / "job" / "template.json"
+    subprocess.run([openjd, "check", str(template)], check=True, capture_output=True)
+    words = [openjd, "run", str(template), "--step", "Join", "--run-dependencies"]
+    subprocess.run(words, check=True, capture_output=True)
+    names = sorted(path.name for path in (tmp_path / "job" / "output" / "frames").iterdir())
+    assert names == [f"{frame:06d}.png" for frame in range(5, 11)]
+
+
+def test_a_job_that_solves_first(work: Path, tmp_path: Path) -> None:
+    source = work.parent / "clip" / "clip.mp4"
+    done("farm", source, "--fov", 60, *LENS, "--frames", "1-9", "--chunk", 4, "--out", tmp_path / "job")
+    job = json.loads((tmp_path / "job" / "template.json").read_text())
+    steps = tasks(job, tmp_path / "job")
+    assert [len(each) for each in steps.values()] == [1, 3, 1]
+    assert [step.get("dependencies") for step in job["steps"]] == [
+        None, [{"dependsOn": "Solve"}], [{"dependsOn": "Render"}],
+    ]  # fmt: skip
+    words = " ".join(steps["Solve"][0])
+    assert f"solve {tmp_path / 'job' / 'input' / 'clip.mp4'}" in words
+    assert "--fov 60.0" in words and "--frames 1-9" in words
+
+
+def test_bundles_are_refused_before_anything_is_written(work: Path, tmp_path: Path) -> None:
+    for words, told in (
+        (("--out", work), "exists"),
+        (("--out", tmp_path / "b", "--movie", "a.png"), "no name of a movie"),
+        (("--out", tmp_path / "b", "--chunk", 0), "at least 1"),
+        (("--out", tmp_path / "b", "--frames", "900-901"), "no frames"),
+    ):
+        status, said = headless("farm", work, *LENS, *words)
+        assert status == 1 and told in said and "Traceback" not in said
+        assert not list(tmp_path.iterdir())
+
+
+def test_jobs_give_what_one_process_gives(work: Path, tmp_path: Path) -> None:
+    out = tmp_path / "a.mp4"
+    said = done("render", work, *LENS, "--out", out, "--jobs", 3)
+    assert out.read_bytes() == (work.parent / "one.mp4").read_bytes()
+    assert "48 of 48" in said and contents(tmp_path).keys() == {"a.mp4"}
+    done("render", work, *LENS, "--frames", "3-30:9", "--jobs", 2, "--out", tmp_path / "s" / "######.png",
+         "--report", tmp_path / "r.json")  # fmt: skip
+    names = {f"{frame:06d}.png" for frame in (3, 12, 21, 30)}
+    reference = contents(work.parent / "frames")
+    assert contents(tmp_path / "s") == {name: reference[name] for name in names}
+    entries = json.loads((tmp_path / "r.json").read_text())["frames"]
+    assert [entry["frame"] for entry in entries] == [3, 12, 21, 30]
+
+
+def children(process: int) -> list[int]:
+    return [int(each) for each in Path(f"/proc/{process}/task/{process}/children").read_text().split()]
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="children are found in /proc")
+@pytest.mark.parametrize("ended", ["child", "Ctrl-C", "SIGTERM", "SIGKILL"])
+def test_jobs_that_are_ended(work: Path, tmp_path: Path, ended: str) -> None:
+    out = tmp_path / "o" / "######.png"
+    process = start("render", work, *LENS, "--out", out, "--jobs", 2)
+    while len(list(tmp_path.glob("o/0*.png"))) < 2:
+        assert process.poll() is None
+        time.sleep(0.01)
+    running = children(process.pid)
+    assert len(running) == 2
+    if ended == "child":
+        os.kill(running[0], signal.SIGKILL)
+        said = "".join(process.communicate())
+        assert process.returncode == 0, said
+    else:
+        number = {"Ctrl-C": signal.SIGINT, "SIGTERM": signal.SIGTERM, "SIGKILL": signal.SIGKILL}[ended]
+        process.send_signal(number)
+        process.communicate()
+        assert process.returncode == {"Ctrl-C": 130, "SIGTERM": 143, "SIGKILL": -9}[ended]
+        until = time.monotonic() + 15
+        while any(Path(f"/proc/{each}/cwd").exists() for each in running):
+            assert time.monotonic() < until, "they go on without their parent"
+            time.sleep(0.05)
+        done("render", work, *LENS, "--out", out)
+    assert contents(out.parent) == contents(work.parent / "frames")
+
+
+def test_frames_that_no_process_can_render_are_named(work: Path, tmp_path: Path) -> None:
+    project = tmp_path / "project"
+    shutil.copytree(work.parent / "clip", project / "clip")
+    mine = clip.solve(project / "clip" / "clip.mp4", project / "work")
+    masks = project / "masks"
+    clip.write_masks(masks, COUNT)
+    (masks / "0040.png").write_bytes(b"no picture")
+    out = tmp_path / "o" / "####.png"
+    status, said = headless("render", mine, *LENS[:-4], "--views", 4, "--mask", masks, "--frames", "38-41",
+                            "--out", out, "--jobs", 2)  # fmt: skip
+    assert status == 1 and "frames 40-41 could not be rendered" in said and "0040.png" in said
+    assert "wrote" not in said and "Traceback" not in said
+
+
+def test_a_process_that_dies_after_its_last_frame_is_done(monkeypatch: pytest.MonkeyPatch) -> None:
+    script = (
+        "import os, sys; n = int(sys.argv[1]);"
+        "print(f'frame {n}: 1 of 1, 0.0 s a frame, 0 min 00 s left', flush=True); os.abort()"
+    )
+    monkeypatch.setattr(jobs, "launcher", lambda: [sys.executable, "-c", script])
+    told: list[int] = []
+    jobs.render_side_by_side([4, 5], 2, lambda frames, _: [str(frames[0])], told.append, print)
+    assert sorted(told) == [4, 5]
+
+
+def test_shares_are_neighbours_and_as_equal_as_can_be() -> None:
+    assert jobs.shares([1, 2, 3, 5, 6, 9, 10], 3) == [[1, 2], [3, 5], [6, 9, 10]]
+    assert jobs.shares([4, 5], 5) == [[4], [5]]
+    assert list(itertools.chain(*jobs.shares(range(100), 7))) == list(range(100))
+
+
+def test_join_takes_only_frames_that_are_whole_and_of_one_lens(work: Path, tmp_path: Path) -> None:
+    frames, out = tmp_path / "f", tmp_path / "a.mp4"
+    shutil.copytree(work.parent / "frames", frames)
+    words = ("join", work, "--rendered", frames / "######.png", "--out", out)
+    done(*words, *LENS)
+    assert out.read_bytes() == (work.parent / "one.mp4").read_bytes()
+    status, said = headless(*words, *LENS)
+    assert status == 1 and "exists" in said
+    out.unlink()
+    other = (*LENS[:3], "0.09", *LENS[4:])
+    status, said = headless(*words, *other)
+    assert status == 1 and "1-48 was made from something else or with other settings" in said
+    good = (frames / "000007.png").read_bytes()
+    (frames / "000007.png").write_bytes(good[:-30])
+    (frames / "000009.png").unlink()
+    (frames / "000011.png").write_bytes(cv2.imencode(".png", np.zeros((54, 96, 3)))[1].tobytes())
+    status, said = headless(*words, *LENS)
+    assert status == 1 and not out.exists()
+    for told in ("frame 7 is cut off or damaged", "frame 9 is missing", "frame 11 was made from something"):
+        assert told in said
+
+
+OPEN = (
+    "import sys; sys.path.insert(0, sys.argv[1]); import bpy, addon; addon.register();"
+    "bpy.ops.wm.open_mainfile(filepath=sys.argv[2]); s = bpy.context.scene;"
+    "s.frame_start, s.frame_end = int(sys.argv[3]), int(sys.argv[4]);"
+    "bpy.ops.render.render(animation=True)"
+)
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_a_project_is_rendered_alike_in_two_other_places(work: Path, tmp_path: Path, packed: bool) -> None:
+    home = tmp_path / "home"
+    clip.write_masks(home / "my masks", COUNT)
+    clip.write_depth(home / "my depth", COUNT)
+    pictures = clip.write_pictures(home / "shot", COUNT)
+    mine = clip.solve(pictures, home / "work")
+    words = (*LENS[:-4], "--views", 4, "--mask", home / "my masks", "--depth", home / "my depth")
+    done("render", mine, *words, "--frames", "5-6", "--out", tmp_path / "r" / "####.png")
+    blend = tmp_path / "sent" / "a.blend"
+    done("save", mine, *words, "--blend", blend, *(["--pack"] if packed else []))
+    shutil.rmtree(home)
+    places = tmp_path / "one place", tmp_path / "another"
+    for place in places:
+        if packed:
+            with zipfile.ZipFile(blend.with_suffix(".zip")) as archive:
+                archive.extractall(place)
+                (found,) = place.iterdir()
+                found.rename(place / "x")
+        else:
+            shutil.copytree(blend.parent, place / "x")
+    shutil.rmtree(blend.parent)
+    running = [
+        subprocess.Popen([sys.executable, "-c", OPEN, str(ROOT), str(place / "x" / "a.blend"), "5", "6"],
+                         stdout=subprocess.DEVNULL)
+        for place in places
+    ]  # fmt: skip
+    assert [process.wait() for process in running] == [0, 0]
+    one, two = (contents(place / "x" / "render") for place in places)
+    assert one == two and list(one) == ["0005.png", "0006.png"]
+    for name in one:
+        a, b = (cv2.imread(str(path / name)) for path in (tmp_path / "r", places[0] / "x" / "render"))
+        assert np.array_equal(a, b)
+
+
+def test_copies_are_known_by_their_contents(tmp_path: Path) -> None:
+    source, target = tmp_path / "a", tmp_path / "b" / "a"
+    source.write_bytes(b"12345")
+    copy_file(source, target)
+    copy_file(source, target)
+    # Of the same size, and another file all the same.
+    target.write_bytes(b"54321")
+    with pytest.raises(UserError, match="another file"):
+        copy_file(source, target)
+    assert target.read_bytes() == b"54321"
+
+
+def test_a_blend_that_was_cut_off_is_not_kept(work: Path, tmp_path: Path) -> None:
+    blend = tmp_path / "a" / "a.blend"
+    done("save", work, *LENS, "--blend", blend)
+    size = blend.stat().st_size
+    blend.unlink()
+    for share in (0.9, 0.99):
+        words = [sys.executable, str(HEADLESS), "save", str(work), *LENS, "--blend", str(blend)]
+        limited = subprocess.run(
+            words, capture_output=True, text=True, check=False, preexec_fn=file_limit(int(share * size))
+        )
+        assert limited.returncode == 1 and "a.blend c" in limited.stderr, limited.stderr
+        assert not blend.exists()

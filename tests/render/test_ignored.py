@@ -1,0 +1,115 @@
+"""What a render ignores is said."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+import pytest
+
+from addon.core.camera.reconstruction import Intrinsics
+from addon.scene.build import build
+from addon.scene.ignored import ignored
+from addon.ui import notices
+
+from ..scenes import slanted_shot
+
+LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
+
+
+@pytest.fixture
+def solved(scene: bpy.types.Scene, tmp_path: Path) -> bpy.types.Scene:
+    shot = slanted_shot(tmp_path / "clip", LENS, (5, 6, 7))
+    settings = build(scene, shot.footage, shot.reconstruction)
+    settings.focus_distance, settings.views, settings.method = 8.0, 4, "features"
+    assert ignored(scene) == ()
+    return scene
+
+
+def add(scene: bpy.types.Scene, name: str) -> bpy.types.Object:
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [], [(0, 1, 2)])
+    thing = bpy.data.objects.new(name, mesh)
+    scene.collection.objects.link(thing)
+    bpy.context.view_layer.update()
+    return thing
+
+
+def test_nothing_is_said_before_a_solve(scene: bpy.types.Scene) -> None:
+    add(scene, "Cube")
+    assert ignored(scene) == ()
+
+
+def test_objects_that_another_engine_would_draw(solved: bpy.types.Scene) -> None:
+    light = bpy.data.objects.new("Light", bpy.data.lights.new("Light", "POINT"))
+    solved.collection.objects.link(light)
+    bpy.context.view_layer.update()
+    assert ignored(solved) == ()
+    cube = add(solved, "Cube")
+    assert ignored(solved) == ("CG objects are not rendered: Cube",)
+    for name in ("Duck", "Egg", "Fern"):
+        add(solved, name)
+    assert ignored(solved) == ("CG objects are not rendered: Cube, Duck, Egg and 1 more",)
+    for thing in solved.objects:
+        if thing.name in ("Duck", "Egg", "Fern"):
+            bpy.data.objects.remove(thing)
+    cube.hide_set(True)
+    bpy.context.view_layer.update()
+    assert ignored(solved) == ()
+    cube.hide_set(False)
+    cube.hide_render = True
+    bpy.context.view_layer.update()
+    assert ignored(solved) == ()
+
+
+def test_another_camera_and_its_depth_of_field(solved: bpy.types.Scene) -> None:
+    solved.camera.data.dof.use_dof = True
+    ours = solved.camera.name
+    assert ignored(solved) == (f"The Depth of Field of {ours} is not used, but Focus and Blur here",)
+    other = bpy.data.objects.new("Other", bpy.data.cameras.new("Other"))
+    solved.collection.objects.link(other)
+    solved.camera = other
+    assert ignored(solved) == ("The picture is the clip's, not that of the camera Other",)
+
+
+def test_frames_outside_the_clip(solved: bpy.types.Scene) -> None:
+    solved.frame_start, solved.frame_end = 1, 250
+    assert ignored(solved) == (
+        "Frames 1 to 4 are before the clip and show its frame 5",
+        "Frames 8 to 250 are past the clip and show its frame 7",
+    )
+    solved.virtual_aperture.clip_first = solved.virtual_aperture.clip_last = 0
+    assert ignored(solved) == ()
+
+
+def test_passes(solved: bpy.types.Scene) -> None:
+    layer = solved.view_layers[0]
+    layer.use_pass_z = layer.use_pass_cryptomatte_object = True
+    assert ignored(solved) == ("Only the pass Combined is rendered, not Cryptomatte Object, Depth",)
+
+
+def test_a_render_warns_once(
+    solved: bpy.types.Scene, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    add(solved, "Cube")
+    solved.render.filepath = str(tmp_path / "out" / "####.png")
+    bpy.ops.render.render(animation=True)
+    said = capfd.readouterr()
+    assert (said.out + said.err).count("CG objects are not rendered: Cube") == 1
+    assert len(list((tmp_path / "out").iterdir())) == 3
+    solved.frame_set(7)
+    bpy.ops.render.render()
+    said = capfd.readouterr()
+    assert "CG objects are not rendered: Cube" in said.out + said.err
+
+
+def test_the_panel_tells_it(solved: bpy.types.Scene) -> None:
+    labels: list[str] = []
+
+    class Layout:
+        def __getattr__(self, _name: str) -> object:
+            return lambda *_, **given: labels.append(given.get("text", "")) or self
+
+    add(solved, "Cube")
+    notices.draw_ignored(Layout(), bpy.context)
+    assert "CG objects are not rendered: Cube" in " ".join(filter(None, labels))

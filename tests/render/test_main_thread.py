@@ -1,0 +1,85 @@
+"""Drawing in slices on the main thread: the picture, errors and cancelling. (With a window: by hand.)"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from addon.core.base.progress import Cancelled, reporting
+from addon.scene import main_thread
+from addon.scene.main_thread import Steps, _Job
+
+PICTURE = np.ones((2, 2, 4), np.float32)
+
+
+def steps(count: int, closed: list[bool], error: Exception | None = None) -> Steps:
+    try:
+        yield from range(count)
+        if error is not None:
+            raise error
+        return PICTURE
+    finally:
+        closed.append(True)
+
+
+@pytest.fixture(autouse=True)
+def _nothing_left() -> Iterator[None]:
+    yield
+    main_thread.stop()
+
+
+def ticked(job: _Job) -> _Job:
+    main_thread._waiting.put(job)
+    for _ in range(1000):
+        main_thread._tick()
+        if job.ended.is_set():
+            return job
+    raise AssertionError("the job never ended")
+
+
+def test_a_drawing_is_finished_in_slices() -> None:
+    job = ticked(_Job(steps(5000, closed := [])))
+    assert job.picture is PICTURE and job.done == 4999 and closed == [True]
+
+
+def test_an_error_is_handed_to_the_thread_that_waits() -> None:
+    job = ticked(_Job(steps(3, [], ValueError("lost"))))
+    assert job.picture is None and str(job.error) == "lost"
+
+
+def test_a_cancelled_drawing_lets_go_of_the_gpu() -> None:
+    job = _Job(steps(10**9, closed := []))
+    main_thread._waiting.put(job)
+    main_thread._tick()
+    assert job.done > 0 and not job.ended.is_set()
+    job.is_cancelled = True
+    main_thread._tick()
+    assert job.ended.is_set() and closed == [True] and job.picture is None
+    assert main_thread._tick() == main_thread.IDLE
+
+
+def test_without_a_window_it_is_drawn_at_once() -> None:
+    shares: list[float] = []
+    with reporting(lambda stage, share: shares.append(share)):
+        assert main_thread.draw(steps(4, []), 4) is PICTURE
+    assert shares == [0, 0.25, 0.5, 0.75]
+
+    def stop(_stage: str, share: float) -> None:
+        if share >= 0.5:
+            raise Cancelled
+
+    with reporting(stop), pytest.raises(Cancelled):
+        main_thread.draw(steps(4, closed := []), 4)
+    assert closed == [True]
+
+
+def test_who_waits_for_a_drawing_that_is_dropped_is_told() -> None:
+    job = _Job(steps(10**9, closed := []))
+    main_thread._waiting.put(job)
+    main_thread._tick()
+    queued = _Job(steps(3, []))
+    main_thread._waiting.put(queued)
+    main_thread.stop()
+    assert job.ended.is_set() and queued.ended.is_set() and closed == [True]

@@ -1,0 +1,247 @@
+"""Output that is called written is whole and right, whatever happens meanwhile."""
+
+from __future__ import annotations
+
+import os
+import resource
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import bpy
+import cv2
+import numpy as np
+import pytest
+
+from addon.core.base import atomic
+from addon.core.base.digest import file_digest
+from addon.core.base.errors import UserError
+from addon.core.camera.reconstruction import Intrinsics
+from addon.core.lens.focus import Focus
+from addon.render import engine, frame_files, output
+from addon.render.frame_keys import frame_keys
+from addon.scene import shot
+from addon.scene.build import build
+from addon.scene.lens import set_focus
+
+from ..scenes import slanted_shot
+
+LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
+FRAMES = [1, 2, 3]
+
+
+@pytest.fixture
+def ready(scene: bpy.types.Scene, tmp_path: Path) -> bpy.types.Scene:
+    made = slanted_shot(tmp_path / "clip", LENS)
+    settings = build(scene, made.footage, made.reconstruction)
+    set_focus(settings, Focus(points=(3, 9, 30, 60)), 1)
+    settings.views, settings.method = 4, "features"
+    return scene
+
+
+def rendered(scene: bpy.types.Scene, out: Path, overwrite: bool = False) -> list[str]:
+    said: list[str] = []
+    output.render_sequence(scene, FRAMES, out, overwrite, said.append)
+    return said
+
+
+def listed(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
+
+
+@contextmanager
+def full_disk(size: int) -> Iterator[None]:
+    """No file can grow beyond so many bytes."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    handled = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        signal.signal(signal.SIGXFSZ, handled)
+
+
+@contextmanager
+def interrupted(at: int) -> Iterator[None]:
+    """Ctrl-C arrives while this frame is drawn."""
+    drawn = engine.render_frame
+
+    def stops(taken: object, frame: int, *rest: object) -> object:
+        if frame == at:
+            raise KeyboardInterrupt
+        return drawn(taken, frame, *rest)
+
+    engine.render_frame = stops
+    try:
+        yield
+    finally:
+        engine.render_frame = drawn
+
+
+def test_names_with_every_sign(ready: bpy.types.Scene, tmp_path: Path) -> None:
+    out = tmp_path / "{a} #1" / "take #3 {frame} 100%d_####.png"
+    rendered(ready, out)
+    assert list(listed(out.parent)) == [f"take #3 {{frame}} 100%d_000{n}.png" for n in FRAMES]
+
+
+def test_frames_are_kept_by_their_own_key_and_replaced_only_when_asked(
+    ready: bpy.types.Scene, tmp_path: Path
+) -> None:
+    out = tmp_path / "o" / "####.png"
+    rendered(ready, out)
+    first = listed(out.parent)
+    assert "3 frames there already" in rendered(ready, out)
+    ready.virtual_aperture.blur = 0.08
+    with pytest.raises(UserError, match="made from something else or with other settings"):
+        rendered(ready, out)
+    assert listed(out.parent) == first
+    # Interrupted while it overwrites: the frames that were replaced are the new ones, and a third run knows.
+    with interrupted(3), pytest.raises(KeyboardInterrupt):
+        rendered(ready, out, overwrite=True)
+    mixed = listed(out.parent)
+    assert mixed["0003.png"] == first["0003.png"] and mixed["0001.png"] != first["0001.png"]
+    assert "2 frames there already" in rendered(ready, out, overwrite=True)
+    whole = tmp_path / "whole" / "####.png"
+    rendered(ready, whole)
+    assert listed(whole.parent) == listed(out.parent)
+
+
+@pytest.mark.parametrize("suffix", [".png", ".exr"])
+def test_a_full_disk_is_an_error_and_leaves_nothing(
+    ready: bpy.types.Scene, tmp_path: Path, suffix: str
+) -> None:
+    out = tmp_path / "o" / f"####{suffix}"
+    rendered(ready, out)
+    size = min(len(data) for data in listed(out.parent).values())
+    (out.parent / f"0002{suffix}").unlink()
+    for limit in (size // 2, 1000, 0):
+        with full_disk(limit), pytest.raises(UserError):
+            rendered(ready, out)
+        assert list(listed(out.parent)) == [f"0001{suffix}", f"0003{suffix}"]
+    assert "2 frames there already" in rendered(ready, out)
+
+
+def test_damaged_and_empty_frames_are_rendered_again(ready: bpy.types.Scene, tmp_path: Path) -> None:
+    out = tmp_path / "o" / "####.png"
+    rendered(ready, out)
+    good = listed(out.parent)
+    (out.parent / "0001.png").write_bytes(good["0001.png"][:-200])
+    (out.parent / "0002.png").write_bytes(b"")
+    # One bit that the decoder does not mind: only the checksum tells.
+    data = bytearray(good["0003.png"])
+    data[-2] ^= 1
+    (out.parent / "0003.png").write_bytes(bytes(data))
+    said = rendered(ready, out)
+    assert "3 frames there but damaged or empty: rendered again" in said
+    assert listed(out.parent) == good
+
+
+def test_a_repainted_clip_gives_other_keys(ready: bpy.types.Scene, tmp_path: Path) -> None:
+    out = tmp_path / "o" / "####.png"
+    rendered(ready, out)
+    path = tmp_path / "clip" / "clip_0002.png"
+    picture = cv2.imread(str(path))
+    picture[10:20, 10:20] = 255 - picture[10:20, 10:20]
+    cv2.imwrite(str(path), picture)
+    shot.forget()
+    with pytest.raises(UserError, match="is another one than the clip that was solved"):
+        rendered(ready, out)
+    # What older versions built does not know its clip.
+    ready.virtual_aperture.clip_identity = ""
+    with pytest.raises(UserError, match="made from something else"):
+        rendered(ready, out)
+
+
+def test_movies_are_whole_or_not_there(ready: bpy.types.Scene, tmp_path: Path) -> None:
+    out = tmp_path / "{m} #2.mp4"
+    output.render_movie(ready, FRAMES, out, lambda text: None)
+    first = out.read_bytes()
+    assert not frame_files.movie_problem(out, 3, (160, 90))
+    out.unlink()
+    said: list[str] = []
+    with interrupted(3), pytest.raises(KeyboardInterrupt):
+        output.render_movie(ready, FRAMES, out, said.append)
+    assert not out.exists()
+    output.render_movie(ready, FRAMES, out, said.append)
+    assert "2 frames there already" in said
+    assert out.read_bytes() == first
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["clip", out.name]
+    out.unlink()
+    with full_disk(len(first) // 2), pytest.raises(UserError):
+        output.render_movie(ready, FRAMES, out, said.append)
+    assert not out.exists()
+
+
+def test_a_movie_that_is_cut_off_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "a.avi"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 24, (64, 48))
+    for value in range(5):
+        writer.write(np.full((48, 64, 3), 40 * value, np.uint8))
+    writer.release()
+    assert not frame_files.movie_problem(path, 5, (64, 48))
+    assert "has 5 frames that can be decoded and should have 6" in frame_files.movie_problem(
+        path, 6, (64, 48)
+    )
+    assert "is 64x48 and should be 64x50" in frame_files.movie_problem(path, 5, (64, 50))
+    assert frame_files.movie_problem(tmp_path / "none.mp4", 1, (1, 1)) == "was not written"
+
+
+def test_unfinished_files_of_dead_processes_are_collected(tmp_path: Path) -> None:
+    host = atomic._host()
+    dead, mine = tmp_path / f".part-{host}-999999999-0123abcd-a.png", tmp_path / ".part-mine.png"
+    alive = tmp_path / f".part-{host}-{os.getppid()}-0123abcd-a.png"
+    fresh, old = (tmp_path / f".part-elsewhere-{n}-0123abcd-a.png" for n in (1, 2))
+    for path in (dead, mine, alive, fresh, old):
+        path.touch()
+    os.utime(old, (0, 0))
+    assert sorted(atomic.collect_orphans(tmp_path)) == sorted([dead, old])
+    assert sorted(tmp_path.iterdir()) == sorted([mine, alive, fresh])
+
+
+def test_what_fails_while_writing_leaves_the_old_file(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    atomic.write_bytes(path, b"old")
+    with pytest.raises(ZeroDivisionError), atomic.staged(path) as part:
+        part.write_bytes(b"new")
+        raise ZeroDivisionError
+    assert listed(tmp_path) == {"a.txt": b"old"}
+    with pytest.raises(UserError, match=r"a\.txt/b cannot be written"):
+        atomic.write_bytes(path / "b", b"")
+
+
+def test_digests_tell_contents(tmp_path: Path) -> None:
+    one, same, other = (tmp_path / name for name in "abc")
+    for path, data in ((one, b"x" * 10), (same, b"x" * 10), (other, b"x" * 9 + b"y")):
+        path.write_bytes(data)
+    assert file_digest(one) == file_digest(same) != file_digest(other)
+    with pytest.raises(UserError, match="cannot be read"):
+        file_digest(tmp_path / "d")
+
+
+def test_a_keyed_lens_is_in_the_key_of_each_frame(ready: bpy.types.Scene) -> None:
+    settings, keys = ready.virtual_aperture, []
+    for last in (7.0, 9.0):
+        for frame, distance in ((1, 6.0), (3, last)):
+            settings.focus_distance = distance
+            ready.keyframe_insert("virtual_aperture.focus_distance", frame=frame)
+        ready.frame_set(1)
+        keys.append(frame_keys(ready, FRAMES))
+    assert keys[0][1] == keys[1][1]
+    assert keys[0][2] != keys[1][2] and keys[0][3] != keys[1][3]
+
+
+def test_a_frame_that_was_never_begun_is_not_taken_for_one(ready: bpy.types.Scene, tmp_path: Path) -> None:
+    """As where a signal arrives while Blender prepares a frame: then its picture is black, and no error."""
+    out = tmp_path / "o" / "####.png"
+    render = engine.VirtualApertureEngine.render
+    engine.VirtualApertureEngine.render = lambda self, depsgraph: None
+    try:
+        with pytest.raises(UserError, match="before there was a picture"):
+            rendered(ready, out)
+    finally:
+        engine.VirtualApertureEngine.render = render
+    assert not listed(out.parent)
+    rendered(ready, out)
+    assert len(listed(out.parent)) == 3

@@ -1,0 +1,213 @@
+"""What the user sees when a solve has come into the scene, and how a clip is chosen."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+from addon.core.camera.reconstruction import Intrinsics
+from addon.scene import lens, point_cloud
+from addon.scene.build import build
+from addon.ui import after_solve, points_overlay
+from addon.ui.choose_clip import clip_of
+
+from .. import planes
+from ..recorder import draw
+from ..scenes import slanted_shot, write_frames
+from ..ui.test_ui import panels
+
+LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
+
+
+@pytest.fixture
+def default_scene(scene: bpy.types.Scene) -> bpy.types.Scene:
+    """Blender's own start: a cube, a lamp, a camera, and a 3D viewport."""
+    bpy.ops.wm.read_homefile(app_template="", use_factory_startup=True)
+    return bpy.context.scene
+
+
+def viewports() -> list[bpy.types.RegionView3D]:
+    areas = bpy.context.window.screen.areas
+    return [area.spaces.active.region_3d for area in areas if area.type == "VIEW_3D"]
+
+
+def test_a_solve_is_looked_at_through_its_camera(default_scene: bpy.types.Scene, tmp_path: Path) -> None:
+    scene = default_scene
+    clip = planes.write_clip(tmp_path / "walk", planes.sideways(12))
+    far = bpy.data.objects.new("Far", bpy.data.objects["Cube"].data)
+    far.location = (0, 40, 0)
+    scene.collection.objects.link(far)
+    settings = scene.virtual_aperture
+    settings.footage = str(clip)
+    assert [view.view_perspective for view in viewports()] == ["PERSP"]
+    assert bpy.ops.virtual_aperture.solve() == {"FINISHED"}
+    assert [view.view_perspective for view in viewports()] == ["CAMERA"]
+    assert scene.camera == settings.camera
+    layer = bpy.context.view_layer
+    assert layer.objects.active == settings.points
+    assert not bpy.context.selected_objects
+    assert tuple(scene.tool_settings.mesh_select_mode) == (True, False, False)
+    # The cube stands where the camera is: hidden by the eye, not disabled, and the panel says so.
+    cube = bpy.data.objects["Cube"]
+    assert cube.hide_get() and not cube.hide_viewport and not cube.hide_render
+    assert not far.hide_get()
+    texts = " ".join(draw(panels.VIRTUAL_APERTURE_PT_clip).texts)
+    assert "12 of 12 frames registered" in texts and "Advice: " in texts
+    assert "Cube was in the camera's way and is hidden" in texts
+    cube.hide_set(False)
+    assert "camera's way" not in " ".join(draw(panels.VIRTUAL_APERTURE_PT_clip).texts)
+    # Tab: nothing is selected.
+    import bmesh  # the module's own, there only after bpy
+
+    bpy.ops.object.mode_set(mode="EDIT")
+    vertices = bmesh.from_edit_mesh(settings.points.data).verts
+    assert len(vertices) > 50 and not any(vertex.select for vertex in vertices)
+
+
+def test_who_edits_something_else_is_left_alone(default_scene: bpy.types.Scene, tmp_path: Path) -> None:
+    shot = slanted_shot(tmp_path, LENS)
+    build(default_scene, shot.footage, shot.reconstruction)
+    cube = bpy.data.objects["Cube"]
+    bpy.ops.object.mode_set(mode="EDIT")
+    after_solve.show(default_scene, shot.reconstruction)
+    assert bpy.context.view_layer.objects.active == cube and cube.mode == "EDIT"
+
+
+@pytest.mark.parametrize(
+    ("place", "size", "hidden"),
+    [((0, 0, 0), 1, True), ((0.1, 0, 0.04), 0.01, True), ((3, 0, 0), 1, False), ((0, 0, 0), 0, False)],
+)
+def test_only_what_the_camera_goes_through_is_hidden(
+    default_scene: bpy.types.Scene, tmp_path: Path, place: tuple[float, ...], size: float, hidden: bool
+) -> None:
+    shot = slanted_shot(tmp_path, LENS)
+    cube = bpy.data.objects["Cube"]
+    # A little thing that the third frame's camera stands in, at (0.1, -0.02, 0.04), counts too.
+    cube.location, cube.scale = place, (size, 3 * size, size)
+    build(default_scene, shot.footage, shot.reconstruction)
+    bpy.context.view_layer.update()
+    after_solve.show(default_scene, shot.reconstruction)
+    assert cube.hide_get() == hidden
+    assert after_solve.still_hidden(default_scene) == (["Cube"] if hidden else [])
+
+
+def test_what_was_hidden_is_said_in_one_line() -> None:
+    assert after_solve.hidden_words(["Cube"]) == "Cube was in the camera's way and is hidden; Alt H shows it"
+    assert "A, B were in the camera's way and are hidden" in after_solve.hidden_words(["A", "B"])
+
+
+def test_points_are_drawn_in_their_colours(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    shot = slanted_shot(tmp_path, LENS)
+    points = shot.reconstruction.points
+    points.rgb[:] = np.arange(450).reshape(-1, 3) % 256
+    settings = build(scene, shot.footage, shot.reconstruction)
+    places, colours = points_overlay.places_and_colours(settings.points.data)
+    np.testing.assert_allclose(places, points.xyz, rtol=1e-6)
+    np.testing.assert_array_equal(np.round(colours[:, :3] * 255), points.rgb)
+    picked = points_overlay.picked_vertices(settings.points.data, (3, 9))
+    assert np.flatnonzero(picked).tolist() == [3, 9]
+    # IDs stay when vertices before them are deleted.
+    import bmesh
+
+    mesh = bmesh.new()
+    mesh.from_mesh(settings.points.data)
+    mesh.verts.ensure_lookup_table()
+    mesh.verts.remove(mesh.verts[0])
+    mesh.to_mesh(settings.points.data)
+    picked = points_overlay.picked_vertices(settings.points.data, (3, 9))
+    assert np.flatnonzero(picked).tolist() == [2, 8]
+
+
+def test_points_are_hidden_with_their_object(default_scene: bpy.types.Scene, tmp_path: Path) -> None:
+    shot = slanted_shot(tmp_path, LENS)
+    area = next(a for a in bpy.context.window.screen.areas if a.type == "VIEW_3D")
+    with bpy.context.temp_override(area=area):
+        assert not points_overlay.is_shown(bpy.context)
+        settings = build(default_scene, shot.footage, shot.reconstruction)
+        bpy.context.view_layer.update()
+        assert points_overlay.is_shown(bpy.context)
+        overlay = area.spaces.active.overlay
+        overlay.show_overlays = False
+        assert not points_overlay.is_shown(bpy.context)
+        overlay.show_overlays = True
+        settings.points.hide_set(True)
+        assert not points_overlay.is_shown(bpy.context)
+        settings.points.hide_set(False)
+        bpy.context.view_layer.layer_collection.children["Virtual Aperture"].hide_viewport = True
+        bpy.context.view_layer.update()
+        assert not points_overlay.is_shown(bpy.context)
+        bpy.context.view_layer.layer_collection.children["Virtual Aperture"].hide_viewport = False
+        bpy.context.view_layer.objects.active = settings.points
+        bpy.ops.object.mode_set(mode="EDIT")
+        assert not points_overlay.is_shown(bpy.context)
+
+
+def test_the_dots_of_old_files_go(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    shot = slanted_shot(tmp_path, LENS)
+    settings = build(scene, shot.footage, shot.reconstruction)
+    assert not settings.points.modifiers and not bpy.data.node_groups and not bpy.data.materials
+    tree = bpy.data.node_groups.new(point_cloud.DOTS, "GeometryNodeTree")
+    material = bpy.data.materials.new(point_cloud.DOTS)
+    tree.nodes.new("GeometryNodeSetMaterial").inputs["Material"].default_value = material
+    settings.points.modifiers.new(point_cloud.DOTS, "NODES").node_group = tree
+    mine = settings.points.modifiers.new("Mine", "NODES")
+    build(scene, shot.footage, shot.reconstruction)
+    assert list(settings.points.modifiers) == [mine]
+    assert not bpy.data.node_groups and not bpy.data.materials
+
+
+def test_output_has_a_place_of_its_own(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    shot = slanted_shot(tmp_path / "walk", LENS)
+    # Blender's default.
+    assert scene.render.filepath == "/tmp/"
+    build(scene, shot.footage, shot.reconstruction)
+    assert scene.render.filepath == f"{tmp_path / 'walk_render'}{os.sep}"
+    assert not (tmp_path / "walk_render").exists()
+    scene.render.filepath = "/elsewhere/"
+    build(scene, shot.footage, shot.reconstruction)
+    assert scene.render.filepath == "/elsewhere/"
+    (tmp_path / "project").mkdir()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "project" / "a.blend"))
+    scene = bpy.context.scene
+    scene.render.filepath = "/tmp/"
+    build(scene, shot.footage, shot.reconstruction)
+    assert scene.render.filepath == "//walk_render/"
+
+
+def test_a_picture_means_its_sequence(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    folder = write_frames(tmp_path / "shot 3", LENS)
+    video = tmp_path / "a.mp4"
+    video.write_bytes(b"x")
+    assert clip_of(video) == video
+    assert clip_of(folder) == folder
+    assert clip_of(folder / "clip_0002.png") == folder / "clip_####.png"
+    (folder / "take2_007_left.png").write_bytes(b"x")
+    assert clip_of(folder / "take2_007_left.png") == folder / "take2_###_left.png"
+    (folder / "still.png").write_bytes(b"x")
+    settings = scene.virtual_aperture
+    for chosen, said in (("still.png", "single picture without a number"), ("gone.mp4", "does not exist")):
+        with pytest.raises(RuntimeError, match=said):
+            bpy.ops.virtual_aperture.choose_clip(filepath=str(folder / chosen))
+    assert settings.footage == ""
+    assert bpy.ops.virtual_aperture.choose_clip(filepath=str(folder / "clip_0002.png")) == {"FINISHED"}
+    assert settings.footage == str(folder / "clip_####.png")
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a.blend"))
+    bpy.ops.virtual_aperture.choose_clip(filepath=f"{folder}/")
+    assert bpy.context.scene.virtual_aperture.footage == "//shot 3"
+
+
+def test_the_browser_shows_clips_and_folders_only(registered: None) -> None:
+    properties = bpy.ops.virtual_aperture.choose_clip.get_rna_type().properties
+    assert all(properties[f"filter_{kind}"].default for kind in ("movie", "image", "folder"))
+
+
+def test_an_old_file_without_a_summary_still_draws(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    shot = slanted_shot(tmp_path, LENS)
+    settings = build(scene, shot.footage, shot.reconstruction)
+    assert settings.summary == ""
+    assert "Solved" in draw(panels.VIRTUAL_APERTURE_PT_clip).texts
+    assert not lens.is_in_focus(settings)

@@ -1,0 +1,423 @@
+"""Solving clips in the worker process: what comes out, what is refused, and what is left behind."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from addon.core.base.errors import Remedy, UserError
+from addon.core.media.clip import FrameRange
+from addon.core.readers.colmap_export import read_model
+from addon.core.sfm.process import Progress, SolveProcess
+from addon.core.sfm.workspace import Solve, default_work_dir, load_solve
+
+from .. import planes
+
+
+def solve(
+    clip: Path,
+    work: Path,
+    again: bool = False,
+    frames: FrameRange | None = None,
+    focal: float | None = None,
+    steps: list[Progress] | None = None,
+) -> Solve:
+    process = SolveProcess(clip, work, frames=frames, focal=focal, again=again)
+    try:
+        process.wait(lambda step: steps.append(step) if steps is not None else None)
+    finally:
+        process.cancel()
+    return load_solve(work)
+
+
+def refused(clip: Path, work: Path) -> str:
+    """The one line that says why a clip is not solved, and nothing is left behind."""
+    with pytest.raises(UserError) as error:
+        solve(clip, work)
+    assert not work.exists()
+    assert "\n" not in str(error.value)
+    return str(error.value)
+
+
+@pytest.fixture(scope="module")
+def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return planes.write_clip(tmp_path_factory.mktemp("footage") / "walk", planes.sideways(16))
+
+
+@pytest.fixture(scope="module")
+def steps() -> list[Progress]:
+    return []
+
+
+@pytest.fixture(scope="module")
+def solved(clip: Path, steps: list[Progress], tmp_path_factory: pytest.TempPathFactory) -> Solve:
+    return solve(clip, tmp_path_factory.mktemp("solves") / "deep" / "walk", steps=steps)
+
+
+@pytest.fixture
+def work(solved: Solve, tmp_path: Path) -> Path:
+    """A copy of the solved clip's working folder."""
+    return Path(shutil.copytree(solved.work_dir, tmp_path / "work"))
+
+
+def snapshot(folder: Path) -> dict[str, bytes]:
+    return {str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
+
+
+def test_every_frame_is_registered(solved: Solve) -> None:
+    assert solved.reconstruction.frames.tolist() == list(range(1, 17)) == list(solved.frames)
+    assert len(solved.reconstruction.points) > 300
+    assert solved.report["reprojection_error"] < 0.5
+    assert solved.reconstruction.cameras[0].width == planes.SIZE[0]
+    assert "16 of 16 frames" in solved.summary
+
+
+def test_depths_are_in_proportion(solved: Solve) -> None:
+    image = solved.reconstruction.image_at(8)[0]
+    depth = image.to_camera(solved.reconstruction.points.xyz[image.points])[:, 2]
+    truth = np.full(len(depth), 10.0)
+    centre, matrix = np.linspace(-0.5, 0.5, 16)[7], planes.camera_matrix()
+    for z, (left, right) in list(planes.PLANES.items())[1:]:
+        low, high = matrix[0, 0] * (np.array([left, right]) - centre) / z + matrix[0, 2]
+        # A track on a silhouette may belong to either side.
+        truth[(image.xy[:, 0] > low + 6) & (image.xy[:, 0] < high - 6)] = z
+        truth[np.abs(image.xy[:, :1] - [low, high]).min(axis=1) <= 6] = np.nan
+    scale = np.nanmedian(depth / truth)
+    for z in planes.PLANES:
+        assert (truth == z).sum() > 30
+        assert np.median(depth[truth == z]) / scale == pytest.approx(z, rel=0.03)
+    known = np.isfinite(truth)
+    assert np.mean(np.abs(depth / scale / truth - 1)[known] < 0.1) > 0.97
+
+
+def test_poses_are_the_truth(solved: Solve) -> None:
+    centres = np.array([image.centre for image in solved.reconstruction.images])
+    path = np.linalg.norm(centres[-1] - centres[0])
+    s = np.linspace(-0.5, 0.5, 16)
+    truth = np.column_stack([s, 0.2 * s * s, 0.1 * s])
+    # The best similarity (Umeyama, 1991).
+    a, b = centres - centres.mean(axis=0), truth - truth.mean(axis=0)
+    u, values, vt = np.linalg.svd(b.T @ a)
+    flip = np.diag([1, 1, np.linalg.det(u @ vt)])
+    scale = (values * np.diag(flip)).sum() / (a**2).sum()
+    assert np.abs(scale * a @ (u @ flip @ vt).T - b).max() < 0.02
+    assert path > 0
+
+
+def test_observations_fit_the_points(solved: Solve) -> None:
+    shot = solved.reconstruction
+    for image in shot.images:
+        local = image.to_camera(shot.points.xyz[image.points])
+        assert (local[:, 2] > 0).all()
+        error = np.linalg.norm(shot.cameras[0].project(local) - image.xy, axis=1)
+        assert error.max() < 2 and np.median(error) < 0.5
+
+
+def test_progress_goes_forward_to_the_end(solved: Solve, steps: list[Progress]) -> None:
+    assert len(steps) > 10
+    shares = [step.share for step in steps]
+    assert min(shares) >= 0 and max(shares) <= 1 and shares[-1] > 0.8
+    assert shares[0] == 0 and all(step.text for step in steps)
+
+
+def test_only_the_result_is_kept(solved: Solve) -> None:
+    assert {p.name for p in solved.work_dir.iterdir()} == {"solve.json", "model"}
+    assert solved.report["versions"].keys() >= {"pycolmap", "opencv", "numpy"}
+    assert solved.report["size"] == list(planes.SIZE)
+
+
+def test_the_focal_length_is_found_where_the_picture_tells_it(tmp_path: Path) -> None:
+    true = 0.6 * planes.SIZE[0]
+    found = solve(planes.write_clip(tmp_path / "wide", planes.sideways(16, true)), tmp_path / "work")
+    assert not found.report["focal_held"] and found.report["focal_sigma"] < 0.02
+    assert found.reconstruction.cameras[0].fx == pytest.approx(true, rel=0.04)
+
+
+def test_a_given_focal_length_is_held(clip: Path, tmp_path: Path) -> None:
+    given = solve(clip, tmp_path / "work", focal=300.0)
+    assert given.report["focal_held"] and given.reconstruction.cameras[0].fx == 300.0
+    assert SolveProcess(clip, tmp_path / "work", focal=300.0).finished
+    another = SolveProcess(clip, tmp_path / "work", focal=250.0)
+    assert not another.finished
+    another.cancel()
+
+
+def test_the_focal_length_of_straight_ahead_motion_is_not_believed(tmp_path: Path) -> None:
+    ahead = [planes.view(np.array([0.0, 0.0, z]), np.zeros(3)) for z in np.linspace(0, 1.5, 16)]
+    solved = solve(planes.write_clip(tmp_path / "ahead", ahead), tmp_path / "work")
+    assert solved.report["focal_held"] and solved.report["focal_sigma"] > 0.02
+    assert len(solved.reconstruction.images) == 16
+
+
+def test_a_solve_is_not_repeated_unasked(work: Path, clip: Path) -> None:
+    before = snapshot(work)
+    process = SolveProcess(clip, work)
+    assert process.finished
+    assert process.poll() == []
+    process.wait()
+    process.cancel()
+    assert snapshot(work) == before
+
+
+def test_the_same_clip_is_known_in_another_place(
+    solved: Solve, work: Path, clip: Path, tmp_path: Path
+) -> None:
+    moved = Path(shutil.copytree(clip, tmp_path / "copied"))
+    assert SolveProcess(moved, work).finished
+
+
+def test_another_clips_folder_is_refused(work: Path, tmp_path: Path) -> None:
+    other = planes.write_clip(tmp_path / "other", planes.sideways(3))
+    before = snapshot(work)
+    with pytest.raises(UserError, match=r"walk.*other.*name another folder") as refused:
+        SolveProcess(other, work)
+    assert refused.value.remedies == (Remedy.WORK_DIR,)
+    assert snapshot(work) == before
+
+
+def test_another_clip_in_the_same_folder_is_another_clip(clip: Path, tmp_path: Path) -> None:
+    both = Path(shutil.copytree(clip, tmp_path / "both"))
+    for path in sorted(both.glob("shot_*")):
+        shutil.copy(path, both / path.name.replace("shot", "take"))
+    work = tmp_path / "work"
+    solve(both / "shot_####.png", work, frames=FrameRange(1, 8))
+    with pytest.raises(UserError, match="name another folder"):
+        SolveProcess(both / "take_####.png", work, frames=FrameRange(1, 8))
+
+
+def test_a_folder_of_something_else_is_refused(clip: Path, tmp_path: Path) -> None:
+    (tmp_path / "thesis.txt").write_text("precious")
+    before = snapshot(tmp_path)
+    with pytest.raises(UserError, match="not empty"):
+        SolveProcess(clip, tmp_path)
+    with pytest.raises(UserError, match="is a file"):
+        SolveProcess(clip, tmp_path / "thesis.txt")
+    assert snapshot(tmp_path) == before
+
+
+def test_an_empty_folder_will_do_and_survives_a_failure(tmp_path: Path) -> None:
+    flat = planes.write_clip(tmp_path / "flat", [np.full((240, 320, 3), 90, np.uint8)] * 4)
+    (tmp_path / "work").mkdir()
+    with pytest.raises(UserError):
+        solve(flat, tmp_path / "work")
+    assert list((tmp_path / "work").iterdir()) == []
+
+
+def test_cancelling_leaves_nothing(clip: Path, tmp_path: Path) -> None:
+    process = SolveProcess(clip, tmp_path / "new" / "work")
+    assert not process.finished
+    while not process.poll():
+        pass
+    process.cancel()
+    process.cancel()
+    assert not (tmp_path / "new").exists()
+
+
+def test_cancelling_again_keeps_the_old_solve(work: Path, clip: Path) -> None:
+    before = snapshot(work)
+    process = SolveProcess(clip, work, again=True)
+    while not process.poll():
+        pass
+    process.cancel()
+    assert snapshot(work) == before
+    assert SolveProcess(clip, work).finished
+
+
+def test_solving_again_replaces_the_solve(work: Path, clip: Path) -> None:
+    (work / "model" / "points3D.txt").write_text("")
+    assert len(solve(clip, work, again=True).reconstruction.points) > 300
+    assert {p.name for p in work.iterdir()} == {"solve.json", "model"}
+
+
+def test_a_failed_solve_keeps_the_old_one(clip: Path, work: Path) -> None:
+    before = snapshot(work)
+    with pytest.raises(UserError, match="at least 4"):
+        solve(clip, work, frames=FrameRange(1, 2))
+    assert snapshot(work) == before
+
+
+def test_a_worker_that_dies_is_told_in_one_line(clip: Path, tmp_path: Path) -> None:
+    process = SolveProcess(clip, tmp_path / "work")
+    while not process.poll():
+        pass
+    assert process._process is not None
+    process._process.kill()
+    with pytest.raises(UserError, match="solving process ended") as error:
+        process.wait()
+    assert "\n" not in str(error.value)
+    assert not (tmp_path / "work").exists()
+
+
+def test_the_worker_ends_with_its_parent(clip: Path, tmp_path: Path) -> None:
+    script = (
+        "import os, sys; from pathlib import Path; from addon.core.sfm.process import SolveProcess\n"
+        "p = SolveProcess(Path(sys.argv[1]), Path(sys.argv[2]))\n"
+        "while not p.poll(): pass\n"
+        "print(p._process.pid, flush=True); os._exit(0)"
+    )
+    root = Path(__file__).resolve().parents[2]
+    child = subprocess.run(
+        [sys.executable, "-c", script, str(clip), str(tmp_path / "work")],
+        capture_output=True, text=True, check=True, env=os.environ | {"PYTHONPATH": str(root)}, timeout=60,
+    )  # fmt: skip
+    assert child.stdout.strip().isdigit()
+    # Its last act is to remove its folder.
+    for _ in range(300):
+        if not list((tmp_path / "work").iterdir()):
+            break
+        time.sleep(0.1)
+    assert list((tmp_path / "work").iterdir()) == []
+
+
+def test_a_package_of_the_same_name_in_the_current_folder_is_not_ours(
+    clip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "addon").mkdir()
+    (tmp_path / "addon" / "__init__.py").write_text("raise SystemExit(7)")
+    monkeypatch.chdir(tmp_path)
+    process = SolveProcess(clip, tmp_path / "work")
+    while not process.poll():
+        pass
+    process.cancel()
+
+
+def test_a_turning_camera_is_refused(tmp_path: Path) -> None:
+    clip = planes.write_clip(tmp_path / "pan", planes.turning(12))
+    assert "too little parallax" in refused(clip, tmp_path / "work")
+
+
+def test_a_still_camera_is_refused(tmp_path: Path) -> None:
+    clip = planes.write_clip(tmp_path / "still", [planes.view(np.zeros(3), np.zeros(3))] * 6)
+    assert "does not move" in refused(clip, tmp_path / "work")
+
+
+def test_one_frame_is_refused(tmp_path: Path) -> None:
+    clip = planes.write_clip(tmp_path / "one", planes.sideways(3)[:1])
+    assert "at least 4" in refused(clip, tmp_path / "work")
+
+
+def test_no_texture_is_refused(tmp_path: Path) -> None:
+    clip = planes.write_clip(tmp_path / "wall", [np.full((240, 320, 3), 90, np.uint8)] * 5)
+    assert "too little texture" in refused(clip, tmp_path / "work")
+
+
+def test_a_senseless_focal_length_is_refused(clip: Path, tmp_path: Path) -> None:
+    for focal in (0.0, -3.0, float("nan")):
+        with pytest.raises(UserError, match="focal length"):
+            SolveProcess(clip, tmp_path / "work", focal=focal)
+    assert not (tmp_path / "work").exists()
+
+
+def test_loading_what_is_not_there(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="holds no solve"):
+        load_solve(tmp_path)
+
+
+def test_loading_damage(work: Path) -> None:
+    (work / "solve.json").write_text('{"version": 1')
+    with pytest.raises(UserError, match=r"solve\.json is damaged"):
+        load_solve(work)
+
+
+def test_what_frames_show_besides_is_kept_and_its_damage_told(work: Path) -> None:
+    solve = load_solve(work)
+    added = [image.visible for image in solve.reconstruction.images]
+    assert sum(map(len, added)) == sum(solve.report["visible"]) > 0
+    for image in solve.reconstruction.images:
+        assert not len(np.intersect1d(image.points, image.visible))
+    assert f"and {int(np.median([len(each) for each in added]))} that others saw" in solve.worth.text({})
+    (work / "model" / "visible.npz").write_bytes(b"PK\3\4")
+    with pytest.raises(UserError, match=r"visible\.npz is not what the solve wrote") as told:
+        load_solve(work)
+    assert told.value.remedies == (Remedy.AGAIN,)
+    # Older solves do not tell what they wrote.
+    state = json.loads((work / "solve.json").read_text())
+    (work / "solve.json").write_text(json.dumps({k: v for k, v in state.items() if k != "model"}))
+    with pytest.raises(UserError, match=r"visible\.npz is damaged"):
+        load_solve(work)
+    np.savez(work / "model" / "visible.npz", frame=[1], point=[len(solve.reconstruction.points)])
+    with pytest.raises(UserError, match=r"visible\.npz is damaged"):
+        load_solve(work)
+    first = solve.reconstruction.frames[0]
+    np.savez(work / "model" / "visible.npz", frame=[-first], point=[0])
+    with pytest.raises(UserError, match=r"visible\.npz is damaged"):
+        load_solve(work)
+    (work / "model" / "visible.npz").unlink()
+    assert all(not len(image.visible) for image in load_solve(work).reconstruction.images)
+
+
+def test_a_clip_that_moved_along_is_found_and_a_lost_one_told(
+    solved: Solve, clip: Path, tmp_path: Path
+) -> None:
+    top = Path(os.path.commonpath([clip, solved.work_dir]))
+    clip_there = shutil.copytree(clip, tmp_path / clip.relative_to(top))
+    there = shutil.copytree(solved.work_dir, tmp_path / solved.work_dir.relative_to(top))
+    state = json.loads((there / "solve.json").read_text())
+    (there / "solve.json").write_text(json.dumps(state | {"footage": str(tmp_path / "gone")}))
+    assert load_solve(there).footage == clip_there
+    shutil.rmtree(clip_there)
+    with pytest.raises(UserError, match="is gone"):
+        load_solve(there)
+
+
+def test_working_folders_are_named_after_clips() -> None:
+    assert default_work_dir(Path("/a/duck.mp4"), Path("/b")).parent == Path("/b")
+    names = {default_work_dir(Path(p), Path("/b")).name for p in ("/a/duck.mp4", "/a/walk", "/a/s_####.png")}
+    assert len(names) == 3 and all("#" not in name for name in names)
+
+
+def test_the_duck(duck: Path) -> None:
+    solved = load_solve(duck)
+    shot = solved.reconstruction
+    assert len(shot.images) >= 0.95 * 118
+    assert solved.report["reprojection_error"] < 1.0
+    assert (shot.cameras[0].width, shot.cameras[0].height) == (884, 1080)
+    image = shot.image_at(60)[0]
+    cells = {(int(x * 8 // 884), int(y * 6 // 1080)) for x, y in image.xy}
+    assert len(cells) > 0.85 * 48
+    depth = image.to_camera(shot.points.xyz[image.points])[:, 2]
+
+    def inside(left: float, top: float, right: float, bottom: float) -> float:
+        x, y = image.xy[:, 0] / 884, image.xy[:, 1] / 1080
+        return float(np.median(depth[(x > left) & (x < right) & (y > top) & (y < bottom)]))
+
+    card, duckling, wall = inside(0.0, 0.8, 0.3, 0.92), inside(0.43, 0.65, 0.6, 0.8), inside(0, 0, 0.6, 0.3)
+    chart, mannequin = inside(0.2, 0.4, 0.7, 0.55), inside(0.8, 0.3, 0.92, 0.5)
+    assert max(card, mannequin) < duckling < chart < wall
+    assert read_model(duck / "model").frames.tolist() == shot.frames.tolist()
+
+
+def test_frames_blurred_by_the_cameras_motion(tmp_path: Path) -> None:
+    # The shutter is open all the time: fifteen frames of seven pictures each.
+    many = planes.sideways(15 * 7)
+    blurred = [np.mean(many[i : i + 7], axis=0).astype(np.uint8) for i in range(0, len(many), 7)]
+    solved = solve(planes.write_clip(tmp_path / "clip", blurred), tmp_path / "work", focal=planes.FOCAL)
+    shot = solved.reconstruction
+    assert len(shot.images) == 15
+    found = np.array([image.centre for image in shot.images])
+    middle = np.linspace(-0.5, 0.5, 15 * 7)[3::7]
+    step = np.linalg.norm(np.diff(found, axis=0), axis=1)
+    true = np.linalg.norm(np.diff(np.column_stack([middle, 0.2 * middle**2, 0.1 * middle]), axis=0), axis=1)
+    assert np.ptp(step / true) < 0.02 * np.median(step / true)
+
+
+def test_a_zoom_that_nobody_announced_is_followed(tmp_path: Path) -> None:
+    focal = planes.FOCAL * np.geomspace(1, 1.4, 16)
+    steps = np.linspace(-0.5, 0.5, 16)
+    pictures = [
+        planes.view(np.array([x, 0.2 * x, 0.0]), np.array([0.0, 0.02 * x, 0.0]), f)
+        for x, f in zip(steps, focal, strict=True)
+    ]
+    solved = solve(planes.write_clip(tmp_path / "clip", pictures), tmp_path / "work")
+    found = np.array([solved.reconstruction.intrinsics(image).fx for image in solved.reconstruction.images])
+    assert len(found) == 16
+    assert np.ptp(np.log(found / focal)) < 0.03
+    assert any("zooms" in note for note in solved.worth.notes)

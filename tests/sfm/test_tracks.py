@@ -1,0 +1,399 @@
+"""Feature tracks on pictures whose motion is known."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from addon.core.base.errors import UserError
+from addon.core.media.clip import open_footage
+from addon.core.sfm import klt, sift, template_tracking
+from addon.core.sfm.klt import Follower, new_corners, new_harris
+from addon.core.sfm.tracks import TRACKERS, Tracks, correlation, cuts, run, thumbnail, track_features
+
+from .. import planes
+
+Pictures = list[NDArray[np.uint8]]
+NONE = np.zeros((0, 2), np.float32)
+FLOWING = TRACKERS[:3]
+
+
+def tracked(folder: Path, tracker: str = TRACKERS[0]) -> Tracks:
+    return track_features(open_footage(folder), lambda *_: None, tracker)
+
+
+def rgb(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    return np.repeat(picture[..., None], 3, axis=2)
+
+
+def shifted(count: int, step: tuple[float, float], seed: int = 0) -> Pictures:
+    """A texture that slides by `step` pixels a frame."""
+    pattern = planes.texture(640, 480, seed)
+    moves = [np.array([[1, 0, -100 + i * step[0]], [0, 1, -100 + i * step[1]]]) for i in range(count)]
+    return [rgb(cv2.warpAffine(pattern, m, planes.SIZE)) for m in moves]
+
+
+def zoomed(count: int, rate: float, noise: float = 1.0) -> tuple[Pictures, Callable[[int], NDArray]]:
+    """A texture that grows about the middle by a factor a frame, and where (n, 2) first places go."""
+    pattern = planes.texture(960, 720, 4)
+    rng = np.random.default_rng(1)
+    middle = np.array(planes.SIZE) / 2
+    clip = []
+    for i in range(count):
+        scale = rate**i * 0.7
+        # Affine maps of OpenCV's pixels, whose first is (0, 0), about the pictures' middles.
+        offset = middle - 0.5 - scale * (np.array([960, 720]) / 2 - 0.5)
+        picture = cv2.warpAffine(
+            pattern, np.array([[scale, 0, offset[0]], [0, scale, offset[1]]]), planes.SIZE
+        )
+        noisy = picture + rng.normal(0, noise, picture.shape)
+        clip.append(rgb(np.clip(np.rint(noisy), 0, 255).astype(np.uint8)))
+    return clip, lambda i: lambda xy: middle + (xy - middle) * rate**i
+
+
+def across(tracks: Tracks, index: int) -> int:
+    """How many tracks are seen both before a frame and from it on."""
+    before = np.unique(tracks.track[tracks.frame_index < index])
+    return len(np.intersect1d(before, tracks.track[tracks.frame_index >= index]))
+
+
+def reached(xy: NDArray, size: tuple[int, int]) -> float:
+    """Share of an 8 x 6 grid that has a point."""
+    cell = np.minimum((xy / (np.array(size) / (8, 6))).astype(int), (7, 5))
+    return len(np.unique(cell, axis=0)) / 48
+
+
+@pytest.mark.parametrize("tracker", TRACKERS)
+def test_tracks_follow_the_motion(tmp_path: Path, tracker: str) -> None:
+    step = np.array([1.75, -0.6])
+    tracks = tracked(planes.write_clip(tmp_path / "clip", shifted(6, (1.75, -0.6))), tracker)
+    first, start = tracks.in_frame(0)
+    last, end = tracks.in_frame(5)
+    _, a, b = np.intersect1d(first, last, return_indices=True)
+    assert len(a) > (0.8 if tracker in FLOWING else 0.4) * len(first)
+    error = np.linalg.norm(end[b] - start[a] - 5 * step, axis=1)
+    assert np.median(error) < 0.1
+    assert np.mean(error < 0.5) > 0.97
+
+
+@pytest.mark.parametrize("tracker", TRACKERS)
+def test_observations_are_sorted_and_numbered(tmp_path: Path, tracker: str) -> None:
+    tracks = tracked(planes.write_clip(tmp_path / "clip", shifted(4, (3.0, 0.0))), tracker)
+    assert (np.diff(tracks.frame_index) >= 0).all()
+    assert set(np.unique(tracks.track)) == set(range(tracks.count))
+    for index in range(4):
+        assert (np.diff(tracks.in_frame(index)[0]) > 0).all()
+    assert (tracks.xy >= 0).all() and (tracks.xy <= planes.SIZE).all()
+
+
+@pytest.mark.parametrize("tracker", TRACKERS)
+def test_the_whole_frame_is_covered_and_stays_covered(tmp_path: Path, tracker: str) -> None:
+    tracks = tracked(planes.write_clip(tmp_path / "clip", shifted(12, (8.0, 0.0))), tracker)
+    for index in (0, 11):
+        xy = tracks.in_frame(index)[1]
+        assert len(xy) > (500 if tracker in ("corners", "harris") else 250)
+        assert reached(xy, planes.SIZE) == 1
+
+
+@pytest.mark.parametrize("detect", [new_corners, new_harris, sift.Detector()])
+def test_weak_texture_beside_strong_is_not_forgotten(detect: klt.Detector) -> None:
+    gray = planes.texture(*planes.SIZE, 0)
+    gray[:, 160:] = 128 + (gray[:, 160:].astype(int) - 128) // 8
+    corners = detect(gray, NONE)
+    assert (corners[:, 0] > 168).sum() > (30 if isinstance(detect, sift.Detector) else 100)
+
+
+def test_where_only_large_things_stand_out_they_are_followed(tmp_path: Path) -> None:
+    # Two grey levels of large blotches under noise of one: no corner, but something to hold on to.
+    rng = np.random.default_rng(3)
+    blotches = cv2.resize(rng.standard_normal((20, 30)).astype(np.float32), (480, 320), interpolation=2)
+    clip = []
+    for i in range(8):
+        picture = 120 + 5 * cv2.warpAffine(blotches, np.array([[1, 0, -60.0 + i], [0, 1, -40]]), planes.SIZE)
+        picture[100:120, 150:170] = 10 + 200 * ((np.add.outer(np.arange(20), np.arange(20)) // 5) % 2)
+        clip.append(
+            rgb(np.clip(np.rint(picture + rng.normal(0, 1.0, picture.shape)), 0, 255).astype(np.uint8))
+        )
+    footage = open_footage(planes.write_clip(tmp_path / "clip", clip))
+    tracks = track_features(footage, lambda *_: None)
+    small = run(Follower(new_corners), footage)
+    assert reached(tracks.in_frame(7)[1], planes.SIZE) > reached(small.in_frame(7)[1], planes.SIZE) + 0.3
+    first, start = tracks.in_frame(0)
+    last, end = tracks.in_frame(7)
+    _, a, b = np.intersect1d(first, last, return_indices=True)
+    away = np.linalg.norm(start[a] - (160, 110), axis=1) > 40
+    assert away.sum() > 20
+    assert np.median(np.linalg.norm(end[b][away] - start[a][away] - (7, 0), axis=1)) < 0.7
+
+
+@pytest.mark.parametrize("detect", [new_corners, new_harris, sift.Detector()])
+def test_a_plain_picture_has_no_corners(detect: klt.Detector) -> None:
+    assert len(detect(np.full((240, 320), 90, np.uint8), NONE)) == 0
+
+
+@pytest.mark.parametrize("tracker", TRACKERS)
+def test_plain_clips_have_no_tracks(tmp_path: Path, tracker: str) -> None:
+    tracks = tracked(
+        planes.write_clip(tmp_path / "clip", [np.full((240, 320, 3), 90, np.uint8)] * 4), tracker
+    )
+    assert (tracks.count, len(tracks.xy), cuts(tracks)) == (0, 0, ())
+
+
+@pytest.mark.parametrize("tracker", TRACKERS)
+def test_long_tracks_do_not_creep(tmp_path: Path, tracker: str) -> None:
+    clip, to = zoomed(30, 1.01)
+    tracks = tracked(planes.write_clip(tmp_path / "clip", clip), tracker)
+    error, span = ends(tracks, to)
+    assert (span >= 20).sum() > 40
+    assert np.median(error[span >= 20]) < 0.15
+    assert np.percentile(error[span >= 20], 90) < 0.4
+
+
+def test_flow_alone_would_creep(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    clip, to = zoomed(30, 1.01)
+    folder = planes.write_clip(tmp_path / "clip", clip)
+    held, span = ends(tracked(folder), to)
+    monkeypatch.setattr(template_tracking, "MAX_MOVE", 0.0)
+    free, free_span = ends(tracked(folder), to)
+    assert np.median(held[span >= 20]) < 0.6 * np.median(free[free_span >= 20])
+
+
+def ends(tracks: Tracks, to: Callable[[int], NDArray]) -> tuple[NDArray, NDArray]:
+    """(count,) how far each track's end is from where its beginning went, and how many frames later."""
+    order = np.lexsort([tracks.frame_index, tracks.track])
+    number = np.arange(tracks.count)
+    first, past = (np.searchsorted(tracks.track[order], number, side) for side in ("left", "right"))
+    first, last = order[first], order[past - 1]
+    span = tracks.frame_index[last] - tracks.frame_index[first]
+    expected = np.array([to(n)(xy) for n, xy in zip(span, tracks.xy[first], strict=True)])
+    return np.linalg.norm(tracks.xy[last] - expected, axis=1), span
+
+
+# Cuts, flashes, pans
+
+
+@pytest.mark.parametrize("tracker", TRACKERS)
+def test_no_track_lives_through_a_cut(tmp_path: Path, tracker: str) -> None:
+    clip = shifted(4, (2.0, 0.0)) + shifted(5, (-1.0, 1.0), seed=9)
+    tracks = tracked(planes.write_clip(tmp_path / "clip", clip), tracker)
+    assert across(tracks, 4) == 0
+    assert min(across(tracks, index) for index in (3, 5, 8)) > 150
+    assert cuts(tracks) == (4,)
+
+
+@pytest.mark.parametrize("tracker", TRACKERS)
+@pytest.mark.parametrize("flash", ["bright", "white"])
+def test_a_flash_is_no_cut(tmp_path: Path, tracker: str, flash: str) -> None:
+    clip = shifted(8, (2.0, 0.0))
+    lit = np.full_like(clip[0], 255) if flash == "white" else np.clip(2.0 * clip[4], 0, 255).astype(np.uint8)
+    clip[4] = lit
+    tracks = tracked(planes.write_clip(tmp_path / "clip", clip), tracker)
+    assert cuts(tracks) == ()
+    assert across(tracks, 4) > 150 and across(tracks, 5) > 150
+    first, start = tracks.in_frame(3)
+    last, end = tracks.in_frame(6)
+    _, a, b = np.intersect1d(first, last, return_indices=True)
+    assert np.mean(np.linalg.norm(end[b] - start[a] - (6, 0), axis=1) < 0.5) > 0.95
+
+
+@pytest.mark.parametrize("tracker", TRACKERS)
+def test_a_fast_pan_is_no_cut(tmp_path: Path, tracker: str) -> None:
+    # A third of the picture in each frame.
+    pattern = rgb(planes.texture(960, 240, 2))
+    clip = [pattern[:, i * 105 : i * 105 + 320] for i in range(6)]
+    tracks = tracked(planes.write_clip(tmp_path / "clip", clip), tracker)
+    assert cuts(tracks) == ()
+    assert min(across(tracks, index) for index in range(1, 6)) > 100
+
+
+def test_cuts_are_where_no_track_lives_on_and_the_picture_changes() -> None:
+    # Track 0 ends in frame 1, 1 lives in frames 2 and 3, 2 from 4 on; 3 skips frame 5.
+    index = np.array([0, 1, 2, 3, 4, 4, 5, 6, 6], np.int32)
+    track = np.array([0, 0, 1, 1, 2, 3, 2, 2, 3], np.int32)
+
+    def made(likeness: list[float]) -> Tracks:
+        colours = np.zeros((4, 3), np.uint8)
+        return Tracks(tuple(range(7)), 9, 9, index, track, np.zeros((9, 2)), colours, np.array(likeness))
+
+    assert cuts(made([])) == (2, 4)
+    assert cuts(made([1, 1, 0.1, 1, 0.9, 1, 0.1])) == (2,)
+    # A frame without any track begins nothing, the next that has one does.
+    index, track = np.array([0, 0, 3, 3], np.int32), np.arange(4, dtype=np.int32)
+    faded = Tracks((1, 2, 3, 4), 9, 9, index, track, np.zeros((4, 2)), np.zeros((4, 3), np.uint8))
+    assert cuts(faded) == (3,)
+
+
+def test_likeness_is_that_of_the_same_scene_shifted_and_lit_otherwise() -> None:
+    wide = cv2.GaussianBlur(planes.texture(1280, 480, 5), (0, 0), 3)
+    a, b = wide[:, :640], wide[:, 250:890]
+    assert correlation(thumbnail(a), thumbnail(b)) > 0.8
+    assert correlation(thumbnail(a), thumbnail((0.4 * b + 30).astype(np.uint8))) > 0.8
+    assert correlation(thumbnail(a), thumbnail(planes.texture(640, 480, 6))) < 0.35
+    assert correlation(thumbnail(a), np.zeros_like(thumbnail(a))) == 0
+
+
+# Outliers
+
+
+def grid(step: int = 20) -> NDArray[np.float32]:
+    x, y = np.meshgrid(np.arange(15, 310, step), np.arange(15, 230, step))
+    return np.stack([x.ravel(), y.ravel()], axis=1).astype(np.float32)
+
+
+def seen(xyz: NDArray, centre: NDArray, turn: NDArray) -> NDArray[np.float32]:
+    local = (xyz - centre) @ cv2.Rodrigues(turn)[0].T
+    return np.float32(local[:, :2] / local[:, 2:] * planes.FOCAL + np.array(planes.SIZE) / 2)
+
+
+def test_a_point_that_jumps_by_itself_is_a_stray() -> None:
+    rng = np.random.default_rng(0)
+    before = grid()
+    depth = rng.uniform(4, 9, len(before))
+    rays = np.column_stack([(before - np.array(planes.SIZE) / 2) / planes.FOCAL, np.ones(len(before))])
+    after = seen(rays * depth[:, None], np.array([0.05, 0, 0.02]), np.array([0, 0.004, 0.001]))
+    moves = after - before
+    wrong = rng.choice(len(before), 9, replace=False)
+    after[wrong] += np.float32([[0, 9]])
+    np.testing.assert_array_equal(np.nonzero(klt.strays(before, after, moves, 20))[0], np.sort(wrong))
+
+
+def test_parallax_pans_planes_and_movers_are_no_strays() -> None:
+    before = grid()
+    flat = np.column_stack([(before - np.array(planes.SIZE) / 2) / planes.FOCAL, np.ones(len(before))])
+    still, moved = np.zeros(3), np.array([0.3, 0.1, 0])
+    # Lone near points before a far wall move by themselves, and did so before.
+    near = seen(flat * np.where(np.arange(len(flat)) % 31 == 7, 1.5, 8.0)[:, None], moved, still)
+    assert not klt.strays(before, near, near - before, 20).any()
+    # A camera that begins to pan, or to pass a wall, and a thing over a third of the picture that sets out.
+    none = np.zeros_like(before)
+    assert not klt.strays(before, seen(flat, still, np.array([0.01, 0.05, 0.02])), none, 20).any()
+    assert not klt.strays(before, seen(8 * flat, moved, still), none, 20).any()
+    thing = seen(8 * flat, moved, still)
+    thing[before[:, 0] < 115] += np.float32([[7, -11]])
+    assert not klt.strays(before, thing, none, 20).any()
+    # Points that are new have not moved before.
+    assert not klt.strays(before, near, np.full_like(before, np.nan), 20).any()
+
+
+# Patches
+
+
+def test_a_patch_is_found_again_under_an_affine_map_and_another_light() -> None:
+    gray = planes.texture(320, 240, 3).astype(np.float32)
+    places = new_corners(gray.astype(np.uint8), NONE)
+    places = places[np.all((places > 40) & (places < (280, 200)), axis=1)]
+    known = template_tracking.Patches.unknown(len(places))
+    known.learn(gray, places)
+    assert known.known.all()
+    matrix = np.array([[1.03, 0.02, 2.0], [-0.015, 0.98, 4.0]])
+    after = 0.6 * cv2.warpAffine(gray, matrix, (320, 240), flags=cv2.INTER_CUBIC) + 20
+    true = places @ matrix[:, :2].T + matrix[:, 2]
+    rng = np.random.default_rng(0)
+    guess = (true + rng.normal(0, 0.4, true.shape)).astype(np.float32)
+    for _ in range(8):
+        guess, alike = known.refined(after, guess)
+    assert alike.mean() > 0.98
+    error = np.linalg.norm(guess - true, axis=1)
+    assert np.median(error) < 0.05 and np.percentile(error, 95) < 0.2
+    np.testing.assert_allclose(np.median(known.map, axis=0), matrix[:, :2], atol=0.01)
+    # Elsewhere in the picture there is something else.
+    other = np.arange(len(guess)) % 5 == 0
+    guess[other] = np.roll(guess[other], 1, axis=0)
+    _, alike = known.refined(after, guess)
+    assert alike[other].mean() < 0.1 and alike[~other].mean() > 0.98
+
+
+def test_a_patch_that_is_not_whole_is_left_alone() -> None:
+    gray = planes.texture(320, 240, 3).astype(np.float32)
+    places = np.float32([[3, 100], [160, 100], [160, 100]])
+    known = template_tracking.Patches.unknown(3)
+    known.learn(gray, places)
+    assert known.known.tolist() == [False, True, True]
+    moved = np.float32([[4, 100], [160.5, 100], [318, 100]])
+    refined, alike = known.refined(gray, moved)
+    np.testing.assert_array_equal(refined[[0, 2]], moved[[0, 2]])
+    np.testing.assert_allclose(refined[1], [160, 100], atol=0.2)
+    assert alike[[0, 2]].all()
+    both = known.kept(np.array([2, 0])).joined(known.kept(np.array([False, True, False])))
+    assert both.known.tolist() == [True, False, True]
+
+
+# SIFT
+
+
+def test_sift_finds_again_what_was_hidden(tmp_path: Path) -> None:
+    clip = shifted(9, (3.0, 0.0))
+    for picture in clip[3:6]:
+        picture[:, 100:220] = 90
+    tracks = tracked(planes.write_clip(tmp_path / "clip", clip), "sift")
+    first, start = tracks.in_frame(2)
+    last, end = tracks.in_frame(6)
+    _, a, b = np.intersect1d(first, last, return_indices=True)
+    hidden = (start[a, 0] > 110) & (start[a, 0] < 200)
+    assert hidden.sum() > 30
+    # They are not seen meanwhile.
+    assert len(np.intersect1d(first[a[hidden]], tracks.in_frame(4)[0])) < 5
+    error = np.linalg.norm(end[b] - start[a] - (12, 0), axis=1)[hidden]
+    assert np.mean(error < 0.5) > 0.95
+
+
+def test_matches_undo_a_shuffle_and_are_mutual() -> None:
+    rng = np.random.default_rng(0)
+    before = rng.uniform(0, 100, (40, 128)).astype(np.float32)
+    order = rng.permutation(40)
+    after = before[order] + rng.normal(0, 2, (40, 128)).astype(np.float32)
+    old, new = sift.matched(before, after)
+    assert old.tolist() == list(range(40))
+    np.testing.assert_array_equal(order[new], old)
+    # Both old ones are nearest to the first new one, which is nearest to the second old one.
+    old, new = sift.matched(np.float32([[0, 0], [1, 0]]), np.float32([[1.2, 0], [90, 0]]))
+    assert (old.tolist(), new.tolist()) == ([1], [0])
+
+
+# The rest
+
+
+def test_large_frames_are_tracked_small_but_told_in_their_own_pixels(tmp_path: Path) -> None:
+    big = [cv2.resize(p, (2001, 1502), interpolation=cv2.INTER_CUBIC) for p in shifted(4, (2.0, 0.0))]
+    tracks = tracked(planes.write_clip(tmp_path / "clip", big))
+    first, start = tracks.in_frame(0)
+    last, end = tracks.in_frame(2)
+    _, a, b = np.intersect1d(first, last, return_indices=True)
+    np.testing.assert_allclose(np.median(end[b] - start[a], axis=0), [4 * 2001 / 320, 0], atol=0.2)
+    assert tracks.xy[:, 0].max() > 1900
+
+
+@pytest.mark.parametrize("kind", ["uint8", "uint16"])
+def test_colours_are_the_pictures(tmp_path: Path, kind: str) -> None:
+    picture = rgb(planes.texture(*planes.SIZE, 0))
+    picture[..., 0] //= 2  # blue, as OpenCV writes it
+    if kind == "uint16":
+        picture = picture.astype(np.uint16) * 257
+    tracks = tracked(planes.write_clip(tmp_path / "clip", [picture] * 4))
+    x, y = tracks.in_frame(0)[1].astype(int).T
+    expected = (picture[y, x, ::-1] >> 8) if kind == "uint16" else picture[y, x, ::-1]
+    assert tracks.rgb.dtype == np.uint8
+    np.testing.assert_array_equal(tracks.rgb[tracks.in_frame(0)[0]], expected)
+
+
+@pytest.mark.parametrize("tracker", TRACKERS)
+@pytest.mark.parametrize("size", [(1, 1), (9, 16), (33, 20)])
+def test_tiny_frames_are_no_trouble(tmp_path: Path, tracker: str, size: tuple[int, int]) -> None:
+    clip = [rgb(planes.texture(*size, seed)) for seed in range(4)]
+    tracks = tracked(planes.write_clip(tmp_path / "clip", clip), tracker)
+    assert tracks.frames == (1, 2, 3, 4)
+
+
+def test_two_frames_are_too_few(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="at least 4"):
+        tracked(planes.write_clip(tmp_path / "clip", shifted(2, (2.0, 0.0))))
+
+
+def test_an_unknown_tracker_is_named(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match=r"'surf'.*harris, corners, sift-klt, sift"):
+        tracked(planes.write_clip(tmp_path / "clip", shifted(3, (2.0, 0.0))), "surf")

@@ -1,0 +1,69 @@
+"""Rooms import downwards only, the core knows nothing of Blender, pycolmap stays in the worker process."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+ADDON = ROOT / "addon"
+FLOORS = ("core", "scene", "render", "ui", "cli")
+"""Folders of the add-on, the lowest first: each may import those before it."""
+ROOMS = ("base", "camera", "media", "readers", "depth", "sfm", "warp", "lens")
+"""Folders of the core, the lowest first."""
+BLENDER = {"bpy", "bmesh", "blf", "gpu", "gpu_extras", "imbuf", "mathutils"}
+WORKER = {"incremental_mapping", "keyframes", "worker"}
+"""Modules of `sfm` that only run in the worker process."""
+
+
+def imports(path: Path) -> Iterator[tuple[str, ...]]:
+    """Every import of a file as the parts of the module's path, relative ones from the root on."""
+    package = path.relative_to(ROOT).parts[:-1]
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            yield from (tuple(alias.name.split(".")) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base = package[: len(package) - node.level + 1] if node.level else ()
+            module = tuple(node.module.split(".")) if node.module else ()
+            yield from ((*base, *module, alias.name) for alias in node.names)
+
+
+def upward(folder: Path, floors: tuple[str, ...]) -> list[str]:
+    """Imports from a floor of one above it."""
+    place = folder.relative_to(ROOT).parts
+    return [
+        f"{path.relative_to(ROOT)} imports {'.'.join(module)}"
+        for number, floor in enumerate(floors)
+        for path in sorted((folder / floor).rglob("*.py"))
+        for module in imports(path)
+        if module[: len(place)] == place and module[len(place)] in floors[number + 1 :]
+    ]
+
+
+def test_the_add_on_imports_downwards() -> None:
+    assert upward(ADDON, FLOORS) == []
+
+
+def test_the_core_imports_downwards() -> None:
+    assert {p.name for p in (ADDON / "core").iterdir() if p.is_dir()} - {"__pycache__"} == set(ROOMS)
+    assert upward(ADDON / "core", ROOMS) == []
+
+
+def test_the_core_never_imports_blender_nor_anything_above_it() -> None:
+    for path in (ADDON / "core").rglob("*.py"):
+        for module in imports(path):
+            assert module[0] not in BLENDER, path
+            assert module[:1] != ("addon",) or module[1] == "core", path
+
+
+def test_pycolmap_stays_in_the_worker() -> None:
+    quiet = [p for p in ADDON.rglob("*.py") if not (p.parent.name == "sfm" and p.stem in WORKER)]
+    for path in quiet:
+        assert all(module[0] != "pycolmap" for module in imports(path)), path
+    core = [p.relative_to(ROOT).with_suffix("").parts for p in quiet if "core" in p.parts]
+    names = ", ".join(sorted(".".join(parts) for parts in core if parts[-1] != "__init__"))
+    check = f"import sys, {names}; assert 'pycolmap' not in sys.modules"
+    subprocess.run([sys.executable, "-c", check], check=True, cwd=ROOT)

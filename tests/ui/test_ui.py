@@ -1,0 +1,412 @@
+"""Operators and panels with the real module."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+import addon
+from addon.core.base.errors import UserError
+from addon.core.base.progress import Cancelled, checkpoint
+from addon.core.camera.reconstruction import Intrinsics, rotation_matrix
+from addon.core.media.clip import open_footage
+from addon.core.sfm.process import SolveProcess
+from addon.core.sfm.workspace import load_solve
+from addon.scene.build import build
+from addon.ui import panels
+from addon.ui.operators import _Solving, bring_in
+from addon.ui.text import lines
+
+from .. import foreign_models as foreign
+from .. import planes
+from ..recorder import Recorder, draw
+from ..scenes import slanted_shot, write_frames
+
+LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
+
+
+def select(points: bpy.types.Object, ids: tuple[int, ...]) -> None:
+    import bmesh  # the module's own, there only after bpy
+
+    bpy.context.view_layer.objects.active = points
+    bpy.ops.object.mode_set(mode="EDIT")
+    bpy.ops.mesh.select_all(action="DESELECT")
+    mesh = bmesh.from_edit_mesh(points.data)
+    mesh.verts.ensure_lookup_table()
+    for index in ids:
+        mesh.verts[index].select_set(True)
+    bmesh.update_edit_mesh(points.data)
+
+
+def test_buttons_say_why_they_are_disabled(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    with pytest.raises(RuntimeError, match="Choose a clip first"):
+        bpy.ops.virtual_aperture.solve()
+    for operator in (bpy.ops.virtual_aperture.set_focus, bpy.ops.virtual_aperture.render_frame):
+        with pytest.raises(RuntimeError, match="Solve the clip first"):
+            operator()
+    shot = slanted_shot(tmp_path, LENS)
+    build(scene, shot.footage, shot.reconstruction)
+    with pytest.raises(RuntimeError, match="press Tab for Edit Mode"):
+        bpy.ops.virtual_aperture.set_focus()
+    with pytest.raises(RuntimeError, match="set the focus first"):
+        bpy.ops.virtual_aperture.render_clip()
+
+
+def test_focus_from_selected_vertices(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    shot = slanted_shot(tmp_path, LENS)
+    settings = build(scene, shot.footage, shot.reconstruction)
+    scene.frame_set(2)
+    select(settings.points, (7,))
+    with pytest.raises(RuntimeError, match="1 vertex is selected; select at least two"):
+        bpy.ops.virtual_aperture.set_focus()
+    select(settings.points, (7, 11, 30))
+    assert bpy.ops.virtual_aperture.set_focus() == {"FINISHED"}
+    assert [entry.point for entry in settings.focus_points] == [7, 11, 30]
+    assert settings.focus_frame == 2
+    assert settings.points.mode == "OBJECT"
+    # IDs stay when vertices before them are deleted.
+    select(settings.points, (0, 1, 2))
+    bpy.ops.mesh.delete(type="VERT")
+    select(settings.points, (4, 8))
+    assert bpy.ops.virtual_aperture.set_focus() == {"FINISHED"}
+    assert [entry.point for entry in settings.focus_points] == [7, 11]
+    assert len(settings.aperture.data.vertices) > 0
+
+
+def test_all_points_are_no_focus(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    shot = slanted_shot(tmp_path, LENS)
+    settings = build(scene, shot.footage, shot.reconstruction)
+    select(settings.points, tuple(range(150)))
+    with pytest.raises(RuntimeError, match="all 150 vertices are selected"):
+        bpy.ops.virtual_aperture.set_focus()
+    assert settings.points.mode == "EDIT" and not settings.focus_points
+    select(settings.points, tuple(range(149)))
+    assert bpy.ops.virtual_aperture.set_focus() == {"FINISHED"}
+
+
+def test_render_frame_and_clip_write_pictures(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    shot = slanted_shot(tmp_path / "clip", LENS)
+    settings = build(scene, shot.footage, shot.reconstruction)
+    settings.focus_distance = 8.0
+    settings.views = 4
+    settings.blur = -1
+    assert settings.blur > 0
+    scene.render.filepath = str(tmp_path / "out" / "####.png")
+    scene.render.engine = "CYCLES"
+    assert bpy.ops.virtual_aperture.render_frame() == {"FINISHED"}
+    assert scene.render.engine == "VIRTUAL_APERTURE"
+    assert bpy.ops.virtual_aperture.render_clip() == {"FINISHED"}
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["0001.png", "0002.png", "0003.png"]
+
+
+def test_scene_changes_can_be_undone() -> None:
+    for name in ("choose_clip", "solve", "import_solve", "import_movie_clip", "set_focus", "clear_focus"):
+        name = f"VIRTUAL_APERTURE_OT_{name}"
+        assert "UNDO" in getattr(bpy.types, name).bl_options
+
+
+def test_the_recorder_knows_what_blender_refuses(scene: bpy.types.Scene) -> None:
+    layout, settings = Recorder(), scene.virtual_aperture
+    with pytest.raises(AssertionError, match="has no property blurr"):
+        layout.prop(settings, "blurr")
+    with pytest.raises(AssertionError, match="no icon TRACKR"):
+        layout.row().label(text="", icon="TRACKR")
+    with pytest.raises(KeyError):
+        layout.operator("virtual_aperture.slove")
+    with pytest.raises(AssertionError, match="has no property agian"):
+        layout.operator("virtual_aperture.solve").agian = True
+    with pytest.raises(AssertionError, match="has no use_split"):
+        layout.use_split = True
+
+
+def drawn(closed: bool) -> tuple[set[str], set[str], str]:
+    """Properties, greyed ones in brackets, operators and texts of the panels that are closed, or not."""
+    shown = [draw(p) for p in panels.CLASSES if ("DEFAULT_CLOSED" in getattr(p, "bl_options", ())) == closed]
+    props, operators = ({n for s in shown for n in getattr(s, kind)} for kind in ("props", "operators"))
+    return props, operators, " ".join(text for s in shown for text in s.texts)
+
+
+def test_panels_show_the_next_step(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    assert all(panel.bl_category == "Virtual Aperture" for panel in panels.CLASSES)
+    props, operators, texts = drawn(closed=False)
+    assert "Choose a clip" in texts
+    assert {"focus_distance", "blur", "aperture_radius", "filepath", "frame_start"} <= props
+    names = ("choose_clip", "solve", "set_focus", "render_frame", "render_clip")
+    assert {f"virtual_aperture.{name}" for name in names} == operators
+    shot = slanted_shot(tmp_path, LENS)
+    settings = scene.virtual_aperture
+    settings.footage = str(shot.footage.path)
+    assert "Solve the clip" in drawn(closed=False)[2]
+    build(scene, shot.footage, shot.reconstruction)
+    assert "Press Tab" in drawn(closed=False)[2]
+    select(settings.points, (7, 11, 30))
+    assert "Select two or more vertices" in drawn(closed=False)[2]
+    bpy.ops.virtual_aperture.set_focus()
+    props, operators, texts = drawn(closed=False)
+    assert "Ready to render" in texts and "3 points, picked at frame 1" in texts
+    assert "virtual_aperture.clear_focus" in operators
+    assert {"focus_by", "(focus_distance)"} <= props
+    settings.focus_distance = 7.0
+    assert "focus_distance" in drawn(closed=False)[0]
+    scene.render.filepath = "//out/"
+    assert "Frames 1 to 3, to //out/ as PNG" in drawn(closed=False)[2]
+
+
+def test_jargon_is_in_closed_panels(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    shot = slanted_shot(tmp_path, LENS)
+    settings = build(scene, shot.footage, shot.reconstruction)
+    jargon = {"method", "borrow", "use_auto_views", "masks", "mask", "depth_maps", "work_dir", "footage"}
+    assert jargon <= drawn(closed=True)[0]
+    assert not jargon & drawn(closed=False)[0]
+    # Found automatically, no number is shown.
+    assert "views" not in drawn(closed=True)[0]
+    settings.views, settings.method = 12, "thesis"
+    assert {"views", "seed"} <= drawn(closed=True)[0]
+
+
+def test_long_texts_are_wrapped_to_the_panel() -> None:
+    words = "36 of 36 frames registered, 1554 points, reprojection error 0.13 px"
+    narrow, wide = lines(words, 150), lines(words, 2000)
+    assert wide == [words] and len(narrow) > 2
+    assert " ".join(narrow) == words
+    assert lines("", 100) == []
+
+
+def test_register_again(registered: None) -> None:
+    addon.unregister()
+    assert not hasattr(bpy.types.Scene, "virtual_aperture")
+    addon.register()
+    assert hasattr(bpy.types.Scene, "virtual_aperture")
+
+
+def test_solving_brings_the_clip_into_its_scene(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    clip = planes.write_clip(tmp_path / "walk", planes.sideways(12))
+    settings = scene.virtual_aperture
+    settings.footage, settings.work_dir = str(clip), str(tmp_path / "work")
+    assert bpy.ops.virtual_aperture.solve() == {"FINISHED"}
+    assert len(settings.points.data.vertices) > 50 and scene.camera == settings.camera
+    before = (tmp_path / "work" / "solve.json").stat().st_mtime_ns
+    assert bpy.ops.virtual_aperture.solve() == {"FINISHED"}
+    assert (tmp_path / "work" / "solve.json").stat().st_mtime_ns == before
+    assert bpy.ops.virtual_aperture.solve(again=True) == {"FINISHED"}
+    assert (tmp_path / "work" / "solve.json").stat().st_mtime_ns > before
+    settings.lens, settings.equivalent = "GIVEN", 36.0
+    assert bpy.ops.virtual_aperture.solve() == {"FINISHED"}
+    # 320x240 pixels lie on 34.6x26.0 mm of the 35 mm film's diagonal.
+    assert settings.camera.data.lens == pytest.approx(36.0 * 36.0 / 34.61, rel=1e-3)
+    settings.lens, settings.focal_mm, settings.sensor_mm = "SENSOR", 20.0, 18.0
+    assert bpy.ops.virtual_aperture.solve() == {"FINISHED"}
+    assert settings.camera.data.lens == pytest.approx(40.0, rel=1e-5)
+    settings.footage = str(tmp_path / "gone")
+    with pytest.raises(RuntimeError, match="does not exist"):
+        bpy.ops.virtual_aperture.solve()
+    assert settings.points is not None
+
+
+def choose_clip(scene: bpy.types.Scene, folder: Path) -> Path:
+    """The clip of the foreign models, chosen in the panel; its working folder."""
+    settings = scene.virtual_aperture
+    settings.footage = str(write_clip(folder / "clip"))
+    settings.work_dir = str(folder / "work")
+    return folder / "work"
+
+
+def write_clip(folder: Path) -> Path:
+    write_frames(folder, foreign.LENS, (1, 2, 3, 4))
+    for path in sorted(folder.iterdir()):
+        path.rename(path.with_name(path.name.replace("clip", "shot")))
+    return folder
+
+
+def write_model(folder: Path, points: int = 12) -> Path:
+    folder.mkdir(parents=True)
+    for name, text in foreign.colmap_text(foreign.world(points=points)).items():
+        (folder / name).write_text(text)
+    return folder
+
+
+@pytest.mark.parametrize("chosen", ["", "0", "0/cameras.txt", "0/points3D.txt"])
+def test_a_model_is_imported_by_its_folder_or_a_file_in_it(
+    scene: bpy.types.Scene, tmp_path: Path, chosen: str
+) -> None:
+    work = choose_clip(scene, tmp_path)
+    write_model(tmp_path / "sparse" / "0")
+    chosen_path = tmp_path / "sparse" / chosen
+    # As the file selector hands folders over.
+    text = f"{chosen_path}/" if chosen_path.is_dir() else str(chosen_path)
+    assert bpy.ops.virtual_aperture.import_solve(filepath=text) == {"FINISHED"}
+    settings = scene.virtual_aperture
+    assert len(settings.points.data.vertices) == 12
+    assert scene.camera == settings.camera
+    assert (scene.frame_start, scene.frame_end) == (1, 4)
+    kept = load_solve(work)
+    assert kept.worth.focal_from == "file"
+    assert kept.reconstruction.cameras[0].fx == foreign.LENS.fx
+    # A lens of 80 pixels on a picture of 96, on Blender's sensor of 36 mm.
+    assert settings.camera.data.lens == pytest.approx(30.0)
+
+
+def test_an_import_replaces_a_solve_only_when_told_to(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    work = choose_clip(scene, tmp_path)
+    first, second = write_model(tmp_path / "one"), write_model(tmp_path / "two", 15)
+    bpy.ops.virtual_aperture.import_solve(filepath=str(first))
+    before = (work / "solve.json").read_text()
+    with pytest.raises(RuntimeError, match="holds a solve of this clip already"):
+        bpy.ops.virtual_aperture.import_solve(filepath=str(second))
+    assert (work / "solve.json").read_text() == before
+    points = scene.virtual_aperture.points
+    assert len(points.data.vertices) == 12
+    assert bpy.ops.virtual_aperture.import_solve(filepath=str(second), again=True) == {"FINISHED"}
+    assert scene.virtual_aperture.points == points
+    assert len(points.data.vertices) == len(load_solve(work).reconstruction.points) == 15
+    # The import is not taken for a solve.
+    with pytest.raises(RuntimeError, match=r"holds an import \(COLMAP text\).*Solve Again"):
+        bpy.ops.virtual_aperture.solve()
+
+
+@pytest.mark.parametrize("elsewhere", [False, True])
+def test_edit_mode_is_left_for_a_new_solve(scene: bpy.types.Scene, tmp_path: Path, elsewhere: bool) -> None:
+    work = choose_clip(scene, tmp_path)
+    bpy.ops.virtual_aperture.import_solve(filepath=str(write_model(tmp_path / "one")))
+    points = scene.virtual_aperture.points
+    select(points, (1, 2))
+    if elsewhere:
+        bpy.context.window.scene = bpy.data.scenes.new("other")
+    bring_in(scene, open_footage(tmp_path / "clip"), work)
+    assert points.mode == "OBJECT"
+    assert len(points.data.vertices) == 12
+
+
+def test_an_import_that_fails_leaves_everything_as_it_was(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    with pytest.raises(RuntimeError, match="Choose a clip first"):
+        bpy.ops.virtual_aperture.import_solve(filepath=str(tmp_path))
+    work = choose_clip(scene, tmp_path)
+    with pytest.raises(RuntimeError, match="no model is chosen"):
+        bpy.ops.virtual_aperture.import_solve()
+    notes = tmp_path / "notes.txt"
+    notes.write_text("Things to do")
+    broken = write_model(tmp_path / "broken")
+    (broken / "images.txt").write_text("nonsense\n")
+    for path, said in (
+        (notes, "no model of a known format"),
+        (tmp_path / "gone", "does not exist"),
+        (broken, "images.txt"),
+        (tmp_path / "a.blend", "Import Movie Clip"),
+    ):
+        with pytest.raises(RuntimeError, match=said):
+            bpy.ops.virtual_aperture.import_solve(filepath=str(path), again=True)
+    assert not work.exists()
+    assert scene.virtual_aperture.points is None
+    assert len(bpy.data.objects) == 0
+    bpy.ops.virtual_aperture.import_solve(filepath=str(write_model(tmp_path / "good")))
+    before = (work / "solve.json").read_text()
+    with pytest.raises(RuntimeError, match=r"images\.txt"):
+        bpy.ops.virtual_aperture.import_solve(filepath=str(broken), again=True)
+    assert (work / "solve.json").read_text() == before
+    assert len(scene.virtual_aperture.points.data.vertices) == 12
+
+
+def test_what_the_reader_notes_is_a_warning(
+    scene: bpy.types.Scene, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    choose_clip(scene, tmp_path)
+    (tmp_path / "clip" / "shot_0004.png").unlink()
+    bpy.ops.virtual_aperture.import_solve(filepath=str(write_model(tmp_path / "model")))
+    assert "Warning: 1 image of the model is not in the clip: shot_0004.png" in capfd.readouterr().out
+
+
+def solved_movie_clip(folder: Path) -> bpy.types.MovieClip:
+    """A movie clip of the folder's pictures with exact tracks, solved by Blender."""
+    width, height = foreign.SIZE
+    clip = bpy.data.movieclips.load(str(folder / "shot_0001.png"))
+    camera = clip.tracking.camera
+    camera.units, camera.focal_length_pixels = "PIXELS", 80.0
+    camera.principal_point_pixels = (width / 2, height / 2)
+    target = clip.tracking.objects[0]
+    target.keyframe_a, target.keyframe_b = 1, 4
+    points = np.random.default_rng(1).uniform([-2, -1.5, 5], [2, 1.5, 9], (40, 3))
+    for _ in points:
+        target.tracks.new(frame=1)
+    for frame in range(1, 5):
+        turn = rotation_matrix(np.array([0.01, -0.02, 0.005]) * frame)
+        local = (points - [0.3 * frame, 0.02 * frame**2, 0.05 * frame]) @ turn.T
+        places = local[:, :2] / local[:, 2:] * [80 / width, -80 / height] + 0.5
+        for track, place in zip(target.tracks, places, strict=True):
+            track.markers.insert_frame(frame, co=place)
+    area = bpy.context.screen.areas[0]
+    kind, area.type = area.type, "CLIP_EDITOR"
+    area.spaces.active.clip = clip
+    window = next(region for region in area.regions if region.type == "WINDOW")
+    with bpy.context.temp_override(area=area, region=window, space_data=area.spaces.active):
+        assert bpy.ops.clip.solve_camera() == {"FINISHED"}
+    area.type = kind
+    return clip
+
+
+def test_a_solved_movie_clip_of_this_file_is_imported(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    work = choose_clip(scene, tmp_path)
+    folder = tmp_path / "clip"
+    unsolved = bpy.data.movieclips.load(str(folder / "shot_0001.png"))
+    unsolved.name = "unsolved"
+    with pytest.raises(RuntimeError, match="No movie clip of this file is solved"):
+        bpy.ops.virtual_aperture.import_movie_clip()
+    clip = solved_movie_clip(folder)
+    with pytest.raises(TypeError, match="unsolved"):
+        bpy.ops.virtual_aperture.import_movie_clip(clip="unsolved")
+    assert bpy.ops.virtual_aperture.import_movie_clip(clip=clip.name) == {"FINISHED"}
+    settings = scene.virtual_aperture
+    assert len(settings.points.data.vertices) == 40
+    assert settings.camera.data.lens == pytest.approx(30.0)
+    assert load_solve(work).worth.reprojection_error < 0.01
+    with pytest.raises(RuntimeError, match="holds a solve of this clip already"):
+        bpy.ops.virtual_aperture.import_movie_clip(clip=clip.name)
+    assert bpy.ops.virtual_aperture.import_movie_clip(clip=clip.name, again=True) == {"FINISHED"}
+    # Another clip's pictures are refused, and the scene stays.
+    write_frames(tmp_path / "other", Intrinsics(64, 64, 80.0, 80.0, 32.0, 32.0))
+    settings.footage, settings.work_dir = str(tmp_path / "other"), str(tmp_path / "elsewhere")
+    with pytest.raises(RuntimeError, match="is 96x64, the footage other 64x64"):
+        bpy.ops.virtual_aperture.import_movie_clip(clip=clip.name)
+    assert not (tmp_path / "elsewhere").exists()
+    assert len(settings.points.data.vertices) == 40
+
+
+def test_opening_a_long_clip_is_told_and_cancelled_at_once(scene: bpy.types.Scene) -> None:
+    counted = 0
+
+    def begin() -> SolveProcess:
+        nonlocal counted
+        # As `open_footage` counts frames.
+        while True:
+            counted += 1
+            checkpoint()
+            time.sleep(0.001)
+
+    solving = _Solving(begin)
+    assert [step.text for step in solving.poll()] == ["Reading the clip"]
+    assert not solving.finished and not solving.ended
+    operator = bpy.types.VIRTUAL_APERTURE_OT_solve
+    operator._running = solving
+    try:
+        texts = draw(panels.VIRTUAL_APERTURE_PT_clip).texts
+    finally:
+        operator._running = None
+    assert texts[0] == "Reading the clip (ESC cancels)"
+    solving.cancel()
+    assert solving.ended and counted > 0
+    with pytest.raises(Cancelled):
+        solving.poll()
+
+
+def test_what_opening_a_clip_raises_comes_to_who_waits() -> None:
+    def begin() -> SolveProcess:
+        raise UserError("no clip")
+
+    solving = _Solving(begin)
+    with pytest.raises(UserError, match="no clip"):
+        while True:
+            solving.poll()
+    assert solving.ended

@@ -1,0 +1,64 @@
+"""Errors name no interface's controls; each interface adds its own."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+import addon
+from addon.cli.main import run_command
+from addon.cli.words import WORDS as COMMAND_LINE
+from addon.core.base.errors import Remedy, UserError
+from addon.core.sfm.process import SolveProcess
+from addon.scene.remedy_words import WORDS as INTERFACE
+
+from .. import planes
+
+SHARED = [
+    path
+    for folder in ("core", "scene", "ui", "render")
+    for path in sorted(Path(addon.__file__).parent.joinpath(folder).rglob("*.py"))
+    # Their strings are arguments of other processes.
+    if path.name not in ("cycles_views.py", "background.py", "jobs.py")
+]
+
+
+def strings(path: Path) -> list[str]:
+    nodes = ast.walk(ast.parse(path.read_text()))
+    return [node.value for node in nodes if isinstance(node, ast.Constant) and isinstance(node.value, str)]
+
+
+@pytest.mark.parametrize("path", SHARED, ids=lambda path: path.stem)
+def test_no_message_names_an_option_of_the_command_line(path: Path) -> None:
+    assert [text for text in strings(path) if "--" in text] == []
+
+
+def test_the_command_line_has_a_word_for_every_remedy() -> None:
+    assert set(COMMAND_LINE) == set(Remedy)
+    error = UserError("this is so; name another folder, or replace it", Remedy.WORK_DIR, Remedy.AGAIN)
+    assert error.told(COMMAND_LINE).endswith("; name another folder, or replace it (--work DIR, --again)")
+    assert error.told(INTERFACE).endswith(
+        "; name another folder, or replace it (Working Folder, Solve Again)"
+    )
+    assert str(error) == error.told({})
+
+
+def test_a_clip_with_a_cut_says_in_each_interface_how_to_take_a_part(
+    scene: bpy.types.Scene, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shots = [*planes.sideways(6), *(255 - np.flip(picture) for picture in planes.sideways(6))]
+    clip, work = planes.write_clip(tmp_path / "cut", shots), tmp_path / "work"
+    process = SolveProcess(clip, work)
+    with pytest.raises(UserError, match=r"1 cut; .* frames: 1-6, 7-12$") as refused:
+        process.wait()
+    assert refused.value.remedies == (Remedy.FRAMES,)
+    assert run_command(["solve", str(clip), "--work", str(work)]) == 1
+    assert capsys.readouterr().err.strip().endswith("frames: 1-6, 7-12 (--frames A-B)")
+    scene.virtual_aperture.footage, scene.virtual_aperture.work_dir = str(clip), str(work)
+    with pytest.raises(RuntimeError, match=r"frames: 1-6, 7-12 \(cut the clip to them") as told:
+        bpy.ops.virtual_aperture.solve()
+    assert "--" not in str(told.value)

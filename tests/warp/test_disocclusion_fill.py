@@ -1,0 +1,289 @@
+"""Other frames' colours: cameras that walk along a wall, each picture a part of one wide one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from addon.core.camera.canvas import Canvas
+from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
+from addon.core.media.clip import decode_srgb, to_linear
+from addon.core.warp.disocclusion_fill import Lender
+
+from .. import planes
+
+WIDTH, HEIGHT, FOCAL, DEPTH = 96, 64, 100.0, 10.0
+STEP = 12
+"""Pixels of the wall from a frame to the next."""
+LENS = Intrinsics(WIDTH, HEIGHT, FOCAL, FOCAL, WIDTH / 2, HEIGHT / 2)
+WALL = np.repeat(planes.texture(WIDTH + 20 * STEP, HEIGHT, 4)[..., None] // 2 + 60, 3, axis=2).astype(
+    np.uint8
+)
+FRAMES = 9
+MIDDLE = 5
+
+
+def shot() -> Reconstruction:
+    images = tuple(
+        Image(
+            n, np.eye(3), np.array([-n * STEP * DEPTH / FOCAL, 0, 0]), np.zeros((0, 2)), np.zeros(0, np.int32)
+        )
+        for n in range(1, FRAMES + 1)
+    )
+    return Reconstruction((LENS,), images, Points(np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros(0)))
+
+
+def view(frame: int) -> NDArray[np.uint8]:
+    return WALL[:, frame * STEP : frame * STEP + WIDTH].copy()
+
+
+def asked(read: object, places: NDArray[np.float64], inverse: float, shown: NDArray[np.float64]) -> tuple:  # type: ignore[type-arg]
+    lender = Lender(shot(), read)  # type: ignore[arg-type]
+    picture = to_linear(view(MIDDLE))
+    loan = lender.loan(MIDDLE, Canvas(LENS), picture, shown)
+    return loan.colours(places, np.full(len(places), inverse))
+
+
+BESIDE = np.stack(
+    np.meshgrid(np.arange(WIDTH, WIDTH + 20) + 0.5, np.arange(4, HEIGHT - 4) + 0.5), axis=-1
+).reshape(-1, 2)
+FLAT = np.full((HEIGHT, WIDTH), 1 / DEPTH)
+
+
+def truth(places: NDArray[np.float64]) -> NDArray[np.float64]:
+    column, row = np.floor(places).astype(int).T
+    return decode_srgb(WALL[row, MIDDLE * STEP + column] / 255)
+
+
+def test_what_lies_past_the_border_is_taken_from_the_next_frames() -> None:
+    colour, known = asked(view, BESIDE, 1 / DEPTH, FLAT)
+    assert known.mean() > 0.98
+    np.testing.assert_allclose(colour[known], truth(BESIDE)[known], atol=2e-3)
+
+
+def test_frames_may_be_darker() -> None:
+    def read(frame: int) -> NDArray[np.uint8]:
+        if frame == MIDDLE:
+            return view(frame)
+        linear = decode_srgb(view(frame) / 255) * (0.6 + 0.05 * frame)
+        encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+        return np.round(255 * encoded).astype(np.uint8)
+
+    colour, known = asked(read, BESIDE, 1 / DEPTH, FLAT)
+    assert known.mean() > 0.95
+    assert np.median(np.abs(colour[known] / truth(BESIDE)[known] - 1)) < 0.02
+
+
+def test_what_something_nearer_hides_in_them_is_not_taken() -> None:
+    # A board as wide as the frame stands so near that every other frame sees it before these places, too.
+    near = np.full((HEIGHT, WIDTH), 1.05 / DEPTH)
+    inside = np.array([[WIDTH / 2, HEIGHT / 2], [WIDTH / 2 + 5, HEIGHT / 2]])
+    _, known = asked(view, inside, 0.9 / DEPTH, near)
+    assert not known.any()
+    _, known = asked(view, inside, 1 / DEPTH, FLAT)
+    assert known.all()
+
+
+def test_what_frames_disagree_on_is_not_taken() -> None:
+    noise = {
+        n: np.random.default_rng(n).integers(30, 220, (HEIGHT, WIDTH, 3), np.uint8) for n in range(FRAMES + 1)
+    }
+    _, known = asked(lambda frame: noise[frame], BESIDE, 1 / DEPTH, FLAT)
+    # Only what a single frame sees has nobody to disagree.
+    assert known.mean() < 0.5
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_few_places_and_no_other_frames(count: int) -> None:
+    colour, known = asked(view, BESIDE[:count], 1 / DEPTH, FLAT)
+    assert colour.shape == (count, 3) and known.shape == (count,)
+    alone = Reconstruction((LENS,), shot().images[MIDDLE - 1 : MIDDLE], shot().points)
+    loan = Lender(alone, view).loan(MIDDLE, Canvas(LENS), to_linear(view(MIDDLE)), FLAT)
+    told = loan.colours(BESIDE[:1], np.array([1 / DEPTH]))
+    assert not told[1].any()
+
+
+def test_pictures_of_another_size_than_the_lens() -> None:
+    def read(frame: int) -> NDArray[np.uint8]:
+        return np.repeat(np.repeat(view(frame), 2, axis=0), 2, axis=1)
+
+    colour, known = asked(read, BESIDE, 1 / DEPTH, FLAT)
+    assert known.mean() > 0.95
+    assert np.median(np.abs(colour[known] / truth(BESIDE)[known] - 1)) < 0.02
+
+
+def crossing(frame: int) -> NDArray[np.bool_]:
+    """(H, W) where something large and bright stands in a frame, which sways before a camera that follows."""
+    mask = np.zeros((HEIGHT, WIDTH), bool)
+    left = 20 + 9 * (frame % 3)
+    mask[10:54, left : left + 32] = True
+    return mask
+
+
+def crossed(frame: int) -> NDArray[np.uint8]:
+    picture = view(frame)
+    picture[crossing(frame)] = 240
+    return picture
+
+
+def behind(moving: object) -> tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.float64]]:
+    """What is lent for the wall behind what crosses the middle frame, and the truth."""
+    places: NDArray[np.float64] = np.argwhere(crossing(MIDDLE))[:, ::-1] + 0.5
+    shown = np.where(crossing(MIDDLE), 2 / DEPTH, FLAT)
+    lender = Lender(shot(), crossed, moving)  # type: ignore[arg-type]
+    loan = lender.loan(MIDDLE, Canvas(LENS), to_linear(crossed(MIDDLE)), shown)
+    told = loan.colours(places, np.full(len(places), 1 / DEPTH))
+    return *told, truth(places)
+
+
+def test_what_moves_is_not_lent() -> None:
+    colour, known, true = behind(crossing)
+    assert known.mean() > 0.8
+    np.testing.assert_allclose(colour[known], true[known], atol=2e-3)
+    # Unsaid, it hides the wall where it is not: less is lent.
+    assert behind(None)[1].mean() < known.mean()
+
+
+def test_what_stands_before_a_place_in_most_frames_is_no_ghost() -> None:
+    """Of the four frames that see past the border, two show something else there."""
+
+    def mask(frame: int) -> NDArray[np.bool_]:
+        there = np.zeros((HEIGHT, WIDTH), bool)
+        start = MIDDLE * STEP + WIDTH - frame * STEP
+        if frame in (7, 8):
+            there[:, start : start + 20] = True
+        return there
+
+    def read(frame: int) -> NDArray[np.uint8]:
+        picture = view(frame)
+        picture[mask(frame)] = 240
+        return picture
+
+    picture, inverse = to_linear(view(MIDDLE)), np.full(len(BESIDE), 1 / DEPTH)
+    told = [
+        Lender(shot(), read, moving).loan(MIDDLE, Canvas(LENS), picture, FLAT).colours(BESIDE, inverse)
+        for moving in (None, mask)
+    ]
+    off = [np.abs(colour[known] - truth(BESIDE)[known]).max() for colour, known in told]
+    assert off[0] > 0.1 and off[1] < 2e-3
+    assert told[1][1].mean() > 0.98
+
+
+def test_frames_of_which_nothing_is_said_lend_all() -> None:
+    plain = asked(view, BESIDE, 1 / DEPTH, FLAT)
+    lender = Lender(shot(), view, lambda frame: None)
+    loan = lender.loan(MIDDLE, Canvas(LENS), to_linear(view(MIDDLE)), FLAT)
+    told = loan.colours(BESIDE, np.full(len(BESIDE), 1 / DEPTH))
+    for one, other in zip(plain, told, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_masks_may_have_another_size() -> None:
+    def large(frame: int) -> NDArray[np.bool_]:
+        return np.repeat(np.repeat(crossing(frame), 3, axis=0), 3, axis=1)
+
+    colour, known, true = behind(large)
+    assert known.mean() > 0.8
+    np.testing.assert_allclose(colour[known], true[known], atol=2e-3)
+
+
+def test_nothing_is_lent_where_others_do_not_see_what_the_frame_shows() -> None:
+    """A poster that is there in this frame only, towards the border: it may go on past it."""
+    picture = to_linear(view(MIDDLE))
+    picture[:32, -24:, :3] = 0.6
+    # Before the wall, as far as its own depth goes, it is no reason not to lend the wall's colours.
+    for inverse, shown, above in ((1 / DEPTH, FLAT, False), (1 / DEPTH, with_poster(3 / DEPTH), True)):
+        loan = Lender(shot(), view).loan(MIDDLE, Canvas(LENS), picture, shown)
+        _, known = loan.colours(BESIDE, np.full(len(BESIDE), inverse))
+        assert known[BESIDE[:, 1] > 40].mean() > 0.95
+        assert (known[BESIDE[:, 1] < 24].mean() > 0.5) == above
+
+
+def with_poster(inverse: float) -> NDArray[np.float64]:
+    shown = FLAT.copy()
+    shown[:32, -24:] = inverse
+    return shown
+
+
+def test_what_goes_on_past_the_border_hides_what_is_behind() -> None:
+    """The frame before sees beside a board that the frame shows up to its border: it may be wider."""
+    board = np.zeros((HEIGHT, WIDTH), bool)
+    board[:, :20] = True
+    shown = np.where(board, 2 / DEPTH, FLAT)
+    loan = Lender(shot(), view).loan(MIDDLE, Canvas(LENS), to_linear(view(MIDDLE)), shown)
+    places = np.argwhere(board)[:, ::-1] + 0.5
+    sight = next(s for s in loan.sights if s.other.frame == MIDDLE - 1)
+    assert np.isnan(sight.colours(places, np.full(len(places), 1 / DEPTH))).all()
+    assert np.isfinite(sight.colours(places + np.array([38, 0]), np.full(len(places), 1 / DEPTH))).all()
+
+
+def test_what_another_frame_sees_from_close_by_hides_all_of_what_is_behind() -> None:
+    """A board fills the frames that are nearer to it; none of them sees through it, between its pixels."""
+    ahead = tuple(
+        Image(n, np.eye(3), np.array([0, 0, -z]), np.zeros((0, 2)), np.zeros(0, np.int32))
+        for n, z in enumerate((0.0, 1.2, 1.5, 1.8), start=1)
+    )
+    shot_ahead = Reconstruction((LENS,), ahead, shot().points)
+    board = np.zeros((HEIGHT, WIDTH), bool)
+    board[20:44, 32:64] = True
+    shown = np.where(board, 4 / DEPTH, FLAT)
+    places: NDArray[np.float64] = np.argwhere(board)[:, ::-1] + 0.5
+    loan = Lender(shot_ahead, lambda frame: view(MIDDLE)).loan(
+        1, Canvas(LENS), to_linear(view(MIDDLE)), shown
+    )
+    assert len(loan.sights) == 3
+    assert not any(np.isfinite(s.colours(places, np.full(len(places), 1 / DEPTH))).any() for s in loan.sights)
+
+
+def test_no_colour_of_a_silhouette_is_lent() -> None:
+    """Beside a board the wall's colours are lent, not the board's nor any that are both's."""
+    board = np.zeros((HEIGHT, WIDTH), bool)
+    board[:, 40:52] = True
+    shown = np.where(board, 2 / DEPTH, FLAT)
+
+    def before(frame: int) -> NDArray[np.uint8]:
+        """The board, and beside it a pixel that it covers in part."""
+        picture = view(frame)
+        left = 40 + 2 * STEP * (MIDDLE - frame)
+        picture[:, max(left, 0) : max(left + 12, 0)] = (250, 30, 30)
+        for column in (left - 1, left + 12):
+            if 0 <= column < WIDTH:
+                picture[:, column] = picture[:, column] // 2 + np.array([125, 15, 15], np.uint8)
+        return picture
+
+    near: NDArray[np.float64] = np.argwhere(board)[:, ::-1] + 0.5
+    picture = to_linear(before(MIDDLE))
+    colour, known = (
+        Lender(shot(), before)
+        .loan(MIDDLE, Canvas(LENS), picture, shown)
+        .colours(near, np.full(len(near), 1 / DEPTH))
+    )
+    assert known.mean() > 0.6
+    np.testing.assert_allclose(colour[known], truth(near)[known], atol=2e-3)
+
+
+def test_a_single_frame_lends_only_colours_like_those_around() -> None:
+    """Something red stood in the only frame that sees behind a board; nobody says that it moves."""
+    board = np.zeros((HEIGHT, WIDTH), bool)
+    board[:, 40:60] = True
+    shown = np.where(board, 2 / DEPTH, FLAT)
+    places = np.argwhere(board)[:, ::-1] + 0.5
+    # Farther in, there is nothing around that could be unlike it.
+    places = places[np.abs(places[:, 0] - 50) > 9]
+
+    def with_other(colour: tuple[int, int, int]) -> Callable[[int], NDArray[np.uint8]]:
+        other = np.full((HEIGHT, WIDTH, 3), colour, np.uint8)
+        return lambda frame: view(frame) if frame != MIDDLE - 2 else other
+
+    shares = []
+    # A lamp is like nothing around it.
+    for read in (view, with_other((250, 250, 240)), with_other((250, 20, 20)), with_other((5, 5, 5))):
+        loan = Lender(shot(), read).loan(MIDDLE, Canvas(LENS), to_linear(view(MIDDLE)), shown)
+        alone = replace(loan, sights=tuple(s for s in loan.sights if s.other.frame == MIDDLE - 2))
+        _, known = alone.colours(places, np.full(len(places), 1 / DEPTH))
+        shares.append(known.mean())
+    assert min(shares[:2]) > 0.3 and max(shares[2:]) < 0.05

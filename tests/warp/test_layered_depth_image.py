@@ -1,0 +1,446 @@
+"""Layers: a frame taken apart at its silhouettes, the mesh over it, and what views of it look like."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from addon.core.camera.canvas import Canvas
+from addon.core.camera.reconstruction import Intrinsics
+from addon.core.depth.joint_upsampling import enlarged
+from addon.core.lens.aperture_sampling import vogel_disc
+from addon.core.lens.focus import exact_registration
+from addon.core.lens.plan import FramePlan
+from addon.core.warp import layered_depth_image as ldi
+from addon.core.warp import layered_mesh
+from addon.core.warp.layered_depth_image import inpainted, layered, peeled
+from addon.core.warp.layered_mesh import layer_mesh as make_mesh
+from addon.core.warp.quadtree import AT_SILHOUETTES, Surfaces, triangulate
+from addon.render import cycles_views, gpu_views
+
+from .. import planes
+
+Floats = NDArray[np.float64]
+SIZE = (120, 160)
+Y, X = np.mgrid[: SIZE[0], : SIZE[1]] + 0.5
+
+
+def areas(triangles: NDArray[np.int32], width: int) -> Floats:
+    row, column = np.divmod(triangles, width)
+    (ax, bx, cx), (ay, by, cy) = column.T, row.T
+    return np.asarray(((bx - ax) * (cy - ay) - (cx - ax) * (by - ay)) / 2, np.float64)
+
+
+def interpolated(depth: Floats, triangles: NDArray[np.int32]) -> Floats:
+    """The mesh's depth at every pixel, NaN where there is none."""
+    height, width = depth.shape
+    result = np.full(depth.shape, np.nan)
+    for corners in triangles:  # a test's picture is small
+        row, column = np.divmod(corners, width)
+        y, x = np.mgrid[row.min() : row.max() + 1, column.min() : column.max() + 1]
+        system = np.array([column, row, np.ones(3)], np.float64)
+        share = np.linalg.solve(system, np.array([x.ravel(), y.ravel(), np.ones(x.size)]))
+        inside = (share >= -1e-9).all(axis=0)
+        result[y.ravel()[inside], x.ravel()[inside]] = (share.T @ depth.ravel()[corners])[inside]
+    assert result.shape == (height, width)
+    return result
+
+
+# The mesh
+
+
+def one(depth: Floats) -> Surfaces:
+    """A single surface."""
+    none = np.zeros(depth.shape, bool)
+    return Surfaces(depth, depth, depth, none, none, none)
+
+
+def of(found: ldi.Layers) -> Surfaces:
+    return Surfaces(
+        found.front_shift, found.near_shift, found.back_shift, found.mixed, found.is_far, found.hidden
+    )
+
+
+def test_a_plane_takes_few_triangles() -> None:
+    found = triangulate(one(0.03 * X + 0.01 * Y), 1.0, 0.01)
+    assert len(found.far) < 0.03 * 2 * SIZE[0] * SIZE[1]
+    assert np.abs(areas(found.far, SIZE[1])).sum() == (SIZE[0] - 1) * (SIZE[1] - 1)
+    assert not len(found.near) and not len(found.cut) and not found.before.any()
+
+
+def test_a_silhouette_takes_few_triangles_of_each_surface() -> None:
+    taken = layered(scene(), SHIFT)
+    found = triangulate(of(taken), 4.0, 0.2)
+    assert len(found.far) + len(found.near) < 0.05 * 2 * SIZE[0] * SIZE[1]
+    assert not len(found.cut)
+    assert np.abs(areas(found.far, SIZE[1])).sum() == (SIZE[0] - 1) * (SIZE[1] - 1)
+    far, near = interpolated(taken.back_shift, found.far), interpolated(taken.near_shift, found.near)
+    np.testing.assert_allclose(far[cover() == 0], FAR, atol=0.4)
+    np.testing.assert_allclose(far[taken.hidden], FAR, atol=1.6)
+    assert np.median(np.abs(far[taken.hidden] - FAR)) < 0.2
+    rim = (cover() > 0) & (np.hypot(X - 80, Y - 60) > DISC - 3)
+    np.testing.assert_allclose(near[rim], NEAR, atol=0.4)
+    assert found.before[rim].all()
+
+
+def test_nothing_spans_a_jump_where_three_surfaces_meet() -> None:
+    shift = np.where(X < 80, 1.0, 9.0) + np.where(Y < 60, 0.0, 20.0)
+    shift[50:70, 70:90] = 50.0
+    picture = np.ones((*SIZE, 4), np.float32)
+    picture[..., :3] = (shift / 60)[..., None]
+    taken = layered(picture, shift)
+    found = triangulate(of(taken), 2.0, 0.2)
+    assert len(found.cut)
+    assert np.ptp(taken.front_shift.ravel()[found.cut], axis=1).max() <= 2
+    cut, near, far = (
+        np.nan_to_num(interpolated(*pair), nan=-1)
+        for pair in (
+            (taken.front_shift, found.cut), (taken.near_shift, found.near), (taken.back_shift, found.far)
+        )
+    )  # fmt: skip
+    # The near surface is transparent past its silhouettes.
+    top = np.maximum(np.maximum(cut, np.where(taken.is_far, -1, near)), far)
+    assert (np.abs(top - taken.front_shift) < 1).mean() > 0.97
+
+
+@pytest.mark.parametrize("error", [0.05, 0.3])
+def test_the_error_is_bounded_and_there_are_no_cracks(error: float) -> None:
+    depth = 4 * np.exp(-((X - 60) ** 2 + (Y - 50) ** 2) / 900) + 0.4 * np.sin(X / 9)
+    triangles = triangulate(one(depth), 1.0, error).far
+    found = interpolated(depth, triangles)
+    assert np.isfinite(found).all()
+    # A fan's triangles are smaller than the two that were measured, but not the same; what is steep may
+    # be off by more.
+    assert np.quantile(np.abs(found - depth), 0.9) < error
+    assert np.abs(found - depth).max() < 1.5 * AT_SILHOUETTES * error
+    total = np.abs(areas(triangles, SIZE[1])).sum()
+    assert total == (SIZE[0] - 1) * (SIZE[1] - 1)
+
+
+def test_a_larger_error_takes_fewer_triangles() -> None:
+    depth = 4 * np.exp(-((X - 60) ** 2 + (Y - 50) ** 2) / 900)
+    counts = [len(triangulate(one(depth), 1.0, e).far) for e in (0.02, 0.1, 0.5)]
+    assert counts[0] > 2 * counts[1] > 4 * counts[2]
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 9), (2, 2), (5, 3), (65, 64)])
+def test_any_size(size: tuple[int, int]) -> None:
+    triangles = triangulate(one(np.zeros(size)), 1.0, 0.1).far
+    assert np.abs(areas(triangles, size[1])).sum() == (size[0] - 1) * (size[1] - 1)
+
+
+# The layers
+
+DISC = 30.0
+"""Radius of the disc in front, in pixels."""
+NEAR, FAR = 9.0, 1.0
+
+
+def cover(shift_x: float = 0.0, shift_y: float = 0.0) -> Floats:
+    """(H, W) share of each pixel that the disc covers, seen from beside."""
+    far = np.hypot(X - 80 - shift_x, Y - 60 - shift_y)
+    return np.asarray(np.clip(DISC - far + 0.5, 0, 1))
+
+
+def wall(shift_x: float = 0.0, shift_y: float = 0.0) -> Floats:
+    """(H, W, 3) what is behind, smooth."""
+    x, y = X - shift_x, Y - shift_y
+    return np.stack([0.4 + 0.2 * np.sin(x / 3), 0.4 + 0.2 * np.cos(y / 2.5), 0.3 + 0 * x], axis=2)
+
+
+def scene(shift_x: float = 0.0, shift_y: float = 0.0) -> NDArray[np.float32]:
+    """(H, W, 4) a yellow disc before the wall from a place on the aperture, in shares of its radius."""
+    share = cover(NEAR * shift_x, NEAR * shift_y)[..., None]
+    colour = share * [0.9, 0.8, 0.1] + (1 - share) * wall(FAR * shift_x, FAR * shift_y)
+    return np.concatenate([colour, np.ones((*SIZE, 1))], axis=2).astype(np.float32)
+
+
+SHIFT = np.where(cover() > 0.5, NEAR, FAR)
+
+
+def test_both_layers_together_are_the_picture() -> None:
+    picture = scene()
+    found = layered(picture, SHIFT)
+    composed = found.front[..., :3] + (1 - found.front[..., 3:]) * found.back[..., :3]
+    np.testing.assert_allclose(composed, picture[..., :3], atol=2e-3)
+    assert found.front[..., 3].min() >= 0 and found.front[..., 3].max() <= 1
+
+
+def test_a_silhouettes_pixels_know_their_share() -> None:
+    found = layered(scene(), SHIFT)
+    share = np.where(found.front_shift > (NEAR + FAR) / 2, found.front[..., 3], 0)
+    # As far as the wall's own texture, which is in neither surface's mean, lets it be known.
+    assert np.abs(share - cover()).max() < 0.2
+    assert np.abs(share - cover()).mean() < 0.003
+
+
+def test_what_is_behind_is_carried_on_as_far_as_the_aperture_sees() -> None:
+    found = layered(scene(), SHIFT)
+    depth_within = DISC - np.hypot(X - 80, Y - 60)
+    near_edge = (depth_within > 0) & (depth_within < NEAR - FAR)
+    assert (found.hidden | found.mixed)[near_edge].all()
+    assert not found.hidden[depth_within > NEAR - FAR + 4].any()
+    assert not found.hidden[depth_within < -5].any()
+    np.testing.assert_allclose(found.back_shift[near_edge], FAR, atol=0.01)
+    assert not (found.is_far & (cover() > 0)).any()
+    np.testing.assert_allclose(found.near_shift[found.is_far], NEAR, atol=0.01)
+    # No yellow gets behind the disc: it has a third of the wall's blue.
+    assert found.back[near_edge][:, 2].min() > 0.28
+    assert np.abs(found.back[..., :3] - wall())[near_edge].mean() < 0.12
+
+
+def test_other_frames_colours_are_taken_where_there_are_any() -> None:
+    def fill(shift: Floats, asked: ldi.Mask) -> tuple[ldi.Picture, ldi.Mask]:
+        assert shift.shape == SIZE and asked.any()
+        return wall().astype(np.float32), X < 80
+
+    found = layered(scene(), SHIFT, fill)
+    assert found.borrowed.any() and not found.borrowed[X >= 80].any()
+    error = np.abs(found.back[..., :3] - wall())
+    assert error[found.borrowed].max() < 1e-6
+
+
+def test_what_other_frames_see_beside_a_silhouette_tells_its_pixels_shares() -> None:
+    def fill(shift: Floats, asked: ldi.Mask) -> tuple[ldi.Picture, ldi.Mask]:
+        return wall().astype(np.float32), np.ones(SIZE, bool)
+
+    def misled(shift: Floats, asked: ldi.Mask) -> tuple[ldi.Picture, ldi.Mask]:
+        return np.full((*SIZE, 3), 5, np.float32), np.ones(SIZE, bool)
+
+    guessed, told, wrong = (layered(scene(), SHIFT, how) for how in (None, fill, misled))
+    off = [np.abs(found.front[..., 3] - cover())[found.mixed] for found in (guessed, told, wrong)]
+    print("share of a silhouette's pixel, mean error", *(f"{part.mean():.3f}" for part in off))
+    assert off[1].mean() < 0.5 * off[0].mean()
+    np.testing.assert_allclose(told.back[told.mixed][:, :3], wall()[told.mixed], atol=1e-3)
+    # Colours that cannot be there are not believed, but where the pixel may be the disc's alone.
+    assert off[2].mean() < 1.2 * off[0].mean()
+
+
+def test_no_jump_no_layer() -> None:
+    picture = scene()
+    found = layered(picture, 0.02 * X)
+    assert not found.hidden.any()
+    np.testing.assert_array_equal(found.front, picture)
+
+
+def test_no_surface_no_split() -> None:
+    """What is left behind the disc is a wall, without a silhouette where the guess about it ends."""
+    for jumps in ((4.0, 1.0), (1.0,), (20.0, 1.0)):
+        splits = peeled(scene(), SHIFT, jumps=jumps)
+        assert len(splits) == 1 and splits[0].mixed.any()
+    (nothing,) = peeled(scene(), 0.02 * X, jumps=(4.0, 1.0))
+    assert not nothing.mixed.any()
+
+
+MIDDLE = 3.5
+"""Displacement of a house between the disc and the wall,"""
+GABLE, GABLES = 52.0, (42.0, 47.0, 52.0, 57.0, 62.0)
+"""and the row of its roof: it leaves the disc steeply or flat."""
+
+
+def stones(x: Floats, y: Floats) -> Floats:
+    return np.stack([0.3 + 0.2 * np.cos(x / 2), 0.1 + 0.0 * x, 0.6 + 0.1 * np.sin(y)], axis=2)
+
+
+def house(
+    shift_x: float = 0.0, shift_y: float = 0.0, focus: float = 0.0, gable: float = GABLE
+) -> NDArray[np.float32]:
+    """(H, W, 4) the disc before a house before the wall, in register at `focus`."""
+    disc = cover((NEAR - focus) * shift_x, (NEAR - focus) * shift_y)[..., None]
+    x, y = X - (MIDDLE - focus) * shift_x, Y - (MIDDLE - focus) * shift_y
+    roof = np.clip(y - gable + 0.5, 0, 1)[..., None]
+    colour = wall((FAR - focus) * shift_x, (FAR - focus) * shift_y)
+    colour = roof * stones(x, y) + (1 - roof) * colour
+    colour = disc * [0.9, 0.8, 0.1] + (1 - disc) * colour
+    return np.concatenate([colour, np.ones((*SIZE, 1))], axis=2).astype(np.float32)
+
+
+def before_house(gable: float = GABLE) -> Floats:
+    """(H, W) displacement of what is seen."""
+    return np.where(cover() > 0.5, NEAR, np.where(gable < Y, MIDDLE, FAR))
+
+
+def test_where_silhouettes_cross_three_surfaces_are_kept_apart() -> None:
+    first, second = peeled(house(), before_house(), jumps=(5.0, 1.0))
+    # The disc is gone from what is left, and the roof goes on behind it.
+    rim = (cover() > 0) & (np.hypot(X - 80, Y - 60) > DISC - 4)
+    assert np.isin(np.round(first.back_shift[rim], 1), [MIDDLE, FAR]).mean() > 0.9
+    assert second.mixed[int(GABLE), 90 : 80 + int(DISC)].any()
+    beside = (np.abs(Y - GABLE) < 2) & (cover() == 0)
+    assert not first.mixed[beside & (np.abs(X - 80) > DISC + 3)].any()
+    assert second.mixed[beside & (np.abs(Y - GABLE) < 1)].all()
+
+
+def lent(shift: Floats, asked: ldi.Mask) -> tuple[ldi.Picture, ldi.Mask]:
+    """The colours of what is behind the disc, by its depth."""
+    margin = (shift.shape[0] - SIZE[0]) // 2
+    inner = slice(margin, margin + SIZE[0]), slice(margin, margin + SIZE[1])
+    colour, known = np.zeros((*shift.shape, 3), np.float32), np.zeros(shift.shape, bool)
+    colour[inner] = np.where((shift[inner] > (MIDDLE + FAR) / 2)[..., None], stones(X, Y), wall())
+    known[inner] = True
+    return colour, known & asked
+
+
+@pytest.mark.parametrize("focus", [NEAR, FAR])
+def test_three_surfaces_make_better_views_than_two(monkeypatch: pytest.MonkeyPatch, focus: float) -> None:
+    offsets, canvas = vogel_disc(24), Canvas(LENS)
+    registration = exact_registration(canvas, offsets, focus / 150)
+    found: dict[float, list[float]] = {layered_mesh.LARGE: [], 0.0: []}
+    for gable in GABLES:
+        true = np.mean([house(x, y, focus, gable)[..., :3] for x, y in -offsets], axis=0)
+        crossing = (np.abs(Y - gable) < 12) & (np.abs(np.abs(X - 80) - DISC) < 12)
+        for large, scores in found.items():
+            monkeypatch.setattr(layered_mesh, "LARGE", large)
+            mesh, texture, _ = make_mesh(house(gable=gable), before_house(gable), focus, 150.0, fill=lent)
+            made = FramePlan(1, canvas, mesh, offsets, registration, focus / 150, 16.0, False)
+            scores.append(psnr(drawn(made, texture)[crossing][:, :3].astype(np.float64), true[crossing]))
+    three, two = found.values()
+    for gable, of_three, of_two in zip(GABLES, three, two, strict=True):
+        print(f"roof at {gable:.0f}: three surfaces {of_three:.1f} dB, two {of_two:.1f} dB")
+    assert min(three) > 38
+    assert np.mean(three) > np.mean(two) + 0.5
+    # With the wall in focus, and told what the silhouettes hide, two are as good at some roofs.
+    assert focus == FAR or np.min(np.subtract(three, two)) > 0.5
+
+
+def test_a_surface_does_not_tear_between_two_silhouettes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The house is behind the disc, and before the wall: near the one it is the far surface, near the other
+    the near one, and between them it goes on."""
+    monkeypatch.setattr(layered_mesh, "LARGE", 0.0)
+    canvas = Canvas(LENS)
+    for offset in np.array([[0.0, 0.95], [0.7, 0.7]]):
+        registration = exact_registration(canvas, offset[None], NEAR / 150)
+        mesh, texture, _ = make_mesh(house(), before_house(), NEAR, 150.0, fill=lent)
+        made = FramePlan(1, canvas, mesh, offset[None], registration, NEAR / 150, 16.0, False)
+        view = drawn(made, texture)
+        x, y = -offset
+        error = np.abs(view[..., :3] - house(x, y, NEAR)[..., :3]).max(axis=2)
+        below = (GABLE + (MIDDLE - NEAR) * y + 4 < Y) & (X > 8)
+        torn = error[below & (np.hypot(X - 80, Y - 60) > DISC + 3)]
+        print(f"seen from {offset}: {torn.max():.2f} off at worst, {np.mean(torn > 0.1):.5f} over 0.1")
+        assert (torn > 0.1).mean() < 4e-3
+
+
+def test_colours_are_carried_on() -> None:
+    colour = wall().astype(np.float32)
+    known = (X < 60) | (X > 100)
+    filled = inpainted(np.where(known[..., None], colour, 9.0).astype(np.float32), known)
+    np.testing.assert_array_equal(filled[known], colour[known])
+    assert filled.min() >= colour.min() - 1e-5 and filled.max() <= colour.max() + 1e-5
+    nothing = np.zeros(SIZE, bool)
+    np.testing.assert_array_equal(inpainted(colour, nothing), colour)
+
+
+# Views
+
+LENS = Intrinsics(SIZE[1], SIZE[0], 150.0, 150.0, SIZE[1] / 2, SIZE[0] / 2)
+
+
+def plan(
+    focus: float, count: int, picture: NDArray[np.float32] | None = None
+) -> tuple[FramePlan, NDArray[np.float32]]:
+    """The disc and the wall through an aperture whose rim displaces by `NEAR` and `FAR` pixels."""
+    mesh, texture, _ = make_mesh(scene() if picture is None else picture, SHIFT, focus, 150.0)
+    offsets = vogel_disc(count)
+    canvas = Canvas(LENS)
+    registration = exact_registration(canvas, offsets, focus / 150)
+    return FramePlan(1, canvas, mesh, offsets, registration, focus / 150, 16.0, False), texture
+
+
+def truth(focus: float, offsets: Floats) -> Floats:
+    """(H, W, 3) mean of the true views in register with the focal plane."""
+    total = np.zeros((*SIZE, 3))
+    for x, y in -offsets:
+        share = cover((NEAR - focus) * x, (NEAR - focus) * y)[..., None]
+        total += share * [0.9, 0.8, 0.1] + (1 - share) * wall((FAR - focus) * x, (FAR - focus) * y)
+    return total / len(offsets)
+
+
+def drawn(made: FramePlan, texture: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(H, W, 4) the mean of its views."""
+    draw = cycles_views.mean_of_views if gpu_views.gpu_problem() else gpu_views.mean_of_views
+    mean = draw(made, texture)
+    return mean
+
+
+def psnr(a: Floats, b: Floats) -> float:
+    return float(-10 * np.log10(np.mean((a - b) ** 2)))
+
+
+@pytest.mark.parametrize("focus", [NEAR, FAR])
+def test_views_are_the_scenes(focus: float) -> None:
+    made, texture = plan(focus, 24)
+    true = truth(focus, made.offsets)
+    inside = (slice(10, -10), slice(10, -10))
+    mean = drawn(made, texture)
+    assert mean[..., 3].min() > 0.999
+    found = psnr(mean[inside][..., :3].astype(np.float64), true[inside])
+    sharp = psnr(scene()[inside][..., :3].astype(np.float64), true[inside])
+    print(f"focus at {focus}: {found:.1f} dB, no blur {sharp:.1f} dB")
+    assert found > 38 > sharp + 8
+
+
+def test_what_is_in_focus_comes_through_untouched() -> None:
+    grain = np.random.default_rng(0).uniform(0.5, 1.0, SIZE)
+    picture = scene()
+    picture[..., :3] *= np.where(np.hypot(X - 80, Y - 60) < DISC - 5, grain, 1.0)[..., None].astype(
+        np.float32
+    )
+    made, texture = plan(NEAR, 16, picture)
+    mean = drawn(made, texture)
+    inner = np.hypot(X - 80, Y - 60) < DISC - 3
+    np.testing.assert_allclose(mean[inner], picture[inner], atol=1e-3)
+
+
+def test_cycles_draws_the_same() -> None:
+    if gpu_views.gpu_problem():
+        pytest.skip("only CI is sure to have a GPU driver, if a software one")
+    made, texture = plan(NEAR, 6)
+    ours = gpu_views.mean_of_views(made, texture)
+    theirs = cycles_views.mean_of_views(made, texture)
+    assert np.abs(ours - theirs).mean() < 2e-3
+    assert np.quantile(np.abs(ours - theirs), 0.98) < 0.02
+
+
+def test_what_is_displaced_out_of_the_picture_comes_back() -> None:
+    mesh, texture, _ = make_mesh(scene(), 3 * SHIFT * SIZE[1] / NEAR, FAR, 150.0)
+    margin = layered_mesh.WIDEST * SIZE[1] + 2
+    assert mesh.xy.min() == 0.5 - margin
+    assert np.abs(150 * mesh.inverse_depth - FAR).max() <= layered_mesh.WIDEST * SIZE[1] + 1e-9
+    assert texture.shape[1] == layered_mesh.FINER * (SIZE[1] + 2 * margin)
+
+
+def test_a_large_texture_is_left_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    fine, finer = make_mesh(scene(), SHIFT, FAR, 150.0)[:2]
+    monkeypatch.setattr(layered_mesh, "LARGEST_TEXTURE", 1)
+    plain, texture = make_mesh(scene(), SHIFT, FAR, 150.0)[:2]
+    assert finer.shape[0] == 2 * texture.shape[0]
+    np.testing.assert_allclose(fine.texture_xy, 2 * plain.texture_xy - 0.5)
+
+
+# Depth in the large picture
+
+
+def test_a_jump_lies_at_the_large_pictures_edge() -> None:
+    height, width = 4 * SIZE[0], 4 * SIZE[1]
+    x = np.arange(width) + 0.5
+    edge = 4 * 81.3
+    picture = np.zeros((height, width, 4), np.float32)
+    picture[..., :3] = np.where(x < edge, 0.1, 0.8)[None, :, None]
+    small = np.where(X < 81.3, 0.5, 2.0)
+    found = enlarged(small, picture)
+    assert set(np.unique(found)) == {0.5, 2.0}
+    assert np.abs((found > 1).argmax(axis=1) + 0.5 - edge).max() <= 1
+
+
+def test_smooth_depth_stays_smooth() -> None:
+    small = 1 + 0.001 * X
+    picture = np.repeat(np.float32(planes.texture(4 * SIZE[1], 4 * SIZE[0], 0))[..., None] / 255, 4, axis=2)
+    found = enlarged(small, picture)
+    assert found.shape == (4 * SIZE[0], 4 * SIZE[1])
+    expected = cv2.resize(small, found.shape[::-1], interpolation=cv2.INTER_LINEAR)
+    np.testing.assert_allclose(found[8:-8, 8:-8], expected[8:-8, 8:-8], atol=1e-4)
+    same = enlarged(small, picture[: SIZE[0], : SIZE[1]])
+    np.testing.assert_array_equal(same, small)
