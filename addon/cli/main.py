@@ -7,6 +7,7 @@ import contextlib
 import os
 import signal
 import sys
+import traceback
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import FrameType
@@ -25,6 +26,7 @@ from ..render.average import no_gpu_note
 from ..render.frame_keys import run_key
 from ..render.gpu_views import gpu_problem
 from ..render.quiet import quiet
+from ..scene import properties
 from ..scene.shot import shot_of
 from . import farm, inspect, save, solve
 from .lens import add_lens, check_numbers, movie_frames, pinned, say, scene_of, set_lens, wanted_frames
@@ -221,10 +223,16 @@ _signal = 0
 def _interrupt(number: int, frame: FrameType | None) -> None:
     global _signal
     _signal = number
-    # Raised in a handler of Blender's own scripts it would only be printed.
-    scripts = bpy.utils.system_resource("SCRIPTS")
-    if frame is None or not scripts or not frame.f_code.co_filename.startswith(scripts):
+    if not _is_called_by_blender(frame):
         raise _Interrupted
+
+
+def _is_called_by_blender(frame: FrameType | None) -> bool:
+    """Whether code runs whose exceptions Blender only prints: its own scripts, and what properties call."""
+    scripts = bpy.utils.system_resource("SCRIPTS")
+    if frame is None or (scripts and frame.f_code.co_filename.startswith(scripts)):
+        return True
+    return any(caller.f_code.co_filename == properties.__file__ for caller, _ in traceback.walk_stack(frame))
 
 
 def _check_interrupted() -> None:

@@ -153,9 +153,9 @@ def _drawing(plan: FramePlan, picture: Picture) -> Steps:
     source = _upload(picture)
     source.filter_mode(True)
     source.extend_mode("MIRRORED_REPEAT")
-    view = gpu.types.GPUTexture((width, height), format="RGBA32F")
-    depth = gpu.types.GPUTexture((width, height), format="DEPTH_COMPONENT32F")
-    total = gpu.types.GPUTexture((width, height), format="RGBA32F")
+    view = _texture(width, height)
+    depth = _texture(width, height, "DEPTH_COMPONENT32F")
+    total = _texture(width, height)
 
     view_shader, sum_shader = _shaders()
     mesh = _mesh_batch(plan, picture)
@@ -255,7 +255,20 @@ def _upload(picture: Picture) -> gpu.types.GPUTexture:
     height, width = picture.shape[:2]
     data = np.ascontiguousarray(picture, dtype=np.float32).reshape(-1)
     buffer = gpu.types.Buffer("FLOAT", data.size, data)
-    return gpu.types.GPUTexture((width, height), format="RGBA32F", data=buffer)
+    return _texture(width, height, data=buffer)
+
+
+def _texture(
+    width: int, height: int, format: str = "RGBA32F", data: gpu.types.Buffer | None = None
+) -> gpu.types.GPUTexture:
+    """A texture; UserError where the graphics driver cannot make one so large."""
+    try:
+        return gpu.types.GPUTexture((width, height), format=format, data=data)
+    except RuntimeError:
+        raise UserError(
+            f"the graphics driver has no memory for pictures of {width} x {height} pixels; make the clip"
+            " smaller and solve it again, or use a machine with more memory"
+        ) from None
 
 
 def _download(texture: gpu.types.GPUTexture, width: int, height: int) -> Picture:

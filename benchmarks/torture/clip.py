@@ -50,8 +50,10 @@ def truth(frames: range, lens: Intrinsics = LENS) -> Reconstruction:
     xyz = np.column_stack([rays, np.ones(POINTS)]) * depth[:, None]
     images = []
     for frame in frames:
-        rotation = rotation_matrix(np.array([0.0002, -0.0003, 0.0001]) * frame)
-        centre = np.array([0.01, -0.002, 0.004]) * frame
+        # To and fro, so that the points stay in view however long the clip is.
+        along = 24 * np.sin(frame / 24)
+        rotation = rotation_matrix(np.array([0.0002, -0.0003, 0.0001]) * along)
+        centre = np.array([0.01, -0.002, 0.004]) * along
         seen = lens.project((xyz - centre) @ rotation.T)
         images.append(Image(frame, rotation, -rotation @ centre, seen, np.arange(POINTS, dtype=np.int32)))
     colours = np.full((POINTS, 3), 128, np.uint8)
