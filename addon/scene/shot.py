@@ -11,15 +11,15 @@ import bpy
 import numpy as np
 
 from ..core.base.errors import UserError
-from ..core.base.lru_cache import Recent
+from ..core.base.lru_cache import LRUCache
 from ..core.camera.reconstruction import Reconstruction
-from ..core.depth.multi_view_stereo import COARSE, ClipDepth, Mask, Moving
+from ..core.depth.multi_view_stereo import COARSE, Mask, Moving, PlaneSweepStereo
 from ..core.depth.sparse import MappedDepth
-from ..core.depth.temporal_fusion import SteadyDepth
+from ..core.depth.temporal_fusion import TemporalFusion
 from ..core.depth.user_maps import open_depth
 from ..core.media.clip import Footage, Pixels, finite, open_footage
 from ..core.media.masks import Masks, open_masks
-from ..core.warp.disocclusion_fill import Lender
+from ..core.warp.disocclusion_fill import DisocclusionFill
 from . import exr, store
 from .clip import solved_clip_path
 from .masks import DrawnMask, drawn_mask
@@ -50,16 +50,16 @@ class Shot:
     """and what is drawn in Blender; either is enough."""
 
     @cached_property
-    def dense(self) -> SteadyDepth:
+    def dense(self) -> TemporalFusion:
         """Depth of every pixel, from the clip itself."""
-        single = ClipDepth(self.reconstruction, self.read, mask=self._mask)
-        return SteadyDepth(self.reconstruction, single)
+        single = PlaneSweepStereo(self.reconstruction, self.read, mask=self._mask)
+        return TemporalFusion(self.reconstruction, single)
 
     @cached_property
-    def lender(self) -> Lender:
+    def disocclusion(self) -> DisocclusionFill:
         """Other frames' colours for what a frame does not show, but for what moves in them."""
-        movers = ClipDepth(self.reconstruction, self.read, COARSE, self._mask)
-        return Lender(self.reconstruction, self.read, movers.moving)
+        movers = PlaneSweepStereo(self.reconstruction, self.read, COARSE, self._mask)
+        return DisocclusionFill(self.reconstruction, self.read, movers.moving)
 
     def read(self, frame: int) -> Pixels:
         """A frame's picture, remembered: depth, what moves and what is lent ask for the same ones."""
@@ -77,8 +77,8 @@ class Shot:
         return {}
 
     @cached_property
-    def _pictures(self) -> Recent[Pixels]:
-        return Recent(REMEMBERED, lambda picture: picture.nbytes)
+    def _pictures(self) -> LRUCache[Pixels]:
+        return LRUCache(REMEMBERED, lambda picture: picture.nbytes)
 
     @property
     def _mask(self) -> Moving | None:

@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Points, Reconstruction
 from addon.core.depth.joint_upsampling import enlarged
-from addon.core.depth.multi_view_stereo import COARSE, ClipDepth
+from addon.core.depth.multi_view_stereo import COARSE, PlaneSweepStereo
 from addon.core.depth.sparse import FrameFeatures, frame_features
-from addon.core.depth.temporal_fusion import SteadyDepth
+from addon.core.depth.temporal_fusion import TemporalFusion
 from addon.core.lens.focus import Focus, pick
 from addon.core.media.clip import open_footage, to_gray8, to_linear
 from addon.core.sfm.process import SolveProcess
 from addon.core.sfm.tracks import new_corners
 from addon.core.sfm.workspace import load_solve
-from addon.core.warp.disocclusion_fill import Lender
+from addon.core.warp.disocclusion_fill import DisocclusionFill
 
 from .. import store
 from . import oracle
@@ -45,9 +45,9 @@ class Given:
     radius: float
     depth: Floats
     """(H, W), inf infinitely far: what methods get that want a depth map."""
-    layers: Callable[[int], oracle.Layers | None]
+    layers: Callable[[int], oracle.LayeredDepthImage | None]
     """The hidden surfaces past a margin in pixels; None where nobody knows them."""
-    lender: Lender | None = None
+    disocclusion: DisocclusionFill | None = None
     """The clip's other frames."""
 
     @property
@@ -73,7 +73,7 @@ class Known:
         self.scene = scene
 
     @cached_property
-    def _lender(self) -> Lender:
+    def _lender(self) -> DisocclusionFill:
         return _lender(self.scene.cameras, self.scene)
 
     def given(self, frame: int, blur: int) -> Given:
@@ -121,13 +121,13 @@ class Solved:
         self.reconstruction, self.report = solve.reconstruction, solve.report
 
     @cached_property
-    def _lender(self) -> Lender:
+    def _lender(self) -> DisocclusionFill:
         return _lender(self.reconstruction, self.scene)
 
     @cached_property
-    def _dense(self) -> SteadyDepth:
-        single = ClipDepth(self.reconstruction, open_footage(self.scene.clip()).read)
-        return SteadyDepth(self.reconstruction, single)
+    def _dense(self) -> TemporalFusion:
+        single = PlaneSweepStereo(self.reconstruction, open_footage(self.scene.clip()).read)
+        return TemporalFusion(self.reconstruction, single)
 
     def given(self, frame: int, blur: int) -> Given:
         scene, rec = self.scene, self.reconstruction
@@ -177,10 +177,10 @@ class Solved:
         return scene.radius(blur) * weighted_median(np.concatenate(ratios), np.concatenate(weights))
 
 
-def _lender(cameras: Reconstruction, scene: Scene) -> Lender:
+def _lender(cameras: Reconstruction, scene: Scene) -> DisocclusionFill:
     """As the product makes it."""
     read = open_footage(scene.clip()).read
-    return Lender(cameras, read, ClipDepth(cameras, read, COARSE).moving)
+    return DisocclusionFill(cameras, read, PlaneSweepStereo(cameras, read, COARSE).moving)
 
 
 def robust_line(x: Floats, y: Floats) -> tuple[float, float]:

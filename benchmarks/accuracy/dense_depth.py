@@ -19,7 +19,7 @@ from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
 
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Points, Reconstruction
-from addon.core.depth.multi_view_stereo import ClipDepth, DenseDepth
+from addon.core.depth.multi_view_stereo import DenseDepth, PlaneSweepStereo
 from addon.core.depth.sparse import frame_features
 from addon.core.media.clip import Footage, open_footage, to_gray8
 from addon.core.sfm.state import STATE
@@ -207,7 +207,7 @@ def rows(scene: Case, pictures: Path | None) -> list[str]:
         for frame in scene.frames:
             reconstruction = solved or scene.known(frame)
             true, moves = 1 / scene.depth(frame), scene.moves(frame)
-            clip = ClipDepth(reconstruction, scene.footage.read)
+            clip = PlaneSweepStereo(reconstruction, scene.footage.read)
             clip.at(frame)
             began = time.perf_counter()
             result = clip.at(frame)

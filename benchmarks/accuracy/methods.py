@@ -19,7 +19,7 @@ from addon.core.lens.aperture_sampling import vogel_disc
 from addon.core.lens.focus import Focus, exact_registration
 from addon.core.lens.frame import WarpedFrame
 from addon.core.lens.plan import FramePlan, LensSettings, edged_plan, layered_plan, plan_frame
-from addon.core.warp.disocclusion_fill import Lent
+from addon.core.warp.disocclusion_fill import HiddenColours
 from addon.core.warp.mesh import WarpMesh
 from addon.render import cycles_views
 from addon.render.average import draw_mean
@@ -83,18 +83,20 @@ def told(given: Given, views: int) -> Answer:
     return _layers(given, views, partial(_colours, surfaces))
 
 
-def _layers(given: Given, views: int, lent: Lent | None = None) -> Answer:
+def _layers(given: Given, views: int, hidden_colours: HiddenColours | None = None) -> Answer:
     lens = LensSettings(given.focus, given.radius, views)
     plan = plan_frame(given.reconstruction, given.frame, lens, _size(given))
     picture, inverse = plan.canvas.from_source(given.picture), 1 / given.depth
-    if lent is None and given.lender is not None:
-        lent = given.lender.loan(given.frame, plan.canvas, picture, inverse).colours
-    made, texture, _ = layered_plan(plan, given.radius, picture, inverse, lent)
+    if hidden_colours is None and given.disocclusion is not None:
+        hidden_colours = given.disocclusion.reprojected(given.frame, plan.canvas, picture, inverse).colours
+    made, texture, _ = layered_plan(plan, given.radius, picture, inverse, hidden_colours)
     return _drawn(given, made, texture)
 
 
-def _colours(surfaces: oracle.Layers, places: Floats, inverse: Floats) -> tuple[Picture, NDArray[np.bool_]]:
-    """What is `Lent`, of the layer that is there at about the inverse depth, if any."""
+def _colours(
+    surfaces: oracle.LayeredDepthImage, places: Floats, inverse: Floats
+) -> tuple[Picture, NDArray[np.bool_]]:
+    """What is `HiddenColours`, of the layer that is there at about the inverse depth, if any."""
     limit = np.array(surfaces.layers[0].inverse_depth.shape[::-1]) - 1
     column, row = np.clip(np.floor(places).astype(int) + surfaces.margin, 0, limit).T
     colours, known = np.zeros((len(places), 3), np.float32), np.zeros(len(places), bool)

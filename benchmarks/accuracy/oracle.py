@@ -25,7 +25,7 @@ STEPS = 4
 
 @dataclass(frozen=True)
 class Layer:
-    """One layer on a canvas that reaches past the frame's border by `Layers.margin` pixels a side."""
+    """One layer on a canvas that reaches past the frame's border by the margin, in pixels."""
 
     picture: Picture
     """(h, w, 4) linear, premultiplied."""
@@ -34,7 +34,7 @@ class Layer:
 
 
 @dataclass(frozen=True)
-class Layers:
+class LayeredDepthImage:
     layers: tuple[Layer, ...]
     """From far to near."""
     margin: int
@@ -54,7 +54,7 @@ def extended(depth: Floats) -> NDArray[np.float32]:
     return np.asarray(value[label], dtype=np.float32)
 
 
-def render(layers: Layers, focal: float, radius: float, focus: float, views: int) -> Picture:
+def render(layers: LayeredDepthImage, focal: float, radius: float, focus: float, views: int) -> Picture:
     """(H, W, 3) linear: the mean of views over a lens of `radius` focused at depth `focus`.
 
     `focal` is in pixels, the others in scene units.

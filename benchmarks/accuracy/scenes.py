@@ -82,7 +82,7 @@ class Scene(Protocol):
     def motion(self, frame: int) -> Motion | None:
         """Motion to the next frame and where it is seen there; None where it is not known."""
 
-    def layers(self, frame: int, margin: int) -> oracle.Layers | None:
+    def layers(self, frame: int, margin: int) -> oracle.LayeredDepthImage | None:
         """What the oracle is told; None where nobody knows."""
 
 
@@ -185,11 +185,11 @@ class Staged:
     def motion(self, frame: int) -> Motion:
         return truth.motion(self.stage, frame, self.geometry(frame), self.geometry(frame + 1))
 
-    def layers(self, frame: int, margin: int) -> oracle.Layers:
+    def layers(self, frame: int, margin: int) -> oracle.LayeredDepthImage:
         numbers = sorted({thing.layer for thing in self.stage.things})
         made = [self._layer(frame, margin, number) for number in numbers]
         red, green, blue = self.stage.air
-        return oracle.Layers(tuple(made), margin, (red, green, blue))
+        return oracle.LayeredDepthImage(tuple(made), margin, (red, green, blue))
 
     def _layer(self, frame: int, margin: int, number: int) -> oracle.Layer:
         def make() -> NDArray[np.float32]:

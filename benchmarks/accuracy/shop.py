@@ -153,7 +153,7 @@ class Shop:
     def motion(self, frame: int) -> Motion | None:
         return None
 
-    def layers(self, frame: int, margin: int) -> oracle.Layers | None:
+    def layers(self, frame: int, margin: int) -> oracle.LayeredDepthImage | None:
         return None
 
     def _blur(self, radius: float) -> int:

@@ -12,8 +12,8 @@ import cv2
 import numpy as np
 
 from addon.core.depth.joint_upsampling import enlarged
-from addon.core.depth.multi_view_stereo import ClipDepth
-from addon.core.depth.temporal_fusion import SteadyDepth
+from addon.core.depth.multi_view_stereo import PlaneSweepStereo
+from addon.core.depth.temporal_fusion import TemporalFusion
 from addon.core.media.clip import open_footage
 
 from .cases import Given, Known
@@ -47,7 +47,7 @@ def main() -> None:
 
 def found(scene: Shop, given: Given) -> Given:
     """The same with depth from the clip."""
-    dense = SteadyDepth(scene.cameras, ClipDepth(scene.cameras, open_footage(scene.clip()).read))
+    dense = TemporalFusion(scene.cameras, PlaneSweepStereo(scene.cameras, open_footage(scene.clip()).read))
     inverse = enlarged(dense.at(given.frame).inverse_depth, given.picture)
     return replace(given, depth=1 / np.maximum(inverse, 1e-6))
 

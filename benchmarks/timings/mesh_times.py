@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from addon.core.camera.reconstruction import Reconstruction
-from addon.core.depth.multi_view_stereo import COARSE, ClipDepth
-from addon.core.depth.temporal_fusion import SteadyDepth
+from addon.core.depth.multi_view_stereo import COARSE, PlaneSweepStereo
+from addon.core.depth.temporal_fusion import TemporalFusion
 from addon.core.lens.focus import Focus
 from addon.core.lens.frame import warp_frame
 from addon.core.lens.plan import LensSettings
 from addon.core.media.clip import open_footage, to_linear
-from addon.core.warp.disocclusion_fill import Lender
+from addon.core.warp.disocclusion_fill import DisocclusionFill
 
 from ..accuracy.cases import Known
 from ..accuracy.scenes import Staged
@@ -42,8 +42,8 @@ class Clip:
         read = pictures.__getitem__
         self.reconstruction = cameras
         """With the features of the frame that is asked for."""
-        self.dense = SteadyDepth(cameras, ClipDepth(cameras, read))
-        self.lender = Lender(cameras, read, ClipDepth(cameras, read, COARSE).moving)
+        self.dense = TemporalFusion(cameras, PlaneSweepStereo(cameras, read))
+        self.disocclusion = DisocclusionFill(cameras, read, PlaneSweepStereo(cameras, read, COARSE).moving)
 
 
 def main() -> None:

@@ -212,7 +212,7 @@ def test_an_oracle_spreads_a_point_over_its_disc() -> None:
     picture[..., 3] = 1
     picture[40, 40, :3] = 100
     layer = oracle.Layer(picture, np.full((81, 81), 1 / 4, np.float32))
-    layers = oracle.Layers((layer,), 10, (0, 0, 0))
+    layers = oracle.LayeredDepthImage((layer,), 10, (0, 0, 0))
     # D = 2 R f |1/z - 1/zf| = 2 * 0.1 * 800 * |1/4 - 1/2| = 40 pixels
     out = oracle.render(layers, focal=800, radius=0.1, focus=2.0, views=2000)
     assert out.shape == (61, 61, 3)
@@ -229,7 +229,7 @@ def test_an_oracle_sees_behind_an_edge() -> None:
     behind = np.ones((64, 64, 4), np.float32)
     before = np.zeros((64, 64, 4), np.float32)
     before[:, 32:, 3] = 1  # black, opaque, on the right half
-    layers = oracle.Layers(
+    layers = oracle.LayeredDepthImage(
         (
             oracle.Layer(behind, np.full((64, 64), 1 / 4, np.float32)),
             oracle.Layer(before, np.full((64, 64), 1 / 2, np.float32)),

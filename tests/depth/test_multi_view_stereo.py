@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
 from addon.core.depth.completion import settle
-from addon.core.depth.multi_view_stereo import ClipDepth, DenseDepth
+from addon.core.depth.multi_view_stereo import DenseDepth, PlaneSweepStereo
 from addon.core.depth.view_selection import choose
 
 from .. import planes
@@ -69,7 +69,7 @@ def truth(centre: Floats, lens: Intrinsics = LENS) -> Floats:
 
 
 def dense(reconstruction: Reconstruction, pictures: Sequence[Picture], frame: int = MIDDLE) -> DenseDepth:
-    result = ClipDepth(reconstruction, lambda number: pictures[number - 1]).at(frame)
+    result = PlaneSweepStereo(reconstruction, lambda number: pictures[number - 1]).at(frame)
     shape = (result.lens.height, result.lens.width)
     assert result.inverse_depth.shape == result.confidence.shape == result.moving.shape == shape
     assert np.all(np.isfinite(result.inverse_depth)) and np.all(result.inverse_depth >= 0)
@@ -151,7 +151,9 @@ def test_distortion_is_taken_out(pictures: list[Picture]) -> None:
 
 
 def test_the_size_worked_at_is_bounded(pictures: list[Picture]) -> None:
-    result = ClipDepth(poses(CENTRES, features()), lambda frame: pictures[frame - 1], longest=160).at(MIDDLE)
+    result = PlaneSweepStereo(poses(CENTRES, features()), lambda frame: pictures[frame - 1], longest=160).at(
+        MIDDLE
+    )
     assert result.inverse_depth.shape == (120, 160)
     assert result.lens == LENS.scaled(160, 120)
     assert np.median(error(result, truth(CENTRES[MIDDLE - 1], result.lens))) < 0.02
@@ -167,7 +169,7 @@ def test_every_kind_of_picture_is_read(pictures: list[Picture], found: DenseDept
             return ((picture / 255) ** 2.2).astype(np.float32)
         return np.dstack([picture, np.full(picture.shape[:2], 255, np.uint8)])
 
-    result = ClipDepth(poses(CENTRES, features()), read).at(MIDDLE)
+    result = PlaneSweepStereo(poses(CENTRES, features()), read).at(MIDDLE)
     assert np.percentile(np.abs(result.inverse_depth - found.inverse_depth), 90) < 0.02 * RANGE
 
 
@@ -245,7 +247,7 @@ def test_a_mask_tells_what_moves(pictures: list[Picture]) -> None:
     filmed, masks = falling(pictures, before=1 / 8)
     shot = poses(CENTRES, features())
     large = {frame: np.repeat(np.repeat(mask, 2, axis=0), 2, axis=1) for frame, mask in enumerate(masks, 1)}
-    told = ClipDepth(shot, lambda n: filmed[n - 1], mask=large.get).at(MIDDLE)
+    told = PlaneSweepStereo(shot, lambda n: filmed[n - 1], mask=large.get).at(MIDDLE)
     mask = masks[MIDDLE - 1]
     assert told.moving[mask].all()
     assert np.mean(told.moving & ~mask) < 0.01
@@ -253,7 +255,7 @@ def test_a_mask_tells_what_moves(pictures: list[Picture]) -> None:
     assert np.median(off[mask]) < 0.05 and np.median(off[~mask]) < HALF_LEVEL
     assert told.confidence[mask].max() < 0.5
     # What is masked in the neighbours has no part in the depth of what stands still here.
-    plain = ClipDepth(shot, lambda n: pictures[n - 1]).at(MIDDLE)
+    plain = PlaneSweepStereo(shot, lambda n: pictures[n - 1]).at(MIDDLE)
     around = cv2.dilate(mask.astype(np.uint8), np.ones((31, 31))) > 0
     assert np.mean(np.abs(told.inverse_depth - plain.inverse_depth)[around & ~mask] > 0.1 * RANGE) < 0.05
 
@@ -262,10 +264,10 @@ def test_a_mask_without_parallax_and_in_a_bent_lens(pictures: list[Picture]) -> 
     mask = np.zeros((HEIGHT, WIDTH), bool)
     mask[100:140, 60:100] = True
     still = np.zeros((3, 3))
-    result = ClipDepth(poses(still, features()), lambda n: pictures[0], mask=lambda _: mask).at(2)
+    result = PlaneSweepStereo(poses(still, features()), lambda n: pictures[0], mask=lambda _: mask).at(2)
     np.testing.assert_array_equal(result.moving, mask)
     bent = poses(CENTRES, features(), replace(LENS, k1=-0.1))
-    depth = ClipDepth(bent, lambda n: pictures[n - 1], mask=lambda n: mask if n == MIDDLE else None)
+    depth = PlaneSweepStereo(bent, lambda n: pictures[n - 1], mask=lambda n: mask if n == MIDDLE else None)
     back = depth.moving(MIDDLE)
     assert back.shape == mask.shape
     assert (back & mask).sum() > 0.9 * (back | mask).sum()

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from addon.core.depth.multi_view_stereo import ClipDepth, DenseDepth
-from addon.core.depth.temporal_fusion import HIGH, LEVELS, RIM, SteadyDepth, fused, sharpened
+from addon.core.depth.multi_view_stereo import DenseDepth, PlaneSweepStereo
+from addon.core.depth.temporal_fusion import HIGH, LEVELS, RIM, TemporalFusion, fused, sharpened
 
 from .. import planes
 from .test_multi_view_stereo import CENTRES, LENS, MIDDLE, RANGE, clip, features, poses, truth
@@ -51,7 +51,7 @@ def steady(made: list[DenseDepth], frame: int, grey: Map | None = None) -> Dense
     told = Told({one.frame: one for one in made})
     if grey is not None:
         told.grey = grey
-    return SteadyDepth(still, told).at(frame)  # type: ignore[arg-type]
+    return TemporalFusion(still, told).at(frame)  # type: ignore[arg-type]
 
 
 # Many frames
@@ -215,7 +215,7 @@ def test_frames_are_brought_into_place() -> None:
     frames = {
         n: depth(n, truth(centre), 0.0 if n == MIDDLE else 0.9) for n, centre in enumerate(CENTRES, start=1)
     }
-    found = SteadyDepth(shot, Told(frames)).at(MIDDLE)  # type: ignore[arg-type]
+    found = TemporalFusion(shot, Told(frames)).at(MIDDLE)  # type: ignore[arg-type]
     off = np.abs(found.inverse_depth - truth(CENTRES[MIDDLE - 1])) / RANGE
     # No frame says anything of the first and last rows.
     off = off[RIM:-RIM]
@@ -228,10 +228,10 @@ def test_frames_are_brought_into_place() -> None:
 
 def test_a_clips_depth_is_steadier_than_that_of_its_frames() -> None:
     pictures, shot = clip(CENTRES), poses(CENTRES, features())
-    single = ClipDepth(shot, lambda frame: pictures[frame - 1])
+    single = PlaneSweepStereo(shot, lambda frame: pictures[frame - 1])
     frames = (MIDDLE - 1, MIDDLE, MIDDLE + 1)
     alone = [single.at(frame) for frame in frames]
-    both = SteadyDepth(shot, single)
+    both = TemporalFusion(shot, single)
     fused_depth = [both.at(frame) for frame in frames]
     true = [truth(CENTRES[frame - 1]) for frame in frames]
     # The planes face the camera, so where both frames see the same one the depth is the same.

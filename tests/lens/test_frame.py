@@ -14,7 +14,7 @@ from addon.core.lens.focus import Focus
 from addon.core.lens.frame import FEWEST_SURE, SURE, WarpedFrame, warp_frame
 from addon.core.lens.plan import LensSettings
 from addon.core.media.clip import to_linear
-from addon.core.warp.disocclusion_fill import Lender
+from addon.core.warp.disocclusion_fill import DisocclusionFill
 
 from ..scenes import slanted_plane, texture
 
@@ -48,8 +48,8 @@ class Clip:
     depth: None = None
 
     @property
-    def lender(self) -> Lender:
-        return Lender(self.reconstruction, lambda frame: texture(*SIZE))
+    def disocclusion(self) -> DisocclusionFill:
+        return DisocclusionFill(self.reconstruction, lambda frame: texture(*SIZE))
 
 
 def sure_in(share: float) -> NDArray[np.float32]:
@@ -74,7 +74,7 @@ def test_layers_are_the_default(borrow: bool) -> None:
     assert (made.method, made.why) == ("layers", "") and made.is_whole
     assert told.asked == [2] and made.plan.frame == 2
     assert made.layers and made.layers[0].hidden.any()
-    assert (made.layers[0].lent is not None) == borrow
+    assert (made.layers[0].hidden_colours is not None) == borrow
     assert made.inverse_depth is not None and made.inverse_depth.shape == (90, 160)
     assert made.confidence is not None and made.confidence.min() == 1
     # The texture is two layers, one above the other.

@@ -168,7 +168,7 @@ class Scene:
 
     def __init__(self, lens: Intrinsics = PLAIN) -> None:
         self.reconstruction = slanted_plane(lens)
-        self.depth = self.dense = self.lender = None
+        self.depth = self.dense = self.disocclusion = None
 
 
 @pytest.mark.parametrize("method", ["features", "thesis", "grid", "edges"])

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from addon.core.camera.reconstruction import rotation_matrix
 from addon.core.sfm import bundle_adjustment as adjusting
 from addon.core.sfm import small_motion
-from addon.core.sfm.bundle_adjustment import Bundle, Sightings, adjust
+from addon.core.sfm.bundle_adjustment import Bundle, Observations, adjust
 from addon.core.sfm.tracks import Tracks
 
 Floats = NDArray[np.float64]
@@ -20,7 +20,7 @@ FOCAL = 500.0
 
 def scene(
     frames: int = 12, points: int = 60, path: float = 0.5, turn: float = 0.05, seed: int = 0
-) -> tuple[Bundle, Sightings]:
+) -> tuple[Bundle, Observations]:
     """Cameras on a path `path` long before points at 3 to 9, and their exact places; all are seen by all."""
     rng = np.random.default_rng(seed)
     share = np.linspace(-0.5, 0.5, frames)
@@ -34,7 +34,7 @@ def scene(
         world / np.linalg.norm(world, axis=1, keepdims=True), np.full(frames, FOCAL),
     )  # fmt: skip
     frame, point = (each.ravel().astype(np.int32) for each in np.mgrid[0:frames, 0:points])
-    nowhere = Sightings(frame, point, np.zeros((len(frame), 2)))
+    nowhere = Observations(frame, point, np.zeros((len(frame), 2)))
     return bundle, replace(nowhere, xy=bundle.residuals(nowhere))
 
 
@@ -137,7 +137,7 @@ def test_cameras_that_only_turn_tell_the_focal_length_of_points_infinitely_far()
 # From nothing
 
 
-def tracks_of(seen: Sightings, frames: int, points: int, noise: float, seed: int = 0) -> Tracks:
+def tracks_of(seen: Observations, frames: int, points: int, noise: float, seed: int = 0) -> Tracks:
     rng = np.random.default_rng(seed)
     order = np.lexsort([seen.point, seen.frame])
     xy = seen.xy[order] + rng.normal(0, noise, seen.xy.shape) + [320, 180]

@@ -10,7 +10,7 @@ import pytest
 from addon.cli.main import run_command
 from addon.core.base.errors import UserError
 from addon.core.camera.reconstruction import rotation_matrix
-from addon.core.sfm.bundle_adjustment import Sightings
+from addon.core.sfm.bundle_adjustment import Observations
 from addon.core.sfm.solution import Solution, empty
 from addon.core.sfm.stabilised import compare, fit_shifts, refuse_shifted
 from addon.core.sfm.tracks import Tracks
@@ -58,7 +58,7 @@ def turned_instead(shifted: Solution, stays: float) -> Solution:
 def test_depths_of_shifted_pictures_are_found_but_for_their_sign() -> None:
     shot = made(stays=7.0)
     xy = shot.tracks.xy - shot.centre
-    found = fit_shifts(Sightings(shot.tracks.frame_index, shot.tracks.track, xy), FRAMES, POINTS, 1.0)
+    found = fit_shifts(Observations(shot.tracks.frame_index, shot.tracks.track, xy), FRAMES, POINTS, 1.0)
     assert found is not None
     assert np.median(found.error) < 0.2
     assert abs(np.corrcoef(found.inverse_depth, 1 / shot.xyz[:, 2])[0, 1]) > 0.99

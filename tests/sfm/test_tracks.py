@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from addon.core.base.errors import UserError
 from addon.core.media.clip import open_footage
 from addon.core.sfm import klt, sift, template_tracking
-from addon.core.sfm.klt import Follower, new_corners, new_harris
+from addon.core.sfm.klt import KLTTracker, new_corners, new_harris
 from addon.core.sfm.tracks import TRACKERS, Tracks, correlation, cuts, run, thumbnail, track_features
 
 from .. import planes
@@ -121,7 +121,7 @@ def test_where_only_large_things_stand_out_they_are_followed(tmp_path: Path) -> 
         )
     footage = open_footage(planes.write_clip(tmp_path / "clip", clip))
     tracks = track_features(footage, lambda *_: None)
-    small = run(Follower(new_corners), footage)
+    small = run(KLTTracker(new_corners), footage)
     assert reached(tracks.in_frame(7)[1], planes.SIZE) > reached(small.in_frame(7)[1], planes.SIZE) + 0.3
     first, start = tracks.in_frame(0)
     last, end = tracks.in_frame(7)

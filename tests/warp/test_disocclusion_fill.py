@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
 from addon.core.media.clip import decode_srgb, to_linear
-from addon.core.warp.disocclusion_fill import Lender
+from addon.core.warp.disocclusion_fill import DisocclusionFill
 
 from .. import planes
 
@@ -42,10 +42,10 @@ def view(frame: int) -> NDArray[np.uint8]:
 
 
 def asked(read: object, places: NDArray[np.float64], inverse: float, shown: NDArray[np.float64]) -> tuple:  # type: ignore[type-arg]
-    lender = Lender(shot(), read)  # type: ignore[arg-type]
+    disocclusion = DisocclusionFill(shot(), read)  # type: ignore[arg-type]
     picture = to_linear(view(MIDDLE))
-    loan = lender.loan(MIDDLE, Canvas(LENS), picture, shown)
-    return loan.colours(places, np.full(len(places), inverse))
+    reprojected = disocclusion.reprojected(MIDDLE, Canvas(LENS), picture, shown)
+    return reprojected.colours(places, np.full(len(places), inverse))
 
 
 BESIDE = np.stack(
@@ -102,8 +102,10 @@ def test_few_places_and_no_other_frames(count: int) -> None:
     colour, known = asked(view, BESIDE[:count], 1 / DEPTH, FLAT)
     assert colour.shape == (count, 3) and known.shape == (count,)
     alone = Reconstruction((LENS,), shot().images[MIDDLE - 1 : MIDDLE], shot().points)
-    loan = Lender(alone, view).loan(MIDDLE, Canvas(LENS), to_linear(view(MIDDLE)), FLAT)
-    told = loan.colours(BESIDE[:1], np.array([1 / DEPTH]))
+    reprojected = DisocclusionFill(alone, view).reprojected(
+        MIDDLE, Canvas(LENS), to_linear(view(MIDDLE)), FLAT
+    )
+    told = reprojected.colours(BESIDE[:1], np.array([1 / DEPTH]))
     assert not told[1].any()
 
 
@@ -134,9 +136,9 @@ def behind(moving: object) -> tuple[NDArray[np.float32], NDArray[np.bool_], NDAr
     """What is lent for the wall behind what crosses the middle frame, and the truth."""
     places: NDArray[np.float64] = np.argwhere(crossing(MIDDLE))[:, ::-1] + 0.5
     shown = np.where(crossing(MIDDLE), 2 / DEPTH, FLAT)
-    lender = Lender(shot(), crossed, moving)  # type: ignore[arg-type]
-    loan = lender.loan(MIDDLE, Canvas(LENS), to_linear(crossed(MIDDLE)), shown)
-    told = loan.colours(places, np.full(len(places), 1 / DEPTH))
+    disocclusion = DisocclusionFill(shot(), crossed, moving)  # type: ignore[arg-type]
+    reprojected = disocclusion.reprojected(MIDDLE, Canvas(LENS), to_linear(crossed(MIDDLE)), shown)
+    told = reprojected.colours(places, np.full(len(places), 1 / DEPTH))
     return *told, truth(places)
 
 
@@ -165,7 +167,9 @@ def test_what_stands_before_a_place_in_most_frames_is_no_ghost() -> None:
 
     picture, inverse = to_linear(view(MIDDLE)), np.full(len(BESIDE), 1 / DEPTH)
     told = [
-        Lender(shot(), read, moving).loan(MIDDLE, Canvas(LENS), picture, FLAT).colours(BESIDE, inverse)
+        DisocclusionFill(shot(), read, moving)
+        .reprojected(MIDDLE, Canvas(LENS), picture, FLAT)
+        .colours(BESIDE, inverse)
         for moving in (None, mask)
     ]
     off = [np.abs(colour[known] - truth(BESIDE)[known]).max() for colour, known in told]
@@ -175,9 +179,9 @@ def test_what_stands_before_a_place_in_most_frames_is_no_ghost() -> None:
 
 def test_frames_of_which_nothing_is_said_lend_all() -> None:
     plain = asked(view, BESIDE, 1 / DEPTH, FLAT)
-    lender = Lender(shot(), view, lambda frame: None)
-    loan = lender.loan(MIDDLE, Canvas(LENS), to_linear(view(MIDDLE)), FLAT)
-    told = loan.colours(BESIDE, np.full(len(BESIDE), 1 / DEPTH))
+    disocclusion = DisocclusionFill(shot(), view, lambda frame: None)
+    reprojected = disocclusion.reprojected(MIDDLE, Canvas(LENS), to_linear(view(MIDDLE)), FLAT)
+    told = reprojected.colours(BESIDE, np.full(len(BESIDE), 1 / DEPTH))
     for one, other in zip(plain, told, strict=True):
         np.testing.assert_array_equal(one, other)
 
@@ -197,8 +201,8 @@ def test_nothing_is_lent_where_others_do_not_see_what_the_frame_shows() -> None:
     picture[:32, -24:, :3] = 0.6
     # Before the wall, as far as its own depth goes, it is no reason not to lend the wall's colours.
     for inverse, shown, above in ((1 / DEPTH, FLAT, False), (1 / DEPTH, with_poster(3 / DEPTH), True)):
-        loan = Lender(shot(), view).loan(MIDDLE, Canvas(LENS), picture, shown)
-        _, known = loan.colours(BESIDE, np.full(len(BESIDE), inverse))
+        reprojected = DisocclusionFill(shot(), view).reprojected(MIDDLE, Canvas(LENS), picture, shown)
+        _, known = reprojected.colours(BESIDE, np.full(len(BESIDE), inverse))
         assert known[BESIDE[:, 1] > 40].mean() > 0.95
         assert (known[BESIDE[:, 1] < 24].mean() > 0.5) == above
 
@@ -214,9 +218,11 @@ def test_what_goes_on_past_the_border_hides_what_is_behind() -> None:
     board = np.zeros((HEIGHT, WIDTH), bool)
     board[:, :20] = True
     shown = np.where(board, 2 / DEPTH, FLAT)
-    loan = Lender(shot(), view).loan(MIDDLE, Canvas(LENS), to_linear(view(MIDDLE)), shown)
+    reprojected = DisocclusionFill(shot(), view).reprojected(
+        MIDDLE, Canvas(LENS), to_linear(view(MIDDLE)), shown
+    )
     places = np.argwhere(board)[:, ::-1] + 0.5
-    sight = next(s for s in loan.sights if s.other.frame == MIDDLE - 1)
+    sight = next(s for s in reprojected.sights if s.other.frame == MIDDLE - 1)
     assert np.isnan(sight.colours(places, np.full(len(places), 1 / DEPTH))).all()
     assert np.isfinite(sight.colours(places + np.array([38, 0]), np.full(len(places), 1 / DEPTH))).all()
 
@@ -232,11 +238,13 @@ def test_what_another_frame_sees_from_close_by_hides_all_of_what_is_behind() -> 
     board[20:44, 32:64] = True
     shown = np.where(board, 4 / DEPTH, FLAT)
     places: NDArray[np.float64] = np.argwhere(board)[:, ::-1] + 0.5
-    loan = Lender(shot_ahead, lambda frame: view(MIDDLE)).loan(
+    reprojected = DisocclusionFill(shot_ahead, lambda frame: view(MIDDLE)).reprojected(
         1, Canvas(LENS), to_linear(view(MIDDLE)), shown
     )
-    assert len(loan.sights) == 3
-    assert not any(np.isfinite(s.colours(places, np.full(len(places), 1 / DEPTH))).any() for s in loan.sights)
+    assert len(reprojected.sights) == 3
+    assert not any(
+        np.isfinite(s.colours(places, np.full(len(places), 1 / DEPTH))).any() for s in reprojected.sights
+    )
 
 
 def test_no_colour_of_a_silhouette_is_lent() -> None:
@@ -258,8 +266,8 @@ def test_no_colour_of_a_silhouette_is_lent() -> None:
     near: NDArray[np.float64] = np.argwhere(board)[:, ::-1] + 0.5
     picture = to_linear(before(MIDDLE))
     colour, known = (
-        Lender(shot(), before)
-        .loan(MIDDLE, Canvas(LENS), picture, shown)
+        DisocclusionFill(shot(), before)
+        .reprojected(MIDDLE, Canvas(LENS), picture, shown)
         .colours(near, np.full(len(near), 1 / DEPTH))
     )
     assert known.mean() > 0.6
@@ -282,8 +290,12 @@ def test_a_single_frame_lends_only_colours_like_those_around() -> None:
     shares = []
     # A lamp is like nothing around it.
     for read in (view, with_other((250, 250, 240)), with_other((250, 20, 20)), with_other((5, 5, 5))):
-        loan = Lender(shot(), read).loan(MIDDLE, Canvas(LENS), to_linear(view(MIDDLE)), shown)
-        alone = replace(loan, sights=tuple(s for s in loan.sights if s.other.frame == MIDDLE - 2))
+        reprojected = DisocclusionFill(shot(), read).reprojected(
+            MIDDLE, Canvas(LENS), to_linear(view(MIDDLE)), shown
+        )
+        alone = replace(
+            reprojected, sights=tuple(s for s in reprojected.sights if s.other.frame == MIDDLE - 2)
+        )
         _, known = alone.colours(places, np.full(len(places), 1 / DEPTH))
         shares.append(known.mean())
     assert min(shares[:2]) > 0.3 and max(shares[2:]) < 0.05

@@ -57,7 +57,7 @@ def one(depth: Floats) -> Surfaces:
     return Surfaces(depth, depth, depth, none, none, none)
 
 
-def of(found: ldi.Layers) -> Surfaces:
+def of(found: ldi.LayeredDepthImage) -> Surfaces:
     return Surfaces(
         found.front_shift, found.near_shift, found.back_shift, found.mixed, found.is_far, found.hidden
     )
@@ -273,7 +273,7 @@ def test_where_silhouettes_cross_three_surfaces_are_kept_apart() -> None:
     assert second.mixed[beside & (np.abs(Y - GABLE) < 1)].all()
 
 
-def lent(shift: Floats, asked: ldi.Mask) -> tuple[ldi.Picture, ldi.Mask]:
+def hidden_colours(shift: Floats, asked: ldi.Mask) -> tuple[ldi.Picture, ldi.Mask]:
     """The colours of what is behind the disc, by its depth."""
     margin = (shift.shape[0] - SIZE[0]) // 2
     inner = slice(margin, margin + SIZE[0]), slice(margin, margin + SIZE[1])
@@ -293,7 +293,9 @@ def test_three_surfaces_make_better_views_than_two(monkeypatch: pytest.MonkeyPat
         crossing = (np.abs(Y - gable) < 12) & (np.abs(np.abs(X - 80) - DISC) < 12)
         for large, scores in found.items():
             monkeypatch.setattr(layered_mesh, "LARGE", large)
-            mesh, texture, _ = make_mesh(house(gable=gable), before_house(gable), focus, 150.0, fill=lent)
+            mesh, texture, _ = make_mesh(
+                house(gable=gable), before_house(gable), focus, 150.0, fill=hidden_colours
+            )
             made = FramePlan(1, canvas, mesh, offsets, registration, focus / 150, 16.0, False)
             scores.append(psnr(drawn(made, texture)[crossing][:, :3].astype(np.float64), true[crossing]))
     three, two = found.values()
@@ -312,7 +314,7 @@ def test_a_surface_does_not_tear_between_two_silhouettes(monkeypatch: pytest.Mon
     canvas = Canvas(LENS)
     for offset in np.array([[0.0, 0.95], [0.7, 0.7]]):
         registration = exact_registration(canvas, offset[None], NEAR / 150)
-        mesh, texture, _ = make_mesh(house(), before_house(), NEAR, 150.0, fill=lent)
+        mesh, texture, _ = make_mesh(house(), before_house(), NEAR, 150.0, fill=hidden_colours)
         made = FramePlan(1, canvas, mesh, offset[None], registration, NEAR / 150, 16.0, False)
         view = drawn(made, texture)
         x, y = -offset

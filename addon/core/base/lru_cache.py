@@ -6,7 +6,7 @@ from collections import OrderedDict
 from collections.abc import Callable
 
 
-class Recent[V]:
+class LRUCache[V]:
     """Values by frame; the least recently asked for are forgotten, the last one never."""
 
     def __init__(self, limit: int, size: Callable[[V], int] = lambda value: 1) -> None:

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.lru_cache import Recent
+from ..base.lru_cache import LRUCache
 from ..base.progress import checkpoint
 from ..camera.canvas import Canvas
 from ..camera.reconstruction import Floats, Image, Intrinsics, Reconstruction, seen_by
@@ -77,7 +77,7 @@ class DenseDepth:
     """The pinhole that these h x w pixels are seen through."""
 
 
-class ClipDepth:
+class PlaneSweepStereo:
     """Dense depth of the frames of a clip. Memory is that of some pictures at the size worked at."""
 
     def __init__(
@@ -92,8 +92,8 @@ class ClipDepth:
         `mask` gives what is known to move by itself; more may be found.
         """
         self._rec, self._read, self._longest, self._mask = reconstruction, read, longest, mask
-        self._pictures = Recent[Bytes](KEPT)
-        self._movers = Recent[Mask](KEPT)
+        self._pictures = LRUCache[Bytes](KEPT)
+        self._movers = LRUCache[Mask](KEPT)
 
     def at(self, frame: int) -> DenseDepth:
         """The depth of a frame.

@@ -7,10 +7,10 @@ from contextlib import nullcontext
 import cv2
 import numpy as np
 
-from ..base.lru_cache import Recent
+from ..base.lru_cache import LRUCache
 from ..base.progress import checkpoint, part
 from ..camera.reconstruction import Image, Reconstruction
-from .multi_view_stereo import ClipDepth, DenseDepth, pixel_matrix
+from .multi_view_stereo import DenseDepth, PlaneSweepStereo, pixel_matrix
 from .plane_sweep import Bytes, Map, Mask
 from .view_selection import regular, relative_pose, stride
 
@@ -49,15 +49,15 @@ RIM = 4
 """Pixels at the border that know too little around them."""
 
 
-class SteadyDepth:
+class TemporalFusion:
     """Depth of the frames of a clip, asked for in order. Memory is that of a few frames."""
 
-    def __init__(self, reconstruction: Reconstruction, single: ClipDepth) -> None:
+    def __init__(self, reconstruction: Reconstruction, single: PlaneSweepStereo) -> None:
         self._rec, self._single = reconstruction, single
-        self._kept = Recent[DenseDepth](KEPT)
+        self._kept = LRUCache[DenseDepth](KEPT)
 
     def at(self, frame: int) -> DenseDepth:
-        """The depth of a frame, as `ClipDepth.at` and with its errors.
+        """The depth of a frame, as `PlaneSweepStereo.at` and with its errors.
 
         The weighted median of all frames around, and the mean of those near it (Merrell et al., "Real-time
         visibility-based fusion of depth maps", 2007); where that is not sure, what is sure around it.

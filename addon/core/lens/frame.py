@@ -16,8 +16,8 @@ from ..depth.joint_upsampling import enlarged
 from ..depth.multi_view_stereo import DenseDepth
 from ..depth.plane_sweep import Map
 from ..depth.sparse import MappedDepth, frame_features
-from ..warp.disocclusion_fill import Lender
-from ..warp.layered_depth_image import Layers
+from ..warp.disocclusion_fill import DisocclusionFill
+from ..warp.layered_depth_image import LayeredDepthImage
 from .plan import FramePlan, LensSettings, can_be_layered, edged_plan, layered_plan, plan_frame
 
 SURE, FEWEST_SURE = 0.1, 0.05
@@ -49,7 +49,7 @@ class Clip(Protocol):
     def dense(self) -> Dense: ...
 
     @property
-    def lender(self) -> Lender: ...
+    def disocclusion(self) -> DisocclusionFill: ...
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class WarpedFrame:
     """(H, W) of every pixel of the canvas, where the method has it,"""
     confidence: Map | None = None
     """(H, W) and how sure it is; None of the user's maps."""
-    layers: tuple[Layers, ...] = ()
+    layers: tuple[LayeredDepthImage, ...] = ()
     """That the mesh was made of, near ones first."""
     depth_seconds: float = 0.0
     """What finding the depth took,"""
@@ -107,12 +107,12 @@ def warp_frame(
             why=f"the depth of less than {100 * FEWEST_SURE:g} % of its pixels can be told from the clip",
         )  # fmt: skip
     else:
-        lent = None
+        hidden_colours = None
         if lens.borrow:
             with stage("Hidden surfaces", DEEP, LENT):
-                lent = clip.lender.loan(frame, plan.canvas, picture, inverse).colours
+                hidden_colours = clip.disocclusion.reprojected(frame, plan.canvas, picture, inverse).colours
         with stage("Mesh", LENT, 1.0):
-            layered, texture, layers = layered_plan(plan, lens.radius, picture, inverse, lent)
+            layered, texture, layers = layered_plan(plan, lens.radius, picture, inverse, hidden_colours)
         is_whole = bool(picture[..., 3].min() > 0.999)
         made = replace(plain, plan=layered, texture=texture, is_whole=is_whole, layers=layers)
     return replace(made, mesh_seconds=time.perf_counter() - found + planned - began)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ..camera.canvas import Canvas, Picture
 from ..camera.reconstruction import Floats
 from ..media.clip import encode_srgb
-from ..warp.layered_depth_image import Layers, Mask
+from ..warp.layered_depth_image import LayeredDepthImage, Mask
 from ..warp.layered_mesh import FINER
 from ..warp.mesh import WarpMesh
 from ..warp.rasterise import at_pixels
@@ -160,8 +160,12 @@ def _finer(picture: Picture) -> Picture:
 def _origins(warped: WarpedFrame) -> list[tuple[Mask, Mask]]:
     """Masks (H, W) for every surface of a mesh of layers, near ones first: what the frame shows of it itself,
     and what other frames lent."""
-    shape, canvas, lent = warped.layers[0].hidden.shape, warped.plan.canvas, warped.layers[0].lent
-    own, foreign = np.zeros(shape, bool), np.zeros(shape, bool) if lent is None else lent
+    shape, canvas, hidden_colours = (
+        warped.layers[0].hidden.shape,
+        warped.plan.canvas,
+        warped.layers[0].hidden_colours,
+    )
+    own, foreign = np.zeros(shape, bool), np.zeros(shape, bool) if hidden_colours is None else hidden_colours
     own[_inner(warped.layers[0], canvas)] = _own(canvas)
     found = [(own, foreign)]
     for layers in warped.layers:
@@ -171,7 +175,7 @@ def _origins(warped: WarpedFrame) -> list[tuple[Mask, Mask]]:
     return found
 
 
-def _inner(layers: Layers, canvas: Canvas) -> tuple[slice, slice]:
+def _inner(layers: LayeredDepthImage, canvas: Canvas) -> tuple[slice, slice]:
     """Where the canvas is on the layers' raster, which reaches past the border all around."""
     rows, columns = layers.hidden.shape
     size = canvas.pinhole.height, canvas.pinhole.width

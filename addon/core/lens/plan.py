@@ -11,9 +11,9 @@ from ..camera.canvas import Canvas, Picture
 from ..camera.reconstruction import Floats, Reconstruction
 from ..depth.sparse import FrameFeatures, MappedDepth, frame_features
 from ..warp.content_preserving import allowed, fading, grid_mesh
-from ..warp.disocclusion_fill import Lent
+from ..warp.disocclusion_fill import HiddenColours
 from ..warp.edge_constrained import edge_mesh
-from ..warp.layered_depth_image import Layers, Mask
+from ..warp.layered_depth_image import LayeredDepthImage, Mask
 from ..warp.layered_mesh import WIDEST, layer_mesh
 from ..warp.mesh import WarpMesh, feature_mesh, thesis_mesh
 from .aperture_sampling import random_disc, views_needed, vogel_disc
@@ -118,12 +118,16 @@ def can_be_layered(plan: FramePlan) -> bool:
 
 
 def layered_plan(
-    plan: FramePlan, radius: float, picture: Picture, inverse_depth: Floats, lent: Lent | None = None
-) -> tuple[FramePlan, Picture, tuple[Layers, ...]]:
+    plan: FramePlan,
+    radius: float,
+    picture: Picture,
+    inverse_depth: Floats,
+    hidden_colours: HiddenColours | None = None,
+) -> tuple[FramePlan, Picture, tuple[LayeredDepthImage, ...]]:
     """The plan with a mesh of layers, the texture (h, w, 4) that belongs to it, and the layers.
 
-    `picture` (H, W, 4) is the canvas picture and `inverse_depth` (H, W) that of all its pixels; `lent`
-    are other frames' colours for what it does not show.
+    `picture` (H, W, 4) is the canvas picture and `inverse_depth` (H, W) that of all its pixels;
+    `hidden_colours` are other frames' colours for what it does not show.
     """
     focus = plan.focus_inverse_depth
     scale = radius * plan.canvas.pinhole.fx
@@ -132,17 +136,17 @@ def layered_plan(
         return scale * in_focus(shift / scale, plan.canvas, radius, focus)
 
     def fill(shift: Floats, asked: Mask) -> tuple[Picture, Mask]:
-        assert lent is not None
+        assert hidden_colours is not None
         row, column = np.nonzero(asked)
         corner = (np.array(shift.shape) - picture.shape[:2]) // 2
         places = np.column_stack([column - corner[1], row - corner[0]]) + 0.5
-        told, known = lent(places, shift[row, column] / scale)
+        told, known = hidden_colours(places, shift[row, column] / scale)
         colour, found = np.zeros((*shift.shape, 3), np.float32), np.zeros(shift.shape, bool)
         colour[row, column], found[row, column] = told, known
         return colour, found
 
     mesh, texture, layers = layer_mesh(
-        picture, scale * inverse_depth, scale * focus, scale, settle, fill if lent else None
+        picture, scale * inverse_depth, scale * focus, scale, settle, fill if hidden_colours else None
     )
     return replace(plan, mesh=mesh), texture, layers
 

@@ -87,7 +87,7 @@ def _quotient(true: Floats, seen: Floats, above: int, below: int) -> Floats:
 
 
 @dataclass(frozen=True)
-class Sightings:
+class Observations:
     """Which image saw which point where."""
 
     image: NDArray[np.int64]
@@ -100,7 +100,7 @@ class Sightings:
 
 def sightings_of(
     numbers: Numbers, starts: NDArray[np.int64], each: int, cameras: int, images: list[Image]
-) -> tuple[Sightings, list[str]]:
+) -> tuple[Observations, list[str]]:
     """The views of points that stand as X Y Z R G B, a count and so many times camera, key, x, y.
 
     `starts` (m,) are the indices of X. With `each` 2 the views have no x and y, which come out as 0. Views by
@@ -116,11 +116,11 @@ def sightings_of(
     notes = [f"{lost} features belong to cameras that are not registered: left out"] if lost else []
     where = where[known]
     xy = numbers.values[where[:, None] + [2, 3]] if each == 4 else np.zeros((len(where), 2))
-    return Sightings(camera[known], point[known], xy), notes
+    return Observations(camera[known], point[known], xy), notes
 
 
 def assemble(
-    cameras: list[Intrinsics], images: list[Image], sightings: Sightings, xyz: Floats, rgb: Floats
+    cameras: list[Intrinsics], images: list[Image], sightings: Observations, xyz: Floats, rgb: Floats
 ) -> Reconstruction:
     """Give images, which are ordered and have no observations yet, their sightings.
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ..base.counting import counted
 from ..base.errors import UserError
 from ..camera.reconstruction import Floats, Image, Intrinsics
-from .building import Sightings, assemble, check_size, picture_size, rotation_from, sightings_of, visible
+from .building import Observations, assemble, check_size, picture_size, rotation_from, sightings_of, visible
 from .foreign import Foreign
 from .parsing import Numbers, Text
 
@@ -222,7 +222,9 @@ def _cameras(stream: _Stream, size: tuple[int, int]) -> tuple[list[Intrinsics], 
     return lenses, images
 
 
-def _projected(lenses: list[Intrinsics], images: list[Image], xyz: Floats, views: Sightings) -> Sightings:
+def _projected(
+    lenses: list[Intrinsics], images: list[Image], xyz: Floats, views: Observations
+) -> Observations:
     """The same views, at the places where the points project; none that are behind or outside."""
     xy = np.full((len(views.image), 2), np.nan)
     for image in images:
@@ -230,7 +232,7 @@ def _projected(lenses: list[Intrinsics], images: list[Image], xyz: Floats, views
         place, inside = visible(lenses[image.camera], image, xyz[views.point[rows]])
         xy[rows[inside]] = place[inside]
     seen = np.isfinite(xy[:, 0])
-    return Sightings(views.image[seen], views.point[seen], xy[seen])
+    return Observations(views.image[seen], views.point[seen], xy[seen])
 
 
 def _listed(path: Path, cameras: int) -> tuple[list[str], list[str]]:

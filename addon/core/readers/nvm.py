@@ -18,7 +18,7 @@ from ..base.errors import UserError
 from ..camera.reconstruction import Floats, Image, Intrinsics, matrix_from_quaternion
 from .building import (
     ACCURATE,
-    Sightings,
+    Observations,
     assemble,
     check_size,
     picture_size,
@@ -209,7 +209,7 @@ def _model(text: Text, names: tuple[str, ...], cameras: list[_Camera], points: i
 
 
 def _convention(
-    path: Path, header: _Header, model: _Model, sightings: Sightings, xyz: Floats, size: tuple[int, int]
+    path: Path, header: _Header, model: _Model, sightings: Observations, xyz: Floats, size: tuple[int, int]
 ) -> _Convention:
     """Of all readings of the file the one under which its points project to its features."""
     centre, zero = np.array(size) / 2, np.zeros(2)
@@ -227,7 +227,7 @@ def _convention(
     few = np.unique(np.linspace(0, max(len(sightings.image) - 1, 0), SAMPLE).astype(np.int64))
     if not len(sightings.image):
         return readings[0]
-    sample = Sightings(sightings.image[few], sightings.point[few], sightings.xy[few])
+    sample = Observations(sightings.image[few], sightings.point[few], sightings.xy[few])
     misses = [_miss(header, model, reading, sample, xyz, size) for reading in readings]
     best = int(np.argmin(misses))
     if not misses[best] < 0.05 * size[0]:
@@ -245,7 +245,7 @@ def _miss(
     header: _Header,
     model: _Model,
     reading: _Convention,
-    sample: Sightings,
+    sample: Observations,
     xyz: Floats,
     size: tuple[int, int],
 ) -> float:

@@ -19,7 +19,7 @@ SETTLED = 1e-7
 
 
 @dataclass(frozen=True)
-class Sightings:
+class Observations:
     """Where points are seen: m observations, sorted in any way, at most one of a point in a frame."""
 
     frame: Ints
@@ -49,12 +49,12 @@ class Bundle:
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray(self.points[:, :3] / self.points[:, 3:])
 
-    def in_camera(self, seen: Sightings) -> Floats:
+    def in_camera(self, seen: Observations) -> Floats:
         """(m, 3) each observation's point in its camera's axes, times its own homogeneous factor."""
         turned = np.einsum("mij,mj->mi", self.rotation[seen.frame], self.points[seen.point, :3])
         return np.asarray(turned + self.points[seen.point, 3:] * self.translation[seen.frame])
 
-    def residuals(self, seen: Sightings) -> Floats:
+    def residuals(self, seen: Observations) -> Floats:
         """(m, 2) projection minus observation, in pixels."""
         local = self.in_camera(seen)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -97,7 +97,7 @@ class _System:
 
 def adjust(
     bundle: Bundle,
-    seen: Sightings,
+    seen: Observations,
     loss: float,
     free_focal: str = "held",
     tie: float = 0.0,
@@ -142,20 +142,20 @@ def _weights(residuals: Floats, loss: float) -> tuple[Floats, float]:
     return np.where(bad, 0.0, weight), cost
 
 
-def _cost(bundle: Bundle, seen: Sightings, loss: float, tie: float) -> float:
+def _cost(bundle: Bundle, seen: Observations, loss: float, tie: float) -> float:
     return _weights(_residuals(bundle, seen), loss)[1] + tie * float(
         (np.diff(np.log(bundle.focal)) ** 2).sum()
     )
 
 
-def _residuals(bundle: Bundle, seen: Sightings) -> Floats:
+def _residuals(bundle: Bundle, seen: Observations) -> Floats:
     """(m, 2) pixels; NaN behind the camera, from where a point would fit as well."""
     residuals = bundle.residuals(seen)
     residuals[bundle.in_camera(seen)[:, 2] <= 0] = np.nan
     return residuals
 
 
-def _system(bundle: Bundle, seen: Sightings, loss: float, extra: int, tie: float) -> _System:
+def _system(bundle: Bundle, seen: Observations, loss: float, extra: int, tie: float) -> _System:
     frames, count = len(bundle.focal), len(bundle.points)
     local = bundle.in_camera(seen)
     residuals = _residuals(bundle, seen)
@@ -199,7 +199,7 @@ def _system(bundle: Bundle, seen: Sightings, loss: float, extra: int, tie: float
     )  # fmt: skip
 
 
-def _derivatives(bundle: Bundle, seen: Sightings, local: Floats) -> tuple[Floats, Floats, Floats]:
+def _derivatives(bundle: Bundle, seen: Observations, local: Floats) -> tuple[Floats, Floats, Floats]:
     """Of projections by (turn, shift, log of the focal length) (m, 2, 7), by points (m, 2, 3); tangents."""
     x, y, z = np.where(local[:, 2:] > 0, local, [0.0, 0.0, 1.0]).T
     focal, w = bundle.focal[seen.frame], bundle.points[seen.point, 3]
@@ -316,7 +316,7 @@ def _turns(vectors: Floats) -> Floats:
     return np.asarray(np.eye(3) + one * cross + two * cross @ cross)
 
 
-def _focal_sigma(system: _System, seen: Sightings, frames: int) -> float:
+def _focal_sigma(system: _System, seen: Observations, frames: int) -> float:
     """Relative standard deviation of the common focal length, from a covariance whose units are whole tracks.
 
     A tracked feature's errors in successive frames are the same error: independent observations, as the usual

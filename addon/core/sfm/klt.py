@@ -74,7 +74,7 @@ class _Points(Rows):
         return len(self.numbers)
 
 
-class Follower:
+class KLTTracker:
     """Follows points through frames that are shown to it one after the other."""
 
     def __init__(self, detect: Detector) -> None:
@@ -126,12 +126,12 @@ class TwoScales:
     """Follows small features and, where a frame has none, large ones in frames made smaller."""
 
     def __init__(self, detect: Detector) -> None:
-        self._fine, self._coarse = Follower(detect), Follower(self._weak)
+        self._fine, self._coarse = KLTTracker(detect), KLTTracker(self._weak)
         self._names = [np.zeros(0, np.int64), np.zeros(0, np.int64)]
         self._taken = np.zeros((0, 2), np.float32)
 
     def step(self, gray: Gray) -> tuple[Numbers, Places]:
-        """As `Follower.step`."""
+        """As `KLTTracker.step`."""
         number, place = self._fine.step(gray)
         size = (max(gray.shape[1] // COARSE, 1), max(gray.shape[0] // COARSE, 1))
         zoom = np.array(gray.shape[::-1]) / size

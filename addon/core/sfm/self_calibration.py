@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..camera.reconstruction import Floats, Ints
-from .bundle_adjustment import Bundle, Sightings, adjust
+from .bundle_adjustment import Bundle, Observations, adjust
 from .small_motion import agreement, sightings
 from .solution import MIN_VIEWS, Solution
 from .tracks import Tracks
@@ -50,7 +50,7 @@ def settle_focal(made: Solution, start: float, known: float) -> tuple[float, boo
     return float(1 / np.sqrt(1 / known**2 + 1 / sigma**2)), weight > 0.5
 
 
-def _as_bundle(made: Solution) -> tuple[Bundle, Sightings, Ints, Ints]:
+def _as_bundle(made: Solution) -> tuple[Bundle, Observations, Ints, Ints]:
     """The keyframes and the best of their points for an adjustment; with the frames and tracks they are."""
     tracks = made.tracks
     posed = np.nonzero(np.isfinite(made.translation[:, 0]))[0].astype(np.int32)

@@ -75,7 +75,7 @@ def keypoints(sift: cv2.SIFT, gray: Gray, mask: Gray | None = None, described: b
 
 
 class Detector:
-    """SIFT's keypoints for `Follower`, the strongest of each cell that holds no point."""
+    """SIFT's keypoints for `KLTTracker`, the strongest of each cell that holds no point."""
 
     def __init__(self) -> None:
         self._sift = make_sift(CONTRAST)

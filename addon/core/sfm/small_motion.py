@@ -15,7 +15,7 @@ from itertools import pairwise
 import numpy as np
 
 from ..camera.reconstruction import Floats, Ints
-from .bundle_adjustment import Adjusted, Bundle, Sightings, adjust
+from .bundle_adjustment import Adjusted, Bundle, Observations, adjust
 from .degeneracy import best_turn
 from .tracks import Tracks
 
@@ -32,7 +32,7 @@ LOSS = 1.0
 class Spanning:
     """Tracks that span a good part of the keyframes."""
 
-    seen: Sightings
+    seen: Observations
     tracks: Ints
     """(P,) their numbers."""
     frames: int
@@ -51,13 +51,13 @@ def spanning(tracks: Tracks, keys: list[int]) -> Spanning:
 
 def sightings(
     tracks: Tracks, frames: Ints, kept: Ints, rows: np.ndarray[tuple[int], np.dtype[np.bool_]]
-) -> Sightings:
+) -> Observations:
     """Of the observations `rows` (m,) those of tracks `kept` (P,) in `frames` (F,), numbered as in these."""
     place, number = np.full(len(tracks.frames), -1, np.int32), np.full(tracks.count, -1, np.int32)
     place[frames], number[kept] = np.arange(len(frames)), np.arange(len(kept))
     rows = rows & (place[tracks.frame_index] >= 0) & (number[tracks.track] >= 0)
     centre = np.array([tracks.width, tracks.height]) / 2
-    return Sightings(place[tracks.frame_index[rows]], number[tracks.track[rows]], tracks.xy[rows] - centre)
+    return Observations(place[tracks.frame_index[rows]], number[tracks.track[rows]], tracks.xy[rows] - centre)
 
 
 def turned(span: Spanning, focal: float) -> Adjusted:
@@ -92,7 +92,7 @@ def placed(span: Spanning, start: Bundle) -> Adjusted:
     return found
 
 
-def agreement(seen: Sightings, bundle: Bundle) -> float | None:
+def agreement(seen: Observations, bundle: Bundle) -> float | None:
     """Rank correlation of the points' inverse depths from the clip's first half and from its second.
 
     Depth that is really there is found twice; what follows from noise and drift of the tracks is not. None
@@ -131,7 +131,7 @@ def _chained(span: Spanning, rays: Floats) -> Floats:
 
 
 def _inverse_depths(
-    seen: Sightings, bundle: Bundle, rows: np.ndarray[tuple[int], np.dtype[np.bool_]]
+    seen: Observations, bundle: Bundle, rows: np.ndarray[tuple[int], np.dtype[np.bool_]]
 ) -> Floats:
     """(P,) from some of the observations alone, by linear least squares; NaN where they are too few."""
     frame, point = seen.frame[rows], seen.point[rows]

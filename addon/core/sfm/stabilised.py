@@ -20,7 +20,7 @@ import numpy as np
 from ..base.errors import Remedy, UserError
 from ..camera.reconstruction import Floats, Ints
 from . import small_motion
-from .bundle_adjustment import Sightings
+from .bundle_adjustment import Observations
 from .solution import CLOSE, Solution
 
 ROUNDS = 40
@@ -44,7 +44,7 @@ class Shifted:
     """(m,) pixels by which it misses each sighting."""
 
 
-def fit_shifts(seen: Sightings, frames: int, points: int, loss: float) -> Shifted | None:
+def fit_shifts(seen: Observations, frames: int, points: int, loss: float) -> Shifted | None:
     """Of sightings in so many frames of so many points; `loss` in pixels. None where they hang together too
     little."""
     frame, point, xy = seen.frame, seen.point, seen.xy

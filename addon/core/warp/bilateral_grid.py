@@ -20,7 +20,7 @@ UNLIKE = 0.1
 
 
 @dataclass(frozen=True)
-class Surroundings:
+class BilateralGrid:
     """A bilateral grid: of depths, rows and columns (B, R, C).
 
     Chen, Paris and Durand, "Real-time edge-aware image processing with the bilateral grid", 2007.
@@ -42,7 +42,7 @@ class Surroundings:
     @classmethod
     def of(
         cls, places: Floats, inverse: Floats, colour: Picture, seen: Floats, alike: Floats
-    ) -> Surroundings:
+    ) -> BilateralGrid:
         """Of linear colours (n, 3) at places (n, 2) and inverse depths (n,), n > 0, that were seen so many
         times (n,), and looked alike."""
         first, last = float(inverse.min()), float(inverse.max())

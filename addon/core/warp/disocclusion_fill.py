@@ -13,16 +13,16 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.lru_cache import Recent
+from ..base.lru_cache import LRUCache
 from ..base.progress import checkpoint, part
 from ..camera.canvas import Canvas, Picture
 from ..camera.reconstruction import Floats, Image, Intrinsics, Reconstruction
 from ..depth.view_selection import regular, stride
 from ..media.clip import Pixels, to_linear
-from .bilateral_grid import Surroundings, differ
+from .bilateral_grid import BilateralGrid, differ
 
 Mask = NDArray[np.bool_]
-Lent = Callable[[Floats, Floats], tuple[Picture, Mask]]
+HiddenColours = Callable[[Floats, Floats], tuple[Picture, Mask]]
 """Linear colours (n, 3) of places (n, 2), canvas pixels, at inverse depths (n,), and which are known."""
 
 STEP, SPAN = 8, 32
@@ -52,7 +52,7 @@ TRUSTED = 0.5
 """Share of what the frame shows around that the others must see as it does, if they are to lend."""
 
 
-class Lender:
+class DisocclusionFill:
     """Other frames' colours for the frames of a clip, asked in order."""
 
     def __init__(
@@ -67,9 +67,11 @@ class Lender:
         the frame that asks it hides nothing, for elsewhere it stands somewhere else.
         """
         self._rec, self._read, self._moving = reconstruction, read, moving
-        self._pictures = Recent[Picture](KEPT)
+        self._pictures = LRUCache[Picture](KEPT)
 
-    def loan(self, frame: int, canvas: Canvas, picture: Picture, inverse_depth: Floats) -> Loan:
+    def reprojected(
+        self, frame: int, canvas: Canvas, picture: Picture, inverse_depth: Floats
+    ) -> ReprojectedColours:
         """What other frames can lend to one.
 
         `picture` (H, W, 4) and `inverse_depth` (H, W) are what the frame itself shows in the canvas.
@@ -86,9 +88,11 @@ class Lender:
             seen += sees
             alike[sees] += differ(colours[sees], own.colour[sees]) < AGREE
             sights.append(sight)
-        return Loan(tuple(sights), Surroundings.of(own.places, own.inverse, own.colour, seen, alike))
+        return ReprojectedColours(
+            tuple(sights), BilateralGrid.of(own.places, own.inverse, own.colour, seen, alike)
+        )
 
-    def _sight(self, image: Image, canvas: Canvas, other: Image, own: _Own) -> tuple[_Sight, Picture]:
+    def _sight(self, image: Image, canvas: Canvas, other: Image, own: _Own) -> tuple[_SourceView, Picture]:
         """What another frame sees, and its colours (n, 3) of the frame's own places."""
         lens = self._rec.intrinsics(other)
         picture = self._pictures.get(other.frame, lambda: self._linear(other.frame))
@@ -103,7 +107,7 @@ class Lender:
         xy_before = np.concatenate([xy[solid], before_xy])
         nearest = _nearest(xy_before, depth, apart, (lens.height, lens.width))
         checkpoint(0.8)
-        sight = _Sight(image, canvas.pinhole, other, lens, self._wide(other.frame), picture, nearest)
+        sight = _SourceView(image, canvas.pinhole, other, lens, self._wide(other.frame), picture, nearest)
         colours = sight.seen(local, xy)
         gain = _gain(own.colour[solid], colours[solid])
         return replace(sight, gain=gain), colours * gain
@@ -149,14 +153,14 @@ class Lender:
 
 
 @dataclass(frozen=True)
-class Loan:
+class ReprojectedColours:
     """What other frames see of what one does not show."""
 
-    sights: tuple[_Sight, ...]
-    around: Surroundings
+    sights: tuple[_SourceView, ...]
+    around: BilateralGrid
 
     def colours(self, places: Floats, inverse: Floats) -> tuple[Picture, Mask]:
-        """What is `Lent`.
+        """What is `HiddenColours`.
 
         The median of the frames that see a place, if half of them agree with it: what moved away disagrees.
         Nothing is known where the frames do not even see what the frame itself shows around at that depth,
@@ -196,7 +200,7 @@ class _Own:
 
 
 @dataclass(frozen=True)
-class _Sight:
+class _SourceView:
     """What another frame sees."""
 
     image: Image

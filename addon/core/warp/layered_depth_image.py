@@ -44,7 +44,7 @@ CONTRAST = 0.02
 
 
 @dataclass(frozen=True)
-class Layers:
+class LayeredDepthImage:
     """Two surfaces on the same raster; where there is no silhouette around they are the same one.
 
     Colours are linear and premultiplied.
@@ -72,18 +72,18 @@ class Layers:
     """(H, W) where the far surface is carried on behind the near one: what is hidden, and some beside it."""
     jump: float
     """By how much more than this depths jump at the silhouettes."""
-    lent: Mask | None = None
+    hidden_colours: Mask | None = None
     """(H, W) past the frame's border, where the colour of what is seen comes from other frames."""
 
 
 def peeled(
     picture: Picture, shift: Floats, fill: Fill | None = None, jumps: tuple[float, ...] = (JUMP,)
-) -> tuple[Layers, ...]:
+) -> tuple[LayeredDepthImage, ...]:
     """Take a picture (H, W, 4) with displacements (H, W) apart where they jump by more than the first of
     `jumps`, which fall, then what is left without the near surfaces at the next: where a silhouette crosses
     another one there are three surfaces. Splits that find nothing are left out, but for the last.
     """
-    found: list[Layers] = []
+    found: list[LayeredDepthImage] = []
     for jump in jumps:
         split = layered(picture, shift, fill, jump, min(jumps))
         if split.mixed.any() or (jump == jumps[-1] and not found):
@@ -98,7 +98,7 @@ def layered(
     fill: Fill | None = None,
     jump: float = JUMP,
     least: float | None = None,
-) -> Layers:
+) -> LayeredDepthImage:
     """Take a picture (H, W, 4) with displacements (H, W) apart where they jump by more than `jump`.
 
     Jumps of more than `least` end what is carried on behind the same surface: they are left for later.
@@ -116,9 +116,9 @@ def layered(
     colour = picture[..., :3].copy()
     borrowed = np.zeros(shift.shape, bool)
     if fill is not None:
-        seen, lent = fill(carried.far, carried.hidden | band)
-        around = _told(around, picture[band, :3], seen[band], lent[band])
-        borrowed = lent & carried.hidden
+        seen, hidden_colours = fill(carried.far, carried.hidden | band)
+        around = _told(around, picture[band, :3], seen[band], hidden_colours[band])
+        borrowed = hidden_colours & carried.hidden
         colour[borrowed] = seen[borrowed]
     checkpoint(0.5)
     front, front_shift = picture.copy(), shift.copy()
@@ -127,7 +127,7 @@ def layered(
     colour = inpainted(colour, ~carried.beneath | borrowed)
     checkpoint(0.5)
     opaque = np.ones((*shift.shape, 1), np.float32)
-    return Layers(
+    return LayeredDepthImage(
         front, front_shift, carried.near, carried.is_far, band,
         np.concatenate([colour, opaque], axis=2), carried.far, carried.hidden, borrowed,
         carried.beneath, jump,

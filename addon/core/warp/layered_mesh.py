@@ -11,7 +11,7 @@ import numpy as np
 
 from ..base.progress import checkpoint, in_this_scope
 from ..camera.reconstruction import Floats, Ints
-from .layered_depth_image import Fill, Layers, Picture, peeled
+from .layered_depth_image import Fill, LayeredDepthImage, Picture, peeled
 from .mesh import WarpMesh
 from .quadtree import HIDDEN, Surfaces, triangulate
 
@@ -41,7 +41,7 @@ def layer_mesh(
     scale: float,
     settle: Callable[[Floats], Floats] = lambda shift: shift,
     fill: Fill | None = None,
-) -> tuple[WarpMesh, Picture, tuple[Layers, ...]]:
+) -> tuple[WarpMesh, Picture, tuple[LayeredDepthImage, ...]]:
     """A mesh, its texture (h, w, 4), and the layers it was made of, near ones first.
 
     `picture` (H, W, 4) is the canvas picture, linear and premultiplied; `shift` (H, W) the displacement in
@@ -56,13 +56,13 @@ def layer_mesh(
     checkpoint()
     wide = np.pad(picture, ((margin, margin), (margin, margin), (0, 0)), mode="symmetric")
     shift = np.pad(shift, margin, mode="edge")
-    lent = None
+    hidden_colours = None
     if fill is not None:
         beyond = np.ones(shift.shape, bool)
         beyond[margin:-margin, margin:-margin] = False
         checkpoint(0.05)
-        colour, lent = fill(shift, beyond)
-        wide[lent, :3] = colour[lent]
+        colour, hidden_colours = fill(shift, beyond)
+        wide[hidden_colours, :3] = colour[hidden_colours]
     checkpoint(0.1)
     largest = float(np.abs(shift - focus).max())
     jump = float(np.clip(JUMP * largest, *JUMPS))
@@ -96,7 +96,10 @@ def layer_mesh(
     checkpoint(0.8)
     mesh = _joined(surfaces, margin, scale)
     pictures = [wide, *(split.back for split in layers)]
-    layers = tuple(replace(split, front=f, lent=lent) for split, f in zip(layers, fronts, strict=True))
+    layers = tuple(
+        replace(split, front=f, hidden_colours=hidden_colours)
+        for split, f in zip(layers, fronts, strict=True)
+    )
     if len(pictures) * shift.size * FINER**2 > LARGEST_TEXTURE:
         return mesh, np.concatenate([*fronts, pictures[-1]]), layers
     # A pixel's middle is the middle of a texel: in the focal plane views show the frame's own pixels.
