@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING
 import bpy
 import numpy as np
 
+from ..core.base.arrays import Mask
 from ..core.base.errors import UserError
 from ..core.base.lru_cache import LRUCache
 from ..core.camera.reconstruction import Reconstruction
-from ..core.depth.multi_view_stereo import COARSE, Mask, Moving, PlaneSweepStereo
+from ..core.depth.multi_view_stereo import COARSE, Moving, PlaneSweepStereo
 from ..core.depth.sparse import MappedDepth
 from ..core.depth.temporal_fusion import TemporalFusion
 from ..core.depth.user_maps import open_depth

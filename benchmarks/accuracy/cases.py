@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Points, Reconstruction
-from addon.core.depth.joint_upsampling import enlarged
+from addon.core.depth.joint_upsampling import upsampled
 from addon.core.depth.multi_view_stereo import COARSE, PlaneSweepStereo
 from addon.core.depth.sparse import FrameFeatures, frame_features
 from addon.core.depth.temporal_fusion import TemporalFusion
@@ -134,7 +134,7 @@ class Solved:
         focus = self._focus(frame, blur)
         radius = self._radius(blur)
         picture = to_linear(scene.frame(frame))
-        inverse = enlarged(self._dense.at(frame).inverse_depth, picture)
+        inverse = upsampled(self._dense.at(frame).inverse_depth, picture)
         with np.errstate(divide="ignore"):
             depth = 1 / inverse
         return Given(frame, picture, rec, focus, radius, depth, lambda margin: None, self._lender)

@@ -11,7 +11,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from addon.core.depth.joint_upsampling import enlarged
+from addon.core.depth.joint_upsampling import upsampled
 from addon.core.depth.multi_view_stereo import PlaneSweepStereo
 from addon.core.depth.temporal_fusion import TemporalFusion
 from addon.core.media.clip import open_footage
@@ -48,7 +48,7 @@ def main() -> None:
 def found(scene: Shop, given: Given) -> Given:
     """The same with depth from the clip."""
     dense = TemporalFusion(scene.cameras, PlaneSweepStereo(scene.cameras, open_footage(scene.clip()).read))
-    inverse = enlarged(dense.at(given.frame).inverse_depth, given.picture)
+    inverse = upsampled(dense.at(given.frame).inverse_depth, given.picture)
     return replace(given, depth=1 / np.maximum(inverse, 1e-6))
 
 

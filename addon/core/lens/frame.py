@@ -9,12 +9,12 @@ from typing import Protocol
 import cv2
 import numpy as np
 
+from ..base.arrays import Map
 from ..base.progress import stage
 from ..camera.canvas import Picture
 from ..camera.reconstruction import Floats, Reconstruction
-from ..depth.joint_upsampling import enlarged
+from ..depth.joint_upsampling import upsampled
 from ..depth.multi_view_stereo import DenseDepth
-from ..depth.plane_sweep import Map
 from ..depth.sparse import MappedDepth, frame_features
 from ..warp.disocclusion_fill import DisocclusionFill
 from ..warp.layered_depth_image import LayeredDepthImage
@@ -127,4 +127,4 @@ def _depth(clip: Clip, plan: FramePlan, picture: Picture) -> tuple[Floats, Map |
             return told, None
     found = clip.dense.at(plan.frame)
     size = (picture.shape[1], picture.shape[0])
-    return enlarged(found.inverse_depth, picture), cv2.resize(found.confidence, size)
+    return upsampled(found.inverse_depth, picture), cv2.resize(found.confidence, size)
