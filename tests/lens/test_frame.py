@@ -73,8 +73,8 @@ def test_layers_are_the_default(borrow: bool) -> None:
     made, told = warped(sure_in(1.0), borrow=borrow)
     assert (made.method, made.why) == ("layers", "") and made.is_whole
     assert told.asked == [2] and made.plan.frame == 2
-    assert made.layers and made.layers[0].hidden.any()
-    assert (made.layers[0].hidden_colours is not None) == borrow
+    assert made.layers and made.layers[0].disoccluded.any()
+    assert (made.layers[0].margin_reprojected is not None) == borrow
     assert made.inverse_depth is not None and made.inverse_depth.shape == (90, 160)
     assert made.confidence is not None and made.confidence.min() == 1
     # The texture is two layers, one above the other.

@@ -12,10 +12,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import Mask
 from ..camera.canvas import Canvas, Picture
 from ..camera.reconstruction import Floats
 from ..media.clip import encode_srgb
-from ..warp.layered_depth_image import LayeredDepthImage, Mask
+from ..warp.layered_depth_image import LayeredDepthImage
 from ..warp.layered_mesh import FINER
 from ..warp.mesh import WarpMesh
 from ..warp.rasterise import at_pixels
@@ -160,24 +161,25 @@ def _finer(picture: Picture) -> Picture:
 def _origins(warped: WarpedFrame) -> list[tuple[Mask, Mask]]:
     """Masks (H, W) for every surface of a mesh of layers, near ones first: what the frame shows of it itself,
     and what other frames lent."""
-    shape, canvas, hidden_colours = (
-        warped.layers[0].hidden.shape,
+    shape, canvas, margin_reprojected = (
+        warped.layers[0].disoccluded.shape,
         warped.plan.canvas,
-        warped.layers[0].hidden_colours,
+        warped.layers[0].margin_reprojected,
     )
-    own, foreign = np.zeros(shape, bool), np.zeros(shape, bool) if hidden_colours is None else hidden_colours
+    own = np.zeros(shape, bool)
+    foreign = own.copy() if margin_reprojected is None else margin_reprojected
     own[_inner(warped.layers[0], canvas)] = _own(canvas)
     found = [(own, foreign)]
     for layers in warped.layers:
-        own = own & ~layers.beneath
-        foreign = np.where(layers.beneath, layers.borrowed, foreign)
+        own = own & ~layers.occluded
+        foreign = np.where(layers.occluded, layers.reprojected, foreign)
         found.append((own, foreign))
     return found
 
 
 def _inner(layers: LayeredDepthImage, canvas: Canvas) -> tuple[slice, slice]:
     """Where the canvas is on the layers' raster, which reaches past the border all around."""
-    rows, columns = layers.hidden.shape
+    rows, columns = layers.disoccluded.shape
     size = canvas.pinhole.height, canvas.pinhole.width
     top, left = (rows - size[0]) // 2, (columns - size[1]) // 2
     return slice(top, top + size[0]), slice(left, left + size[1])
@@ -259,7 +261,7 @@ def _behind(warped: WarpedFrame, frame: Shown) -> Shown:
     layers, canvas = warped.layers, warped.plan.canvas
     inner = _inner(layers[0], canvas)
     behind, mixed = (
-        np.any([getattr(split, name)[inner] for split in layers], axis=0) for name in ("hidden", "mixed")
+        np.any([getattr(split, name)[inner] for split in layers], axis=0) for name in ("disoccluded", "mixed")
     )
     borrowed = _origins(warped)[-1][1][inner]
     shown = _encoded(layers[-1].back[inner][..., :3])

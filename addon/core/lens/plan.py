@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..base.arrays import Mask
 from ..base.errors import UserError
 from ..camera.canvas import Canvas, Picture
 from ..camera.reconstruction import Floats, Reconstruction
@@ -13,8 +14,8 @@ from ..depth.sparse import FrameFeatures, MappedDepth, frame_features
 from ..warp.content_preserving import allowed, fading, grid_mesh
 from ..warp.disocclusion_fill import HiddenColours
 from ..warp.edge_constrained import edge_mesh
-from ..warp.layered_depth_image import LayeredDepthImage, Mask
-from ..warp.layered_mesh import WIDEST, layer_mesh
+from ..warp.layered_depth_image import LayeredDepthImage
+from ..warp.layered_mesh import LayeredMeshOptions, layer_mesh
 from ..warp.mesh import WarpMesh, feature_mesh, thesis_mesh
 from .aperture_sampling import random_disc, views_needed, vogel_disc
 from .focus import Focus, exact_registration, fitted_registration
@@ -114,7 +115,8 @@ def plan_frame(
 
 def can_be_layered(plan: FramePlan) -> bool:
     """Whether the frame's largest discs leave anything of its surfaces; else a coarse mesh does as well."""
-    return plan.blur / 2 < WIDEST * max(plan.canvas.pinhole.width, plan.canvas.pinhole.height)
+    pinhole = plan.canvas.pinhole
+    return plan.blur / 2 < LayeredMeshOptions.widest * max(pinhole.width, pinhole.height)
 
 
 def layered_plan(

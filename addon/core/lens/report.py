@@ -12,7 +12,7 @@ from ..base.counting import counted
 from ..camera.canvas import Picture
 from ..camera.reconstruction import Floats
 from ..sfm.report import ranges
-from ..warp.layered_mesh import ERROR, RELATIVE
+from ..warp.layered_mesh import LayeredMeshOptions
 from ..warp.rasterise import at_pixels
 from .frame import SURE, WarpedFrame
 from .inspection import SOURCES, discs, inverse_depth, largest_shown, surface_of
@@ -114,7 +114,7 @@ def frame_report(warped: WarpedFrame, radius: float, shares: Picture, draw_secon
     bound, mean, worst, within = None, None, None, None
     if warped.layers:
         miss, allowed = mesh_error(warped, radius)
-        bound = (ERROR, RELATIVE)
+        bound = (LayeredMeshOptions.error, LayeredMeshOptions.relative_error)
         mean, worst = float(miss.mean()), float(miss.max())
         within = 100 * float(np.mean(miss <= allowed))
     return FrameReport(
@@ -131,7 +131,7 @@ def mesh_error(warped: WarpedFrame, radius: float) -> tuple[Floats, Floats]:
     Of every pixel of all surfaces that is seen from the frame's own place: what lies behind is a guess.
     """
     plan, layers = warped.plan, warped.layers
-    shape = layers[0].hidden.shape
+    shape = layers[0].disoccluded.shape
     scale, focus = radius * plan.canvas.pinhole.fx, plan.focus_inverse_depth
     margin = np.array(shape[::-1]) - [plan.canvas.pinhole.width, plan.canvas.pinhole.height]
     mesh = plan.mesh
@@ -142,17 +142,19 @@ def mesh_error(warped: WarpedFrame, radius: float) -> tuple[Floats, Floats]:
         rows = mesh.triangles[surface == number]
         drawn = at_pixels(mesh.xy + margin / 2, scale * mesh.inverse_depth, rows, shape)
         covered = np.isfinite(drawn)
-        shift = layers[-1].back_shift
+        shift = layers[-1].back_disparity
         if number < len(layers):
-            shift = layers[number].front_shift
+            shift = layers[number].front_disparity
             covered &= ~layers[number].is_far
         asked = seen & covered
         wanted = scale * in_focus(shift[asked] / scale, plan.canvas, radius, focus)
         off.append(np.abs(drawn[asked] - wanted))
-        allowed.append(ERROR + RELATIVE * np.abs(wanted - scale * focus))
+        allowed.append(
+            LayeredMeshOptions.error + LayeredMeshOptions.relative_error * np.abs(wanted - scale * focus)
+        )
         if number < len(layers):
             # A silhouette's pixels show both.
-            seen &= (~covered | layers[number].mixed) & ~layers[number].hidden
+            seen &= (~covered | layers[number].mixed) & ~layers[number].disoccluded
     return np.concatenate(off), np.concatenate(allowed)
 
 
