@@ -13,7 +13,7 @@ from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Image, Points, Reconstruction
 from addon.core.depth.source import PixelDepth
 from addon.core.depth.sparse import FrameFeatures, frame_features
-from addon.core.lens.clip_context import ClipContext, upsampled
+from addon.core.lens.clip_context import ClipContext, whole_depth
 from addon.core.lens.focus import Focus, pick
 from addon.core.media.clip import open_footage, to_gray8, to_linear
 from addon.core.sfm.process import SolveProcess
@@ -153,7 +153,7 @@ class FromVideo:
     def case(self, frame: int, blur: int) -> BenchmarkCase:
         """One of the judged frames of the scene through a lens whose largest disc is about `blur` pixels."""
         picture = to_linear(self.scene.frame(frame))
-        inverse = upsampled(self.clip.stereo.at(frame), picture).inverse_depth
+        inverse = whole_depth(self.clip.stereo.at(frame), picture).inverse_depth
         with np.errstate(divide="ignore"):
             depth = 1 / inverse
         return BenchmarkCase(

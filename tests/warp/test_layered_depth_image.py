@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Intrinsics
-from addon.core.depth.joint_upsampling import enlarged
+from addon.core.depth.joint_upsampling import upsampled
 from addon.core.lens.aperture_sampling import vogel_disc
 from addon.core.lens.focus import exact_registration
 from addon.core.lens.plan import FramePlan
@@ -446,7 +446,7 @@ def test_a_jump_lies_at_the_large_pictures_edge() -> None:
     picture = np.zeros((height, width, 4), np.float32)
     picture[..., :3] = np.where(x < edge, 0.1, 0.8)[None, :, None]
     small = np.where(X < 81.3, 0.5, 2.0)
-    found = enlarged(small, picture)
+    found = upsampled(small, picture)
     assert set(np.unique(found)) == {0.5, 2.0}
     assert np.abs((found > 1).argmax(axis=1) + 0.5 - edge).max() <= 1
 
@@ -454,9 +454,9 @@ def test_a_jump_lies_at_the_large_pictures_edge() -> None:
 def test_smooth_depth_stays_smooth() -> None:
     small = 1 + 0.001 * X
     picture = np.repeat(np.float32(planes.texture(4 * SIZE[1], 4 * SIZE[0], 0))[..., None] / 255, 4, axis=2)
-    found = enlarged(small, picture)
+    found = upsampled(small, picture)
     assert found.shape == (4 * SIZE[0], 4 * SIZE[1])
     expected = cv2.resize(small, found.shape[::-1], interpolation=cv2.INTER_LINEAR)
     np.testing.assert_allclose(found[8:-8, 8:-8], expected[8:-8, 8:-8], atol=1e-4)
-    same = enlarged(small, picture[: SIZE[0], : SIZE[1]])
+    same = upsampled(small, picture[: SIZE[0], : SIZE[1]])
     np.testing.assert_array_equal(same, small)

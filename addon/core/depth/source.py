@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
+from ..base.arrays import Map
 from ..camera.canvas import Canvas, Picture
 from ..camera.reconstruction import Floats
-from .plane_sweep import Map
 from .sparse import DepthSamples
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..camera.canvas import Canvas, Picture
 from ..camera.reconstruction import Floats, Reconstruction
-from ..depth.joint_upsampling import enlarged
+from ..depth.joint_upsampling import upsampled
 from ..depth.multi_view_stereo import COARSE, DenseDepth, Moving, PlaneSweepStereo
 from ..depth.source import PixelDepth, SampledDepthSource
 from ..depth.sparse import DepthSamples, frame_features
@@ -53,7 +53,7 @@ class ClipContext:
             given = self.given_depth.at(frame, canvas, picture)
             if given is not None:
                 return given
-        return upsampled(self.stereo.at(frame), picture)
+        return whole_depth(self.stereo.at(frame), picture)
 
     def hidden_colours(
         self, frame: int, canvas: Canvas, picture: Picture, inverse_depth: Floats
@@ -70,8 +70,8 @@ class ClipContext:
         return frame_features(self.reconstruction, frame, canvas) if given is None else given
 
 
-def upsampled(depth: DenseDepth, picture: Picture) -> PixelDepth:
+def whole_depth(depth: DenseDepth, picture: Picture) -> PixelDepth:
     """Depth found in a smaller picture for every pixel of the canvas picture (H, W, 4), along its edges."""
     size = (picture.shape[1], picture.shape[0])
     confidence = cv2.resize(depth.confidence, size)
-    return PixelDepth(enlarged(depth.inverse_depth, picture), np.asarray(confidence))
+    return PixelDepth(upsampled(depth.inverse_depth, picture), np.asarray(confidence))

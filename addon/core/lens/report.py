@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from ..base.arrays import Map
 from ..base.counting import counted
 from ..camera.canvas import Picture
 from ..camera.reconstruction import Floats
-from ..depth.plane_sweep import Map
 from ..sfm.report import ranges
 from ..warp.layered_mesh import ERROR, RELATIVE
 from ..warp.rasterise import at_pixels
