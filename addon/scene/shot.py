@@ -17,8 +17,9 @@ from ..core.depth.multi_view_stereo import COARSE, Mask, Moving, PlaneSweepStere
 from ..core.depth.sparse import MappedDepth
 from ..core.depth.temporal_fusion import TemporalFusion
 from ..core.depth.user_maps import open_depth
-from ..core.media.clip import Footage, Pixels, finite, open_footage
+from ..core.media.clip import Footage, finite, open_footage
 from ..core.media.masks import Masks, open_masks
+from ..core.media.picture_file import Pixels
 from ..core.warp.disocclusion_fill import DisocclusionFill
 from . import exr, store
 from .clip import solved_clip_path

@@ -17,7 +17,8 @@ from ..base.lru_cache import LRUCache
 from ..base.progress import checkpoint
 from ..camera.canvas import Canvas
 from ..camera.reconstruction import Floats, Image, Intrinsics, Reconstruction, seen_by
-from ..media.clip import Pixels, encode_srgb
+from ..media.clip import encode_srgb
+from ..media.picture_file import Pixels
 from .completion import pin, settle, smooth, splat, spread
 from .motion_segmentation import MASKED, SMALLEST, covered_pixels, moving_pixels
 from .plane_sweep import TRUNCATED, Bytes, Map, View, lowest, semiglobal, small_picture, sweep
