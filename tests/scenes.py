@@ -14,7 +14,8 @@ from addon.core.depth.user_depth import UserDepth
 from addon.core.lens.clip_context import ClipContext
 from addon.core.lens.frame import warp_frame
 from addon.core.lens.plan import FramePlan, LensSettings
-from addon.core.media.clip import Pixels, open_footage
+from addon.core.media.clip import open_footage
+from addon.core.media.picture_file import Pixels
 from addon.scene.shot import Shot
 
 

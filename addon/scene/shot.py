@@ -17,8 +17,9 @@ from ..core.camera.reconstruction import Reconstruction
 from ..core.depth.user_depth import UserDepth
 from ..core.depth.user_maps import open_depth
 from ..core.lens.clip_context import ClipContext
-from ..core.media.clip import Footage, Pixels, finite, open_footage
+from ..core.media.clip import Footage, finite, open_footage
 from ..core.media.masks import Masks, open_masks
+from ..core.media.picture_file import Pixels
 from . import exr, store
 from .clip import solved_clip_path
 from .masks import DrawnMask, drawn_mask

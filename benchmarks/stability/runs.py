@@ -10,7 +10,7 @@ from addon.core.lens.clip_context import ClipContext
 from addon.core.lens.focus import Focus, radius_for_blur
 from addon.core.lens.frame import warp_frame
 from addon.core.lens.plan import FramePlan, LensSettings
-from addon.core.media.clip import Pixels
+from addon.core.media.picture_file import Pixels
 from addon.render import gpu_views
 
 from .__main__ import Measure

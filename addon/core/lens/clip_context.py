@@ -16,7 +16,7 @@ from ..depth.multi_view_stereo import COARSE, DenseDepth, Moving, PlaneSweepSter
 from ..depth.source import PixelDepth, SampledDepthSource
 from ..depth.sparse import DepthSamples, frame_features
 from ..depth.temporal_fusion import TemporalFusion
-from ..media.clip import Pixels
+from ..media.picture_file import Pixels
 from ..warp.disocclusion_fill import DisocclusionFill, HiddenColours
 
 
