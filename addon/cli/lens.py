@@ -14,8 +14,10 @@ from ..core.camera.reconstruction import Reconstruction
 from ..core.depth.user_maps import open_depth
 from ..core.lens.focus import Focus, check_points, largest_discs, radius_for_blur
 from ..core.lens.focus_place import find_place
-from ..core.lens.plan import METHODS, LensSettings, check_settings
-from ..core.media.clip import Footage, FrameRange, open_footage
+from ..core.lens.frame import check_settings
+from ..core.lens.meshers import MESHERS
+from ..core.lens.plan import LensSettings
+from ..core.media.clip import Footage, FrameRange
 from ..core.media.masks import open_masks
 from ..core.sfm.workspace import Solve
 from ..scene import aperture_cloud
@@ -58,10 +60,9 @@ def add_lens(command: argparse.ArgumentParser, required: bool) -> None:
     )
     command.add_argument("--views", default="auto", metavar="N|auto", help="virtual cameras a frame")
     command.add_argument(
-        "--method", choices=METHODS, default=METHODS[0],
-        help="layers (default): depth of every pixel; features: one coarse mesh, fast; grid: one regular mesh"
-        " that follows the features as stiffly as the picture allows (Liu 2009); edges: triangles along image"
-        " edges (thesis, section 5.2); thesis: the 2010 baseline",
+        "--method", choices=MESHERS, default=next(iter(MESHERS)),
+        help="; ".join(f"{name}: {mesher.help}" for name, mesher in MESHERS.items())
+        + " (default: the first)",
     )  # fmt: skip
     command.add_argument(
         "--borrow", choices=("on", "off"), default="on", help="take what a frame hides from others (on)"
@@ -100,7 +101,7 @@ def scene_of(solved: Solve) -> tuple[bpy.types.Scene, VirtualApertureSettings, F
     """A fresh scene that holds the solve."""
     bpy.ops.wm.read_homefile(app_template="", use_empty=True, use_factory_startup=True)
     scene = bpy.context.scene
-    footage = open_footage(solved.footage, solved.frames)
+    footage = solved.open_clip(solved.frames)
     settings = build(scene, footage, solved.reconstruction)
     settings.work_dir = str(solved.work_dir)
     return scene, settings, footage
@@ -121,8 +122,8 @@ def movie_frames(solved: Solve, frames: str | None) -> list[int]:
 
     Those that the solve left out get their camera from their neighbours.
     """
-    wanted = wanted_frames(open_footage(solved.footage, solved.frames), frames)
-    return list(open_footage(solved.footage, FrameRange(wanted[0], wanted[-1])).frames)
+    wanted = wanted_frames(solved.open_clip(solved.frames), frames)
+    return list(solved.open_clip(FrameRange(wanted[0], wanted[-1])).frames)
 
 
 def check_numbers(options: argparse.Namespace) -> None:
@@ -162,7 +163,7 @@ def set_lens(
     if options.focus_at:
         x, y, wanted = _place(options.focus_at)
         frame = _registered(reconstruction, frames) if wanted is None else wanted
-        place = find_place(shot_of(settings.id_data), frame, x, y)
+        place = find_place(shot_of(settings.id_data).context, frame, x, y)
         focus = place.focus
         say(f"in focus: {place.distance:.4g} away at frame {frame}, from {place.source}")
     elif options.focus_point:
@@ -170,10 +171,11 @@ def set_lens(
         check_points(reconstruction, focus.points)
     else:
         focus = Focus(distance=options.focus_distance)
-    if options.method == "thesis" and len(focus.points) < 2:
+    fewest = MESHERS[options.method].fewest_focus_points
+    if len(focus.points) < fewest:
         raise UserError(
-            "the thesis's method needs at least two focus points: use --focus-point, or --focus-at where"
-            " there are points"
+            f"the method {options.method} needs at least {fewest} focus points: use --focus-point, or"
+            " --focus-at where there are points"
         )
     radius = options.aperture_radius
     if radius is None:
@@ -195,12 +197,12 @@ def set_lens(
 def _set_clip_files(settings: VirtualApertureSettings, solved: Solve, options: argparse.Namespace) -> None:
     """The user's depth maps and masks of the clip, and what is to be said of them."""
     if options.depth:
-        maps = open_depth(options.depth.absolute(), open_footage(solved.footage, solved.frames))
+        maps = open_depth(options.depth.absolute(), solved.open_clip(solved.frames))
         for note in maps.notes:
             say(f"note: {note}")
         settings.depth_maps = str(options.depth.absolute())
     if options.mask:
-        masks = open_masks(options.mask.absolute(), open_footage(solved.footage, solved.frames))
+        masks = open_masks(options.mask.absolute(), solved.open_clip(solved.frames))
         for note in masks.notes:
             say(f"note: {note}")
         settings.masks = str(options.mask.absolute())

@@ -12,6 +12,7 @@ import sys
 import bpy
 import gpu
 import numpy as np
+from gpu_extras.batch import batch_for_shader
 from numpy.typing import NDArray
 
 from ..core.base.errors import UserError
@@ -55,6 +56,8 @@ void main()
     colour = texelFetch(view, ivec2(gl_FragCoord.xy), 0);
 }
 """
+SCREEN = np.array([[-1, -1], [3, -1], [-1, 3]], np.float32)
+"""Clip coordinates of a triangle that covers the whole target."""
 
 
 def gpu_problem() -> str:
@@ -158,8 +161,9 @@ def _drawing(plan: FramePlan, picture: Picture) -> Steps:
     total = _texture(width, height)
 
     view_shader, sum_shader = _shaders()
-    mesh = _mesh_batch(plan, picture)
-    screen = _screen_batch()
+    triangles = np.ascontiguousarray(plan.mesh.triangles, dtype=np.int32)
+    mesh = batch_for_shader(view_shader, "TRIS", vertex_arrays(plan, picture), indices=triangles)
+    screen = batch_for_shader(sum_shader, "TRIS", {"xy": SCREEN})
     total.clear(format="FLOAT", value=(0.0, 0.0, 0.0, 0.0))
     for n, rows in enumerate(view_rows(plan)):
         yield n
@@ -202,7 +206,7 @@ def vertex_arrays(plan: FramePlan, picture: Picture) -> dict[str, NDArray[np.flo
     """
     mesh = plan.mesh
     nearest = float(mesh.inverse_depth.max(initial=0.0)) or 1.0
-    contrast = mesh.inverse_depth - plan.focus_inverse_depth
+    contrast = mesh.inverse_depth - plan.lens.focus
     return {
         "xy": np.ascontiguousarray(mesh.xy, dtype=np.float32),
         "texture_xy": np.ascontiguousarray(mesh.texture_xy / picture.shape[1::-1], dtype=np.float32),
@@ -219,36 +223,13 @@ def view_rows(plan: FramePlan) -> NDArray[np.float32]:
     turn, shift = plan.registration[:, :, :2], plan.canvas.pinhole.focal * plan.offsets
     turned = np.einsum("nij,nj->ni", turn, shift)
     rows = np.concatenate([plan.registration, turned[:, :, None]], axis=2)
-    rows[:, :, 2] -= turned * plan.focus_inverse_depth
+    rows[:, :, 2] -= turned * plan.lens.focus
     rows[:, :, 3] *= _largest_contrast(plan)
     return rows.astype(np.float32)
 
 
 def _largest_contrast(plan: FramePlan) -> float:
-    return float(np.abs(plan.mesh.inverse_depth - plan.focus_inverse_depth).max(initial=0.0)) or 1.0
-
-
-def _mesh_batch(plan: FramePlan, picture: Picture) -> gpu.types.GPUBatch:
-    arrays = vertex_arrays(plan, picture)
-    layout = _layout(xy=2, texture_xy=2, nearness=1, contrast=1)
-    vertices = gpu.types.GPUVertBuf(layout, len(plan.mesh.xy))
-    for name, array in arrays.items():
-        vertices.attr_fill(name, array)
-    seq = np.ascontiguousarray(plan.mesh.triangles, dtype=np.int32)
-    return gpu.types.GPUBatch(type="TRIS", buf=vertices, elem=gpu.types.GPUIndexBuf(type="TRIS", seq=seq))
-
-
-def _screen_batch() -> gpu.types.GPUBatch:
-    vertices = gpu.types.GPUVertBuf(_layout(xy=2), 3)
-    vertices.attr_fill("xy", np.array([[-1, -1], [3, -1], [-1, 3]], dtype=np.float32))
-    return gpu.types.GPUBatch(type="TRIS", buf=vertices)
-
-
-def _layout(**components: int) -> gpu.types.GPUVertFormat:
-    layout = gpu.types.GPUVertFormat()
-    for name, count in components.items():
-        layout.attr_add(id=name, comp_type="F32", len=count, fetch_mode="FLOAT")
-    return layout
+    return float(np.abs(plan.mesh.inverse_depth - plan.lens.focus).max(initial=0.0)) or 1.0
 
 
 def _upload(picture: Picture) -> gpu.types.GPUTexture:

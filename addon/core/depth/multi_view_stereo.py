@@ -17,7 +17,8 @@ from ..base.lru_cache import LRUCache
 from ..base.progress import checkpoint
 from ..camera.canvas import Canvas
 from ..camera.reconstruction import Image, Intrinsics, Reconstruction, seen_by
-from ..media.clip import Pixels, encode_srgb
+from ..media.clip import encode_srgb
+from ..media.picture_file import Pixels
 from .completion import CompletionOptions, add_sparse_prior, interpolate, place_movers, smooth, splat
 from .motion_segmentation import MASKED, MotionOptions, moving_pixels, occluding_pixels
 from .plane_sweep import SweepOptions, View, best_levels, semiglobal, small_picture, sweep

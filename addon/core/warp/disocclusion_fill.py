@@ -18,7 +18,8 @@ from ..base.progress import checkpoint, part
 from ..camera.canvas import Canvas, Picture
 from ..camera.reconstruction import Floats, Image, Intrinsics, Reconstruction
 from ..depth.view_selection import every_nth, stride
-from ..media.clip import Pixels, to_linear
+from ..media.clip import to_linear
+from ..media.picture_file import Pixels
 from .bilateral_grid import BilateralGrid, differ
 
 Mask = NDArray[np.bool_]
