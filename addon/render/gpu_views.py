@@ -15,8 +15,8 @@ import numpy as np
 from gpu_extras.batch import batch_for_shader
 from numpy.typing import NDArray
 
+from ..core.base.arrays import LinearRGBA
 from ..core.base.errors import UserError
-from ..core.camera.canvas import Picture
 from ..core.lens.plan import FramePlan
 from ..scene.main_thread import Steps, draw
 from .quiet import quiet
@@ -117,7 +117,7 @@ def _shaders() -> tuple[gpu.types.GPUShader, gpu.types.GPUShader]:
     return gpu.shader.create_from_info(view), gpu.shader.create_from_info(add)
 
 
-def mean_of_views(plan: FramePlan, picture: Picture) -> Picture:
+def mean_of_views(plan: FramePlan, picture: LinearRGBA) -> LinearRGBA:
     """The mean of all views of a plan in linear light, in the canvas's geometry.
 
     `picture` is the canvas picture (h, w, 4), linear and premultiplied. Pixels that no triangle covers count
@@ -144,7 +144,7 @@ def mean_of_views(plan: FramePlan, picture: Picture) -> Picture:
     return mean
 
 
-def _drawing(plan: FramePlan, picture: Picture) -> Steps:
+def _drawing(plan: FramePlan, picture: LinearRGBA) -> Steps:
     """Draw the views one by one; everything on the GPU is made, used and freed by the thread that steps.
 
     Every window has a GPU context of its own, and between two steps another one may become the active one.
@@ -196,7 +196,7 @@ def _drawing(plan: FramePlan, picture: Picture) -> Steps:
     return _download(total, width, height) / np.float32(len(plan.offsets))
 
 
-def vertex_arrays(plan: FramePlan, picture: Picture) -> dict[str, NDArray[np.float32]]:
+def vertex_arrays(plan: FramePlan, picture: LinearRGBA) -> dict[str, NDArray[np.float32]]:
     """What the vertex shader gets of each vertex, by attribute.
 
     `xy` (V, 2) in pixels; `texture_xy` (V, 2) in shares of the texture's size; `nearness` (V,) is inverse
@@ -232,7 +232,7 @@ def _largest_contrast(plan: FramePlan) -> float:
     return float(np.abs(plan.mesh.inverse_depth - plan.lens.focus).max(initial=0.0)) or 1.0
 
 
-def _upload(picture: Picture) -> gpu.types.GPUTexture:
+def _upload(picture: LinearRGBA) -> gpu.types.GPUTexture:
     height, width = picture.shape[:2]
     data = np.ascontiguousarray(picture, dtype=np.float32).reshape(-1)
     buffer = gpu.types.Buffer("FLOAT", data.size, data)
@@ -252,7 +252,7 @@ def _texture(
         ) from None
 
 
-def _download(texture: gpu.types.GPUTexture, width: int, height: int) -> Picture:
+def _download(texture: gpu.types.GPUTexture, width: int, height: int) -> LinearRGBA:
     buffer = texture.read()
     buffer.dimensions = width * height * 4
     # The framebuffer's first row is the bottom one.

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from addon.core.base.arrays import LinearRGB, Mask
+from addon.core.base.arrays import LinearRGB, LinearRGBA, Mask
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.depth.source import PixelDepth
@@ -71,7 +71,7 @@ def disc_and_wall(
     return WarpedFrame(plan, painted, "layers", "", True, PixelDepth(shift / LENS.fx, sure), layers)
 
 
-def shares_of(warped: WarpedFrame, source: LinearRGB | None = None) -> LinearRGB:
+def shares_of(warped: WarpedFrame, source: LinearRGBA | None = None) -> LinearRGBA:
     return draw_shares(Drawn(warped, scene() if source is None else source, 0.5))
 
 

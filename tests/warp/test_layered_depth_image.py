@@ -310,9 +310,7 @@ def test_three_surfaces_make_better_views_than_two(focus: float) -> None:
             mesh, texture, _ = make_mesh(
                 house(gable=gable), before_house(gable), focus, 150.0, fill=hidden_colours, options=options
             )
-            made = FramePlan(
-                1, canvas, ThinLens(LENS, 1.0, focus / 150), mesh, offsets, registration, 16.0, False
-            )
+            made = planned(canvas, focus, mesh, offsets, registration)
             scores.append(psnr(drawn(made, texture)[crossing][:, :3].astype(np.float64), true[crossing]))
     three, two = found.values()
     for gable, of_three, of_two in zip(GABLES, three, two, strict=True):
@@ -333,9 +331,7 @@ def test_a_surface_does_not_tear_between_two_silhouettes() -> None:
         mesh, texture, _ = make_mesh(
             house(), before_house(), NEAR, 150.0, fill=hidden_colours, options=options
         )
-        made = FramePlan(
-            1, canvas, ThinLens(LENS, 1.0, NEAR / 150), mesh, offset[None], registration, 16.0, False
-        )
+        made = planned(canvas, NEAR, mesh, offset[None], registration)
         view = drawn(made, texture)
         x, y = -offset
         error = np.abs(view[..., :3] - house(x, y, NEAR)[..., :3]).max(axis=2)
@@ -368,9 +364,7 @@ def plan(
     offsets = vogel_disc(count)
     canvas = Canvas(LENS)
     registration = exact_registration(canvas, offsets, focus / 150)
-    return FramePlan(
-        1, canvas, ThinLens(LENS, 1.0, focus / 150), mesh, offsets, registration, 16.0, False
-    ), texture
+    return planned(canvas, focus, mesh, offsets, registration), texture
 
 
 def truth(focus: float, offsets: Floats) -> Floats:

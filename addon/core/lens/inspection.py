@@ -12,8 +12,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Mask
-from ..camera.canvas import Canvas, Picture
+from ..base.arrays import LinearRGBA, Mask
+from ..camera.canvas import Canvas
 from ..camera.reconstruction import Floats
 from ..media.clip import encode_srgb
 from ..warp.layered_depth_image import LayeredDepthImage
@@ -54,7 +54,7 @@ FINE = 4
 """Binary digits of a pixel, to which lines are drawn."""
 
 
-def pictures(warped: WarpedFrame, source: Picture, shares: Picture) -> dict[str, Shown]:
+def pictures(warped: WarpedFrame, source: LinearRGBA, shares: LinearRGBA) -> dict[str, Shown]:
     """Every picture of a frame that there is to make, by name.
 
     `source` (H, W, 4) is the frame, linear; `shares` (H, W, 3) what `shares_of` gives. A method without
@@ -105,7 +105,7 @@ def source_frame(warped: WarpedFrame) -> WarpedFrame:
     return replace(warped, plan=replace(plan, mesh=mesh), texture=texture)
 
 
-def shares_of(mean: Picture, canvas: Canvas) -> Picture:
+def shares_of(mean: LinearRGBA, canvas: Canvas) -> LinearRGBA:
     """(H, W, 3) share in [0, 1] of each of `SOURCES` in a source frame's pixels.
 
     `mean` (h, w, 4) is that of the views of `source_frame`; the shares make one where it is all covered.
@@ -126,12 +126,12 @@ def _own(canvas: Canvas) -> Mask:
     return np.asarray(np.all((place >= 0) & (place <= [canvas.lens.width, canvas.lens.height]), axis=2))
 
 
-def _painted(own: Mask, foreign: Mask) -> Picture:
+def _painted(own: Mask, foreign: Mask) -> LinearRGBA:
     """(H, W, 3) red, green or blue."""
     return np.stack([~own & ~foreign, foreign, own & ~foreign], axis=2).astype(np.float32)
 
 
-def _layers_sources(warped: WarpedFrame) -> Picture:
+def _layers_sources(warped: WarpedFrame) -> LinearRGBA:
     """The sources of the texture of layers, with its alpha."""
     texture = warped.texture
     painted = [_painted(own, foreign) for own, foreign in _origins(warped)]
@@ -141,7 +141,7 @@ def _layers_sources(warped: WarpedFrame) -> Picture:
     return np.concatenate([np.concatenate(painted) * alpha, alpha], axis=2)
 
 
-def _finer(picture: Picture) -> Picture:
+def _finer(picture: LinearRGBA) -> LinearRGBA:
     """(h, w, 3) a picture (H, W, 3) as fine as the texture, its pixels at the texture's."""
     height, width = picture.shape[:2]
     scale = np.array([[1 / FINER, 0, 0], [0, 1 / FINER, 0]])
@@ -177,7 +177,7 @@ def _inner(layers: LayeredDepthImage, canvas: Canvas) -> tuple[slice, slice]:
     return slice(top, top + size[0]), slice(left, left + size[1])
 
 
-def _plain_sources(warped: WarpedFrame) -> tuple[WarpMesh, Picture]:
+def _plain_sources(warped: WarpedFrame) -> tuple[WarpMesh, LinearRGBA]:
     """A mesh painted with the canvas picture, mirrored past the border, and the sources of a texture that
     holds what is past the border, too."""
     mesh, own = warped.plan.mesh, _own(warped.plan.canvas)
@@ -269,7 +269,7 @@ def _behind(warped: WarpedFrame, frame: Shown) -> Shown:
     return np.concatenate([left, np.where(is_behind, marked, left)], axis=1)
 
 
-def _sources(shares: Picture, frame: Shown) -> Shown:
+def _sources(shares: LinearRGBA, frame: Shown) -> Shown:
     """The frame in grey where its light is its own; green what was borrowed, red what was made up."""
     grey = cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY)[..., None] / np.float32(255)
     own = (0.04 + 0.7 * grey**2.2) * np.array([0.45, 0.6, 1.0], np.float32)

@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from ..base.arrays import Map
+from ..base.arrays import LinearRGBA, Map
 from ..base.counting import counted
-from ..camera.canvas import Picture
 from ..camera.reconstruction import Floats
 from ..sfm.report import ranges
 from ..warp.layered_mesh import LayeredMeshOptions
@@ -102,7 +101,7 @@ class Used:
         return cls(warped.plan.frame, warped.method, warped.why or why)
 
 
-def frame_report(warped: WarpedFrame, shares: Picture, draw_seconds: float) -> FrameReport:
+def frame_report(warped: WarpedFrame, shares: LinearRGBA, draw_seconds: float) -> FrameReport:
     """Of a frame whose views took `draw_seconds`; `shares` (H, W, 3) as `inspection.shares_of` gives them."""
     plan, used = warped.plan, Used.of(warped)
     confidence = _confidence(warped)
@@ -150,8 +149,8 @@ def mesh_error(warped: WarpedFrame) -> tuple[Floats, Floats]:
         asked = seen & covered
         wanted = scale * plan.lens.snap_to_focal_plane(shift[asked] / scale)
         off.append(np.abs(drawn[asked] - wanted))
-        off_focus = np.abs(wanted - scale * plan.lens.focus)
-        allowed.append(LayeredMeshOptions.error + LayeredMeshOptions.relative_error * off_focus)
+        contrast = np.abs(wanted - scale * plan.lens.focus)
+        allowed.append(LayeredMeshOptions.error + LayeredMeshOptions.relative_error * contrast)
         if number < len(layers):
             # A silhouette's pixels show both.
             seen &= (~covered | layers[number].mixed) & ~layers[number].disoccluded
