@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 
+from addon.core.camera.canvas import Picture
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction, rotation_matrix
+from addon.core.depth.user_depth import UserDepth
+from addon.core.lens.clip_context import ClipContext
+from addon.core.lens.frame import warp_frame
+from addon.core.lens.plan import FramePlan, LensSettings
 from addon.core.media.clip import open_footage
+from addon.core.media.picture_file import Pixels
 from addon.scene.shot import Shot
 
 
@@ -66,3 +73,24 @@ def psnr(a: np.ndarray, b: np.ndarray) -> float:
     """Peak signal to noise ratio in dB of values in [0, 1]."""
     error = float(np.mean((np.clip(a, 0, 1) - np.clip(b, 0, 1)) ** 2))
     return float("inf") if error == 0 else -10 * np.log10(error)
+
+
+def planned(
+    reconstruction: Reconstruction,
+    frame: int,
+    settings: LensSettings,
+    size: tuple[int, int],
+    depth: UserDepth | None = None,
+    picture: Picture | None = None,
+) -> FramePlan:
+    """The plan of a frame of which only the features, or the user's maps, tell depth; `picture` (H, W, 4)."""
+    if settings.method == "layers":
+        settings = replace(settings, method="features")
+    blank = np.zeros((size[1], size[0], 4), np.float32)
+    clip = ClipContext(reconstruction, no_picture, depth)
+    return warp_frame(clip, frame, settings, size, blank if picture is None else picture).plan
+
+
+def no_picture(frame: int) -> Pixels:
+    """For clips that nothing asks for a picture."""
+    raise AssertionError(f"nothing needs the picture of frame {frame}")

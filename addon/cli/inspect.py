@@ -81,6 +81,6 @@ def _inspected(scene: bpy.types.Scene, frame: int, debug: bool) -> tuple[dict[st
     shot, inspector = shot_of(scene), Inspector()
     lens, size = lens_settings(scene.virtual_aperture, shot.reconstruction), render_size(scene.render)
     with contextlib.nullcontext(1) if debug else quiet(1):
-        render_frame(shot, frame, lens, size, lambda note: None, inspector.told)
+        render_frame(shot.context, frame, lens, size, lambda note: None, inspector.told)
     assert inspector.report is not None
     return inspector.pictures, inspector.report

@@ -14,7 +14,9 @@ from ..core.camera.reconstruction import Reconstruction
 from ..core.depth.user_maps import open_depth
 from ..core.lens.focus import Focus, check_points, largest_discs, radius_for_blur
 from ..core.lens.focus_place import find_place
-from ..core.lens.plan import METHODS, LensSettings, check_settings
+from ..core.lens.frame import check_settings
+from ..core.lens.meshers import MESHERS
+from ..core.lens.plan import LensSettings
 from ..core.media.clip import Footage, FrameRange
 from ..core.media.masks import open_masks
 from ..core.sfm.workspace import Solve
@@ -57,10 +59,9 @@ def add_lens(command: argparse.ArgumentParser, required: bool) -> None:
     )
     command.add_argument("--views", default="auto", metavar="N|auto", help="virtual cameras a frame")
     command.add_argument(
-        "--method", choices=METHODS, default=METHODS[0],
-        help="layers (default): depth of every pixel; features: one coarse mesh, fast; grid: one regular mesh"
-        " that follows the features as stiffly as the picture allows (Liu 2009); edges: triangles along image"
-        " edges (thesis, section 5.2); thesis: the 2010 baseline",
+        "--method", choices=MESHERS, default=next(iter(MESHERS)),
+        help="; ".join(f"{name}: {mesher.help}" for name, mesher in MESHERS.items())
+        + " (default: the first)",
     )  # fmt: skip
     command.add_argument(
         "--borrow", choices=("on", "off"), default="on", help="take what a frame hides from others (on)"
@@ -161,7 +162,7 @@ def set_lens(
     if options.focus_at:
         x, y, wanted = _place(options.focus_at)
         frame = _registered(reconstruction, frames) if wanted is None else wanted
-        place = find_place(shot_of(settings.id_data), frame, x, y)
+        place = find_place(shot_of(settings.id_data).context, frame, x, y)
         focus = place.focus
         say(f"in focus: {place.distance:.4g} away at frame {frame}, from {place.source}")
     elif options.focus_point:
@@ -169,10 +170,11 @@ def set_lens(
         check_points(reconstruction, focus.points)
     else:
         focus = Focus(distance=options.focus_distance)
-    if options.method == "thesis" and len(focus.points) < 2:
+    fewest = MESHERS[options.method].fewest_focus_points
+    if len(focus.points) < fewest:
         raise UserError(
-            "the thesis's method needs at least two focus points: use --focus-point, or --focus-at where"
-            " there are points"
+            f"the method {options.method} needs at least {fewest} focus points: use --focus-point, or"
+            " --focus-at where there are points"
         )
     radius = options.aperture_radius
     if radius is None:

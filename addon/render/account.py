@@ -68,7 +68,7 @@ class Account:
         if self._path is None:
             return
         shares = draw_shares(drawn)
-        self._reports[used.frame] = frame_report(drawn.warped, drawn.lens.radius, shares, drawn.seconds)
+        self._reports[used.frame] = frame_report(drawn.warped, shares, drawn.seconds)
         self._write(self._path)
 
     def take_over(self, path: Path) -> None:
@@ -124,9 +124,9 @@ class Inspector:
 
     def told(self, drawn: Drawn) -> None:
         """Of the frame."""
-        shares, radius = draw_shares(drawn), drawn.lens.radius
-        self.report = frame_report(drawn.warped, radius, shares, drawn.seconds)
-        self.pictures = pictures(drawn.warped, radius, drawn.source, shares)
+        shares = draw_shares(drawn)
+        self.report = frame_report(drawn.warped, shares, drawn.seconds)
+        self.pictures = pictures(drawn.warped, drawn.source, shares)
 
 
 def write_picture(path: Path, picture: Shown) -> None:

@@ -11,11 +11,11 @@ import numpy as np
 
 from ..core.base.progress import checkpoint, stage
 from ..core.camera.canvas import Picture
+from ..core.lens.clip_context import ClipContext
 from ..core.lens.frame import WarpedFrame, warp_frame
 from ..core.lens.inspection import shares_of, source_frame
 from ..core.lens.plan import LensSettings
 from ..core.media.clip import to_linear
-from ..scene.shot import Shot
 from . import cycles_views, gpu_views
 
 LEAST_COVER = 0.05
@@ -27,7 +27,6 @@ class Drawn:
     """A frame that was drawn, for who wants to know more of it than its picture."""
 
     warped: WarpedFrame
-    lens: LensSettings
     source: Picture
     """(H, W, 4) the frame, linear."""
     seconds: float
@@ -42,7 +41,7 @@ From `python -m benchmarks.timings.mesh_times` and `view_times`, with 64 views o
 
 
 def render_frame(
-    shot: Shot,
+    clip: ClipContext,
     frame: int,
     lens: LensSettings,
     size: tuple[int, int],
@@ -54,9 +53,9 @@ def render_frame(
     `note` is told what the user should know, and `told` of the frame that was drawn. Passes checkpoints.
     """
     with stage("Reading", 0.0, READ):
-        source = _resized(to_linear(shot.read(frame)), size)
+        source = _resized(to_linear(clip.read(frame)), size)
     with stage("Mesh", READ, WARPED):
-        warped = warp_frame(shot, frame, lens, size, source)
+        warped = warp_frame(clip, frame, lens, size, source)
     if warped.plan.carried:
         note(f"Frame {frame} was not registered: its camera is carried over from its neighbours")
     if warped.why:
@@ -67,14 +66,14 @@ def render_frame(
     checkpoint(1.0)
     picture = warped.plan.canvas.to_source(mean)
     if told is not None:
-        told(Drawn(warped, lens, source, time.perf_counter() - began))
+        told(Drawn(warped, source, time.perf_counter() - began))
     return picture
 
 
 def draw_shares(drawn: Drawn) -> Picture:
     """(H, W, 3) the shares of `inspection.SOURCES` in each of the result's pixels."""
     with stage("Sources", 1.0, 1.0):
-        mean = draw_mean(source_frame(drawn.warped, drawn.lens.radius), lambda note: None)
+        mean = draw_mean(source_frame(drawn.warped), lambda note: None)
     return shares_of(mean, drawn.warped.plan.canvas)
 
 

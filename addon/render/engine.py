@@ -119,7 +119,7 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
         check_shape(shot, size)
         lens = lens_settings(scene.virtual_aperture, shot.reconstruction)
         frame = frame_shown(shot, scene.frame_current)
-        return render_frame(shot, frame, lens, size, self._note, _told)
+        return render_frame(shot.context, frame, lens, size, self._note, _told)
 
     def _on_progress(self, stage_name: str, share: float) -> None:
         if self.test_break():

@@ -14,7 +14,7 @@ from ..scene.properties import lens_settings
 from ..scene.shot import Shot, shot_of
 from .frame_size import render_size, written_size
 
-PICTURES = 1
+PICTURES = 2
 """Version of the method: counted up when the same settings give another picture, so that a run that goes on
 does not mix them."""
 

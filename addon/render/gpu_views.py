@@ -202,7 +202,7 @@ def vertex_arrays(plan: FramePlan, picture: Picture) -> dict[str, NDArray[np.flo
     """
     mesh = plan.mesh
     nearest = float(mesh.inverse_depth.max(initial=0.0)) or 1.0
-    contrast = mesh.inverse_depth - plan.focus_inverse_depth
+    contrast = mesh.inverse_depth - plan.lens.focus
     return {
         "xy": np.ascontiguousarray(mesh.xy, dtype=np.float32),
         "texture_xy": np.ascontiguousarray(mesh.texture_xy / picture.shape[1::-1], dtype=np.float32),
@@ -219,13 +219,13 @@ def view_rows(plan: FramePlan) -> NDArray[np.float32]:
     turn, shift = plan.registration[:, :, :2], plan.canvas.pinhole.focal * plan.offsets
     turned = np.einsum("nij,nj->ni", turn, shift)
     rows = np.concatenate([plan.registration, turned[:, :, None]], axis=2)
-    rows[:, :, 2] -= turned * plan.focus_inverse_depth
+    rows[:, :, 2] -= turned * plan.lens.focus
     rows[:, :, 3] *= _largest_contrast(plan)
     return rows.astype(np.float32)
 
 
 def _largest_contrast(plan: FramePlan) -> float:
-    return float(np.abs(plan.mesh.inverse_depth - plan.focus_inverse_depth).max(initial=0.0)) or 1.0
+    return float(np.abs(plan.mesh.inverse_depth - plan.lens.focus).max(initial=0.0)) or 1.0
 
 
 def _mesh_batch(plan: FramePlan, picture: Picture) -> gpu.types.GPUBatch:

@@ -17,7 +17,7 @@ from ..core.base.counting import counted
 from ..core.base.errors import Remedy, UserError
 from ..core.base.file_names import checked_name
 from ..core.base.folder_lock import OutputLock
-from ..core.lens.plan import can_be_layered, plan_frame
+from ..core.lens.frame import forecast
 from ..core.media.clip import Footage, is_pattern
 from ..core.media.picture_file import PICTURES
 from ..core.sfm.report import ranges
@@ -99,13 +99,13 @@ class Planned:
     """What a render of frames will be."""
 
     views: tuple[int, int]
-    """The smallest and the largest number."""
+    """About the smallest and the largest number."""
     coarse: list[int]
     """Frames that are to be drawn in layers and have larger blur discs than those allow."""
 
 
 def plan_all(scene: bpy.types.Scene, frames: list[int]) -> Planned:
-    """Plan every frame, so that what is wrong shows before an hour of rendering."""
+    """Look at every frame's lens, so that what is wrong shows before an hour of rendering."""
     shot = shot_of(scene)
     size = render_size(scene.render)
     counts, coarse = [], []
@@ -113,9 +113,9 @@ def plan_all(scene: bpy.types.Scene, frames: list[int]) -> Planned:
         # The focus may be keyed.
         scene.frame_set(frame)
         lens = lens_settings(scene.virtual_aperture, shot.reconstruction)
-        plan = plan_frame(shot.reconstruction, frame, lens, size, shot.depth)
-        counts.append(len(plan.offsets))
-        if lens.method == "layers" and not can_be_layered(plan):
+        expected = forecast(shot.context, frame, lens, size)
+        counts.append(expected.views)
+        if expected.is_too_large:
             coarse.append(frame)
     return Planned((min(counts), max(counts)), coarse)
 

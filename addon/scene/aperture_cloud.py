@@ -8,8 +8,9 @@ import numpy as np
 
 from ..core.base.errors import UserError
 from ..core.camera.reconstruction import Floats
-from ..core.lens.aperture_sampling import random_disc, vogel_disc
-from ..core.lens.plan import LensSettings, plan_frame
+from ..core.lens.clip_context import ClipContext
+from ..core.lens.frame import view_offsets
+from ..core.media.picture_file import Pixels
 
 if TYPE_CHECKING:
     from .properties import VirtualApertureSettings
@@ -38,11 +39,12 @@ def _positions(settings: VirtualApertureSettings) -> Floats:
     from .shot import reconstruction_of
 
     reconstruction = reconstruction_of(settings)
-    lens: LensSettings = lens_settings(settings, reconstruction)
     image, _ = reconstruction.image_at(settings.focus_frame)
     camera = reconstruction.intrinsics(image)
-    count = lens.views or len(
-        plan_frame(reconstruction, image.frame, lens, (camera.width, camera.height)).offsets
-    )
-    disc = random_disc(count, lens.seed) if lens.method == "thesis" else vogel_disc(count)
-    return lens.radius * disc
+    clip = ClipContext(reconstruction, _no_pictures)
+    size = camera.width, camera.height
+    return view_offsets(clip, image.frame, lens_settings(settings, reconstruction), size)
+
+
+def _no_pictures(frame: int) -> Pixels:
+    raise AssertionError(f"nothing needs the picture of frame {frame}")

@@ -18,6 +18,7 @@ from bpy.props import (
 from ..core.camera.focal_length import Focal, from_equivalent, from_sensor
 from ..core.camera.reconstruction import Reconstruction
 from ..core.lens.focus import radius_for_blur
+from ..core.lens.meshers import MESHERS
 from ..core.lens.plan import LensSettings
 from . import lens
 
@@ -160,28 +161,7 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
     method: EnumProperty(
         name="Method",
         description="How views are synthesized",
-        items=[
-            (
-                "layers",
-                "Layers",
-                "Depth of every pixel; what lies behind silhouettes on a layer of its own",
-                2,
-            ),
-            ("features", "Features", "Warp mesh over the feature points, carried on past the border", 0),
-            (
-                "thesis",
-                "Thesis",
-                "The 2010 baseline: pinned corners, random positions, fitted registration",
-                1,
-            ),
-            (
-                "grid",
-                "Grid",
-                "One regular mesh that follows the features as stiffly as the picture allows (Liu 2009)",
-                3,
-            ),
-            ("edges", "Edges", "Triangles along image edges (thesis, section 5.2)", 4),
-        ],
+        items=[(name, name.title(), each.help, each.number) for name, each in MESHERS.items()],
         default="layers",
         update=_aperture_changed,
     )

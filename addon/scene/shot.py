@@ -13,14 +13,13 @@ import numpy as np
 from ..core.base.errors import UserError
 from ..core.base.lru_cache import LRUCache
 from ..core.camera.reconstruction import Reconstruction
-from ..core.depth.multi_view_stereo import COARSE, Mask, Moving, PlaneSweepStereo
-from ..core.depth.sparse import MappedDepth
-from ..core.depth.temporal_fusion import TemporalFusion
+from ..core.depth.multi_view_stereo import Mask
+from ..core.depth.user_depth import UserDepth
 from ..core.depth.user_maps import open_depth
+from ..core.lens.clip_context import ClipContext
 from ..core.media.clip import Footage, finite, open_footage
 from ..core.media.masks import Masks, open_masks
 from ..core.media.picture_file import Pixels
-from ..core.warp.disocclusion_fill import DisocclusionFill
 from . import exr, store
 from .clip import solved_clip_path
 from .masks import DrawnMask, drawn_mask
@@ -43,7 +42,7 @@ class Shot:
 
     footage: Footage
     reconstruction: Reconstruction
-    depth: MappedDepth | None = None
+    depth: UserDepth | None = None
     """The user's depth maps."""
     masks: Masks | None = None
     """The user's pictures of what moves by itself,"""
@@ -51,16 +50,10 @@ class Shot:
     """and what is drawn in Blender; either is enough."""
 
     @cached_property
-    def dense(self) -> TemporalFusion:
-        """Depth of every pixel, from the clip itself."""
-        single = PlaneSweepStereo(self.reconstruction, self.read, mask=self._mask)
-        return TemporalFusion(self.reconstruction, single)
-
-    @cached_property
-    def disocclusion(self) -> DisocclusionFill:
-        """Other frames' colours for what a frame does not show, but for what moves in them."""
-        movers = PlaneSweepStereo(self.reconstruction, self.read, COARSE, self._mask)
-        return DisocclusionFill(self.reconstruction, self.read, movers.moving)
+    def context(self) -> ClipContext:
+        """The clip as the core's stages see it."""
+        masks = self.masked if self.masks or self.drawn else None
+        return ClipContext(self.reconstruction, self.read, self.depth, masks)
 
     def read(self, frame: int) -> Pixels:
         """A frame's picture, remembered: depth, what moves and what is lent ask for the same ones."""
@@ -80,10 +73,6 @@ class Shot:
     @cached_property
     def _pictures(self) -> LRUCache[Pixels]:
         return LRUCache(REMEMBERED, lambda picture: picture.nbytes)
-
-    @property
-    def _mask(self) -> Moving | None:
-        return self.masked if self.masks or self.drawn else None
 
     def masked(self, frame: int) -> Mask | None:
         """(H, W) over a frame, what the user says moves by itself; None where nothing is said."""
@@ -107,7 +96,7 @@ def shot_of(scene: bpy.types.Scene) -> Shot:
     key = (str(mesh.get(IDENTITY)), str(path), depth_path, masks_path, drawn.name_full if drawn else "")
     if _last is None or _last[0] != key or _was_redrawn(_last[1], drawn, scene.frame_current):
         reconstruction, footage = store.read(mesh), open_footage(path)
-        depth = MappedDepth.of(open_depth(Path(depth_path), footage), reconstruction) if depth_path else None
+        depth = UserDepth.of(open_depth(Path(depth_path), footage), reconstruction) if depth_path else None
         masks = open_masks(Path(masks_path), footage) if masks_path else None
         size = (footage.width, footage.height)
         shapes = drawn_mask(drawn, footage.frames, size) if drawn else None

@@ -7,6 +7,7 @@ from pathlib import Path
 import bpy
 
 from ..core.base.counting import counted
+from ..core.lens.meshers import MESHERS
 from ..scene import lens, masks
 from . import after_solve, choose_clip, focus, import_solve, inspect, notices, operators
 from .text import wrapped
@@ -206,10 +207,8 @@ class VIRTUAL_APERTURE_PT_method(_Closed, bpy.types.Panel):  # noqa: N801
         if not settings.use_auto_views:
             layout.prop(settings, "views")
         layout.prop(settings, "method")
-        if settings.method == "layers":
-            layout.prop(settings, "borrow")
-        elif settings.method == "thesis":
-            layout.prop(settings, "seed")
+        for name in MESHERS[settings.method].settings:
+            layout.prop(settings, name)
 
 
 class VIRTUAL_APERTURE_PT_debug(_Closed, bpy.types.Panel):  # noqa: N801

@@ -96,7 +96,7 @@ def run_track(plan: Plan, judge: Judge, track: str, rows: Rows) -> None:
     given = given_by(track, judge.scene)
     if not isinstance(given, str):
         # The first drawing compiles shaders, which is no frame's cost.
-        methods.features(given.given(judge.frames[0], judge.blur), 1)
+        methods.by_mesher("features", given.case(judge.frames[0], judge.blur), 1)
     for name, views in stale:
         if isinstance(given, str):
             row = judge.refused(track, name, views, given)

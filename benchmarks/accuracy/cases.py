@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from addon.core.camera.canvas import Canvas
-from addon.core.camera.reconstruction import Points, Reconstruction
-from addon.core.depth.joint_upsampling import enlarged
-from addon.core.depth.multi_view_stereo import COARSE, PlaneSweepStereo
+from addon.core.camera.reconstruction import Image, Points, Reconstruction
+from addon.core.depth.source import PixelDepth
 from addon.core.depth.sparse import FrameFeatures, frame_features
-from addon.core.depth.temporal_fusion import TemporalFusion
+from addon.core.lens.clip_context import ClipContext, upsampled
 from addon.core.lens.focus import Focus, pick
 from addon.core.media.clip import open_footage, to_gray8, to_linear
 from addon.core.sfm.process import SolveProcess
 from addon.core.sfm.tracks import new_corners
 from addon.core.sfm.workspace import load_solve
-from addon.core.warp.disocclusion_fill import DisocclusionFill
 
 from .. import store
 from . import oracle
@@ -34,24 +32,29 @@ ON_SURFACE = 0.5
 
 
 @dataclass(frozen=True)
-class Given:
-    """One frame, its cameras and depth, and the lens; lengths in the reconstruction's own units."""
+class BenchmarkCase:
+    """One frame, its clip and depth, and the lens; lengths in the reconstruction's own units."""
 
     frame: int
     picture: Picture
     """(H, W, 4) linear."""
-    reconstruction: Reconstruction
+    clip: ClipContext
+    """As the product has it."""
     focus: Focus
     radius: float
     depth: Floats
     """(H, W), inf infinitely far: what methods get that want a depth map."""
     layers: Callable[[int], oracle.LayeredDepthImage | None]
     """The hidden surfaces past a margin in pixels; None where nobody knows them."""
-    disocclusion: DisocclusionFill | None = None
-    """The clip's other frames."""
+
+    @property
+    def reconstruction(self) -> Reconstruction:
+        """Cameras and points, true or solved."""
+        return self.clip.reconstruction
 
     @property
     def focus_depth(self) -> float:
+        """Depth of the focal plane."""
         return 1 / self.focus.inverse_depth(self.reconstruction, self.frame)
 
     @property
@@ -66,44 +69,70 @@ class Given:
         return 2 * self.radius * self.focal * (1 / self.depth - 1 / self.focus_depth)
 
 
-class Known:
+@dataclass(frozen=True)
+class TrueDepth:
+    """A scene's own depth as a depth source; coarse meshes get the feature points."""
+
+    scene: Scene
+
+    def at(self, frame: int, canvas: Canvas, picture: Picture) -> PixelDepth:
+        """The true inverse depth of every pixel."""
+        depth = self.scene.depth(frame)
+        width, height = canvas.pinhole.width, canvas.pinhole.height
+        if depth.shape != (height, width):
+            depth = cv2.resize(depth, (width, height), interpolation=cv2.INTER_NEAREST)
+        return PixelDepth(1 / depth)
+
+    def samples(self, frame: int, canvas: Canvas) -> None:
+        """None: features have their true depth already."""
+
+
+class GroundTruth:
     """T1: true cameras and depth. Features are found in the frame, their depth is the truth's."""
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
+        self._clips: dict[tuple[int, ...], ClipContext] = {}
 
-    @cached_property
-    def _lender(self) -> DisocclusionFill:
-        return _lender(self.scene.cameras, self.scene)
-
-    def given(self, frame: int, blur: int) -> Given:
-        scene, depth = self.scene, self.scene.depth(frame)
-        return Given(
-            frame, to_linear(scene.frame(frame)), self._reconstruction(frame), self._focus(frame, blur),
-            scene.radius(blur), depth, lambda margin: scene.layers(frame, margin), self._lender,
+    def case(self, frame: int, blur: int) -> BenchmarkCase:
+        """One of the judged frames of the scene through a lens whose largest disc is `blur` pixels."""
+        scene, frames = self.scene, self.scene.judged(blur)
+        if frames not in self._clips:
+            read = open_footage(scene.clip()).read
+            self._clips[frames] = ClipContext(self.reconstruction(frames), read, TrueDepth(scene))
+        return BenchmarkCase(
+            frame, to_linear(scene.frame(frame)), self._clips[frames], self._focus(frame, blur),
+            scene.radius(blur), scene.depth(frame), lambda margin: scene.layers(frame, margin),
         )  # fmt: skip
 
-    def _reconstruction(self, frame: int) -> Reconstruction:
-        """The frame's camera and the same corners that tracking would take, with their true depth."""
-        scene, depth = self.scene, self.scene.depth(frame)
-        cameras = scene.cameras
-        image, _ = cameras.image_at(frame)
-        lens = cameras.intrinsics(image)
-        xy = new_corners(to_gray8(scene.frame(frame)), np.zeros((0, 2), np.float32)).astype(np.float64) + 0.5
+    def reconstruction(self, frames: Sequence[int]) -> Reconstruction:
+        """The clip's cameras, and in some frames the corners that tracking would take, truly placed."""
+        cameras, images, xyz = self.scene.cameras, [], np.zeros((0, 3))
+        for image in cameras.images:
+            if image.frame in frames:
+                world, xy = self._corners(image)
+                ids = np.arange(len(xyz), len(xyz) + len(world), dtype=np.int32)
+                image, xyz = replace(image, xy=xy, points=ids), np.concatenate([xyz, world])
+            images.append(image)
+        points = Points(xyz, np.zeros((len(xyz), 3), np.uint8), np.zeros(len(xyz)))
+        return Reconstruction(cameras.cameras, tuple(images), points)
+
+    def _corners(self, image: Image) -> tuple[Floats, Floats]:
+        """(n, 3) places in the world of a frame's corners, and (n, 2) pixels where it sees them."""
+        depth, lens = self.scene.depth(image.frame), self.scene.cameras.intrinsics(image)
+        grey = to_gray8(self.scene.frame(image.frame))
+        xy = new_corners(grey, np.zeros((0, 2), np.float32)).astype(np.float64) + 0.5
         column, row = np.clip(xy, 0, [lens.width - 1, lens.height - 1]).astype(int).T
         z = depth[row, column]
         xy, z = xy[np.isfinite(z)], z[np.isfinite(z)]
         local = np.column_stack([(xy - lens.principal_point) / lens.focal, np.ones(len(xy))]) * z[:, None]
-        world = (local - image.translation) @ image.rotation
-        points = Points(world, np.zeros((len(xy), 3), np.uint8), np.zeros(len(xy)))
-        seen = replace(image, xy=xy, points=np.arange(len(xy), dtype=np.int32))
-        return Reconstruction(cameras.cameras, (seen,), points)
+        return (local - image.translation) @ image.rotation, xy
 
     def _focus(self, frame: int, blur: int) -> Focus:
         return Focus(distance=self.scene.focus_depth(frame, blur))
 
 
-class Solved:
+class FromVideo:
     """T2: cameras and points solved from the clip. The user's two inputs are set as a user would.
 
     The focus is picked in the picture where the subject is seen, on the first frame that is judged. A solve
@@ -113,31 +142,29 @@ class Solved:
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
-        clip = scene.clip()
+        footage = scene.clip()
         code = store.digest(store.sources(*store.SOLVER))
         work = store.FOLDER / "solves" / f"{scene.name}-{scene.key}-{code}.aperture"
-        SolveProcess(clip, work).wait()
+        SolveProcess(footage, work).wait()
         solve = load_solve(work)
         self.reconstruction, self.report = solve.reconstruction, solve.report
+        self.clip = ClipContext(self.reconstruction, open_footage(footage).read)
 
-    @cached_property
-    def _lender(self) -> DisocclusionFill:
-        return _lender(self.reconstruction, self.scene)
-
-    @cached_property
-    def _dense(self) -> TemporalFusion:
-        single = PlaneSweepStereo(self.reconstruction, open_footage(self.scene.clip()).read)
-        return TemporalFusion(self.reconstruction, single)
-
-    def given(self, frame: int, blur: int) -> Given:
-        scene, rec = self.scene, self.reconstruction
-        focus = self._focus(frame, blur)
-        radius = self._radius(blur)
-        picture = to_linear(scene.frame(frame))
-        inverse = enlarged(self._dense.at(frame).inverse_depth, picture)
+    def case(self, frame: int, blur: int) -> BenchmarkCase:
+        """One of the judged frames of the scene through a lens whose largest disc is about `blur` pixels."""
+        picture = to_linear(self.scene.frame(frame))
+        inverse = upsampled(self.clip.stereo.at(frame), picture).inverse_depth
         with np.errstate(divide="ignore"):
             depth = 1 / inverse
-        return Given(frame, picture, rec, focus, radius, depth, lambda margin: None, self._lender)
+        return BenchmarkCase(
+            frame,
+            picture,
+            self.clip,
+            self._focus(frame, blur),
+            self._radius(blur),
+            depth,
+            lambda margin: None,
+        )
 
     def _focus(self, frame: int, blur: int) -> Focus:
         scene = self.scene
@@ -177,12 +204,6 @@ class Solved:
         return scene.radius(blur) * weighted_median(np.concatenate(ratios), np.concatenate(weights))
 
 
-def _lender(cameras: Reconstruction, scene: Scene) -> DisocclusionFill:
-    """As the product makes it."""
-    read = open_footage(scene.clip()).read
-    return DisocclusionFill(cameras, read, PlaneSweepStereo(cameras, read, COARSE).moving)
-
-
 def robust_line(x: Floats, y: Floats) -> tuple[float, float]:
     """Slope and offset of y = slope x + offset, outliers of more than 3 scaled deviations left out."""
     keep = np.isfinite(x) & np.isfinite(y)
@@ -199,6 +220,6 @@ def weighted_median(values: Floats, weights: Floats) -> float:
     return float(values[order][np.searchsorted(total, total[-1] / 2)])
 
 
-def track(name: str, scene: Scene) -> Known | Solved:
+def track(name: str, scene: Scene) -> GroundTruth | FromVideo:
     """The track T1 or T2 of a scene."""
-    return Known(scene) if name == "T1" else Solved(scene)
+    return GroundTruth(scene) if name == "T1" else FromVideo(scene)

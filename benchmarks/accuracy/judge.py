@@ -16,7 +16,7 @@ from addon.core.media.clip import encode_srgb
 from .. import store
 from ..cost import Cost, measured
 from . import metrics
-from .cases import Known, Solved
+from .cases import FromVideo, GroundTruth
 from .cases import track as track_of
 from .methods import METHODS, Answer
 from .scenes import Picture, Scene, Truth
@@ -90,7 +90,7 @@ class Judge:
         """Hash of what a row depends on."""
         return store.digest(self.scene.key, self.blur, self.frames, track_name, CODE[name, track_name])
 
-    def row(self, track_name: str, given: Known | Solved, name: str, views: int) -> Row:
+    def row(self, track_name: str, given: GroundTruth | FromVideo, name: str, views: int) -> Row:
         """Run the method on every judged frame and score it. A refusal becomes a row with a note."""
         method = METHODS[name]
         answers: list[Answer] = []
@@ -98,7 +98,7 @@ class Judge:
         for frame in self.frames:
             try:
                 answer, cost = measured(
-                    partial(method.run, method.prepare(given.given(frame, self.blur)), views)
+                    partial(method.run, method.prepare(given.case(frame, self.blur)), views)
                 )
             except UserError as problem:
                 return self.refused(track_name, name, views, str(problem))
@@ -176,7 +176,7 @@ class Judge:
         )  # fmt: skip
 
 
-def given_by(track_name: str, scene: Scene) -> Known | Solved | str:
+def given_by(track_name: str, scene: Scene) -> GroundTruth | FromVideo | str:
     """The track, or why the scene cannot be solved."""
     try:
         return track_of(track_name, scene)

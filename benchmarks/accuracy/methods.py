@@ -1,4 +1,4 @@
-"""The methods that are compared, each a function from what is given to a picture."""
+"""The methods that are compared, each a function from what is case to a picture."""
 
 from __future__ import annotations
 
@@ -16,9 +16,11 @@ from addon.core.base.errors import UserError
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Points, Reconstruction
 from addon.core.lens.aperture_sampling import vogel_disc
+from addon.core.lens.clip_context import ClipContext
 from addon.core.lens.focus import Focus, exact_registration
-from addon.core.lens.frame import WarpedFrame
-from addon.core.lens.plan import FramePlan, LensSettings, edged_plan, layered_plan, plan_frame
+from addon.core.lens.frame import WarpedFrame, warp_frame
+from addon.core.lens.plan import FramePlan, LensSettings
+from addon.core.lens.thin_lens import ThinLens
 from addon.core.warp.disocclusion_fill import HiddenColours
 from addon.core.warp.mesh import WarpMesh
 from addon.render import cycles_views
@@ -26,7 +28,7 @@ from addon.render.average import draw_mean
 from addon.render.quiet import quiet
 
 from . import oracle
-from .cases import Given
+from .cases import BenchmarkCase
 from .defocus import defocus
 from .scatter import scatter
 
@@ -48,49 +50,53 @@ class Answer:
 
 @dataclass(frozen=True)
 class Method:
-    run: Callable[[Given, int], Answer]
+    run: Callable[[BenchmarkCase, int], Answer]
     views: tuple[int, ...]
     quick: tuple[int, ...]
     sources: tuple[str, ...]
     """Files that it is made of: its figures are stale when one changes."""
     tracks: tuple[str, ...] = ("T1", "T2")
-    prepare: Callable[[Given], Given] = lambda given: given
+    prepare: Callable[[BenchmarkCase], BenchmarkCase] = lambda case: case
     """Done before the clock starts; raises UserError where the method cannot be used."""
 
 
-def no_blur(given: Given, views: int) -> Answer:
+def no_blur(case: BenchmarkCase, views: int) -> Answer:
     """The frame as it is."""
-    return Answer(given.picture[..., :3], 0)
+    return Answer(case.picture[..., :3], 0)
 
 
-def thesis(given: Given, views: int) -> Answer:
+def thesis(case: BenchmarkCase, views: int) -> Answer:
     """The thesis's method: features, pinned corners, random positions, fitted registration."""
-    rec, focus = _with_picks(given)
-    return _drawn(
-        given, plan_frame(rec, given.frame, LensSettings(focus, given.radius, views, "thesis"), _size(given))
+    rec, focus = _with_picks(case)
+    return _through(
+        case, replace(case.clip, reconstruction=rec), LensSettings(focus, case.radius, views, "thesis")
     )
 
 
-def layers(given: Given, views: int) -> Answer:
-    """Our method, with the depth that it finds itself (or is given); 0 views leaves the number to it."""
-    return _layers(given, views)
+def by_mesher(name: str, case: BenchmarkCase, views: int) -> Answer:
+    """A mesher of the product, as the product calls it; 0 views leaves the number to it."""
+    return _through(case, case.clip, LensSettings(case.focus, case.radius, views, name))
 
 
-def told(given: Given, views: int) -> Answer:
+def known_fill(case: BenchmarkCase, views: int) -> Answer:
     """Ours, told the colours of all that the frame hides: what it lacks then is not what nobody saw."""
-    surfaces = given.layers(0)
-    assert surfaces is not None
-    return _layers(given, views, partial(_colours, surfaces))
+    clip = case.clip
+    told = KnownFill(clip.reconstruction, clip.read, clip.given_depth, clip.masks, case.layers(0))
+    return _through(case, told, LensSettings(case.focus, case.radius, views))
 
 
-def _layers(given: Given, views: int, hidden_colours: HiddenColours | None = None) -> Answer:
-    lens = LensSettings(given.focus, given.radius, views)
-    plan = plan_frame(given.reconstruction, given.frame, lens, _size(given))
-    picture, inverse = plan.canvas.from_source(given.picture), 1 / given.depth
-    if hidden_colours is None and given.disocclusion is not None:
-        hidden_colours = given.disocclusion.reprojected(given.frame, plan.canvas, picture, inverse).colours
-    made, texture, _ = layered_plan(plan, given.radius, picture, inverse, hidden_colours)
-    return _drawn(given, made, texture)
+@dataclass(frozen=True)
+class KnownFill(ClipContext):
+    """A clip whose hidden surfaces are known."""
+
+    surfaces: oracle.LayeredDepthImage | None = None
+
+    def hidden_colours(
+        self, frame: int, canvas: Canvas, picture: Picture, inverse_depth: Floats
+    ) -> HiddenColours:
+        """The true colours of the layers."""
+        assert self.surfaces is not None
+        return partial(_colours, self.surfaces)
 
 
 def _colours(
@@ -110,76 +116,58 @@ def _colours(
     return colours, known
 
 
-def features(given: Given, views: int) -> Answer:
-    """One mesh over the feature points; 0 views leaves the number to it."""
-    lens = LensSettings(given.focus, given.radius, views, "features")
-    return _drawn(given, plan_frame(given.reconstruction, given.frame, lens, _size(given)))
-
-
-def grid(given: Given, views: int) -> Answer:
-    """A regular grid that follows the feature points (content-preserving warp)."""
-    lens = LensSettings(given.focus, given.radius, views, "grid")
-    return _drawn(given, plan_frame(given.reconstruction, given.frame, lens, _size(given)))
-
-
-def edges(given: Given, views: int) -> Answer:
-    """Triangles along the picture's edges, with the feature points' depth."""
-    lens = LensSettings(given.focus, given.radius, views, "edges")
-    plan = plan_frame(given.reconstruction, given.frame, lens, _size(given))
-    picture = plan.canvas.from_source(given.picture)
-    return _drawn(given, edged_plan(plan, given.reconstruction, given.radius, picture))
-
-
-def dense(given: Given, views: int) -> Answer:
+def dense(case: BenchmarkCase, views: int) -> Answer:
     """One connected mesh with a vertex in the middle of every pixel, drawn as our own."""
-    return _drawn(given, _dense_plan(given, views))
+    plan = _dense_plan(case, views)
+    return _drawn(WarpedFrame(plan, plan.canvas.from_source(case.picture), "", "", False))
 
 
-def cycles(given: Given, views: int) -> Answer:
+def cycles(case: BenchmarkCase, views: int) -> Answer:
     """Cycles' thin lens on the mesh over the feature points; `views` are its samples."""
-    plan = plan_frame(
-        given.reconstruction, given.frame, LensSettings(given.focus, given.radius, 16), _size(given)
-    )
-    return Answer(_thin_lens(given, plan, views), views, len(plan.mesh.triangles))
+    lens = LensSettings(case.focus, case.radius, 16, "features")
+    plan = warp_frame(case.clip, case.frame, lens, _size(case), case.picture).plan
+    return Answer(_thin_lens(case, plan, views), views, len(plan.mesh.triangles))
 
 
-def defocus_node(given: Given, views: int) -> Answer:
+def defocus_node(case: BenchmarkCase, views: int) -> Answer:
     """Blender's compositor node."""
-    largest = float(np.abs(given.disc).max()) / 2
+    largest = float(np.abs(case.disc).max()) / 2
     return Answer(
-        defocus(given.picture[..., :3], given.depth, given.focal, given.radius, given.focus_depth, largest), 0
+        defocus(case.picture[..., :3], case.depth, case.focal, case.radius, case.focus_depth, largest), 0
     )
 
 
-def scattered(given: Given, views: int) -> Answer:
+def scattered(case: BenchmarkCase, views: int) -> Answer:
     """Classical scatter."""
-    return Answer(scatter(given.picture[..., :3], given.disc), 0)
+    return Answer(scatter(case.picture[..., :3], case.disc), 0)
 
 
-def knowing(given: Given, views: int) -> Answer:
+def knowing(case: BenchmarkCase, views: int) -> Answer:
     """The oracle."""
-    layers = given.layers(0)
+    layers = case.layers(0)
     assert layers is not None
-    return Answer(oracle.render(layers, given.focal, given.radius, given.focus_depth, views), views)
+    return Answer(oracle.render(layers, case.focal, case.radius, case.focus_depth, views), views)
 
 
-def with_layers(given: Given) -> Given:
+def with_layers(case: BenchmarkCase) -> BenchmarkCase:
     """The hidden surfaces, as far past the border as a view can see; UserError where nobody knows them."""
-    layers = given.layers(int(np.ceil(np.abs(given.disc).max() / 2)) + 2)
+    layers = case.layers(int(np.ceil(np.abs(case.disc).max() / 2)) + 2)
     if layers is None:
         raise UserError("nobody knows what this scene hides")
-    return replace(given, layers=lambda margin: layers)
+    return replace(case, layers=lambda margin: layers)
 
 
 PRODUCT = ("addon/core", "addon/render")
 METHODS = {
     "no blur": Method(no_blur, (0,), (0,), ()),
     "thesis": Method(thesis, (16, 64, 256), (16, 64, 256), PRODUCT),
-    "layers": Method(layers, (4, 16, 64, 256), (16, 64), PRODUCT),
-    "told": Method(told, (256,), (64,), (*PRODUCT, "benchmarks/accuracy/oracle.py"), ("T1",), with_layers),
-    "features": Method(features, (16, 64), (64,), PRODUCT),
-    "grid": Method(grid, (64,), (64,), PRODUCT),
-    "edges": Method(edges, (64,), (64,), PRODUCT),
+    "layers": Method(partial(by_mesher, "layers"), (4, 16, 64, 256), (16, 64), PRODUCT),
+    "known fill": Method(
+        known_fill, (256,), (64,), (*PRODUCT, "benchmarks/accuracy/oracle.py"), ("T1",), with_layers
+    ),
+    "features": Method(partial(by_mesher, "features"), (16, 64), (64,), PRODUCT),
+    "grid": Method(partial(by_mesher, "grid"), (64,), (64,), PRODUCT),
+    "edges": Method(partial(by_mesher, "edges"), (64,), (64,), PRODUCT),
     "dense mesh": Method(dense, (64,), (64,), PRODUCT, ("T1",)),
     "Cycles": Method(cycles, (16,), (16,), PRODUCT),
     "Defocus": Method(defocus_node, (0,), (0,), ("benchmarks/accuracy/defocus.py",)),
@@ -188,26 +176,28 @@ METHODS = {
 }
 
 
-def _size(given: Given) -> tuple[int, int]:
-    return given.picture.shape[1], given.picture.shape[0]
+def _size(case: BenchmarkCase) -> tuple[int, int]:
+    return case.picture.shape[1], case.picture.shape[0]
 
 
-def _drawn(given: Given, plan: FramePlan, texture: Picture | None = None) -> Answer:
-    """As the product draws it; a texture of its own belongs to a mesh that leaves no gaps."""
-    is_whole = texture is not None
-    texture = plan.canvas.from_source(given.picture) if texture is None else texture
-    warped = WarpedFrame(plan, texture, "", "", is_whole)
+def _through(case: BenchmarkCase, clip: ClipContext, lens: LensSettings) -> Answer:
+    """The frame as the product draws it."""
+    return _drawn(warp_frame(clip, case.frame, lens, _size(case), case.picture))
+
+
+def _drawn(warped: WarpedFrame) -> Answer:
+    plan = warped.plan
     mean = draw_mean(warped, lambda note: None)
     return Answer(plan.canvas.to_source(mean)[..., :3], len(plan.offsets), len(plan.mesh.triangles))
 
 
-def _with_picks(given: Given) -> tuple[Reconstruction, Focus]:
+def _with_picks(case: BenchmarkCase) -> tuple[Reconstruction, Focus]:
     """Focus points: the thesis's method registers views by points: a mere distance gets four."""
-    rec = given.reconstruction
-    if given.focus.points:
-        return rec, given.focus
-    image, _ = rec.image_at(given.frame)
-    lens, z = rec.intrinsics(image), given.focus_depth
+    rec = case.reconstruction
+    if case.focus.points:
+        return rec, case.focus
+    image, _ = rec.image_at(case.frame)
+    lens, z = rec.intrinsics(image), case.focus_depth
     corners = np.array([[0.35, 0.35], [0.65, 0.35], [0.35, 0.65], [0.65, 0.65]]) * [lens.width, lens.height]
     local = np.column_stack([(corners - lens.principal_point) / lens.focal, np.ones(4)]) * z
     points = Points(
@@ -219,34 +209,35 @@ def _with_picks(given: Given) -> tuple[Reconstruction, Focus]:
     return replace(rec, points=points), Focus(points=(first, first + 1, first + 2, first + 3))
 
 
-def _dense_plan(given: Given, views: int) -> FramePlan:
-    image, _ = given.reconstruction.image_at(given.frame)
-    canvas = Canvas(given.reconstruction.intrinsics(image))
-    height, width = given.depth.shape
+def _dense_plan(case: BenchmarkCase, views: int) -> FramePlan:
+    image, _ = case.reconstruction.image_at(case.frame)
+    canvas = Canvas(case.reconstruction.intrinsics(image))
+    height, width = case.depth.shape
     # Past the border the outermost pixel's depth goes on, as far as any view can see.
-    margin = float(np.abs(given.disc).max()) / 2 + 2
+    margin = float(np.abs(case.disc).max()) / 2 + 2
     across = np.concatenate([[-margin], np.arange(width) + 0.5, [width + margin]])
     down = np.concatenate([[-margin], np.arange(height) + 0.5, [height + margin]])
     xy = np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2)
-    inverse = np.pad(1 / given.depth, 1, mode="edge").ravel()
+    inverse = np.pad(1 / case.depth, 1, mode="edge").ravel()
     index = np.arange(len(xy), dtype=np.int32).reshape(height + 2, width + 2)
     a, b, c, d = (
         index[i, j].ravel() for i in (slice(-1), slice(1, None)) for j in (slice(-1), slice(1, None))
     )
     triangles = np.concatenate([np.stack([a, b, c], axis=1), np.stack([b, d, c], axis=1)])
-    offsets = given.radius * vogel_disc(views)
-    focus = 1 / given.focus_depth
+    offsets = case.radius * vogel_disc(views)
+    focus = 1 / case.focus_depth
+    lens = ThinLens(canvas.pinhole, case.radius, focus)
     return FramePlan(
-        given.frame, canvas, WarpMesh(xy, xy, inverse, triangles), offsets,
-        exact_registration(canvas, offsets, focus), focus, float(np.abs(given.disc).max()), False,
+        case.frame, canvas, lens, WarpMesh(xy, xy, inverse, triangles), offsets,
+        exact_registration(canvas, offsets, focus), float(np.abs(case.disc).max()), False,
     )  # fmt: skip
 
 
-def _thin_lens(given: Given, plan: FramePlan, samples: int) -> Picture:
+def _thin_lens(case: BenchmarkCase, plan: FramePlan, samples: int) -> Picture:
     """Cycles' own lens, with the units chosen so that its f-stop stays in Blender's range."""
-    lens, mesh, unit = plan.canvas.pinhole, plan.mesh, given.radius / 0.01
+    lens, mesh, unit = plan.canvas.pinhole, plan.mesh, case.radius / 0.01
     inverse = np.maximum(mesh.inverse_depth, 1e-6 * mesh.inverse_depth.max()) * unit
-    picture = plan.canvas.from_source(given.picture)
+    picture = plan.canvas.from_source(case.picture)
     scene = bpy.data.scenes.new("lens")
     warp = cycles_views.warp_object(
         mesh.xy, mesh.texture_xy, inverse, mesh.triangles, lens.focal, lens.principal_point, picture
@@ -255,7 +246,7 @@ def _thin_lens(given: Given, plan: FramePlan, samples: int) -> Picture:
         camera = cycles_views.set_up(scene, warp, (lens.width, lens.height), samples)
         cycles_views.point_camera(scene, lens.focal, lens.principal_point, np.zeros(2), np.eye(2, 3))
         camera.dof.use_dof = True
-        camera.dof.focus_distance = 1 / (plan.focus_inverse_depth * unit)
+        camera.dof.focus_distance = 1 / (plan.lens.focus * unit)
         camera.dof.aperture_fstop = camera.lens * 1e-3 / (2 * 0.01)
         with tempfile.TemporaryDirectory() as folder, quiet(1):
             drawn = cycles_views.render_to_array(scene, Path(folder) / "lens.exr")

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
+from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import matplotlib
 import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullLocator
 
 from . import metrics
 from .judge import Row
@@ -32,13 +32,19 @@ COLUMNS = (
     ("wall s", "wall_s", "{:.2f}"),
     ("MB", "peak_mb", "{:.0f}"),
 )
+OURS, VARIANTS, BLENDER = "#D55E00", "#B07800", "#0072B2"
 STYLES = {
-    "no blur": ("0.5", "x"), "thesis": ("tab:brown", "v"), "layers": ("tab:red", "o"),
-    "told": ("tomato", "."),
-    "features": ("tab:olive", "v"), "grid": ("tab:pink", "<"), "edges": ("gold", ">"),
-    "dense mesh": ("tab:orange", "s"), "Cycles": ("tab:blue", "D"), "Defocus": ("tab:purple", "P"),
-    "scatter": ("tab:cyan", "X"), "oracle": ("tab:green", "^"),
+    "no blur": ("0.4", "x"), "thesis": ("black", "v"), "layers": (OURS, "o"), "known fill": (OURS, "."),
+    "features": (VARIANTS, "v"), "grid": (VARIANTS, "<"), "edges": (VARIANTS, ">"),
+    "dense mesh": (VARIANTS, "s"), "Cycles": (BLENDER, "D"), "Defocus": (BLENDER, "P"),
+    "scatter": ("#A0508A", "X"), "oracle": ("#00775A", "^"),
 }  # fmt: skip
+"""Colours and markers, after Okabe and Ito (2008), whose lighter ones are darkened to be read as text."""
+TRACKS = {"T1": "T1: true depth and cameras", "T2": "T2: from the video alone"}
+PLACES = ((1, 0), (0, 1), (0, -1), (-1, 0), (1, 1), (-1, 1), (1, -1), (-1, -1))
+
+type Label = tuple[float, float, str, str, float]
+"""CPU seconds, dB, text, colour, size in points."""
 
 
 def write(folder: Path, kind: str, rows: list[Row]) -> str:
@@ -59,8 +65,9 @@ def write(folder: Path, kind: str, rows: list[Row]) -> str:
 
 def summary(rows: list[Row]) -> str:
     """Our method between the thesis's, Blender's and the oracle, each with the most views it was run with."""
-    heads = ("scene", "track", "disc", "thesis", "Defocus", "ours", "oracle", "way to oracle", "at edges",
-             "told", "unclipped over Defocus", "FLIP of thesis's", "RM of thesis's", "triangles")  # fmt: skip
+    heads = ("scene", "track", "disc", "thesis", "Defocus", "ours", "oracle", "gap closed",
+             "at edges", "known fill", "unclipped over Defocus", "FLIP of thesis's", "RM of thesis's",
+             "triangles")  # fmt: skip
     best = {(row.scene, row.track, row.blur_px, row.method): row for row in rows if row.psnr is not None}
     lines = [
         "# Our method against the others", "",
@@ -71,8 +78,9 @@ def summary(rows: list[Row]) -> str:
         "", "| " + " | ".join(heads) + " |", "|" + "---|" * len(heads),
     ]  # fmt: skip
     for scene, track, blur in dict.fromkeys(key[:3] for key in best):
-        thesis, defocus, ours, told, oracle = (
-            best.get((scene, track, blur, name)) for name in ("thesis", "Defocus", "layers", "told", "oracle")
+        thesis, defocus, ours, known_fill, oracle = (
+            best.get((scene, track, blur, name))
+            for name in ("thesis", "Defocus", "layers", "known fill", "oracle")
         )
         if thesis is None or defocus is None or ours is None:
             continue
@@ -81,7 +89,7 @@ def summary(rows: list[Row]) -> str:
         cells = (
             scene, track, f"{blur} px", *scores, _way(thesis, ours, oracle, "psnr"),
             _way(thesis, ours, oracle, "edge_psnr"),
-            " / ".join(_way(thesis, told, oracle, name) for name in ("psnr", "edge_psnr")),
+            " / ".join(_way(thesis, known_fill, oracle, name) for name in ("psnr", "edge_psnr")),
             f"{unclipped:+.2f}", f"{(ours.flip or np.nan) / (thesis.flip or np.nan):.2f}",
             f"{_flicker(ours) / _flicker(thesis):.2f}", str(ours.triangles),
         )  # fmt: skip
@@ -148,23 +156,16 @@ def _mark(row: Row) -> str:
 
 
 def plot(path: Path, scene: str, rows: list[Row]) -> None:
-    """Error over cost, a panel for each track and blur."""
-    panels = sorted({(row.track, row.blur_px) for row in rows})
-    columns = min(len(panels), 4)
-    down = -(-len(panels) // columns)
-    figure, axes = plt.subplots(
-        down, columns, figsize=(1.2 + 3.4 * columns, 0.6 + 3.0 * down), squeeze=False, layout="constrained"
-    )
-    for ax in axes.ravel()[len(panels) :]:
-        ax.set_visible(False)
-    for ax, (track, blur) in zip(axes.ravel(), panels, strict=False):
-        own = [row for row in rows if (row.track, row.blur_px) == (track, blur)]
-        _curves(ax, own)
-        ax.axhline(np.mean([row.noise_ceiling for row in own]), color="0.8", linestyle=":")
-        ax.set_title(f"{track}, {blur} px")
-    _finish(figure, axes, f"{scene}: error over cost")
-    figure.savefig(path, dpi=110)
-    plt.close(figure)
+    """Error over cost of one scene, a panel for each track and blur."""
+    scored = [row for row in rows if row.psnr is not None and row.cpu_s is not None]
+    panels = {
+        f"{TRACKS[track]}, disc {blur} px": [
+            row for row in scored if (row.track, row.blur_px) == (track, blur)
+        ]
+        for track, blur in sorted({(row.track, row.blur_px) for row in scored})
+    }
+    if panels:
+        _draw(path, f"{scene} (small numbers: views)", panels)
 
 
 def overview(path: Path, rows: list[Row]) -> None:
@@ -174,28 +175,57 @@ def overview(path: Path, rows: list[Row]) -> None:
         return
     blurs = [row.blur_px for row in scored]
     blur = max(set(blurs), key=lambda each: (blurs.count(each), each == 16))
-    tracks = sorted({row.track for row in scored})
-    figure, axes = plt.subplots(
-        1, len(tracks), figsize=(1.2 + 4.6 * len(tracks), 4.2), squeeze=False, layout="constrained"
-    )
-    for ax, track in zip(axes[0], tracks, strict=True):
+    panels = {}
+    for track in sorted({row.track for row in scored}):
         own = [row for row in scored if row.track == track and row.blur_px == blur]
         count = Counter(row.scene for row in own)
         # A scene half judged, or whose hidden surfaces nobody knows, would take methods out of the mean.
         scenes = {scene for scene in count if count[scene] == max(count.values())}
-        own = [row for row in own if row.scene in scenes]
-        _curves(ax, own)
-        given = "true depth and cameras" if track == "T1" else "video only"
-        ax.set_title(f"{track}: {given}\n{', '.join(sorted(scenes))}; largest disc {blur} px", fontsize=9)
-    _finish(figure, axes, None)
-    figure.savefig(path, dpi=110)
+        panels[f"{TRACKS[track]}, mean of {len(scenes)} scenes"] = [row for row in own if row.scene in scenes]
+    _draw(path, f"Error over cost, largest blur disc {blur} px (small numbers: views)", panels)
+
+
+def _draw(path: Path, title: str, panels: dict[str, list[Row]]) -> None:
+    """Panels two abreast, as wide as a README; every curve carries its name."""
+    across = min(len(panels), 2)
+    down = -(-len(panels) // across)
+    figure, axes = plt.subplots(
+        down, across, figsize=(4.5 * across, 0.3 + 4.2 * down), squeeze=False, layout="constrained",
+        sharey=True,
+    )  # fmt: skip
+    figure.suptitle(title, fontsize=11)
+    for ax in axes.ravel()[len(panels) :]:
+        ax.set_visible(False)
+    for ax in axes[:, 0]:
+        ax.set_ylabel("PSNR against a real lens, dB")
+    labels = []
+    for ax, (name, rows) in zip(axes.ravel(), panels.items(), strict=False):
+        ax.set_title(name, fontsize=10)
+        ax.set_xlabel("CPU seconds a frame")
+        ax.set_xscale("log")
+        labels.append((ax, _curves(ax, rows)))
+        ax.xaxis.set(
+            major_locator=LogLocator(subs=(1, 2, 5)), major_formatter="{x:g}", minor_locator=NullLocator()
+        )
+        ax.grid(color="0.92")
+        ax.margins(x=0.12, y=0.06)
+        ax.spines[["top", "right"]].set_visible(False)
+    figure.draw_without_rendering()
+    # Places of labels are found in pixels, which may not move any more.
+    figure.set_layout_engine("none")
+    for ax, wanted in labels:
+        _label(ax, wanted)
+    figure.savefig(path, dpi=150)
     plt.close(figure)
 
 
-def _curves(ax: Axes, rows: Iterable[Row]) -> None:
-    """PSNR over CPU seconds, the views of a method joined; several scenes are averaged."""
+def _curves(ax: Axes, rows: Iterable[Row]) -> list[Label]:
+    """PSNR over CPU seconds, the views of a method joined; several scenes are averaged. Returns what is to be
+    written beside the points, the names first.
+    """
     found = [row for row in rows if row.psnr is not None and row.cpu_s is not None]
     scenes = {row.scene for row in found}
+    names, numbers = [], []
     for method, (colour, marker) in STYLES.items():
         points = []
         for views in sorted({row.views for row in found if row.method == method}):
@@ -206,26 +236,38 @@ def _curves(ax: Axes, rows: Iterable[Row]) -> None:
             continue
         cost, score, _ = zip(*points, strict=True)
         if method == "no blur":
-            ax.axhline(score[0], color=colour, linestyle="--", linewidth=1, label=method)
+            ax.axhline(score[0], color=colour, linestyle="--", linewidth=1)
+            ax.annotate(method, (0.99, score[0]), (0, 3), ("axes fraction", "data"), "offset points",
+                        ha="right", fontsize=8, color=colour)  # fmt: skip
             continue
-        ax.plot(cost, score, color=colour, marker=marker, markersize=5, linewidth=1.2, label=method)
-        for x, y, n in points if len(points) > 1 else ():
-            ax.annotate(str(n), (x, y), textcoords="offset points", xytext=(3, 3), fontsize=6, color=colour)
+        ours = method == "layers"
+        ax.plot(cost, score, color=colour, marker=marker, markersize=6, linewidth=2.2 if ours else 1.2)
+        best = int(np.argmax(score))
+        names.append((cost[best], score[best], "ours" if ours else method, colour, 9))
+        numbers += [(x, y, f"{n}", colour, 6.5) for x, y, n in points if len(points) > 1]
+    return names + numbers
 
 
-def _finish(
-    figure: Figure, axes: np.ndarray[tuple[int, ...], np.dtype[np.object_]], title: str | None
-) -> None:
-    for ax in axes.ravel():
-        ax.set_xscale("log")
-        ax.grid(True, which="major", color="0.9")
-        ax.set_xlabel("CPU seconds a frame")
-    for ax in axes[:, 0]:
-        ax.set_ylabel("PSNR against a real lens, dB")
-    if title:
-        figure.suptitle(title)
-    named: dict[str, Any] = {}
-    for ax in axes.ravel():
-        handles, labels = ax.get_legend_handles_labels()
-        named |= dict(zip(labels, handles, strict=True))
-    figure.legend(list(named.values()), list(named), loc="outside right center", fontsize=8)
+def _label(ax: Axes, labels: list[Label]) -> None:
+    """Write each label where, of eight places around its point, it covers the least of what is there."""
+    taken = [ax.transData.transform((x, y)) + offset for x, y, *_ in labels for offset in (-4, 4)]
+    for line in ax.lines:
+        ends = np.atleast_2d(ax.transData.transform(line.get_xydata()))
+        taken += [a + t * (b - a) for a, b in pairwise(ends) for t in np.linspace(0, 1, 25)]
+    renderer = ax.figure.canvas.get_renderer()  # type: ignore[attr-defined]
+    frame = ax.get_window_extent(renderer)
+    for x, y, text, colour, size in labels:
+        notes = [
+            ax.annotate(text, (x, y), (6 * dx, 6 * dy), "data", "offset points", color=colour, fontsize=size,
+                        ha=("right", "center", "left")[dx + 1], va=("top", "center", "bottom")[dy + 1])
+            for dx, dy in PLACES
+        ]  # fmt: skip
+        boxes = [note.get_window_extent(renderer) for note in notes]
+        covered = [
+            sum(box.contains(*point) for point in taken) + 99 * (box.x1 > frame.x1 or box.x0 < frame.x0)
+            for box in boxes
+        ]
+        best = boxes[int(np.argmin(covered))]
+        for note in (note for note, box in zip(notes, boxes, strict=True) if box is not best):
+            note.remove()
+        taken += [np.multiply(best.size, (u, v)) + best.p0 for u in np.linspace(0, 1, 8) for v in (0, 0.5, 1)]

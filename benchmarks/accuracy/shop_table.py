@@ -11,12 +11,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from addon.core.depth.joint_upsampling import enlarged
-from addon.core.depth.multi_view_stereo import PlaneSweepStereo
-from addon.core.depth.temporal_fusion import TemporalFusion
-from addon.core.media.clip import open_footage
-
-from .cases import Given, Known
+from .cases import GroundTruth
 from .methods import METHODS
 from .scenes import Picture
 from .shop import FOCAL, FOCUS, HEIGHT, RADII, WIDTH, Shop
@@ -36,20 +31,14 @@ def main() -> None:
             raise SystemExit(scene)
         blur = scene.blurs[RADII.index(0.24)]
         frame = scene.judged(blur)[0]
-        given, true = Known(scene).given(frame, blur), truth(scene, frame)
-        baseline = psnr(METHODS["thesis"].run(given, VIEWS).picture, true)
-        for said, some in (("the scene's", given), ("of the clip", found(scene, given))):
+        case, true = GroundTruth(scene).case(frame, blur), truth(scene, frame)
+        baseline = psnr(METHODS["thesis"].run(case, VIEWS).picture, true)
+        found = replace(case, clip=replace(case.clip, given_depth=None))
+        for said, some in (("the scene's", case), ("of the clip", found)):
             picture = METHODS["layers"].run(some, VIEWS).picture
             inner = psnr(picture[MARGIN:-MARGIN, MARGIN:-MARGIN], true[MARGIN:-MARGIN, MARGIN:-MARGIN])
             whole = f"{psnr(picture, true):.2f} | {inner:.2f} | {WANTED[name]:g} | {baseline:.2f}"
             print(f"| {FOCUS[name]:g} | {said} | {whole} |", flush=True)
-
-
-def found(scene: Shop, given: Given) -> Given:
-    """The same with depth from the clip."""
-    dense = TemporalFusion(scene.cameras, PlaneSweepStereo(scene.cameras, open_footage(scene.clip()).read))
-    inverse = enlarged(dense.at(given.frame).inverse_depth, given.picture)
-    return replace(given, depth=1 / np.maximum(inverse, 1e-6))
 
 
 def truth(scene: Shop, frame: int) -> Picture:

@@ -167,7 +167,7 @@ def _poses() -> Iterator[Case]:
 def _in_focus(distance: float, radius: float, expected: float = 0.0) -> list[Measure]:
     """Everything in the focal plane: the source itself."""
     plan = planned(shot(depth=DEPTH), Focus(distance=distance), radius=radius)
-    contrast = np.abs(plan.mesh.inverse_depth - plan.focus_inverse_depth).max()
+    contrast = np.abs(plan.mesh.inverse_depth - plan.lens.focus).max()
     return [*compared(draw(plan), map_picture(*SIZE)), Measure(contrast, "of inverse depth", expected)]
 
 

@@ -113,7 +113,7 @@ def _focus_depths(depth: float, focus: Focus, method: str) -> list[Measure]:
     """Focus points of which the first two, or all, are at a depth that is none; the others are the focus."""
     plan = planned(shot(depth=spoilt(depth), frames=(1,)), focus, radius=0.3, method=method)
     expected = float(np.mean([1 / spoilt(depth)[point] for point in focus.points if point >= BAD]))
-    error = abs(plan.focus_inverse_depth / expected - 1)
+    error = abs(plan.lens.focus / expected - 1)
     return [*folded(plan), Measure(error, "of the focus", 1e-12)]
 
 
@@ -214,7 +214,7 @@ def _middle(blur: float) -> list[Measure]:
     plan = planned(shot(), blur=blur)
     slope = (1 / FAR - 1 / NEAR) / LENS.width
     centre = (1 / FAR + 1 / NEAR) / 2
-    shown = plane_places(LENS, centre, (slope, 0.0), plan.focus_inverse_depth, plan.offsets)
+    shown = plane_places(LENS, centre, (slope, 0.0), plan.lens.focus, plan.offsets)
     expected, mean = plane_picture(shown, map_picture(*SIZE)), draw(plan)
     inside = np.s_[16:-16, 24:-24]
     return [

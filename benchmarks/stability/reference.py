@@ -20,6 +20,7 @@ from addon.core.camera.reconstruction import (
 )
 from addon.core.lens.focus import exact_registration
 from addon.core.lens.plan import FramePlan
+from addon.core.lens.thin_lens import ThinLens
 from addon.core.warp.mesh import WarpMesh
 
 type Ints = NDArray[np.int64]
@@ -159,7 +160,8 @@ def one_triangle(
         corners, corners, inverse + (corners - lens.principal_point) @ np.array(slope),
         np.array([[0, 1, 2]], dtype=np.int32),
     )  # fmt: skip
-    return FramePlan(1, canvas, mesh, offsets, exact_registration(canvas, offsets, focus), focus, 0.0, False)
+    thin = ThinLens(lens, float(np.linalg.norm(offsets, axis=1).max(initial=0.0)), focus)
+    return FramePlan(1, canvas, thin, mesh, offsets, exact_registration(canvas, offsets, focus), 0.0, False)
 
 
 def plane_places(

@@ -6,8 +6,11 @@ import numpy as np
 
 from addon.core.camera.canvas import Picture
 from addon.core.camera.reconstruction import Floats, Reconstruction
+from addon.core.lens.clip_context import ClipContext
 from addon.core.lens.focus import Focus, radius_for_blur
-from addon.core.lens.plan import FramePlan, LensSettings, plan_frame
+from addon.core.lens.frame import warp_frame
+from addon.core.lens.plan import FramePlan, LensSettings
+from addon.core.media.picture_file import Pixels
 from addon.render import gpu_views
 
 from .__main__ import Measure
@@ -81,7 +84,14 @@ def planned(
     if radius is None:
         radius = radius_for_blur(rec, focus, frame, blur)
     lens = rec.cameras[0]
-    return plan_frame(rec, frame, LensSettings(focus, radius, views, method), (lens.width, lens.height))
+    settings, blank = LensSettings(focus, radius, views, method), np.zeros((lens.height, lens.width, 4))
+    clip = ClipContext(rec, no_picture)
+    return warp_frame(clip, frame, settings, (lens.width, lens.height), blank.astype(np.float32)).plan
+
+
+def no_picture(frame: int) -> Pixels:
+    """For clips that no method asks for a picture."""
+    raise AssertionError(f"nothing needs the picture of frame {frame}")
 
 
 def frontal(plan: FramePlan, depth: float = DEPTH, focus: float = 1 / FOCUS) -> list[Measure]:

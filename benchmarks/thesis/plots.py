@@ -37,7 +37,12 @@ def counts(clip: Clip, answers: str, small: int = 0) -> Figure:
     """Histograms of the features that each front end registers; once more on the clip `small` pixels wide."""
     clips = [clip.footage, *([shrunk(clip, small)] if small else [])]
     plot, rows = plt.subplots(
-        len(clips), len(FRONTS), figsize=(13, 0.5 + 2.9 * len(clips)), dpi=DPI, sharey="row", squeeze=False
+        len(clips),
+        len(FRONTS),
+        figsize=(9, 0.5 + 2.4 * len(clips)),
+        dpi=1.5 * DPI,
+        sharey="row",
+        squeeze=False,
     )
     said = []
     for footage, axes in zip(clips, rows, strict=True):
@@ -45,7 +50,7 @@ def counts(clip: Clip, answers: str, small: int = 0) -> Figure:
         found = {name: registered(front(footage)) for name, front in FRONTS.items()}
         top = 1.05 * max(int(number.max()) for number in found.values())
         for axis, (name, number) in zip(axes, found.items(), strict=True):
-            histogram(axis, f"{name}, {size}", number, top)
+            histogram(axis, f"{name}\n{size}", number, top)
         said.append(f"{size}: " + "; ".join(f"{name} {_spread(number)}" for name, number in found.items()))
         axes[0].set_ylabel("frames")
     for axis in rows[-1]:
@@ -66,13 +71,13 @@ def counts(clip: Clip, answers: str, small: int = 0) -> Figure:
 
 
 def histogram(axis: Axes, title: str, number: Ints, top: float) -> None:
-    """How many frames have how many features, (F,), up to `top`; the red line is the mean."""
-    axis.hist(number, bins=np.linspace(0, top, BINS + 1).tolist(), color="tab:blue", edgecolor="white")
-    axis.axvline(float(number.mean()), color="tab:red", linewidth=1)
+    """How many frames have how many features, (F,), up to `top`; the orange line is the mean."""
+    axis.hist(number, bins=np.linspace(0, top, BINS + 1).tolist(), color="#0072B2", edgecolor="white")
+    axis.axvline(float(number.mean()), color="#D55E00", linewidth=1.5)
     empty = int((number == 0).sum())
-    axis.set_title(
-        f"{title}\nmean {number.mean():.0f}, least {number.min()}, frames without: {empty}", fontsize=10
-    )
+    none = f"\nnone in {empty} frames" if empty else ""
+    axis.set_title(f"{title}\nmean {number.mean():.0f}, least {number.min()}{none}", fontsize=9)
+    axis.locator_params(axis="x", nbins=4)
 
 
 def _spread(number: Ints) -> str:

@@ -99,14 +99,14 @@ def _view(clip: Clip, frame: int, method: str, focus: Focus, offset: Floats) -> 
         features = frame_features(clip.reconstruction, frame, plan.canvas)
         registration = fitted_registration(clip.reconstruction, features, plan.canvas, moved, focus)
     else:
-        registration = exact_registration(plan.canvas, moved, plan.focus_inverse_depth)
+        registration = exact_registration(plan.canvas, moved, plan.lens.focus)
     warped = replace(warped, plan=replace(plan, offsets=moved, registration=registration))
     mean = draw_mean(warped, lambda note: None)
     return plan.canvas.to_source(mean)
 
 
 def _warped(clip: Clip, frame: int, lens: LensSettings) -> WarpedFrame:
-    return warp_frame(clip.shot, frame, lens, clip.size, clip.picture(frame))
+    return warp_frame(clip.shot.context, frame, lens, clip.size, clip.picture(frame))
 
 
 def _shown(picture: Linear) -> draw.Picture:
@@ -174,7 +174,7 @@ def _through(clip: Clip, frame: int, method: str, focus: Focus, radius: float) -
     """(h, SHOWN, 3) of the frame through an aperture of `radius` units of the solve."""
     lens = LensSettings(focus, radius, THESIS_VIEWS if method == "thesis" else 0, method)
     size = (SHOWN, round(SHOWN * clip.size[1] / clip.size[0]))
-    picture = render_frame(clip.shot, frame, lens, size, lambda note: None)
+    picture = render_frame(clip.shot.context, frame, lens, size, lambda note: None)
     return picture[..., :3]
 
 

@@ -12,18 +12,15 @@ from functools import partial
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from addon.core.camera.reconstruction import Reconstruction
-from addon.core.depth.multi_view_stereo import COARSE, PlaneSweepStereo
-from addon.core.depth.temporal_fusion import TemporalFusion
+from addon.core.lens.clip_context import ClipContext
 from addon.core.lens.focus import Focus
 from addon.core.lens.frame import warp_frame
 from addon.core.lens.plan import LensSettings
 from addon.core.media.clip import open_footage, to_linear
-from addon.core.warp.disocclusion_fill import DisocclusionFill
 
-from ..accuracy.cases import Known
+from ..accuracy.cases import GroundTruth
 from ..accuracy.scenes import Staged
 from ..cost import measured
 
@@ -31,19 +28,6 @@ SIZES = ((640, 360), (1920, 1080))
 SCENE, NOISE, BLUR = "bars", 0.01, 0.05
 FRAMES = range(14, 22)
 """The first of them finds what those after it share."""
-
-
-class Clip:
-    """What `warp_frame` asks, of pictures in memory."""
-
-    depth = None
-
-    def __init__(self, cameras: Reconstruction, pictures: dict[int, NDArray[np.uint8]]) -> None:
-        read = pictures.__getitem__
-        self.reconstruction = cameras
-        """With the features of the frame that is asked for."""
-        self.dense = TemporalFusion(cameras, PlaneSweepStereo(cameras, read))
-        self.disocclusion = DisocclusionFill(cameras, read, PlaneSweepStereo(cameras, read, COARSE).moving)
 
 
 def main() -> None:
@@ -56,13 +40,11 @@ def main() -> None:
     print("|---|---|---|---|---|---|---|")
     for width, height in SIZES:
         pictures = {f: cv2.resize(footage.read(f)[..., :3], (width, height)) for f in footage.frames}
-        cameras = replace(
-            scene.cameras, cameras=tuple(lens.scaled(width, height) for lens in scene.cameras.cameras)
-        )
-        print(row(scene, Clip(cameras, pictures), pictures, (width, height)), flush=True)
+        clip = ClipContext(featured(scene, (width, height)), pictures.__getitem__)
+        print(row(scene, clip, (width, height)), flush=True)
 
 
-def row(scene: Staged, clip: Clip, pictures: dict[int, NDArray[np.uint8]], size: tuple[int, int]) -> str:
+def row(scene: Staged, clip: ClipContext, size: tuple[int, int]) -> str:
     middle = FRAMES[len(FRAMES) // 2]
     focus = scene.focus_depth(middle, 16)
     contrast = np.abs(1 / scene.depth(middle) - 1 / focus).max()
@@ -71,9 +53,8 @@ def row(scene: Staged, clip: Clip, pictures: dict[int, NDArray[np.uint8]], size:
     lens = LensSettings(Focus(distance=focus), float(radius), 64)
     times, costs, shares, depths = [], [], [], []
     for frame in FRAMES:
-        clip.reconstruction = featured(scene, frame, size)
         start = time.perf_counter()
-        made, cost = measured(partial(warp_frame, clip, frame, lens, size, to_linear(pictures[frame])))
+        made, cost = measured(partial(warp_frame, clip, frame, lens, size, to_linear(clip.read(frame))))
         times.append(time.perf_counter() - start)
         costs.append(cost)
         depths.append(made.depth_seconds)
@@ -85,12 +66,13 @@ def row(scene: Staged, clip: Clip, pictures: dict[int, NDArray[np.uint8]], size:
     )
 
 
-def featured(scene: Staged, frame: int, size: tuple[int, int]) -> Reconstruction:
-    """The frame's camera and the corners found in it, for a picture of another size."""
-    given = Known(scene).given(frame, 16).reconstruction
-    (image,), (lens,) = given.images, given.cameras
+def featured(scene: Staged, size: tuple[int, int]) -> Reconstruction:
+    """The cameras and the corners found in the frames, for pictures of another size."""
+    true = GroundTruth(scene).reconstruction(FRAMES)
+    (lens,) = true.cameras
     zoom = size[0] / lens.width
-    return replace(given, cameras=(lens.scaled(*size),), images=(replace(image, xy=zoom * image.xy),))
+    images = tuple(replace(image, xy=zoom * image.xy) for image in true.images)
+    return replace(true, cameras=(lens.scaled(*size),), images=images)
 
 
 if __name__ == "__main__":

@@ -14,8 +14,10 @@ import numpy as np
 
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
 from addon.core.lens.focus import Focus
-from addon.core.lens.plan import FramePlan, LensSettings, plan_frame
+from addon.core.lens.plan import FramePlan
 from addon.render import gpu_views
+
+from ..stability.runs import planned
 
 SIZES = ((640, 360), (884, 1080), (1920, 1080), (3840, 2160))
 FEATURES = 1500
@@ -61,7 +63,7 @@ def main() -> None:
         picture = np.random.default_rng(1).random((height, width, 4), dtype=np.float32)
         radius = 0.02 * width / (2 * 0.85 * width * (1 / 5 - 1 / 8))
         plans = [
-            plan_frame(rec, 1, LensSettings(Focus(distance=8.0), radius, count), (width, height))
+            planned(rec, Focus(distance=8.0), radius=radius, views=count)
             for count in (options.views, 2 * options.views)
         ]
         once, twice = (seconds(plan, picture) for plan in plans)

@@ -15,10 +15,11 @@ import pytest
 
 from addon.core.base.errors import UserError
 from addon.core.camera.reconstruction import Reconstruction
+from addon.core.lens.clip_context import ClipContext
 from benchmarks import cost, store
 from benchmarks.accuracy import __main__ as bench
 from benchmarks.accuracy import judge, oracle, report
-from benchmarks.accuracy.cases import Known, Solved, robust_line, weighted_median
+from benchmarks.accuracy.cases import FromVideo, GroundTruth, robust_line, weighted_median
 from benchmarks.accuracy.judge import Judge, Row
 from benchmarks.accuracy.methods import METHODS, with_layers
 from benchmarks.accuracy.scenes import Staged, clipped
@@ -52,7 +53,7 @@ def tiny(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Tiny]:
 @pytest.fixture(scope="module")
 def rows(tiny: Tiny) -> dict[tuple[str, int], Row]:
     """Every method of track T1, at its smallest number of views."""
-    known, judged = Known(tiny), Judge(tiny, BLUR)
+    known, judged = GroundTruth(tiny), Judge(tiny, BLUR)
     found = [judged.row("T1", known, name, min(method.views)) for name, method in METHODS.items()]
     return {(row.method, row.views): row for row in found}
 
@@ -91,13 +92,13 @@ def test_scores_are_in_the_order_that_must_be(rows: dict[tuple[str, int], Row]) 
 
 
 def test_the_same_mesh_through_cycles_scores_alike(tiny: Tiny) -> None:
-    known, judged = Known(tiny), Judge(tiny, BLUR)
+    known, judged = GroundTruth(tiny), Judge(tiny, BLUR)
     ours, lens = (judged.row("T1", known, name, 64) for name in ("features", "Cycles"))
     assert ours.psnr == pytest.approx(lens.psnr, abs=0.3)
 
 
 def test_known_features_lie_where_they_are_seen(tiny: Tiny) -> None:
-    given = Known(tiny).given(18, BLUR)
+    given = GroundTruth(tiny).case(18, BLUR)
     image, _ = given.reconstruction.image_at(18)
     lens = given.reconstruction.intrinsics(image)
     local = image.to_camera(given.reconstruction.points.xyz[image.points])
@@ -105,30 +106,31 @@ def test_known_features_lie_where_they_are_seen(tiny: Tiny) -> None:
     column, row = image.xy.astype(int).T
     np.testing.assert_allclose(local[:, 2], tiny.depth(18)[row, column], rtol=1e-9)
     # The largest disc over the judged frames is what was asked for.
-    largest = max(np.abs(Known(tiny).given(frame, BLUR).disc).max() for frame in tiny.judged(BLUR))
+    largest = max(np.abs(GroundTruth(tiny).case(frame, BLUR).disc).max() for frame in tiny.judged(BLUR))
     assert largest == pytest.approx(BLUR)
 
 
 def scaled(rec: Reconstruction, by: float) -> Reconstruction:
-    image = replace(rec.images[0], translation=by * rec.images[0].translation)
-    return Reconstruction(rec.cameras, (image,), replace(rec.points, xyz=by * rec.points.xyz))
+    images = tuple(replace(image, translation=by * image.translation) for image in rec.images)
+    return Reconstruction(rec.cameras, images, replace(rec.points, xyz=by * rec.points.xyz))
 
 
 def test_the_amount_of_blur_is_set_whatever_the_scale_of_the_solve(
     tiny: Tiny, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    true = Known(tiny).given(18, BLUR)
+    true = GroundTruth(tiny).case(18, BLUR)
     monkeypatch.setattr(Tiny, "judged", lambda self, blur: (18,))
-    solved = object.__new__(Solved)  # as if the clip had been solved seven times too large
+    solved = object.__new__(FromVideo)  # as if the clip had been solved seven times too large
     solved.scene, solved.reconstruction = tiny, scaled(true.reconstruction, 7.0)
-    given = solved.given(18, BLUR)
+    solved.clip = ClipContext(solved.reconstruction, tiny.frame)
+    given = solved.case(18, BLUR)
     assert given.focus.points, "the focus was to be picked"
     # Four features around the picked place are not exactly as deep as the place.
     assert given.focus_depth == pytest.approx(7 * true.focus_depth, rel=0.02)
     assert given.radius == pytest.approx(7 * true.radius, rel=0.05)
     # With the focus in the air, between things, there is nothing to pick.
     monkeypatch.setattr(Tiny, "focus_depth", lambda self, frame, blur: 4.5)
-    given = solved.given(18, BLUR)
+    given = solved.case(18, BLUR)
     assert not given.focus.points
     assert given.focus_depth == pytest.approx(7 * 4.5)
 
@@ -147,11 +149,11 @@ def test_a_refusal_is_a_row(tiny: Tiny, monkeypatch: pytest.MonkeyPatch) -> None
         raise UserError("not with me")
 
     monkeypatch.setitem(METHODS, "scatter", replace(METHODS["scatter"], run=refuse))
-    row = Judge(tiny, BLUR).row("T1", Known(tiny), "scatter", 0)
+    row = Judge(tiny, BLUR).row("T1", GroundTruth(tiny), "scatter", 0)
     assert row.note == "not with me"
     assert row.psnr is None
     assert "not with me" in report.line(row)
-    given = replace(Known(tiny).given(18, BLUR), layers=lambda margin: None)
+    given = replace(GroundTruth(tiny).case(18, BLUR), layers=lambda margin: None)
     with pytest.raises(UserError, match="hides"):
         with_layers(given)
 
@@ -198,7 +200,7 @@ def test_the_summary_tells_how_far_it_is_from_the_thesis_to_the_oracle(
     made = [
         replace(named["thesis"], psnr=20.0, flip=0.4, rm=0.0085, rm_floor=0.003),
         half,
-        replace(named["told"], psnr=35.0, edge_psnr=None),
+        replace(named["known fill"], psnr=35.0, edge_psnr=None),
         replace(named["oracle"], psnr=40.0),
         replace(named["Defocus"], psnr=29.0),
     ]

@@ -16,7 +16,7 @@ import pytest
 from addon.core.base.errors import UserError
 from addon.core.base.progress import reporting
 from addon.core.lens.focus import Focus
-from addon.core.lens.plan import LensSettings, plan_frame
+from addon.core.lens.plan import LensSettings
 from benchmarks.stability.__main__ import Case, Measure, judged, table
 from benchmarks.stability.reference import (
     LENS,
@@ -29,6 +29,8 @@ from benchmarks.stability.reference import (
     rendered,
     shot,
 )
+
+from ..scenes import planned
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -162,7 +164,7 @@ def test_memory_that_runs_out_while_drawing_is_a_users_error() -> None:
 
     if gpu_views.gpu_problem():
         pytest.skip("no GPU context can be had")
-    plan = plan_frame(shot(), 1, LensSettings(Focus(distance=8.0), 0.3, 4), (96, 54))
+    plan = planned(shot(), 1, LensSettings(Focus(distance=8.0), 0.3, 4), (96, 54))
 
     def no_room(_stage: str, _share: float) -> None:
         raise MemoryError
@@ -180,7 +182,7 @@ def test_one_point_in_the_lens_does_not_refuse_the_frame() -> None:
     xyz = rec.points.xyz.copy()
     xyz[0] *= 1e-4
     rec = replace(rec, points=replace(rec.points, xyz=xyz))
-    plan = plan_frame(rec, 1, LensSettings(Focus(distance=8.0), 0.3, 16), (96, 54))
+    plan = planned(rec, 1, LensSettings(Focus(distance=8.0), 0.3, 16), (96, 54))
     discs = 2 * 0.3 * LENS.fx * np.abs(plan.mesh.inverse_depth - 1 / 8)
     assert discs.max() == pytest.approx(16 * np.hypot(96, 54))
     assert plan.mesh.xy.min() < -discs.max() / 2

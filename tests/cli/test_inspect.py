@@ -13,9 +13,7 @@ import pytest
 
 from addon.core.base.errors import UserError
 from addon.core.base.progress import Cancelled, reporting
-from addon.core.lens.focus import Focus
 from addon.core.lens.inspection import NAMES
-from addon.core.lens.plan import LensSettings
 from addon.core.lens.report import FrameReport
 from addon.core.media.clip import open_footage
 from addon.core.readers.colmap_export import export_model
@@ -27,7 +25,7 @@ from addon.ui import panels
 
 from .. import planes
 from ..depth.test_multi_view_stereo import CENTRES, clip, features, poses
-from ..lens.test_inspection import PLAIN, RADIUS, disc_and_wall
+from ..lens.test_inspection import PLAIN, disc_and_wall
 from ..scenes import slanted_shot
 from ..ui.test_ui import Recorder
 from ..warp.test_layered_depth_image import scene as picture
@@ -42,8 +40,7 @@ def test_a_file_of_reports_goes_on(tmp_path: Path) -> None:
     def draw(account: Account, *frames: int) -> None:
         for frame in frames:
             one_ = replace(warped, plan=replace(warped.plan, frame=frame))
-            lens = LensSettings(Focus(distance=1.0), RADIUS)
-            account.told(Drawn(one_, lens, picture(), 0.1))
+            account.told(Drawn(one_, picture(), 0.1))
 
     first = Account(path, "key")
     draw(first, 4, 2)
@@ -60,13 +57,12 @@ def test_a_file_of_reports_goes_on(tmp_path: Path) -> None:
     assert [entry["frame"] for entry in json.loads(path.read_text())["frames"]] == [9]
     # Cancelled while the shares are drawn: nothing is said of the frame.
     stopped = Account(tmp_path / "b.json", "key")
-    lens = LensSettings(Focus(distance=1.0), RADIUS)
 
     def stop(_stage: str, _share: float) -> None:
         raise Cancelled
 
     with pytest.raises(Cancelled), reporting(stop):
-        stopped.told(Drawn(warped, lens, picture(), 0.1))
+        stopped.told(Drawn(warped, picture(), 0.1))
     assert not (tmp_path / "b.json").exists()
 
 

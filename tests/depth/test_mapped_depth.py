@@ -10,12 +10,12 @@ import pytest
 
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Intrinsics
-from addon.core.depth.sparse import MappedDepth
+from addon.core.depth.user_depth import UserDepth
 from addon.core.depth.user_maps import open_depth
 from addon.core.lens.focus import Focus
-from addon.core.lens.plan import LensSettings, plan_frame
+from addon.core.lens.plan import LensSettings
 
-from ..scenes import slanted_shot
+from ..scenes import planned, slanted_shot
 
 PLAIN = Intrinsics(160, 90, 150.0, 150.0, 80.0, 45.0)
 BARREL = Intrinsics(160, 90, 150.0, 150.0, 80.0, 45.0, k1=-0.1)
@@ -40,9 +40,9 @@ def test_the_mesh_has_the_maps_depth(tmp_path: Path, lens: Intrinsics, size: tup
     stored = np.round(20000 + 200000 * truth).astype(np.uint16)
     (tmp_path / "depth").mkdir()
     cv2.imwrite(str(tmp_path / "depth" / "d_0001.png"), stored)
-    depth = MappedDepth.of(open_depth(tmp_path / "depth", shot.footage), shot.reconstruction)
+    depth = UserDepth.of(open_depth(tmp_path / "depth", shot.footage), shot.reconstruction)
     settings = LensSettings(Focus(distance=7.0), 0.3)
-    plan = plan_frame(shot.reconstruction, 1, settings, size, depth)
+    plan = planned(shot.reconstruction, 1, settings, size, depth)
     canvas = Canvas(lens.scaled(*size))
     zoom = size[0] / lens.width
     inside = canvas.features_to_source(plan.mesh.xy) / zoom
@@ -60,10 +60,10 @@ def test_a_frame_without_a_map_and_the_thesis_keep_their_features(tmp_path: Path
     (tmp_path / "depth").mkdir()
     stored = np.round(20000 + 200000 * true_inverse_depth(PLAIN)).astype(np.uint16)
     cv2.imwrite(str(tmp_path / "depth" / "d_0001.png"), stored)
-    depth = MappedDepth.of(open_depth(tmp_path / "depth", shot.footage), shot.reconstruction)
+    depth = UserDepth.of(open_depth(tmp_path / "depth", shot.footage), shot.reconstruction)
     for frame, method in ((2, "features"), (1, "thesis")):
         settings = LensSettings(Focus(points=(1, 2, 3)), 0.3, 4, method)
-        one = plan_frame(shot.reconstruction, frame, settings, (160, 90), depth)
-        other = plan_frame(shot.reconstruction, frame, settings, (160, 90))
+        one = planned(shot.reconstruction, frame, settings, (160, 90), depth)
+        other = planned(shot.reconstruction, frame, settings, (160, 90))
         np.testing.assert_array_equal(one.mesh.xy, other.mesh.xy)
         np.testing.assert_array_equal(one.mesh.inverse_depth, other.mesh.inverse_depth)

@@ -31,7 +31,7 @@ def fresh(folder: Path) -> Shot:
 
 def warped(shot: Shot) -> WarpedFrame:
     lens = LensSettings(Focus(distance=4.0), 0.2, 8)
-    return warp_frame(shot, MIDDLE, lens, planes.SIZE, to_linear(shot.read(MIDDLE)))
+    return warp_frame(shot.context, MIDDLE, lens, planes.SIZE, to_linear(shot.read(MIDDLE)))
 
 
 def test_every_stage_passes_many_checkpoints_and_goes_on(folder: Path) -> None:

@@ -38,7 +38,7 @@ def shot(footage: Path) -> Shot:
 
 
 def test_a_place_without_points_has_its_dense_depth(shot: Shot) -> None:
-    found = find_place(shot, FRAME, *BARE)
+    found = find_place(shot.context, FRAME, *BARE)
     depth = PLANE - CENTRES[FRAME - 1, 2]
     assert found.distance == pytest.approx(depth, rel=0.02)
     assert found.focus.points == () and found.focus.distance == found.distance
@@ -52,7 +52,7 @@ def test_a_place_without_points_has_its_dense_depth(shot: Shot) -> None:
 def test_a_place_amid_points_is_theirs() -> None:
     rng = np.random.default_rng(0)
     xyz = np.column_stack([rng.uniform(0.6, 1.5, 80), rng.uniform(-1, 1, 80), np.full(80, 4.0)])
-    found = find_place(Shot(None, poses(CENTRES, xyz)), FRAME, *BESIDE)  # type: ignore[arg-type]
+    found = find_place(Shot(None, poses(CENTRES, xyz)).context, FRAME, *BESIDE)  # type: ignore[arg-type]
     assert len(found.focus.points) == 4
     assert found.distance == pytest.approx(4.0, rel=1e-6)
     assert found.source.startswith("points ") and "px of the place" in found.source
@@ -66,7 +66,7 @@ def test_where_nothing_is_known_it_is_refused(tmp_path: Path) -> None:
     points = features()
     corner = points[(points[:, 2] == 4) & (points[:, 1] < -0.3)]
     with pytest.raises(UserError, match=r"0\.1,0\.9 of frame 5: its points are 2\d\d px away, .* not sure"):
-        find_place(Shot(footage, poses(CENTRES, corner)), FRAME, 0.1, 0.9)
+        find_place(Shot(footage, poses(CENTRES, corner)).context, FRAME, 0.1, 0.9)
 
 
 def test_the_command_line_says_how_far_and_follows(

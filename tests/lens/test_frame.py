@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from addon.core.camera.reconstruction import Intrinsics, Reconstruction
-from addon.core.depth.multi_view_stereo import DenseDepth
+from addon.core.camera.canvas import Canvas, Picture
+from addon.core.camera.reconstruction import Intrinsics
+from addon.core.depth.source import PixelDepth
+from addon.core.lens.clip_context import ClipContext
 from addon.core.lens.focus import Focus
 from addon.core.lens.frame import FEWEST_SURE, SURE, WarpedFrame, warp_frame
 from addon.core.lens.plan import LensSettings
 from addon.core.media.clip import to_linear
-from addon.core.warp.disocclusion_fill import DisocclusionFill
 
 from ..scenes import slanted_plane, texture
 
@@ -25,58 +26,52 @@ SOURCE = to_linear(texture(*SIZE))
 
 
 @dataclass
-class Told:
-    """Depth that was made by hand, at a quarter of the size."""
+class ByHand:
+    """Depth that was made by hand."""
 
     confidence: NDArray[np.float32]
     asked: list[int] = field(default_factory=list)
 
-    def at(self, frame: int) -> DenseDepth:
+    def at(self, frame: int, canvas: Canvas, picture: Picture) -> PixelDepth:
         self.asked.append(frame)
-        lens = LENS.scaled(80, 45)
-        inverse = np.where(np.arange(80) < 40, 1 / FOCUS, 1 / 12).astype(np.float32)
-        nothing = np.zeros((45, 80), bool)
-        return DenseDepth(frame, np.tile(inverse, (45, 1)), self.confidence, nothing, lens)
+        assert picture.shape[:2] == (canvas.pinhole.height, canvas.pinhole.width) == SIZE[::-1]
+        inverse = np.where(np.arange(SIZE[0]) < SIZE[0] / 2, 1 / FOCUS, 1 / 12)
+        return PixelDepth(np.tile(inverse, (SIZE[1], 1)), self.confidence)
+
+    def samples(self, frame: int, canvas: Canvas) -> None:
+        return None
 
 
-@dataclass
-class Clip:
-    """What a shot has, without footage: no frame can lend anything."""
-
-    reconstruction: Reconstruction
-    dense: Told
-    depth: None = None
-
-    @property
-    def disocclusion(self) -> DisocclusionFill:
-        return DisocclusionFill(self.reconstruction, lambda frame: texture(*SIZE))
+def clip(depth: ByHand, near: float = 5.0, far: float = 12.0) -> ClipContext:
+    """A plane of which every frame shows the same, so that none tells of what another hides."""
+    return ClipContext(slanted_plane(LENS, near=near, far=far), lambda frame: texture(*SIZE), depth)
 
 
 def sure_in(share: float) -> NDArray[np.float32]:
     """Confidence that is over the threshold in a share of the picture."""
-    confidence = np.full(45 * 80, 0.5 * SURE, np.float32)
+    confidence = np.full(90 * 160, 0.5 * SURE, np.float32)
     confidence[: round(share * confidence.size)] = 1
-    return confidence.reshape(45, 80)
+    return confidence.reshape(90, 160)
 
 
 def warped(
     confidence: NDArray[np.float32], radius: float = 0.5, method: str = "layers", borrow: bool = False
-) -> tuple[WarpedFrame, Told]:
-    told = Told(confidence)
+) -> tuple[WarpedFrame, ByHand]:
+    depth = ByHand(confidence)
     lens = LensSettings(Focus(distance=FOCUS), radius, 8, method, borrow=borrow)
-    return warp_frame(Clip(slanted_plane(LENS), told), 2, lens, SIZE, SOURCE), told
+    return warp_frame(clip(depth), 2, lens, SIZE, SOURCE), depth
 
 
 @pytest.mark.parametrize("borrow", [False, True])
 def test_layers_are_the_default(borrow: bool) -> None:
     assert LensSettings(Focus(distance=FOCUS), 0.5).method == "layers"
-    made, told = warped(sure_in(1.0), borrow=borrow)
+    made, depth = warped(sure_in(1.0), borrow=borrow)
     assert (made.method, made.why) == ("layers", "") and made.is_whole
-    assert told.asked == [2] and made.plan.frame == 2
+    assert depth.asked == [2] and made.plan.frame == 2
     assert made.layers and made.layers[0].hidden.any()
     assert (made.layers[0].hidden_colours is not None) == borrow
-    assert made.inverse_depth is not None and made.inverse_depth.shape == (90, 160)
-    assert made.confidence is not None and made.confidence.min() == 1
+    assert made.depth is not None and made.depth.inverse_depth.shape == (90, 160)
+    assert made.depth.confidence is not None and made.depth.confidence.min() == 1
     # The texture is two layers, one above the other.
     assert made.texture.shape[0] % 2 == 0 and made.texture.shape[0] > 90
     assert made.depth_seconds > 0 and made.mesh_seconds > 0
@@ -85,7 +80,7 @@ def test_layers_are_the_default(borrow: bool) -> None:
 def test_where_hardly_anything_is_sure_one_grid_is_drawn_and_the_reason_given() -> None:
     made, _ = warped(sure_in(0.5 * FEWEST_SURE))
     assert made.method == "grid" and f"less than {100 * FEWEST_SURE:g} %" in made.why
-    assert not made.layers and made.confidence is not None
+    assert not made.layers and made.depth is not None
     asked, _ = warped(sure_in(1.0), method="grid")
     assert (asked.method, asked.why) == ("grid", "")
     np.testing.assert_array_equal(made.plan.mesh.xy, asked.plan.mesh.xy)
@@ -96,9 +91,9 @@ def test_where_hardly_anything_is_sure_one_grid_is_drawn_and_the_reason_given() 
 
 
 def test_discs_that_leave_nothing_take_the_features_and_say_so() -> None:
-    made, told = warped(sure_in(1.0), radius=20.0)
+    made, depth = warped(sure_in(1.0), radius=20.0)
     assert made.method == "features" and "too large for layers" in made.why
-    assert not told.asked and made.inverse_depth is None
+    assert not depth.asked and made.depth is None
     asked, _ = warped(sure_in(1.0), radius=20.0, method="features")
     assert (asked.method, asked.why) == ("features", "")
     np.testing.assert_array_equal(made.plan.mesh.triangles, asked.plan.mesh.triangles)
@@ -108,10 +103,10 @@ def test_discs_that_leave_nothing_take_the_features_and_say_so() -> None:
 def test_a_method_that_is_asked_for_is_used(method: str) -> None:
     picks = Focus(points=(3, 9, 30, 60))
     lens = LensSettings(picks, 0.5, 8, method)
-    told = Told(sure_in(0))
-    made = warp_frame(Clip(slanted_plane(LENS), told), 2, lens, SIZE, SOURCE)
+    depth = ByHand(sure_in(0))
+    made = warp_frame(clip(depth), 2, lens, SIZE, SOURCE)
     assert (made.method, made.why) == (method, "")
-    assert not made.layers and not told.asked
+    assert not made.layers and not depth.asked
     np.testing.assert_array_equal(made.texture, SOURCE)
 
 
@@ -120,11 +115,11 @@ def test_edges_follow_the_picture() -> None:
     picture = np.full((90, 160, 4), 0.05, np.float32)
     picture[..., 3] = 1
     picture[:, 90:, :3] = 0.8
-    told = Told(sure_in(0))
+    depth = ByHand(sure_in(0))
     lens = LensSettings(Focus(distance=FOCUS), 3.0, 8, "edges")
-    clip = Clip(slanted_plane(LENS, near=4.0, far=30.0), told)
-    along = warp_frame(clip, 2, lens, SIZE, picture).plan.mesh
-    flat = warp_frame(clip, 2, lens, SIZE, np.full_like(picture, 0.3)).plan.mesh
+    plane = clip(depth, 4.0, 30.0)
+    along = warp_frame(plane, 2, lens, SIZE, picture).plan.mesh
+    flat = warp_frame(plane, 2, lens, SIZE, np.full_like(picture, 0.3)).plan.mesh
     close = [int((np.abs(mesh.xy[:, 0] - 90) < 2).sum()) for mesh in (along, flat)]
     print(f"vertices within two pixels of the edge: {close[0]}, without the edge {close[1]}")
     assert close[0] > close[1] + 5

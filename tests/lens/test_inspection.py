@@ -12,13 +12,16 @@ from numpy.typing import NDArray
 
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Intrinsics
+from addon.core.depth.source import PixelDepth
 from addon.core.lens import inspection
 from addon.core.lens.aperture_sampling import vogel_disc
+from addon.core.lens.clip_context import ClipContext
 from addon.core.lens.focus import Focus, exact_registration
 from addon.core.lens.frame import WarpedFrame, warp_frame
-from addon.core.lens.inspection import NAMES, discs, inverse_depth, pictures, source_frame
+from addon.core.lens.inspection import NAMES, inverse_depth, pictures, source_frame
 from addon.core.lens.plan import FramePlan, LensSettings
 from addon.core.lens.report import Used, frame_report, mesh_error, summary
+from addon.core.lens.thin_lens import ThinLens
 from addon.core.media.clip import to_linear
 from addon.core.warp.layered_depth_image import Fill, Mask, Picture
 from addon.core.warp.layered_mesh import ERROR, RELATIVE
@@ -28,7 +31,7 @@ from addon.core.warp.quadtree import AT_SILHOUETTES, triangulate
 from addon.core.warp.rasterise import at_pixels
 from addon.render.average import Drawn, draw_shares
 
-from ..scenes import slanted_plane, texture
+from ..scenes import no_picture, slanted_plane, texture
 from ..warp.test_layered_depth_image import (
     FAR,
     LENS,
@@ -55,15 +58,14 @@ def disc_and_wall(focus: float = NEAR, shift: Floats = SHIFT, fill: Fill | None 
     mesh, painted, layers = make_mesh(scene(), shift, focus, LENS.fx, fill=fill)
     offsets, canvas = RADIUS * vogel_disc(24), Canvas(LENS)
     registration = exact_registration(canvas, offsets, focus / LENS.fx)
-    plan = FramePlan(1, canvas, mesh, offsets, registration, focus / LENS.fx, 16.0, False)
+    thin = ThinLens(LENS, RADIUS, focus / LENS.fx)
+    plan = FramePlan(1, canvas, thin, mesh, offsets, registration, 16.0, False)
     sure = np.where(X < 80, 1, 0).astype(np.float32)
-    return WarpedFrame(plan, painted, "layers", "", True, shift / LENS.fx, sure, layers)
+    return WarpedFrame(plan, painted, "layers", "", True, PixelDepth(shift / LENS.fx, sure), layers)
 
 
-def shares_of(warped: WarpedFrame, radius: float = RADIUS, source: Picture | None = None) -> Picture:
-    shown = scene() if source is None else source
-    drawn = Drawn(warped, LensSettings(Focus(distance=1.0), radius), shown, 0.5)
-    return draw_shares(drawn)
+def shares_of(warped: WarpedFrame, source: Picture | None = None) -> Picture:
+    return draw_shares(Drawn(warped, scene() if source is None else source, 0.5))
 
 
 def lends(what: Callable[[Floats], Mask]) -> Fill:
@@ -150,33 +152,30 @@ def test_a_coarse_texture_has_the_same_sources(monkeypatch: pytest.MonkeyPatch) 
 
 def test_few_views_tell_the_shares_of_many() -> None:
     warped = disc_and_wall()
-    few = source_frame(warped, RADIUS)
+    few = source_frame(warped)
     assert len(few.plan.offsets) == inspection.SOURCE_VIEWS < len(warped.plan.offsets)
     assert few.plan.mesh is warped.plan.mesh
     np.testing.assert_array_equal(few.texture[..., 3], warped.texture[..., 3])
     np.testing.assert_allclose(few.texture[..., :3].sum(axis=2), few.texture[..., 3], atol=1e-6)
     plan = warped.plan
     eight = replace(warped, plan=replace(plan, offsets=plan.offsets[:8], registration=plan.registration[:8]))
-    assert source_frame(eight, RADIUS).plan is eight.plan
+    assert source_frame(eight).plan is eight.plan
 
 
 PLAIN = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
 
 
-class Scene:
+def plane(lens: Intrinsics = PLAIN) -> ClipContext:
     """A slanted plane for the methods that need no depth of every pixel."""
-
-    def __init__(self, lens: Intrinsics = PLAIN) -> None:
-        self.reconstruction = slanted_plane(lens)
-        self.depth = self.dense = self.disocclusion = None
+    return ClipContext(slanted_plane(lens), no_picture)
 
 
 @pytest.mark.parametrize("method", ["features", "thesis", "grid", "edges"])
 def test_a_single_surface_is_the_frames_own_but_for_the_border(method: str) -> None:
     source = to_linear(texture(160, 90))
     lens = LensSettings(Focus(points=(3, 9, 30, 60)), 0.5, 24, method)
-    warped = warp_frame(Scene(), 2, lens, (160, 90), source)  # type: ignore[arg-type]
-    shares = shares_of(warped, 0.5, source)
+    warped = warp_frame(plane(), 2, lens, (160, 90), source)
+    shares = shares_of(warped, source)
     assert shares[..., GREEN].max() == 0
     np.testing.assert_allclose(shares[12:-12, 12:-12, BLUE], 1, atol=1e-4)
     if method == "thesis":
@@ -186,9 +185,9 @@ def test_a_single_surface_is_the_frames_own_but_for_the_border(method: str) -> N
     else:
         assert shares[:, 0, RED].max() > 0.2
         np.testing.assert_allclose(shares.sum(axis=2), 1, atol=1e-4)
-    made = pictures(warped, 0.5, source, shares)
+    made = pictures(warped, source, shares)
     assert set(made) == {"depth", "wireframe", "sources", "blur"}
-    report = frame_report(warped, 0.5, shares, 1.0)
+    report = frame_report(warped, shares, 1.0)
     assert (
         report.bound is None and report.sure is None and report.triangles == len(warped.plan.mesh.triangles)
     )
@@ -199,10 +198,10 @@ def test_a_very_wide_aperture() -> None:
     """The mesh reaches past the border by more than a texture can."""
     source = to_linear(texture(160, 90))
     lens = LensSettings(Focus(distance=8.0), 60.0, 24, "features")
-    warped = warp_frame(Scene(), 2, lens, (160, 90), source)  # type: ignore[arg-type]
-    painted = source_frame(warped, 60.0)
+    warped = warp_frame(plane(), 2, lens, (160, 90), source)
+    painted = source_frame(warped)
     assert max(painted.texture.shape) <= inspection.LARGEST_TEXTURE + 1
-    shares = shares_of(warped, 60.0, source)
+    shares = shares_of(warped, source)
     assert 0.2 < shares[..., RED].mean() < 1
 
 
@@ -210,11 +209,11 @@ def test_pictures_have_the_geometry_of_a_bent_lens() -> None:
     bent = replace(PLAIN, k1=-0.1)
     source = to_linear(texture(160, 90))
     lens = LensSettings(Focus(distance=8.0), 0.5, 8, "features")
-    warped = warp_frame(Scene(bent), 2, lens, (160, 90), source)  # type: ignore[arg-type]
+    warped = warp_frame(plane(bent), 2, lens, (160, 90), source)
     assert (warped.plan.canvas.pinhole.width, warped.plan.canvas.pinhole.height) != (160, 90)
-    shares = shares_of(warped, 0.5, source)
+    shares = shares_of(warped, source)
     np.testing.assert_allclose(shares[15:-15, 15:-15, BLUE], 1, atol=1e-3)
-    for picture in pictures(warped, 0.5, source, shares).values():
+    for picture in pictures(warped, source, shares).values():
         assert picture.shape == (90, 160, 3)
 
 
@@ -224,7 +223,7 @@ def test_pictures_have_the_geometry_of_a_bent_lens() -> None:
 def test_all_pictures() -> None:
     warped = disc_and_wall(fill=lends(lambda s: np.arange(s.shape[1]) < 90))
     shares = shares_of(warped)
-    made = pictures(warped, RADIUS, scene(), shares)
+    made = pictures(warped, scene(), shares)
     assert tuple(made) == NAMES
     for name, picture in made.items():
         assert picture.dtype == np.uint8
@@ -242,7 +241,7 @@ def test_all_pictures() -> None:
 
 def test_what_lies_behind() -> None:
     warped = disc_and_wall(fill=lends(lambda s: np.arange(s.shape[1]) < 90))
-    shown = pictures(warped, RADIUS, scene(), shares_of(warped))["layers"].astype(int)
+    shown = pictures(warped, scene(), shares_of(warped))["layers"].astype(int)
     left, right = shown[:, : SIZE[1]], shown[:, SIZE[1] :]
     crop = inspection._inner(warped.layers[0], warped.plan.canvas)
     hidden, borrowed = warped.layers[0].hidden[crop], warped.layers[0].borrowed[crop]
@@ -270,7 +269,7 @@ def test_lines_lie_on_the_sides_of_triangles_only() -> None:
     crossed = replace(warped, plan=replace(warped.plan, mesh=mesh))
     frame = scene()
     frame[..., :3] = 0
-    lines = pictures(crossed, RADIUS, frame, np.zeros((*SIZE, 3), np.float32))["wireframe"].astype(float)
+    lines = pictures(crossed, frame, np.zeros((*SIZE, 3), np.float32))["wireframe"].astype(float)
     drawn = lines.max(axis=2) > 0
     near, far = (
         np.min([away(xy[a], xy[b]) for t in rows for a, b in zip(t, np.roll(t, 1), strict=True)], axis=0)
@@ -291,8 +290,8 @@ def away(a: Floats, b: Floats) -> Floats:
 
 def test_discs_are_those_of_the_thin_lens() -> None:
     plan = disc_and_wall().plan
-    depth = np.array([1 / plan.focus_inverse_depth, 5.0, 20.0, 1e9])
-    found = discs(1 / depth, plan, RADIUS)
+    depth = np.array([1 / plan.lens.focus, 5.0, 20.0, 1e9])
+    found = plan.lens.blur_disc(1 / depth)
     expected = 2 * RADIUS * LENS.fx * np.abs(1 / depth - 1 / depth[0])
     np.testing.assert_allclose(np.abs(found), expected, atol=1e-12)
     assert found[0] == 0
@@ -301,7 +300,7 @@ def test_discs_are_those_of_the_thin_lens() -> None:
 
 def test_depth_is_what_the_frame_is_drawn_with() -> None:
     warped = disc_and_wall()
-    assert inverse_depth(warped) is warped.inverse_depth
+    assert warped.depth is not None and inverse_depth(warped) is warped.depth.inverse_depth
     # One surface instead of the depth that was found: its own.
     flat = replace(warped.plan.mesh, inverse_depth=np.full(len(warped.plan.mesh.xy), 0.25))
     single = replace(warped, layers=(), plan=replace(warped.plan, mesh=flat))
@@ -311,8 +310,8 @@ def test_depth_is_what_the_frame_is_drawn_with() -> None:
 def test_nothing_known_is_black() -> None:
     warped = disc_and_wall()
     mesh = replace(warped.plan.mesh, triangles=warped.plan.mesh.triangles[:0])
-    warped = replace(warped, plan=replace(warped.plan, mesh=mesh), layers=(), confidence=None)
-    made = pictures(warped, RADIUS, scene(), np.zeros((*SIZE, 3), np.float32))
+    warped = replace(warped, plan=replace(warped.plan, mesh=mesh), layers=(), depth=None)
+    made = pictures(warped, scene(), np.zeros((*SIZE, 3), np.float32))
     assert not made["depth"].any() and not made["blur"].any()
 
 
@@ -322,7 +321,7 @@ def test_nothing_known_is_black() -> None:
 def test_the_report_is_that_of_the_mesh() -> None:
     warped = disc_and_wall()
     shares = shares_of(warped)
-    report = frame_report(warped, RADIUS, shares, 2.5)
+    report = frame_report(warped, shares, 2.5)
     triangles = len(warped.plan.mesh.triangles)
     assert report.triangles == triangles
     assert report.of_pixel_grid == pytest.approx(100 * triangles / (2 * SIZE[0] * SIZE[1]))
@@ -341,14 +340,14 @@ def test_the_report_is_that_of_the_mesh() -> None:
     assert json.loads(json.dumps(report.as_dict()))["triangles"] == triangles
     text = "\n".join(report.words())
     assert f"{triangles:,} triangles" in text and "layers with 24 views: its depth is sure enough" in text
-    given = frame_report(replace(warped, confidence=None), RADIUS, shares, 2.5)
+    given = frame_report(replace(warped, depth=replace(warped.depth, confidence=None)), shares, 2.5)
     assert given.why == "its depth is given" and given.sure is None
 
 
 def test_the_error_made_is_what_the_mesh_misses() -> None:
     depth = NEAR / 2 + 2 * np.exp(-((X - 60) ** 2 + (Y - 50) ** 2) / 900) + 0.4 * np.sin(X / 9)
     warped = disc_and_wall(0.0, depth)
-    miss, allowed = mesh_error(warped, RADIUS)
+    miss, allowed = mesh_error(warped)
     rows, columns = warped.layers[0].hidden.shape
     mesh = warped.plan.mesh
     margin = (columns - SIZE[1]) // 2
@@ -366,12 +365,12 @@ def test_the_error_made_is_what_the_mesh_misses() -> None:
 
 def test_where_nothing_is_coarse_there_is_no_error() -> None:
     flat = disc_and_wall(FAR, np.full(SIZE, NEAR))
-    miss, _ = mesh_error(flat, RADIUS)
+    miss, _ = mesh_error(flat)
     assert miss.max() < 1e-9
 
 
 def test_a_run_in_one_line() -> None:
-    report = frame_report(disc_and_wall(), RADIUS, np.zeros((*SIZE, 3), np.float32), 0.0)
+    report = frame_report(disc_and_wall(), np.zeros((*SIZE, 3), np.float32), 0.0)
     used = [Used(n, "layers", "as asked") for n in range(1, 8)] + [
         Used(n, "grid", "little is sure") for n in (8, 9, 12)
     ]

@@ -73,7 +73,7 @@ def lens_on_the_command_line(work: Path, focus: float, radius: float) -> np.ndar
     scene = bpy.context.scene
     shot = shot_of(scene)
     lens = lens_settings(scene.virtual_aperture, shot.reconstruction)
-    return np.asarray(render_frame(shot, 2, lens, (LENS.width, LENS.height), lambda _: None))
+    return np.asarray(render_frame(shot.context, 2, lens, (LENS.width, LENS.height), lambda _: None))
 
 
 def between(model: Reconstruction) -> np.ndarray:

@@ -290,7 +290,7 @@ def test_a_shot_has_both_masks(scene: bpy.types.Scene, tmp_path: Path) -> None:
     np.testing.assert_array_equal(together, drawn | TRUE)
     assert shot_of(scene) is both
     # What the user says moves is not lent and has no part in depth.
-    assert both.dense.at(4).moving[TRUE].mean() > 0.95
+    assert both.context.stereo.at(4).moving[TRUE].mean() > 0.95
     settings.mask = None
     again = shot_of(scene).masked(4)
     assert again is not None

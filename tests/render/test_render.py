@@ -15,13 +15,13 @@ from addon.core.base.errors import UserError
 from addon.core.base.progress import Cancelled, reporting
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.lens.focus import Focus
-from addon.core.lens.plan import FramePlan, LensSettings, plan_frame
+from addon.core.lens.plan import FramePlan, LensSettings
 from addon.core.media.clip import to_linear
 from addon.render import cycles_views, engine, gpu_views
 from addon.scene.build import build
 from addon.scene.lens import set_focus
 
-from ..scenes import psnr, slanted_plane, slanted_shot, texture
+from ..scenes import planned, psnr, slanted_plane, slanted_shot, texture
 
 LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
 needs_gpu = pytest.mark.skipif(
@@ -56,7 +56,7 @@ def thin_lens(plan: FramePlan, picture: np.ndarray, radius: float, folder: Path,
         scene, lens.focal, lens.principal_point, np.zeros(2), np.array([[1.0, 0, 0], [0, 1.0, 0]])
     )
     camera.dof.use_dof = True
-    camera.dof.focus_distance = 1 / plan.focus_inverse_depth
+    camera.dof.focus_distance = 1 / plan.lens.focus
     camera.dof.aperture_fstop = camera.lens * 1e-3 / (2 * radius)
     return cycles_views.render_to_array(scene, folder / "thin_lens.exr")
 
@@ -77,7 +77,7 @@ def test_the_mean_of_views_is_cycles_thin_lens(
     # Small units, so that Blender's f-stop stays in its range.
     radius, focus = 0.05, 0.7
     rec = slanted_plane(lens, near=0.5, far=1.4)
-    plan = plan_frame(rec, 1, LensSettings(Focus(distance=focus), radius, 256), (160, 90))
+    plan = planned(rec, 1, LensSettings(Focus(distance=focus), radius, 256), (160, 90))
     assert plan.blur > 8
     picture = canvas_picture(plan)
     ours = gpu_views.mean_of_views(plan, picture)
@@ -93,7 +93,7 @@ def test_the_mean_of_views_is_cycles_thin_lens(
 @pytest.mark.parametrize("method", ["features", "thesis"])
 def test_cycles_draws_the_same_views(scene: bpy.types.Scene, method: str) -> None:
     rec = slanted_plane(LENS)
-    plan = plan_frame(rec, 1, LensSettings(Focus(points=(3, 9, 30, 60)), 0.4, 6, method), (160, 90))
+    plan = planned(rec, 1, LensSettings(Focus(points=(3, 9, 30, 60)), 0.4, 6, method), (160, 90))
     picture = canvas_picture(plan)
     ours = gpu_views.mean_of_views(plan, picture)
     shares: list[float] = []
@@ -107,7 +107,7 @@ def test_cycles_draws_the_same_views(scene: bpy.types.Scene, method: str) -> Non
 
 
 def test_cancel_ends_cycles_and_the_gpu(scene: bpy.types.Scene) -> None:
-    plan = plan_frame(slanted_plane(LENS), 1, LensSettings(Focus(distance=8.0), 0.4, 6), (160, 90))
+    plan = planned(slanted_plane(LENS), 1, LensSettings(Focus(distance=8.0), 0.4, 6), (160, 90))
     picture = canvas_picture(plan)
 
     def stop(_stage: str, share: float) -> None:
@@ -124,7 +124,7 @@ def test_cancel_ends_cycles_and_the_gpu(scene: bpy.types.Scene) -> None:
 def test_a_tiny_aperture_gives_the_source_and_the_border_is_covered(scene: bpy.types.Scene) -> None:
     rec = slanted_plane(LENS)
     for radius, limit in ((1e-9, 1e-3), (0.5, None)):
-        plan = plan_frame(rec, 1, LensSettings(Focus(distance=8.0), radius, 32), (160, 90))
+        plan = planned(rec, 1, LensSettings(Focus(distance=8.0), radius, 32), (160, 90))
         picture = canvas_picture(plan)
         mean = gpu_views.mean_of_views(plan, picture)
         assert mean[..., 3].min() > 0.9999
@@ -136,7 +136,7 @@ def test_a_tiny_aperture_gives_the_source_and_the_border_is_covered(scene: bpy.t
 def test_many_views_are_summed_not_overwritten(scene: bpy.types.Scene) -> None:
     """A ramp of one view alone would be shifted; the mean of a centred set is not."""
     rec = slanted_plane(LENS, near=8.0, far=8.001)
-    plan = plan_frame(rec, 1, LensSettings(Focus(distance=4.0), 0.3, 64), (160, 90))
+    plan = planned(rec, 1, LensSettings(Focus(distance=4.0), 0.3, 64), (160, 90))
     ramp = np.ones((90, 160, 4), np.float32)
     ramp[..., :3] = np.linspace(0, 1, 160, dtype=np.float32)[None, :, None]
     mean = gpu_views.mean_of_views(plan, ramp)
@@ -238,7 +238,7 @@ def test_whatever_fails_ends_an_animation_and_leaves_no_file(
 
 
 def test_a_blank_drawing_is_an_error(scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
-    plan = plan_frame(slanted_plane(LENS), 1, LensSettings(Focus(distance=8.0), 0.4, 6), (160, 90))
+    plan = planned(slanted_plane(LENS), 1, LensSettings(Focus(distance=8.0), 0.4, 6), (160, 90))
     picture = canvas_picture(plan)
     for value in (0, np.nan):
         broken = np.full((90, 160, 4), value, np.float32)

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from addon.core.base.errors import UserError
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Intrinsics, Reconstruction
-from addon.core.depth.sparse import FrameFeatures, frame_features
+from addon.core.depth.sparse import DepthSamples, frame_features
 from addon.core.lens.focus import Focus
-from addon.core.lens.plan import LensSettings, plan_frame
+from addon.core.lens.plan import LensSettings
 from addon.core.warp import content_preserving
 from addon.core.warp.content_preserving import allowed, conjugate_gradients, fading, grid_mesh, membrane, wild
 
-from ..scenes import slanted_plane
+from ..scenes import planned, slanted_plane
 
 Floats = NDArray[np.float64]
 LENS = Intrinsics(320, 180, 270.0, 270.0, 160.0, 90.0)
@@ -30,8 +30,8 @@ def scattered(count: int, seed: int = 0) -> Floats:
     return np.random.default_rng(seed).uniform([0, 0], SIZE, (count, 2))
 
 
-def features(xy: Floats, inverse: Floats) -> FrameFeatures:
-    return FrameFeatures(1, xy, xy, inverse, np.full(len(xy), -1, np.int32), False)
+def features(xy: Floats, inverse: Floats) -> DepthSamples:
+    return DepthSamples(1, xy, inverse, False)
 
 
 def inside(xy: Floats) -> NDArray[np.bool_]:
@@ -53,7 +53,7 @@ def test_a_plane_is_reproduced_exactly() -> None:
 def test_the_whole_way_from_a_plane_in_space_to_a_view() -> None:
     """Every vertex moves as the plane itself does, apart from what is so little blurred that it is sharp."""
     rec = slanted_plane(LENS)
-    plan = plan_frame(rec, 1, LensSettings(Focus(distance=20.0), 0.3, 8, "grid"), SIZE)
+    plan = planned(rec, 1, LensSettings(Focus(distance=20.0), 0.3, 8, "grid"), SIZE)
     share = plan.mesh.xy[:, 0] / 320
     found = frame_features(rec, 1, plan.canvas)
     slope = np.polyfit(found.observed[:, 0], found.inverse_depth, 1)
@@ -249,7 +249,7 @@ def test_a_coming_feature_does_not_jerk_the_grid() -> None:
     place = rec.images[20].xy[5]
 
     def depth(frame: int) -> float:
-        mesh = plan_frame(rec, frame, lens, SIZE).mesh
+        mesh = planned(rec, frame, lens, SIZE).mesh
         return float(mesh.inverse_depth[np.linalg.norm(mesh.xy - place, axis=1).argmin()])
 
     seen = np.array([depth(frame) for frame in range(12, 28)])

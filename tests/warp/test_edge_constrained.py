@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from addon.core.base.errors import UserError
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Intrinsics
-from addon.core.depth.sparse import FrameFeatures
+from addon.core.depth.sparse import DepthSamples
 from addon.core.lens.focus import Focus
-from addon.core.lens.plan import LensSettings, edged_plan, plan_frame
+from addon.core.lens.plan import LensSettings
 from addon.core.warp import edge_constrained as edge_module
 from addon.core.warp.edge_constrained import (
     GAP,
@@ -28,7 +28,7 @@ from addon.core.warp.edge_constrained import (
 )
 from addon.core.warp.mesh import WarpMesh, feature_mesh
 
-from ..scenes import slanted_plane
+from ..scenes import planned, slanted_plane
 
 Floats = NDArray[np.float64]
 Picture = NDArray[np.float32]
@@ -55,11 +55,9 @@ def on_card(xy: Floats) -> NDArray[np.bool_]:
     return np.all((xy > [LEFT, TOP]) & (xy < [RIGHT, BOTTOM]), axis=1)
 
 
-def features(count: int = 150, seed: int = 0) -> FrameFeatures:
+def features(count: int = 150, seed: int = 0) -> DepthSamples:
     xy = np.random.default_rng(seed).uniform([1, 1], np.array(SIZE) - 1, (count, 2))
-    return FrameFeatures(
-        1, xy, xy, np.where(on_card(xy), NEAR, FAR), np.full(count, -1, np.int32), False
-    )  # fmt: skip
+    return DepthSamples(1, xy, np.where(on_card(xy), NEAR, FAR), False)
 
 
 def drawn(mesh: WarpMesh, xy: Floats) -> Floats:
@@ -218,8 +216,8 @@ def test_too_few_features_are_refused() -> None:
 def test_the_plan_keeps_its_views_and_what_is_in_focus_stays() -> None:
     rec = slanted_plane(LENS)
     lens = LensSettings(Focus(distance=7.0), 0.4, 16, "edges")
-    plan = plan_frame(rec, 1, lens, SIZE)
-    edged = edged_plan(plan, rec, lens.radius, card())
+    plan = planned(rec, 1, replace(lens, method="features"), SIZE)
+    edged = planned(rec, 1, lens, SIZE, picture=card())
     assert np.array_equal(edged.offsets, plan.offsets)
     moved = edged.displace(edged.mesh.xy, edged.mesh.inverse_depth) - edged.mesh.xy
     still = np.abs(edged.mesh.inverse_depth - 1 / 7.0) < 1e-12

@@ -13,10 +13,12 @@ from addon.core.depth.joint_upsampling import enlarged
 from addon.core.lens.aperture_sampling import vogel_disc
 from addon.core.lens.focus import exact_registration
 from addon.core.lens.plan import FramePlan
+from addon.core.lens.thin_lens import ThinLens
 from addon.core.warp import layered_depth_image as ldi
 from addon.core.warp import layered_mesh
 from addon.core.warp.layered_depth_image import inpainted, layered, peeled
 from addon.core.warp.layered_mesh import layer_mesh as make_mesh
+from addon.core.warp.mesh import WarpMesh
 from addon.core.warp.quadtree import AT_SILHOUETTES, Surfaces, triangulate
 from addon.render import cycles_views, gpu_views
 
@@ -25,6 +27,12 @@ from .. import planes
 Floats = NDArray[np.float64]
 SIZE = (120, 160)
 Y, X = np.mgrid[: SIZE[0], : SIZE[1]] + 0.5
+
+
+def planned(canvas: Canvas, focus: float, mesh: WarpMesh, offsets: Floats, registration: Floats) -> FramePlan:
+    """A plan of these views; `focus` is the focal plane's displacement in pixels at a radius of one."""
+    thin = ThinLens(LENS, 1.0, focus / 150)
+    return FramePlan(1, canvas, thin, mesh, offsets, registration, 16.0, False)
 
 
 def areas(triangles: NDArray[np.int32], width: int) -> Floats:
@@ -296,7 +304,9 @@ def test_three_surfaces_make_better_views_than_two(monkeypatch: pytest.MonkeyPat
             mesh, texture, _ = make_mesh(
                 house(gable=gable), before_house(gable), focus, 150.0, fill=hidden_colours
             )
-            made = FramePlan(1, canvas, mesh, offsets, registration, focus / 150, 16.0, False)
+            made = FramePlan(
+                1, canvas, ThinLens(LENS, 1.0, focus / 150), mesh, offsets, registration, 16.0, False
+            )
             scores.append(psnr(drawn(made, texture)[crossing][:, :3].astype(np.float64), true[crossing]))
     three, two = found.values()
     for gable, of_three, of_two in zip(GABLES, three, two, strict=True):
@@ -315,7 +325,9 @@ def test_a_surface_does_not_tear_between_two_silhouettes(monkeypatch: pytest.Mon
     for offset in np.array([[0.0, 0.95], [0.7, 0.7]]):
         registration = exact_registration(canvas, offset[None], NEAR / 150)
         mesh, texture, _ = make_mesh(house(), before_house(), NEAR, 150.0, fill=hidden_colours)
-        made = FramePlan(1, canvas, mesh, offset[None], registration, NEAR / 150, 16.0, False)
+        made = FramePlan(
+            1, canvas, ThinLens(LENS, 1.0, NEAR / 150), mesh, offset[None], registration, 16.0, False
+        )
         view = drawn(made, texture)
         x, y = -offset
         error = np.abs(view[..., :3] - house(x, y, NEAR)[..., :3]).max(axis=2)
@@ -348,7 +360,9 @@ def plan(
     offsets = vogel_disc(count)
     canvas = Canvas(LENS)
     registration = exact_registration(canvas, offsets, focus / 150)
-    return FramePlan(1, canvas, mesh, offsets, registration, focus / 150, 16.0, False), texture
+    return FramePlan(
+        1, canvas, ThinLens(LENS, 1.0, focus / 150), mesh, offsets, registration, 16.0, False
+    ), texture
 
 
 def truth(focus: float, offsets: Floats) -> Floats:

@@ -1,4 +1,4 @@
-"""What is known of a frame's depth: of its feature points, or at a grid from the user's depth maps."""
+"""Depth of a frame's feature points."""
 
 from __future__ import annotations
 
@@ -6,32 +6,34 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..base.nearest_fill import nearest
 from ..camera.canvas import Canvas
 from ..camera.reconstruction import Floats, Ints, Reconstruction, seen_by
-from .user_maps import ClipFit, DepthMaps, Fitted, fit_clip, fit_depth, grid_features
 
 MAX_REPROJECTION_ERROR = 3.0
 """Pixels; a feature that misses its own 3D point by more was tracked wrongly in this frame."""
-COLUMNS = 100
-"""Places across the picture that depth is taken from a depth map at."""
 
 
 @dataclass(frozen=True)
-class FrameFeatures:
-    """The features of one frame with the inverse depth of their 3D points, in canvas pixels."""
+class DepthSamples:
+    """Places of a canvas whose depth is known."""
 
     frame: int
     observed: Floats
-    """(n, 2) where the feature was seen."""
-    projected: Floats
-    """(n, 2) where the actual camera projects its 3D point."""
+    """(n, 2) canvas pixels at which the places are seen."""
     inverse_depth: Floats
-    """(n,) 1 / z in the actual camera's space, positive."""
-    points: Ints
-    """(n,) point IDs; -1 where there is no point."""
+    """(n,) 1 / z in the frame's camera, in the reconstruction's unit, positive."""
     carried: bool
-    """The frame has no pose of its own: pose and features come from its neighbours."""
+    """Whether the frame has no pose of its own: pose and samples come from its neighbours."""
+
+
+@dataclass(frozen=True)
+class FrameFeatures(DepthSamples):
+    """The feature points of a frame as depth samples: those with a 3D point that fits what was seen."""
+
+    projected: Floats
+    """(n, 2) canvas pixels at which the frame's camera projects the 3D points."""
+    points: Ints
+    """(n,) IDs of the 3D points, rows of `Reconstruction.points`."""
 
 
 def frame_features(reconstruction: Reconstruction, frame: int, canvas: Canvas) -> FrameFeatures:
@@ -51,67 +53,11 @@ def frame_features(reconstruction: Reconstruction, frame: int, canvas: Canvas) -
     more, in_front = seen_by(image, reconstruction, image.visible)
     added = canvas.pinhole.project(more[in_front])
     return FrameFeatures(
-        frame, np.concatenate([observed[keep], added]), np.concatenate([projected[keep], added]),
-        1.0 / np.concatenate([local[keep, 2], more[in_front, 2]]),
-        np.concatenate([image.points[keep], image.visible[in_front]]), carried,
+        frame, np.concatenate([observed[keep], added]),
+        1.0 / np.concatenate([local[keep, 2], more[in_front, 2]]), carried,
+        np.concatenate([projected[keep], added]),
+        np.concatenate([image.points[keep], image.visible[in_front]]),
     )  # fmt: skip
-
-
-@dataclass(frozen=True)
-class MappedDepth:
-    """The user's depth maps in the units of a reconstruction."""
-
-    maps: DepthMaps
-    fit: ClipFit
-
-    @classmethod
-    def of(cls, maps: DepthMaps, reconstruction: Reconstruction) -> MappedDepth:
-        """Fit the maps to the reconstruction's points; UserError where they explain nothing."""
-
-        def features(frame: int) -> tuple[Floats, Floats]:
-            image, _ = reconstruction.image_at(frame)
-            canvas = Canvas(reconstruction.intrinsics(image))
-            found = frame_features(reconstruction, frame, canvas)
-            return canvas.features_to_source(found.observed), found.inverse_depth
-
-        return cls(maps, fit_clip(maps, features))
-
-    def features(self, found: FrameFeatures, canvas: Canvas) -> FrameFeatures:
-        """A grid of places with the map's depth instead of the features; those where the frame has no map."""
-        if found.frame not in self.maps.numbers:
-            return found
-        xy, inverse_depth = grid_features(self._fitted(found, canvas), self.maps.footage.width / COLUMNS)
-        at = canvas.features_from_source(xy * self._zoom(canvas))
-        return FrameFeatures(
-            found.frame, at, at, inverse_depth, np.full(len(at), -1, np.int32), found.carried
-        )
-
-    def inverse_depth(self, found: FrameFeatures, canvas: Canvas) -> Floats | None:
-        """(h, w) of every pixel of the canvas, unknown ones like the nearest known; None without a map."""
-        if found.frame not in self.maps.numbers:
-            return None
-        values = self._fitted(found, canvas).inverse_depth
-        lens = canvas.pinhole
-        grid = np.stack(np.meshgrid(np.arange(lens.width) + 0.5, np.arange(lens.height) + 0.5), axis=-1)
-        x, y = np.moveaxis(canvas.features_to_source(grid) / self._zoom(canvas), -1, 0)
-        row, column = (
-            np.clip(np.floor(at), 0, size - 1).astype(int)
-            for at, size in zip((y, x), values.shape, strict=True)
-        )
-        return np.asarray(nearest_known(values)[row, column])
-
-    def _zoom(self, canvas: Canvas) -> Floats:
-        clip = self.maps.footage
-        return np.array([canvas.lens.width / clip.width, canvas.lens.height / clip.height])
-
-    def _fitted(self, found: FrameFeatures, canvas: Canvas) -> Fitted:
-        seen = canvas.features_to_source(found.observed) / self._zoom(canvas)
-        return fit_depth(self.maps.read(found.frame), seen, found.inverse_depth, self.fit)
-
-
-def nearest_known(values: Floats) -> Floats:
-    """(h, w) with every NaN replaced by the value of the nearest pixel that has one; 0 where none has."""
-    return np.nan_to_num(nearest(values, ~np.isnan(values)))
 
 
 def point_inverse_depths(reconstruction: Reconstruction, frame: int, points: Ints) -> Floats:

@@ -11,8 +11,9 @@ from ..camera.canvas import Canvas
 from ..camera.reconstruction import Floats, Reconstruction
 from ..depth.multi_view_stereo import DenseDepth
 from ..depth.sparse import frame_features
+from .clip_context import ClipContext
 from .focus import Focus, pick
-from .frame import SURE, Clip
+from .frame import NOTHING, SURE
 
 NEAR = 0.06
 """Of the picture's width, how far from a place the farthest of its four points may be. Measured on the sample
@@ -41,7 +42,7 @@ class Place:
         return {frame: depth for frame, depth in depths.items() if depth > 0}
 
 
-def find_place(clip: Clip, frame: int, x: float, y: float) -> Place:
+def find_place(clip: ClipContext, frame: int, x: float, y: float) -> Place:
     """What is in focus at fractions x, y of the picture (0, 0 = top left) of a registered frame.
 
     The points around, where four are near (`NEAR`); else the depth of the very pixel, the user's own or the
@@ -69,7 +70,7 @@ def find_place(clip: Clip, frame: int, x: float, y: float) -> Place:
     if given is not None:
         inverse, source, moves = given, f"your depth maps; {beside}", False
     else:
-        inverse, confidence, moves = _dense(clip.dense.at(frame), canvas, click)
+        inverse, confidence, moves = _dense(clip.stereo.at(frame), canvas, click)
         source = f"the clip's dense depth, {100 * confidence:.0f} % sure; {beside}"
         if not confidence > SURE:
             inverse = 0.0
@@ -109,15 +110,12 @@ def _width(reconstruction: Reconstruction, frame: int) -> int:
     return reconstruction.intrinsics(reconstruction.image_at(frame)[0]).width
 
 
-def _given(clip: Clip, frame: int, canvas: Canvas, place: Floats) -> float | None:
+def _given(clip: ClipContext, frame: int, canvas: Canvas, place: Floats) -> float | None:
     """Inverse depth of the user's maps at a place (2,) of the canvas; None without a map of the frame."""
-    if clip.depth is None:
+    given = clip.given_depth.at(frame, canvas, NOTHING) if clip.given_depth is not None else None
+    if given is None:
         return None
-    told = clip.depth.inverse_depth(frame_features(clip.reconstruction, frame, canvas), canvas)
-    if told is None:
-        return None
-    row, column = _pixel(place, told.shape)
-    return float(told[row, column])
+    return float(given.inverse_depth[_pixel(place, given.inverse_depth.shape)])
 
 
 def _dense(depth: DenseDepth, canvas: Canvas, place: Floats) -> tuple[float, float, bool]:

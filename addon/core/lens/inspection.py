@@ -53,7 +53,7 @@ FINE = 4
 """Binary digits of a pixel, to which lines are drawn."""
 
 
-def pictures(warped: WarpedFrame, radius: float, source: Picture, shares: Picture) -> dict[str, Shown]:
+def pictures(warped: WarpedFrame, source: Picture, shares: Picture) -> dict[str, Shown]:
     """Every picture of a frame that there is to make, by name.
 
     `source` (H, W, 4) is the frame, linear; `shares` (H, W, 3) what `shares_of` gives. A method without
@@ -62,46 +62,38 @@ def pictures(warped: WarpedFrame, radius: float, source: Picture, shares: Pictur
     plan, frame = warped.plan, _encoded(source[..., :3])
     inverse = inverse_depth(warped)
     made = {"depth": _in_source(_depth(inverse), plan.canvas)}
-    if warped.confidence is not None:
-        grey = np.repeat(_bytes(warped.confidence)[..., None], 3, axis=2)
+    if warped.depth is not None and warped.depth.confidence is not None:
+        grey = np.repeat(_bytes(warped.depth.confidence)[..., None], 3, axis=2)
         made["confidence"] = _in_source(grey, plan.canvas)
     made["wireframe"] = _wireframe(plan, frame, _is_far(warped))
     if warped.layers:
         made["layers"] = _behind(warped, frame)
     made["sources"] = _sources(shares, frame)
-    signed = discs(inverse, plan, radius)
+    signed = plan.lens.blur_disc(inverse)
     made["blur"] = _in_source(_blur(signed), plan.canvas)
     return made
 
 
 def inverse_depth(warped: WarpedFrame) -> Floats:
     """(H, W) of the canvas's pixels, that the frame is drawn with; NaN where there is nothing."""
-    if warped.layers and warped.inverse_depth is not None:
-        return warped.inverse_depth
+    if warped.layers and warped.depth is not None:
+        return warped.depth.inverse_depth
     mesh, pinhole = warped.plan.mesh, warped.plan.canvas.pinhole
     return at_pixels(mesh.xy, mesh.inverse_depth, mesh.triangles, (pinhole.height, pinhole.width))
-
-
-def discs(inverse: Floats, plan: FramePlan, radius: float) -> Floats:
-    """Diameters in pixels of the blur discs of inverse depths, of any shape: 2 R f (1/Z - 1/Zf).
-
-    Positive before the focal plane, negative beyond it.
-    """
-    return np.asarray(2 * radius * plan.canvas.pinhole.fx * (inverse - plan.focus_inverse_depth))
 
 
 # Sources
 
 
-def source_frame(warped: WarpedFrame, radius: float) -> WarpedFrame:
+def source_frame(warped: WarpedFrame) -> WarpedFrame:
     """The same mesh through fewer views, painted with where its colours come from instead of the colours.
 
     Red, green and blue of the views' mean are the shares of `SOURCES`, premultiplied by what is covered.
     """
     plan = warped.plan
     if len(plan.offsets) > SOURCE_VIEWS:
-        offsets = radius * vogel_disc(SOURCE_VIEWS)
-        registration = exact_registration(plan.canvas, offsets, plan.focus_inverse_depth)
+        offsets = plan.lens.radius * vogel_disc(SOURCE_VIEWS)
+        registration = exact_registration(plan.canvas, offsets, plan.lens.focus)
         if warped.method == "thesis":
             # Its positions are random and its registration is fitted: the first ones are as good as any.
             offsets, registration = plan.offsets[:SOURCE_VIEWS], plan.registration[:SOURCE_VIEWS]

@@ -11,12 +11,12 @@ import numpy as np
 from ..base.counting import counted
 from ..camera.canvas import Picture
 from ..camera.reconstruction import Floats
+from ..depth.plane_sweep import Map
 from ..sfm.report import ranges
 from ..warp.layered_mesh import ERROR, RELATIVE
 from ..warp.rasterise import at_pixels
 from .frame import SURE, WarpedFrame
-from .inspection import SOURCES, discs, inverse_depth, largest_shown, surface_of
-from .plan import in_focus
+from .inspection import SOURCES, inverse_depth, largest_shown, surface_of
 
 ASKED, SURE_ENOUGH, GIVEN = "as asked", "its depth is sure enough", "its depth is given"
 """Why a frame got the method that was asked for: layers need depth."""
@@ -98,22 +98,23 @@ class Used:
     def of(cls, warped: WarpedFrame) -> Used:
         why = ASKED
         if warped.layers:
-            why = GIVEN if warped.confidence is None else SURE_ENOUGH
+            why = GIVEN if _confidence(warped) is None else SURE_ENOUGH
         return cls(warped.plan.frame, warped.method, warped.why or why)
 
 
-def frame_report(warped: WarpedFrame, radius: float, shares: Picture, draw_seconds: float) -> FrameReport:
-    """Of a frame seen through an aperture of `radius`; `shares` (H, W, 3) as `shares_of` gives them."""
+def frame_report(warped: WarpedFrame, shares: Picture, draw_seconds: float) -> FrameReport:
+    """Of a frame whose views took `draw_seconds`; `shares` (H, W, 3) as `inspection.shares_of` gives them."""
     plan, used = warped.plan, Used.of(warped)
-    sure = None if warped.confidence is None else 100 * float(np.mean(warped.confidence > SURE))
+    confidence = _confidence(warped)
+    sure = None if confidence is None else 100 * float(np.mean(confidence > SURE))
     lens, triangles = plan.canvas.lens, len(plan.mesh.triangles)
-    signed = discs(inverse_depth(warped), plan, radius)
+    signed = plan.lens.blur_disc(inverse_depth(warped))
     known = np.abs(signed[np.isfinite(signed)])
     median, largest = (float(f(known)) if len(known) else 0.0 for f in (np.median, np.max))
     parts = {n: 100 * float(shares[..., k].mean(dtype=np.float64)) for k, n in enumerate(SOURCES)}
     bound, mean, worst, within = None, None, None, None
     if warped.layers:
-        miss, allowed = mesh_error(warped, radius)
+        miss, allowed = mesh_error(warped)
         bound = (ERROR, RELATIVE)
         mean, worst = float(miss.mean()), float(miss.max())
         within = 100 * float(np.mean(miss <= allowed))
@@ -125,14 +126,14 @@ def frame_report(warped: WarpedFrame, radius: float, shares: Picture, draw_secon
     )  # fmt: skip
 
 
-def mesh_error(warped: WarpedFrame, radius: float) -> tuple[Floats, Floats]:
+def mesh_error(warped: WarpedFrame) -> tuple[Floats, Floats]:
     """(n,) pixels by which the outermost view sees the mesh beside where depth puts it, and what is allowed.
 
     Of every pixel of all surfaces that is seen from the frame's own place: what lies behind is a guess.
     """
     plan, layers = warped.plan, warped.layers
     shape = layers[0].hidden.shape
-    scale, focus = radius * plan.canvas.pinhole.fx, plan.focus_inverse_depth
+    scale = plan.lens.radius * plan.lens.pinhole.fx
     margin = np.array(shape[::-1]) - [plan.canvas.pinhole.width, plan.canvas.pinhole.height]
     mesh = plan.mesh
     surface = surface_of(warped)[mesh.triangles[:, 0]]
@@ -147,13 +148,18 @@ def mesh_error(warped: WarpedFrame, radius: float) -> tuple[Floats, Floats]:
             shift = layers[number].front_shift
             covered &= ~layers[number].is_far
         asked = seen & covered
-        wanted = scale * in_focus(shift[asked] / scale, plan.canvas, radius, focus)
+        wanted = scale * plan.lens.snap_to_focal_plane(shift[asked] / scale)
         off.append(np.abs(drawn[asked] - wanted))
-        allowed.append(ERROR + RELATIVE * np.abs(wanted - scale * focus))
+        allowed.append(ERROR + RELATIVE * np.abs(wanted - scale * plan.lens.focus))
         if number < len(layers):
             # A silhouette's pixels show both.
             seen &= (~covered | layers[number].mixed) & ~layers[number].hidden
     return np.concatenate(off), np.concatenate(allowed)
+
+
+def _confidence(warped: WarpedFrame) -> Map | None:
+    """(H, W) confidence in the depth of each pixel; None where depth was given or not asked for."""
+    return None if warped.depth is None else warped.depth.confidence
 
 
 def summary(used: Iterable[Used], reports: Iterable[FrameReport] = ()) -> str:

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from ..base.errors import UserError
 from ..camera.canvas import Canvas
 from ..camera.reconstruction import Floats, Ints, Reconstruction
-from ..depth.sparse import FrameFeatures
+from ..depth.sparse import DepthSamples
 from .mesh import WarpMesh
 
 Mask = NDArray[np.bool_]
@@ -47,7 +47,7 @@ ACCURACY, STEPS = 1e-9, 2000
 
 
 def grid_mesh(
-    features: FrameFeatures, weights: Floats, canvas: Canvas, margin: float, flat: float
+    features: DepthSamples, weights: Floats, canvas: Canvas, margin: float, flat: float
 ) -> WarpMesh:
     """The grid over the canvas and `margin` pixels past its border, two triangles a cell.
 

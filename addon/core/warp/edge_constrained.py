@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ..camera.canvas import Canvas, Picture
 from ..camera.reconstruction import Floats, Ints
-from ..depth.sparse import FrameFeatures
+from ..depth.sparse import DepthSamples
 from ..media.clip import encode_srgb
 from .mesh import WarpMesh, delaunay, distinct, nearest_mean, ring
 
@@ -67,7 +67,7 @@ class Rows:
 
 
 def edge_mesh(
-    features: FrameFeatures, canvas: Canvas, margin: float, picture: Picture, scale: float
+    features: DepthSamples, canvas: Canvas, margin: float, picture: Picture, scale: float
 ) -> WarpMesh:
     """The mesh of features and edges, carried on past the border by `margin` pixels.
 

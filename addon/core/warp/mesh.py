@@ -15,7 +15,7 @@ from ..base.counting import counted
 from ..base.errors import UserError
 from ..camera.canvas import Canvas
 from ..camera.reconstruction import Floats, Ints
-from ..depth.sparse import FrameFeatures
+from ..depth.sparse import DepthSamples, FrameFeatures
 
 MIN_FEATURES = 3
 MERGE = 0.5
@@ -51,7 +51,7 @@ def thesis_mesh(features: FrameFeatures, canvas: Canvas) -> WarpMesh:
     )
 
 
-def feature_mesh(features: FrameFeatures, canvas: Canvas, margin: float) -> WarpMesh:
+def feature_mesh(features: DepthSamples, canvas: Canvas, margin: float) -> WarpMesh:
     """Delaunay over the features, carried on past the border by `margin` pixels instead of pinned.
 
     The ring of vertices outside takes its inverse depth from the features nearest to it.
@@ -127,7 +127,7 @@ def _key(
     return np.asarray(xy[:, 0].astype(np.float64) + 1j * xy[:, 1].astype(np.float64))
 
 
-def distinct(features: FrameFeatures, canvas: Canvas, margin: float) -> Ints:
+def distinct(features: DepthSamples, canvas: Canvas, margin: float) -> Ints:
     """Rows of the features inside the canvas, one per half-pixel cell, or UserError if too few are left."""
     size = np.array([canvas.pinhole.width, canvas.pinhole.height])
     edge = 0.5

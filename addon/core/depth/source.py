@@ -1,0 +1,38 @@
+"""Depth of every pixel of a frame, whoever knows it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from ..camera.canvas import Canvas, Picture
+from ..camera.reconstruction import Floats
+from .plane_sweep import Map
+from .sparse import DepthSamples
+
+
+@dataclass(frozen=True)
+class PixelDepth:
+    """Inverse depth of every pixel of a canvas."""
+
+    inverse_depth: Floats
+    """(H, W) 1 / z in the frame's camera, in the reconstruction's unit; finite, not negative."""
+    confidence: Map | None = None
+    """(H, W) in [0, 1], 0 where the depth is only that of the surroundings; None of depth that is given."""
+
+
+class DepthSource(Protocol):
+    """Something that may know the depth of a frame: the user's maps, stereo, or the truth of a benchmark."""
+
+    def at(self, frame: int, canvas: Canvas, picture: Picture) -> PixelDepth | None:
+        """The depth of all pixels of the canvas, or None where nothing is known of the frame.
+
+        `picture` (H, W, 4) is what the canvas shows, linear: edges that a coarser depth map may follow.
+        """
+
+
+class SampledDepthSource(DepthSource, Protocol):
+    """A depth source that coarse meshes can take samples of."""
+
+    def samples(self, frame: int, canvas: Canvas) -> DepthSamples | None:
+        """Samples of the depth that take the place of feature points; None where nothing is known."""

@@ -1,0 +1,77 @@
+"""The user's depth maps as a source of depth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..base.nearest_fill import nearest
+from ..camera.canvas import Canvas, Picture
+from ..camera.reconstruction import Floats, Reconstruction
+from .source import PixelDepth
+from .sparse import DepthSamples, frame_features
+from .user_maps import ClipFit, DepthMaps, Fitted, fit_clip, fit_depth, grid_features
+
+COLUMNS = 100
+"""Samples across the picture that coarse meshes take of a depth map: by eye."""
+
+
+@dataclass(frozen=True)
+class UserDepth:
+    """The user's depth maps of a clip, brought to the unit of its reconstruction."""
+
+    reconstruction: Reconstruction
+    maps: DepthMaps
+    fit: ClipFit
+    """What all maps of the clip have in common: their kind, and the line that takes them to inverse depth."""
+
+    @classmethod
+    def of(cls, maps: DepthMaps, reconstruction: Reconstruction) -> UserDepth:
+        """Fit the maps to the reconstruction's points; UserError where they explain nothing."""
+
+        def features(frame: int) -> tuple[Floats, Floats]:
+            image, _ = reconstruction.image_at(frame)
+            canvas = Canvas(reconstruction.intrinsics(image))
+            found = frame_features(reconstruction, frame, canvas)
+            return canvas.features_to_source(found.observed), found.inverse_depth
+
+        return cls(reconstruction, maps, fit_clip(maps, features))
+
+    def at(self, frame: int, canvas: Canvas, picture: Picture) -> PixelDepth | None:
+        """The depth of all pixels of the canvas, unknown ones like the nearest known; None without a map.
+
+        UserError where the map cannot be read or does not fit the frame's points. `picture` is not looked at:
+        what the user gave is not bent to the picture's edges.
+        """
+        if frame not in self.maps.numbers:
+            return None
+        values = self._fitted(frame, canvas).inverse_depth
+        lens = canvas.pinhole
+        grid = np.stack(np.meshgrid(np.arange(lens.width) + 0.5, np.arange(lens.height) + 0.5), axis=-1)
+        x, y = np.moveaxis(canvas.features_to_source(grid) / self._zoom(canvas), -1, 0)
+        row, column = (
+            np.clip(np.floor(at), 0, size - 1).astype(int)
+            for at, size in zip((y, x), values.shape, strict=True)
+        )
+        whole = np.nan_to_num(nearest(values, ~np.isnan(values)))
+        return PixelDepth(np.asarray(whole[row, column]))
+
+    def samples(self, frame: int, canvas: Canvas) -> DepthSamples | None:
+        """A regular grid of samples, `COLUMNS` across the picture; None without a map."""
+        if frame not in self.maps.numbers:
+            return None
+        step = self.maps.footage.width / COLUMNS
+        xy, inverse_depth = grid_features(self._fitted(frame, canvas), step)
+        at = canvas.features_from_source(xy * self._zoom(canvas))
+        return DepthSamples(frame, at, inverse_depth, frame not in self.reconstruction.frames)
+
+    def _zoom(self, canvas: Canvas) -> Floats:
+        """(2,) pixels of the rendered frame a pixel of the clip, across and down."""
+        clip = self.maps.footage
+        return np.array([canvas.lens.width / clip.width, canvas.lens.height / clip.height])
+
+    def _fitted(self, frame: int, canvas: Canvas) -> Fitted:
+        features = frame_features(self.reconstruction, frame, canvas)
+        seen = canvas.features_to_source(features.observed) / self._zoom(canvas)
+        return fit_depth(self.maps.read(frame), seen, features.inverse_depth, self.fit)

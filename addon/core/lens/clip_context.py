@@ -1,0 +1,77 @@
+"""What a clip knows of its frames after the solve: product, benchmark and tests construct the same one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import cv2
+import numpy as np
+
+from ..camera.canvas import Canvas, Picture
+from ..camera.reconstruction import Floats, Reconstruction
+from ..depth.joint_upsampling import enlarged
+from ..depth.multi_view_stereo import COARSE, DenseDepth, Moving, PlaneSweepStereo
+from ..depth.source import PixelDepth, SampledDepthSource
+from ..depth.sparse import DepthSamples, frame_features
+from ..depth.temporal_fusion import TemporalFusion
+from ..media.picture_file import Pixels
+from ..warp.disocclusion_fill import DisocclusionFill, HiddenColours
+
+
+@dataclass(frozen=True)
+class ClipContext:
+    """A solved clip, with what is computed from several of its frames made once and kept."""
+
+    reconstruction: Reconstruction
+    read: Callable[[int], Pixels]
+    """A frame's picture (H, W, 3 or 4) as `Footage.read` gives it; it is asked for more than once."""
+    given_depth: SampledDepthSource | None = None
+    """Depth that need not be found: the user's maps, or the truth of a benchmark."""
+    masks: Moving | None = None
+    """What is said to move by itself, (h, w) of a source frame at any size."""
+
+    @cached_property
+    def stereo(self) -> TemporalFusion:
+        """Depth of every pixel from the clip itself, at the size that it is found at."""
+        single_frame = PlaneSweepStereo(self.reconstruction, self.read, mask=self.masks)
+        return TemporalFusion(self.reconstruction, single_frame)
+
+    @cached_property
+    def disocclusion(self) -> DisocclusionFill:
+        """Other frames' colours for what a frame does not show, but for what moves in them."""
+        movers = PlaneSweepStereo(self.reconstruction, self.read, COARSE, self.masks)
+        return DisocclusionFill(self.reconstruction, self.read, movers.moving)
+
+    def depth(self, frame: int, canvas: Canvas, picture: Picture) -> PixelDepth:
+        """The depth of all pixels of a canvas that shows `picture` (H, W, 4): given, else by stereo.
+
+        UserError as `TemporalFusion.at`.
+        """
+        if self.given_depth is not None:
+            given = self.given_depth.at(frame, canvas, picture)
+            if given is not None:
+                return given
+        return upsampled(self.stereo.at(frame), picture)
+
+    def hidden_colours(
+        self, frame: int, canvas: Canvas, picture: Picture, inverse_depth: Floats
+    ) -> HiddenColours:
+        """Other frames' colours for what a frame does not show, to be asked for places of its canvas.
+
+        `picture` (H, W, 4) and `inverse_depth` (H, W) are what the frame itself shows.
+        """
+        return self.disocclusion.reprojected(frame, canvas, picture, inverse_depth).colours
+
+    def samples(self, frame: int, canvas: Canvas) -> DepthSamples:
+        """Places of known depth for a coarse mesh: of what is given, else the frame's feature points."""
+        given = self.given_depth.samples(frame, canvas) if self.given_depth is not None else None
+        return frame_features(self.reconstruction, frame, canvas) if given is None else given
+
+
+def upsampled(depth: DenseDepth, picture: Picture) -> PixelDepth:
+    """Depth found in a smaller picture for every pixel of the canvas picture (H, W, 4), along its edges."""
+    size = (picture.shape[1], picture.shape[0])
+    confidence = cv2.resize(depth.confidence, size)
+    return PixelDepth(enlarged(depth.inverse_depth, picture), np.asarray(confidence))

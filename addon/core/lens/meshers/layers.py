@@ -1,0 +1,62 @@
+"""Layers: depth of every pixel, and what silhouettes hide on a surface of its own."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...base.progress import stage
+from ...camera.reconstruction import Floats
+from ...warp.disocclusion_fill import HiddenColours
+from ...warp.layered_depth_image import Fill, Mask, Picture
+from ...warp.layered_mesh import WIDEST, layer_mesh
+from ..thin_lens import ThinLens
+from .mesher import FrameGeometry, Mesher, Surface
+
+FILLED = 0.25
+"""Share of the mesher's time that is over once hidden colours are found: `mesh_times`, 1920x1080."""
+
+
+def can_be_layered(lens: ThinLens, blur: float) -> bool:
+    """Whether blur discs of `blur` pixels leave anything of a frame's surfaces to be drawn by layers."""
+    return blur / 2 < WIDEST * max(lens.pinhole.width, lens.pinhole.height)
+
+
+def make(geometry: FrameGeometry) -> Surface:
+    """The mesh of the frame's layered depth image, with other frames' colours for what it does not show."""
+    assert geometry.depth is not None
+    lens, picture, inverse_depth = geometry.lens, geometry.picture, geometry.depth.inverse_depth
+    scale = lens.radius * lens.pinhole.fx
+    hidden = None
+    if geometry.settings.borrow:
+        with stage("Hidden surfaces", 0.0, FILLED):
+            hidden = geometry.clip.hidden_colours(geometry.frame, geometry.canvas, picture, inverse_depth)
+
+    def snap(disparity: Floats) -> Floats:
+        return scale * lens.snap_to_focal_plane(disparity / scale)
+
+    with stage("Mesh", FILLED, 1.0):
+        mesh, texture, layers = layer_mesh(
+            picture, scale * inverse_depth, scale * lens.focus, scale, snap,
+            _fill(hidden, picture, scale) if hidden else None,
+        )  # fmt: skip
+    return Surface(mesh, texture, bool(picture[..., 3].min() > 0.999), layers)
+
+
+def _fill(hidden: HiddenColours, picture: Picture, scale: float) -> Fill:
+    """Hidden colours as a raster around the picture asks for them: by displacement, `scale` times 1 / z."""
+
+    def fill(disparity: Floats, asked: Mask) -> tuple[Picture, Mask]:
+        row, column = np.nonzero(asked)
+        corner = (np.array(disparity.shape) - picture.shape[:2]) // 2
+        places = np.column_stack([column - corner[1], row - corner[0]]) + 0.5
+        colour, found = np.zeros((*disparity.shape, 3), np.float32), np.zeros(disparity.shape, bool)
+        colour[row, column], found[row, column] = hidden(places, disparity[row, column] / scale)
+        return colour, found
+
+    return fill
+
+
+MESHER = Mesher(
+    "layers", 2, "Depth of every pixel; what lies behind silhouettes on a layer of its own", make,
+    needs_pixel_depth=True, settings=("borrow",),
+)  # fmt: skip

@@ -1,0 +1,89 @@
+"""What a mesher is given of a frame, and what it makes of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from ...camera.canvas import Canvas, Picture
+from ...camera.reconstruction import Floats
+from ...depth.source import PixelDepth
+from ...depth.sparse import DepthSamples
+from ...warp.layered_depth_image import LayeredDepthImage
+from ...warp.mesh import WarpMesh
+from ..aperture_sampling import vogel_disc
+from ..clip_context import ClipContext
+from ..focus import exact_registration
+from ..plan import LensSettings
+from ..thin_lens import ThinLens
+
+
+@dataclass(frozen=True)
+class FrameGeometry:
+    """All that is known of a frame when its mesh is made."""
+
+    clip: ClipContext
+    settings: LensSettings
+    canvas: Canvas
+    picture: Picture
+    """(H, W, 4) what the canvas shows, linear and premultiplied."""
+    lens: ThinLens
+    samples: DepthSamples
+    depth: PixelDepth | None
+    """Of every pixel of the canvas, for meshers that need it."""
+
+    @property
+    def frame(self) -> int:
+        """The source frame's number."""
+        return self.samples.frame
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A warp mesh with its texture."""
+
+    mesh: WarpMesh
+    texture: Picture
+    """(h, w, 4) what is painted on the mesh, linear and premultiplied."""
+    is_whole: bool = False
+    """Whether no view may see through the mesh."""
+    layers: tuple[LayeredDepthImage, ...] = ()
+    """That the mesh was made of, near ones first."""
+
+
+@dataclass(frozen=True)
+class Views:
+    """Virtual cameras over the aperture."""
+
+    offsets: Floats
+    """(N, 2) positions in scene units along the actual camera's x (right) and y (down)."""
+    registration: Floats
+    """(N, 2, 3) maps from pixels of a view to pixels in register with the focal plane."""
+
+
+def even_views(geometry: FrameGeometry, count: int) -> Views:
+    """Evenly spread views, the focal plane exactly in register."""
+    offsets = geometry.lens.radius * vogel_disc(count)
+    return Views(offsets, exact_registration(geometry.canvas, offsets, geometry.lens.focus))
+
+
+@dataclass(frozen=True)
+class Mesher:
+    """A way to make the warp mesh of a frame; `meshers.MESHERS` lists all of them."""
+
+    name: str
+    """On the command line and in .blend files."""
+    number: int
+    """In .blend files, where Blender keeps the number of an enumeration's item: never used twice."""
+    help: str
+    """In the interface and on the command line, one sentence without a full stop."""
+    make: Callable[[FrameGeometry], Surface]
+    views: Callable[[FrameGeometry, int], Views] = even_views
+    needs_pixel_depth: bool = False
+    """Whether it takes the depth of every pixel; others take samples."""
+    uses_given_depth: bool = True
+    """Whether samples of the user's depth maps take the place of feature points."""
+    fewest_focus_points: int = 0
+    """Picked points that it cannot do without."""
+    settings: tuple[str, ...] = ()
+    """Fields of `LensSettings` that only mean something to it."""
