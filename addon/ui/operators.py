@@ -21,9 +21,8 @@ from ..core.sfm.workspace import Solve, default_work_dir, imported_from, load_so
 from ..scene import aperture_cloud
 from ..scene.build import build
 from ..scene.clip import footage_path, solved_clip_path
-from ..scene.lens import is_in_focus
+from ..scene.lens import focal_of, is_in_focus, lens_settings
 from ..scene.paths import absolute
-from ..scene.properties import focal_of, lens_settings
 from ..scene.refocus import keep_focus, restore_focus
 from ..scene.remedy_words import WORDS
 from ..scene.shot import reconstruction_of
@@ -71,7 +70,7 @@ def reported(
         try:
             return execute(self, context)
         except UserError as error:
-            self.report({"ERROR"}, error.told(WORDS))
+            self.report({"ERROR"}, error.worded(WORDS))
             return {"CANCELLED"}
 
     return wrapped
@@ -258,7 +257,7 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
         try:
             self._process = VIRTUAL_APERTURE_OT_solve._running = self._start(context)
         except UserError as error:
-            self.report({"ERROR"}, error.told(WORDS))
+            self.report({"ERROR"}, error.worded(WORDS))
             return {"CANCELLED"}
         manager = context.window_manager
         self._timer = manager.event_timer_add(LOOK, window=context.window)
@@ -286,7 +285,7 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
             return self._finish()
         except UserError as error:
             self._end(context)
-            self.report({"ERROR"}, error.told(WORDS))
+            self.report({"ERROR"}, error.worded(WORDS))
             return {"CANCELLED"}
         except Exception:
             # Else the worker would go on, and the folder stay locked, without anybody to end it.
@@ -348,7 +347,7 @@ class _Render:
             lens_settings(settings, reconstruction_of(settings))
             solved_clip_path(settings)
         except UserError as error:
-            self.report({"ERROR"}, error.told(WORDS))  # type: ignore[attr-defined]
+            self.report({"ERROR"}, error.worded(WORDS))  # type: ignore[attr-defined]
             return {"CANCELLED"}
         context.scene.render.engine = "VIRTUAL_APERTURE"
         how = "EXEC_DEFAULT" if bpy.app.background else "INVOKE_DEFAULT"
