@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from addon.core.camera.canvas import Picture
+from addon.core.base.arrays import LinearRGBA
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction, rotation_matrix
 from addon.core.depth.user_depth import UserDepth
 from addon.core.lens.clip_context import ClipContext
 from addon.core.lens.frame import warp_frame
 from addon.core.lens.plan import FramePlan, LensSettings
-from addon.core.media.clip import Pixels, open_footage
+from addon.core.media.clip import open_footage
+from addon.core.media.picture_file import Pixels
 
 if TYPE_CHECKING:
     from addon.scene.shot import Shot
@@ -86,7 +87,7 @@ def planned(
     settings: LensSettings,
     size: tuple[int, int],
     depth: UserDepth | None = None,
-    picture: Picture | None = None,
+    picture: LinearRGBA | None = None,
 ) -> FramePlan:
     """The plan of a frame of which only the features, or the user's maps, tell depth; `picture` (H, W, 4)."""
     if settings.method == "layers":

@@ -113,13 +113,13 @@ def farm(options: argparse.Namespace) -> None:
     folder = out / "input"
     if is_solved:
         solved = load_solve(source)
-        footage = open_footage(solved.footage, solved.frames)
+        footage = solved.open_clip(solved.frames)
         # What the lens asks for is wrong now or never.
         _scene, settings, _ = scene_of(solved)
         frames = movie_frames(solved, options.frames)
         set_lens(settings, solved, options, frames)
         words = pinned(options, settings, depth=None, mask=None)
-        clip = copy_clip(open_footage(solved.footage), folder)
+        clip = copy_clip(solved.open_clip(), folder)
         _copy_solve(source, folder / "solve", clip)
     else:
         footage = open_footage(source, options.frames and FrameRange.parse(options.frames))

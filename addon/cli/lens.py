@@ -17,7 +17,7 @@ from ..core.lens.focus_place import find_place
 from ..core.lens.frame import check_settings
 from ..core.lens.meshers import MESHERS
 from ..core.lens.plan import LensSettings
-from ..core.media.clip import Footage, FrameRange, open_footage
+from ..core.media.clip import Footage, FrameRange
 from ..core.media.masks import open_masks
 from ..core.sfm.workspace import Solve
 from ..scene import aperture_cloud
@@ -29,7 +29,8 @@ from .paths import path
 
 DEFAULT_BLUR = 0.03
 MOST_BLUR = 0.5
-"""Image widths; larger discs are more than layers can be made for (`layer_mesh.WIDEST` on either side)."""
+"""Image widths; larger discs are more than layers can be made for (`LayeredMeshOptions.widest` on either
+side)."""
 
 
 def add_lens(command: argparse.ArgumentParser, required: bool) -> None:
@@ -100,7 +101,7 @@ def scene_of(solved: Solve) -> tuple[bpy.types.Scene, VirtualApertureSettings, F
     """A fresh scene that holds the solve."""
     bpy.ops.wm.read_homefile(app_template="", use_empty=True, use_factory_startup=True)
     scene = bpy.context.scene
-    footage = open_footage(solved.footage, solved.frames)
+    footage = solved.open_clip(solved.frames)
     settings = build(scene, footage, solved.reconstruction)
     settings.work_dir = str(solved.work_dir)
     return scene, settings, footage
@@ -121,8 +122,8 @@ def movie_frames(solved: Solve, frames: str | None) -> list[int]:
 
     Those that the solve left out get their camera from their neighbours.
     """
-    wanted = wanted_frames(open_footage(solved.footage, solved.frames), frames)
-    return list(open_footage(solved.footage, FrameRange(wanted[0], wanted[-1])).frames)
+    wanted = wanted_frames(solved.open_clip(solved.frames), frames)
+    return list(solved.open_clip(FrameRange(wanted[0], wanted[-1])).frames)
 
 
 def check_numbers(options: argparse.Namespace) -> None:
@@ -196,12 +197,12 @@ def set_lens(
 def _set_clip_files(settings: VirtualApertureSettings, solved: Solve, options: argparse.Namespace) -> None:
     """The user's depth maps and masks of the clip, and what is to be said of them."""
     if options.depth:
-        maps = open_depth(options.depth.absolute(), open_footage(solved.footage, solved.frames))
+        maps = open_depth(options.depth.absolute(), solved.open_clip(solved.frames))
         for note in maps.notes:
             say(f"note: {note}")
         settings.depth_maps = str(options.depth.absolute())
     if options.mask:
-        masks = open_masks(options.mask.absolute(), open_footage(solved.footage, solved.frames))
+        masks = open_masks(options.mask.absolute(), solved.open_clip(solved.frames))
         for note in masks.notes:
             say(f"note: {note}")
         settings.masks = str(options.mask.absolute())

@@ -17,7 +17,7 @@ import bpy
 from ..core.base.atomic import collect_temporary, temporary_folder
 from ..core.base.counting import counted
 from ..core.base.errors import UserError
-from ..core.media.clip import FrameRange, open_footage
+from ..core.media.clip import FrameRange
 from ..core.sfm.report import ranges
 from ..core.sfm.workspace import Solve, default_work_dir, load_solve
 from ..render import engine, jobs, output
@@ -132,7 +132,7 @@ def _render(solved: Solve, options: argparse.Namespace) -> None:
     if options.for_movie:
         # A share of those that a movie shows.
         share = FrameRange.parse(options.frames) if options.frames else None
-        frames = list(open_footage(solved.footage, share).frames)
+        frames = list(solved.open_clip(share).frames)
         output.crop_to_even(scene.render)
     elif is_movie:
         frames = movie_frames(solved, options.frames)

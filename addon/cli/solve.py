@@ -152,7 +152,7 @@ def hand_out(options: argparse.Namespace) -> None:
     out: Path = options.model.absolute()
     if out.exists():
         raise UserError(f"{out} exists; name a folder that is not there yet")
-    footage = open_footage(solved.footage, solved.frames)
+    footage = solved.open_clip(solved.frames)
     names = {} if footage.is_video else {frame: footage.file(frame).name for frame in footage.frames}
     collect_orphans(out.parent)
     part = out.with_name(f"{owned_name(PART)}-{out.name}")

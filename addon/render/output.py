@@ -18,7 +18,8 @@ from ..core.base.errors import Remedy, UserError
 from ..core.base.file_names import checked_name
 from ..core.base.folder_lock import OutputLock
 from ..core.lens.frame import forecast
-from ..core.media.clip import PICTURES, Footage, is_pattern
+from ..core.media.clip import Footage, is_pattern
+from ..core.media.picture_file import PICTURES
 from ..core.sfm.report import ranges
 from ..scene.build import SOUND
 from ..scene.properties import lens_settings

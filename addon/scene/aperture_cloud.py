@@ -10,7 +10,7 @@ from ..core.base.errors import UserError
 from ..core.camera.reconstruction import Floats
 from ..core.lens.clip_context import ClipContext
 from ..core.lens.frame import view_offsets
-from ..core.media.clip import Pixels
+from ..core.media.picture_file import Pixels
 
 if TYPE_CHECKING:
     from .properties import VirtualApertureSettings

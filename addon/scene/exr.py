@@ -8,7 +8,7 @@ import imbuf
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.media import clip
+from ..core.media import picture_file
 
 
 def read(path: Path) -> NDArray[np.float32]:
@@ -26,4 +26,4 @@ def read(path: Path) -> NDArray[np.float32]:
 
 def lend() -> None:
     """Let the footage reader use it."""
-    clip.exr_decoder = read
+    picture_file.exr_decoder = read

@@ -10,15 +10,16 @@ from typing import TYPE_CHECKING
 import bpy
 import numpy as np
 
+from ..core.base.arrays import Mask
 from ..core.base.errors import UserError
 from ..core.base.lru_cache import LRUCache
 from ..core.camera.reconstruction import Reconstruction
-from ..core.depth.multi_view_stereo import Mask
 from ..core.depth.user_depth import UserDepth
 from ..core.depth.user_maps import open_depth
 from ..core.lens.clip_context import ClipContext
-from ..core.media.clip import Footage, Pixels, finite, open_footage
+from ..core.media.clip import Footage, finite, open_footage
 from ..core.media.masks import Masks, open_masks
+from ..core.media.picture_file import Pixels
 from . import exr, store
 from .clip import solved_clip_path
 from .masks import DrawnMask, drawn_mask

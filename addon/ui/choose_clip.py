@@ -8,7 +8,7 @@ from pathlib import Path
 import bpy
 
 from ..core.base.errors import UserError
-from ..core.media.clip import PICTURES
+from ..core.media.picture_file import PICTURES
 from .operators import Result, reported
 
 

@@ -272,12 +272,6 @@ def test_a_killed_solve_leaves_nothing_after_the_next_start(tmp_path: Path) -> N
     assert list(temporary.iterdir()) == [] == list((tmp_path / "work").iterdir())
 
 
-def test_pycolmap_leaves_no_logs(tmp_path: Path) -> None:
-    from addon.core.sfm import keyframes
-
-    assert keyframes.pycolmap.logging.logtostderr
-
-
 def test_two_clips_do_not_share_a_folder_where_no_locks_are_known(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..base.arrays import LinearRGBA
 from ..base.nearest_fill import nearest
-from ..camera.canvas import Canvas, Picture
+from ..camera.canvas import Canvas
 from ..camera.reconstruction import Floats, Reconstruction
 from .source import PixelDepth
 from .sparse import DepthSamples, frame_features
@@ -38,7 +39,7 @@ class UserDepth:
 
         return cls(reconstruction, maps, fit_clip(maps, features))
 
-    def at(self, frame: int, canvas: Canvas, picture: Picture) -> PixelDepth | None:
+    def at(self, frame: int, canvas: Canvas, picture: LinearRGBA) -> PixelDepth | None:
         """The depth of all pixels of the canvas, unknown ones like the nearest known; None without a map.
 
         UserError where the map cannot be read or does not fit the frame's points. `picture` is not looked at:

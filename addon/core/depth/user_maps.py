@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from ..base.counting import counted
 from ..base.errors import UserError
 from ..camera.reconstruction import Floats
-from ..media.clip import Footage, Pixels, describe, open_footage
+from ..media.clip import Footage, describe, open_footage
+from ..media.picture_file import Pixels
 from ..media.side_files import numbered, stretched
 
 KINDS = ("depth", "inverse")

@@ -6,36 +6,24 @@ first picture is frame 1, as in Blender, and a sequence keeps the numbers of its
 
 from __future__ import annotations
 
-import os
 import re
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.errors import Remedy, UserError
+from ..base.errors import UserError
 from ..base.file_names import checked_name
 from ..base.nearest_fill import nearest
-from ..base.progress import checkpoint
+from .picture_file import PICTURES, Pixels, read_picture
+from .video import DEFAULT_FPS, VideoInfo, VideoReader, video_info
 
-Pixels = NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.float32]
-
-# FFmpeg's own complaints would stand beside the one line that we say.
-os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
-
-exr_decoder: Callable[[Path], NDArray[np.float32]] | None = None
-"""Reads an EXR as (H, W, 3 or 4) float32 RGB(A). OpenCV's wheel has no OpenEXR, so whoever runs us lends
-theirs: Blender its own (`scene.exr`), the solving worker pycolmap's."""
-
-PICTURES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".exr")
-DEFAULT_FPS = 24.0
 BRIGHTEST = 65504.0
 """The largest number that a half float holds: sums over hundreds of views of it stay finite."""
-AHEAD = 48
-"""Frames that are skipped by decoding rather than by opening the video again."""
 
 
 @dataclass(frozen=True)
@@ -60,14 +48,6 @@ class FrameRange:
         return tuple(f for f in frames if self.first <= f <= self.last and (f - self.first) % self.step == 0)
 
 
-@dataclass
-class _Decoder:
-    """An open video and the picture that it gives next."""
-
-    capture: cv2.VideoCapture
-    next_frame: int = 1
-
-
 @dataclass(frozen=True)
 class Footage:
     """A clip. Hold one open for as long as its frames are read in order: seeking is slow."""
@@ -81,7 +61,10 @@ class Footage:
     fps: float
     files: tuple[Path, ...] = ()
     """One per frame; empty for a video."""
-    _decoder: list[_Decoder] = field(default_factory=list, repr=False, compare=False)
+
+    @cached_property
+    def _video(self) -> VideoReader:
+        return VideoReader(self.path)
 
     @property
     def is_video(self) -> bool:
@@ -99,7 +82,7 @@ class Footage:
         """
         if frame not in self.frames:
             raise UserError(f"{self.path.name} has no frame {frame}; it has {describe(self.frames)}")
-        picture = self._from_video(frame) if self.is_video else _read_file(self.file(frame))
+        picture = self._video.read(frame) if self.is_video else read_picture(self.file(frame))
         if picture.shape[:2] != (self.height, self.width):
             where = self.file(frame).name if self.files else f"frame {frame}"
             raise UserError(
@@ -110,43 +93,19 @@ class Footage:
 
     def close(self) -> None:
         """Release the video file."""
-        while self._decoder:
-            self._decoder.pop().capture.release()
-
-    def _from_video(self, frame: int) -> Pixels:
-        # Seeking is not exact in every codec; decoding from the start always is.
-        if not self._decoder or not 0 <= frame - self._decoder[0].next_frame <= AHEAD:
-            self._seek(frame)
-        decoder = self._decoder[0]
-        while decoder.next_frame < frame:
-            checkpoint()
-            if not decoder.capture.grab():
-                break
-            decoder.next_frame += 1
-        done, bgr = decoder.capture.read()
-        if not done or bgr is None:
-            self.close()
-            raise UserError(
-                f"frame {frame} of {self.path.name} cannot be decoded; the file may be truncated:"
-                " convert it again or leave the frame out",
-                Remedy.FRAMES,
-            )
-        decoder.next_frame += 1
-        return _square(_rgb(bgr), decoder.capture)
-
-    def _seek(self, frame: int) -> None:
-        decoder = self._decoder[0] if self._decoder else None
-        if decoder is None or frame < decoder.next_frame:
-            self.close()
-            self._decoder.append(_Decoder(_open_capture(self.path)))
+        self._video.close()
 
 
 def open_footage(
-    path: Path | str, frames: FrameRange | Iterable[int] | None = None, fps: float | None = None
+    path: Path | str,
+    frames: FrameRange | Iterable[int] | None = None,
+    fps: float | None = None,
+    info: VideoInfo | None = None,
 ) -> Footage:
     """Open a video file, a folder of images, or a pattern such as `shot_####.png` or `shot_%04d.png`.
 
-    `frames` narrows the clip to a range or to given frame numbers. Raises UserError, one line, for
+    `frames` narrows the clip to a range or to given frame numbers; `fps` is a sequence's rate; `info` is what
+    is known of this very video, which is decoded to be counted otherwise. Raises UserError, one line, for
     anything that cannot be read.
     """
     path = checked_name(_expanded(path))
@@ -162,7 +121,8 @@ def open_footage(
                 f"{path.name} is a single image; a clip needs several: give the folder or a pattern"
             )
         else:
-            footage = _open_video(path)
+            info = video_info(path, info)
+            footage = Footage(path, tuple(range(1, info.count + 1)), info.width, info.height, info.fps)
     except OSError as error:
         raise UserError(f"{error.filename or path} cannot be read: {error.strerror or error}") from error
     return footage if frames is None else _narrowed(footage, frames)
@@ -253,57 +213,6 @@ def decode_srgb(encoded: NDArray[np.floating]) -> NDArray[np.floating]:
     return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
 
 
-def _open_video(path: Path) -> Footage:
-    if path.stat().st_size == 0:
-        raise UserError(f"{path.name} is empty (0 bytes); copy it again from the camera")
-    capture = _open_capture(path)
-    done, bgr = capture.read()
-    if not done or bgr is None:
-        raise UserError(f"{path.name} has no frame that can be decoded; convert it to H.264 and try again")
-    height, width = _square(_rgb(bgr), capture).shape[:2]
-    fps = capture.get(cv2.CAP_PROP_FPS)
-    claimed = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
-    # The header's count may be wrong. Grabbing decodes without converting: a few milliseconds a frame.
-    count = 1
-    while capture.grab():
-        count += 1
-        checkpoint(min(1.0, count / max(claimed, 1)))
-    capture.release()
-    if claimed - count > max(2, claimed // 50):
-        raise UserError(
-            f"{path.name} is truncated: frame {count + 1} of {claimed} cannot be decoded;"
-            " copy or convert it again"
-        )
-    usable = fps if np.isfinite(fps) and 0 < fps < 1000 else DEFAULT_FPS
-    return Footage(path, tuple(range(1, count + 1)), width, height, float(usable))
-
-
-def _open_capture(path: Path) -> cv2.VideoCapture:
-    level = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
-    try:
-        capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
-    finally:
-        cv2.utils.logging.setLogLevel(level)
-    if not capture.isOpened():
-        raise UserError(f"{path.name} is not a video that can be read; convert it to H.264 and try again")
-    capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 1)
-    return capture
-
-
-def _square(picture: Pixels, capture: cv2.VideoCapture) -> Pixels:
-    """Stored pixels -> square pixels: the sample aspect ratio stretches the width."""
-    across, down = capture.get(cv2.CAP_PROP_SAR_NUM), capture.get(cv2.CAP_PROP_SAR_DEN)
-    if not (across > 0 and down > 0) or across == down:
-        return picture
-    height, width = picture.shape[:2]
-    turned = int(capture.get(cv2.CAP_PROP_ORIENTATION_META)) % 180 != 0
-    # A clip that is shown on its side has its stored width upright.
-    size = (width, round(height * across / down)) if turned else (round(width * across / down), height)
-    shrinks = size[0] * size[1] < width * height
-    resized = cv2.resize(picture, size, interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_CUBIC)
-    return np.asarray(resized, dtype=picture.dtype)
-
-
 def _open_sequence(path: Path, files: list[Path], fps: float | None) -> Footage:
     if not files:
         raise UserError(f"{path} has no images; PNG, JPEG, TIFF and EXR are read")
@@ -323,60 +232,9 @@ def _open_sequence(path: Path, files: list[Path], fps: float | None) -> Footage:
             )
         numbered[number] = file
     frames = tuple(sorted(numbered))
-    first = _read_file(numbered[frames[0]])
+    first = read_picture(numbered[frames[0]])
     ordered = tuple(numbered[f] for f in frames)
     return Footage(path, frames, first.shape[1], first.shape[0], fps or DEFAULT_FPS, ordered)
-
-
-def _read_file(path: Path) -> Pixels:
-    try:
-        return _decoded(path)
-    except OSError as error:
-        raise UserError(
-            f"{path} cannot be read: {error.strerror or error}; put it back or leave the frame out"
-        ) from error
-
-
-def _decoded(path: Path) -> Pixels:
-    if path.stat().st_size == 0:
-        raise UserError(f"{path.name} is empty (0 bytes); export the sequence again")
-    if path.suffix.lower() == ".exr":
-        return _read_exr(path)
-    level = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
-    try:
-        picture = cv2.imdecode(np.fromfile(path, dtype=np.uint8), cv2.IMREAD_UNCHANGED | cv2.IMREAD_ANYCOLOR)
-        if picture is not None and picture.ndim == 3 and picture.shape[2] == 3:
-            # Only this way does OpenCV honour the orientation that a camera writes into a JPEG.
-            upright = cv2.imread(str(path), cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH)
-            picture = upright if upright is not None else picture
-    except cv2.error:
-        picture = None
-    finally:
-        cv2.utils.logging.setLogLevel(level)
-    if picture is None or (picture.ndim == 3 and picture.shape[2] > 4):
-        raise UserError(f"{path.name} cannot be decoded; export this frame again or leave it out")
-    if picture.dtype not in (np.uint8, np.uint16, np.float32):
-        picture = picture.astype(np.float32)
-    return _rgb(picture)
-
-
-def _read_exr(path: Path) -> Pixels:
-    if exr_decoder is None:
-        raise UserError(
-            f"{path.name} is an EXR, which can only be read inside Blender; convert it to 16-bit PNG"
-        )
-    try:
-        return exr_decoder(path)
-    except (OSError, ValueError, RuntimeError) as error:
-        raise UserError(f"{path.name} cannot be decoded; export this frame again or leave it out") from error
-
-
-def _rgb(picture: NDArray[np.generic]) -> Pixels:
-    channels = 1 if picture.ndim == 2 else picture.shape[2]
-    if channels == 2:  # gray and alpha
-        picture, channels = picture[..., [0, 0, 0, 1]], 4
-    code = {1: cv2.COLOR_GRAY2RGB, 3: cv2.COLOR_BGR2RGB, 4: cv2.COLOR_BGRA2RGBA}[channels]
-    return cv2.cvtColor(picture, code)  # type: ignore[no-any-return, call-overload]
 
 
 def _narrowed(footage: Footage, wanted: FrameRange | Iterable[int]) -> Footage:

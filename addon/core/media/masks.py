@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import UserError
-from .clip import PICTURES, Footage, Pixels, open_footage
+from .clip import Footage, open_footage
+from .picture_file import PICTURES, Pixels
 from .side_files import numbered, stretched
 
 Mask = NDArray[np.bool_]

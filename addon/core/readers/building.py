@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..base.errors import UserError
 from ..camera.reconstruction import Floats, Image, Intrinsics, Points, Reconstruction
-from ..media.clip import PICTURES
+from ..media.picture_file import PICTURES
 from .parsing import LARGEST, Numbers
 
 ACCURATE = 0.01

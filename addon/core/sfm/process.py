@@ -9,7 +9,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ from ..base.errors import Remedy, UserError
 from ..camera.focal_length import Focal, in_pixels
 from ..media.clip import FrameRange, open_footage
 from ..media.clip_identity import identity
+from ..media.video import video_info
 from .staging import Staging
 from .tracks import TRACKERS
 from .workspace import check_replaceable, imported_from, is_solved
@@ -107,6 +108,7 @@ class SolveProcess:
         job = {
             "footage": str(self.clip.path),
             "frames": self.clip.frames,
+            "video": asdict(video_info(self.clip.path)) if self.clip.is_video else None,
             "folder": str(folder),
             "tracker": self._options["tracker"],
             "lens": {name: self._options[name] for name in ("focal", "zooms")},

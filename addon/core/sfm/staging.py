@@ -6,6 +6,7 @@ import contextlib
 import json
 import os
 import shutil
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from ..base.file_names import checked_name
 from ..base.folder_lock import FolderLock
 from ..media.clip import Footage
 from ..media.clip_identity import identity
+from ..media.video import video_info
 from .state import MODEL, STATE, VERSION, check_model, model_digests
 
 PREFIX = ".solving-"
@@ -75,6 +77,7 @@ class Staging:
                 "relative": _relative(footage.path, self.work_dir),
                 "identity": clip_identity,
                 "frames": footage.frames,
+                "video": asdict(video_info(footage.path)) if footage.is_video else None,
                 **options,
                 "report": said,
                 "model": model_digests(self.folder / MODEL),

@@ -18,7 +18,8 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from ..camera.reconstruction import Floats, Image, Ints, Reconstruction, seen_by
-from ..media.clip import Footage, Pixels, to_gray8
+from ..media.clip import Footage, to_gray8
+from ..media.picture_file import Pixels
 from .template_tracking import Mask, Picture, sample, square
 from .tracks import LONG_SIDE, Progress
 

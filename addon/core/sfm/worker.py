@@ -24,10 +24,11 @@ from numpy.typing import NDArray
 from ..base.errors import UserError
 from ..base.folder_lock import FolderLock
 from ..camera.focal_length import from_equivalent, is_plausible
-from ..media import clip as footage_module
+from ..media import picture_file
 from ..media.clip import Footage, open_footage
 from ..media.exif import photo_lens
 from ..media.metadata import equivalent_focal
+from ..media.video import VideoInfo
 from ..readers.colmap_export import write_model
 from .degeneracy import refuse_cuts
 from .tracks import check_shape, track_features
@@ -66,9 +67,9 @@ def _solve(job: dict[str, Any]) -> None:
     from . import incremental_mapping
 
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    footage_module.exr_decoder = _exr
+    picture_file.exr_decoder = _exr
     folder = Path(str(job["folder"]))
-    footage = open_footage(job["footage"], job["frames"])
+    footage = open_footage(job["footage"], job["frames"], info=VideoInfo.parse(job["video"]))
     check_shape(footage)
     tracks = track_features(footage, _progress, job["tracker"])
     refuse_cuts(tracks)

@@ -8,7 +8,7 @@ DIR/model/       the reconstruction as a COLMAP text model; where we solved it o
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -21,9 +21,10 @@ from ..base.counting import counted
 from ..base.errors import Remedy, UserError
 from ..base.file_names import checked_name
 from ..camera.reconstruction import Ints, Reconstruction, upright
-from ..media.clip import Footage
+from ..media.clip import Footage, FrameRange, open_footage
 from ..media.clip_identity import identity
 from ..media.find_clip import clip_exists
+from ..media.video import VideoInfo
 from ..readers.colmap_export import read_model, write_model
 from ..readers.matching import Imported
 from .report import Report, report
@@ -43,6 +44,12 @@ class Solve:
     frames: tuple[int, ...]
     reconstruction: Reconstruction
     report: dict[str, Any]
+    video: VideoInfo | None = None
+    """What is known of the clip; None where it is no video, or an older version solved it."""
+
+    def open_clip(self, frames: FrameRange | Iterable[int] | None = None) -> Footage:
+        """The clip, all of it or some of its frames; UserError as `open_footage`."""
+        return open_footage(self.footage, frames, info=self.video)
 
     @cached_property
     def worth(self) -> Report:
@@ -98,7 +105,8 @@ def load_solve(work_dir: Path, clip: Path | None = None) -> Solve:
     footage = _clip_of(work_dir, state, clip)
     check_model(work_dir / MODEL, state)
     frames = tuple(state["frames"])
-    return Solve(work_dir, footage, frames, _with_visible(work_dir / MODEL), state["report"])
+    video = VideoInfo.parse(state.get("video"))
+    return Solve(work_dir, footage, frames, _with_visible(work_dir / MODEL), state["report"], video)
 
 
 def _clip_of(work_dir: Path, state: dict[str, Any], clip: Path | None) -> Path:

@@ -17,8 +17,9 @@ from ..base.lru_cache import LRUCache
 from ..base.progress import checkpoint, part
 from ..camera.canvas import Canvas, Picture
 from ..camera.reconstruction import Floats, Image, Intrinsics, Reconstruction
-from ..depth.view_selection import regular, stride
-from ..media.clip import Pixels, to_linear
+from ..depth.view_selection import every_nth, stride
+from ..media.clip import to_linear
+from ..media.picture_file import Pixels
 from .bilateral_grid import BilateralGrid, differ
 
 Mask = NDArray[np.bool_]
@@ -80,7 +81,7 @@ class DisocclusionFill:
         own = self._own(image.frame, canvas, picture, inverse_depth)
         sights = []
         seen, alike = np.zeros((2, len(own.places)))
-        others = regular(self._rec, frame, stride(self._rec, STEP), SPAN)
+        others = every_nth(self._rec, frame, stride(self._rec, STEP, 8), SPAN)
         for number, other in enumerate(others):
             with part(number, len(others)):
                 sight, colours = self._sight(image, canvas, other, own)

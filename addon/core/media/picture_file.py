@@ -1,0 +1,77 @@
+"""Reading picture files: PNG, JPEG, TIFF and EXR."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.errors import UserError
+
+Pixels = NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.float32]
+
+exr_decoder: Callable[[Path], NDArray[np.float32]] | None = None
+"""Reads an EXR as (H, W, 3 or 4) float32 RGB(A). OpenCV's wheel has no OpenEXR, so whoever runs us lends
+theirs: Blender its own (`scene.exr`), the solving worker pycolmap's."""
+
+PICTURES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".exr")
+"""Endings of the files that are read."""
+
+
+def read_picture(path: Path) -> Pixels:
+    """(H, W, 3 or 4) RGB or RGBA of a file as stored: uint8, uint16, or float32, which EXR is.
+
+    UserError where it cannot be read or decoded.
+    """
+    try:
+        return _decoded(path)
+    except OSError as error:
+        raise UserError(
+            f"{path} cannot be read: {error.strerror or error}; put it back or leave the frame out"
+        ) from error
+
+
+def _decoded(path: Path) -> Pixels:
+    if path.stat().st_size == 0:
+        raise UserError(f"{path.name} is empty (0 bytes); export the sequence again")
+    if path.suffix.lower() == ".exr":
+        return _read_exr(path)
+    level = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    try:
+        picture = cv2.imdecode(np.fromfile(path, dtype=np.uint8), cv2.IMREAD_UNCHANGED | cv2.IMREAD_ANYCOLOR)
+        if picture is not None and picture.ndim == 3 and picture.shape[2] == 3:
+            # Only this way does OpenCV honour the orientation that a camera writes into a JPEG.
+            upright = cv2.imread(str(path), cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH)
+            picture = upright if upright is not None else picture
+    except cv2.error:
+        picture = None
+    finally:
+        cv2.utils.logging.setLogLevel(level)
+    if picture is None or (picture.ndim == 3 and picture.shape[2] > 4):
+        raise UserError(f"{path.name} cannot be decoded; export this frame again or leave it out")
+    if picture.dtype not in (np.uint8, np.uint16, np.float32):
+        picture = picture.astype(np.float32)
+    return to_rgb(picture)
+
+
+def _read_exr(path: Path) -> Pixels:
+    if exr_decoder is None:
+        raise UserError(
+            f"{path.name} is an EXR, which can only be read inside Blender; convert it to 16-bit PNG"
+        )
+    try:
+        return exr_decoder(path)
+    except (OSError, ValueError, RuntimeError) as error:
+        raise UserError(f"{path.name} cannot be decoded; export this frame again or leave it out") from error
+
+
+def to_rgb(picture: NDArray[np.generic]) -> Pixels:
+    """OpenCV's picture (H, W) or (H, W, 1 to 4), gray, gray with alpha, BGR or BGRA, as RGB or RGBA."""
+    channels = 1 if picture.ndim == 2 else picture.shape[2]
+    if channels == 2:  # gray and alpha
+        picture, channels = picture[..., [0, 0, 0, 1]], 4
+    code = {1: cv2.COLOR_GRAY2RGB, 3: cv2.COLOR_BGR2RGB, 4: cv2.COLOR_BGRA2RGBA}[channels]
+    return cv2.cvtColor(picture, code)  # type: ignore[no-any-return, call-overload]
