@@ -119,7 +119,7 @@ def run(options: argparse.Namespace) -> None:
         solved = solve.solve_clip(
             options, options.work or default_work_dir(options.footage, options.out.absolute().parent)
         )
-        solve.tell(solved)
+        solve.print_quality(solved)
         _render(solved, options)
 
 
@@ -150,10 +150,10 @@ def _render(solved: Solve, options: argparse.Namespace) -> None:
             f" ({ranges(planned.coarse)}), drawn by features, one coarse mesh, instead; a smaller blur or"
             " aperture keeps layers"
         )
-    carried = [f for f in frames if f not in solved.reconstruction.frames]
-    if carried:
-        missing = f"{counted(len(carried), 'frame')} not registered"
-        say(f"{missing}; neighbours lend their cameras: {ranges(carried)}")
+    unregistered = [f for f in frames if f not in solved.reconstruction.frames]
+    if unregistered:
+        missing = f"{counted(len(unregistered), 'frame')} not registered"
+        say(f"{missing}; neighbours lend their cameras: {ranges(unregistered)}")
     # Started here, because Blender starts it noisily itself when the engine asks for a context.
     problem = gpu_problem()
     if problem:

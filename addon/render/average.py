@@ -58,7 +58,7 @@ def render_frame(
         source = _resized(to_linear(clip.read(frame)), size)
     with stage("Mesh", READ, WARPED):
         warped = warp_frame(clip, frame, lens, size, source)
-    if warped.plan.carried:
+    if warped.plan.pose_interpolated:
         note(f"Frame {frame} was not registered: its camera is carried over from its neighbours")
     if warped.why:
         note(f"Frame {frame} is drawn by the method {warped.method}: {warped.why}")
