@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
 import cv2
@@ -16,6 +17,7 @@ TEXELS = 60
 """A scene unit of texture."""
 
 
+@cache
 def texture(width: int, height: int, seed: int) -> NDArray[np.uint8]:
     """Blotches of many sizes, grey."""
     random = np.random.default_rng(seed)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
@@ -16,7 +17,9 @@ from addon.core.lens.frame import warp_frame
 from addon.core.lens.plan import FramePlan, LensSettings
 from addon.core.media.clip import open_footage
 from addon.core.media.picture_file import Pixels
-from addon.scene.shot import Shot
+
+if TYPE_CHECKING:
+    from addon.scene.shot import Shot
 
 
 def texture(width: int, height: int, seed: int = 0) -> np.ndarray:
@@ -66,6 +69,9 @@ def write_frames(folder: Path, lens: Intrinsics, frames: tuple[int, ...] = (1, 2
 
 def slanted_shot(folder: Path, lens: Intrinsics, frames: tuple[int, ...] = (1, 2, 3)) -> Shot:
     """Footage and reconstruction of the slanted plane."""
+    # Blender is loaded for it: other helpers here do without.
+    from addon.scene.shot import Shot
+
     return Shot(open_footage(write_frames(folder, lens, frames)), slanted_plane(lens, frames))
 
 
