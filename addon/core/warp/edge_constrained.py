@@ -83,7 +83,7 @@ def edge_mesh(
     `picture` (h, w, 4) is the canvas picture, linear; inverse depth times `scale` is disparity in pixels at
     the aperture's rim. UserError where the frame has too few features.
     """
-    keep = distinct(features, canvas, margin)
+    keep = distinct(features, canvas)
     xy, inverse = features.observed[keep], features.inverse_depth[keep]
     size = canvas.pinhole.width, canvas.pinhole.height
     rows = edge_rows(detected(picture, options), xy, inverse, size, scale, options)
