@@ -26,7 +26,7 @@ HiddenColours = Callable[[Floats, Floats], tuple[LinearRGB, Mask]]
 """Linear colours (n, 3) of places (n, 2), canvas pixels, at inverse depths (n,), and which (n,) are known."""
 
 ROW = 4096
-"""Places in a row of a look-up: OpenCV's `remap` fails from 32,767 on."""
+"""Places in a row of a look-up: OpenCV's `remap` takes 32,766 at most."""
 
 
 @dataclass(frozen=True)
