@@ -52,6 +52,18 @@ def test_the_core_imports_downwards() -> None:
     assert upward(ADDON / "core", ROOMS) == []
 
 
+def test_modules_import_each_other_in_no_circle() -> None:
+    files = {path.relative_to(ROOT).with_suffix("").parts: path for path in ADDON.rglob("*.py")}
+    needs = {
+        name: {m if m in files else m[:-1] for m in imports(path)} & files.keys() - {name}
+        for name, path in files.items()
+    }
+    while free := [name for name, wanted in needs.items() if not wanted & needs.keys()]:
+        for name in free:
+            del needs[name]
+    assert not needs, sorted(needs)
+
+
 def test_the_core_never_imports_blender_nor_anything_above_it() -> None:
     for path in (ADDON / "core").rglob("*.py"):
         for module in imports(path):

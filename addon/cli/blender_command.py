@@ -10,7 +10,7 @@ from typing import Any
 
 import bpy
 
-NAME = "virtual_aperture"
+from . import NAME
 
 _handle: Any = None
 

@@ -24,7 +24,7 @@ from ..render.frame_files import key_of
 from ..render.frame_keys import frame_keys
 from ..render.frame_size import written_size
 from ..render.quiet import quiet
-from .blender_command import NAME
+from . import NAME
 from .lens import add_lens, check_numbers, lens_arguments, movie_frames, pinned, say, scene_of, set_lens
 from .paths import path
 from .save import DEPTH, MASKS

@@ -14,12 +14,12 @@ from ..core.lens.inspection import NAMES, Shown
 from ..core.lens.report import FrameReport
 from ..core.sfm.workspace import load_solve
 from ..render import output
-from ..render.account import Inspector, replaced, write_picture
 from ..render.average import no_gpu_note, render_frame
 from ..render.frame_size import render_size
 from ..render.gpu_views import gpu_problem
 from ..render.quiet import quiet
-from ..scene.properties import lens_settings
+from ..render.run_report import Inspector, replaced, write_picture
+from ..scene.lens import lens_settings
 from ..scene.shot import shot_of
 from .lens import add_lens, check_numbers, say, scene_of, set_lens
 from .paths import path
@@ -81,6 +81,6 @@ def _inspected(scene: bpy.types.Scene, frame: int, debug: bool) -> tuple[dict[st
     shot, inspector = shot_of(scene), Inspector()
     lens, size = lens_settings(scene.virtual_aperture, shot.reconstruction), render_size(scene.render)
     with contextlib.nullcontext(1) if debug else quiet(1):
-        render_frame(shot.context, frame, lens, size, lambda note: None, inspector.told)
+        render_frame(shot.context, frame, lens, size, lambda note: None, inspector.on_frame)
     assert inspector.report is not None
     return inspector.pictures, inspector.report

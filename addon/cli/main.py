@@ -21,11 +21,11 @@ from ..core.media.clip import FrameRange
 from ..core.sfm.report import ranges
 from ..core.sfm.workspace import Solve, default_work_dir, load_solve
 from ..render import engine, jobs, output
-from ..render.account import Account, check_report
 from ..render.average import no_gpu_note
 from ..render.frame_keys import run_key
 from ..render.gpu_views import gpu_problem
 from ..render.quiet import quiet
+from ..render.run_report import RunReport, check_report
 from ..scene import properties
 from ..scene.shot import shot_of
 from . import farm, inspect, save, solve
@@ -119,7 +119,7 @@ def run(options: argparse.Namespace) -> None:
         solved = solve.solve_clip(
             options, options.work or default_work_dir(options.footage, options.out.absolute().parent)
         )
-        solve.tell(solved)
+        solve.print_quality(solved)
         _render(solved, options)
 
 
@@ -150,26 +150,26 @@ def _render(solved: Solve, options: argparse.Namespace) -> None:
             f" ({ranges(planned.coarse)}), drawn by features, one coarse mesh, instead; a smaller blur or"
             " aperture keeps layers"
         )
-    carried = [f for f in frames if f not in solved.reconstruction.frames]
-    if carried:
-        missing = f"{counted(len(carried), 'frame')} not registered"
-        say(f"{missing}; neighbours lend their cameras: {ranges(carried)}")
+    unregistered = [f for f in frames if f not in solved.reconstruction.frames]
+    if unregistered:
+        missing = f"{counted(len(unregistered), 'frame')} not registered"
+        say(f"{missing}; neighbours lend their cameras: {ranges(unregistered)}")
     # Started here, because Blender starts it noisily itself when the engine asks for a context.
     problem = gpu_problem()
     if problem:
         say(no_gpu_note(problem))
-    account = Account(
+    run_report = RunReport(
         options.report.absolute() if options.report else None, run_key(scene), options.overwrite
     )
     silent = contextlib.nullcontext(1) if options.debug else quiet(1)
-    with silent as descriptor, engine.telling(account.told):
+    with silent as descriptor, engine.watched(run_report.on_frame):
 
         def report(text: str) -> None:
             os.write(descriptor, f"{text}\n".encode())
             _check_interrupted()
 
         lens = pinned(options, settings)
-        draw = None if options.jobs == 1 else _side_by_side(solved, options, lens, account, report)
+        draw = None if options.jobs == 1 else _side_by_side(solved, options, lens, run_report, report)
         if is_movie:
             output.render_movie(scene, frames, out, report, draw)
         else:
@@ -179,17 +179,17 @@ def _render(solved: Solve, options: argparse.Namespace) -> None:
             f"{sum(repaired.values())} pixels of {len(repaired)} frames were not finite (NaN or infinite) and"
             f" were filled from around: {ranges(sorted(repaired))}"
         )
-    if told := account.summary(frames):
-        say(told)
-    if lacking := account.lacks(frames):
+    if summary := run_report.summary(frames):
+        say(summary)
+    if lacking := run_report.lacks(frames):
         say(f"no report of frames that were there already: {ranges(lacking)}")
     say(f"wrote {options.out}")
 
 
 def _side_by_side(
-    solved: Solve, options: argparse.Namespace, lens: list[str], account: Account, report: output.Report
+    solved: Solve, options: argparse.Namespace, lens: list[str], run_report: RunReport, report: output.Report
 ) -> output.Draw:
-    """Have frames drawn by `--jobs` processes of this command line, which are told of the lens by words."""
+    """Have frames drawn by `--jobs` processes of this command line, which get the lens as words."""
     is_movie = options.for_movie or options.out.suffix.lower() in output.MOVIES
     step = FrameRange.parse(options.frames).step if options.frames and not is_movie else 1
 
@@ -207,7 +207,7 @@ def _side_by_side(
                 jobs.render_side_by_side(todo, options.jobs, command, done, report)
             finally:
                 for path in reports:
-                    account.take_over(path)
+                    run_report.take_over(path)
 
     return draw
 
@@ -254,7 +254,7 @@ def run_command(arguments: list[str]) -> int:
     except (Exception, KeyboardInterrupt) as error:
         if debug and not _signal:
             raise
-        print(f"error: {_told(error)}", file=sys.stderr, flush=True)
+        print(f"error: {_message(error)}", file=sys.stderr, flush=True)
         return 128 + _signal if _signal else 1
     finally:
         for number, handler in before.items():
@@ -263,10 +263,10 @@ def run_command(arguments: list[str]) -> int:
     return 0
 
 
-def _told(error: BaseException) -> str:
+def _message(error: BaseException) -> str:
     """One readable line for everybody; the traceback is for those who ask."""
     if _signal:
         return "interrupted; finished frames are kept"
     if isinstance(error, UserError):
-        return error.told(WORDS)
+        return error.worded(WORDS)
     return f"{type(error).__name__}: {error} (--debug shows where)"

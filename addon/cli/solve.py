@@ -50,21 +50,21 @@ def add_commands(
     three.add_argument("--work", type=path, required=True, metavar="DIR", help="folder that keeps the solve")
     three.add_argument("--clip", metavar="NAME", help="which movie clip of the .blend")
     three.add_argument("--again", action="store_true", help="replace a solve of this clip in the folder")
-    three.set_defaults(command=take_in)
+    three.set_defaults(command=import_model)
 
     four = commands.add_parser("export", parents=[common], help="write a solve as a COLMAP text model")
     four.add_argument("work", type=path, metavar="DIR", help="folder that keeps the solve")
     four.add_argument("--model", type=path, required=True, metavar="OUT", help="folder that is not there yet")
-    four.set_defaults(command=hand_out)
+    four.set_defaults(command=export_solve)
 
 
 def add_footage(
     command: argparse.ArgumentParser,
     name: str = "FOOTAGE",
-    told: str = "video, folder of images, or pattern",
+    description: str = "video, folder of images, or pattern",
 ) -> None:
-    """The arguments of a clip to be solved, which is called `name` and described as `told`."""
-    command.add_argument("footage", type=path, metavar=name, help=told)
+    """The arguments of a clip to be solved, which is called `name` and described as `description`."""
+    command.add_argument("footage", type=path, metavar=name, help=description)
     focal = command.add_mutually_exclusive_group()
     focal.add_argument("--focal", type=float, metavar="PX", help="known focal length in pixels, held")
     focal.add_argument(
@@ -96,12 +96,12 @@ def solve_arguments(options: argparse.Namespace) -> list[str]:
 
 def solve(options: argparse.Namespace) -> None:
     """`solve FOOTAGE --work DIR`"""
-    tell(solve_clip(options, options.work))
+    print_quality(solve_clip(options, options.work))
 
 
-def tell(solved: Solve) -> None:
+def print_quality(solved: Solve) -> None:
     """What a solve found, and what would help it."""
-    print(solved.summary, solved.worth.advised(WORDS), sep="\n", flush=True)
+    print(solved.summary, solved.quality.advised(WORDS), sep="\n", flush=True)
 
 
 def solve_clip(options: argparse.Namespace, work: Path) -> Solve:
@@ -121,11 +121,11 @@ def solve_clip(options: argparse.Namespace, work: Path) -> Solve:
 
 def report(options: argparse.Namespace) -> None:
     """`report DIR [--json]`"""
-    worth = load_solve(options.work.absolute()).worth
-    print(json.dumps(worth.as_dict(), indent=1) if options.json else worth.text(WORDS), flush=True)
+    quality = load_solve(options.work.absolute()).quality
+    print(json.dumps(quality.as_dict(), indent=1) if options.json else quality.text(WORDS), flush=True)
 
 
-def take_in(options: argparse.Namespace) -> None:
+def import_model(options: argparse.Namespace) -> None:
     """`import MODEL --footage FOOTAGE --work DIR`"""
     work: Path = options.work.absolute()
     footage = open_footage(options.footage)
@@ -146,7 +146,7 @@ def take_in(options: argparse.Namespace) -> None:
         print(f"note: {note}", flush=True)
 
 
-def hand_out(options: argparse.Namespace) -> None:
+def export_solve(options: argparse.Namespace) -> None:
     """`export DIR --model OUT`"""
     solved = load_solve(options.work.absolute())
     out: Path = options.model.absolute()

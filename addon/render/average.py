@@ -33,7 +33,8 @@ class Drawn:
     """What drawing took."""
 
 
-Told = Callable[[Drawn], None]
+OnFrame = Callable[[Drawn], None]
+"""Called with each frame that is drawn."""
 
 READ, WARPED = 0.01, 0.7
 """Shares of a frame's time that are over once it is read and once its mesh is made; the rest draws its views.
@@ -46,17 +47,18 @@ def render_frame(
     lens: LensSettings,
     size: tuple[int, int],
     note: Callable[[str], None],
-    told: Told | None = None,
+    on_frame: OnFrame | None = None,
 ) -> LinearRGBA:
     """One frame through the lens: (h, w, 4) float32, linear, premultiplied.
 
-    `note` is told what the user should know, and `told` of the frame that was drawn. Passes checkpoints.
+    `note` is called with what the user should know, `on_frame` with the frame when it is drawn. Passes
+    checkpoints.
     """
     with stage("Reading", 0.0, READ):
         source = _resized(to_linear(clip.read(frame)), size)
     with stage("Mesh", READ, WARPED):
         warped = warp_frame(clip, frame, lens, size, source)
-    if warped.plan.carried:
+    if warped.plan.pose_interpolated:
         note(f"Frame {frame} was not registered: its camera is carried over from its neighbours")
     if warped.why:
         note(f"Frame {frame} is drawn by the method {warped.method}: {warped.why}")
@@ -65,8 +67,8 @@ def render_frame(
         mean = draw_mean(warped, note)
     checkpoint(1.0)
     picture = warped.plan.canvas.to_source(mean)
-    if told is not None:
-        told(Drawn(warped, source, time.perf_counter() - began))
+    if on_frame is not None:
+        on_frame(Drawn(warped, source, time.perf_counter() - began))
     return picture
 
 

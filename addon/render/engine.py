@@ -7,6 +7,7 @@ import time
 import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 
 import bpy
 import numpy as np
@@ -15,60 +16,50 @@ from ..core.base.arrays import LinearRGBA
 from ..core.base.errors import UserError
 from ..core.base.progress import Cancelled, checkpoint, reporting, stage
 from ..scene.ignored import warn_of_ignored
-from ..scene.properties import lens_settings
+from ..scene.lens import lens_settings
 from ..scene.remedy_words import WORDS
 from ..scene.shot import Shot, shot_of
-from .average import Told, render_frame
+from .average import OnFrame, render_frame
 from .frame_size import render_size
 from .gpu_views import egl_problem
-
-_error: BaseException | None = None
-"""What went wrong in the last render: Blender does not tell scripts of an animation."""
-
-_is_drawn = False
-"""Whether the last render got as far as its picture. An exception that comes before our code can hear of it,
-as a signal does while Blender prepares a frame, leaves a black frame and no error."""
 
 REDRAW = 0.1
 """Seconds between two texts about a render's progress: more of them would only cost redraws."""
 
-_told: Told | None = None
-"""Who wants to know of each frame that is drawn."""
 
+@dataclass
+class RenderWatch:
+    """What a script learns of the renders that it starts: Blender tells it of no animation's errors."""
 
-def clear_error() -> None:
-    """Forget the last render's error."""
-    global _error, _is_drawn
-    _error, _is_drawn = None, False
+    on_frame: OnFrame | None = None
+    """Called with each frame that is drawn, on the thread that draws."""
+    error: BaseException | None = None
+    """The exception of the last render that failed."""
+    is_drawn: bool = False
+    """Whether a render got as far as its picture. An exception that comes before our code can hear of it,
+    as a signal does while Blender prepares a frame, leaves a black frame and no error."""
 
+    def raise_error(self) -> None:
+        """Raise what a render failed of, if one failed."""
+        if self.error is not None:
+            raise self.error
 
-def raise_error() -> None:
-    """Raise what the last render failed of, if it failed."""
-    if _error is not None:
-        raise _error
-
-
-def check_drawn() -> None:
-    """Raise what the last render since `clear_error` failed of, or UserError where it has no picture."""
-    raise_error()
-    if not _is_drawn:
-        raise UserError("rendering ended before there was a picture; render again")
-
-
-def tell(told: Told | None) -> None:
-    """From now on tell this one of each frame that is drawn, on the thread that draws; None tells nobody."""
-    global _told
-    _told = told
+    def check_drawn(self) -> None:
+        """Raise what a render failed of, or UserError where there is no picture."""
+        self.raise_error()
+        if not self.is_drawn:
+            raise UserError("rendering ended before there was a picture; render again")
 
 
 @contextmanager
-def telling(told: Told) -> Iterator[None]:
-    """Within it, tell `told` of each frame that is drawn."""
-    tell(told)
+def watched(on_frame: OnFrame | None = None) -> Iterator[RenderWatch]:
+    """Watch the renders within; without an `on_frame` of its own that of the watch around it stays."""
+    around = VirtualApertureEngine.watch
+    VirtualApertureEngine.watch = RenderWatch(on_frame or around.on_frame)
     try:
-        yield
+        yield VirtualApertureEngine.watch
     finally:
-        tell(None)
+        VirtualApertureEngine.watch = around
 
 
 class VirtualApertureEngine(bpy.types.RenderEngine):
@@ -81,6 +72,8 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
     bl_use_gpu_context = bpy.app.background and not egl_problem()
     bl_use_preview = False
     bl_use_eevee_viewport = True
+    # Blender makes the engine's instances: whoever starts a render cannot hand them anything.
+    watch = RenderWatch()
 
     def render(self, depsgraph: bpy.types.Depsgraph) -> None:
         """Render the current frame into the Combined pass.
@@ -99,7 +92,7 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
         except Cancelled:
             return
         except UserError as error:
-            self._fail(error, error.told(WORDS))
+            self._fail(error, error.worded(WORDS))
         except Exception as error:
             traceback.print_exc()
             self._fail(error, f"Rendering failed: {type(error).__name__}: {error} (the console shows where)")
@@ -108,8 +101,7 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
             self._fail(error, f"Rendering was ended by {type(error).__name__}")
 
     def _fail(self, error: BaseException, text: str) -> None:
-        global _error
-        _error = error
+        self.watch.error = error
         self.report({"ERROR"}, text)
         self.error_set(text)
 
@@ -119,7 +111,7 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
         check_shape(shot, size)
         lens = lens_settings(scene.virtual_aperture, shot.reconstruction)
         frame = frame_shown(shot, scene.frame_current)
-        return render_frame(shot.context, frame, lens, size, self._note, _told)
+        return render_frame(shot.context, frame, lens, size, self._note, self.watch.on_frame)
 
     def _on_progress(self, stage_name: str, share: float) -> None:
         if self.test_break():
@@ -145,8 +137,7 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
         result = self.begin_result(0, 0, part.shape[1], part.shape[0])
         result.layers[0].passes["Combined"].rect.foreach_set(part.reshape(-1))
         self.end_result(result)
-        global _is_drawn
-        _is_drawn = True
+        self.watch.is_drawn = True
 
 
 def frame_title(scene: bpy.types.Scene, is_animation: bool) -> str:

@@ -9,8 +9,8 @@ import numpy as np
 
 from ..core.base.digest import file_digest, files_digest
 from ..core.media.clip import Footage
+from ..scene.lens import lens_settings
 from ..scene.masks import DrawnMask
-from ..scene.properties import lens_settings
 from ..scene.shot import Shot, shot_of
 from .frame_size import render_size, written_size
 

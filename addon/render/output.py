@@ -22,7 +22,7 @@ from ..core.media.clip import Footage, is_pattern
 from ..core.media.picture_file import PICTURES
 from ..core.sfm.report import ranges
 from ..scene.build import SOUND
-from ..scene.properties import lens_settings
+from ..scene.lens import lens_settings
 from ..scene.shot import shot_of
 from . import engine, frame_files
 from .frame_keys import frame_keys
@@ -235,13 +235,13 @@ def _render_still(scene: bpy.types.Scene, frame: int, target: Path, key: str, st
     render.use_stamp_note, render.stamp_note_text = True, frame_files.note_of(key)
     with atomic.staged(target) as part:
         render.filepath = blender_path(part)
-        engine.clear_error()
-        try:
-            bpy.ops.render.render(write_still=True, scene=scene.name)
-        except RuntimeError as error:
-            engine.raise_error()
-            raise UserError(f"frame {frame}: Blender could not write it: {str(error).strip()}") from error
-        engine.check_drawn()
+        with engine.watched() as watch:
+            try:
+                bpy.ops.render.render(write_still=True, scene=scene.name)
+            except RuntimeError as error:
+                watch.raise_error()
+                raise UserError(f"frame {frame}: Blender could not write it: {str(error).strip()}") from error
+        watch.check_drawn()
         frame_files.refuse(target, frame_files.still_problem(part, written_size(render)))
         _is_made_meanwhile(frame, target, key, stamp)
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+import bpy
 import numpy as np
 
 from ..core.base.errors import UserError
@@ -11,12 +10,11 @@ from ..core.camera.reconstruction import Floats
 from ..core.lens.clip_context import ClipContext
 from ..core.lens.frame import view_offsets
 from ..core.media.picture_file import Pixels
+from .lens import lens_settings
+from .shot import reconstruction_of
 
-if TYPE_CHECKING:
-    from .properties import VirtualApertureSettings
 
-
-def update(settings: VirtualApertureSettings) -> None:
+def update(settings: bpy.types.PropertyGroup) -> None:
     """Move the points to where the settings put the virtual cameras; none while nothing is in focus."""
     if settings.aperture is None or settings.points is None:
         return
@@ -34,10 +32,7 @@ def update(settings: VirtualApertureSettings) -> None:
     mesh.update()
 
 
-def _positions(settings: VirtualApertureSettings) -> Floats:
-    from .properties import lens_settings
-    from .shot import reconstruction_of
-
+def _positions(settings: bpy.types.PropertyGroup) -> Floats:
     reconstruction = reconstruction_of(settings)
     image, _ = reconstruction.image_at(settings.focus_frame)
     camera = reconstruction.intrinsics(image)

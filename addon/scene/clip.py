@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import bpy
 
@@ -13,9 +12,6 @@ from ..core.base.errors import Remedy, UserError
 from ..core.media.find_clip import clip_exists, find_clip, is_clip
 from ..core.sfm.workspace import default_work_dir, recorded_clip
 from .paths import absolute
-
-if TYPE_CHECKING:
-    from .properties import VirtualApertureSettings
 
 LOOK_AGAIN = 3.0
 """Seconds until a clip that was not found is looked for again: panels ask with every redraw."""
@@ -36,14 +32,14 @@ class Trouble:
 _searches: dict[tuple[str, ...], tuple[float, Path | None]] = {}
 
 
-def footage_path(settings: VirtualApertureSettings) -> Path:
+def footage_path(settings: bpy.types.PropertyGroup) -> Path:
     """The path of the chosen clip, with Blender's // resolved; UserError where none is chosen."""
     if not settings.footage:
         raise UserError("no clip is chosen")
     return absolute(settings.footage)
 
 
-def solved_clip_path(settings: VirtualApertureSettings) -> Path:
+def solved_clip_path(settings: bpy.types.PropertyGroup) -> Path:
     """Where the clip of the scene's solve lies: where the path leads, or where it was found again.
 
     UserError where another clip is chosen, or it is not found. What older versions built knows no identity:
@@ -58,7 +54,7 @@ def solved_clip_path(settings: VirtualApertureSettings) -> Path:
     return trouble.found
 
 
-def trouble_with(settings: VirtualApertureSettings) -> Trouble | None:
+def trouble_with(settings: bpy.types.PropertyGroup) -> Trouble | None:
     """What is wrong with the path of the clip that was solved; None where nothing is, or nothing is solved.
 
     Cheap while nothing changes.
@@ -92,7 +88,7 @@ def trouble_with(settings: VirtualApertureSettings) -> Trouble | None:
     return Trouble(text, False)
 
 
-def _found(settings: VirtualApertureSettings, path: Path) -> Path | None:
+def _found(settings: bpy.types.PropertyGroup, path: Path) -> Path | None:
     beside = Path(bpy.data.filepath).parent if bpy.data.filepath else None
     work_dir = absolute(settings.work_dir) if settings.work_dir else None
     key = (str(path), settings.clip_identity, str(beside), str(work_dir))

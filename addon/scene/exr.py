@@ -1,4 +1,4 @@
-"""Blender's own EXR decoder, lent to the footage reader."""
+"""Blender's own EXR decoder for the core, which has none."""
 
 from __future__ import annotations
 
@@ -24,6 +24,11 @@ def read(path: Path) -> NDArray[np.float32]:
     return picture if picture.shape[2] >= 3 else np.repeat(picture[..., :1], 3, axis=2)
 
 
-def lend() -> None:
-    """Let the footage reader use it."""
+def register() -> None:
+    """Let picture files be read with it."""
     picture_file.exr_decoder = read
+
+
+def unregister() -> None:
+    """Undo `register`."""
+    picture_file.exr_decoder = None

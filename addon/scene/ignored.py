@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import bpy
-
-if TYPE_CHECKING:
-    from .properties import VirtualApertureSettings
 
 GEOMETRY = {
     "MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD", "VOLUME", "GREASEPENCIL",
@@ -25,7 +21,7 @@ def ignored(scene: bpy.types.Scene) -> tuple[str, ...]:
 
     Motion blur, volumes and the world are not told: nobody expects them of a filmed picture.
     """
-    settings: VirtualApertureSettings = scene.virtual_aperture
+    settings: bpy.types.PropertyGroup = scene.virtual_aperture
     if settings.points is None:
         return ()
     return tuple(

@@ -10,18 +10,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
 
 import bpy
 import numpy as np
 
 from ..core.base.errors import UserError
+from ..core.camera.focal_length import Focal, from_equivalent, from_sensor
 from ..core.camera.reconstruction import Reconstruction
 from ..core.lens.focus import Focus, blur_for_radius, radius_for_blur
+from ..core.lens.plan import LensSettings
 from .shot import reconstruction_of
-
-if TYPE_CHECKING:
-    from .properties import VirtualApertureSettings
 
 _writing = False
 
@@ -42,7 +40,7 @@ def is_writing() -> bool:
     return _writing
 
 
-def focus_of(settings: VirtualApertureSettings) -> Focus:
+def focus_of(settings: bpy.types.PropertyGroup) -> Focus:
     """The focus that the settings describe; one that raises when used where nothing is in focus.
 
     Without picked points the distance counts, whichever is active.
@@ -54,18 +52,42 @@ def focus_of(settings: VirtualApertureSettings) -> Focus:
     )
 
 
-def is_in_focus(settings: VirtualApertureSettings) -> bool:
+def focal_of(settings: bpy.types.PropertyGroup) -> Focal | None:
+    """What the settings tell of the clip's focal length."""
+    if settings.lens == "GIVEN":
+        equivalent = settings.equivalent
+        return lambda width, height: from_equivalent(equivalent, width, height)
+    if settings.lens == "SENSOR":
+        focal, sensor = settings.focal_mm, settings.sensor_mm
+        return lambda width, _: from_sensor(focal, sensor, width)
+    return None
+
+
+def lens_settings(settings: bpy.types.PropertyGroup, reconstruction: Reconstruction) -> LensSettings:
+    """The lens that the settings describe; UserError where they mean nothing."""
+    focus = focus_of(settings)
+    if has_radius(settings):
+        radius = settings.aperture_radius
+    else:
+        frame = settings.focus_frame
+        if frame not in reconstruction.frames:
+            frame = int(reconstruction.frames[0])
+        radius = radius_for_blur(reconstruction, focus, frame, settings.blur)
+    return LensSettings(focus, radius, settings.views, settings.method, settings.seed, settings.borrow)
+
+
+def is_in_focus(settings: bpy.types.PropertyGroup) -> bool:
     """Whether anything is in focus."""
     focus = focus_of(settings)
     return bool(focus.points) or focus.distance is not None
 
 
-def has_radius(settings: VirtualApertureSettings) -> bool:
+def has_radius(settings: bpy.types.PropertyGroup) -> bool:
     """Whether the aperture's radius counts; else the blur does."""
     return bool(settings.use_radius) and not is_keyed(settings, "blur")
 
 
-def is_keyed(settings: VirtualApertureSettings, name: str) -> bool:
+def is_keyed(settings: bpy.types.PropertyGroup, name: str) -> bool:
     """Whether a property has keys or a driver."""
     animation, path = settings.id_data.animation_data, settings.path_from_id(name)
     if animation is None:
@@ -73,12 +95,12 @@ def is_keyed(settings: VirtualApertureSettings, name: str) -> bool:
     return has_keys(settings, name) or any(driver.data_path == path for driver in animation.drivers)
 
 
-def has_keys(settings: VirtualApertureSettings, name: str) -> bool:
+def has_keys(settings: bpy.types.PropertyGroup, name: str) -> bool:
     """Whether a property has keys."""
     return keys_of(settings, name) is not None
 
 
-def keys_of(settings: VirtualApertureSettings, name: str) -> bpy.types.FCurve | None:
+def keys_of(settings: bpy.types.PropertyGroup, name: str) -> bpy.types.FCurve | None:
     """The keys of a property; None where it has none."""
     from bpy_extras.anim_utils import action_get_channelbag_for_slot
 
@@ -89,7 +111,7 @@ def keys_of(settings: VirtualApertureSettings, name: str) -> bpy.types.FCurve | 
     return None if bag is None else bag.fcurves.find(path)
 
 
-def key_distance(settings: VirtualApertureSettings) -> None:
+def key_distance(settings: bpy.types.PropertyGroup) -> None:
     """Make the distance a key of its animation at the present frame, and what is in focus."""
     with writing():
         settings.focus_by = "DISTANCE"
@@ -98,7 +120,7 @@ def key_distance(settings: VirtualApertureSettings) -> None:
             _show_blur(settings, _frame(settings))
 
 
-def set_focus(settings: VirtualApertureSettings, focus: Focus, frame: int) -> None:
+def set_focus(settings: bpy.types.PropertyGroup, focus: Focus, frame: int) -> None:
     """Put points or a distance in focus, at a frame.
 
     Points set the distance to their own at that frame, so that it can be keyed from there on. The first
@@ -119,7 +141,7 @@ def set_focus(settings: VirtualApertureSettings, focus: Focus, frame: int) -> No
             _store_radius(settings, frame)
 
 
-def follow_distances(settings: VirtualApertureSettings, distances: dict[int, float]) -> None:
+def follow_distances(settings: bpy.types.PropertyGroup, distances: dict[int, float]) -> None:
     """Key the focus distance, in scene units, at frames, linear between them; without any do nothing."""
     if not distances:
         return
@@ -137,7 +159,7 @@ def follow_distances(settings: VirtualApertureSettings, distances: dict[int, flo
     curve.update()
 
 
-def clear_points(settings: VirtualApertureSettings) -> None:
+def clear_points(settings: bpy.types.PropertyGroup) -> None:
     """Forget the picked points; the focus stays at the distance."""
     with writing():
         settings.focus_points.clear()
@@ -146,7 +168,7 @@ def clear_points(settings: VirtualApertureSettings) -> None:
             _show_blur(settings, _frame(settings))
 
 
-def reset(settings: VirtualApertureSettings, frame: int) -> None:
+def reset(settings: bpy.types.PropertyGroup, frame: int) -> None:
     """Nothing is in focus and the blur counts: a new solve has other points and another scale."""
     with writing():
         settings.focus_points.clear()
@@ -156,7 +178,7 @@ def reset(settings: VirtualApertureSettings, frame: int) -> None:
         settings.use_radius = settings.follows_blur = False
 
 
-def set_aperture(settings: VirtualApertureSettings, radius: float, blur: float | None) -> None:
+def set_aperture(settings: bpy.types.PropertyGroup, radius: float, blur: float | None) -> None:
     """Choose the aperture's radius, and the blur to show; without one, what the radius makes of the focus."""
     with writing():
         settings.use_radius, settings.follows_blur = True, False
@@ -167,25 +189,25 @@ def set_aperture(settings: VirtualApertureSettings, radius: float, blur: float |
             settings.blur = blur
 
 
-def on_blur(settings: VirtualApertureSettings) -> None:
+def on_blur(settings: bpy.types.PropertyGroup) -> None:
     """The blur was edited: it says, with the present focus at the present frame, what the radius is."""
     settings.follows_blur = False
     _store_radius(settings, _frame(settings))
 
 
-def on_radius(settings: VirtualApertureSettings) -> None:
+def on_radius(settings: bpy.types.PropertyGroup) -> None:
     """The radius was edited: the blur that is shown follows."""
     settings.use_radius, settings.follows_blur = True, False
     _show_blur(settings, _frame(settings))
 
 
-def on_distance(settings: VirtualApertureSettings) -> None:
+def on_distance(settings: bpy.types.PropertyGroup) -> None:
     """The distance was edited: it becomes what is in focus."""
     settings.focus_by = "DISTANCE" if settings.focus_distance > 0 else "POINTS"
     on_focus(settings)
 
 
-def on_focus(settings: VirtualApertureSettings) -> None:
+def on_focus(settings: bpy.types.PropertyGroup) -> None:
     """The focus was moved by hand: the aperture stays, and is chosen where it was not.
 
     While a first distance is dragged to its place, which takes many edits, the blur is kept and the radius
@@ -203,7 +225,7 @@ def on_focus(settings: VirtualApertureSettings) -> None:
         _store_radius(settings, frame)
 
 
-def _store_radius(settings: VirtualApertureSettings, frame: int) -> None:
+def _store_radius(settings: bpy.types.PropertyGroup, frame: int) -> None:
     try:
         reconstruction = reconstruction_of(settings)
         at = _registered(reconstruction, frame)
@@ -216,7 +238,7 @@ def _store_radius(settings: VirtualApertureSettings, frame: int) -> None:
     settings.use_radius = True
 
 
-def _show_blur(settings: VirtualApertureSettings, frame: int) -> None:
+def _show_blur(settings: bpy.types.PropertyGroup, frame: int) -> None:
     try:
         reconstruction = reconstruction_of(settings)
         at = _registered(reconstruction, frame)
@@ -226,14 +248,14 @@ def _show_blur(settings: VirtualApertureSettings, frame: int) -> None:
         return
 
 
-def _distance(settings: VirtualApertureSettings, focus: Focus, frame: int) -> float:
+def _distance(settings: bpy.types.PropertyGroup, focus: Focus, frame: int) -> float:
     try:
         return 1 / focus.inverse_depth(reconstruction_of(settings), frame)
     except UserError:
         return 0.0
 
 
-def _frame(settings: VirtualApertureSettings) -> int:
+def _frame(settings: bpy.types.PropertyGroup) -> int:
     return int(settings.id_data.frame_current)
 
 

@@ -15,19 +15,13 @@ from bpy.props import (
     StringProperty,
 )
 
-from ..core.camera.focal_length import Focal, from_equivalent, from_sensor
-from ..core.camera.reconstruction import Reconstruction
-from ..core.lens.focus import radius_for_blur
 from ..core.lens.meshers import MESHERS
-from ..core.lens.plan import LensSettings
-from . import lens
+from . import aperture_cloud, lens
 
 VERSION = 1
 
 
 def _aperture_changed(settings: VirtualApertureSettings, _context: bpy.types.Context) -> None:
-    from . import aperture_cloud
-
     aperture_cloud.update(settings)
 
 
@@ -268,30 +262,6 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
         name="Hidden",
         description="Objects that stood in the camera's way and were hidden",
     )
-
-
-def focal_of(settings: VirtualApertureSettings) -> Focal | None:
-    """What the settings tell of the clip's focal length."""
-    if settings.lens == "GIVEN":
-        equivalent = settings.equivalent
-        return lambda width, height: from_equivalent(equivalent, width, height)
-    if settings.lens == "SENSOR":
-        focal, sensor = settings.focal_mm, settings.sensor_mm
-        return lambda width, _: from_sensor(focal, sensor, width)
-    return None
-
-
-def lens_settings(settings: VirtualApertureSettings, reconstruction: Reconstruction) -> LensSettings:
-    """The lens that the settings describe; UserError where they mean nothing."""
-    focus = lens.focus_of(settings)
-    if lens.has_radius(settings):
-        radius = settings.aperture_radius
-    else:
-        frame = settings.focus_frame
-        if frame not in reconstruction.frames:
-            frame = int(reconstruction.frames[0])
-        radius = radius_for_blur(reconstruction, focus, frame, settings.blur)
-    return LensSettings(focus, radius, settings.views, settings.method, settings.seed, settings.borrow)
 
 
 CLASSES = (VirtualApertureName, VirtualApertureFocusPoint, VirtualApertureSettings)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+import bpy
 
 from ..core.base.errors import UserError
 from ..core.camera.reconstruction import Reconstruction
@@ -13,9 +14,6 @@ from ..core.lens.refocus import carry_focus
 from ..core.media.find_clip import is_clip
 from . import lens
 from .shot import reconstruction_of
-
-if TYPE_CHECKING:
-    from .properties import VirtualApertureSettings
 
 LENGTHS = ("focus_distance", "aperture_radius")
 """Properties of the lens in scene units, which are other ones after a new solve."""
@@ -33,7 +31,7 @@ class KeptFocus:
     """None while the blur has not chosen it."""
 
 
-def keep_focus(settings: VirtualApertureSettings, clip: Path) -> KeptFocus | None:
+def keep_focus(settings: bpy.types.PropertyGroup, clip: Path) -> KeptFocus | None:
     """The scene's focus; None where there is none, or the scene's solve is of another clip."""
     if settings.points is None or not is_clip(clip, settings.clip_identity):
         return None
@@ -51,7 +49,7 @@ def keep_focus(settings: VirtualApertureSettings, clip: Path) -> KeptFocus | Non
     return KeptFocus(old, focus, settings.focus_frame, settings.focus_by, radius)
 
 
-def restore_focus(settings: VirtualApertureSettings, kept: KeptFocus, new: Reconstruction) -> str:
+def restore_focus(settings: bpy.types.PropertyGroup, kept: KeptFocus, new: Reconstruction) -> str:
     """Put the kept focus into a scene whose clip was solved again; what the user should know, if anything.
 
     Keys of the distance and of the aperture are brought to the new scale, too.
@@ -77,7 +75,7 @@ def restore_focus(settings: VirtualApertureSettings, kept: KeptFocus, new: Recon
     return "The points in focus were not found again: pick the focus again"
 
 
-def _scale_keys(settings: VirtualApertureSettings, name: str, scale: float) -> None:
+def _scale_keys(settings: bpy.types.PropertyGroup, name: str, scale: float) -> None:
     curve = lens.keys_of(settings, name)
     if curve is None:
         return

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import bpy
 import numpy as np
@@ -20,20 +19,14 @@ from ..core.lens.clip_context import ClipContext
 from ..core.media.clip import Footage, finite, open_footage
 from ..core.media.masks import Masks, open_masks
 from ..core.media.picture_file import Pixels
-from . import exr, store
+from . import store
 from .clip import solved_clip_path
 from .masks import DrawnMask, drawn_mask
 from .paths import absolute
 
-if TYPE_CHECKING:
-    from .properties import VirtualApertureSettings
-
 IDENTITY = "virtual_aperture_identity"
 REMEMBERED = 256 << 20
 """Bytes of pictures as they were read."""
-
-
-exr.lend()
 
 
 @dataclass(frozen=True)
@@ -108,7 +101,7 @@ def _was_redrawn(shot: Shot, mask: bpy.types.Mask | None, frame: int) -> bool:
     return shot.drawn is not None and mask is not None and not shot.drawn.is_still(mask, frame)
 
 
-def reconstruction_of(settings: VirtualApertureSettings) -> Reconstruction:
+def reconstruction_of(settings: bpy.types.PropertyGroup) -> Reconstruction:
     """The reconstruction alone, for which the footage need not be there."""
     mesh = points_mesh(settings)
     if _last is not None and _last[0][0] == str(mesh.get(IDENTITY)):
@@ -116,7 +109,7 @@ def reconstruction_of(settings: VirtualApertureSettings) -> Reconstruction:
     return store.read(mesh)
 
 
-def points_mesh(settings: VirtualApertureSettings) -> bpy.types.Mesh:
+def points_mesh(settings: bpy.types.PropertyGroup) -> bpy.types.Mesh:
     """The mesh of the point cloud; UserError where the scene has none."""
     if settings.points is None or settings.points.type != "MESH":
         raise UserError("the scene has no solved clip; choose a clip and solve it first")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ..render import background, engine
-from ..scene import clip, main_thread, paths, properties, shot
+from ..scene import clip, exr, main_thread, paths, properties, shot
 from . import (
     choose_clip,
     engine_panels,
@@ -37,6 +37,7 @@ def register() -> None:
         bpy.utils.register_class(cls)
     engine_panels.register()
     paths.register()
+    exr.register()
     points_overlay.register()
     background.register()
     main_thread.start()
@@ -45,6 +46,7 @@ def register() -> None:
 def unregister() -> None:
     """Undo `register` in reverse order, and close the open clip."""
     main_thread.stop()
+    exr.unregister()
     paths.unregister()
     background.unregister()
     engine_panels.unregister()

@@ -14,7 +14,7 @@ from ..core.readers.matching import Imported
 from ..core.sfm.workspace import check_replaceable, holds_solve, keep_import
 from ..scene.clip import footage_path
 from ..scene.movieclip import read_movie_clip
-from .operators import Result, bring_in, has_clip, report_hidden, reported, work_dir
+from .operators import Result, build_scene, has_clip, report_hidden, reported, work_dir
 
 
 class _Import:
@@ -52,7 +52,7 @@ class _Import:
             self.ask()
             return {"CANCELLED"}
         keep_import(found, footage, folder)
-        solve, refocus = bring_in(context.scene, footage, folder)
+        solve, refocus = build_scene(context.scene, footage, folder)
         report_hidden(self, context.scene)
         self.report({"INFO"}, f"{found.format}: {solve.summary}")
         for note in (*found.notes, *([refocus] if refocus else [])):

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
+
 import bpy
 import numpy as np
 
 from ..core.base.errors import UserError
 from ..core.lens.inspection import NAMES, Shown
 from ..render import engine
-from ..render.account import Inspector
-from ..scene.properties import lens_settings
+from ..render.run_report import Inspector
+from ..scene.lens import lens_settings
 from ..scene.remedy_words import WORDS
 from ..scene.shot import reconstruction_of
 from .operators import Result, has_focus, reported
@@ -28,6 +30,8 @@ class VIRTUAL_APERTURE_OT_inspect_frame(bpy.types.Operator):  # noqa: N801
     bl_options = {"UNDO"}  # noqa: RUF012
 
     _inspector: Inspector | None = None
+    _watch = engine.RenderWatch()
+    _watching = ExitStack()
     _timer: bpy.types.Timer | None = None
 
     @classmethod
@@ -39,17 +43,16 @@ class VIRTUAL_APERTURE_OT_inspect_frame(bpy.types.Operator):  # noqa: N801
         lens_settings(settings, reconstruction_of(settings))
         context.scene.render.engine = "VIRTUAL_APERTURE"
         self._inspector = Inspector()
-        engine.clear_error()
 
     @reported
     def execute(self, context: bpy.types.Context) -> Result:
         self._check(context)
         assert self._inspector is not None
         try:
-            with engine.telling(self._inspector.told):
+            with engine.watched(self._inspector.on_frame) as self._watch:
                 bpy.ops.render.render(use_viewport=True)
         except RuntimeError:
-            engine.raise_error()
+            self._watch.raise_error()
             raise
         return self._finish()
 
@@ -63,9 +66,10 @@ class VIRTUAL_APERTURE_OT_inspect_frame(bpy.types.Operator):  # noqa: N801
         self._check(context)
         assert self._inspector is not None
         # The render job does the work: it has its own thread, its progress and its ESC.
-        engine.tell(self._inspector.told)
+        self._watching = ExitStack()
+        self._watch = self._watching.enter_context(engine.watched(self._inspector.on_frame))
         if "RUNNING_MODAL" not in bpy.ops.render.render("INVOKE_DEFAULT", use_viewport=True):
-            engine.tell(None)
+            self._watching.close()
             raise UserError("Blender does not render now; try again")
         self._timer = context.window_manager.event_timer_add(LOOK, window=context.window)
         context.window_manager.modal_handler_add(self)
@@ -78,19 +82,19 @@ class VIRTUAL_APERTURE_OT_inspect_frame(bpy.types.Operator):  # noqa: N801
         try:
             return self._finish()
         except UserError as error:
-            self.report({"ERROR"}, error.told(WORDS))
+            self.report({"ERROR"}, error.worded(WORDS))
             return {"CANCELLED"}
 
     def cancel(self, context: bpy.types.Context) -> None:
         """Called by Blender, too, when another file is loaded meanwhile."""
-        engine.tell(None)
+        self._watching.close()
         if self._timer is not None:
             context.window_manager.event_timer_remove(self._timer)
             self._timer = None
 
     def _finish(self) -> Result:
         assert self._inspector is not None
-        engine.raise_error()
+        self._watch.raise_error()
         report, pictures = self._inspector.report, self._inspector.pictures
         if report is None:
             self.report({"WARNING"}, "Inspecting was cancelled; the pictures are as they were")

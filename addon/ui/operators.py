@@ -21,9 +21,8 @@ from ..core.sfm.workspace import Solve, default_work_dir, imported_from, load_so
 from ..scene import aperture_cloud
 from ..scene.build import build
 from ..scene.clip import footage_path, solved_clip_path
-from ..scene.lens import is_in_focus
+from ..scene.lens import focal_of, is_in_focus, lens_settings
 from ..scene.paths import absolute
-from ..scene.properties import focal_of, lens_settings
 from ..scene.refocus import keep_focus, restore_focus
 from ..scene.remedy_words import WORDS
 from ..scene.shot import reconstruction_of
@@ -71,7 +70,7 @@ def reported(
         try:
             return execute(self, context)
         except UserError as error:
-            self.report({"ERROR"}, error.told(WORDS))
+            self.report({"ERROR"}, error.worded(WORDS))
             return {"CANCELLED"}
 
     return wrapped
@@ -91,9 +90,9 @@ def is_kept(settings: Any) -> bool:
     return bool(settings.footage) and (work_dir(settings) / STATE).exists()
 
 
-def bring_in(scene: bpy.types.Scene, footage: Footage, folder: Path) -> tuple[Solve, str]:
+def build_scene(scene: bpy.types.Scene, footage: Footage, folder: Path) -> tuple[Solve, str]:
     """Build the solve of the clip that a working folder keeps into a scene; what became of its focus, if that
-    is worth telling."""
+    is worth saying."""
     solve = load_solve(folder, footage.path)
     kept = keep_focus(scene.virtual_aperture, footage.path)
     points = scene.virtual_aperture.points
@@ -104,7 +103,7 @@ def bring_in(scene: bpy.types.Scene, footage: Footage, folder: Path) -> tuple[So
             bpy.ops.object.mode_set(mode="OBJECT")
     settings = build(scene, footage, solve.reconstruction)
     settings.summary = solve.summary
-    settings.advice = with_words(solve.worth.advice, solve.worth.remedies, WORDS)
+    settings.advice = with_words(solve.quality.advice, solve.quality.remedies, WORDS)
     note = ""
     if kept is not None:
         note = restore_focus(settings, kept, solve.reconstruction)
@@ -117,11 +116,12 @@ def kept_words(folder: Path) -> str:
     """What a working folder keeps, in a line, for who is about to replace it."""
     made = time.strftime("%d %B %Y, %H:%M", time.localtime((folder / STATE).stat().st_mtime))
     try:
-        worth, kind = load_solve(folder).worth, imported_from(folder) or "Solve"
+        quality, kind = load_solve(folder).quality, imported_from(folder) or "Solve"
     except UserError:
         # Its clip is gone, or it is damaged.
         return f"Solve of {made}"
-    return f"{kind} of {made}: {worth.registered} of {worth.frames} frames, {counted(worth.points, 'point')}"
+    registered = f"{quality.registered} of {quality.frames} frames"
+    return f"{kind} of {made}: {registered}, {counted(quality.points, 'point')}"
 
 
 def report_hidden(operator: bpy.types.Operator, scene: bpy.types.Scene) -> None:
@@ -258,7 +258,7 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
         try:
             self._process = VIRTUAL_APERTURE_OT_solve._running = self._start(context)
         except UserError as error:
-            self.report({"ERROR"}, error.told(WORDS))
+            self.report({"ERROR"}, error.worded(WORDS))
             return {"CANCELLED"}
         manager = context.window_manager
         self._timer = manager.event_timer_add(LOOK, window=context.window)
@@ -286,7 +286,7 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
             return self._finish()
         except UserError as error:
             self._end(context)
-            self.report({"ERROR"}, error.told(WORDS))
+            self.report({"ERROR"}, error.worded(WORDS))
             return {"CANCELLED"}
         except Exception:
             # Else the worker would go on, and the folder stay locked, without anybody to end it.
@@ -303,7 +303,7 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
         process, scene = self._process.process, bpy.data.scenes.get(self._scene)
         if scene is None:
             raise UserError(f"the scene {self._scene!r} is gone; the solve is kept in {process.work_dir}")
-        solve, note = bring_in(scene, process.clip, process.work_dir)
+        solve, note = build_scene(scene, process.clip, process.work_dir)
         report_hidden(self, scene)
         if note:
             self.report({"WARNING"}, note)
@@ -348,7 +348,7 @@ class _Render:
             lens_settings(settings, reconstruction_of(settings))
             solved_clip_path(settings)
         except UserError as error:
-            self.report({"ERROR"}, error.told(WORDS))  # type: ignore[attr-defined]
+            self.report({"ERROR"}, error.worded(WORDS))  # type: ignore[attr-defined]
             return {"CANCELLED"}
         context.scene.render.engine = "VIRTUAL_APERTURE"
         how = "EXEC_DEFAULT" if bpy.app.background else "INVOKE_DEFAULT"

@@ -204,7 +204,7 @@ def run(clip: Clip, tracker: str, focal: str, rows: Rows) -> None:
         message, cost = old.message, (old.cpu_s, old.wall_s)
     found = None if message else load_solve(work)
     figures = None if found is None else measure(found.reconstruction, clip.truth)
-    claims = {} if found is None else found.report | {"depth_sigma": found.worth.depth_sigma}
+    claims = {} if found is None else found.report | {"depth_sigma": found.quality.depth_sigma}
     row = Row(
         motion.name, tracker, focal, inputs, judged, verdict(motion, focal, message, figures, claims),
         message, {} if figures is None else asdict(figures), claims, *cost,

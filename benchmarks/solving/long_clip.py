@@ -151,7 +151,7 @@ def main() -> None:
     usage = resource.getrusage(resource.RUSAGE_CHILDREN)
     solved = load_solve(folder / "solve")
     error, uneven = drift(solved.reconstruction, options.frames)
-    print(solved.worth.text({}))
+    print(solved.quality.text({}))
     print(
         f"{options.frames} frames of {SIZE[0]}x{SIZE[1]}, focal length {FOCAL:.0f} px:"
         f" {len(solved.reconstruction.images)} registered, centres off by {100 * error:.3f} % of the path,"

@@ -57,10 +57,10 @@ if __name__ == "__main__":
     scene = bpy.context.scene
     scene.frame_start = scene.frame_end = scene.frame_current if name == "render" else 5
     scene.render.filepath = str(Path(blend).parent / "render") + "/"
-    engine.clear_error()
     try:
-        bpy.ops.render.render(animation=True)
-        engine.raise_error()
+        with engine.watched() as watch:
+            bpy.ops.render.render(animation=True)
+        watch.raise_error()
     except (RuntimeError, UserError) as error:
         print(f"error: {error}".splitlines()[0])
         sys.exit(1)

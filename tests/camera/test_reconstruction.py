@@ -89,8 +89,8 @@ def test_a_registered_frame_is_itself() -> None:
 
 def test_a_missing_frame_lies_between_its_neighbours() -> None:
     shot = scene()
-    image, carried = shot.image_at(3)
-    assert carried and image.frame == 3
+    image, interpolated = shot.image_at(3)
+    assert interpolated and image.frame == 3
     np.testing.assert_allclose(image.centre, [0.3, 0.06, 0.0], atol=1e-12)
     np.testing.assert_allclose(image.rotation @ image.rotation.T, np.eye(3), atol=1e-12)
     expected = LENS.project(image.to_camera(shot.points.xyz[image.points]))
@@ -100,8 +100,8 @@ def test_a_missing_frame_lies_between_its_neighbours() -> None:
 def test_a_frame_outside_the_solved_range_takes_the_nearest_pose() -> None:
     shot = scene()
     for frame, nearest in ((0, 0), (9, -1)):
-        image, carried = shot.image_at(frame)
-        assert carried and image.frame == frame
+        image, interpolated = shot.image_at(frame)
+        assert interpolated and image.frame == frame
         np.testing.assert_allclose(image.centre, shot.images[nearest].centre, atol=1e-12)
 
 

@@ -17,8 +17,8 @@ from addon.core.lens.inspection import NAMES
 from addon.core.lens.report import FrameReport
 from addon.core.media.clip import open_footage
 from addon.core.readers.colmap_export import export_model
-from addon.render.account import Account, check_report
 from addon.render.average import Drawn
+from addon.render.run_report import RunReport, check_report
 from addon.scene.build import build
 from addon.ui import inspect as ui
 from addon.ui import panels
@@ -37,32 +37,32 @@ from .test_headless import headless
 def test_a_file_of_reports_goes_on(tmp_path: Path) -> None:
     warped, path = disc_and_wall(), tmp_path / "of" / "a.json"
 
-    def draw(account: Account, *frames: int) -> None:
+    def draw(report: RunReport, *frames: int) -> None:
         for frame in frames:
             one_ = replace(warped, plan=replace(warped.plan, frame=frame))
-            account.told(Drawn(one_, picture(), 0.1))
+            report.on_frame(Drawn(one_, picture(), 0.1))
 
-    first = Account(path, "key")
+    first = RunReport(path, "key")
     draw(first, 4, 2)
     held = json.loads(path.read_text())
     assert [entry["frame"] for entry in held["frames"]] == [2, 4]
     assert [p.name for p in path.parent.iterdir()] == ["a.json"]
-    again = Account(path, "key")
+    again = RunReport(path, "key")
     draw(again, 3)
     assert [entry["frame"] for entry in json.loads(path.read_text())["frames"]] == [2, 3, 4]
     assert again.lacks([1, 2, 3]) == [1] and "3 frames drawn by layers" in again.summary([2, 3, 4])
     with pytest.raises(UserError, match="other settings"):
-        Account(path, "other")
-    draw(Account(path, "other", overwrite=True), 9)
+        RunReport(path, "other")
+    draw(RunReport(path, "other", overwrite=True), 9)
     assert [entry["frame"] for entry in json.loads(path.read_text())["frames"]] == [9]
     # Cancelled while the shares are drawn: nothing is said of the frame.
-    stopped = Account(tmp_path / "b.json", "key")
+    stopped = RunReport(tmp_path / "b.json", "key")
 
     def stop(_stage: str, _share: float) -> None:
         raise Cancelled
 
     with pytest.raises(Cancelled), reporting(stop):
-        stopped.told(Drawn(warped, picture(), 0.1))
+        stopped.on_frame(Drawn(warped, picture(), 0.1))
     assert not (tmp_path / "b.json").exists()
 
 

@@ -35,7 +35,7 @@ def solved(clip: Path, tmp_path_factory: pytest.TempPathFactory) -> Solve:
 
 def test_a_field_of_view_is_a_focal_length(solved: Solve) -> None:
     assert solved.reconstruction.cameras[0].fx == pytest.approx(planes.FOCAL, abs=0.1)
-    assert solved.worth.focal_from == "given"
+    assert solved.quality.focal_from == "given"
 
 
 def test_a_lens_before_a_sensor_is_the_same_focal_length(clip: Path, tmp_path: Path) -> None:
@@ -89,7 +89,7 @@ def test_an_exported_model_comes_back(solved: Solve, tmp_path: Path) -> None:
     assert "shot_0001.png" in (out / "images.txt").read_text()
     assert run("import", out, "--footage", solved.footage, "--work", work) == 0
     back = load_solve(work)
-    assert back.worth.focal_from == "file"
+    assert back.quality.focal_from == "file"
     one, other = solved.reconstruction, back.reconstruction
     np.testing.assert_array_equal(one.frames, other.frames)
     for a, b in zip(one.images, other.images, strict=True):
@@ -113,7 +113,7 @@ def test_an_import_is_not_taken_for_a_solve(
         assert "--again" in said
     assert (work / "solve.json").read_text() == before
     assert run("solve", clip, "--work", work, "--focal", "272", "--again") == 0
-    assert load_solve(work).worth.focal_from == "given"
+    assert load_solve(work).quality.focal_from == "given"
     assert run("solve", clip, "--work", work, "--focal", "272") == 0
 
 
@@ -186,17 +186,17 @@ def test_the_castle_is_taken_in(data: Path, tmp_path: Path, model: str) -> None:
     folder = data / "sceaux"
     work = tmp_path / "work"
     assert run("import", folder / model, "--footage", folder / "images", "--work", work) == 0
-    worth = load_solve(work).worth
-    assert worth.registered == 11
-    assert worth.reprojection_error < 0.7
+    quality = load_solve(work).quality
+    assert quality.registered == 11
+    assert quality.reprojection_error < 0.7
 
 
 def test_bundlers_kermit_is_taken_in(data: Path, tmp_path: Path) -> None:
     folder = data / "kermit"
     work = tmp_path / "work"
     assert run("import", folder / "bundle.out", "--footage", folder, "--work", work) == 0
-    worth = load_solve(work).worth
-    assert (worth.registered, worth.frames, worth.missing) == (9, 11, [4, 6])
+    quality = load_solve(work).quality
+    assert (quality.registered, quality.frames, quality.missing) == (9, 11, [4, 6])
 
 
 def test_voodoos_pan_is_taken_in_and_called_one(

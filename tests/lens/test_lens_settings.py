@@ -12,7 +12,7 @@ from addon.core.camera.reconstruction import Intrinsics
 from addon.core.lens.focus import Focus, blur_for_radius, radius_for_blur
 from addon.scene import lens
 from addon.scene.build import build
-from addon.scene.properties import lens_settings
+from addon.scene.lens import lens_settings
 from addon.scene.shot import Shot
 
 from ..scenes import slanted_plane, slanted_shot

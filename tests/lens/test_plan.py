@@ -226,6 +226,6 @@ def test_settings_that_mean_nothing_are_refused(change: dict, message: str) -> N
 def test_an_unregistered_frame_gets_a_camera_between_its_neighbours() -> None:
     rec = slanted_plane(LENS, frames=(1, 5))
     plan = planned(rec, 3, LensSettings(Focus(distance=8.0), 0.1, 8), SIZE)
-    assert plan.carried and len(plan.mesh.triangles) > 50
+    assert plan.pose_interpolated and len(plan.mesh.triangles) > 50
     middle, _ = rec.image_at(3)
     assert np.allclose(middle.centre, (rec.images[0].centre + rec.images[1].centre) / 2)

@@ -20,7 +20,7 @@ from addon.core.camera.reconstruction import (
 from addon.core.readers.colmap_export import read_model, write_model
 from addon.core.sfm.workspace import load_solve
 from addon.render.average import render_frame
-from addon.scene.properties import lens_settings
+from addon.scene.lens import lens_settings
 from addon.scene.shot import shot_of
 
 from ..scenes import psnr, slanted_plane, write_frames

@@ -115,7 +115,7 @@ def test_every_kind_of_picture(clip: Footage, tmp_path: Path) -> None:
 
 
 def test_exr(scene: bpy.types.Scene, clip: Footage, tmp_path: Path) -> None:
-    exr.lend()
+    exr.register()
     image = bpy.data.images.new("mask", WIDTH, HEIGHT, alpha=False, float_buffer=True)
     image.pixels.foreach_set(np.repeat(TRUE[::-1].astype(np.float32).ravel(), 4))
     settings = scene.render.image_settings

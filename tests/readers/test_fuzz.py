@@ -23,7 +23,7 @@ import pytest
 from addon.core.base.errors import UserError
 from addon.core.camera.reconstruction import Reconstruction
 from addon.core.readers import READERS
-from addon.core.readers.foreign import Foreign
+from addon.core.readers.imported_model import ImportedModel
 from addon.core.readers.matching import match
 
 from .. import foreign_models as foreign
@@ -180,7 +180,7 @@ def models() -> dict[str, dict[str, bytes]]:
     }
 
 
-def read(folder: Path, label: str) -> Foreign:
+def read(folder: Path, label: str) -> ImportedModel:
     """With the format's own reader, whether or not it still recognises the file."""
     reader = next(reader for reader in READERS if label.startswith(reader.FORMAT.split()[0]))
     path = folder if label.startswith("COLMAP") else folder / next(iter(models()[label]))

@@ -14,7 +14,7 @@ from addon.core.camera.reconstruction import Intrinsics, Reconstruction
 from addon.core.media.clip import Footage, open_footage
 from addon.core.readers import bundler, nvm, read_reconstruction, voodoo
 from addon.core.readers.building import undistorting
-from addon.core.readers.foreign import Foreign
+from addon.core.readers.imported_model import ImportedModel
 from addon.core.readers.matching import ONLY_TURNS, Imported, match
 
 from .. import foreign_models as foreign
@@ -464,9 +464,9 @@ def test_voodoo_counts_from_its_own_first_frame(tmp_path: Path) -> None:
 # Matching.
 
 
-def known(names: tuple[str, ...], lens: Intrinsics = LENS) -> Foreign:
+def known(names: tuple[str, ...], lens: Intrinsics = LENS) -> ImportedModel:
     """A model whose k-th image has its camera at x = k / 5."""
-    return Foreign("Test", world(lens, images=len(names)), names)
+    return ImportedModel("Test", world(lens, images=len(names)), names)
 
 
 def order(imported: Imported) -> list[tuple[int, int]]:
@@ -549,7 +549,7 @@ def test_only_lenses_that_are_used_are_kept() -> None:
     model = world()
     lenses = tuple(replace(LENS, fx=80.0 + i, fy=80.0 + i) for i in range(4))
     images = tuple(replace(image, camera=image.frame) for image in model.images)
-    foreign_model = Foreign("Test", Reconstruction(lenses, images, model.points), NAMES)
+    foreign_model = ImportedModel("Test", Reconstruction(lenses, images, model.points), NAMES)
     imported = match(foreign_model, foreign.footage(NAMES[:2]))
     assert [lens.fx for lens in imported.reconstruction.cameras] == [80.0, 81.0]
     assert [image.camera for image in imported.reconstruction.images] == [0, 1]

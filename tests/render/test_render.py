@@ -206,7 +206,6 @@ def test_errors_of_the_engine_reach_scripts(scene: bpy.types.Scene, tmp_path: Pa
     set_up(scene, tmp_path / "clip")
     scene.virtual_aperture.focus_points.clear()
     scene.virtual_aperture.focus_distance = 0.0
-    engine.clear_error()
     with pytest.raises(RuntimeError, match="nothing is in focus"):
         rendered(scene, tmp_path / "x.png")
     scene.virtual_aperture.focus_distance = 8.0
@@ -229,12 +228,11 @@ def test_whatever_fails_ends_an_animation_and_leaves_no_file(
 
     monkeypatch.setattr(engine, "render_frame", fails)
     scene.render.filepath = str(tmp_path / "out" / "####.png")
-    engine.clear_error()
-    with pytest.raises(RuntimeError, match=type(error).__name__):
+    with engine.watched() as watch, pytest.raises(RuntimeError, match=type(error).__name__):
         bpy.ops.render.render(animation=True)
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["0001.png"]
     with pytest.raises(type(error)):
-        engine.raise_error()
+        watch.raise_error()
 
 
 def test_a_blank_drawing_is_an_error(scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -106,7 +106,7 @@ def test_a_wild_sighting_moves_little() -> None:
 
 @pytest.mark.parametrize("lasting", [False, True], ids=["every frame", "whole tracks"])
 def test_the_focal_lengths_uncertainty_is_that_of_repeated_trials(lasting: bool) -> None:
-    """Whether each sighting errs by itself, or a track errs alike in all frames that follow each other."""
+    """Whether each observation errs by itself, or a track errs alike in all frames that follow each other."""
     bundle, seen = scene(turn=0.08)
     found, said = [], []
     for trial in range(40):
@@ -150,9 +150,9 @@ def tracks_of(seen: Observations, frames: int, points: int, noise: float, seed: 
 def at_once(path: float, noise: float, turn: float = 0.01) -> tuple[Bundle, small_motion.Spanning, Bundle]:
     frames, points = 30, 300
     bundle, seen = scene(frames, points, path, turn)
-    span = small_motion.spanning(tracks_of(seen, frames, points, noise), list(range(frames)))
-    turned = small_motion.turned(span, FOCAL)
-    return bundle, span, small_motion.placed(span, turned.bundle).bundle
+    span = small_motion.long_tracks(tracks_of(seen, frames, points, noise), list(range(frames)))
+    turned = small_motion.rotation_only(span, FOCAL)
+    return bundle, span, small_motion.general_motion(span, turned.bundle).bundle
 
 
 def test_a_trembling_hand_tells_depth() -> None:

@@ -340,7 +340,7 @@ def test_what_frames_show_besides_is_kept_and_its_damage_told(work: Path) -> Non
     assert sum(map(len, added)) == sum(solve.report["visible"]) > 0
     for image in solve.reconstruction.images:
         assert not len(np.intersect1d(image.points, image.visible))
-    assert f"and {int(np.median([len(each) for each in added]))} that others saw" in solve.worth.text({})
+    assert f"and {int(np.median([len(each) for each in added]))} that others saw" in solve.quality.text({})
     (work / "model" / "visible.npz").write_bytes(b"PK\3\4")
     with pytest.raises(UserError, match=r"visible\.npz is not what the solve wrote") as told:
         load_solve(work)
@@ -427,4 +427,4 @@ def test_a_zoom_that_nobody_announced_is_followed(tmp_path: Path) -> None:
     found = np.array([solved.reconstruction.intrinsics(image).fx for image in solved.reconstruction.images])
     assert len(found) == 16
     assert np.ptp(np.log(found / focal)) < 0.03
-    assert any("zooms" in note for note in solved.worth.notes)
+    assert any("zooms" in note for note in solved.quality.notes)

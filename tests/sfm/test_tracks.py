@@ -259,7 +259,9 @@ def test_a_point_that_jumps_by_itself_is_a_stray() -> None:
     moves = after - before
     wrong = rng.choice(len(before), 9, replace=False)
     after[wrong] += np.float32([[0, 9]])
-    np.testing.assert_array_equal(np.nonzero(klt.strays(before, after, moves, 20))[0], np.sort(wrong))
+    np.testing.assert_array_equal(
+        np.nonzero(klt.motion_outliers(before, after, moves, 20))[0], np.sort(wrong)
+    )
 
 
 def test_parallax_pans_planes_and_movers_are_no_strays() -> None:
@@ -268,16 +270,16 @@ def test_parallax_pans_planes_and_movers_are_no_strays() -> None:
     still, moved = np.zeros(3), np.array([0.3, 0.1, 0])
     # Lone near points before a far wall move by themselves, and did so before.
     near = seen(flat * np.where(np.arange(len(flat)) % 31 == 7, 1.5, 8.0)[:, None], moved, still)
-    assert not klt.strays(before, near, near - before, 20).any()
+    assert not klt.motion_outliers(before, near, near - before, 20).any()
     # A camera that begins to pan, or to pass a wall, and a thing over a third of the picture that sets out.
     none = np.zeros_like(before)
-    assert not klt.strays(before, seen(flat, still, np.array([0.01, 0.05, 0.02])), none, 20).any()
-    assert not klt.strays(before, seen(8 * flat, moved, still), none, 20).any()
+    assert not klt.motion_outliers(before, seen(flat, still, np.array([0.01, 0.05, 0.02])), none, 20).any()
+    assert not klt.motion_outliers(before, seen(8 * flat, moved, still), none, 20).any()
     thing = seen(8 * flat, moved, still)
     thing[before[:, 0] < 115] += np.float32([[7, -11]])
-    assert not klt.strays(before, thing, none, 20).any()
+    assert not klt.motion_outliers(before, thing, none, 20).any()
     # Points that are new have not moved before.
-    assert not klt.strays(before, near, np.full_like(before, np.nan), 20).any()
+    assert not klt.motion_outliers(before, near, np.full_like(before, np.nan), 20).any()
 
 
 # Patches

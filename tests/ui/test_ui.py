@@ -18,7 +18,7 @@ from addon.core.sfm.process import SolveProcess
 from addon.core.sfm.workspace import load_solve
 from addon.scene.build import build
 from addon.ui import panels
-from addon.ui.operators import _Solving, bring_in
+from addon.ui.operators import _Solving, build_scene
 from addon.ui.text import lines
 
 from .. import foreign_models as foreign
@@ -244,7 +244,7 @@ def test_a_model_is_imported_by_its_folder_or_a_file_in_it(
     assert scene.camera == settings.camera
     assert (scene.frame_start, scene.frame_end) == (1, 4)
     kept = load_solve(work)
-    assert kept.worth.focal_from == "file"
+    assert kept.quality.focal_from == "file"
     assert kept.reconstruction.cameras[0].fx == foreign.LENS.fx
     # A lens of 80 pixels on a picture of 96, on Blender's sensor of 36 mm.
     assert settings.camera.data.lens == pytest.approx(30.0)
@@ -276,7 +276,7 @@ def test_edit_mode_is_left_for_a_new_solve(scene: bpy.types.Scene, tmp_path: Pat
     select(points, (1, 2))
     if elsewhere:
         bpy.context.window.scene = bpy.data.scenes.new("other")
-    bring_in(scene, open_footage(tmp_path / "clip"), work)
+    build_scene(scene, open_footage(tmp_path / "clip"), work)
     assert points.mode == "OBJECT"
     assert len(points.data.vertices) == 12
 
@@ -361,7 +361,7 @@ def test_a_solved_movie_clip_of_this_file_is_imported(scene: bpy.types.Scene, tm
     settings = scene.virtual_aperture
     assert len(settings.points.data.vertices) == 40
     assert settings.camera.data.lens == pytest.approx(30.0)
-    assert load_solve(work).worth.reprojection_error < 0.01
+    assert load_solve(work).quality.reprojection_error < 0.01
     with pytest.raises(RuntimeError, match="holds a solve of this clip already"):
         bpy.ops.virtual_aperture.import_movie_clip(clip=clip.name)
     assert bpy.ops.virtual_aperture.import_movie_clip(clip=clip.name, again=True) == {"FINISHED"}

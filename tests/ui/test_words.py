@@ -40,11 +40,11 @@ def test_no_message_names_an_option_of_the_command_line(path: Path) -> None:
 def test_the_command_line_has_a_word_for_every_remedy() -> None:
     assert set(COMMAND_LINE) == set(Remedy)
     error = UserError("this is so; name another folder, or replace it", Remedy.WORK_DIR, Remedy.AGAIN)
-    assert error.told(COMMAND_LINE).endswith("; name another folder, or replace it (--work DIR, --again)")
-    assert error.told(INTERFACE).endswith(
+    assert error.worded(COMMAND_LINE).endswith("; name another folder, or replace it (--work DIR, --again)")
+    assert error.worded(INTERFACE).endswith(
         "; name another folder, or replace it (Working Folder, Solve Again)"
     )
-    assert str(error) == error.told({})
+    assert str(error) == error.worded({})
 
 
 def test_a_clip_with_a_cut_says_in_each_interface_how_to_take_a_part(

@@ -39,7 +39,7 @@ class UserError(Exception):
         super().__init__(message)
         self.remedies = remedies
 
-    def told(self, words: Words) -> str:
+    def worded(self, words: Words) -> str:
         """The message with an interface's names for the remedies."""
         return with_words(str(self), self.remedies, words)
 

@@ -261,7 +261,7 @@ class Reconstruction:
         return self.cameras[image.camera]
 
     def image_at(self, frame: int) -> tuple[Image, bool]:
-        """The image of a frame, and whether its pose had to be carried over from its neighbours.
+        """The image of a frame, and whether its pose is interpolated between those of its neighbours.
 
         A frame that was not registered gets a pose interpolated between the registered frames
         around it (or the nearest one's, outside their range) and those frames' points.
@@ -284,12 +284,12 @@ class Reconstruction:
         rotation = rotation_matrix(share * turn) @ before.rotation
         centre = (1 - share) * before.centre + share * after.centre
         seen = np.union1d(before.points, after.points).astype(np.int32)
-        carried = Image(frame, rotation, -rotation @ centre, np.zeros((0, 2)), seen, before.camera)
-        local = carried.to_camera(self.points.xyz[seen])
+        between = Image(frame, rotation, -rotation @ centre, np.zeros((0, 2)), seen, before.camera)
+        local = between.to_camera(self.points.xyz[seen])
         lens = self.cameras[before.camera]
         xy = lens.project(local)
         inside = (local[:, 2] > 0) & np.all((xy >= 0) & (xy <= [lens.width, lens.height]), axis=1)
-        return replace(carried, xy=xy[inside], points=seen[inside])
+        return replace(between, xy=xy[inside], points=seen[inside])
 
 
 def _check_pose(image: Image) -> None:

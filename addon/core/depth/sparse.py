@@ -22,7 +22,7 @@ class DepthSamples:
     """(n, 2) canvas pixels at which the places are seen."""
     inverse_depth: Floats
     """(n,) 1 / z in the frame's camera, in the reconstruction's unit, positive."""
-    carried: bool
+    pose_interpolated: bool
     """Whether the frame has no pose of its own: pose and samples come from its neighbours."""
 
 
@@ -41,7 +41,7 @@ def frame_features(reconstruction: Reconstruction, frame: int, canvas: Canvas) -
 
     Points that the frame shows but did not track are seen where they project to.
     """
-    image, carried = reconstruction.image_at(frame)
+    image, pose_interpolated = reconstruction.image_at(frame)
     local, ahead = seen_by(image, reconstruction, image.points)
     source = reconstruction.intrinsics(image)
     zoom = np.array([canvas.lens.width / source.width, canvas.lens.height / source.height])
@@ -54,7 +54,7 @@ def frame_features(reconstruction: Reconstruction, frame: int, canvas: Canvas) -
     added = canvas.pinhole.project(more[in_front])
     return FrameFeatures(
         frame, np.concatenate([observed[keep], added]),
-        1.0 / np.concatenate([local[keep, 2], more[in_front, 2]]), carried,
+        1.0 / np.concatenate([local[keep, 2], more[in_front, 2]]), pose_interpolated,
         np.concatenate([projected[keep], added]),
         np.concatenate([image.points[keep], image.visible[in_front]]),
     )  # fmt: skip

@@ -18,7 +18,7 @@ from ..base.errors import UserError
 from ..camera.reconstruction import Floats
 from ..media.clip import Footage, describe, open_footage
 from ..media.picture_file import Pixels
-from ..media.side_files import numbered, stretched
+from ..media.side_files import check_aspect, match_frames
 
 KINDS = ("depth", "inverse")
 """z = a d + b, or 1 / z = a d + b."""
@@ -145,20 +145,21 @@ class Fitted:
 def open_depth(path: Path, footage: Footage) -> DepthMaps:
     """Find the depth maps of a clip: a folder, or a pattern such as `depth_####.exr`; EXR or 16-bit PNG.
 
-    `alongside.numbered` tells whose they are. Raises UserError where there are no maps or none fits a frame.
+    `side_files.match_frames` tells whose they are. Raises UserError where there are no maps or none fits a
+    frame.
     """
     try:
         maps = open_footage(path)
     except UserError as error:
         raise UserError(f"depth maps: {error}") from error
-    numbers, notes = numbered(maps, footage, "depth map")
+    numbers, notes = match_frames(maps, footage, "depth map")
     missing = len(footage.frames) - len(numbers)
     if missing:
         notes.append(f"{missing} of {len(footage.frames)} frames without a depth map")
     first = _read(maps, numbers[next(iter(numbers))])
     if first.dtype == np.uint8:
         notes.append("the depth maps have 8 bits, 256 steps from near to far; 16-bit PNG or EXR is smoother")
-    notes += stretched(maps, footage, "depth map")
+    notes += check_aspect(maps, footage, "depth map")
     return DepthMaps(footage, maps, numbers, tuple(notes))
 
 

@@ -162,6 +162,6 @@ def _meshed(geometry: FrameGeometry, mesher: Mesher) -> WarpedFrame:
         surface = mesher.make(geometry)
     plan = FramePlan(
         geometry.frame, geometry.canvas, geometry.lens, surface.mesh, views.offsets, views.registration,
-        blur, geometry.samples.carried,
+        blur, geometry.samples.pose_interpolated,
     )  # fmt: skip
     return WarpedFrame(plan, surface.texture, mesher.name, "", surface.is_whole, layers=surface.layers)

@@ -44,7 +44,7 @@ class FramePlan:
     """(N, 2, 3) maps from pixels of a synthesized view to pixels in register with the focal plane."""
     blur: float
     """Diameter of the frame's largest blur disc in pixels: 99 % of its pixels (or samples) are smaller."""
-    carried: bool
+    pose_interpolated: bool
     """Whether the frame was not registered; its camera comes from its neighbours."""
 
     def displace(self, xy: Floats, inverse_depth: Floats) -> Floats:

@@ -118,7 +118,7 @@ def frame_report(warped: WarpedFrame, shares: LinearRGBA, draw_seconds: float) -
         mean, worst = float(miss.mean()), float(miss.max())
         within = 100 * float(np.mean(miss <= allowed))
     return FrameReport(
-        used.frame, used.method, used.why, plan.carried, sure, len(plan.offsets), triangles,
+        used.frame, used.method, used.why, plan.pose_interpolated, sure, len(plan.offsets), triangles,
         100 * triangles / (2 * lens.width * lens.height), bound, mean, worst, within,
         parts["own"], parts["borrowed"], parts["inpainted"], median, largest, largest_shown(signed),
         warped.depth_seconds, warped.mesh_seconds, draw_seconds,

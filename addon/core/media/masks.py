@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..base.errors import UserError
 from .clip import Footage, open_footage
 from .picture_file import PICTURES, Pixels
-from .side_files import numbered, stretched
+from .side_files import check_aspect, match_frames
 
 Mask = NDArray[np.bool_]
 
@@ -56,20 +56,20 @@ class Masks:
 def open_masks(path: Path, footage: Footage) -> Masks:
     """Find the masks of a clip: a folder, a pattern such as `mask_####.png`, or one picture of a sequence.
 
-    White moves by itself, black stands still; a transparent pixel is black. `alongside.numbered` tells whose
-    they are. Raises UserError where there is no mask or none fits a frame.
+    White moves by itself, black stands still; a transparent pixel is black. `side_files.match_frames` tells
+    whose they are. Raises UserError where there is no mask or none fits a frame.
     """
     try:
         pictures = open_footage(_pattern(path))
     except UserError as error:
         raise UserError(f"masks: {error}") from error
-    numbers, notes = numbered(pictures, footage, "mask")
+    numbers, notes = match_frames(pictures, footage, "mask")
     missing = len(footage.frames) - len(numbers)
     if missing:
         notes.append(
             f"{missing} of {len(footage.frames)} frames without a mask; there, what moves is only found"
         )
-    notes += stretched(pictures, footage, "mask")
+    notes += check_aspect(pictures, footage, "mask")
     return Masks(footage, pictures, numbers, tuple(notes))
 
 

@@ -9,7 +9,7 @@ STRETCH = 0.02
 """By which their shape may differ from the clip's before the user is told."""
 
 
-def numbered(pictures: Footage, clip: Footage, kind: str) -> tuple[dict[int, int], list[str]]:
+def match_frames(pictures: Footage, clip: Footage, kind: str) -> tuple[dict[int, int], list[str]]:
     """The clip's frame -> that of its picture, frames without one missing; and what the user should know.
 
     They belong to the frames that their names number. Where these are not the clip's numbers but the counts
@@ -35,7 +35,7 @@ def numbered(pictures: Footage, clip: Footage, kind: str) -> tuple[dict[int, int
     return numbers, notes
 
 
-def stretched(pictures: Footage, clip: Footage, kind: str) -> list[str]:
+def check_aspect(pictures: Footage, clip: Footage, kind: str) -> list[str]:
     """What the user should know where they have another shape than the clip."""
     if abs(pictures.width * clip.height / (pictures.height * clip.width) - 1) <= STRETCH:
         return []

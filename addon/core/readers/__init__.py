@@ -8,7 +8,7 @@ from typing import Protocol
 from ..base.errors import UserError
 from ..media.clip import Footage
 from . import bundler, colmap, nvm, voodoo
-from .foreign import Foreign
+from .imported_model import ImportedModel
 from .matching import Imported, match
 
 
@@ -18,7 +18,7 @@ class Reader(Protocol):
     FORMAT: str
 
     def recognises(self, path: Path) -> bool: ...
-    def read(self, path: Path, size: tuple[int, int]) -> Foreign: ...
+    def read(self, path: Path, size: tuple[int, int]) -> ImportedModel: ...
 
 
 READERS: tuple[Reader, ...] = (colmap, bundler, nvm, voodoo)

@@ -98,7 +98,7 @@ class Observations:
     """(n, 2) in pixels."""
 
 
-def sightings_of(
+def observations_of(
     numbers: Numbers, starts: NDArray[np.int64], each: int, cameras: int, images: list[Image]
 ) -> tuple[Observations, list[str]]:
     """The views of points that stand as X Y Z R G B, a count and so many times camera, key, x, y.
@@ -120,15 +120,20 @@ def sightings_of(
 
 
 def assemble(
-    cameras: list[Intrinsics], images: list[Image], sightings: Observations, xyz: Floats, rgb: Floats
+    cameras: list[Intrinsics], images: list[Image], observations: Observations, xyz: Floats, rgb: Floats
 ) -> Reconstruction:
-    """Give images, which are ordered and have no observations yet, their sightings.
+    """Images, which are ordered, with their observations, and points.
 
-    `xyz` is (m, 3), `rgb` (m, 3) from 0 to 255. Of several sightings of a point in an image the first counts.
+    `xyz` is (m, 3), `rgb` (m, 3) from 0 to 255. Of several observations of a point in an
+    image the first counts.
     A point's error is the mean over the images that have it ahead.
     """
-    _, kept = np.unique(sightings.image * len(xyz) + sightings.point, return_index=True)
-    image, point, xy = sightings.image[kept], sightings.point[kept].astype(np.int32), sightings.xy[kept]
+    _, kept = np.unique(observations.image * len(xyz) + observations.point, return_index=True)
+    image, point, xy = (
+        observations.image[kept],
+        observations.point[kept].astype(np.int32),
+        observations.xy[kept],
+    )
     sums, counts = np.zeros(len(xyz)), np.zeros(len(xyz))
     whole = []
     for bare in images:

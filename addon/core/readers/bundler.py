@@ -18,8 +18,16 @@ from numpy.typing import NDArray
 from ..base.counting import counted
 from ..base.errors import UserError
 from ..camera.reconstruction import Floats, Image, Intrinsics
-from .building import Observations, assemble, check_size, picture_size, rotation_from, sightings_of, visible
-from .foreign import Foreign
+from .building import (
+    Observations,
+    assemble,
+    check_size,
+    observations_of,
+    picture_size,
+    rotation_from,
+    visible,
+)
+from .imported_model import ImportedModel
 from .parsing import Numbers, Text
 
 FORMAT = "Bundler"
@@ -62,7 +70,7 @@ def recognises(path: Path) -> bool:
     return path.suffix.lower() == ".out" or re.match(rb"# Bundle file|v0\.\d\s", start) is not None
 
 
-def read(path: Path, size: tuple[int, int]) -> Foreign:
+def read(path: Path, size: tuple[int, int]) -> ImportedModel:
     """Read a bundle file and the list of pictures beside it.
 
     `size` is the clip's (width, height), used unless a listed picture lies beside the file, because the
@@ -86,7 +94,7 @@ def read(path: Path, size: tuple[int, int]) -> Foreign:
     xyz, rgb = values[columns], values[columns + 3]
     if layout.is_mirrored:
         xyz = xyz @ MIRRORED
-    views, lost = sightings_of(stream.numbers, stream.starts, layout.view, stream.cameras, images)
+    views, lost = observations_of(stream.numbers, stream.starts, layout.view, stream.cameras, images)
     notes += lost
     if layout.view == 4:
         views = replace(views, xy=views.xy * [1.0, -1.0] + np.array(size) / 2)
@@ -96,7 +104,7 @@ def read(path: Path, size: tuple[int, int]) -> Foreign:
         notes.append("this version stores no feature positions: each point is taken to be where it projects")
     reconstruction = assemble(lenses, images, views, xyz, rgb)
     label = f"{FORMAT} v{version}" if version else f"{FORMAT} without a header"
-    return Foreign(label, reconstruction, tuple(names), tuple(notes))
+    return ImportedModel(label, reconstruction, tuple(names), tuple(notes))
 
 
 def _version(text: Text) -> str:

@@ -11,7 +11,7 @@ from pathlib import Path
 from ..base.errors import UserError
 from . import colmap_binary, colmap_text
 from .colmap_tables import assemble
-from .foreign import Foreign
+from .imported_model import ImportedModel
 
 FORMAT = "COLMAP"
 KINDS = {".bin": ("COLMAP binary", colmap_binary), ".txt": ("COLMAP text", colmap_text)}
@@ -30,7 +30,7 @@ def recognises(path: Path) -> bool:
         return False
 
 
-def read(path: Path, size: tuple[int, int]) -> Foreign:
+def read(path: Path, size: tuple[int, int]) -> ImportedModel:
     """The model in a folder or beside a file of it, images in the order of their IMAGE_IDs.
 
     Of a model that is there both as text and binary, the file that was named decides, else the binary one
@@ -42,7 +42,7 @@ def read(path: Path, size: tuple[int, int]) -> Foreign:
     kind = path.suffix if path.is_file() else _kind(folder)
     label, parser = KINDS[kind]
     reconstruction, names = assemble(folder, parser.read(folder))
-    return Foreign(label, reconstruction, names, _other_models(folder))
+    return ImportedModel(label, reconstruction, names, _other_models(folder))
 
 
 def _model_folder(path: Path) -> Path | None:

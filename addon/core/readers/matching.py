@@ -18,7 +18,7 @@ from ..base.counting import counted
 from ..base.errors import UserError
 from ..camera.reconstruction import Image, Intrinsics, Reconstruction
 from ..media.clip import Footage, describe
-from .foreign import Foreign
+from .imported_model import ImportedModel
 
 SAME_ASPECT = 0.01
 """How much a clip's aspect ratio may differ from the model's: sizes are rounded to whole pixels."""
@@ -50,15 +50,15 @@ class _Pairing:
     note: str = ""
 
 
-def match(foreign: Foreign, footage: Footage) -> Imported:
+def match(model: ImportedModel, footage: Footage) -> Imported:
     """Give the images of a foreign model the clip's frame numbers, and its lenses the clip's size.
 
     Raises UserError where no image can be told to be a frame, where several could be the same one, and where
     the model was solved from pictures of another shape.
     """
-    pairing = _pair(foreign, footage)
-    notes = [*foreign.notes, pairing.note] if pairing.note else list(foreign.notes)
-    images = foreign.reconstruction.images
+    pairing = _pair(model, footage)
+    notes = [*model.notes, pairing.note] if pairing.note else list(model.notes)
+    images = model.reconstruction.images
     known = sorted(
         (
             replace(image, frame=pairing.frames[image.frame])
@@ -69,10 +69,10 @@ def match(foreign: Foreign, footage: Footage) -> Imported:
     )
     if not known:
         raise UserError(
-            f"the images of the {foreign.format} model that have a camera are not in {footage.path.name};"
+            f"the images of the {model.format} model that have a camera are not in {footage.path.name};"
             " give the footage that was solved"
         )
-    left_out = [_shown(foreign, image.frame) for image in images if image.frame not in pairing.frames]
+    left_out = [_shown(model, image.frame) for image in images if image.frame not in pairing.frames]
     if left_out:
         are = "image of the model is" if len(left_out) == 1 else "images of the model are"
         notes.append(f"{len(left_out)} {are} not in the clip: {_some(left_out)}")
@@ -81,17 +81,17 @@ def match(foreign: Foreign, footage: Footage) -> Imported:
     if without:
         have = "frame of the clip has" if len(without) == 1 else "frames of the clip have"
         notes.append(f"{len(without)} {have} no camera: {_some(without)}")
-    reconstruction = replace(foreign.reconstruction, images=tuple(known))
+    reconstruction = replace(model.reconstruction, images=tuple(known))
     reconstruction, scaled = _fitted(reconstruction, footage)
     notes += scaled
     if at_one_place(reconstruction):
         notes.append(ONLY_TURNS)
-    return Imported(reconstruction, foreign.format, tuple(notes))
+    return Imported(reconstruction, model.format, tuple(notes))
 
 
-def _pair(foreign: Foreign, footage: Footage) -> _Pairing:
-    named = {index: _parts(name) for index, name in enumerate(foreign.names) if name}
-    registered = [image.frame for image in foreign.reconstruction.images]
+def _pair(model: ImportedModel, footage: Footage) -> _Pairing:
+    named = {index: _parts(name) for index, name in enumerate(model.names) if name}
+    registered = [image.frame for image in model.reconstruction.images]
     ways = [] if footage.is_video else [_by(named, footage, _file_name), _by(named, footage, _stem)]
     ways.append(_by_number(named, footage))
     # The most telling way comes first, and of equal counts max takes the first.
@@ -100,31 +100,31 @@ def _pair(foreign: Foreign, footage: Footage) -> _Pairing:
         first, second, frame = best.doubtful[0]
         raise UserError(
             f"frame {frame} of {footage.path.name} could be {first[-60:]} or {second[-60:]} of the"
-            f" {foreign.format} model; remove one of them from the model or rename its pictures"
+            f" {model.format} model; remove one of them from the model or rename its pictures"
         )
     if any(index in best.frames for index in registered):
         return best
-    if len(foreign.names) == len(footage.frames):
-        order = sorted(range(len(foreign.names)), key=lambda index: _natural(foreign.names[index]))
+    if len(model.names) == len(footage.frames):
+        order = sorted(range(len(model.names)), key=lambda index: _natural(model.names[index]))
         by = "the order of their names" if named else "their order"
         note = f"the model's images are taken to be the clip's frames in {by}"
         return _Pairing(dict(zip(order, footage.frames, strict=True)), note=note)
-    raise UserError(_no_match(foreign, footage))
+    raise UserError(_no_match(model, footage))
 
 
-def _no_match(foreign: Foreign, footage: Footage) -> str:
-    count = len(foreign.names)
+def _no_match(model: ImportedModel, footage: Footage) -> str:
+    count = len(model.names)
     clip = f"{footage.path.name} has {describe(footage.frames)}"
-    if not any(foreign.names):
+    if not any(model.names):
         return (
-            f"the {foreign.format} model has {counted(count, 'camera')} without names, and {clip}: which is"
+            f"the {model.format} model has {counted(count, 'camera')} without names, and {clip}: which is"
             " which cannot be told; give the footage that was solved, or for Bundler put list.txt beside the"
             " model"
         )
     if footage.files:
         clip += f" ({_some([file.name for file in footage.files])})"
     return (
-        f"none of the {counted(count, 'image')} of the {foreign.format} model ({_some(list(foreign.names))})"
+        f"none of the {counted(count, 'image')} of the {model.format} model ({_some(list(model.names))})"
         f" is in the clip: {clip}; give the footage that was solved"
     )
 
@@ -208,8 +208,8 @@ def _natural(name: str) -> list[tuple[bool, int, str]]:
     return [(piece.isdecimal(), int(piece) if piece.isdecimal() else 0, piece) for piece in pieces if piece]
 
 
-def _shown(foreign: Foreign, index: int) -> str:
-    return foreign.names[index] or f"camera {index}"
+def _shown(model: ImportedModel, index: int) -> str:
+    return model.names[index] or f"camera {index}"
 
 
 def _some(names: list[str]) -> str:

@@ -21,12 +21,12 @@ from .building import (
     Observations,
     assemble,
     check_size,
+    observations_of,
     picture_size,
     rotation_from,
-    sightings_of,
     undistorting,
 )
-from .foreign import Foreign
+from .imported_model import ImportedModel
 from .parsing import Numbers, Text
 
 FORMAT = "VisualSFM NVM"
@@ -43,7 +43,7 @@ def recognises(path: Path) -> bool:
     return start.startswith(b"NVM_V") or path.suffix.lower() == ".nvm"
 
 
-def read(path: Path, size: tuple[int, int]) -> Foreign:
+def read(path: Path, size: tuple[int, int]) -> ImportedModel:
     """Read the largest model of a file.
 
     `size` is the clip's (width, height), used unless a listed picture lies beside the file, because the
@@ -59,14 +59,14 @@ def read(path: Path, size: tuple[int, int]) -> Foreign:
     columns = model.starts[:, None] + np.arange(3)
     xyz, rgb = model.numbers.values[columns], model.numbers.values[columns + 3]
     images = [replace(camera.image, camera=index) for index, camera in enumerate(model.cameras)]
-    sightings, lost = sightings_of(model.numbers, model.starts, 4, len(model.names), images)
+    observations, lost = observations_of(model.numbers, model.starts, 4, len(model.names), images)
     size = picture_size(path.parent, list(model.names)) or size
-    convention = _convention(path, header, model, sightings, xyz, size)
+    convention = _convention(path, header, model, observations, xyz, size)
     lenses, converted = _lenses(text, header, model, convention, size)
-    sightings = replace(sightings, xy=sightings.xy + convention.origin)
-    notes += [*lost, *converted, *convention.notes, *check_size(path, size, sightings.xy)]
-    reconstruction = assemble(lenses, images, sightings, xyz, rgb)
-    return Foreign(f"{FORMAT} ({header.version})", reconstruction, model.names, tuple(notes))
+    observations = replace(observations, xy=observations.xy + convention.origin)
+    notes += [*lost, *converted, *convention.notes, *check_size(path, size, observations.xy)]
+    reconstruction = assemble(lenses, images, observations, xyz, rgb)
+    return ImportedModel(f"{FORMAT} ({header.version})", reconstruction, model.names, tuple(notes))
 
 
 @dataclass(frozen=True)
@@ -209,7 +209,7 @@ def _model(text: Text, names: tuple[str, ...], cameras: list[_Camera], points: i
 
 
 def _convention(
-    path: Path, header: _Header, model: _Model, sightings: Observations, xyz: Floats, size: tuple[int, int]
+    path: Path, header: _Header, model: _Model, observations: Observations, xyz: Floats, size: tuple[int, int]
 ) -> _Convention:
     """Of all readings of the file the one under which its points project to its features."""
     centre, zero = np.array(size) / 2, np.zeros(2)
@@ -224,10 +224,10 @@ def _convention(
         for undistorts in (True, False)
         for origin in (point, zero, centre)
     ]
-    few = np.unique(np.linspace(0, max(len(sightings.image) - 1, 0), SAMPLE).astype(np.int64))
-    if not len(sightings.image):
+    few = np.unique(np.linspace(0, max(len(observations.image) - 1, 0), SAMPLE).astype(np.int64))
+    if not len(observations.image):
         return readings[0]
-    sample = Observations(sightings.image[few], sightings.point[few], sightings.xy[few])
+    sample = Observations(observations.image[few], observations.point[few], observations.xy[few])
     misses = [_miss(header, model, reading, sample, xyz, size) for reading in readings]
     best = int(np.argmin(misses))
     if not misses[best] < 0.05 * size[0]:

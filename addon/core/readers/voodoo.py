@@ -16,7 +16,7 @@ import numpy as np
 
 from ..camera.reconstruction import Floats, Image, Intrinsics, Points, Reconstruction
 from .building import ACCURATE, rotation_from, undistorting, visible
-from .foreign import Foreign
+from .imported_model import ImportedModel
 from .parsing import Text
 
 FORMAT = "Voodoo text export"
@@ -37,7 +37,7 @@ def recognises(path: Path) -> bool:
     return re.match(rb"#\s*text export", start, re.IGNORECASE) is not None
 
 
-def read(path: Path, size: tuple[int, int]) -> Foreign:
+def read(path: Path, size: tuple[int, int]) -> ImportedModel:
     """Read the cameras and points of an export; the file says its pictures' size itself.
 
     It has no 2D tracks, so a frame's features are where its points project. Raises UserError naming the line
@@ -91,7 +91,9 @@ def read(path: Path, size: tuple[int, int]) -> Foreign:
         xy, inside = visible(cameras[image.camera], image, xyz[used])
         whole.append(replace(image, xy=xy[inside], points=used[inside]))
     points = Points(xyz, np.full(xyz.shape, 128, dtype=np.uint8), np.zeros(len(xyz)))
-    return Foreign(FORMAT, Reconstruction(tuple(cameras), tuple(whole), points), tuple(names), tuple(notes))
+    return ImportedModel(
+        FORMAT, Reconstruction(tuple(cameras), tuple(whole), points), tuple(names), tuple(notes)
+    )
 
 
 def _camera(text: Text, values: Floats) -> tuple[Intrinsics, Floats, float]:

@@ -72,13 +72,13 @@ def rotation_residual(a: Floats, b: Floats, tracks: Tracks, focal: float) -> flo
     keep = np.ones(len(a), bool)
     error = np.zeros(len(a))
     for _ in range(3):
-        turned = rays_a @ best_turn(rays_a[keep], rays_b[keep]).T
+        turned = rays_a @ kabsch(rays_a[keep], rays_b[keep]).T
         error = np.linalg.norm(turned[:, :2] / turned[:, 2:] * length + centre - b, axis=1)
         keep = error <= np.median(error) + 1e-12
     return float(np.median(error))
 
 
-def best_turn(a: Floats, b: Floats) -> Floats:
+def kabsch(a: Floats, b: Floats) -> Floats:
     """(3, 3) rotation that brings unit rays (n, 3) a closest to b.
 
     Kabsch, "A solution for the best rotation to relate two sets of vectors", 1976.

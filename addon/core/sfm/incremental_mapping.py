@@ -31,7 +31,7 @@ MIN_PARALLAX = 1.0
 DOUBTFUL = 10.0
 """Pixels of a 1,000-pixel frame; with less parallax it is asked whether turning alone explains the clip."""
 EXPLAINED = 0.8
-"""Share of the sightings that a good solve explains; less, and something moves on its own or went wrong."""
+"""Share of the observations that a good solve explains; less, and something moves by itself or went wrong."""
 LEAST_EXPLAINED = 0.565
 """Share below which a solve is none. Between the clips of `benchmarks.solving`, where a thing of 30 % of the
 picture that goes its own way leaves 0.58 to 0.63 and the solve is right, and 0.47 to 0.55 of shifted ones."""
@@ -76,7 +76,7 @@ class Mapped:
     angle: float
     """Median angle in degrees between the outermost rays of a point."""
     explained: float
-    """Share of the sightings of lasting tracks that agree with a point that stands still."""
+    """Share of the observations of lasting tracks that agree with a point that stands still."""
     moving: Ints
     """Numbers of lasting tracks that do not."""
     zooms: bool
@@ -95,7 +95,7 @@ def reconstruct(tracks: Tracks, lens: Lens, progress: Progress) -> Mapped:
     best = found.solution
     refuse_shifted(best, keys)
     if ratio is not None:
-        self_calibration.settle_zoom(best, tracks, ratio)
+        self_calibration.refine_zoom(best, tracks, ratio)
     solution.register_frames(best, progress)
     for step in range(2):
         progress("Adjusting", step, 2)
@@ -135,7 +135,7 @@ class _Found:
     focal_sigma: float
     focal_from_clip: bool
     explained: float
-    """Share of the keyframes registered times the share of their sightings that take part."""
+    """Share of the keyframes registered times the share of their observations that take part."""
     score: float
     """Of 1: how much of what the keyframes see is explained, and how closely."""
 
@@ -193,11 +193,11 @@ def _keyframe_solution(
 
 
 def _judged(made: Solution, keys: list[int], lens: Lens, start: float, method: str) -> _Found:
-    """A solution of the keyframes with its focal length settled, and how much of the clip it explains."""
+    """A solution of the keyframes with its focal length refined, and how much of the clip it explains."""
     solution.triangulate(made)
     solution.drop_bad(made)
     known = lens.sigma if lens.focal else self_calibration.GUESS_SIGMA
-    sigma, from_clip = self_calibration.settle_focal(made, start, known)
+    sigma, from_clip = self_calibration.refine_focal_length(made, start, known)
     solution.triangulate(made)
     solution.drop_bad(made)
     share, _ = solution.explained(made)
@@ -238,10 +238,10 @@ def _without(tracks: Tracks, made: Solution) -> Tracks:
 
 def _at_once(tracks: Tracks, keys: list[int], focal: float) -> Solution | None:
     """One adjustment of all keyframes from nothing; None where too few tracks span them."""
-    span = small_motion.spanning(tracks, keys)
+    span = small_motion.long_tracks(tracks, keys)
     if len(span.tracks) < 4 * MIN_POINTS:
         return None
-    placed = small_motion.placed(span, small_motion.turned(span, focal).bundle)
+    placed = small_motion.general_motion(span, small_motion.rotation_only(span, focal).bundle)
     made = solution.empty(tracks, focal)
     made.rotation[keys], made.translation[keys] = placed.bundle.rotation, placed.bundle.translation
     made.xyz[span.tracks] = placed.bundle.world

@@ -107,7 +107,7 @@ class KLTTracker:
         self._points = _Points.new(self._born, np.zeros((0, 2), np.float32))
 
     def _follow(self, before: Gray, gray: Gray) -> None:
-        old, self._points = self._points, _carried(before, self._points, gray)
+        old, self._points = self._points, _tracked(before, self._points, gray)
         if len(self._points) < BROKEN * len(old):
             self._points = self._points.kept(np.zeros(len(self._points), bool))
             if self._lost is None:
@@ -116,7 +116,7 @@ class KLTTracker:
         if self._lost is not None:
             # A flash lasts a frame or two, and then the points are where they were before it.
             seen, lost, age = self._lost
-            again = _carried(seen, lost, gray)
+            again = _tracked(seen, lost, gray)
             self._lost = (seen, lost, age + 1) if age + 1 < PATIENCE else None
             if len(again) >= ENOUGH * len(lost):
                 self._points, self._lost = again.joined(self._points), None
@@ -160,7 +160,7 @@ class TwoScales:
         return np.asarray(names[numbers])
 
 
-def _carried(before: Gray, points: _Points, after: Gray) -> _Points:
+def _tracked(before: Gray, points: _Points, after: Gray) -> _Points:
     """The points of one frame that are found again in another, there."""
     found = _found(points, *follow(before, after, points.places), before, after)
     if len(found) >= ENOUGH * len(points):
@@ -177,7 +177,7 @@ def _found(points: _Points, places: Places, kept: Mask, before: Gray, after: Gra
     old, last = found.places, found.moves
     found.places, good = found.patches.refined(after.astype(np.float32), places)
     found.moves = found.places - old
-    good &= ~strays(old, found.places, last, cell_size(before))
+    good &= ~motion_outliers(old, found.places, last, cell_size(before))
     return found.kept(good)
 
 
@@ -204,7 +204,7 @@ def follow(
     return there[good], good
 
 
-def strays(before: Places, after: Places, moves: Places, cell: int) -> Mask:
+def motion_outliers(before: Places, after: Places, moves: Places, cell: int) -> Mask:
     """(n,) which points jumped: moved otherwise than all around, and than they did before, by `moves` (n, 2).
 
     Only gross errors. Whatever moves in company stays, and so does a lone near point before a far wall, which
@@ -213,11 +213,11 @@ def strays(before: Places, after: Places, moves: Places, cell: int) -> Mask:
     jumped: Mask = np.linalg.norm(after - before - moves, axis=1) > JUMP
     if not jumped.any():
         return jumped
-    alike, judged = company(before, after, cell, JUMP)
+    alike, judged = neighbour_consistency(before, after, cell, JUMP)
     return np.asarray(jumped & judged & ~alike)
 
 
-def company(before: Places, after: Places, cell: int, jump: float) -> tuple[Mask, Mask]:
+def neighbour_consistency(before: Places, after: Places, cell: int, jump: float) -> tuple[Mask, Mask]:
     """(n,) which points moved like two others in the cells around, and which have enough others there.
 
     Alike is by less than `jump` pixels, or a share of the move. One other may be chance.

@@ -1,4 +1,4 @@
-"""What a solve is worth, in numbers and in one sentence of advice."""
+"""The quality of a solve, in numbers and in one sentence of advice."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ EXPLAINED = 0.8
 
 @dataclass(frozen=True)
 class Report:
-    """A solve's worth. Pixels are the clip's own."""
+    """The quality of a solve. Pixels are the clip's own."""
 
     frames: int
     registered: int
@@ -40,7 +40,7 @@ class Report:
     """Share of the cells of an 8x6 grid that hold points, mean over the frames."""
     reprojection_error: float
     drift: float
-    """Pixels by which a track's last sightings miss otherwise than its first ones, median."""
+    """Pixels by which a track's last observations miss otherwise than its first ones, median."""
     focal: list[float]
     """Least and greatest focal length."""
     focal_sigma: float | None
@@ -54,7 +54,7 @@ class Report:
     depth_sigma: float
     """Relative standard deviation of a typical depth."""
     explained: float | None
-    """Share of the tracked sightings that agree with a scene that stands still."""
+    """Share of the tracked observations that agree with a scene that stands still."""
     weak: list[int]
     """Frames with fewer than `WEAK` points."""
     notes: list[str]
@@ -122,7 +122,7 @@ def report(reconstruction: Reconstruction, frames: tuple[int, ...], said: dict[s
     point, residual, rays = _observations(reconstruction)
     angle = _angles(point, rays, len(reconstruction.points))
     error, drift = _errors(point, residual, len(reconstruction.points))
-    # More sightings of a track do not help: they share its error.
+    # More observations of a track do not help: they share its error.
     spread = error / float(np.median(focal)) / max(np.radians(float(np.median(angle))), 1e-9)
     sigma = said.get("focal_sigma")
     weak = [image.frame for image in reconstruction.images if len(image.points) < WEAK]

@@ -8,12 +8,12 @@ import numpy as np
 
 from ..camera.reconstruction import Floats, Ints
 from .bundle_adjustment import Bundle, Observations, adjust
-from .small_motion import agreement, sightings
+from .small_motion import agreement, select_observations
 from .solution import MIN_VIEWS, Solution
 from .tracks import Tracks
 
 GUESS_SIGMA = 0.2
-"""Relative standard deviation of a focal length that nobody told."""
+"""Relative standard deviation of a focal length that nobody gave."""
 UNMODELLED = 2.0
 """By how much the errors of focal lengths on clips with truth exceed what the covariance says of them, which
 knows nothing of occlusions and highlights (`make bench-solve`)."""
@@ -28,7 +28,7 @@ ZOOM_STEP = 0.02
 a tenth of a pixel."""
 
 
-def settle_focal(made: Solution, start: float, known: float) -> tuple[float, bool]:
+def refine_focal_length(made: Solution, start: float, known: float) -> tuple[float, bool]:
     """Weigh what the clip says of the focal length against `start`, known to a relative sigma `known`.
 
     Returns the relative sigma of what comes of it, and whether the clip had the larger say.
@@ -44,9 +44,9 @@ def settle_focal(made: Solution, start: float, known: float) -> tuple[float, boo
     weight = known**2 / (known**2 + sigma**2) if np.isfinite(sigma) else 0.0
     wanted = float(np.exp((1 - weight) * np.log(start) + weight * np.log(freed.bundle.focal[0])))
     # On the way to a focal length that the clip does not determine, poses and points have to follow.
-    settled = adjust(replace(freed.bundle, focal=np.full(len(posed), wanted)), seen, made.max_error / 2)
+    refined = adjust(replace(freed.bundle, focal=np.full(len(posed), wanted)), seen, made.max_error / 2)
     made.focal[:] = wanted
-    _put_back(made, settled.bundle, posed, kept)
+    _put_back(made, refined.bundle, posed, kept)
     return float(1 / np.sqrt(1 / known**2 + 1 / sigma**2)), weight > 0.5
 
 
@@ -66,7 +66,7 @@ def _as_bundle(made: Solution) -> tuple[Bundle, Observations, Ints, Ints]:
     points /= np.linalg.norm(points, axis=1, keepdims=True)
     return (
         Bundle(made.rotation[posed], made.translation[posed], points, made.focal[posed]),
-        sightings(tracks, posed, kept, made.used), posed, kept,
+        select_observations(tracks, posed, kept, made.used), posed, kept,
     )  # fmt: skip
 
 
@@ -91,8 +91,10 @@ def turning_explains(made: Solution) -> bool:
     points /= np.linalg.norm(points, axis=1, keepdims=True)
     still = replace(bundle, points=points, translation=np.zeros_like(bundle.translation))
     turning = adjust(still, seen, loss, "common")
-    told = agreement(seen, moving.bundle)
-    return turning.error < MIN_GAIN * moving.error or (told is not None and told < MIN_AGREEMENT)
+    correlation = agreement(seen, moving.bundle)
+    return turning.error < MIN_GAIN * moving.error or (
+        correlation is not None and correlation < MIN_AGREEMENT
+    )
 
 
 # Zoom
@@ -101,7 +103,7 @@ def turning_explains(made: Solution) -> bool:
 def zoom_ratios(tracks: Tracks) -> Floats:
     """(F,) focal length of each frame relative to the middle one, as far as the growth of the picture tells.
 
-    Walking ahead makes the picture grow, too: `settle_zoom` tells the two apart.
+    Walking ahead makes the picture grow, too: `refine_zoom` tells the two apart.
     """
     steps = [0.0]
     for index in range(1, len(tracks.frames)):
@@ -131,15 +133,15 @@ def zoomed(tracks: Tracks, ratio: Floats) -> Tracks:
     return replace(tracks, xy=(tracks.xy - centre) / ratio[tracks.frame_index, None] + centre)
 
 
-def settle_zoom(made: Solution, tracks: Tracks, ratio: Floats) -> None:
+def refine_zoom(made: Solution, tracks: Tracks, ratio: Floats) -> None:
     """From a solution of tracks whose zoom was taken out to one of `tracks`, with a focal length a frame."""
     made.tracks = tracks
     made.focal = made.focal * ratio
     bundle, seen, posed, kept = _as_bundle(made)
     tie = 0.01 * len(kept) / ZOOM_STEP**2
-    settled = adjust(bundle, seen, made.max_error / 2, "each", tie, steps=200)
-    _put_back(made, settled.bundle, posed, kept)
+    refined = adjust(bundle, seen, made.max_error / 2, "each", tie, steps=200)
+    _put_back(made, refined.bundle, posed, kept)
     # Between the keyframes the picture's growth is the better guide.
     frames = np.arange(len(tracks.frames))
-    correction = np.interp(frames, posed, np.log(settled.bundle.focal / made.focal[posed]))
+    correction = np.interp(frames, posed, np.log(refined.bundle.focal / made.focal[posed]))
     made.focal = made.focal * np.exp(correction)

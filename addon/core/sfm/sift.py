@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..camera.reconstruction import Ints
-from .klt import Gray, Numbers, Places, best_of_cells, cell_size, company
+from .klt import Gray, Numbers, Places, best_of_cells, cell_size, neighbour_consistency
 from .template_tracking import Mask, Patches, Rows
 
 Descriptors = NDArray[np.float32]
@@ -168,7 +168,7 @@ class Matcher:
             candidates = np.nonzero((age == each) | good)[0]
             _, here, there = np.intersect1d(known.numbers[candidates], numbers, return_indices=True)
             rows = candidates[here]
-            alike, judged = company(before[there], places[rows], cell, JUMP * each)
+            alike, judged = neighbour_consistency(before[there], places[rows], cell, JUMP * each)
             # A wall alone does not determine the fundamental matrix for what stands before it.
             fits = alike | (epipolar(before[there], places[rows]) & ~judged)
             if fits.sum() >= max(SUPPORT, AGREEING * len(fits)):

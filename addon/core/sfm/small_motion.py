@@ -16,7 +16,7 @@ import numpy as np
 
 from ..camera.reconstruction import Floats, Ints
 from .bundle_adjustment import Adjusted, Bundle, Observations, adjust
-from .degeneracy import best_turn
+from .degeneracy import kabsch
 from .tracks import Tracks
 
 MIN_SHARE = 0.4
@@ -29,7 +29,7 @@ LOSS = 1.0
 
 
 @dataclass(frozen=True)
-class Spanning:
+class LongTracks:
     """Tracks that span a good part of the keyframes."""
 
     seen: Observations
@@ -40,16 +40,16 @@ class Spanning:
     """Pixels."""
 
 
-def spanning(tracks: Tracks, keys: list[int]) -> Spanning:
+def long_tracks(tracks: Tracks, keys: list[int]) -> LongTracks:
     """The tracks that are seen in enough of the keyframes `keys`, indices of the clip's frames."""
     in_keys = np.isin(tracks.frame_index, keys)
     views = np.bincount(tracks.track[in_keys], minlength=tracks.count)
     kept = np.nonzero(views >= max(MIN_SIGHTINGS, MIN_SHARE * len(keys)))[0].astype(np.int32)
-    seen = sightings(tracks, np.array(keys, np.int32), kept, in_keys)
-    return Spanning(seen, kept, len(keys), LOSS * max(tracks.width, tracks.height) / 1000)
+    seen = select_observations(tracks, np.array(keys, np.int32), kept, in_keys)
+    return LongTracks(seen, kept, len(keys), LOSS * max(tracks.width, tracks.height) / 1000)
 
 
-def sightings(
+def select_observations(
     tracks: Tracks, frames: Ints, kept: Ints, rows: np.ndarray[tuple[int], np.dtype[np.bool_]]
 ) -> Observations:
     """Of the observations `rows` (m,) those of tracks `kept` (P,) in `frames` (F,), numbered as in these."""
@@ -60,7 +60,7 @@ def sightings(
     return Observations(place[tracks.frame_index[rows]], number[tracks.track[rows]], tracks.xy[rows] - centre)
 
 
-def turned(span: Spanning, focal: float) -> Adjusted:
+def rotation_only(span: LongTracks, focal: float) -> Adjusted:
     """Cameras that only turn, and points infinitely far, for a focal length in pixels."""
     seen = span.seen
     rays = np.column_stack([seen.xy / focal, np.ones(len(seen.xy))])
@@ -74,7 +74,7 @@ def turned(span: Spanning, focal: float) -> Adjusted:
     return adjust(start, seen, span.loss)
 
 
-def placed(span: Spanning, start: Bundle) -> Adjusted:
+def general_motion(span: LongTracks, start: Bundle) -> Adjusted:
     """Cameras and points, from cameras that only turn; depths begin alike, and cameras near each other.
 
     The sign of the depths is not in the pictures of a small motion: the one with more points ahead is taken.
@@ -87,8 +87,8 @@ def placed(span: Spanning, start: Bundle) -> Adjusted:
     found = adjust(begun, span.seen, span.loss)
     if np.median(found.bundle.points[:, 3] * np.sign(_ahead(found.bundle))) < 0:
         mirrored = found.bundle.points * [1, 1, 1, -1]
-        turned_over = replace(found.bundle, points=mirrored, translation=-found.bundle.translation)
-        found = adjust(turned_over, span.seen, span.loss)
+        mirrored_bundle = replace(found.bundle, points=mirrored, translation=-found.bundle.translation)
+        found = adjust(mirrored_bundle, span.seen, span.loss)
     return found
 
 
@@ -112,7 +112,7 @@ def _ahead(bundle: Bundle) -> Floats:
     return np.asarray(bundle.points[:, :3] @ bundle.rotation[len(bundle.rotation) // 2, 2])
 
 
-def _chained(span: Spanning, rays: Floats) -> Floats:
+def _chained(span: LongTracks, rays: Floats) -> Floats:
     """(F, 3, 3) rotations, each from the frame before by the rays (m, 3) of what both see."""
     seen = span.seen
     members = [np.nonzero(seen.frame == frame)[0] for frame in range(span.frames)]
@@ -123,7 +123,7 @@ def _chained(span: Spanning, rays: Floats) -> Floats:
         kept = np.ones(len(i), bool)
         turn = np.eye(3)
         for _ in range(3):
-            turn = best_turn(a[kept], b[kept])
+            turn = kabsch(a[kept], b[kept])
             error = np.linalg.norm(a @ turn.T - b, axis=1)
             kept = error <= 2 * np.median(error) + 1e-12 if len(error) else kept
         rotation.append(turn @ rotation[-1])

@@ -14,7 +14,7 @@ from .tracks import Progress, Tracks
 MAX_ERROR = 2.0
 """Pixels of reprojection error of a kept observation, for a frame 1,000 pixels long."""
 CLOSE = 0.25
-"""Share of the largest error at which a sighting no longer speaks for a solution."""
+"""Share of the largest error at which a observation no longer speaks for a solution."""
 MIN_POINTS = 12
 """In a frame, to find its pose."""
 MIN_VIEWS = 3
@@ -77,7 +77,7 @@ def empty(tracks: Tracks, focal: float) -> Solution:
 
 
 def explained(solution: Solution) -> tuple[float, Ints]:
-    """Share of the sightings of lasting tracks that take part, and the lasting tracks (k,) without a point.
+    """Share of lasting tracks' observations that take part, and the lasting tracks (k,) without a point.
 
     Lasting are tracks that three registered frames see.
     """
@@ -197,9 +197,9 @@ def collect(solution: Solution) -> Reconstruction:
     points = Points(solution.xyz[kept], tracks.rgb[kept], total[kept] / views[kept])
     used = used & kept[tracks.track]
     images = []
-    sightings = np.nonzero(used)[0]
-    first = np.searchsorted(tracks.frame_index[sightings], np.arange(1, len(tracks.frames)))
-    for index, rows in enumerate(np.split(sightings, first)):
+    observed = np.nonzero(used)[0]
+    first = np.searchsorted(tracks.frame_index[observed], np.arange(1, len(tracks.frames)))
+    for index, rows in enumerate(np.split(observed, first)):
         if len(rows) >= MIN_POINTS and np.isfinite(solution.translation[index, 0]):
             ids: Ints = number[tracks.track[rows]].astype(np.int32)
             rotation, translation = solution.rotation[index], solution.translation[index]

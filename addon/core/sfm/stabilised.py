@@ -41,12 +41,12 @@ class Shifted:
     inverse_depth: Floats
     """(P,) of the tracks, up to a scale, a shift and the sign."""
     error: Floats
-    """(m,) pixels by which it misses each sighting."""
+    """(m,) pixels by which it misses each observation."""
 
 
 def fit_shifts(seen: Observations, frames: int, points: int, loss: float) -> Shifted | None:
-    """Of sightings in so many frames of so many points; `loss` in pixels. None where they hang together too
-    little."""
+    """Of observations in so many frames of so many points; `loss` in pixels. None where they hang together
+    too little."""
     frame, point, xy = seen.frame, seen.point, seen.xy
     place = np.full((frames, points, 2), np.nan)
     place[frame, point] = xy
@@ -113,18 +113,18 @@ def _common_slope(x: Floats, y: Floats, weight: Floats, group: Ints, count: int)
 
 @dataclass(frozen=True)
 class Compared:
-    """A solve beside shifted pictures, on the same sightings."""
+    """A solve beside shifted pictures, on the same observations."""
 
     solved: float
     shifted: float
     """Scores of 1: how much is explained and how closely, as `solution.score`."""
     order: float
-    """Rank correlation of the inverse depths of the two, without its sign; 1 where it cannot be told."""
+    """Rank correlation of the inverse depths of the two, without its sign; 1 where it cannot be compared."""
 
 
 def compare(made: Solution, keys: list[int]) -> Compared | None:
     """A solve of the keyframes `keys` beside shifts; None where too few tracks span them."""
-    span = small_motion.spanning(made.tracks, keys)
+    span = small_motion.long_tracks(made.tracks, keys)
     if len(span.tracks) < LEAST:
         return None
     found = fit_shifts(span.seen, span.frames, len(span.tracks), span.loss)
@@ -147,16 +147,16 @@ def compare(made: Solution, keys: list[int]) -> Compared | None:
 
 def refuse_shifted(made: Solution, keys: list[int]) -> None:
     """UserError for a clip whose pictures were shifted, or whose depths are not in the order of motion."""
-    told = compare(made, keys)
-    if told is None:
+    compared = compare(made, keys)
+    if compared is None:
         return
-    if told.shifted > BETTER * told.solved:
+    if compared.shifted > BETTER * compared.solved:
         raise UserError(
             "the pictures of this clip were shifted so that something in mid-scene stays in place (rectified"
             " or stabilised): near and far cannot be told apart in such pictures; solve the clip as it was"
             " filmed, without stabilisation"
         )
-    if told.shifted > TELLS and told.order < IN_ORDER:
+    if compared.shifted > TELLS and compared.order < IN_ORDER:
         raise UserError(
             "the depths that were found contradict the order in which things move past each other in this"
             " clip; choose another range of frames, or film with more sideways movement",

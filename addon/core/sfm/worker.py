@@ -41,7 +41,7 @@ ZOOMED = "the picture agrees with a lens that zooms; if it does not, give its fo
 PATIENCE = 5.0
 """Seconds in which a process that ends has let go of all that it held."""
 MOVING = "moving.npz"
-"""Tracks that no scene that stands still explains: frame, track and xy of every sighting."""
+"""Tracks that no scene that stands still explains: frame, track and xy of every observation."""
 
 
 def main(job_path: str) -> int:

@@ -52,7 +52,7 @@ class Solve:
         return open_footage(self.footage, frames, info=self.video)
 
     @cached_property
-    def worth(self) -> Report:
+    def quality(self) -> Report:
         """The numbers and the advice."""
         try:
             return report(self.reconstruction, self.frames, self.report)
@@ -65,7 +65,7 @@ class Solve:
     @property
     def summary(self) -> str:
         """One line for the user."""
-        worth = self.worth
+        it = self.quality
         found = {
             "clip": "found",
             "given": "given as",
@@ -73,15 +73,11 @@ class Solve:
             "file": "read as",
             "metadata": "said to be",
         }
-        sure = (
-            f" (+- {100 * worth.focal_sigma:.1f} %)"
-            if worth.focal_from == "clip" and worth.focal_sigma
-            else ""
-        )
+        sure = f" (+- {100 * it.focal_sigma:.1f} %)" if it.focal_from == "clip" and it.focal_sigma else ""
         return (
-            f"{worth.registered} of {counted(worth.frames, 'frame')} registered,"
-            f" {counted(worth.points, 'point')}, reprojection error {worth.reprojection_error:.2f} px,"
-            f" focal length {found.get(worth.focal_from, found['metadata'])} {worth.focal[0]:.0f} px{sure}"
+            f"{it.registered} of {counted(it.frames, 'frame')} registered,"
+            f" {counted(it.points, 'point')}, reprojection error {it.reprojection_error:.2f} px,"
+            f" focal length {found.get(it.focal_from, found['metadata'])} {it.focal[0]:.0f} px{sure}"
         )
 
 

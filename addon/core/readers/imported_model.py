@@ -8,7 +8,7 @@ from ..camera.reconstruction import Reconstruction
 
 
 @dataclass(frozen=True)
-class Foreign:
+class ImportedModel:
     """A model as its file tells it, in our conventions, with images that know no clip yet."""
 
     format: str

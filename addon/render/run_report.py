@@ -37,8 +37,8 @@ def _is_ours(path: Path) -> bool:
     return isinstance(held, dict) and held.get("kind") == KIND
 
 
-class Account:
-    """Told of every frame of a run that is drawn."""
+class RunReport:
+    """What every frame of a run was drawn from; its `on_frame` is called with each of them."""
 
     def __init__(self, path: Path | None = None, key: str = "", overwrite: bool = False) -> None:
         """`path` gets an entry a frame, after those of an equal run, which has the same `key`.
@@ -61,8 +61,8 @@ class Account:
                 Remedy.OVERWRITE,
             )
 
-    def told(self, drawn: Drawn) -> None:
-        """Of a frame; its entry is in the file when this returns."""
+    def on_frame(self, drawn: Drawn) -> None:
+        """Add a frame's entry; it is in the file when this returns."""
         used = Used.of(drawn.warped)
         self._used[used.frame] = used
         if self._path is None:
@@ -115,15 +115,15 @@ def replaced(path: Path, write: Callable[[Path], object]) -> None:
 
 
 class Inspector:
-    """Told of one frame that is drawn: its debug views and its report."""
+    """The debug views and the report of one frame; its `on_frame` is called when it is drawn."""
 
     def __init__(self) -> None:
         self.pictures: dict[str, Shown] = {}
         """(H, W, 3) sRGB; empty until a frame was drawn to its end."""
         self.report: FrameReport | None = None
 
-    def told(self, drawn: Drawn) -> None:
-        """Of the frame."""
+    def on_frame(self, drawn: Drawn) -> None:
+        """Keep what the frame was drawn from."""
         shares = draw_shares(drawn)
         self.report = frame_report(drawn.warped, shares, drawn.seconds)
         self.pictures = pictures(drawn.warped, drawn.source, shares)
