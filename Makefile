@@ -42,7 +42,7 @@ test: setup
 	@$(PYTHON) -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder
 
 test-fast: setup
-	@$(PYTHON) -m pytest --fast -q
+	@$(PYTHON) -m pytest --fast -q -n $(JOBS) --dist worksteal
 
 test-window: setup
 	@command -v "$${BLENDER:-blender}" >/dev/null \

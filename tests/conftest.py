@@ -63,17 +63,20 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     items.sort(key=rank)
 
 
-def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     """One line for everything that was skipped because there is no real data."""
     skipped = [each for each in terminalreporter.stats.get("skipped", ()) if NO_DATA in str(each.longrepr)]
     if skipped:
         terminalreporter.write_line(
             f"{len(skipped)} tests skipped: real data not found at {DATA} (set VA_DATA)"
         )
-    if config.getoption("--fast") and "bpy" in sys.modules:
-        terminalreporter.write_line(
-            "the fast tests loaded bpy: see SLOW_MODULES in tests/conftest.py", red=True
-        )
+
+
+@pytest.fixture(scope="session", autouse=True)
+def fast_is_without_blender(request: pytest.FixtureRequest) -> Iterator[None]:
+    """The last of the fast tests fails if one of them loaded Blender: then SLOW_MODULES misses something."""
+    yield
+    assert not (request.config.getoption("--fast") and "bpy" in sys.modules)
 
 
 def _is_slow(path: Path, within: bool = True) -> bool:

@@ -6,7 +6,6 @@ of the first pixel at (0.5, 0.5). All geometry is float64.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -14,179 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import UserError
-from . import distortion
+from .intrinsics import Intrinsics as Intrinsics
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
-MAX_SIDE = 1_000_000
-"""Pixels; a larger picture is damage, not a picture."""
 MEDIAN_DEPTH = 10.0
 """Median distance between cameras and points after `normalise`, in scene units."""
 NEAREST = 1e-6
-"""Of the frame's median depth. What lies nearer is an error: one such point would outweigh all the others."""
-
-
-@dataclass(frozen=True)
-class Intrinsics:
-    """A pinhole and what its lens does to the picture, lengths in pixels.
-
-    `model` is one of `lenses.FAMILIES`, which hold all of COLMAP's perspective and fisheye models. The
-    default is OPENCV, with its terms by name; without any it is a plain pinhole.
-    """
-
-    width: int
-    height: int
-    fx: float
-    fy: float
-    cx: float
-    cy: float
-    k1: float = 0.0
-    k2: float = 0.0
-    p1: float = 0.0
-    p2: float = 0.0
-    model: str = "OPENCV"
-    terms: tuple[float, ...] = ()
-    """All distortion terms of any other model than OPENCV, in COLMAP's order."""
-
-    def __post_init__(self) -> None:
-        own = self.model == "OPENCV"
-        count = 0 if own else len(distortion.term_names(self.model))
-        if self.model not in distortion.FAMILIES or len(self.terms) != count:
-            raise ValueError(f"{self.model} is no family of lenses with {len(self.terms)} terms")
-        if not own and any((self.k1, self.k2, self.p1, self.p2)):
-            raise ValueError(f"the distortion of a lens {self.model} is in its terms, not in k1 to p2")
-
-    @classmethod
-    def from_parameters(cls, model: str, width: int, height: int, values: Sequence[float]) -> Intrinsics:
-        """One of COLMAP's models and its parameters in COLMAP's order.
-
-        UserError, beginning "expected", for a model that no pinhole picture can be made of, a wrong number
-        of parameters, a size or focal length that is not greater than zero, or what is not finite.
-        """
-        names = distortion.PARAMETERS.get(model)
-        if names is None:
-            raise UserError(f"expected a camera model that is one of {', '.join(distortion.PARAMETERS)}")
-        if model == "EQUIRECTANGULAR":
-            raise UserError(
-                "expected a perspective or fisheye camera, not a panorama of 360 degrees (EQUIRECTANGULAR):"
-                " cut perspective pictures out of the clip and solve these"
-            )
-        if len(values) != len(names):
-            raise UserError(f"expected {len(names)} parameters of {model}, not {len(values)}")
-        if not np.all(np.isfinite(values)):
-            raise UserError("expected finite camera parameters")
-        given = dict(zip(names, (float(value) for value in values), strict=True))
-        fx, fy = (given.pop("f"),) * 2 if "f" in given else (given.pop("fx"), given.pop("fy"))
-        if not (0 < width <= MAX_SIDE and 0 < height <= MAX_SIDE and fx > 0 and fy > 0):
-            raise UserError(
-                f"expected a size from 1 to {MAX_SIDE} pixels and focal lengths greater than zero"
-            )
-        cx, cy = given.pop("cx"), given.pop("cy")
-        family = next(name for name, members in distortion.FAMILIES.items() if model in members)
-        terms = tuple(given.get(name, 0.0) for name in distortion.term_names(family))
-        if family == "OPENCV":
-            k1, k2, p1, p2 = terms
-            return cls(width, height, fx, fy, cx, cy, k1, k2, p1, p2)
-        wish = distortion.impossible(family, terms)
-        if wish:
-            raise UserError(f"expected {wish}")
-        return cls(width, height, fx, fy, cx, cy, model=family, terms=terms)
-
-    def parameters(self) -> tuple[str, tuple[float, ...]]:
-        """The simplest of COLMAP's models that is this very lens, and its parameters in COLMAP's order."""
-        own = {name: getattr(self, name) for name in distortion.PLACES[1:]} | self._named_terms
-        for model in distortion.FAMILIES[self.model]:
-            names = distortion.PARAMETERS[model]
-            left_out = [value for name, value in self._named_terms.items() if name not in names]
-            if not any(left_out) and (self.fx == self.fy or "f" not in names):
-                return model, tuple(float(own["fx" if name == "f" else name]) for name in names)
-        raise AssertionError("the last model of a family has all its terms")
-
-    @property
-    def _named_terms(self) -> dict[str, float]:
-        names = distortion.term_names(self.model)
-        own = self.model == "OPENCV"
-        return dict(zip(names, (getattr(self, name) for name in names) if own else self.terms, strict=True))
-
-    @cached_property
-    def _stages(self) -> tuple[distortion.Stage, ...]:
-        return distortion.stages(self.model, tuple(self._named_terms.values()))
-
-    @property
-    def is_distorted(self) -> bool:
-        return bool(self._stages)
-
-    @property
-    def focal(self) -> Floats:
-        """(2,) focal lengths fx, fy in pixels."""
-        return np.array([self.fx, self.fy])
-
-    @property
-    def principal_point(self) -> Floats:
-        """(2,) principal point cx, cy in pixels."""
-        return np.array([self.cx, self.cy])
-
-    def scaled(self, width: int, height: int) -> Intrinsics:
-        """The same lens on a picture resampled to width x height pixels."""
-        sx, sy = width / self.width, height / self.height
-        return replace(
-            self, width=width, height=height,
-            fx=self.fx * sx, cx=self.cx * sx, fy=self.fy * sy, cy=self.cy * sy,
-        )  # fmt: skip
-
-    def without_distortion(self) -> Intrinsics:
-        return Intrinsics(self.width, self.height, self.fx, self.fy, self.cx, self.cy)
-
-    def described(self) -> str:
-        """The lens's distortion for people: "OPENCV, k1 -0.1, k2 0, p1 0, p2 0"."""
-        return ", ".join([self.model, *(f"{name} {value:g}" for name, value in self._named_terms.items())])
-
-    def distort(self, rays: Floats) -> Floats:
-        """Normalised pinhole coordinates (..., 2) -> normalised coordinates seen through the lens.
-
-        NaN where the lens sees nothing.
-        """
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            for stage in self._stages:
-                rays = stage.distort(rays)
-        return rays
-
-    def distort_jacobian(self, rays: Floats) -> Floats:
-        """Derivative (..., 2, 2) of `distort` at rays (..., 2)."""
-        result = np.broadcast_to(np.eye(2), (*rays.shape, 2))
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            for stage in self._stages:
-                result = stage.jacobian(rays) @ result
-                rays = stage.distort(rays)
-        return result
-
-    def undistort(self, rays: Floats) -> Floats:
-        """Inverse of `distort`; (..., 2) -> (..., 2), to about 1e-12.
-
-        NaN where no ray ahead of the camera is seen: past a fold, or 90 degrees from the axis.
-        """
-        rays = np.array(rays, dtype=np.float64)
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            for stage in reversed(self._stages):
-                rays = stage.undistort(rays)
-        return rays
-
-    def project(self, points: Floats) -> Floats:
-        """Camera-space points (..., 3) -> pixels (..., 2) of the source frame; not finite at depth 0.
-
-        A point behind the camera lands where its mirror image ahead does: check the depth.
-        """
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            rays = points[..., :2] / points[..., 2:]
-            return np.asarray(self.distort(rays) * self.focal + self.principal_point)
-
-    def pinhole_pixels(self, pixels: Floats) -> Floats:
-        """Pixels of the source frame (..., 2) -> pixels of the same lens without distortion."""
-        if not self.is_distorted:
-            return np.array(pixels, dtype=np.float64)
-        rays = self.undistort((pixels - self.principal_point) / self.focal)
-        return rays * self.focal + self.principal_point
+"""Share of a frame's median depth nearer than which a point is an error: it would outweigh all the others. By
+eye."""
 
 
 @dataclass(frozen=True)
