@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from ..base.arrays import LinearRGBA, Map
+from ..base.arrays import Floats, LinearRGBA, Map
 from ..camera.canvas import Canvas
-from ..camera.reconstruction import Floats
 from .sparse import DepthSamples
 
 

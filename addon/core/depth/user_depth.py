@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..base.arrays import LinearRGBA
+from ..base.arrays import Floats, LinearRGBA
 from ..base.nearest_fill import nearest
 from ..camera.canvas import Canvas
-from ..camera.reconstruction import Floats, Reconstruction
+from ..camera.reconstruction import Reconstruction
 from .source import PixelDepth
 from .sparse import DepthSamples, frame_features
 from .user_maps import ClipFit, DepthMaps, Fitted, fit_clip, fit_depth, grid_features

@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import Floats
 from ..base.counting import counted
 from ..base.errors import UserError
-from ..camera.reconstruction import Floats
 from ..media.clip import Footage, describe, open_footage
 from ..media.picture_file import Pixels
 from ..media.side_files import check_aspect, match_frames
