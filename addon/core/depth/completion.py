@@ -155,8 +155,8 @@ def _ground(mover: Mask, sure: Mask, inverse: Map, options: CompletionOptions) -
 def _occluded(
     mover: Mask, sure: Mask, occluding: Mask, inverse: Map, options: CompletionOptions
 ) -> float | None:
-    """The inverse depth of the nearest of what is beside a mover (h, w) and hidden by it in a neighbour, None
-    if nothing is."""
+    """The inverse depth of the nearest of what is beside a mover (h, w) and hidden by it in a neighbour, or
+    None."""
     away = cv2.distanceTransform((~_without_holes(mover)).astype(np.uint8), cv2.DIST_L2, 5)
     beside = (away > options.ring_inner) & (away <= options.ring_outer) & sure
     if np.count_nonzero(beside) < options.class_pixels:

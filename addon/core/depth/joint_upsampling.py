@@ -17,11 +17,9 @@ class UpsamplingOptions:
     """When a pixel takes one neighbour's depth instead of their mean, and whose."""
 
     colour_distance: float = 0.04
-    """Distance of two colours (display values, 0 to 1) that counts as much as a pixel of the small picture.
-    By eye."""
+    """Distance of colours (display values, 0 to 1) that counts as much as a small picture's pixel. By eye."""
     discontinuity: float = 0.03
-    """Share of the largest inverse depth; where the neighbours differ by more, their mean is not taken. By
-    eye."""
+    """Share of the largest inverse depth; where neighbours differ by more, none is a mean. By eye."""
 
 
 def upsampled(

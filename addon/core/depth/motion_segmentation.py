@@ -15,8 +15,7 @@ from ..base.progress import checkpoint, in_this_scope
 from .plane_sweep import WORKERS, View
 
 MASKED = 85
-"""Fourth channel of a picture where the user says that something moves: seen, but no depth is told from
-it."""
+"""Fourth channel of a picture where the user says that something moves: seen, but no depth comes from it."""
 
 
 @dataclass(frozen=True)

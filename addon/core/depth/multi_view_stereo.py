@@ -39,8 +39,7 @@ class StereoOptions:
     kept_pictures: int = 40
     """Pictures that are remembered, so that a clip taken in order reads each frame about once. By eye."""
     widest_parallax: float = 0.1
-    """Of the picture's longer side, by which the scene's depths should move apart in the farthest neighbour.
-    By eye."""
+    """Of the longer side, by which the scene's depths should move apart in the farthest neighbour. By eye."""
     depth_parallaxes: tuple[float, ...] = (1.0, 0.6, 0.3)
     """Of the widest parallax, in the neighbours on either side that the sweep uses. By eye."""
     motion_parallaxes: tuple[float, ...] = (0.12, 0.05)
@@ -55,8 +54,7 @@ class StereoOptions:
     sure_parallax: float = 8.0
     """Pixels in the farthest neighbour from which on depth is as sure as its matches. By eye."""
     probe_parallaxes: tuple[float, ...] = (0.5, 0.25)
-    """Of the widest parallax, in the neighbours of the coarse sweep that looks for what stands nearer than
-    all points. By eye."""
+    """Of the widest parallax, in the coarse sweep that looks for what is nearer than all points. By eye."""
     probe_zoom: int = 4
     """Times that the pictures of that coarse sweep are smaller. By eye."""
     probe_levels: int = 48
@@ -72,8 +70,7 @@ class StereoOptions:
     many_points: int = 100
     """Points of the frame's own that tell its range without those of other frames. By eye."""
     blind_parallax: float = 0.3
-    """Of the width, that the nearest thing moves in the farthest frame where no points tell a range. By
-    eye."""
+    """Of the width, that the nearest thing moves in the farthest frame where no points are. By eye."""
     rival_margin: float = 3.0
     """Summed cost in grey levels: a level within so much of the best one is its rival. By eye."""
     rival_share: float = 0.2

@@ -41,8 +41,7 @@ class SweepOptions:
     p2_halved_at: float = 8.0
     """Grey levels between neighbouring pixels at which a larger change of depth costs half. By eye."""
     far_preference: float = 0.1
-    """Grey levels by which the farthest level is preferred to the nearest: what shows no texture is often
-    sky. By eye."""
+    """Grey levels by which the farthest is preferred to the nearest: what is plain is often sky. By eye."""
     least_gain: float = 0.01
     """Relative difference of exposure between frames that is left alone. By eye."""
 
@@ -149,8 +148,7 @@ def sweep(reference: Bytes, views: Sequence[View], levels: Floats, guide: Map, o
 def _mean_mismatch(
     reference: Bytes, views: Sequence[View], inverse: float, options: SweepOptions
 ) -> tuple[Map, Mask]:
-    """(h, w) grey levels, mean over those of the neighbours that see a place, and whether one sees all around
-    it."""
+    """(h, w) grey levels, mean over the neighbours that see a place, and whether one sees all around."""
     height, width = reference.shape[:2]
     mean = np.array([[1, 1, 1, 0]], np.float32) / 3
     total = np.full((height, width), 1e-3 * options.truncation, np.float32)

@@ -53,8 +53,7 @@ class FusionOptions:
     """Of the long side: what is around a pixel in a hole. With 0.04 fence has 34.14 instead of 34.19 dB, and
     a hole is left in the duck's frame 107."""
     hole_share: tuple[float, float] = (0.5, 0.7)
-    """Shares of depths of their own around a pixel below which it is in no hole, and from which on it is. By
-    eye."""
+    """Shares of own depths around a pixel below which it is in no hole, and from which on it is. By eye."""
     behind_power: float = 4.0
     """What is not sure beside something near is behind it: weight is depth to this power. By eye."""
     behind_ratio: float = 1.2
@@ -66,8 +65,7 @@ class FusionOptions:
     ramp: int = 2
     """Pixels within which such a jump is one. By eye."""
     slope_ratio: float = 1.8
-    """Times as high as within `ramp` pixels that a slope is within twice as many, which a jump is not. By
-    eye."""
+    """Times as high as within `ramp` pixels that a slope is within twice as many, a jump not. By eye."""
     outlier_window: float = 0.05
     """Of the long side: what is around a pixel whose depth may be an outlier. By eye."""
     outlier_shares: tuple[float, float] = (0.6, 0.95)

@@ -31,13 +31,11 @@ GREY_STEPS = 2
 DISCONTINUITY = 0.1
 """Of the inverse depth: no depth is made up between neighbouring pixels that differ by more. By eye."""
 NEAREST = 10.0
-"""Times the inverse depth of the nearest feature: what lies nearer is a hole or a glitch of the map. By
-eye."""
+"""Times the inverse depth of the nearest feature: what lies nearer is a glitch of the map. By eye."""
 SAMPLES = 9
 """Frames that decide what the maps of the clip have in common. By eye."""
 EXPLAINS = 0.9
-"""A fit that misses the points by more than this share of what one depth for all would, explains nothing. By
-eye."""
+"""A fit that misses by more than this share of what one depth for all would, explains nothing. By eye."""
 USUAL = 3.0
 """Times what the clip's fits miss: a frame that is worse is not merely short of depth range. By eye."""
 CAP = 15.0

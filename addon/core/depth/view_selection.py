@@ -31,8 +31,7 @@ class Neighbour:
     parallax: float
     """Median distance in its pixels between the nearest and the farthest place of a ray."""
     side: int
-    """-1 or 1: of the frame's camera, along the direction in which the source views' cameras lie apart
-    most."""
+    """-1 or 1: of the frame's camera, along the direction in which the source views lie apart most."""
 
 
 def relative_pose(image: Image, other: Image) -> tuple[Floats, Floats]:
@@ -42,8 +41,7 @@ def relative_pose(image: Image, other: Image) -> tuple[Floats, Floats]:
 
 
 def stride(reconstruction: Reconstruction, most: int, fewest: int) -> int:
-    """Every how many registered frames to take: every `most`-th, of a short clip more, so that `fewest` are
-    left."""
+    """Every how many registered frames to take: every `most`-th, of a short clip more: at least `fewest`."""
     return max(1, min(most, len(reconstruction.images) // fewest))
 
 

@@ -62,8 +62,7 @@ class FillOptions:
     mover_margin: float = 0.004
     """Of the long side, by which what moves is taken to be wider than it was found. By eye."""
     agreement: float = 0.06
-    """Difference of colours (square root of linear light) that frames may disagree by about a place. By
-    eye."""
+    """Difference of colours (square root of linear light) that frames may disagree by. By eye."""
     least_seen: float = 0.5
     """Share of what the frame shows around a place that the others must see as it does, to be believed there.
     By eye; with this test fence gains 0.5 dB (32 px, true depth)."""
@@ -258,8 +257,7 @@ class _SourceView:
     picture: LinearRGB
     """(h, w, 3) the source view's picture."""
     nearest: Floats
-    """(r, c) inverse depth of what stands before everything else, in squares of `FillOptions.square`
-    pixels."""
+    """(r, c) inverse depth of what stands before all else, in squares of `FillOptions.square` pixels."""
     options: FillOptions
     """How much nearer something must be to hide a place, and by how far."""
     gain: LinearRGB | float = 1.0

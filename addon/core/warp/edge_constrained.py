@@ -35,11 +35,9 @@ class EdgeOptions:
     gap: float = 0.75
     """Pixels from an edge to the row of vertices on either side of it. By eye."""
     discontinuity: float = 3.0
-    """Pixels of disparity at the aperture's rim by which both sides of an edge move apart to be two. By
-    eye."""
+    """Pixels of disparity at the aperture's rim by which both sides of an edge move apart. By eye."""
     clearance: float = 2.5
-    """Pixels from an edge within which a feature is on both sides, and where depth jumps no vertex. By
-    eye."""
+    """Pixels beside an edge within which a feature is on both sides; where depth jumps, none. By eye."""
     other_side: float = 10.0
     """Pixels that a feature within the clearance is farther from the other side than from its own. By eye."""
     along: float = 0.4

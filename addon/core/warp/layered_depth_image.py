@@ -70,8 +70,7 @@ class LayeredDepthImage:
     jump: float
     """Pixels by more than which disparity jumps at the silhouettes."""
     margin_reprojected: Mask | None = None
-    """(H, W) past the frame's border, where the colour comes from other frames; None where none were
-    asked."""
+    """(H, W) past the border, where the colour comes from other frames; None without any."""
 
 
 def depth_peel(
@@ -143,8 +142,7 @@ def split(
 
 
 def _without_ramps(disparity: Floats, jump: float) -> Floats:
-    """Disparities (H, W) without single pixels half way up a jump, which belong to neither surface: they join
-    the nearer one."""
+    """Disparities (H, W) without single pixels half way up a jump: they join the nearer surface."""
     for axis in (0, 1):
         checkpoint(0.2)
         before, after = np.roll(disparity, 1, axis), np.roll(disparity, -1, axis)

@@ -43,8 +43,7 @@ class LayeredMeshOptions:
     largest_texture: int = 32_000_000
     """Pixels; a larger texture stays as coarse as the frame. By eye, for memory: half a gigabyte."""
     widest: float = 0.25
-    """Of the long side; surfaces that are displaced farther from the focal plane than that come back to it.
-    By eye."""
+    """Of the long side; surfaces displaced farther from the focal plane than that come back to it. By eye."""
     layers: LayerOptions = field(default_factory=LayerOptions)
     """How the frame is split in surfaces."""
     quadtree: QuadtreeOptions = field(default_factory=QuadtreeOptions)

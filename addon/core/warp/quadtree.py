@@ -23,8 +23,7 @@ class QuadtreeOptions:
     coarsest: int = 6
     """A cell is at most 2 to this power pixels wide. By eye."""
     coarsest_at_silhouettes: int = 4
-    """A cell with a silhouette in it is at most 2 to this power pixels wide: so far, 16, surfaces are
-    extrapolated past it."""
+    """A cell with a silhouette is at most 2 to this power pixels wide: so far surfaces go on past it."""
     silhouette_error: float = 6
     """Times the error that is allowed where depth jumps. With it bars take 4.9 instead of 7.1 % of the grid's
     triangles from the video alone, foreground 8.1 instead of 13.2, both without loss."""
@@ -163,7 +162,7 @@ def _coarser(cells: Mask, level: int) -> Mask:
 
 
 def _allowed(error: float | Floats, shape: tuple[int, int], cells: tuple[int, ...]) -> Floats:
-    """(H - 1, W - 1) the error that each cell a pixel wide may have, past the picture's (H, W) border as at
+    """(H - 1, W - 1) the error allowed in each cell a pixel wide, past the picture's (H, W) border as at
     it."""
     beyond = [(0, n + 1 - size) for n, size in zip(cells, shape, strict=True)]
     whole = np.pad(np.broadcast_to(np.asarray(error, np.float64), shape), beyond, mode="edge")

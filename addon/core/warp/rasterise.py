@@ -15,8 +15,7 @@ from ..base.arrays import Floats, Ints
 SAMPLES = 2_000_000
 """Places that are looked at at once, so that arrays of them take tens of megabytes."""
 EDGE = 1e-9
-"""Barycentric coordinate by which a place may lie outside a triangle and is still on its side: a few
-roundings of float64."""
+"""Barycentric coordinate outside a triangle that is still on its side: a few roundings of float64."""
 
 
 def at_pixels(xy: Floats, values: Floats, triangles: Ints, shape: tuple[int, int]) -> Floats:
