@@ -225,8 +225,8 @@ class PlaneSweepStereo:
             return np.zeros((canvas.pinhole.height, canvas.pinhole.width), bool)
         size = (canvas.lens.width, canvas.lens.height)
         share = cv2.resize(mask.astype(np.uint8) * np.uint8(255), size, interpolation=cv2.INTER_AREA)
-        alone = np.dstack([share] * 4)
-        return np.asarray((_straightened(alone, canvas) if canvas.lens.is_distorted else alone)[..., 0] > 127)
+        shown = np.dstack([share] * 4)
+        return np.asarray((_straightened(shown, canvas) if canvas.lens.is_distorted else shown)[..., 0] > 127)
 
     def _range(self, image: Image) -> tuple[float, float]:
         """Least and largest inverse depth that anything in a frame may have."""
@@ -316,8 +316,8 @@ def _swept(
     unique = np.clip(1.2 - rivals / (options.rival_share * len(levels)), 0, 1)
     at = np.take_along_axis(costs, best[None], axis=0)[0]
     agreed = np.clip(2 - 2 * at / (options.no_match * options.sweep.truncation), 0, 1)
-    told = np.clip(texture / options.least_texture - 0.5, 0, 1)
-    return level, np.where(unseen, 0, unique * agreed * told).astype(np.float32)
+    textured = np.clip(texture / options.least_texture - 0.5, 0, 1)
+    return level, np.where(unseen, 0, unique * agreed * textured).astype(np.float32)
 
 
 def pixel_matrix(lens: Intrinsics) -> Floats:

@@ -12,7 +12,7 @@ from ..base.progress import checkpoint
 
 @dataclass(frozen=True)
 class MattingOptions:
-    """When a mixed pixel's alpha is told by its colour, and when by its depth."""
+    """When a mixed pixel's alpha follows from its colour, and when from its depth."""
 
     search_radius: int = 3
     """Pixels around a mixed one in which its two surfaces are looked for. By eye."""
