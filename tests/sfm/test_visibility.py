@@ -103,7 +103,7 @@ def test_what_is_seen_is_found_and_what_is_hidden_is_not(
     found: tuple[Reconstruction, dict[int, Visible]], world: NDArray[np.float64]
 ) -> None:
     reconstruction, visible = found
-    known = reconstruction.views_per_point >= visibility.LASTING
+    known = reconstruction.views_per_point >= visibility.VisibilityOptions.min_views
     right = wrong = there = 0
     for index, image in enumerate(reconstruction.images):
         points = visible[image.frame].points
@@ -122,7 +122,7 @@ def test_what_is_seen_is_found_and_what_is_hidden_is_not(
 def hidden_near(index: int, world: NDArray[np.float64]) -> NDArray[np.bool_]:
     """(n,) whether something else is within the patch around a point."""
     local = (world - CENTRES[index]) @ rotation(index).T
-    xy, reach = LENS.project(local), visibility.RADIUS + 2
+    xy, reach = LENS.project(local), visibility.VisibilityOptions.radius + 2
     around = [hit(index, xy + np.array([x, 0]))[:, 2] for x in (-reach, reach)]
     return np.any([np.abs(z - world[:, 2]) > 0.1 for z in around], axis=0)
 
@@ -150,8 +150,8 @@ def test_some_frames_are_found_like_all(
     for frame, each in some.items():
         np.testing.assert_array_equal(each.points, visible[frame].points)
     read.clear()
-    monkeypatch.setattr(visibility, "REACH", 1)
-    near = visible_points(reconstruction, footage, frames=[3])
+    options = visibility.VisibilityOptions(reach=1)
+    near = visible_points(reconstruction, footage, frames=[3], options=options)
     assert read == [2, 3, 4]
     assert 0 < near[3].candidates < visible[3].candidates
 
@@ -207,7 +207,7 @@ def test_points_that_are_poorly_known_are_left_out(footage: Footage, world: NDAr
     points = np.concatenate([each.points for each in visible_points(told, footage).values()])
     assert len(points) > 300
     assert (points % 3 > 0).all()
-    assert (told.views_per_point[points] >= visibility.LASTING).all()
+    assert (told.views_per_point[points] >= visibility.VisibilityOptions.min_views).all()
 
 
 def test_what_is_found_counts_among_a_frames_features(world: NDArray[np.float64]) -> None:

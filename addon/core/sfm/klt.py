@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from .template_tracking import Mask, Patches, Rows
+from .template_tracking import DEFAULTS, Mask, Patches, Rows, TemplateOptions
 
 Gray = NDArray[np.uint8]
 Places = NDArray[np.float32]
@@ -77,9 +77,9 @@ class _Points(Rows):
 class KLTTracker:
     """Follows points through frames that are shown to it one after the other."""
 
-    def __init__(self, detect: Detector) -> None:
+    def __init__(self, detect: Detector, options: TemplateOptions = DEFAULTS) -> None:
         """`detect` finds new points (k, 2) in a frame (H, W) beside those there are (n, 2)."""
-        self._detect = detect
+        self._detect, self._options = detect, options
         self._born = 0
         self._before: Gray | None = None
         self._points = _Points.new(0, np.zeros((0, 2), np.float32))
@@ -107,7 +107,7 @@ class KLTTracker:
         self._points = _Points.new(self._born, np.zeros((0, 2), np.float32))
 
     def _follow(self, before: Gray, gray: Gray) -> None:
-        old, self._points = self._points, _tracked(before, self._points, gray)
+        old, self._points = self._points, _tracked(before, self._points, gray, self._options)
         if len(self._points) < BROKEN * len(old):
             self._points = self._points.kept(np.zeros(len(self._points), bool))
             if self._lost is None:
@@ -116,7 +116,7 @@ class KLTTracker:
         if self._lost is not None:
             # A flash lasts a frame or two, and then the points are where they were before it.
             seen, lost, age = self._lost
-            again = _tracked(seen, lost, gray)
+            again = _tracked(seen, lost, gray, self._options)
             self._lost = (seen, lost, age + 1) if age + 1 < PATIENCE else None
             if len(again) >= ENOUGH * len(lost):
                 self._points, self._lost = again.joined(self._points), None
@@ -125,8 +125,9 @@ class KLTTracker:
 class TwoScales:
     """Follows small features and, where a frame has none, large ones in frames made smaller."""
 
-    def __init__(self, detect: Detector) -> None:
-        self._fine, self._coarse = KLTTracker(detect), KLTTracker(self._weak)
+    def __init__(self, detect: Detector, options: TemplateOptions = DEFAULTS) -> None:
+        """As `KLTTracker`'s."""
+        self._fine, self._coarse = KLTTracker(detect, options), KLTTracker(self._weak, options)
         self._names = [np.zeros(0, np.int64), np.zeros(0, np.int64)]
         self._taken = np.zeros((0, 2), np.float32)
 
@@ -160,22 +161,25 @@ class TwoScales:
         return np.asarray(names[numbers])
 
 
-def _tracked(before: Gray, points: _Points, after: Gray) -> _Points:
+def _tracked(before: Gray, points: _Points, after: Gray, options: TemplateOptions) -> _Points:
     """The points of one frame that are found again in another, there."""
-    found = _found(points, *follow(before, after, points.places), before, after)
+    found = _found(points, *follow(before, after, points.places), before, after, options)
     if len(found) >= ENOUGH * len(points):
         return found
     # Light that changes and moves that are too long for flow are taken out first.
     alike = same_brightness(after, before)
-    again = _found(points, *follow(before, alike, points.places, shift(before, alike)), before, after)
+    moved = follow(before, alike, points.places, shift(before, alike))
+    again = _found(points, *moved, before, after, options)
     return max(found, again, key=len)
 
 
-def _found(points: _Points, places: Places, kept: Mask, before: Gray, after: Gray) -> _Points:
+def _found(
+    points: _Points, places: Places, kept: Mask, before: Gray, after: Gray, options: TemplateOptions
+) -> _Points:
     """Those of the points that were kept, at their places in `after`, without what went elsewhere."""
     found = points.kept(kept)
     old, last = found.places, found.moves
-    found.places, good = found.patches.refined(after.astype(np.float32), places)
+    found.places, good = found.patches.refined(after.astype(np.float32), places, options)
     found.moves = found.places - old
     good &= ~motion_outliers(old, found.places, last, cell_size(before))
     return found.kept(good)

@@ -23,21 +23,8 @@ Mask = NDArray[np.bool_]
 
 RADIUS = 6
 """Pixels from a patch's middle to its border."""
-ROUNDS = 2
-"""Steps towards the best fit; the fit of the frame before is where they start."""
-UNLIKE = 0.3
-"""One minus the correlation with what a patch was, from which on it is something else."""
-NOISE = 2.0
-"""Times the usual unexplained variance, which is put down to noise: weak patches have more of it."""
-HOPELESS = 0.7
-"""As `UNLIKE`, whatever the noise."""
-MAX_MOVE = 1.5
-"""Pixels that a fit may move a point away from where the flow put it."""
-MAX_STRETCH = 2.0
-"""Of the affine map's area; past it the patch is taken anew."""
 STIFFNESS = 0.3
-"""Resistance of the affine map, in shares of what the patch says about its place."""
-
+"""Resistance of the affine map, in shares of what the patch says about its place. By eye."""
 BLOCK = 1 << 14
 """Patches that are sampled at once: OpenCV takes no picture with more rows than 15 bits count."""
 
@@ -52,6 +39,27 @@ def square(radius: int) -> Picture:
 BASIS = square(RADIUS)
 WEIGHT = np.exp(-(BASIS[1:] ** 2).sum(axis=0) / (2 * (0.9 * RADIUS) ** 2))
 WEIGHT = (WEIGHT / WEIGHT.sum()).astype(np.float32)
+
+
+@dataclass(frozen=True)
+class TemplateOptions:
+    """How a patch is found again. By eye, on clips with known motion as in `tests/sfm/test_tracks.py`."""
+
+    iterations: int = 2
+    """Gauss-Newton steps towards the best fit; they start from the fit of the frame before."""
+    max_unlike: float = 0.3
+    """One minus the correlation with what a patch was, from which on it is something else."""
+    noise: float = 2.0
+    """Multiple of the median unexplained variance that is put down to noise: weak patches have more of it."""
+    max_unlike_with_noise: float = 0.7
+    """As `max_unlike`, whatever the noise."""
+    max_move: float = 1.5
+    """Pixels that a fit may move a point away from where the flow put it."""
+    max_stretch: float = 2.0
+    """Determinant of the affine map, or its inverse, past which the patch is taken anew."""
+
+
+DEFAULTS = TemplateOptions()
 
 
 @dataclass
@@ -124,7 +132,9 @@ class Patches(Rows):
         self.patch[rows], self.slope[rows] = patch, slope * WEIGHT
         self.map[rows], self.known[rows] = np.eye(2), True
 
-    def refined(self, gray: Picture, places: Picture) -> tuple[Picture, Mask]:
+    def refined(
+        self, gray: Picture, places: Picture, options: TemplateOptions = DEFAULTS
+    ) -> tuple[Picture, Mask]:
         """Places (n, 2), near given ones, where a frame (H, W) fits the patches best; (n,) which are alike.
 
         A point whose patch is not known, or not whole in this frame, stays where it is and counts as alike.
@@ -136,7 +146,7 @@ class Patches(Rows):
             return places, alike
         at, turn = places[rows].astype(np.float64), self.map[rows]
         patch, slope, inverse = self.patch[rows], self.slope[rows], self.inverse[rows]
-        for _ in range(ROUNDS):
+        for _ in range(options.iterations):
             seen, _ = _normalised(sample(gray, at, turn))
             error = (seen - patch)[:, None] * slope @ BASIS.T
             step = np.einsum("nij,nj->ni", inverse, error.reshape(-1, 6)).astype(np.float64)
@@ -145,11 +155,11 @@ class Patches(Rows):
             at -= np.einsum("nij,nj->ni", turn, np.clip(step[:, ::3], -1, 1))
         seen, spread = _normalised(sample(gray, at, turn))
         unlike = 1 - (seen * patch) @ WEIGHT
-        noise = NOISE * np.median(unlike * spread**2) / spread**2
-        alike[rows] = unlike < np.minimum(UNLIKE + noise, HOPELESS)
-        near = np.linalg.norm(at - places[rows], axis=1) < MAX_MOVE
+        noise = options.noise * np.median(unlike * spread**2) / spread**2
+        alike[rows] = unlike < np.minimum(options.max_unlike + noise, options.max_unlike_with_noise)
+        near = np.linalg.norm(at - places[rows], axis=1) < options.max_move
         area = np.linalg.det(turn)
-        steady = (area > 1 / MAX_STRETCH) & (area < MAX_STRETCH)
+        steady = (area > 1 / options.max_stretch) & (area < options.max_stretch)
         good = near & steady & alike[rows]
         moved = places.copy()
         moved[rows[good]] = at[good]

@@ -23,30 +23,43 @@ from ..media.picture_file import Pixels
 from .template_tracking import Mask, Picture, sample, square
 from .tracks import LONG_SIDE, Progress
 
-REACH = 60
-"""Frames within which the nearest sight of a point must be for it to be looked for at all."""
-RADIUS = 4
-"""Pixels from the middle to the border of the patches that are compared."""
-SOFTEN = 1.0
-"""Standard deviation in pixels by which frames are blurred first, against noise and the grid of pixels."""
-LASTING = 5
-"""Frames that must have observed a point."""
-POOR = 2.0
-"""Times the median reprojection error that a point may have at most."""
-AROUND = 1 / 16
-"""Of the long side: how far around a point others tell its depth."""
-COMPANY = 2
-"""Points around that must lie at the same depth."""
-SAME_DEPTH = 0.06
-"""Of the frame's largest inverse depth, for what differs by less blurs alike."""
-ALIKE, HALF_ALIKE = 0.85, 0.93
-"""Correlation with the patch that another frame saw, or with a half of it."""
-CONTRAST = 2.0
-"""Times the contrast that another frame saw, or that share of it, at most."""
 FLAT = 0.5
-"""Grey levels of standard deviation below which a patch shows nothing."""
+"""Standard deviation in grey levels below which a patch shows nothing. By eye."""
 MIDGREY = 128.0
-"""Taken off before squares are added up in single precision."""
+"""Grey level taken off before squares are added up in single precision."""
+
+
+@dataclass(frozen=True)
+class VisibilityOptions:
+    """When a point is taken to be seen in a frame in which it was not tracked.
+
+    Thresholds were found with `python -m benchmarks.solving.density`, which counts the points that are wrong
+    in scenes with known depth: 0.3 to 1.5 % of them.
+    """
+
+    reach: int = 60
+    """Frames within which a point must have been observed to be looked for at all. By eye."""
+    radius: int = 4
+    """Pixels from the middle to the border of the patches that are compared. By eye."""
+    soften: float = 1.0
+    """Standard deviation in pixels of the blur that frames get first, against noise and aliasing. By eye."""
+    min_views: int = 5
+    """Frames that must have observed a point."""
+    max_error_ratio: float = 2.0
+    """Largest reprojection error of a point, as a multiple of the median one."""
+    neighbourhood: float = 1 / 16
+    """Distance, as a share of the frame's long side, within which observed points tell a point's depth."""
+    min_neighbours: int = 2
+    """Observed points within `neighbourhood` that must lie at a point's depth."""
+    same_depth: float = 0.06
+    """Difference in inverse depth, as a share of the frame's largest, up to which depths are taken for equal:
+    they blur alike."""
+    min_correlation: float = 0.85
+    """Correlation with the patch that another frame saw, from which on a point looks the same."""
+    min_half_correlation: float = 0.93
+    """Correlation with a half of the patch that another frame saw, from which on a point looks the same."""
+    max_contrast_ratio: float = 2.0
+    """Largest ratio of the contrasts of two patches that look the same, either way."""
 
 
 @dataclass(frozen=True)
@@ -68,20 +81,22 @@ def visible_points(
     footage: Footage,
     frames: Iterable[int] | None = None,
     progress: Progress = lambda stage, done, total: None,
+    options: VisibilityOptions | None = None,
 ) -> dict[int, Visible]:
     """For registered frames (all, or those given) the points that they show besides those they observed.
 
     The clip is read once, in order; what is kept of a frame are small patches around its points.
     Raises UserError where a frame cannot be read.
     """
+    options = options or VisibilityOptions()
     images = reconstruction.images
     wanted = None if frames is None else set(frames)
     asked = np.array([wanted is None or image.frame in wanted for image in images], bool)
-    search = _Search(reconstruction)
+    search = _Search(reconstruction, options)
     for index, image in enumerate(images):
         progress("Looking for points", index, len(images))
-        if asked[max(index - REACH, 0) : index + REACH + 1].any():
-            search.see(index, *_softened(footage.read(image.frame)), bool(asked[index]))
+        if asked[max(index - options.reach, 0) : index + options.reach + 1].any():
+            search.see(index, *_softened(footage.read(image.frame), options.soften), bool(asked[index]))
         search.sights.passed(index)
     return {images[index].frame: search.found(int(index)) for index in np.nonzero(asked)[0]}
 
@@ -98,10 +113,11 @@ class _Waiting:
 class _Search:
     """What is known of points and frames as the frames go by."""
 
-    def __init__(self, reconstruction: Reconstruction) -> None:
-        self.sights = _Sights(reconstruction)
+    def __init__(self, reconstruction: Reconstruction, options: VisibilityOptions) -> None:
+        self.sights = _Sights(reconstruction, options)
+        self._options = options
         self._reconstruction = reconstruction
-        self._patches = np.zeros((len(reconstruction.points), square(RADIUS).shape[1]), np.float16)
+        self._patches = np.zeros((len(reconstruction.points), square(options.radius).shape[1]), np.float16)
         self._waiting: dict[int, list[_Waiting]] = {}
         self._accepted: dict[int, list[Ints]] = {}
         self._counts: dict[int, tuple[int, int]] = {}
@@ -110,13 +126,14 @@ class _Search:
         """Keep a frame's own patches, look for candidates in it if asked to, and tell those it decides."""
         image = self._reconstruction.images[index]
         upright = np.tile(np.eye(2), (len(image.points), 1, 1))
-        self._patches[image.points] = sample(gray, image.xy * zoom - 0.5, upright, square(RADIUS))
+        patch = square(self._options.radius)
+        self._patches[image.points] = sample(gray, image.xy * zoom - 0.5, upright, patch)
         if asked:
             rows, source = self.sights.candidates(index)
-            near = _in_company(self._reconstruction, image, rows)
+            near = _has_neighbours(self._reconstruction, image, rows, self._options)
             self._counts[index], self._accepted[index] = (len(rows), int(np.sum(~near))), []
             rows, source = rows[near], source[near]
-            looks = _looks(self._reconstruction, index, rows, source, gray, zoom)
+            looks = _looks(self._reconstruction, index, rows, source, gray, zoom, self._options.radius)
             before = source < index
             self._decide(_Waiting(index, rows[before], looks[before]))
             for later in np.unique(source[~before]):
@@ -126,7 +143,7 @@ class _Search:
             self._decide(each)
 
     def _decide(self, waiting: _Waiting) -> None:
-        good = _alike(self._patches[waiting.points], waiting.looks)
+        good = _alike(self._patches[waiting.points], waiting.looks, self._options)
         self._accepted[waiting.index].append(waiting.points[good])
 
     def found(self, index: int) -> Visible:
@@ -139,7 +156,8 @@ class _Search:
 class _Sights:
     """When each point was last seen and will be seen next, as the frames go by."""
 
-    def __init__(self, reconstruction: Reconstruction) -> None:
+    def __init__(self, reconstruction: Reconstruction, options: VisibilityOptions) -> None:
+        self._reach = options.reach
         self._reconstruction = reconstruction
         images, count = reconstruction.images, len(reconstruction.points)
         index = np.repeat(np.arange(len(images)), [len(image.points) for image in images])
@@ -151,8 +169,9 @@ class _Sights:
         self._follows = np.split(follows, np.searchsorted(index, np.arange(1, len(images))))
         self._last, self._next = np.full(count, -1), np.full(count, len(images))
         error = reconstruction.points.error
-        self._good = reconstruction.views_per_point >= LASTING
-        self._good &= error <= POOR * (np.median(error[self._good]) if self._good.any() else 0.0)
+        self._good = reconstruction.views_per_point >= options.min_views
+        usual = np.median(error[self._good]) if self._good.any() else 0.0
+        self._good &= error <= options.max_error_ratio * usual
         np.minimum.at(self._next, points, index)
         self._centres = np.array([image.centre for image in images])
 
@@ -163,8 +182,8 @@ class _Sights:
         """
         reconstruction = self._reconstruction
         image = reconstruction.images[index]
-        close = (self._last >= 0) & (index - self._last <= REACH)
-        close |= (self._next < len(self._centres)) & (self._next - index <= REACH)
+        close = (self._last >= 0) & (index - self._last <= self._reach)
+        close |= (self._next < len(self._centres)) & (self._next - index <= self._reach)
         close &= self._good
         close[image.points] = False
         rows = np.nonzero(close)[0].astype(np.int32)
@@ -177,8 +196,8 @@ class _Sights:
         before, after = self._last[rows], self._next[rows]
         here = self._towards(np.full(len(rows), index), rows)
         angle = [np.einsum("ij,ij->i", here, self._towards(frame, rows)) for frame in (before, after)]
-        angle[0][(before < 0) | (index - before > REACH)] = -np.inf
-        angle[1][(after >= len(self._centres)) | (after - index > REACH)] = -np.inf
+        angle[0][(before < 0) | (index - before > self._reach)] = -np.inf
+        angle[1][(after >= len(self._centres)) | (after - index > self._reach)] = -np.inf
         return rows, np.where(angle[0] >= angle[1], before, after).astype(np.int32)
 
     def passed(self, index: int) -> None:
@@ -194,8 +213,10 @@ class _Sights:
         return np.asarray(away / np.linalg.norm(away, axis=1, keepdims=True))
 
 
-def _in_company(reconstruction: Reconstruction, image: Image, rows: Ints) -> Mask:
-    """(n,) which points have `COMPANY` observed ones around them at their depth.
+def _has_neighbours(
+    reconstruction: Reconstruction, image: Image, rows: Ints, options: VisibilityOptions
+) -> Mask:
+    """(n,) which points have `min_neighbours` observed ones around them at their depth.
 
     Counted in cells of the picture and of inverse depth, which takes no more time than there are points.
     """
@@ -207,7 +228,7 @@ def _in_company(reconstruction: Reconstruction, image: Image, rows: Ints) -> Mas
     nearest = float(np.percentile(1 / observed[ahead, 2], 98))
     long_side = max(lens.width, lens.height)
     # A point's cell and two more on each side are on average as far as the others may be.
-    cell = np.array([AROUND * long_side] * 2 + [SAME_DEPTH * nearest]) / 2.5
+    cell = np.array([options.neighbourhood * long_side] * 2 + [options.same_depth * nearest]) / 2.5
     size = np.ceil(np.array([lens.width, lens.height, 1.25 * nearest]) / cell).astype(int)
 
     def number(place: Floats, depth: Floats) -> tuple[NDArray[np.intp], ...]:
@@ -219,11 +240,17 @@ def _in_company(reconstruction: Reconstruction, image: Image, rows: Ints) -> Mas
     count = np.pad(count, 2)
     for axis in range(3):
         count = sliding_window_view(count, 5, axis).sum(axis=-1)
-    return np.asarray(count[number(lens.project(local), local[:, 2])] >= COMPANY)
+    return np.asarray(count[number(lens.project(local), local[:, 2])] >= options.min_neighbours)
 
 
 def _looks(
-    reconstruction: Reconstruction, index: int, rows: Ints, source: Ints, gray: Picture, zoom: Floats
+    reconstruction: Reconstruction,
+    index: int,
+    rows: Ints,
+    source: Ints,
+    gray: Picture,
+    zoom: Floats,
+    radius: int,
 ) -> Picture:
     """(n, q) what a frame shows around points, turned and scaled as their source frames (n,) see them.
 
@@ -248,40 +275,40 @@ def _looks(
             beside = np.column_stack([rays, np.ones(len(rays))]) * local[:, 2:]
             seen = lens.project(image.to_camera((beside - other.translation) @ other.rotation))
             maps[some, :, axis] = seen - place[some]
-    return sample(gray, place * zoom - 0.5, maps, square(RADIUS + 1))
+    return sample(gray, place * zoom - 0.5, maps, square(radius + 1))
 
 
-def _alike(patches: NDArray[np.floating], looks: Picture) -> Mask:
+def _alike(patches: NDArray[np.floating], looks: Picture, options: VisibilityOptions) -> Mask:
     """(n,) which patches (n, p) are found in looks (n, q), a pixel wider on each side, at any whole shift.
 
     As a whole, or one half of them very well: beside a silhouette the other half is of something else.
     """
-    side = 2 * RADIUS + 1
+    side = 2 * options.radius + 1
     wide = looks.reshape(-1, side + 2, side + 2) - MIDGREY
     seen = sliding_window_view(wide, (side, side), (1, 2)).reshape(len(looks), 9, side * side)
     known = patches.astype(np.float32)[:, None] - MIDGREY
-    parts = _parts()
+    parts = _parts(options.radius)
     mean, expected = seen @ parts, known @ parts
     spread = np.sqrt(np.maximum(seen**2 @ parts - mean**2, FLAT**2))
     usual = np.sqrt(np.maximum(known**2 @ parts - expected**2, FLAT**2))
     both = (seen * known) @ parts - mean * expected
-    good = both / (spread * usual) > np.array([ALIKE] + [HALF_ALIKE] * 4)
-    good &= (spread < CONTRAST * usual) & (usual < CONTRAST * spread)
+    good = both / (spread * usual) > np.array([options.min_correlation] + [options.min_half_correlation] * 4)
+    good &= (spread < options.max_contrast_ratio * usual) & (usual < options.max_contrast_ratio * spread)
     return np.asarray(good.any(axis=(1, 2)))
 
 
-def _parts() -> Picture:
+def _parts(radius: int) -> Picture:
     """(p, 5) weights of a patch's pixels, of sum 1: the whole, and its four halves with the middle line."""
-    _, u, v = square(RADIUS)
+    _, u, v = square(radius)
     inside = np.stack([np.ones_like(u), u <= 0, u >= 0, v <= 0, v >= 0], axis=1)
     return np.asarray(inside / inside.sum(axis=0), np.float32)
 
 
-def _softened(picture: Pixels) -> tuple[Picture, Floats]:
-    """A frame in grey, at most `LONG_SIDE` long and blurred a little; its size (2,) over the frame's."""
+def _softened(picture: Pixels, sigma: float) -> tuple[Picture, Floats]:
+    """A frame in grey, at most `LONG_SIDE` long, blurred by `sigma` pixels; its scale (2,)."""
     gray = to_gray8(picture)
     zoom = min(1.0, LONG_SIDE / max(gray.shape))
     size = (round(gray.shape[1] * zoom), round(gray.shape[0] * zoom))
     small = cv2.resize(gray, size, interpolation=cv2.INTER_AREA) if zoom < 1 else gray
-    blurred = cv2.GaussianBlur(small.astype(np.float32), (0, 0), SOFTEN)
+    blurred = cv2.GaussianBlur(small.astype(np.float32), (0, 0), sigma)
     return np.asarray(blurred, np.float32), np.array(size) / gray.shape[::-1]
