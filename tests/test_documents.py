@@ -44,7 +44,9 @@ def test_what_is_named_is_there(document: Path) -> None:
             r"(?<![\w/.-])((?:addon|core|benchmarks|sample_scenes|tests|tools|docs)/[\w./]*\w)", span
         ):
             below = ROOT / "addon" if path.startswith("core/") else ROOT
-            assert (below / path).exists() or path.endswith("_SCENE.png"), path
+            assert (below / path).exists(), path
+        if re.fullmatch(r"\w+\.py", span):
+            assert [path for top in ("addon", "tests") for path in (ROOT / top).rglob(span)], span
 
 
 def test_every_target_of_make_is_told() -> None:
