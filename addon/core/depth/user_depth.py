@@ -12,7 +12,7 @@ from ..camera.canvas import Canvas
 from ..camera.reconstruction import Reconstruction
 from .source import PixelDepth
 from .sparse import DepthSamples, frame_features
-from .user_maps import ClipFit, DepthMaps, Fitted, fit_clip, fit_depth, grid_features
+from .user_maps import ClipFit, DepthMaps, Fitted, fit_clip, fit_depth
 
 COLUMNS = 100
 """Samples across the picture that coarse meshes take of a depth map: by eye."""
@@ -76,3 +76,19 @@ class UserDepth:
         features = frame_features(self.reconstruction, frame, canvas)
         seen = canvas.features_to_source(features.observed) / self._zoom(canvas)
         return fit_depth(self.maps.read(frame), seen, features.inverse_depth, self.fit)
+
+
+def grid_features(fitted: Fitted, step: float) -> tuple[Floats, Floats]:
+    """Vertices for a warp mesh: a regular grid about `step` pixels apart, places that are unknown dropped.
+
+    Places (n, 2) in pixels of the clip's picture, from the centre of its first pixel to that of its last, and
+    inverse depths (n,).
+    """
+    height, width = fitted.inverse_depth.shape
+    across = np.linspace(0.5, width - 0.5, max(2, round((width - 1) / step) + 1))
+    down = np.linspace(0.5, height - 0.5, max(2, round((height - 1) / step) + 1))
+    # The centre of the pixel that a place is in, since the map is known there.
+    xy = np.floor(np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2)) + 0.5
+    inverse = fitted.at(xy)
+    known = np.isfinite(inverse)
+    return xy[known], inverse[known]

@@ -240,22 +240,6 @@ def fit_depth(depth: DepthMap, xy: Floats, inverse_depth: Floats, clip: ClipFit 
     )  # fmt: skip
 
 
-def grid_features(fitted: Fitted, step: float) -> tuple[Floats, Floats]:
-    """Vertices for a warp mesh: a regular grid about `step` pixels apart, places that are unknown dropped.
-
-    Places (n, 2) in pixels of the clip's picture, from the centre of its first pixel to that of its last, and
-    inverse depths (n,).
-    """
-    height, width = fitted.inverse_depth.shape
-    across = np.linspace(0.5, width - 0.5, max(2, round((width - 1) / step) + 1))
-    down = np.linspace(0.5, height - 0.5, max(2, round((height - 1) / step) + 1))
-    # The centre of the pixel that a place is in, since the map is known there.
-    xy = np.floor(np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2)) + 0.5
-    inverse = fitted.at(xy)
-    known = np.isfinite(inverse)
-    return xy[known], inverse[known]
-
-
 def _values(picture: NDArray[np.generic], name: str) -> Floats:
     """(h, w) of a gray picture (h, w, 3 or 4) as stored, NaN where it is 0, not finite or transparent."""
     colour = np.asarray(picture[..., :3], dtype=np.float64)
