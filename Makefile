@@ -10,10 +10,11 @@ JOBS ?= 2
 SOLVES := $(if $(MOTIONS),--motions $(MOTIONS)) $(if $(TRACKERS),--trackers $(TRACKERS)) $(if $(FOCAL),--focal $(FOCAL))
 BENCH := $(if $(SCENES),--scenes $(SCENES)) $(if $(TRACK),--track $(TRACK)) $(if $(BLURS),--blurs $(BLURS))
 
-.PHONY: help setup demo test test-window torture sample bench bench-full bench-solve bench-stability figures lint zip clean
+.PHONY: help setup demo test test-fast test-window torture sample bench bench-full bench-solve bench-stability figures lint zip clean
 help:
 	@echo "make demo    render the sample clip with depth of field and say where the video is"
 	@echo "make test    run the tests"
+	@echo "make test-fast  those that need neither Blender nor a solve nor another process"
 	@echo "make test-window  drive a real Blender on a virtual screen with mouse and keys (BLENDER=PROGRAM)"
 	@echo "make torture  kills, full disks, races and damaged files for hours; resumes (TRIES=100 FAULTS=\"movie jobs\")"
 	@echo "make sample SCENE=bars  a scene of the benchmark: .blend, clip and true cameras, into sample/"
@@ -36,8 +37,12 @@ $(VENV)/.done: pyproject.toml tools/setup.sh
 demo: setup
 	@$(PYTHON) sample_scenes/demo.py
 
+# A file's tests stay in one process, which makes their fixtures once; the longest files begin (tests/conftest.py).
 test: setup
-	@$(PYTHON) -m pytest -n $(JOBS) --dist loadfile
+	@$(PYTHON) -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder
+
+test-fast: setup
+	@$(PYTHON) -m pytest --fast -q -n $(JOBS) --dist worksteal
 
 test-window: setup
 	@command -v "$${BLENDER:-blender}" >/dev/null \

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
 import cv2
@@ -26,6 +27,10 @@ def texture(width: int, height: int, seed: int) -> NDArray[np.uint8]:
     return np.clip(128 + 38 * total, 0, 255).astype(np.uint8)
 
 
+pattern = cache(texture)
+"""Not to be written to: the planes of all views."""
+
+
 def camera_matrix(focal: float = FOCAL) -> NDArray[np.float64]:
     """OpenCV's pixel centres."""
     return np.array([[focal, 0, SIZE[0] / 2 - 0.5], [0, focal, SIZE[1] / 2 - 0.5], [0, 0, 1]])
@@ -43,12 +48,12 @@ def view(
     rotation = cv2.Rodrigues(turn)[0]
     moved = np.array([[1, 0, shift[0]], [0, 1, shift[1]], [0, 0, 1.0]])
     for seed, (depth, (left, right)) in enumerate(PLANES.items()):
-        pattern = texture(round((right - left) * TEXELS), 24 * TEXELS, seed)
+        texels = pattern(round((right - left) * TEXELS), 24 * TEXELS, seed)
         from_texel = np.array([[1 / TEXELS, 0, left], [0, 1 / TEXELS, -12], [0, 0, 1]])
         plane = np.column_stack([np.eye(3)[:, :2], [0, 0, depth] - centre])
         matrix = moved @ camera_matrix(focal) @ rotation @ plane @ from_texel
-        warped = cv2.warpPerspective(pattern, matrix, SIZE, flags=cv2.INTER_LINEAR)
-        cover = cv2.warpPerspective(np.full_like(pattern, 255), matrix, SIZE) / np.float32(255)
+        warped = cv2.warpPerspective(texels, matrix, SIZE, flags=cv2.INTER_LINEAR)
+        cover = cv2.warpPerspective(np.full_like(texels, 255), matrix, SIZE) / np.float32(255)
         picture += cover * (warped - picture)
     noise = np.random.default_rng(int(1000 * abs(centre).sum())).normal(0, 1.0, picture.shape)
     return np.repeat(np.clip(picture + noise, 0, 255).astype(np.uint8)[..., None], 3, axis=2)

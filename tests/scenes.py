@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 
-from addon.core.camera.canvas import Picture
+from addon.core.base.arrays import LinearRGBA
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction, rotation_matrix
 from addon.core.depth.user_depth import UserDepth
 from addon.core.lens.clip_context import ClipContext
@@ -16,7 +17,9 @@ from addon.core.lens.frame import warp_frame
 from addon.core.lens.plan import FramePlan, LensSettings
 from addon.core.media.clip import open_footage
 from addon.core.media.picture_file import Pixels
-from addon.scene.shot import Shot
+
+if TYPE_CHECKING:
+    from addon.scene.shot import Shot
 
 
 def texture(width: int, height: int, seed: int = 0) -> np.ndarray:
@@ -66,6 +69,9 @@ def write_frames(folder: Path, lens: Intrinsics, frames: tuple[int, ...] = (1, 2
 
 def slanted_shot(folder: Path, lens: Intrinsics, frames: tuple[int, ...] = (1, 2, 3)) -> Shot:
     """Footage and reconstruction of the slanted plane."""
+    # Blender is loaded for it: other helpers here do without.
+    from addon.scene.shot import Shot
+
     return Shot(open_footage(write_frames(folder, lens, frames)), slanted_plane(lens, frames))
 
 
@@ -81,7 +87,7 @@ def planned(
     settings: LensSettings,
     size: tuple[int, int],
     depth: UserDepth | None = None,
-    picture: Picture | None = None,
+    picture: LinearRGBA | None = None,
 ) -> FramePlan:
     """The plan of a frame of which only the features, or the user's maps, tell depth; `picture` (H, W, 4)."""
     if settings.method == "layers":

@@ -29,7 +29,8 @@ from .paths import path
 
 DEFAULT_BLUR = 0.03
 MOST_BLUR = 0.5
-"""Image widths; larger discs are more than layers can be made for (`layer_mesh.WIDEST` on either side)."""
+"""Image widths; larger discs are more than layers can be made for (`LayeredMeshOptions.widest` on either
+side)."""
 
 
 def add_lens(command: argparse.ArgumentParser, required: bool) -> None:

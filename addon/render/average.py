@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from ..core.base.arrays import LinearRGBA
 from ..core.base.progress import checkpoint, stage
-from ..core.camera.canvas import Picture
 from ..core.lens.clip_context import ClipContext
 from ..core.lens.frame import WarpedFrame, warp_frame
 from ..core.lens.inspection import shares_of, source_frame
@@ -27,7 +27,7 @@ class Drawn:
     """A frame that was drawn, for who wants to know more of it than its picture."""
 
     warped: WarpedFrame
-    source: Picture
+    source: LinearRGBA
     """(H, W, 4) the frame, linear."""
     seconds: float
     """What drawing took."""
@@ -48,7 +48,7 @@ def render_frame(
     size: tuple[int, int],
     note: Callable[[str], None],
     on_frame: OnFrame | None = None,
-) -> Picture:
+) -> LinearRGBA:
     """One frame through the lens: (h, w, 4) float32, linear, premultiplied.
 
     `note` is called with what the user should know, `on_frame` with the frame when it is drawn. Passes
@@ -72,14 +72,14 @@ def render_frame(
     return picture
 
 
-def draw_shares(drawn: Drawn) -> Picture:
+def draw_shares(drawn: Drawn) -> LinearRGBA:
     """(H, W, 3) the shares of `inspection.SOURCES` in each of the result's pixels."""
     with stage("Sources", 1.0, 1.0):
         mean = draw_mean(source_frame(drawn.warped), lambda note: None)
     return shares_of(mean, drawn.warped.plan.canvas)
 
 
-def draw_mean(warped: WarpedFrame, note: Callable[[str], None]) -> Picture:
+def draw_mean(warped: WarpedFrame, note: Callable[[str], None]) -> LinearRGBA:
     """The mean of a frame's views (h, w, 4) in its canvas; `note` as of `render_frame`."""
     problem = gpu_views.gpu_problem()
     if problem:
@@ -97,7 +97,7 @@ def no_gpu_note(problem: str) -> str:
     return f"no GPU context ({problem}): views are drawn by Cycles, which is slower"
 
 
-def _resized(picture: Picture, size: tuple[int, int]) -> Picture:
+def _resized(picture: LinearRGBA, size: tuple[int, int]) -> LinearRGBA:
     if (picture.shape[1], picture.shape[0]) == size:
         return picture
     shrinks = size[0] < picture.shape[1]

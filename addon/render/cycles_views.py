@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from ..core.camera.canvas import Picture
+    from ..core.base.arrays import LinearRGBA
     from ..core.camera.reconstruction import Floats
     from ..core.lens.plan import FramePlan
 
@@ -25,7 +25,7 @@ SENSOR = 36.0
 SCRIPT_MARK = "virtual-aperture-views"
 
 
-def mean_of_views(plan: FramePlan, picture: Picture) -> Picture:
+def mean_of_views(plan: FramePlan, picture: LinearRGBA) -> LinearRGBA:
     """As `gpu_views.mean_of_views`, drawn by Cycles in a child process, which is ended on cancel."""
     from ..core.base.atomic import temporary_folder
     from ..core.base.errors import UserError
@@ -44,7 +44,7 @@ def mean_of_views(plan: FramePlan, picture: Picture) -> Picture:
                 log.seek(0)
                 last = (log.read().strip().splitlines() or ["no message"])[-1]
                 raise UserError(f"drawing the views with Cycles failed: {last}")
-        mean: Picture = np.load(folder / "mean.npy")
+        mean: LinearRGBA = np.load(folder / "mean.npy")
         return mean
 
 
@@ -83,7 +83,7 @@ def _blender() -> list[str]:
     return [sys.executable]
 
 
-def _write_job(folder: Path, plan: FramePlan, picture: Picture) -> None:
+def _write_job(folder: Path, plan: FramePlan, picture: LinearRGBA) -> None:
     lens, mesh = plan.canvas.pinhole, plan.mesh
     np.save(folder / "picture.npy", picture)
     # Corners pinned to themselves lie infinitely far away, which float32 rays do not reach: a hundredth of a
@@ -100,7 +100,7 @@ def _write_job(folder: Path, plan: FramePlan, picture: Picture) -> None:
 
 def warp_object(
     xy: Floats, texture_xy: Floats, inverse_depth: Floats, triangles: NDArray[np.int32],
-    focal: Floats, principal_point: Floats, picture: Picture,
+    focal: Floats, principal_point: Floats, picture: LinearRGBA,
 ) -> bpy.types.Object:  # fmt: skip
     """A warp mesh in the camera space of the actual camera (Blender axes), glowing with the frame's picture.
 
@@ -127,7 +127,7 @@ def warp_object(
     return bpy.data.objects.new("Warp Mesh", mesh)
 
 
-def _projecting_material(picture: Picture) -> bpy.types.Material:
+def _projecting_material(picture: LinearRGBA) -> bpy.types.Material:
     height, width = picture.shape[:2]
     image = bpy.data.images.new("Frame", width, height, alpha=True, float_buffer=True)
     image.colorspace_settings.name = "Non-Color"
@@ -219,7 +219,7 @@ def point_camera(
     scene.render.pixel_aspect_x, scene.render.pixel_aspect_y = max(fy / fx, 1.0), max(fx / fy, 1.0)
 
 
-def render_to_array(scene: bpy.types.Scene, path: Path) -> Picture:
+def render_to_array(scene: bpy.types.Scene, path: Path) -> LinearRGBA:
     """Render the scene and read it back from an EXR: a render result has no pixels without a window."""
     scene.render.filepath = str(path)
     bpy.ops.render.render(write_still=True, scene=scene.name)

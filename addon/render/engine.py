@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
+from ..core.base.arrays import LinearRGBA
 from ..core.base.errors import UserError
 from ..core.base.progress import Cancelled, checkpoint, reporting, stage
-from ..core.camera.canvas import Picture
 from ..scene.ignored import warn_of_ignored
 from ..scene.lens import lens_settings
 from ..scene.remedy_words import WORDS
@@ -105,7 +105,7 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
         self.report({"ERROR"}, text)
         self.error_set(text)
 
-    def _frame(self, scene: bpy.types.Scene, size: tuple[int, int]) -> Picture:
+    def _frame(self, scene: bpy.types.Scene, size: tuple[int, int]) -> LinearRGBA:
         with stage("Clip", 0.0, 0.0):
             shot = shot_of(scene)
         check_shape(shot, size)
@@ -126,7 +126,7 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
     def _note(self, text: str) -> None:
         self.report({"INFO"}, text)
 
-    def _hand_over(self, picture: Picture, render: bpy.types.RenderSettings) -> None:
+    def _hand_over(self, picture: LinearRGBA, render: bpy.types.RenderSettings) -> None:
         height, width = picture.shape[:2]
         left, bottom, right, top = 0, 0, width, height
         if render.use_border:

@@ -12,10 +12,11 @@ import sys
 import bpy
 import gpu
 import numpy as np
+from gpu_extras.batch import batch_for_shader
 from numpy.typing import NDArray
 
+from ..core.base.arrays import LinearRGBA
 from ..core.base.errors import UserError
-from ..core.camera.canvas import Picture
 from ..core.lens.plan import FramePlan
 from ..scene.main_thread import Steps, draw
 from .quiet import quiet
@@ -55,6 +56,8 @@ void main()
     colour = texelFetch(view, ivec2(gl_FragCoord.xy), 0);
 }
 """
+SCREEN = np.array([[-1, -1], [3, -1], [-1, 3]], np.float32)
+"""Clip coordinates of a triangle that covers the whole target."""
 
 
 def gpu_problem() -> str:
@@ -114,7 +117,7 @@ def _shaders() -> tuple[gpu.types.GPUShader, gpu.types.GPUShader]:
     return gpu.shader.create_from_info(view), gpu.shader.create_from_info(add)
 
 
-def mean_of_views(plan: FramePlan, picture: Picture) -> Picture:
+def mean_of_views(plan: FramePlan, picture: LinearRGBA) -> LinearRGBA:
     """The mean of all views of a plan in linear light, in the canvas's geometry.
 
     `picture` is the canvas picture (h, w, 4), linear and premultiplied. Pixels that no triangle covers count
@@ -141,7 +144,7 @@ def mean_of_views(plan: FramePlan, picture: Picture) -> Picture:
     return mean
 
 
-def _drawing(plan: FramePlan, picture: Picture) -> Steps:
+def _drawing(plan: FramePlan, picture: LinearRGBA) -> Steps:
     """Draw the views one by one; everything on the GPU is made, used and freed by the thread that steps.
 
     Every window has a GPU context of its own, and between two steps another one may become the active one.
@@ -158,8 +161,9 @@ def _drawing(plan: FramePlan, picture: Picture) -> Steps:
     total = _texture(width, height)
 
     view_shader, sum_shader = _shaders()
-    mesh = _mesh_batch(plan, picture)
-    screen = _screen_batch()
+    triangles = np.ascontiguousarray(plan.mesh.triangles, dtype=np.int32)
+    mesh = batch_for_shader(view_shader, "TRIS", vertex_arrays(plan, picture), indices=triangles)
+    screen = batch_for_shader(sum_shader, "TRIS", {"xy": SCREEN})
     total.clear(format="FLOAT", value=(0.0, 0.0, 0.0, 0.0))
     for n, rows in enumerate(view_rows(plan)):
         yield n
@@ -192,7 +196,7 @@ def _drawing(plan: FramePlan, picture: Picture) -> Steps:
     return _download(total, width, height) / np.float32(len(plan.offsets))
 
 
-def vertex_arrays(plan: FramePlan, picture: Picture) -> dict[str, NDArray[np.float32]]:
+def vertex_arrays(plan: FramePlan, picture: LinearRGBA) -> dict[str, NDArray[np.float32]]:
     """What the vertex shader gets of each vertex, by attribute.
 
     `xy` (V, 2) in pixels; `texture_xy` (V, 2) in shares of the texture's size; `nearness` (V,) is inverse
@@ -228,30 +232,7 @@ def _largest_contrast(plan: FramePlan) -> float:
     return float(np.abs(plan.mesh.inverse_depth - plan.lens.focus).max(initial=0.0)) or 1.0
 
 
-def _mesh_batch(plan: FramePlan, picture: Picture) -> gpu.types.GPUBatch:
-    arrays = vertex_arrays(plan, picture)
-    layout = _layout(xy=2, texture_xy=2, nearness=1, contrast=1)
-    vertices = gpu.types.GPUVertBuf(layout, len(plan.mesh.xy))
-    for name, array in arrays.items():
-        vertices.attr_fill(name, array)
-    seq = np.ascontiguousarray(plan.mesh.triangles, dtype=np.int32)
-    return gpu.types.GPUBatch(type="TRIS", buf=vertices, elem=gpu.types.GPUIndexBuf(type="TRIS", seq=seq))
-
-
-def _screen_batch() -> gpu.types.GPUBatch:
-    vertices = gpu.types.GPUVertBuf(_layout(xy=2), 3)
-    vertices.attr_fill("xy", np.array([[-1, -1], [3, -1], [-1, 3]], dtype=np.float32))
-    return gpu.types.GPUBatch(type="TRIS", buf=vertices)
-
-
-def _layout(**components: int) -> gpu.types.GPUVertFormat:
-    layout = gpu.types.GPUVertFormat()
-    for name, count in components.items():
-        layout.attr_add(id=name, comp_type="F32", len=count, fetch_mode="FLOAT")
-    return layout
-
-
-def _upload(picture: Picture) -> gpu.types.GPUTexture:
+def _upload(picture: LinearRGBA) -> gpu.types.GPUTexture:
     height, width = picture.shape[:2]
     data = np.ascontiguousarray(picture, dtype=np.float32).reshape(-1)
     buffer = gpu.types.Buffer("FLOAT", data.size, data)
@@ -271,7 +252,7 @@ def _texture(
         ) from None
 
 
-def _download(texture: gpu.types.GPUTexture, width: int, height: int) -> Picture:
+def _download(texture: gpu.types.GPUTexture, width: int, height: int) -> LinearRGBA:
     buffer = texture.read()
     buffer.dimensions = width * height * 4
     # The framebuffer's first row is the bottom one.

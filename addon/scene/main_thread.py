@@ -14,10 +14,10 @@ from dataclasses import dataclass, field
 
 import bpy
 
+from ..core.base.arrays import LinearRGBA
 from ..core.base.progress import Cancelled, checkpoint
-from ..core.camera.canvas import Picture
 
-Steps = Generator[int, None, Picture]
+Steps = Generator[int, None, LinearRGBA]
 """Yields how many views are drawn, returns their mean. Between two steps another window's GPU context may
 become the active one: nothing that belongs to a context (framebuffers) may be kept from one to the next."""
 
@@ -33,7 +33,7 @@ class _Job:
 
     steps: Steps
     done: int = 0
-    picture: Picture | None = None
+    picture: LinearRGBA | None = None
     error: Exception | None = None
     is_cancelled: bool = False
     ended: threading.Event = field(default_factory=threading.Event)
@@ -43,7 +43,7 @@ _waiting: queue.SimpleQueue[_Job] = queue.SimpleQueue()
 _current: _Job | None = None
 
 
-def draw(steps: Steps, total: int) -> Picture:
+def draw(steps: Steps, total: int) -> LinearRGBA:
     """Run the steps to their end, with a checkpoint between them; raises what they raise, and Cancelled."""
     if bpy.app.background or threading.current_thread() is threading.main_thread():
         return _draw_here(steps, total)
@@ -63,12 +63,12 @@ def draw(steps: Steps, total: int) -> Picture:
     return job.picture
 
 
-def _draw_here(steps: Steps, total: int) -> Picture:
+def _draw_here(steps: Steps, total: int) -> LinearRGBA:
     try:
         while True:
             checkpoint(next(steps) / total)
     except StopIteration as end:
-        picture: Picture = end.value
+        picture: LinearRGBA = end.value
         return picture
     finally:
         steps.close()

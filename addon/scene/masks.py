@@ -9,7 +9,7 @@ import bpy
 import cv2
 import numpy as np
 
-from ..core.camera.canvas import Picture
+from ..core.base.arrays import LinearRGBA
 from ..core.camera.reconstruction import Floats
 from ..core.media.masks import Mask
 from . import main_thread
@@ -123,7 +123,7 @@ def raster(layers: Iterable[Layer], size: tuple[int, int]) -> Mask:
     return np.asarray(value > 0.5)
 
 
-def _filled(layer: Layer, size: tuple[int, int]) -> Picture:
+def _filled(layer: Layer, size: tuple[int, int]) -> LinearRGBA:
     """(H, W) 1 inside the outlines."""
     width, height = size
     longer = max(size)
@@ -137,7 +137,7 @@ def _filled(layer: Layer, size: tuple[int, int]) -> Picture:
     return inside.astype(np.float32)
 
 
-def _mixed(value: Picture, own: Picture, layer: Layer) -> Picture:
+def _mixed(value: LinearRGBA, own: LinearRGBA, layer: Layer) -> LinearRGBA:
     """Blender's mixing of a layer with those below it, before it is clipped to 0 and 1."""
     match layer.blend:
         case "ADD":

@@ -9,10 +9,10 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+from ..core.base.arrays import Mask
 from ..core.base.errors import UserError
 from ..core.base.lru_cache import LRUCache
 from ..core.camera.reconstruction import Reconstruction
-from ..core.depth.multi_view_stereo import Mask
 from ..core.depth.user_depth import UserDepth
 from ..core.depth.user_maps import open_depth
 from ..core.lens.clip_context import ClipContext

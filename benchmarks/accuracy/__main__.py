@@ -95,8 +95,8 @@ def run_track(plan: Plan, judge: Judge, track: str, rows: Rows) -> None:
     start = time.perf_counter()
     given = given_by(track, judge.scene)
     if not isinstance(given, str):
-        # The first drawing compiles shaders, which is no frame's cost.
-        methods.by_mesher("features", given.case(judge.frames[0], judge.blur), 1)
+        # The first drawing compiles shaders, and finds what the frames around share: no frame's cost.
+        methods.by_mesher("layers", given.case(judge.frames[0], judge.blur), 1)
     for name, views in stale:
         if isinstance(given, str):
             row = judge.refused(track, name, views, given)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -13,12 +14,13 @@ from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Image, Points, Reconstruction
 from addon.core.depth.source import PixelDepth
 from addon.core.depth.sparse import FrameFeatures, frame_features
-from addon.core.lens.clip_context import ClipContext, upsampled
+from addon.core.lens.clip_context import ClipContext, whole_depth
 from addon.core.lens.focus import Focus, pick
 from addon.core.media.clip import open_footage, to_gray8, to_linear
 from addon.core.sfm.process import SolveProcess
 from addon.core.sfm.tracks import new_corners
 from addon.core.sfm.workspace import load_solve
+from addon.core.warp.disocclusion_fill import HiddenColours
 
 from .. import store
 from . import oracle
@@ -87,21 +89,39 @@ class TrueDepth:
         """None: features have their true depth already."""
 
 
+@dataclass(frozen=True)
+class FrameOfClip(ClipContext):
+    """One frame with its features, and the whole clip for what other frames tell."""
+
+    whole: ClipContext | None = None
+
+    def hidden_colours(
+        self, frame: int, canvas: Canvas, picture: Picture, inverse_depth: Floats
+    ) -> HiddenColours:
+        """The colours that the frames of the whole clip have."""
+        assert self.whole is not None
+        return self.whole.hidden_colours(frame, canvas, picture, inverse_depth)
+
+
 class GroundTruth:
     """T1: true cameras and depth. Features are found in the frame, their depth is the truth's."""
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
-        self._clips: dict[tuple[int, ...], ClipContext] = {}
+
+    @cached_property
+    def whole(self) -> ClipContext:
+        """The clip with its true cameras, and no features."""
+        return ClipContext(self.scene.cameras, open_footage(self.scene.clip()).read)
 
     def case(self, frame: int, blur: int) -> BenchmarkCase:
-        """One of the judged frames of the scene through a lens whose largest disc is `blur` pixels."""
-        scene, frames = self.scene, self.scene.judged(blur)
-        if frames not in self._clips:
-            read = open_footage(scene.clip()).read
-            self._clips[frames] = ClipContext(self.reconstruction(frames), read, TrueDepth(scene))
+        """One frame of the scene through a lens whose largest disc over the judged ones is `blur` pixels."""
+        scene, true = self.scene, self.reconstruction((frame,))
+        # Corners are found in each frame anew: with other frames they would seem to come and go.
+        alone = replace(true, images=(true.image_at(frame)[0],))
+        clip = FrameOfClip(alone, self.whole.read, TrueDepth(scene), whole=self.whole)
         return BenchmarkCase(
-            frame, to_linear(scene.frame(frame)), self._clips[frames], self._focus(frame, blur),
+            frame, to_linear(scene.frame(frame)), clip, self._focus(frame, blur),
             scene.radius(blur), scene.depth(frame), lambda margin: scene.layers(frame, margin),
         )  # fmt: skip
 
@@ -153,7 +173,7 @@ class FromVideo:
     def case(self, frame: int, blur: int) -> BenchmarkCase:
         """One of the judged frames of the scene through a lens whose largest disc is about `blur` pixels."""
         picture = to_linear(self.scene.frame(frame))
-        inverse = upsampled(self.clip.stereo.at(frame), picture).inverse_depth
+        inverse = whole_depth(self.clip.stereo.at(frame), picture).inverse_depth
         with np.errstate(divide="ignore"):
             depth = 1 / inverse
         return BenchmarkCase(

@@ -31,9 +31,10 @@ def main() -> None:
             raise SystemExit(scene)
         blur = scene.blurs[RADII.index(0.24)]
         frame = scene.judged(blur)[0]
-        case, true = GroundTruth(scene).case(frame, blur), truth(scene, frame)
+        known = GroundTruth(scene)
+        case, true = known.case(frame, blur), truth(scene, frame)
         baseline = psnr(METHODS["thesis"].run(case, VIEWS).picture, true)
-        found = replace(case, clip=replace(case.clip, given_depth=None))
+        found = replace(case, clip=known.whole)
         for said, some in (("the scene's", case), ("of the clip", found)):
             picture = METHODS["layers"].run(some, VIEWS).picture
             inner = psnr(picture[MARGIN:-MARGIN, MARGIN:-MARGIN], true[MARGIN:-MARGIN, MARGIN:-MARGIN])

@@ -9,7 +9,7 @@ from functools import cache, partial
 import cv2
 import numpy as np
 
-from addon.core.camera.canvas import Picture
+from addon.core.base.arrays import LinearRGBA
 from addon.core.camera.reconstruction import (
     Floats,
     Image,
@@ -51,7 +51,7 @@ def cases() -> list[Case]:
 
 
 @cache
-def _plain() -> tuple[FramePlan, Picture]:
+def _plain() -> tuple[FramePlan, LinearRGBA]:
     plan = planned(shot())
     return plan, draw(plan)
 

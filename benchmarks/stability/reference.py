@@ -9,7 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from addon.core.camera.canvas import Canvas, Picture
+from addon.core.base.arrays import LinearRGBA
+from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import (
     Floats,
     Image,
@@ -76,14 +77,14 @@ def moved(rec: Reconstruction, scale: float, offset: float) -> Reconstruction:
     return Reconstruction(rec.cameras, images, points)
 
 
-def map_picture(width: int, height: int) -> Picture:
+def map_picture(width: int, height: int) -> LinearRGBA:
     """(height, width, 4): x and y as shares of the size, waves of 8 to 20 pixels, opaque."""
     x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
     waves = 0.5 + 0.2 * np.cos(x * 0.31 + y * 0.22) + 0.2 * np.cos(y * 0.7 - x * 0.11)
     return np.stack([x / width, y / height, waves, np.ones_like(x)], axis=-1).astype(np.float32)
 
 
-def bilinear(picture: Picture, xy: Floats) -> Floats:
+def bilinear(picture: LinearRGBA, xy: Floats) -> Floats:
     """(..., 4) in float64 at pixels (..., 2), mirrored past the border."""
     height, width = picture.shape[:2]
     at = np.asarray(xy - 0.5)
@@ -105,7 +106,7 @@ def bilinear(picture: Picture, xy: Floats) -> Floats:
     return total
 
 
-def rendered(plan: FramePlan, picture: Picture) -> Floats:
+def rendered(plan: FramePlan, picture: LinearRGBA) -> Floats:
     """(h, w, 4) float64 mean of a plan's views; a pixel's centre sees the nearest triangle over it."""
     height, width = picture.shape[:2]
     mesh = plan.mesh
@@ -188,7 +189,7 @@ def plane_places(
     )
 
 
-def plane_picture(places_shown: Floats, picture: Picture) -> Floats:
+def plane_picture(places_shown: Floats, picture: LinearRGBA) -> Floats:
     """(h, w, 4) mean of the views that show places (N, h, w, 2) of a picture."""
     total = np.zeros((*places_shown.shape[1:3], picture.shape[2]))
     for place in places_shown:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from addon.core.camera.canvas import Picture
+from addon.core.base.arrays import LinearRGBA
 from addon.core.camera.reconstruction import Floats, Reconstruction
 from addon.core.lens.clip_context import ClipContext
 from addon.core.lens.focus import Focus, radius_for_blur
@@ -37,7 +37,7 @@ BAD = 5
 """Features of 150 that are spoilt: more than the two percent that percentiles forgive."""
 
 
-def draw(plan: FramePlan) -> Picture:
+def draw(plan: FramePlan) -> LinearRGBA:
     """The GPU's mean of views of the map picture."""
     problem = gpu_views.gpu_problem()
     if problem:
@@ -55,7 +55,7 @@ def decibels(value: float, limit: float = 60.0) -> Measure:
     return Measure(value, "dB", limit, is_least=True)
 
 
-def compared(picture: Picture, reference: Floats | Picture, rows: Ints | None = None) -> list[Measure]:
+def compared(picture: LinearRGBA, reference: Floats | LinearRGBA, rows: Ints | None = None) -> list[Measure]:
     """Displacement and PSNR of a picture without folds against its reference, or with some rows of it."""
     size = picture.shape[1], picture.shape[0]
     part = picture if rows is None else picture[rows]

@@ -67,10 +67,10 @@ def test_only_this_sign_of_the_shifts_is_sharp(shop: Shop, middle: int) -> None:
     """In register the skull is about as sharp as in one view, with any other sign or depth it is not."""
     views = shop.disc(middle, 0.125)
     frame = to_linear(shop.frame(middle))[..., :3]
+    pictures = [to_linear(cv2.imread(str(shop.files[view]))[..., ::-1])[..., :3] for view in views]
 
     def mean(signs: tuple[int, int], depth: float) -> np.ndarray:
         shifts = [np.array(signs) * shop.places[view] * 800 / depth for view in views]
-        pictures = [to_linear(cv2.imread(str(shop.files[view]))[..., ::-1])[..., :3] for view in views]
         return np.mean([_shifted(p, s) for p, s in zip(pictures, shifts, strict=True)], axis=0)
 
     right = detail(mean((1, 1), 5.3))

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
-from addon.core.depth.completion import settle
-from addon.core.depth.multi_view_stereo import DenseDepth, PlaneSweepStereo
-from addon.core.depth.view_selection import choose
+from addon.core.depth.completion import CompletionOptions, place_movers
+from addon.core.depth.multi_view_stereo import DenseDepth, PlaneSweepStereo, StereoOptions
+from addon.core.depth.view_selection import SelectionOptions, select_source_views
 
 from .. import planes
 
@@ -151,9 +151,9 @@ def test_distortion_is_taken_out(pictures: list[Picture]) -> None:
 
 
 def test_the_size_worked_at_is_bounded(pictures: list[Picture]) -> None:
-    result = PlaneSweepStereo(poses(CENTRES, features()), lambda frame: pictures[frame - 1], longest=160).at(
-        MIDDLE
-    )
+    result = PlaneSweepStereo(
+        poses(CENTRES, features()), lambda frame: pictures[frame - 1], options=StereoOptions(long_side=160)
+    ).at(MIDDLE)
     assert result.inverse_depth.shape == (120, 160)
     assert result.lens == LENS.scaled(160, 120)
     assert np.median(error(result, truth(CENTRES[MIDDLE - 1], result.lens))) < 0.02
@@ -284,7 +284,7 @@ def test_one_depth_for_each_thing_and_holes_that_show_what_is_behind() -> None:
     inverse[60:65, 30:40] = 0.9
     moving[30:50, 80:110] = True
     nothing = np.zeros((100, 120), bool)
-    depth, confidence, found = settle(guide, inverse, sure, moving, nothing)
+    depth, confidence, found = place_movers(guide, inverse, sure, moving, nothing, CompletionOptions())
     for thing, ground in ((np.s_[20:80, 20:60], inverse[82, 0]), (np.s_[30:50, 80:110], inverse[52, 0])):
         own = depth[thing][found[thing]]
         np.testing.assert_allclose(own, own[0])
@@ -303,7 +303,8 @@ def test_what_stands_before_a_things_foot_is_not_what_it_stands_on() -> None:
     ground = inverse[80, 0]
     inverse[60:, 35:75] = 0.9
     moving[76:, 35:75] = False
-    depth, _, found = settle(guide, inverse, sure, moving, np.zeros((100, 120), bool))
+    nothing = np.zeros((100, 120), bool)
+    depth, _, found = place_movers(guide, inverse, sure, moving, nothing, CompletionOptions())
     np.testing.assert_allclose(depth[found], ground, atol=0.03)
 
 
@@ -314,7 +315,9 @@ def test_neighbours_are_chosen_by_baseline_and_not_by_count() -> None:
         steps = np.linspace(-0.4, 0.4, count)
         images = poses(np.column_stack([steps, 0 * steps, 0 * steps])).images
         own = images[count // 2]
-        near = choose(own, LENS, ((i, LENS) for i in images), (0.1, 0.25), (12.0, 4.0))
+        near = select_source_views(
+            own, LENS, ((i, LENS) for i in images), (0.1, 0.25), (12.0, 4.0), SelectionOptions()
+        )
         chosen.append(sorted(round(one.image.centre[0], 1) for one in near))
         assert sorted(one.side for one in near) == [-1, -1, 1, 1]
     assert chosen[0] == chosen[1] == [-0.3, -0.1, 0.1, 0.3]

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from addon.core.depth.plane_sweep import EDGE, JUMP, SMALL_STEP, Map, semiglobal
+from addon.core.base.arrays import Map
+from addon.core.depth.plane_sweep import SweepOptions, semiglobal
+
+OPTIONS = SweepOptions()
 
 
 def by_hand(costs: Map, guide: Map) -> Map:
@@ -20,9 +23,12 @@ def by_hand(costs: Map, guide: Map) -> Map:
                     path[:, row, column] = costs[:, row, column]
                     continue
                 last = path[:, *before]
-                jump = max(JUMP / (1 + abs(guide[row, column] - guide[before]) / EDGE), 1.1 * SMALL_STEP)
+                jump = max(
+                    OPTIONS.p2 / (1 + abs(guide[row, column] - guide[before]) / OPTIONS.p2_halved_at),
+                    1.1 * OPTIONS.p1,
+                )
                 for k in range(levels):
-                    steps = [last[j] + SMALL_STEP for j in (k - 1, k + 1) if 0 <= j < levels]
+                    steps = [last[j] + OPTIONS.p1 for j in (k - 1, k + 1) if 0 <= j < levels]
                     best = min(last[k], last.min() + jump, *steps)
                     path[k, row, column] = costs[k, row, column] + best - last.min()
         total += path
@@ -33,4 +39,4 @@ def test_costs_are_summed_along_four_directions() -> None:
     random = np.random.default_rng(3)
     costs = random.uniform(0, 20, (7, 9, 12)).astype(np.float32)
     guide = random.uniform(0, 60, (9, 12)).astype(np.float32)
-    np.testing.assert_allclose(semiglobal(costs, guide), by_hand(costs, guide), rtol=1e-5, atol=1e-4)
+    np.testing.assert_allclose(semiglobal(costs, guide, OPTIONS), by_hand(costs, guide), rtol=1e-5, atol=1e-4)

@@ -7,14 +7,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from addon.core.base.arrays import Map, Mask
 from addon.core.depth.multi_view_stereo import DenseDepth, PlaneSweepStereo
-from addon.core.depth.temporal_fusion import HIGH, LEVELS, RIM, TemporalFusion, fused, sharpened
+from addon.core.depth.temporal_fusion import FusionOptions, TemporalFusion, fused, sharpened
 
 from .. import planes
 from .test_multi_view_stereo import CENTRES, LENS, MIDDLE, RANGE, clip, features, poses, truth
 
-Map = NDArray[np.float32]
-Mask = NDArray[np.bool_]
+OPTIONS = FusionOptions()
 SHAPE = (LENS.height, LENS.width)
 WALL, NEAR = 0.1, 0.4
 Y, X = np.mgrid[: SHAPE[0], : SHAPE[1]]
@@ -104,7 +104,7 @@ def test_what_a_frame_does_not_see_has_no_say() -> None:
 def test_what_is_sure_stays() -> None:
     inverse = WALL + 0.0005 * X
     found = steady([depth(1, inverse, 1.0)], 1)
-    inner = np.s_[3 * RIM : -3 * RIM, 3 * RIM : -3 * RIM]
+    inner = np.s_[12:-12, 12:-12]
     np.testing.assert_allclose(found.inverse_depth[inner], inverse[inner], atol=0.01 * np.ptp(inverse))
     assert found.confidence[inner].min() > 0.9
 
@@ -161,10 +161,10 @@ def test_a_disputed_shelf_joins_the_surface_nearer_in_depth() -> None:
     for share, expected in ((0.7, NEAR), (0.3, WALL)):
         inverse = np.where(X < 160, NEAR, WALL).astype(np.float32)
         inverse[shelf] = WALL + share * (NEAR - WALL)
-        high = HIGH * (NEAR - WALL) / LEVELS
-        np.testing.assert_array_equal(sharpened(inverse, high, shelf)[shelf], np.float32(expected))
+        level = (NEAR - WALL) / OPTIONS.levels
+        np.testing.assert_array_equal(sharpened(inverse, level, shelf)[shelf], np.float32(expected))
         # What is sure may be a thing of its own.
-        np.testing.assert_array_equal(sharpened(inverse, high, ~shelf)[shelf], inverse[shelf])
+        np.testing.assert_array_equal(sharpened(inverse, level, ~shelf)[shelf], inverse[shelf])
 
 
 def test_sure_depth_is_carried_up_to_the_edges_of_the_picture_only() -> None:
@@ -218,7 +218,7 @@ def test_frames_are_brought_into_place() -> None:
     found = TemporalFusion(shot, Told(frames)).at(MIDDLE)  # type: ignore[arg-type]
     off = np.abs(found.inverse_depth - truth(CENTRES[MIDDLE - 1])) / RANGE
     # No frame says anything of the first and last rows.
-    off = off[RIM:-RIM]
+    off = off[OPTIONS.border : -OPTIONS.border]
     assert np.mean(off > 0.05) < 0.01 and np.median(off) < 0.01
     assert (found.confidence > 0.5).mean() > 0.9
 
@@ -258,7 +258,7 @@ def test_ramps_and_shelves_at_silhouettes_become_steps() -> None:
         np.interp(column, [28, 32], [WALL, NEAR]),
         np.where(column < 29, WALL, np.where(column < 31, 0.22, NEAR)),
     ):
-        found = sharpened(np.broadcast_to(soft, (40, 60)).astype(np.float32), 0.02)
+        found = sharpened(np.broadcast_to(soft, (40, 60)).astype(np.float32), 0.005)
         np.testing.assert_allclose(found, np.where(found > 0.25, NEAR, WALL), rtol=1e-6)
         assert np.all(np.abs((found > 0.25).argmax(axis=1) - 30) <= 1)
 
@@ -267,15 +267,15 @@ def test_a_wrong_pixel_beside_a_silhouette_does_not_spread() -> None:
     step = np.where(np.arange(60) < 30, WALL, NEAR) * np.ones((40, 1))
     wrong = step.astype(np.float32)
     wrong[20, 31] = 0.6
-    np.testing.assert_allclose(sharpened(wrong, 0.02), step, rtol=1e-6)
+    np.testing.assert_allclose(sharpened(wrong, 0.005), step, rtol=1e-6)
 
 
 def test_slopes_and_thin_things_stay() -> None:
     # The whole range within the picture: as steep as surfaces are that are seen at all.
-    high = HIGH * (NEAR - WALL) / LEVELS
+    level = (NEAR - WALL) / OPTIONS.levels
     slope = np.broadcast_to(np.linspace(WALL, NEAR, 60), (40, 60)).astype(np.float32)
-    np.testing.assert_array_equal(sharpened(slope, high), slope)
+    np.testing.assert_array_equal(sharpened(slope, level), slope)
     for wide in (1, 2, 3):
         thin = np.full((40, 60), WALL, np.float32)
         thin[:, 30 : 30 + wide] = NEAR
-        np.testing.assert_array_equal(sharpened(thin, high), thin)
+        np.testing.assert_array_equal(sharpened(thin, level), thin)

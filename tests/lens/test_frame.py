@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from addon.core.camera.canvas import Canvas, Picture
+from addon.core.base.arrays import LinearRGBA
+from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.depth.source import PixelDepth
 from addon.core.lens.clip_context import ClipContext
@@ -32,7 +33,7 @@ class ByHand:
     confidence: NDArray[np.float32]
     asked: list[int] = field(default_factory=list)
 
-    def at(self, frame: int, canvas: Canvas, picture: Picture) -> PixelDepth:
+    def at(self, frame: int, canvas: Canvas, picture: LinearRGBA) -> PixelDepth:
         self.asked.append(frame)
         assert picture.shape[:2] == (canvas.pinhole.height, canvas.pinhole.width) == SIZE[::-1]
         inverse = np.where(np.arange(SIZE[0]) < SIZE[0] / 2, 1 / FOCUS, 1 / 12)
@@ -68,8 +69,8 @@ def test_layers_are_the_default(borrow: bool) -> None:
     made, depth = warped(sure_in(1.0), borrow=borrow)
     assert (made.method, made.why) == ("layers", "") and made.is_whole
     assert depth.asked == [2] and made.plan.frame == 2
-    assert made.layers and made.layers[0].hidden.any()
-    assert (made.layers[0].hidden_colours is not None) == borrow
+    assert made.layers and made.layers[0].disoccluded.any()
+    assert (made.layers[0].margin_reprojected is not None) == borrow
     assert made.depth is not None and made.depth.inverse_depth.shape == (90, 160)
     assert made.depth.confidence is not None and made.depth.confidence.min() == 1
     # The texture is two layers, one above the other.

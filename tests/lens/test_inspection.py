@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from addon.core.base.arrays import LinearRGB, LinearRGBA, Mask
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.depth.source import PixelDepth
@@ -23,11 +24,11 @@ from addon.core.lens.plan import FramePlan, LensSettings
 from addon.core.lens.report import Used, frame_report, mesh_error, summary
 from addon.core.lens.thin_lens import ThinLens
 from addon.core.media.clip import to_linear
-from addon.core.warp.layered_depth_image import Fill, Mask, Picture
-from addon.core.warp.layered_mesh import ERROR, RELATIVE
+from addon.core.warp.layered_depth_image import Fill
+from addon.core.warp.layered_mesh import LayeredMeshOptions
 from addon.core.warp.layered_mesh import layer_mesh as make_mesh
 from addon.core.warp.mesh import WarpMesh
-from addon.core.warp.quadtree import AT_SILHOUETTES, triangulate
+from addon.core.warp.quadtree import QuadtreeOptions, triangulate
 from addon.core.warp.rasterise import at_pixels
 from addon.render.average import Drawn, draw_shares
 
@@ -48,14 +49,20 @@ from ..warp.test_layered_depth_image import (
 )
 
 Floats = NDArray[np.float64]
+OPTIONS = LayeredMeshOptions()
 RADIUS = 1.0
 """Of an aperture whose rim displaces by what `SHIFT` says."""
 RED, GREEN, BLUE = range(3)
 
 
-def disc_and_wall(focus: float = NEAR, shift: Floats = SHIFT, fill: Fill | None = None) -> WarpedFrame:
+def disc_and_wall(
+    focus: float = NEAR,
+    shift: Floats = SHIFT,
+    fill: Fill | None = None,
+    options: LayeredMeshOptions = OPTIONS,
+) -> WarpedFrame:
     """The scene of the layers' tests, ready to be drawn."""
-    mesh, painted, layers = make_mesh(scene(), shift, focus, LENS.fx, fill=fill)
+    mesh, painted, layers = make_mesh(scene(), shift, focus, LENS.fx, fill=fill, options=options)
     offsets, canvas = RADIUS * vogel_disc(24), Canvas(LENS)
     registration = exact_registration(canvas, offsets, focus / LENS.fx)
     thin = ThinLens(LENS, RADIUS, focus / LENS.fx)
@@ -64,14 +71,14 @@ def disc_and_wall(focus: float = NEAR, shift: Floats = SHIFT, fill: Fill | None 
     return WarpedFrame(plan, painted, "layers", "", True, PixelDepth(shift / LENS.fx, sure), layers)
 
 
-def shares_of(warped: WarpedFrame, source: Picture | None = None) -> Picture:
+def shares_of(warped: WarpedFrame, source: LinearRGBA | None = None) -> LinearRGBA:
     return draw_shares(Drawn(warped, scene() if source is None else source, 0.5))
 
 
 def lends(what: Callable[[Floats], Mask]) -> Fill:
     """Other frames' colours where `what` says so of the pixels asked for."""
 
-    def fill(shift: Floats, asked: Mask) -> tuple[Picture, Mask]:
+    def fill(shift: Floats, asked: Mask) -> tuple[LinearRGB, Mask]:
         return np.full((*shift.shape, 3), 0.5, np.float32), asked & what(shift)
 
     return fill
@@ -142,11 +149,10 @@ def test_what_is_lent_is_not_made_up() -> None:
     assert alone[BLUE] > 0.9
 
 
-def test_a_coarse_texture_has_the_same_sources(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_coarse_texture_has_the_same_sources() -> None:
     fine = shares_of(disc_and_wall())
-    monkeypatch.setattr("addon.core.warp.layered_mesh.LARGEST_TEXTURE", 1)
-    coarse = disc_and_wall()
-    assert coarse.texture.shape[1] == coarse.layers[0].hidden.shape[1]
+    coarse = disc_and_wall(options=LayeredMeshOptions(largest_texture=1))
+    assert coarse.texture.shape[1] == coarse.layers[0].disoccluded.shape[1]
     assert np.abs(shares_of(coarse) - fine).mean() < 0.005
 
 
@@ -244,7 +250,7 @@ def test_what_lies_behind() -> None:
     shown = pictures(warped, scene(), shares_of(warped))["layers"].astype(int)
     left, right = shown[:, : SIZE[1]], shown[:, SIZE[1] :]
     crop = inspection._inner(warped.layers[0], warped.plan.canvas)
-    hidden, borrowed = warped.layers[0].hidden[crop], warped.layers[0].borrowed[crop]
+    hidden, borrowed = warped.layers[0].disoccluded[crop], warped.layers[0].reprojected[crop]
     assert borrowed.any() and (hidden & ~borrowed).any()
     np.testing.assert_array_equal(left[~hidden], right[~hidden])
     change = right - left
@@ -325,7 +331,7 @@ def test_the_report_is_that_of_the_mesh() -> None:
     triangles = len(warped.plan.mesh.triangles)
     assert report.triangles == triangles
     assert report.of_pixel_grid == pytest.approx(100 * triangles / (2 * SIZE[0] * SIZE[1]))
-    assert report.bound == (ERROR, RELATIVE)
+    assert report.bound == (LayeredMeshOptions.error, LayeredMeshOptions.relative_error)
     assert report.own + report.borrowed + report.inpainted == pytest.approx(100, abs=0.01)
     assert report.sure == pytest.approx(50)
     assert (report.frame, report.method, report.why, report.views) == (
@@ -348,7 +354,7 @@ def test_the_error_made_is_what_the_mesh_misses() -> None:
     depth = NEAR / 2 + 2 * np.exp(-((X - 60) ** 2 + (Y - 50) ** 2) / 900) + 0.4 * np.sin(X / 9)
     warped = disc_and_wall(0.0, depth)
     miss, allowed = mesh_error(warped)
-    rows, columns = warped.layers[0].hidden.shape
+    rows, columns = warped.layers[0].disoccluded.shape
     mesh = warped.plan.mesh
     margin = (columns - SIZE[1]) // 2
     # The same by the slow way, of the one surface that there is: vertices are pixels of the raster.
@@ -359,7 +365,7 @@ def test_the_error_made_is_what_the_mesh_misses() -> None:
         interpolated(drawn, (row * columns + column)[mesh.triangles]) - np.pad(depth, margin, "edge")
     )
     assert miss.max() == pytest.approx(slow.max()) and miss.mean() == pytest.approx(slow.mean())
-    assert 0 < miss.mean() < miss.max() < 1.5 * AT_SILHOUETTES * allowed.max()
+    assert 0 < miss.mean() < miss.max() < 1.5 * QuadtreeOptions.silhouette_error * allowed.max()
     assert np.mean(miss <= allowed) > 0.95
 
 

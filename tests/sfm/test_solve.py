@@ -38,6 +38,15 @@ def solve(
     return load_solve(work)
 
 
+def begun(process: SolveProcess) -> list[Progress]:
+    """The first that the worker says; fails after a minute."""
+    end = time.monotonic() + 60
+    while not (said := process.poll()):
+        assert time.monotonic() < end, "the worker says nothing"
+        time.sleep(0.01)
+    return said
+
+
 def refused(clip: Path, work: Path) -> str:
     """The one line that says why a clip is not solved, and nothing is left behind."""
     with pytest.raises(UserError) as error:
@@ -214,8 +223,7 @@ def test_an_empty_folder_will_do_and_survives_a_failure(tmp_path: Path) -> None:
 def test_cancelling_leaves_nothing(clip: Path, tmp_path: Path) -> None:
     process = SolveProcess(clip, tmp_path / "new" / "work")
     assert not process.finished
-    while not process.poll():
-        pass
+    begun(process)
     process.cancel()
     process.cancel()
     assert not (tmp_path / "new").exists()
@@ -224,8 +232,7 @@ def test_cancelling_leaves_nothing(clip: Path, tmp_path: Path) -> None:
 def test_cancelling_again_keeps_the_old_solve(work: Path, clip: Path) -> None:
     before = snapshot(work)
     process = SolveProcess(clip, work, again=True)
-    while not process.poll():
-        pass
+    begun(process)
     process.cancel()
     assert snapshot(work) == before
     assert SolveProcess(clip, work).finished
@@ -246,8 +253,7 @@ def test_a_failed_solve_keeps_the_old_one(clip: Path, work: Path) -> None:
 
 def test_a_worker_that_dies_is_told_in_one_line(clip: Path, tmp_path: Path) -> None:
     process = SolveProcess(clip, tmp_path / "work")
-    while not process.poll():
-        pass
+    begun(process)
     assert process._process is not None
     process._process.kill()
     with pytest.raises(UserError, match="solving process ended") as error:
@@ -260,7 +266,8 @@ def test_the_worker_ends_with_its_parent(clip: Path, tmp_path: Path) -> None:
     script = (
         "import os, sys; from pathlib import Path; from addon.core.sfm.process import SolveProcess\n"
         "p = SolveProcess(Path(sys.argv[1]), Path(sys.argv[2]))\n"
-        "while not p.poll(): pass\n"
+        "import time; end = time.monotonic() + 60\n"
+        "while not p.poll() and time.monotonic() < end: time.sleep(0.01)\n"
         "print(p._process.pid, flush=True); os._exit(0)"
     )
     root = Path(__file__).resolve().parents[2]
@@ -284,8 +291,8 @@ def test_a_package_of_the_same_name_in_the_current_folder_is_not_ours(
     (tmp_path / "addon" / "__init__.py").write_text("raise SystemExit(7)")
     monkeypatch.chdir(tmp_path)
     process = SolveProcess(clip, tmp_path / "work")
-    while not process.poll():
-        pass
+    # The other package would end the worker before it says anything, and `poll` would raise.
+    assert begun(process)[0].share == 0
     process.cancel()
 
 

@@ -15,13 +15,22 @@ from addon.core.depth.sparse import DepthSamples, frame_features
 from addon.core.lens.focus import Focus
 from addon.core.lens.plan import LensSettings
 from addon.core.warp import content_preserving
-from addon.core.warp.content_preserving import allowed, conjugate_gradients, fading, grid_mesh, membrane, wild
+from addon.core.warp.content_preserving import (
+    GridMeshOptions,
+    allowed,
+    conjugate_gradients,
+    fading,
+    grid_mesh,
+    membrane,
+    outliers,
+)
 
 from ..scenes import planned, slanted_plane
 
 Floats = NDArray[np.float64]
 LENS = Intrinsics(320, 180, 270.0, 270.0, 160.0, 90.0)
 SIZE = (320, 180)
+STIFFNESS = GridMeshOptions.stiffness
 CANVAS = Canvas(LENS)
 X, Y = np.linspace(-20, 340, 37), np.linspace(-20, 200, 23)
 
@@ -84,13 +93,12 @@ def test_few_features_are_enough(count: int) -> None:
     assert mesh.inverse_depth.min() >= low and mesh.inverse_depth.max() <= high
 
 
-def test_a_features_depth_is_met_and_a_stiff_grid_misses_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_features_depth_is_met_and_a_stiff_grid_misses_it() -> None:
     xy = scattered(25)
     values = np.random.default_rng(1).uniform(0.1, 0.5, 25)
     missed = []
     for stiffness in (1e-6, 1e-2, 1e4):
-        monkeypatch.setattr(content_preserving, "STIFFNESS", stiffness)
-        grid = membrane(X, Y, xy, values, np.ones(25))
+        grid = membrane(X, Y, xy, values, np.ones(25), stiffness)
         vertex, share = content_preserving._bilinear(X, Y, xy)
         missed.append(np.abs((share * grid.ravel()[vertex]).sum(axis=1) - values).max())
     assert missed[0] < 1e-4 and missed[0] < missed[1] < missed[2]
@@ -103,7 +111,7 @@ def test_a_features_depth_is_met_and_a_stiff_grid_misses_it(monkeypatch: pytest.
 def test_the_membrane_is_the_least_of_its_energy() -> None:
     xy, rng = scattered(12), np.random.default_rng(2)
     values, weights = rng.uniform(0.1, 0.5, 12), rng.uniform(0.1, 1, 12)
-    found = membrane(X, Y, xy, values, weights)
+    found = membrane(X, Y, xy, values, weights, STIFFNESS)
     slope = content_preserving._plane(xy, values, weights)
     level = slope[0] * X + slope[1] * Y[:, None] + slope[2]
     vertex, share = content_preserving._bilinear(X, Y, xy)
@@ -116,7 +124,7 @@ def test_the_membrane_is_the_least_of_its_energy() -> None:
         half_x[[0, -1]] = half_y[[0, -1]] = 0.5
         steps = (half_x[:, None] * np.diff(bent, axis=1) ** 2).sum()
         steps += (half_y * np.diff(bent, axis=0) ** 2).sum()
-        return float((weights * missed**2).sum() + content_preserving.STIFFNESS * steps)
+        return float((weights * missed**2).sum() + STIFFNESS * steps)
 
     best = energy(found)
     for _ in range(20):
@@ -127,8 +135,8 @@ def test_it_does_not_matter_where_the_lines_lie() -> None:
     """Twice as many lines across: the same membrane, but for what a finer grid can do more."""
     xy = scattered(12)
     values = 0.3 + 0.1 * np.sin(xy[:, 0] / 60) * np.cos(xy[:, 1] / 50)
-    coarse = membrane(X, Y, xy, values, np.ones(12))
-    fine = membrane(np.linspace(-20, 340, 73), Y, xy, values, np.ones(12))[:, ::2]
+    coarse = membrane(X, Y, xy, values, np.ones(12), STIFFNESS)
+    fine = membrane(np.linspace(-20, 340, 73), Y, xy, values, np.ones(12), STIFFNESS)[:, ::2]
     assert np.abs(coarse - fine).mean() < 0.03 * np.ptp(coarse)
 
 
@@ -136,14 +144,14 @@ def test_a_wild_feature_is_left_out_and_a_thin_thing_is_not() -> None:
     xy = scattered(60)
     values = np.where(xy[:, 0] < 160, 0.1, 0.2) + 1e-4 * xy[:, 1]
     values[7] = 3.0
-    assert np.nonzero(wild(xy, values))[0].tolist() == [7]
+    assert np.nonzero(outliers(xy, values, GridMeshOptions.outlier_neighbours))[0].tolist() == [7]
     clean = grid_mesh(features(np.delete(xy, 7, 0), np.delete(values, 7)), np.ones(59), CANVAS, 9.0, 0.1)
     spoilt = grid_mesh(features(xy, values), np.ones(60), CANVAS, 9.0, 0.1)
     within = inside(clean.xy)
     assert np.abs(clean.inverse_depth - spoilt.inverse_depth)[within].max() < 0.02
     # One feature alone before a wall, as deep as others elsewhere.
     values[7] = 0.1 if xy[7, 0] > 160 else 0.2
-    assert not wild(xy, values).any()
+    assert not outliers(xy, values, GridMeshOptions.outlier_neighbours).any()
 
 
 def test_no_triangle_flips_in_mild_discs() -> None:

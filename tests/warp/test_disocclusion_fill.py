@@ -133,7 +133,7 @@ def crossed(frame: int) -> NDArray[np.uint8]:
 
 
 def behind(moving: object) -> tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.float64]]:
-    """What is lent for the wall behind what crosses the middle frame, and the truth."""
+    """What is known of the wall behind what crosses the middle frame, and the truth."""
     places: NDArray[np.float64] = np.argwhere(crossing(MIDDLE))[:, ::-1] + 0.5
     shown = np.where(crossing(MIDDLE), 2 / DEPTH, FLAT)
     disocclusion = DisocclusionFill(shot(), crossed, moving)  # type: ignore[arg-type]
@@ -142,11 +142,11 @@ def behind(moving: object) -> tuple[NDArray[np.float32], NDArray[np.bool_], NDAr
     return *told, truth(places)
 
 
-def test_what_moves_is_not_lent() -> None:
+def test_what_moves_is_not_taken() -> None:
     colour, known, true = behind(crossing)
     assert known.mean() > 0.8
     np.testing.assert_allclose(colour[known], true[known], atol=2e-3)
-    # Unsaid, it hides the wall where it is not: less is lent.
+    # Unsaid, it hides the wall where it is not: less is known.
     assert behind(None)[1].mean() < known.mean()
 
 
@@ -177,7 +177,7 @@ def test_what_stands_before_a_place_in_most_frames_is_no_ghost() -> None:
     assert told[1][1].mean() > 0.98
 
 
-def test_frames_of_which_nothing_is_said_lend_all() -> None:
+def test_frames_of_which_nothing_is_said_are_taken_whole() -> None:
     plain = asked(view, BESIDE, 1 / DEPTH, FLAT)
     disocclusion = DisocclusionFill(shot(), view, lambda frame: None)
     reprojected = disocclusion.reprojected(MIDDLE, Canvas(LENS), to_linear(view(MIDDLE)), FLAT)
@@ -195,11 +195,11 @@ def test_masks_may_have_another_size() -> None:
     np.testing.assert_allclose(colour[known], true[known], atol=2e-3)
 
 
-def test_nothing_is_lent_where_others_do_not_see_what_the_frame_shows() -> None:
+def test_nothing_is_taken_where_others_do_not_see_what_the_frame_shows() -> None:
     """A poster that is there in this frame only, towards the border: it may go on past it."""
     picture = to_linear(view(MIDDLE))
     picture[:32, -24:, :3] = 0.6
-    # Before the wall, as far as its own depth goes, it is no reason not to lend the wall's colours.
+    # Before the wall, as far as its own depth goes, it is no reason not to take the wall's colours.
     for inverse, shown, above in ((1 / DEPTH, FLAT, False), (1 / DEPTH, with_poster(3 / DEPTH), True)):
         reprojected = DisocclusionFill(shot(), view).reprojected(MIDDLE, Canvas(LENS), picture, shown)
         _, known = reprojected.colours(BESIDE, np.full(len(BESIDE), inverse))
@@ -222,9 +222,9 @@ def test_what_goes_on_past_the_border_hides_what_is_behind() -> None:
         MIDDLE, Canvas(LENS), to_linear(view(MIDDLE)), shown
     )
     places = np.argwhere(board)[:, ::-1] + 0.5
-    sight = next(s for s in reprojected.sights if s.other.frame == MIDDLE - 1)
-    assert np.isnan(sight.colours(places, np.full(len(places), 1 / DEPTH))).all()
-    assert np.isfinite(sight.colours(places + np.array([38, 0]), np.full(len(places), 1 / DEPTH))).all()
+    source = next(s for s in reprojected.sources if s.other.frame == MIDDLE - 1)
+    assert np.isnan(source.colours(places, np.full(len(places), 1 / DEPTH))).all()
+    assert np.isfinite(source.colours(places + np.array([38, 0]), np.full(len(places), 1 / DEPTH))).all()
 
 
 def test_what_another_frame_sees_from_close_by_hides_all_of_what_is_behind() -> None:
@@ -241,14 +241,14 @@ def test_what_another_frame_sees_from_close_by_hides_all_of_what_is_behind() -> 
     reprojected = DisocclusionFill(shot_ahead, lambda frame: view(MIDDLE)).reprojected(
         1, Canvas(LENS), to_linear(view(MIDDLE)), shown
     )
-    assert len(reprojected.sights) == 3
+    assert len(reprojected.sources) == 3
     assert not any(
-        np.isfinite(s.colours(places, np.full(len(places), 1 / DEPTH))).any() for s in reprojected.sights
+        np.isfinite(s.colours(places, np.full(len(places), 1 / DEPTH))).any() for s in reprojected.sources
     )
 
 
-def test_no_colour_of_a_silhouette_is_lent() -> None:
-    """Beside a board the wall's colours are lent, not the board's nor any that are both's."""
+def test_no_colour_of_a_silhouette_is_taken() -> None:
+    """Beside a board the wall's colours are taken, not the board's nor any that are both's."""
     board = np.zeros((HEIGHT, WIDTH), bool)
     board[:, 40:52] = True
     shown = np.where(board, 2 / DEPTH, FLAT)
@@ -274,7 +274,7 @@ def test_no_colour_of_a_silhouette_is_lent() -> None:
     np.testing.assert_allclose(colour[known], truth(near)[known], atol=2e-3)
 
 
-def test_a_single_frame_lends_only_colours_like_those_around() -> None:
+def test_a_single_frame_gives_only_colours_like_those_around() -> None:
     """Something red stood in the only frame that sees behind a board; nobody says that it moves."""
     board = np.zeros((HEIGHT, WIDTH), bool)
     board[:, 40:60] = True
@@ -294,7 +294,7 @@ def test_a_single_frame_lends_only_colours_like_those_around() -> None:
             MIDDLE, Canvas(LENS), to_linear(view(MIDDLE)), shown
         )
         alone = replace(
-            reprojected, sights=tuple(s for s in reprojected.sights if s.other.frame == MIDDLE - 2)
+            reprojected, sources=tuple(s for s in reprojected.sources if s.other.frame == MIDDLE - 2)
         )
         _, known = alone.colours(places, np.full(len(places), 1 / DEPTH))
         shares.append(known.mean())

@@ -7,24 +7,23 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from addon.core.base.arrays import Floats, LinearRGB, Mask
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Intrinsics
-from addon.core.depth.joint_upsampling import enlarged
+from addon.core.depth.joint_upsampling import upsampled
 from addon.core.lens.aperture_sampling import vogel_disc
 from addon.core.lens.focus import exact_registration
 from addon.core.lens.plan import FramePlan
 from addon.core.lens.thin_lens import ThinLens
-from addon.core.warp import layered_depth_image as ldi
-from addon.core.warp import layered_mesh
-from addon.core.warp.layered_depth_image import inpainted, layered, peeled
+from addon.core.warp.layered_depth_image import LayeredDepthImage, depth_peel, inpainted, split
+from addon.core.warp.layered_mesh import FINER, LayeredMeshOptions
 from addon.core.warp.layered_mesh import layer_mesh as make_mesh
 from addon.core.warp.mesh import WarpMesh
-from addon.core.warp.quadtree import AT_SILHOUETTES, Surfaces, triangulate
+from addon.core.warp.quadtree import QuadtreeOptions, Surfaces, triangulate
 from addon.render import cycles_views, gpu_views
 
 from .. import planes
 
-Floats = NDArray[np.float64]
 SIZE = (120, 160)
 Y, X = np.mgrid[: SIZE[0], : SIZE[1]] + 0.5
 
@@ -65,9 +64,14 @@ def one(depth: Floats) -> Surfaces:
     return Surfaces(depth, depth, depth, none, none, none)
 
 
-def of(found: ldi.LayeredDepthImage) -> Surfaces:
+def of(found: LayeredDepthImage) -> Surfaces:
     return Surfaces(
-        found.front_shift, found.near_shift, found.back_shift, found.mixed, found.is_far, found.hidden
+        found.front_disparity,
+        found.near_disparity,
+        found.back_disparity,
+        found.mixed,
+        found.is_far,
+        found.disoccluded,
     )
 
 
@@ -79,15 +83,15 @@ def test_a_plane_takes_few_triangles() -> None:
 
 
 def test_a_silhouette_takes_few_triangles_of_each_surface() -> None:
-    taken = layered(scene(), SHIFT)
+    taken = split(scene(), SHIFT, 1.0, 1.0)
     found = triangulate(of(taken), 4.0, 0.2)
     assert len(found.far) + len(found.near) < 0.05 * 2 * SIZE[0] * SIZE[1]
     assert not len(found.cut)
     assert np.abs(areas(found.far, SIZE[1])).sum() == (SIZE[0] - 1) * (SIZE[1] - 1)
-    far, near = interpolated(taken.back_shift, found.far), interpolated(taken.near_shift, found.near)
+    far, near = interpolated(taken.back_disparity, found.far), interpolated(taken.near_disparity, found.near)
     np.testing.assert_allclose(far[cover() == 0], FAR, atol=0.4)
-    np.testing.assert_allclose(far[taken.hidden], FAR, atol=1.6)
-    assert np.median(np.abs(far[taken.hidden] - FAR)) < 0.2
+    np.testing.assert_allclose(far[taken.disoccluded], FAR, atol=1.6)
+    assert np.median(np.abs(far[taken.disoccluded] - FAR)) < 0.2
     rim = (cover() > 0) & (np.hypot(X - 80, Y - 60) > DISC - 3)
     np.testing.assert_allclose(near[rim], NEAR, atol=0.4)
     assert found.before[rim].all()
@@ -98,19 +102,21 @@ def test_nothing_spans_a_jump_where_three_surfaces_meet() -> None:
     shift[50:70, 70:90] = 50.0
     picture = np.ones((*SIZE, 4), np.float32)
     picture[..., :3] = (shift / 60)[..., None]
-    taken = layered(picture, shift)
+    taken = split(picture, shift, 1.0, 1.0)
     found = triangulate(of(taken), 2.0, 0.2)
     assert len(found.cut)
-    assert np.ptp(taken.front_shift.ravel()[found.cut], axis=1).max() <= 2
+    assert np.ptp(taken.front_disparity.ravel()[found.cut], axis=1).max() <= 2
     cut, near, far = (
         np.nan_to_num(interpolated(*pair), nan=-1)
         for pair in (
-            (taken.front_shift, found.cut), (taken.near_shift, found.near), (taken.back_shift, found.far)
+            (taken.front_disparity, found.cut),
+            (taken.near_disparity, found.near),
+            (taken.back_disparity, found.far),
         )
     )  # fmt: skip
     # The near surface is transparent past its silhouettes.
     top = np.maximum(np.maximum(cut, np.where(taken.is_far, -1, near)), far)
-    assert (np.abs(top - taken.front_shift) < 1).mean() > 0.97
+    assert (np.abs(top - taken.front_disparity) < 1).mean() > 0.97
 
 
 @pytest.mark.parametrize("error", [0.05, 0.3])
@@ -122,7 +128,7 @@ def test_the_error_is_bounded_and_there_are_no_cracks(error: float) -> None:
     # A fan's triangles are smaller than the two that were measured, but not the same; what is steep may
     # be off by more.
     assert np.quantile(np.abs(found - depth), 0.9) < error
-    assert np.abs(found - depth).max() < 1.5 * AT_SILHOUETTES * error
+    assert np.abs(found - depth).max() < 1.5 * QuadtreeOptions.silhouette_error * error
     total = np.abs(areas(triangles, SIZE[1])).sum()
     assert total == (SIZE[0] - 1) * (SIZE[1] - 1)
 
@@ -170,54 +176,54 @@ SHIFT = np.where(cover() > 0.5, NEAR, FAR)
 
 def test_both_layers_together_are_the_picture() -> None:
     picture = scene()
-    found = layered(picture, SHIFT)
+    found = split(picture, SHIFT, 1.0, 1.0)
     composed = found.front[..., :3] + (1 - found.front[..., 3:]) * found.back[..., :3]
     np.testing.assert_allclose(composed, picture[..., :3], atol=2e-3)
     assert found.front[..., 3].min() >= 0 and found.front[..., 3].max() <= 1
 
 
 def test_a_silhouettes_pixels_know_their_share() -> None:
-    found = layered(scene(), SHIFT)
-    share = np.where(found.front_shift > (NEAR + FAR) / 2, found.front[..., 3], 0)
+    found = split(scene(), SHIFT, 1.0, 1.0)
+    share = np.where(found.front_disparity > (NEAR + FAR) / 2, found.front[..., 3], 0)
     # As far as the wall's own texture, which is in neither surface's mean, lets it be known.
     assert np.abs(share - cover()).max() < 0.2
     assert np.abs(share - cover()).mean() < 0.003
 
 
 def test_what_is_behind_is_carried_on_as_far_as_the_aperture_sees() -> None:
-    found = layered(scene(), SHIFT)
+    found = split(scene(), SHIFT, 1.0, 1.0)
     depth_within = DISC - np.hypot(X - 80, Y - 60)
     near_edge = (depth_within > 0) & (depth_within < NEAR - FAR)
-    assert (found.hidden | found.mixed)[near_edge].all()
-    assert not found.hidden[depth_within > NEAR - FAR + 4].any()
-    assert not found.hidden[depth_within < -5].any()
-    np.testing.assert_allclose(found.back_shift[near_edge], FAR, atol=0.01)
+    assert (found.disoccluded | found.mixed)[near_edge].all()
+    assert not found.disoccluded[depth_within > NEAR - FAR + 4].any()
+    assert not found.disoccluded[depth_within < -5].any()
+    np.testing.assert_allclose(found.back_disparity[near_edge], FAR, atol=0.01)
     assert not (found.is_far & (cover() > 0)).any()
-    np.testing.assert_allclose(found.near_shift[found.is_far], NEAR, atol=0.01)
+    np.testing.assert_allclose(found.near_disparity[found.is_far], NEAR, atol=0.01)
     # No yellow gets behind the disc: it has a third of the wall's blue.
     assert found.back[near_edge][:, 2].min() > 0.28
     assert np.abs(found.back[..., :3] - wall())[near_edge].mean() < 0.12
 
 
 def test_other_frames_colours_are_taken_where_there_are_any() -> None:
-    def fill(shift: Floats, asked: ldi.Mask) -> tuple[ldi.Picture, ldi.Mask]:
+    def fill(shift: Floats, asked: Mask) -> tuple[LinearRGB, Mask]:
         assert shift.shape == SIZE and asked.any()
         return wall().astype(np.float32), X < 80
 
-    found = layered(scene(), SHIFT, fill)
-    assert found.borrowed.any() and not found.borrowed[X >= 80].any()
+    found = split(scene(), SHIFT, 1.0, 1.0, fill)
+    assert found.reprojected.any() and not found.reprojected[X >= 80].any()
     error = np.abs(found.back[..., :3] - wall())
-    assert error[found.borrowed].max() < 1e-6
+    assert error[found.reprojected].max() < 1e-6
 
 
 def test_what_other_frames_see_beside_a_silhouette_tells_its_pixels_shares() -> None:
-    def fill(shift: Floats, asked: ldi.Mask) -> tuple[ldi.Picture, ldi.Mask]:
+    def fill(shift: Floats, asked: Mask) -> tuple[LinearRGB, Mask]:
         return wall().astype(np.float32), np.ones(SIZE, bool)
 
-    def misled(shift: Floats, asked: ldi.Mask) -> tuple[ldi.Picture, ldi.Mask]:
+    def misled(shift: Floats, asked: Mask) -> tuple[LinearRGB, Mask]:
         return np.full((*SIZE, 3), 5, np.float32), np.ones(SIZE, bool)
 
-    guessed, told, wrong = (layered(scene(), SHIFT, how) for how in (None, fill, misled))
+    guessed, told, wrong = (split(scene(), SHIFT, 1.0, 1.0, how) for how in (None, fill, misled))
     off = [np.abs(found.front[..., 3] - cover())[found.mixed] for found in (guessed, told, wrong)]
     print("share of a silhouette's pixel, mean error", *(f"{part.mean():.3f}" for part in off))
     assert off[1].mean() < 0.5 * off[0].mean()
@@ -228,17 +234,17 @@ def test_what_other_frames_see_beside_a_silhouette_tells_its_pixels_shares() -> 
 
 def test_no_jump_no_layer() -> None:
     picture = scene()
-    found = layered(picture, 0.02 * X)
-    assert not found.hidden.any()
+    found = split(picture, 0.02 * X, 1.0, 1.0)
+    assert not found.disoccluded.any()
     np.testing.assert_array_equal(found.front, picture)
 
 
 def test_no_surface_no_split() -> None:
     """What is left behind the disc is a wall, without a silhouette where the guess about it ends."""
     for jumps in ((4.0, 1.0), (1.0,), (20.0, 1.0)):
-        splits = peeled(scene(), SHIFT, jumps=jumps)
+        splits = depth_peel(scene(), SHIFT, jumps=jumps)
         assert len(splits) == 1 and splits[0].mixed.any()
-    (nothing,) = peeled(scene(), 0.02 * X, jumps=(4.0, 1.0))
+    (nothing,) = depth_peel(scene(), 0.02 * X, jumps=(4.0, 1.0))
     assert not nothing.mixed.any()
 
 
@@ -271,17 +277,17 @@ def before_house(gable: float = GABLE) -> Floats:
 
 
 def test_where_silhouettes_cross_three_surfaces_are_kept_apart() -> None:
-    first, second = peeled(house(), before_house(), jumps=(5.0, 1.0))
+    first, second = depth_peel(house(), before_house(), jumps=(5.0, 1.0))
     # The disc is gone from what is left, and the roof goes on behind it.
     rim = (cover() > 0) & (np.hypot(X - 80, Y - 60) > DISC - 4)
-    assert np.isin(np.round(first.back_shift[rim], 1), [MIDDLE, FAR]).mean() > 0.9
+    assert np.isin(np.round(first.back_disparity[rim], 1), [MIDDLE, FAR]).mean() > 0.9
     assert second.mixed[int(GABLE), 90 : 80 + int(DISC)].any()
     beside = (np.abs(Y - GABLE) < 2) & (cover() == 0)
     assert not first.mixed[beside & (np.abs(X - 80) > DISC + 3)].any()
     assert second.mixed[beside & (np.abs(Y - GABLE) < 1)].all()
 
 
-def hidden_colours(shift: Floats, asked: ldi.Mask) -> tuple[ldi.Picture, ldi.Mask]:
+def hidden_colours(shift: Floats, asked: Mask) -> tuple[LinearRGB, Mask]:
     """The colours of what is behind the disc, by its depth."""
     margin = (shift.shape[0] - SIZE[0]) // 2
     inner = slice(margin, margin + SIZE[0]), slice(margin, margin + SIZE[1])
@@ -292,21 +298,19 @@ def hidden_colours(shift: Floats, asked: ldi.Mask) -> tuple[ldi.Picture, ldi.Mas
 
 
 @pytest.mark.parametrize("focus", [NEAR, FAR])
-def test_three_surfaces_make_better_views_than_two(monkeypatch: pytest.MonkeyPatch, focus: float) -> None:
+def test_three_surfaces_make_better_views_than_two(focus: float) -> None:
     offsets, canvas = vogel_disc(24), Canvas(LENS)
     registration = exact_registration(canvas, offsets, focus / 150)
-    found: dict[float, list[float]] = {layered_mesh.LARGE: [], 0.0: []}
+    found: dict[float, list[float]] = {LayeredMeshOptions.first_jump: [], 0.0: []}
     for gable in GABLES:
         true = np.mean([house(x, y, focus, gable)[..., :3] for x, y in -offsets], axis=0)
         crossing = (np.abs(Y - gable) < 12) & (np.abs(np.abs(X - 80) - DISC) < 12)
         for large, scores in found.items():
-            monkeypatch.setattr(layered_mesh, "LARGE", large)
+            options = LayeredMeshOptions(first_jump=large)
             mesh, texture, _ = make_mesh(
-                house(gable=gable), before_house(gable), focus, 150.0, fill=hidden_colours
+                house(gable=gable), before_house(gable), focus, 150.0, fill=hidden_colours, options=options
             )
-            made = FramePlan(
-                1, canvas, ThinLens(LENS, 1.0, focus / 150), mesh, offsets, registration, 16.0, False
-            )
+            made = planned(canvas, focus, mesh, offsets, registration)
             scores.append(psnr(drawn(made, texture)[crossing][:, :3].astype(np.float64), true[crossing]))
     three, two = found.values()
     for gable, of_three, of_two in zip(GABLES, three, two, strict=True):
@@ -317,17 +321,17 @@ def test_three_surfaces_make_better_views_than_two(monkeypatch: pytest.MonkeyPat
     assert focus == FAR or np.min(np.subtract(three, two)) > 0.5
 
 
-def test_a_surface_does_not_tear_between_two_silhouettes(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_surface_does_not_tear_between_two_silhouettes() -> None:
     """The house is behind the disc, and before the wall: near the one it is the far surface, near the other
     the near one, and between them it goes on."""
-    monkeypatch.setattr(layered_mesh, "LARGE", 0.0)
+    options = LayeredMeshOptions(first_jump=0.0)
     canvas = Canvas(LENS)
     for offset in np.array([[0.0, 0.95], [0.7, 0.7]]):
         registration = exact_registration(canvas, offset[None], NEAR / 150)
-        mesh, texture, _ = make_mesh(house(), before_house(), NEAR, 150.0, fill=hidden_colours)
-        made = FramePlan(
-            1, canvas, ThinLens(LENS, 1.0, NEAR / 150), mesh, offset[None], registration, 16.0, False
+        mesh, texture, _ = make_mesh(
+            house(), before_house(), NEAR, 150.0, fill=hidden_colours, options=options
         )
+        made = planned(canvas, NEAR, mesh, offset[None], registration)
         view = drawn(made, texture)
         x, y = -offset
         error = np.abs(view[..., :3] - house(x, y, NEAR)[..., :3]).max(axis=2)
@@ -360,9 +364,7 @@ def plan(
     offsets = vogel_disc(count)
     canvas = Canvas(LENS)
     registration = exact_registration(canvas, offsets, focus / 150)
-    return FramePlan(
-        1, canvas, ThinLens(LENS, 1.0, focus / 150), mesh, offsets, registration, 16.0, False
-    ), texture
+    return planned(canvas, focus, mesh, offsets, registration), texture
 
 
 def truth(focus: float, offsets: Floats) -> Floats:
@@ -422,16 +424,16 @@ def test_cycles_draws_the_same() -> None:
 
 def test_what_is_displaced_out_of_the_picture_comes_back() -> None:
     mesh, texture, _ = make_mesh(scene(), 3 * SHIFT * SIZE[1] / NEAR, FAR, 150.0)
-    margin = layered_mesh.WIDEST * SIZE[1] + 2
+    margin = LayeredMeshOptions.widest * SIZE[1] + 2
     assert mesh.xy.min() == 0.5 - margin
-    assert np.abs(150 * mesh.inverse_depth - FAR).max() <= layered_mesh.WIDEST * SIZE[1] + 1e-9
-    assert texture.shape[1] == layered_mesh.FINER * (SIZE[1] + 2 * margin)
+    assert np.abs(150 * mesh.inverse_depth - FAR).max() <= LayeredMeshOptions.widest * SIZE[1] + 1e-9
+    assert texture.shape[1] == FINER * (SIZE[1] + 2 * margin)
 
 
-def test_a_large_texture_is_left_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_large_texture_is_left_as_it_is() -> None:
     fine, finer = make_mesh(scene(), SHIFT, FAR, 150.0)[:2]
-    monkeypatch.setattr(layered_mesh, "LARGEST_TEXTURE", 1)
-    plain, texture = make_mesh(scene(), SHIFT, FAR, 150.0)[:2]
+    coarse = LayeredMeshOptions(largest_texture=1)
+    plain, texture = make_mesh(scene(), SHIFT, FAR, 150.0, options=coarse)[:2]
     assert finer.shape[0] == 2 * texture.shape[0]
     np.testing.assert_allclose(fine.texture_xy, 2 * plain.texture_xy - 0.5)
 
@@ -446,7 +448,7 @@ def test_a_jump_lies_at_the_large_pictures_edge() -> None:
     picture = np.zeros((height, width, 4), np.float32)
     picture[..., :3] = np.where(x < edge, 0.1, 0.8)[None, :, None]
     small = np.where(X < 81.3, 0.5, 2.0)
-    found = enlarged(small, picture)
+    found = upsampled(small, picture)
     assert set(np.unique(found)) == {0.5, 2.0}
     assert np.abs((found > 1).argmax(axis=1) + 0.5 - edge).max() <= 1
 
@@ -454,9 +456,9 @@ def test_a_jump_lies_at_the_large_pictures_edge() -> None:
 def test_smooth_depth_stays_smooth() -> None:
     small = 1 + 0.001 * X
     picture = np.repeat(np.float32(planes.texture(4 * SIZE[1], 4 * SIZE[0], 0))[..., None] / 255, 4, axis=2)
-    found = enlarged(small, picture)
+    found = upsampled(small, picture)
     assert found.shape == (4 * SIZE[0], 4 * SIZE[1])
     expected = cv2.resize(small, found.shape[::-1], interpolation=cv2.INTER_LINEAR)
     np.testing.assert_allclose(found[8:-8, 8:-8], expected[8:-8, 8:-8], atol=1e-4)
-    same = enlarged(small, picture[: SIZE[0], : SIZE[1]])
+    same = upsampled(small, picture[: SIZE[0], : SIZE[1]])
     np.testing.assert_array_equal(same, small)

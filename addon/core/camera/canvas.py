@@ -8,17 +8,16 @@ from functools import cached_property
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import Floats, LinearRGBA
 from ..base.errors import UserError
-from .reconstruction import Floats, Intrinsics
-
-Picture = NDArray[np.float32]
+from .reconstruction import Intrinsics
 
 MAX_PADDING = 0.5
-"""Strong barrel distortion sends corners to infinity: at most this share of the side can be padded."""
-BAND = 256
-"""Rows that are resampled at once: a map of places in double precision takes more room than the picture."""
+"""Share of the side that can be padded on either side at most, as strong barrel distortion sends corners to
+infinity. By eye."""
+CHUNK = 256
+"""Rows that are resampled at once, as their places in double precision take more room than the picture."""
 
 
 @dataclass(frozen=True)
@@ -82,30 +81,32 @@ class Canvas:
         rays = (xy - self.pinhole.principal_point) / self.pinhole.focal
         return np.asarray(self.lens.distort(rays) * self.lens.focal + self.lens.principal_point)
 
-    def from_source(self, picture: Picture) -> Picture:
+    def from_source(self, picture: LinearRGBA) -> LinearRGBA:
         """(H, W, 4) float32 source frame -> the canvas picture, mirrored where the lens saw nothing."""
         if not self.lens.is_distorted:
             return picture
         return _resampled(picture, self.pinhole.width, self.pinhole.height, self.features_to_source)
 
-    def to_source(self, picture: Picture) -> Picture:
+    def to_source(self, picture: LinearRGBA) -> LinearRGBA:
         """(h, w, 4) float32 canvas picture -> (H, W, 4) in the geometry of the source frame."""
         if not self.lens.is_distorted:
             return picture
         return _resampled(picture, self.lens.width, self.lens.height, self.features_from_source)
 
 
-def _resampled(picture: Picture, width: int, height: int, place: Callable[[Floats], Floats]) -> Picture:
-    """(height, width, 4) of a picture's pixels at place(pixel centres (h, w, 2))."""
+def _resampled(picture: LinearRGBA, width: int, height: int, place: Callable[[Floats], Floats]) -> LinearRGBA:
+    """(height, width, 4) of a picture: each pixel is that at `place`, which takes pixel centres (h, w, 2) to
+    pixels (h, w, 2) of the picture."""
     result = np.empty((height, width, picture.shape[2]), dtype=np.float32)
-    for first in range(0, height, BAND):
-        rows = np.arange(first, min(first + BAND, height))
+    for first in range(0, height, CHUNK):
+        rows = np.arange(first, min(first + CHUNK, height))
         grid = np.stack(np.meshgrid(np.arange(width) + 0.5, rows + 0.5), axis=-1)
         result[rows] = _sample(picture, place(grid))
     return result
 
 
-def _sample(picture: Picture, xy: Floats) -> Picture:
+def _sample(picture: LinearRGBA, xy: Floats) -> LinearRGBA:
+    """(h, w, 4) of a picture at pixels (h, w, 2), mirrored past its border."""
     # OpenCV counts from the centre of the first pixel, COLMAP from its corner. Lanczos keeps the
     # sharpness that two bilinear passes would lose; its overshoot below black is cut.
     at = (xy - 0.5).astype(np.float32)

@@ -12,11 +12,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import Floats as Floats
+from ..base.arrays import Ints as Ints
 from ..base.errors import UserError
 from .intrinsics import Intrinsics as Intrinsics
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int32]
 
 MEDIAN_DEPTH = 10.0
 """Median distance between cameras and points after `normalise`, in scene units."""

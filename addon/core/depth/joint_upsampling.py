@@ -2,21 +2,29 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import Floats, LinearRGBA
 from ..base.progress import checkpoint
-from ..camera.canvas import Picture
-from ..camera.reconstruction import Floats
-
-ALIKE = 0.04
-"""Distance of two colours (display values, 0 to 1) that counts as much as a pixel of the small picture."""
-STEP = 0.03
-"""Of the largest inverse depth; where neighbours differ by more, one is taken instead of their mean."""
 
 
-def enlarged(depth: NDArray[np.floating], picture: Picture) -> Floats:
+@dataclass(frozen=True)
+class UpsamplingOptions:
+    """When a pixel takes one neighbour's depth instead of their mean, and whose."""
+
+    colour_distance: float = 0.04
+    """Distance of colours (display values, 0 to 1) that counts as much as a small picture's pixel. By eye."""
+    discontinuity: float = 0.03
+    """Share of the largest inverse depth; where neighbours differ by more, none is a mean. By eye."""
+
+
+def upsampled(
+    depth: NDArray[np.floating], picture: LinearRGBA, options: UpsamplingOptions = UpsamplingOptions()
+) -> Floats:
     """(H, W) of small inverse depths (h, w), their jumps where the large picture (H, W, 4) has its edges.
 
     Of the four neighbours in the small picture the one is taken that is nearest and most alike in colour.
@@ -31,7 +39,7 @@ def enlarged(depth: NDArray[np.floating], picture: Picture) -> Floats:
     x = (np.arange(width, dtype=np.float32) + 0.5) * (small.shape[1] / width) - 0.5
     y = (np.arange(height, dtype=np.float32) + 0.5) * (small.shape[0] / height) - 0.5
     best = np.full((height, width), np.inf, np.float32)
-    chosen, total = np.zeros_like(best), np.zeros_like(best)
+    chosen, bilinear = np.zeros_like(best), np.zeros_like(best)
     low, high = np.full_like(best, np.inf), np.full_like(best, -np.inf)
     for row in (np.floor(y), np.floor(y) + 1):
         for column in (np.floor(x), np.floor(x) + 1):
@@ -41,10 +49,11 @@ def enlarged(depth: NDArray[np.floating], picture: Picture) -> Floats:
                 np.clip(column, 0, small.shape[1] - 1).astype(int),
             )
             value = small[at]
-            share = (1 - np.abs(y - row))[:, None] * (1 - np.abs(x - column))
-            off = np.linalg.norm(shown - guide[at], axis=2) / ALIKE + (1 - share)
+            weight = (1 - np.abs(y - row))[:, None] * (1 - np.abs(x - column))
+            off = np.linalg.norm(shown - guide[at], axis=2) / options.colour_distance + (1 - weight)
             nearer = off < best
             best, chosen = np.where(nearer, off, best), np.where(nearer, value, chosen)
-            total += share * value
+            bilinear += weight * value
             low, high = np.minimum(low, value), np.maximum(high, value)
-    return np.where(high - low > STEP * float(small.max(initial=0)), chosen, total).astype(np.float64)
+    jumps = high - low > options.discontinuity * float(small.max(initial=0))
+    return np.where(jumps, chosen, bilinear).astype(np.float64)

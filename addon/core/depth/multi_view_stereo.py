@@ -7,60 +7,92 @@ each pixel's inverse depth; pixels whose motion contradicts it move by themselve
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import Bytes, Floats, Map, Mask
 from ..base.lru_cache import LRUCache
 from ..base.progress import checkpoint
 from ..camera.canvas import Canvas
-from ..camera.reconstruction import Floats, Image, Intrinsics, Reconstruction, seen_by
+from ..camera.reconstruction import Image, Intrinsics, Reconstruction, seen_by
 from ..media.clip import encode_srgb
 from ..media.picture_file import Pixels
-from .completion import pin, settle, smooth, splat, spread
-from .motion_segmentation import MASKED, SMALLEST, covered_pixels, moving_pixels
-from .plane_sweep import TRUNCATED, Bytes, Map, View, lowest, semiglobal, small_picture, sweep
+from .completion import CompletionOptions, add_sparse_prior, interpolate, place_movers, smooth, splat
+from .motion_segmentation import MASKED, MotionOptions, moving_pixels, occluding_pixels
+from .plane_sweep import SweepOptions, View, best_levels, semiglobal, small_picture, sweep
 from .sparse import frame_features
-from .view_selection import Neighbour, choose, relative_pose
+from .view_selection import Neighbour, SelectionOptions, relative_pose, select_source_views
 
-Mask = NDArray[np.bool_]
 Moving = Callable[[int], Mask | None]
 """(h, w), at any size, what moves by itself in a source frame; None where nothing is known of it."""
 
-LONGEST, COARSE = 960, 320
-"""Pixels of the longer side that is worked at: past it, time and memory grow and a blur gains little; and
-where only what moves is asked for."""
-KEPT = 40
-"""Pictures that are remembered, so that a clip taken in order reads each frame about once."""
-WIDEST = 0.1
-"""Of the picture's longer side, by which the scene's depths should move apart in the farthest neighbour."""
-DEPTH_SHARES = (1.0, 0.6, 0.3)
-"""Of that, in the neighbours on either side that the sweep uses,"""
-MOTION_SHARES = (0.12, 0.05)
-"""and in those that tell what moves: so close that little is hidden in them."""
-STEP = 1.25
-"""Pixels between two levels in the farthest neighbour."""
-LEAST_LEVELS, MOST_LEVELS = 16, 64
-LEAST_PARALLAX, SURE_PARALLAX = 1.0, 8.0
-"""Pixels in the farthest neighbour: with less there are only sparse points; from so much on it is sure."""
-PROBE_SHARES, PROBE_ZOOM, PROBE_LEVELS = (0.5, 0.25), 4, 48
-"""Of the coarse sweep that looks for what stands nearer than all points; so many times smaller."""
-BEYOND, PROBE_SHARE = 3.0, 0.01
-"""How much nearer than all points something may be, and the share of the picture that tells so."""
-SPARE = 0.2
-"""Of the points' range of inverse depths, that is searched beyond it."""
-FEWEST, MANY = 8, 100
-"""Points that tell a range, and of the frame's own as many as tell it alone."""
-BLIND = 0.3
-"""Of the width, that the nearest thing moves in the farthest frame where they do not."""
-MARGIN, RIVALS = 3.0, 0.2
-"""A level that costs so little more than the best is a rival; with so large a share of them, none is sure."""
-AROUND, TELLS = 9, 0.4
-"""Pixels across, and grey levels by which the best level there must beat the mean, to tell anything."""
-POOR = 0.875
-"""Of the largest mismatch, at which nothing was found at all."""
+
+@dataclass(frozen=True)
+class StereoOptions:
+    """Dense depth of a single frame. Set by eye, then judged together on the scenes with true depth by
+    `python -m benchmarks.accuracy.dense_depth`."""
+
+    long_side: int = 960
+    """Pixels of the longer side that is worked at. Past it, time and memory grow and a blur gains little."""
+    kept_pictures: int = 40
+    """Pictures that are remembered, so that a clip taken in order reads each frame about once. By eye."""
+    widest_parallax: float = 0.1
+    """Of the longer side, by which the scene's depths should move apart in the farthest neighbour. By eye."""
+    depth_parallaxes: tuple[float, ...] = (1.0, 0.6, 0.3)
+    """Of the widest parallax, in the neighbours on either side that the sweep uses. By eye."""
+    motion_parallaxes: tuple[float, ...] = (0.12, 0.05)
+    """Of the widest parallax, in the neighbours on either side that tell what moves: so close that little is
+    hidden in them. By eye."""
+    level_step: float = 1.25
+    """Pixels in the farthest neighbour between two depth levels. By eye."""
+    levels: tuple[int, int] = (16, 64)
+    """Least and largest number of depth levels. By eye."""
+    least_parallax: float = 1.0
+    """Pixels in the farthest neighbour; with less there is only the depth of sparse points. By eye."""
+    sure_parallax: float = 8.0
+    """Pixels in the farthest neighbour from which on depth is as sure as its matches. By eye."""
+    probe_parallaxes: tuple[float, ...] = (0.5, 0.25)
+    """Of the widest parallax, in the coarse sweep that looks for what is nearer than all points. By eye."""
+    probe_zoom: int = 4
+    """Times that the pictures of that coarse sweep are smaller. By eye."""
+    probe_levels: int = 48
+    """Depth levels of that coarse sweep. By eye."""
+    probe_reach: float = 3.0
+    """Times the largest inverse depth of the points, up to which that coarse sweep looks. By eye."""
+    probe_share: float = 0.01
+    """Share of the picture that must be nearer than all points to be believed. By eye."""
+    range_margin: float = 0.2
+    """Of the points' range of inverse depths, that is searched beyond it. By eye."""
+    least_points: int = 8
+    """Points that tell a range of depths. By eye."""
+    many_points: int = 100
+    """Points of the frame's own that tell its range without those of other frames. By eye."""
+    blind_parallax: float = 0.3
+    """Of the width, that the nearest thing moves in the farthest frame where no points are. By eye."""
+    rival_margin: float = 3.0
+    """Summed cost in grey levels: a level within so much of the best one is its rival. By eye."""
+    rival_share: float = 0.2
+    """Share of levels that are rivals with which the best one means nothing. By eye."""
+    texture_window: int = 9
+    """Pixels across the window in which the best level must beat the mean one. By eye."""
+    least_texture: float = 0.4
+    """Grey levels by which the best level must beat the mean there to tell anything. By eye."""
+    no_match: float = 0.875
+    """Of the truncated mismatch, at which nothing was found at all. By eye."""
+    selection: SelectionOptions = field(default_factory=SelectionOptions)
+    """How the neighbours are chosen."""
+    sweep: SweepOptions = field(default_factory=SweepOptions)
+    """Matching cost and semiglobal matching."""
+    completion: CompletionOptions = field(default_factory=CompletionOptions)
+    """Sparse points, smooth surfaces and the depth of movers."""
+    motion: MotionOptions = field(default_factory=MotionOptions)
+    """What moves by itself."""
+
+
+COARSE = StereoOptions(long_side=320)
+"""Options where only what moves is asked for: a third of the size, by eye."""
 
 
 @dataclass(frozen=True)
@@ -68,8 +100,9 @@ class DenseDepth:
     """Depth of every pixel of one frame, in the geometry of `Canvas.pinhole` at the size worked at."""
 
     frame: int
+    """Number of the source frame."""
     inverse_depth: Map
-    """(h, w) float32 1 / z in the frame's camera, in the reconstruction's own units; finite, not negative."""
+    """(h, w) float32 1 / z in the frame's camera, in 1 / scene units; finite, not negative."""
     confidence: Map
     """(h, w) float32 in [0, 1]: 0 where the depth is only that of the surroundings or the sparse points."""
     moving: Mask
@@ -85,16 +118,14 @@ class PlaneSweepStereo:
         self,
         reconstruction: Reconstruction,
         read: Callable[[int], Pixels],
-        longest: int = LONGEST,
+        options: StereoOptions = StereoOptions(),
         mask: Moving | None = None,
     ) -> None:
-        """`read` gives a frame's picture as `Footage.read` does; `longest` bounds the size worked at.
-
-        `mask` gives what is known to move by itself; more may be found.
-        """
-        self._rec, self._read, self._longest, self._mask = reconstruction, read, longest, mask
-        self._pictures = LRUCache[Bytes](KEPT)
-        self._movers = LRUCache[Mask](KEPT)
+        """`read` gives a frame's picture as `Footage.read` does; `mask` what is known to move by itself: more
+        may be found."""
+        self._rec, self._read, self._options, self._mask = reconstruction, read, options, mask
+        self._pictures = LRUCache[Bytes](options.kept_pictures)
+        self._movers = LRUCache[Mask](options.kept_pictures)
 
     def at(self, frame: int) -> DenseDepth:
         """The depth of a frame.
@@ -102,6 +133,7 @@ class PlaneSweepStereo:
         UserError where the frame or a neighbour cannot be read, no frame is registered, or its lens bends
         more than a flat picture can show.
         """
+        options, completion = self._options, self._options.completion
         image, _ = self._rec.image_at(frame)
         canvas, own = self._canvas(image), self._picture(image)
         shape = (own.shape[0], own.shape[1])
@@ -109,36 +141,42 @@ class PlaneSweepStereo:
         features = frame_features(self._rec, frame, canvas)
         low, high = self._range(image)
         high = self._nearest(image, own, low, high)
+        middle = (low + high) / 2
         known, count = splat(features.observed, features.inverse_depth, shape)
         masked = self._masked(image)
         count[masked] = 0
-        near = self._neighbours(image, (low, high), DEPTH_SHARES)
+        near = self._neighbours(image, (low, high), options.depth_parallaxes)
         widest = max((one.parallax for one in near), default=0.0)
-        usual = float(np.median(features.inverse_depth)) if len(features.points) else (low + high) / 2
-        sparse = np.maximum(spread(guide, known, count, usual), 0)
-        if widest < LEAST_PARALLAX:
+        usual = float(np.median(features.inverse_depth)) if len(features.points) else middle
+        sparse = np.maximum(interpolate(guide, known, count, usual, completion), 0)
+        if widest < options.least_parallax:
             nothing = np.zeros(shape, np.float32)
-            settled = settle(guide, sparse, nothing, masked, np.zeros(shape, bool))
-            return DenseDepth(frame, *settled, canvas.pinhole)
-        levels = np.linspace(low, high, int(np.clip(np.ceil(widest / STEP), LEAST_LEVELS, MOST_LEVELS)))
-        views = [self._view(image, own, one, (low + high) / 2) for one in near]
-        level, confidence = _swept(own, views, levels, guide, known, count)
-        inverse = np.maximum(low + (levels[1] - levels[0]) * smooth(level), 0).astype(np.float32)
-        if widest < SURE_PARALLAX:
-            share = np.float32((widest - LEAST_PARALLAX) / (SURE_PARALLAX - LEAST_PARALLAX))
+            placed = place_movers(guide, sparse, nothing, masked, np.zeros(shape, bool), completion)
+            return DenseDepth(frame, *placed, canvas.pinhole)
+        levels = np.linspace(low, high, int(np.clip(np.ceil(widest / options.level_step), *options.levels)))
+        views = [self._view(image, own, one, middle) for one in near]
+        level, confidence = _swept(own, views, levels, guide, known, count, options)
+        inverse = low + (levels[1] - levels[0]) * smooth(level, completion)
+        inverse = np.maximum(inverse, 0).astype(np.float32)
+        if widest < options.sure_parallax:
+            share = np.float32(
+                (widest - options.least_parallax) / (options.sure_parallax - options.least_parallax)
+            )
             confidence *= share
-            if len(features.points) >= FEWEST:
+            if len(features.points) >= options.least_points:
                 inverse = share * inverse + (1 - share) * sparse
         checkpoint(0.8)
         moving = masked
-        if min(shape) >= SMALLEST:
-            close = self._neighbours(image, (low, high), MOTION_SHARES)
-            closest = [self._view(image, own, one, (low + high) / 2) for one in close]
-            moving = masked | moving_pixels(own, closest, inverse, (low + high) / 2)
+        if min(shape) >= options.motion.least_side:
+            close = self._neighbours(image, (low, high), options.motion_parallaxes)
+            closest = [self._view(image, own, one, middle) for one in close]
+            moving = masked | moving_pixels(own, closest, inverse, middle, options.motion)
         checkpoint(0.9)
         if moving.any():
-            covered = covered_pixels(own, views, inverse, (low + high) / 2)
-            inverse, confidence, moving = settle(guide, inverse, confidence, moving, covered)
+            occluding = occluding_pixels(own, views, inverse, middle, options.motion)
+            inverse, confidence, moving = place_movers(
+                guide, inverse, confidence, moving, occluding, completion
+            )
         return DenseDepth(frame, inverse, confidence, moving, canvas.pinhole)
 
     def moving(self, frame: int) -> Mask:
@@ -146,6 +184,7 @@ class PlaneSweepStereo:
         return self._movers.get(frame, lambda: self._moving(frame))
 
     def _moving(self, frame: int) -> Mask:
+        """(h, w) what moves by itself, with the lens's distortion as the source frame has it."""
         image, _ = self._rec.image_at(frame)
         found, canvas = self.at(frame).moving, self._canvas(image)
         if not canvas.lens.is_distorted:
@@ -158,8 +197,9 @@ class PlaneSweepStereo:
         return np.ascontiguousarray(self._picture(self._rec.image_at(frame)[0])[..., :3])
 
     def _canvas(self, image: Image) -> Canvas:
+        """The undistorted picture of a frame at the size worked at."""
         lens = self._rec.intrinsics(image)
-        zoom = min(1.0, self._longest / max(lens.width, lens.height))
+        zoom = min(1.0, self._options.long_side / max(lens.width, lens.height))
         return Canvas(lens.scaled(max(round(lens.width * zoom), 1), max(round(lens.height * zoom), 1)))
 
     def _picture(self, image: Image) -> Bytes:
@@ -167,6 +207,7 @@ class PlaneSweepStereo:
         return self._pictures.get(image.frame, lambda: self._shown(image))
 
     def _shown(self, image: Image) -> Bytes:
+        """The picture (h, w, 4) that `_picture` remembers."""
         canvas = self._canvas(image)
         size = (canvas.lens.width, canvas.lens.height)
         checkpoint()
@@ -184,8 +225,8 @@ class PlaneSweepStereo:
             return np.zeros((canvas.pinhole.height, canvas.pinhole.width), bool)
         size = (canvas.lens.width, canvas.lens.height)
         share = cv2.resize(mask.astype(np.uint8) * np.uint8(255), size, interpolation=cv2.INTER_AREA)
-        alone = np.dstack([share] * 4)
-        return np.asarray((_straightened(alone, canvas) if canvas.lens.is_distorted else alone)[..., 0] > 127)
+        shown = np.dstack([share] * 4)
+        return np.asarray((_straightened(shown, canvas) if canvas.lens.is_distorted else shown)[..., 0] > 127)
 
     def _range(self, image: Image) -> tuple[float, float]:
         """Least and largest inverse depth that anything in a frame may have."""
@@ -196,74 +237,91 @@ class PlaneSweepStereo:
             inside = ahead & np.all((xy > 0) & (xy < [lens.width, lens.height]), axis=1)
         # Points that other frames saw may be hidden here, and are less certain.
         own = np.isin(np.arange(len(inside)), image.points)
-        inside &= own | (np.count_nonzero(inside & own) < MANY)
-        if inside.sum() < FEWEST:
+        inside &= own | (np.count_nonzero(inside & own) < self._options.many_points)
+        if inside.sum() < self._options.least_points:
             far = max(float(np.linalg.norm(other.centre - image.centre)) for other in self._rec.images)
-            return 0.0, BLIND * lens.width / lens.fx / far if np.isfinite(far) and far > 0 else 1.0
+            nearest = self._options.blind_parallax * lens.width / lens.fx
+            return 0.0, nearest / far if np.isfinite(far) and far > 0 else 1.0
         low, high = np.percentile(1 / local[inside, 2], [0.5, 99.5])
-        spare = SPARE * max(high - low, 0.01 * high)
+        spare = self._options.range_margin * max(high - low, 0.01 * high)
         # What is infinitely far has no points: nothing tells how far it is but that it moves least.
         low = 0.0 if low < 0.35 * high else low - spare
         return float(low), float(high + spare)
 
     def _nearest(self, image: Image, own: Bytes, low: float, high: float) -> float:
         """The largest inverse depth again, where things stand nearer than all points: by a coarse sweep."""
-        near = self._neighbours(image, (low, high), PROBE_SHARES)
-        if not near or max(one.parallax for one in near) < LEAST_PARALLAX:
+        options = self._options
+        near = self._neighbours(image, (low, high), options.probe_parallaxes)
+        if not near or max(one.parallax for one in near) < options.least_parallax:
             return high
-        levels = np.linspace(low, BEYOND * high, PROBE_LEVELS)
-        views = [self._view(image, own, one, (low + high) / 2).shrunk(PROBE_ZOOM) for one in near]
-        small = small_picture(own, PROBE_ZOOM)
+        levels = np.linspace(low, options.probe_reach * high, options.probe_levels)
+        views = [self._view(image, own, one, (low + high) / 2).shrunk(options.probe_zoom) for one in near]
+        small = small_picture(own, options.probe_zoom)
         guide = cv2.cvtColor(small[..., :3], cv2.COLOR_RGB2GRAY).astype(np.float32)
         none = np.zeros_like(guide)
-        level, confidence = _swept(small, views, levels, guide, none, none)
+        level, confidence = _swept(small, views, levels, guide, none, none, options)
         nearer = low + (levels[1] - levels[0]) * level[confidence > 0.5]
-        if np.count_nonzero(nearer > high) < PROBE_SHARE * level.size:
+        if np.count_nonzero(nearer > high) < options.probe_share * level.size:
             return high
-        return float(max(high, np.percentile(nearer, 100 - 10 * PROBE_SHARE)))
+        return float(max(high, np.percentile(nearer, 100 - 10 * options.probe_share)))
 
     def _neighbours(
         self, image: Image, span: tuple[float, float], shares: tuple[float, ...]
     ) -> list[Neighbour]:
+        """The source views in which a span of inverse depths moves apart by shares of the widest parallax."""
         pinhole = self._canvas(image).pinhole
         others = [(other, self._canvas(other).pinhole) for other in self._rec.images if other is not image]
-        wanted = [share * WIDEST * max(pinhole.width, pinhole.height) for share in shares]
-        return choose(image, pinhole, others, span, wanted)
+        widest = self._options.widest_parallax
+        wanted = [share * widest * max(pinhole.width, pinhole.height) for share in shares]
+        return select_source_views(image, pinhole, others, span, wanted, self._options.selection)
 
     def _view(self, image: Image, own: Bytes, near: Neighbour, middle: float) -> View:
-        turn, move = relative_pose(image, near.image)
+        """A source view with its homographies, as bright as the frame (h, w, 4) at an inverse depth."""
+        rotation, translation = relative_pose(image, near.image)
         here, there = (pixel_matrix(self._canvas(i).pinhole) for i in (image, near.image))
         back = np.linalg.inv(here)
-        ahead = np.outer(move, [0.0, 0.0, 1.0])
-        view = View(self._picture(near.image), there @ turn @ back, there @ ahead @ back, near.side)
-        return view.exposed_as(own, middle)
+        # The planes that are swept face the frame: their normal is its viewing direction.
+        parallax = np.outer(translation, [0.0, 0.0, 1.0])
+        view = View(self._picture(near.image), there @ rotation @ back, there @ parallax @ back, near.side)
+        return view.exposed_as(own, middle, self._options.sweep.least_gain)
 
 
 def _swept(
-    own: Bytes, views: list[View], levels: Floats, guide: Map, known: Map, count: Map
+    own: Bytes,
+    views: list[View],
+    levels: Floats,
+    guide: Map,
+    known: Map,
+    count: Map,
+    options: StereoOptions,
 ) -> tuple[Map, Map]:
-    """(h, w) level, with its fraction, and the confidence in it, before what the parallax says of it."""
-    costs = sweep(own, views, levels, guide)
+    """(h, w) level, with its fraction, and the confidence in it, before what the parallax says of it.
+
+    Of a frame (h, w, 4) and its grey levels (h, w), at inverse depths `levels` (k,), with those `known` (h,
+    w) of features, of which each pixel has a count (h, w).
+    """
+    costs = sweep(own, views, levels, guide, options.sweep)
     unseen = own[..., 3] < 255
     # What lies past the lens's picture continues what lies within.
     costs[:, unseen] = 0
     checkpoint(0.5)
-    told = cv2.blur(costs.mean(axis=0) - costs.min(axis=0), (AROUND, AROUND))
+    texture = cv2.blur(costs.mean(axis=0) - costs.min(axis=0), (options.texture_window,) * 2)
     checkpoint(0.5)
-    pin(costs, known, count, levels)
-    sums = semiglobal(costs, guide)
+    add_sparse_prior(costs, known, count, levels, options.completion)
+    sums = semiglobal(costs, guide, options.sweep)
     checkpoint(0.7)
-    best, level = lowest(sums)
+    best, level = best_levels(sums)
     checkpoint(0.7)
-    rivals = np.count_nonzero(sums < sums.min(axis=0) + np.float32(MARGIN), axis=0)
-    single = np.clip(1.2 - rivals / (RIVALS * len(levels)), 0, 1)
+    rivals = np.count_nonzero(sums < sums.min(axis=0) + np.float32(options.rival_margin), axis=0)
+    unique = np.clip(1.2 - rivals / (options.rival_share * len(levels)), 0, 1)
     at = np.take_along_axis(costs, best[None], axis=0)[0]
-    agreed = np.clip(2 - 2 * at / (POOR * TRUNCATED), 0, 1)
-    return level, np.where(unseen, 0, single * agreed * np.clip(told / TELLS - 0.5, 0, 1)).astype(np.float32)
+    agreed = np.clip(2 - 2 * at / (options.no_match * options.sweep.truncation), 0, 1)
+    textured = np.clip(texture / options.least_texture - 0.5, 0, 1)
+    return level, np.where(unseen, 0, unique * agreed * textured).astype(np.float32)
 
 
 def pixel_matrix(lens: Intrinsics) -> Floats:
-    """(3, 3) with OpenCV's pixel centres."""
+    """(3, 3) calibration matrix K of a pinhole, with OpenCV's pixel centres."""
     return np.array([[lens.fx, 0, lens.cx - 0.5], [0, lens.fy, lens.cy - 0.5], [0, 0, 1]])
 
 

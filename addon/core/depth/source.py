@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from ..camera.canvas import Canvas, Picture
-from ..camera.reconstruction import Floats
-from .plane_sweep import Map
+from ..base.arrays import Floats, LinearRGBA, Map
+from ..camera.canvas import Canvas
 from .sparse import DepthSamples
 
 
@@ -24,7 +23,7 @@ class PixelDepth:
 class DepthSource(Protocol):
     """Something that may know the depth of a frame: the user's maps, stereo, or the truth of a benchmark."""
 
-    def at(self, frame: int, canvas: Canvas, picture: Picture) -> PixelDepth | None:
+    def at(self, frame: int, canvas: Canvas, picture: LinearRGBA) -> PixelDepth | None:
         """The depth of all pixels of the canvas, or None where nothing is known of the frame.
 
         `picture` (H, W, 4) is what the canvas shows, linear: edges that a coarser depth map may follow.

@@ -6,11 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..base.arrays import Floats, Ints
 from ..camera.canvas import Canvas
-from ..camera.reconstruction import Floats, Ints, Reconstruction, seen_by
+from ..camera.reconstruction import Reconstruction, seen_by
 
 MAX_REPROJECTION_ERROR = 3.0
-"""Pixels; a feature that misses its own 3D point by more was tracked wrongly in this frame."""
+"""Pixels; a feature that misses its own 3D point by more was tracked wrongly in this frame. By eye."""
 
 
 @dataclass(frozen=True)

@@ -3,58 +3,92 @@
 from __future__ import annotations
 
 from contextlib import nullcontext
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
+from ..base.arrays import Bytes, Map, Mask
 from ..base.lru_cache import LRUCache
 from ..base.progress import checkpoint, part
 from ..camera.reconstruction import Image, Reconstruction
 from .multi_view_stereo import DenseDepth, PlaneSweepStereo, pixel_matrix
-from .plane_sweep import Bytes, Map, Mask
-from .view_selection import regular, relative_pose, stride
+from .view_selection import every_nth, relative_pose, stride
 
-STEP, SIDES = 4, 3
-"""Every fourth registered frame helps those around it, this many on either side. They are the same for frames
-that follow each other: so each is found once, and what is unsure does not flicker."""
-KEPT = 8
-"""Frames whose own depth is remembered."""
-FAINT = 0.02
-"""Weight of what nothing is known of."""
-LEVELS, ALIKE = 50, 1.5
-"""Steps of the range of inverse depths; depths within so many of them are one surface."""
-ENOUGH = 2
-"""Sure frames that make sure."""
-SURE = 0.1, 0.5
-"""Confidence up to which depth is that of the surroundings, and from which on it is its own."""
-REACH, CLOSE, EDGE = 4000.0, 50.0, 6.0
-"""Of the smoother that spreads sure depth: its lambda, that within holes of what is sure, and the grey levels
-that stop it."""
-HOLE, AMONG = 0.02, (0.5, 0.7)
-"""Of the long side, what is around a pixel in a hole, and the shares of depths of their own there below which
-it is in none, and from which on it is."""
-BEHIND, MOST = 4.0, 1.2
-"""What is not sure beside something near is behind it: a power of depth as weight, and the largest ratio."""
-EVEN = 15.0
-"""Lambda of the smoother along the surfaces found; a level stops it."""
-HIGH, RAMP, GROWS = 4.0, 2, 1.8
-"""Levels that make a jump, pixels within which it is one, and how many times as high a slope is within twice
-as many."""
-NEAR, ALONE, AMID = 0.05, 0.6, 0.95
-"""Of the long side, what is around a pixel; the shares of sure pixels there below which its depth must be
-that of the others, and from which on it may be any,"""
-STRANGE = 4.0
-"""and levels by which it is another."""
-RIM = 4
-"""Pixels at the border that know too little around them."""
+
+@dataclass(frozen=True)
+class FusionOptions:
+    """Fusion of frames and the fill where they know nothing. Depths are compared in levels: 1 / `levels` of
+    the range of inverse depths, from the 1st to the 99th percentile."""
+
+    step: int = 4
+    """Every so many-th registered frame helps those around it, the same ones for frames that follow each
+    other: each is found once, and what is unsure does not flicker. By eye."""
+    sides: int = 3
+    """Frames that help on either side. By eye."""
+    least_frames: int = 8
+    """Frames of a short clip that may help, even if that needs a smaller step. By eye."""
+    kept_frames: int = 8
+    """Frames whose own depth is remembered: those on both sides and two more."""
+    least_weight: float = 0.02
+    """Weight, against 1, of a depth of which nothing is sure. By eye."""
+    levels: int = 50
+    """Levels in the range of inverse depths. By eye, about as many as the sweep has."""
+    same_surface: float = 1.5
+    """Levels within which depths are one surface. By eye."""
+    sure_frames: float = 2
+    """Sum of confidences that agree with which a depth is sure. By eye."""
+    unsure: float = 0.1
+    """Confidence up to which a pixel's depth is that of its surroundings. By eye."""
+    sure: float = 0.5
+    """Confidence from which on a pixel's depth is its own. By eye."""
+    far_lambda: float = 4000.0
+    """Lambda of the fast global smoother that extrapolates sure depth. By eye."""
+    hole_lambda: float = 50.0
+    """Lambda of that smoother within holes of what is sure: with it fence has 34.04 instead of 33.93 dB
+    (32 px, from the video alone) and a fifth to a third fewer triangles."""
+    smoother_sigma: float = 6.0
+    """Grey levels at which both smoothers stop. By eye."""
+    hole_window: float = 0.02
+    """Of the long side: what is around a pixel in a hole. With 0.04 fence has 34.14 instead of 34.19 dB, and
+    a hole is left in the duck's frame 107."""
+    hole_share: tuple[float, float] = (0.5, 0.7)
+    """Shares of own depths around a pixel below which it is in no hole, and from which on it is. By eye."""
+    behind_power: float = 4.0
+    """What is not sure beside something near is behind it: weight is depth to this power. By eye."""
+    behind_ratio: float = 1.2
+    """Depths, against the median, beyond which that weight grows no more. By eye."""
+    even_lambda: float = 15.0
+    """Lambda of the smoother along the surfaces found, which a level stops. By eye."""
+    jump: float = 4.0
+    """Levels within `ramp` pixels that make a jump of a ramp. By eye."""
+    ramp: int = 2
+    """Pixels within which such a jump is one. By eye."""
+    slope_ratio: float = 1.8
+    """Times as high as within `ramp` pixels that a slope is within twice as many, a jump not. By eye."""
+    outlier_window: float = 0.05
+    """Of the long side: what is around a pixel whose depth may be an outlier. By eye."""
+    outlier_shares: tuple[float, float] = (0.6, 0.95)
+    """Shares of sure pixels there below which its depth must be that of the others, and from which on it may
+    be any. By eye, on the duck's frame 60: its mesh has 4.6 instead of 10.4 % of the grid's triangles."""
+    outlier: float = 4.0
+    """Levels from the others at which a depth is an outlier. By eye."""
+    border: int = 4
+    """Pixels at the border that know too little around them. By eye."""
 
 
 class TemporalFusion:
     """Depth of the frames of a clip, asked for in order. Memory is that of a few frames."""
 
-    def __init__(self, reconstruction: Reconstruction, single: PlaneSweepStereo) -> None:
-        self._rec, self._single = reconstruction, single
-        self._kept = LRUCache[DenseDepth](KEPT)
+    def __init__(
+        self,
+        reconstruction: Reconstruction,
+        single_frame: PlaneSweepStereo,
+        options: FusionOptions = FusionOptions(),
+    ) -> None:
+        """`single_frame` finds each frame's own depth."""
+        self._rec, self._stereo, self._options = reconstruction, single_frame, options
+        self._kept = LRUCache[DenseDepth](options.kept_frames)
 
     def at(self, frame: int) -> DenseDepth:
         """The depth of a frame, as `PlaneSweepStereo.at` and with its errors.
@@ -70,39 +104,45 @@ class TemporalFusion:
         depths = []
         for one in wanted:
             with part(new.index(one), len(new)) if one in new else nullcontext():
-                depths.append(self._alone(one))
+                depths.append(self._single_frame(one))
         own, *depths = depths
-        seen = []
+        options = self._options
+        reprojected = []
         for depth, other in zip(depths, around, strict=True):
             checkpoint(1.0)
-            seen.append(_seen(depth, other, own, image))
-        stack = [(own.inverse_depth, _sure(own)), *seen]
-        inverse, confidence, step = fused(*(np.stack(part) for part in zip(*stack, strict=True)))
+            reprojected.append(_reprojected(depth, other, own, image, options.border))
+        stack = [(own.inverse_depth, _weight(own, options.border)), *reprojected]
+        inverses, weights = (np.stack(part) for part in zip(*stack, strict=True))
+        inverse, confidence, level = fused(inverses, weights, options)
         checkpoint(1.0)
-        picture = self._single.picture(frame)
-        confidence = _without_chance(picture, inverse, confidence, STRANGE * step)
+        picture = self._stereo.picture(frame)
+        confidence = _suppress_outliers(picture, inverse, confidence, level, options)
         checkpoint(1.0)
-        inverse, disputed = _filled(picture, inverse, confidence, ALIKE * step)
+        inverse, disputed = _filled(picture, inverse, confidence, level, options)
         checkpoint(1.0)
-        inverse = sharpened(_evened(inverse, step), HIGH * step, disputed)
+        inverse = sharpened(_smoothed(inverse, level, options), level, disputed, options)
         inverse = np.where(own.moving, own.inverse_depth, inverse)
         confidence = np.where(own.moving, own.confidence, confidence)
         return DenseDepth(frame, inverse, confidence, own.moving, own.lens)
 
     def _around(self, frame: int) -> list[Image]:
-        step = stride(self._rec, STEP)
-        return regular(self._rec, frame, step, SIDES * step)
+        """The registered frames that help a frame."""
+        options = self._options
+        step = stride(self._rec, options.step, options.least_frames)
+        return every_nth(self._rec, frame, step, options.sides * step)
 
-    def _alone(self, frame: int) -> DenseDepth:
-        return self._kept.get(frame, lambda: self._single.at(frame))
+    def _single_frame(self, frame: int) -> DenseDepth:
+        """A frame's own depth, remembered."""
+        return self._kept.get(frame, lambda: self._stereo.at(frame))
 
 
-def fused(inverse: Map, weight: Map) -> tuple[Map, Map, float]:
-    """(h, w) of k inverse depths (k, h, w) and weights: value, confidence in it, and a level's height.
+def fused(inverse: Map, weight: Map, options: FusionOptions = FusionOptions()) -> tuple[Map, Map, float]:
+    """Of k inverse depths (k, h, w) with their weights (k, h, w): one (h, w), the confidence (h, w) in it,
+    and the height of a level.
 
     Weights are confidences in [0, 1], and 0 where a frame does not see the place.
     """
-    weight = np.where(weight > 0, weight + np.float32(FAINT), np.float32(0))
+    weight = np.where(weight > 0, weight + np.float32(options.least_weight), np.float32(0))
     total = weight.sum(axis=0)
     median = np.full(inverse.shape[1:], np.inf, np.float32)
     # So few are faster compared one with another than sorted.
@@ -111,41 +151,43 @@ def fused(inverse: Map, weight: Map) -> tuple[Map, Map, float]:
         enough = 2 * np.einsum("khw,khw->hw", weight, inverse <= value) >= total
         np.minimum(median, value, out=median, where=enough)
     low, high = np.percentile(median, [1, 99])
-    step = float(high - low) / LEVELS
-    agree = weight * (np.abs(inverse - median) <= np.float32(ALIKE * step))
-    said = agree.sum(axis=0)
-    mean = (agree * inverse).sum(axis=0) / np.maximum(said, 1e-9)
-    share = np.clip(1.5 * said / np.maximum(total, 1e-9) - 0.25, 0, 1)
-    confidence = np.clip(said / min(ENOUGH, len(inverse)), 0, 1) * share
-    return np.where(said > 0, mean, median).astype(np.float32), confidence.astype(np.float32), step
+    level = float(high - low) / options.levels
+    agree = weight * (np.abs(inverse - median) <= np.float32(options.same_surface * level))
+    agreed = agree.sum(axis=0)
+    mean = (agree * inverse).sum(axis=0) / np.maximum(agreed, 1e-9)
+    share = np.clip(1.5 * agreed / np.maximum(total, 1e-9) - 0.25, 0, 1)
+    confidence = np.clip(agreed / min(options.sure_frames, len(inverse)), 0, 1) * share
+    return np.where(agreed > 0, mean, median).astype(np.float32), confidence.astype(np.float32), level
 
 
-def _sure(depth: DenseDepth) -> Map:
-    """(h, w) confidence, a little everywhere but at the border."""
-    sure = np.maximum(depth.confidence, np.float32(1e-3))
-    inner = np.zeros(sure.shape, bool)
-    inner[RIM:-RIM, RIM:-RIM] = True
-    return np.where(inner, sure, np.float32(1e-3))
+def _weight(depth: DenseDepth, border: int) -> Map:
+    """(h, w) confidence, a little everywhere, and no more in `border` pixels at the picture's border."""
+    weight = np.maximum(depth.confidence, np.float32(1e-3))
+    inner = np.zeros(weight.shape, bool)
+    inner[border:-border, border:-border] = True
+    return np.where(inner, weight, np.float32(1e-3))
 
 
-def _seen(depth: DenseDepth, image: Image, own: DenseDepth, here: Image) -> tuple[Map, Map]:
+def _reprojected(
+    depth: DenseDepth, image: Image, own: DenseDepth, here: Image, border: int
+) -> tuple[Map, Map]:
     """(h, w) inverse depth of another frame in a frame's place, the nearest of what falls into a pixel, and
     the confidence in it, 0 where nothing does."""
-    turn, move = relative_pose(image, here)
+    rotation, translation = relative_pose(image, here)
     back = np.linalg.inv(pixel_matrix(depth.lens))
-    rotate, shift = pixel_matrix(own.lens) @ turn @ back, pixel_matrix(own.lens) @ move
+    matrix, parallax = pixel_matrix(own.lens) @ rotation @ back, pixel_matrix(own.lens) @ translation
     height, width = depth.inverse_depth.shape
     x, y = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
     places = [
-        np.float32(r[0]) * x + np.float32(r[1]) * y + np.float32(r[2]) + np.float32(m) * depth.inverse_depth
-        for r, m in zip(rotate, shift, strict=True)
+        np.float32(r[0]) * x + np.float32(r[1]) * y + np.float32(r[2]) + np.float32(p) * depth.inverse_depth
+        for r, p in zip(matrix, parallax, strict=True)
     ]
     ahead = np.maximum(places[2], np.float32(0.05))
     column, row = (np.rint(part / ahead).clip(-1, 1 << 20).astype(np.int32) for part in places[:2])
     shape = own.inverse_depth.shape
     inside = (places[2] > 0.05) & (column >= 0) & (row >= 0) & (column < shape[1]) & (row < shape[0])
     inside &= ~depth.moving
-    value, weight = (depth.inverse_depth / ahead)[inside], _sure(depth)[inside]
+    value, weight = (depth.inverse_depth / ahead)[inside], _weight(depth, border)[inside]
     at = (row * shape[1] + column)[inside]
     inverse, confidence = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
     np.maximum.at(inverse.ravel(), at, value)
@@ -154,95 +196,130 @@ def _seen(depth: DenseDepth, image: Image, own: DenseDepth, here: Image) -> tupl
     return inverse, confidence
 
 
-def _without_chance(picture: Bytes, inverse: Map, confidence: Map, strange: float) -> Map:
+def _suppress_outliers(
+    picture: Bytes, inverse: Map, confidence: Map, level: float, options: FusionOptions
+) -> Map:
     """(h, w) confidence, little where depth is another than that of what is sure around, and little of that
     or the pixel itself is sure: what is found amid what cannot be found is mostly chance. Where most around
     is sure, what is as deep as its rim is no chance."""
-    own = _own(confidence)
-    share = _mean_around((confidence > SURE[0]).astype(np.float32), NEAR)
-    free = np.clip((share - ALONE) / (AMID - ALONE), 0, 1) * own
-    alike, as_rim = (
-        np.exp(-(((inverse - _carried_on(picture, inverse, confidence, *how)) / max(strange, 1e-12)) ** 2))
-        for how in ((REACH, BEHIND), (CLOSE, 0.0))
+    own, (low, high) = _own_share(confidence, options), options.outlier_shares
+    sure = (confidence > options.unsure).astype(np.float32)
+    share = _mean_around(sure, options.outlier_window, options.border)
+    free = np.clip((share - low) / (high - low), 0, 1) * own
+    outlier = max(options.outlier * level, 1e-12)
+    as_surroundings, as_rim = (
+        np.exp(-(((inverse - around) / outlier) ** 2))
+        for around in (
+            _extrapolated(picture, inverse, confidence, options.far_lambda, options.behind_power, options),
+            _extrapolated(picture, inverse, confidence, options.hole_lambda, 0.0, options),
+        )
     )
-    kept = confidence * (free + (1 - free) * alike)
-    return np.asarray(np.maximum(kept, SURE[1] * _amid(own, NEAR) * as_rim), np.float32)
+    kept = confidence * (free + (1 - free) * as_surroundings)
+    in_hole = _in_hole(own, options.outlier_window, options)
+    return np.asarray(np.maximum(kept, options.sure * in_hole * as_rim), np.float32)
 
 
-def _amid(own: Map, size: float) -> Map:
-    """(h, w) how far each pixel has such with depths of their own on most sides, within `size`."""
-    return np.asarray(np.clip((_mean_around(own, size) - AMONG[0]) / (AMONG[1] - AMONG[0]), 0, 1), np.float32)
+def _in_hole(own: Map, window: float, options: FusionOptions) -> Map:
+    """(h, w) how far each pixel has such with depths of their own on most sides, within a window (of the long
+    side)."""
+    low, high = options.hole_share
+    return np.asarray(
+        np.clip((_mean_around(own, window, options.border) - low) / (high - low), 0, 1), np.float32
+    )
 
 
-def _mean_around(values: Map, size: float) -> Map:
-    """(h, w) in a square around each pixel, whose side is a share of the long one; but not at the border."""
-    around = 2 * (int(size * max(values.shape)) // 2) + 1
+def _mean_around(values: Map, window: float, border: int) -> Map:
+    """(h, w) in a square around each pixel, whose side is a share of the long one; but not of those at the
+    border."""
+    around = 2 * (int(window * max(values.shape)) // 2) + 1
     inner = np.zeros(values.shape, np.float32)
-    inner[RIM:-RIM, RIM:-RIM] = 1
+    inner[border:-border, border:-border] = 1
     total, known = (
         cv2.blur(part, (around, around), borderType=cv2.BORDER_CONSTANT) for part in (inner * values, inner)
     )
     return np.asarray(total / np.maximum(known, 1e-6), np.float32)
 
 
-def _filled(picture: Bytes, inverse: Map, confidence: Map, alike: float) -> tuple[Map, Mask]:
-    """Inverse depth (h, w) where it is sure, elsewhere carried on along a picture's (h, w, 3) surfaces.
+def _filled(
+    picture: Bytes, inverse: Map, confidence: Map, level: float, options: FusionOptions
+) -> tuple[Map, Mask]:
+    """Inverse depth (h, w) where it is sure, elsewhere extrapolated along a picture's (h, w, 3) surfaces; and
+    where (h, w) the two disagree.
 
-    Holes in what is sure get that of their rims: what reaches far mixes in other surfaces where the picture's
-    edges are faint. Depths more than `alike` apart are two surfaces', and a pixel gets one of them.
+    Holes in what is sure get the depth of their rims: what reaches far mixes in other surfaces where the
+    picture's edges are faint. Depths too far apart are two surfaces', and a pixel gets one of them.
     """
-    far, close = (_carried_on(picture, inverse, confidence, reach) for reach in (REACH, CLOSE))
-    own = _own(confidence)
-    amid = _amid(own, HOLE)
-    around = amid * close + (1 - amid) * far
-    disputed = (np.abs(inverse - around) > alike) & (own < 1)
+    far, close = (
+        _extrapolated(picture, inverse, confidence, reach, options.behind_power, options)
+        for reach in (options.far_lambda, options.hole_lambda)
+    )
+    own = _own_share(confidence, options)
+    in_hole = _in_hole(own, options.hole_window, options)
+    around = in_hole * close + (1 - in_hole) * far
+    disputed = (np.abs(inverse - around) > options.same_surface * level) & (own < 1)
     own = np.where(disputed, own > 0.5, own)
     return np.asarray(np.maximum(own * inverse + (1 - own) * around, 0), np.float32), disputed
 
 
-def _own(confidence: Map) -> Map:
+def _own_share(confidence: Map, options: FusionOptions) -> Map:
     """(h, w) share that a pixel's own depth has in what it gets."""
-    return np.asarray(np.clip((confidence - SURE[0]) / (SURE[1] - SURE[0]), 0, 1), np.float32)
+    share = (confidence - options.unsure) / (options.sure - options.unsure)
+    return np.asarray(np.clip(share, 0, 1), np.float32)
 
 
-def _carried_on(picture: Bytes, inverse: Map, confidence: Map, reach: float, behind: float = BEHIND) -> Map:
-    """(h, w) the sure inverse depth along a picture's (h, w, 3) surfaces; `behind` as `BEHIND`."""
+def _extrapolated(
+    picture: Bytes, inverse: Map, confidence: Map, reach: float, behind: float, options: FusionOptions
+) -> Map:
+    """(h, w) the sure inverse depth along a picture's (h, w, 3) surfaces, weighted by depth to the power of
+    `behind`; `reach` is the smoother's lambda.
+
+    Min et al., "Fast global image smoothing based on weighted least squares", 2014.
+    """
     usual = float(np.median(inverse)) or 1.0
     nearness = np.maximum(inverse, 1e-6) / usual
-    weight = np.clip((confidence - SURE[0]) / (1 - SURE[0]), 0, 1) ** 2
-    weight *= np.minimum(1 / nearness, MOST) ** behind
+    weight = np.clip((confidence - options.unsure) / (1 - options.unsure), 0, 1) ** 2
+    weight *= np.minimum(1 / nearness, options.behind_ratio) ** behind
     above, below = (
-        cv2.ximgproc.fastGlobalSmootherFilter(picture, np.ascontiguousarray(part, np.float32), reach, EDGE)
+        cv2.ximgproc.fastGlobalSmootherFilter(
+            picture, np.ascontiguousarray(part, np.float32), reach, options.smoother_sigma
+        )
         for part in (weight * (nearness - 1), weight)
     )
     return np.asarray(usual * (1 + above / (np.maximum(below, 0) + 1e-7)), np.float32)
 
 
-def _evened(inverse: Map, step: float) -> Map:
+def _smoothed(inverse: Map, level: float, options: FusionOptions) -> Map:
     """Inverse depth (h, w) smooth along surfaces, whose edges are where it changes by a level or more."""
     low, high = float(inverse.min()), float(inverse.max())
-    if step <= 0 or high <= low:
+    if level <= 0 or high <= low:
         return inverse
-    scale = min(4 / step, 255 / (high - low))
+    scale = min(4 / level, 255 / (high - low))
     guide = ((inverse - low) * scale).astype(np.uint8)
-    return np.asarray(cv2.ximgproc.fastGlobalSmootherFilter(guide, inverse, EVEN, scale * step), np.float32)
+    return np.asarray(
+        cv2.ximgproc.fastGlobalSmootherFilter(guide, inverse, options.even_lambda, scale * level), np.float32
+    )
 
 
-def sharpened(inverse: Map, high: float, disputed: Mask | bool = False) -> Map:
-    """Inverse depth (h, w) whose jumps of more than `high` are steps.
+def sharpened(
+    inverse: Map, level: float, disputed: Mask | bool = False, options: FusionOptions = FusionOptions()
+) -> Map:
+    """Inverse depth (h, w) whose jumps of several levels are steps.
 
     Matching leaves ramps and shelves at silhouettes, which no surface is at: their pixels join the nearer end
     in depth (Kramer and Bruckner, "Iterations of a non-linear transformation for enhancement of digital
     images", 1975). A slope goes on beyond, and stays. Where depth is `disputed` (h, w) nothing is a slope,
     and ends are looked for twice as far.
     """
-    near, wide = (np.ones((2 * reach + 1, 2 * reach + 1), np.uint8) for reach in (RAMP, 2 * RAMP))
+    jump = options.jump * level
+    near, wide = (
+        np.ones((2 * reach + 1, 2 * reach + 1), np.uint8) for reach in (options.ramp, 2 * options.ramp)
+    )
     # Single wrong pixels are no end of a ramp.
     ends = cv2.medianBlur(inverse, 3)
-    low, top = cv2.erode(ends, near), cv2.dilate(ends, near)
+    low, high = cv2.erode(ends, near), cv2.dilate(ends, near)
     lowest, highest = cv2.erode(ends, wide), cv2.dilate(ends, wide)
-    ramp = (top - low > high) & (highest - lowest < GROWS * (top - low))
-    loose = disputed & (highest - lowest > high)
-    low, top = np.where(loose, lowest, low), np.where(loose, highest, top)
-    nearer = np.where(top - inverse < inverse - low, top, low)
+    ramp = (high - low > jump) & (highest - lowest < options.slope_ratio * (high - low))
+    loose = disputed & (highest - lowest > jump)
+    low, high = np.where(loose, lowest, low), np.where(loose, highest, high)
+    nearer = np.where(high - inverse < inverse - low, high, low)
     return np.where(ramp | loose, nearer, inverse).astype(np.float32)

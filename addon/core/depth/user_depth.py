@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..base.arrays import Floats, LinearRGBA
 from ..base.nearest_fill import nearest
-from ..camera.canvas import Canvas, Picture
-from ..camera.reconstruction import Floats, Reconstruction
+from ..camera.canvas import Canvas
+from ..camera.reconstruction import Reconstruction
 from .source import PixelDepth
 from .sparse import DepthSamples, frame_features
 from .user_maps import ClipFit, DepthMaps, Fitted, fit_clip, fit_depth, grid_features
@@ -38,7 +39,7 @@ class UserDepth:
 
         return cls(reconstruction, maps, fit_clip(maps, features))
 
-    def at(self, frame: int, canvas: Canvas, picture: Picture) -> PixelDepth | None:
+    def at(self, frame: int, canvas: Canvas, picture: LinearRGBA) -> PixelDepth | None:
         """The depth of all pixels of the canvas, unknown ones like the nearest known; None without a map.
 
         UserError where the map cannot be read or does not fit the frame's points. `picture` is not looked at:

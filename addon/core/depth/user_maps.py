@@ -13,36 +13,43 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import Floats
 from ..base.counting import counted
 from ..base.errors import UserError
-from ..camera.reconstruction import Floats
 from ..media.clip import Footage, describe, open_footage
 from ..media.picture_file import Pixels
 from ..media.side_files import check_aspect, match_frames
 
 KINDS = ("depth", "inverse")
-"""z = a d + b, or 1 / z = a d + b."""
+"""What a map may hold of a stored value d: z = a d + b, or 1 / z = a d + b."""
 MIN_POINTS = 8
-"""With fewer, a frame's own fit says nothing."""
-ALIKE, STEPS = 0.01, 2
-"""Of the value, or in whole numbers: channels of a gray picture may differ by this much."""
-JUMP = 0.1
-"""Of the inverse depth: no depth is made up between neighbouring pixels that differ by more."""
+"""Feature points with fewer of which a frame's own fit says nothing. By eye."""
+GREY_TOLERANCE = 0.01
+"""Of the value, by which channels of a grey picture may differ. By eye, for lossy files."""
+GREY_STEPS = 2
+"""Steps of whole numbers by which channels of a grey picture may differ besides. By eye, for lossy files."""
+DISCONTINUITY = 0.1
+"""Of the inverse depth: no depth is made up between neighbouring pixels that differ by more. By eye."""
 NEAREST = 10.0
-"""Times the inverse depth of the nearest feature: what lies nearer is a hole or a glitch of the map."""
+"""Times the inverse depth of the nearest feature: what lies nearer is a glitch of the map. By eye."""
 SAMPLES = 9
-"""Frames that decide what the maps of the clip have in common."""
+"""Frames that decide what the maps of the clip have in common. By eye."""
 EXPLAINS = 0.9
-"""A fit that misses the points by more than this share of what one depth for all would, explains nothing."""
+"""A fit that misses by more than this share of what one depth for all would, explains nothing. By eye."""
 USUAL = 3.0
-"""Times what the clip's fits miss: a frame that is worse is not merely short of depth range."""
-CAP, LEAST_CAP = 15.0, 0.1
-"""Times the median deviation, and of the median inverse depth: no wrong point counts for more."""
-TRIALS, SCORED = 300, 600
+"""Times what the clip's fits miss: a frame that is worse is not merely short of depth range. By eye."""
+CAP = 15.0
+"""Times the median deviation of inverse depths: no wrong point counts for more. By eye."""
+LEAST_CAP = 0.1
+"""Of the median inverse depth: the least that a wrong point may count for. By eye."""
+TRIALS = 300
+"""Random pairs of points whose lines are tried: of half wrong points, 75 are right in the mean."""
+SCORED = 600
+"""Points by which these lines are judged. By eye, for time."""
 REACH = 4.0
-"""Times the residual's scale: what is farther off is wrong."""
+"""Times the residual's scale: what is farther off is wrong. By eye."""
 TIGHTEST = 0.005
-"""Of the usual inverse depth: how far scale and shift of a frame may always stray from the clip's."""
+"""Of the usual inverse depth: how far scale and shift of a frame may always stray from the clip's. By eye."""
 
 
 @dataclass(frozen=True)
@@ -51,12 +58,13 @@ class DepthMap:
 
     frame: int
     name: str
-    """Of its file."""
+    """Name of its file, for messages."""
     values: Floats
     """(h, w) as stored, NaN where the map knows nothing."""
     width: int
-    """Of the clip's picture, which the map covers at whatever size of its own."""
+    """Pixels of the clip's picture across, which the map covers at whatever size of its own."""
     height: int
+    """Pixels of the clip's picture down, which the map covers at whatever size of its own."""
 
     def at(self, xy: Floats) -> Floats:
         """(n,) values at (n, 2) pixels of the clip's picture, from the nearest pixel of the map."""
@@ -103,9 +111,11 @@ class ClipFit:
     """What the maps of a clip have in common. u = (d - centre) / span stands for the stored value d."""
 
     kind: str
-    """One of KINDS."""
+    """What the maps hold, one of `KINDS`."""
     centre: float
+    """Stored value that is the median of the sampled ones."""
     span: float
+    """Stored values from the 5th to the 95th percentile."""
     unit: float
     """The clip's usual inverse depth: lines are fitted to inverse depth / unit, or to its inverse."""
     nearest: float
@@ -113,7 +123,7 @@ class ClipFit:
     line: Floats
     """(2,) median slope and offset over u."""
     spread: Floats
-    """(2,) their standard deviation from frame to frame."""
+    """(2,) standard deviation of slope and offset from frame to frame."""
     missed: float
     """Mean distance of a frame's features from its map over the unit, the median of the frames."""
 
@@ -124,10 +134,11 @@ class Fitted:
 
     frame: int
     kind: str
-    """One of KINDS."""
+    """What the map holds, one of `KINDS`."""
     scale: float
+    """z or 1 / z, in the reconstruction's unit, of a step of the stored value."""
     shift: float
-    """z, or 1 / z, is scale * stored value + shift."""
+    """z or 1 / z, in the reconstruction's unit, of the stored value 0."""
     residual: float
     """Median distance of the features from the map, as a share of the clip's usual inverse depth."""
     explained: float
@@ -210,7 +221,7 @@ def fit_depth(depth: DepthMap, xy: Floats, inverse_depth: Floats, clip: ClipFit 
     if clip is None:
         clip = _fit_alone(depth, stored, inverse)
     u, y = (stored - clip.centre) / clip.span, inverse / clip.unit
-    line = _held(u, y, clip)
+    line = _with_clip_prior(u, y, clip)
     residual, missed, constant = _missed(clip.kind, line, u, y)
     if len(u) >= MIN_POINTS and missed > max(EXPLAINS * constant, USUAL * clip.missed):
         raise _refusal(depth.frame, depth.name, missed, constant)
@@ -254,9 +265,9 @@ def _values(picture: NDArray[np.generic], name: str) -> Floats:
         known &= np.asarray(picture[..., 3] != 0)
     if not known.any():
         raise UserError(f"{name} has no depth: every pixel is 0, infinite, no number or transparent")
-    steps = 0 if picture.dtype == np.float32 else STEPS
+    steps = 0 if picture.dtype == np.float32 else GREY_STEPS
     apart = np.abs(colour[known] - values[known, None]).max(axis=-1)
-    if np.median(apart - ALIKE * np.abs(values[known])) > steps:
+    if np.median(apart - GREY_TOLERANCE * np.abs(values[known])) > steps:
         raise UserError(f"{name} is a colour picture, not a depth map; depth maps are gray")
     return np.where(known, values, np.nan)
 
@@ -300,7 +311,7 @@ def _fit_clip(kind: str, seen: list[tuple[int, Floats, Floats]]) -> tuple[ClipFi
     return ClipFit(kind, float(centre), span, unit, nearest, line, spread, missed), misses
 
 
-def _held(u: Floats, y: Floats, clip: ClipFit) -> Floats:
+def _with_clip_prior(u: Floats, y: Floats, clip: ClipFit) -> Floats:
     """(2,) slope and offset from a frame's points and the clip's usual ones, each by its certainty."""
     if len(u) < MIN_POINTS:
         return clip.line
@@ -394,4 +405,4 @@ def _resampled(inverse: Floats, width: int, height: int) -> Floats:
     )
     low, high = np.min(corners, axis=0), np.max(corners, axis=0)
     with np.errstate(invalid="ignore"):
-        return np.asarray(np.where(high - low <= JUMP * high, smooth, nearest))
+        return np.asarray(np.where(high - low <= DISCONTINUITY * high, smooth, nearest))

@@ -8,8 +8,9 @@ from ..base.errors import UserError
 from ..camera.reconstruction import Floats
 
 MIN_VIEWS, MAX_VIEWS = 16, 512
+"""Bounds of the automatic number of views: fewer show as copies of lamps, more are not told apart. By eye."""
 MOST_VIEWS = 1 << 16
-"""That can be asked for: more would only fill the memory with positions."""
+"""Views that can be asked for: more would only fill the memory with positions."""
 
 
 def random_disc(count: int, seed: int) -> Floats:

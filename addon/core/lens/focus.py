@@ -12,14 +12,21 @@ from ..camera.canvas import Canvas
 from ..camera.reconstruction import Floats, Ints, Reconstruction, seen_by
 from ..depth.sparse import FrameFeatures, frame_features, point_inverse_depths
 
-PICKS = 4
-"""The thesis averages four picked points."""
-APART = 0.1
-"""Of their range of inverse depths, what picked points may miss the surface under a click by instead."""
-NEXT_TO = 2.0
-"""Pixels; features closer to a click than that count alike."""
-FLAT = 0.1
-"""How much a surface under a click is taken to face the camera, as a share of what its features tell."""
+
+@dataclass(frozen=True)
+class PickOptions:
+    """How feature points are chosen for a click."""
+
+    points: int = 4
+    """Points that are chosen: the thesis averages four."""
+    range_weight: float = 0.1
+    """Cost of the chosen points' range of inverse depths, against a cost of 1 for what their mean misses the
+    surface under the click by: by eye, at silhouettes of the sample clip."""
+    softening: float = 2.0
+    """Pixels from the click within which features count alike: about their accuracy."""
+    frontal: float = 0.1
+    """Weight of a surface that faces the camera against what features around the click tell of its tilt: by
+    eye, where features lie in a row."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +73,9 @@ def check_points(reconstruction: Reconstruction, points: tuple[int, ...]) -> Int
     return ids.astype(np.int32)
 
 
-def pick(reconstruction: Reconstruction, frame: int, x: float, y: float) -> Focus:
+def pick(
+    reconstruction: Reconstruction, frame: int, x: float, y: float, options: PickOptions = PickOptions()
+) -> Focus:
     """The focus points for a click at fractions x, y of the picture (0, 0 = top left) of a frame.
 
     Of the features nearest to the click the four are taken whose mean depth is that of the surface under the
@@ -89,19 +98,19 @@ def pick(reconstruction: Reconstruction, frame: int, x: float, y: float) -> Focu
         raise UserError(f"frame {frame} has fewer than two feature points; pick the focus in another frame")
     click = canvas.features_from_source(np.array([[x * canvas.lens.width, y * canvas.lens.height]]))
     distance = np.linalg.norm(features.observed - click, axis=1)
-    near = np.argsort(distance, kind="stable")[: 3 * PICKS]
+    near = np.argsort(distance, kind="stable")[: 3 * options.points]
     # A neighbour at twice the distance of the fourth says little about the clicked place.
-    near = near[distance[near] <= 2 * distance[near[min(PICKS, len(near)) - 1]]]
+    near = near[distance[near] <= 2 * distance[near[min(options.points, len(near)) - 1]]]
     inverse = features.inverse_depth[near]
-    under = _surface(features.observed[near] - click, inverse)
-    agree = np.argsort(np.abs(inverse - under), kind="stable")[: 2 * PICKS]
-    fours = np.array(list(combinations(agree, min(PICKS, len(agree)))))
+    under = _surface(features.observed[near] - click, inverse, options)
+    agree = np.argsort(np.abs(inverse - under), kind="stable")[: 2 * options.points]
+    fours = np.array(list(combinations(agree, min(options.points, len(agree)))))
     chosen = inverse[fours]
-    cost = np.abs(chosen.mean(axis=1) - under) + APART * np.ptp(chosen, axis=1)
+    cost = np.abs(chosen.mean(axis=1) - under) + options.range_weight * np.ptp(chosen, axis=1)
     return Focus(points=tuple(int(p) for p in features.points[near[fours[np.argmin(cost)]]]))
 
 
-def _surface(offsets: Floats, inverse: Floats) -> float:
+def _surface(offsets: Floats, inverse: Floats, options: PickOptions) -> float:
     """Inverse depth at a click of the surface that most of the features (n, 2) pixels beside it are on.
 
     A plane's inverse depth (n,) is linear over the picture: weighted least squares with Cauchy's weights from
@@ -109,15 +118,15 @@ def _surface(offsets: Floats, inverse: Floats) -> float:
     least-squares", 1977). Close features count more; few that lie in a row tell little of the tilt.
     """
     distance = np.linalg.norm(offsets, axis=1)
-    closeness = 1 / (distance + NEXT_TO)
+    closeness = 1 / (distance + options.softening)
     order = np.argsort(inverse, kind="stable")
     half = np.searchsorted(np.cumsum(closeness[order]), closeness.sum() / 2)
-    across = np.column_stack([np.ones(len(inverse)), offsets / (distance.max() + NEXT_TO)])
+    across = np.column_stack([np.ones(len(inverse)), offsets / (distance.max() + options.softening)])
     plane = np.array([inverse[order[half]], 0.0, 0.0])
     for _ in range(5):
         miss = np.abs(inverse - across @ plane)
         weight = closeness / (1 + (miss / (2 * max(float(np.median(miss)), 1e-9 * inverse.max()))) ** 2)
-        flat = np.diag([0.0, 1.0, 1.0]) * FLAT * weight.sum()
+        flat = np.diag([0.0, 1.0, 1.0]) * options.frontal * weight.sum()
         plane = np.linalg.solve(across.T @ (across * weight[:, None]) + flat, across.T @ (weight * inverse))
     return float(plane[0])
 

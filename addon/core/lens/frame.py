@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..base.arrays import LinearRGBA
 from ..base.errors import UserError
 from ..base.progress import stage
-from ..camera.canvas import Canvas, Picture
+from ..camera.canvas import Canvas
 from ..camera.reconstruction import Floats
 from ..depth.source import PixelDepth
 from ..depth.sparse import frame_features
@@ -31,7 +32,7 @@ TOO_UNSURE = f"the depth of less than {100 * FEWEST_SURE:g} % of its pixels can 
 DEEP = 0.6
 """Share of a frame's time without its views that is over after depth: from
 `python -m benchmarks.timings.mesh_times`, 1920x1080."""
-NOTHING: Picture = np.zeros((0, 0, 4), np.float32)
+NOTHING: LinearRGBA = np.zeros((0, 0, 4), np.float32)
 """Instead of a picture, where only the geometry is asked for."""
 
 
@@ -40,7 +41,7 @@ class WarpedFrame:
     """Everything that a renderer needs of a frame, and how it came to be."""
 
     plan: FramePlan
-    texture: Picture
+    texture: LinearRGBA
     """(h, w, 4) what is painted on the plan's mesh, linear and premultiplied."""
     method: str
     """Name of the mesher that made the mesh."""
@@ -69,7 +70,7 @@ def check_settings(settings: LensSettings) -> None:
 
 
 def warp_frame(
-    clip: ClipContext, frame: int, settings: LensSettings, size: tuple[int, int], source: Picture
+    clip: ClipContext, frame: int, settings: LensSettings, size: tuple[int, int], source: LinearRGBA
 ) -> WarpedFrame:
     """Warp mesh and views of a frame rendered at size (width, height), of its picture (height, width, 4).
 
@@ -128,7 +129,7 @@ def _geometry(
     frame: int,
     settings: LensSettings,
     size: tuple[int, int],
-    source: Picture = NOTHING,
+    source: LinearRGBA = NOTHING,
 ) -> FrameGeometry:
     """What is known of a frame before its depth is found; UserError where the lens means nothing there."""
     check_settings(settings)

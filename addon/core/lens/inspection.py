@@ -12,10 +12,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..camera.canvas import Canvas, Picture
+from ..base.arrays import LinearRGBA, Mask
+from ..camera.canvas import Canvas
 from ..camera.reconstruction import Floats
 from ..media.clip import encode_srgb
-from ..warp.layered_depth_image import LayeredDepthImage, Mask
+from ..warp.layered_depth_image import LayeredDepthImage
 from ..warp.layered_mesh import FINER
 from ..warp.mesh import WarpMesh
 from ..warp.rasterise import at_pixels
@@ -53,7 +54,7 @@ FINE = 4
 """Binary digits of a pixel, to which lines are drawn."""
 
 
-def pictures(warped: WarpedFrame, source: Picture, shares: Picture) -> dict[str, Shown]:
+def pictures(warped: WarpedFrame, source: LinearRGBA, shares: LinearRGBA) -> dict[str, Shown]:
     """Every picture of a frame that there is to make, by name.
 
     `source` (H, W, 4) is the frame, linear; `shares` (H, W, 3) what `shares_of` gives. A method without
@@ -104,7 +105,7 @@ def source_frame(warped: WarpedFrame) -> WarpedFrame:
     return replace(warped, plan=replace(plan, mesh=mesh), texture=texture)
 
 
-def shares_of(mean: Picture, canvas: Canvas) -> Picture:
+def shares_of(mean: LinearRGBA, canvas: Canvas) -> LinearRGBA:
     """(H, W, 3) share in [0, 1] of each of `SOURCES` in a source frame's pixels.
 
     `mean` (h, w, 4) is that of the views of `source_frame`; the shares make one where it is all covered.
@@ -125,12 +126,12 @@ def _own(canvas: Canvas) -> Mask:
     return np.asarray(np.all((place >= 0) & (place <= [canvas.lens.width, canvas.lens.height]), axis=2))
 
 
-def _painted(own: Mask, foreign: Mask) -> Picture:
+def _painted(own: Mask, foreign: Mask) -> LinearRGBA:
     """(H, W, 3) red, green or blue."""
     return np.stack([~own & ~foreign, foreign, own & ~foreign], axis=2).astype(np.float32)
 
 
-def _layers_sources(warped: WarpedFrame) -> Picture:
+def _layers_sources(warped: WarpedFrame) -> LinearRGBA:
     """The sources of the texture of layers, with its alpha."""
     texture = warped.texture
     painted = [_painted(own, foreign) for own, foreign in _origins(warped)]
@@ -140,7 +141,7 @@ def _layers_sources(warped: WarpedFrame) -> Picture:
     return np.concatenate([np.concatenate(painted) * alpha, alpha], axis=2)
 
 
-def _finer(picture: Picture) -> Picture:
+def _finer(picture: LinearRGBA) -> LinearRGBA:
     """(h, w, 3) a picture (H, W, 3) as fine as the texture, its pixels at the texture's."""
     height, width = picture.shape[:2]
     scale = np.array([[1 / FINER, 0, 0], [0, 1 / FINER, 0]])
@@ -152,30 +153,31 @@ def _finer(picture: Picture) -> Picture:
 def _origins(warped: WarpedFrame) -> list[tuple[Mask, Mask]]:
     """Masks (H, W) for every surface of a mesh of layers, near ones first: what the frame shows of it itself,
     and what other frames lent."""
-    shape, canvas, hidden_colours = (
-        warped.layers[0].hidden.shape,
+    shape, canvas, margin_reprojected = (
+        warped.layers[0].disoccluded.shape,
         warped.plan.canvas,
-        warped.layers[0].hidden_colours,
+        warped.layers[0].margin_reprojected,
     )
-    own, foreign = np.zeros(shape, bool), np.zeros(shape, bool) if hidden_colours is None else hidden_colours
+    own = np.zeros(shape, bool)
+    foreign = own.copy() if margin_reprojected is None else margin_reprojected
     own[_inner(warped.layers[0], canvas)] = _own(canvas)
     found = [(own, foreign)]
     for layers in warped.layers:
-        own = own & ~layers.beneath
-        foreign = np.where(layers.beneath, layers.borrowed, foreign)
+        own = own & ~layers.occluded
+        foreign = np.where(layers.occluded, layers.reprojected, foreign)
         found.append((own, foreign))
     return found
 
 
 def _inner(layers: LayeredDepthImage, canvas: Canvas) -> tuple[slice, slice]:
     """Where the canvas is on the layers' raster, which reaches past the border all around."""
-    rows, columns = layers.hidden.shape
+    rows, columns = layers.disoccluded.shape
     size = canvas.pinhole.height, canvas.pinhole.width
     top, left = (rows - size[0]) // 2, (columns - size[1]) // 2
     return slice(top, top + size[0]), slice(left, left + size[1])
 
 
-def _plain_sources(warped: WarpedFrame) -> tuple[WarpMesh, Picture]:
+def _plain_sources(warped: WarpedFrame) -> tuple[WarpMesh, LinearRGBA]:
     """A mesh painted with the canvas picture, mirrored past the border, and the sources of a texture that
     holds what is past the border, too."""
     mesh, own = warped.plan.mesh, _own(warped.plan.canvas)
@@ -251,7 +253,7 @@ def _behind(warped: WarpedFrame, frame: Shown) -> Shown:
     layers, canvas = warped.layers, warped.plan.canvas
     inner = _inner(layers[0], canvas)
     behind, mixed = (
-        np.any([getattr(split, name)[inner] for split in layers], axis=0) for name in ("hidden", "mixed")
+        np.any([getattr(split, name)[inner] for split in layers], axis=0) for name in ("disoccluded", "mixed")
     )
     borrowed = _origins(warped)[-1][1][inner]
     shown = _encoded(layers[-1].back[inner][..., :3])
@@ -267,7 +269,7 @@ def _behind(warped: WarpedFrame, frame: Shown) -> Shown:
     return np.concatenate([left, np.where(is_behind, marked, left)], axis=1)
 
 
-def _sources(shares: Picture, frame: Shown) -> Shown:
+def _sources(shares: LinearRGBA, frame: Shown) -> Shown:
     """The frame in grey where its light is its own; green what was borrowed, red what was made up."""
     grey = cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY)[..., None] / np.float32(255)
     own = (0.04 + 0.7 * grey**2.2) * np.array([0.45, 0.6, 1.0], np.float32)

@@ -8,12 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from ..base.arrays import LinearRGBA, Map
 from ..base.counting import counted
-from ..camera.canvas import Picture
 from ..camera.reconstruction import Floats
-from ..depth.plane_sweep import Map
 from ..sfm.report import ranges
-from ..warp.layered_mesh import ERROR, RELATIVE
+from ..warp.layered_mesh import LayeredMeshOptions
 from ..warp.rasterise import at_pixels
 from .frame import SURE, WarpedFrame
 from .inspection import SOURCES, inverse_depth, largest_shown, surface_of
@@ -102,7 +101,7 @@ class Used:
         return cls(warped.plan.frame, warped.method, warped.why or why)
 
 
-def frame_report(warped: WarpedFrame, shares: Picture, draw_seconds: float) -> FrameReport:
+def frame_report(warped: WarpedFrame, shares: LinearRGBA, draw_seconds: float) -> FrameReport:
     """Of a frame whose views took `draw_seconds`; `shares` (H, W, 3) as `inspection.shares_of` gives them."""
     plan, used = warped.plan, Used.of(warped)
     confidence = _confidence(warped)
@@ -115,7 +114,7 @@ def frame_report(warped: WarpedFrame, shares: Picture, draw_seconds: float) -> F
     bound, mean, worst, within = None, None, None, None
     if warped.layers:
         miss, allowed = mesh_error(warped)
-        bound = (ERROR, RELATIVE)
+        bound = (LayeredMeshOptions.error, LayeredMeshOptions.relative_error)
         mean, worst = float(miss.mean()), float(miss.max())
         within = 100 * float(np.mean(miss <= allowed))
     return FrameReport(
@@ -132,7 +131,7 @@ def mesh_error(warped: WarpedFrame) -> tuple[Floats, Floats]:
     Of every pixel of all surfaces that is seen from the frame's own place: what lies behind is a guess.
     """
     plan, layers = warped.plan, warped.layers
-    shape = layers[0].hidden.shape
+    shape = layers[0].disoccluded.shape
     scale = plan.lens.radius * plan.lens.pinhole.fx
     margin = np.array(shape[::-1]) - [plan.canvas.pinhole.width, plan.canvas.pinhole.height]
     mesh = plan.mesh
@@ -143,17 +142,18 @@ def mesh_error(warped: WarpedFrame) -> tuple[Floats, Floats]:
         rows = mesh.triangles[surface == number]
         drawn = at_pixels(mesh.xy + margin / 2, scale * mesh.inverse_depth, rows, shape)
         covered = np.isfinite(drawn)
-        shift = layers[-1].back_shift
+        shift = layers[-1].back_disparity
         if number < len(layers):
-            shift = layers[number].front_shift
+            shift = layers[number].front_disparity
             covered &= ~layers[number].is_far
         asked = seen & covered
         wanted = scale * plan.lens.snap_to_focal_plane(shift[asked] / scale)
         off.append(np.abs(drawn[asked] - wanted))
-        allowed.append(ERROR + RELATIVE * np.abs(wanted - scale * plan.lens.focus))
+        contrast = np.abs(wanted - scale * plan.lens.focus)
+        allowed.append(LayeredMeshOptions.error + LayeredMeshOptions.relative_error * contrast)
         if number < len(layers):
             # A silhouette's pixels show both.
-            seen &= (~covered | layers[number].mixed) & ~layers[number].hidden
+            seen &= (~covered | layers[number].mixed) & ~layers[number].disoccluded
     return np.concatenate(off), np.concatenate(allowed)
 
 

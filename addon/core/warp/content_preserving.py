@@ -16,46 +16,59 @@ the paper, changed results by up to 0.16 dB, less than a softer membrane does, a
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import Floats, Ints, Mask
 from ..base.errors import UserError
 from ..camera.canvas import Canvas
-from ..camera.reconstruction import Floats, Ints, Reconstruction
+from ..camera.reconstruction import Reconstruction
 from ..depth.sparse import DepthSamples
 from .mesh import WarpMesh
 
-Mask = NDArray[np.bool_]
+SOLVER_ACCURACY = 1e-9
+"""Of the right hand side, what conjugate gradients may leave: far below what a pixel shows."""
+SOLVER_STEPS = 2000
+"""Steps of conjugate gradients at most. By eye."""
 
-COLUMNS = 64
-"""Cells across the picture."""
-STIFFNESS = 0.02
-"""What a step of inverse depth between two vertices costs, against missing a feature by as much."""
-FADE = 10
-"""Registered frames in which a feature comes and goes."""
-OUTSIDE = 8
-"""Cells past the border at most; a wide margin has large ones."""
-SPARE = 0.25
-"""Of the features' range of inverse depths, by which vertices may leave it."""
-TALLEST = 4
-"""Times the width: of a picture that is taller, cells are larger, or there would be thousands of rows."""
-AROUND = 8
-"""Features around one that are asked whether it can be right."""
-ACCURACY, STEPS = 1e-9, 2000
-"""Of the solver: what may be left of the right hand side, and its steps at most."""
+
+@dataclass(frozen=True)
+class GridMeshOptions:
+    """Resolution and stiffness of the content-preserving grid."""
+
+    columns: int = 64
+    """Cells across the picture. By eye."""
+    stiffness: float = 0.02
+    """Cost of a step of inverse depth between two vertices, against missing a feature by as much. By eye."""
+    fade: int = 10
+    """Registered frames in which a feature comes and goes. By eye."""
+    margin_cells: int = 8
+    """Cells past the border at most; a wide margin has large ones. By eye."""
+    range_margin: float = 0.25
+    """Of the features' range of inverse depths, by which vertices may leave it. By eye."""
+    tallest: float = 4
+    """Ratio of height to width above which cells are larger, or there would be thousands of rows. By eye."""
+    outlier_neighbours: int = 8
+    """Features around one that are asked whether it can be right. By eye."""
 
 
 def grid_mesh(
-    features: DepthSamples, weights: Floats, canvas: Canvas, margin: float, flat: float
+    features: DepthSamples,
+    weights: Floats,
+    canvas: Canvas,
+    margin: float,
+    flat: float,
+    options: GridMeshOptions = GridMeshOptions(),
 ) -> WarpMesh:
     """The grid over the canvas and `margin` pixels past its border, two triangles a cell.
 
-    `weights` (n,) in [0, 1] are those of the features; `flat` is the inverse depth where there are none.
+    `weights` (n,) in [0, 1] are those of the samples; `flat` is the inverse depth where there are none.
+    UserError where the grid cannot be found.
     """
     width, height = canvas.pinhole.width, canvas.pinhole.height
-    step = max(width, height / TALLEST) / COLUMNS
-    x, y = (_lines(side, step, margin) for side in (width, height))
+    step = max(width, height / options.tallest) / options.columns
+    x, y = (_lines(side, step, margin, options.margin_cells) for side in (width, height))
     inside = np.all((features.observed >= 0) & (features.observed <= [width, height]), axis=1)
     inside &= np.isfinite(features.inverse_depth) & (features.inverse_depth > 0)
     known, inverse, weights = features.observed[inside], features.inverse_depth[inside], weights[inside]
@@ -63,9 +76,9 @@ def grid_mesh(
     xy = np.column_stack([across.ravel(), down.ravel()])
     depth = np.full(len(xy), flat)
     if len(known):
-        usual = ~wild(known, inverse)
-        depth = membrane(x, y, known[usual], inverse[usual], weights[usual]).ravel()
-    low, high = allowed(features.inverse_depth, flat)
+        right = ~outliers(known, inverse, options.outlier_neighbours)
+        depth = membrane(x, y, known[right], inverse[right], weights[right], options.stiffness).ravel()
+    low, high = allowed(features.inverse_depth, flat, options)
     first = (len(x) * np.arange(len(y) - 1)[:, None] + np.arange(len(x) - 1)).ravel()
     below = first + len(x)
     triangles = np.concatenate([
@@ -74,39 +87,43 @@ def grid_mesh(
     return WarpMesh(xy, xy, np.clip(depth, low, high), triangles.astype(np.int32))
 
 
-def allowed(inverse_depth: Floats, flat: float) -> tuple[float, float]:
-    """Least and largest inverse depth of a grid over features (n,); its margin has to do for both."""
+def allowed(
+    inverse_depth: Floats, flat: float, options: GridMeshOptions = GridMeshOptions()
+) -> tuple[float, float]:
+    """Least and largest inverse depth of a grid over features of inverse depths (n,), or twice `flat` without
+    any; the grid's margin has to do for both."""
     usable = inverse_depth[np.isfinite(inverse_depth) & (inverse_depth > 0)]
     low, high = float(usable.min(initial=np.inf)), float(usable.max(initial=-np.inf))
     if not len(usable):
         return flat, flat
-    spare = SPARE * (high - low)
+    spare = options.range_margin * (high - low)
     return max(low - spare, 0.0), high + spare
 
 
-def wild(xy: Floats, inverse_depth: Floats) -> Mask:
-    """(n,) features that differ from all around them by more than the whole frame's usual range.
+def outliers(xy: Floats, inverse_depth: Floats, neighbours: int) -> Mask:
+    """(n,) features at (n, 2) with inverse depths (n,) that differ from all `neighbours` around them by more
+    than the whole frame's usual range.
 
     Nothing less is an error for sure: weights by how far a feature is off the membrane, as usual against
     outliers, drew things in front into the background and cost a decibel in two scenes of three.
     """
     result = np.zeros(len(xy), bool)
-    if len(xy) <= AROUND:
+    if len(xy) <= neighbours:
         return result
     low, high = np.percentile(inverse_depth, [2, 98])
     asked = np.nonzero((inverse_depth < low) | (inverse_depth > high))[0]
     off = ((xy[asked, None] - xy) ** 2).sum(axis=2)
     off[np.arange(len(asked)), asked] = np.inf
-    near = np.argpartition(off, AROUND - 1, axis=1)[:, :AROUND]
+    near = np.argpartition(off, neighbours - 1, axis=1)[:, :neighbours]
     away = np.abs(inverse_depth[near] - inverse_depth[asked, None]).min(axis=1)
     result[asked] = away > high - low
     return result
 
 
-def membrane(x: Floats, y: Floats, xy: Floats, values: Floats, weights: Floats) -> Floats:
-    """(h, w) values at vertices on lines x (w,) and y (h,): stretched over those at places (n, 2).
+def membrane(x: Floats, y: Floats, xy: Floats, values: Floats, weights: Floats, stiffness: float) -> Floats:
+    """(h, w) values at vertices on lines x (w,) and y (h,): stretched over those (n,) at places (n, 2).
 
-    Minimises the weighted squares of what the bilinear interpolation misses at the places, and `STIFFNESS`
+    Minimises the weighted squares of what the bilinear interpolation misses at the places, and `stiffness`
     times those of the steps between vertices, both of what the best plane leaves over: planes come out
     exactly. (The paper warps by a homography first, for the same reason.)
     """
@@ -116,8 +133,8 @@ def membrane(x: Floats, y: Floats, xy: Floats, values: Floats, weights: Floats) 
     count = len(x) * len(y)
     pull = weights[:, None] * share
     # A cell's edge is as stiff as it is broad: the membrane is the same however the lines lie.
-    stiff_x = STIFFNESS * _breadth(y)[:, None] / np.diff(x)
-    stiff_y = STIFFNESS * _breadth(x) / np.diff(y)[:, None]
+    stiff_x = stiffness * _breadth(y)[:, None] / np.diff(x)
+    stiff_y = stiffness * _breadth(x) / np.diff(y)[:, None]
 
     def summed(parts: Floats) -> Floats:
         return np.bincount(vertex.ravel(), parts.ravel(), count).reshape(len(y), len(x))
@@ -147,10 +164,10 @@ def conjugate_gradients(applied: Callable[[Floats], Floats], wanted: Floats, dia
     preconditioner. UserError where it does not get there.
     """
     found, left = np.zeros_like(wanted), wanted.copy()
-    enough = ACCURACY * np.linalg.norm(wanted)
+    enough = SOLVER_ACCURACY * np.linalg.norm(wanted)
     ahead = left / diagonal
     product = float((left * ahead).sum())
-    for _ in range(STEPS):
+    for _ in range(SOLVER_STEPS):
         if np.linalg.norm(left) <= enough:
             return found
         pushed = applied(ahead)
@@ -166,15 +183,18 @@ def conjugate_gradients(applied: Callable[[Floats], Floats], wanted: Floats, dia
     raise UserError("the grid of a frame cannot be found; solve the clip again or choose another method")
 
 
-def fading(reconstruction: Reconstruction, frame: int, points: Ints) -> Floats:
-    """(n,) weights in (0, 1] of a frame's points: low in the first and last `FADE` frames that see them.
+def fading(
+    reconstruction: Reconstruction, frame: int, points: Ints, options: GridMeshOptions = GridMeshOptions()
+) -> Floats:
+    """(n,) weights in (0, 1] of a frame's points: low in the first and last frames that see them, as many as
+    they fade in.
 
     The clip's own ends do not count: what is seen up to there is not about to go. Points -1, which no
     frame tracks, have 1.
     """
-    frames = reconstruction.frames
-    before = reconstruction.images[: np.searchsorted(frames, frame)][: -FADE - 1 : -1]
-    after = reconstruction.images[np.searchsorted(frames, frame, side="right") :][:FADE]
+    frames, fade = reconstruction.frames, options.fade
+    before = reconstruction.images[: np.searchsorted(frames, frame)][: -fade - 1 : -1]
+    after = reconstruction.images[np.searchsorted(frames, frame, side="right") :][:fade]
     weights = np.ones(len(points))
     for images in (before, after):
         run, alive = np.ones(len(points)), np.ones(len(points), bool)
@@ -182,16 +202,16 @@ def fading(reconstruction: Reconstruction, frame: int, points: Ints) -> Floats:
             alive &= np.isin(points, np.concatenate([image.points, image.visible]))
             run += alive
         # Past the clip's end whatever was seen goes on.
-        run += (FADE - len(images)) * alive
-        weights = np.minimum(weights, run / (FADE + 1))
+        run += (fade - len(images)) * alive
+        weights = np.minimum(weights, run / (fade + 1))
     # A feature that has just come must not outweigh the stiffness at once: the ends are flat.
     return np.where(points < 0, 1.0, weights**2 * (3 - 2 * weights))
 
 
-def _lines(side: float, cell: float, margin: float) -> Floats:
+def _lines(side: float, cell: float, margin: float, margin_cells: int) -> Floats:
     """Coordinates of a grid's lines: about `cell` apart in the picture, and on to `margin` past it."""
     inside = np.linspace(0, side, max(round(side / cell), 1) + 1)
-    steps = int(np.clip(np.ceil(margin / cell), 1, OUTSIDE))
+    steps = int(np.clip(np.ceil(margin / cell), 1, margin_cells))
     outside = margin * np.arange(1, steps + 1) / steps
     return np.concatenate([-outside[::-1], inside, side + outside])
 

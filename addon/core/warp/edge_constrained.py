@@ -14,42 +14,44 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from ..camera.canvas import Canvas, Picture
-from ..camera.reconstruction import Floats, Ints
+from ..base.arrays import Floats, Ints, LinearRGBA, Mask
+from ..camera.canvas import Canvas
 from ..depth.sparse import DepthSamples
 from ..media.clip import encode_srgb
 from .mesh import WarpMesh, delaunay, distinct, nearest_mean, ring
 
-Mask = NDArray[np.bool_]
 
-SHORTEST = 8.0
-"""Pixels of an edge that counts."""
-TRIM = 1.5
-"""Pixels less at either end, so that the rows of edges that meet at a corner do not cross."""
-PIECE = 8.0
-"""Pixels between two vertices of an edge at most."""
-GAP = 0.75
-"""Pixels from an edge to the row of vertices on either side of it."""
-JUMP = 3.0
-"""Pixels, at the rim of the aperture, by which what is on both sides of an edge moves apart."""
-CLOSE = 2.5
-"""Pixels from an edge within which a feature is on both sides, and where it jumps no vertex of its own."""
-ACROSS = 10.0
-"""Pixels that it is farther from the other side than from its own."""
-ALONG = 0.4
-"""A feature's distance along an edge counts less than that across it."""
-FEATURES = 3
-"""On one side of a vertex, whose median depth it gets;"""
-ASKED = 10
-"""of so many nearest ones, those that no other edge hides."""
-REACH = 60.0
-"""Pixels, counted like that, beyond which a feature says nothing of an edge."""
-ROUNDS = 6
-"""Of splitting pieces of edges that are no sides yet."""
-BAND = 2_000_000
-"""Pairs of places and features that are looked at at once."""
+@dataclass(frozen=True)
+class EdgeOptions:
+    """Which edges count, where their vertices lie, and which features tell their depth."""
+
+    shortest: float = 8.0
+    """Pixels of an edge that counts. By eye."""
+    trim: float = 1.5
+    """Pixels less at either end, so that the rows of edges that meet at a corner do not cross. By eye."""
+    piece: float = 8.0
+    """Pixels between two vertices of an edge at most. By eye."""
+    gap: float = 0.75
+    """Pixels from an edge to the row of vertices on either side of it. By eye."""
+    discontinuity: float = 3.0
+    """Pixels of disparity at the aperture's rim by which both sides of an edge move apart. By eye."""
+    clearance: float = 2.5
+    """Pixels beside an edge within which a feature is on both sides; where depth jumps, none. By eye."""
+    other_side: float = 10.0
+    """Pixels that a feature within the clearance is farther from the other side than from its own. By eye."""
+    along: float = 0.4
+    """Weight of a feature's distance along an edge, against that across it. By eye."""
+    features: int = 3
+    """Features on one side of a vertex, whose median depth it gets. By eye."""
+    candidates: int = 10
+    """Nearest features, of which those that no other edge hides tell a vertex's depth. By eye."""
+    reach: float = 60.0
+    """Pixels, those along the edge weighted, beyond which a feature says nothing of it. By eye."""
+    splits: int = 6
+    """Rounds of splitting pieces of edges that are no sides yet: from 8 pixels to less than one."""
+    chunk: int = 2_000_000
+    """Pairs of places and features that are looked at at once, so that tables take tens of megabytes."""
 
 
 @dataclass(frozen=True)
@@ -67,26 +69,34 @@ class Rows:
 
 
 def edge_mesh(
-    features: DepthSamples, canvas: Canvas, margin: float, picture: Picture, scale: float
+    features: DepthSamples,
+    canvas: Canvas,
+    margin: float,
+    picture: LinearRGBA,
+    scale: float,
+    options: EdgeOptions = EdgeOptions(),
 ) -> WarpMesh:
-    """The mesh of features and edges, carried on past the border by `margin` pixels.
+    """The mesh of features and edges, extrapolated past the border by `margin` pixels.
 
-    `picture` (h, w, 4) is the canvas picture, linear; inverse depth times `scale` is displacement in pixels
-    at the rim of the aperture. UserError where the frame has too few features.
+    `picture` (h, w, 4) is the canvas picture, linear; inverse depth times `scale` is disparity in pixels at
+    the aperture's rim. UserError where the frame has too few features.
     """
-    keep = distinct(features, canvas, margin)
+    keep = distinct(features, canvas)
     xy, inverse = features.observed[keep], features.inverse_depth[keep]
-    rows = edge_rows(detected(picture), xy, inverse, (canvas.pinhole.width, canvas.pinhole.height), scale)
-    free = _far_from(rows.edges, xy)
+    size = canvas.pinhole.width, canvas.pinhole.height
+    rows = edge_rows(detected(picture, options), xy, inverse, size, scale, options)
+    free = _far_from(rows.edges, xy, options)
     xy = np.concatenate([rows.xy, xy[free]])
     inverse = np.concatenate([rows.inverse_depth, inverse[free]])
     outside = ring(canvas, max(margin, 2.0))
     inverse = np.concatenate([inverse, nearest_mean(xy, inverse, outside)])
-    xy, inverse, triangles, _ = conforming(np.concatenate([xy, outside]), inverse, rows.pieces)
+    xy, inverse, triangles, _ = conforming(
+        np.concatenate([xy, outside]), inverse, rows.pieces, options.splits
+    )
     return WarpMesh(xy, xy, inverse, triangles)
 
 
-def detected(picture: Picture) -> Floats:
+def detected(picture: LinearRGBA, options: EdgeOptions = EdgeOptions()) -> Floats:
     """(m, 2, 2) both ends of the straight edges in a linear picture (h, w, 3 or 4), in pixels.
 
     Grompone von Gioi et al., "LSD: a fast line segment detector with a false detection control", 2010.
@@ -97,43 +107,54 @@ def detected(picture: Picture) -> Floats:
         return np.zeros((0, 2, 2))
     # OpenCV counts from the centre of the first pixel.
     ends = np.asarray(found, np.float64).reshape(-1, 2, 2) + 0.5
-    return ends[np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) >= SHORTEST]
+    return ends[np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) >= options.shortest]
 
 
-def edge_rows(edges: Floats, xy: Floats, inverse: Floats, size: tuple[int, int], scale: float) -> Rows:
+def edge_rows(
+    edges: Floats,
+    xy: Floats,
+    inverse: Floats,
+    size: tuple[int, int],
+    scale: float,
+    options: EdgeOptions = EdgeOptions(),
+) -> Rows:
     """Rows of vertices along those edges (m, 2, 2) near which depth varies: two where it jumps, else one.
 
     Depth is that of features at (n, 2) with inverse depths (n,), beside an edge on either side, or the mean
-    of both; `size` is the picture's, width and height.
+    of both; `size` is the picture's, width and height; inverse depth times `scale` is disparity in pixels.
     """
     middle = edges.mean(axis=1)
     varies = [
-        np.ptp(inverse[_nearest(middle[band], xy, ASKED)], axis=1) for band in _bands(len(edges), len(xy))
+        np.ptp(inverse[_nearest(middle[some], xy, options.candidates)], axis=1)
+        for some in _chunks(len(edges), len(xy), options.chunk)
     ]
-    wanted = np.nonzero(np.concatenate([*varies, np.zeros(0)]) * scale > JUMP)[0]
+    wanted = np.nonzero(np.concatenate([*varies, np.zeros(0)]) * scale > options.discontinuity)[0]
     walls = _walls(edges, size)
-    edge, place = _sampled(_trimmed(edges[wanted]), PIECE)
+    edge, place = _sampled(_trimmed(edges[wanted], options.trim), options.piece)
     own = wanted[edge].astype(np.int32)
     along = (edges[wanted, 1] - edges[wanted, 0])[edge]
     along /= np.linalg.norm(along, axis=1)[:, None]
     across = np.column_stack([-along[:, 1], along[:, 0]])
-    bands = _bands(len(place), len(xy))
+    chunks = _chunks(len(place), len(xy), options.chunk)
     left, right = (
         np.concatenate([
-            *(_told(place[b], along[b], sign * across[b], walls, own[b], xy, inverse) for b in bands),
+            *(
+                _side_depth(place[c], along[c], sign * across[c], walls, own[c], xy, inverse, options)
+                for c in chunks
+            ),
             np.zeros(0),
         ])
         for sign in (-1, 1)
     )  # fmt: skip
     jump = np.nan_to_num(np.abs(left - right) * scale)
-    apart = (_medians(edge, jump, len(wanted)) > JUMP)[edge]
+    apart = (_medians(edge, jump, len(wanted)) > options.discontinuity)[edge]
     known = np.isfinite(left) & np.isfinite(right)
     parts = [
         _row(known & kind, edge, place + shift * across, depth)
         for kind, shift, depth in (
             (~apart, 0.0, (left + right) / 2),
-            (apart, -GAP, left),
-            (apart, GAP, right),
+            (apart, -options.gap, left),
+            (apart, options.gap, right),
         )
     ]
     first = np.cumsum([0, *(len(part[0]) for part in parts)])
@@ -144,14 +165,16 @@ def edge_rows(edges: Floats, xy: Floats, inverse: Floats, size: tuple[int, int],
     )
 
 
-def conforming(xy: Floats, inverse: Floats, pieces: Ints) -> tuple[Floats, Floats, Ints, Ints]:
+def conforming(
+    xy: Floats, inverse: Floats, pieces: Ints, splits: int = EdgeOptions.splits
+) -> tuple[Floats, Floats, Ints, Ints]:
     """Delaunay triangles (t, 3) of places (n, 2) that have pieces (p, 2), pairs of places, as sides.
 
-    A piece that is none is split in the middle, again and again, down to a pixel. Returned are places and
-    inverse depths with the middles, triangles, and pieces as they are then.
+    A piece that is none is split in the middle, `splits` times, but not below a pixel. Returned are places
+    and inverse depths with the middles, triangles, and pieces as they are then.
     """
     triangles = delaunay(xy)
-    for _ in range(ROUNDS):
+    for _ in range(splits):
         ends = xy[pieces]
         split = ~are_sides(pieces, triangles) & (np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) > 1)
         if not split.any():
@@ -185,9 +208,10 @@ def _sampled(edges: Floats, step: float) -> tuple[Ints, Floats]:
     return edge, (1 - share) * edges[edge, 0] + share * edges[edge, 1]
 
 
-def _trimmed(edges: Floats) -> Floats:
+def _trimmed(edges: Floats, trim: float) -> Floats:
+    """Edges (m, 2, 2) so many pixels shorter at either end."""
     way = edges[:, 1] - edges[:, 0]
-    less = TRIM * way / np.linalg.norm(way, axis=1)[:, None]
+    less = trim * way / np.linalg.norm(way, axis=1)[:, None]
     return edges + np.stack([less, -less], axis=1)
 
 
@@ -198,9 +222,9 @@ def _row(kind: Mask, edge: Ints, place: Floats, inverse: Floats) -> tuple[Floats
     return place[chosen], inverse[chosen], np.column_stack([follows, follows + 1]).astype(np.int32)
 
 
-def _bands(rows: int, columns: int) -> list[slice]:
+def _chunks(rows: int, columns: int, chunk: int) -> list[slice]:
     """Rows of a large table in parts that do not fill the memory."""
-    step = max(BAND // max(columns, 1), 1)
+    step = max(chunk // max(columns, 1), 1)
     return [slice(first, first + step) for first in range(0, rows, step)]
 
 
@@ -210,30 +234,39 @@ def _nearest(places: Floats, xy: Floats, count: int) -> Ints:
     return np.argpartition(squared, min(count, len(xy)) - 1, axis=1)[:, :count].astype(np.int32)
 
 
-def _told(
-    place: Floats, along: Floats, across: Floats, walls: Ints, edge: Ints, xy: Floats, inverse: Floats
+def _side_depth(
+    place: Floats,
+    along: Floats,
+    across: Floats,
+    walls: Ints,
+    edge: Ints,
+    xy: Floats,
+    inverse: Floats,
+    options: EdgeOptions,
 ) -> Floats:
-    """(v,) inverse depth beside places (v, 2) of edges (v,), on the side of `across` (v, 2); NaN: none told.
+    """(v,) inverse depth beside places (v, 2) of edges (v,), on the side of `across` (v, 2); NaN where none
+    is known.
 
     The median of the nearest features on that side that no other edge's pixels in `walls` hide.
     """
     off = xy - place[:, None]
     over, past = (np.einsum("vnk,vk->vn", off, axis) for axis in (across, along))
-    far = np.hypot(over, ALONG * past)
-    far[over < 0] += ACROSS
-    far[(over < -CLOSE) | (far > REACH)] = np.inf
-    near = np.argpartition(far, min(ASKED, len(xy)) - 1, axis=1)[:, :ASKED]
+    far = np.hypot(over, options.along * past)
+    far[over < 0] += options.other_side
+    far[(over < -options.clearance) | (far > options.reach)] = np.inf
+    count = options.candidates
+    near = np.argpartition(far, min(count, len(xy)) - 1, axis=1)[:, :count]
     far = np.take_along_axis(far, near, axis=1)
     ray, feature = np.nonzero(np.isfinite(far))
-    hidden = _hidden((place + GAP * across)[ray], xy[near[ray, feature]], walls, edge[ray])
+    eye = (place + options.gap * across)[ray]
+    hidden = _hidden(eye, xy[near[ray, feature]], walls, edge[ray], options.clearance)
     far[ray[hidden], feature[hidden]] = np.inf
-    order = np.argsort(far, axis=1)[:, :FEATURES]
+    order = np.argsort(far, axis=1)[:, : options.features]
     known = np.isfinite(np.take_along_axis(far, order, axis=1))
     value = np.take_along_axis(inverse[near], order, axis=1)
     value = np.sort(np.where(known, value, np.inf), axis=1)
     middle = np.maximum(known.sum(axis=1) - 1, 0) // 2
-    told = value[np.arange(len(value)), middle]
-    return np.where(known.any(axis=1), told, np.nan)
+    return np.where(known.any(axis=1), value[np.arange(len(value)), middle], np.nan)
 
 
 def _walls(edges: Floats, size: tuple[int, int]) -> Ints:
@@ -246,14 +279,14 @@ def _walls(edges: Floats, size: tuple[int, int]) -> Ints:
     return walls
 
 
-def _hidden(eye: Floats, seen: Floats, walls: Ints, own: Ints) -> Mask:
+def _hidden(eye: Floats, seen: Floats, walls: Ints, own: Ints, clearance: float) -> Mask:
     """(r,) whether another edge than `own` (r,) lies between places (r, 2) and others (r, 2)."""
     way = seen - eye
     length = np.maximum(np.linalg.norm(way, axis=1), 1e-9)
     result = np.zeros(len(eye), bool)
     live, step = np.arange(len(eye)), 2
     # A step a pixel; a feature close to an edge may be a corner of it, and counts as seen.
-    while len(live := live[step < length[live] - 2 * CLOSE]):
+    while len(live := live[step < length[live] - 2 * clearance]):
         at = np.floor(eye[live] + (step / length[live])[:, None] * way[live]).astype(int)
         column, row = np.clip(at, 0, np.array(walls.shape[::-1]) - 1).T
         hit = (walls[row, column] >= 0) & (walls[row, column] != own[live])
@@ -287,13 +320,13 @@ def _joined(xy: Floats, inverse: Floats, pieces: Ints, edges: Floats, size: tupl
     return Rows(xy[kept[keep]], inverse[kept[keep]], pieces.astype(np.int32), edges)
 
 
-def _far_from(edges: Floats, xy: Floats) -> Mask:
-    """(n,) places (n, 2) farther than `CLOSE` from all of edges (m, 2, 2)."""
+def _far_from(edges: Floats, xy: Floats, options: EdgeOptions) -> Mask:
+    """(n,) places (n, 2) farther than the clearance from all of edges (m, 2, 2)."""
     start, way = edges[:, 0], edges[:, 1] - edges[:, 0]
     result = np.ones(len(xy), bool)
-    for band in _bands(len(xy), len(edges)):
-        off = xy[band, None] - start
+    for some in _chunks(len(xy), len(edges), options.chunk):
+        off = xy[some, None] - start
         share = np.clip((off * way).sum(axis=2) / (way**2).sum(axis=1), 0, 1)
         distance = np.linalg.norm(off - share[..., None] * way, axis=2)
-        result[band] = distance.min(axis=1, initial=np.inf) > CLOSE
+        result[some] = distance.min(axis=1, initial=np.inf) > options.clearance
     return result

@@ -4,91 +4,110 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
 
+from ..base.arrays import Floats, Ints, LinearRGBA, Map
 from ..base.progress import checkpoint, in_this_scope
-from ..camera.reconstruction import Floats, Ints
-from .layered_depth_image import Fill, LayeredDepthImage, Picture, peeled
+from .layered_depth_image import Fill, LayeredDepthImage, LayerOptions, depth_peel
 from .mesh import WarpMesh
-from .quadtree import HIDDEN, Surfaces, triangulate
+from .quadtree import QuadtreeOptions, Surfaces, triangulate
 
-ERROR, RELATIVE = 0.33, 0.03
-"""Pixels by which a view may see a place of the mesh beside where its depth puts it, and how much of the
-blur's radius there beside."""
-JUMP, JUMPS = 0.19, (1.0, 3.0)
-"""Of the largest blur's radius, by which neighbours must be displaced apart to be cut; in these bounds."""
-LARGE = 0.5
-"""Of the same, by which they are cut first."""
 FINER = 2
 """Times as fine as the frame is its texture: a view loses less by looking between its pixels."""
 _AWAY = np.arange(-3, 5) - 0.5
 _LANCZOS = np.sinc(_AWAY) * np.sinc(_AWAY / 4)
 HALFWAY = (_LANCZOS / _LANCZOS.sum()).astype(np.float32)
-"""Weights of the eight pixels around the middle between two."""
-LARGEST_TEXTURE = 32_000_000
-"""Pixels; a larger one stays as coarse as the frame."""
-WIDEST = 0.25
-"""Of the long side; surfaces that are displaced farther from the focal plane than that come back to it."""
+"""(8,) Lanczos weights of the eight pixels around the middle between two, sum 1."""
+
+
+@dataclass(frozen=True)
+class LayeredMeshOptions:
+    """How exact a layered mesh is, and where it is cut."""
+
+    error: float = 0.33
+    """Pixels by which a view may see a place of the mesh beside where its depth puts it. By eye, with bars
+    and foreground of `python -m benchmarks.accuracy`: a third of a pixel of noise is no silhouette."""
+    relative_error: float = 0.03
+    """Of the blur's radius at a place, by which a view may see it yet farther off. By eye."""
+    jump: float = 0.19
+    """Of the largest blur's radius, by which neighbours must be displaced apart to be cut. By eye."""
+    jump_bounds: tuple[float, float] = (1.0, 3.0)
+    """Pixels: least and largest such displacement, whatever the blur is. By eye."""
+    first_jump: float = 0.5
+    """Of the usual largest blur's radius, by which neighbours are cut first, so that three surfaces can meet.
+    By `python -m benchmarks.accuracy`: fence has 35.1 instead of 33.8 dB (32 px, true depth), walk 42.1
+    instead of 41.6, with 3.6 instead of 13.0 % of the grid's triangles."""
+    largest_texture: int = 32_000_000
+    """Pixels; a larger texture stays as coarse as the frame. By eye, for memory: half a gigabyte."""
+    widest: float = 0.25
+    """Of the long side; surfaces displaced farther from the focal plane than that come back to it. By eye."""
+    layers: LayerOptions = field(default_factory=LayerOptions)
+    """How the frame is split in surfaces."""
+    quadtree: QuadtreeOptions = field(default_factory=QuadtreeOptions)
+    """How coarse the triangles are."""
 
 
 def layer_mesh(
-    picture: Picture,
-    shift: Floats,
+    picture: LinearRGBA,
+    disparity: Floats,
     focus: float,
     scale: float,
-    settle: Callable[[Floats], Floats] = lambda shift: shift,
+    snap: Callable[[Floats], Floats] = lambda disparity: disparity,
     fill: Fill | None = None,
-) -> tuple[WarpMesh, Picture, tuple[LayeredDepthImage, ...]]:
+    options: LayeredMeshOptions = LayeredMeshOptions(),
+) -> tuple[WarpMesh, LinearRGBA, tuple[LayeredDepthImage, ...]]:
     """A mesh, its texture (h, w, 4), and the layers it was made of, near ones first.
 
-    `picture` (H, W, 4) is the canvas picture, linear and premultiplied; `shift` (H, W) the displacement in
-    pixels of every pixel at the rim of the aperture, and `focus` that of the focal plane; displacement over
-    `scale` is inverse depth. `settle` moves displacements (H, W) that are drawn elsewhere than they are, as
-    into the focal plane; `fill` tells other frames' colours, on a raster that is so much larger than the
-    picture as needs be, its middle on the picture's. Triangles are ordered from far to near.
+    `picture` (H, W, 4) is the canvas picture; `disparity` (H, W) that of every pixel at the aperture's rim,
+    in pixels, and `focus` that of the focal plane; disparity over `scale` is inverse depth. `snap` moves
+    disparities (H, W) that are drawn elsewhere than they are, as into the focal plane; `fill` tells other
+    frames' colours, on a raster that is so much larger than the picture as needs be, its middle on the
+    picture's. Triangles are ordered from far to near.
     """
-    reach = WIDEST * max(shift.shape)
-    shift = np.clip(shift, focus - reach, focus + reach)
-    margin = int(np.ceil(np.abs(shift - focus).max())) + 2
+    reach = options.widest * max(disparity.shape)
+    disparity = np.clip(disparity, focus - reach, focus + reach)
+    margin = int(np.ceil(np.abs(disparity - focus).max())) + 2
     checkpoint()
     wide = np.pad(picture, ((margin, margin), (margin, margin), (0, 0)), mode="symmetric")
-    shift = np.pad(shift, margin, mode="edge")
-    hidden_colours = None
+    disparity = np.pad(disparity, margin, mode="edge")
+    margin_reprojected = None
     if fill is not None:
-        beyond = np.ones(shift.shape, bool)
+        beyond = np.ones(disparity.shape, bool)
         beyond[margin:-margin, margin:-margin] = False
         checkpoint(0.05)
-        colour, hidden_colours = fill(shift, beyond)
-        wide[hidden_colours, :3] = colour[hidden_colours]
+        colour, margin_reprojected = fill(disparity, beyond)
+        wide[margin_reprojected, :3] = colour[margin_reprojected]
     checkpoint(0.1)
-    largest = float(np.abs(shift - focus).max())
-    jump = float(np.clip(JUMP * largest, *JUMPS))
+    largest = float(np.abs(disparity - focus).max())
+    jump = float(np.clip(options.jump * largest, *options.jump_bounds))
     # A few wrong depths must not say what is large.
-    usual = float(np.percentile(np.abs(shift - focus)[::4, ::4], 99.9))
-    jumps = (LARGE * usual, jump) if LARGE * usual > jump else (jump,)
+    usual = float(np.percentile(np.abs(disparity - focus)[::4, ::4], 99.9))
+    first = options.first_jump * usual
+    jumps = (first, jump) if first > jump else (jump,)
     checkpoint(0.1)
-    layers = peeled(wide, shift, fill, jumps)
-    error = ERROR + RELATIVE * np.abs(layers[-1].back_shift - focus)
+    layers = depth_peel(wide, disparity, jumps, fill, options.layers)
+    error = options.error + options.relative_error * np.abs(layers[-1].back_disparity - focus)
     asked = []
     for split in layers:
         checkpoint(0.55)
         made = Surfaces(
-            settle(split.front_shift), settle(split.near_shift), settle(split.back_shift),
-            split.mixed, split.is_far, split.hidden,
+            snap(split.front_disparity), snap(split.near_disparity), snap(split.back_disparity),
+            split.mixed, split.is_far, split.disoccluded,
         )  # fmt: skip
-        # Settling can double what neighbours differ by.
-        asked.append((made, 2 * split.jump, error))
+        # Snapping can double what neighbours differ by.
+        asked.append((made, 2 * split.jump, error, options.quadtree))
         # What is left is a guess here, or cannot be seen.
-        error = error * np.where(split.hidden, HIDDEN, np.where(split.beneath, np.inf, 1))
+        guess = np.where(split.occluded, np.inf, 1)
+        error = error * np.where(split.disoccluded, options.quadtree.disoccluded_error, guess)
     with ThreadPoolExecutor() as pool:
         found = list(pool.map(in_this_scope(triangulate), *zip(*asked, strict=True)))
     surfaces = [(made.far, found[-1].far, len(layers))]
     fronts = []
     checkpoint(0.75)
-    for number, (split, (made, _, _), triangles) in enumerate(zip(layers, asked, found, strict=True)):
+    for number, (split, (made, *_), triangles) in enumerate(zip(layers, asked, found, strict=True)):
         surfaces += [(made.near, triangles.near, number), (made.own, triangles.cut, number)]
         # Past its silhouettes the near surface is transparent.
         fronts.append(split.front.copy())
@@ -97,17 +116,17 @@ def layer_mesh(
     mesh = _joined(surfaces, margin, scale)
     pictures = [wide, *(split.back for split in layers)]
     layers = tuple(
-        replace(split, front=f, hidden_colours=hidden_colours)
+        replace(split, front=f, margin_reprojected=margin_reprojected)
         for split, f in zip(layers, fronts, strict=True)
     )
-    if len(pictures) * shift.size * FINER**2 > LARGEST_TEXTURE:
+    if len(pictures) * disparity.size * FINER**2 > options.largest_texture:
         return mesh, np.concatenate([*fronts, pictures[-1]]), layers
     # A pixel's middle is the middle of a texel: in the focal plane views show the frame's own pixels.
     mesh = replace(mesh, texture_xy=FINER * (mesh.texture_xy - 0.5) + 0.5)
     return mesh, _texture(pictures, fronts), layers
 
 
-def _texture(pictures: list[Picture], fronts: list[Picture]) -> Picture:
+def _texture(pictures: list[LinearRGBA], fronts: list[LinearRGBA]) -> LinearRGBA:
     """(n h, w, 4) n - 1 fronts above each other and the last of n pictures (H, W, 4), twice as fine.
 
     Each is interpolated where it is smooth: a front is what its fine picture has more than the next one
@@ -120,11 +139,11 @@ def _texture(pictures: list[Picture], fronts: list[Picture]) -> Picture:
     texture[-1, ..., 3] = 1
     checkpoint(0.9)
     for part, behind, front in zip(texture[:-1], texture[1:], fronts, strict=True):
-        _taken_off(part, behind, front[..., 3])
+        _subtract_behind(part, behind, front[..., 3])
     return texture.reshape(-1, width, 4)
 
 
-def _refine(picture: Picture, texture: Picture) -> None:
+def _refine(picture: LinearRGBA, texture: LinearRGBA) -> None:
     """Write a picture (H, W, c) twice as fine into (2 H, 2 W, c): its pixels are every second one.
 
     What is between is Lanczos' interpolation, and not negative.
@@ -139,7 +158,7 @@ def _refine(picture: Picture, texture: Picture) -> None:
         np.maximum(down, 0, out=texture[1::2, column::2])
 
 
-def _taken_off(part: Picture, behind: Picture, alpha: Picture) -> None:
+def _subtract_behind(part: LinearRGBA, behind: LinearRGBA, alpha: Map) -> None:
     """Leave of a fine picture (2 H, 2 W, 4) what a front of opacity (H, W) has more than what is behind."""
     row, column = np.nonzero(cv2.erode(alpha, np.ones((2, 2), np.uint8), anchor=(0, 0)) < 1)
     below, right = (np.minimum(n + 1, size - 1) for n, size in zip((row, column), alpha.shape, strict=True))
@@ -155,19 +174,20 @@ def _taken_off(part: Picture, behind: Picture, alpha: Picture) -> None:
 
 
 def _joined(surfaces: list[tuple[Floats, Ints, int]], margin: int, scale: float) -> WarpMesh:
-    """One mesh of surfaces, each displacements (H, W), triangles (T, 3) of pixels, and which of the pictures
-    below each other in the texture is painted on it; the first one is whole."""
+    """One mesh of surfaces, each disparities (H, W), triangles (T, 3) of pixels, and which of the pictures
+    below each other in the texture is painted on it; the first one is whole. Their raster is `margin` pixels
+    larger than the canvas on every side; disparity over `scale` is inverse depth."""
     height, width = surfaces[0][0].shape
     xy, texture, inverse, triangles = [], [], [], []
     first = 0
-    for shift, rows, number in surfaces:
+    for disparity, rows, number in surfaces:
         checkpoint(0.8)
         used, renamed = np.unique(rows, return_inverse=True)
         row, column = np.divmod(used, width)
         place = np.column_stack([column, row]) + 0.5
         xy.append(place - margin)
         texture.append(place + np.array([0, number * height]))
-        inverse.append(shift.ravel()[used] / scale)
+        inverse.append(disparity.ravel()[used] / scale)
         triangles.append(renamed.reshape(-1, 3) + first)
         first += len(used)
     checkpoint(0.85)

@@ -10,35 +10,41 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
+from ..base.arrays import Floats, Ints, Map
 from ..base.counting import counted
 from ..base.errors import UserError
 from ..camera.canvas import Canvas
-from ..camera.reconstruction import Floats, Ints
 from ..depth.sparse import DepthSamples, FrameFeatures
 
 MIN_FEATURES = 3
+"""Features that a triangle takes."""
 MERGE = 0.5
-"""Pixels; features closer than this would make slivers."""
+"""Pixels across a cell of which one feature is kept: closer ones would make slivers. By eye."""
 
 
 @dataclass(frozen=True)
 class WarpMesh:
-    """Triangles over the actual camera's canvas picture, all in canvas pixels."""
+    """Triangles over the actual camera's canvas picture."""
 
     xy: Floats
-    """(V, 2) where the actual camera sees the vertex."""
+    """(V, 2) canvas pixels at which the actual camera sees the vertices."""
     texture_xy: Floats
-    """(V, 2) which place of the frame is painted on it."""
+    """(V, 2) pixels of the texture that are painted on the vertices: the canvas picture, or several below
+    each other, as fine or finer."""
     inverse_depth: Floats
-    """(V,) 1 / z, in 1 / scene units; 0 is infinitely far."""
+    """(V,) 1 / z of the vertices in the actual camera, in 1 / scene units; 0 is infinitely far."""
     triangles: Ints
-    """(T, 3) vertex rows."""
+    """(T, 3) rows of the vertices."""
 
 
 def thesis_mesh(features: FrameFeatures, canvas: Canvas) -> WarpMesh:
-    """The baseline: Delaunay over the features, the four image corners mapped to themselves (section 3.7)."""
-    keep = distinct(features, canvas, 0.0)
+    """The baseline: Delaunay over the features, the four image corners mapped to themselves (section 3.7).
+
+    UserError where the frame has too few features, or they cannot be triangulated.
+    """
+    keep = distinct(features, canvas)
     width, height = canvas.pinhole.width, canvas.pinhole.height
     corners = np.array([[0.0, 0.0], [width, 0.0], [0.0, height], [width, height]])
     texture = np.concatenate([features.observed[keep], corners])
@@ -52,11 +58,12 @@ def thesis_mesh(features: FrameFeatures, canvas: Canvas) -> WarpMesh:
 
 
 def feature_mesh(features: DepthSamples, canvas: Canvas, margin: float) -> WarpMesh:
-    """Delaunay over the features, carried on past the border by `margin` pixels instead of pinned.
+    """Delaunay over the features, extrapolated past the border by `margin` pixels instead of pinned.
 
-    The ring of vertices outside takes its inverse depth from the features nearest to it.
+    The ring of vertices outside takes its inverse depth from the features nearest to it. UserError where the
+    frame has too few features, or they cannot be triangulated.
     """
-    keep = distinct(features, canvas, margin)
+    keep = distinct(features, canvas)
     inside, inverse = features.observed[keep], features.inverse_depth[keep]
     outside = ring(canvas, max(margin, 2.0))
     xy = np.concatenate([inside, outside])
@@ -69,7 +76,8 @@ def feature_mesh(features: DepthSamples, canvas: Canvas, margin: float) -> WarpM
 
 
 def nearest_mean(places: Floats, values: Floats, wanted: Floats, count: int = 6) -> Floats:
-    """(k,) inverse-square-distance mean of the `count` values nearest to each of (k, 2) wanted places."""
+    """(k,) mean of the `count` values (n,) at places (n, 2) nearest to each wanted place (k, 2), by the
+    inverse of the squared distance (Shepard, "A two-dimensional interpolation function", 1968)."""
     squared = ((wanted[:, None, :] - places[None, :, :]) ** 2).sum(axis=2)
     count = min(count, len(places))
     nearest = np.argpartition(squared, count - 1, axis=1)[:, :count]
@@ -80,8 +88,9 @@ def nearest_mean(places: Floats, values: Floats, wanted: Floats, count: int = 6)
 def delaunay(xy: Floats) -> Ints:
     """Delaunay triangles (T, 3) of distinct points (n, 2) in pixels; their convex hull is covered.
 
-    OpenCV's subdivision fails on some point sets and loses triangles at the hull of others, so the area
-    is checked, and on failure the points are moved by up to a tenth of a pixel and tried again.
+    OpenCV's subdivision fails on some point sets and loses triangles at the hull of others, so the area is
+    checked, and on failure the points are moved by up to a tenth of a pixel and tried again. UserError where
+    that does not help.
     """
     hull = cv2.convexHull(xy.astype(np.float32))
     wanted = cv2.contourArea(hull)
@@ -99,7 +108,8 @@ def delaunay(xy: Floats) -> Ints:
     raise UserError("the feature points of a frame cannot be triangulated; solve the clip again")
 
 
-def _subdivide(xy: np.ndarray[tuple[int, ...], np.dtype[np.float32]]) -> Ints | None:
+def _subdivide(xy: Map) -> Ints | None:
+    """OpenCV's Delaunay triangles (T, 3) of places (n, 2), None where it fails."""
     low, high = np.floor(xy.min(axis=0)), np.ceil(xy.max(axis=0))
     # The subdivision's outer triangle must be far away, or it takes triangles of a long hull edge with it.
     far = 64 * (high - low).max()
@@ -121,14 +131,14 @@ def _subdivide(xy: np.ndarray[tuple[int, ...], np.dtype[np.float32]]) -> Ints | 
     return kept
 
 
-def _key(
-    xy: np.ndarray[tuple[int, ...], np.dtype[np.float32]],
-) -> np.ndarray[tuple[int, ...], np.dtype[np.complex128]]:
+def _key(xy: Map) -> NDArray[np.complex128]:
+    """(n,) one number for each place (n, 2), by which places can be sorted and looked up."""
     return np.asarray(xy[:, 0].astype(np.float64) + 1j * xy[:, 1].astype(np.float64))
 
 
-def distinct(features: DepthSamples, canvas: Canvas, margin: float) -> Ints:
-    """Rows of the features inside the canvas, one per half-pixel cell, or UserError if too few are left."""
+def distinct(features: DepthSamples, canvas: Canvas) -> Ints:
+    """(k,) rows of the features inside the canvas whose depth is known, one a half-pixel cell; UserError
+    where too few are left."""
     size = np.array([canvas.pinhole.width, canvas.pinhole.height])
     edge = 0.5
     inside = np.all((features.observed > edge) & (features.observed < size - edge), axis=1)

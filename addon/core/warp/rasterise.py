@@ -1,15 +1,21 @@
-"""What a mesh says at every pixel."""
+"""What a mesh says at every pixel.
+
+`cv2.triangleRasterizeDepth` does not do here. It takes the same values 4 to 20 times faster, but without any
+tolerance and in float32: of meshes whose vertices are middles of pixels, as layers' are, it leaves holes and
+shows the far surface at 437 of 960x720 pixels. Drawn four times, moved by a thousandth of a pixel each, it is
+whole and off by up to 1e-4, and no longer faster than this where triangles are small (57 ms for 8,064).
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
-from ..camera.reconstruction import Floats, Ints
+from ..base.arrays import Floats, Ints
 
 SAMPLES = 2_000_000
-"""Places that are looked at at once."""
+"""Places that are looked at at once, so that arrays of them take tens of megabytes."""
 EDGE = 1e-9
-"""Share of a triangle by which a place may lie outside and is still on its side."""
+"""Barycentric coordinate outside a triangle that is still on its side: a few roundings of float64."""
 
 
 def at_pixels(xy: Floats, values: Floats, triangles: Ints, shape: tuple[int, int]) -> Floats:
@@ -20,7 +26,7 @@ def at_pixels(xy: Floats, values: Floats, triangles: Ints, shape: tuple[int, int
     result = np.full(shape[0] * shape[1], -np.inf)
     # From here on a pixel's middle is a whole number.
     corners = xy[triangles] - 0.5
-    (a, b, c), told = corners.swapaxes(0, 1), values[triangles]
+    (a, b, c), at_corners = corners.swapaxes(0, 1), values[triangles]
     area = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
     last = np.array([shape[1], shape[0]]) - 1
     low = np.maximum(np.ceil(corners.min(axis=1) - EDGE), 0).astype(int)
@@ -34,15 +40,23 @@ def at_pixels(xy: Floats, values: Floats, triangles: Ints, shape: tuple[int, int
         chunk = max(1, SAMPLES // size**2)
         for first in range(0, len(rows), chunk):
             some = rows[first : first + chunk]
-            _draw(result, shape[1], corners[some], told[some], area[some], low[some], high[some], size)
+            _draw(result, shape[1], corners[some], at_corners[some], area[some], low[some], high[some], size)
         size *= 2
     return np.where(np.isfinite(result), result, np.nan).reshape(shape)
 
 
 def _draw(
-    result: Floats, width: int, corners: Floats, told: Floats, area: Floats, low: Ints, high: Ints, size: int
+    result: Floats,
+    width: int,
+    corners: Floats,
+    values: Floats,
+    area: Floats,
+    low: Ints,
+    high: Ints,
+    size: int,
 ) -> None:
-    """Into a raveled picture n triangles (n, 3, 2) that reach over at most size x size pixels each."""
+    """Draw into a raveled picture n triangles (n, 3, 2) with values (n, 3), twice their areas (n,), and first
+    and last column and row (n, 2) of pixels, at most size x size of them each."""
     step = np.arange(size)
     x, y = low[:, 0, None, None] + step, low[:, 1, None, None] + step[:, None]
     inside = (x <= high[:, 0, None, None]) & (y <= high[:, 1, None, None])
@@ -51,6 +65,6 @@ def _draw(
         (px, py), (qx, qy) = (corners[:, (n + k) % 3].T[:, :, None, None] for k in (1, 2))
         share = ((qx - px) * (y - py) - (qy - py) * (x - px)) / area[:, None, None]
         inside &= share >= -EDGE
-        value += share * told[:, n, None, None]
+        value += share * values[:, n, None, None]
     at = np.broadcast_to(y * width + x, inside.shape)[inside]
     np.maximum.at(result, at, value[inside])

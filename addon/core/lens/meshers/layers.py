@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...base.arrays import LinearRGB, LinearRGBA, Mask
 from ...base.progress import stage
 from ...camera.reconstruction import Floats
 from ...warp.disocclusion_fill import HiddenColours
-from ...warp.layered_depth_image import Fill, Mask, Picture
-from ...warp.layered_mesh import WIDEST, layer_mesh
+from ...warp.layered_depth_image import Fill
+from ...warp.layered_mesh import LayeredMeshOptions, layer_mesh
 from ..thin_lens import ThinLens
 from .mesher import FrameGeometry, Mesher, Surface
 
@@ -18,7 +19,7 @@ FILLED = 0.25
 
 def can_be_layered(lens: ThinLens, blur: float) -> bool:
     """Whether blur discs of `blur` pixels leave anything of a frame's surfaces to be drawn by layers."""
-    return blur / 2 < WIDEST * max(lens.pinhole.width, lens.pinhole.height)
+    return blur / 2 < LayeredMeshOptions.widest * max(lens.pinhole.width, lens.pinhole.height)
 
 
 def make(geometry: FrameGeometry) -> Surface:
@@ -42,10 +43,10 @@ def make(geometry: FrameGeometry) -> Surface:
     return Surface(mesh, texture, bool(picture[..., 3].min() > 0.999), layers)
 
 
-def _fill(hidden: HiddenColours, picture: Picture, scale: float) -> Fill:
+def _fill(hidden: HiddenColours, picture: LinearRGBA, scale: float) -> Fill:
     """Hidden colours as a raster around the picture asks for them: by displacement, `scale` times 1 / z."""
 
-    def fill(disparity: Floats, asked: Mask) -> tuple[Picture, Mask]:
+    def fill(disparity: Floats, asked: Mask) -> tuple[LinearRGB, Mask]:
         row, column = np.nonzero(asked)
         corner = (np.array(disparity.shape) - picture.shape[:2]) // 2
         places = np.column_stack([column - corner[1], row - corner[0]]) + 0.5

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from ...camera.canvas import Canvas, Picture
+from ...base.arrays import LinearRGBA
+from ...camera.canvas import Canvas
 from ...camera.reconstruction import Floats
 from ...depth.source import PixelDepth
 from ...depth.sparse import DepthSamples
@@ -25,7 +26,7 @@ class FrameGeometry:
     clip: ClipContext
     settings: LensSettings
     canvas: Canvas
-    picture: Picture
+    picture: LinearRGBA
     """(H, W, 4) what the canvas shows, linear and premultiplied."""
     lens: ThinLens
     samples: DepthSamples
@@ -43,7 +44,7 @@ class Surface:
     """A warp mesh with its texture."""
 
     mesh: WarpMesh
-    texture: Picture
+    texture: LinearRGBA
     """(h, w, 4) what is painted on the mesh, linear and premultiplied."""
     is_whole: bool = False
     """Whether no view may see through the mesh."""
