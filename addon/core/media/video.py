@@ -1,4 +1,8 @@
-"""Reading videos with OpenCV's FFmpeg: frames in their true geometry, counted once."""
+"""Reading videos with OpenCV's FFmpeg: frames in their true geometry, counted once.
+
+PyAV reads the same pixels, seeks exactly and gives more than 8 bits and the transfer curve (HLG), for a wheel
+of 19 to 35 MB a platform. Nothing here seeks and nothing after it knows HLG: once it does, look again.
+"""
 
 from __future__ import annotations
 
