@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction, rotation_matrix
-from benchmarks.thesis import edges
+from benchmarks.thesis import edges as thesis_edges
 from benchmarks.thesis import lengths as measure
 from sample_scenes import filming
 from sample_scenes.stage import Cameras, Edge, Stage
@@ -137,14 +137,14 @@ def test_edges_share_their_corners() -> None:
     assert world.shape == (3, 3)
     for each, pair in zip(edges, rows, strict=True):
         np.testing.assert_array_equal(world[pair], each.ends)
-    names = edges.letters(edges, rows)
+    names = thesis_edges.letters(edges, rows)
     assert [names[row] for row in rows.ravel()] == ["A", "B", "B", "C", "C", "A"]
 
 
 def test_corners_that_no_letter_pair_names_get_the_next_letters() -> None:
     edges = edge("height", (0, 0, 0), (0, 0, 1)), edge("BD", (1, 0, 0), (1, 0, 1))
     _, rows = measure.corners_of(edges)
-    names = edges.letters(edges, rows)
+    names = thesis_edges.letters(edges, rows)
     assert [names[row] for row in rows[1]] == ["B", "D"]
     assert sorted(names[row] for row in rows[0]) == ["A", "C"]
 
@@ -152,7 +152,7 @@ def test_corners_that_no_letter_pair_names_get_the_next_letters() -> None:
 def test_the_boxes_edges_are_spelt_by_their_corners() -> None:
     stage = filming.load("boxes")
     world, rows = measure.corners_of(stage.edges)
-    names = edges.letters(stage.edges, rows)
+    names = thesis_edges.letters(stage.edges, rows)
     assert sorted(names) == list(range(len(world)))
     assert len(set(names.values())) == len(world)
     for each, pair in zip(stage.edges, rows.tolist(), strict=True):
