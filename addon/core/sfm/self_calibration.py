@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..camera.reconstruction import Floats, Ints
-from .bundle_adjustment import Bundle, Observations, adjust
+from .bundle_adjustment import AdjustmentOptions, Bundle, Observations, adjust
 from .small_motion import agreement, select_observations
 from .solution import MIN_VIEWS, Solution
 from .tracks import Tracks
@@ -139,7 +139,7 @@ def refine_zoom(made: Solution, tracks: Tracks, ratio: Floats) -> None:
     made.focal = made.focal * ratio
     bundle, seen, posed, kept = _as_bundle(made)
     tie = 0.01 * len(kept) / ZOOM_STEP**2
-    refined = adjust(bundle, seen, made.max_error / 2, "each", tie, steps=200)
+    refined = adjust(bundle, seen, made.max_error / 2, "each", tie, AdjustmentOptions(steps=200))
     _put_back(made, refined.bundle, posed, kept)
     # Between the keyframes the picture's growth is the better guide.
     frames = np.arange(len(tracks.frames))
