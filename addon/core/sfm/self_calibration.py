@@ -12,8 +12,6 @@ from .small_motion import agreement, select_observations
 from .solution import MIN_VIEWS, Solution
 from .tracks import Tracks
 
-GUESS_SIGMA = 0.2
-"""Relative standard deviation of a focal length that nobody gave."""
 UNMODELLED = 2.0
 """By how much the errors of focal lengths on clips with truth exceed what the covariance says of them, which
 knows nothing of occlusions and highlights (`make bench-solve`)."""
