@@ -20,6 +20,7 @@ from ..camera.reconstruction import Floats, Ints, Reconstruction, normalise
 from . import self_calibration, small_motion, solution
 from .degeneracy import check_motion, only_turns
 from .keyframes import KeyframeOptions, adjust, keyframe_features, keyframes, map_keyframes
+from .small_motion import SmallMotionOptions
 from .solution import MIN_POINTS, Solution
 from .stabilised import refuse_shifted
 from .tracks import Progress, Tracks
@@ -74,6 +75,8 @@ class MappingOptions:
     """Factor by which the score of a zoom that nobody announced must exceed that of one focal length."""
     keyframes: KeyframeOptions = field(default_factory=KeyframeOptions)
     """The choice of keyframes."""
+    small_motion: SmallMotionOptions = field(default_factory=SmallMotionOptions)
+    """The tracks that span the keyframes, for solving them at once and for checks of the outcome."""
 
 
 @dataclass(frozen=True)
@@ -256,7 +259,7 @@ class _Keyframes:
 
     def _at_once(self, tracks: Tracks) -> Solution | None:
         """One adjustment of all keyframes from nothing; None where too few tracks span them."""
-        span = small_motion.long_tracks(tracks, self.keys)
+        span = small_motion.long_tracks(tracks, self.keys, self.options.small_motion)
         if len(span.tracks) < 4 * MIN_POINTS:
             return None
         placed = small_motion.general_motion(span, small_motion.rotation_only(span, self.start).bundle)
