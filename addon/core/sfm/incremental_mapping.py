@@ -20,6 +20,7 @@ from ..camera.reconstruction import Floats, Ints, Reconstruction, normalise
 from . import self_calibration, small_motion, solution
 from .degeneracy import check_motion, only_turns
 from .keyframes import KeyframeOptions, adjust, keyframe_features, keyframes, map_keyframes
+from .self_calibration import CalibrationOptions
 from .small_motion import SmallMotionOptions
 from .solution import MIN_POINTS, Solution
 from .stabilised import refuse_shifted
@@ -75,6 +76,8 @@ class MappingOptions:
     """Factor by which the score of a zoom that nobody announced must exceed that of one focal length."""
     keyframes: KeyframeOptions = field(default_factory=KeyframeOptions)
     """The choice of keyframes."""
+    calibration: CalibrationOptions = field(default_factory=CalibrationOptions)
+    """The focal length, and whether the camera moves."""
     small_motion: SmallMotionOptions = field(default_factory=SmallMotionOptions)
     """The tracks that span the keyframes, for solving them at once and for checks of the outcome."""
 
@@ -116,7 +119,7 @@ def reconstruct(
     best = found.solution
     refuse_shifted(best, keys)
     if ratio is not None:
-        self_calibration.refine_zoom(best, tracks, ratio)
+        self_calibration.refine_zoom(best, tracks, ratio, options.calibration)
     solution.register_frames(best, progress)
     for step in range(2):
         progress("Adjusting", step, 2)
@@ -212,8 +215,12 @@ class _Keyframes:
         if not found or max(each.explained for each in found) < good:
             keep(self._at_once(tracks), "at once")
         best = max(found, key=lambda each: each.score, default=None)
-        doubtful = self.parallax < self.options.doubtful_parallax
-        if doubtful and (best is None or self_calibration.turning_explains(best.solution)):
+        if self.parallax < self.options.doubtful_parallax and (
+            best is None
+            or self_calibration.turning_explains(
+                best.solution, self.options.calibration, self.options.small_motion
+            )
+        ):
             raise only_turns(self.parallax)
         if best is None:
             raise UserError(
@@ -228,7 +235,9 @@ class _Keyframes:
         solution.triangulate(made)
         solution.drop_bad(made)
         known = self.lens.sigma if self.lens.focal else self.options.start_sigma
-        sigma, from_clip = self_calibration.refine_focal_length(made, self.start, known)
+        sigma, from_clip = self_calibration.refine_focal_length(
+            made, self.start, known, self.options.calibration
+        )
         solution.triangulate(made)
         solution.drop_bad(made)
         share, _ = solution.explained(made)
