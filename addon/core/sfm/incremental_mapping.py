@@ -18,7 +18,7 @@ import pycolmap
 from ..base.errors import Remedy, UserError
 from ..camera.reconstruction import Floats, Ints, Reconstruction, normalise
 from . import self_calibration, small_motion, solution
-from .degeneracy import check_motion, only_turns
+from .degeneracy import DegeneracyOptions, check_motion, only_turns
 from .keyframes import KeyframeOptions, adjust, keyframe_features, keyframes, map_keyframes
 from .self_calibration import CalibrationOptions
 from .small_motion import SmallMotionOptions
@@ -78,6 +78,8 @@ class MappingOptions:
     """The choice of keyframes."""
     calibration: CalibrationOptions = field(default_factory=CalibrationOptions)
     """The focal length, and whether the camera moves."""
+    degeneracy: DegeneracyOptions = field(default_factory=DegeneracyOptions)
+    """Whether there is motion to begin with."""
     small_motion: SmallMotionOptions = field(default_factory=SmallMotionOptions)
     """The tracks that span the keyframes, for solving them at once and for checks of the outcome."""
 
@@ -112,7 +114,7 @@ def reconstruct(
 
     Raises UserError with the reason where the clip has no solution.
     """
-    parallax = check_motion(tracks)
+    parallax = check_motion(tracks, options.degeneracy)
     keys = keyframes(tracks, options.keyframes)
     start = lens.focal or options.start_focal * max(tracks.width, tracks.height)
     found, ratio = _Keyframes(keys, start, lens, parallax, progress, options).zoom_or_not(tracks)
