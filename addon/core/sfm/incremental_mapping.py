@@ -23,7 +23,7 @@ from .keyframes import KeyframeOptions, adjust, keyframe_features, keyframes, ma
 from .self_calibration import CalibrationOptions
 from .small_motion import SmallMotionOptions
 from .solution import MIN_POINTS, Solution
-from .stabilised import refuse_shifted
+from .stabilised import ShiftOptions, refuse_shifted
 from .tracks import Progress, Tracks
 
 
@@ -80,6 +80,8 @@ class MappingOptions:
     """The focal length, and whether the camera moves."""
     degeneracy: DegeneracyOptions = field(default_factory=DegeneracyOptions)
     """Whether there is motion to begin with."""
+    shifts: ShiftOptions = field(default_factory=ShiftOptions)
+    """Whether the pictures were shifted after they were taken."""
     small_motion: SmallMotionOptions = field(default_factory=SmallMotionOptions)
     """The tracks that span the keyframes, for solving them at once and for checks of the outcome."""
 
@@ -119,7 +121,7 @@ def reconstruct(
     start = lens.focal or options.start_focal * max(tracks.width, tracks.height)
     found, ratio = _Keyframes(keys, start, lens, parallax, progress, options).zoom_or_not(tracks)
     best = found.solution
-    refuse_shifted(best, keys)
+    refuse_shifted(best, keys, options.shifts, options.small_motion)
     if ratio is not None:
         self_calibration.refine_zoom(best, tracks, ratio, options.calibration)
     solution.register_frames(best, progress)
