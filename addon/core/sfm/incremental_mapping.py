@@ -22,7 +22,7 @@ from .degeneracy import DegeneracyOptions, check_motion, only_turns
 from .keyframes import KeyframeOptions, adjust, keyframe_features, keyframes, map_keyframes
 from .self_calibration import CalibrationOptions
 from .small_motion import SmallMotionOptions
-from .solution import MIN_POINTS, Solution
+from .solution import Solution, SolutionOptions
 from .stabilised import ShiftOptions, refuse_shifted
 from .tracks import Progress, Tracks
 
@@ -82,6 +82,8 @@ class MappingOptions:
     """Whether there is motion to begin with."""
     shifts: ShiftOptions = field(default_factory=ShiftOptions)
     """Whether the pictures were shifted after they were taken."""
+    solution: SolutionOptions = field(default_factory=SolutionOptions)
+    """What is kept of observations, points and frames."""
     small_motion: SmallMotionOptions = field(default_factory=SmallMotionOptions)
     """The tracks that span the keyframes, for solving them at once and for checks of the outcome."""
 
@@ -141,7 +143,7 @@ def reconstruct(
             Remedy.FRAMES,
         )
     reconstruction = solution.collect(best)
-    if len(reconstruction.images) < 2 or len(reconstruction.points) < MIN_POINTS:
+    if len(reconstruction.images) < 2 or len(reconstruction.points) < options.solution.min_points:
         raise UserError("too few points could be placed in space; film with more sideways movement")
     return Mapped(
         normalise(reconstruction), found.method, found.focal_sigma, found.focal_from_clip, parallax, angle,
@@ -252,9 +254,9 @@ class _Keyframes:
         """COLMAP's incremental mapping; the solution is of the tracks `whole` if these are part of them."""
         features = keyframe_features(tracks, self.keys, self.options.keyframes)
         model = map_keyframes(tracks, features, focal, self.progress)
-        if model is None or model.num_points3D() < MIN_POINTS:
+        if model is None or model.num_points3D() < self.options.solution.min_points:
             return None
-        made = solution.empty(whole or tracks, focal)
+        made = solution.empty(whole or tracks, focal, self.options.solution)
         support = np.zeros(tracks.count, int)
         for number in model.reg_image_ids():
             image, index = model.images[number], self.keys[number - 1]
@@ -273,10 +275,10 @@ class _Keyframes:
     def _at_once(self, tracks: Tracks) -> Solution | None:
         """One adjustment of all keyframes from nothing; None where too few tracks span them."""
         span = small_motion.long_tracks(tracks, self.keys, self.options.small_motion)
-        if len(span.tracks) < 4 * MIN_POINTS:
+        if len(span.tracks) < 4 * self.options.solution.min_points:
             return None
         placed = small_motion.general_motion(span, small_motion.rotation_only(span, self.start).bundle)
-        made = solution.empty(tracks, self.start)
+        made = solution.empty(tracks, self.start, self.options.solution)
         made.rotation[self.keys] = placed.bundle.rotation
         made.translation[self.keys] = placed.bundle.translation
         made.xyz[span.tracks] = placed.bundle.world

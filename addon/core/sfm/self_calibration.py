@@ -9,7 +9,7 @@ import numpy as np
 from ..camera.reconstruction import Floats, Ints
 from .bundle_adjustment import AdjustmentOptions, Bundle, Observations, adjust
 from .small_motion import SmallMotionOptions, agreement, select_observations
-from .solution import MIN_VIEWS, Solution
+from .solution import Solution
 from .tracks import Tracks
 
 
@@ -70,7 +70,7 @@ def _as_bundle(made: Solution, options: CalibrationOptions) -> tuple[Bundle, Obs
     frame = tracks.frame_index[by_frame]
     place = np.arange(len(frame)) - np.searchsorted(frame, frame)
     kept = np.union1d(longest, tracks.track[by_frame[place < options.longest_in_frame]]).astype(np.int32)
-    kept = kept[views[kept] >= MIN_VIEWS]
+    kept = kept[views[kept] >= made.options.min_views]
     points = np.column_stack([made.xyz[kept], np.ones(len(kept))])
     points /= np.linalg.norm(points, axis=1, keepdims=True)
     return (

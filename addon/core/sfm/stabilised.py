@@ -21,7 +21,7 @@ from ..base.errors import Remedy, UserError
 from ..camera.reconstruction import Floats, Ints
 from .bundle_adjustment import Observations
 from .small_motion import SmallMotionOptions, long_tracks
-from .solution import CLOSE, Solution
+from .solution import Solution
 
 
 @dataclass(frozen=True)
@@ -150,7 +150,7 @@ def compare(
         at = local[:, :2] / local[:, 2:] * made.focal[index, None]
     own = np.linalg.norm(at - span.seen.xy, axis=1)
     own = np.where(local[:, 2] > 0, own, np.inf)
-    close = CLOSE * made.max_error
+    close = made.options.close * made.max_error
     middle = keys[len(keys) // 2]
     depth = (world @ made.rotation[middle].T + made.translation[middle])[:, 2]
     good = np.isfinite(depth) & (depth > 0)
