@@ -158,7 +158,7 @@ def test_flow_alone_would_creep(tmp_path: Path) -> None:
     clip, to = zoomed(30, 1.01)
     folder = planes.write_clip(tmp_path / "clip", clip)
     held, span = ends(tracked(folder), to)
-    options = template_tracking.TemplateOptions(max_move=0.0)
+    options = klt.KLTOptions(template=template_tracking.TemplateOptions(max_move=0.0))
     free, free_span = ends(run(klt.TwoScales(klt.new_harris, options), open_footage(folder)), to)
     assert np.median(held[span >= 20]) < 0.6 * np.median(free[free_span >= 20])
 

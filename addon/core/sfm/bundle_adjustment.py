@@ -13,9 +13,15 @@ import numpy as np
 
 from ..camera.reconstruction import Floats, Ints
 
-STEPS = 60
-SETTLED = 1e-7
-"""Relative fall of the cost at which it is enough."""
+
+@dataclass(frozen=True)
+class AdjustmentOptions:
+    """When an adjustment ends. By eye."""
+
+    steps: int = 60
+    """Steps of Levenberg's and Marquardt's method at most, rejected ones included."""
+    settled: float = 1e-7
+    """Relative fall of the cost in one step at which it is enough."""
 
 
 @dataclass(frozen=True)
@@ -101,7 +107,7 @@ def adjust(
     loss: float,
     free_focal: str = "held",
     tie: float = 0.0,
-    steps: int = STEPS,
+    options: AdjustmentOptions = AdjustmentOptions(),
 ) -> Adjusted:
     """Least squares over all poses and points, by Levenberg and Marquardt, with Huber's loss from `loss` px.
 
@@ -112,7 +118,7 @@ def adjust(
     extra = {"held": 0, "common": 1, "each": frames}[free_focal]
     damping = 1e-4
     system = _system(bundle, seen, loss, extra, tie)
-    for _ in range(steps):
+    for _ in range(options.steps):
         step = _solved(system, damping)
         if step is not None:
             moved = _moved(bundle, system.basis, *step, extra)
@@ -121,7 +127,7 @@ def adjust(
                 fallen = (system.cost - cost) / max(system.cost, 1e-300)
                 bundle, damping = moved, max(damping / 8, 1e-10)
                 system = _system(bundle, seen, loss, extra, tie)
-                if fallen < SETTLED:
+                if fallen < options.settled:
                     break
                 continue
         damping *= 6

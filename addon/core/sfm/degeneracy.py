@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -10,34 +11,40 @@ from ..base.errors import Remedy, UserError
 from ..camera.reconstruction import Floats
 from .tracks import Tracks, cuts
 
-MIN_SHARED = 40
-MIN_MOTION = 0.3
-"""Pixels of a 1,000-pixel frame; less is a still camera."""
-FOCALS = (0.5, 0.6, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0, 3.0)
-"""Tried focal lengths, in long sides of the frame."""
+
+@dataclass(frozen=True)
+class DegeneracyOptions:
+    """When a clip has no motion to solve. By eye."""
+
+    min_shared: int = 40
+    """Tracks that two frames must share to be compared."""
+    min_motion: float = 0.3
+    """Median motion of the tracks in pixels of a 1,000-pixel frame; less is a still camera."""
+    focals: tuple[float, ...] = (0.5, 0.6, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0, 3.0)
+    """Focal lengths, in long sides of the frame, with which a pure rotation is tried."""
 
 
-def check_motion(tracks: Tracks) -> float:
+def check_motion(tracks: Tracks, options: DegeneracyOptions = DegeneracyOptions()) -> float:
     """Pixels (of a frame 1,000 pixels long) that stay unexplained by the best pure rotation.
 
     A pan, even with a perfect reprojection error, has one depth for all points (a "confident fake"), and
     neither the reprojection error nor the triangulation angle shows it. Raises UserError where the clip has
     too few features or the camera stands still; of a camera that only turns, `only_turns` tells.
     """
-    pairs = [p for p in (tracks.shared(i, j) for i, j in _pairs(tracks)) if len(p[0]) >= MIN_SHARED]
+    pairs = [p for p in (tracks.shared(i, j) for i, j in _pairs(tracks)) if len(p[0]) >= options.min_shared]
     if not pairs:
         raise UserError(
-            f"fewer than {MIN_SHARED} features can be followed through the clip; it has too little texture"
-            " or is blurred: choose another range of frames",
+            f"fewer than {options.min_shared} features can be followed through the clip; it has too little"
+            " texture or is blurred: choose another range of frames",
             Remedy.FRAMES,
         )
     unit = 1000 / max(tracks.width, tracks.height)
     motion = max(float(np.median(np.linalg.norm(b - a, axis=1))) for a, b in pairs) * unit
-    if motion < MIN_MOTION:
+    if motion < options.min_motion:
         raise UserError(
             "the camera does not move in this clip; depth needs a camera that moves sideways a little"
         )
-    residuals = [min(rotation_residual(a, b, tracks, focal) for focal in FOCALS) for a, b in pairs]
+    residuals = [min(rotation_residual(a, b, tracks, focal) for focal in options.focals) for a, b in pairs]
     return max(residuals) * unit
 
 

@@ -8,7 +8,7 @@ zoom is taken out of the tracks before, and given back to the frames after the k
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 # The order matters: imported after pycolmap, OpenCV's PNG writer frees memory twice.
 import cv2
@@ -18,29 +18,13 @@ import pycolmap
 from ..base.errors import Remedy, UserError
 from ..camera.reconstruction import Floats, Ints, Reconstruction, normalise
 from . import self_calibration, small_motion, solution
-from .degeneracy import check_motion, only_turns
-from .keyframes import adjust, keyframe_features, keyframes, map_keyframes
-from .solution import MIN_POINTS, Solution
-from .stabilised import refuse_shifted
+from .degeneracy import DegeneracyOptions, check_motion, only_turns
+from .keyframes import KeyframeOptions, adjust, keyframe_features, keyframes, map_keyframes
+from .self_calibration import CalibrationOptions
+from .small_motion import SmallMotionOptions
+from .solution import Solution, SolutionOptions
+from .stabilised import ShiftOptions, refuse_shifted
 from .tracks import Progress, Tracks
-
-START_FOCAL = 0.85
-"""Long sides of the frame: a phone's main camera."""
-MIN_PARALLAX = 1.0
-"""Pixels of a 1,000-pixel frame that no rotation explains; less is a trembling hand, or only turns."""
-DOUBTFUL = 10.0
-"""Pixels of a 1,000-pixel frame; with less parallax it is asked whether turning alone explains the clip."""
-EXPLAINED = 0.8
-"""Share of the observations that a good solve explains; less, and something moves by itself or went wrong."""
-LEAST_EXPLAINED = 0.565
-"""Share below which a solve is none. Between the clips of `benchmarks.solving`, where a thing of 30 % of the
-picture that goes its own way leaves 0.58 to 0.63 and the solve is right, and 0.47 to 0.55 of shifted ones."""
-LONGER = 1.3
-"""Times the first focal length: the second one to begin with."""
-GROWTH = 1.05
-"""Ratio of the picture's scales over a clip below which it is not asked whether the lens zooms, and"""
-ZOOMS = 1.1
-"""by how much a zoom that nobody announced must explain it better."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +42,50 @@ class Lens:
     def free(self) -> bool:
         """No focal length was given that is to be held."""
         return self.focal is None or self.sigma > 0
+
+
+@dataclass(frozen=True)
+class MappingOptions:
+    """Which ways are tried to solve a clip's keyframes, and what their outcome must explain.
+
+    By eye unless a field says otherwise; the outcome is judged by the solves of `make bench-solve`.
+    """
+
+    start_focal: float = 0.85
+    """Focal length to begin with, in long sides of the frame: a phone's main camera."""
+    start_sigma: float = 0.2
+    """Relative standard deviation of a focal length that nobody gave."""
+    longer_focal: float = 1.3
+    """Factor of the first focal length that gives a second one to begin with."""
+    min_parallax: float = 1.0
+    """Pixels of a 1,000-pixel frame that no rotation explains; with less, pairs of pictures are not tried: it
+    is a trembling hand, or only turns."""
+    doubtful_parallax: float = 10.0
+    """Pixels of a 1,000-pixel frame that no rotation explains; with less, it is asked whether a camera that
+    only turns explains the clip."""
+    good_explained: float = 0.8
+    """Share of the observations that a good solve explains; less, and something moves by itself or went
+    wrong: other ways are tried."""
+    min_explained: float = 0.565
+    """Share of the observations below which a solve is refused. Between the clips of `benchmarks.solving`,
+    where a thing of 30 % of the picture that goes its own way leaves 0.58 to 0.63 and the solve is right, and
+    0.47 to 0.55 of shifted ones."""
+    min_growth: float = 1.05
+    """Ratio of the picture's scales over a clip below which it is not asked whether the lens zooms."""
+    min_zoom_gain: float = 1.1
+    """Factor by which the score of a zoom that nobody announced must exceed that of one focal length."""
+    keyframes: KeyframeOptions = field(default_factory=KeyframeOptions)
+    """The choice of keyframes."""
+    calibration: CalibrationOptions = field(default_factory=CalibrationOptions)
+    """The focal length, and whether the camera moves."""
+    degeneracy: DegeneracyOptions = field(default_factory=DegeneracyOptions)
+    """Whether there is motion to begin with."""
+    shifts: ShiftOptions = field(default_factory=ShiftOptions)
+    """Whether the pictures were shifted after they were taken."""
+    solution: SolutionOptions = field(default_factory=SolutionOptions)
+    """What is kept of observations, points and frames."""
+    small_motion: SmallMotionOptions = field(default_factory=SmallMotionOptions)
+    """The tracks that span the keyframes, for solving them at once and for checks of the outcome."""
 
 
 @dataclass(frozen=True)
@@ -83,29 +111,31 @@ class Mapped:
     """Solved with a focal length a frame."""
 
 
-def reconstruct(tracks: Tracks, lens: Lens, progress: Progress) -> Mapped:
+def reconstruct(
+    tracks: Tracks, lens: Lens, progress: Progress, options: MappingOptions = MappingOptions()
+) -> Mapped:
     """Cameras and points of a clip from its tracks, normalised.
 
     Raises UserError with the reason where the clip has no solution.
     """
-    parallax = check_motion(tracks)
-    keys = keyframes(tracks)
-    start = lens.focal or START_FOCAL * max(tracks.width, tracks.height)
-    found, ratio = _zoom_or_not(tracks, keys, start, lens, parallax, progress)
+    parallax = check_motion(tracks, options.degeneracy)
+    keys = keyframes(tracks, options.keyframes)
+    start = lens.focal or options.start_focal * max(tracks.width, tracks.height)
+    found, ratio = _Keyframes(keys, start, lens, parallax, progress, options).zoom_or_not(tracks)
     best = found.solution
-    refuse_shifted(best, keys)
+    refuse_shifted(best, keys, options.shifts, options.small_motion)
     if ratio is not None:
-        self_calibration.refine_zoom(best, tracks, ratio)
+        self_calibration.refine_zoom(best, tracks, ratio, options.calibration)
     solution.register_frames(best, progress)
     for step in range(2):
         progress("Adjusting", step, 2)
         solution.triangulate(best)
         solution.drop_bad(best)
-        adjust(best)
+        adjust(best, options.keyframes)
     solution.drop_bad(best)
     angle = solution.drop_shallow(best)
     explained, moving = solution.explained(best)
-    if explained < LEAST_EXPLAINED:
+    if explained < options.min_explained:
         raise UserError(
             f"only {100 * explained:.0f} % of what was tracked agrees with one scene that stands still: too"
             " much moves on its own, or the pictures were shifted or warped after they were taken; choose"
@@ -113,7 +143,7 @@ def reconstruct(tracks: Tracks, lens: Lens, progress: Progress) -> Mapped:
             Remedy.FRAMES,
         )
     reconstruction = solution.collect(best)
-    if len(reconstruction.images) < 2 or len(reconstruction.points) < MIN_POINTS:
+    if len(reconstruction.images) < 2 or len(reconstruction.points) < options.solution.min_points:
         raise UserError("too few points could be placed in space; film with more sideways movement")
     return Mapped(
         normalise(reconstruction), found.method, found.focal_sigma, found.focal_from_clip, parallax, angle,
@@ -140,109 +170,122 @@ class _Found:
     """Of 1: how much of what the keyframes see is explained, and how closely."""
 
 
-def _zoom_or_not(
-    tracks: Tracks, keys: list[int], focal: float, lens: Lens, parallax: float, progress: Progress
-) -> tuple[_Found, Floats | None]:
-    """What comes of the keyframes, and (F,) by how much the lens zooms if it does.
+@dataclass(frozen=True)
+class _Keyframes:
+    """A clip's keyframes and what is known before they are solved."""
 
-    A focal length that changes unannounced leaves much unexplained; one that was given does not change.
-    """
-    found = None if lens.zooms else _keyframe_solution(tracks, keys, focal, lens, parallax, progress)
-    if found is not None and (not lens.free or found.explained >= EXPLAINED):
-        return found, None
-    ratio = self_calibration.zoom_ratios(tracks)
-    if found is not None and ratio.max() < GROWTH * ratio.min():
-        return found, None
-    other = _keyframe_solution(self_calibration.zoomed(tracks, ratio), keys, focal, lens, parallax, progress)
-    if found is not None and other.score < ZOOMS * found.score:
-        return found, None
-    return other, ratio
+    keys: list[int]
+    """Indices of the clip's frames."""
+    start: float
+    """Pixels of focal length to begin with."""
+    lens: Lens
+    parallax: float
+    """Pixels of a 1,000-pixel frame that no rotation explains."""
+    progress: Progress
+    options: MappingOptions
 
+    def zoom_or_not(self, tracks: Tracks) -> tuple[_Found, Floats | None]:
+        """What comes of the keyframes, and (F,) by how much the lens zooms if it does.
 
-def _keyframe_solution(
-    tracks: Tracks, keys: list[int], focal: float, lens: Lens, parallax: float, progress: Progress
-) -> _Found:
-    """The best of what the ways make of the keyframes; UserError where none leads anywhere."""
-    found: list[_Found] = []
+        A focal length that changes unannounced leaves much unexplained; one that was given does not change.
+        """
+        found = None if self.lens.zooms else self._solution(tracks)
+        if found is not None and (not self.lens.free or found.explained >= self.options.good_explained):
+            return found, None
+        ratio = self_calibration.zoom_ratios(tracks)
+        if found is not None and ratio.max() < self.options.min_growth * ratio.min():
+            return found, None
+        other = self._solution(self_calibration.zoomed(tracks, ratio))
+        if found is not None and other.score < self.options.min_zoom_gain * found.score:
+            return found, None
+        return other, ratio
 
-    def keep(made: Solution | None, method: str) -> None:
-        if made is not None:
-            progress("Settling the focal length", 0, 1)
-            found.append(_judged(made, keys, lens, focal, method))
+    def _solution(self, tracks: Tracks) -> _Found:
+        """The best of what the ways make of the keyframes; UserError where none leads anywhere."""
+        found: list[_Found] = []
+        good, focal = self.options.good_explained, self.start
 
-    if parallax >= MIN_PARALLAX:
-        keep(_by_pairs(tracks, keys, focal, progress), "pairs")
-        if found and found[0].explained < EXPLAINED:
-            # It may have fastened upon what moves: what it explains is taken away, and the rest asked.
-            keep(_by_pairs(_without(tracks, found[0].solution), keys, focal, progress, tracks), "pairs")
-        if found and lens.free and max(found, key=lambda each: each.score).explained < EXPLAINED:
-            # Or it began with too short a lens and holds a flat background for all there is.
-            keep(_by_pairs(tracks, keys, LONGER * focal, progress), "pairs")
-    if not found or max(each.explained for each in found) < EXPLAINED:
-        keep(_at_once(tracks, keys, focal), "at once")
-    best = max(found, key=lambda each: each.score, default=None)
-    if parallax < DOUBTFUL and (best is None or self_calibration.turning_explains(best.solution)):
-        raise only_turns(parallax)
-    if best is None:
-        raise UserError(
-            "no camera path explains this clip: too little parallax, or too much moves on its own;"
-            " choose another range of frames, or film with more sideways movement",
-            Remedy.FRAMES,
+        def keep(made: Solution | None, method: str) -> None:
+            if made is not None:
+                self.progress("Settling the focal length", 0, 1)
+                found.append(self._judged(made, method))
+
+        if self.parallax >= self.options.min_parallax:
+            keep(self._by_pairs(tracks, focal), "pairs")
+            if found and found[0].explained < good:
+                # It may have fastened upon what moves: what it explains is taken away, and the rest asked.
+                keep(self._by_pairs(_without(tracks, found[0].solution), focal, tracks), "pairs")
+            if found and self.lens.free and max(found, key=lambda each: each.score).explained < good:
+                # Or it began with too short a lens and holds a flat background for all there is.
+                keep(self._by_pairs(tracks, self.options.longer_focal * focal), "pairs")
+        if not found or max(each.explained for each in found) < good:
+            keep(self._at_once(tracks), "at once")
+        best = max(found, key=lambda each: each.score, default=None)
+        if self.parallax < self.options.doubtful_parallax and (
+            best is None
+            or self_calibration.turning_explains(
+                best.solution, self.options.calibration, self.options.small_motion
+            )
+        ):
+            raise only_turns(self.parallax)
+        if best is None:
+            raise UserError(
+                "no camera path explains this clip: too little parallax, or too much moves on its own;"
+                " choose another range of frames, or film with more sideways movement",
+                Remedy.FRAMES,
+            )
+        return best
+
+    def _judged(self, made: Solution, method: str) -> _Found:
+        """A solution of the keyframes with its focal length refined, and how much of the clip it explains."""
+        solution.triangulate(made)
+        solution.drop_bad(made)
+        known = self.lens.sigma if self.lens.focal else self.options.start_sigma
+        sigma, from_clip = self_calibration.refine_focal_length(
+            made, self.start, known, self.options.calibration
         )
-    return best
+        solution.triangulate(made)
+        solution.drop_bad(made)
+        share, _ = solution.explained(made)
+        posed = float(np.isfinite(made.translation[self.keys, 0]).mean())
+        return _Found(made, method, sigma, from_clip, share * posed, solution.score(made, self.keys))
 
+    def _by_pairs(self, tracks: Tracks, focal: float, whole: Tracks | None = None) -> Solution | None:
+        """COLMAP's incremental mapping; the solution is of the tracks `whole` if these are part of them."""
+        features = keyframe_features(tracks, self.keys, self.options.keyframes)
+        model = map_keyframes(tracks, features, focal, self.progress)
+        if model is None or model.num_points3D() < self.options.solution.min_points:
+            return None
+        made = solution.empty(whole or tracks, focal, self.options.solution)
+        support = np.zeros(tracks.count, int)
+        for number in model.reg_image_ids():
+            image, index = model.images[number], self.keys[number - 1]
+            pose = image.cam_from_world()
+            made.rotation[index], made.translation[index] = pose.rotation.matrix(), pose.translation
+            ids = features[number - 1][0]
+            for row, feature in enumerate(image.points2D):
+                # Verification can split a track into several points: the best supported one is taken.
+                if feature.has_point3D():
+                    point = model.points3D[feature.point3D_id]
+                    if point.track.length() > support[ids[row]]:
+                        support[ids[row]] = point.track.length()
+                        made.xyz[ids[row]] = point.xyz
+        return made
 
-def _judged(made: Solution, keys: list[int], lens: Lens, start: float, method: str) -> _Found:
-    """A solution of the keyframes with its focal length refined, and how much of the clip it explains."""
-    solution.triangulate(made)
-    solution.drop_bad(made)
-    known = lens.sigma if lens.focal else self_calibration.GUESS_SIGMA
-    sigma, from_clip = self_calibration.refine_focal_length(made, start, known)
-    solution.triangulate(made)
-    solution.drop_bad(made)
-    share, _ = solution.explained(made)
-    posed = float(np.isfinite(made.translation[keys, 0]).mean())
-    return _Found(made, method, sigma, from_clip, share * posed, solution.score(made, keys))
-
-
-def _by_pairs(
-    tracks: Tracks, keys: list[int], focal: float, progress: Progress, whole: Tracks | None = None
-) -> Solution | None:
-    """COLMAP's incremental mapping; the solution is of the tracks `whole` if these are but a part of them."""
-    features = keyframe_features(tracks, keys)
-    model = map_keyframes(tracks, features, focal, progress)
-    if model is None:
-        return None
-    made = solution.empty(whole or tracks, focal)
-    support = np.zeros(tracks.count, int)
-    for number in model.reg_image_ids():
-        image, index = model.images[number], keys[number - 1]
-        pose = image.cam_from_world()
-        made.rotation[index], made.translation[index] = pose.rotation.matrix(), pose.translation
-        ids = features[number - 1][0]
-        for row, feature in enumerate(image.points2D):
-            # Verification can split a track into several points: the best supported one is taken.
-            if feature.has_point3D():
-                point = model.points3D[feature.point3D_id]
-                if point.track.length() > support[ids[row]]:
-                    support[ids[row]] = point.track.length()
-                    made.xyz[ids[row]] = point.xyz
-    return made
+    def _at_once(self, tracks: Tracks) -> Solution | None:
+        """One adjustment of all keyframes from nothing; None where too few tracks span them."""
+        span = small_motion.long_tracks(tracks, self.keys, self.options.small_motion)
+        if len(span.tracks) < 4 * self.options.solution.min_points:
+            return None
+        placed = small_motion.general_motion(span, small_motion.rotation_only(span, self.start).bundle)
+        made = solution.empty(tracks, self.start, self.options.solution)
+        made.rotation[self.keys] = placed.bundle.rotation
+        made.translation[self.keys] = placed.bundle.translation
+        made.xyz[span.tracks] = placed.bundle.world
+        return made
 
 
 def _without(tracks: Tracks, made: Solution) -> Tracks:
     """The tracks that a solution has no point for; their numbers stay."""
     rows = np.isnan(made.xyz[tracks.track, 0])
     return replace(tracks, frame_index=tracks.frame_index[rows], track=tracks.track[rows], xy=tracks.xy[rows])
-
-
-def _at_once(tracks: Tracks, keys: list[int], focal: float) -> Solution | None:
-    """One adjustment of all keyframes from nothing; None where too few tracks span them."""
-    span = small_motion.long_tracks(tracks, keys)
-    if len(span.tracks) < 4 * MIN_POINTS:
-        return None
-    placed = small_motion.general_motion(span, small_motion.rotation_only(span, focal).bundle)
-    made = solution.empty(tracks, focal)
-    made.rotation[keys], made.translation[keys] = placed.bundle.rotation, placed.bundle.translation
-    made.xyz[span.tracks] = placed.bundle.world
-    return made

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 # The order matters: imported after pycolmap, OpenCV's PNG writer frees memory twice.
@@ -11,7 +12,7 @@ import pycolmap
 
 from ..base.atomic import temporary_folder
 from ..camera.reconstruction import Floats, Ints
-from .solution import MIN_POINTS, Solution, triangulate
+from .solution import Solution, triangulate
 from .tracks import Progress, Tracks
 
 pycolmap.logging.minloglevel = 3
@@ -20,20 +21,26 @@ pycolmap.logging.minloglevel = 3
 for _level in pycolmap.logging.Level.__members__.values():
     pycolmap.logging.set_log_destination(_level, "")
 
-KEYFRAMES = 40
-"""If the clip has as many frames."""
-STEP = 0.06
-"""Of the long side; the picture moves at most so far from a keyframe to the next."""
-SIGHTINGS = 400_000
-"""That take part in an adjustment; of longer clips an even choice of the tracks does."""
-ENOUGH_FEATURES = 500
-"""In a keyframe, to find its pose."""
 THREADS = 1
-"""Of pycolmap's. With more, the order in which pairs are stored and sums are added up is whatever thread was
-faster, and the same clip gives one model today and another tomorrow."""
+"""Number of pycolmap's threads. With more, the order in which pairs are stored and sums are added up is
+whatever thread was faster, and the same clip gives one model today and another tomorrow."""
 
 
-def keyframes(tracks: Tracks) -> list[int]:
+@dataclass(frozen=True)
+class KeyframeOptions:
+    """Which frames are solved first, and by how much of what was tracked. By eye."""
+
+    least: int = 40
+    """Keyframes at least, of a clip that has as many frames."""
+    step: float = 0.06
+    """Median motion of the tracks from a keyframe to the next, at most, in long sides of the frame."""
+    features: int = 500
+    """Median number of features in a keyframe past which only an even choice of the tracks is mapped."""
+    observations: int = 400_000
+    """Observations past which only an even choice of the tracks takes part in an adjustment of all frames."""
+
+
+def keyframes(tracks: Tracks, options: KeyframeOptions = KeyframeOptions()) -> list[int]:
     """Indices of frames at equal steps of image motion, first and last included."""
     count = len(tracks.frames)
     flow = np.zeros(count)
@@ -41,12 +48,14 @@ def keyframes(tracks: Tracks) -> list[int]:
         a, b = tracks.shared(index - 1, index)
         flow[index] = np.median(np.linalg.norm(b - a, axis=1)) if len(a) else 1.0
     path = np.cumsum(flow + 1e-3)
-    wanted = (path[-1] - path[0]) / (STEP * max(tracks.width, tracks.height)) + 1
-    steps = np.linspace(path[0], path[-1], min(max(KEYFRAMES, round(wanted)), count))
+    wanted = (path[-1] - path[0]) / (options.step * max(tracks.width, tracks.height)) + 1
+    steps = np.linspace(path[0], path[-1], min(max(options.least, round(wanted)), count))
     return sorted(set(np.clip(np.searchsorted(path, steps - 1e-9), 0, count - 1).tolist()) | {0, count - 1})
 
 
-def keyframe_features(tracks: Tracks, keys: list[int]) -> list[tuple[Ints, Floats]]:
+def keyframe_features(
+    tracks: Tracks, keys: list[int], options: KeyframeOptions = KeyframeOptions()
+) -> list[tuple[Ints, Floats]]:
     """Track numbers (n,) and places (n, 2) of each keyframe, without those that would only cost time.
 
     Poses need no more than an even choice of the tracks; the others get their points later, and take part
@@ -54,7 +63,7 @@ def keyframe_features(tracks: Tracks, keys: list[int]) -> list[tuple[Ints, Float
     """
     features = [tracks.in_frame(index) for index in keys]
     usual = float(np.median([len(ids) for ids, _ in features]))
-    kept = np.random.default_rng(0).random(tracks.count) < ENOUGH_FEATURES / max(usual, 1.0)
+    kept = np.random.default_rng(0).random(tracks.count) < options.features / max(usual, 1.0)
     return [(ids[kept[ids]], xy[kept[ids]]) for ids, xy in features]
 
 
@@ -91,9 +100,7 @@ def map_keyframes(
             done[0] = 2
         # The first model is often a stump: the one with most images and points is taken.
         best = max(models.values(), key=lambda m: (m.num_reg_images(), m.num_points3D()), default=None)
-    if best is None or best.num_reg_images() < 2 or best.num_points3D() < MIN_POINTS:
-        return None
-    return best
+    return best if best is not None and best.num_reg_images() >= 2 else None
 
 
 def _mapper_options(angle: float) -> pycolmap.IncrementalPipelineOptions:
@@ -159,10 +166,10 @@ def _new_camera(tracks: Tracks, focal: float, number: int = 1) -> pycolmap.Camer
     )
 
 
-def adjust(solution: Solution) -> None:
+def adjust(solution: Solution, options: KeyframeOptions = KeyframeOptions()) -> None:
     """Bundle adjustment of all poses and points, intrinsics held."""
     tracks = solution.tracks
-    share = SIGHTINGS / max(int(solution.used.sum()), 1)
+    share = options.observations / max(int(solution.used.sum()), 1)
     chosen = np.random.default_rng(0).random(tracks.count) < share
     rows = np.nonzero(solution.used & chosen[tracks.track])[0]
     images = tracks.frame_index[rows]

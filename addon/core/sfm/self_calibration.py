@@ -2,33 +2,42 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..camera.reconstruction import Floats, Ints
-from .bundle_adjustment import Bundle, Observations, adjust
-from .small_motion import agreement, select_observations
-from .solution import MIN_VIEWS, Solution
+from .bundle_adjustment import AdjustmentOptions, Bundle, Observations, adjust
+from .small_motion import SmallMotionOptions, agreement, select_observations
+from .solution import Solution
 from .tracks import Tracks
 
-GUESS_SIGMA = 0.2
-"""Relative standard deviation of a focal length that nobody gave."""
-UNMODELLED = 2.0
-"""By how much the errors of focal lengths on clips with truth exceed what the covariance says of them, which
-knows nothing of occlusions and highlights (`make bench-solve`)."""
-ENOUGH_TRACKS, ENOUGH_IN_FRAME = 1500, 60
-"""The longest of the clip, and of each frame, to find a focal length by."""
-MIN_GAIN = 1.25
-"""By how much less a camera that moves must miss than one that only turns, to be believed."""
-MIN_AGREEMENT = 0.6
-"""Of the depths that the clip's two halves tell."""
-ZOOM_STEP = 0.02
-"""Relative change of the focal length from a keyframe to the next that costs as much as all tracks missing by
-a tenth of a pixel."""
+
+@dataclass(frozen=True)
+class CalibrationOptions:
+    """How focal lengths are refined, and when a moving camera is believed. By eye where no field says how."""
+
+    unmodelled: float = 2.0
+    """Factor by which errors of focal lengths on clips with truth exceed what the covariance says of them,
+    which knows nothing of occlusions and highlights (`make bench-solve`)."""
+    longest: int = 1500
+    """Number of the clip's longest tracks to find a focal length by."""
+    longest_in_frame: int = 60
+    """Number of each frame's longest tracks that are taken beside the clip's."""
+    min_gain: float = 1.25
+    """Ratio of the errors of a camera that only turns and of one that moves, below which none moves."""
+    min_agreement: float = 0.6
+    """Rank correlation of the depths from the clip's two halves below which there is no depth in it."""
+    zoom_step: float = 0.02
+    """Relative change of the focal length from a keyframe to the next that costs as much as all tracks that
+    miss by a tenth of a pixel."""
+    zoom_steps: int = 200
+    """Steps of an adjustment with a focal length a frame, which takes more of them than others."""
 
 
-def refine_focal_length(made: Solution, start: float, known: float) -> tuple[float, bool]:
+def refine_focal_length(
+    made: Solution, start: float, known: float, options: CalibrationOptions = CalibrationOptions()
+) -> tuple[float, bool]:
     """Weigh what the clip says of the focal length against `start`, known to a relative sigma `known`.
 
     Returns the relative sigma of what comes of it, and whether the clip had the larger say.
@@ -38,9 +47,9 @@ def refine_focal_length(made: Solution, start: float, known: float) -> tuple[flo
     """
     if known == 0:
         return 0.0, False
-    bundle, seen, posed, kept = _as_bundle(made)
+    bundle, seen, posed, kept = _as_bundle(made, options)
     freed = adjust(bundle, seen, made.max_error / 2, "common")
-    sigma = max(UNMODELLED * freed.focal_sigma, 1e-4)
+    sigma = max(options.unmodelled * freed.focal_sigma, 1e-4)
     weight = known**2 / (known**2 + sigma**2) if np.isfinite(sigma) else 0.0
     wanted = float(np.exp((1 - weight) * np.log(start) + weight * np.log(freed.bundle.focal[0])))
     # On the way to a focal length that the clip does not determine, poses and points have to follow.
@@ -50,18 +59,18 @@ def refine_focal_length(made: Solution, start: float, known: float) -> tuple[flo
     return float(1 / np.sqrt(1 / known**2 + 1 / sigma**2)), weight > 0.5
 
 
-def _as_bundle(made: Solution) -> tuple[Bundle, Observations, Ints, Ints]:
+def _as_bundle(made: Solution, options: CalibrationOptions) -> tuple[Bundle, Observations, Ints, Ints]:
     """The keyframes and the best of their points for an adjustment; with the frames and tracks they are."""
     tracks = made.tracks
     posed = np.nonzero(np.isfinite(made.translation[:, 0]))[0].astype(np.int32)
     rows = np.nonzero(made.used)[0]
     views = np.bincount(tracks.track[rows], minlength=tracks.count)
-    longest = np.argsort(-views, kind="stable")[:ENOUGH_TRACKS]
+    longest = np.argsort(-views, kind="stable")[: options.longest]
     by_frame = rows[np.lexsort(np.stack([-views[tracks.track[rows]], tracks.frame_index[rows]]))]
     frame = tracks.frame_index[by_frame]
     place = np.arange(len(frame)) - np.searchsorted(frame, frame)
-    kept = np.union1d(longest, tracks.track[by_frame[place < ENOUGH_IN_FRAME]]).astype(np.int32)
-    kept = kept[views[kept] >= MIN_VIEWS]
+    kept = np.union1d(longest, tracks.track[by_frame[place < options.longest_in_frame]]).astype(np.int32)
+    kept = kept[views[kept] >= made.options.min_views]
     points = np.column_stack([made.xyz[kept], np.ones(len(kept))])
     points /= np.linalg.norm(points, axis=1, keepdims=True)
     return (
@@ -76,12 +85,12 @@ def _put_back(made: Solution, bundle: Bundle, posed: Ints, kept: Ints) -> None:
     made.xyz[kept] = bundle.world
 
 
-def turning_explains(made: Solution) -> bool:
+def turning_explains(made: Solution, options: CalibrationOptions, motion: SmallMotionOptions) -> bool:
     """Whether cameras that only turn explain the tracks as well, or the depths of the clip's halves disagree.
 
     Reprojection errors and angles of a pan look as good as those of any other solve.
     """
-    bundle, seen, _, _ = _as_bundle(made)
+    bundle, seen, _, _ = _as_bundle(made, options)
     loss = made.max_error / 2
     moving = adjust(bundle, seen, loss)
     points = bundle.points.copy()
@@ -91,10 +100,10 @@ def turning_explains(made: Solution) -> bool:
     points /= np.linalg.norm(points, axis=1, keepdims=True)
     still = replace(bundle, points=points, translation=np.zeros_like(bundle.translation))
     turning = adjust(still, seen, loss, "common")
-    correlation = agreement(seen, moving.bundle)
-    return turning.error < MIN_GAIN * moving.error or (
-        correlation is not None and correlation < MIN_AGREEMENT
-    )
+    correlation = agreement(seen, moving.bundle, motion)
+    if correlation is not None and correlation < options.min_agreement:
+        return True
+    return turning.error < options.min_gain * moving.error
 
 
 # Zoom
@@ -133,13 +142,17 @@ def zoomed(tracks: Tracks, ratio: Floats) -> Tracks:
     return replace(tracks, xy=(tracks.xy - centre) / ratio[tracks.frame_index, None] + centre)
 
 
-def refine_zoom(made: Solution, tracks: Tracks, ratio: Floats) -> None:
+def refine_zoom(
+    made: Solution, tracks: Tracks, ratio: Floats, options: CalibrationOptions = CalibrationOptions()
+) -> None:
     """From a solution of tracks whose zoom was taken out to one of `tracks`, with a focal length a frame."""
     made.tracks = tracks
     made.focal = made.focal * ratio
-    bundle, seen, posed, kept = _as_bundle(made)
-    tie = 0.01 * len(kept) / ZOOM_STEP**2
-    refined = adjust(bundle, seen, made.max_error / 2, "each", tie, steps=200)
+    bundle, seen, posed, kept = _as_bundle(made, options)
+    tie = 0.01 * len(kept) / options.zoom_step**2
+    refined = adjust(
+        bundle, seen, made.max_error / 2, "each", tie, AdjustmentOptions(steps=options.zoom_steps)
+    )
     _put_back(made, refined.bundle, posed, kept)
     # Between the keyframes the picture's growth is the better guide.
     frames = np.arange(len(tracks.frames))

@@ -19,13 +19,19 @@ from .bundle_adjustment import Adjusted, Bundle, Observations, adjust
 from .degeneracy import kabsch
 from .tracks import Tracks
 
-MIN_SHARE = 0.4
-"""Of the keyframes, which a point must be seen in."""
-MIN_SIGHTINGS = 4
-ENOUGH = 30
-"""Points in both halves of a clip to compare their depths by."""
-LOSS = 1.0
-"""Pixels of a frame 1,000 pixels long from where an observation loses weight."""
+
+@dataclass(frozen=True)
+class SmallMotionOptions:
+    """Which tracks span a clip, and when the depths of its halves can be compared. By eye."""
+
+    min_share: float = 0.4
+    """Share of the keyframes in which a track must be seen."""
+    min_views: int = 4
+    """Keyframes in which a track must be seen, and of a half of them to have a depth from it."""
+    min_common: int = 30
+    """Points with a depth from both halves of a clip, with fewer of which these are not compared."""
+    loss: float = 1.0
+    """Pixels of a 1,000-pixel frame from which on a reprojection error loses weight (Huber)."""
 
 
 @dataclass(frozen=True)
@@ -40,13 +46,16 @@ class LongTracks:
     """Pixels."""
 
 
-def long_tracks(tracks: Tracks, keys: list[int]) -> LongTracks:
+def long_tracks(
+    tracks: Tracks, keys: list[int], options: SmallMotionOptions = SmallMotionOptions()
+) -> LongTracks:
     """The tracks that are seen in enough of the keyframes `keys`, indices of the clip's frames."""
     in_keys = np.isin(tracks.frame_index, keys)
     views = np.bincount(tracks.track[in_keys], minlength=tracks.count)
-    kept = np.nonzero(views >= max(MIN_SIGHTINGS, MIN_SHARE * len(keys)))[0].astype(np.int32)
+    least = max(options.min_views, options.min_share * len(keys))
+    kept = np.nonzero(views >= least)[0].astype(np.int32)
     seen = select_observations(tracks, np.array(keys, np.int32), kept, in_keys)
-    return LongTracks(seen, kept, len(keys), LOSS * max(tracks.width, tracks.height) / 1000)
+    return LongTracks(seen, kept, len(keys), options.loss * max(tracks.width, tracks.height) / 1000)
 
 
 def select_observations(
@@ -92,16 +101,18 @@ def general_motion(span: LongTracks, start: Bundle) -> Adjusted:
     return found
 
 
-def agreement(seen: Observations, bundle: Bundle) -> float | None:
+def agreement(
+    seen: Observations, bundle: Bundle, options: SmallMotionOptions = SmallMotionOptions()
+) -> float | None:
     """Rank correlation of the points' inverse depths from the clip's first half and from its second.
 
     Depth that is really there is found twice; what follows from noise and drift of the tracks is not. None
     where too few points are seen in both halves.
     """
     half = (len(bundle.focal) + 1) // 2
-    halves = [_inverse_depths(seen, bundle, seen.frame // half == n) for n in (0, 1)]
+    halves = [_inverse_depths(seen, bundle, seen.frame // half == n, options.min_views) for n in (0, 1)]
     both = np.all(np.isfinite(halves), axis=0)
-    if both.sum() < ENOUGH:
+    if both.sum() < options.min_common:
         return None
     first, second = (np.argsort(np.argsort(each[both])).astype(np.float64) for each in halves)
     return float(np.corrcoef(first, second)[0, 1])
@@ -131,9 +142,9 @@ def _chained(span: LongTracks, rays: Floats) -> Floats:
 
 
 def _inverse_depths(
-    seen: Observations, bundle: Bundle, rows: np.ndarray[tuple[int], np.dtype[np.bool_]]
+    seen: Observations, bundle: Bundle, rows: np.ndarray[tuple[int], np.dtype[np.bool_]], least: int
 ) -> Floats:
-    """(P,) from some of the observations alone, by linear least squares; NaN where they are too few."""
+    """(P,) from some of the observations alone, by linear least squares; NaN where fewer than `least`."""
     frame, point = seen.frame[rows], seen.point[rows]
     ray = seen.xy[rows] / bundle.focal[frame, None]
     pose = np.concatenate([bundle.rotation, bundle.translation[..., None]], axis=2)[frame]
@@ -144,6 +155,6 @@ def _inverse_depths(
     flat = np.linalg.eigh(normal)[1][:, :, 0]
     size = np.linalg.norm(flat[:, :3], axis=1)
     sign = np.sign(np.einsum("pi,pi->p", flat[:, :3], bundle.points[:, :3]))
-    enough = np.bincount(point, minlength=count) >= MIN_SIGHTINGS
+    enough = np.bincount(point, minlength=count) >= least
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(np.where(enough, flat[:, 3] / size * sign, np.nan))

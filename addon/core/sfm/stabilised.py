@@ -19,19 +19,25 @@ import numpy as np
 
 from ..base.errors import Remedy, UserError
 from ..camera.reconstruction import Floats, Ints
-from . import small_motion
 from .bundle_adjustment import Observations
-from .solution import CLOSE, Solution
+from .small_motion import SmallMotionOptions, long_tracks
+from .solution import Solution
 
-ROUNDS = 40
-"""Of alternating least squares."""
-LEAST = 40
-"""Tracks that two keyframes share, to begin with."""
-BETTER = 1.2
-"""By how much pictures that are only shifted must explain the clip better than cameras that turn."""
-TELLS, IN_ORDER = 0.5, 0.5
-"""Score from which on shifts tell the order of the tracks' motion, and rank correlation with it, without
-regard to its sign, below which the order of a solve's depths contradicts it."""
+
+@dataclass(frozen=True)
+class ShiftOptions:
+    """When pictures are taken to be shifted. By eye."""
+
+    rounds: int = 40
+    """Rounds of alternating least squares."""
+    min_tracks: int = 40
+    """Tracks that two keyframes must share to begin with, and whose depths can be compared."""
+    min_gain: float = 1.2
+    """Ratio of the scores of shifted pictures and of cameras that turn, past which a clip is refused."""
+    telling_score: float = 0.5
+    """Score of shifted pictures (1 explains all) past which they tell the order of the tracks' motion."""
+    min_order: float = 0.5
+    """Absolute rank correlation of a solve's inverse depths with motion below which they contradict it."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +50,9 @@ class Shifted:
     """(m,) pixels by which it misses each observation."""
 
 
-def fit_shifts(seen: Observations, frames: int, points: int, loss: float) -> Shifted | None:
+def fit_shifts(
+    seen: Observations, frames: int, points: int, loss: float, options: ShiftOptions = ShiftOptions()
+) -> Shifted | None:
     """Of observations in so many frames of so many points; `loss` in pixels. None where they hang together
     too little."""
     frame, point, xy = seen.frame, seen.point, seen.xy
@@ -53,7 +61,7 @@ def fit_shifts(seen: Observations, frames: int, points: int, loss: float) -> Shi
     flow = place - place[0]
     spread = [
         float(np.nanmedian(np.abs(f - np.nanmedian(f, axis=0))))
-        if np.isfinite(f[:, 0]).sum() >= LEAST else 0.0
+        if np.isfinite(f[:, 0]).sum() >= options.min_tracks else 0.0
         for f in flow
     ]  # fmt: skip
     widest = int(np.argmax(spread))
@@ -67,7 +75,7 @@ def fit_shifts(seen: Observations, frames: int, points: int, loss: float) -> Shi
     weight = np.where(np.isfinite(depth), 1.0, 0.0)[point]
     move, shift = np.zeros((frames, 2)), np.zeros((frames, 2))
     error = np.zeros(len(xy))
-    for _ in range(ROUNDS):
+    for _ in range(options.rounds):
         move, shift = _slopes(depth[point], xy - at[point], weight, frame, frames)
         told = move[frame]
         depth, at = _common_slope(told, xy - shift[frame], _weight(error, loss), point, points)
@@ -122,12 +130,17 @@ class Compared:
     """Rank correlation of the inverse depths of the two, without its sign; 1 where it cannot be compared."""
 
 
-def compare(made: Solution, keys: list[int]) -> Compared | None:
+def compare(
+    made: Solution,
+    keys: list[int],
+    options: ShiftOptions,
+    motion: SmallMotionOptions,
+) -> Compared | None:
     """A solve of the keyframes `keys` beside shifts; None where too few tracks span them."""
-    span = small_motion.long_tracks(made.tracks, keys)
-    if len(span.tracks) < LEAST:
+    span = long_tracks(made.tracks, keys, motion)
+    if len(span.tracks) < options.min_tracks:
         return None
-    found = fit_shifts(span.seen, span.frames, len(span.tracks), span.loss)
+    found = fit_shifts(span.seen, span.frames, len(span.tracks), span.loss, options)
     if found is None:
         return None
     index = np.array(keys)[span.seen.frame]
@@ -137,26 +150,32 @@ def compare(made: Solution, keys: list[int]) -> Compared | None:
         at = local[:, :2] / local[:, 2:] * made.focal[index, None]
     own = np.linalg.norm(at - span.seen.xy, axis=1)
     own = np.where(local[:, 2] > 0, own, np.inf)
-    close = CLOSE * made.max_error
+    close = made.options.close * made.max_error
     middle = keys[len(keys) // 2]
     depth = (world @ made.rotation[middle].T + made.translation[middle])[:, 2]
     good = np.isfinite(depth) & (depth > 0)
-    order = _rank_correlation(1 / depth[good], found.inverse_depth[good]) if good.sum() >= LEAST else 1.0
+    enough = good.sum() >= options.min_tracks
+    order = _rank_correlation(1 / depth[good], found.inverse_depth[good]) if enough else 1.0
     return Compared(_score(own, close), _score(found.error, close), abs(order))
 
 
-def refuse_shifted(made: Solution, keys: list[int]) -> None:
+def refuse_shifted(
+    made: Solution,
+    keys: list[int],
+    options: ShiftOptions,
+    motion: SmallMotionOptions,
+) -> None:
     """UserError for a clip whose pictures were shifted, or whose depths are not in the order of motion."""
-    compared = compare(made, keys)
+    compared = compare(made, keys, options, motion)
     if compared is None:
         return
-    if compared.shifted > BETTER * compared.solved:
+    if compared.shifted > options.min_gain * compared.solved:
         raise UserError(
             "the pictures of this clip were shifted so that something in mid-scene stays in place (rectified"
             " or stabilised): near and far cannot be told apart in such pictures; solve the clip as it was"
             " filmed, without stabilisation"
         )
-    if compared.shifted > TELLS and compared.order < IN_ORDER:
+    if compared.shifted > options.telling_score and compared.order < options.min_order:
         raise UserError(
             "the depths that were found contradict the order in which things move past each other in this"
             " clip; choose another range of frames, or film with more sideways movement",

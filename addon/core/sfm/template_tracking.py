@@ -59,9 +59,6 @@ class TemplateOptions:
     """Determinant of the affine map, or its inverse, past which the patch is taken anew."""
 
 
-DEFAULTS = TemplateOptions()
-
-
 @dataclass
 class Rows:
     """Arrays with a row for each of the same n things."""
@@ -133,7 +130,7 @@ class Patches(Rows):
         self.map[rows], self.known[rows] = np.eye(2), True
 
     def refined(
-        self, gray: Picture, places: Picture, options: TemplateOptions = DEFAULTS
+        self, gray: Picture, places: Picture, options: TemplateOptions = TemplateOptions()
     ) -> tuple[Picture, Mask]:
         """Places (n, 2), near given ones, where a frame (H, W) fits the patches best; (n,) which are alike.
 

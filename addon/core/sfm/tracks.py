@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Protocol
 
 import cv2
@@ -18,27 +19,37 @@ from ..base.counting import counted
 from ..base.errors import UserError
 from ..camera.reconstruction import Floats, Ints
 from ..media.clip import Footage, to_gray8
-from .klt import TwoScales, follow, new_corners, new_harris
-from .sift import Detector, Matcher
+from .klt import KLTOptions, TwoScales, follow, new_corners, new_harris
+from .sift import Detector, Matcher, SIFTOptions
 
 __all__ = ["TRACKERS", "Progress", "Tracks", "check_shape", "cuts", "follow", "new_corners", "track_features"]
 
 TRACKERS = ("harris", "corners", "sift-klt", "sift")
 """All but the last follow points by optical flow, and differ in which. The first is the default: of 28 solves
 with known truth 28 were right with it, 27 with the second, 24 with the others (`make bench-solve`)."""
-LONG_SIDE = 960
-"""Pixels; larger frames are shrunk for tracking."""
-SHORT_SIDE = 16
-"""Pixels that must be left of the other side then: less has no room for features and what is around them."""
-LIKE = 0.35
-"""Correlation of a frame with the one before, shifted to fit, below which it shows something else."""
-THUMBNAIL = 64
-"""Width in pixels at which frames are compared, and"""
-OVERLAP = 0.4
-"""the share of the picture that must take part."""
 
 Gray = NDArray[np.uint8]
 Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True)
+class TrackingOptions:
+    """How a clip is looked at while its features are tracked. By eye."""
+
+    long_side: int = 960
+    """Pixels of the longer side; larger frames are shrunk for tracking."""
+    short_side: int = 16
+    """Pixels of the other side, at least, once shrunk: less has no room for features and what is around."""
+    min_likeness: float = 0.35
+    """Correlation of a frame with the one before, shifted to fit, below which it shows something else."""
+    thumbnail: int = 64
+    """Width in pixels at which frames are compared."""
+    min_overlap: float = 0.4
+    """Share of the picture, at least, that two frames shifted to fit have in common."""
+    klt: KLTOptions = field(default_factory=KLTOptions)
+    """Corners and optical flow."""
+    sift: SIFTOptions = field(default_factory=SIFTOptions)
+    """Keypoints and matching."""
 
 
 @dataclass(frozen=True)
@@ -87,16 +98,21 @@ class Tracker(Protocol):
         """
 
 
-def track_features(footage: Footage, progress: Progress, tracker: str = TRACKERS[0]) -> Tracks:
+def track_features(
+    footage: Footage,
+    progress: Progress,
+    tracker: str = TRACKERS[0],
+    options: TrackingOptions = TrackingOptions(),
+) -> Tracks:
     """Follow features through all frames of the clip by one of `TRACKERS`.
 
     Raises UserError for an unknown tracker and for a clip with too few frames to follow anything.
     """
     made: dict[str, Callable[[], Tracker]] = {
-        "corners": lambda: TwoScales(new_corners),
-        "harris": lambda: TwoScales(new_harris),
-        "sift-klt": lambda: TwoScales(Detector()),
-        "sift": Matcher,
+        "corners": lambda: TwoScales(partial(new_corners, options=options.klt), options.klt),
+        "harris": lambda: TwoScales(partial(new_harris, options=options.klt), options.klt),
+        "sift-klt": lambda: TwoScales(Detector(options.sift), options.klt),
+        "sift": lambda: Matcher(options.sift),
     }
     if tracker not in made:
         raise UserError(f"there is no tracker {tracker!r}; choose one of {', '.join(TRACKERS)}")
@@ -105,23 +121,29 @@ def track_features(footage: Footage, progress: Progress, tracker: str = TRACKERS
             f"{footage.path.name} has {counted(len(footage.frames), 'frame')}; at least 4 with a moving"
             " camera are needed"
         )
-    tracks = run(made[tracker](), footage, progress)
+    tracks = run(made[tracker](), footage, progress, options)
     return _followed(tracks) if tracker == "sift" else tracks
 
 
-def check_shape(footage: Footage) -> None:
+def check_shape(footage: Footage, options: TrackingOptions = TrackingOptions()) -> None:
     """UserError for a clip whose pictures are too small or too long for features that tell a camera."""
     width, height = footage.width, footage.height
-    if min(width, height) * min(1.0, LONG_SIDE / max(width, height)) < SHORT_SIDE:
+    long_side, short_side = options.long_side, options.short_side
+    if min(width, height) * min(1.0, long_side / max(width, height)) < short_side:
         raise UserError(
             f"{footage.path.name} is {width}x{height} pixels; features cannot be followed where a side has"
-            f" fewer than {SHORT_SIDE} pixels, or is {LONG_SIDE // SHORT_SIDE} times shorter than the other"
+            f" fewer than {short_side} pixels, or is {long_side // short_side} times shorter than the other"
         )
 
 
-def run(tracker: Tracker, footage: Footage, progress: Progress = lambda *_: None) -> Tracks:
-    """What a tracker makes of a clip; frames are shrunk to `LONG_SIDE`, places are the source's."""
-    zoom = min(1.0, LONG_SIDE / max(footage.width, footage.height))
+def run(
+    tracker: Tracker,
+    footage: Footage,
+    progress: Progress = lambda *_: None,
+    options: TrackingOptions = TrackingOptions(),
+) -> Tracks:
+    """What a tracker makes of a clip; frames are shrunk to `long_side`, places are the source's."""
+    zoom = min(1.0, options.long_side / max(footage.width, footage.height))
     numbers: list[NDArray[np.int64]] = []
     places: list[NDArray[np.float32]] = []
     colours: list[NDArray[np.uint8]] = []
@@ -138,8 +160,8 @@ def run(tracker: Tracker, footage: Footage, progress: Progress = lambda *_: None
         born += len(number) - int(new)
         numbers.append(number.astype(np.int32))
         places.append(place)
-        small = thumbnail(gray)
-        likeness[done] = 1.0 if before is None else correlation(before, small)
+        small = thumbnail(gray, options.thumbnail)
+        likeness[done] = 1.0 if before is None else correlation(before, small, options.min_overlap)
         before = small
     # The shrunk size is rounded, so that its two scales differ a little.
     scale = np.array([footage.width / gray.shape[1], footage.height / gray.shape[0]])
@@ -151,7 +173,7 @@ def run(tracker: Tracker, footage: Footage, progress: Progress = lambda *_: None
     )  # fmt: skip
 
 
-def cuts(tracks: Tracks) -> tuple[int, ...]:
+def cuts(tracks: Tracks, options: TrackingOptions = TrackingOptions()) -> tuple[int, ...]:
     """Indices of the frames that begin another shot.
 
     There no track lives on from before, and the picture, shifted as a pan would shift it, is not like the one
@@ -166,20 +188,22 @@ def cuts(tracks: Tracks) -> tuple[int, ...]:
     # Tracks that began before each frame and end in it or after it.
     across = np.concatenate([[0], np.cumsum(born)[:-1]]) - np.cumsum(died)
     seen = np.bincount(tracks.frame_index, minlength=frames) > 0
-    unlike = tracks.likeness < LIKE if len(tracks.likeness) else np.ones(frames, bool)
+    unlike = tracks.likeness < options.min_likeness if len(tracks.likeness) else np.ones(frames, bool)
     cut = seen & unlike & (across == 0) & (np.cumsum(seen) > 1)
     return tuple(np.nonzero(cut)[0].tolist())
 
 
-def thumbnail(gray: Gray) -> NDArray[np.float32]:
-    """A frame (H, W) made small, its slow changes of brightness taken out."""
-    size = (THUMBNAIL, max(round(THUMBNAIL * gray.shape[0] / gray.shape[1]), 1))
+def thumbnail(gray: Gray, width: int = TrackingOptions.thumbnail) -> NDArray[np.float32]:
+    """A frame (H, W) made `width` pixels wide, its slow changes of brightness taken out."""
+    size = (width, max(round(width * gray.shape[0] / gray.shape[1]), 1))
     small = cv2.resize(gray, size, interpolation=cv2.INTER_AREA).astype(np.float32)
-    return np.asarray(small - cv2.GaussianBlur(small, (0, 0), THUMBNAIL / 16), np.float32)
+    return np.asarray(small - cv2.GaussianBlur(small, (0, 0), width / 16), np.float32)
 
 
-def correlation(a: NDArray[np.float32], b: NDArray[np.float32]) -> float:
-    """The best correlation of two pictures (h, w) over all shifts that leave them `OVERLAP` in common.
+def correlation(
+    a: NDArray[np.float32], b: NDArray[np.float32], overlap: float = TrackingOptions.min_overlap
+) -> float:
+    """The best correlation of two pictures (h, w) over all shifts that leave a share `overlap` in common.
 
     0 for pictures without contrast. Lewis, "Fast normalized cross-correlation", 1995.
     """
@@ -194,7 +218,7 @@ def correlation(a: NDArray[np.float32], b: NDArray[np.float32]) -> float:
     spread = (summed(xx, one) - sum_x**2 / count) * (summed(one, yy) - sum_y**2 / count)
     both = summed(x, y) - sum_x * sum_y / count
     # A grey level's quantisation is no contrast.
-    usable = (count > OVERLAP * a.size) & (spread > (0.01 * count) ** 2)
+    usable = (count > overlap * a.size) & (spread > (0.01 * count) ** 2)
     return float(np.max(both / np.sqrt(np.where(usable, spread, 1.0)), where=usable, initial=0.0))
 
 

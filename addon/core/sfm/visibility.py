@@ -21,7 +21,7 @@ from ..camera.reconstruction import Floats, Image, Ints, Reconstruction, seen_by
 from ..media.clip import Footage, to_gray8
 from ..media.picture_file import Pixels
 from .template_tracking import Mask, Picture, sample, square
-from .tracks import LONG_SIDE, Progress
+from .tracks import Progress, TrackingOptions
 
 FLAT = 0.5
 """Standard deviation in grey levels below which a patch shows nothing. By eye."""
@@ -41,6 +41,8 @@ class VisibilityOptions:
     """Frames within which a point must have been observed to be looked for at all. By eye."""
     radius: int = 4
     """Pixels from the middle to the border of the patches that are compared. By eye."""
+    long_side: int = TrackingOptions.long_side
+    """Pixels of the longer side to which larger frames are shrunk, as for tracking."""
     soften: float = 1.0
     """Standard deviation in pixels of the blur that frames get first, against noise and aliasing. By eye."""
     min_views: int = 5
@@ -96,7 +98,7 @@ def visible_points(
     for index, image in enumerate(images):
         progress("Looking for points", index, len(images))
         if asked[max(index - options.reach, 0) : index + options.reach + 1].any():
-            search.see(index, *_softened(footage.read(image.frame), options.soften), bool(asked[index]))
+            search.see(index, *_softened(footage.read(image.frame), options), bool(asked[index]))
         search.sights.passed(index)
     return {images[index].frame: search.found(int(index)) for index in np.nonzero(asked)[0]}
 
@@ -304,11 +306,11 @@ def _parts(radius: int) -> Picture:
     return np.asarray(inside / inside.sum(axis=0), np.float32)
 
 
-def _softened(picture: Pixels, sigma: float) -> tuple[Picture, Floats]:
-    """A frame in grey, at most `LONG_SIDE` long, blurred by `sigma` pixels; its scale (2,)."""
+def _softened(picture: Pixels, options: VisibilityOptions) -> tuple[Picture, Floats]:
+    """A frame in grey, at most `long_side` long, blurred by `soften` pixels; its scale (2,)."""
     gray = to_gray8(picture)
-    zoom = min(1.0, LONG_SIDE / max(gray.shape))
+    zoom = min(1.0, options.long_side / max(gray.shape))
     size = (round(gray.shape[1] * zoom), round(gray.shape[0] * zoom))
     small = cv2.resize(gray, size, interpolation=cv2.INTER_AREA) if zoom < 1 else gray
-    blurred = cv2.GaussianBlur(small.astype(np.float32), (0, 0), sigma)
+    blurred = cv2.GaussianBlur(small.astype(np.float32), (0, 0), options.soften)
     return np.asarray(blurred, np.float32), np.array(size) / gray.shape[::-1]
