@@ -83,14 +83,13 @@ def visible_points(
     footage: Footage,
     frames: Iterable[int] | None = None,
     progress: Progress = lambda stage, done, total: None,
-    options: VisibilityOptions | None = None,
+    options: VisibilityOptions = VisibilityOptions(),
 ) -> dict[int, Visible]:
     """For registered frames (all, or those given) the points that they show besides those they observed.
 
     The clip is read once, in order; what is kept of a frame are small patches around its points.
     Raises UserError where a frame cannot be read.
     """
-    options = options or VisibilityOptions()
     images = reconstruction.images
     wanted = None if frames is None else set(frames)
     asked = np.array([wanted is None or image.frame in wanted for image in images], bool)
