@@ -76,6 +76,8 @@ class Try:
     folder: Path
     dice: random.Random
     verdict: Verdict = field(default_factory=Verdict)
+    patience: float = HANGS
+    """Seconds after which a run hangs."""
 
     @property
     def temporary(self) -> Path:
@@ -99,7 +101,7 @@ class Try:
         """Wait for a process and judge how it ended; `expected` are signals that were sent to it."""
         hung, began = False, time.monotonic()
         try:
-            said, _ = process.communicate(timeout=HANGS)
+            said, _ = process.communicate(timeout=self.patience)
         except subprocess.TimeoutExpired:
             hung = True
             os.killpg(process.pid, signal.SIGKILL)

@@ -58,6 +58,7 @@ def _large(one: Try, lens: Intrinsics, limit: int | None = None) -> None:
 
 def long(one: Try) -> None:
     """Two thousand frames, interrupted many times."""
+    one.patience = 1800
     pictures = clip.write_pictures(one.folder / "clip", LONG)
     work = clip.solve(pictures, one.folder / "work")
     whole = one.folder / "whole" / "####.png"
