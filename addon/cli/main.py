@@ -26,7 +26,7 @@ from ..render.frame_keys import run_key
 from ..render.gpu_views import gpu_problem
 from ..render.quiet import quiet
 from ..render.run_report import RunReport, check_report
-from ..scene import properties
+from ..scene import paths, properties
 from ..scene.shot import shot_of
 from . import farm, inspect, save, solve
 from .lens import add_lens, check_numbers, movie_frames, pinned, say, scene_of, set_lens, wanted_frames
@@ -228,11 +228,12 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
 
 
 def _is_called_by_blender(frame: FrameType | None) -> bool:
-    """Whether code runs whose exceptions Blender only prints: its own scripts, and what properties call."""
+    """Whether code runs whose exceptions Blender only prints: its own scripts, callbacks and handlers."""
     scripts = bpy.utils.system_resource("SCRIPTS")
     if frame is None or (scripts and frame.f_code.co_filename.startswith(scripts)):
         return True
-    return any(caller.f_code.co_filename == properties.__file__ for caller, _ in traceback.walk_stack(frame))
+    called = {properties.__file__, paths.__file__}
+    return any(caller.f_code.co_filename in called for caller, _ in traceback.walk_stack(frame))
 
 
 def _check_interrupted() -> None:
