@@ -37,6 +37,8 @@ def wide(one: Try) -> None:
 
 def large(one: Try) -> None:
     """Pictures of 16,384 by 9,216 pixels, and memory for them or not."""
+    # Minutes on an idle machine: a picture of a quarter of that takes one and a half.
+    one.patience = 1800
     _large(one, LARGE, int(one.dice.uniform(2, 24) * 2**30) if one.dice.random() < 0.7 else None)
 
 
