@@ -71,6 +71,11 @@ class ClipContext:
         return frame_features(self.reconstruction, frame, canvas) if given is None else given
 
 
+def no_picture(frame: int) -> Pixels:
+    """`ClipContext.read` of a clip whose pictures nothing needs: an AssertionError if something does."""
+    raise AssertionError(f"nothing needs the picture of frame {frame}")
+
+
 def whole_depth(depth: DenseDepth, picture: LinearRGBA) -> PixelDepth:
     """Depth found in a smaller picture for every pixel of the canvas picture (H, W, 4), along its edges."""
     size = (picture.shape[1], picture.shape[0])
