@@ -28,7 +28,6 @@ from .scenes import Picture, Scene
 
 Floats = NDArray[np.float64]
 
-TRACKS = ("T1", "T2")
 ON_SURFACE = 0.5
 """Pixels of the blur disc by which the focus may miss the surface seen there and still be picked on it."""
 
