@@ -81,7 +81,7 @@ def by_mesher(name: str, case: BenchmarkCase, views: int) -> Answer:
 def known_fill(case: BenchmarkCase, views: int) -> Answer:
     """Ours, told the colours of all that the frame hides: what it lacks then is not what nobody saw."""
     clip = case.clip
-    told = KnownFill(clip.reconstruction, clip.read, clip.given_depth, clip.masks, case.layers(0))
+    told = KnownFill(clip.reconstruction, clip.read, clip.given_depth, clip.masks, surfaces=case.layers(0))
     return _through(case, told, LensSettings(case.focus, case.radius, views))
 
 
