@@ -12,6 +12,7 @@ import numpy as np
 from ..base.arrays import LinearRGBA
 from ..camera.canvas import Canvas
 from ..camera.reconstruction import Floats, Reconstruction
+from ..depth.depth_store import DepthStore
 from ..depth.joint_upsampling import upsampled
 from ..depth.multi_view_stereo import COARSE, DenseDepth, Moving, PlaneSweepStereo
 from ..depth.source import PixelDepth, SampledDepthSource
@@ -32,17 +33,19 @@ class ClipContext:
     """Depth that need not be found: the user's maps, or the truth of a benchmark."""
     masks: Moving | None = None
     """What is said to move by itself, (h, w) of a source frame at any size."""
+    store: DepthStore | None = None
+    """Where what does not depend on the lens is kept."""
 
     @cached_property
     def stereo(self) -> TemporalFusion:
         """Depth of every pixel from the clip itself, at the size that it is found at."""
         single_frame = PlaneSweepStereo(self.reconstruction, self.read, mask=self.masks)
-        return TemporalFusion(self.reconstruction, single_frame)
+        return TemporalFusion(self.reconstruction, single_frame, self.store)
 
     @cached_property
     def disocclusion(self) -> DisocclusionFill:
         """Other frames' colours for what a frame does not show, but for what moves in them."""
-        movers = PlaneSweepStereo(self.reconstruction, self.read, COARSE, self.masks)
+        movers = PlaneSweepStereo(self.reconstruction, self.read, COARSE, self.masks, self.store)
         return DisocclusionFill(self.reconstruction, self.read, movers.moving)
 
     def depth(self, frame: int, canvas: Canvas, picture: LinearRGBA) -> PixelDepth:
