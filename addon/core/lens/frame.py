@@ -14,12 +14,13 @@ from ..camera.canvas import Canvas
 from ..camera.reconstruction import Floats
 from ..depth.source import PixelDepth
 from ..depth.sparse import frame_features
+from ..warp.footprint import prefilter
 from ..warp.layered_depth_image import LayeredDepthImage
 from .aperture_sampling import views_needed
 from .clip_context import ClipContext
 from .meshers import MESHERS
 from .meshers.layers import can_be_layered
-from .meshers.mesher import FrameGeometry, Mesher, Views
+from .meshers.mesher import FrameGeometry, Mesher, Surface, Views
 from .plan import FramePlan, LensSettings
 from .thin_lens import ThinLens
 
@@ -164,4 +165,17 @@ def _meshed(geometry: FrameGeometry, mesher: Mesher) -> WarpedFrame:
         geometry.frame, geometry.canvas, geometry.lens, surface.mesh, views.offsets, views.registration,
         blur, geometry.samples.pose_interpolated,
     )  # fmt: skip
+    _prefilter(surface, geometry.lens, len(views.offsets))
     return WarpedFrame(plan, surface.texture, mesher.name, "", surface.is_whole, layers=surface.layers)
+
+
+def _prefilter(surface: Surface, lens: ThinLens, views: int) -> None:
+    """Blur the texture of a surface of layers in place as so many views need it; others stay as they are."""
+
+    def radius(disparity: Floats) -> Floats:
+        inverse_depth = lens.snap_to_focal_plane(disparity / scale)
+        return np.abs(lens.blur_disc(inverse_depth)) / (2 * np.sqrt(views))
+
+    scale = lens.radius * lens.pinhole.fx
+    if surface.layers:
+        prefilter(surface.texture, surface.layers, radius)
