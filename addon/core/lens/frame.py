@@ -111,7 +111,8 @@ def forecast(clip: ClipContext, frame: int, settings: LensSettings, size: tuple[
     geometry, mesher = _geometry(clip, frame, settings, size), MESHERS[settings.method]
     disc = _sampled_disc(geometry)
     is_too_large = mesher.needs_pixel_depth and not can_be_layered(geometry.lens, disc)
-    return Forecast(settings.views or views_needed(disc), is_too_large)
+    prefiltered = mesher.is_prefiltered and not is_too_large
+    return Forecast(settings.views or views_needed(disc, prefiltered), is_too_large)
 
 
 def view_offsets(clip: ClipContext, frame: int, settings: LensSettings, size: tuple[int, int]) -> Floats:
@@ -120,9 +121,9 @@ def view_offsets(clip: ClipContext, frame: int, settings: LensSettings, size: tu
     With an automatic number there are about as many as the frame will have. Raises UserError as `forecast`.
     """
     geometry = _geometry(clip, frame, settings, size)
-    count = settings.views or views_needed(_sampled_disc(geometry))
-    views: Views = MESHERS[settings.method].views(geometry, count)
-    return views.offsets
+    mesher = MESHERS[settings.method]
+    count = settings.views or views_needed(_sampled_disc(geometry), mesher.is_prefiltered)
+    return mesher.views(geometry, count).offsets
 
 
 def _geometry(
@@ -158,7 +159,7 @@ def _meshed(geometry: FrameGeometry, mesher: Mesher) -> WarpedFrame:
     blur = _sampled_disc(geometry)
     if geometry.depth is not None:
         blur = geometry.lens.largest_disc(geometry.depth.inverse_depth)
-    views = mesher.views(geometry, geometry.settings.views or views_needed(blur))
+    views = mesher.views(geometry, geometry.settings.views or views_needed(blur, mesher.is_prefiltered))
     with stage("Mesh", DEEP if mesher.needs_pixel_depth else 0.0, 1.0):
         surface = mesher.make(geometry)
     plan = FramePlan(

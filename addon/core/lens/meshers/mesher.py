@@ -82,6 +82,8 @@ class Mesher:
     views: Callable[[FrameGeometry, int], Views] = even_views
     needs_pixel_depth: bool = False
     """Whether it takes the depth of every pixel; others take samples."""
+    is_prefiltered: bool = False
+    """Whether its texture is blurred by what one view stands for, so that fewer views do."""
     uses_given_depth: bool = True
     """Whether samples of the user's depth maps take the place of feature points."""
     fewest_focus_points: int = 0
