@@ -105,19 +105,21 @@ def layer_mesh(
     with ThreadPoolExecutor() as pool:
         found = list(pool.map(in_this_scope(triangulate), *zip(*asked, strict=True)))
     surfaces = [(made.far, found[-1].far, len(layers))]
-    fronts = []
+    fronts, drawn = [], []
     checkpoint(0.75)
     for number, (split, (made, *_), triangles) in enumerate(zip(layers, asked, found, strict=True)):
         surfaces += [(made.near, triangles.near, number), (made.own, triangles.cut, number)]
         # Past its silhouettes the near surface is transparent.
         fronts.append(split.front.copy())
         fronts[-1][split.is_far & triangles.before] = 0
+        drawn.append(triangles.before.copy())
+        drawn[-1].ravel()[triangles.cut.ravel()] = True
     checkpoint(0.8)
     mesh = _joined(surfaces, margin, scale)
     pictures = [wide, *(split.back for split in layers)]
     layers = tuple(
-        replace(split, front=f, margin_reprojected=margin_reprojected)
-        for split, f in zip(layers, fronts, strict=True)
+        replace(split, front=front, margin_reprojected=margin_reprojected, drawn=covered)
+        for split, front, covered in zip(layers, fronts, drawn, strict=True)
     )
     if len(pictures) * disparity.size * FINER**2 > options.largest_texture:
         return mesh, np.concatenate([*fronts, pictures[-1]]), layers
