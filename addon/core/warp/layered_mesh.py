@@ -13,7 +13,7 @@ from ..base.arrays import Floats, Ints, LinearRGBA, Map
 from ..base.progress import checkpoint, in_this_scope
 from .layered_depth_image import Fill, LayeredDepthImage, LayerOptions, depth_peel
 from .mesh import WarpMesh
-from .quadtree import QuadtreeOptions, Surfaces, triangulate
+from .quadtree import QuadtreeOptions, Surfaces, Triangles, triangulate
 
 FINER = 2
 """Times as fine as the frame is its texture: a view loses less by looking between its pixels."""
@@ -89,25 +89,11 @@ def layer_mesh(
     jumps = (first, jump) if first > jump else (jump,)
     checkpoint(0.1)
     layers = depth_peel(wide, disparity, jumps, fill, options.layers)
-    error = options.error + options.relative_error * np.abs(layers[-1].back_disparity - focus)
-    asked = []
-    for split in layers:
-        checkpoint(0.55)
-        made = Surfaces(
-            snap(split.front_disparity), snap(split.near_disparity), snap(split.back_disparity),
-            split.mixed, split.is_far, split.disoccluded,
-        )  # fmt: skip
-        # Snapping can double what neighbours differ by.
-        asked.append((made, 2 * split.jump, error, options.quadtree))
-        # What is left is a guess here, or cannot be seen.
-        guess = np.where(split.occluded, np.inf, 1)
-        error = error * np.where(split.disoccluded, options.quadtree.disoccluded_error, guess)
-    with ThreadPoolExecutor() as pool:
-        found = list(pool.map(in_this_scope(triangulate), *zip(*asked, strict=True)))
-    surfaces = [(made.far, found[-1].far, len(layers))]
+    found = triangulated(layers, focus, snap, options)
+    surfaces = [(found[-1][0].far, found[-1][1].far, len(layers))]
     fronts = []
     checkpoint(0.75)
-    for number, (split, (made, *_), triangles) in enumerate(zip(layers, asked, found, strict=True)):
+    for number, (split, (made, triangles)) in enumerate(zip(layers, found, strict=True)):
         surfaces += [(made.near, triangles.near, number), (made.own, triangles.cut, number)]
         # Past its silhouettes the near surface is transparent.
         fronts.append(split.front.copy())
@@ -124,6 +110,32 @@ def layer_mesh(
     # A pixel's middle is the middle of a texel: in the focal plane views show the frame's own pixels.
     mesh = replace(mesh, texture_xy=FINER * (mesh.texture_xy - 0.5) + 0.5)
     return mesh, _texture(pictures, fronts), layers
+
+
+def triangulated(
+    layers: tuple[LayeredDepthImage, ...],
+    focus: float,
+    snap: Callable[[Floats], Floats],
+    options: LayeredMeshOptions,
+) -> list[tuple[Surfaces, Triangles]]:
+    """The surfaces of each layered depth image where `snap` draws them, and their triangles; `focus` as of
+    `layer_mesh`."""
+    error = options.error + options.relative_error * np.abs(layers[-1].back_disparity - focus)
+    asked = []
+    for split in layers:
+        checkpoint(0.55)
+        made = Surfaces(
+            snap(split.front_disparity), snap(split.near_disparity), snap(split.back_disparity),
+            split.mixed, split.is_far, split.disoccluded,
+        )  # fmt: skip
+        # Snapping can double what neighbours differ by.
+        asked.append((made, 2 * split.jump, error, options.quadtree))
+        # What is left is a guess here, or cannot be seen.
+        guess = np.where(split.occluded, np.inf, 1)
+        error = error * np.where(split.disoccluded, options.quadtree.disoccluded_error, guess)
+    with ThreadPoolExecutor() as pool:
+        found = list(pool.map(in_this_scope(triangulate), *zip(*asked, strict=True)))
+    return [(made, triangles) for (made, *_), triangles in zip(asked, found, strict=True)]
 
 
 def _texture(pictures: list[LinearRGBA], fronts: list[LinearRGBA]) -> LinearRGBA:
