@@ -96,11 +96,11 @@ class FrameOfClip(ClipContext):
     whole: ClipContext | None = None
 
     def hidden_colours(
-        self, frame: int, canvas: Canvas, picture: Picture, inverse_depth: Floats
+        self, frame: int, canvas: Canvas, picture: Picture, depth: PixelDepth
     ) -> HiddenColours:
         """The colours that the frames of the whole clip have."""
         assert self.whole is not None
-        return self.whole.hidden_colours(frame, canvas, picture, inverse_depth)
+        return self.whole.hidden_colours(frame, canvas, picture, depth)
 
 
 class GroundTruth:

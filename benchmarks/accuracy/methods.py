@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from addon.core.base.errors import UserError
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Points, Reconstruction
+from addon.core.depth.source import PixelDepth
 from addon.core.lens.aperture_sampling import vogel_disc
 from addon.core.lens.clip_context import ClipContext
 from addon.core.lens.focus import Focus, exact_registration
@@ -92,7 +93,7 @@ class KnownFill(ClipContext):
     surfaces: oracle.LayeredDepthImage | None = None
 
     def hidden_colours(
-        self, frame: int, canvas: Canvas, picture: Picture, inverse_depth: Floats
+        self, frame: int, canvas: Canvas, picture: Picture, depth: PixelDepth
     ) -> HiddenColours:
         """The true colours of the layers."""
         assert self.surfaces is not None

@@ -30,7 +30,7 @@ def make(geometry: FrameGeometry) -> Surface:
     hidden = None
     if geometry.settings.borrow:
         with stage("Hidden surfaces", 0.0, FILLED):
-            hidden = geometry.clip.hidden_colours(geometry.frame, geometry.canvas, picture, inverse_depth)
+            hidden = geometry.clip.hidden_colours(geometry.frame, geometry.canvas, picture, geometry.depth)
 
     def snap(disparity: Floats) -> Floats:
         return scale * lens.snap_to_focal_plane(disparity / scale)
