@@ -55,7 +55,7 @@ def layer_mesh(
     disparity: Floats,
     focus: float,
     scale: float,
-    snap: Callable[[Floats], Floats] = lambda disparity: disparity,
+    snap: Callable[[Map], Map] = lambda shift: shift,
     fill: Fill | None = None,
     options: LayeredMeshOptions = LayeredMeshOptions(),
 ) -> tuple[WarpMesh, LinearRGBA, tuple[LayeredDepthImage, ...]]:
@@ -63,33 +63,35 @@ def layer_mesh(
 
     `picture` (H, W, 4) is the canvas picture; `disparity` (H, W) that of every pixel at the aperture's rim,
     in pixels, and `focus` that of the focal plane; disparity over `scale` is inverse depth. `snap` moves
-    disparities (H, W) that are drawn elsewhere than they are, as into the focal plane; `fill` tells other
+    disparities (H, W), that are drawn elsewhere than they are; `fill` tells other
     frames' colours, on a raster that is so much larger than the picture as needs be, its middle on the
     picture's. Triangles are ordered from far to near.
     """
     reach = options.widest * max(disparity.shape)
-    disparity = np.clip(disparity, focus - reach, focus + reach)
-    margin = int(np.ceil(np.abs(disparity - focus).max())) + 2
+    # From here on disparities are relative to the focal plane: they are exact where it matters.
+    shift = np.clip(disparity - focus, -reach, reach).astype(np.float32)
+    margin = int(np.ceil(np.abs(shift).max())) + 2
     checkpoint()
     wide = np.pad(picture, ((margin, margin), (margin, margin), (0, 0)), mode="symmetric")
-    disparity = np.pad(disparity, margin, mode="edge")
+    shift = np.pad(shift, margin, mode="edge")
+
     margin_reprojected = None
     if fill is not None:
-        beyond = np.ones(disparity.shape, bool)
+        beyond = np.ones(shift.shape, bool)
         beyond[margin:-margin, margin:-margin] = False
         checkpoint(0.05)
-        colour, margin_reprojected = fill(disparity, beyond)
+        colour, margin_reprojected = fill(shift, beyond)
         wide[margin_reprojected, :3] = colour[margin_reprojected]
     checkpoint(0.1)
-    largest = float(np.abs(disparity - focus).max())
+    largest = float(np.abs(shift).max())
     jump = float(np.clip(options.jump * largest, *options.jump_bounds))
     # A few wrong depths must not say what is large.
-    usual = float(np.percentile(np.abs(disparity - focus)[::4, ::4], 99.9))
+    usual = float(np.percentile(np.abs(shift)[::4, ::4], 99.9))
     first = options.first_jump * usual
     jumps = (first, jump) if first > jump else (jump,)
     checkpoint(0.1)
-    layers = depth_peel(wide, disparity, jumps, fill, options.layers)
-    found = triangulated(layers, focus, snap, options)
+    layers = depth_peel(wide, shift, jumps, fill, options.layers)
+    found = triangulated(layers, snap, options)
     surfaces = [(found[-1][0].far, found[-1][1].far, len(layers))]
     fronts = []
     checkpoint(0.75)
@@ -99,13 +101,13 @@ def layer_mesh(
         fronts.append(split.front.copy())
         fronts[-1][split.is_far & triangles.before] = 0
     checkpoint(0.8)
-    mesh = _joined(surfaces, margin, scale)
+    mesh = _joined(surfaces, margin, focus, scale)
     pictures = [wide, *(split.back for split in layers)]
     layers = tuple(
         replace(split, front=f, margin_reprojected=margin_reprojected)
         for split, f in zip(layers, fronts, strict=True)
     )
-    if len(pictures) * disparity.size * FINER**2 > options.largest_texture:
+    if len(pictures) * shift.size * FINER**2 > options.largest_texture:
         return mesh, np.concatenate([*fronts, pictures[-1]]), layers
     # A pixel's middle is the middle of a texel: in the focal plane views show the frame's own pixels.
     mesh = replace(mesh, texture_xy=FINER * (mesh.texture_xy - 0.5) + 0.5)
@@ -114,13 +116,12 @@ def layer_mesh(
 
 def triangulated(
     layers: tuple[LayeredDepthImage, ...],
-    focus: float,
-    snap: Callable[[Floats], Floats],
+    snap: Callable[[Map], Map],
     options: LayeredMeshOptions,
 ) -> list[tuple[Surfaces, Triangles]]:
-    """The surfaces of each layered depth image where `snap` draws them, and their triangles; `focus` as of
-    `layer_mesh`."""
-    error = options.error + options.relative_error * np.abs(layers[-1].back_disparity - focus)
+    """The surfaces of each layered depth image where `snap` draws them, and their triangles; disparities
+    are relative to the focal plane."""
+    error = options.error + options.relative_error * np.abs(layers[-1].back_disparity)
     asked = []
     for split in layers:
         checkpoint(0.55)
@@ -131,8 +132,9 @@ def triangulated(
         # Snapping can double what neighbours differ by.
         asked.append((made, 2 * split.jump, error, options.quadtree))
         # What is left is a guess here, or cannot be seen.
-        guess = np.where(split.occluded, np.inf, 1)
-        error = error * np.where(split.disoccluded, options.quadtree.disoccluded_error, guess)
+        error = error.copy()
+        error[split.occluded & ~split.disoccluded] = np.inf
+        error[split.disoccluded] *= np.float32(options.quadtree.disoccluded_error)
     with ThreadPoolExecutor() as pool:
         found = list(pool.map(in_this_scope(triangulate), *zip(*asked, strict=True)))
     return [(made, triangles) for (made, *_), triangles in zip(asked, found, strict=True)]
@@ -185,10 +187,11 @@ def _subtract_behind(part: LinearRGBA, behind: LinearRGBA, alpha: Map) -> None:
             part[at] = np.maximum(found, 0)
 
 
-def _joined(surfaces: list[tuple[Floats, Ints, int]], margin: int, scale: float) -> WarpMesh:
+def _joined(surfaces: list[tuple[Map, Ints, int]], margin: int, focus: float, scale: float) -> WarpMesh:
     """One mesh of surfaces, each disparities (H, W), triangles (T, 3) of pixels, and which of the pictures
     below each other in the texture is painted on it; the first one is whole. Their raster is `margin` pixels
-    larger than the canvas on every side; disparity over `scale` is inverse depth."""
+    larger than the canvas on every side; disparity, and that of the focal plane, which theirs is relative to,
+    are inverse depth over `scale`."""
     height, width = surfaces[0][0].shape
     xy, texture, inverse, triangles = [], [], [], []
     first = 0
@@ -199,7 +202,7 @@ def _joined(surfaces: list[tuple[Floats, Ints, int]], margin: int, scale: float)
         place = np.column_stack([column, row]) + 0.5
         xy.append(place - margin)
         texture.append(place + np.array([0, number * height]))
-        inverse.append(disparity.ravel()[used] / scale)
+        inverse.append((focus + disparity.ravel()[used].astype(np.float64)) / scale)
         triangles.append(renamed.reshape(-1, 3) + first)
         first += len(used)
     checkpoint(0.85)

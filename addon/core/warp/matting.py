@@ -62,7 +62,7 @@ class Surfaces:
 
 
 def surfaces_beside(
-    picture: LinearRGBA, disparity: Floats, mixed: Mask, jump: float, options: MattingOptions
+    picture: LinearRGBA, disparity: Map, mixed: Mask, jump: float, options: MattingOptions
 ) -> Surfaces:
     """The surfaces beside the mixed pixels (H, W) of a picture (H, W, 4) with disparities (H, W)."""
     row, column = np.nonzero(mixed)
@@ -141,7 +141,7 @@ def matted(
 
 def _thin(
     picture: LinearRGBA,
-    disparity: Floats,
+    disparity: Map,
     row: Indices,
     column: Indices,
     near: Floats,
@@ -187,7 +187,7 @@ class _Sums:
         """Of some of the mixed pixels; of a slice, those sums themselves."""
         return _Sums(self.weight[which], self.colour[:, which], self.squared[which], self.disparity[which])
 
-    def add(self, weight: Floats, colour: Floats, squared: Floats, disparity: Floats) -> None:
+    def add(self, weight: Floats, colour: Floats, squared: Floats, disparity: Map) -> None:
         """One more pixel beside each, with its weight (n,), colour (3, n), the square of that (n,) and its
         disparity (n,)."""
         np.add(self.weight, weight, out=self.weight)
@@ -215,15 +215,16 @@ def _neighbours(row: Indices, column: Indices, dy: int, dx: int, shape: tuple[in
     return np.clip(row + dy, 0, shape[0] - 1) * shape[1] + np.clip(column + dx, 0, shape[1] - 1)
 
 
-def _extremes(disparity: Floats, row: Indices, column: Indices) -> tuple[Floats, Floats]:
+def _extremes(disparity: Map, row: Indices, column: Indices) -> tuple[Floats, Floats]:
     """(n,) least and (n,) largest disparity of n pixels and those around."""
     kernel = np.ones((3, 3), np.uint8)
-    return cv2.erode(disparity, kernel)[row, column], cv2.dilate(disparity, kernel)[row, column]
+    low, high = (f(disparity, kernel)[row, column].astype(np.float64) for f in (cv2.erode, cv2.dilate))
+    return low, high
 
 
 def _means(
     picture: LinearRGBA,
-    disparity: Floats,
+    disparity: Map,
     among: Mask,
     row: Indices,
     column: Indices,
