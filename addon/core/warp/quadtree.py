@@ -83,18 +83,21 @@ def triangulate(
     raster = _padded(surfaces, coarsest)
     columns = raster.own.shape[1]
     checkpoint(0.6)
-    whole = _whole(raster.own, ~raster.mixed, jump)
+    whole = ~_any(raster.mixed) & (_range(raster.own) <= jump)
     checkpoint(0.6)
     split = _split(raster, whole, _allowed(error, (height, width), whole.shape), options)
     checkpoint(0.6)
     two = _any(raster.mixed | ((raster.near != raster.far) & ~raster.is_far))
+    two_surfaces = [two]
+    for _ in range(coarsest):
+        two_surfaces.append(_halved(two_surfaces[-1], np.logical_or))
     far, near = [], []
     covered = np.zeros_like(whole)
     leaf = np.ones(tuple(n >> coarsest for n in whole.shape), bool)
     for level in range(coarsest, 0, -1):
         checkpoint(0.6)
         ends = leaf & ~split[level]
-        before = ends & _coarser(two, level)
+        before = ends & two_surfaces[level]
         far.append(_cells(ends, split[level], level, columns))
         near.append(_cells(before, split[level], level, columns))
         covered |= _children(before, level)
@@ -135,33 +138,33 @@ def _back(triangles: Ints, padded: int, height: int, width: int) -> Ints:
     return np.asarray((row * width + column)[area != 0], np.int32)
 
 
-def _corners(values: NDArray[np.generic]) -> list[NDArray[np.generic]]:
-    """Values (H, W) at the corners of the cells a pixel wide: four arrays (H - 1, W - 1)."""
-    return [values[i : i - 1 or None, j : j - 1 or None] for i in (0, 1) for j in (0, 1)]
+def _of_corners[T: np.generic](values: NDArray[T], combine: np.ufunc) -> NDArray[T]:
+    """(H - 1, W - 1) values (H, W) at the corners of the cells a pixel wide, combined."""
+    rows = combine(values[:-1], values[1:])
+    return np.asarray(combine(rows[:, :-1], rows[:, 1:]))
 
 
-def _whole(depth: Map, solid: Mask, jump: float) -> Mask:
-    """(H - 1, W - 1) cells of four connected pixels."""
-    return np.asarray(np.all(_corners(solid), axis=0) & (np.ptp(np.stack(_corners(depth)), axis=0) <= jump))
+def _halved[T: np.generic](cells: NDArray[T], combine: np.ufunc) -> NDArray[T]:
+    """(R, C) values of the finer cells (2 R, 2 C) in each, combined."""
+    rows = combine(cells[::2], cells[1::2])
+    return np.asarray(combine(rows[:, ::2], rows[:, 1::2]))
+
+
+def _range(depth: Map) -> Map:
+    """(H - 1, W - 1) by how much depth (H, W) changes over cells a pixel wide."""
+    return _of_corners(depth, np.maximum) - _of_corners(depth, np.minimum)
 
 
 def _bent(depth: Map) -> Map:
     """(H - 1, W - 1) by how much depth does not go straight on at the corners of cells a pixel wide."""
     across = np.abs(np.diff(depth, 2, axis=1, prepend=depth[:, :1], append=depth[:, -1:]))
     down = np.abs(np.diff(depth, 2, axis=0, prepend=depth[:1], append=depth[-1:]))
-    return np.asarray(np.max(_corners(np.maximum(across, down)), axis=0), np.float32)
+    return _of_corners(np.maximum(across, down), np.maximum)
 
 
 def _any(mask: Mask) -> Mask:
     """(H - 1, W - 1) cells with a corner in a mask (H, W)."""
-    return np.asarray(np.any(_corners(mask), axis=0))
-
-
-def _coarser(cells: Mask, level: int) -> Mask:
-    """(R, C) cells of a level with any in a mask (H - 1, W - 1) of cells a pixel wide."""
-    size = 1 << level
-    blocks = cells.reshape(cells.shape[0] // size, size, cells.shape[1] // size, size)
-    return np.asarray(blocks.any(axis=(1, 3)))
+    return _of_corners(mask, np.logical_or)
 
 
 def _allowed(error: float | Map, shape: tuple[int, int], cells: tuple[int, ...]) -> Map:
@@ -169,7 +172,7 @@ def _allowed(error: float | Map, shape: tuple[int, int], cells: tuple[int, ...])
     it."""
     beyond = [(0, n + 1 - size) for n, size in zip(cells, shape, strict=True)]
     whole = np.pad(np.broadcast_to(np.asarray(error, np.float32), shape), beyond, mode="edge")
-    return np.asarray(np.min(_corners(whole), axis=0), np.float32)
+    return _of_corners(whole, np.minimum)
 
 
 def _split(raster: Surfaces, whole: Mask, error: Map, options: QuadtreeOptions) -> list[Mask]:
@@ -177,26 +180,26 @@ def _split(raster: Surfaces, whole: Mask, error: Map, options: QuadtreeOptions) 
     pixel wide are connected, `error` (H - 1, W - 1) what they may miss."""
     split = [np.zeros_like(whole)]
     doubled = _any((raster.near != raster.far) & ~raster.is_far)
-    sharp = ~whole
+    silhouette = ~whole
     checkpoint(0.6)
-    changes = np.ptp(np.stack(_corners(raster.own)), axis=0)
+    changes = _range(raster.own)
     checkpoint(0.6)
     steep = (changes > error) & (_bent(raster.own) > options.bend * changes)
     for level in range(1, options.coarsest + 1):
         checkpoint(0.6)
-        error = np.minimum.reduce([error[i::2, j::2] for i in (0, 1) for j in (0, 1)])
+        error = _halved(error, np.minimum)
+        silhouette, doubled, steep = (_halved(one, np.logical_or) for one in (silhouette, doubled, steep))
         near = split[-1]
         # A cell beside one that is split twice would differ from its neighbours by two levels.
         wide = np.pad(near, 1)
         wide = wide[:-2] | wide[1:-1] | wide[2:]
         wide = wide[:, :-2] | wide[:, 1:-1] | wide[:, 2:]
-        needed = _coarser(wide, 1)
-        silhouette = _coarser(sharp, level)
-        one = ~silhouette & ~_coarser(doubled, level)
+        needed = _halved(wide, np.logical_or)
+        one = ~silhouette & ~doubled
         if level > options.coarsest_at_silhouettes:
             needed |= silhouette
         rough = np.nonzero(one & ~needed)
-        allowed = np.where(_coarser(steep, level), options.silhouette_error, 1)[rough] * error[rough]
+        allowed = np.where(steep, options.silhouette_error, 1)[rough] * error[rough]
         needed[rough] = _worst(raster.own, None, rough, level) > allowed
         checkpoint(0.6)
         rough = np.nonzero(~one & ~needed)
