@@ -162,29 +162,34 @@ def _refine(picture: LinearRGBA, texture: LinearRGBA) -> None:
 
     What is between is Lanczos' interpolation, and not negative.
     """
-    across = cv2.filter2D(picture, -1, HALFWAY[None], anchor=(3, 0), borderType=cv2.BORDER_REPLICATE)
-    checkpoint(0.9)
-    texture[::2, ::2] = picture
-    np.maximum(across, 0, out=texture[::2, 1::2])
-    for whole, column in ((picture, 0), (across, 1)):
+    row, column = HALFWAY[:, None], HALFWAY[None]
+    height, width, channels = picture.shape
+    cells = texture.reshape(height, FINER, width, FINER, channels)
+    cells[:, 0, :, 0] = picture
+    across = cv2.filter2D(picture, -1, column, anchor=(3, 0), borderType=cv2.BORDER_REPLICATE)
+    for whole, place in ((picture, 0), (across, 1)):
         checkpoint(0.9)
-        down = cv2.filter2D(whole, -1, HALFWAY[:, None], anchor=(0, 3), borderType=cv2.BORDER_REPLICATE)
-        np.maximum(down, 0, out=texture[1::2, column::2])
+        down = cv2.filter2D(whole, -1, row, anchor=(0, 3), borderType=cv2.BORDER_REPLICATE)
+        cells[:, 1, :, place] = cv2.max(down, 0, dst=down)
+    cells[:, 0, :, 1] = cv2.max(across, 0, dst=across)
 
 
 def _subtract_behind(part: LinearRGBA, behind: LinearRGBA, alpha: Map) -> None:
     """Leave of a fine picture (2 H, 2 W, 4) what a front of opacity (H, W) has more than what is behind."""
     row, column = np.nonzero(cv2.erode(alpha, np.ones((2, 2), np.uint8), anchor=(0, 0)) < 1)
-    below, right = (np.minimum(n + 1, size - 1) for n, size in zip((row, column), alpha.shape, strict=True))
-    corners = [[alpha[r, c] for c in (column, right)] for r in (row, below)]
-    for down in (0, 1):
-        for across in (0, 1):
-            checkpoint(0.95)
-            share = np.mean([corners[i][j] for i in range(down + 1) for j in range(across + 1)], axis=0)
-            at = FINER * row + down, FINER * column + across
-            found = part[at] - (1 - share)[:, None] * behind[at]
-            found[:, 3] = share
-            part[at] = np.maximum(found, 0)
+    height, width = alpha.shape
+    below, right = np.minimum(row + 1, height - 1), np.minimum(column + 1, width - 1)
+    own, beside, under, diagonal = (alpha[r, c] for r in (row, below) for c in (column, right))
+    whole, rest = part.reshape(-1, 4), behind.reshape(-1, 4)
+    first = FINER**2 * width * row + FINER * column
+    half = np.float32(0.5)
+    shares = own, half * (own + beside), half * (own + under), half * half * (own + beside + under + diagonal)
+    for share, step in zip(shares, (0, 1, FINER * width, FINER * width + 1), strict=True):
+        checkpoint(0.95)
+        at = first + step
+        found = whole[at] - (1 - share)[:, None] * rest[at]
+        found[:, 3] = share
+        whole[at] = np.maximum(found, 0, out=found)
 
 
 def _joined(surfaces: list[tuple[Map, Ints, int]], margin: int, focus: float, scale: float) -> WarpMesh:
