@@ -143,16 +143,19 @@ def split(
 
 def _without_ramps(disparity: Map, jump: float) -> Map:
     """Disparities (H, W) without single pixels half way up a jump: they join the nearer surface."""
-    for axis in (0, 1):
+    result = disparity.copy()
+    # The second time round, of the picture on its side.
+    for values in (result, result.T):
         checkpoint(0.2)
-        before, after = np.roll(disparity, 1, axis), np.roll(disparity, -1, axis)
-        up, down = disparity - before, after - disparity
-        between = (np.abs(up) > jump) & (np.abs(down) > jump) & (np.sign(up) == np.sign(down))
-        joined = np.where(np.abs(up) < np.abs(down), before, after)
-        inner = np.zeros(disparity.shape, bool)
-        inner[1:-1, 1:-1] = True
-        disparity = np.where(between & inner, joined, disparity)
-    return disparity
+        steps = np.diff(values, axis=0)[:, 1:-1]
+        high = np.abs(steps) > jump
+        row, column = np.nonzero(high[:-1] & high[1:])
+        up, down = steps[row, column], steps[row + 1, column]
+        between = np.sign(up) == np.sign(down)
+        row, column, up, down = (part[between] for part in (row, column, up, down))
+        joined = np.where(np.abs(up) < np.abs(down), row, row + 2)
+        values[row + 1, column + 1] = values[joined, column + 1]
+    return result
 
 
 def _silhouettes(disparity: Map, jump: float) -> tuple[Mask, Mask]:
@@ -260,8 +263,9 @@ def inpainted(colour: LinearRGB, known: Mask) -> LinearRGB:
     """
     if not known.any():
         return colour
+    mask = known.astype(np.uint8)
     weight = known.astype(np.float32)
-    levels = [(colour * weight[..., None], weight)]
+    levels = [(cv2.copyTo(colour, mask), weight)]
     while min(levels[-1][1].shape) > 1:
         checkpoint(0.5)
         size = tuple(-(-n // 2) for n in levels[-1][1].shape[::-1])
@@ -274,7 +278,7 @@ def inpainted(colour: LinearRGB, known: Mask) -> LinearRGB:
         sure = np.minimum(weight, 1)[..., None]
         own = np.where(weight[..., None] > 0, total / np.maximum(weight, 1e-9)[..., None], up)
         result = np.asarray(own * sure + up * (1 - sure), np.float32)
-    return np.where(known[..., None], colour, _resized(result, known.shape)).astype(np.float32)
+    return np.asarray(cv2.copyTo(colour, mask, _resized(result, known.shape)), np.float32)
 
 
 def _resized(colour: LinearRGB, shape: tuple[int, ...]) -> LinearRGB:
