@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..base.arrays import LinearRGBA
+from ..base.arrays import LinearRGBA, Map
 from ..base.errors import UserError
 from ..base.progress import stage
 from ..camera.canvas import Canvas
@@ -123,7 +123,8 @@ def view_offsets(clip: ClipContext, frame: int, settings: LensSettings, size: tu
     geometry = _geometry(clip, frame, settings, size)
     mesher = MESHERS[settings.method]
     count = settings.views or views_needed(_sampled_disc(geometry), mesher.is_prefiltered)
-    return mesher.views(geometry, count).offsets
+    views: Views = mesher.views(geometry, count)
+    return views.offsets
 
 
 def _geometry(
@@ -173,10 +174,8 @@ def _meshed(geometry: FrameGeometry, mesher: Mesher) -> WarpedFrame:
 def _prefilter(surface: Surface, lens: ThinLens, views: int) -> None:
     """Blur the texture of a surface of layers in place as so many views need it; others stay as they are."""
 
-    def radius(disparity: Floats) -> Floats:
-        inverse_depth = lens.snap_to_focal_plane(disparity / scale)
-        return np.abs(lens.blur_disc(inverse_depth)) / (2 * np.sqrt(views))
+    def radius(disparity: Map) -> Map:
+        return np.asarray(np.abs(lens.snap_displacement(disparity)) / np.float32(np.sqrt(views)), np.float32)
 
-    scale = lens.radius * lens.pinhole.fx
     if surface.layers:
         prefilter(surface.texture, surface.layers, radius)

@@ -18,19 +18,19 @@ from itertools import pairwise
 import cv2
 import numpy as np
 
-from ..base.arrays import Floats, LinearRGBA, Map, Mask
+from ..base.arrays import LinearRGBA, Map, Mask
 from ..base.progress import checkpoint, in_this_scope
 from .layered_depth_image import LayeredDepthImage
 
 TILE = 128
-"""Texels across a tile, a multiple of all `_Level.shrink`: each is blurred only as widely as its texels are."""
+"""Texels across a tile, a multiple of all `_Level.shrink`: each is blurred as its texels need."""
 SUBSAMPLES = 8
 """Along a texel, by which a disc's rim is told: its area is right to 1 %."""
 WIDEST = 256.0
-"""Texels; wider footprints are blurred as this one, beyond all that layers are displaced by with few views."""
+"""Texels; wider footprints are blurred as this one, beyond what layers are displaced by with few views."""
 BURIED = 8
-"""Pixels from what a view may see, half of `LayerOptions.extrapolation`: so far behind a near surface, its own
-picture lies closer to whatever shows than the one behind it does."""
+"""Pixels from what a view may see, half of `LayerOptions.extrapolation`: so far behind a near surface, its
+own picture lies closer to whatever shows than the one behind it does."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,8 @@ def _levels() -> tuple[_Level, ...]:
     found, radius = [_Level(0.0, 1)], 1.0
     while radius <= WIDEST:
         for wider in (radius, 1.5 * radius):
-            found.append(_Level(wider, max(1, int(2 ** np.floor(np.log2(wider / 2))))))
+            shrink = max(1, int(2 ** np.floor(np.log2(wider / 2))))
+            found.append(_Level(wider, shrink))
         radius *= 2
     return tuple(found)
 
@@ -56,16 +57,14 @@ def _levels() -> tuple[_Level, ...]:
 LEVELS = _levels()
 
 
-def prefilter(
-    texture: LinearRGBA, layers: Sequence[LayeredDepthImage], radius: Callable[[Floats], Floats]
-) -> None:
+def prefilter(texture: LinearRGBA, layers: Sequence[LayeredDepthImage], radius: Callable[[Map], Map]) -> None:
     """Blur the texture (n h, w, 4) of n - 1 layers and what is behind them, in place.
 
     `radius` tells the radii (H, W) of the footprints of disparities (H, W), in pixels. Near surfaces are
     blurred together with their alpha, as far as they are drawn; the last one stays opaque. Nothing bleeds
     from one surface into another. Passes checkpoints.
     """
-    height, width = layers[0].is_far.shape
+    width = layers[0].is_far.shape[1]
     parts = texture.reshape(len(layers) + 1, -1, texture.shape[1], 4)
     finer = parts.shape[2] // width
     # The last one first: it takes the others' texels where it is buried, as they are.
@@ -198,7 +197,8 @@ def _blurred(around: LinearRGBA, level: _Level) -> LinearRGBA:
     if not level.radius:
         return around
     if level.shrink == 1:
-        return cv2.filter2D(around, -1, disc_kernel(level.radius), borderType=cv2.BORDER_REPLICATE)
+        blurred = cv2.filter2D(around, -1, disc_kernel(level.radius), borderType=cv2.BORDER_REPLICATE)
+        return np.asarray(blurred, np.float32)
     height, width = around.shape[:2]
     size = -(-width // level.shrink), -(-height // level.shrink)
     wide = cv2.copyMakeBorder(
