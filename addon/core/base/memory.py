@@ -80,13 +80,13 @@ def check(what: str, need: Need, pixels: int = 0) -> None:
     if limit is not None and limit < needed:
         raise UserError(
             f"{what} takes at least {_told(needed)} of address space, and this process may have"
-            f" {_told(limit)}: raise the limit (ulimit -v){_smaller(pixels)}"
+            f" {_told(limit)}: raise the limit (ulimit -v){_smaller(limit >= need.address_space())}"
         )
     limit, needed = memory_limit(), need.own + A_PIXEL * pixels
     if limit is not None and limit < needed:
         raise UserError(
             f"{what} takes at least {_told(needed)} of memory, and its container leaves {_told(limit)}: raise"
-            f" the container's limit, or run less beside{_smaller(pixels)}"
+            f" the container's limit, or run less beside{_smaller(limit >= need.own)}"
         )
 
 
@@ -112,7 +112,7 @@ def shortage(what: str) -> UserError:
     allowed = f" (it may have {' and '.join(limits)})" if limits else ""
     return UserError(
         f"{what}: there is not enough memory for this process{allowed}; raise the limit, run less beside, or"
-        " render at a lower percentage"
+        " make the picture smaller"
     )
 
 
@@ -195,8 +195,8 @@ def _processors() -> int:
     return os.process_cpu_count() or 1
 
 
-def _smaller(pixels: int) -> str:
-    return ", or render at a lower percentage" if pixels else ""
+def _smaller(helps: bool) -> str:
+    return ", or make the picture smaller" if helps else ""
 
 
 def _told(size: int) -> str:
