@@ -48,17 +48,20 @@ class Need:
         return self.mapped + (min(_processors(), CPUS) - 1) * self.mapped_for_each
 
 
-PROGRAM = Need(1552 * MB, 180 * MB, 0)
+PROGRAM = Need(1552 * MB, 180 * MB, 112 * MB)
 """Blender as a module, OpenCV and the add-on, loaded. As the other two it is the least limit with which a
 command (here `report`) ended well on the torture's clip of 96 x 54 pixels, with one processor (taskset) and
-with two; limits 4 to 12 MB apart were tried. Below it Blender crashed, or a library had the last word."""
-DRAWING = Need(1876 * MB, 244 * MB, 150 * MB)
-"""As above, of `render` with Mesa's software OpenGL and a mask. The method of features needs 28 MB less."""
-MOVIE = Need(1944 * MB, 260 * MB, 150 * MB)
+with two; limits 2 to 12 MB apart were tried, of address space and of a control group. Below it Blender
+crashed, a library had the last word, or the system ended it."""
+DRAWING = Need(1876 * MB, 244 * MB, 190 * MB)
+"""As above, of `render` with Mesa's software OpenGL and a mask. The method of features needs 28 MB less of
+address space; of memory it is features' own need."""
+MOVIE = Need(1944 * MB, 260 * MB, 196 * MB)
 """As above, of `render` into an .mp4, whose encoder's threads come last."""
-A_PIXEL = 125
-"""Bytes for each pixel of a larger picture, of address space and of memory alike, by the cheapest method:
-`python -m benchmarks.timings.memory_peaks`, its 7680x4320 less its 96x54."""
+A_PIXEL = 115
+"""Bytes for each pixel of a larger picture, of address space and of memory alike, by the method of features:
+`python -m benchmarks.timings.memory_peaks` gives 126 to 140 from 1920x1080 to 7680x4320, layers take 159 to
+187. A disc of a pixel takes 5 less, and the share falls slowly with the size; this is below them all."""
 
 
 def keep_to_one_arena() -> None:
