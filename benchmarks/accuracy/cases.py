@@ -92,15 +92,15 @@ class TrueDepth:
 class ClipWithFill(ClipContext):
     """A clip whose hidden colours come from elsewhere than its own frames: a larger clip, or the truth."""
 
-    fill: Callable[[int, Canvas, Picture, Floats], HiddenColours] | None = None
+    fill: Callable[[int, Canvas, Picture, PixelDepth], HiddenColours] | None = None
     """What is `ClipContext.hidden_colours`."""
 
     def hidden_colours(
-        self, frame: int, canvas: Canvas, picture: Picture, inverse_depth: Floats
+        self, frame: int, canvas: Canvas, picture: Picture, depth: PixelDepth
     ) -> HiddenColours:
         """Those of `fill`."""
         assert self.fill is not None
-        return self.fill(frame, canvas, picture, inverse_depth)
+        return self.fill(frame, canvas, picture, depth)
 
 
 class GroundTruth:

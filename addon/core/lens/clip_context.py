@@ -11,7 +11,7 @@ import numpy as np
 
 from ..base.arrays import LinearRGBA
 from ..camera.canvas import Canvas
-from ..camera.reconstruction import Floats, Reconstruction
+from ..camera.reconstruction import Reconstruction
 from ..depth.depth_store import DepthStore
 from ..depth.joint_upsampling import upsampled
 from ..depth.multi_view_stereo import COARSE, DenseDepth, Moving, PlaneSweepStereo
@@ -60,13 +60,14 @@ class ClipContext:
         return whole_depth(self.stereo.at(frame), picture)
 
     def hidden_colours(
-        self, frame: int, canvas: Canvas, picture: LinearRGBA, inverse_depth: Floats
+        self, frame: int, canvas: Canvas, picture: LinearRGBA, depth: PixelDepth
     ) -> HiddenColours:
         """Other frames' colours for what a frame does not show, to be asked for places of its canvas.
 
-        `picture` (H, W, 4) and `inverse_depth` (H, W) are what the frame itself shows.
+        `picture` (H, W, 4) and `depth` are what the frame itself shows.
         """
-        return self.disocclusion.reprojected(frame, canvas, picture, inverse_depth).colours
+        shown = depth.inverse_depth
+        return self.disocclusion.reprojected(frame, canvas, picture, shown, depth.moving).colours
 
     def samples(self, frame: int, canvas: Canvas) -> DepthSamples:
         """Places of known depth for a coarse mesh: of what is given, else the frame's feature points."""
@@ -83,4 +84,4 @@ def whole_depth(depth: DenseDepth, picture: LinearRGBA) -> PixelDepth:
     """Depth found in a smaller picture for every pixel of the canvas picture (H, W, 4), along its edges."""
     size = (picture.shape[1], picture.shape[0])
     confidence = cv2.resize(depth.confidence, size)
-    return PixelDepth(upsampled(depth.inverse_depth, picture), np.asarray(confidence))
+    return PixelDepth(upsampled(depth.inverse_depth, picture), np.asarray(confidence), depth.moving)

@@ -13,7 +13,7 @@ from ..base.arrays import Floats, Ints, LinearRGBA, Map
 from ..base.progress import checkpoint, in_this_scope
 from .layered_depth_image import Fill, LayeredDepthImage, LayerOptions, depth_peel
 from .mesh import WarpMesh
-from .quadtree import QuadtreeOptions, Surfaces, triangulate
+from .quadtree import QuadtreeOptions, Surfaces, Triangles, triangulate
 
 FINER = 2
 """Times as fine as the frame is its texture: a view loses less by looking between its pixels."""
@@ -55,7 +55,7 @@ def layer_mesh(
     disparity: Floats,
     focus: float,
     scale: float,
-    snap: Callable[[Floats], Floats] = lambda disparity: disparity,
+    snap: Callable[[Map], Map] = lambda shift: shift,
     fill: Fill | None = None,
     options: LayeredMeshOptions = LayeredMeshOptions(),
 ) -> tuple[WarpMesh, LinearRGBA, tuple[LayeredDepthImage, ...]]:
@@ -63,33 +63,67 @@ def layer_mesh(
 
     `picture` (H, W, 4) is the canvas picture; `disparity` (H, W) that of every pixel at the aperture's rim,
     in pixels, and `focus` that of the focal plane; disparity over `scale` is inverse depth. `snap` moves
-    disparities (H, W) that are drawn elsewhere than they are, as into the focal plane; `fill` tells other
+    disparities (H, W), that are drawn elsewhere than they are; `fill` tells other
     frames' colours, on a raster that is so much larger than the picture as needs be, its middle on the
     picture's. Triangles are ordered from far to near.
     """
     reach = options.widest * max(disparity.shape)
-    disparity = np.clip(disparity, focus - reach, focus + reach)
-    margin = int(np.ceil(np.abs(disparity - focus).max())) + 2
+    # From here on disparities are relative to the focal plane: they are exact where it matters.
+    shift = np.clip(disparity - focus, -reach, reach).astype(np.float32)
+    margin = int(np.ceil(np.abs(shift).max())) + 2
     checkpoint()
     wide = np.pad(picture, ((margin, margin), (margin, margin), (0, 0)), mode="symmetric")
-    disparity = np.pad(disparity, margin, mode="edge")
+    shift = np.pad(shift, margin, mode="edge")
+
     margin_reprojected = None
     if fill is not None:
-        beyond = np.ones(disparity.shape, bool)
+        beyond = np.ones(shift.shape, bool)
         beyond[margin:-margin, margin:-margin] = False
         checkpoint(0.05)
-        colour, margin_reprojected = fill(disparity, beyond)
+        colour, margin_reprojected = fill(shift, beyond)
         wide[margin_reprojected, :3] = colour[margin_reprojected]
     checkpoint(0.1)
-    largest = float(np.abs(disparity - focus).max())
+    largest = float(np.abs(shift).max())
     jump = float(np.clip(options.jump * largest, *options.jump_bounds))
     # A few wrong depths must not say what is large.
-    usual = float(np.percentile(np.abs(disparity - focus)[::4, ::4], 99.9))
+    usual = float(np.percentile(np.abs(shift)[::4, ::4], 99.9))
     first = options.first_jump * usual
     jumps = (first, jump) if first > jump else (jump,)
     checkpoint(0.1)
-    layers = depth_peel(wide, disparity, jumps, fill, options.layers)
-    error = options.error + options.relative_error * np.abs(layers[-1].back_disparity - focus)
+    layers = depth_peel(wide, shift, jumps, fill, options.layers)
+    found = triangulated(layers, snap, options)
+    surfaces = [(found[-1][0].far, found[-1][1].far, len(layers))]
+    fronts, drawn = [], []
+    checkpoint(0.75)
+    for number, (split, (made, triangles)) in enumerate(zip(layers, found, strict=True)):
+        surfaces += [(made.near, triangles.near, number), (made.own, triangles.cut, number)]
+        # Past its silhouettes the near surface is transparent.
+        fronts.append(split.front.copy())
+        fronts[-1][split.is_far & triangles.before] = 0
+        drawn.append(triangles.before.copy())
+        drawn[-1].ravel()[triangles.cut.ravel()] = True
+    checkpoint(0.8)
+    mesh = _joined(surfaces, margin, focus, scale)
+    pictures = [wide, *(split.back for split in layers)]
+    layers = tuple(
+        replace(split, front=front, margin_reprojected=margin_reprojected, drawn=covered)
+        for split, front, covered in zip(layers, fronts, drawn, strict=True)
+    )
+    if len(pictures) * shift.size * FINER**2 > options.largest_texture:
+        return mesh, np.concatenate([*fronts, pictures[-1]]), layers
+    # A pixel's middle is the middle of a texel: in the focal plane views show the frame's own pixels.
+    mesh = replace(mesh, texture_xy=FINER * (mesh.texture_xy - 0.5) + 0.5)
+    return mesh, _texture(pictures, fronts), layers
+
+
+def triangulated(
+    layers: tuple[LayeredDepthImage, ...],
+    snap: Callable[[Map], Map],
+    options: LayeredMeshOptions,
+) -> list[tuple[Surfaces, Triangles]]:
+    """The surfaces of each layered depth image where `snap` draws them, and their triangles; disparities
+    are relative to the focal plane."""
+    error = options.error + options.relative_error * np.abs(layers[-1].back_disparity)
     asked = []
     for split in layers:
         checkpoint(0.55)
@@ -100,30 +134,12 @@ def layer_mesh(
         # Snapping can double what neighbours differ by.
         asked.append((made, 2 * split.jump, error, options.quadtree))
         # What is left is a guess here, or cannot be seen.
-        guess = np.where(split.occluded, np.inf, 1)
-        error = error * np.where(split.disoccluded, options.quadtree.disoccluded_error, guess)
+        error = error.copy()
+        error[split.occluded & ~split.disoccluded] = np.inf
+        error[split.disoccluded] *= np.float32(options.quadtree.disoccluded_error)
     with ThreadPoolExecutor() as pool:
         found = list(pool.map(in_this_scope(triangulate), *zip(*asked, strict=True)))
-    surfaces = [(made.far, found[-1].far, len(layers))]
-    fronts = []
-    checkpoint(0.75)
-    for number, (split, (made, *_), triangles) in enumerate(zip(layers, asked, found, strict=True)):
-        surfaces += [(made.near, triangles.near, number), (made.own, triangles.cut, number)]
-        # Past its silhouettes the near surface is transparent.
-        fronts.append(split.front.copy())
-        fronts[-1][split.is_far & triangles.before] = 0
-    checkpoint(0.8)
-    mesh = _joined(surfaces, margin, scale)
-    pictures = [wide, *(split.back for split in layers)]
-    layers = tuple(
-        replace(split, front=f, margin_reprojected=margin_reprojected)
-        for split, f in zip(layers, fronts, strict=True)
-    )
-    if len(pictures) * disparity.size * FINER**2 > options.largest_texture:
-        return mesh, np.concatenate([*fronts, pictures[-1]]), layers
-    # A pixel's middle is the middle of a texel: in the focal plane views show the frame's own pixels.
-    mesh = replace(mesh, texture_xy=FINER * (mesh.texture_xy - 0.5) + 0.5)
-    return mesh, _texture(pictures, fronts), layers
+    return [(made, triangles) for (made, *_), triangles in zip(asked, found, strict=True)]
 
 
 def _texture(pictures: list[LinearRGBA], fronts: list[LinearRGBA]) -> LinearRGBA:
@@ -148,35 +164,41 @@ def _refine(picture: LinearRGBA, texture: LinearRGBA) -> None:
 
     What is between is Lanczos' interpolation, and not negative.
     """
-    across = cv2.filter2D(picture, -1, HALFWAY[None], anchor=(3, 0), borderType=cv2.BORDER_REPLICATE)
-    checkpoint(0.9)
-    texture[::2, ::2] = picture
-    np.maximum(across, 0, out=texture[::2, 1::2])
-    for whole, column in ((picture, 0), (across, 1)):
+    row, column = HALFWAY[:, None], HALFWAY[None]
+    height, width, channels = picture.shape
+    cells = texture.reshape(height, FINER, width, FINER, channels)
+    cells[:, 0, :, 0] = picture
+    across = cv2.filter2D(picture, -1, column, anchor=(3, 0), borderType=cv2.BORDER_REPLICATE)
+    for whole, place in ((picture, 0), (across, 1)):
         checkpoint(0.9)
-        down = cv2.filter2D(whole, -1, HALFWAY[:, None], anchor=(0, 3), borderType=cv2.BORDER_REPLICATE)
-        np.maximum(down, 0, out=texture[1::2, column::2])
+        down = cv2.filter2D(whole, -1, row, anchor=(0, 3), borderType=cv2.BORDER_REPLICATE)
+        cells[:, 1, :, place] = cv2.max(down, 0, dst=down)
+    cells[:, 0, :, 1] = cv2.max(across, 0, dst=across)
 
 
 def _subtract_behind(part: LinearRGBA, behind: LinearRGBA, alpha: Map) -> None:
     """Leave of a fine picture (2 H, 2 W, 4) what a front of opacity (H, W) has more than what is behind."""
     row, column = np.nonzero(cv2.erode(alpha, np.ones((2, 2), np.uint8), anchor=(0, 0)) < 1)
-    below, right = (np.minimum(n + 1, size - 1) for n, size in zip((row, column), alpha.shape, strict=True))
-    corners = [[alpha[r, c] for c in (column, right)] for r in (row, below)]
-    for down in (0, 1):
-        for across in (0, 1):
-            checkpoint(0.95)
-            share = np.mean([corners[i][j] for i in range(down + 1) for j in range(across + 1)], axis=0)
-            at = FINER * row + down, FINER * column + across
-            found = part[at] - (1 - share)[:, None] * behind[at]
-            found[:, 3] = share
-            part[at] = np.maximum(found, 0)
+    height, width = alpha.shape
+    below, right = np.minimum(row + 1, height - 1), np.minimum(column + 1, width - 1)
+    own, beside, under, diagonal = (alpha[r, c] for r in (row, below) for c in (column, right))
+    whole, rest = part.reshape(-1, 4), behind.reshape(-1, 4)
+    first = FINER**2 * width * row + FINER * column
+    half = np.float32(0.5)
+    shares = own, half * (own + beside), half * (own + under), half * half * (own + beside + under + diagonal)
+    for share, step in zip(shares, (0, 1, FINER * width, FINER * width + 1), strict=True):
+        checkpoint(0.95)
+        at = first + step
+        found = whole[at] - (1 - share)[:, None] * rest[at]
+        found[:, 3] = share
+        whole[at] = np.maximum(found, 0, out=found)
 
 
-def _joined(surfaces: list[tuple[Floats, Ints, int]], margin: int, scale: float) -> WarpMesh:
+def _joined(surfaces: list[tuple[Map, Ints, int]], margin: int, focus: float, scale: float) -> WarpMesh:
     """One mesh of surfaces, each disparities (H, W), triangles (T, 3) of pixels, and which of the pictures
     below each other in the texture is painted on it; the first one is whole. Their raster is `margin` pixels
-    larger than the canvas on every side; disparity over `scale` is inverse depth."""
+    larger than the canvas on every side; disparity, and that of the focal plane, which theirs is relative to,
+    are inverse depth over `scale`."""
     height, width = surfaces[0][0].shape
     xy, texture, inverse, triangles = [], [], [], []
     first = 0
@@ -187,7 +209,7 @@ def _joined(surfaces: list[tuple[Floats, Ints, int]], margin: int, scale: float)
         place = np.column_stack([column, row]) + 0.5
         xy.append(place - margin)
         texture.append(place + np.array([0, number * height]))
-        inverse.append(disparity.ravel()[used] / scale)
+        inverse.append((focus + disparity.ravel()[used].astype(np.float64)) / scale)
         triangles.append(renamed.reshape(-1, 3) + first)
         first += len(used)
     checkpoint(0.85)
