@@ -76,3 +76,16 @@ def test_nothing_of_blender_is_left_in_the_folder_for_temporary_files(
     status, said = limited(None, "report", work)
     assert status == 0, said
     assert not list(tmp_path.glob("blender_*"))
+
+
+def test_a_thread_that_does_not_end_keeps_no_process() -> None:
+    words = (
+        "import threading, time\nfrom addon import headless\n"
+        "threading.Thread(target=time.sleep, args=(1000,)).start()\n"
+        "print('wrote it')\nheadless._leave(3)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", words], capture_output=True, text=True, check=False, timeout=60,
+        cwd=HEADLESS.parents[1],
+    )  # fmt: skip
+    assert (done.returncode, done.stdout) == (3, "wrote it\n")
