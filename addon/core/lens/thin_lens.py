@@ -73,6 +73,12 @@ class ThinLens:
         kept = np.where(size < 2 * smallest, grown, np.minimum(size, largest))
         return np.asarray(self.focus + np.sign(contrast) * kept)
 
+    def footprint(self, disparity: Floats, views: int) -> Floats:
+        """Radii in pixels of the discs over which points of a disparity (any shape) are spread by the share
+        of the aperture that one of so many views stands for: the blur disc's by the root of their number."""
+        inverse_depth = self.snap_to_focal_plane(disparity / (self.radius * self.pinhole.fx))
+        return np.asarray(np.abs(self.blur_disc(inverse_depth)) / (2 * np.sqrt(views)))
+
     def check(self, frame: int, inverse_depth: Floats) -> None:
         """UserError naming the frame where the focal plane lies in the lens, or half of the points of inverse
         depth (n,) have discs beyond use."""

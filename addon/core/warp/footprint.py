@@ -23,14 +23,14 @@ from ..base.progress import checkpoint, in_this_scope
 from .layered_depth_image import LayeredDepthImage
 
 TILE = 128
-"""Texels across a tile, a multiple of all `_Level.shrink`: each is blurred only as widely as its texels are."""
+"""Texels across a tile, a multiple of all `_Level.shrink`: each is blurred only as widely as it needs."""
 SUBSAMPLES = 8
 """Along a texel, by which a disc's rim is told: its area is right to 1 %."""
 WIDEST = 256.0
-"""Texels; wider footprints are blurred as this one, beyond all that layers are displaced by with few views."""
+"""Texels; wider footprints are blurred as this one, wider than most that layers are displaced by."""
 BURIED = 8
-"""Pixels from what a view may see, half of `LayerOptions.extrapolation`: so far behind a near surface, its own
-picture lies closer to whatever shows than the one behind it does."""
+"""Pixels from what a view may see, half of `LayerOptions.extrapolation`: so far behind a near surface, what
+shows next is that surface itself."""
 
 
 @dataclass(frozen=True)
@@ -45,12 +45,9 @@ class _Level:
 
 def _levels() -> tuple[_Level, ...]:
     """Radii a half to a third apart, each on a raster where it takes at most nine cells across."""
-    found, radius = [_Level(0.0, 1)], 1.0
-    while radius <= WIDEST:
-        for wider in (radius, 1.5 * radius):
-            found.append(_Level(wider, max(1, int(2 ** np.floor(np.log2(wider / 2))))))
-        radius *= 2
-    return tuple(found)
+    octaves = 2.0 ** np.arange(int(np.log2(WIDEST)) + 1)
+    radii = np.stack([octaves, 1.5 * octaves], axis=1).ravel().tolist()
+    return _Level(0.0, 1), *(_Level(r, max(1, int(2 ** np.floor(np.log2(r / 2))))) for r in radii)
 
 
 LEVELS = _levels()
@@ -65,7 +62,7 @@ def prefilter(
     blurred together with their alpha, as far as they are drawn; the last one stays opaque. Nothing bleeds
     from one surface into another. Passes checkpoints.
     """
-    height, width = layers[0].is_far.shape
+    width = layers[0].is_far.shape[1]
     parts = texture.reshape(len(layers) + 1, -1, texture.shape[1], 4)
     finer = parts.shape[2] // width
     # The last one first: it takes the others' texels where it is buried, as they are.
@@ -198,7 +195,8 @@ def _blurred(around: LinearRGBA, level: _Level) -> LinearRGBA:
     if not level.radius:
         return around
     if level.shrink == 1:
-        return cv2.filter2D(around, -1, disc_kernel(level.radius), borderType=cv2.BORDER_REPLICATE)
+        blurred = cv2.filter2D(around, -1, disc_kernel(level.radius), borderType=cv2.BORDER_REPLICATE)
+        return np.asarray(blurred, np.float32)
     height, width = around.shape[:2]
     size = -(-width // level.shrink), -(-height // level.shrink)
     wide = cv2.copyMakeBorder(
