@@ -14,7 +14,7 @@ from ..scene.masks import DrawnMask
 from ..scene.shot import Shot, shot_of
 from .frame_size import render_size, written_size
 
-PICTURES = 2
+PICTURES = 3
 """Version of the method: counted up when the same settings give another picture, so that a run that goes on
 does not mix them."""
 

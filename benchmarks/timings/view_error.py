@@ -126,9 +126,7 @@ def main() -> None:
     parser.add_argument("--views", nargs="+", type=int, default=[8, 16, 24, 64, 256])
     parser.add_argument("--wish", nargs="+", type=float, metavar="DB")
     options = parser.parse_args()
-    print(
-        "| scene | disc, px | views | texture | PSNR | edges | truth | its edges | prefilter, s | drawing, s |"
-    )
+    print("| scene | disc, px | views | texture | PSNR | edges | truth | edges | prefilter, s | drawing, s |")
     print("|---|---|---|---|---|---|---|---|---|---|")
     for name in options.scenes:
         for blur in options.blurs:

@@ -22,8 +22,7 @@ PILOT = 4
 TURN = np.pi / 4
 """By which the second set is turned about the lens's axis: half of what takes four views into themselves."""
 MEAN_GAIN = 1.0
-"""dB that the mean of both sets is better than they differ, at least: 0.97 (fence at 64 pixels) to 4.8, measured as
-`FIRST_GAIN`."""
+"""dB that the mean of both sets is better than they differ, at least: 0.97 to 4.8, found as `FIRST_GAIN`."""
 FIRST, FIRST_GAIN, DOUBLING = 8, 5.6, 3.9
 """A prefiltered frame of `FIRST` views is better than the two sets differ by 5.3 to 7.9 dB, and by `DOUBLING`
 more for every doubling: 9.5 to 11.8 with 16 views, 13.1 to 15.3 with 32. So a wish is met within a decibel.
