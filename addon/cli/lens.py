@@ -28,6 +28,8 @@ from ..scene.shot import shot_of
 from .paths import path
 
 DEFAULT_BLUR = 0.03
+MOST_ERROR = 80.0
+"""dB: a step of 8 bits is 48, and 16-bit files hold no more than 96."""
 MOST_BLUR = 0.5
 """Image widths; larger discs are more than layers can be made for (`LayeredMeshOptions.widest` on either
 side)."""
@@ -60,6 +62,10 @@ def add_lens(command: argparse.ArgumentParser, required: bool) -> None:
     )
     command.add_argument("--views", default="auto", metavar="N|auto", help="virtual cameras a frame")
     command.add_argument(
+        "--error", type=float, metavar="DB",
+        help="as many virtual cameras as a frame takes for this PSNR against infinitely many, such as 45",
+    )  # fmt: skip
+    command.add_argument(
         "--method", choices=MESHERS, default=next(iter(MESHERS)),
         help="; ".join(f"{name}: {mesher.help}" for name, mesher in MESHERS.items())
         + " (default: the first)",
@@ -72,7 +78,7 @@ def add_lens(command: argparse.ArgumentParser, required: bool) -> None:
 
 LENS = (
     "focus_at", "focus_point", "focus_distance", "blur", "aperture_radius", "depth", "mask", "views",
-    "method", "borrow", "seed",
+    "error", "method", "borrow", "seed",
 )  # fmt: skip
 """What the options of `add_lens` are kept as."""
 
@@ -138,6 +144,13 @@ def check_numbers(options: argparse.Namespace) -> None:
             f"the blur is {options.blur:g}, which is {100 * options.blur:g} % of the image width{meant};"
             f" at most {MOST_BLUR:g} can be drawn"
         )
+    if options.error is not None and options.views != "auto":
+        raise UserError("give the number of views or the error, not both")
+    if options.error is not None and not 0 < options.error <= MOST_ERROR:
+        raise UserError(
+            f"the error is {options.error:g} dB; it must be greater than zero, and at most {MOST_ERROR:g},"
+            " where nothing is told apart"
+        )
     if options.focus_distance is not None and not options.focus_distance > 0:
         raise UserError(f"the focus distance is {options.focus_distance:g}; it must be greater than zero")
     if options.focus_at:
@@ -188,6 +201,7 @@ def set_lens(
     blur = None if options.aperture_radius is not None else options.blur or DEFAULT_BLUR
     set_aperture(settings, radius, blur)
     settings.views = _views(options.views)
+    settings.error = options.error or 0.0
     settings.method = options.method
     settings.borrow = options.borrow == "on"
     settings.seed = options.seed

@@ -146,7 +146,10 @@ def _render(solved: Solve, options: argparse.Namespace) -> None:
     planned = output.plan_all(scene, frames)
     least, most = planned.views
     count = str(least) if least == most else f"{least} to {most}"
-    say(f"rendering {counted(len(frames), 'frame')} with {count} {'view' if most == 1 else 'views'} each")
+    taken = f"{count} {'view' if most == 1 else 'views'} each"
+    if settings.error:
+        taken = f"as many views as {settings.error:g} dB take"
+    say(f"rendering {counted(len(frames), 'frame')} with {taken}")
     if planned.coarse:
         say(
             f"blur discs are too large for layers in {counted(len(planned.coarse), 'frame')}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -12,12 +12,15 @@ import numpy as np
 from ..core.base.arrays import LinearRGBA
 from ..core.base.progress import checkpoint, stage
 from ..core.lens.clip_context import ClipContext
-from ..core.lens.frame import WarpedFrame, warp_frame
+from ..core.lens.frame import MeshedFrame, WarpedFrame, mesh_frame
 from ..core.lens.inspection import shares_of, source_frame
 from ..core.lens.plan import LensSettings
+from ..core.lens.view_error import PILOT, difference, turned, views_for_error
 from ..core.media.clip import to_linear
 from . import cycles_views, gpu_views
 
+TOLD = 0.3
+"""Share of the time of drawing that is over once it is known how many views there are to be. By eye."""
 LEAST_COVER = 0.05
 """Share of the views that must have covered a pixel for its colour to be made whole."""
 
@@ -58,19 +61,47 @@ def render_frame(
     with stage("Reading", 0.0, READ):
         source = _resized(to_linear(clip.read(frame)), size)
     with stage("Mesh", READ, WARPED):
-        warped = warp_frame(clip, frame, lens, size, source)
-    if warped.plan.pose_interpolated:
+        meshed = mesh_frame(clip, frame, lens, size, source)
+        warped = None if lens.error else meshed.through(meshed.views, reuse=True)
+    if meshed.geometry.samples.pose_interpolated:
         note(f"Frame {frame} was not registered: its camera is carried over from its neighbours")
-    if warped.why:
-        note(f"Frame {frame} is drawn by the method {warped.method}: {warped.why}")
+    if meshed.why:
+        note(f"Frame {frame} is drawn by the method {meshed.mesher.name}: {meshed.why}")
     began = time.perf_counter()
     with stage("Views", WARPED, 1.0):
-        mean = draw_mean(warped, note)
+        if warped is None:
+            warped, mean = draw_to_error(meshed, lens.error, note)
+        else:
+            mean = draw_mean(warped, note)
     checkpoint(1.0)
     picture = warped.plan.canvas.to_source(mean)
     if on_frame is not None:
         on_frame(Drawn(warped, source, time.perf_counter() - began))
     return picture
+
+
+def draw_to_error(
+    meshed: MeshedFrame, wished: float, note: Callable[[str], None]
+) -> tuple[WarpedFrame, LinearRGBA]:
+    """A frame through as many views as a wished error in dB takes, and their mean (h, w, 4) in its canvas.
+
+    `view_error` tells what the error is and how it is estimated; `note` as of `render_frame`.
+    """
+    first = meshed.through(PILOT)
+    second = turned(first)
+    with stage("Views", 0.0, TOLD):
+        one, other = draw_mean(first, note), draw_mean(second, lambda note: None)
+    count = views_for_error(difference(one, other), wished, meshed.mesher.is_prefiltered)
+    if not count:
+        both = replace(
+            first.plan,
+            offsets=np.concatenate([first.plan.offsets, second.plan.offsets]),
+            registration=np.concatenate([first.plan.registration, second.plan.registration]),
+        )
+        return replace(first, plan=both), (one + other) / np.float32(2)
+    warped = meshed.through(count, reuse=True)
+    with stage("Views", TOLD, 1.0):
+        return warped, draw_mean(warped, lambda note: None)
 
 
 def draw_shares(drawn: Drawn) -> LinearRGBA:

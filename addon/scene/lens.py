@@ -73,7 +73,9 @@ def lens_settings(settings: bpy.types.PropertyGroup, reconstruction: Reconstruct
         if frame not in reconstruction.frames:
             frame = int(reconstruction.frames[0])
         radius = radius_for_blur(reconstruction, focus, frame, settings.blur)
-    return LensSettings(focus, radius, settings.views, settings.method, settings.seed, settings.borrow)
+    return LensSettings(
+        focus, radius, settings.views, settings.method, settings.seed, settings.borrow, settings.error
+    )
 
 
 def is_in_focus(settings: bpy.types.PropertyGroup) -> bool:

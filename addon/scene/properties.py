@@ -235,6 +235,17 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
         set=_set_auto_views,
         options=set(),
     )
+    error: FloatProperty(
+        name="Wished Error",
+        description="PSNR in dB that a frame is to have against infinitely many views; as many as that takes"
+        " are drawn, whatever the number of views is. 0 leaves it to that",
+        min=0.0,
+        soft_min=0.0,
+        soft_max=60.0,
+        max=80.0,
+        default=0.0,
+        precision=1,
+    )
     borrow: BoolProperty(
         name="Borrow",
         description="Take what a frame does not show, behind silhouettes and past the border, from the frames"

@@ -203,6 +203,7 @@ class VIRTUAL_APERTURE_PT_method(_Closed, bpy.types.Panel):  # noqa: N801
         layout = self.layout
         layout.use_property_split = True
         layout.use_property_decorate = False
+        layout.prop(settings, "error")
         layout.prop(settings, "use_auto_views")
         if not settings.use_auto_views:
             layout.prop(settings, "views")

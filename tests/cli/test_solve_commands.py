@@ -50,7 +50,7 @@ def test_a_lens_before_a_sensor_is_the_same_focal_length(clip: Path, tmp_path: P
 
 
 def test_depth_that_is_found_ahead_is_what_renders_read(
-    solved: Solve, clip: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    registered: None, solved: Solve, clip: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     work = shutil.copytree(solved.work_dir, tmp_path / "work")
     lens = ("--focus-distance", 10, "--blur", 0.03, "--views", 4, "--frames", "8-9")

@@ -127,7 +127,7 @@ def test_discs_are_filled_evenly() -> None:
         assert (points**2).sum(axis=1).mean() == pytest.approx(0.5, abs=0.02)
     assert np.array_equal(random_disc(9, 4), random_disc(9, 4))
     assert not np.array_equal(random_disc(9, 4), random_disc(9, 5))
-    assert views_needed(0) <= views_needed(16) <= views_needed(64)
+    assert views_needed(0, False) <= views_needed(16, False) <= views_needed(64, False)
 
 
 def test_delaunay_covers_the_hull_with_empty_circles() -> None:

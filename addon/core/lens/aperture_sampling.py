@@ -51,8 +51,8 @@ def vogel_disc(count: int) -> Floats:
 
 @lru_cache
 def centroidal_disc(count: int) -> Floats:
-    """(count, 2) positions on the unit disc, each in the middle of an equal share, with a mean of exactly
-    zero. Read-only. More than `MOST_RELAXED` are Vogel's.
+    """(count, 2) positions on the unit disc, each in the middle of an equal share of it, with a mean of
+    exactly zero. Read-only. More than `MOST_RELAXED` are Vogel's.
 
     The spread of the positions and that within the shares make the disc's: blurred by a disc of a share's
     size, the positions have the disc's own blur. Lloyd's iteration from Vogel's spiral, with the shares of a

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..base.arrays import LinearRGBA, Map
+from ..base.arrays import LinearRGBA
 from ..base.errors import UserError
 from ..base.progress import stage
 from ..camera.canvas import Canvas
@@ -70,10 +70,60 @@ def check_settings(settings: LensSettings) -> None:
         raise UserError(f"there is no method {settings.method!r}; choose one of {', '.join(MESHERS)}")
 
 
+@dataclass(frozen=True)
+class MeshedFrame:
+    """A frame's mesh and texture before it is known how many views draw it."""
+
+    geometry: FrameGeometry
+    mesher: Mesher
+    surface: Surface
+    blur: float
+    """Diameter in pixels of its largest blur disc."""
+    why: str = ""
+    depth_seconds: float = 0.0
+    mesh_seconds: float = 0.0
+
+    @property
+    def views(self) -> int:
+        """As many as were asked for, or as its largest blur disc needs."""
+        return self.geometry.settings.views or views_needed(self.blur, self.mesher.is_prefiltered)
+
+    def through(self, count: int, prefiltered: bool = True, reuse: bool = False) -> WarpedFrame:
+        """The frame made ready for so many views, its texture `prefiltered` for them if its mesher says so.
+
+        `reuse` writes over the surface's texture, which saves its memory; nothing is to be made of it after.
+        """
+        began = time.perf_counter()
+        geometry, views = self.geometry, self.mesher.views(self.geometry, count)
+        texture = self.surface.texture
+        if prefiltered and self.mesher.is_prefiltered:
+            texture = texture if reuse else texture.copy()
+            prefilter(texture, self.surface.layers, lambda d: geometry.lens.footprint(d, count))
+        plan = FramePlan(
+            geometry.frame, geometry.canvas, geometry.lens, self.surface.mesh, views.offsets,
+            views.registration, self.blur, geometry.samples.pose_interpolated,
+        )  # fmt: skip
+        return WarpedFrame(
+            plan, texture, self.mesher.name, self.why, self.surface.is_whole, geometry.depth,
+            self.surface.layers, self.depth_seconds, self.mesh_seconds + time.perf_counter() - began,
+        )  # fmt: skip
+
+
 def warp_frame(
     clip: ClipContext, frame: int, settings: LensSettings, size: tuple[int, int], source: LinearRGBA
 ) -> WarpedFrame:
     """Warp mesh and views of a frame rendered at size (width, height), of its picture (height, width, 4).
+
+    Raises UserError where `mesh_frame` does. Passes checkpoints.
+    """
+    meshed = mesh_frame(clip, frame, settings, size, source)
+    return meshed.through(meshed.views, reuse=True)
+
+
+def mesh_frame(
+    clip: ClipContext, frame: int, settings: LensSettings, size: tuple[int, int], source: LinearRGBA
+) -> MeshedFrame:
+    """Warp mesh of a frame rendered at size (width, height), of its picture (height, width, 4).
 
     Raises UserError for settings that mean nothing, where the frame's geometry does not carry them, and where
     the clip cannot be read. Passes checkpoints.
@@ -82,18 +132,22 @@ def warp_frame(
     geometry, mesher, why = _geometry(clip, frame, settings, size, source), MESHERS[settings.method], ""
     if mesher.needs_pixel_depth and not can_be_layered(geometry.lens, _sampled_disc(geometry)):
         mesher, why = MESHERS["features"], TOO_LARGE
-    depth, depth_seconds = None, 0.0
+    depth_seconds = 0.0
     if mesher.needs_pixel_depth:
         started = time.perf_counter()
         with stage("Depth", 0.0, DEEP):
             depth = clip.depth(frame, geometry.canvas, geometry.picture)
         depth_seconds = time.perf_counter() - started
+        geometry = replace(geometry, depth=depth)
         if depth.confidence is not None and float(np.mean(depth.confidence > SURE)) < FEWEST_SURE:
             mesher, why = MESHERS["grid"], TOO_UNSURE
-        else:
-            geometry = replace(geometry, depth=depth)
-    made = replace(_meshed(geometry, mesher), why=why, depth=depth, depth_seconds=depth_seconds)
-    return replace(made, mesh_seconds=time.perf_counter() - began - depth_seconds)
+    blur = _sampled_disc(geometry)
+    if geometry.depth is not None and mesher.needs_pixel_depth:
+        blur = geometry.lens.largest_disc(geometry.depth.inverse_depth)
+    with stage("Mesh", DEEP if mesher.needs_pixel_depth else 0.0, 1.0):
+        surface = mesher.make(geometry)
+    spent = time.perf_counter() - began - depth_seconds
+    return MeshedFrame(geometry, mesher, surface, blur, why, depth_seconds, spent)
 
 
 @dataclass(frozen=True)
@@ -153,29 +207,3 @@ def _geometry(
 def _sampled_disc(geometry: FrameGeometry) -> float:
     """Diameter in pixels of the largest blur disc of the frame's samples."""
     return geometry.lens.largest_disc(geometry.samples.inverse_depth)
-
-
-def _meshed(geometry: FrameGeometry, mesher: Mesher) -> WarpedFrame:
-    """The frame's plan by a mesher, with as many views as its largest blur disc needs."""
-    blur = _sampled_disc(geometry)
-    if geometry.depth is not None:
-        blur = geometry.lens.largest_disc(geometry.depth.inverse_depth)
-    views = mesher.views(geometry, geometry.settings.views or views_needed(blur, mesher.is_prefiltered))
-    with stage("Mesh", DEEP if mesher.needs_pixel_depth else 0.0, 1.0):
-        surface = mesher.make(geometry)
-    plan = FramePlan(
-        geometry.frame, geometry.canvas, geometry.lens, surface.mesh, views.offsets, views.registration,
-        blur, geometry.samples.pose_interpolated,
-    )  # fmt: skip
-    _prefilter(surface, geometry.lens, len(views.offsets))
-    return WarpedFrame(plan, surface.texture, mesher.name, "", surface.is_whole, layers=surface.layers)
-
-
-def _prefilter(surface: Surface, lens: ThinLens, views: int) -> None:
-    """Blur the texture of a surface of layers in place as so many views need it; others stay as they are."""
-
-    def radius(disparity: Map) -> Map:
-        return np.asarray(np.abs(lens.snap_displacement(disparity)) / np.float32(np.sqrt(views)), np.float32)
-
-    if surface.layers:
-        prefilter(surface.texture, surface.layers, radius)

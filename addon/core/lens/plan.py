@@ -28,6 +28,9 @@ class LensSettings:
     """Of the random positions of the thesis's method."""
     borrow: bool = True
     """What a frame does not show is taken from the frames that do."""
+    error: float = 0.0
+    """PSNR in dB that a frame is to have against one of infinitely many views, which takes the place of the
+    number of views; 0 leaves that as it is."""
 
 
 @dataclass(frozen=True)

@@ -77,6 +77,14 @@ class ThinLens:
         smallest, largest = (np.float32(self._diagonal * share / 2) for share in (1 / ACCEPTABLE, MAX_BLUR))
         return np.asarray(_snapped(displacement, smallest, largest))
 
+    def footprint(self, displacement: Map, views: int) -> Map:
+        """Radii in pixels of the discs over which points are spread by the share of the aperture that one of
+        so many views stands for: the blur disc's by the root of their number. Displacements in pixels (any
+        shape) at the aperture's rim, relative to the focal plane."""
+        return np.asarray(
+            np.abs(self.snap_displacement(displacement)) / np.float32(np.sqrt(views)), np.float32
+        )
+
     def check(self, frame: int, inverse_depth: Floats) -> None:
         """UserError naming the frame where the focal plane lies in the lens, or half of the points of inverse
         depth (n,) have discs beyond use."""

@@ -18,23 +18,25 @@ from itertools import pairwise
 import cv2
 import numpy as np
 
-from ..base.arrays import LinearRGBA, Map, Mask
+from ..base.arrays import Floats, LinearRGBA, Map, Mask
 from ..base.progress import checkpoint, in_this_scope
 from .layered_depth_image import LayeredDepthImage
 
 TILE = 128
-"""Texels across a tile, a multiple of all `_Level.shrink`: each is blurred as its texels need."""
-SUBSAMPLES = 8
-"""Along a texel, by which a disc's rim is told: its area is right to 1 %."""
+"""Texels across a tile, a multiple of all `Level.shrink`: each is blurred only as widely as it needs."""
+SUBSAMPLES = 32
+"""Along a texel, by which a disc's rim is told: its area is right to 0.3 %."""
+BISECTIONS = 16
+"""By which a disc's radius is found, to a 50,000th."""
 WIDEST = 256.0
-"""Texels; wider footprints are blurred as this one, beyond what layers are displaced by with few views."""
+"""Texels; wider footprints are blurred as this one, wider than most that layers are displaced by."""
 BURIED = 8
-"""Pixels from what a view may see, half of `LayerOptions.extrapolation`: so far behind a near surface, its
-own picture lies closer to whatever shows than the one behind it does."""
+"""Pixels from what a view may see, half of `LayerOptions.extrapolation`: so far behind a near surface, what
+shows next is that surface itself."""
 
 
 @dataclass(frozen=True)
-class _Level:
+class Level:
     """A width that is blurred by; those between are interpolated."""
 
     radius: float
@@ -43,15 +45,11 @@ class _Level:
     """Texels across a cell of the raster on which it is done."""
 
 
-def _levels() -> tuple[_Level, ...]:
+def _levels() -> tuple[Level, ...]:
     """Radii a half to a third apart, each on a raster where it takes at most nine cells across."""
-    found, radius = [_Level(0.0, 1)], 1.0
-    while radius <= WIDEST:
-        for wider in (radius, 1.5 * radius):
-            shrink = max(1, int(2 ** np.floor(np.log2(wider / 2))))
-            found.append(_Level(wider, shrink))
-        radius *= 2
-    return tuple(found)
+    octaves = 2.0 ** np.arange(int(np.log2(WIDEST)) + 1)
+    radii = np.stack([octaves, 1.5 * octaves], axis=1).ravel().tolist()
+    return Level(0.0, 1), *(Level(r, max(1, int(2 ** np.floor(np.log2(r / 2))))) for r in radii)
 
 
 LEVELS = _levels()
@@ -135,7 +133,8 @@ def _tile(
         return
     checkpoint(0.95)
     radii = [level.radius for level in LEVELS]
-    used = LEVELS[np.searchsorted(radii, least, "right") - 1 : np.searchsorted(radii, widest) + 1]
+    first = min(int(np.searchsorted(radii, least, "right")) - 1, len(LEVELS) - 2)
+    used = LEVELS[first : max(int(np.searchsorted(radii, widest)), first + 1) + 1]
     # Cells of the coarsest raster that is used, past the widest disc and what interpolation looks at.
     step = used[-1].shrink
     margin = step * int(np.ceil(used[-1].radius / step) + 2)
@@ -192,7 +191,7 @@ def _finer(values: Map, finer: int) -> Map:
     return np.asarray(np.repeat(np.repeat(values, finer, axis=0), finer, axis=1))
 
 
-def _blurred(around: LinearRGBA, level: _Level) -> LinearRGBA:
+def _blurred(around: LinearRGBA, level: Level) -> LinearRGBA:
     """(h, w, 4) texels blurred by a disc of a level; those near the border are not to be used."""
     if not level.radius:
         return around
@@ -214,9 +213,24 @@ def _blurred(around: LinearRGBA, level: _Level) -> LinearRGBA:
 
 @lru_cache
 def disc_kernel(radius: float) -> Map:
+    """(k, k) weights of the cells around the middle of a disc of so many cells, 0.5 or more; their sum is 1.
+
+    They are the shares of a disc that lie in the cells, of one that is so much smaller that the weights have
+    the variance of the one that is meant.
+    """
+    low, high = 0.0, radius
+    for _ in range(BISECTIONS):
+        middle = (low + high) / 2
+        shares = _shares(middle)
+        spread = (shares.sum(axis=0) * (np.arange(len(shares)) - len(shares) // 2) ** 2).sum()
+        low, high = (middle, high) if spread < radius**2 / 4 else (low, middle)
+    return np.asarray(_shares(high), np.float32)
+
+
+def _shares(radius: float) -> Floats:
     """(k, k) shares of a disc of so many cells that lie in the cells around its middle; their sum is 1."""
-    reach = int(np.ceil(radius - 0.5))
+    reach = max(0, int(np.ceil(radius - 0.5)))
     place = (np.arange(SUBSAMPLES * (2 * reach + 1)) + 0.5) / SUBSAMPLES - reach - 0.5
     inside = place[:, None] ** 2 + place**2 <= radius**2
     shares = inside.reshape(2 * reach + 1, SUBSAMPLES, 2 * reach + 1, SUBSAMPLES).mean(axis=(1, 3))
-    return np.asarray(shares / shares.sum(), np.float32)
+    return np.asarray(shares / max(shares.sum(), 1e-9))

@@ -72,7 +72,7 @@ class LayeredDepthImage:
     margin_reprojected: Mask | None = None
     """(H, W) past the border, where the colour comes from other frames; None without any."""
     drawn: Mask | None = None
-    """(H, W) pixels that triangles of the near surface cover, their rim included; None before that."""
+    """(H, W) pixels that triangles of the near surface cover, rim included; None before there are any."""
 
 
 def depth_peel(

@@ -10,7 +10,7 @@ from ...warp.disocclusion_fill import HiddenColours
 from ...warp.layered_depth_image import Fill
 from ...warp.layered_mesh import LayeredMeshOptions, layer_mesh
 from ..thin_lens import ThinLens
-from .mesher import FrameGeometry, Mesher, Surface
+from .mesher import FrameGeometry, Mesher, Surface, equal_share_views
 
 FILLED = 0.25
 """Share of the mesher's time that is over once hidden colours are found: `mesh_times`, 1920x1080."""
@@ -58,5 +58,5 @@ def _fill(hidden: HiddenColours, picture: LinearRGBA, focus: float, scale: float
 
 MESHER = Mesher(
     "layers", 2, "Depth of every pixel; what lies behind silhouettes on a layer of its own", make,
-    needs_pixel_depth=True, is_prefiltered=True, settings=("borrow",),
+    equal_share_views,     needs_pixel_depth=True, is_prefiltered=True, settings=("borrow",),
 )  # fmt: skip

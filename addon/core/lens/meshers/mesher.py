@@ -12,7 +12,7 @@ from ...depth.source import PixelDepth
 from ...depth.sparse import DepthSamples
 from ...warp.layered_depth_image import LayeredDepthImage
 from ...warp.mesh import WarpMesh
-from ..aperture_sampling import centroidal_disc
+from ..aperture_sampling import centroidal_disc, vogel_disc
 from ..clip_context import ClipContext
 from ..focus import exact_registration
 from ..plan import LensSettings
@@ -63,8 +63,17 @@ class Views:
 
 
 def even_views(geometry: FrameGeometry, count: int) -> Views:
-    """Evenly spread views, the focal plane exactly in register."""
-    offsets = geometry.lens.radius * centroidal_disc(count)
+    """Views of Vogel's spiral, the focal plane exactly in register."""
+    return _in_register(geometry, geometry.lens.radius * vogel_disc(count))
+
+
+def equal_share_views(geometry: FrameGeometry, count: int) -> Views:
+    """Views in the middles of equal shares of the aperture, as a prefiltered texture takes them, the focal
+    plane exactly in register."""
+    return _in_register(geometry, geometry.lens.radius * centroidal_disc(count))
+
+
+def _in_register(geometry: FrameGeometry, offsets: Floats) -> Views:
     return Views(offsets, exact_registration(geometry.canvas, offsets, geometry.lens.focus))
 
 

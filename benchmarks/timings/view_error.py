@@ -1,0 +1,140 @@
+"""What few views miss of many, and what they cost: `python -m benchmarks.timings.view_error`.
+
+A scene's first judged frame with its true depth, drawn through N views: plain, by Vogel's spiral, and with
+the texture prefiltered for N, at positions of equal shares. Scores are PSNR and that of the edge band, in dB,
+against 512 plain views, and against the truth where it has been filmed; the CPU seconds are those of the
+prefilter and of drawing, the mesh is made once. `--wish` draws frames of a wished error instead.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from addon.core.lens.aperture_sampling import vogel_disc
+from addon.core.lens.focus import exact_registration
+from addon.core.lens.frame import MeshedFrame, WarpedFrame, mesh_frame
+from addon.core.lens.plan import LensSettings
+from addon.render.average import draw_mean, draw_to_error
+
+from .. import store
+from ..accuracy import metrics
+from ..accuracy.cases import GroundTruth
+from ..accuracy.scenes import Picture, Staged
+from ..cost import measured
+
+REFERENCE = 512
+"""Plain views of what stands for infinitely many."""
+NOISE = 0.02
+"""Of the truth, as the benchmark has it."""
+
+
+@dataclass(frozen=True)
+class Scored:
+    """A scene at one size of the disc, with what pictures of it are compared to."""
+
+    name: str
+    blur: int
+
+    @cached_property
+    def scene(self) -> Staged:
+        return Staged(self.name, NOISE)
+
+    @property
+    def frame(self) -> int:
+        return self.scene.judged(self.blur)[0]
+
+    @cached_property
+    def meshed(self) -> MeshedFrame:
+        case = GroundTruth(self.scene).case(self.frame, self.blur)
+        size = case.picture.shape[1], case.picture.shape[0]
+        return mesh_frame(case.clip, self.frame, LensSettings(case.focus, case.radius), size, case.picture)
+
+    @cached_property
+    def band(self) -> NDArray[np.bool_]:
+        return metrics.edge_band(1 / self.scene.depth(self.frame))
+
+    @cached_property
+    def reference(self) -> Picture:
+        return drawn(plain(self.meshed, REFERENCE))
+
+    @cached_property
+    def truth(self) -> Picture | None:
+        """None where it would have to be rendered."""
+        kept = store.FOLDER / self.scene.folder
+        seeds = sorted(kept.glob(f"lens-{self.frame:04d}-{self.blur}px-{NOISE:g}-seed*.npy"))
+        return self.scene.truth(self.frame, self.blur).picture if len(seeds) == 2 else None
+
+    def scores(self, picture: Picture) -> str:
+        """The cells of a row."""
+        cells = []
+        for other in (self.reference, self.truth):
+            where = (None, self.band)
+            cells += ["-"] * 2 if other is None else [f"{metrics.psnr(picture, other, m):.2f}" for m in where]
+        return " | ".join(cells)
+
+
+def plain(meshed: MeshedFrame, count: int) -> WarpedFrame:
+    """A frame through views of Vogel's spiral, its texture as it is."""
+    warped = meshed.through(count, prefiltered=False)
+    plan = warped.plan
+    offsets = plan.lens.radius * vogel_disc(count)
+    registration = exact_registration(plan.canvas, offsets, plan.lens.focus)
+    return replace(warped, plan=replace(plan, offsets=offsets, registration=registration))
+
+
+def drawn(warped: WarpedFrame) -> Picture:
+    return warped.plan.canvas.to_source(draw_mean(warped, lambda note: None))[..., :3]
+
+
+def compare(scored: Scored, counts: list[int]) -> None:
+    """A row for each number of views, plain and prefiltered."""
+    for count in counts:
+        for name, make in (("plain", plain), ("prefiltered", MeshedFrame.through)):
+            warped, making = measured(partial(make, scored.meshed, count))
+            picture, drawing = measured(partial(drawn, warped))
+            print(
+                f"| {scored.name} | {scored.blur} | {count} | {name} | {scored.scores(picture)} |"
+                f" {making.cpu_s:.2f} | {drawing.cpu_s:.2f} |",
+                flush=True,
+            )
+
+
+def wish(scored: Scored, errors: list[float]) -> None:
+    """A row for each wished error."""
+    surface = scored.meshed.surface
+    for error in errors:
+        # It is written over.
+        own = replace(scored.meshed, surface=replace(surface, texture=surface.texture.copy()))
+        (warped, mean), cost = measured(partial(draw_to_error, own, error, lambda note: None))
+        picture = warped.plan.canvas.to_source(mean)[..., :3]
+        print(
+            f"| {scored.name} | {scored.blur} | {len(warped.plan.offsets)} | {error:g} dB |"
+            f" {scored.scores(picture)} | - | {cost.cpu_s:.2f} |",
+            flush=True,
+        )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--scenes", nargs="+", default=["bars", "fence", "walk", "blocks"])
+    parser.add_argument("--blurs", nargs="+", type=int, default=[16, 32, 64], metavar="PX")
+    parser.add_argument("--views", nargs="+", type=int, default=[8, 16, 24, 64, 256])
+    parser.add_argument("--wish", nargs="+", type=float, metavar="DB")
+    options = parser.parse_args()
+    print("| scene | disc, px | views | texture | PSNR | edges | truth | edges | prefilter, s | drawing, s |")
+    print("|---|---|---|---|---|---|---|---|---|---|")
+    for name in options.scenes:
+        for blur in options.blurs:
+            if options.wish:
+                wish(Scored(name, blur), options.wish)
+            else:
+                compare(Scored(name, blur), options.views)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,157 @@
+"""The prefilter of a layered mesh's texture: what stays as it is, what is spread, and by how much."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from addon.core.base.arrays import Floats, LinearRGBA, Mask
+from addon.core.lens.aperture_sampling import centroidal_disc, vogel_disc
+from addon.core.warp.footprint import LEVELS, Level, disc_kernel, prefilter
+from addon.core.warp.layered_depth_image import LayeredDepthImage
+from addon.core.warp.layered_mesh import FINER, layer_mesh
+
+SIZE = (120, 160)
+Y, X = np.mgrid[: SIZE[0], : SIZE[1]] + 0.5
+NEAR, FAR, RADIUS = 12.0, 2.0, 28
+COVER = np.hypot(X - 80, Y - 60) < RADIUS
+DISPARITY = np.where(COVER, NEAR, FAR)
+
+
+def picture(near: Floats | float = 0.8, far: Floats | float = 0.2) -> LinearRGBA:
+    """(H, W, 4) a disc before a wall; grey."""
+    grey = np.where(COVER, near, far)
+    return np.dstack([grey, grey, grey, np.ones(SIZE)]).astype(np.float32)
+
+
+def meshed(shown: LinearRGBA, focus: float = FAR) -> tuple[LinearRGBA, tuple[LayeredDepthImage, ...]]:
+    """Texture and layers."""
+    _, texture, layers = layer_mesh(shown, DISPARITY, focus, 150.0)
+    return texture, layers
+
+
+def blurred(
+    shown: LinearRGBA, radius: Callable[[Floats], Floats], focus: float = FAR
+) -> tuple[LinearRGBA, LinearRGBA, tuple[LayeredDepthImage, ...]]:
+    """Parts of the texture (n, h, w, 4) before and after, and the layers."""
+    texture, layers = meshed(shown, focus)
+    before = texture.copy()
+    prefilter(texture, layers, radius)
+    shape = len(layers) + 1, -1, texture.shape[1], 4
+    return before.reshape(shape), texture.reshape(shape), layers
+
+
+def test_disc_kernels_have_the_variance_of_a_disc() -> None:
+    for radius in (0.7, 1.0, 1.4, 1.5, 2.0, 3.3, 6.0):
+        kernel = disc_kernel(radius)
+        assert kernel.sum() == pytest.approx(1, abs=1e-5)
+        np.testing.assert_array_equal(kernel, kernel.T)
+        place = np.arange(len(kernel)) - len(kernel) // 2
+        assert (kernel.sum(axis=0) * place**2).sum() == pytest.approx(radius**2 / 4, rel=0.02)
+
+
+@pytest.mark.parametrize("level", LEVELS[1:11], ids=lambda level: f"{level.radius:g}")
+def test_lamps_become_their_footprint_and_keep_their_energy(level: Level) -> None:
+    """On average over where they are on a coarse raster."""
+    radius, grown = level.radius / FINER, []
+    for shift in range(4):
+        shown = np.zeros((*SIZE, 4), np.float32)
+        shown[..., 3] = 1
+        shown[60 + shift, 80 + shift, :3] = 1000
+        _, texture, layers = layer_mesh(shown, np.full(SIZE, FAR), 0.0, 150.0)
+        before = texture[texture.shape[0] // 2 :, :, 0].astype(np.float64)
+        prefilter(texture, layers, lambda disparity: np.full(disparity.shape, radius))
+        after = texture[texture.shape[0] // 2 :, :, 0].astype(np.float64)
+        assert after.sum() == pytest.approx(before.sum(), rel=2e-3)
+        grown.append(variance(after) - variance(before))
+    np.testing.assert_allclose(np.mean(grown) / FINER**2, radius**2 / 4, rtol=0.05)
+
+
+def variance(light: Floats) -> float:
+    """Of where it is, in texels squared, along either axis."""
+    y, x = np.mgrid[: light.shape[0], : light.shape[1]]
+    share = light / light.sum()
+    return float(np.mean([(share * (axis - (share * axis).sum()) ** 2).sum() for axis in (x, y)]))
+
+
+def test_one_colour_stays_one_colour() -> None:
+    before, after, _ = blurred(picture(0.5, 0.5), lambda disparity: np.abs(disparity) + 1)
+    # Matting takes mixed pixels apart by a little less than a 255th.
+    np.testing.assert_allclose(before[-1], [[[0.5, 0.5, 0.5, 1]]] * np.ones_like(before[-1]), atol=4e-3)
+    np.testing.assert_allclose(after[-1], [[[0.5, 0.5, 0.5, 1]]] * np.ones_like(before[-1]), atol=4e-3)
+    off = [np.abs(parts[:-1, ..., :3] - 0.5 * parts[:-1, ..., 3:]).max() for parts in (before, after)]
+    assert off[1] <= off[0] + 1e-5
+
+
+def test_what_is_in_focus_is_untouched() -> None:
+    grain = np.random.default_rng(0).random(SIZE)
+    before, after, layers = blurred(picture(grain, grain), lambda d: np.where(d > 6 - NEAR, 0.0, 4.0), NEAR)
+    near = np.repeat(np.repeat(layers[0].front_disparity > 6 - NEAR, FINER, 0), FINER, 1)
+    assert near.any()
+    np.testing.assert_array_equal(after[0][near], before[0][near])
+    # The wall beside it is not.
+    assert np.abs(after[-1] - before[-1]).max() > 0.1
+
+
+def test_nothing_to_blur_by_is_the_plain_texture() -> None:
+    grain = np.random.default_rng(1).random(SIZE)
+    before, after, _ = blurred(picture(grain, 1 - grain), lambda disparity: np.zeros(disparity.shape))
+    np.testing.assert_array_equal(after, before)
+    # Ever more views come to it.
+    off = []
+    for radius in (0.5, 0.25, 0.125):
+        _, after, _ = blurred(picture(grain, 1 - grain), lambda d, r=radius: np.full(d.shape, r))
+        off.append(float(np.abs(after - before).mean()))
+    assert off[0] > 3 * off[1] > 9 * off[2]
+
+
+def test_nothing_bleeds_from_one_surface_into_another() -> None:
+    """The disc is red and the wall blue: however wide the blur, the disc's own part stays without blue, and
+    what shows of the wall without red."""
+    shown = picture()
+    shown[..., :3] = np.where(COVER[..., None], [0.9, 0, 0], [0, 0, 0.7])
+    _, after, layers = blurred(shown, lambda disparity: np.full(disparity.shape, 5.0))
+    (layer,) = layers
+    margin = (layer.is_far.shape[0] - SIZE[0]) // 2
+    assert layer.drawn is not None
+    away = np.pad(np.hypot(X - 80, Y - 60) - RADIUS, margin, constant_values=99.0)
+
+    def fine(mask: Mask) -> Mask:
+        return np.repeat(np.repeat(mask, FINER, 0), FINER, 1)
+
+    inside, past = (after[0][fine(layer.drawn & mask)] for mask in (away < -4, (away > 2) & layer.is_far))
+    # Mixed pixels have a little of both to begin with; what bled would have up to half.
+    assert inside[:, 2].max() < 0.05 and past[:, 2].max() < 0.05
+    assert inside[:, 0].max() > 0.8 and past[:, 3].max() > 0.1 and past[:, 3].max() < 0.6
+    shows = fine(layer.disoccluded | ((away > 2) & (away < 20)))
+    assert after[-1][shows, 0].max() < 0.02
+
+
+def test_the_border_between_parts_is_one() -> None:
+    """What lies below each other in the texture has nothing to do with each other."""
+    bright = picture(0.2, 0.2)
+    bright[-3:, :, :3] = 50.0
+    _, after, layers = blurred(bright, lambda disparity: np.full(disparity.shape, 6.0))
+    margin = (layers[0].is_far.shape[0] - SIZE[0]) // 2
+    assert after[-1][: FINER * (margin // 2), :, 0].max() < 0.3
+
+
+def test_positions_have_equal_shares_of_the_disc() -> None:
+    samples = vogel_disc(20000)
+    for count in (1, 2, 7, 16, 24, 64):
+        disc = centroidal_disc(count)
+        np.testing.assert_allclose(disc.mean(axis=0), 0, atol=1e-12)
+        squared = ((samples[:, None] - disc) ** 2).sum(axis=2)
+        # What is within the shares makes up for what is not between them.
+        spread = (disc**2).sum(axis=1).mean() + squared.min(axis=1).mean()
+        assert spread == pytest.approx(0.5, abs=0.01)
+        if count > 7:
+            apart = np.linalg.norm(disc[:, None] - disc, axis=2) + 9 * np.eye(count)
+            spiral = vogel_disc(count)
+            of_spiral = np.linalg.norm(spiral[:, None] - spiral, axis=2) + 9 * np.eye(count)
+            assert apart.min() > of_spiral.min()
+        assert np.bincount(squared.argmin(axis=1), minlength=count).min() > 0.75 * len(samples) / count
+    with pytest.raises(ValueError, match="read-only"):
+        centroidal_disc(16)[0, 0] = 1
