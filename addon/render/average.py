@@ -54,6 +54,7 @@ def render_frame(
     `note` is called with what the user should know, `on_frame` with the frame when it is drawn. Passes
     checkpoints.
     """
+    gpu_views.check_memory(size)
     with stage("Reading", 0.0, READ):
         source = _resized(to_linear(clip.read(frame)), size)
     with stage("Mesh", READ, WARPED):

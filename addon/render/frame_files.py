@@ -16,8 +16,6 @@ import numpy as np
 
 from ..core.base.errors import UserError
 
-NOTE = "Note"
-"""Name under which Blender writes a stamp's note into PNG and EXR files."""
 HEADER = 1 << 16
 """Bytes of a file in which its metadata is looked for; Blender writes it before the pixels."""
 _PNG = b"\x89PNG\r\n\x1a\n"

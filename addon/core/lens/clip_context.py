@@ -13,6 +13,7 @@ from ..base.arrays import LinearRGBA
 from ..base.reused_memory import ReusedMemory
 from ..camera.canvas import Canvas
 from ..camera.reconstruction import Reconstruction
+from ..depth.depth_store import DepthStore
 from ..depth.joint_upsampling import upsampled
 from ..depth.multi_view_stereo import COARSE, DenseDepth, Moving, PlaneSweepStereo
 from ..depth.source import PixelDepth, SampledDepthSource
@@ -33,17 +34,19 @@ class ClipContext:
     """Depth that need not be found: the user's maps, or the truth of a benchmark."""
     masks: Moving | None = None
     """What is said to move by itself, (h, w) of a source frame at any size."""
+    store: DepthStore | None = None
+    """Where what does not depend on the lens is kept."""
 
     @cached_property
     def stereo(self) -> TemporalFusion:
         """Depth of every pixel from the clip itself, at the size that it is found at."""
         single_frame = PlaneSweepStereo(self.reconstruction, self.read, mask=self.masks)
-        return TemporalFusion(self.reconstruction, single_frame)
+        return TemporalFusion(self.reconstruction, single_frame, self.store)
 
     @cached_property
     def disocclusion(self) -> DisocclusionFill:
         """Other frames' colours for what a frame does not show, but for what moves in them."""
-        movers = PlaneSweepStereo(self.reconstruction, self.read, COARSE, self.masks)
+        movers = PlaneSweepStereo(self.reconstruction, self.read, COARSE, self.masks, self.store)
         return DisocclusionFill(self.reconstruction, self.read, movers.moving)
 
     @cached_property
@@ -76,6 +79,11 @@ class ClipContext:
         """Places of known depth for a coarse mesh: of what is given, else the frame's feature points."""
         given = self.given_depth.samples(frame, canvas) if self.given_depth is not None else None
         return frame_features(self.reconstruction, frame, canvas) if given is None else given
+
+
+def no_picture(frame: int) -> Pixels:
+    """`ClipContext.read` of a clip whose pictures nothing needs: an AssertionError if something does."""
+    raise AssertionError(f"nothing needs the picture of frame {frame}")
 
 
 def whole_depth(depth: DenseDepth, picture: LinearRGBA) -> PixelDepth:

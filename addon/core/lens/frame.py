@@ -7,19 +7,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..base.arrays import LinearRGBA
+from ..base.arrays import LinearRGBA, Map
 from ..base.errors import UserError
 from ..base.progress import stage
 from ..camera.canvas import Canvas
 from ..camera.reconstruction import Floats
 from ..depth.source import PixelDepth
 from ..depth.sparse import frame_features
+from ..warp.footprint import prefilter
 from ..warp.layered_depth_image import LayeredDepthImage
 from .aperture_sampling import views_needed
 from .clip_context import ClipContext
 from .meshers import MESHERS
 from .meshers.layers import can_be_layered
-from .meshers.mesher import FrameGeometry, Mesher, Views
+from .meshers.mesher import FrameGeometry, Mesher, Surface, Views
 from .plan import FramePlan, LensSettings
 from .thin_lens import ThinLens
 
@@ -110,7 +111,8 @@ def forecast(clip: ClipContext, frame: int, settings: LensSettings, size: tuple[
     geometry, mesher = _geometry(clip, frame, settings, size), MESHERS[settings.method]
     disc = _sampled_disc(geometry)
     is_too_large = mesher.needs_pixel_depth and not can_be_layered(geometry.lens, disc)
-    return Forecast(settings.views or views_needed(disc), is_too_large)
+    prefiltered = mesher.is_prefiltered and not is_too_large
+    return Forecast(settings.views or views_needed(disc, prefiltered), is_too_large)
 
 
 def view_offsets(clip: ClipContext, frame: int, settings: LensSettings, size: tuple[int, int]) -> Floats:
@@ -119,8 +121,9 @@ def view_offsets(clip: ClipContext, frame: int, settings: LensSettings, size: tu
     With an automatic number there are about as many as the frame will have. Raises UserError as `forecast`.
     """
     geometry = _geometry(clip, frame, settings, size)
-    count = settings.views or views_needed(_sampled_disc(geometry))
-    views: Views = MESHERS[settings.method].views(geometry, count)
+    mesher = MESHERS[settings.method]
+    count = settings.views or views_needed(_sampled_disc(geometry), mesher.is_prefiltered)
+    views: Views = mesher.views(geometry, count)
     return views.offsets
 
 
@@ -157,11 +160,22 @@ def _meshed(geometry: FrameGeometry, mesher: Mesher) -> WarpedFrame:
     blur = _sampled_disc(geometry)
     if geometry.depth is not None:
         blur = geometry.lens.largest_disc(geometry.depth.inverse_depth)
-    views = mesher.views(geometry, geometry.settings.views or views_needed(blur))
+    views = mesher.views(geometry, geometry.settings.views or views_needed(blur, mesher.is_prefiltered))
     with stage("Mesh", DEEP if mesher.needs_pixel_depth else 0.0, 1.0):
         surface = mesher.make(geometry)
     plan = FramePlan(
         geometry.frame, geometry.canvas, geometry.lens, surface.mesh, views.offsets, views.registration,
         blur, geometry.samples.pose_interpolated,
     )  # fmt: skip
+    _prefilter(surface, geometry.lens, len(views.offsets))
     return WarpedFrame(plan, surface.texture, mesher.name, "", surface.is_whole, layers=surface.layers)
+
+
+def _prefilter(surface: Surface, lens: ThinLens, views: int) -> None:
+    """Blur the texture of a surface of layers in place as so many views need it; others stay as they are."""
+
+    def radius(disparity: Map) -> Map:
+        return np.asarray(np.abs(lens.snap_displacement(disparity)) / np.float32(np.sqrt(views)), np.float32)
+
+    if surface.layers:
+        prefilter(surface.texture, surface.layers, radius)

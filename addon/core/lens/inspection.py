@@ -20,7 +20,7 @@ from ..warp.layered_depth_image import LayeredDepthImage
 from ..warp.layered_mesh import FINER
 from ..warp.mesh import WarpMesh
 from ..warp.rasterise import at_pixels
-from .aperture_sampling import vogel_disc
+from .aperture_sampling import centroidal_disc
 from .focus import exact_registration
 from .frame import WarpedFrame
 from .plan import FramePlan
@@ -93,7 +93,7 @@ def source_frame(warped: WarpedFrame) -> WarpedFrame:
     """
     plan = warped.plan
     if len(plan.offsets) > SOURCE_VIEWS:
-        offsets = plan.lens.radius * vogel_disc(SOURCE_VIEWS)
+        offsets = plan.lens.radius * centroidal_disc(SOURCE_VIEWS)
         registration = exact_registration(plan.canvas, offsets, plan.lens.focus)
         if warped.method == "thesis":
             # Its positions are random and its registration is fitted: the first ones are as good as any.

@@ -71,6 +71,8 @@ class LayeredDepthImage:
     """Pixels by more than which disparity jumps at the silhouettes."""
     margin_reprojected: Mask | None = None
     """(H, W) past the border, where the colour comes from other frames; None without any."""
+    drawn: Mask | None = None
+    """(H, W) pixels that triangles of the near surface cover, their rim included; None before that."""
 
 
 def depth_peel(

@@ -114,8 +114,8 @@ def layer_mesh(
     mesh = _joined(surfaces, margin, focus, scale)
     pictures = [wide, *(split.back for split in layers)]
     layers = tuple(
-        replace(split, front=f, margin_reprojected=margin_reprojected)
-        for split, f in zip(layers, fronts, strict=True)
+        replace(split, front=front, margin_reprojected=margin_reprojected, drawn=covered)
+        for split, front, covered in zip(layers, fronts, drawn, strict=True)
     )
     if len(pictures) * shift.size * FINER**2 > options.largest_texture:
         return mesh, np.concatenate([*fronts, pictures[-1]]), layers

@@ -12,7 +12,7 @@ from ...depth.source import PixelDepth
 from ...depth.sparse import DepthSamples
 from ...warp.layered_depth_image import LayeredDepthImage
 from ...warp.mesh import WarpMesh
-from ..aperture_sampling import vogel_disc
+from ..aperture_sampling import centroidal_disc
 from ..clip_context import ClipContext
 from ..focus import exact_registration
 from ..plan import LensSettings
@@ -64,7 +64,7 @@ class Views:
 
 def even_views(geometry: FrameGeometry, count: int) -> Views:
     """Evenly spread views, the focal plane exactly in register."""
-    offsets = geometry.lens.radius * vogel_disc(count)
+    offsets = geometry.lens.radius * centroidal_disc(count)
     return Views(offsets, exact_registration(geometry.canvas, offsets, geometry.lens.focus))
 
 
@@ -82,6 +82,8 @@ class Mesher:
     views: Callable[[FrameGeometry, int], Views] = even_views
     needs_pixel_depth: bool = False
     """Whether it takes the depth of every pixel; others take samples."""
+    is_prefiltered: bool = False
+    """Whether its texture is blurred by what one view stands for, so that fewer views do."""
     uses_given_depth: bool = True
     """Whether samples of the user's depth maps take the place of feature points."""
     fewest_focus_points: int = 0

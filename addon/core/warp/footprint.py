@@ -1,0 +1,222 @@
+"""The texture of a layered mesh, prefiltered for the number of views that draw it.
+
+A lens is sampled at N positions, each of which stands for an N-th of the aperture: from one position to the
+next a texel moves by its footprint, a disc of radius d / sqrt(N) for a texel displaced by d pixels at the
+aperture's rim. Blurred over that disc, few views look like many, and what is in focus stays as it is.
+Levoy and Hanrahan, "Light field rendering", 1996, prefilter over the aperture for the same reason; the
+footprint of a texture is Heckbert's, "Fundamentals of texture mapping and image warping", 1989.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import lru_cache, partial
+from itertools import pairwise
+
+import cv2
+import numpy as np
+
+from ..base.arrays import LinearRGBA, Map, Mask
+from ..base.progress import checkpoint, in_this_scope
+from .layered_depth_image import LayeredDepthImage
+
+TILE = 128
+"""Texels across a tile, a multiple of all `_Level.shrink`: each is blurred as its texels need."""
+SUBSAMPLES = 8
+"""Along a texel, by which a disc's rim is told: its area is right to 1 %."""
+WIDEST = 256.0
+"""Texels; wider footprints are blurred as this one, beyond what layers are displaced by with few views."""
+BURIED = 8
+"""Pixels from what a view may see, half of `LayerOptions.extrapolation`: so far behind a near surface, its
+own picture lies closer to whatever shows than the one behind it does."""
+
+
+@dataclass(frozen=True)
+class _Level:
+    """A width that is blurred by; those between are interpolated."""
+
+    radius: float
+    """Texels."""
+    shrink: int
+    """Texels across a cell of the raster on which it is done."""
+
+
+def _levels() -> tuple[_Level, ...]:
+    """Radii a half to a third apart, each on a raster where it takes at most nine cells across."""
+    found, radius = [_Level(0.0, 1)], 1.0
+    while radius <= WIDEST:
+        for wider in (radius, 1.5 * radius):
+            shrink = max(1, int(2 ** np.floor(np.log2(wider / 2))))
+            found.append(_Level(wider, shrink))
+        radius *= 2
+    return tuple(found)
+
+
+LEVELS = _levels()
+
+
+def prefilter(texture: LinearRGBA, layers: Sequence[LayeredDepthImage], radius: Callable[[Map], Map]) -> None:
+    """Blur the texture (n h, w, 4) of n - 1 layers and what is behind them, in place.
+
+    `radius` tells the radii (H, W) of the footprints of disparities (H, W), in pixels. Near surfaces are
+    blurred together with their alpha, as far as they are drawn; the last one stays opaque. Nothing bleeds
+    from one surface into another. Passes checkpoints.
+    """
+    width = layers[0].is_far.shape[1]
+    parts = texture.reshape(len(layers) + 1, -1, texture.shape[1], 4)
+    finer = parts.shape[2] // width
+    # The last one first: it takes the others' texels where it is buried, as they are.
+    last = np.asarray(radius(layers[-1].back_disparity), np.float32)
+    buried = [(part, _buried(layer)) for part, layer in zip(parts, layers, strict=False)]
+    parts[-1] = _filtered(parts[-1], finer, last, None, buried)
+    parts[-1, ..., 3] = 1
+    for part, layer in zip(parts, layers, strict=False):
+        assert layer.drawn is not None
+        own = np.where(layer.is_far & layer.drawn, layer.near_disparity, layer.front_disparity)
+        kept = layer.drawn | _goes_on(layer)
+        part[:] = _filtered(part, finer, np.where(layer.drawn, radius(own), 0).astype(np.float32), kept, [])
+
+
+def _goes_on(layer: LayeredDepthImage) -> Mask:
+    """(H, W) pixels past the triangles of a near surface where it goes on, drawn as part of another one."""
+    assert layer.drawn is not None
+    if layer.drawn.all() or not layer.drawn.any():
+        return layer.drawn
+    beyond = (~layer.drawn).astype(np.uint8)
+    _, label = cv2.distanceTransformWithLabels(beyond, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
+    alpha = np.zeros(label.max() + 1, np.float32)
+    alpha[label[layer.drawn]] = layer.front[layer.drawn, 3]
+    return np.asarray(alpha[label] > 0.5)
+
+
+def _buried(layer: LayeredDepthImage) -> Mask:
+    """(H, W) pixels behind a near surface that are nearer to where that is drawn in the far one's place."""
+    around = np.ones((2 * BURIED + 1, 2 * BURIED + 1), np.uint8)
+    return np.asarray(layer.occluded & (cv2.dilate(layer.disoccluded.astype(np.uint8), around) == 0))
+
+
+def _filtered(
+    part: LinearRGBA,
+    finer: int,
+    radius: Map,
+    kept: Mask | None,
+    buried: Sequence[tuple[LinearRGBA, Mask]],
+) -> LinearRGBA:
+    """(h, w, 4) a part of the texture, `finer` times as fine as its footprints' radii (H, W) in pixels.
+
+    Texels that are not `kept` (H, W) count as transparent; where others are `buried` (H, W), their part's
+    texels (h, w, 4) take the place of this one's for what is around.
+    """
+    result = part.copy()
+    rows, columns = (range(0, finer * n, TILE) for n in radius.shape)
+    places = [(row, column) for row in rows for column in columns]
+    work = partial(_tile, part, result, finer, radius, kept, buried)
+    with ThreadPoolExecutor() as pool:
+        list(pool.map(in_this_scope(work), places))
+    return result
+
+
+def _tile(
+    part: LinearRGBA,
+    result: LinearRGBA,
+    finer: int,
+    radius: Map,
+    kept: Mask | None,
+    buried: Sequence[tuple[LinearRGBA, Mask]],
+    place: tuple[int, int],
+) -> None:
+    """Blur the texels of one tile, as `_filtered` describes."""
+    own = _finer(radius[tuple(slice(n // finer, (n + TILE) // finer) for n in place)], finer)
+    own = np.minimum(finer * own, WIDEST)
+    widest, least = float(own.max()), float(own.min())
+    if widest == 0:
+        return
+    checkpoint(0.95)
+    radii = [level.radius for level in LEVELS]
+    used = LEVELS[np.searchsorted(radii, least, "right") - 1 : np.searchsorted(radii, widest) + 1]
+    # Cells of the coarsest raster that is used, past the widest disc and what interpolation looks at.
+    step = used[-1].shrink
+    margin = step * int(np.ceil(used[-1].radius / step) + 2)
+    around = _around(part, finer, kept, buried, place, (own.shape[0], own.shape[1]), margin)
+    inner = slice(margin, margin + own.shape[0]), slice(margin, margin + own.shape[1])
+    blurred = _blurred(around, used[0])[inner]
+    tile = np.zeros((*own.shape, 4), np.float32)
+    squared = own**2
+    for below, above in pairwise(used):
+        wider = _blurred(around, above)[inner]
+        within = (own >= below.radius) & ((own < above.radius) | (above is used[-1]))
+        # Variances add up, and are as the square of the radius.
+        share = ((squared - below.radius**2) / (above.radius**2 - below.radius**2))[within][:, None]
+        tile[within] = blurred[within] + share * (wider[within] - blurred[within])
+        blurred = wider
+    rows, columns = (slice(n, n + size) for n, size in zip(place, own.shape, strict=True))
+    sharp = own == 0
+    tile[sharp] = part[rows, columns][sharp]
+    result[rows, columns] = tile
+
+
+def _around(
+    part: LinearRGBA,
+    finer: int,
+    kept: Mask | None,
+    buried: Sequence[tuple[LinearRGBA, Mask]],
+    place: tuple[int, int],
+    size: tuple[int, int],
+    margin: int,
+) -> LinearRGBA:
+    """(h, w, 4) the texels of a tile and `margin` around, for `_filtered`; past the border as at it."""
+    low = [max(0, n - margin) for n in place]
+    high = [min(whole, n + own + margin) for whole, n, own in zip(part.shape, place, size, strict=False)]
+    texels = tuple(slice(a, b) for a, b in zip(low, high, strict=True))
+    pixels = tuple(slice(a // finer, -(-b // finer)) for a, b in zip(low, high, strict=True))
+    cut = tuple(slice(a % finer, a % finer + b - a) for a, b in zip(low, high, strict=True))
+    found = part[texels]
+    if kept is not None:
+        found = found * _finer(kept[pixels].astype(np.float32), finer)[cut][..., None]
+    for other, mask in buried:
+        if mask[pixels].any():
+            hidden = _finer(mask[pixels].astype(np.float32), finer)[cut] > 0
+            opaque = other[texels][..., 3:] == 1
+            found = np.where(hidden[..., None] & opaque, other[texels], found)
+    top, left = (margin - (n - a) for n, a in zip(place, low, strict=True))
+    bottom, right = (margin - (b - n - own) for b, n, own in zip(high, place, size, strict=True))
+    if top or left or bottom or right:
+        found = cv2.copyMakeBorder(found, top, bottom, left, right, cv2.BORDER_REPLICATE)
+    return np.asarray(found, np.float32)
+
+
+def _finer(values: Map, finer: int) -> Map:
+    """(h, w) values of pixels (H, W) at the texels of a texture so many times as fine."""
+    return np.asarray(np.repeat(np.repeat(values, finer, axis=0), finer, axis=1))
+
+
+def _blurred(around: LinearRGBA, level: _Level) -> LinearRGBA:
+    """(h, w, 4) texels blurred by a disc of a level; those near the border are not to be used."""
+    if not level.radius:
+        return around
+    if level.shrink == 1:
+        blurred = cv2.filter2D(around, -1, disc_kernel(level.radius), borderType=cv2.BORDER_REPLICATE)
+        return np.asarray(blurred, np.float32)
+    height, width = around.shape[:2]
+    size = -(-width // level.shrink), -(-height // level.shrink)
+    wide = cv2.copyMakeBorder(
+        around, 0, size[1] * level.shrink - height, 0, size[0] * level.shrink - width, cv2.BORDER_REPLICATE
+    )
+    small = cv2.resize(wide, size, interpolation=cv2.INTER_AREA)
+    # A cell's mean and what is linear between cells blur too: a twelfth and a sixth of a cell squared.
+    left = np.sqrt((level.radius / level.shrink) ** 2 - 4 * (1 / 12 + 1 / 6))
+    small = cv2.filter2D(small, -1, disc_kernel(float(left)), borderType=cv2.BORDER_REPLICATE)
+    whole = cv2.resize(small, wide.shape[1::-1], interpolation=cv2.INTER_LINEAR)
+    return np.asarray(whole[:height, :width])
+
+
+@lru_cache
+def disc_kernel(radius: float) -> Map:
+    """(k, k) shares of a disc of so many cells that lie in the cells around its middle; their sum is 1."""
+    reach = int(np.ceil(radius - 0.5))
+    place = (np.arange(SUBSAMPLES * (2 * reach + 1)) + 0.5) / SUBSAMPLES - reach - 0.5
+    inside = place[:, None] ** 2 + place**2 <= radius**2
+    shares = inside.reshape(2 * reach + 1, SUBSAMPLES, 2 * reach + 1, SUBSAMPLES).mean(axis=(1, 3))
+    return np.asarray(shares / shares.sum(), np.float32)
