@@ -13,7 +13,6 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache, partial
-from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -141,20 +140,28 @@ def _tile(
     margin = step * int(np.ceil(used[-1].radius / step) + 2)
     around = _around(part, finer, kept, buried, place, (own.shape[0], own.shape[1]), margin)
     inner = slice(margin, margin + own.shape[0]), slice(margin, margin + own.shape[1])
-    blurred = _blurred(around, used[0])[inner]
     tile = np.zeros((*own.shape, 4), np.float32)
-    squared = own**2
-    for below, above in pairwise(used):
-        wider = _blurred(around, above)[inner]
-        within = (own >= below.radius) & ((own < above.radius) | (above is used[-1]))
-        # Variances add up, and are as the square of the radius.
-        share = ((squared - below.radius**2) / (above.radius**2 - below.radius**2))[within][:, None]
-        tile[within] = blurred[within] + share * (wider[within] - blurred[within])
-        blurred = wider
+    for number, level in enumerate(used):
+        share = _share(own, [one.radius for one in used], number)
+        if share.any():
+            tile += cv2.merge([share] * 4) * _blurred(around, level)[inner]
     rows, columns = (slice(n, n + size) for n, size in zip(place, own.shape, strict=True))
     sharp = own == 0
     tile[sharp] = part[rows, columns][sharp]
     result[rows, columns] = tile
+
+
+def _share(own: Map, radii: list[float], number: int) -> Map:
+    """(h, w) share that the blur by one of several rising radii has in those by own radii (h, w).
+
+    Variances add up, and are as the square of the radius: linear in that from one to the next.
+    """
+    share, squared = np.ones_like(own), own**2
+    for other in (number - 1, number + 1):
+        if 0 <= other < len(radii):
+            away, here = radii[other] ** 2, radii[number] ** 2
+            np.minimum(share, (squared - away) / (here - away), out=share)
+    return np.asarray(np.maximum(share, 0))
 
 
 def _around(
