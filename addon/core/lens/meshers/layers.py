@@ -13,7 +13,7 @@ from ..thin_lens import ThinLens
 from .mesher import FrameGeometry, Mesher, Surface
 
 FILLED = 0.25
-"""Share of the mesher's time that is over once hidden colours are found: `mesh_times`, 1920x1080."""
+"""Share of the mesher's time that is over once hidden colours are found: `frame_costs`, 1920x1080."""
 
 
 def can_be_layered(lens: ThinLens, blur: float) -> bool:
