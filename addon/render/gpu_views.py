@@ -260,8 +260,8 @@ def _texture(
         return gpu.types.GPUTexture((width, height), format=format, data=data)
     except RuntimeError:
         raise UserError(
-            f"the graphics driver has no memory for pictures of {width} x {height} pixels; make the clip"
-            " smaller and solve it again, or use a machine with more memory"
+            f"the graphics driver cannot hold pictures of {width} x {height} pixels, for want of memory or by"
+            " a bound of its own; make the picture smaller, or use another machine"
         ) from None
 
 

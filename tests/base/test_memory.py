@@ -136,5 +136,5 @@ def test_a_limit_is_refused_below_the_need_and_only_there() -> None:
         ).stdout
         for limit in (2 * GB - 2**20, 2 * GB)
     ]  # fmt: skip
-    assert "takes at least 2.00 GiB of address space" in said[0] and "lower percentage" in said[0]
+    assert "takes at least 2.00 GiB of address space" in said[0] and "make the picture smaller" in said[0]
     assert said[1] == ""

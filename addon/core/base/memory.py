@@ -48,17 +48,20 @@ class Need:
         return self.mapped + (min(_processors(), CPUS) - 1) * self.mapped_for_each
 
 
-PROGRAM = Need(1552 * MB, 180 * MB, 0)
+PROGRAM = Need(1552 * MB, 180 * MB, 112 * MB)
 """Blender as a module, OpenCV and the add-on, loaded. As the other two it is the least limit with which a
 command (here `report`) ended well on the torture's clip of 96 x 54 pixels, with one processor (taskset) and
-with two; limits 4 to 12 MB apart were tried. Below it Blender crashed, or a library had the last word."""
-DRAWING = Need(1876 * MB, 244 * MB, 150 * MB)
-"""As above, of `render` with Mesa's software OpenGL and a mask. The method of features needs 28 MB less."""
-MOVIE = Need(1944 * MB, 260 * MB, 150 * MB)
+with two; limits 2 to 12 MB apart were tried, of address space and of a control group. Below it Blender
+crashed, a library had the last word, or the system ended it."""
+DRAWING = Need(1876 * MB, 244 * MB, 190 * MB)
+"""As above, of `render` with Mesa's software OpenGL and a mask. The method of features needs 28 MB less of
+address space; of memory it is features' own need."""
+MOVIE = Need(1944 * MB, 260 * MB, 196 * MB)
 """As above, of `render` into an .mp4, whose encoder's threads come last."""
-A_PIXEL = 125
-"""Bytes for each pixel of a larger picture, of address space and of memory alike, by the cheapest method:
-`python -m benchmarks.timings.memory_peaks`, its 7680x4320 less its 96x54."""
+A_PIXEL = 115
+"""Bytes for each pixel of a larger picture, of address space and of memory alike, by the method of features:
+`python -m benchmarks.timings.memory_peaks` gives 126 to 140 from 1920x1080 to 7680x4320, layers take 159 to
+187. A disc of a pixel takes 5 less, and the share falls slowly with the size; this is below them all."""
 
 
 def keep_to_one_arena() -> None:
@@ -80,13 +83,13 @@ def check(what: str, need: Need, pixels: int = 0) -> None:
     if limit is not None and limit < needed:
         raise UserError(
             f"{what} takes at least {_told(needed)} of address space, and this process may have"
-            f" {_told(limit)}: raise the limit (ulimit -v){_smaller(pixels)}"
+            f" {_told(limit)}: raise the limit (ulimit -v){_smaller(limit >= need.address_space())}"
         )
     limit, needed = memory_limit(), need.own + A_PIXEL * pixels
     if limit is not None and limit < needed:
         raise UserError(
             f"{what} takes at least {_told(needed)} of memory, and its container leaves {_told(limit)}: raise"
-            f" the container's limit, or run less beside{_smaller(pixels)}"
+            f" the container's limit, or run less beside{_smaller(limit >= need.own)}"
         )
 
 
@@ -112,7 +115,7 @@ def shortage(what: str) -> UserError:
     allowed = f" (it may have {' and '.join(limits)})" if limits else ""
     return UserError(
         f"{what}: there is not enough memory for this process{allowed}; raise the limit, run less beside, or"
-        " render at a lower percentage"
+        " make the picture smaller"
     )
 
 
@@ -195,8 +198,8 @@ def _processors() -> int:
     return os.process_cpu_count() or 1
 
 
-def _smaller(pixels: int) -> str:
-    return ", or render at a lower percentage" if pixels else ""
+def _smaller(helps: bool) -> str:
+    return ", or make the picture smaller" if helps else ""
 
 
 def _told(size: int) -> str:
