@@ -41,7 +41,7 @@ OnFrame = Callable[[Drawn], None]
 
 READ, WARPED = 0.01, 0.7
 """Shares of a frame's time that are over once it is read and once its mesh is made; the rest draws its views.
-From `python -m benchmarks.timings.mesh_times` and `view_times`, with 64 views on 2 cores."""
+From `python -m benchmarks.timings.frame_costs`, with 24 views on 2 cores, where depth is to be found."""
 
 
 def render_frame(

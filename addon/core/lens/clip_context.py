@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 
 from ..base.arrays import LinearRGBA
+from ..base.reused_memory import ReusedMemory
 from ..camera.canvas import Canvas
 from ..camera.reconstruction import Reconstruction
 from ..depth.depth_store import DepthStore
@@ -47,6 +48,11 @@ class ClipContext:
         """Other frames' colours for what a frame does not show, but for what moves in them."""
         movers = PlaneSweepStereo(self.reconstruction, self.read, COARSE, self.masks, self.store)
         return DisocclusionFill(self.reconstruction, self.read, movers.moving)
+
+    @cached_property
+    def texture_memory(self) -> ReusedMemory:
+        """Where the textures of frames lie, one after the other."""
+        return ReusedMemory()
 
     def depth(self, frame: int, canvas: Canvas, picture: LinearRGBA) -> PixelDepth:
         """The depth of all pixels of a canvas that shows `picture` (H, W, 4): given, else by stereo.

@@ -9,8 +9,9 @@ from dataclasses import dataclass, field, replace
 import cv2
 import numpy as np
 
-from ..base.arrays import Floats, Ints, LinearRGBA, Map
+from ..base.arrays import Floats, Ints, LinearRGBA, Map, Mask
 from ..base.progress import checkpoint, in_this_scope
+from ..base.reused_memory import ReusedMemory
 from .layered_depth_image import Fill, LayeredDepthImage, LayerOptions, depth_peel
 from .mesh import WarpMesh
 from .quadtree import QuadtreeOptions, Surfaces, Triangles, triangulate
@@ -21,6 +22,12 @@ _AWAY = np.arange(-3, 5) - 0.5
 _LANCZOS = np.sinc(_AWAY) * np.sinc(_AWAY / 4)
 HALFWAY = (_LANCZOS / _LANCZOS.sum()).astype(np.float32)
 """(8,) Lanczos weights of the eight pixels around the middle between two, sum 1."""
+
+TILE = 64
+"""Pixels across the tiles of a front that are refined or left empty: the coarsest cell of the mesh."""
+SPARE = 16
+"""Pixels around what is drawn of a front that are refined, too: whoever blurs its texture looks so far. An
+aperture's disc of 96 pixels in 16 views has footprints of 12."""
 
 
 @dataclass(frozen=True)
@@ -58,14 +65,15 @@ def layer_mesh(
     snap: Callable[[Map], Map] = lambda shift: shift,
     fill: Fill | None = None,
     options: LayeredMeshOptions = LayeredMeshOptions(),
+    memory: ReusedMemory | None = None,
 ) -> tuple[WarpMesh, LinearRGBA, tuple[LayeredDepthImage, ...]]:
     """A mesh, its texture (h, w, 4), and the layers it was made of, near ones first.
 
     `picture` (H, W, 4) is the canvas picture; `disparity` (H, W) that of every pixel at the aperture's rim,
     in pixels, and `focus` that of the focal plane; disparity over `scale` is inverse depth. `snap` moves
-    disparities (H, W), that are drawn elsewhere than they are; `fill` tells other
-    frames' colours, on a raster that is so much larger than the picture as needs be, its middle on the
-    picture's. Triangles are ordered from far to near.
+    disparities (H, W), relative to the focal plane, that are drawn elsewhere than they are. `fill` tells
+    other frames' colours, on a raster that is so much larger than the picture as needs be, its middle on the
+    picture's. The texture lies in `memory`, if that is given. Triangles are ordered from far to near.
     """
     reach = options.widest * max(disparity.shape)
     # From here on disparities are relative to the focal plane: they are exact where it matters.
@@ -113,7 +121,7 @@ def layer_mesh(
         return mesh, np.concatenate([*fronts, pictures[-1]]), layers
     # A pixel's middle is the middle of a texel: in the focal plane views show the frame's own pixels.
     mesh = replace(mesh, texture_xy=FINER * (mesh.texture_xy - 0.5) + 0.5)
-    return mesh, _texture(pictures, fronts), layers
+    return mesh, _texture(pictures, fronts, drawn, memory or ReusedMemory()), layers
 
 
 def triangulated(
@@ -142,43 +150,79 @@ def triangulated(
     return [(made, triangles) for (made, *_), triangles in zip(asked, found, strict=True)]
 
 
-def _texture(pictures: list[LinearRGBA], fronts: list[LinearRGBA]) -> LinearRGBA:
+def _texture(
+    pictures: list[LinearRGBA], fronts: list[LinearRGBA], drawn: list[Mask], memory: ReusedMemory
+) -> LinearRGBA:
     """(n h, w, 4) n - 1 fronts above each other and the last of n pictures (H, W, 4), twice as fine.
 
     Each is interpolated where it is smooth: a front is what its fine picture has more than the next one
-    behind it. Interpolated by itself it would ring along every silhouette, where it ends.
+    behind it. Interpolated by itself it would ring along every silhouette, where it ends. Away from where
+    they are `drawn` (H, W) fronts are left empty.
     """
     height, width = (FINER * n for n in pictures[0].shape[:2])
-    texture = np.empty((len(pictures), height, width, 4), np.float32)
+    texture = memory.zeros((len(pictures), height, width, 4))
+    wanted, spans = np.zeros_like(drawn[0]), []
+    for mask in [*drawn, np.ones_like(wanted)]:
+        around = np.ones((2 * SPARE + 1, 2 * SPARE + 1), np.uint8)
+        wanted |= cv2.dilate(mask.astype(np.uint8), around) > 0
+        spans.append(_spans(wanted))
+    asked = [
+        (picture, part, span)
+        for picture, part, each in zip(pictures, texture, spans, strict=True)
+        for span in each
+    ]
     with ThreadPoolExecutor() as pool:
-        list(pool.map(in_this_scope(_refine), pictures, texture))
+        list(pool.map(in_this_scope(_refine), *zip(*asked, strict=True)))
     texture[-1, ..., 3] = 1
     checkpoint(0.9)
-    for part, behind, front in zip(texture[:-1], texture[1:], fronts, strict=True):
-        _subtract_behind(part, behind, front[..., 3])
+    for part, behind, front, each in zip(texture[:-1], texture[1:], fronts, spans[:-1], strict=True):
+        _subtract_behind(part, behind, front[..., 3], each)
     return texture.reshape(-1, width, 4)
 
 
-def _refine(picture: LinearRGBA, texture: LinearRGBA) -> None:
-    """Write a picture (H, W, c) twice as fine into (2 H, 2 W, c): its pixels are every second one.
+def _spans(mask: Mask) -> list[tuple[slice, slice]]:
+    """Rows and columns of rectangles that hold all of a mask (H, W), `TILE` rows each."""
+    height, width = mask.shape
+    tiles = np.pad(mask, ((0, -height % TILE), (0, -width % TILE)))
+    tiles = tiles.reshape(-(-height // TILE), TILE, -1, TILE).any(axis=(1, 3))
+    # Where a run of tiles in a row begins, and where it ends.
+    steps = np.diff(np.pad(tiles, ((0, 0), (1, 1))).astype(np.int8), axis=1)
+    return [
+        (slice(r * TILE, min((r + 1) * TILE, height)), slice(first * TILE, min(last * TILE, width)))
+        for (r, first), (_, last) in zip(np.argwhere(steps > 0), np.argwhere(steps < 0), strict=True)
+    ]
+
+
+def _refine(picture: LinearRGBA, texture: LinearRGBA, span: tuple[slice, slice]) -> None:
+    """Write rows and columns of a picture (H, W, c) twice as fine into (2 H, 2 W, c): its pixels are every
+    second one.
 
     What is between is Lanczos' interpolation, and not negative.
     """
-    row, column = HALFWAY[:, None], HALFWAY[None]
-    height, width, channels = picture.shape
-    cells = texture.reshape(height, FINER, width, FINER, channels)
-    cells[:, 0, :, 0] = picture
-    across = cv2.filter2D(picture, -1, column, anchor=(3, 0), borderType=cv2.BORDER_REPLICATE)
-    for whole, place in ((picture, 0), (across, 1)):
-        checkpoint(0.9)
-        down = cv2.filter2D(whole, -1, row, anchor=(0, 3), borderType=cv2.BORDER_REPLICATE)
-        cells[:, 1, :, place] = cv2.max(down, 0, dst=down)
-    cells[:, 0, :, 1] = cv2.max(across, 0, dst=across)
+    checkpoint(0.9)
+    reach = len(HALFWAY) // 2
+    low = [max(0, part.start - reach) for part in span]
+    around = picture[low[0] : span[0].stop + reach, low[1] : span[1].stop + reach]
+    rows, columns = (slice(part.start - n, part.stop - n) for part, n in zip(span, low, strict=True))
+    cells = texture.reshape(picture.shape[0], FINER, picture.shape[1], FINER, -1)[span[0], :, span[1]]
+    cells[:, 0, :, 0] = around[rows, columns]
+    across = cv2.filter2D(around, -1, HALFWAY[None], anchor=(3, 0), borderType=cv2.BORDER_REPLICATE)
+    for whole, place in ((around, 0), (across, 1)):
+        down = cv2.filter2D(whole, -1, HALFWAY[:, None], anchor=(0, 3), borderType=cv2.BORDER_REPLICATE)
+        np.maximum(down[rows, columns], 0, out=cells[:, 1, :, place])
+    np.maximum(across[rows, columns], 0, out=cells[:, 0, :, 1])
 
 
-def _subtract_behind(part: LinearRGBA, behind: LinearRGBA, alpha: Map) -> None:
-    """Leave of a fine picture (2 H, 2 W, 4) what a front of opacity (H, W) has more than what is behind."""
-    row, column = np.nonzero(cv2.erode(alpha, np.ones((2, 2), np.uint8), anchor=(0, 0)) < 1)
+def _subtract_behind(
+    part: LinearRGBA, behind: LinearRGBA, alpha: Map, spans: list[tuple[slice, slice]]
+) -> None:
+    """Leave of a fine picture (2 H, 2 W, 4) what a front of opacity (H, W) has more than what is behind, in
+    rows and columns of it."""
+    clear = cv2.erode(alpha, np.ones((2, 2), np.uint8), anchor=(0, 0)) < 1
+    within = np.zeros_like(clear)
+    for span in spans:
+        within[span] = True
+    row, column = np.nonzero(clear & within)
     height, width = alpha.shape
     below, right = np.minimum(row + 1, height - 1), np.minimum(column + 1, width - 1)
     own, beside, under, diagonal = (alpha[r, c] for r in (row, below) for c in (column, right))

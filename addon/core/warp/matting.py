@@ -68,21 +68,21 @@ def surfaces_beside(
     row, column = np.nonzero(mixed)
     own = disparity[row, column]
     low, high = _extremes(disparity, row, column)
-    middle = (high + low) / 2
+    middle = np.float32(0.5) * (high + low)
     # What is nearer or farther still belongs to a third surface.
-    bounds = np.stack([low - jump, middle, high + jump])
+    bounds = np.stack([low - np.float32(jump), middle, high + np.float32(jump)])
     radius = options.search_radius
-    sides = _means(picture, disparity, ~mixed, row, column, bounds, radius)
+    sides = _sums(picture, disparity, ~mixed, row, column, bounds, radius)
     thin = sides[0].weight == 0
     lacking = np.flatnonzero(thin | (sides[1].weight == 0))
     everything = np.ones_like(mixed)
-    instead = _means(
-        picture, disparity, everything, row[lacking], column[lacking], bounds[:, lacking], radius
-    )
+    instead = _sums(picture, disparity, everything, row[lacking], column[lacking], bounds[:, lacking], radius)
     for side, other in zip(sides, instead, strict=True):
-        side.replace(lacking[side.weight[lacking] == 0], other.part(side.weight[lacking] == 0))
-    near, near_disparity, near_variance = sides[0].means(high)
-    far, far_disparity, far_variance = sides[1].means(low)
+        without = side.weight[lacking] == 0
+        side.sums[:, lacking[without]] = other.sums[:, without]
+    colour = picture[row, column, :3]
+    near, near_disparity, near_variance = sides[0].means(colour, own, high)
+    far, far_disparity, far_variance = sides[1].means(colour, own, low)
     near[thin], near_variance[thin], count = _thin(
         picture, disparity, row[thin], column[thin], near_disparity[thin], jump, options.thin_radius
     )
@@ -167,47 +167,25 @@ def _thin(
 
 @dataclass(frozen=True)
 class _Sums:
-    """Weighted sums over pixels around n mixed ones."""
+    """Weighted sums over pixels around n mixed ones, relative to those, so that float32 is enough."""
 
-    weight: Floats
-    """(n,) sum of weights."""
-    colour: Floats
-    """(3, n) of colours."""
-    squared: Floats
-    """(n,) of colours' squared lengths."""
-    disparity: Floats
-    """(n,) of disparities."""
+    sums: Map
+    """(6, n) of weights, of the three channels of colours, of their squared lengths, and of disparities."""
 
-    @classmethod
-    def none(cls, count: int) -> _Sums:
-        """Of no pixels yet."""
-        return cls(np.zeros(count), np.zeros((3, count)), np.zeros(count), np.zeros(count))
+    @property
+    def weight(self) -> Map:
+        """(n,) sum of weights."""
+        return np.asarray(self.sums[0])
 
-    def part(self, which: slice | Mask) -> _Sums:
-        """Of some of the mixed pixels; of a slice, those sums themselves."""
-        return _Sums(self.weight[which], self.colour[:, which], self.squared[which], self.disparity[which])
-
-    def add(self, weight: Floats, colour: Floats, squared: Floats, disparity: Map) -> None:
-        """One more pixel beside each, with its weight (n,), colour (3, n), the square of that (n,) and its
-        disparity (n,)."""
-        np.add(self.weight, weight, out=self.weight)
-        np.add(self.colour, weight * colour, out=self.colour)
-        np.add(self.squared, weight * squared, out=self.squared)
-        np.add(self.disparity, weight * disparity, out=self.disparity)
-
-    def replace(self, which: Indices, others: _Sums) -> None:
-        """Take others for some of the mixed pixels."""
-        self.weight[which], self.colour[:, which] = others.weight, others.colour
-        self.squared[which], self.disparity[which] = others.squared, others.disparity
-
-    def means(self, otherwise: Floats) -> tuple[Floats, Floats, Floats]:
+    def means(self, colour: LinearRGB, disparity: Map, otherwise: Map) -> tuple[Floats, Floats, Floats]:
         """(n, 3) and (n,) means of colours and disparities, and (n,) the colours' variance; without any pixel
-        the disparity is `otherwise` (n,)."""
-        safe = np.maximum(self.weight, 1e-12)
-        colour = self.colour / safe
-        variance = np.maximum(self.squared / safe - (colour**2).sum(axis=0), 0)
-        disparity = np.where(self.weight > 0, self.disparity / safe, otherwise)
-        return np.ascontiguousarray(colour.T), disparity, variance
+        the disparity is `otherwise` (n,), and the colour black. `colour` (n, 3) and `disparity` (n,) are the
+        mixed pixels' own."""
+        some = self.weight > 0
+        mean = self.sums[1:].astype(np.float64) / np.where(some, self.weight, 1)
+        variance = np.maximum(mean[3] - (mean[:3] ** 2).sum(axis=0), 0)
+        middle = np.where(some[:, None], mean[:3].T + colour, 0)
+        return middle, np.where(some, mean[4] + disparity, otherwise), variance
 
 
 def _neighbours(row: Indices, column: Indices, dy: int, dx: int, shape: tuple[int, ...]) -> Indices:
@@ -215,20 +193,20 @@ def _neighbours(row: Indices, column: Indices, dy: int, dx: int, shape: tuple[in
     return np.clip(row + dy, 0, shape[0] - 1) * shape[1] + np.clip(column + dx, 0, shape[1] - 1)
 
 
-def _extremes(disparity: Map, row: Indices, column: Indices) -> tuple[Floats, Floats]:
+def _extremes(disparity: Map, row: Indices, column: Indices) -> tuple[Map, Map]:
     """(n,) least and (n,) largest disparity of n pixels and those around."""
     kernel = np.ones((3, 3), np.uint8)
-    low, high = (f(disparity, kernel)[row, column].astype(np.float64) for f in (cv2.erode, cv2.dilate))
+    low, high = (f(disparity, kernel)[row, column] for f in (cv2.erode, cv2.dilate))
     return low, high
 
 
-def _means(
+def _sums(
     picture: LinearRGBA,
     disparity: Map,
     among: Mask,
     row: Indices,
     column: Indices,
-    bounds: Floats,
+    bounds: Map,
     radius: int,
 ) -> tuple[_Sums, _Sums]:
     """Sums over the pixels in a mask (H, W) around n mixed ones, of the near surface and of the far one.
@@ -236,19 +214,26 @@ def _means(
     The near one's disparities are above the middle of three bounds (3, n) and not above the last, the far
     one's not above the middle and not below the first. A pixel counts by its distance.
     """
-    near, far = _Sums.none(len(row)), _Sums.none(len(row))
+    found = np.zeros((2, 6, len(row)), np.float32)
     colours, depths, counts = picture.reshape(-1, picture.shape[2]), disparity.ravel(), among.ravel()
     for first in range(0, len(row), CHUNK):
         checkpoint(0.3)
         some = slice(first, first + CHUNK)
-        (low, middle, high), sums = bounds[:, some], (near.part(some), far.part(some))
+        (low, middle, high), y, x = bounds[:, some], row[some], column[some]
+        own = _neighbours(y, x, 0, 0, disparity.shape)
+        own_colour, own_depth = colours[own].T[:3].copy(), depths[own]
+        there, product = np.ones((2, 6, len(y)), np.float32)
         for dy in range(-radius, radius + 1):
             for dx in range(-radius, radius + 1):
-                at = _neighbours(row[some], column[some], dy, dx, disparity.shape)
-                depth, colour = depths[at], colours[at].T[:3].astype(np.float64)
-                weight = counts[at] / (1.0 + dy**2 + dx**2)
-                squared = (colour**2).sum(axis=0)
-                sides = (depth > middle) & (depth <= high), (depth <= middle) & (depth >= low)
-                for side, total in zip(sides, sums, strict=True):
-                    total.add(weight * side, colour, squared, depth)
-    return near, far
+                at = _neighbours(y, x, dy, dx, disparity.shape)
+                depth = depths[at]
+                np.subtract(colours[at].T[:3], own_colour, out=there[1:4])
+                np.einsum("cn,cn->n", there[1:4], there[1:4], out=there[4])
+                np.subtract(depth, own_depth, out=there[5])
+                weight = counts[at] * np.float32(1 / (1 + dy**2 + dx**2))
+                is_near = depth > middle
+                for total, side in zip(
+                    found, (is_near & (depth <= high), ~is_near & (depth >= low)), strict=True
+                ):
+                    total[:, some] += np.multiply(there, weight * side, out=product)
+    return _Sums(found[0]), _Sums(found[1])

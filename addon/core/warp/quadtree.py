@@ -185,6 +185,9 @@ def _split(raster: Surfaces, whole: Mask, error: Map, options: QuadtreeOptions) 
     changes = _range(raster.own)
     checkpoint(0.6)
     steep = (changes > error) & (_bent(raster.own) > options.bend * changes)
+    of_near = (~raster.is_far).astype(np.float32) / np.float32(options.silhouette_error)
+    of_far = raster.disoccluded.astype(np.float32) / np.float32(options.disoccluded_error)
+    of_far[raster.is_far | raster.mixed] = 1 / options.silhouette_error
     for level in range(1, options.coarsest + 1):
         checkpoint(0.6)
         error = _halved(error, np.minimum)
@@ -203,39 +206,38 @@ def _split(raster: Surfaces, whole: Mask, error: Map, options: QuadtreeOptions) 
         needed[rough] = _worst(raster.own, None, rough, level) > allowed
         checkpoint(0.6)
         rough = np.nonzero(~one & ~needed)
-        worst = np.maximum.reduce([
-            _worst(raster.near, ~raster.is_far, rough, level) / options.silhouette_error,
-            _worst(raster.far, raster.is_far | raster.mixed, rough, level) / options.silhouette_error,
-            _worst(raster.far, raster.disoccluded, rough, level) / options.disoccluded_error,
-        ])  # fmt: skip
+        worst = np.maximum(
+            _worst(raster.near, of_near, rough, level), _worst(raster.far, of_far, rough, level)
+        )
         needed[rough] = worst > error[rough]
         split.append(needed)
     return split
 
 
-def _worst(depth: Map, mask: Mask | None, cells: tuple[Indices, ...], level: int) -> Map:
-    """(n,) by how much a cell's two triangles, or any fan of its sides' middles, miss the depths within it
-    that are in a mask (H, W)."""
+def _worst(depth: Map, weight: Map | None, cells: tuple[Indices, ...], level: int) -> Map:
+    """(n,) by how much a cell's two triangles, or any fan of its sides' middles, miss the depths within it,
+    times what each of those counts (H, W)."""
     if not len(cells[0]):
         return np.zeros(0, np.float32)
     size = 1 << level
-    share = (np.arange(size + 1) / size).astype(np.float32)
-    y, x = share[:, None], share
-    upper = x + y <= 1
-    blocks, among = _blocks(depth, size), None if mask is None else _blocks(mask, size)
+    share = np.arange(size + 1) / size
+    x, y = (part.ravel() for part in np.meshgrid(share, share))
+    # The diagonal goes from b to c, as in `_cells`.
+    upper = np.stack([1 - x - y, x, y, 0 * x])
+    lower = np.stack([0 * x, 1 - y, 1 - x, x + y - 1])
+    plane = np.where(x + y <= 1, upper, lower).astype(np.float32)
+    blocks, weights = _blocks(depth, size), None if weight is None else _blocks(weight, size)
     worst = np.empty(len(cells[0]), np.float32)
     chunk = max(1, CHUNK // (size + 1) ** 2)
     for first in range(0, len(worst), chunk):
         checkpoint(0.6)
         some = cells[0][first : first + chunk], cells[1][first : first + chunk]
-        inner = blocks[some]
-        a, b, c, d = (inner[:, i, j][:, None, None] for i, j in ((0, 0), (0, -1), (-1, 0), (-1, -1)))
-        # The diagonal goes from b to c, as in `_cells`.
-        plane = np.where(upper, a + (b - a) * x + (c - a) * y, d + (c - d) * (1 - x) + (b - d) * (1 - y))
-        miss = np.abs(inner - plane)
-        if among is not None:
-            miss *= among[some]
-        worst[first : first + chunk] = miss.reshape(len(miss), -1).max(axis=1)
+        inner = blocks[some].reshape(-1, len(x))
+        miss = inner[:, [0, size, -1 - size, -1]] @ plane
+        np.abs(np.subtract(inner, miss, out=miss), out=miss)
+        if weights is not None:
+            miss *= weights[some].reshape(-1, len(x))
+        worst[first : first + chunk] = miss.max(axis=1)
     return worst
 
 
@@ -254,14 +256,15 @@ def _cells(leaf: Mask, split: Mask, level: int, width: int) -> Ints:
     """Triangles (T, 3) of the leaves (R, C) of a level; the middles of sides with finer cells take part."""
     wide = np.pad(split, 1)
     sides = wide[:-2, 1:-1], wide[1:-1, 2:], wide[2:, 1:-1], wide[1:-1, :-2]
-    pattern = sum(side.astype(np.int64) << n for n, side in enumerate(sides))
+    pattern = np.sum([side.astype(np.int64) << n for n, side in enumerate(sides)], axis=0)
     half = 1 << (level - 1)
+    rows, columns = np.nonzero(leaf)
+    kinds, first = pattern[rows, columns], (rows * width + columns) << level
     parts = [np.zeros((0, 3), np.int64)]
-    for kind in range(16):
-        row, column = np.nonzero(leaf & (pattern == kind))
-        fan = _fan(kind) * half
-        first = ((row * width + column) << level)[:, None, None]
-        parts.append((first + fan[..., 0] * width + fan[..., 1]).reshape(-1, 3))
+    for kind in np.flatnonzero(np.bincount(kinds)):
+        fan = _fan(int(kind)) * half
+        corner = first[kinds == kind][:, None, None]
+        parts.append((corner + fan[..., 0] * width + fan[..., 1]).reshape(-1, 3))
     return np.concatenate(parts)
 
 

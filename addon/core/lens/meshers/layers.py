@@ -13,7 +13,7 @@ from ..thin_lens import ThinLens
 from .mesher import FrameGeometry, Mesher, Surface, equal_share_views
 
 FILLED = 0.25
-"""Share of the mesher's time that is over once hidden colours are found: `mesh_times`, 1920x1080."""
+"""Share of the mesher's time that is over once hidden colours are found: `frame_costs`, 1920x1080."""
 
 
 def can_be_layered(lens: ThinLens, blur: float) -> bool:
@@ -35,6 +35,7 @@ def make(geometry: FrameGeometry) -> Surface:
         mesh, texture, layers = layer_mesh(
             picture, scale * inverse_depth, scale * lens.focus, scale, lens.snap_displacement,
             _fill(hidden, picture, lens.focus, scale) if hidden else None,
+            memory=geometry.clip.texture_memory,
         )  # fmt: skip
     return Surface(mesh, texture, bool(picture[..., 3].min() > 0.999), layers)
 
