@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from addon.core.depth.depth_store import FINEST, DepthStore, KeptDepth
+from addon.core.depth.depth_store import FINEST, SUREST, DepthStore, KeptDepth
 
 SHAPE = (30, 40)
 
@@ -30,7 +30,7 @@ def test_what_is_kept_is_within_half_a_step() -> None:
     inverse = np.linspace(0.2, 1.7, 1200, dtype=np.float32).reshape(SHAPE)
     kept = KeptDepth.of(inverse, np.full(SHAPE, 0.3, np.float32), np.zeros(SHAPE, bool))
     assert np.abs(kept.inverse_depth - inverse).max() <= 0.51 * 1.5 / FINEST + 1e-7
-    assert np.abs(kept.confidence - 0.3).max() <= 0.51 / 255
+    assert np.abs(kept.confidence - 0.3).max() <= 0.51 / SUREST
     flat = KeptDepth.of(np.full(SHAPE, 0.7, np.float32), kept.confidence, kept.moving)
     np.testing.assert_array_equal(flat.inverse_depth, np.float32(0.7))
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from addon.core.base.arrays import Floats, Map, Mask
 from addon.core.camera.reconstruction import Intrinsics
-from addon.core.depth.depth_store import FINEST, DepthStore
+from addon.core.depth.depth_store import FINEST, SUREST, DepthStore
 from addon.core.depth.multi_view_stereo import DenseDepth, PlaneSweepStereo
 from addon.core.depth.temporal_fusion import FusionOptions, TemporalFusion, fused, sharpened
 
@@ -210,7 +210,9 @@ def test_what_moves_keeps_the_depth_of_its_own_frame() -> None:
     # But for the steps in which depth is kept.
     step = np.ptp(found.inverse_depth) / FINEST
     np.testing.assert_allclose(found.inverse_depth[moving], made[2].inverse_depth[moving], rtol=0, atol=step)
-    np.testing.assert_allclose(found.confidence[moving], made[2].confidence[moving], rtol=0, atol=1 / 255)
+    np.testing.assert_allclose(
+        found.confidence[moving], made[2].confidence[moving], rtol=0, atol=0.51 / SUREST
+    )
     np.testing.assert_array_equal(found.moving, moving)
     # And it is not lent to the frame after it.
     after = steady(made, 4).inverse_depth
