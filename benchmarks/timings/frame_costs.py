@@ -63,7 +63,7 @@ STAGES: tuple[tuple[object, str, str], ...] = (
     (layered_mesh, "triangulated", "triangles"),
     (layered_mesh, "_joined", "triangles"),
     (layered_mesh, "_texture", "texture"),
-    (lens_frame, "_prefilter", "prefilter of the texture"),
+    (lens_frame, "prefilter", "prefilter of the texture"),
     (average, "draw_mean", "views"),
     (gpu_views, "_upload", "upload"),
     (gpu_views, "_download", "download"),
