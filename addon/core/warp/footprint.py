@@ -13,7 +13,6 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache, partial
-from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -142,19 +141,20 @@ def _tile(
     margin = step * int(np.ceil(used[-1].radius / step) + 2)
     around = _around(part, finer, kept, buried, place, (own.shape[0], own.shape[1]), margin)
     inner = slice(margin, margin + own.shape[0]), slice(margin, margin + own.shape[1])
-    blurred = _blurred(around, used[0])[inner]
-    tile = np.zeros((*own.shape, 4), np.float32)
-    squared = own**2
-    for below, above in pairwise(used):
-        wider = _blurred(around, above)[inner]
-        within = (own >= below.radius) & ((own < above.radius) | (above is used[-1]))
-        # Variances add up, and are as the square of the radius.
-        share = ((squared - below.radius**2) / (above.radius**2 - below.radius**2))[within][:, None]
-        tile[within] = blurred[within] + share * (wider[within] - blurred[within])
-        blurred = wider
     rows, columns = (slice(n, n + size) for n, size in zip(place, own.shape, strict=True))
-    sharp = own == 0
-    tile[sharp] = part[rows, columns][sharp]
+    tile = np.zeros((*own.shape, 4), np.float32)
+    # Variances add up, and are as the square of the radius.
+    squared, knots = own**2, [level.radius**2 for level in used]
+    for number, level in enumerate(used):
+        weight = np.ones_like(own)
+        if number > 0:
+            below = knots[number - 1]
+            weight = np.minimum(weight, (squared - below) / (knots[number] - below))
+        if level is not used[-1]:
+            above = knots[number + 1]
+            weight = np.minimum(weight, (above - squared) / (above - knots[number]))
+        blurred = _blurred(around, level)[inner] if level.radius else part[rows, columns]
+        tile += np.maximum(weight, 0)[..., None] * blurred
     result[rows, columns] = tile
 
 
@@ -194,9 +194,7 @@ def _finer(values: Map, finer: int) -> Map:
 
 
 def _blurred(around: LinearRGBA, level: Level) -> LinearRGBA:
-    """(h, w, 4) texels blurred by a disc of a level; those near the border are not to be used."""
-    if not level.radius:
-        return around
+    """(h, w, 4) texels blurred by the disc of a level; those near the border are not to be used."""
     if level.shrink == 1:
         blurred = cv2.filter2D(around, -1, disc_kernel(level.radius), borderType=cv2.BORDER_REPLICATE)
         return np.asarray(blurred, np.float32)
