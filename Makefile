@@ -58,7 +58,7 @@ sample: setup
 
 bench: setup
 	@$(PYTHON) -m benchmarks.accuracy $(BENCH)
-	@$(PYTHON) -m benchmarks.timings.mesh_times
+	@$(PYTHON) -m benchmarks.timings.frame_costs
 
 bench-full: setup
 	@$(PYTHON) -m benchmarks.accuracy --full $(BENCH)

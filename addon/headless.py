@@ -12,10 +12,12 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import os
+import shutil
 import signal
 import sys
 from pathlib import Path
 from types import ModuleType
+from typing import NoReturn
 
 PACKAGE = "addon"
 
@@ -23,6 +25,9 @@ PACKAGE = "addon"
 def main(arguments: list[str]) -> int:
     """Run one command; the exit status."""
     try:
+        if "bpy" not in sys.modules and (problem := _memory_problem()):
+            print(f"error: {problem}", file=sys.stderr, flush=True)
+            return 1
         commands = _commands()
     except (ImportError, MemoryError) as error:
         print(f"error: the program cannot be loaded: {error}".splitlines()[0], file=sys.stderr, flush=True)
@@ -30,12 +35,27 @@ def main(arguments: list[str]) -> int:
     return int(commands.run_command(arguments))
 
 
+def _memory_problem() -> str:
+    """Why the memory that this process may have does not even do for loading Blender, which would crash; or
+    an empty string."""
+    _load_folder()
+    memory = importlib.import_module(f"{PACKAGE}.core.base.memory")
+    errors = importlib.import_module(f"{PACKAGE}.core.base.errors")
+    memory.keep_to_one_arena()
+    try:
+        memory.check("the program", memory.PROGRAM)
+    except errors.UserError as error:
+        return str(error)
+    return ""
+
+
 def _commands() -> ModuleType:
     import bpy
 
     name = next((n for n in sys.modules if n.endswith(".virtual_aperture.addon.ui")), None)
     if name is None:
-        _load_folder()
+        if PACKAGE not in sys.modules:
+            _load_folder()
         name = f"{PACKAGE}.ui"
         if not hasattr(bpy.types.Scene, "virtual_aperture"):
             importlib.import_module(PACKAGE).register()
@@ -46,6 +66,27 @@ def _end(number: int, _frame: object) -> None:
     """Ctrl-C or SIGTERM while nothing is begun yet."""
     os.write(2, b"error: interrupted\n")
     os._exit(128 + number)
+
+
+def _leave(status: int) -> NoReturn:
+    """End the process with a status, here and now.
+
+    What was written is whole and in its place, and locks and folders of ours are gone. To take down Blender,
+    the driver and their threads would be the system's work done twice, and it can fail: a run that had said
+    "wrote" did not end, and where memory is short libraries crash then, with a status that is not ours.
+    """
+    try:
+        sys.stdout.flush()
+        sys.stderr.flush()
+    except OSError:
+        # Whoever listened is gone. Python's own status for that.
+        status = status or 120
+    if bpy := sys.modules.get("bpy"):
+        own = Path(bpy.app.tempdir)
+        # Where Blender could make none of its own, this is the folder that all programs share.
+        if own.name.startswith("blender_"):
+            shutil.rmtree(own, ignore_errors=True)
+    os._exit(status)
 
 
 def _load_folder() -> None:
@@ -68,4 +109,4 @@ if __name__ == "__main__":
     # What was to be done is done, or was said to have failed.
     for heard in (signal.SIGINT, signal.SIGTERM):
         signal.signal(heard, signal.SIG_IGN)
-    sys.exit(status)
+    _leave(status)

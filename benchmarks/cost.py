@@ -25,13 +25,14 @@ class Cost:
 def measured[T](work: Callable[[], T]) -> tuple[T, Cost]:
     """What the work returns, and what it cost."""
     held = _reset_peak()
-    cpu, wall = _cpu(), time.perf_counter()
+    cpu, wall = cpu_seconds(), time.perf_counter()
     result = work()
-    cost = Cost(_cpu() - cpu, time.perf_counter() - wall, _status_mb("VmHWM") - held)
+    cost = Cost(cpu_seconds() - cpu, time.perf_counter() - wall, _status_mb("VmHWM") - held)
     return result, cost
 
 
-def _cpu() -> float:
+def cpu_seconds() -> float:
+    """Processor seconds so far, of all threads and of child processes that have ended."""
     spent = os.times()
     children = resource.getrusage(resource.RUSAGE_CHILDREN)
     return spent.user + spent.system + children.ru_utime + children.ru_stime

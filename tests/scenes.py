@@ -12,11 +12,10 @@ import numpy as np
 from addon.core.base.arrays import LinearRGBA
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction, rotation_matrix
 from addon.core.depth.user_depth import UserDepth
-from addon.core.lens.clip_context import ClipContext
+from addon.core.lens.clip_context import ClipContext, no_picture
 from addon.core.lens.frame import warp_frame
 from addon.core.lens.plan import FramePlan, LensSettings
 from addon.core.media.clip import open_footage
-from addon.core.media.picture_file import Pixels
 
 if TYPE_CHECKING:
     from addon.scene.shot import Shot
@@ -95,8 +94,3 @@ def planned(
     blank = np.zeros((size[1], size[0], 4), np.float32)
     clip = ClipContext(reconstruction, no_picture, depth)
     return warp_frame(clip, frame, settings, size, blank if picture is None else picture).plan
-
-
-def no_picture(frame: int) -> Pixels:
-    """For clips that nothing asks for a picture."""
-    raise AssertionError(f"nothing needs the picture of frame {frame}")

@@ -16,7 +16,7 @@ from ..core.sfm.workspace import load_solve
 from ..render import output
 from ..render.average import no_gpu_note, render_frame
 from ..render.frame_size import render_size
-from ..render.gpu_views import gpu_problem
+from ..render.gpu_views import check_memory, gpu_problem
 from ..render.quiet import quiet
 from ..render.run_report import Inspector, replaced, write_picture
 from ..scene.lens import lens_settings
@@ -75,11 +75,12 @@ def inspect(options: argparse.Namespace) -> None:
 
 
 def _inspected(scene: bpy.types.Scene, frame: int, debug: bool) -> tuple[dict[str, Shown], FrameReport]:
+    shot, inspector = shot_of(scene), Inspector()
+    lens, size = lens_settings(scene.virtual_aperture, shot.reconstruction), render_size(scene.render)
+    check_memory(size)
     problem = gpu_problem()
     if problem:
         say(no_gpu_note(problem))
-    shot, inspector = shot_of(scene), Inspector()
-    lens, size = lens_settings(scene.virtual_aperture, shot.reconstruction), render_size(scene.render)
     with contextlib.nullcontext(1) if debug else quiet(1):
         render_frame(shot.context, frame, lens, size, lambda note: None, inspector.on_frame)
     assert inspector.report is not None

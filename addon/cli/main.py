@@ -14,6 +14,7 @@ from types import FrameType
 
 import bpy
 
+from ..core.base import memory
 from ..core.base.atomic import collect_temporary, temporary_folder
 from ..core.base.counting import counted
 from ..core.base.errors import UserError
@@ -23,7 +24,8 @@ from ..core.sfm.workspace import Solve, default_work_dir, load_solve
 from ..render import engine, jobs, output
 from ..render.average import no_gpu_note
 from ..render.frame_keys import run_key
-from ..render.gpu_views import gpu_problem
+from ..render.frame_size import render_size
+from ..render.gpu_views import check_memory, gpu_problem
 from ..render.quiet import quiet
 from ..render.run_report import RunReport, check_report
 from ..scene import paths, properties
@@ -140,6 +142,7 @@ def _render(solved: Solve, options: argparse.Namespace) -> None:
         frames = list(wanted_frames(footage, options.frames))
     # A share of a farm's job focuses as the whole does.
     set_lens(settings, solved, options, () if options.for_movie else frames)
+    check_memory(render_size(scene.render), is_movie)
     planned = output.plan_all(scene, frames)
     least, most = planned.views
     count = str(least) if least == most else f"{least} to {most}"
@@ -273,4 +276,6 @@ def _message(error: BaseException) -> str:
         return "interrupted; finished frames are kept"
     if isinstance(error, UserError):
         return error.worded(WORDS)
+    if memory.is_shortage(error):
+        return str(memory.shortage("the command could not be finished"))
     return f"{type(error).__name__}: {error} (--debug shows where)"

@@ -11,6 +11,7 @@ from pathlib import Path
 import bpy
 
 from ..core.base.atomic import PART, collect_orphans, owned_name
+from ..core.base.counting import counted
 from ..core.base.errors import UserError
 from ..core.base.time_left import TimeLeft
 from ..core.camera.focal_length import Focal, from_equivalent, from_field_of_view, from_sensor
@@ -22,6 +23,7 @@ from ..core.sfm.process import Progress, SolveProcess
 from ..core.sfm.tracks import TRACKERS
 from ..core.sfm.workspace import Solve, check_replaceable, holds_solve, keep_import, load_solve
 from ..scene.movieclip import read_movie_clip
+from ..scene.shot import Shot
 from .paths import path
 from .words import WORDS
 
@@ -34,6 +36,7 @@ def add_commands(
     add_footage(one)
     one.add_argument("--work", type=path, required=True, metavar="DIR", help="folder that keeps the solve")
     one.add_argument("--frames", metavar="A-B[:STEP]", help="frames of the clip to solve")
+    one.add_argument("--depth", action="store_true", help="find the depth of all frames, too, and keep it")
     one.set_defaults(command=solve)
 
     two = commands.add_parser("report", parents=[common], help="what a solve is worth, and advice")
@@ -95,8 +98,22 @@ def solve_arguments(options: argparse.Namespace) -> list[str]:
 
 
 def solve(options: argparse.Namespace) -> None:
-    """`solve FOOTAGE --work DIR`"""
-    print_quality(solve_clip(options, options.work))
+    """`solve FOOTAGE --work DIR [--depth]`"""
+    solved = solve_clip(options, options.work)
+    print_quality(solved)
+    if options.depth:
+        keep_depth(solved)
+
+
+def keep_depth(solved: Solve) -> None:
+    """Find the depth of a clip's frames without masks and keep it beside the solve: renders read it there."""
+    footage = solved.open_clip()
+    stereo = Shot(footage, solved.reconstruction, work=solved.work_dir).context.stereo
+    line = _ProgressLine("finding depth")
+    for number, frame in enumerate(footage.frames):
+        line.show(Progress(f"frame {frame}", number / len(footage.frames)))
+        stereo.at(frame)
+    print(f"the depth of {counted(len(footage.frames), 'frame')} is kept in {solved.work_dir}", flush=True)
 
 
 def print_quality(solved: Solve) -> None:
@@ -206,7 +223,8 @@ def _focal(options: argparse.Namespace) -> Focal | None:
 class _ProgressLine:
     """One line a stage and every few seconds, with the time left."""
 
-    def __init__(self) -> None:
+    def __init__(self, title: str = "solving") -> None:
+        self._title = title
         self._shown = time.monotonic()
         self._left = TimeLeft(self._shown)
         self._stage = ""
@@ -218,6 +236,5 @@ class _ProgressLine:
         if stage == self._stage and now - self._shown < 5:
             return
         self._stage, self._shown = stage, now
-        print(
-            f"solving: {step.text}" + (f", about {left:.0f} s left" if left is not None else ""), flush=True
-        )
+        remaining = f", about {left:.0f} s left" if left is not None else ""
+        print(f"{self._title}: {step.text}{remaining}", flush=True)

@@ -41,7 +41,7 @@ OnFrame = Callable[[Drawn], None]
 
 READ, WARPED = 0.01, 0.7
 """Shares of a frame's time that are over once it is read and once its mesh is made; the rest draws its views.
-From `python -m benchmarks.timings.mesh_times` and `view_times`, with 64 views on 2 cores."""
+From `python -m benchmarks.timings.frame_costs`, with 24 views on 2 cores, where depth is to be found."""
 
 
 def render_frame(
@@ -57,6 +57,7 @@ def render_frame(
     `note` is called with what the user should know, `on_frame` with the frame when it is drawn. Passes
     checkpoints.
     """
+    gpu_views.check_memory(size)
     with stage("Reading", 0.0, READ):
         source = _resized(to_linear(clip.read(frame)), size)
     with stage("Mesh", READ, WARPED):

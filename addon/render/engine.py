@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
+from ..core.base import memory
 from ..core.base.arrays import LinearRGBA
 from ..core.base.errors import UserError
 from ..core.base.progress import Cancelled, checkpoint, reporting, stage
@@ -94,6 +95,10 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
         except UserError as error:
             self._fail(error, error.worded(WORDS))
         except Exception as error:
+            if memory.is_shortage(error):
+                scarce = memory.shortage(f"frame {depsgraph.scene.frame_current} could not be rendered")
+                self._fail(scarce, str(scarce))
+                return
             traceback.print_exc()
             self._fail(error, f"Rendering failed: {type(error).__name__}: {error} (the console shows where)")
         except BaseException as error:

@@ -16,11 +16,11 @@ import numpy as np
 
 from ..core.base.errors import UserError
 
-NOTE = "Note"
-"""Name under which Blender writes a stamp's note into PNG and EXR files."""
 HEADER = 1 << 16
 """Bytes of a file in which its metadata is looked for; Blender writes it before the pixels."""
 _PNG = b"\x89PNG\r\n\x1a\n"
+_EBML, _SEGMENT = b"\x1a\x45\xdf\xa3", b"\x18\x53\x80\x67"
+"""Identifiers of the two elements that a Matroska file is made of."""
 _KEY = re.compile(rb"virtual-aperture-frame ([0-9a-f]{64})")
 
 
@@ -57,7 +57,10 @@ def still_problem(path: Path, size: tuple[int, int] | None = None) -> str:
 
 
 def movie_problem(path: Path, count: int, size: tuple[int, int]) -> str:
-    """Why a movie is not whole, or an empty string: its frames are decoded and counted."""
+    """Why a movie (.mp4, .mov or .mkv) is not whole, or an empty string: its frames are decoded and counted.
+
+    A disk may be full at the last bytes, which are behind all frames.
+    """
     if not path.exists():
         return "was not written"
     level = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
@@ -72,7 +75,44 @@ def movie_problem(path: Path, count: int, size: tuple[int, int]) -> str:
         cv2.utils.logging.setLogLevel(level)
     if found != count:
         return f"has {found} frames that can be decoded and should have {count}"
+    whole = _has_whole_segment if path.suffix.lower() == ".mkv" else _has_whole_boxes
+    if not whole(path):
+        return "is cut off"
     return "" if held == size else f"is {held[0]}x{held[1]} and should be {size[0]}x{size[1]}"
+
+
+def _has_whole_boxes(path: Path) -> bool:
+    """Whether an MP4 or QuickTime file ends where the last of its boxes does (ISO/IEC 14496-12)."""
+    size, at = path.stat().st_size, 0
+    with path.open("rb") as file:
+        while at + 8 <= size:
+            file.seek(at)
+            head = file.read(16)
+            length = int.from_bytes(head[:4])
+            if length == 1:
+                length = int.from_bytes(head[8:])
+            if length < 8:
+                return False
+            at += length
+    return at == size
+
+
+def _has_whole_segment(path: Path) -> bool:
+    """Whether a Matroska file ends where its segment does (RFC 8794 and 9559)."""
+    with path.open("rb") as file:
+        data = file.read(HEADER)
+    at = 0
+    for element in (_EBML, _SEGMENT):
+        at += len(element)
+        if data[at - len(element) : at] != element or at >= len(data) or not data[at]:
+            return False
+        # The first byte's leading zeros say how many bytes the length has.
+        digits = 9 - data[at].bit_length()
+        length = int.from_bytes(data[at : at + digits]) & ((1 << 7 * digits) - 1)
+        at += digits
+        if element == _EBML:
+            at += length
+    return at + length == path.stat().st_size
 
 
 def refuse(path: Path, problem: str) -> None:

@@ -5,12 +5,9 @@ from __future__ import annotations
 import hashlib
 
 import bpy
-import numpy as np
 
-from ..core.base.digest import file_digest, files_digest
-from ..core.media.clip import Footage
+from ..scene.digests import clip_digest, drawn_digest, reconstruction_digest
 from ..scene.lens import lens_settings
-from ..scene.masks import DrawnMask
 from ..scene.shot import Shot, shot_of
 from .frame_size import render_size, written_size
 
@@ -35,8 +32,8 @@ def _clip_key(scene: bpy.types.Scene) -> str:
     """Of all but the lens."""
     shot = shot_of(scene)
     parts = (
-        PICTURES, clip_digest(shot.footage), _reconstruction_digest(shot), _depth_digest(shot),
-        shot.masks and clip_digest(shot.masks.pictures), shot.drawn and _drawn_digest(shot.drawn),
+        PICTURES, clip_digest(shot.footage), reconstruction_digest(shot.reconstruction), _depth_digest(shot),
+        shot.masks and clip_digest(shot.masks.pictures), shot.drawn and drawn_digest(shot.drawn),
         render_size(scene.render), written_size(scene.render),
     )  # fmt: skip
     return hashlib.sha256(repr(parts).encode()).hexdigest()
@@ -49,33 +46,7 @@ def _with_lens(scene: bpy.types.Scene, key: str, frame: int) -> str:
     return hashlib.sha256(f"{key} {lens!r}".encode()).hexdigest()
 
 
-def clip_digest(footage: Footage) -> str:
-    """64 hexadecimal digits of a clip's pictures."""
-    return file_digest(footage.path) if footage.is_video else files_digest(footage.files)
-
-
-def _reconstruction_digest(shot: Shot) -> str:
-    reconstruction, digest = shot.reconstruction, hashlib.sha256()
-    digest.update(repr(reconstruction.cameras).encode())
-    for image in reconstruction.images:
-        digest.update(f"{image.frame} {image.camera}".encode())
-        for array in (image.rotation, image.translation, image.xy, image.points, image.visible):
-            digest.update(np.ascontiguousarray(array).tobytes())
-    digest.update(np.ascontiguousarray(reconstruction.points.xyz).tobytes())
-    return digest.hexdigest()
-
-
 def _depth_digest(shot: Shot) -> tuple[str, list[float]] | None:
     if shot.depth is None:
         return None
     return clip_digest(shot.depth.maps.maps), shot.depth.fit.line.tolist()
-
-
-def _drawn_digest(drawn: DrawnMask) -> str:
-    digest = hashlib.sha256()
-    for frame, layers in sorted(drawn.layers.items()):
-        for layer in layers:
-            digest.update(repr((frame, layer.alpha, layer.blend, layer.is_inverted, layer.overlaps)).encode())
-            for outline in layer.outlines:
-                digest.update(np.ascontiguousarray(outline).tobytes())
-    return digest.hexdigest()

@@ -15,6 +15,7 @@ import numpy as np
 from gpu_extras.batch import batch_for_shader
 from numpy.typing import NDArray
 
+from ..core.base import memory
 from ..core.base.arrays import LinearRGBA
 from ..core.base.errors import UserError
 from ..core.lens.plan import FramePlan
@@ -74,6 +75,18 @@ def gpu_problem() -> str:
     except Exception as error:  # the module raises SystemError or RuntimeError, depending on the platform
         return str(error) or type(error).__name__
     return ""
+
+
+def check_memory(size: tuple[int, int], is_movie: bool = False) -> None:
+    """UserError where this process may not have the memory to draw pictures (width, height), or a movie.
+
+    Asked ahead of the GPU context and of each frame, which Blender and Mesa do not survive without it. Cycles
+    in place of OpenGL was not measured.
+    """
+    if not egl_problem():
+        width, height = size
+        what, need = ("a movie of", memory.MOVIE) if is_movie else ("drawing", memory.DRAWING)
+        memory.check(f"{what} {width}x{height} pixels", need, width * height)
 
 
 def egl_problem() -> str:
@@ -247,8 +260,8 @@ def _texture(
         return gpu.types.GPUTexture((width, height), format=format, data=data)
     except RuntimeError:
         raise UserError(
-            f"the graphics driver has no memory for pictures of {width} x {height} pixels; make the clip"
-            " smaller and solve it again, or use a machine with more memory"
+            f"the graphics driver cannot hold pictures of {width} x {height} pixels, for want of memory or by"
+            " a bound of its own; make the picture smaller, or use another machine"
         ) from None
 
 

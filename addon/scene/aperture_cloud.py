@@ -7,9 +7,8 @@ import numpy as np
 
 from ..core.base.errors import UserError
 from ..core.camera.reconstruction import Floats
-from ..core.lens.clip_context import ClipContext
+from ..core.lens.clip_context import ClipContext, no_picture
 from ..core.lens.frame import view_offsets
-from ..core.media.picture_file import Pixels
 from .lens import lens_settings
 from .shot import reconstruction_of
 
@@ -36,10 +35,6 @@ def _positions(settings: bpy.types.PropertyGroup) -> Floats:
     reconstruction = reconstruction_of(settings)
     image, _ = reconstruction.image_at(settings.focus_frame)
     camera = reconstruction.intrinsics(image)
-    clip = ClipContext(reconstruction, _no_pictures)
+    clip = ClipContext(reconstruction, no_picture)
     size = camera.width, camera.height
     return view_offsets(clip, image.frame, lens_settings(settings, reconstruction), size)
-
-
-def _no_pictures(frame: int) -> Pixels:
-    raise AssertionError(f"nothing needs the picture of frame {frame}")

@@ -90,17 +90,25 @@ def trouble_with(settings: bpy.types.PropertyGroup) -> Trouble | None:
 
 def _found(settings: bpy.types.PropertyGroup, path: Path) -> Path | None:
     beside = Path(bpy.data.filepath).parent if bpy.data.filepath else None
-    work_dir = absolute(settings.work_dir) if settings.work_dir else None
-    key = (str(path), settings.clip_identity, str(beside), str(work_dir))
+    folder = work_dir(settings, path)
+    key = (str(path), settings.clip_identity, str(beside), str(folder))
     if key in _searches:
         when, found = _searches[key]
         if time.monotonic() - when < LOOK_AGAIN or (found and is_clip(found, settings.clip_identity)):
             return found
-    folders = [work_dir or default_work_dir(path, beside or path.parent)]
-    places = [place for place in map(recorded_clip, folders) if place is not None]
+    recorded = recorded_clip(folder)
+    places = [] if recorded is None else [recorded]
     found = find_clip(settings.clip_name or path.name, settings.clip_identity, places, beside)
     _searches[key] = (time.monotonic(), found)
     return found
+
+
+def work_dir(settings: bpy.types.PropertyGroup, clip: Path) -> Path:
+    """The working folder that is set, or a clip's default one beside the .blend (or beside the clip)."""
+    if settings.work_dir:
+        return absolute(settings.work_dir)
+    saved = bpy.data.filepath
+    return default_work_dir(clip, Path(saved).parent if saved else clip.parent)
 
 
 def forget() -> None:

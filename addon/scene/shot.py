@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -13,17 +14,26 @@ from ..core.base.arrays import Mask
 from ..core.base.errors import UserError
 from ..core.base.lru_cache import LRUCache
 from ..core.camera.reconstruction import Reconstruction
+from ..core.depth.depth_store import DepthStore
+from ..core.depth.multi_view_stereo import COARSE, StereoOptions
+from ..core.depth.temporal_fusion import FusionOptions
 from ..core.depth.user_depth import UserDepth
 from ..core.depth.user_maps import open_depth
 from ..core.lens.clip_context import ClipContext
 from ..core.media.clip import Footage, finite, open_footage
 from ..core.media.masks import Masks, open_masks
 from ..core.media.picture_file import Pixels
+from ..core.sfm.state import STATE
 from . import store
-from .clip import solved_clip_path
+from .clip import solved_clip_path, work_dir
+from .digests import clip_digest, drawn_digest, reconstruction_digest
 from .masks import DrawnMask, drawn_mask
 from .paths import absolute
 
+KEPT_DEPTH = "depth"
+"""Folder of a working folder where depth is kept."""
+DEPTHS = 1
+"""Version of the way that depth is found: counted up when the same options give another depth."""
 IDENTITY = "virtual_aperture_identity"
 REMEMBERED = 256 << 20
 """Bytes of pictures as they were read."""
@@ -41,12 +51,23 @@ class Shot:
     """The user's pictures of what moves by itself,"""
     drawn: DrawnMask | None = None
     """and what is drawn in Blender; either is enough."""
+    work: Path | None = None
+    """The folder that keeps the solve, if there is one: depth is kept there, too."""
 
     @cached_property
     def context(self) -> ClipContext:
         """The clip as the core's stages see it."""
         masks = self.masked if self.masks or self.drawn else None
-        return ClipContext(self.reconstruction, self.read, self.depth, masks)
+        store = DepthStore(self.work / KEPT_DEPTH, self._depth_key) if self.work else None
+        return ClipContext(self.reconstruction, self.read, self.depth, masks, store)
+
+    @property
+    def _depth_key(self) -> str:
+        """16 hexadecimal digits of all that the depth found in the clip depends on."""
+        masks = self.masks and clip_digest(self.masks.pictures), self.drawn and drawn_digest(self.drawn)
+        clip = clip_digest(self.footage), reconstruction_digest(self.reconstruction)
+        options = StereoOptions(), COARSE, FusionOptions()
+        return hashlib.sha256(repr((DEPTHS, clip, masks, options)).encode()).hexdigest()[:16]
 
     def read(self, frame: int) -> Pixels:
         """A frame's picture, remembered: depth, what moves and what is lent ask for the same ones."""
@@ -93,7 +114,9 @@ def shot_of(scene: bpy.types.Scene) -> Shot:
         masks = open_masks(Path(masks_path), footage) if masks_path else None
         size = (footage.width, footage.height)
         shapes = drawn_mask(drawn, footage.frames, size) if drawn else None
-        _last = (key, Shot(footage, reconstruction, depth, masks, shapes))
+        work = work_dir(settings, path)
+        kept = work if (work / STATE).exists() else None
+        _last = (key, Shot(footage, reconstruction, depth, masks, shapes, kept))
     return _last[1]
 
 

@@ -12,9 +12,9 @@ from ..core.media.clip import Footage, open_footage
 from ..core.readers import read_reconstruction
 from ..core.readers.matching import Imported
 from ..core.sfm.workspace import check_replaceable, holds_solve, keep_import
-from ..scene.clip import footage_path
+from ..scene.clip import footage_path, work_dir
 from ..scene.movieclip import read_movie_clip
-from .operators import Result, build_scene, has_clip, report_hidden, reported, work_dir
+from .operators import Result, build_scene, has_clip, report_hidden, reported
 
 
 class _Import:
@@ -42,7 +42,7 @@ class _Import:
     @reported
     def execute(self: Any, context: bpy.types.Context) -> Result:
         settings = context.scene.virtual_aperture
-        footage, folder = open_footage(footage_path(settings)), work_dir(settings)
+        footage, folder = open_footage(footage_path(settings)), work_dir(settings, footage_path(settings))
         found = self.read(footage)
         if self.again:
             check_replaceable(folder, footage)
@@ -60,7 +60,8 @@ class _Import:
         return {"FINISHED"}
 
     def confirm(self: Any, context: bpy.types.Context, event: bpy.types.Event) -> Result:
-        folder = work_dir(context.scene.virtual_aperture)
+        settings = context.scene.virtual_aperture
+        folder = work_dir(settings, footage_path(settings))
         answer: Result = context.window_manager.invoke_confirm(
             self, event, title="Replace Solve", message=f"{folder} holds a solve of this clip",
             confirm_text="Replace",

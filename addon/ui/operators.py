@@ -17,12 +17,11 @@ from ..core.base.progress import Cancelled, reporting
 from ..core.media.clip import Footage
 from ..core.sfm.process import Progress, SolveProcess
 from ..core.sfm.state import STATE
-from ..core.sfm.workspace import Solve, default_work_dir, imported_from, load_solve
+from ..core.sfm.workspace import Solve, imported_from, load_solve
 from ..scene import aperture_cloud
 from ..scene.build import build
-from ..scene.clip import footage_path, solved_clip_path
+from ..scene.clip import footage_path, solved_clip_path, work_dir
 from ..scene.lens import focal_of, is_in_focus, lens_settings
-from ..scene.paths import absolute
 from ..scene.refocus import keep_focus, restore_focus
 from ..scene.remedy_words import WORDS
 from ..scene.shot import reconstruction_of
@@ -76,18 +75,9 @@ def reported(
     return wrapped
 
 
-def work_dir(settings: Any) -> Path:
-    """The working folder that is set, or the default one beside the .blend (or beside the clip)."""
-    if settings.work_dir:
-        return absolute(settings.work_dir)
-    clip = footage_path(settings)
-    beside = Path(bpy.data.filepath).parent if bpy.data.filepath else clip.parent
-    return default_work_dir(clip, beside)
-
-
 def is_kept(settings: Any) -> bool:
     """Whether the clip's working folder keeps a solve or an import; for drawing, so nothing is read."""
-    return bool(settings.footage) and (work_dir(settings) / STATE).exists()
+    return bool(settings.footage) and (work_dir(settings, footage_path(settings)) / STATE).exists()
 
 
 def build_scene(scene: bpy.types.Scene, footage: Footage, folder: Path) -> tuple[Solve, str]:
@@ -221,7 +211,7 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
             partial(
                 SolveProcess,
                 footage_path(settings),
-                work_dir(settings),
+                work_dir(settings, footage_path(settings)),
                 focal=focal_of(settings),
                 again=self.again,
                 zooms=settings.lens == "ZOOM",
@@ -249,7 +239,7 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
         settings = context.scene.virtual_aperture
         if self.again and not self.sure and is_kept(settings):
             self._asks = True
-            folder = work_dir(settings)
+            folder = work_dir(settings, footage_path(settings))
             answer: Result = context.window_manager.invoke_confirm(
                 self, event, title=f"Replace the solve in {folder.name}?", message=kept_words(folder),
                 confirm_text="Solve Again",

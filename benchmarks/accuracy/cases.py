@@ -28,7 +28,6 @@ from .scenes import Picture, Scene
 
 Floats = NDArray[np.float64]
 
-TRACKS = ("T1", "T2")
 ON_SURFACE = 0.5
 """Pixels of the blur disc by which the focus may miss the surface seen there and still be picked on it."""
 
@@ -90,17 +89,18 @@ class TrueDepth:
 
 
 @dataclass(frozen=True)
-class FrameOfClip(ClipContext):
-    """One frame with its features, and the whole clip for what other frames tell."""
+class ClipWithFill(ClipContext):
+    """A clip whose hidden colours come from elsewhere than its own frames: a larger clip, or the truth."""
 
-    whole: ClipContext | None = None
+    fill: Callable[[int, Canvas, Picture, PixelDepth], HiddenColours] | None = None
+    """What is `ClipContext.hidden_colours`."""
 
     def hidden_colours(
-        self, frame: int, canvas: Canvas, picture: Picture, inverse_depth: Floats
+        self, frame: int, canvas: Canvas, picture: Picture, depth: PixelDepth
     ) -> HiddenColours:
-        """The colours that the frames of the whole clip have."""
-        assert self.whole is not None
-        return self.whole.hidden_colours(frame, canvas, picture, inverse_depth)
+        """Those of `fill`."""
+        assert self.fill is not None
+        return self.fill(frame, canvas, picture, depth)
 
 
 class GroundTruth:
@@ -119,7 +119,7 @@ class GroundTruth:
         scene, true = self.scene, self.reconstruction((frame,))
         # Corners are found in each frame anew: with other frames they would seem to come and go.
         alone = replace(true, images=(true.image_at(frame)[0],))
-        clip = FrameOfClip(alone, self.whole.read, TrueDepth(scene), whole=self.whole)
+        clip = ClipWithFill(alone, self.whole.read, TrueDepth(scene), fill=self.whole.hidden_colours)
         return BenchmarkCase(
             frame, to_linear(scene.frame(frame)), clip, self._focus(frame, blur),
             scene.radius(blur), scene.depth(frame), lambda margin: scene.layers(frame, margin),

@@ -21,14 +21,13 @@ from addon.core.lens.focus import Focus, exact_registration
 from addon.core.lens.frame import WarpedFrame, warp_frame
 from addon.core.lens.plan import FramePlan, LensSettings
 from addon.core.lens.thin_lens import ThinLens
-from addon.core.warp.disocclusion_fill import HiddenColours
 from addon.core.warp.mesh import WarpMesh
 from addon.render import cycles_views
 from addon.render.average import draw_mean
 from addon.render.quiet import quiet
 
 from . import oracle
-from .cases import BenchmarkCase
+from .cases import BenchmarkCase, ClipWithFill
 from .defocus import defocus
 from .scatter import scatter
 
@@ -80,23 +79,13 @@ def by_mesher(name: str, case: BenchmarkCase, views: int) -> Answer:
 
 def known_fill(case: BenchmarkCase, views: int) -> Answer:
     """Ours, told the colours of all that the frame hides: what it lacks then is not what nobody saw."""
-    clip = case.clip
-    told = KnownFill(clip.reconstruction, clip.read, clip.given_depth, clip.masks, case.layers(0))
+    clip, surfaces = case.clip, case.layers(0)
+    assert surfaces is not None
+    told = ClipWithFill(
+        clip.reconstruction, clip.read, clip.given_depth, clip.masks,
+        fill=lambda *frame: partial(_colours, surfaces),
+    )  # fmt: skip
     return _through(case, told, LensSettings(case.focus, case.radius, views))
-
-
-@dataclass(frozen=True)
-class KnownFill(ClipContext):
-    """A clip whose hidden surfaces are known."""
-
-    surfaces: oracle.LayeredDepthImage | None = None
-
-    def hidden_colours(
-        self, frame: int, canvas: Canvas, picture: Picture, inverse_depth: Floats
-    ) -> HiddenColours:
-        """The true colours of the layers."""
-        assert self.surfaces is not None
-        return partial(_colours, self.surfaces)
 
 
 def _colours(

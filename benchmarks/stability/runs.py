@@ -6,11 +6,10 @@ import numpy as np
 
 from addon.core.base.arrays import LinearRGBA
 from addon.core.camera.reconstruction import Floats, Reconstruction
-from addon.core.lens.clip_context import ClipContext
+from addon.core.lens.clip_context import ClipContext, no_picture
 from addon.core.lens.focus import Focus, radius_for_blur
 from addon.core.lens.frame import warp_frame
 from addon.core.lens.plan import FramePlan, LensSettings
-from addon.core.media.picture_file import Pixels
 from addon.render import gpu_views
 
 from .__main__ import Measure
@@ -87,11 +86,6 @@ def planned(
     settings, blank = LensSettings(focus, radius, views, method), np.zeros((lens.height, lens.width, 4))
     clip = ClipContext(rec, no_picture)
     return warp_frame(clip, frame, settings, (lens.width, lens.height), blank.astype(np.float32)).plan
-
-
-def no_picture(frame: int) -> Pixels:
-    """For clips that no method asks for a picture."""
-    raise AssertionError(f"nothing needs the picture of frame {frame}")
 
 
 def frontal(plan: FramePlan, depth: float = DEPTH, focus: float = 1 / FOCUS) -> list[Measure]:

@@ -26,6 +26,8 @@ OTHER = ("--focus-distance", "9", "--blur", "0.08", "--method", "features", "--v
 """Another lens, whose pictures are others."""
 HANGS = 90.0
 """Seconds of a busy machine after which a run hangs: an untouched one takes two."""
+KEPT_DEPTH = "depth"
+"""Folder of a solve that keeps what was found of its frames' depth (`addon/scene/shot.py`)."""
 FOREIGN = ("blender_", "mesa_shader_cache", "matplotlib")
 """How names of what Blender and its libraries leave in the folder for temporary files begin."""
 
@@ -223,15 +225,19 @@ class Bench:
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir(parents=True)
         one = Try(self, folder, random.Random(seed))
-        inputs = contents(self.clip.parent) | {f"work/{n}": d for n, d in contents(self.work).items()}
+        inputs = self._inputs()
         try:
             fault(one)
         finally:
-            after = contents(self.clip.parent) | {f"work/{n}": d for n, d in contents(self.work).items()}
-            if after != inputs:
+            if self._inputs() != inputs:
                 one.verdict.add("lost", "the clip or its solve was changed")
             shutil.rmtree(folder, ignore_errors=True)
         return one.verdict
+
+    def _inputs(self) -> Files:
+        """What no try may change: the clip and its solve, but for the depth that is kept beside it."""
+        work = {name: data for name, data in contents(self.work).items() if Path(name).parts[0] != KEPT_DEPTH}
+        return contents(self.clip.parent) | {f"work/{name}": data for name, data in work.items()}
 
     def project(self, folder: Path) -> Path:
         """A copy of the clip and its solve that a try may spoil; the working folder."""

@@ -10,7 +10,7 @@ import numpy as np
 from addon.core.camera.reconstruction import Intrinsics
 
 from . import clip
-from .bench import LENS, Try, contents, memory_limit
+from .bench import DENSE, LENS, Try, contents, memory_limit
 from .kills import SIGNALS, interrupt
 
 WIDE = Intrinsics(16384, 96, 14000.0, 14000.0, 8192.0, 48.0)
@@ -19,15 +19,26 @@ LONG = 2000
 
 
 def memory(one: Try) -> None:
-    """A limit of the address space: refused, or as without."""
+    """A limit of the address space, for a sequence, one with masks, or a movie: refused, or as without."""
     size = int(one.dice.uniform(0.3, 3.0) * 2**30)
     out = one.folder / "out" / "####.png"
-    words = ("render", one.bench.work, *LENS, "--out", out)
-    run = one.end(one.start(*words, limits=memory_limit(size)), expected=())
-    if run.status == 0 and contents(out.parent) != one.bench.frames:
-        one.verdict.add("wrong", f"{size >> 20} MiB: {run.said[-300:]}")
-    one.check_partial(one.bench.frames, out.parent)
-    one.expect(one.bench.frames, out, one.run(*words))
+    words: tuple[object, ...] = ("render", one.bench.work, *LENS, "--out", out)
+    expected = one.bench.frames
+    kind = one.dice.choice(["sequence", "masked", "movie"])
+    if kind == "masked":
+        words = ("render", one.bench.work, *DENSE, "--mask", one.bench.masks, "--out", out)
+        expected = one.bench.masked
+    elif kind == "movie":
+        out = one.folder / "out" / "a.mp4"
+        words = ("render", one.bench.work, *LENS, "--out", out)
+        expected = {"a.mp4": one.bench.movie}
+    run = one.run(*words, limits=memory_limit(size))
+    there = contents(out.parent)
+    if run.status == 0 and there != expected:
+        one.verdict.add("wrong", f"{size >> 20} MiB, {kind}: {run.said[-300:]}")
+    one.check_partial(expected, out.parent)
+    again = ["--overwrite"] * (kind == "movie" and out.exists())
+    one.expect(expected, out, one.run(*words, *again))
 
 
 def wide(one: Try) -> None:
@@ -37,6 +48,8 @@ def wide(one: Try) -> None:
 
 def large(one: Try) -> None:
     """Pictures of 16,384 by 9,216 pixels, and memory for them or not."""
+    # Minutes on an idle machine: a picture of a quarter of that takes one and a half.
+    one.patience = 1800
     _large(one, LARGE, int(one.dice.uniform(2, 24) * 2**30) if one.dice.random() < 0.7 else None)
 
 

@@ -63,7 +63,7 @@ def test_a_video_is_decoded_once_to_count_its_frames(clip: Path, tmp_path: Path)
     assert kept["video"] == {"count": 16, "width": planes.SIZE[0], "height": planes.SIZE[1], "fps": 24.0}
     # As older versions wrote it, and damaged.
     for others in ({}, {"video": None}, {"video": {"count": -1}}, {"video": [16]}):
-        state = {name: value for name, value in kept.items() if name != "video"} | others
+        state = {name: value for name, value in kept.items() if name not in ("video", "digest")} | others
         (work / "solve.json").write_text(json.dumps(state))
         solved = load_solve(work)
         assert solved.video is None

@@ -206,7 +206,8 @@ def bad_inputs(tmp: Path) -> dict[str, tuple[list[object], str]]:
 @pytest.mark.parametrize("name", [
     "missing file", "no images", "one frame", "all frames equal", "two sizes", "empty video", "text as video",
     "output in a file", "unknown output", "one name for all", "focus outside", "focus nonsense",
-    "negative aperture", "zero blur", "no views", "views nonsense", "no error", "error and views", "frames outside", "frames nonsense",
+    "negative aperture", "zero blur", "no views", "views nonsense", "no error",
+    "error and views", "frames outside", "frames nonsense",
     "no solve",
 ])  # fmt: skip
 def test_bad_input_is_one_line_and_leaves_nothing(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import cv2
@@ -46,6 +47,25 @@ def test_a_lens_before_a_sensor_is_the_same_focal_length(clip: Path, tmp_path: P
     before = (work / "solve.json").stat().st_mtime_ns
     assert run("solve", clip, "--work", work, "--focal-mm", 20.4, "--sensor-mm", 24) == 0
     assert (work / "solve.json").stat().st_mtime_ns == before
+
+
+def test_depth_that_is_found_ahead_is_what_renders_read(
+    registered: None, solved: Solve, clip: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    work = shutil.copytree(solved.work_dir, tmp_path / "work")
+    lens = ("--focus-distance", 10, "--blur", 0.03, "--views", 4, "--frames", "8-9")
+    assert run("render", work, *lens, "--out", tmp_path / "found" / "####.png") == 0
+    shutil.rmtree(work / "depth")
+    assert run("solve", clip, "--work", work, "--fov", 60.93, "--depth") == 0
+    assert "the depth of 16 frames is kept" in capsys.readouterr().out
+    (folder,) = (work / "depth").iterdir()
+    frames = {path.name: path.stat().st_mtime_ns for path in folder.glob("depth-*.npz")}
+    assert len(frames) == 16
+    assert run("render", work, *lens, "--out", tmp_path / "read" / "####.png") == 0
+    assert frames == {path.name: path.stat().st_mtime_ns for path in folder.glob("depth-*.npz")}
+    assert list((work / "depth").iterdir()) == [folder]
+    for name in ("0008.png", "0009.png"):
+        assert (tmp_path / "found" / name).read_bytes() == (tmp_path / "read" / name).read_bytes()
 
 
 def test_a_video_is_opened_once_before_its_worker_starts(

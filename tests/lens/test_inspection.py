@@ -16,7 +16,7 @@ from addon.core.camera.reconstruction import Intrinsics
 from addon.core.depth.source import PixelDepth
 from addon.core.lens import inspection
 from addon.core.lens.aperture_sampling import vogel_disc
-from addon.core.lens.clip_context import ClipContext
+from addon.core.lens.clip_context import ClipContext, no_picture
 from addon.core.lens.focus import Focus, exact_registration
 from addon.core.lens.frame import WarpedFrame, warp_frame
 from addon.core.lens.inspection import NAMES, inverse_depth, pictures, source_frame
@@ -32,7 +32,7 @@ from addon.core.warp.quadtree import QuadtreeOptions, triangulate
 from addon.core.warp.rasterise import at_pixels
 from addon.render.average import Drawn, draw_shares
 
-from ..scenes import no_picture, slanted_plane, texture
+from ..scenes import slanted_plane, texture
 from ..warp.test_layered_depth_image import (
     FAR,
     LENS,

@@ -174,6 +174,13 @@ def test_a_damaged_report_is_told(tmp_path: Path) -> None:
     clip, work = write_frames(tmp_path / "frames", LENS), tmp_path / "work"
     keep(clip, work)
     state = json.loads((work / "solve.json").read_text())
+    frames = json.dumps(state | {"frames": state["frames"][1:]})
+    (work / "solve.json").write_text(frames)
+    with pytest.raises(UserError, match=r"solve\.json is damaged \(it is not what the solve wrote\)") as told:
+        load_solve(work)
+    assert Remedy.AGAIN in told.value.remedies
+    # Older ones have no digest.
+    del state["digest"]
     (work / "solve.json").write_text(json.dumps(state | {"report": {"explained": "all"}}))
     with pytest.raises(UserError, match=r"the report in .*solve\.json is damaged"):
         _ = load_solve(work).summary

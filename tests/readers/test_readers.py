@@ -610,134 +610,73 @@ def changed(text: str, line: int, words: str, word: int | None = None) -> str:
     return "\n".join(lines)
 
 
+def in_bundle(line: int, words: str, told: str, word: int | None = None) -> tuple[str, str, str]:
+    """Suffix and text of a bundle.out with a change, and what is told of it; `changed` has the words."""
+    return "out", changed(BUNDLE, line, words, word), told
+
+
+def in_nvm(line: int, words: str, told: str, word: int | None = None) -> tuple[str, str, str]:
+    """The same of a VisualSFM file."""
+    return "nvm", changed(MATCHES, line, words, word), told
+
+
+def in_voodoo(line: int, words: str, told: str, word: int | None = None) -> tuple[str, str, str]:
+    """The same of a Voodoo export."""
+    return "txt", changed(EXPORT, line, words, word), told
+
+
 DAMAGE = {
-    "version": (
-        "out",
-        changed(BUNDLE, 1, "# Bundle file v0.7"),
-        r"line 1: expected '# Bundle file v0\.3' or",
-    ),
-    "counts": ("out", changed(BUNDLE, 2, "4"), "line 2: expected two numbers"),
-    "negative count": (
-        "out",
-        changed(BUNDLE, 2, "-4 12"),
-        "line 2: expected the number of cameras, not '-4'",
-    ),
-    "hostile cameras": (
-        "out",
-        changed(BUNDLE, 2, "9999999999 12"),
-        "line 2: expected the number of cameras; 9999",
-    ),
-    "hostile points": (
-        "out",
-        changed(BUNDLE, 2, "4 4294967296"),
-        "line 2: expected the number of points; 4294",
-    ),
-    "million digits": (
-        "out",
-        changed(BUNDLE, 2, "1" * 1_000_000 + " 3"),
-        "line 2: expected the number of cameras",
-    ),
-    "long word": ("out", changed(BUNDLE, 4, "1" * 1_000_000, 0), "line 4: expected a number of at most"),
-    "nan": ("out", changed(BUNDLE, 5, "nan", 1), "line 5: expected a number of at most 1e\\+15, not 'nan'"),
-    "infinite": ("out", changed(BUNDLE, 23, "-inf", 0), "line 23: expected a number .* not '-inf'"),
-    "comma": ("out", changed(BUNDLE, 23, "1,25", 2), r"line 23: .*with a point, not a comma\), not '1,25'"),
-    "word": ("out", changed(BUNDLE, 24, "red", 0), "line 24: expected a number .* not 'red'"),
-    "underscore": ("out", changed(BUNDLE, 24, "1_0", 0), "line 24: expected a number .* not '1_0'"),
-    "focal length": ("out", changed(BUNDLE, 3, "-80", 0), "line 3: expected the focal length of camera 0"),
-    "rotation": ("out", changed(BUNDLE, 10, "7", 2), "line 9: expected .* a rotation of camera 1"),
-    "zero rotation": ("out", changed(BUNDLE, 4, "0 0 0"), "line 4: expected .* a rotation of camera 0"),
-    "camera index": (
-        "out",
-        changed(BUNDLE, 25, "-1103756645", 1),
-        "line 25: expected a camera from 0 to 3, not -1",
-    ),
-    "camera too large": ("out", changed(BUNDLE, 25, "4", 1), "line 25: expected a camera from 0 to 3, not 4"),
-    "half a camera": (
-        "out",
-        changed(BUNDLE, 25, "0.5", 1),
-        "line 25: expected a camera from 0 to 3, not 0.5",
-    ),
-    "views": (
-        "out",
-        changed(BUNDLE, 25, "-3", 0),
-        "line 25: expected the number of views of point 0, not -3",
-    ),
-    "huge views": (
-        "out",
-        changed(BUNDLE, 25, "1e12", 0),
-        "ends at line 58: expected 1e\\+12 views of point 0",
-    ),
+    "version": in_bundle(1, "# Bundle file v0.7", r"line 1: expected '# Bundle file v0\.3' or"),
+    "counts": in_bundle(2, "4", "line 2: expected two numbers"),
+    "negative count": in_bundle(2, "-4 12", "line 2: expected the number of cameras, not '-4'"),
+    "hostile cameras": in_bundle(2, "9999999999 12", "line 2: expected the number of cameras; 9999"),
+    "hostile points": in_bundle(2, "4 4294967296", "line 2: expected the number of points; 4294"),
+    "million digits": in_bundle(2, "1" * 1_000_000 + " 3", "line 2: expected the number of cameras"),
+    "long word": in_bundle(4, "1" * 1_000_000, "line 4: expected a number of at most", 0),
+    "nan": in_bundle(5, "nan", "line 5: expected a number of at most 1e\\+15, not 'nan'", 1),
+    "infinite": in_bundle(23, "-inf", "line 23: expected a number .* not '-inf'", 0),
+    "comma": in_bundle(23, "1,25", r"line 23: .*with a point, not a comma\), not '1,25'", 2),
+    "word": in_bundle(24, "red", "line 24: expected a number .* not 'red'", 0),
+    "underscore": in_bundle(24, "1_0", "line 24: expected a number .* not '1_0'", 0),
+    "focal length": in_bundle(3, "-80", "line 3: expected the focal length of camera 0", 0),
+    "rotation": in_bundle(10, "7", "line 9: expected .* a rotation of camera 1", 2),
+    "zero rotation": in_bundle(4, "0 0 0", "line 4: expected .* a rotation of camera 0"),
+    "camera index": in_bundle(25, "-1103756645", "line 25: expected a camera from 0 to 3, not -1", 1),
+    "camera too large": in_bundle(25, "4", "line 25: expected a camera from 0 to 3, not 4", 1),
+    "half a camera": in_bundle(25, "0.5", "line 25: expected a camera from 0 to 3, not 0.5", 1),
+    "views": in_bundle(25, "-3", "line 25: expected the number of views of point 0, not -3", 0),
+    "huge views": in_bundle(25, "1e12", "ends at line 58: expected 1e\\+12 views of point 0", 0),
     "truncated": ("out", "\n".join(BUNDLE.split("\n")[:40]), "ends at line 40: expected 6 more points of 12"),
     "too much": ("out", BUNDLE + "1 2 3\n", "line 59: expected nothing after 12 points"),
     "empty": ("out", " \n\n", "is empty"),
     "binary": ("out", BUNDLE[:100] + "\0" + BUNDLE[100:], "byte 100: expected text"),
     "all gone": ("out", foreign.bundler(world(), missing=(0, 1, 2, 3)), "no registered camera"),
-    "nvm version": (
-        "nvm",
-        changed(MATCHES, 1, "NVM_V2"),
-        "line 1: expected NVM_V3 or NVM_V3_R9T, not 'NVM_V2'",
-    ),
-    "nvm FixedK": (
-        "nvm",
-        changed(MATCHES, 1, "NVM_V3 FixedK 80 48"),
-        "line 1: expected nothing after the version",
-    ),
-    "nvm count": ("nvm", changed(MATCHES, 3, "four"), "line 3: expected the number of cameras, not 'four'"),
-    "nvm cameras": (
-        "nvm",
-        changed(MATCHES, 3, "40000"),
-        "line 3: expected the number of cameras; 40000 do not fit",
-    ),
-    "nvm camera": (
-        "nvm",
-        changed(MATCHES, 5, "a.png 80 1 0 0 0"),
-        "line 5: expected a file name and 10 numbers",
-    ),
-    "nvm quaternion": (
-        "nvm",
-        changed(MATCHES, 5, "a.png 80 0 0 0 0 1 2 3 0 0"),
-        "line 5: expected a quaternion",
-    ),
-    "nvm nan": ("nvm", changed(MATCHES, 6, "nan", 7), "line 6: expected a number of at most .* not 'nan'"),
-    "nvm focal": ("nvm", changed(MATCHES, 6, "-1", 1), "line 6: expected a focal length greater than zero"),
-    "nvm radial": (
-        "nvm",
-        changed(MATCHES, 6, "-1e9", 9),
-        "line 6: expected the radial distortion of a lens, under which",
-    ),
-    "nvm points": ("nvm", changed(MATCHES, 9, "13"), "line 22: expected X Y Z R G B, a count and features"),
-    "nvm hostile": (
-        "nvm",
-        changed(MATCHES, 9, "999999999"),
-        "line 9: expected the number of points; 999999999",
-    ),
-    "nvm views": (
-        "nvm",
-        changed(MATCHES, 12, "9", 6),
-        "line 12: expected 9 features of 4 numbers each, not 12",
-    ),
-    "nvm index": ("nvm", changed(MATCHES, 12, "4", 7), "line 12: expected a camera from 0 to 3, not 4"),
+    "nvm version": in_nvm(1, "NVM_V2", "line 1: expected NVM_V3 or NVM_V3_R9T, not 'NVM_V2'"),
+    "nvm FixedK": in_nvm(1, "NVM_V3 FixedK 80 48", "line 1: expected nothing after the version"),
+    "nvm count": in_nvm(3, "four", "line 3: expected the number of cameras, not 'four'"),
+    "nvm cameras": in_nvm(3, "40000", "line 3: expected the number of cameras; 40000 do not fit"),
+    "nvm camera": in_nvm(5, "a.png 80 1 0 0 0", "line 5: expected a file name and 10 numbers"),
+    "nvm quaternion": in_nvm(5, "a.png 80 0 0 0 0 1 2 3 0 0", "line 5: expected a quaternion"),
+    "nvm nan": in_nvm(6, "nan", "line 6: expected a number of at most .* not 'nan'", 7),
+    "nvm focal": in_nvm(6, "-1", "line 6: expected a focal length greater than zero", 1),
+    "nvm radial": in_nvm(6, "-1e9", "line 6: expected the radial distortion of a lens, under which", 9),
+    "nvm points": in_nvm(9, "13", "line 22: expected X Y Z R G B, a count and features"),
+    "nvm hostile": in_nvm(9, "999999999", "line 9: expected the number of points; 999999999"),
+    "nvm views": in_nvm(12, "9", "line 12: expected 9 features of 4 numbers each, not 12", 6),
+    "nvm index": in_nvm(12, "4", "line 12: expected a camera from 0 to 3, not 4", 7),
     "nvm truncated": (
         "nvm",
         "\n".join(MATCHES.split("\n")[:15]),
         "ends at line 15: expected 6 more lines of 12",
     ),
-    "voodoo header": ("txt", changed(EXPORT, 2, "# Text"), "no model of a known format"),
-    "voodoo numbers": (
-        "txt",
-        changed(EXPORT, 6, "1 2 3 4"),
-        "line 6: expected the 28 numbers of a camera, not 4",
-    ),
-    "voodoo axes": ("txt", changed(EXPORT, 8, "3", 3), "line 8: expected A, H and V"),
-    "voodoo zero": ("txt", changed(EXPORT, 8, " ".join("0" * 28)), "line 8: expected .* picture"),
-    "voodoo size": (
-        "txt",
-        changed(EXPORT, 10, "96.5", 16),
-        "line 10: expected a picture of 1 to 1000000 pixels",
-    ),
-    "voodoo K3": ("txt", changed(EXPORT, 10, "-1e6", 12), "line 10: expected K3 and K5 of a lens"),
-    "voodoo point": ("txt", changed(EXPORT, 17, "1 2"), "line 17: expected X Y Z of a point, not 2 numbers"),
-    "voodoo nan": ("txt", changed(EXPORT, 18, "1 2 NaN"), "line 18: expected a number .* not 'NaN'"),
+    "voodoo header": in_voodoo(2, "# Text", "no model of a known format"),
+    "voodoo numbers": in_voodoo(6, "1 2 3 4", "line 6: expected the 28 numbers of a camera, not 4"),
+    "voodoo axes": in_voodoo(8, "3", "line 8: expected A, H and V", 3),
+    "voodoo zero": in_voodoo(8, " ".join("0" * 28), "line 8: expected .* picture"),
+    "voodoo size": in_voodoo(10, "96.5", "line 10: expected a picture of 1 to 1000000 pixels", 16),
+    "voodoo K3": in_voodoo(10, "-1e6", "line 10: expected K3 and K5 of a lens", 12),
+    "voodoo point": in_voodoo(17, "1 2", "line 17: expected X Y Z of a point, not 2 numbers"),
+    "voodoo nan": in_voodoo(18, "1 2 NaN", "line 18: expected a number .* not 'NaN'"),
     "voodoo truncated": ("txt", "\n".join(EXPORT.split("\n")[:6]), "ends at line 6: expected 3D points"),
 }
 

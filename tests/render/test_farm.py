@@ -60,11 +60,11 @@ def work(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "work"
 
 
-def has_sound(movie: Path) -> bool:
+def has_sound(movie: Path, count: int = COUNT) -> bool:
     scene = bpy.data.scenes.new("listen")
     try:
         return (
-            scene.sequence_editor_create().strips.new_sound("s", str(movie), 1, 1).frame_duration > COUNT / 2
+            scene.sequence_editor_create().strips.new_sound("s", str(movie), 1, 1).frame_duration > count / 2
         )
     finally:
         bpy.data.scenes.remove(scene)
@@ -151,6 +151,24 @@ def test_a_job_that_solves_first(work: Path, tmp_path: Path) -> None:
     words = " ".join(steps["Solve"][0])
     assert f"solve {tmp_path / 'job' / 'input' / 'clip.mp4'}" in words
     assert "--fov 60.0" in words and "--frames 1-9" in words
+
+
+def test_a_job_that_solves_first_gives_what_one_machine_gives(desk: Path, tmp_path: Path) -> None:
+    """From the clip to the movie with sound, by the real scheduler: 36 frames in 4 tasks."""
+    if not (openjd := shutil.which(os.environ.get("OPENJD", "openjd"))):
+        pytest.skip("no openjd program (pip install openjd-cli, or OPENJD names it)")
+    lens = ("--focus-at", "0.5,0.55", "--blur", "0.03", "--method", "features", "--views", "4")
+    assert "36 frames in 4 tasks" in done("farm", desk, *lens, "--chunk", 9, "--out", tmp_path / "job")
+    words = [openjd, "run", str(tmp_path / "job" / "template.json"), "--step", "Join", "--run-dependencies"]
+    subprocess.run(words, check=True, capture_output=True)
+    work = tmp_path / "one"
+    done("solve", desk, "--work", work)
+    done("render", work, *lens, "--for-movie", "--out", tmp_path / "frames" / "######.png")
+    done("render", work, *lens, "--out", tmp_path / "one.mp4")
+    output = tmp_path / "job" / "output"
+    assert contents(output / "frames") == contents(tmp_path / "frames")
+    assert (output / "movie.mp4").read_bytes() == (tmp_path / "one.mp4").read_bytes()
+    assert has_sound(output / "movie.mp4", 36)
 
 
 def test_bundles_are_refused_before_anything_is_written(work: Path, tmp_path: Path) -> None:

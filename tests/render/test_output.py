@@ -169,14 +169,29 @@ def test_movies_are_whole_or_not_there(ready: bpy.types.Scene, tmp_path: Path) -
     assert out.read_bytes() == first
     assert sorted(p.name for p in tmp_path.iterdir()) == ["clip", out.name]
     out.unlink()
-    with full_disk(len(first) // 2), pytest.raises(UserError):
-        output.render_movie(ready, FRAMES, out, said.append)
-    assert not out.exists()
+    # The last bytes are behind all frames.
+    for size in (len(first) // 2, len(first) - 1):
+        with full_disk(size), pytest.raises(UserError):
+            output.render_movie(ready, FRAMES, out, said.append)
+        assert not out.exists()
+
+
+@pytest.mark.parametrize("suffix", output.MOVIES)
+def test_a_movie_without_its_last_bytes_is_told(ready: bpy.types.Scene, tmp_path: Path, suffix: str) -> None:
+    out = tmp_path / f"a{suffix}"
+    output.render_movie(ready, FRAMES, out, lambda text: None)
+    whole = out.read_bytes()
+    assert not frame_files.movie_problem(out, 3, (160, 90))
+    for lost in (1, 23):
+        out.write_bytes(whole[:-lost])
+        assert frame_files.movie_problem(out, 3, (160, 90))
+    out.write_bytes(whole + b"1")
+    assert frame_files.movie_problem(out, 3, (160, 90)) == "is cut off"
 
 
 def test_a_movie_that_is_cut_off_is_told(tmp_path: Path) -> None:
-    path = tmp_path / "a.avi"
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 24, (64, 48))
+    path = tmp_path / "a.mp4"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), 24, (64, 48))
     for value in range(5):
         writer.write(np.full((48, 64, 3), 40 * value, np.uint8))
     writer.release()

@@ -77,7 +77,7 @@ def variance(light: Floats) -> float:
 
 
 def test_one_colour_stays_one_colour() -> None:
-    before, after, _ = blurred(picture(0.5, 0.5), lambda disparity: np.abs(disparity - FAR) + 1)
+    before, after, _ = blurred(picture(0.5, 0.5), lambda disparity: np.abs(disparity) + 1)
     # Matting takes mixed pixels apart by a little less than a 255th.
     np.testing.assert_allclose(before[-1], [[[0.5, 0.5, 0.5, 1]]] * np.ones_like(before[-1]), atol=4e-3)
     np.testing.assert_allclose(after[-1], [[[0.5, 0.5, 0.5, 1]]] * np.ones_like(before[-1]), atol=4e-3)
@@ -87,8 +87,8 @@ def test_one_colour_stays_one_colour() -> None:
 
 def test_what_is_in_focus_is_untouched() -> None:
     grain = np.random.default_rng(0).random(SIZE)
-    before, after, layers = blurred(picture(grain, grain), lambda d: np.where(d > 6, 0.0, 4.0), NEAR)
-    near = np.repeat(np.repeat(layers[0].front_disparity > 6, FINER, 0), FINER, 1)
+    before, after, layers = blurred(picture(grain, grain), lambda d: np.where(d > 6 - NEAR, 0.0, 4.0), NEAR)
+    near = np.repeat(np.repeat(layers[0].front_disparity > 6 - NEAR, FINER, 0), FINER, 1)
     assert near.any()
     np.testing.assert_array_equal(after[0][near], before[0][near])
     # The wall beside it is not.

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from addon.core.base.arrays import Floats, LinearRGB, Mask
+from addon.core.base.arrays import Floats, LinearRGB, Map, Mask
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.depth.joint_upsampling import upsampled
@@ -287,12 +289,12 @@ def test_where_silhouettes_cross_three_surfaces_are_kept_apart() -> None:
     assert second.mixed[beside & (np.abs(Y - GABLE) < 1)].all()
 
 
-def hidden_colours(shift: Floats, asked: Mask) -> tuple[LinearRGB, Mask]:
+def hidden_colours(focus: float, shift: Map, asked: Mask) -> tuple[LinearRGB, Mask]:
     """The colours of what is behind the disc, by its depth."""
     margin = (shift.shape[0] - SIZE[0]) // 2
     inner = slice(margin, margin + SIZE[0]), slice(margin, margin + SIZE[1])
     colour, known = np.zeros((*shift.shape, 3), np.float32), np.zeros(shift.shape, bool)
-    colour[inner] = np.where((shift[inner] > (MIDDLE + FAR) / 2)[..., None], stones(X, Y), wall())
+    colour[inner] = np.where((shift[inner] + focus > (MIDDLE + FAR) / 2)[..., None], stones(X, Y), wall())
     known[inner] = True
     return colour, known & asked
 
@@ -308,7 +310,12 @@ def test_three_surfaces_make_better_views_than_two(focus: float) -> None:
         for large, scores in found.items():
             options = LayeredMeshOptions(first_jump=large)
             mesh, texture, _ = make_mesh(
-                house(gable=gable), before_house(gable), focus, 150.0, fill=hidden_colours, options=options
+                house(gable=gable),
+                before_house(gable),
+                focus,
+                150.0,
+                fill=partial(hidden_colours, focus),
+                options=options,
             )
             made = planned(canvas, focus, mesh, offsets, registration)
             scores.append(psnr(drawn(made, texture)[crossing][:, :3].astype(np.float64), true[crossing]))
@@ -329,7 +336,7 @@ def test_a_surface_does_not_tear_between_two_silhouettes() -> None:
     for offset in np.array([[0.0, 0.95], [0.7, 0.7]]):
         registration = exact_registration(canvas, offset[None], NEAR / 150)
         mesh, texture, _ = make_mesh(
-            house(), before_house(), NEAR, 150.0, fill=hidden_colours, options=options
+            house(), before_house(), NEAR, 150.0, fill=partial(hidden_colours, NEAR), options=options
         )
         made = planned(canvas, NEAR, mesh, offset[None], registration)
         view = drawn(made, texture)

@@ -34,7 +34,7 @@ def upsampled(
     if depth.shape == (height, width):
         return depth.astype(np.float64)
     small = depth.astype(np.float32)
-    shown = np.clip(picture[..., :3], 0, 1) ** np.float32(1 / 2.2)
+    shown = cv2.pow(np.clip(picture[..., :3], 0, 1), 1 / 2.2)
     guide = cv2.resize(shown, small.shape[::-1], interpolation=cv2.INTER_AREA)
     x = (np.arange(width, dtype=np.float32) + 0.5) * (small.shape[1] / width) - 0.5
     y = (np.arange(height, dtype=np.float32) + 0.5) * (small.shape[0] / height) - 0.5
@@ -50,9 +50,12 @@ def upsampled(
             )
             value = small[at]
             weight = (1 - np.abs(y - row))[:, None] * (1 - np.abs(x - column))
-            off = np.linalg.norm(shown - guide[at], axis=2) / options.colour_distance + (1 - weight)
+            unlike = shown - guide[at]
+            off = np.sqrt(np.einsum("hwc,hwc->hw", unlike, unlike)) / np.float32(options.colour_distance)
+            off += 1 - weight
             nearer = off < best
-            best, chosen = np.where(nearer, off, best), np.where(nearer, value, chosen)
+            np.copyto(best, off, where=nearer)
+            np.copyto(chosen, value, where=nearer)
             bilinear += weight * value
             low, high = np.minimum(low, value), np.maximum(high, value)
     jumps = high - low > options.discontinuity * float(small.max(initial=0))

@@ -7,7 +7,7 @@ each pixel's inverse depth; pixels whose motion contradicts it move by themselve
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
@@ -20,6 +20,7 @@ from ..camera.reconstruction import Image, Intrinsics, Reconstruction, seen_by
 from ..media.clip import encode_srgb
 from ..media.picture_file import Pixels
 from .completion import CompletionOptions, add_sparse_prior, interpolate, place_movers, smooth, splat
+from .depth_store import DepthStore
 from .motion_segmentation import MASKED, MotionOptions, moving_pixels, occluding_pixels
 from .plane_sweep import SweepOptions, View, best_levels, semiglobal, small_picture, sweep
 from .sparse import frame_features
@@ -120,10 +121,12 @@ class PlaneSweepStereo:
         read: Callable[[int], Pixels],
         options: StereoOptions = StereoOptions(),
         mask: Moving | None = None,
+        store: DepthStore | None = None,
     ) -> None:
         """`read` gives a frame's picture as `Footage.read` does; `mask` what is known to move by itself: more
-        may be found."""
+        may be found. `store` keeps what moves."""
         self._rec, self._read, self._options, self._mask = reconstruction, read, options, mask
+        self._store = store
         self._pictures = LRUCache[Bytes](options.kept_pictures)
         self._movers = LRUCache[Mask](options.kept_pictures)
 
@@ -166,22 +169,48 @@ class PlaneSweepStereo:
             if len(features.points) >= options.least_points:
                 inverse = share * inverse + (1 - share) * sparse
         checkpoint(0.8)
-        moving = masked
-        if min(shape) >= options.motion.least_side:
-            close = self._neighbours(image, (low, high), options.motion_parallaxes)
+        found = DenseDepth(frame, inverse, confidence, masked, canvas.pinhole)
+        return self._with_movers(image, found, (low, high), near)
+
+    def with_movers(self, frame: int, inverse: Map, confidence: Map) -> DenseDepth:
+        """Depth (h, w) of a frame that was found from others, with its confidence (h, w), and what moves by
+        itself in it; errors as `at`."""
+        image, _ = self._rec.image_at(frame)
+        span = self._range(image)
+        near = self._neighbours(image, span, self._options.depth_parallaxes)
+        found = DenseDepth(frame, inverse, confidence, self._masked(image), self.pinhole(frame))
+        return self._with_movers(image, found, span, near)
+
+    def _with_movers(
+        self, image: Image, depth: DenseDepth, span: tuple[float, float], near: list[Neighbour]
+    ) -> DenseDepth:
+        """Depth with what moves besides what is masked, placed where it stands; `near` are neighbours in
+        which it may hide something."""
+        options, own = self._options, self._picture(image)
+        middle, moving, inverse = sum(span) / 2, depth.moving, depth.inverse_depth
+        if min(moving.shape) >= options.motion.least_side:
+            close = self._neighbours(image, span, options.motion_parallaxes)
             closest = [self._view(image, own, one, middle) for one in close]
-            moving = masked | moving_pixels(own, closest, inverse, middle, options.motion)
+            moving = moving | moving_pixels(own, closest, inverse, middle, options.motion)
         checkpoint(0.9)
-        if moving.any():
-            occluding = occluding_pixels(own, views, inverse, middle, options.motion)
-            inverse, confidence, moving = place_movers(
-                guide, inverse, confidence, moving, occluding, completion
-            )
-        return DenseDepth(frame, inverse, confidence, moving, canvas.pinhole)
+        if not moving.any():
+            return replace(depth, moving=moving)
+        guide = cv2.cvtColor(own[..., :3], cv2.COLOR_RGB2GRAY).astype(np.float32)
+        views = [self._view(image, own, one, middle) for one in near]
+        occluding = occluding_pixels(own, views, inverse, middle, options.motion)
+        placed = place_movers(guide, inverse, depth.confidence, moving, occluding, options.completion)
+        return DenseDepth(depth.frame, *placed, depth.lens)
+
+    def pinhole(self, frame: int) -> Intrinsics:
+        """The pinhole that a frame's depth is seen through, at the size worked at."""
+        return self._canvas(self._rec.image_at(frame)[0]).pinhole
 
     def moving(self, frame: int) -> Mask:
         """(h, w) what moves by itself, over the source frame at the size worked at; remembered."""
-        return self._movers.get(frame, lambda: self._moving(frame))
+        if self._store is None:
+            return self._movers.get(frame, lambda: self._moving(frame))
+        store = self._store
+        return self._movers.get(frame, lambda: store.moving(frame, lambda: self._moving(frame)))
 
     def _moving(self, frame: int) -> Mask:
         """(h, w) what moves by itself, with the lens's distortion as the source frame has it."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from ..base.arrays import Floats, LinearRGBA, Map
+from ..base.arrays import Floats, LinearRGBA, Map, Mask
 from ..camera.canvas import Canvas
 from .sparse import DepthSamples
 
@@ -18,6 +18,8 @@ class PixelDepth:
     """(H, W) 1 / z in the frame's camera, in the reconstruction's unit; finite, not negative."""
     confidence: Map | None = None
     """(H, W) in [0, 1], 0 where the depth is only that of the surroundings; None of depth that is given."""
+    moving: Mask | None = None
+    """(h, w) what moves by itself, over the canvas at any size; None where that was not looked for."""
 
 
 class DepthSource(Protocol):

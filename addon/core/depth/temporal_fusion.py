@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -11,9 +11,10 @@ import numpy as np
 from ..base.arrays import Bytes, Map, Mask
 from ..base.lru_cache import LRUCache
 from ..base.progress import checkpoint, part
-from ..camera.reconstruction import Image, Reconstruction
+from ..camera.reconstruction import Image, Intrinsics, Reconstruction
+from .depth_store import DepthStore, KeptDepth
 from .multi_view_stereo import DenseDepth, PlaneSweepStereo, pixel_matrix
-from .view_selection import every_nth, relative_pose, stride
+from .view_selection import relative_pose, stride
 
 
 @dataclass(frozen=True)
@@ -24,6 +25,8 @@ class FusionOptions:
     step: int = 4
     """Every so many-th registered frame helps those around it, the same ones for frames that follow each
     other: each is found once, and what is unsure does not flicker. By eye."""
+    most_unseen: float = 0.02
+    """Share of a frame that no key frame may see, beyond which it is swept itself."""
     sides: int = 3
     """Frames that help on either side. By eye."""
     least_frames: int = 8
@@ -84,34 +87,44 @@ class TemporalFusion:
         self,
         reconstruction: Reconstruction,
         single_frame: PlaneSweepStereo,
+        store: DepthStore | None = None,
         options: FusionOptions = FusionOptions(),
     ) -> None:
-        """`single_frame` finds each frame's own depth."""
-        self._rec, self._stereo, self._options = reconstruction, single_frame, options
+        """`single_frame` finds each frame's own depth; `store` keeps what was found."""
+        self._rec, self._stereo, self._options, self._store = reconstruction, single_frame, options, store
         self._kept = LRUCache[DenseDepth](options.kept_frames)
 
     def at(self, frame: int) -> DenseDepth:
-        """The depth of a frame, as `PlaneSweepStereo.at` and with its errors.
+        """The depth of a frame as it is kept, else found; errors as `PlaneSweepStereo.at`."""
+        lens = self._stereo.pinhole(frame)
+        kept = self._store.depth(frame, (lens.height, lens.width)) if self._store else None
+        if kept is None:
+            found = self._found(frame)
+            kept = KeptDepth.of(found.inverse_depth, found.confidence, found.moving)
+            if self._store:
+                self._store.keep_depth(frame, kept)
+        return DenseDepth(frame, kept.inverse_depth, kept.confidence, kept.moving, lens)
+
+    def _found(self, frame: int) -> DenseDepth:
+        """The depth of a frame from the key frames around it.
 
         The weighted median of all frames around, and the mean of those near it (Merrell et al., "Real-time
         visibility-based fusion of depth maps", 2007); where that is not sure, what is sure around it.
         """
         image, _ = self._rec.image_at(frame)
-        around = self._around(frame)
-        wanted = [frame, *(other.frame for other in around)]
+        options, keys = self._options, self._around(frame)
         # What is remembered takes no time.
-        new = [one for one in wanted if one not in self._kept]
+        new = [key.frame for key in keys if key.frame not in self._kept]
         depths = []
-        for one in wanted:
-            with part(new.index(one), len(new)) if one in new else nullcontext():
-                depths.append(self._single_frame(one))
-        own, *depths = depths
-        options = self._options
-        reprojected = []
-        for depth, other in zip(depths, around, strict=True):
-            checkpoint(1.0)
-            reprojected.append(_reprojected(depth, other, own, image, options.border))
-        stack = [(own.inverse_depth, _weight(own, options.border)), *reprojected]
+        for key in keys:
+            with part(new.index(key.frame), len(new)) if key.frame in new else nullcontext():
+                depths.append(self._single_frame(key.frame))
+        own = next((depth for depth in depths if depth.frame == image.frame), None)
+        stack = [self._in_place(depth, key, image) for depth, key in zip(depths, keys, strict=True)]
+        unseen = np.mean(np.maximum.reduce([weight for _, weight in stack]) <= 0) if stack else 1.0
+        if unseen > options.most_unseen:
+            own = self._single_frame(image.frame)
+            stack.append(self._in_place(own, image, image))
         inverses, weights = (np.stack(part) for part in zip(*stack, strict=True))
         inverse, confidence, level = fused(inverses, weights, options)
         checkpoint(1.0)
@@ -121,15 +134,28 @@ class TemporalFusion:
         inverse, disputed = _filled(picture, inverse, confidence, level, options)
         checkpoint(1.0)
         inverse = sharpened(_smoothed(inverse, level, options), level, disputed, options)
+        if own is None:
+            return self._stereo.with_movers(frame, inverse, confidence)
         inverse = np.where(own.moving, own.inverse_depth, inverse)
         confidence = np.where(own.moving, own.confidence, confidence)
-        return DenseDepth(frame, inverse, confidence, own.moving, own.lens)
+        return replace(own, inverse_depth=inverse, confidence=confidence)
+
+    def _in_place(self, depth: DenseDepth, image: Image, here: Image) -> tuple[Map, Map]:
+        """(h, w) inverse depth of a key frame in a frame's place, and its weight, 0 where it sees nothing."""
+        checkpoint(1.0)
+        border = self._options.border
+        if image.frame == here.frame:
+            return depth.inverse_depth, _weight(depth, border)
+        return _reprojected(depth, image, self._stereo.pinhole(here.frame), here, border)
 
     def _around(self, frame: int) -> list[Image]:
-        """The registered frames that help a frame."""
-        options = self._options
+        """The key frames that tell a frame's depth, itself if it is one; the clip's last frame is one."""
+        options, images = self._options, self._rec.images
         step = stride(self._rec, options.step, options.least_frames)
-        return every_nth(self._rec, frame, step, options.sides * step)
+        at, span = int(np.searchsorted(self._rec.frames, frame)), options.sides * step
+        last = len(images) - 1
+        near = {*range(0, last, step), last} & {*range(at - span, at + span + 1)}
+        return [images[number] for number in sorted(near)]
 
     def _single_frame(self, frame: int) -> DenseDepth:
         """A frame's own depth, remembered."""
@@ -169,13 +195,13 @@ def _weight(depth: DenseDepth, border: int) -> Map:
 
 
 def _reprojected(
-    depth: DenseDepth, image: Image, own: DenseDepth, here: Image, border: int
+    depth: DenseDepth, image: Image, lens: Intrinsics, here: Image, border: int
 ) -> tuple[Map, Map]:
     """(h, w) inverse depth of another frame in a frame's place, the nearest of what falls into a pixel, and
     the confidence in it, 0 where nothing does."""
     rotation, translation = relative_pose(image, here)
     back = np.linalg.inv(pixel_matrix(depth.lens))
-    matrix, parallax = pixel_matrix(own.lens) @ rotation @ back, pixel_matrix(own.lens) @ translation
+    matrix, parallax = pixel_matrix(lens) @ rotation @ back, pixel_matrix(lens) @ translation
     height, width = depth.inverse_depth.shape
     x, y = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
     places = [
@@ -184,7 +210,7 @@ def _reprojected(
     ]
     ahead = np.maximum(places[2], np.float32(0.05))
     column, row = (np.rint(part / ahead).clip(-1, 1 << 20).astype(np.int32) for part in places[:2])
-    shape = own.inverse_depth.shape
+    shape = (lens.height, lens.width)
     inside = (places[2] > 0.05) & (column >= 0) & (row >= 0) & (column < shape[1]) & (row < shape[0])
     inside &= ~depth.moving
     value, weight = (depth.inverse_depth / ahead)[inside], _weight(depth, border)[inside]
@@ -193,6 +219,15 @@ def _reprojected(
     np.maximum.at(inverse.ravel(), at, value)
     nearest = value == inverse.ravel()[at]
     confidence.ravel()[at[nearest]] = weight[nearest]
+    # Pixels between two that a surface was drawn apart by are its own, too.
+    for size in ((1, 2), (2, 1)):
+        kernel, last = np.ones(size, np.uint8), (size[1] - 1, size[0] - 1)
+        closed, around = (
+            cv2.erode(cv2.dilate(part, kernel, anchor=last), kernel, anchor=(0, 0))
+            for part in (inverse, confidence)
+        )
+        crack = closed > inverse * np.float32(1.02)
+        inverse, confidence = np.where(crack, closed, inverse), np.where(crack, around, confidence)
     return inverse, confidence
 
 

@@ -10,8 +10,10 @@ import cv2
 import numpy as np
 
 from ..base.arrays import LinearRGBA
+from ..base.reused_memory import ReusedMemory
 from ..camera.canvas import Canvas
-from ..camera.reconstruction import Floats, Reconstruction
+from ..camera.reconstruction import Reconstruction
+from ..depth.depth_store import DepthStore
 from ..depth.joint_upsampling import upsampled
 from ..depth.multi_view_stereo import COARSE, DenseDepth, Moving, PlaneSweepStereo
 from ..depth.source import PixelDepth, SampledDepthSource
@@ -32,18 +34,25 @@ class ClipContext:
     """Depth that need not be found: the user's maps, or the truth of a benchmark."""
     masks: Moving | None = None
     """What is said to move by itself, (h, w) of a source frame at any size."""
+    store: DepthStore | None = None
+    """Where what does not depend on the lens is kept."""
 
     @cached_property
     def stereo(self) -> TemporalFusion:
         """Depth of every pixel from the clip itself, at the size that it is found at."""
         single_frame = PlaneSweepStereo(self.reconstruction, self.read, mask=self.masks)
-        return TemporalFusion(self.reconstruction, single_frame)
+        return TemporalFusion(self.reconstruction, single_frame, self.store)
 
     @cached_property
     def disocclusion(self) -> DisocclusionFill:
         """Other frames' colours for what a frame does not show, but for what moves in them."""
-        movers = PlaneSweepStereo(self.reconstruction, self.read, COARSE, self.masks)
+        movers = PlaneSweepStereo(self.reconstruction, self.read, COARSE, self.masks, self.store)
         return DisocclusionFill(self.reconstruction, self.read, movers.moving)
+
+    @cached_property
+    def texture_memory(self) -> ReusedMemory:
+        """Where the textures of frames lie, one after the other."""
+        return ReusedMemory()
 
     def depth(self, frame: int, canvas: Canvas, picture: LinearRGBA) -> PixelDepth:
         """The depth of all pixels of a canvas that shows `picture` (H, W, 4): given, else by stereo.
@@ -57,13 +66,14 @@ class ClipContext:
         return whole_depth(self.stereo.at(frame), picture)
 
     def hidden_colours(
-        self, frame: int, canvas: Canvas, picture: LinearRGBA, inverse_depth: Floats
+        self, frame: int, canvas: Canvas, picture: LinearRGBA, depth: PixelDepth
     ) -> HiddenColours:
         """Other frames' colours for what a frame does not show, to be asked for places of its canvas.
 
-        `picture` (H, W, 4) and `inverse_depth` (H, W) are what the frame itself shows.
+        `picture` (H, W, 4) and `depth` are what the frame itself shows.
         """
-        return self.disocclusion.reprojected(frame, canvas, picture, inverse_depth).colours
+        shown = depth.inverse_depth
+        return self.disocclusion.reprojected(frame, canvas, picture, shown, depth.moving).colours
 
     def samples(self, frame: int, canvas: Canvas) -> DepthSamples:
         """Places of known depth for a coarse mesh: of what is given, else the frame's feature points."""
@@ -71,8 +81,13 @@ class ClipContext:
         return frame_features(self.reconstruction, frame, canvas) if given is None else given
 
 
+def no_picture(frame: int) -> Pixels:
+    """`ClipContext.read` of a clip whose pictures nothing needs: an AssertionError if something does."""
+    raise AssertionError(f"nothing needs the picture of frame {frame}")
+
+
 def whole_depth(depth: DenseDepth, picture: LinearRGBA) -> PixelDepth:
     """Depth found in a smaller picture for every pixel of the canvas picture (H, W, 4), along its edges."""
     size = (picture.shape[1], picture.shape[0])
     confidence = cv2.resize(depth.confidence, size)
-    return PixelDepth(upsampled(depth.inverse_depth, picture), np.asarray(confidence))
+    return PixelDepth(upsampled(depth.inverse_depth, picture), np.asarray(confidence), depth.moving)

@@ -31,8 +31,8 @@ FEWEST_SURE = 0.05
 TOO_LARGE = "its blur discs are too large for layers"
 TOO_UNSURE = f"the depth of less than {100 * FEWEST_SURE:g} % of its pixels can be told from the clip"
 DEEP = 0.6
-"""Share of a frame's time without its views that is over after depth: from
-`python -m benchmarks.timings.mesh_times`, 1920x1080."""
+"""Share of a frame's time without its views that is over after depth, where that is to be found: half or more
+by `python -m benchmarks.timings.frame_costs`."""
 NOTHING: LinearRGBA = np.zeros((0, 0, 4), np.float32)
 """Instead of a picture, where only the geometry is asked for."""
 

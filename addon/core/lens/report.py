@@ -140,17 +140,16 @@ def mesh_error(warped: WarpedFrame) -> tuple[Floats, Floats]:
     seen = np.ones(shape, bool)
     for number in range(len(layers) + 1):
         rows = mesh.triangles[surface == number]
-        drawn = at_pixels(mesh.xy + margin / 2, scale * mesh.inverse_depth, rows, shape)
+        drawn = at_pixels(mesh.xy + margin / 2, scale * (mesh.inverse_depth - plan.lens.focus), rows, shape)
         covered = np.isfinite(drawn)
         shift = layers[-1].back_disparity
         if number < len(layers):
             shift = layers[number].front_disparity
             covered &= ~layers[number].is_far
         asked = seen & covered
-        wanted = scale * plan.lens.snap_to_focal_plane(shift[asked] / scale)
+        wanted = plan.lens.snap_displacement(shift[asked])
         off.append(np.abs(drawn[asked] - wanted))
-        contrast = np.abs(wanted - scale * plan.lens.focus)
-        allowed.append(LayeredMeshOptions.error + LayeredMeshOptions.relative_error * contrast)
+        allowed.append(LayeredMeshOptions.error + LayeredMeshOptions.relative_error * np.abs(wanted))
         if number < len(layers):
             # A silhouette's pixels show both.
             seen &= (~covered | layers[number].mixed) & ~layers[number].disoccluded

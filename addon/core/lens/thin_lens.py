@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ..base.arrays import Map
 from ..base.errors import UserError
 from ..camera.reconstruction import Floats, Intrinsics
 
@@ -67,17 +69,21 @@ class ThinLens:
         with np.errstate(over="ignore", divide="ignore"):
             a_pixel = 1.0 / np.float64(2 * self.radius * self.pinhole.fx)
             smallest, largest = a_pixel * self._diagonal * np.array([1 / ACCEPTABLE, MAX_BLUR])
-        contrast = inverse_depth - self.focus
-        size = np.abs(contrast)
-        grown = np.maximum(0.0, 2 * (size - smallest))
-        kept = np.where(size < 2 * smallest, grown, np.minimum(size, largest))
-        return np.asarray(self.focus + np.sign(contrast) * kept)
+        return np.asarray(self.focus + _snapped(inverse_depth - self.focus, smallest, largest))
 
-    def footprint(self, disparity: Floats, views: int) -> Floats:
-        """Radii in pixels of the discs over which points of a disparity (any shape) are spread by the share
-        of the aperture that one of so many views stands for: the blur disc's by the root of their number."""
-        inverse_depth = self.snap_to_focal_plane(disparity / (self.radius * self.pinhole.fx))
-        return np.asarray(np.abs(self.blur_disc(inverse_depth)) / (2 * np.sqrt(views)))
+    def snap_displacement(self, displacement: Map) -> Map:
+        """Displacements in pixels (any shape) at the aperture's rim, relative to the focal plane: what
+        `snap_to_focal_plane` does, of the blur disc's radius."""
+        smallest, largest = (np.float32(self._diagonal * share / 2) for share in (1 / ACCEPTABLE, MAX_BLUR))
+        return np.asarray(_snapped(displacement, smallest, largest))
+
+    def footprint(self, displacement: Map, views: int) -> Map:
+        """Radii in pixels of the discs over which points are spread by the share of the aperture that one of
+        so many views stands for: the blur disc's by the root of their number. Displacements in pixels (any
+        shape) at the aperture's rim, relative to the focal plane."""
+        return np.asarray(
+            np.abs(self.snap_displacement(displacement)) / np.float32(np.sqrt(views)), np.float32
+        )
 
     def check(self, frame: int, inverse_depth: Floats) -> None:
         """UserError naming the frame where the focal plane lies in the lens, or half of the points of inverse
@@ -99,3 +105,11 @@ class ThinLens:
     def _diagonal(self) -> float:
         """Of the picture, in pixels."""
         return float(np.hypot(self.pinhole.width, self.pinhole.height))
+
+
+def _snapped[T: np.floating](contrast: NDArray[T], smallest: T, largest: T) -> NDArray[T]:
+    """Contrasts (any shape), 0 up to the smallest size, growing to themselves at twice that, cut at the
+    largest."""
+    size = np.abs(contrast)
+    kept = np.minimum(np.maximum(2 * (size - smallest), 0), np.minimum(size, largest))
+    return np.asarray(np.copysign(kept, contrast))

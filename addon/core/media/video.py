@@ -14,6 +14,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from ..base import memory
 from ..base.errors import Remedy, UserError
 from ..base.progress import checkpoint
 from .picture_file import Pixels, to_rgb
@@ -92,6 +93,8 @@ class VideoReader:
         done, bgr = self._capture.read()
         if not done or bgr is None:
             self.close()
+            if memory.is_scarce():
+                raise memory.shortage(f"frame {frame} of {self._path.name} cannot be decoded")
             raise UserError(
                 f"frame {frame} of {self._path.name} cannot be decoded; the file may be truncated:"
                 " convert it again or leave the frame out",
@@ -111,6 +114,8 @@ def _decode_all(path: Path) -> VideoInfo:
     capture = _open_capture(path)
     done, bgr = capture.read()
     if not done or bgr is None:
+        if memory.is_scarce():
+            raise memory.shortage(f"{path.name} cannot be decoded")
         raise UserError(f"{path.name} has no frame that can be decoded; convert it to H.264 and try again")
     height, width = _to_square_pixels(to_rgb(bgr), capture).shape[:2]
     fps = capture.get(cv2.CAP_PROP_FPS)
@@ -122,6 +127,8 @@ def _decode_all(path: Path) -> VideoInfo:
         checkpoint(min(1.0, count / max(claimed, 1)))
     capture.release()
     if claimed - count > max(2, claimed // 50):
+        if memory.is_scarce():
+            raise memory.shortage(f"{path.name} cannot be decoded to its end")
         raise UserError(
             f"{path.name} is truncated: frame {count + 1} of {claimed} cannot be decoded;"
             " copy or convert it again"
@@ -137,6 +144,8 @@ def _open_capture(path: Path) -> cv2.VideoCapture:
     finally:
         cv2.utils.logging.setLogLevel(level)
     if not capture.isOpened():
+        if memory.is_scarce():
+            raise memory.shortage(f"{path.name} cannot be opened")
         raise UserError(f"{path.name} is not a video that can be read; convert it to H.264 and try again")
     capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 1)
     return capture

@@ -17,7 +17,7 @@ from ..base.folder_lock import FolderLock
 from ..media.clip import Footage
 from ..media.clip_identity import identity
 from ..media.video import video_info
-from .state import MODEL, STATE, VERSION, check_model, model_digests
+from .state import MODEL, STATE, VERSION, check_model, model_digests, write_state
 
 PREFIX = ".solving-"
 """Begins the name of a folder in which a solve comes to be."""
@@ -84,8 +84,7 @@ class Staging:
             }
             for path in (self.folder / MODEL).iterdir():
                 atomic.sync(path)
-            (self.folder / STATE).write_text(json.dumps(state, indent=1), encoding="utf-8")
-            atomic.sync(self.folder / STATE)
+            write_state(self.folder / STATE, state)
             if model.exists():
                 model.rename(old)
             (self.folder / MODEL).rename(model)

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from pathlib import Path
 from typing import Any
 
+from ..base import atomic
 from ..base.digest import whole_digest
 from ..base.errors import Remedy, UserError
 from ..media.clip_identity import is_same_clip
 
 STATE = "solve.json"
 MODEL = "model"
+DIGEST = "digest"
+"""Of all else in a state; older states have none."""
 VERSION = 1
 _TYPES: dict[str, type] = {"footage": str, "relative": str, "identity": str, "frames": list, "report": dict}
 
@@ -44,9 +48,26 @@ def read_state(work_dir: Path) -> dict[str, Any] | None:
     for name, kind in _TYPES.items():
         if not isinstance(state.get(name), kind):
             raise _damaged(path, f"it lacks {name}")
+    if state.pop(DIGEST, None) not in (None, _digest(state)):
+        raise _damaged(path, "it is not what the solve wrote")
     if not state["frames"] or not all(type(frame) is int for frame in state["frames"]):
         raise _damaged(path, "its frames are no numbers")
     return state
+
+
+def write_state(path: Path, state: dict[str, Any]) -> None:
+    """Write `solve.json` with its own digest, durably: what is changed in it later is told.
+
+    Raises OSError.
+    """
+    as_read = json.loads(json.dumps(state))
+    path.write_text(json.dumps(as_read | {DIGEST: _digest(as_read)}, indent=1), encoding="utf-8")
+    atomic.sync(path)
+
+
+def _digest(state: dict[str, Any]) -> str:
+    """64 hexadecimal digits of a state, in whichever order it is."""
+    return hashlib.sha256(json.dumps(state, sort_keys=True).encode()).hexdigest()
 
 
 def _damaged(path: Path, why: str) -> UnusableStateError:

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ..base.arrays import Floats, Indices, LinearRGB, Mask
+from ..base.arrays import Floats, Indices, Map, Mask
+from .source_view import Places
 
 
 @dataclass(frozen=True)
@@ -34,10 +35,10 @@ class BilateralGrid:
 
     share: Floats
     """(B, R, C) how often other frames see the same; 1 where there is nothing to be seen."""
-    low: LinearRGB
-    """(B, R, C, 3) least square roots of the colours around, infinite where there are none."""
-    high: LinearRGB
-    """(B, R, C, 3) largest square roots of the colours around, minus infinity where there are none."""
+    low: Map
+    """(3, B, R, C) least square roots of the colours around, infinite where there are none."""
+    high: Map
+    """(3, B, R, C) largest square roots of the colours around, minus infinity where there are none."""
     size: Floats
     """(2,) width and height in pixels."""
     cell: float
@@ -50,65 +51,51 @@ class BilateralGrid:
     """`GridOptions.unlike`."""
 
     @classmethod
-    def of(
-        cls,
-        places: Floats,
-        inverse: Floats,
-        colour: LinearRGB,
-        seen: Floats,
-        alike: Floats,
-        options: GridOptions,
-    ) -> BilateralGrid:
-        """Of linear colours (n, 3) at places (n, 2) and inverse depths (n,), n > 0, that other frames saw so
-        many times (n,), and alike so many times (n,)."""
-        first, last = float(inverse.min()), float(inverse.max())
-        size = places.max(axis=0)
-        cell = max(size) / options.cells
+    def of(cls, places: Places, root: Map, seen: Map, alike: Map, options: GridOptions) -> BilateralGrid:
+        """Of places, at least one, with the square roots (3, n) of their linear colours, which other frames
+        saw so many times (n,), and alike so many times (n,)."""
+        first, last = float(places.inverse.min()), float(places.inverse.max())
+        size = np.array([places.x.max(), places.y.max()], np.float64)
+        cell = float(max(size)) / options.cells
         step = max((last - first) / (options.depths - 1), 1e-12)
         shape = (options.depths, *(size[::-1] / cell).astype(int) + 1)
-        at = np.ravel_multi_index(_cells(places, inverse, (first, step, cell), shape), shape)
+        at = _cells(places, (first, step, cell), shape)
         total, same = (
             _summed(np.bincount(at, values, np.prod(shape)).reshape(shape), options.window)
             for values in (seen, alike)
         )
         share = np.where(total > 1e-6, same / np.maximum(total, 1e-6), 1)
-        root = np.sqrt(np.maximum(colour, 0))
         low, high = (sign * _least(at, sign * root, shape, options.window) for sign in (1, -1))
         return cls(share, low, high, size, cell, first, step, options.unlike)
 
-    def alike(self, places: Floats, inverse: Floats) -> Floats:
-        """(n,) how often other frames see the same around places (n, 2) at inverse depths (n,), in [0, 1]."""
-        return np.asarray(self.share[self._at(places, inverse)])
+    def cells(self, places: Places) -> Indices:
+        """(n,) indices of the cells that places are in, which are asked for."""
+        return _cells(places, (self.first, self.step, self.cell), self.share.shape)
 
-    def shows(self, places: Floats, inverse: Floats, colour: LinearRGB) -> Mask:
-        """(n,) whether linear colours (n, 3) are among those around places (n, 2) at inverse depths (n,), or
+    def alike(self, cells: Indices) -> Floats:
+        """(n,) how often other frames see the same around places in cells (n,), in [0, 1]."""
+        return np.asarray(self.share.ravel()[cells])
+
+    def shows(self, places: Places, cells: Indices, root: Map) -> Mask:
+        """(n,) whether square roots (3, n) of linear colours are among those around places in cells (n,), or
         brighter, as lamps are; also where there are none or the frame ends."""
-        at = self._at(places, inverse)
-        root = np.sqrt(np.maximum(colour, 0))
-        inside = np.all((places >= 0) & (places <= self.size), axis=1) & np.isfinite(self.low[at][:, 0])
-        below = np.all(root <= self.high[at] + self.unlike, axis=1)
-        among = below & np.all(root >= self.low[at] - self.unlike, axis=1)
-        brighter = np.all(root >= self.high[at] - self.unlike, axis=1)
+        low, high = (bound.reshape(3, -1)[:, cells] for bound in (self.low, self.high))
+        inside = (places.x >= 0) & (places.x <= self.size[0]) & (places.y >= 0) & (places.y <= self.size[1])
+        inside &= np.isfinite(low[0])
+        among = np.all((root <= high + self.unlike) & (root >= low - self.unlike), axis=0)
+        brighter = np.all(root >= high - self.unlike, axis=0)
         return np.asarray(among | brighter | ~inside)
 
-    def _at(self, places: Floats, inverse: Floats) -> tuple[Indices, ...]:
-        """Three indices (n,) of the cells of places (n, 2) at inverse depths (n,)."""
-        return _cells(places, inverse, (self.first, self.step, self.cell), self.share.shape)
 
-
-def differ(a: LinearRGB, b: LinearRGB) -> Floats:
-    """(...) by how much colours (..., 3) differ to the eye: the square roots of linear light."""
-    return np.asarray(np.abs(np.sqrt(np.maximum(a, 0)) - np.sqrt(np.maximum(b, 0))).max(axis=-1))
-
-
-def _cells(
-    places: Floats, inverse: Floats, grid: tuple[float, float, float], shape: tuple[int, ...]
-) -> tuple[Indices, ...]:
-    """Three indices (n,) of the cells of places (n, 2) at inverse depths (n,), by the first inverse depth,
-    its step and the pixels of a cell; those outside are in the nearest cell."""
+def _cells(places: Places, grid: tuple[float, float, float], shape: tuple[int, ...]) -> Indices:
+    """(n,) indices in the raveled grid of the cells of places, by the first inverse depth, its step and the
+    pixels of a cell; those outside are in the nearest cell."""
     first, step, cell = grid
-    index = np.column_stack([(inverse - first) / step + 0.5, places[:, ::-1] / cell])
-    return tuple(np.clip(index, 0, np.array(shape) - 1).astype(np.intp).T)
+    index = ((places.inverse - first) / step + 0.5, places.y / cell, places.x / cell)
+    depth, row, column = (
+        np.clip(value, 0, count - 1).astype(np.intp) for value, count in zip(index, shape, strict=True)
+    )
+    return np.asarray((depth * shape[1] + row) * shape[2] + column)
 
 
 def _summed(values: Floats, window: int) -> Floats:
@@ -119,12 +106,13 @@ def _summed(values: Floats, window: int) -> Floats:
     return np.asarray(deep[:-2] + 2 * deep[1:-1] + deep[2:])
 
 
-def _least(at: Indices, values: LinearRGB, shape: tuple[int, ...], window: int) -> LinearRGB:
-    """(B, R, C, 3) the least values (n, 3) in the cells (n,) and those beside, infinite where none are."""
-    found = np.full((np.prod(shape), 3), np.inf, np.float32)
-    np.minimum.at(found, at, values)
-    flat = np.moveaxis(found.reshape(*shape, 3), 0, 2).reshape(*shape[1:], -1)
+def _least(at: Indices, values: Map, shape: tuple[int, ...], window: int) -> Map:
+    """(3, B, R, C) the least values (3, n) in the cells (n,) and those beside, infinite where none are."""
+    found = np.full((3, np.prod(shape)), np.inf, np.float32)
+    for channel, value in zip(found, values, strict=True):
+        np.minimum.at(channel, at, value)
+    flat = np.moveaxis(found.reshape(-1, *shape[1:]), 0, 2)
     flat = cv2.erode(flat, np.ones((window, window), np.uint8), borderType=cv2.BORDER_REPLICATE)
-    deep = np.moveaxis(flat.reshape(*shape[1:], shape[0], 3), 2, 0)
-    deep = np.pad(deep, ((1, 1), (0, 0), (0, 0), (0, 0)), constant_values=np.inf)
-    return np.asarray(np.minimum.reduce([deep[:-2], deep[1:-1], deep[2:]]), np.float32)
+    deep = np.moveaxis(flat, 2, 0).reshape(3, *shape)
+    deep = np.pad(deep, ((0, 0), (1, 1), (0, 0), (0, 0)), constant_values=np.inf)
+    return np.asarray(np.minimum.reduce([deep[:, :-2], deep[:, 1:-1], deep[:, 2:]]), np.float32)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import cv2
 import numpy as np
 
-from ..base.arrays import Floats, Indices, LinearRGB, LinearRGBA, Mask
+from ..base.arrays import Floats, Indices, LinearRGB, LinearRGBA, Map, Mask
 from ..base.lru_cache import LRUCache
 from ..base.progress import checkpoint, part
 from ..camera.canvas import Canvas
@@ -20,13 +20,15 @@ from ..camera.reconstruction import Image, Intrinsics, Reconstruction
 from ..depth.view_selection import every_nth, stride
 from ..media.clip import to_linear
 from ..media.picture_file import Pixels
-from .bilateral_grid import BilateralGrid, GridOptions, differ
+from .bilateral_grid import BilateralGrid, GridOptions
+from .source_view import CHUNK, Places, Reprojection, SourceView
 
 HiddenColours = Callable[[Floats, Floats], tuple[LinearRGB, Mask]]
 """Linear colours (n, 3) of places (n, 2), canvas pixels, at inverse depths (n,), and which (n,) are known."""
 
-ROW = 4096
-"""Places in a row of a look-up: OpenCV's `remap` takes 32,766 at most."""
+GAIN_PLACES = 20_000
+"""Places, evenly chosen, of which exposures are compared: with ratios that spread by a tenth, their median is
+right to a thousandth."""
 
 
 @dataclass(frozen=True)
@@ -89,83 +91,109 @@ class DisocclusionFill:
         self._pictures = LRUCache[LinearRGB](options.kept_pictures)
 
     def reprojected(
-        self, frame: int, canvas: Canvas, picture: LinearRGBA, inverse_depth: Floats
+        self,
+        frame: int,
+        canvas: Canvas,
+        picture: LinearRGBA,
+        inverse_depth: Floats,
+        moving: Mask | None = None,
     ) -> ReprojectedColours:
         """What other frames see of what one does not show.
 
-        `picture` (H, W, 4), linear, and `inverse_depth` (H, W) are what the frame itself shows in the canvas.
-        UserError where another frame cannot be read.
+        `picture` (H, W, 4), linear, and `inverse_depth` (H, W) are what the frame itself shows in the canvas;
+        `moving` (h, w), at any size, what moves by itself there, if that is known. UserError where another
+        frame cannot be read.
         """
         options = self._options
         image, _ = self._rec.image_at(frame)
-        target = self._target(image.frame, canvas, picture, inverse_depth)
+        target = self._target(image.frame, canvas, picture, inverse_depth, moving)
         sources = []
-        seen, alike = np.zeros((2, len(target.places)))
+        seen, alike = np.zeros((2, len(target.places)), np.float32)
         step = stride(self._rec, options.step, options.least_frames)
         others = every_nth(self._rec, frame, step, options.span)
         for number, other in enumerate(others):
             with part(number, len(others)):
                 source, colours = self._source_view(image, canvas, other, target)
-            sees = np.isfinite(colours[:, 0])
-            seen += sees
-            alike[sees] += differ(colours[sees], target.colour[sees]) < options.agreement
+            seen += np.isfinite(colours[0])
+            alike += _differ(np.sqrt(colours), target.root) < options.agreement
             sources.append(source)
-        surroundings = BilateralGrid.of(
-            target.places, target.inverse, target.colour, seen, alike, options.surroundings
-        )
+        surroundings = BilateralGrid.of(target.places, target.root, seen, alike, options.surroundings)
         return ReprojectedColours(tuple(sources), surroundings, options)
 
     def _source_view(
         self, image: Image, canvas: Canvas, other: Image, target: _TargetView
-    ) -> tuple[_SourceView, LinearRGB]:
-        """What another frame sees, and its colours (n, 3) of the places that the target view shows."""
+    ) -> tuple[SourceView, Map]:
+        """What another frame sees, and its colours (3, n) of the places that the target view shows; infinite
+        where it does not see them."""
         lens, options = self._rec.intrinsics(other), self._options
         picture = self._pictures.get(other.frame, lambda: self._linear(other.frame))
         checkpoint(0.5)
-        local, xy = _reprojected(image, canvas.pinhole, other, lens, target.places, target.inverse)
-        occluders, occluders_xy = _reprojected(
-            image, canvas.pinhole, other, lens, target.occluders, target.occluders_inverse
-        )
-        checkpoint(0.6)
-        solid = ~target.moves
-        depth = np.concatenate([local[solid, 2], occluders[:, 2]])
-        inverse = np.concatenate([target.inverse[solid], target.occluders_inverse])
-        apart = options.grid * lens.fx / canvas.pinhole.fx / np.maximum(depth * inverse, 1e-9)
-        xy_all = np.concatenate([xy[solid], occluders_xy])
-        nearest = _nearest(xy_all, depth, apart, (lens.height, lens.width), options)
+        reprojection = Reprojection.between(image, canvas.pinhole, other, lens)
+        apart = options.grid * lens.fx / canvas.pinhole.fx
+        nearest = _nearest(reprojection, target.occluders, apart, options)
+        checkpoint(0.7)
+        hides = _hides(nearest, self._wide(other.frame), lens, options)
+        source = SourceView(other.frame, reprojection, picture, hides, np.ones(3, np.float32))
+        colours = np.concatenate([source.colours(some) for some in _parts(target.places)], axis=1)
         checkpoint(0.8)
-        source = _SourceView(
-            image, canvas.pinhole, other, lens, self._wide(other.frame), picture, nearest, options
-        )
-        colours = source.seen(local, xy)
-        gain = _gain(target.colour[solid], colours[solid], options.gains)
-        return replace(source, gain=gain), colours * gain
+        gain = _gain(target.colour[:, target.still], colours[:, target.still], options.gains)
+        return replace(source, gain=gain), colours * gain[:, None]
 
-    def _target(self, frame: int, canvas: Canvas, picture: LinearRGBA, inverse_depth: Floats) -> _TargetView:
-        """What a frame shows, thinned out, of a picture (H, W, 4) and inverse depths (H, W)."""
+    def _target(
+        self,
+        frame: int,
+        canvas: Canvas,
+        picture: LinearRGBA,
+        inverse_depth: Floats,
+        moving: Mask | None,
+    ) -> _TargetView:
+        """What a frame shows, thinned out, of a picture (H, W, 4) and inverse depths (H, W), where `moving`
+        (h, w) tells what moves by itself, or None that it is to be found."""
         options, shape = self._options, inverse_depth.shape
         grid = options.grid
+        inverse = inverse_depth.astype(np.float32)
         rows, columns = (np.arange(min(grid // 2, n - 1), n, grid) for n in shape)
-        places, at = _centres(rows, columns), np.ix_(rows, columns)
+        at = np.ix_(rows, columns)
+        y, x = np.meshgrid(rows, columns, indexing="ij")
         # Surfaces go on past the border.
         beyond = grid * int(options.beyond * max(shape) / grid)
-        rows, columns = (np.arange(grid // 2 - beyond, n + beyond, grid) for n in shape)
-        ring = _centres(rows, columns)
-        ring = ring[np.any((ring < 0) | (ring > shape[::-1]), axis=1)]
-        least = cv2.erode(inverse_depth, np.ones((3, 3), np.uint8))
-        silhouettes = np.argwhere(inverse_depth > (1 + options.occluder_margin) * least)[:, ::-1] + 0.5
-        occluders = np.concatenate([ring, silhouettes])
-        wide, size = self._wide(frame), [canvas.lens.width, canvas.lens.height]
-        occluders = occluders[~_within(wide, canvas.features_to_source(occluders) / size)]
-        column, row = np.clip(occluders, 0, np.array(shape[::-1]) - 1).astype(int).T
+        around = [np.arange(grid // 2 - beyond, n + beyond, grid) for n in shape]
+        ring_y, ring_x = (part.ravel() for part in np.meshgrid(*around, indexing="ij"))
+        past = (ring_y < 0) | (ring_y >= shape[0]) | (ring_x < 0) | (ring_x >= shape[1])
+        least = cv2.erode(inverse, np.ones((3, 3), np.uint8))
+        edge_y, edge_x = np.nonzero(inverse > np.float32(1 + options.occluder_margin) * least)
+        y, x = (
+            np.concatenate(part)
+            for part in ((y.ravel(), ring_y[past], edge_y), (x.ravel(), ring_x[past], edge_x))
+        )
+        shown = inverse[np.clip(y, 0, shape[0] - 1), np.clip(x, 0, shape[1] - 1)]
+        everything = Places(x.astype(np.float32) + 0.5, y.astype(np.float32) + 0.5, shown)
+        still = ~self._moves(frame, canvas, everything, moving)
+        count = len(rows) * len(columns)
+        colour = np.ascontiguousarray(picture[at][..., :3].reshape(-1, 3).T)
         return _TargetView(
-            places, inverse_depth[at].ravel(), picture[at][..., :3].reshape(-1, 3),
-            _within(wide, canvas.features_to_source(places) / size), occluders, inverse_depth[row, column],
+            everything.among(slice(count)), colour, np.sqrt(np.maximum(colour, 0)), still[:count],
+            everything.among(still),
         )  # fmt: skip
+
+    def _moves(self, frame: int, canvas: Canvas, places: Places, moving: Mask | None) -> Mask:
+        """(n,) whether places of a frame's canvas move by themselves, where `moving` (h, w) tells it of the
+        canvas, or None that it is to be found."""
+        if moving is not None:
+            size = canvas.pinhole.width, canvas.pinhole.height
+            return _within(self._widened(moving), np.stack([places.x, places.y], axis=1) / size)
+        wide = self._wide(frame)
+        if wide is None:
+            return np.zeros(len(places), bool)
+        size = canvas.lens.width, canvas.lens.height
+        return _within(wide, canvas.features_to_source(np.stack([places.x, places.y], axis=1)) / size)
 
     def _wide(self, frame: int) -> Mask | None:
         """(h, w) what moves by itself in a source frame, and a little more."""
-        mask = self._moving(frame) if self._moving else None
+        return self._widened(self._moving(frame) if self._moving else None)
+
+    def _widened(self, mask: Mask | None) -> Mask | None:
+        """A mask (h, w) and a little more; None where nothing is in it."""
         if mask is None or not mask.any():
             return None
         around = 2 * int(np.ceil(self._options.mover_margin * max(mask.shape))) + 1
@@ -179,14 +207,14 @@ class DisocclusionFill:
         zoom = self._options.longest_side / max(picture.shape)
         if zoom < 1:
             picture = cv2.resize(picture, None, fx=zoom, fy=zoom, interpolation=cv2.INTER_AREA)
-        return np.asarray(picture, np.float32)
+        return np.ascontiguousarray(np.maximum(picture, 0), np.float32)
 
 
 @dataclass(frozen=True)
 class ReprojectedColours:
     """What other frames see of what one does not show."""
 
-    sources: tuple[_SourceView, ...]
+    sources: tuple[SourceView, ...]
     """The frames that are asked."""
     surroundings: BilateralGrid
     """What the frame itself shows, and how often the others see the same."""
@@ -201,112 +229,55 @@ class ReprojectedColours:
         Nothing is known where the frames do not even see what the frame itself shows around at that depth,
         nor by a single one whose colour is unlike all of that: something may have passed there.
         """
-        if not (len(places) and self.sources):
-            return np.zeros((len(places), 3), np.float32), np.zeros(len(places), bool)
-        found = []
-        for source in self.sources:
+        colours, known = np.zeros((len(places), 3), np.float32), np.zeros(len(places), bool)
+        if not self.sources:
+            return colours, known
+        asked = Places.of(places, inverse)
+        for first in range(0, len(places), CHUNK):
             checkpoint()
-            found.append(source.colours(places, inverse))
-        colours = np.stack(found)
-        known = np.isfinite(colours[..., 0]).sum(axis=0)
-        colours[:, known == 0] = 0
-        checkpoint()
-        middle = _median(colours, np.maximum(known, 1))
-        checkpoint()
-        with np.errstate(invalid="ignore"):
-            agree = (differ(colours, middle) < self.options.agreement).sum(axis=0)
+            some = slice(first, first + CHUNK)
+            colours[some], known[some] = self._told(asked.among(some))
+        return colours, known
+
+    def _told(self, places: Places) -> tuple[LinearRGB, Mask]:
+        """Colours (n, 3) of some places, and which (n,) are known."""
+        found = [source.colours(places) for source in self.sources]
+        known = np.sum([np.isfinite(colour[0]) for colour in found], axis=0)
+        middle = _median(found, known)
+        root = np.sqrt(middle.T)
+        agree = np.sum([_differ(np.sqrt(one), root) < self.options.agreement for one in found], axis=0)
         around = self.surroundings
-        sound = (
-            (known > 0) & (2 * agree >= known) & (around.alike(places, inverse) >= self.options.least_seen)
-        )
-        return middle, sound & ((known > 1) | around.shows(places, inverse, middle))
+        sound = (known > 0) & (2 * agree >= known)
+        told = np.flatnonzero(sound)
+        cells = around.cells(places.among(told))
+        sound[told] = around.alike(cells) >= self.options.least_seen
+        # One frame alone has nobody to agree with.
+        single = known[told] == 1
+        alone = told[single]
+        sound[alone] &= around.shows(places.among(alone), cells[single], root[:, alone])
+        return middle, sound
 
 
 @dataclass(frozen=True)
 class _TargetView:
     """What the frame that is filled shows itself, thinned out."""
 
-    places: Floats
-    """(n, 2) canvas pixels, every `FillOptions.grid` of them."""
-    inverse: Floats
-    """(n,) inverse depth of the places, 1 / scene units."""
-    colour: LinearRGB
-    """(n, 3) linear colour of the places."""
-    moves: Mask
-    """(n,) whether a place moves by itself."""
-    occluders: Floats
-    """(m, 2) more places that may hide something elsewhere: past the border, and beside something farther."""
-    occluders_inverse: Floats
-    """(m,) inverse depth of those occluders, 1 / scene units."""
+    places: Places
+    """Every `FillOptions.grid` pixels of the canvas."""
+    colour: Map
+    """(3, n) linear colour of the places."""
+    root: Map
+    """(3, n) square root of that."""
+    still: Mask
+    """(n,) whether a place does not move by itself."""
+    occluders: Places
+    """What may hide something elsewhere: those places that stand still, those past the border, and those
+    beside something farther."""
 
 
-@dataclass(frozen=True)
-class _SourceView:
-    """What another frame sees."""
-
-    image: Image
-    """Pose of the frame that is filled."""
-    pinhole: Intrinsics
-    """Canvas of the frame that is filled."""
-    other: Image
-    """Pose of the source view."""
-    lens: Intrinsics
-    """Lens of the source view."""
-    moving: Mask | None
-    """(h, w) what moves by itself in the source view, at any size."""
-    picture: LinearRGB
-    """(h, w, 3) the source view's picture."""
-    nearest: Floats
-    """(r, c) inverse depth of what stands before all else, in squares of `FillOptions.square` pixels."""
-    options: FillOptions
-    """How much nearer something must be to hide a place, and by how far."""
-    gain: LinearRGB | float = 1.0
-    """(3,) by how much the frame that is filled is brighter."""
-
-    def colours(self, places: Floats, inverse: Floats) -> LinearRGB:
-        """(n, 3) linear colours of places (n, 2), canvas pixels, at inverse depths (n,), as bright as the
-        frame that is filled; NaN where the source view does not see them."""
-        there = _reprojected(self.image, self.pinhole, self.other, self.lens, places, inverse)
-        return self.seen(*there) * self.gain
-
-    def seen(self, local: Floats, xy: Floats) -> LinearRGB:
-        """(n, 3) its colours, in its own brightness, of places (n, 3) in its space that it has at pixels
-        (n, 2); NaN where it does not see them."""
-        inside = (local[:, 2] > 0) & np.all((xy >= 0.5) & (xy <= self._limit - 0.5), axis=1)
-        place = np.nonzero(inside)[0]
-        at, there = xy[place], 1 / local[place, 2]
-        margin, square = self.options.silhouette_margin, self.options.square
-        squares = [
-            ((at + beside).clip(0, self._limit - 1) / square).astype(int).T for beside in (-margin, margin)
-        ]
-        before = np.maximum.reduce([self.nearest[r[1], c[0]] for r in squares for c in squares])
-        occluded = before > (1 + self.options.occluder_margin) * there
-        sees = ~occluded & ~_within(self.moving, at / self._limit)
-        colours = np.full((len(xy), 3), np.nan, np.float32)
-        zoom = np.array(self.picture.shape[1::-1]) / self._limit
-        colours[place[sees]] = _sampled(self.picture, at[sees] * zoom)
-        return colours
-
-    @property
-    def _limit(self) -> Floats:
-        """(2,) width and height of the source view in pixels."""
-        return np.array([self.lens.width, self.lens.height], np.float64)
-
-
-def _centres(rows: Indices, columns: Indices) -> Floats:
-    """(n, 2) the centres of pixels in rows and columns, row by row."""
-    return np.stack(np.meshgrid(columns + 0.5, rows + 0.5), axis=-1).reshape(-1, 2)
-
-
-def _reprojected(
-    image: Image, pinhole: Intrinsics, other: Image, lens: Intrinsics, places: Floats, inverse: Floats
-) -> tuple[Floats, Floats]:
-    """(n, 3) places in another camera's space, and (n, 2) pixels where it sees them, of a pinhole's pixels
-    (n, 2) at inverse depths (n,)."""
-    rays = np.column_stack([(places - pinhole.principal_point) / pinhole.focal, np.ones(len(places))])
-    local = rays / np.maximum(inverse, 1e-9)[:, None]
-    there = other.to_camera((local - image.translation) @ image.rotation)
-    return there, lens.project(there)
+def _parts(places: Places) -> list[Places]:
+    """Places in chunks."""
+    return [places.among(slice(first, first + CHUNK)) for first in range(0, len(places), CHUNK)]
 
 
 def _within(mask: Mask | None, share: Floats) -> Mask:
@@ -318,54 +289,73 @@ def _within(mask: Mask | None, share: Floats) -> Mask:
     return np.asarray(mask[row, column])
 
 
-def _nearest(
-    xy: Floats, depth: Floats, apart: Floats, shape: tuple[int, int], options: FillOptions
-) -> Floats:
-    """(h, w) largest inverse depth of the places (n, 2) in each square of a picture, 0 where none is.
+def _nearest(reprojection: Reprojection, places: Places, apart: float, options: FillOptions) -> Map:
+    """(r, c) largest inverse depth of the places in each square of the other picture, 0 where none is.
 
-    `apart` (n,) is how many pixels they are apart: then all squares between are theirs.
+    `apart` is how many pixels of the other picture they are apart if they are as far from it: then all
+    squares between are theirs.
     """
-    square = options.square
-    size = np.array([-(-n // square) for n in shape])
-    nearest = np.zeros(size)
-    with np.errstate(invalid="ignore"):
-        inside = (depth > 0) & np.all((xy >= 0) & (xy < shape[::-1]), axis=1)
-    at, inverse = (xy[inside][:, ::-1] / square).astype(int), 1 / depth[inside]
-    wide = np.minimum(np.ceil((apart[inside] / square - 1) / 2), options.widest).astype(int)
-    for reach in range(int(wide.max(initial=0)) + 1):
-        # Squares of the ring so far away.
-        far = wide >= reach
-        for step in np.argwhere(np.ones((2 * reach + 1,) * 2)) - reach:
-            if np.abs(step).max() == reach:
-                row, column = np.clip(at[far] + step, 0, size - 1).T
-                np.maximum.at(nearest, (row, column), inverse[far])
+    square, lens = options.square, reprojection.lens
+    size = -(-lens.height // square), -(-lens.width // square)
+    nearest = np.zeros(size, np.float32)
+    x, y, ratio = reprojection(places)
+    inside = np.flatnonzero((x >= 0) & (x < lens.width) & (y >= 0) & (y < lens.height))
+    x, y, ratio = x[inside], y[inside], ratio[inside]
+    at = (y / square).astype(np.int32) * size[1] + (x / square).astype(np.int32)
+    inverse = places.inverse[inside] / ratio
+    wide = np.minimum(np.ceil((apart / np.maximum(ratio, 1e-9) / square - 1) / 2), options.widest)
+    for reach in range(options.widest + 1):
+        mine = np.maximum(wide, 0) == reach
+        if mine.any():
+            of_those = np.zeros(size, np.float32)
+            np.maximum.at(of_those.ravel(), at[mine], inverse[mine])
+            np.maximum(nearest, cv2.dilate(of_those, np.ones((2 * reach + 1,) * 2)), out=nearest)
     return nearest
 
 
-def _sampled(picture: LinearRGB, xy: Floats) -> LinearRGB:
-    """(n, 3) colours at pixels (n, 2)."""
-    if not len(xy):
-        return np.zeros((0, 3), np.float32)
-    # OpenCV looks up at most 32,766 places in a row.
-    at = np.full((-(-len(xy) // ROW) * ROW, 2), -9, np.float32)
-    at[: len(xy)] = xy - 0.5
-    x, y = at.T.reshape(2, -1, ROW)
-    found = cv2.remap(picture, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return np.asarray(found.reshape(-1, 3)[: len(xy)], np.float32)
+def _hides(nearest: Map, moving: Mask | None, lens: Intrinsics, options: FillOptions) -> Map:
+    """(H, W) least inverse depth at which something is not hidden in each pixel of a lens, infinite where it
+    moves (h, w); `nearest` (r, c) is what stands before all else in its squares."""
+    square, margin = options.square, int(options.silhouette_margin)
+    whole = cv2.resize(
+        nearest / np.float32(1 + options.occluder_margin),
+        (nearest.shape[1] * square, nearest.shape[0] * square), interpolation=cv2.INTER_NEAREST,
+    )[: lens.height, : lens.width]  # fmt: skip
+    hides = cv2.dilate(whole, np.ones((2 * margin + 1,) * 2))
+    if moving is not None:
+        mask = cv2.resize(moving.astype(np.uint8), (lens.width, lens.height), interpolation=cv2.INTER_NEAREST)
+        hides[mask > 0] = np.inf
+    return np.asarray(hides, np.float32)
 
 
-def _gain(own: LinearRGB, theirs: LinearRGB, bounds: tuple[float, float]) -> LinearRGB:
-    """(3,) by how much the frame is brighter than another, of colours (n, 3) of the same places; NaN where
-    the other does not see them."""
-    good = (own > 0.02).all(axis=1) & (own < 0.9).all(axis=1) & (theirs > 0.02).all(axis=1)
-    if good.sum() < 50:
+def _differ(a: Map, b: Map) -> Map:
+    """(n,) by how much square roots of linear colours (3, n) differ: to the eye."""
+    return np.asarray(np.abs(a - b).max(axis=0))
+
+
+def _gain(own: Map, theirs: Map, bounds: tuple[float, float]) -> Map:
+    """(3,) by how much the frame is brighter than another, of colours (3, n) of the same places; infinite
+    where the other does not see them."""
+    thinned = slice(None, None, max(1, own.shape[1] // GAIN_PLACES))
+    own, theirs = own[:, thinned], theirs[:, thinned]
+    low, high = np.minimum(own, theirs).min(axis=0), own.max(axis=0)
+    good = np.flatnonzero((low > 0.02) & (high < 0.9) & np.isfinite(theirs[0]))
+    if len(good) < 50:
         return np.ones(3, np.float32)
-    return np.asarray(np.clip(np.median(own[good] / theirs[good], axis=0), *bounds), np.float32)
+    return np.asarray(np.clip(np.median(own[:, good] / theirs[:, good], axis=1), *bounds), np.float32)
 
 
-def _median(colours: LinearRGB, known: Indices) -> LinearRGB:
-    """(n, 3) of the first axis of colours (k, n, 3), of which so many (n,) are not NaN."""
-    ordered = np.sort(colours, axis=0)
-    places = np.arange(colours.shape[1])
-    low, high = (ordered[(known - odd) // 2, places] for odd in (1, 0))
+def _median(colours: list[Map], known: Indices) -> LinearRGB:
+    """(n, 3) of colours (3, n) by source, of which so many (n,) are not infinite; 0 where none is.
+
+    Odd-even transposition sort (Habermann 1972): few values in many places are sorted fastest so.
+    """
+    ordered = list(colours)
+    for turn in range(len(ordered)):
+        for i in range(turn % 2, len(ordered) - 1, 2):
+            a, b = ordered[i], ordered[i + 1]
+            ordered[i], ordered[i + 1] = np.minimum(a, b), np.maximum(a, b)
+    stack, places = np.stack(ordered), np.arange(len(known))
+    low, high = (stack[np.maximum(known - odd, 0) // 2, :, places] for odd in (1, 0))
+    low[known == 0] = high[known == 0] = 0
     return np.asarray((low + high) / 2, np.float32)

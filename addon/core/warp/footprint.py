@@ -54,9 +54,7 @@ def _levels() -> tuple[Level, ...]:
 LEVELS = _levels()
 
 
-def prefilter(
-    texture: LinearRGBA, layers: Sequence[LayeredDepthImage], radius: Callable[[Floats], Floats]
-) -> None:
+def prefilter(texture: LinearRGBA, layers: Sequence[LayeredDepthImage], radius: Callable[[Map], Map]) -> None:
     """Blur the texture (n h, w, 4) of n - 1 layers and what is behind them, in place.
 
     `radius` tells the radii (H, W) of the footprints of disparities (H, W), in pixels. Near surfaces are
@@ -69,13 +67,15 @@ def prefilter(
     # The last one first: it takes the others' texels where it is buried, as they are.
     last = np.asarray(radius(layers[-1].back_disparity), np.float32)
     buried = [(part, _buried(layer)) for part, layer in zip(parts, layers, strict=False)]
-    parts[-1] = _filtered(parts[-1], finer, last, None, buried)
+    # Tiles look at each other as they were.
+    spare = np.empty_like(parts[-1])
+    _filter(parts[-1], spare, finer, last, None, buried)
     parts[-1, ..., 3] = 1
     for part, layer in zip(parts, layers, strict=False):
         assert layer.drawn is not None
         own = np.where(layer.is_far & layer.drawn, layer.near_disparity, layer.front_disparity)
         kept = layer.drawn | _goes_on(layer)
-        part[:] = _filtered(part, finer, np.where(layer.drawn, radius(own), 0).astype(np.float32), kept, [])
+        _filter(part, spare, finer, np.where(layer.drawn, radius(own), 0).astype(np.float32), kept, [])
 
 
 def _goes_on(layer: LayeredDepthImage) -> Mask:
@@ -96,25 +96,28 @@ def _buried(layer: LayeredDepthImage) -> Mask:
     return np.asarray(layer.occluded & (cv2.dilate(layer.disoccluded.astype(np.uint8), around) == 0))
 
 
-def _filtered(
+def _filter(
     part: LinearRGBA,
+    spare: LinearRGBA,
     finer: int,
     radius: Map,
     kept: Mask | None,
     buried: Sequence[tuple[LinearRGBA, Mask]],
-) -> LinearRGBA:
-    """(h, w, 4) a part of the texture, `finer` times as fine as its footprints' radii (H, W) in pixels.
+) -> None:
+    """Blur a part of the texture (h, w, 4), `finer` times as fine as its footprints' radii (H, W) in pixels.
 
-    Texels that are not `kept` (H, W) count as transparent; where others are `buried` (H, W), their part's
-    texels (h, w, 4) take the place of this one's for what is around.
+    `spare` (h, w, 4) is written to as it goes. Texels that are not `kept` (H, W) count as transparent; where
+    others are `buried` (H, W), their part's texels (h, w, 4) take the place of this one's for what is around.
     """
-    result = part.copy()
     rows, columns = (range(0, finer * n, TILE) for n in radius.shape)
     places = [(row, column) for row in rows for column in columns]
-    work = partial(_tile, part, result, finer, radius, kept, buried)
+    work = partial(_tile, part, spare, finer, radius, kept, buried)
     with ThreadPoolExecutor() as pool:
-        list(pool.map(in_this_scope(work), places))
-    return result
+        blurred = list(pool.map(in_this_scope(work), places))
+    for (row, column), is_blurred in zip(places, blurred, strict=True):
+        if is_blurred:
+            tile = slice(row, row + TILE), slice(column, column + TILE)
+            part[tile] = spare[tile]
 
 
 def _tile(
@@ -125,13 +128,13 @@ def _tile(
     kept: Mask | None,
     buried: Sequence[tuple[LinearRGBA, Mask]],
     place: tuple[int, int],
-) -> None:
-    """Blur the texels of one tile, as `_filtered` describes."""
+) -> bool:
+    """Blur the texels of one tile into `result`, as `_filter` describes; False where it stays as it is."""
     own = _finer(radius[tuple(slice(n // finer, (n + TILE) // finer) for n in place)], finer)
     own = np.minimum(finer * own, WIDEST)
     widest, least = float(own.max()), float(own.min())
     if widest == 0:
-        return
+        return False
     checkpoint(0.95)
     radii = [level.radius for level in LEVELS]
     first = min(int(np.searchsorted(radii, least, "right")) - 1, len(LEVELS) - 2)
@@ -141,21 +144,29 @@ def _tile(
     margin = step * int(np.ceil(used[-1].radius / step) + 2)
     around = _around(part, finer, kept, buried, place, (own.shape[0], own.shape[1]), margin)
     inner = slice(margin, margin + own.shape[0]), slice(margin, margin + own.shape[1])
-    rows, columns = (slice(n, n + size) for n, size in zip(place, own.shape, strict=True))
     tile = np.zeros((*own.shape, 4), np.float32)
-    # Variances add up, and are as the square of the radius.
-    squared, knots = own**2, [level.radius**2 for level in used]
     for number, level in enumerate(used):
-        weight = np.ones_like(own)
-        if number > 0:
-            below = knots[number - 1]
-            weight = np.minimum(weight, (squared - below) / (knots[number] - below))
-        if level is not used[-1]:
-            above = knots[number + 1]
-            weight = np.minimum(weight, (above - squared) / (above - knots[number]))
-        blurred = _blurred(around, level)[inner] if level.radius else part[rows, columns]
-        tile += np.maximum(weight, 0)[..., None] * blurred
+        share = _share(own, [one.radius for one in used], number)
+        if share.any():
+            tile += cv2.merge([share] * 4) * _blurred(around, level)[inner]
+    rows, columns = (slice(n, n + size) for n, size in zip(place, own.shape, strict=True))
+    sharp = own == 0
+    tile[sharp] = part[rows, columns][sharp]
     result[rows, columns] = tile
+    return True
+
+
+def _share(own: Map, radii: list[float], number: int) -> Map:
+    """(h, w) share that the blur by one of several rising radii has in those by own radii (h, w).
+
+    Variances add up, and are as the square of the radius: linear in that from one to the next.
+    """
+    share, squared = np.ones_like(own), own**2
+    for other in (number - 1, number + 1):
+        if 0 <= other < len(radii):
+            away, here = radii[other] ** 2, radii[number] ** 2
+            np.minimum(share, (squared - away) / (here - away), out=share)
+    return np.asarray(np.maximum(share, 0))
 
 
 def _around(
@@ -167,7 +178,7 @@ def _around(
     size: tuple[int, int],
     margin: int,
 ) -> LinearRGBA:
-    """(h, w, 4) the texels of a tile and `margin` around, for `_filtered`; past the border as at it."""
+    """(h, w, 4) the texels of a tile and `margin` around, for `_filter`; past the border as at it."""
     low = [max(0, n - margin) for n in place]
     high = [min(whole, n + own + margin) for whole, n, own in zip(part.shape, place, size, strict=False)]
     texels = tuple(slice(a, b) for a, b in zip(low, high, strict=True))
@@ -194,7 +205,9 @@ def _finer(values: Map, finer: int) -> Map:
 
 
 def _blurred(around: LinearRGBA, level: Level) -> LinearRGBA:
-    """(h, w, 4) texels blurred by the disc of a level; those near the border are not to be used."""
+    """(h, w, 4) texels blurred by a disc of a level; those near the border are not to be used."""
+    if not level.radius:
+        return around
     if level.shrink == 1:
         blurred = cv2.filter2D(around, -1, disc_kernel(level.radius), borderType=cv2.BORDER_REPLICATE)
         return np.asarray(blurred, np.float32)

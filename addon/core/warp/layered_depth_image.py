@@ -1,9 +1,9 @@
 """A frame as surfaces before each other: what the actual camera sees, and what lies behind its silhouettes.
 
 Shade, Gortler, He and Szeliski, "Layered depth images", 1998. Depths are given as disparities at the
-aperture's rim: how many pixels a virtual camera there sees a pixel beside its place, relative to infinity
-(inverse depth times aperture radius times focal length). So a bound in pixels means the same for any scene
-and aperture.
+aperture's rim: how many pixels a virtual camera there sees a pixel beside its place, relative to the focal
+plane (inverse depth, less that of the focal plane, times aperture radius times focal length). So a bound in
+pixels means the same for any scene and aperture, and float32 is exact where the picture is sharp.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from dataclasses import dataclass, field
 import cv2
 import numpy as np
 
-from ..base.arrays import Floats, LinearRGB, LinearRGBA, Mask
+from ..base.arrays import LinearRGB, LinearRGBA, Map, Mask
 from ..base.nearest_fill import of_nearest
 from ..base.progress import checkpoint
 from .matting import MattingOptions, Surfaces, matted, surfaces_beside, with_reprojected
 
-Fill = Callable[[Floats, Mask], tuple[LinearRGB, Mask]]
+Fill = Callable[[Map, Mask], tuple[LinearRGB, Mask]]
 """Colours (H, W, 3) of a surface of disparities (H, W) where a mask (H, W) asks for them, and where (H, W)
 they are known."""
 
@@ -49,9 +49,9 @@ class LayeredDepthImage:
 
     front: LinearRGBA
     """(H, W, 4) what the actual camera sees; a mixed pixel has the near surface's part, and its alpha."""
-    front_disparity: Floats
+    front_disparity: Map
     """(H, W) disparity of what the actual camera sees, mixed pixels on the near surface."""
-    near_disparity: Floats
+    near_disparity: Map
     """(H, W) disparity of the near surface, extrapolated past its silhouettes."""
     is_far: Mask
     """(H, W) pixels past a silhouette: the near surface is not there, and the far one is seen."""
@@ -59,7 +59,7 @@ class LayeredDepthImage:
     """(H, W) mixed pixels: those of silhouettes, which two surfaces share."""
     back: LinearRGBA
     """(H, W, 4) the far surface where there are two, opaque."""
-    back_disparity: Floats
+    back_disparity: Map
     """(H, W) disparity of the far surface, extrapolated behind the near one."""
     disoccluded: Mask
     """(H, W) occluded pixels where a view may see the far surface behind the near one."""
@@ -77,7 +77,7 @@ class LayeredDepthImage:
 
 def depth_peel(
     picture: LinearRGBA,
-    disparity: Floats,
+    disparity: Map,
     jumps: tuple[float, ...],
     fill: Fill | None = None,
     options: LayerOptions = LayerOptions(),
@@ -99,7 +99,7 @@ def depth_peel(
 
 def split(
     picture: LinearRGBA,
-    disparity: Floats,
+    disparity: Map,
     jump: float,
     least: float,
     fill: Fill | None = None,
@@ -143,24 +143,27 @@ def split(
     )  # fmt: skip
 
 
-def _without_ramps(disparity: Floats, jump: float) -> Floats:
+def _without_ramps(disparity: Map, jump: float) -> Map:
     """Disparities (H, W) without single pixels half way up a jump: they join the nearer surface."""
-    for axis in (0, 1):
+    result = disparity.copy()
+    # The second time round, of the picture on its side.
+    for values in (result, result.T):
         checkpoint(0.2)
-        before, after = np.roll(disparity, 1, axis), np.roll(disparity, -1, axis)
-        up, down = disparity - before, after - disparity
-        between = (np.abs(up) > jump) & (np.abs(down) > jump) & (np.sign(up) == np.sign(down))
-        joined = np.where(np.abs(up) < np.abs(down), before, after)
-        inner = np.zeros(disparity.shape, bool)
-        inner[1:-1, 1:-1] = True
-        disparity = np.where(between & inner, joined, disparity)
-    return disparity
+        steps = np.diff(values, axis=0)[:, 1:-1]
+        high = np.abs(steps) > jump
+        row, column = np.nonzero(high[:-1] & high[1:])
+        up, down = steps[row, column], steps[row + 1, column]
+        between = np.sign(up) == np.sign(down)
+        row, column, up, down = (part[between] for part in (row, column, up, down))
+        joined = np.where(np.abs(up) < np.abs(down), row, row + 2)
+        values[row + 1, column + 1] = values[joined, column + 1]
+    return result
 
 
-def _silhouettes(disparity: Floats, jump: float) -> tuple[Mask, Mask]:
+def _silhouettes(disparity: Map, jump: float) -> tuple[Mask, Mask]:
     """(H, W) pixels on the near side of a jump, and on the far side of one, corners included."""
     kernel = np.ones((3, 3), np.uint8)
-    low, high = (np.asarray(f(disparity, kernel), np.float64) for f in (cv2.erode, cv2.dilate))
+    low, high = (np.asarray(f(disparity, kernel)) for f in (cv2.erode, cv2.dilate))
     return disparity - low > jump, high - disparity > jump
 
 
@@ -168,9 +171,9 @@ def _silhouettes(disparity: Floats, jump: float) -> tuple[Mask, Mask]:
 class _Extrapolated:
     """Both surfaces of a silhouette extrapolated past it."""
 
-    near: Floats
+    near: Map
     """(H, W) disparity of the near surface."""
-    far: Floats
+    far: Map
     """(H, W) disparity of the far surface."""
     is_far: Mask
     """(H, W) pixels of the far surface that the near one was extrapolated over."""
@@ -186,16 +189,16 @@ def _without_specks(lines: Mask, least: int) -> Mask:
     return np.asarray(lines & (found[:, cv2.CC_STAT_AREA] >= least)[label])
 
 
-def _distance_along_surface(disparity: Floats, others: Mask, jump: float) -> Floats:
+def _distance_along_surface(disparity: Map, others: Mask, jump: float) -> Map:
     """(H, W) pixels to the nearest of a mask (H, W), infinite where that lies on another surface."""
     if not others.any():
-        return np.full(disparity.shape, np.inf)
+        return np.full(disparity.shape, np.inf, np.float32)
     level, distance = of_nearest(disparity, others)
     return np.where(np.abs(disparity - level) <= jump, distance, np.inf)
 
 
 def _extrapolated(
-    disparity: Floats, surfaces: Surfaces, jump: float, least: float, away: Floats, options: LayerOptions
+    disparity: Map, surfaces: Surfaces, jump: float, least: float, away: Map, options: LayerOptions
 ) -> _Extrapolated:
     """The surfaces of the nearest silhouette at each pixel; `away` (H, W) is how far the others are."""
     seeds = np.zeros(disparity.shape, bool)
@@ -223,7 +226,7 @@ def _extrapolated(
     return _Extrapolated(near, far, is_far, occluded, disoccluded)
 
 
-def _beside(disparity: Floats, among: Mask, jump: float) -> Mask:
+def _beside(disparity: Map, among: Mask, jump: float) -> Mask:
     """(H, W) pixels with a neighbour among others (H, W) on the same surface: it would tear between them."""
     found = np.zeros(disparity.shape, bool)
     checkpoint(0.4)
@@ -233,9 +236,7 @@ def _beside(disparity: Floats, among: Mask, jump: float) -> Mask:
     return found
 
 
-def _rising(
-    behind: Floats, disparity: Floats, occluded: Mask, seeds: Mask, jump: float, slope: float
-) -> Floats:
+def _rising(behind: Map, disparity: Map, occluded: Mask, seeds: Mask, jump: float, slope: float) -> Map:
     """(H, W) a far surface that comes up to the near one, by `slope` pixels of disparity a pixel, where it
     ends.
 
@@ -249,10 +250,10 @@ def _rising(
     return np.asarray(np.maximum(behind, np.minimum(level, disparity) - slope * distance))
 
 
-def _smoothed(disparity: Floats, among: Mask, changed: Mask, jump: float) -> Floats:
+def _smoothed(disparity: Map, among: Mask, changed: Mask, jump: float) -> Map:
     """Disparities (H, W), those that were extrapolated as the mean of what was around them."""
     mean = cv2.blur(np.where(among, disparity, 0), (5, 5)) / np.maximum(
-        cv2.blur(among.astype(np.float64), (5, 5)), 1e-9
+        cv2.blur(among.astype(np.float32), (5, 5)), 1e-9
     )
     return np.where(changed & (np.abs(mean - disparity) < jump), mean, disparity)
 
@@ -264,8 +265,9 @@ def inpainted(colour: LinearRGB, known: Mask) -> LinearRGB:
     """
     if not known.any():
         return colour
+    mask = known.astype(np.uint8)
     weight = known.astype(np.float32)
-    levels = [(colour * weight[..., None], weight)]
+    levels = [(cv2.copyTo(colour, mask), weight)]
     while min(levels[-1][1].shape) > 1:
         checkpoint(0.5)
         size = tuple(-(-n // 2) for n in levels[-1][1].shape[::-1])
@@ -278,7 +280,7 @@ def inpainted(colour: LinearRGB, known: Mask) -> LinearRGB:
         sure = np.minimum(weight, 1)[..., None]
         own = np.where(weight[..., None] > 0, total / np.maximum(weight, 1e-9)[..., None], up)
         result = np.asarray(own * sure + up * (1 - sure), np.float32)
-    return np.where(known[..., None], colour, _resized(result, known.shape)).astype(np.float32)
+    return np.asarray(cv2.copyTo(colour, mask, _resized(result, known.shape)), np.float32)
 
 
 def _resized(colour: LinearRGB, shape: tuple[int, ...]) -> LinearRGB:

@@ -9,11 +9,12 @@ from dataclasses import dataclass, field, replace
 import cv2
 import numpy as np
 
-from ..base.arrays import Floats, Ints, LinearRGBA, Map
+from ..base.arrays import Floats, Ints, LinearRGBA, Map, Mask
 from ..base.progress import checkpoint, in_this_scope
+from ..base.reused_memory import ReusedMemory
 from .layered_depth_image import Fill, LayeredDepthImage, LayerOptions, depth_peel
 from .mesh import WarpMesh
-from .quadtree import QuadtreeOptions, Surfaces, triangulate
+from .quadtree import QuadtreeOptions, Surfaces, Triangles, triangulate
 
 FINER = 2
 """Times as fine as the frame is its texture: a view loses less by looking between its pixels."""
@@ -21,6 +22,12 @@ _AWAY = np.arange(-3, 5) - 0.5
 _LANCZOS = np.sinc(_AWAY) * np.sinc(_AWAY / 4)
 HALFWAY = (_LANCZOS / _LANCZOS.sum()).astype(np.float32)
 """(8,) Lanczos weights of the eight pixels around the middle between two, sum 1."""
+
+TILE = 64
+"""Pixels across the tiles of a front that are refined or left empty: the coarsest cell of the mesh."""
+SPARE = 16
+"""Pixels around what is drawn of a front that are refined, too: whoever blurs its texture looks so far. An
+aperture's disc of 96 pixels in 16 views has footprints of 12."""
 
 
 @dataclass(frozen=True)
@@ -55,41 +62,76 @@ def layer_mesh(
     disparity: Floats,
     focus: float,
     scale: float,
-    snap: Callable[[Floats], Floats] = lambda disparity: disparity,
+    snap: Callable[[Map], Map] = lambda shift: shift,
     fill: Fill | None = None,
     options: LayeredMeshOptions = LayeredMeshOptions(),
+    memory: ReusedMemory | None = None,
 ) -> tuple[WarpMesh, LinearRGBA, tuple[LayeredDepthImage, ...]]:
     """A mesh, its texture (h, w, 4), and the layers it was made of, near ones first.
 
     `picture` (H, W, 4) is the canvas picture; `disparity` (H, W) that of every pixel at the aperture's rim,
     in pixels, and `focus` that of the focal plane; disparity over `scale` is inverse depth. `snap` moves
-    disparities (H, W) that are drawn elsewhere than they are, as into the focal plane; `fill` tells other
-    frames' colours, on a raster that is so much larger than the picture as needs be, its middle on the
-    picture's. Triangles are ordered from far to near.
+    disparities (H, W), relative to the focal plane, that are drawn elsewhere than they are. `fill` tells
+    other frames' colours, on a raster that is so much larger than the picture as needs be, its middle on the
+    picture's. The texture lies in `memory`, if that is given. Triangles are ordered from far to near.
     """
     reach = options.widest * max(disparity.shape)
-    disparity = np.clip(disparity, focus - reach, focus + reach)
-    margin = int(np.ceil(np.abs(disparity - focus).max())) + 2
+    # From here on disparities are relative to the focal plane: they are exact where it matters.
+    shift = np.clip(disparity - focus, -reach, reach).astype(np.float32)
+    margin = int(np.ceil(np.abs(shift).max())) + 2
     checkpoint()
     wide = np.pad(picture, ((margin, margin), (margin, margin), (0, 0)), mode="symmetric")
-    disparity = np.pad(disparity, margin, mode="edge")
+    shift = np.pad(shift, margin, mode="edge")
+
     margin_reprojected = None
     if fill is not None:
-        beyond = np.ones(disparity.shape, bool)
+        beyond = np.ones(shift.shape, bool)
         beyond[margin:-margin, margin:-margin] = False
         checkpoint(0.05)
-        colour, margin_reprojected = fill(disparity, beyond)
+        colour, margin_reprojected = fill(shift, beyond)
         wide[margin_reprojected, :3] = colour[margin_reprojected]
     checkpoint(0.1)
-    largest = float(np.abs(disparity - focus).max())
+    largest = float(np.abs(shift).max())
     jump = float(np.clip(options.jump * largest, *options.jump_bounds))
     # A few wrong depths must not say what is large.
-    usual = float(np.percentile(np.abs(disparity - focus)[::4, ::4], 99.9))
+    usual = float(np.percentile(np.abs(shift)[::4, ::4], 99.9))
     first = options.first_jump * usual
     jumps = (first, jump) if first > jump else (jump,)
     checkpoint(0.1)
-    layers = depth_peel(wide, disparity, jumps, fill, options.layers)
-    error = options.error + options.relative_error * np.abs(layers[-1].back_disparity - focus)
+    layers = depth_peel(wide, shift, jumps, fill, options.layers)
+    found = triangulated(layers, snap, options)
+    surfaces = [(found[-1][0].far, found[-1][1].far, len(layers))]
+    fronts, drawn = [], []
+    checkpoint(0.75)
+    for number, (split, (made, triangles)) in enumerate(zip(layers, found, strict=True)):
+        surfaces += [(made.near, triangles.near, number), (made.own, triangles.cut, number)]
+        # Past its silhouettes the near surface is transparent.
+        fronts.append(split.front.copy())
+        fronts[-1][split.is_far & triangles.before] = 0
+        drawn.append(triangles.before.copy())
+        drawn[-1].ravel()[triangles.cut.ravel()] = True
+    checkpoint(0.8)
+    mesh = _joined(surfaces, margin, focus, scale)
+    pictures = [wide, *(split.back for split in layers)]
+    layers = tuple(
+        replace(split, front=front, margin_reprojected=margin_reprojected, drawn=covered)
+        for split, front, covered in zip(layers, fronts, drawn, strict=True)
+    )
+    if len(pictures) * shift.size * FINER**2 > options.largest_texture:
+        return mesh, np.concatenate([*fronts, pictures[-1]]), layers
+    # A pixel's middle is the middle of a texel: in the focal plane views show the frame's own pixels.
+    mesh = replace(mesh, texture_xy=FINER * (mesh.texture_xy - 0.5) + 0.5)
+    return mesh, _texture(pictures, fronts, drawn, memory or ReusedMemory()), layers
+
+
+def triangulated(
+    layers: tuple[LayeredDepthImage, ...],
+    snap: Callable[[Map], Map],
+    options: LayeredMeshOptions,
+) -> list[tuple[Surfaces, Triangles]]:
+    """The surfaces of each layered depth image where `snap` draws them, and their triangles; disparities
+    are relative to the focal plane."""
+    error = options.error + options.relative_error * np.abs(layers[-1].back_disparity)
     asked = []
     for split in layers:
         checkpoint(0.55)
@@ -100,85 +142,107 @@ def layer_mesh(
         # Snapping can double what neighbours differ by.
         asked.append((made, 2 * split.jump, error, options.quadtree))
         # What is left is a guess here, or cannot be seen.
-        guess = np.where(split.occluded, np.inf, 1)
-        error = error * np.where(split.disoccluded, options.quadtree.disoccluded_error, guess)
+        error = error.copy()
+        error[split.occluded & ~split.disoccluded] = np.inf
+        error[split.disoccluded] *= np.float32(options.quadtree.disoccluded_error)
     with ThreadPoolExecutor() as pool:
         found = list(pool.map(in_this_scope(triangulate), *zip(*asked, strict=True)))
-    surfaces = [(made.far, found[-1].far, len(layers))]
-    fronts, drawn = [], []
-    checkpoint(0.75)
-    for number, (split, (made, *_), triangles) in enumerate(zip(layers, asked, found, strict=True)):
-        surfaces += [(made.near, triangles.near, number), (made.own, triangles.cut, number)]
-        # Past its silhouettes the near surface is transparent.
-        fronts.append(split.front.copy())
-        fronts[-1][split.is_far & triangles.before] = 0
-        drawn.append(triangles.before.copy())
-        drawn[-1].ravel()[triangles.cut.ravel()] = True
-    checkpoint(0.8)
-    mesh = _joined(surfaces, margin, scale)
-    pictures = [wide, *(split.back for split in layers)]
-    layers = tuple(
-        replace(split, front=front, margin_reprojected=margin_reprojected, drawn=covered)
-        for split, front, covered in zip(layers, fronts, drawn, strict=True)
-    )
-    if len(pictures) * disparity.size * FINER**2 > options.largest_texture:
-        return mesh, np.concatenate([*fronts, pictures[-1]]), layers
-    # A pixel's middle is the middle of a texel: in the focal plane views show the frame's own pixels.
-    mesh = replace(mesh, texture_xy=FINER * (mesh.texture_xy - 0.5) + 0.5)
-    return mesh, _texture(pictures, fronts), layers
+    return [(made, triangles) for (made, *_), triangles in zip(asked, found, strict=True)]
 
 
-def _texture(pictures: list[LinearRGBA], fronts: list[LinearRGBA]) -> LinearRGBA:
+def _texture(
+    pictures: list[LinearRGBA], fronts: list[LinearRGBA], drawn: list[Mask], memory: ReusedMemory
+) -> LinearRGBA:
     """(n h, w, 4) n - 1 fronts above each other and the last of n pictures (H, W, 4), twice as fine.
 
     Each is interpolated where it is smooth: a front is what its fine picture has more than the next one
-    behind it. Interpolated by itself it would ring along every silhouette, where it ends.
+    behind it. Interpolated by itself it would ring along every silhouette, where it ends. Away from where
+    they are `drawn` (H, W) fronts are left empty.
     """
     height, width = (FINER * n for n in pictures[0].shape[:2])
-    texture = np.empty((len(pictures), height, width, 4), np.float32)
+    texture = memory.zeros((len(pictures), height, width, 4))
+    wanted, spans = np.zeros_like(drawn[0]), []
+    for mask in [*drawn, np.ones_like(wanted)]:
+        around = np.ones((2 * SPARE + 1, 2 * SPARE + 1), np.uint8)
+        wanted |= cv2.dilate(mask.astype(np.uint8), around) > 0
+        spans.append(_spans(wanted))
+    asked = [
+        (picture, part, span)
+        for picture, part, each in zip(pictures, texture, spans, strict=True)
+        for span in each
+    ]
     with ThreadPoolExecutor() as pool:
-        list(pool.map(in_this_scope(_refine), pictures, texture))
+        list(pool.map(in_this_scope(_refine), *zip(*asked, strict=True)))
     texture[-1, ..., 3] = 1
     checkpoint(0.9)
-    for part, behind, front in zip(texture[:-1], texture[1:], fronts, strict=True):
-        _subtract_behind(part, behind, front[..., 3])
+    for part, behind, front, each in zip(texture[:-1], texture[1:], fronts, spans[:-1], strict=True):
+        _subtract_behind(part, behind, front[..., 3], each)
     return texture.reshape(-1, width, 4)
 
 
-def _refine(picture: LinearRGBA, texture: LinearRGBA) -> None:
-    """Write a picture (H, W, c) twice as fine into (2 H, 2 W, c): its pixels are every second one.
+def _spans(mask: Mask) -> list[tuple[slice, slice]]:
+    """Rows and columns of rectangles that hold all of a mask (H, W), `TILE` rows each."""
+    height, width = mask.shape
+    tiles = np.pad(mask, ((0, -height % TILE), (0, -width % TILE)))
+    tiles = tiles.reshape(-(-height // TILE), TILE, -1, TILE).any(axis=(1, 3))
+    # Where a run of tiles in a row begins, and where it ends.
+    steps = np.diff(np.pad(tiles, ((0, 0), (1, 1))).astype(np.int8), axis=1)
+    return [
+        (slice(r * TILE, min((r + 1) * TILE, height)), slice(first * TILE, min(last * TILE, width)))
+        for (r, first), (_, last) in zip(np.argwhere(steps > 0), np.argwhere(steps < 0), strict=True)
+    ]
+
+
+def _refine(picture: LinearRGBA, texture: LinearRGBA, span: tuple[slice, slice]) -> None:
+    """Write rows and columns of a picture (H, W, c) twice as fine into (2 H, 2 W, c): its pixels are every
+    second one.
 
     What is between is Lanczos' interpolation, and not negative.
     """
-    across = cv2.filter2D(picture, -1, HALFWAY[None], anchor=(3, 0), borderType=cv2.BORDER_REPLICATE)
     checkpoint(0.9)
-    texture[::2, ::2] = picture
-    np.maximum(across, 0, out=texture[::2, 1::2])
-    for whole, column in ((picture, 0), (across, 1)):
-        checkpoint(0.9)
+    reach = len(HALFWAY) // 2
+    low = [max(0, part.start - reach) for part in span]
+    around = picture[low[0] : span[0].stop + reach, low[1] : span[1].stop + reach]
+    rows, columns = (slice(part.start - n, part.stop - n) for part, n in zip(span, low, strict=True))
+    cells = texture.reshape(picture.shape[0], FINER, picture.shape[1], FINER, -1)[span[0], :, span[1]]
+    cells[:, 0, :, 0] = around[rows, columns]
+    across = cv2.filter2D(around, -1, HALFWAY[None], anchor=(3, 0), borderType=cv2.BORDER_REPLICATE)
+    for whole, place in ((around, 0), (across, 1)):
         down = cv2.filter2D(whole, -1, HALFWAY[:, None], anchor=(0, 3), borderType=cv2.BORDER_REPLICATE)
-        np.maximum(down, 0, out=texture[1::2, column::2])
+        np.maximum(down[rows, columns], 0, out=cells[:, 1, :, place])
+    np.maximum(across[rows, columns], 0, out=cells[:, 0, :, 1])
 
 
-def _subtract_behind(part: LinearRGBA, behind: LinearRGBA, alpha: Map) -> None:
-    """Leave of a fine picture (2 H, 2 W, 4) what a front of opacity (H, W) has more than what is behind."""
-    row, column = np.nonzero(cv2.erode(alpha, np.ones((2, 2), np.uint8), anchor=(0, 0)) < 1)
-    below, right = (np.minimum(n + 1, size - 1) for n, size in zip((row, column), alpha.shape, strict=True))
-    corners = [[alpha[r, c] for c in (column, right)] for r in (row, below)]
-    for down in (0, 1):
-        for across in (0, 1):
-            checkpoint(0.95)
-            share = np.mean([corners[i][j] for i in range(down + 1) for j in range(across + 1)], axis=0)
-            at = FINER * row + down, FINER * column + across
-            found = part[at] - (1 - share)[:, None] * behind[at]
-            found[:, 3] = share
-            part[at] = np.maximum(found, 0)
+def _subtract_behind(
+    part: LinearRGBA, behind: LinearRGBA, alpha: Map, spans: list[tuple[slice, slice]]
+) -> None:
+    """Leave of a fine picture (2 H, 2 W, 4) what a front of opacity (H, W) has more than what is behind, in
+    rows and columns of it."""
+    clear = cv2.erode(alpha, np.ones((2, 2), np.uint8), anchor=(0, 0)) < 1
+    within = np.zeros_like(clear)
+    for span in spans:
+        within[span] = True
+    row, column = np.nonzero(clear & within)
+    height, width = alpha.shape
+    below, right = np.minimum(row + 1, height - 1), np.minimum(column + 1, width - 1)
+    own, beside, under, diagonal = (alpha[r, c] for r in (row, below) for c in (column, right))
+    whole, rest = part.reshape(-1, 4), behind.reshape(-1, 4)
+    first = FINER**2 * width * row + FINER * column
+    half = np.float32(0.5)
+    shares = own, half * (own + beside), half * (own + under), half * half * (own + beside + under + diagonal)
+    for share, step in zip(shares, (0, 1, FINER * width, FINER * width + 1), strict=True):
+        checkpoint(0.95)
+        at = first + step
+        found = whole[at] - (1 - share)[:, None] * rest[at]
+        found[:, 3] = share
+        whole[at] = np.maximum(found, 0, out=found)
 
 
-def _joined(surfaces: list[tuple[Floats, Ints, int]], margin: int, scale: float) -> WarpMesh:
+def _joined(surfaces: list[tuple[Map, Ints, int]], margin: int, focus: float, scale: float) -> WarpMesh:
     """One mesh of surfaces, each disparities (H, W), triangles (T, 3) of pixels, and which of the pictures
     below each other in the texture is painted on it; the first one is whole. Their raster is `margin` pixels
-    larger than the canvas on every side; disparity over `scale` is inverse depth."""
+    larger than the canvas on every side; disparity, and that of the focal plane, which theirs is relative to,
+    are inverse depth over `scale`."""
     height, width = surfaces[0][0].shape
     xy, texture, inverse, triangles = [], [], [], []
     first = 0
@@ -189,7 +253,7 @@ def _joined(surfaces: list[tuple[Floats, Ints, int]], margin: int, scale: float)
         place = np.column_stack([column, row]) + 0.5
         xy.append(place - margin)
         texture.append(place + np.array([0, number * height]))
-        inverse.append(disparity.ravel()[used] / scale)
+        inverse.append((focus + disparity.ravel()[used].astype(np.float64)) / scale)
         triangles.append(renamed.reshape(-1, 3) + first)
         first += len(used)
     checkpoint(0.85)

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 
 from ..base.arrays import Floats, Indices, LinearRGB, LinearRGBA, Map, Mask
 from ..base.progress import checkpoint
+
+CHUNK = 1 << 13
+"""Mixed pixels that are looked at at once, so that what is summed of them stays in a processor's cache."""
 
 
 @dataclass(frozen=True)
@@ -58,38 +62,27 @@ class Surfaces:
 
 
 def surfaces_beside(
-    picture: LinearRGBA, disparity: Floats, mixed: Mask, jump: float, options: MattingOptions
+    picture: LinearRGBA, disparity: Map, mixed: Mask, jump: float, options: MattingOptions
 ) -> Surfaces:
     """The surfaces beside the mixed pixels (H, W) of a picture (H, W, 4) with disparities (H, W)."""
     row, column = np.nonzero(mixed)
-    offset = np.arange(-options.search_radius, options.search_radius + 1)
-    dy, dx = (part.ravel() for part in np.meshgrid(offset, offset, indexing="ij"))
-    y = np.clip(row[:, None] + dy, 0, disparity.shape[0] - 1)
-    x = np.clip(column[:, None] + dx, 0, disparity.shape[1] - 1)
-    around, pure = disparity[y, x], ~mixed[y, x]
-    closest = (np.maximum(np.abs(dy), np.abs(dx)) <= 1) & np.ones_like(pure)
-    high = np.max(around, axis=1, where=closest, initial=-np.inf)
-    low = np.min(around, axis=1, where=closest, initial=np.inf)
     own = disparity[row, column]
-    middle = (high + low) / 2
-    weight = 1.0 / (1.0 + dy**2 + dx**2)
-    checkpoint(0.3)
-    colours = picture[y, x, :3]
-    checkpoint(0.3)
-    is_near, is_far = around > middle[:, None], around <= middle[:, None]
+    low, high = _extremes(disparity, row, column)
+    middle = np.float32(0.5) * (high + low)
     # What is nearer or farther still belongs to a third surface.
-    is_near &= around <= high[:, None] + jump
-    is_far &= around >= low[:, None] - jump
-    checkpoint(0.3)
-    near, near_disparity, near_variance = _weighted_mean(
-        colours, around, weight * (is_near & pure), weight * is_near, high
-    )
-    checkpoint(0.3)
-    far, far_disparity, far_variance = _weighted_mean(
-        colours, around, weight * (is_far & pure), weight * is_far, low
-    )
-    checkpoint(0.3)
-    thin = ~(is_near & pure).any(axis=1)
+    bounds = np.stack([low - np.float32(jump), middle, high + np.float32(jump)])
+    radius = options.search_radius
+    sides = _sums(picture, disparity, ~mixed, row, column, bounds, radius)
+    thin = sides[0].weight == 0
+    lacking = np.flatnonzero(thin | (sides[1].weight == 0))
+    everything = np.ones_like(mixed)
+    instead = _sums(picture, disparity, everything, row[lacking], column[lacking], bounds[:, lacking], radius)
+    for side, other in zip(sides, instead, strict=True):
+        without = side.weight[lacking] == 0
+        side.sums[:, lacking[without]] = other.sums[:, without]
+    colour = picture[row, column, :3]
+    near, near_disparity, near_variance = sides[0].means(colour, own, high)
+    far, far_disparity, far_variance = sides[1].means(colour, own, low)
     near[thin], near_variance[thin], count = _thin(
         picture, disparity, row[thin], column[thin], near_disparity[thin], jump, options.thin_radius
     )
@@ -148,7 +141,7 @@ def matted(
 
 def _thin(
     picture: LinearRGBA,
-    disparity: Floats,
+    disparity: Map,
     row: Indices,
     column: Indices,
     near: Floats,
@@ -172,18 +165,75 @@ def _thin(
     return mean, np.maximum(squared - (mean**2).sum(axis=1), 0), count
 
 
-def _weighted_mean(
-    colours: LinearRGB, disparities: Floats, pure: Floats, any_: Floats, otherwise: Floats
-) -> tuple[Floats, Floats, Floats]:
-    """(n, 3) and (n,) means of colours (n, k, 3) and disparities (n, k), and (n,) the colours' variance.
+@dataclass(frozen=True)
+class _Sums:
+    """Weighted sums over pixels around n mixed ones, relative to those, so that float32 is enough."""
 
-    Weights (n, k) are those of pure pixels, if there are any, else those of any; without any the disparity is
-    `otherwise` (n,).
+    sums: Map
+    """(6, n) of weights, of the three channels of colours, of their squared lengths, and of disparities."""
+
+    @property
+    def weight(self) -> Map:
+        """(n,) sum of weights."""
+        return np.asarray(self.sums[0])
+
+    def means(self, colour: LinearRGB, disparity: Map, otherwise: Map) -> tuple[Floats, Floats, Floats]:
+        """(n, 3) and (n,) means of colours and disparities, and (n,) the colours' variance; without any pixel
+        the disparity is `otherwise` (n,), and the colour black. `colour` (n, 3) and `disparity` (n,) are the
+        mixed pixels' own."""
+        some = self.weight > 0
+        mean = self.sums[1:].astype(np.float64) / np.where(some, self.weight, 1)
+        variance = np.maximum(mean[3] - (mean[:3] ** 2).sum(axis=0), 0)
+        middle = np.where(some[:, None], mean[:3].T + colour, 0)
+        return middle, np.where(some, mean[4] + disparity, otherwise), variance
+
+
+def _neighbours(row: Indices, column: Indices, dy: int, dx: int, shape: tuple[int, ...]) -> Indices:
+    """(n,) indices in a raveled raster of what is beside pixels; past its border, those at it."""
+    return np.clip(row + dy, 0, shape[0] - 1) * shape[1] + np.clip(column + dx, 0, shape[1] - 1)
+
+
+def _extremes(disparity: Map, row: Indices, column: Indices) -> tuple[Map, Map]:
+    """(n,) least and (n,) largest disparity of n pixels and those around."""
+    kernel = np.ones((3, 3), np.uint8)
+    low, high = (f(disparity, kernel)[row, column] for f in (cv2.erode, cv2.dilate))
+    return low, high
+
+
+def _sums(
+    picture: LinearRGBA,
+    disparity: Map,
+    among: Mask,
+    row: Indices,
+    column: Indices,
+    bounds: Map,
+    radius: int,
+) -> tuple[_Sums, _Sums]:
+    """Sums over the pixels in a mask (H, W) around n mixed ones, of the near surface and of the far one.
+
+    The near one's disparities are above the middle of three bounds (3, n) and not above the last, the far
+    one's not above the middle and not below the first. A pixel counts by its distance.
     """
-    weight = np.where(pure.any(axis=1)[:, None], pure, any_)
-    total = weight.sum(axis=1)
-    safe = np.maximum(total, 1e-12)[:, None]
-    colour = np.einsum("nk,nkc->nc", weight, colours) / safe
-    variance = np.einsum("nk,nkc->n", weight, colours**2) / safe[:, 0] - (colour**2).sum(axis=1)
-    disparity = np.where(total > 0, np.einsum("nk,nk->n", weight, disparities) / safe[:, 0], otherwise)
-    return colour, disparity, np.maximum(variance, 0)
+    found = np.zeros((2, 6, len(row)), np.float32)
+    colours, depths, counts = picture.reshape(-1, picture.shape[2]), disparity.ravel(), among.ravel()
+    for first in range(0, len(row), CHUNK):
+        checkpoint(0.3)
+        some = slice(first, first + CHUNK)
+        (low, middle, high), y, x = bounds[:, some], row[some], column[some]
+        own = _neighbours(y, x, 0, 0, disparity.shape)
+        own_colour, own_depth = colours[own].T[:3].copy(), depths[own]
+        there, product = np.ones((2, 6, len(y)), np.float32)
+        for dy in range(-radius, radius + 1):
+            for dx in range(-radius, radius + 1):
+                at = _neighbours(y, x, dy, dx, disparity.shape)
+                depth = depths[at]
+                np.subtract(colours[at].T[:3], own_colour, out=there[1:4])
+                np.einsum("cn,cn->n", there[1:4], there[1:4], out=there[4])
+                np.subtract(depth, own_depth, out=there[5])
+                weight = counts[at] * np.float32(1 / (1 + dy**2 + dx**2))
+                is_near = depth > middle
+                for total, side in zip(
+                    found, (is_near & (depth <= high), ~is_near & (depth >= low)), strict=True
+                ):
+                    total[:, some] += np.multiply(there, weight * side, out=product)
+    return _Sums(found[0]), _Sums(found[1])

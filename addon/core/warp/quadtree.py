@@ -12,8 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Floats, Indices, Ints, Mask
+from ..base.arrays import Indices, Ints, Map, Mask
 from ..base.progress import checkpoint
+
+CHUNK = 1 << 17
+"""Pixels of cells that are looked at at once, so that arrays of them stay in a processor's cache."""
 
 
 @dataclass(frozen=True)
@@ -37,11 +40,11 @@ class QuadtreeOptions:
 class Surfaces:
     """Two surfaces on a raster, their depths all in one unit, whatever it is."""
 
-    own: Floats
+    own: Map
     """(H, W) depth of what is seen; mixed pixels are on the near surface."""
-    near: Floats
+    near: Map
     """(H, W) depth of the near surface, extrapolated past silhouettes; elsewhere that of what is seen."""
-    far: Floats
+    far: Map
     """(H, W) depth of the far surface, extrapolated behind the near one; elsewhere that of what is seen."""
     mixed: Mask
     """(H, W) mixed pixels: those of silhouettes."""
@@ -66,7 +69,7 @@ class Triangles:
 
 
 def triangulate(
-    surfaces: Surfaces, jump: float, error: float | Floats, options: QuadtreeOptions = QuadtreeOptions()
+    surfaces: Surfaces, jump: float, error: float | Map, options: QuadtreeOptions = QuadtreeOptions()
 ) -> Triangles:
     """Triangles that interpolate the surfaces within `error`, one or of every pixel (H, W), in their unit.
 
@@ -80,18 +83,21 @@ def triangulate(
     raster = _padded(surfaces, coarsest)
     columns = raster.own.shape[1]
     checkpoint(0.6)
-    whole = _whole(raster.own, ~raster.mixed, jump)
+    whole = ~_any(raster.mixed) & (_range(raster.own) <= jump)
     checkpoint(0.6)
     split = _split(raster, whole, _allowed(error, (height, width), whole.shape), options)
     checkpoint(0.6)
     two = _any(raster.mixed | ((raster.near != raster.far) & ~raster.is_far))
+    two_surfaces = [two]
+    for _ in range(coarsest):
+        two_surfaces.append(_halved(two_surfaces[-1], np.logical_or))
     far, near = [], []
     covered = np.zeros_like(whole)
     leaf = np.ones(tuple(n >> coarsest for n in whole.shape), bool)
     for level in range(coarsest, 0, -1):
         checkpoint(0.6)
         ends = leaf & ~split[level]
-        before = ends & _coarser(two, level)
+        before = ends & two_surfaces[level]
         far.append(_cells(ends, split[level], level, columns))
         near.append(_cells(before, split[level], level, columns))
         covered |= _children(before, level)
@@ -114,9 +120,9 @@ def _padded(surfaces: Surfaces, coarsest: int) -> Surfaces:
     rows, columns = (-(-(n - 1) >> coarsest) << coarsest for n in (height, width))
     beyond = ((0, rows + 1 - height), (0, columns + 1 - width))
 
-    def depth(values: Floats) -> Floats:
+    def depth(values: Map) -> Map:
         if min(height, width) == 1:
-            return np.zeros((rows + 1, columns + 1))
+            return np.zeros((rows + 1, columns + 1), np.float32)
         return np.pad(values, beyond, mode="reflect", reflect_type="odd")
 
     masks = (np.pad(mask, beyond) for mask in (surfaces.mixed, surfaces.is_far, surfaces.disoccluded))
@@ -132,102 +138,113 @@ def _back(triangles: Ints, padded: int, height: int, width: int) -> Ints:
     return np.asarray((row * width + column)[area != 0], np.int32)
 
 
-def _corners(values: NDArray[np.generic]) -> list[NDArray[np.generic]]:
-    """Values (H, W) at the corners of the cells a pixel wide: four arrays (H - 1, W - 1)."""
-    return [values[i : i - 1 or None, j : j - 1 or None] for i in (0, 1) for j in (0, 1)]
+def _of_corners[T: np.generic](values: NDArray[T], combine: np.ufunc) -> NDArray[T]:
+    """(H - 1, W - 1) values (H, W) at the corners of the cells a pixel wide, combined."""
+    rows = combine(values[:-1], values[1:])
+    return np.asarray(combine(rows[:, :-1], rows[:, 1:]))
 
 
-def _whole(depth: Floats, solid: Mask, jump: float) -> Mask:
-    """(H - 1, W - 1) cells of four connected pixels."""
-    return np.asarray(np.all(_corners(solid), axis=0) & (np.ptp(np.stack(_corners(depth)), axis=0) <= jump))
+def _halved[T: np.generic](cells: NDArray[T], combine: np.ufunc) -> NDArray[T]:
+    """(R, C) values of the finer cells (2 R, 2 C) in each, combined."""
+    rows = combine(cells[::2], cells[1::2])
+    return np.asarray(combine(rows[:, ::2], rows[:, 1::2]))
 
 
-def _bent(depth: Floats) -> Floats:
+def _range(depth: Map) -> Map:
+    """(H - 1, W - 1) by how much depth (H, W) changes over cells a pixel wide."""
+    return _of_corners(depth, np.maximum) - _of_corners(depth, np.minimum)
+
+
+def _bent(depth: Map) -> Map:
     """(H - 1, W - 1) by how much depth does not go straight on at the corners of cells a pixel wide."""
     across = np.abs(np.diff(depth, 2, axis=1, prepend=depth[:, :1], append=depth[:, -1:]))
     down = np.abs(np.diff(depth, 2, axis=0, prepend=depth[:1], append=depth[-1:]))
-    return np.asarray(np.max(_corners(np.maximum(across, down)), axis=0), np.float64)
+    return _of_corners(np.maximum(across, down), np.maximum)
 
 
 def _any(mask: Mask) -> Mask:
     """(H - 1, W - 1) cells with a corner in a mask (H, W)."""
-    return np.asarray(np.any(_corners(mask), axis=0))
+    return _of_corners(mask, np.logical_or)
 
 
-def _coarser(cells: Mask, level: int) -> Mask:
-    """(R, C) cells of a level with any in a mask (H - 1, W - 1) of cells a pixel wide."""
-    size = 1 << level
-    blocks = cells.reshape(cells.shape[0] // size, size, cells.shape[1] // size, size)
-    return np.asarray(blocks.any(axis=(1, 3)))
-
-
-def _allowed(error: float | Floats, shape: tuple[int, int], cells: tuple[int, ...]) -> Floats:
+def _allowed(error: float | Map, shape: tuple[int, int], cells: tuple[int, ...]) -> Map:
     """(H - 1, W - 1) the error allowed in each cell a pixel wide, past the picture's (H, W) border as at
     it."""
     beyond = [(0, n + 1 - size) for n, size in zip(cells, shape, strict=True)]
-    whole = np.pad(np.broadcast_to(np.asarray(error, np.float64), shape), beyond, mode="edge")
-    return np.asarray(np.min(_corners(whole), axis=0), np.float64)
+    whole = np.pad(np.broadcast_to(np.asarray(error, np.float32), shape), beyond, mode="edge")
+    return _of_corners(whole, np.minimum)
 
 
-def _split(raster: Surfaces, whole: Mask, error: Floats, options: QuadtreeOptions) -> list[Mask]:
+def _split(raster: Surfaces, whole: Mask, error: Map, options: QuadtreeOptions) -> list[Mask]:
     """For each level the cells (R, C) that need finer ones; `whole` (H - 1, W - 1) tells which of those a
     pixel wide are connected, `error` (H - 1, W - 1) what they may miss."""
     split = [np.zeros_like(whole)]
     doubled = _any((raster.near != raster.far) & ~raster.is_far)
-    sharp = ~whole
+    silhouette = ~whole
     checkpoint(0.6)
-    changes = np.ptp(np.stack(_corners(raster.own)), axis=0)
+    changes = _range(raster.own)
     checkpoint(0.6)
     steep = (changes > error) & (_bent(raster.own) > options.bend * changes)
+    of_near = (~raster.is_far).astype(np.float32) / np.float32(options.silhouette_error)
+    of_far = raster.disoccluded.astype(np.float32) / np.float32(options.disoccluded_error)
+    of_far[raster.is_far | raster.mixed] = 1 / options.silhouette_error
     for level in range(1, options.coarsest + 1):
         checkpoint(0.6)
-        error = np.minimum.reduce([error[i::2, j::2] for i in (0, 1) for j in (0, 1)])
+        error = _halved(error, np.minimum)
+        silhouette, doubled, steep = (_halved(one, np.logical_or) for one in (silhouette, doubled, steep))
         near = split[-1]
         # A cell beside one that is split twice would differ from its neighbours by two levels.
         wide = np.pad(near, 1)
         wide = wide[:-2] | wide[1:-1] | wide[2:]
         wide = wide[:, :-2] | wide[:, 1:-1] | wide[:, 2:]
-        needed = _coarser(wide, 1)
-        silhouette = _coarser(sharp, level)
-        one = ~silhouette & ~_coarser(doubled, level)
+        needed = _halved(wide, np.logical_or)
+        one = ~silhouette & ~doubled
         if level > options.coarsest_at_silhouettes:
             needed |= silhouette
         rough = np.nonzero(one & ~needed)
-        allowed = np.where(_coarser(steep, level), options.silhouette_error, 1)[rough] * error[rough]
+        allowed = np.where(steep, options.silhouette_error, 1)[rough] * error[rough]
         needed[rough] = _worst(raster.own, None, rough, level) > allowed
         checkpoint(0.6)
         rough = np.nonzero(~one & ~needed)
-        worst = np.maximum.reduce([
-            _worst(raster.near, ~raster.is_far, rough, level) / options.silhouette_error,
-            _worst(raster.far, raster.is_far | raster.mixed, rough, level) / options.silhouette_error,
-            _worst(raster.far, raster.disoccluded, rough, level) / options.disoccluded_error,
-        ])  # fmt: skip
+        worst = np.maximum(
+            _worst(raster.near, of_near, rough, level), _worst(raster.far, of_far, rough, level)
+        )
         needed[rough] = worst > error[rough]
         split.append(needed)
     return split
 
 
-def _worst(depth: Floats, mask: Mask | None, cells: tuple[Indices, ...], level: int) -> Floats:
-    """(n,) by how much a cell's two triangles, or any fan of its sides' middles, miss the depths within it
-    that are in a mask (H, W)."""
+def _worst(depth: Map, weight: Map | None, cells: tuple[Indices, ...], level: int) -> Map:
+    """(n,) by how much a cell's two triangles, or any fan of its sides' middles, miss the depths within it,
+    times what each of those counts (H, W)."""
+    if not len(cells[0]):
+        return np.zeros(0, np.float32)
     size = 1 << level
     share = np.arange(size + 1) / size
-    y, x = share[:, None], share
-    worst = np.empty(len(cells[0]))
-    chunk = max(1, 4_000_000 // (size + 1) ** 2)
+    x, y = (part.ravel() for part in np.meshgrid(share, share))
+    # The diagonal goes from b to c, as in `_cells`.
+    upper = np.stack([1 - x - y, x, y, 0 * x])
+    lower = np.stack([0 * x, 1 - y, 1 - x, x + y - 1])
+    plane = np.where(x + y <= 1, upper, lower).astype(np.float32)
+    blocks, weights = _blocks(depth, size), None if weight is None else _blocks(weight, size)
+    worst = np.empty(len(cells[0]), np.float32)
+    chunk = max(1, CHUNK // (size + 1) ** 2)
     for first in range(0, len(worst), chunk):
         checkpoint(0.6)
-        row, column = (part[first : first + chunk, None, None] * size for part in cells)
-        within = row + np.arange(size + 1)[:, None], column + np.arange(size + 1)
-        inner = depth[within]
-        a, b, c, d = (inner[:, i, j][:, None, None] for i, j in ((0, 0), (0, -1), (-1, 0), (-1, -1)))
-        # The diagonal goes from b to c, as in `_cells`.
-        plane = np.where(x + y <= 1, a + (b - a) * x + (c - a) * y, d + (c - d) * (1 - x) + (b - d) * (1 - y))
-        miss = np.abs(inner - plane)
-        if mask is not None:
-            miss[~mask[within]] = 0
-        worst[first : first + chunk] = miss.max(axis=(1, 2))
+        some = cells[0][first : first + chunk], cells[1][first : first + chunk]
+        inner = blocks[some].reshape(-1, len(x))
+        miss = inner[:, [0, size, -1 - size, -1]] @ plane
+        np.abs(np.subtract(inner, miss, out=miss), out=miss)
+        if weights is not None:
+            miss *= weights[some].reshape(-1, len(x))
+        worst[first : first + chunk] = miss.max(axis=1)
     return worst
+
+
+def _blocks[T: np.generic](raster: NDArray[T], size: int) -> NDArray[T]:
+    """(R, C, size + 1, size + 1) the pixels of each cell of a raster (H, W), its rim shared with the cells
+    beside."""
+    return np.lib.stride_tricks.sliding_window_view(raster, (size + 1, size + 1))[::size, ::size]
 
 
 def _children(cells: Mask, levels: int = 1) -> Mask:
@@ -239,14 +256,15 @@ def _cells(leaf: Mask, split: Mask, level: int, width: int) -> Ints:
     """Triangles (T, 3) of the leaves (R, C) of a level; the middles of sides with finer cells take part."""
     wide = np.pad(split, 1)
     sides = wide[:-2, 1:-1], wide[1:-1, 2:], wide[2:, 1:-1], wide[1:-1, :-2]
-    pattern = sum(side.astype(np.int64) << n for n, side in enumerate(sides))
+    pattern = np.sum([side.astype(np.int64) << n for n, side in enumerate(sides)], axis=0)
     half = 1 << (level - 1)
+    rows, columns = np.nonzero(leaf)
+    kinds, first = pattern[rows, columns], (rows * width + columns) << level
     parts = [np.zeros((0, 3), np.int64)]
-    for kind in range(16):
-        row, column = np.nonzero(leaf & (pattern == kind))
-        fan = _fan(kind) * half
-        first = ((row * width + column) << level)[:, None, None]
-        parts.append((first + fan[..., 0] * width + fan[..., 1]).reshape(-1, 3))
+    for kind in np.flatnonzero(np.bincount(kinds)):
+        fan = _fan(int(kind)) * half
+        corner = first[kinds == kind][:, None, None]
+        parts.append((corner + fan[..., 0] * width + fan[..., 1]).reshape(-1, 3))
     return np.concatenate(parts)
 
 
@@ -266,7 +284,7 @@ def _squares(leaf: Mask, width: int) -> Ints:
     return np.concatenate([corner + rows for rows in ([0, 1, width], [1, width + 1, width])])
 
 
-def _held(leaf: Mask, depth: Floats, jump: float) -> Ints:
+def _held(leaf: Mask, depth: Map, jump: float) -> Ints:
     """Of cells (H - 1, W - 1) a pixel wide the triangles (T, 3) of three connected pixels, and of four."""
     width = depth.shape[1]
     row, column = np.nonzero(leaf)

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...base.arrays import LinearRGB, LinearRGBA, Mask
+from ...base.arrays import LinearRGB, LinearRGBA, Map, Mask
 from ...base.progress import stage
-from ...camera.reconstruction import Floats
 from ...warp.disocclusion_fill import HiddenColours
 from ...warp.layered_depth_image import Fill
 from ...warp.layered_mesh import LayeredMeshOptions, layer_mesh
@@ -14,7 +13,7 @@ from ..thin_lens import ThinLens
 from .mesher import FrameGeometry, Mesher, Surface, equal_share_views
 
 FILLED = 0.25
-"""Share of the mesher's time that is over once hidden colours are found: `mesh_times`, 1920x1080."""
+"""Share of the mesher's time that is over once hidden colours are found: `frame_costs`, 1920x1080."""
 
 
 def can_be_layered(lens: ThinLens, blur: float) -> bool:
@@ -30,28 +29,29 @@ def make(geometry: FrameGeometry) -> Surface:
     hidden = None
     if geometry.settings.borrow:
         with stage("Hidden surfaces", 0.0, FILLED):
-            hidden = geometry.clip.hidden_colours(geometry.frame, geometry.canvas, picture, inverse_depth)
-
-    def snap(disparity: Floats) -> Floats:
-        return scale * lens.snap_to_focal_plane(disparity / scale)
+            hidden = geometry.clip.hidden_colours(geometry.frame, geometry.canvas, picture, geometry.depth)
 
     with stage("Mesh", FILLED, 1.0):
         mesh, texture, layers = layer_mesh(
-            picture, scale * inverse_depth, scale * lens.focus, scale, snap,
-            _fill(hidden, picture, scale) if hidden else None,
+            picture, scale * inverse_depth, scale * lens.focus, scale, lens.snap_displacement,
+            _fill(hidden, picture, lens.focus, scale) if hidden else None,
+            memory=geometry.clip.texture_memory,
         )  # fmt: skip
     return Surface(mesh, texture, bool(picture[..., 3].min() > 0.999), layers)
 
 
-def _fill(hidden: HiddenColours, picture: LinearRGBA, scale: float) -> Fill:
-    """Hidden colours as a raster around the picture asks for them: by displacement, `scale` times 1 / z."""
+def _fill(hidden: HiddenColours, picture: LinearRGBA, focus: float, scale: float) -> Fill:
+    """Hidden colours as a raster around the picture asks for them: by disparity, `scale` times inverse depth
+    relative to that of the focal plane."""
 
-    def fill(disparity: Floats, asked: Mask) -> tuple[LinearRGB, Mask]:
+    def fill(disparity: Map, asked: Mask) -> tuple[LinearRGB, Mask]:
         row, column = np.nonzero(asked)
         corner = (np.array(disparity.shape) - picture.shape[:2]) // 2
         places = np.column_stack([column - corner[1], row - corner[0]]) + 0.5
         colour, found = np.zeros((*disparity.shape, 3), np.float32), np.zeros(disparity.shape, bool)
-        colour[row, column], found[row, column] = hidden(places, disparity[row, column] / scale)
+        colour[row, column], found[row, column] = hidden(
+            places, focus + disparity[row, column] / np.float64(scale)
+        )
         return colour, found
 
     return fill

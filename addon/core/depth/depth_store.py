@@ -1,0 +1,160 @@
+"""Depth kept on disk beside the solve: what does not depend on the lens is found once.
+
+FOLDER/KEY/depth-000123.npz    a frame's inverse depth in 16 bits, its confidence in 8, and what moves in it
+FOLDER/KEY/moving-000123.npz   what moves in a frame, where only that was asked for
+
+KEY stands for everything that they depend on. A file that is damaged, or of another size, is not there.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import shutil
+import zipfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base import atomic
+from ..base.arrays import Bytes, Map, Mask
+from ..base.errors import UserError
+
+MOST = 8 << 30
+"""Bytes that all keys of a folder may take together: about half an hour of video at 640x360. By eye."""
+FINEST = 65535
+"""Steps from a frame's least inverse depth to its largest: 0.0015 pixels where a disc has 96."""
+
+
+@dataclass(frozen=True)
+class KeptDepth:
+    """A frame's depth as it is kept, (h, w): the same whether it was just found or is read again."""
+
+    steps: NDArray[np.uint16]
+    """(h, w) steps of inverse depth above the least one."""
+    low: float
+    """Least inverse depth, in 1 / scene units."""
+    step: float
+    """Inverse depth of a step."""
+    sure: Bytes
+    """(h, w) confidence, 255 for 1."""
+    moving: Mask
+    """(h, w) what moves by itself."""
+
+    @classmethod
+    def of(cls, inverse_depth: Map, confidence: Map, moving: Mask) -> KeptDepth:
+        """Of inverse depth, its confidence in [0, 1], and what moves, each (h, w)."""
+        low, high = float(inverse_depth.min()), float(inverse_depth.max())
+        step = max((high - low) / FINEST, float(np.finfo(np.float32).tiny))
+        steps = np.rint((inverse_depth - low) / step).clip(0, FINEST)
+        return cls(steps.astype(np.uint16), low, step, np.rint(255 * confidence).astype(np.uint8), moving)
+
+    @property
+    def inverse_depth(self) -> Map:
+        """(h, w) float32 1 / z, in 1 / scene units."""
+        return np.asarray(np.float32(self.low) + self.steps * np.float32(self.step), np.float32)
+
+    @property
+    def confidence(self) -> Map:
+        """(h, w) float32 in [0, 1]."""
+        return np.asarray(self.sure / np.float32(255), np.float32)
+
+
+class DepthStore:
+    """The kept depth of one clip's frames.
+
+    Nothing is raised where the disk is full or cannot be written: then less is kept.
+    """
+
+    def __init__(self, folder: Path, key: str, most: int = MOST) -> None:
+        """`folder` is of all keys; those not written to for longest go where it holds over `most` bytes."""
+        self._folder, self._most = folder / key, most
+        self._taken = -1
+
+    def depth(self, frame: int, shape: tuple[int, int]) -> KeptDepth | None:
+        """A frame's depth (h, w) of that shape, None where it is not kept."""
+        kept = self._read(f"depth-{frame:06d}")
+        if kept is None or not {"inverse", "confidence", "moving", "range"} <= set(kept):
+            return None
+        maps = [_decoded(kept[name]) for name in ("inverse", "confidence", "moving")]
+        kinds = (np.uint16, np.uint8, np.uint8)
+        fit = [m is not None and m.shape == shape and m.dtype == t for m, t in zip(maps, kinds, strict=True)]
+        if not all(fit) or kept["range"].shape != (2,):
+            return None
+        steps, sure, moving = (np.asarray(one) for one in maps)
+        low, step = (float(end) for end in kept["range"])
+        return KeptDepth(steps, low, step, sure, moving > 0)
+
+    def keep_depth(self, frame: int, depth: KeptDepth) -> None:
+        """Keep a frame's depth."""
+        self._write(
+            f"depth-{frame:06d}",
+            {
+                "inverse": _encoded(depth.steps),
+                "confidence": _encoded(depth.sure),
+                "moving": _encoded(depth.moving.astype(np.uint8)),
+                "range": np.array([depth.low, depth.step]),
+            },
+        )
+
+    def moving(self, frame: int, make: Callable[[], Mask]) -> Mask:
+        """(h, w) what moves in a frame: as it is kept, else made and kept."""
+        kept = self._read(f"moving-{frame:06d}")
+        found = _decoded(kept["moving"]) if kept is not None and "moving" in kept else None
+        if found is not None:
+            return np.asarray(np.asarray(found, np.uint8) > 0)
+        mask = make()
+        self._write(f"moving-{frame:06d}", {"moving": _encoded(mask.astype(np.uint8))})
+        return mask
+
+    def _read(self, name: str) -> dict[str, NDArray[np.generic]] | None:
+        try:
+            with np.load(self._folder / f"{name}.npz") as kept:
+                return {part: kept[part] for part in kept.files}
+        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+            return None
+
+    def _write(self, name: str, parts: dict[str, NDArray[np.generic]]) -> None:
+        data = io.BytesIO()
+        np.savez(data, allow_pickle=False, **parts)
+        # It is only kept for later: a frame that is asked for must not fail of it.
+        with contextlib.suppress(OSError, UserError):
+            if self._has_room(data.tell()):
+                atomic.write_bytes(self._folder / f"{name}.npz", data.getvalue())
+                self._taken += data.tell()
+
+    def _has_room(self, more: int) -> bool:
+        """Whether so many bytes more are no more than the most, once other keys' files are removed for them,
+        the oldest first."""
+        if self._taken < 0:
+            atomic.collect_orphans(self._folder)
+            self._taken = sum(_size(folder) for folder in _folders(self._folder.parent))
+        for folder in sorted(_folders(self._folder.parent), key=lambda one: one.stat().st_mtime):
+            if self._taken + more > self._most and folder != self._folder:
+                self._taken -= _size(folder)
+                shutil.rmtree(folder, ignore_errors=True)
+        return self._taken + more <= self._most
+
+
+def _encoded(plane: Bytes | NDArray[np.uint16]) -> Bytes:
+    """A plane (h, w) as a PNG file's bytes (n,)."""
+    # Level 1 takes a third of the default's time, for a tenth more bytes.
+    return np.asarray(cv2.imencode(".png", plane, [cv2.IMWRITE_PNG_COMPRESSION, 1])[1], np.uint8)
+
+
+def _decoded(data: NDArray[np.generic]) -> NDArray[np.generic] | None:
+    with contextlib.suppress(cv2.error):
+        return cv2.imdecode(np.asarray(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    return None
+
+
+def _folders(folder: Path) -> list[Path]:
+    return [path for path in folder.iterdir() if path.is_dir()] if folder.is_dir() else []
+
+
+def _size(folder: Path) -> int:
+    return sum(path.stat().st_size for path in folder.iterdir())

@@ -1,0 +1,115 @@
+"""What another frame sees of places that a frame knows the depth of, and of what colour."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from ..base.arrays import Floats, Indices, LinearRGB, Map, Mask
+from ..camera.reconstruction import Image, Intrinsics
+from ..depth.view_selection import relative_pose
+
+CHUNK = 1 << 14
+"""Places that are looked up at once, so that what is computed of them stays in a processor's cache; OpenCV's
+`remap` takes 32,766 in a row at most. Half and twice as many take as long, ten times as many a third longer
+(fence, 1920x1080)."""
+
+
+@dataclass(frozen=True)
+class Places:
+    """Places that a pinhole sees, with their depth."""
+
+    x: Map
+    """(n,) pixels from the pinhole picture's left edge."""
+    y: Map
+    """(n,) pixels from its top edge."""
+    inverse: Map
+    """(n,) inverse depth, 1 / scene units."""
+
+    @classmethod
+    def of(cls, xy: Floats, inverse: Floats) -> Places:
+        """At pixels (n, 2) with inverse depths (n,)."""
+        x, y = np.asarray(xy, np.float32).T
+        return cls(x, y, np.asarray(inverse, np.float32))
+
+    def __len__(self) -> int:
+        return len(self.x)
+
+    def among(self, which: slice | Mask | Indices) -> Places:
+        """Some of them."""
+        return Places(self.x[which], self.y[which], self.inverse[which])
+
+
+@dataclass(frozen=True)
+class Reprojection:
+    """Where another camera sees what a pinhole sees: the plane at infinity's homography, plus parallax
+    (Irani and Anandan, "A unified approach to moving object detection in 2D and 3D scenes", 1998)."""
+
+    homography: Map
+    """(3, 3) homogeneous pixels of the other camera of those at infinity; if its lens is distorted, rays."""
+    parallax: Map
+    """(3,) what is added to those for an inverse depth of one."""
+    lens: Intrinsics
+    """Of the other camera."""
+
+    @classmethod
+    def between(cls, image: Image, pinhole: Intrinsics, other: Image, lens: Intrinsics) -> Reprojection:
+        """From the pinhole of an image to the lens of another."""
+        rotation, translation = relative_pose(image, other)
+        there = np.eye(3) if lens.is_distorted else _matrix(lens)
+        homography = there @ rotation @ np.linalg.inv(_matrix(pinhole))
+        return cls(homography.astype(np.float32), (there @ translation).astype(np.float32), lens)
+
+    def __call__(self, places: Places) -> tuple[Map, Map, Map]:
+        """(n,) x and y in pixels of the other picture, NaN behind that camera, and depth over the depth in
+        the pinhole."""
+        x, y, ratio = (
+            row[0] * places.x + row[1] * places.y + (row[2] + parallax * places.inverse)
+            for row, parallax in zip(self.homography, self.parallax, strict=True)
+        )
+        ahead = np.where(ratio > 0, ratio, np.float32(np.nan))
+        x, y = x / ahead, y / ahead
+        if self.lens.is_distorted:
+            rays = self.lens.distort(np.stack([x, y], axis=-1).astype(np.float64))
+            x, y = (rays * self.lens.focal + self.lens.principal_point).astype(np.float32).T
+        return x, y, ahead
+
+
+@dataclass(frozen=True)
+class SourceView:
+    """A frame that is asked for colours."""
+
+    frame: int
+    """Its number."""
+    reprojection: Reprojection
+    """Where it sees what the frame that asks sees."""
+    picture: LinearRGB
+    """(h, w, 3) its picture, at any size."""
+    hides: Map
+    """(H, W) least inverse depth of its pixels at which something is not hidden, infinite where it moves."""
+    gain: Map
+    """(3,) by how much the frame that asks is brighter."""
+
+    def colours(self, places: Places) -> Map:
+        """(3, n) linear colours of places of the frame that asks, as bright as that; infinite where it does
+        not see them."""
+        x, y, ratio = self.reprojection(places)
+        height, width = self.hides.shape
+        inside = np.flatnonzero((x >= 0.5) & (x <= width - 0.5) & (y >= 0.5) & (y <= height - 0.5))
+        x, y, nearness = x[inside], y[inside], places.inverse[inside] / ratio[inside]
+        at = np.minimum(y.astype(np.int32), height - 1) * width + np.minimum(x.astype(np.int32), width - 1)
+        sees = np.flatnonzero(nearness >= self.hides.ravel()[at])
+        found = np.full((3, len(places)), np.inf, np.float32)
+        if len(sees):
+            zoom = np.float32(self.picture.shape[1] / width), np.float32(self.picture.shape[0] / height)
+            column, row = (v[sees][None] * z - np.float32(0.5) for v, z in zip((x, y), zoom, strict=True))
+            colour = cv2.remap(self.picture, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+            found[:, inside[sees]] = colour[0].T * self.gain[:, None]
+        return found
+
+
+def _matrix(lens: Intrinsics) -> Floats:
+    """(3, 3) calibration matrix K of a pinhole."""
+    return np.array([[lens.fx, 0, lens.cx], [0, lens.fy, lens.cy], [0, 0, 1.0]])

@@ -1,0 +1,90 @@
+"""Depth that is kept on disk: the same when it is read again, and never a reason to fail."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from addon.core.depth.depth_store import FINEST, DepthStore, KeptDepth
+
+SHAPE = (30, 40)
+
+
+def some(seed: int = 0) -> KeptDepth:
+    dice = np.random.default_rng(seed)
+    inverse = dice.uniform(0.01, 3.0, SHAPE).astype(np.float32)
+    return KeptDepth.of(inverse, dice.random(SHAPE).astype(np.float32), dice.random(SHAPE) > 0.5)
+
+
+def same(one: KeptDepth | None, other: KeptDepth) -> bool:
+    return one is not None and all(
+        np.array_equal(getattr(one, name), getattr(other, name))
+        for name in ("inverse_depth", "confidence", "moving")
+    )
+
+
+def test_what_is_kept_is_within_half_a_step() -> None:
+    inverse = np.linspace(0.2, 1.7, 1200, dtype=np.float32).reshape(SHAPE)
+    kept = KeptDepth.of(inverse, np.full(SHAPE, 0.3, np.float32), np.zeros(SHAPE, bool))
+    assert np.abs(kept.inverse_depth - inverse).max() <= 0.51 * 1.5 / FINEST + 1e-7
+    assert np.abs(kept.confidence - 0.3).max() <= 0.51 / 255
+    flat = KeptDepth.of(np.full(SHAPE, 0.7, np.float32), kept.confidence, kept.moving)
+    np.testing.assert_array_equal(flat.inverse_depth, np.float32(0.7))
+
+
+def test_it_is_read_as_it_was_kept(tmp_path: Path) -> None:
+    DepthStore(tmp_path, "a").keep_depth(7, some())
+    again = DepthStore(tmp_path, "a")
+    assert same(again.depth(7, SHAPE), some())
+    assert again.depth(8, SHAPE) is None and again.depth(7, (30, 41)) is None
+    assert DepthStore(tmp_path, "b").depth(7, SHAPE) is None
+    assert not list(tmp_path.rglob(".part-*"))
+
+
+def test_what_moves_is_made_once(tmp_path: Path) -> None:
+    mask, made = some().moving, []
+
+    def make() -> np.ndarray:
+        made.append(1)
+        return mask
+
+    for _ in range(2):
+        np.testing.assert_array_equal(DepthStore(tmp_path, "a").moving(3, make), mask)
+    assert len(made) == 1
+
+
+@pytest.mark.parametrize("damage", ["empty", "cut", "noise", "other"])
+def test_a_damaged_file_is_not_there(tmp_path: Path, damage: str) -> None:
+    store = DepthStore(tmp_path, "a")
+    store.keep_depth(1, some())
+    (path,) = (tmp_path / "a").iterdir()
+    data = path.read_bytes()
+    noise = np.random.default_rng(0).bytes(len(data))
+    path.write_bytes({"empty": b"", "cut": data[: len(data) // 2], "noise": noise, "other": b"PK"}[damage])
+    assert store.depth(1, SHAPE) is None
+    store.keep_depth(1, some(1))
+    assert same(store.depth(1, SHAPE), some(1))
+
+
+def test_nothing_fails_where_nothing_can_be_kept(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    store = DepthStore(tmp_path / "file", "a")
+    store.keep_depth(1, some())
+    assert store.depth(1, SHAPE) is None
+
+
+def test_the_oldest_keys_go_first_and_what_is_too_much_is_not_kept(tmp_path: Path) -> None:
+    for age, key in enumerate(("old", "older")):
+        DepthStore(tmp_path, key).keep_depth(1, some())
+        os.utime(tmp_path / key, (1000 - age, 1000 - age))
+    one = sum(path.stat().st_size for path in (tmp_path / "old").iterdir())
+    store = DepthStore(tmp_path, "new", most=int(2.5 * one))
+    store.keep_depth(1, some())
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["new", "old"]
+    for frame in (2, 3):
+        store.keep_depth(frame, some())
+    assert [path.name for path in tmp_path.iterdir()] == ["new"]
+    assert store.depth(2, SHAPE) is not None and store.depth(3, SHAPE) is None
