@@ -195,6 +195,8 @@ def bad_inputs(tmp: Path) -> dict[str, tuple[list[object], str]]:
         "zero blur": (["run", CLIP, *out, "--blur", "0"], "blur is 0; it must be greater than zero"),
         "no views": (["run", CLIP, *out, "--views", "0"], "number of views is 0"),
         "views nonsense": (["run", CLIP, *out, "--views", "many"], "a whole number or auto"),
+        "no error": (["run", CLIP, *out, "--error", "0"], "error is 0 dB; it must be greater than zero"),
+        "error and views": (["run", CLIP, *out, "--error", "40", "--views", "8"], "not both"),
         "frames outside": (["run", CLIP, *out, "--frames", "90-99"], "has no frames 90-99"),
         "frames nonsense": (["run", CLIP, *out, "--frames", "a-b"], "are not understood"),
         "no solve": (["render", empty, *out], "holds no solve"),
@@ -204,7 +206,8 @@ def bad_inputs(tmp: Path) -> dict[str, tuple[list[object], str]]:
 @pytest.mark.parametrize("name", [
     "missing file", "no images", "one frame", "all frames equal", "two sizes", "empty video", "text as video",
     "output in a file", "unknown output", "one name for all", "focus outside", "focus nonsense",
-    "negative aperture", "zero blur", "no views", "views nonsense", "frames outside", "frames nonsense",
+    "negative aperture", "zero blur", "no views", "views nonsense", "no error",
+    "error and views", "frames outside", "frames nonsense",
     "no solve",
 ])  # fmt: skip
 def test_bad_input_is_one_line_and_leaves_nothing(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -65,6 +66,21 @@ def test_a_place_is_in_the_frame_that_is_asked_for(
         == 0
     )
     assert "away at frame 2, from points" in capsys.readouterr().out
+
+
+def test_an_error_takes_the_place_of_the_number_of_views(
+    work: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lens = ("--focus-distance", "6", "--blur", "0.02", "--method", "features", "--frames", "2")
+    told = ["render", str(work), *lens, "--out", str(tmp_path / "o" / "####.png"), "--error", "35"]
+    report = tmp_path / "report.json"
+    assert run_command([*told, "--report", str(report)]) == 0
+    assert "as many views as 35 dB take" in capsys.readouterr().out
+    (frame,) = json.loads(report.read_text())["frames"]
+    assert frame["views"] >= 4
+    # Another error is another picture.
+    assert run_command([*told[:-1], "50"]) == 1
+    assert "made from something else" in capsys.readouterr().err
 
 
 def test_discs_before_and_behind_are_said(

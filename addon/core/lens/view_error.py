@@ -27,7 +27,7 @@ FIRST, FIRST_GAIN, DOUBLING = 8, 5.6, 3.9
 """A prefiltered frame of `FIRST` views is better than the two sets differ by 5.3 to 7.9 dB, and by `DOUBLING`
 more for every doubling: 9.5 to 11.8 with 16 views, 13.1 to 15.3 with 32. So a wish is met within a decibel.
 From bars, fence and walk with true depth at 16, 32 and 64 pixels, a scratch script;
-`python -m benchmarks.timings.view_error --wish` shows that it holds."""
+`python -m benchmarks.timings.view_error` with wishes shows that it holds."""
 PLAIN_GAIN, PLAIN_DOUBLING = 1.0, 3.0
 """The same of plain views, from the pilot's number on: as independent random positions, the slowest."""
 
