@@ -10,7 +10,7 @@ JOBS ?= 2
 SOLVES := $(if $(MOTIONS),--motions $(MOTIONS)) $(if $(TRACKERS),--trackers $(TRACKERS)) $(if $(FOCAL),--focal $(FOCAL))
 BENCH := $(if $(SCENES),--scenes $(SCENES)) $(if $(TRACK),--track $(TRACK)) $(if $(BLURS),--blurs $(BLURS))
 
-.PHONY: help setup demo test test-fast test-window torture sample bench bench-full bench-solve bench-stability figures lint zip clean
+.PHONY: help setup demo test test-fast test-window torture sample bench bench-speed bench-full bench-solve bench-stability figures lint zip clean
 help:
 	@echo "make demo    render the sample clip with depth of field and say where the video is"
 	@echo "make test    run the tests"
@@ -19,6 +19,7 @@ help:
 	@echo "make torture  kills, full disks, races and damaged files for hours; resumes (TRIES=100 FAULTS=\"movie jobs\")"
 	@echo "make sample SCENE=bars  a scene of the benchmark: .blend, clip and true cameras, into sample/"
 	@echo "make bench   speed against error, quick subset (SCENES=bars TRACK=T1 BLURS=16: a part)"
+	@echo "make bench-speed      what a clip costs, from command to written file, and a frame by stage"
 	@echo "make bench-full       all of it, for hours; resumes where it was stopped"
 	@echo "make bench-solve      cameras against truth: eight motions and six refusals, four trackers"
 	@echo "make bench-stability  the hard numerical cases, a table"
@@ -58,6 +59,10 @@ sample: setup
 
 bench: setup
 	@$(PYTHON) -m benchmarks.accuracy $(BENCH)
+	@$(PYTHON) -m benchmarks.timings.frame_costs
+
+bench-speed: setup
+	@$(PYTHON) -m benchmarks.timings.whole_runs
 	@$(PYTHON) -m benchmarks.timings.frame_costs
 
 bench-full: setup

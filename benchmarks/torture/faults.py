@@ -45,6 +45,7 @@ FAULTS = {
     "output": Fault("frames of an earlier run are damaged", mutations.output),
     "masks": Fault("a mask is damaged or repainted", mutations.masks),
     "depth": Fault("a depth map is damaged or repainted", mutations.depth),
+    "kept-depth": Fault("depth that an earlier run kept is damaged", mutations.kept_depth),
     "report": Fault("the file of reports is damaged", mutations.report),
     "blend": Fault("a property of a .blend is damaged", mutations.blend),
     "not-finite": Fault("NaN and infinite pixels", mutations.not_finite),

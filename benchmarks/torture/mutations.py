@@ -107,6 +107,20 @@ def depth(one: Try) -> None:
     _pictures(one, one.bench.depth, "--depth")
 
 
+def kept_depth(one: Try) -> None:
+    """Depth that an earlier run kept: what is damaged is found anew, and the pictures stay the same."""
+    work = one.bench.project(one.folder / "project")
+    first, again = one.folder / "first", one.folder / "again"
+    words = ("render", work, *DENSE, "--frames", FEW, "--out")
+    if (run := one.run(*words, first / "####.png")).status:
+        one.verdict.add("lost", run.said[-300:])
+        return
+    kept = sorted((work / "depth").rglob("*.npz"))
+    for path in one.dice.sample(kept, one.dice.randint(1, len(kept))):
+        path.write_bytes(mutate(one.dice, path.read_bytes()))
+    one.expect(contents(first), again / "####.png", one.run(*words, again / "####.png"))
+
+
 def report(one: Try) -> None:
     """The file of reports of an earlier run."""
     out, path = one.folder / "out" / "####.png", one.folder / "report.json"

@@ -12,7 +12,7 @@ from addon.core.base.arrays import Floats, Map, Mask
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.depth.depth_store import FINEST, SUREST, DepthStore
 from addon.core.depth.multi_view_stereo import DenseDepth, PlaneSweepStereo
-from addon.core.depth.temporal_fusion import FusionOptions, TemporalFusion, fused, sharpened
+from addon.core.depth.temporal_fusion import FusionOptions, TemporalFusion, fused, sharpened, without_pits
 
 from .. import planes
 from .test_multi_view_stereo import CENTRES, LENS, MIDDLE, RANGE, clip, features, poses, truth
@@ -330,6 +330,16 @@ def test_ramps_and_shelves_at_silhouettes_become_steps() -> None:
         found = sharpened(np.broadcast_to(soft, (40, 60)).astype(np.float32), 0.005)
         np.testing.assert_allclose(found, np.where(found > 0.25, NEAR, WALL), rtol=1e-6)
         assert np.all(np.abs((found > 0.25).argmax(axis=1) - 30) <= 1)
+
+
+def test_holes_of_a_few_pixels_are_closed_and_larger_ones_stay() -> None:
+    inverse = np.full((40, 60), NEAR, np.float32)
+    inverse[10, 10] = inverse[20, 20:26] = inverse[30:32, 30:33] = WALL
+    inverse[5:8, 40:43] = inverse[10:, 50:] = WALL
+    found = without_pits(inverse, 0.005)
+    wanted = np.full((40, 60), NEAR, np.float32)
+    wanted[5:8, 40:43] = wanted[10:, 50:] = WALL
+    np.testing.assert_array_equal(found, wanted)
 
 
 def test_a_wrong_pixel_beside_a_silhouette_does_not_spread() -> None:

@@ -65,6 +65,8 @@ class FusionOptions:
     """Lambda of the smoother along the surfaces found, which a level stops. By eye."""
     jump: float = 4.0
     """Levels within `ramp` pixels that make a jump of a ramp. By eye."""
+    largest_pit: int = 6
+    """Pixels of a hole in a surface that are too few for their texture to prove it. By eye."""
     ramp: int = 2
     """Pixels within which such a jump is one. By eye."""
     slope_ratio: float = 1.8
@@ -135,10 +137,12 @@ class TemporalFusion:
         checkpoint(1.0)
         inverse = sharpened(_smoothed(inverse, level, options), level, disputed, options)
         if own is None:
-            return self._stereo.with_movers(frame, inverse, confidence)
-        inverse = np.where(own.moving, own.inverse_depth, inverse)
-        confidence = np.where(own.moving, own.confidence, confidence)
-        return replace(own, inverse_depth=inverse, confidence=confidence)
+            found = self._stereo.with_movers(frame, inverse, confidence)
+        else:
+            inverse = np.where(own.moving, own.inverse_depth, inverse)
+            confidence = np.where(own.moving, own.confidence, confidence)
+            found = replace(own, inverse_depth=inverse, confidence=confidence)
+        return replace(found, inverse_depth=without_pits(found.inverse_depth, level, options))
 
     def _in_place(self, depth: DenseDepth, image: Image, here: Image) -> tuple[Map, Map]:
         """(h, w) inverse depth of a key frame in a frame's place, and its weight, 0 where it sees nothing."""
@@ -358,3 +362,12 @@ def sharpened(
     low, high = np.where(loose, lowest, low), np.where(loose, highest, high)
     nearer = np.where(high - inverse < inverse - low, high, low)
     return np.where(ramp | loose, nearer, inverse).astype(np.float32)
+
+
+def without_pits(inverse: Map, level: float, options: FusionOptions = FusionOptions()) -> Map:
+    """Inverse depth (h, w) without holes of a few pixels in a surface: they take the depth of their rims."""
+    rim = cv2.morphologyEx(inverse, cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
+    deep = rim - inverse > options.jump * level
+    _, label, found, _ = cv2.connectedComponentsWithStats(deep.astype(np.uint8), connectivity=8)
+    is_pit = deep & (found[:, cv2.CC_STAT_AREA] <= options.largest_pit)[label]
+    return np.where(is_pit, rim, inverse).astype(np.float32)
