@@ -17,7 +17,7 @@ from ..core.depth.user_maps import open_depth
 from ..core.media.clip import Footage, FrameRange, open_footage
 from ..core.media.copying import copy_clip, copy_file, copy_pictures
 from ..core.media.masks import open_masks
-from ..core.sfm.state import STATE
+from ..core.sfm.state import STATE, read_state, write_state
 from ..core.sfm.workspace import load_solve
 from ..render import jobs, output
 from ..render.frame_files import key_of
@@ -141,10 +141,12 @@ def _copy_solve(source: Path, target: Path, clip: Path) -> None:
     for file in [source / STATE, *(source / "model").iterdir()]:
         if file.name != STATE:
             copy_file(file, target / file.relative_to(source))
-    state = json.loads((source / STATE).read_text(encoding="utf-8"))
+    state = read_state(source)
+    assert state is not None
     # Every machine has the clip where the bundle lies there, however it writes paths.
     state |= {"footage": str(clip), "relative": f"../{clip.relative_to(target.parent).as_posix()}"}
-    atomic.write_bytes(target / STATE, json.dumps(state, indent=1).encode())
+    with atomic.staged(target / STATE) as part:
+        write_state(part, state)
 
 
 def _pictures(options: argparse.Namespace, footage: Footage, folder: Path) -> list[str]:
