@@ -33,6 +33,8 @@ class Told:
     def at(self, frame: int) -> DenseDepth:
         return self.frames[frame]
 
+    def prefetch(self, frames: list[int]) -> None: ...
+
     def pinhole(self, frame: int) -> Intrinsics:
         return LENS
 

@@ -37,7 +37,7 @@ class StereoOptions:
 
     long_side: int = 960
     """Pixels of the longer side that is worked at. Past it, time and memory grow and a blur gains little."""
-    kept_pictures: int = 40
+    kept_pictures: int = 64
     """Pictures that are remembered, so that a clip taken in order reads each frame about once. By eye."""
     widest_parallax: float = 0.1
     """Of the longer side, by which the scene's depths should move apart in the farthest neighbour. By eye."""
@@ -204,6 +204,21 @@ class PlaneSweepStereo:
     def pinhole(self, frame: int) -> Intrinsics:
         """The pinhole that a frame's depth is seen through, at the size worked at."""
         return self._canvas(self._rec.image_at(frame)[0]).pinhole
+
+    def prefetch(self, frames: list[int]) -> None:
+        """Read what the depth of frames is found from, in the order of the clip: a video that is read to and
+        fro is decoded again and again. Errors as `at`."""
+        options, wanted = self._options, dict[int, Image]()
+        for frame in frames:
+            image, _ = self._rec.image_at(frame)
+            span = self._range(image)
+            wanted[image.frame] = image
+            for shares in (options.depth_parallaxes, options.motion_parallaxes, options.probe_parallaxes):
+                near = self._neighbours(image, span, shares)
+                wanted |= {one.image.frame: one.image for one in near}
+        for _, image in sorted(wanted.items()):
+            checkpoint()
+            self._picture(image)
 
     def moving(self, frame: int) -> Mask:
         """(h, w) what moves by itself, over the source frame at the size worked at; remembered."""

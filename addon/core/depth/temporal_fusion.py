@@ -117,6 +117,7 @@ class TemporalFusion:
         options, keys = self._options, self._around(frame)
         # What is remembered takes no time.
         new = [key.frame for key in keys if key.frame not in self._kept]
+        self._stereo.prefetch(new)
         depths = []
         for key in keys:
             with part(new.index(key.frame), len(new)) if key.frame in new else nullcontext():
