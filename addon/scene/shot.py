@@ -61,13 +61,16 @@ class Shot:
         store = DepthStore(self.work / KEPT_DEPTH, self._depth_key) if self.work else None
         return ClipContext(self.reconstruction, self.read, self.depth, masks, store)
 
-    @property
     def _depth_key(self) -> str:
-        """16 hexadecimal digits of all that the depth found in the clip depends on."""
+        """16 hexadecimal digits of all that the depth found in the clip depends on, as its files are now."""
         masks = self.masks and clip_digest(self.masks.pictures), self.drawn and drawn_digest(self.drawn)
-        clip = clip_digest(self.footage), reconstruction_digest(self.reconstruction)
+        clip = clip_digest(self.footage), self._reconstruction_digest
         options = StereoOptions(), COARSE, FusionOptions()
         return hashlib.sha256(repr((DEPTHS, clip, masks, options)).encode()).hexdigest()[:16]
+
+    @cached_property
+    def _reconstruction_digest(self) -> str:
+        return reconstruction_digest(self.reconstruction)
 
     def read(self, frame: int) -> Pixels:
         """A frame's picture, remembered: depth, what moves and what is lent ask for the same ones."""

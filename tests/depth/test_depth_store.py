@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -36,11 +37,11 @@ def test_what_is_kept_is_within_half_a_step() -> None:
 
 
 def test_it_is_read_as_it_was_kept(tmp_path: Path) -> None:
-    DepthStore(tmp_path, "a").keep_depth(7, some())
-    again = DepthStore(tmp_path, "a")
+    DepthStore(tmp_path, lambda: "a").keep_depth(7, some())
+    again = DepthStore(tmp_path, lambda: "a")
     assert same(again.depth(7, SHAPE), some())
     assert again.depth(8, SHAPE) is None and again.depth(7, (30, 41)) is None
-    assert DepthStore(tmp_path, "b").depth(7, SHAPE) is None
+    assert DepthStore(tmp_path, lambda: "b").depth(7, SHAPE) is None
     assert not list(tmp_path.rglob(".part-*"))
 
 
@@ -52,13 +53,13 @@ def test_what_moves_is_made_once(tmp_path: Path) -> None:
         return mask
 
     for _ in range(2):
-        np.testing.assert_array_equal(DepthStore(tmp_path, "a").moving(3, make), mask)
+        np.testing.assert_array_equal(DepthStore(tmp_path, lambda: "a").moving(3, make), mask)
     assert len(made) == 1
 
 
 @pytest.mark.parametrize("damage", ["empty", "cut", "noise", "other"])
 def test_a_damaged_file_is_not_there(tmp_path: Path, damage: str) -> None:
-    store = DepthStore(tmp_path, "a")
+    store = DepthStore(tmp_path, lambda: "a")
     store.keep_depth(1, some())
     (path,) = (tmp_path / "a").iterdir()
     data = path.read_bytes()
@@ -71,17 +72,26 @@ def test_a_damaged_file_is_not_there(tmp_path: Path, damage: str) -> None:
 
 def test_nothing_fails_where_nothing_can_be_kept(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
-    store = DepthStore(tmp_path / "file", "a")
+    store = DepthStore(tmp_path / "file", lambda: "a")
     store.keep_depth(1, some())
     assert store.depth(1, SHAPE) is None
 
 
+def test_what_is_found_of_a_clip_that_changed_meanwhile_is_not_kept(tmp_path: Path) -> None:
+    keys = iter("aab")
+    store = DepthStore(tmp_path, lambda: next(keys))
+    for frame in (1, 2):
+        store.keep_depth(frame, some())
+    assert same(store.depth(1, SHAPE), some()) and store.depth(2, SHAPE) is None
+    assert [path.name for path in tmp_path.iterdir()] == ["a"]
+
+
 def test_the_oldest_keys_go_first_and_what_is_too_much_is_not_kept(tmp_path: Path) -> None:
     for age, key in enumerate(("old", "older")):
-        DepthStore(tmp_path, key).keep_depth(1, some())
+        DepthStore(tmp_path, partial(str, key)).keep_depth(1, some())
         os.utime(tmp_path / key, (1000 - age, 1000 - age))
     one = sum(path.stat().st_size for path in (tmp_path / "old").iterdir())
-    store = DepthStore(tmp_path, "new", most=int(2.5 * one))
+    store = DepthStore(tmp_path, lambda: "new", most=int(2.5 * one))
     store.keep_depth(1, some())
     assert sorted(path.name for path in tmp_path.iterdir()) == ["new", "old"]
     for frame in (2, 3):

@@ -308,10 +308,10 @@ def test_a_frame_that_key_frames_see_too_little_of_is_swept_itself() -> None:
 
 
 def test_kept_depth_is_the_same_and_not_found_again(tmp_path: Path) -> None:
-    store = DepthStore(tmp_path, "key")
+    store = DepthStore(tmp_path, lambda: "key")
     _, fusion = counted(track(), store)
     found = fusion.at(8)
-    single, again = counted(track(), DepthStore(tmp_path, "key"))
+    single, again = counted(track(), DepthStore(tmp_path, lambda: "key"))
     kept = again.at(8)
     assert single.swept == []
     for one, other in ((found, kept), (counted(track())[1].at(8), kept)):

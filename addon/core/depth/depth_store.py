@@ -73,9 +73,13 @@ class DepthStore:
     Nothing is raised where the disk is full or cannot be written: then less is kept.
     """
 
-    def __init__(self, folder: Path, key: str, most: int = MOST) -> None:
-        """`folder` is of all keys; those not written to for longest go where it holds over `most` bytes."""
-        self._folder, self._most = folder / key, most
+    def __init__(self, folder: Path, key: Callable[[], str], most: int = MOST) -> None:
+        """`folder` is of all keys; those not written to for longest go where it holds over `most` bytes.
+
+        `key` tells what depth depends on now: what is found once that has changed is not kept.
+        """
+        self._key, self._key_now = key(), key
+        self._folder, self._most = folder / self._key, most
         self._taken = -1
 
     def depth(self, frame: int, shape: tuple[int, int]) -> KeptDepth | None:
@@ -126,7 +130,7 @@ class DepthStore:
         np.savez(data, allow_pickle=False, **parts)
         # It is only kept for later: a frame that is asked for must not fail of it.
         with contextlib.suppress(OSError, UserError):
-            if self._has_room(data.tell()):
+            if self._key_now() == self._key and self._has_room(data.tell()):
                 atomic.write_bytes(self._folder / f"{name}.npz", data.getvalue())
                 self._taken += data.tell()
 
