@@ -1,10 +1,9 @@
 """What a clip costs from command to written file: `make bench-speed`.
 
 The bars scene with its true cameras, as it is and enlarged, is rendered by the command line in a process of
-its own, as a user would: with the depth to find, then through another lens with the depth kept, and by the
-mesh of features alone, which needs no depth. What a frame costs is what more frames cost more: starting up
-and what the first frame finds for others are in the column of one frame. Largest disc 32 pixels at 640x360,
-96 at 1920x1080.
+its own, as a user would: with the depth to find, and then through another lens with the depth kept. What a
+frame costs is what more frames cost more: starting up and what the first frame finds for others are in the
+column of one frame. Largest disc 32 pixels at 640x360, 96 at 1920x1080.
 """
 
 from __future__ import annotations
@@ -59,7 +58,6 @@ def _rows(scene: Staged, size: tuple[int, int], folder: Path) -> None:
     for name, words, is_kept in (
         ("depth to find", (*lens, focus), False),
         ("depth kept, another focus", (*lens, 0.9 * focus), True),
-        ("features alone, no depth", (*lens, focus, "--method", "features"), False),
     ):
         runs = []
         for count in (1, FEW, MANY):
