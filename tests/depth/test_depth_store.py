@@ -77,6 +77,16 @@ def test_nothing_fails_where_nothing_can_be_kept(tmp_path: Path) -> None:
     assert store.depth(1, SHAPE) is None
 
 
+def test_what_is_not_ours_is_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "0001.exr").write_bytes(bytes(4000))
+    DepthStore(tmp_path, lambda: "mine").keep_depth(1, some())
+    store = DepthStore(tmp_path, lambda: "new", most=5000)
+    store.keep_depth(1, some())
+    assert [path.name for path in (tmp_path / "mine").iterdir()] == ["0001.exr"]
+    assert same(store.depth(1, SHAPE), some())
+
+
 def test_what_is_found_of_a_clip_that_changed_meanwhile_is_not_kept(tmp_path: Path) -> None:
     keys = iter("aab")
     store = DepthStore(tmp_path, lambda: next(keys))

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import contextlib
 import io
-import shutil
 import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -25,7 +24,8 @@ from ..base.arrays import Bytes, Map, Mask
 from ..base.errors import UserError
 
 MOST = 8 << 30
-"""Bytes that all keys of a folder may take together: about half an hour of video at 640x360. By eye."""
+"""Bytes that all keys of a folder may take together: about an hour of video at 640x360,
+twelve minutes of a phone's. By eye."""
 FINEST = 4095
 """Steps from a frame's least inverse depth to its largest: 0.02 pixels where a disc has 96. With 65535 a
 file is twice as large, of noise."""
@@ -143,7 +143,11 @@ class DepthStore:
         for folder in sorted(_folders(self._folder.parent), key=lambda one: one.stat().st_mtime):
             if self._taken + more > self._most and folder != self._folder:
                 self._taken -= _size(folder)
-                shutil.rmtree(folder, ignore_errors=True)
+                for path in _kept_files(folder):
+                    path.unlink(missing_ok=True)
+                # Whatever else lies there is not ours.
+                with contextlib.suppress(OSError):
+                    folder.rmdir()
         return self._taken + more <= self._most
 
 
@@ -164,5 +168,9 @@ def _folders(folder: Path) -> list[Path]:
     return [path for path in folder.iterdir() if path.is_dir()] if folder.is_dir() else []
 
 
+def _kept_files(folder: Path) -> list[Path]:
+    return [*folder.glob("depth-*.npz"), *folder.glob("moving-*.npz")]
+
+
 def _size(folder: Path) -> int:
-    return sum(path.stat().st_size for path in folder.iterdir())
+    return sum(path.stat().st_size for path in _kept_files(folder))
