@@ -170,22 +170,18 @@ class PlaneSweepStereo:
                 inverse = share * inverse + (1 - share) * sparse
         checkpoint(0.8)
         found = DenseDepth(frame, inverse, confidence, masked, canvas.pinhole)
-        return self._with_movers(image, found, (low, high), near)
+        return self._with_movers(image, found, (low, high))
 
     def with_movers(self, frame: int, inverse: Map, confidence: Map) -> DenseDepth:
         """Depth (h, w) of a frame that was found from others, with its confidence (h, w), and what moves by
         itself in it; errors as `at`."""
         image, _ = self._rec.image_at(frame)
-        span = self._range(image)
-        near = self._neighbours(image, span, self._options.depth_parallaxes)
         found = DenseDepth(frame, inverse, confidence, self._masked(image), self.pinhole(frame))
-        return self._with_movers(image, found, span, near)
+        return self._with_movers(image, found, self._range(image))
 
-    def _with_movers(
-        self, image: Image, depth: DenseDepth, span: tuple[float, float], near: list[Neighbour]
-    ) -> DenseDepth:
-        """Depth with what moves besides what is masked, placed where it stands; `near` are neighbours in
-        which it may hide something."""
+    def _with_movers(self, image: Image, depth: DenseDepth, span: tuple[float, float]) -> DenseDepth:
+        """Depth with what moves besides what is masked, placed where it stands; `span` is the least and the
+        largest inverse depth, in 1 / scene units."""
         options, own = self._options, self._picture(image)
         middle, moving, inverse = sum(span) / 2, depth.moving, depth.inverse_depth
         if min(moving.shape) >= options.motion.least_side:
@@ -196,6 +192,7 @@ class PlaneSweepStereo:
         if not moving.any():
             return replace(depth, moving=moving)
         guide = cv2.cvtColor(own[..., :3], cv2.COLOR_RGB2GRAY).astype(np.float32)
+        near = self._neighbours(image, span, options.depth_parallaxes)
         views = [self._view(image, own, one, middle) for one in near]
         occluding = occluding_pixels(own, views, inverse, middle, options.motion)
         placed = place_movers(guide, inverse, depth.confidence, moving, occluding, options.completion)

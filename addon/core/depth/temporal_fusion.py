@@ -26,7 +26,7 @@ class FusionOptions:
     """Every so many-th registered frame helps those around it, the same ones for frames that follow each
     other: each is found once, and what is unsure does not flicker. By eye."""
     most_unseen: float = 0.02
-    """Share of a frame that no key frame may see, beyond which it is swept itself."""
+    """Share of a frame that no key frame may see, beyond which it is swept itself. By eye."""
     sides: int = 3
     """Frames that help on either side. By eye."""
     least_frames: int = 8
@@ -124,7 +124,7 @@ class TemporalFusion:
                 depths.append(self._single_frame(key.frame))
         own = next((depth for depth in depths if depth.frame == image.frame), None)
         stack = [self._in_place(depth, key, image) for depth, key in zip(depths, keys, strict=True)]
-        unseen = np.mean(np.maximum.reduce([weight for _, weight in stack]) <= 0) if stack else 1.0
+        unseen = np.mean(np.maximum.reduce([weight for _, weight in stack]) <= 0)
         if unseen > options.most_unseen:
             own = self._single_frame(image.frame)
             stack.append(self._in_place(own, image, image))

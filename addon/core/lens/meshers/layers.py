@@ -59,5 +59,5 @@ def _fill(hidden: HiddenColours, picture: LinearRGBA, focus: float, scale: float
 
 MESHER = Mesher(
     "layers", 2, "Depth of every pixel; what lies behind silhouettes on a layer of its own", make,
-    equal_share_views,     needs_pixel_depth=True, is_prefiltered=True, settings=("borrow",),
+    equal_share_views, needs_pixel_depth=True, is_prefiltered=True, settings=("borrow",),
 )  # fmt: skip
