@@ -21,6 +21,7 @@ from ..core.depth.user_depth import UserDepth
 from ..core.depth.user_maps import open_depth
 from ..core.lens.clip_context import ClipContext
 from ..core.media.clip import Footage, finite, open_footage
+from ..core.media.clip_identity import identity
 from ..core.media.masks import Masks, open_masks
 from ..core.media.picture_file import Pixels
 from ..core.sfm.state import STATE
@@ -64,7 +65,8 @@ class Shot:
     def _depth_key(self) -> str:
         """16 hexadecimal digits of all that the depth found in the clip depends on, as its files are now."""
         masks = self.masks and clip_digest(self.masks.pictures), self.drawn and drawn_digest(self.drawn)
-        clip = clip_digest(self.footage), self._reconstruction_digest
+        # As the solve knows its clip: known already, where all bytes of a sequence would have to be read.
+        clip = identity(self.footage.path), self._reconstruction_digest
         options = StereoOptions(), COARSE, FusionOptions()
         return hashlib.sha256(repr((DEPTHS, clip, masks, options)).encode()).hexdigest()[:16]
 
