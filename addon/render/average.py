@@ -9,13 +9,14 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from ..core.base.arrays import LinearRGBA
+from ..core.base.arrays import Floats, LinearRGBA
 from ..core.base.progress import checkpoint, stage
 from ..core.lens.clip_context import ClipContext
 from ..core.lens.frame import MeshedFrame, WarpedFrame, mesh_frame
 from ..core.lens.inspection import shares_of, source_frame
 from ..core.lens.plan import LensSettings
-from ..core.lens.view_error import PILOT, difference, turned, views_for_error
+from ..core.lens.view_error import PILOT, difference, other_views, views_for_error
+from ..core.lens.vignetting import light_left
 from ..core.media.clip import to_linear
 from . import cycles_views, gpu_views
 
@@ -88,7 +89,7 @@ def draw_to_error(
     `view_error` tells what the error is and how it is estimated; `note` as of `render_frame`.
     """
     first = meshed.through(PILOT)
-    second = turned(first)
+    second = other_views(meshed, first)
     with stage("Views", 0.0, TOLD):
         one, other = draw_mean(first, note), draw_mean(second, lambda note: None)
     count = views_for_error(difference(one, other), wished, meshed.mesher.is_prefiltered)
@@ -97,11 +98,17 @@ def draw_to_error(
             first.plan,
             offsets=np.concatenate([first.plan.offsets, second.plan.offsets]),
             registration=np.concatenate([first.plan.registration, second.plan.registration]),
+            weights=_joined(first.plan.weights, second.plan.weights),
         )
         return replace(first, plan=both), (one + other) / np.float32(2)
     warped = meshed.through(count, reuse=True)
     with stage("Views", TOLD, 1.0):
         return warped, draw_mean(warped, lambda note: None)
+
+
+def _joined(one: Floats | None, other: Floats | None) -> Floats | None:
+    """(N + M,) weights of two sets of views that count alike."""
+    return None if one is None or other is None else np.concatenate([one, other]) / 2
 
 
 def draw_shares(drawn: Drawn) -> LinearRGBA:
@@ -118,6 +125,8 @@ def draw_mean(warped: WarpedFrame, note: Callable[[str], None]) -> LinearRGBA:
         note(no_gpu_note(problem))
     draw = cycles_views.mean_of_views if problem else gpu_views.mean_of_views
     mean = draw(warped.plan, warped.texture)
+    if warped.plan.vignetting:
+        mean /= np.maximum(light_left(warped.plan), np.float32(LEAST_COVER))[..., None]
     if warped.is_whole:
         # A gap that some view had between triangles takes the colour of the other views.
         mean /= np.maximum(mean[..., 3:], np.float32(LEAST_COVER))

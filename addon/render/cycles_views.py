@@ -84,6 +84,8 @@ def _blender() -> list[str]:
 
 
 def _write_job(folder: Path, plan: FramePlan, picture: LinearRGBA) -> None:
+    from ..core.lens.vignetting import barrel_rows, view_shares
+
     lens, mesh = plan.canvas.pinhole, plan.mesh
     np.save(folder / "picture.npy", picture)
     # Corners pinned to themselves lie infinitely far away, which float32 rays do not reach: a hundredth of a
@@ -94,7 +96,8 @@ def _write_job(folder: Path, plan: FramePlan, picture: LinearRGBA) -> None:
         folder / "job.npz",
         size=[lens.width, lens.height], focal=lens.focal, principal_point=lens.principal_point,
         xy=mesh.xy, texture_xy=mesh.texture_xy, inverse_depth=inverse, triangles=mesh.triangles,
-        offsets=plan.offsets, registration=plan.registration,
+        offsets=plan.offsets, registration=plan.registration, shares=view_shares(plan),
+        barrels=barrel_rows(plan),
     )  # fmt: skip
 
 
@@ -232,6 +235,16 @@ def render_to_array(scene: bpy.types.Scene, path: Path) -> LinearRGBA:
     return pixels.reshape(height, width, 4)[::-1].copy()
 
 
+def _barrel_light(barrel: Floats, middle: Floats, size: tuple[int, int]) -> NDArray[np.float64]:
+    """(h, w, 1) light that each pixel of a view has, by a row of `core.lens.vignetting.barrel_rows`."""
+    a, b, c, d, e = barrel
+    if not c:
+        return np.ones((1, 1, 1))
+    y, x = (np.arange(n) + 0.5 - place for n, place in zip(size, middle[::-1], strict=True))
+    away = np.hypot(a + c * x[None, :], b + c * y[:, None])
+    return np.asarray(np.clip(e * (1 + d - away), 0, 1)[..., None])
+
+
 def _work(folder: Path) -> None:
     job = np.load(folder / "job.npz")
     names = ("xy", "texture_xy", "inverse_depth", "triangles", "focal", "principal_point")
@@ -242,11 +255,15 @@ def _work(folder: Path) -> None:
     warp = warp_object(**parts, picture=np.load(folder / "picture.npy"))
     set_up(scene, warp, (int(job["size"][0]), int(job["size"][1])), samples=1)
     total = np.zeros((scene.render.resolution_y, scene.render.resolution_x, 4), dtype=np.float64)
-    views = list(zip(job["offsets"] * unit, job["registration"], strict=True))
-    for done, (offset, registration) in enumerate(views):
+    lights = [
+        share * _barrel_light(barrel, job["principal_point"], total.shape[:2])
+        for share, barrel in zip(job["shares"], job["barrels"], strict=True)
+    ]
+    views = list(zip(job["offsets"] * unit, job["registration"], lights, strict=True))
+    for done, (offset, registration, light) in enumerate(views):
         print(SCRIPT_MARK, done, flush=True)
         point_camera(scene, job["focal"], job["principal_point"], offset, registration)
-        total += render_to_array(scene, folder / "view.exr")
+        total += light * render_to_array(scene, folder / "view.exr")
     np.save(folder / "mean.part.npy", (total / len(views)).astype(np.float32))
     (folder / "mean.part.npy").rename(folder / "mean.npy")
 

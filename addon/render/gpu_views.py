@@ -19,6 +19,7 @@ from ..core.base import memory
 from ..core.base.arrays import LinearRGBA
 from ..core.base.errors import UserError
 from ..core.lens.plan import FramePlan
+from ..core.lens.vignetting import barrel_rows, view_shares
 from ..scene.main_thread import Steps, draw
 from .quiet import quiet
 
@@ -54,7 +55,9 @@ void main()
 SUM_FRAGMENT = """
 void main()
 {
-    colour = texelFetch(view, ivec2(gl_FragCoord.xy), 0);
+    vec2 place = gl_FragCoord.xy * vec2(1.0, -1.0) - middle.xy;
+    float light = clamp(middle.w * (1.0 + middle.z - length(barrel.xy + barrel.z * place)), 0.0, 1.0);
+    colour = (barrel.z > 0.0 ? light * barrel.w : barrel.w) * texelFetch(view, ivec2(gl_FragCoord.xy), 0);
 }
 """
 SCREEN = np.array([[-1, -1], [3, -1], [-1, 3]], np.float32)
@@ -122,6 +125,8 @@ def _shaders() -> tuple[gpu.types.GPUShader, gpu.types.GPUShader]:
     view.fragment_source(VIEW_FRAGMENT)
 
     add = gpu.types.GPUShaderCreateInfo()
+    for name in ("barrel", "middle"):
+        add.push_constant("VEC4", name)
     add.sampler(0, "FLOAT_2D", "view")
     add.vertex_in(0, "VEC2", "xy")
     add.fragment_out(0, "VEC4", "colour")
@@ -178,7 +183,11 @@ def _drawing(plan: FramePlan, picture: LinearRGBA) -> Steps:
     mesh = batch_for_shader(view_shader, "TRIS", vertex_arrays(plan, picture), indices=triangles)
     screen = batch_for_shader(sum_shader, "TRIS", {"xy": SCREEN})
     total.clear(format="FLOAT", value=(0.0, 0.0, 0.0, 0.0))
-    for n, rows in enumerate(view_rows(plan)):
+    # From the framebuffer's bottom left, with y up, to pixels from the picture's middle with y down.
+    middle = plan.canvas.pinhole.principal_point - np.array([0, height])
+    for n, (rows, barrel, share) in enumerate(
+        zip(view_rows(plan), barrel_rows(plan), view_shares(plan), strict=True)
+    ):
         yield n
         view_target = gpu.types.GPUFrameBuffer(depth_slot=depth, color_slots=(view,))
         sum_target = gpu.types.GPUFrameBuffer(color_slots=(total,))
@@ -200,6 +209,8 @@ def _drawing(plan: FramePlan, picture: LinearRGBA) -> Steps:
             gpu.state.depth_mask_set(False)
             gpu.state.blend_set("ADDITIVE_PREMULT")
             sum_shader.bind()
+            sum_shader.uniform_float("barrel", [*barrel[:3].tolist(), float(share)])
+            sum_shader.uniform_float("middle", [*middle.tolist(), *barrel[3:].tolist()])
             sum_shader.uniform_sampler("view", view)
             screen.draw(sum_shader)
             if n % SYNC == SYNC - 1:

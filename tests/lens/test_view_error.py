@@ -17,7 +17,7 @@ from addon.core.lens.clip_context import ClipContext
 from addon.core.lens.focus import Focus, exact_registration
 from addon.core.lens.frame import MeshedFrame, WarpedFrame, mesh_frame
 from addon.core.lens.plan import LensSettings
-from addon.core.lens.view_error import FIRST, PILOT, difference, turned, views_for_error
+from addon.core.lens.view_error import FIRST, PILOT, difference, other_views, views_for_error
 from addon.core.media.clip import encode_srgb, to_linear
 from addon.render.average import draw_mean, draw_to_error
 from addon.render.gpu_views import gpu_problem
@@ -121,8 +121,9 @@ def test_a_frame_is_made_again_for_another_number() -> None:
 
 
 def test_the_second_set_is_another_one_as_far_out() -> None:
-    first = meshed().through(PILOT)
-    second = turned(first)
+    frame = meshed()
+    first = frame.through(PILOT)
+    second = other_views(frame, first)
     length = [np.linalg.norm(one.plan.offsets, axis=1) for one in (first, second)]
     np.testing.assert_allclose(length[0], length[1], atol=1e-12)
     apart = np.linalg.norm(first.plan.offsets[:, None] - second.plan.offsets, axis=2)

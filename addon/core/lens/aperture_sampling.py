@@ -28,7 +28,7 @@ SAMPLES = 8192
 
 def random_disc(count: int, seed: int) -> Floats:
     """(count, 2) independent, uniformly random positions on the unit disc: the thesis's section 3.5."""
-    _check(count)
+    check_count(count)
     rng = np.random.default_rng(seed)
     radius = np.sqrt(rng.random(count))
     angle = 2 * np.pi * rng.random(count)
@@ -41,7 +41,7 @@ def vogel_disc(count: int) -> Floats:
     Vogel, "A better way to construct the sunflower head", 1979. At equal error it needs 4 to 8 times
     fewer positions than random ones; the same positions on every frame, so that nothing flickers.
     """
-    _check(count)
+    check_count(count)
     index = np.arange(count)
     radius = np.sqrt((index + 0.5) / count)
     angle = index * np.pi * (3 - np.sqrt(5))
@@ -86,7 +86,7 @@ def views_needed(blur: float, prefiltered: bool) -> int:
     return int(np.clip(np.ceil(first * (max(blur, 0.0) / 16) ** growth), least, MAX_VIEWS))
 
 
-def _check(count: int) -> None:
+def check_count(count: int) -> None:
     if count < 1:
         raise UserError(f"the number of views is {count}; it must be at least 1")
     if count > MOST_VIEWS:

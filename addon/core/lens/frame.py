@@ -88,20 +88,25 @@ class MeshedFrame:
         """As many as were asked for, or as its largest blur disc needs."""
         return self.geometry.settings.views or views_needed(self.blur, self.mesher.is_prefiltered)
 
-    def through(self, count: int, prefiltered: bool = True, reuse: bool = False) -> WarpedFrame:
+    def through(
+        self, count: int, prefiltered: bool = True, reuse: bool = False, variant: int = 0
+    ) -> WarpedFrame:
         """The frame made ready for so many views, its texture `prefiltered` for them if its mesher says so.
 
         `reuse` writes over the surface's texture, which saves its memory; nothing is to be made of it after.
+        With a `variant` they are other views of the same aperture.
         """
         began = time.perf_counter()
-        geometry, views = self.geometry, self.mesher.views(self.geometry, count)
+        geometry, views = self.geometry, self.mesher.views(self.geometry, count, variant)
         texture = self.surface.texture
         if prefiltered and self.mesher.is_prefiltered:
+            spread = np.float32(views.spread)
             texture = texture if reuse else texture.copy()
-            prefilter(texture, self.surface.layers, lambda d: geometry.lens.footprint(d, count))
+            prefilter(texture, self.surface.layers, lambda d: spread * geometry.lens.footprint(d, count))
         plan = FramePlan(
             geometry.frame, geometry.canvas, geometry.lens, self.surface.mesh, views.offsets,
-            views.registration, self.blur, geometry.samples.pose_interpolated,
+            views.registration, self.blur, geometry.samples.pose_interpolated, views.weights, views.spread,
+            geometry.settings.aperture.vignetting,
         )  # fmt: skip
         return WarpedFrame(
             plan, texture, self.mesher.name, self.why, self.surface.is_whole, geometry.depth,
@@ -177,7 +182,7 @@ def view_offsets(clip: ClipContext, frame: int, settings: LensSettings, size: tu
     geometry = _geometry(clip, frame, settings, size)
     mesher = MESHERS[settings.method]
     count = settings.views or views_needed(_sampled_disc(geometry), mesher.is_prefiltered)
-    views: Views = mesher.views(geometry, count)
+    views: Views = mesher.views(geometry, count, 0)
     return views.offsets
 
 

@@ -98,7 +98,7 @@ def source_frame(warped: WarpedFrame) -> WarpedFrame:
         if warped.method == "thesis":
             # Its positions are random and its registration is fitted: the first ones are as good as any.
             offsets, registration = plan.offsets[:SOURCE_VIEWS], plan.registration[:SOURCE_VIEWS]
-        plan = replace(plan, offsets=offsets, registration=registration)
+        plan = replace(plan, offsets=offsets, registration=registration, weights=None, vignetting=0.0)
     if warped.layers:
         return replace(warped, plan=plan, texture=_layers_sources(warped))
     mesh, texture = _plain_sources(warped)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from ..camera.canvas import Canvas
 from ..camera.reconstruction import Floats
 from ..warp.mesh import WarpMesh
+from .aperture import Aperture
 from .focus import Focus
 from .thin_lens import ThinLens
 
@@ -31,6 +32,8 @@ class LensSettings:
     error: float = 0.0
     """PSNR in dB that a frame is to have against one of infinitely many views, which takes the place of the
     number of views; 0 leaves that as it is."""
+    aperture: Aperture = field(default_factory=Aperture)
+    """Its shape."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +52,12 @@ class FramePlan:
     """Diameter of the frame's largest blur disc in pixels: 99 % of its pixels (or samples) are smaller."""
     pose_interpolated: bool
     """Whether the frame was not registered; its camera comes from its neighbours."""
+    weights: Floats | None = None
+    """(N,) share of the aperture's light that each view has; None where all have the same."""
+    spread: float = 1.0
+    """Radius of a disc as large as the open part of the aperture, in shares of the aperture's."""
+    vignetting: float = 0.0
+    """As of `Aperture`."""
 
     def displace(self, xy: Floats, inverse_depth: Floats) -> Floats:
         """(N, V, 2) where the views see vertices (V, 2) of inverse depth (V,), after registration."""

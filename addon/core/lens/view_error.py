@@ -14,13 +14,10 @@ import numpy as np
 from ..base.arrays import LinearRGBA
 from ..media.clip import encode_srgb
 from .aperture_sampling import MAX_VIEWS
-from .focus import exact_registration
-from .frame import WarpedFrame
+from .frame import MeshedFrame, WarpedFrame
 
 PILOT = 4
 """Views of each of the two sets: one more ring would be dearer than what it tells. By eye."""
-TURN = np.pi / 4
-"""By which the second set is turned about the lens's axis: half of what takes four views into themselves."""
 MEAN_GAIN = 1.0
 """dB that the mean of both sets is better than they differ, at least: 0.97 to 4.8, found as `FIRST_GAIN`."""
 FIRST, FIRST_GAIN, DOUBLING = 8, 5.6, 3.9
@@ -32,13 +29,14 @@ PLAIN_GAIN, PLAIN_DOUBLING = 1.0, 3.0
 """The same of plain views, from the pilot's number on: as independent random positions, the slowest."""
 
 
-def turned(warped: WarpedFrame) -> WarpedFrame:
-    """A frame through other views, those of its own turned about the lens's axis by `TURN`."""
-    plan = warped.plan
-    cosine, sine = np.cos(TURN), np.sin(TURN)
-    offsets = plan.offsets @ np.array([[cosine, sine], [-sine, cosine]])
-    registration = exact_registration(plan.canvas, offsets, plan.lens.focus)
-    return replace(warped, plan=replace(plan, offsets=offsets, registration=registration))
+def other_views(meshed: MeshedFrame, warped: WarpedFrame) -> WarpedFrame:
+    """A meshed frame, made ready for its views, through as many others, with the same texture."""
+    plan, geometry = warped.plan, meshed.geometry
+    views = meshed.mesher.views(geometry, len(plan.offsets), 1)
+    return replace(
+        warped,
+        plan=replace(plan, offsets=views.offsets, registration=views.registration, weights=views.weights),
+    )
 
 
 def difference(one: LinearRGBA, other: LinearRGBA) -> float:

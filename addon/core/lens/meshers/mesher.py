@@ -12,7 +12,8 @@ from ...depth.source import PixelDepth
 from ...depth.sparse import DepthSamples
 from ...warp.layered_depth_image import LayeredDepthImage
 from ...warp.mesh import WarpMesh
-from ..aperture_sampling import centroidal_disc, vogel_disc
+from ..aperture import ApertureSamples, aperture_samples, turned_disc
+from ..aperture_sampling import vogel_disc
 from ..clip_context import ClipContext
 from ..focus import exact_registration
 from ..plan import LensSettings
@@ -60,21 +61,30 @@ class Views:
     """(N, 2) positions in scene units along the actual camera's x (right) and y (down)."""
     registration: Floats
     """(N, 2, 3) maps from pixels of a view to pixels in register with the focal plane."""
+    weights: Floats | None = None
+    """(N,) share of the aperture's light that each has; None where all have the same."""
+    spread: float = 1.0
+    """As of `ApertureSamples`."""
 
 
-def even_views(geometry: FrameGeometry, count: int) -> Views:
-    """Views of Vogel's spiral, the focal plane exactly in register."""
-    return _in_register(geometry, geometry.lens.radius * vogel_disc(count))
+def even_views(geometry: FrameGeometry, count: int, variant: int = 0) -> Views:
+    """Views of Vogel's spiral where the aperture is round, else those of `equal_share_views`; the focal plane
+    exactly in register."""
+    if not geometry.settings.aperture.is_disc:
+        return equal_share_views(geometry, count, variant)
+    return _in_register(geometry, ApertureSamples(turned_disc(vogel_disc(count), variant)))
 
 
-def equal_share_views(geometry: FrameGeometry, count: int) -> Views:
+def equal_share_views(geometry: FrameGeometry, count: int, variant: int = 0) -> Views:
     """Views in the middles of equal shares of the aperture, as a prefiltered texture takes them, the focal
-    plane exactly in register."""
-    return _in_register(geometry, geometry.lens.radius * centroidal_disc(count))
+    plane exactly in register; with a `variant` other ones."""
+    return _in_register(geometry, aperture_samples(geometry.settings.aperture, count, variant))
 
 
-def _in_register(geometry: FrameGeometry, offsets: Floats) -> Views:
-    return Views(offsets, exact_registration(geometry.canvas, offsets, geometry.lens.focus))
+def _in_register(geometry: FrameGeometry, samples: ApertureSamples) -> Views:
+    offsets = geometry.lens.radius * samples.positions
+    registration = exact_registration(geometry.canvas, offsets, geometry.lens.focus)
+    return Views(offsets, registration, samples.weights, samples.spread)
 
 
 @dataclass(frozen=True)
@@ -88,7 +98,8 @@ class Mesher:
     help: str
     """In the interface and on the command line, one sentence without a full stop."""
     make: Callable[[FrameGeometry], Surface]
-    views: Callable[[FrameGeometry, int], Views] = even_views
+    views: Callable[[FrameGeometry, int, int], Views] = even_views
+    """Of a frame, so many; with another number as the last argument, other ones of the same aperture."""
     needs_pixel_depth: bool = False
     """Whether it takes the depth of every pixel; others take samples."""
     is_prefiltered: bool = False

@@ -15,10 +15,13 @@ def make(geometry: FrameGeometry) -> Surface:
     return Surface(thesis_mesh(features, geometry.canvas), geometry.picture)
 
 
-def views(geometry: FrameGeometry, count: int) -> Views:
-    """Random positions (section 3.5), brought into register by the picked points (section 3.8)."""
+def views(geometry: FrameGeometry, count: int, variant: int = 0) -> Views:
+    """Random positions (section 3.5), brought into register by the picked points (section 3.8).
+
+    They lie on a disc, whatever the aperture's shape is.
+    """
     reconstruction, settings = geometry.clip.reconstruction, geometry.settings
-    offsets = geometry.lens.radius * random_disc(count, settings.seed)
+    offsets = geometry.lens.radius * random_disc(count, settings.seed + variant)
     features = frame_features(reconstruction, geometry.frame, geometry.canvas)
     return Views(
         offsets, fitted_registration(reconstruction, features, geometry.canvas, offsets, settings.focus)
