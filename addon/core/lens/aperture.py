@@ -16,14 +16,12 @@ import numpy as np
 
 from ..base.arrays import Floats, Indices, Map, Mask
 from ..base.errors import UserError
-from .aperture_sampling import MOST_RELAXED, centroidal_disc, check_count
+from .aperture_sampling import FEW_RELAXATIONS, MOST_RELAXED, RELAXATIONS, centroidal_disc, check_count
 
 CELLS = 128
 """Cells along the square around the aperture, on which it is sampled: a polygon's area is right to 0.5 %."""
 SUBSAMPLES = 4
 """Along a cell of a raster, by which the share of it that lets light through is told."""
-RELAXATIONS = 60
-"""Of Lloyd's iteration, as of `aperture_sampling.RELAXATIONS`."""
 LEAST_LIGHT = 1e-3
 """Of the brightest place: where less passes, the aperture is closed. 8 bits hold a 255th."""
 MOST_LOST = 0.99
@@ -184,13 +182,12 @@ def aperture_samples(aperture: Aperture, count: int, variant: int = 0) -> Apertu
     cells, light, area = _open_cells(aperture)
     found = _start(cells, count, variant)
     weight = np.zeros(count)
-    for step in range(RELAXATIONS if count <= MOST_RELAXED else 2):
+    for _ in range(RELAXATIONS if count <= MOST_RELAXED else FEW_RELAXATIONS):
         # |s - p|^2 without the sample's own part, which is the same for all positions.
         share = ((found**2).sum(axis=1) - weight - 2 * cells @ found.T).argmin(axis=1)
         held, sums, mass = _shares(share, cells, light, count)
         found = np.where(mass[:, None] > 0, sums / np.maximum(mass, 1e-12)[:, None], found)
-        if step or count <= MOST_RELAXED:
-            weight += area / np.pi * (1 / count - held / len(cells))
+        weight += area / np.pi * (1 / count - held / len(cells))
     # What was not relaxed to the end is told by shares of any size.
     return ApertureSamples(_fixed(found), _fixed(mass / mass.sum()), float(np.sqrt(area / np.pi)))
 

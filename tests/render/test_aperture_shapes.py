@@ -1,0 +1,140 @@
+"""What shapes of the aperture do to pictures, against convolution: a plane out of focus is blurred by the
+aperture's own shape."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from addon.core.base.arrays import LinearRGBA, Map
+from addon.core.camera.canvas import Canvas
+from addon.core.camera.reconstruction import Intrinsics
+from addon.core.depth.source import PixelDepth
+from addon.core.lens.aperture import Aperture, ApertureImage
+from addon.core.lens.clip_context import ClipContext
+from addon.core.lens.focus import Focus
+from addon.core.lens.frame import MeshedFrame, mesh_frame
+from addon.core.lens.plan import LensSettings
+from addon.core.media.clip import encode_srgb
+from addon.render import cycles_views
+from addon.render.average import draw_mean
+from addon.render.gpu_views import gpu_problem
+
+from ..scenes import psnr, slanted_plane, texture
+
+needs_gpu = pytest.mark.skipif(bool(gpu_problem()), reason="only CI is sure to have a GPU driver")
+SIZE = (192, 108)
+LENS = Intrinsics(*SIZE, 180.0, 180.0, 96.0, 54.0)
+SIDE = 25
+"""Pixels of the blur disc, and of the kernel that stands for it."""
+NEAR, FAR = 4.0, 8.0
+
+
+def letter() -> ApertureImage:
+    """An F, which is another one upside down and mirrored."""
+    light = np.zeros((75, 75), np.uint8)
+    cv2.putText(light, "F", (12, 68), cv2.FONT_HERSHEY_SIMPLEX, 2.6, 255, 12)
+    return ApertureImage(light.astype(np.float32) / 255)
+
+
+SHAPES = {
+    "disc": Aperture(),
+    "pentagon": Aperture(blades=5, rotation=0.3),
+    "round hexagon": Aperture(blades=6, roundness=0.5),
+    "anamorphic": Aperture(ratio=1.8),
+    "mirror": Aperture(obstruction=0.45),
+    "apodised": Aperture(apodisation=0.9),
+    "soap bubble": Aperture(spherical_aberration=0.8),
+    "picture": Aperture(image=letter()),
+}
+
+
+class Plane:
+    """A depth source: everything is equally far."""
+
+    def __init__(self, distance: float) -> None:
+        self._inverse = 1 / distance
+
+    def at(self, frame: int, canvas: Canvas, picture: LinearRGBA) -> PixelDepth:
+        shape = picture.shape[:2]
+        return PixelDepth(
+            np.full(shape, self._inverse, np.float32), np.ones(shape, np.float32), np.zeros(shape, bool)
+        )
+
+    def samples(self, frame: int, canvas: Canvas) -> None:
+        return None
+
+
+def source() -> LinearRGBA:
+    """(h, w, 4) linear: a texture, and lamps that show the aperture's shape."""
+    picture = 0.3 * (texture(*SIZE).astype(np.float32) / 255) ** 2.2
+    picture[30:90:30, 40:170:30] += 150.0
+    picture = cv2.GaussianBlur(picture, (0, 0), 1.2)
+    return np.dstack([picture, np.ones(SIZE[::-1], np.float32)])
+
+
+def meshed(shape: Aperture, distance: float, focus: float) -> MeshedFrame:
+    clip = ClipContext(slanted_plane(LENS), lambda frame: texture(*SIZE), Plane(distance))
+    radius = SIDE / (2 * LENS.fx * abs(1 / distance - 1 / focus))
+    lens = LensSettings(Focus(distance=focus), radius, borrow=False, aperture=shape)
+    return mesh_frame(clip, 2, lens, SIZE, source())
+
+
+def convolved(shape: Aperture, is_behind: bool) -> LinearRGBA:
+    """The source blurred by the aperture's shape, upright behind the focal plane."""
+    kernel = shape.raster(SIDE)[0]
+    kernel /= kernel.sum()
+    # OpenCV correlates: for it the kernel is turned round.
+    return cv2.filter2D(source(), -1, kernel[::-1, ::-1] if is_behind else kernel)
+
+
+def error(mean: Map, true: Map) -> float:
+    """PSNR in dB as displayed, away from the border."""
+    inner = (slice(SIDE, -SIDE), slice(SIDE, -SIDE), slice(3))
+    return psnr(*(encode_srgb(np.clip(part[inner].astype(np.float64), 0, 1)) for part in (mean, true)))
+
+
+@needs_gpu
+@pytest.mark.parametrize("is_behind", [True, False], ids=["behind", "before"])
+@pytest.mark.parametrize("shape", SHAPES.values(), ids=SHAPES)
+def test_a_plane_out_of_focus_is_convolved_with_the_shape(shape: Aperture, is_behind: bool) -> None:
+    frame = meshed(shape, *((FAR, NEAR) if is_behind else (NEAR, FAR)))
+    true = convolved(shape, is_behind)
+    for count, least in ((24, 32.0), (96, 45.0), (256, 50.0)):
+        mean = draw_mean(frame.through(count), lambda note: None)
+        found = error(mean, true)
+        energy = mean[SIDE:-SIDE, SIDE:-SIDE, :3].mean() / true[SIDE:-SIDE, SIDE:-SIDE, :3].mean()
+        print(f"{count} views: {found:.1f} dB, energy {energy:.4f}")
+        assert found > least
+        assert energy == pytest.approx(1, abs=2e-3 if count < 96 else 1e-3)
+
+
+@needs_gpu
+def test_vignetting_makes_cats_eyes_in_the_corners_alone_and_keeps_what_is_in_focus() -> None:
+    shape = Aperture(vignetting=0.7)
+    cut = draw_mean(meshed(shape, FAR, NEAR).through(96), lambda note: None)
+    lamps = [cut[46:74, x - 14 : x + 14, 1] for x in (100, 160)]
+    middle, corner = ((lamp > 0.5 * np.percentile(lamp, 80)).sum() for lamp in lamps)
+    whole = np.pi / 4 * SIDE**2
+    assert 0.85 * whole < middle < 1.1 * whole
+    # The overlap of two discs whose middles are so far apart, in radii.
+    apart = 0.7 * np.hypot(160 - 96, 60 - 54) / np.hypot(96, 54)
+    overlap = (2 * np.arccos(apart / 2) - apart / 2 * np.sqrt(4 - apart**2)) / np.pi
+    assert corner == pytest.approx(overlap * middle, rel=0.08)
+    sharp = LensSettings(Focus(distance=FAR), 0.5, borrow=False, aperture=shape)
+    clip = ClipContext(slanted_plane(LENS), lambda frame: texture(*SIZE), Plane(FAR))
+    mean = draw_mean(mesh_frame(clip, 2, sharp, SIZE, source()).through(24), lambda note: None)
+    np.testing.assert_allclose(mean[..., :3], source()[..., :3], atol=4e-3)
+
+
+def test_cycles_draws_the_same_shapes() -> None:
+    shape = Aperture(blades=3, apodisation=0.5, vignetting=0.8)
+    warped = meshed(shape, FAR, NEAR).through(8)
+    by_cycles = cycles_views.mean_of_views(warped.plan, warped.texture)
+    if gpu_problem():
+        pytest.skip("only CI is sure to have a GPU driver to compare Cycles with")
+    from addon.render import gpu_views
+
+    by_gpu = gpu_views.mean_of_views(warped.plan, warped.texture)
+    assert error(by_cycles, by_gpu) > 45
