@@ -23,8 +23,8 @@ SILL = 0.93
 """Height of the railing's top, which the urn's table shares."""
 POST = (-0.4687, 0.9)
 """x and y of the post, so that its right edge is 4 pixels past the left border in frame 12."""
-BRANCH = (0.423, 0.9)
-"""x and y of the branch's nearest leaves, 4 pixels past the right border in frame 12."""
+BRANCH = (0.443, 0.9)
+"""x and y of the branch's nearest leaves, 20 pixels past the right border in frame 12, 5 in frame 14."""
 
 
 def stage() -> Stage:
