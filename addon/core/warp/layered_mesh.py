@@ -94,10 +94,12 @@ def layer_mesh(
         checkpoint(0.05)
         margin_reprojected = _fill_margin(wide, shift, margin, past, fill)
     checkpoint(0.1)
-    largest = float(np.abs(shift).max())
+    # What is just outside does not say how the picture is split.
+    own = np.abs(shift[margin:-margin, margin:-margin])
+    largest = float(own.max())
     jump = float(np.clip(options.jump * largest, *options.jump_bounds))
     # A few wrong depths must not say what is large.
-    usual = float(np.percentile(np.abs(shift)[::4, ::4], 99.9))
+    usual = float(np.percentile(own[::4, ::4], 99.9))
     first = options.first_jump * usual
     jumps = (first, jump) if first > jump else (jump,)
     checkpoint(0.1)
