@@ -32,7 +32,7 @@ from .. import store
 from .scenes import Staged
 from .shop import Shop
 
-SCENES = ("bars", "foreground", "slope", "fence", "walk", "boxes", "shop5")
+SCENES = ("bars", "foreground", "slope", "fence", "walk", "boxes", "blocks", "porch", "shop5")
 OFF = 0.05
 """Of the range of inverse depths, from which on a pixel is wrong."""
 JUMP, BAND = 0.1, 5

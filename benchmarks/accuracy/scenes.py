@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from addon.core.camera.reconstruction import Reconstruction
 from addon.core.depth.multi_view_stereo import DenseDepth
 from addon.core.depth.reprojection import in_place
-from addon.core.depth.temporal_fusion import FusionOptions, past_border
+from addon.core.depth.temporal_fusion import FusionOptions, level_of, past_border
 from addon.core.media.clip import decode_srgb, encode_srgb
 from addon.render.quiet import quiet
 from sample_scenes import filming, staging, truth
@@ -178,8 +178,7 @@ class Staged:
                 known = DenseDepth(image.frame, inverse, np.ones_like(inverse), self.moves(image.frame), lens)
                 stack.append(in_place(known, image, lens, here, margin, options.border))
         inside = (1 / self.depth(frame)).astype(np.float32)
-        low, high = np.percentile(inside, [1, 99])
-        return past_border(stack, inside, float(high - low) / options.levels)
+        return past_border(stack, inside, level_of(inside))
 
     def focus_depth(self, frame: int, blur: int) -> float:
         return float(self.stage.focus_depth[frame - 1])

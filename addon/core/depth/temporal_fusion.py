@@ -150,7 +150,8 @@ class TemporalFusion:
             inverse = np.where(own.moving, own.inverse_depth, inverse)
             confidence = np.where(own.moving, own.confidence, confidence)
             found = replace(own, inverse_depth=inverse, confidence=confidence)
-        inverse = without_pits(found.inverse_depth, level, options)
+        # What was filled may have changed the range.
+        inverse = without_pits(found.inverse_depth, level_of(found.inverse_depth, options), options)
         past = past_border(stack, inverse, level, options)
         return replace(found, inverse_depth=inverse, past_border=past)
 
@@ -197,14 +198,19 @@ def fused(
         enough = 2 * np.einsum("khw,khw->hw", weight, inverse <= value) >= total
         np.minimum(median, value, out=median, where=enough)
     if level is None:
-        low, high = np.percentile(median, [1, 99])
-        level = float(high - low) / options.levels
+        level = level_of(median, options)
     agree = weight * (np.abs(inverse - median) <= np.float32(options.same_surface * level))
     agreed = agree.sum(axis=0)
     mean = (agree * inverse).sum(axis=0) / np.maximum(agreed, 1e-9)
     share = np.clip(1.5 * agreed / np.maximum(total, 1e-9) - 0.25, 0, 1)
     confidence = np.clip(agreed / min(options.sure_frames, len(inverse)), 0, 1) * share
     return np.where(agreed > 0, mean, median).astype(np.float32), confidence.astype(np.float32), level
+
+
+def level_of(inverse: Map, options: FusionOptions = FusionOptions()) -> float:
+    """Height of a level of inverse depths (h, w)."""
+    low, high = np.percentile(inverse, [1, 99])
+    return float(high - low) / options.levels
 
 
 def past_border(
