@@ -171,7 +171,8 @@ def _size(case: BenchmarkCase) -> tuple[int, int]:
 
 def _through(case: BenchmarkCase, clip: ClipContext, lens: LensSettings) -> Answer:
     """The frame as the product draws it."""
-    return _drawn(warp_frame(clip, case.frame, lens, _size(case), case.picture))
+    picture = clip.picture(case.frame, lens.highlights)
+    return _drawn(warp_frame(clip, case.frame, lens, _size(case), picture))
 
 
 def _drawn(warped: WarpedFrame) -> Answer:

@@ -16,6 +16,7 @@ brightest pixels. Neither keeps energy.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import erf
 
 import cv2
 import numpy as np
@@ -42,6 +43,8 @@ SMOOTHED = 0.8
 """Pixels, standard deviation, by which an outline is smoothed. Of 0.5 and 0.8 the better one in bars."""
 ROUND = 0.85
 """Share of an outline and of the ellipse with its moments that both have, from which on it is that ellipse."""
+NEAR = 1.5
+"""Pixels, standard deviation, within which what is around a blob tells what is behind it. By eye."""
 PAD = 5
 """Pixels around a blob in which its surroundings are looked at."""
 EDGE_CONTRAST = 0.15
@@ -77,15 +80,15 @@ class Highlight:
     corner: tuple[int, int]
     """Row and column of its patch in the picture."""
     centre: tuple[float, float]
-    """x and y in pixels."""
+    """x and y as shares of the picture's width and height."""
     area: int
     """Clipped pixels."""
     weight: float
     """0 to 1, how sure it is a lamp and not a piece of a large clipped area."""
     clipped: Mask
     """(h, w) its pixels in the patch."""
-    ground: Floats
-    """(3,) linear colour around it."""
+    ground: Map
+    """(h, w, 3) linear colour behind it, as what is around lets expect."""
     rim: Floats
     """(3,) linear light of its rim, sum of what is over the ground: its colour."""
     coverage: Map
@@ -111,7 +114,7 @@ class Highlight:
         given = (1 - share) * self.likelihood[:, low] + share * self.likelihood[:, high]
         outline = np.exp(given - given.max())
         covered = np.einsum("d,dhw->hw", outline / outline.sum(), self.coverage)
-        over = np.maximum(radiance * colour - self.ground, 0)
+        over = np.maximum((radiance * colour).astype(np.float32) - self.ground, 0)
         return np.asarray(self.ground + covered[..., None] * over, np.float32)
 
 
@@ -150,17 +153,15 @@ def highlights(picture: LinearRGBA, threshold: float) -> list[Highlight]:
             slice(max(0, x - PAD), x + width + PAD),
         )
         own = label[part] == number
-        centre = float(centres[number, 0]) + 0.5, float(centres[number, 1]) + 0.5
+        centre = (centres[number, 0] + 0.5) / peak.shape[1], (centres[number, 1] + 0.5) / peak.shape[0]
         told = _highlight(picture[part][..., :3], own, (clipped[part] > 0) & ~own, spread)
         if told is None:
             continue
         ground, rim, coverage, likelihood = told
-        sure = float(weight[number] * _falling(ground.max(), *GROUND))
+        sure = float(weight[number] * _falling(float(np.median(ground[own].max(axis=-1))), *GROUND))
         if sure > 0:
             corner = part[0].start, part[1].start
-            found.append(
-                Highlight(corner, centre, area, sure, own, ground, rim, coverage, likelihood)
-            )  # fmt: skip
+            found.append(Highlight(corner, centre, area, sure, own, ground, rim, coverage, likelihood))
     return found
 
 
@@ -194,24 +195,28 @@ def colour_of(rim: Floats) -> Floats:
 
 def _highlight(
     light: Map, own: Mask, other: Mask, spread: float
-) -> tuple[Floats, Floats, Map, Floats] | None:
+) -> tuple[Map, Floats, Map, Floats] | None:
     """Ground, rim, coverage and likelihood of `Highlight`, of a patch (h, w, 3) where `own` is clipped and
     `other` pixels are clipped, too; None where nothing is around it."""
     away = cv2.distanceTransform((~own).astype(np.uint8), cv2.DIST_L2, 5)
     clear = np.full(own.shape, np.inf, np.float32)
     if other.any():
         clear = cv2.distanceTransform((~other).astype(np.uint8), cv2.DIST_L2, 5)
-    ring = (away > 2.3) & (away <= 4.6) & (clear > 2.3)
+    ring = (away > 1.5) & (away <= 4.6) & (clear > 2.3)
     if not ring.any():
         ring = (away > 1.5) & ~other
     if not ring.any():
         return None
-    ground = np.median(light[ring].astype(np.float64), axis=0)
-    if ground.max() >= GROUND[1]:
+    ground = _ground(light, ring)
+    if np.median(ground[own].max(axis=-1)) >= GROUND[1]:
         return None
     beside = (away > 0) & (away <= 1.5) & (clear > 1.5)
-    rim = np.maximum(light[beside] - ground, 0).sum(axis=0, dtype=np.float64)
-    inside = _inside(light.max(axis=2), own, beside, float(ground.max()))
+    root = np.sqrt(np.maximum(light, 0))
+    texture = float(np.mean((root[ring] - np.sqrt(ground[ring])) ** 2))
+    # What the surroundings are made of is no light of the lamp's: as much of it as may be is white.
+    unsure = float(np.std(light[ring] - ground[ring])) * np.sqrt(beside.sum())
+    rim = np.maximum((light[beside] - ground[beside]).sum(axis=0, dtype=np.float64), 0) + unsure
+    inside = _inside(light.max(axis=2), own, beside, ground.max(axis=2))
     distances = np.arange(DISTANCES[0], max(min(inside.max() - 0.1, DISTANCES[1]), 0.0) + 1e-6, STEP)
     drawn = np.clip(0.5 + FINER * (inside - distances[:, None, None]), 0, 1).astype(np.float32)
     # A pixel's own square is a part of the spread: a twelfth of its variance.
@@ -223,20 +228,31 @@ def _highlight(
         for mask in drawn
     ])  # fmt: skip
     used = (away <= 3) & (clear > 1.5)
-    seen = np.sqrt(np.clip(light[used], 0, 1))
-    over = np.maximum(RADIANCES[:, None] * colour_of(rim) - ground, 0).astype(np.float32)
-    model = coverage[:, used][:, None, :, None] * over[None, :, None, :] + ground.astype(np.float32)
-    off = np.sqrt(np.clip(model, 0, 1)) - seen
+    seen, behind = root[used], ground[used]
+    bright = (RADIANCES[:, None] * colour_of(rim)).astype(np.float32)
+    over = np.maximum(bright[:, None] - behind, 0)
+    model = coverage[:, used][:, None, :, None] * over + behind
+    off = np.sqrt(np.minimum(model, 1)) - np.minimum(seen, 1)
     squared = np.einsum("drpc,drpc->dr", off, off).astype(np.float64)
-    return ground, rim, coverage, -squared / (2 * MISFIT**2)
+    return ground, rim, coverage, -squared / (2 * (MISFIT**2 + texture))
 
 
-def _inside(peak: Map, own: Mask, beside: Mask, ground: float) -> Map:
+def _ground(light: Map, ring: Mask) -> Map:
+    """(h, w, 3) what is behind a blob, from the pixels around it: the nearest ones count most."""
+    known = ring[..., None] * np.concatenate([light, np.ones_like(light[..., :1])], axis=2)
+    told = sum(
+        weight * cv2.GaussianBlur(known, (0, 0), reach, borderType=cv2.BORDER_CONSTANT)
+        for weight, reach in ((1.0, NEAR), (1e-2, 3 * NEAR), (1e-4, 9 * NEAR))
+    )
+    return np.asarray(np.maximum(told[..., :3] / np.maximum(told[..., 3:], 1e-20), 0), np.float32)
+
+
+def _inside(peak: Map, own: Mask, beside: Mask, ground: Map) -> Map:
     """(FINER h, FINER w) how many pixels inside of the outline of a blob (h, w) places are, negative outside.
 
     The outline is that of its pixels and half of those beside it, smoothed, or its ellipse.
     """
-    share = np.clip((peak - ground) / max(1 - ground, 0.05), 0, 1)
+    share = np.clip((peak - ground) / np.maximum(1 - ground, 0.05), 0, 1)
     soft = np.where(own, 1.0, np.where(beside, 0.5 * share, 0)).astype(np.float32)
     size = FINER * own.shape[1], FINER * own.shape[0]
     soft = cv2.GaussianBlur(
@@ -275,6 +291,4 @@ def _falling[T: (float, Floats, Map)](value: T, low: float, high: float) -> T:
 
 def _normal(x: float) -> float:
     """Share of a normal distribution under x standard deviations."""
-    from math import erf
-
     return (1 + erf(x / 2**0.5)) / 2
