@@ -32,6 +32,8 @@ MISFIT = 0.1
 """Square root of linear light by which the model is off beside noise. Of 0.04, 0.08, 0.15 and 0.2 about the
 best over lamps of 2 to 200 times white in bars: smaller ones trust a rim of few samples too much, larger ones
 see no lamp brighter than 30."""
+OUTLIER = 0.1
+"""Square root of linear light that a pixel may be off by before it counts less."""
 FINER = 4
 """Parts of a pixel that outlines are told by."""
 STEP = 0.125
@@ -45,6 +47,8 @@ ROUND = 0.85
 """Share of an outline and of the ellipse with its moments that both have, from which on it is that ellipse."""
 NEAR = 1.5
 """Pixels, standard deviation, within which what is around a blob tells what is behind it. By eye."""
+CLIPPED = 0.9
+"""Linear light under which a channel in the middle of a blob is not clipped. By eye: noise and compression."""
 PAD = 5
 """Pixels around a blob in which its surroundings are looked at."""
 EDGE_CONTRAST = 0.15
@@ -89,6 +93,8 @@ class Highlight:
     """(h, w) its pixels in the patch."""
     ground: Map
     """(h, w, 3) linear colour behind it, as what is around lets expect."""
+    core: Floats
+    """(3,) linear colour that its clipped pixels were recorded with, the median."""
     rim: Floats
     """(3,) linear light of its rim, sum of what is over the ground: its colour."""
     coverage: Map
@@ -114,7 +120,7 @@ class Highlight:
         given = (1 - share) * self.likelihood[:, low] + share * self.likelihood[:, high]
         outline = np.exp(given - given.max())
         covered = np.einsum("d,dhw->hw", outline / outline.sum(), self.coverage)
-        over = np.maximum((radiance * colour).astype(np.float32) - self.ground, 0)
+        over = np.maximum(_bright(np.array([radiance]), colour, self.core) - self.ground, 0)
         return np.asarray(self.ground + covered[..., None] * over, np.float32)
 
 
@@ -157,11 +163,11 @@ def highlights(picture: LinearRGBA, threshold: float) -> list[Highlight]:
         told = _highlight(picture[part][..., :3], own, (clipped[part] > 0) & ~own, spread)
         if told is None:
             continue
-        ground, rim, coverage, likelihood = told
+        ground, core, rim, coverage, likelihood = told
         sure = float(weight[number] * _falling(float(np.median(ground[own].max(axis=-1))), *GROUND))
         if sure > 0:
             corner = part[0].start, part[1].start
-            found.append(Highlight(corner, centre, area, sure, own, ground, rim, coverage, likelihood))
+            found.append(Highlight(corner, centre, area, sure, own, ground, core, rim, coverage, likelihood))
     return found
 
 
@@ -195,8 +201,8 @@ def colour_of(rim: Floats) -> Floats:
 
 def _highlight(
     light: Map, own: Mask, other: Mask, spread: float
-) -> tuple[Map, Floats, Map, Floats] | None:
-    """Ground, rim, coverage and likelihood of `Highlight`, of a patch (h, w, 3) where `own` is clipped and
+) -> tuple[Map, Floats, Floats, Map, Floats] | None:
+    """Ground, core, rim, coverage and likelihood of `Highlight`, of a patch (h, w, 3) where `own` is clipped and
     `other` pixels are clipped, too; None where nothing is around it."""
     away = cv2.distanceTransform((~own).astype(np.uint8), cv2.DIST_L2, 5)
     clear = np.full(own.shape, np.inf, np.float32)
@@ -229,12 +235,23 @@ def _highlight(
     ])  # fmt: skip
     used = (away <= 3) & (clear > 1.5)
     seen, behind = root[used], ground[used]
-    bright = (RADIANCES[:, None] * colour_of(rim)).astype(np.float32)
+    core = np.median(light[own].astype(np.float64), axis=0)
+    bright = _bright(RADIANCES, colour_of(rim), core)
     over = np.maximum(bright[:, None] - behind, 0)
     model = coverage[:, used][:, None, :, None] * over + behind
     off = np.sqrt(np.minimum(model, 1)) - np.minimum(seen, 1)
-    squared = np.einsum("drpc,drpc->dr", off, off).astype(np.float64)
-    return ground, rim, coverage, -squared / (2 * (MISFIT**2 + texture))
+    off *= off
+    # Cauchy's likelihood: a pixel that shows something else, such as a cord, does not decide alone.
+    off = np.log1p(off / np.float32(OUTLIER**2))
+    misfit = OUTLIER**2 * off.sum(axis=(2, 3), dtype=np.float64)
+    return ground, core, rim, coverage, -misfit / (2 * (MISFIT**2 + texture))
+
+
+def _bright(radiance: Floats, colour: Floats, core: Floats) -> Map:
+    """(r, 3) linear light of a lamp of radiances (r,) and a colour (3,), which a camera recorded as `core` (3,):
+    a channel that it did not clip is known, one that it clipped is no darker than that."""
+    told = np.maximum(radiance[:, None] * colour, core)
+    return np.where(core < CLIPPED, core, told).astype(np.float32)
 
 
 def _ground(light: Map, ring: Mask) -> Map:
