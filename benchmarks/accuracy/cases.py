@@ -16,7 +16,7 @@ from addon.core.depth.source import PixelDepth
 from addon.core.depth.sparse import FrameFeatures, frame_features
 from addon.core.lens.clip_context import ClipContext, whole_depth
 from addon.core.lens.focus import Focus, pick
-from addon.core.lens.highlights import HighlightSettings
+from addon.core.lens.highlights import RESTORED, HighlightSettings
 from addon.core.media.clip import open_footage, to_gray8, to_linear
 from addon.core.sfm.process import SolveProcess
 from addon.core.sfm.tracks import new_corners
@@ -100,7 +100,9 @@ class ClipWithFill(ClipContext):
 
     def picture(self, frame: int, highlights: HighlightSettings) -> Picture:
         """As the whole clip has it."""
-        return (self.whole or super()).picture(frame, highlights)
+        if self.whole is None:
+            return super().picture(frame, highlights)
+        return self.whole.picture(frame, highlights)
 
     def hidden_colours(
         self,
@@ -108,7 +110,7 @@ class ClipWithFill(ClipContext):
         canvas: Canvas,
         picture: Picture,
         depth: PixelDepth,
-        highlights: HighlightSettings = HighlightSettings(),
+        highlights: HighlightSettings = RESTORED,
     ) -> HiddenColours:
         """Those of `fill`."""
         assert self.fill is not None

@@ -22,7 +22,7 @@ from ..depth.temporal_fusion import TemporalFusion
 from ..media.clip import to_linear
 from ..media.picture_file import Pixels
 from ..warp.disocclusion_fill import DisocclusionFill, HiddenColours
-from .highlights import ClipHighlights, HighlightSettings
+from .highlights import RESTORED, ClipHighlights, HighlightSettings
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ class ClipContext:
         canvas: Canvas,
         picture: LinearRGBA,
         depth: PixelDepth,
-        highlights: HighlightSettings = HighlightSettings(),
+        highlights: HighlightSettings = RESTORED,
     ) -> HiddenColours:
         """Other frames' colours for what a frame does not show, to be asked for places of its canvas.
 

@@ -1,8 +1,8 @@
 """What was clipped in the frames of a clip, made as bright as it was: one lamp is as bright in every frame.
 
-What one frame's rim tells of a lamp depends on how the lamp lies on the pixels. So a lamp is looked for in other
-frames, along its epipolar line, and what they tell is averaged, a frame's weight falling linearly with its
-distance in time: then nothing flickers. The same frames are asked as for hidden colours, and remembered.
+What one frame's rim tells of a lamp depends on how the lamp lies on the pixels. So a lamp is looked for in
+other frames, along its epipolar line, and what they tell is averaged, a frame's weight falling linearly with
+its distance in time: then nothing flickers. The same frames are asked as for hidden colours, and remembered.
 """
 
 from __future__ import annotations
@@ -54,9 +54,13 @@ class HighlightSettings:
             raise UserError(f"the gain of highlights is {self.gain:g}; it must not be negative")
         if not 0 < self.threshold <= 1:
             raise UserError(
-                f"the threshold of highlights is {self.threshold:g}; it must be greater than 0, and at most 1,"
-                " which is white"
+                f"the threshold of highlights is {self.threshold:g}; it must be greater than 0, and at most"
+                " 1, which is white"
             )
+
+
+RESTORED = HighlightSettings()
+"""What is done where nothing else is asked."""
 
 
 class ClipHighlights:
@@ -98,7 +102,7 @@ class ClipHighlights:
 
     def _told(self, frame: int, own: list[Highlight]) -> list[tuple[Floats, Floats]]:
         """Evidence (r,) and light of the rim (3,) of a frame's highlights, of all frames that are asked."""
-        here, is_registered = self._rec.image_at(frame)
+        here, _ = self._rec.image_at(frame)
         step = stride(self._rec, STEP, LEAST_FRAMES)
         sums = [(np.zeros_like(one.evidence), np.zeros(3), 0.0) for one in own]
         for other in every_nth(self._rec, frame, step, SPAN):
@@ -107,12 +111,13 @@ class ClipHighlights:
             for mine, match in self._matches(here, own, other, theirs):
                 evidence, rim, total = sums[mine]
                 sums[mine] = (
-                    evidence + weight * match.evidence, rim + weight * match.rim / match.rim.max(initial=1e-3),
+                    evidence + weight * match.evidence,
+                    rim + weight * match.rim / match.rim.max(initial=1e-3),
                     total + weight,
                 )  # fmt: skip
         found = []
         for one, (evidence, rim, total) in zip(own, sums, strict=True):
-            # The more others tell, the less the frame itself counts: what differs from frame to frame flickers.
+            # The more others tell, the less the frame itself counts: what it alone says flickers.
             share = 1 / (1 + total)
             whole = total + share
             found.append((

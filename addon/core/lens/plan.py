@@ -10,7 +10,7 @@ from ..camera.canvas import Canvas
 from ..camera.reconstruction import Floats
 from ..warp.mesh import WarpMesh
 from .focus import Focus
-from .highlights import HighlightSettings
+from .highlights import RESTORED, HighlightSettings
 from .thin_lens import ThinLens
 
 
@@ -32,7 +32,7 @@ class LensSettings:
     error: float = 0.0
     """PSNR in dB that a frame is to have against one of infinitely many views, which takes the place of the
     number of views; 0 leaves that as it is."""
-    highlights: HighlightSettings = HighlightSettings()
+    highlights: HighlightSettings = RESTORED
     """How bright what is clipped becomes."""
 
 
