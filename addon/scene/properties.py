@@ -256,8 +256,8 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
     highlights: FloatProperty(
         name="Highlights",
         description="How much of the light that clipping took from lamps and glints is given back, so that"
-        " they become bright discs: 1 is all that is estimated, 0 leaves the clip as it is. Pictures of floats"
-        " keep what they have",
+        " they become bright discs: 1 is all that is estimated, 0 leaves the clip as it is. Pictures of"
+        " floats keep what they have",
         min=0.0,
         soft_max=4.0,
         default=HighlightSettings.gain,

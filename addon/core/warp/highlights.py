@@ -33,8 +33,8 @@ PAINT = 0.5
 and 0.99: bars, foreground and rack have 33.6, 34.9, 37.6 dB with 0.5 and 33.1, 33.4, 34.8 with 0.99."""
 MISFIT = 0.2
 """Square root of linear light by which the model is off beside noise, OUTLIER what a pixel may be off by
-before it counts less. Of 0.1, 0.15, 0.2, 0.3 and of 0.05, 0.1, 0.15, 0.2, 1 the best over bars, foreground and rack
-(32 px, true depth): smaller ones trust rims of few samples, or a cord beside a lamp, too much."""
+before it counts less. Of 0.1, 0.15, 0.2, 0.3 and of 0.05, 0.1, 0.15, 0.2, 1 the best over bars, foreground
+and rack (32 px, true depth): smaller ones trust rims of few samples, or a cord beside a lamp, too much."""
 OUTLIER = 0.2
 FINER = 4
 """Parts of a pixel that outlines are told by."""
@@ -77,8 +77,8 @@ GROUND = (0.4, 0.8)
 """Linear light of what is around a blob: beside the first it may be a lamp, beside the second it is noise on
 something white. By eye."""
 FLAT = (0.012, 0.022)
-"""Linear light over the threshold, mean of a blob's pixels: from the second on they are clipped but for noise,
-up to the first they are paint that is nearly white, as in walk and fence, which lost 0.7 and 0.3 dB without."""
+"""Linear light over the threshold, mean of a blob's pixels: from the second on they are clipped but for
+noise, up to the first they are paint that is nearly white, as in walk and fence (else 0.7, 0.3 dB less)."""
 
 
 @dataclass(frozen=True)
@@ -227,7 +227,8 @@ def _highlight(
     unsure = float(np.std(light[ring] - ground[ring])) * np.sqrt(beside.sum())
     rim = np.maximum((light[beside] - ground[beside]).sum(axis=0, dtype=np.float64), 0) + unsure
     inside = _inside(light.max(axis=2), own, beside, ground.max(axis=2))
-    distances = np.arange(DISTANCES[0], max(min(inside.max() - 0.1, DISTANCES[1]), 0.0) + 1e-6, STEP)
+    deepest = float(np.clip(inside.max() - 0.1, 0, DISTANCES[1]))
+    distances = np.arange(DISTANCES[0], deepest + 1e-6, STEP)
     drawn = np.clip(0.5 + FINER * (inside - distances[:, None, None]), 0, 1).astype(np.float32)
     # A pixel's own square is a part of the spread: a twelfth of its variance.
     optics = FINER * np.sqrt(max(spread**2 - 1 / 12, 0.01))
@@ -262,7 +263,7 @@ def _bright(radiance: Floats, colour: Floats, core: Floats) -> Map:
 def _ground(light: Map, ring: Mask) -> Map:
     """(h, w, 3) what is behind a blob, from the pixels around it: the nearest ones count most."""
     known = ring[..., None] * np.concatenate([light, np.ones_like(light[..., :1])], axis=2)
-    told = np.zeros_like(known)
+    told: Map = np.zeros_like(known)
     for weight, reach in ((1.0, NEAR), (1e-2, 3 * NEAR), (1e-4, 9 * NEAR)):
         told += np.float32(weight) * cv2.GaussianBlur(
             known, (0, 0), reach, borderType=cv2.BORDER_CONSTANT
