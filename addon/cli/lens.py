@@ -15,6 +15,7 @@ from ..core.depth.user_maps import open_depth
 from ..core.lens.focus import Focus, check_points, largest_discs, radius_for_blur
 from ..core.lens.focus_place import find_place
 from ..core.lens.frame import check_settings
+from ..core.lens.highlights import HighlightSettings
 from ..core.lens.meshers import MESHERS
 from ..core.lens.plan import LensSettings
 from ..core.media.clip import Footage, FrameRange
@@ -73,12 +74,20 @@ def add_lens(command: argparse.ArgumentParser, required: bool) -> None:
     command.add_argument(
         "--borrow", choices=("on", "off"), default="on", help="take what a frame hides from others (on)"
     )
+    command.add_argument(
+        "--highlights", default="1", metavar="off|GAIN",
+        help="how much of the light that clipping took from lamps is given back (1, all that is estimated)",
+    )  # fmt: skip
+    command.add_argument(
+        "--highlight-threshold", type=float, default=HighlightSettings.threshold, metavar="L",
+        help=f"linear light, 1 is white, from which on a pixel is clipped ({HighlightSettings.threshold:g})",
+    )  # fmt: skip
     command.add_argument("--seed", type=int, default=0, help="of the thesis's random positions")
 
 
 LENS = (
     "focus_at", "focus_point", "focus_distance", "blur", "aperture_radius", "depth", "mask", "views",
-    "error", "method", "borrow", "seed",
+    "error", "method", "borrow", "highlights", "highlight_threshold", "seed",
 )  # fmt: skip
 """What the options of `add_lens` are kept as."""
 
@@ -135,6 +144,7 @@ def movie_frames(solved: Solve, frames: str | None) -> list[int]:
 def check_numbers(options: argparse.Namespace) -> None:
     """What can be refused before an hour of solving."""
     _views(options.views)
+    _highlights(options)
     for name, value in (("blur", options.blur), ("aperture radius", options.aperture_radius)):
         if value is not None and not value > 0:
             raise UserError(f"the {name} is {value:g}; it must be greater than zero")
@@ -193,7 +203,12 @@ def set_lens(
     radius = options.aperture_radius
     if radius is None:
         radius = radius_for_blur(reconstruction, focus, frame, options.blur or DEFAULT_BLUR)
-    check_settings(LensSettings(focus, radius, _views(options.views), options.method, options.seed))
+    highlights = _highlights(options)
+    check_settings(
+        LensSettings(
+            focus, radius, _views(options.views), options.method, options.seed, highlights=highlights
+        )
+    )
     set_focus(settings, focus, frame)
     if place is not None:
         follow_distances(settings, place.distances(reconstruction))
@@ -204,6 +219,7 @@ def set_lens(
     settings.error = options.error or 0.0
     settings.method = options.method
     settings.borrow = options.borrow == "on"
+    settings.highlights, settings.highlight_threshold = highlights.gain, highlights.threshold
     settings.seed = options.seed
     aperture_cloud.update(settings)
 
@@ -253,6 +269,16 @@ def _views(text: str) -> int:
     if int(text) < 1:
         raise UserError(f"the number of views is {text}; it must be at least 1, or auto")
     return int(text)
+
+
+def _highlights(options: argparse.Namespace) -> HighlightSettings:
+    text = options.highlights
+    try:
+        found = HighlightSettings(0.0 if text == "off" else float(text), options.highlight_threshold)
+    except ValueError:
+        raise UserError(f"highlights {text!r} are not understood; give a gain such as 1, or off") from None
+    found.check()
+    return found
 
 
 def _place(text: str) -> tuple[float, float, int | None]:

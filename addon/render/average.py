@@ -17,7 +17,6 @@ from ..core.lens.inspection import shares_of, source_frame
 from ..core.lens.plan import LensSettings
 from ..core.lens.view_error import PILOT, difference, other_views, views_for_error
 from ..core.lens.vignetting import light_left
-from ..core.media.clip import to_linear
 from . import cycles_views, gpu_views
 
 TOLD = 0.3
@@ -60,7 +59,7 @@ def render_frame(
     """
     gpu_views.check_memory(size)
     with stage("Reading", 0.0, READ):
-        source = _resized(to_linear(clip.read(frame)), size)
+        source = _resized(clip.picture(frame, lens.highlights), size)
     with stage("Mesh", READ, WARPED):
         meshed = mesh_frame(clip, frame, lens, size, source)
         warped = None if lens.error else meshed.through(meshed.views, reuse=True)

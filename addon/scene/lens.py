@@ -18,6 +18,7 @@ from ..core.base.errors import UserError
 from ..core.camera.focal_length import Focal, from_equivalent, from_sensor
 from ..core.camera.reconstruction import Reconstruction
 from ..core.lens.focus import Focus, blur_for_radius, radius_for_blur
+from ..core.lens.highlights import HighlightSettings
 from ..core.lens.plan import LensSettings
 from .shot import reconstruction_of
 
@@ -74,8 +75,9 @@ def lens_settings(settings: bpy.types.PropertyGroup, reconstruction: Reconstruct
             frame = int(reconstruction.frames[0])
         radius = radius_for_blur(reconstruction, focus, frame, settings.blur)
     return LensSettings(
-        focus, radius, settings.views, settings.method, settings.seed, settings.borrow, settings.error
-    )
+        focus, radius, settings.views, settings.method, settings.seed, settings.borrow, settings.error,
+        HighlightSettings(settings.highlights, settings.highlight_threshold),
+    )  # fmt: skip
 
 
 def is_in_focus(settings: bpy.types.PropertyGroup) -> bool:

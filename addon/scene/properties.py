@@ -15,6 +15,7 @@ from bpy.props import (
     StringProperty,
 )
 
+from ..core.lens.highlights import HighlightSettings
 from ..core.lens.meshers import MESHERS
 from . import aperture_cloud, lens
 
@@ -251,6 +252,25 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
         description="Take what a frame does not show, behind silhouettes and past the border, from the frames"
         " that do; without, it is made up from beside",
         default=True,
+    )
+    highlights: FloatProperty(
+        name="Highlights",
+        description="How much of the light that clipping took from lamps and glints is given back, so that"
+        " they become bright discs: 1 is all that is estimated, 0 leaves the clip as it is. Pictures of"
+        " floats keep what they have",
+        min=0.0,
+        soft_max=4.0,
+        default=HighlightSettings.gain,
+        precision=2,
+    )
+    highlight_threshold: FloatProperty(
+        name="Clipped From",
+        description="Linear light, 1 being white, from which on a pixel of the clip counts as clipped. Lower"
+        " it for a clip whose lamps were recorded as grey",
+        min=0.1,
+        max=1.0,
+        default=HighlightSettings.threshold,
+        precision=3,
     )
     seed: IntProperty(
         name="Seed",

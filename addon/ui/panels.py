@@ -148,6 +148,11 @@ class VIRTUAL_APERTURE_PT_lens(_Panel, bpy.types.Panel):  # noqa: N801
         column = layout.column()
         column.active = not lens.is_keyed(settings, "blur")
         column.prop(settings, "aperture_radius", text="Aperture")
+        column = layout.column(align=True)
+        column.prop(settings, "highlights")
+        row = column.row()
+        row.active = settings.highlights > 0
+        row.prop(settings, "highlight_threshold")
 
 
 class VIRTUAL_APERTURE_PT_depth(_Closed, bpy.types.Panel):  # noqa: N801

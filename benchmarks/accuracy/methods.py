@@ -19,6 +19,7 @@ from addon.core.lens.aperture_sampling import vogel_disc
 from addon.core.lens.clip_context import ClipContext
 from addon.core.lens.focus import Focus, exact_registration
 from addon.core.lens.frame import WarpedFrame, warp_frame
+from addon.core.lens.highlights import HighlightSettings
 from addon.core.lens.plan import FramePlan, LensSettings
 from addon.core.lens.thin_lens import ThinLens
 from addon.core.warp.mesh import WarpMesh
@@ -68,7 +69,9 @@ def thesis(case: BenchmarkCase, views: int) -> Answer:
     """The thesis's method: features, pinned corners, random positions, fitted registration."""
     rec, focus = _with_picks(case)
     return _through(
-        case, replace(case.clip, reconstruction=rec), LensSettings(focus, case.radius, views, "thesis")
+        case,
+        replace(case.clip, reconstruction=rec),
+        LensSettings(focus, case.radius, views, "thesis", highlights=HighlightSettings(gain=0)),
     )
 
 
@@ -171,7 +174,8 @@ def _size(case: BenchmarkCase) -> tuple[int, int]:
 
 def _through(case: BenchmarkCase, clip: ClipContext, lens: LensSettings) -> Answer:
     """The frame as the product draws it."""
-    return _drawn(warp_frame(clip, case.frame, lens, _size(case), case.picture))
+    picture = clip.picture(case.frame, lens.highlights)
+    return _drawn(warp_frame(clip, case.frame, lens, _size(case), picture))
 
 
 def _drawn(warped: WarpedFrame) -> Answer:

@@ -19,8 +19,10 @@ from ..depth.multi_view_stereo import COARSE, DenseDepth, Moving, PlaneSweepSter
 from ..depth.source import PixelDepth, SampledDepthSource
 from ..depth.sparse import DepthSamples, frame_features
 from ..depth.temporal_fusion import TemporalFusion
+from ..media.clip import to_linear
 from ..media.picture_file import Pixels
 from ..warp.disocclusion_fill import DisocclusionFill, HiddenColours
+from .highlights import RESTORED, ClipHighlights, HighlightSettings
 
 
 @dataclass(frozen=True)
@@ -44,10 +46,34 @@ class ClipContext:
         return TemporalFusion(self.reconstruction, single_frame, self.store)
 
     @cached_property
-    def disocclusion(self) -> DisocclusionFill:
-        """Other frames' colours for what a frame does not show, but for what moves in them."""
-        movers = PlaneSweepStereo(self.reconstruction, self.read, COARSE, self.masks, self.store)
-        return DisocclusionFill(self.reconstruction, self.read, movers.moving)
+    def _movers(self) -> PlaneSweepStereo:
+        """What moves by itself, found coarsely."""
+        return PlaneSweepStereo(self.reconstruction, self.read, COARSE, self.masks, self.store)
+
+    @cached_property
+    def _clip_highlights(self) -> dict[float, ClipHighlights]:
+        """By threshold, of which there is hardly more than one."""
+        return {}
+
+    @cached_property
+    def _disocclusion(self) -> dict[HighlightSettings, DisocclusionFill]:
+        """Other frames' colours for what a frame does not show, but for what moves in them; by highlights,
+        the last ones only: pictures are large."""
+        return {}
+
+    def picture(self, frame: int, highlights: HighlightSettings) -> LinearRGBA:
+        """A frame's picture (H, W, 4) in linear light, with the light of highlights that its integers clip.
+
+        Floats hold what is over white already, and stay as they are. UserError where a frame cannot be read.
+        """
+        stored = self.read(frame)
+        linear = to_linear(stored)
+        if stored.dtype == np.float32 or not highlights.gain:
+            return linear
+        of_clip = self._clip_highlights.setdefault(
+            highlights.threshold, ClipHighlights(self.reconstruction, self.read, highlights.threshold)
+        )
+        return of_clip.restored(frame, linear, highlights.gain)
 
     @cached_property
     def texture_memory(self) -> ReusedMemory:
@@ -66,14 +92,24 @@ class ClipContext:
         return whole_depth(self.stereo.at(frame), picture)
 
     def hidden_colours(
-        self, frame: int, canvas: Canvas, picture: LinearRGBA, depth: PixelDepth
+        self,
+        frame: int,
+        canvas: Canvas,
+        picture: LinearRGBA,
+        depth: PixelDepth,
+        highlights: HighlightSettings = RESTORED,
     ) -> HiddenColours:
         """Other frames' colours for what a frame does not show, to be asked for places of its canvas.
 
-        `picture` (H, W, 4) and `depth` are what the frame itself shows.
+        `picture` (H, W, 4) and `depth` are what the frame itself shows, `highlights` what it was read with.
         """
-        shown = depth.inverse_depth
-        found = self.disocclusion.reprojected(frame, canvas, picture, shown, depth.moving, depth.past_border)
+        if highlights not in self._disocclusion:
+            self._disocclusion.clear()
+            self._disocclusion[highlights] = DisocclusionFill(
+                self.reconstruction, lambda other: self.picture(other, highlights), self._movers.moving
+            )
+        fill = self._disocclusion[highlights]
+        found = fill.reprojected(frame, canvas, picture, depth.inverse_depth, depth.moving, depth.past_border)
         return found.colours
 
     def samples(self, frame: int, canvas: Canvas) -> DepthSamples:

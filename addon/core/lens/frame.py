@@ -66,6 +66,7 @@ def check_settings(settings: LensSettings) -> None:
         raise UserError(f"the aperture radius is {settings.radius:g}; it must be greater than zero")
     if settings.views < 0:
         raise UserError(f"the number of views is {settings.views}; it must be at least 1")
+    settings.highlights.check()
     if settings.method not in MESHERS:
         raise UserError(f"there is no method {settings.method!r}; choose one of {', '.join(MESHERS)}")
 

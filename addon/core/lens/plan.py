@@ -11,6 +11,7 @@ from ..camera.reconstruction import Floats
 from ..warp.mesh import WarpMesh
 from .aperture import Aperture
 from .focus import Focus
+from .highlights import RESTORED, HighlightSettings
 from .thin_lens import ThinLens
 
 
@@ -34,6 +35,8 @@ class LensSettings:
     number of views; 0 leaves that as it is."""
     aperture: Aperture = field(default_factory=Aperture)
     """Its shape."""
+    highlights: HighlightSettings = RESTORED
+    """How bright what is clipped becomes."""
 
 
 @dataclass(frozen=True)

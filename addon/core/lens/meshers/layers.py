@@ -30,7 +30,9 @@ def make(geometry: FrameGeometry) -> Surface:
     hidden = None
     if geometry.settings.borrow:
         with stage("Hidden surfaces", 0.0, FILLED):
-            hidden = geometry.clip.hidden_colours(geometry.frame, geometry.canvas, picture, geometry.depth)
+            hidden = geometry.clip.hidden_colours(
+                geometry.frame, geometry.canvas, picture, geometry.depth, geometry.settings.highlights
+            )
 
     with stage("Mesh", FILLED, 1.0):
         mesh, texture, layers = layer_mesh(
