@@ -25,6 +25,7 @@ from ..render.frame_keys import frame_keys
 from ..render.frame_size import written_size
 from ..render.quiet import quiet
 from . import NAME
+from .aperture import copy_image
 from .lens import add_lens, check_numbers, lens_arguments, movie_frames, pinned, say, scene_of, set_lens
 from .paths import path
 from .save import DEPTH, MASKS
@@ -118,7 +119,7 @@ def farm(options: argparse.Namespace) -> None:
         _scene, settings, _ = scene_of(solved)
         frames = movie_frames(solved, options.frames)
         set_lens(settings, solved, options, frames)
-        words = pinned(options, settings, depth=None, mask=None)
+        words = pinned(options, settings, depth=None, mask=None, aperture=None)
         clip = copy_clip(solved.open_clip(), folder)
         _copy_solve(source, folder / "solve", clip)
     else:
@@ -127,7 +128,7 @@ def farm(options: argparse.Namespace) -> None:
         clip = copy_clip(open_footage(source), folder)
         if options.focus_at and "@" not in options.focus_at:
             options.focus_at += f"@{frames[0]}"
-        words = lens_arguments(options, depth=None, mask=None)
+        words = lens_arguments(options, depth=None, mask=None, aperture=None)
     lens = words + _pictures(options, footage, folder)
     name = clip.relative_to(folder).as_posix()
     job = _job(options, _chunks(frames, options.chunk), lens, None if is_solved else name)
@@ -150,7 +151,7 @@ def _copy_solve(source: Path, target: Path, clip: Path) -> None:
 
 
 def _pictures(options: argparse.Namespace, footage: Footage, folder: Path) -> list[str]:
-    """Copy the user's depth maps and masks into the bundle; the words that lead there."""
+    """Copy the user's depth maps, masks and aperture's picture into the bundle; the words that lead there."""
     words = []
     if options.depth:
         maps = open_depth(options.depth.absolute(), footage).maps
@@ -158,6 +159,12 @@ def _pictures(options: argparse.Namespace, footage: Footage, folder: Path) -> li
     if options.mask:
         pictures = open_masks(options.mask.absolute(), footage).pictures
         words += ["--mask", _in_bundle(copy_pictures(pictures, folder / MASKS), folder)]
+    if options.aperture:
+        shape, copy = copy_image(options.aperture, folder)
+        words += [
+            "--aperture",
+            *(word.replace(str(copy), _in_bundle(copy, folder)) if copy else word for word in shape),
+        ]
     return words
 
 

@@ -26,6 +26,7 @@ from ..scene.build import build
 from ..scene.lens import follow_distances, set_aperture, set_focus
 from ..scene.properties import VirtualApertureSettings
 from ..scene.shot import shot_of
+from .aperture import add_aperture, set_shape
 from .paths import path
 
 DEFAULT_BLUR = 0.03
@@ -82,24 +83,28 @@ def add_lens(command: argparse.ArgumentParser, required: bool) -> None:
         "--highlight-threshold", type=float, default=HighlightSettings.threshold, metavar="L",
         help=f"linear light, 1 is white, from which on a pixel is clipped ({HighlightSettings.threshold:g})",
     )  # fmt: skip
+    add_aperture(command)
     command.add_argument("--seed", type=int, default=0, help="of the thesis's random positions")
 
 
 LENS = (
     "focus_at", "focus_point", "focus_distance", "blur", "aperture_radius", "depth", "mask", "views",
-    "error", "method", "borrow", "highlights", "highlight_threshold", "seed",
+    "error", "method", "borrow", "highlights", "highlight_threshold", "aperture",
+    "seed",
 )  # fmt: skip
 """What the options of `add_lens` are kept as."""
 
 
-def pinned(options: argparse.Namespace, settings: VirtualApertureSettings, **others: None) -> list[str]:
+def pinned(
+    options: argparse.Namespace, settings: VirtualApertureSettings, **others: list[str] | None
+) -> list[str]:
     """`lens_arguments` once the lens is set: a place to focus on is in this frame, whichever are rendered."""
     if options.focus_at and "@" not in options.focus_at:
         return lens_arguments(options, focus_at=f"{options.focus_at}@{settings.focus_frame}", **others)
     return lens_arguments(options, **others)
 
 
-def lens_arguments(options: argparse.Namespace, **others: str | None) -> list[str]:
+def lens_arguments(options: argparse.Namespace, **others: str | list[str] | None) -> list[str]:
     """The options of `add_lens` as words for another process's command line; `others` replace some."""
     words = []
     for name in LENS:
@@ -221,6 +226,7 @@ def set_lens(
     settings.borrow = options.borrow == "on"
     settings.highlights, settings.highlight_threshold = highlights.gain, highlights.threshold
     settings.seed = options.seed
+    set_shape(settings, options.aperture)
     aperture_cloud.update(settings)
 
 

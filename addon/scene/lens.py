@@ -76,7 +76,8 @@ def lens_settings(settings: bpy.types.PropertyGroup, reconstruction: Reconstruct
         radius = radius_for_blur(reconstruction, focus, frame, settings.blur)
     return LensSettings(
         focus, radius, settings.views, settings.method, settings.seed, settings.borrow, settings.error,
-        HighlightSettings(settings.highlights, settings.highlight_threshold),
+        highlights=HighlightSettings(settings.highlights, settings.highlight_threshold),
+        aperture=settings.shape.aperture,
     )  # fmt: skip
 
 

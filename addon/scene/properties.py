@@ -18,6 +18,7 @@ from bpy.props import (
 from ..core.lens.highlights import HighlightSettings
 from ..core.lens.meshers import MESHERS
 from . import aperture_cloud, lens
+from .aperture_shape import VirtualApertureShape
 
 VERSION = 1
 
@@ -220,6 +221,9 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
         precision=4,
         update=_edited(lens.on_radius),
     )
+    shape: PointerProperty(
+        type=VirtualApertureShape, name="Aperture Shape", description="What blur discs look like"
+    )
     views: IntProperty(
         name="Views",
         description="Number of virtual cameras; 0 takes as many as the largest blur disc needs",
@@ -295,7 +299,7 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
     )
 
 
-CLASSES = (VirtualApertureName, VirtualApertureFocusPoint, VirtualApertureSettings)
+CLASSES = (VirtualApertureName, VirtualApertureFocusPoint, VirtualApertureShape, VirtualApertureSettings)
 
 
 def register() -> None:

@@ -155,6 +155,25 @@ class VIRTUAL_APERTURE_PT_lens(_Panel, bpy.types.Panel):  # noqa: N801
         row.prop(settings, "highlight_threshold")
 
 
+class VIRTUAL_APERTURE_PT_shape(_Closed, bpy.types.Panel):  # noqa: N801
+    bl_label = "Aperture Shape"
+    bl_parent_id = "VIRTUAL_APERTURE_PT_lens"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        shape = context.scene.virtual_aperture.shape
+        layout = self.layout
+        layout.use_property_split = True
+        column = layout.column()
+        column.active = not shape.image
+        column.prop(shape, "blades")
+        row = column.column()
+        row.active = shape.blades >= 3
+        row.prop(shape, "rotation")
+        row.prop(shape, "roundness")
+        for name in ("ratio", "obstruction", "apodisation", "spherical_aberration", "vignetting", "image"):
+            layout.prop(shape, name)
+
+
 class VIRTUAL_APERTURE_PT_depth(_Closed, bpy.types.Panel):  # noqa: N801
     bl_label = "Masks and Depth Maps"
     bl_parent_id = "VIRTUAL_APERTURE_PT_lens"
@@ -239,6 +258,7 @@ CLASSES = (
     VIRTUAL_APERTURE_PT_import,
     VIRTUAL_APERTURE_PT_files,
     VIRTUAL_APERTURE_PT_lens,
+    VIRTUAL_APERTURE_PT_shape,
     VIRTUAL_APERTURE_PT_depth,
     VIRTUAL_APERTURE_PT_render,
     VIRTUAL_APERTURE_PT_method,
