@@ -16,6 +16,7 @@ from bpy.props import (
 )
 
 from ..core.lens.meshers import MESHERS
+from ..core.lens.quality import QUALITIES
 from . import aperture_cloud, lens
 
 VERSION = 1
@@ -218,6 +219,14 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
         default=0.1,
         precision=4,
         update=_edited(lens.on_radius),
+    )
+    quality: EnumProperty(
+        name="Quality",
+        description="What a frame may cost",
+        items=[(name.upper(), name.title(), each.help, each.number) for name, each in QUALITIES.items()],
+        default="NORMAL",
+        update=_aperture_changed,
+        options=set(),
     )
     views: IntProperty(
         name="Views",

@@ -10,6 +10,7 @@ from ..camera.canvas import Canvas
 from ..camera.reconstruction import Floats
 from ..warp.mesh import WarpMesh
 from .focus import Focus
+from .quality import NORMAL, Quality
 from .thin_lens import ThinLens
 
 
@@ -31,6 +32,8 @@ class LensSettings:
     error: float = 0.0
     """PSNR in dB that a frame is to have against one of infinitely many views, which takes the place of the
     number of views; 0 leaves that as it is."""
+    quality: Quality = NORMAL
+    """What the frame may cost; a number of views, or an error, is kept to whatever it says of views."""
 
 
 @dataclass(frozen=True)

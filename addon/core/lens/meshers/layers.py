@@ -35,7 +35,7 @@ def make(geometry: FrameGeometry) -> Surface:
         mesh, texture, layers = layer_mesh(
             picture, scale * inverse_depth, scale * lens.focus, scale, lens.snap_displacement,
             _fill(hidden, picture, lens.focus, scale) if hidden else None,
-            memory=geometry.clip.texture_memory,
+            geometry.settings.quality.mesh, geometry.clip.texture_memory,
         )  # fmt: skip
     return Surface(mesh, texture, bool(picture[..., 3].min() > 0.999), layers)
 
