@@ -249,7 +249,7 @@ def _dense_plan(case: BenchmarkCase, views: int) -> FramePlan:
     )  # fmt: skip
 
 
-def thin_lens(plan: FramePlan, picture: Picture, samples: int) -> Picture:
+def thin_lens(plan: FramePlan, picture: Picture, samples: int, seed: int = 0) -> Picture:
     """(H, W, 3) Cycles' own lens on a plan's mesh painted with a picture (h, w, 4), with the units chosen so
     that its f-stop stays in Blender's range. What no sample of a pixel hit does not count."""
     lens, mesh, unit = plan.canvas.pinhole, plan.mesh, plan.lens.radius / 0.01
@@ -261,6 +261,7 @@ def thin_lens(plan: FramePlan, picture: Picture, samples: int) -> Picture:
     try:
         camera = cycles_views.set_up(scene, warp, (lens.width, lens.height), samples)
         cycles_views.point_camera(scene, lens.focal, lens.principal_point, np.zeros(2), np.eye(2, 3))
+        scene.cycles.seed = seed
         camera.dof.use_dof = True
         camera.dof.focus_distance = 1 / (plan.lens.focus * unit)
         camera.dof.aperture_fstop = camera.lens * 1e-3 / (2 * 0.01)
