@@ -19,7 +19,7 @@ from ..core.media.copying import copy_clip, copy_file, copy_pictures
 from ..core.media.masks import open_masks
 from ..core.sfm.state import STATE, read_state, write_state
 from ..core.sfm.workspace import load_solve
-from ..render import jobs, output
+from ..render import child, output
 from ..render.frame_files import key_of
 from ..render.frame_keys import frame_keys
 from ..render.frame_size import written_size
@@ -219,4 +219,4 @@ def _job(options: argparse.Namespace, chunks: list[str], lens: list[str], clip: 
 
 def _program() -> list[str]:
     """The program that a farm's machines start, and the words before a command's name."""
-    return ["blender", "--command", NAME] if bpy.app.binary_path else jobs.launcher()
+    return ["blender", "--command", NAME] if bpy.app.binary_path else child.launcher()

@@ -21,7 +21,7 @@ from ..core.base.errors import UserError
 from ..core.media.clip import FrameRange
 from ..core.sfm.report import ranges
 from ..core.sfm.workspace import Solve, default_work_dir, load_solve
-from ..render import engine, jobs, output
+from ..render import child, engine, jobs, output
 from ..render.average import no_gpu_note
 from ..render.frame_keys import run_key
 from ..render.frame_size import render_size
@@ -103,7 +103,7 @@ def _check_apart(options: argparse.Namespace, clip: Path) -> None:
 def render(options: argparse.Namespace) -> None:
     """`render DIR ... --out OUT`"""
     if options.end_with_input:
-        jobs.end_with_input()
+        child.end_with_input()
     _check_output(options)
     check_numbers(options)
     with output.claimed(options.out.absolute()):

@@ -22,6 +22,7 @@ from ..core.readers.matching import Imported
 from ..core.sfm.process import Progress, SolveProcess
 from ..core.sfm.tracks import TRACKERS
 from ..core.sfm.workspace import Solve, check_replaceable, holds_solve, keep_import, load_solve
+from ..render import child
 from ..scene.movieclip import read_movie_clip
 from ..scene.shot import Shot
 from .paths import path
@@ -31,7 +32,7 @@ from .words import WORDS
 def add_commands(
     commands: argparse._SubParsersAction[argparse.ArgumentParser], common: argparse.ArgumentParser
 ) -> None:
-    """`solve`, `report`, `import` and `export`; each sets `command` to the function that runs it."""
+    """`solve`, `report`, `import`, `depth` and `export`; each sets `command` to the function that runs it."""
     one = commands.add_parser("solve", parents=[common], help="find cameras and points of a clip")
     add_footage(one)
     one.add_argument("--work", type=path, required=True, metavar="DIR", help="folder that keeps the solve")
@@ -54,6 +55,12 @@ def add_commands(
     three.add_argument("--clip", metavar="NAME", help="which movie clip of the .blend")
     three.add_argument("--again", action="store_true", help="replace a solve of this clip in the folder")
     three.set_defaults(command=import_model)
+
+    five = commands.add_parser("depth", parents=[common], help="find all frames' depth, ahead of renders")
+    five.add_argument("work", type=path, metavar="DIR", help="folder that keeps the solve")
+    # For the panel, which finds depth in the background.
+    five.add_argument("--end-with-input", action="store_true", help=argparse.SUPPRESS)
+    five.set_defaults(command=depth)
 
     four = commands.add_parser("export", parents=[common], help="write a solve as a COLMAP text model")
     four.add_argument("work", type=path, metavar="DIR", help="folder that keeps the solve")
@@ -105,15 +112,22 @@ def solve(options: argparse.Namespace) -> None:
         keep_depth(solved)
 
 
+def depth(options: argparse.Namespace) -> None:
+    """`depth DIR`"""
+    if options.end_with_input:
+        child.end_with_input()
+    keep_depth(load_solve(options.work.absolute()))
+
+
 def keep_depth(solved: Solve) -> None:
     """Find the depth of a clip's frames without masks and keep it beside the solve: renders read it there."""
     footage = solved.open_clip()
     stereo = Shot(footage, solved.reconstruction, work=solved.work_dir).context.stereo
-    line = _ProgressLine("finding depth")
-    for number, frame in enumerate(footage.frames):
-        line.show(Progress(f"frame {frame}", number / len(footage.frames)))
+    count = len(footage.frames)
+    for number, frame in enumerate(footage.frames, 1):
         stereo.at(frame)
-    print(f"the depth of {counted(len(footage.frames), 'frame')} is kept in {solved.work_dir}", flush=True)
+        print(f"depth of frame {frame}: {number} of {count}", flush=True)
+    print(f"the depth of {counted(count, 'frame')} is kept in {solved.work_dir}", flush=True)
 
 
 def print_quality(solved: Solve) -> None:
@@ -223,8 +237,7 @@ def _focal(options: argparse.Namespace) -> Focal | None:
 class _ProgressLine:
     """One line a stage and every few seconds, with the time left."""
 
-    def __init__(self, title: str = "solving") -> None:
-        self._title = title
+    def __init__(self) -> None:
         self._shown = time.monotonic()
         self._left = TimeLeft(self._shown)
         self._stage = ""
@@ -237,4 +250,4 @@ class _ProgressLine:
             return
         self._stage, self._shown = stage, now
         remaining = f", about {left:.0f} s left" if left is not None else ""
-        print(f"{self._title}: {step.text}{remaining}", flush=True)
+        print(f"solving: {step.text}{remaining}", flush=True)

@@ -8,6 +8,7 @@ from ..render import background, engine
 from ..scene import clip, exr, main_thread, paths, properties, shot
 from . import (
     choose_clip,
+    depth_ahead,
     engine_panels,
     find_clip,
     focus,
@@ -21,6 +22,7 @@ from . import (
 CLASSES = (
     *engine.CLASSES,
     *choose_clip.CLASSES,
+    *depth_ahead.CLASSES,
     *operators.CLASSES,
     *find_clip.CLASSES,
     *focus.CLASSES,
@@ -40,12 +42,14 @@ def register() -> None:
     exr.register()
     points_overlay.register()
     background.register()
+    depth_ahead.register()
     main_thread.start()
 
 
 def unregister() -> None:
     """Undo `register` in reverse order, and close the open clip."""
     main_thread.stop()
+    depth_ahead.unregister()
     exr.unregister()
     paths.unregister()
     background.unregister()

@@ -14,6 +14,7 @@ from ..core.readers.matching import Imported
 from ..core.sfm.workspace import check_replaceable, holds_solve, keep_import
 from ..scene.clip import footage_path, work_dir
 from ..scene.movieclip import read_movie_clip
+from . import depth_ahead
 from .operators import Result, build_scene, has_clip, report_hidden, reported
 
 
@@ -51,8 +52,10 @@ class _Import:
                 raise UserError(f"{folder} holds a solve of this clip already; to replace it pass again=True")
             self.ask()
             return {"CANCELLED"}
+        depth_ahead.stop()
         keep_import(found, footage, folder)
         solve, refocus = build_scene(context.scene, footage, folder)
+        depth_ahead.begin_after_solve(folder)
         report_hidden(self, context.scene)
         self.report({"INFO"}, f"{found.format}: {solve.summary}")
         for note in (*found.notes, *([refocus] if refocus else [])):

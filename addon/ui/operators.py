@@ -25,7 +25,7 @@ from ..scene.lens import focal_of, is_in_focus, lens_settings
 from ..scene.refocus import keep_focus, restore_focus
 from ..scene.remedy_words import WORDS
 from ..scene.shot import reconstruction_of
-from . import after_solve
+from . import after_solve, depth_ahead
 
 Result = set[str]
 
@@ -205,6 +205,8 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
 
     def _start(self, context: bpy.types.Context) -> _Solving:
         settings = context.scene.virtual_aperture
+        # It looks into the folder that is about to change.
+        depth_ahead.stop()
         # The user may go to another scene meanwhile.
         self._scene = context.scene.name
         return _Solving(
@@ -294,6 +296,7 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
         if scene is None:
             raise UserError(f"the scene {self._scene!r} is gone; the solve is kept in {process.work_dir}")
         solve, note = build_scene(scene, process.clip, process.work_dir)
+        depth_ahead.begin_after_solve(process.work_dir)
         report_hidden(self, scene)
         if note:
             self.report({"WARNING"}, note)

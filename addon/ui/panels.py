@@ -9,7 +9,7 @@ import bpy
 from ..core.base.counting import counted
 from ..core.lens.meshers import MESHERS
 from ..scene import lens, masks
-from . import after_solve, choose_clip, focus, import_solve, inspect, notices, operators
+from . import after_solve, choose_clip, depth_ahead, focus, import_solve, inspect, notices, operators
 from .text import wrapped
 
 PRIMARY = 1.4
@@ -85,6 +85,9 @@ def _draw_solve(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         wrapped(box, context, f"Advice: {settings.advice}", icon="INFO")
     else:
         box.label(text="Solved", icon="CHECKMARK")
+    depth_ahead.draw(box, settings)
+    if (found := depth_ahead.of(settings)) is not None and found.problem:
+        wrapped(box, context, f"Depth was not found: {found.problem}", icon="ERROR")
     if names := after_solve.still_hidden(context.scene):
         wrapped(box, context, after_solve.hidden_words(names), icon="HIDE_ON")
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from addon.core.base.arrays import Map
-from addon.core.depth.plane_sweep import SweepOptions, semiglobal
+from addon.core.depth import plane_sweep
+from addon.core.depth.plane_sweep import SweepOptions, View, semiglobal, sweep
 
 OPTIONS = SweepOptions()
 
@@ -40,3 +42,20 @@ def test_costs_are_summed_along_four_directions() -> None:
     costs = random.uniform(0, 20, (7, 9, 12)).astype(np.float32)
     guide = random.uniform(0, 60, (9, 12)).astype(np.float32)
     np.testing.assert_allclose(semiglobal(costs, guide, OPTIONS), by_hand(costs, guide), rtol=1e-5, atol=1e-4)
+
+
+def test_what_is_found_does_not_depend_on_the_processors(monkeypatch: pytest.MonkeyPatch) -> None:
+    random = np.random.default_rng(4)
+    costs = random.uniform(0, 20, (7, 150, 200)).astype(np.float32)
+    guide = random.uniform(0, 60, (150, 200)).astype(np.float32)
+    picture = random.integers(0, 255, (150, 200, 4), np.uint8)
+    view = View(picture, np.eye(3), np.array([[0, 0, 8.0], [0, 0, 0], [0, 0, 0]]), 1)
+    found = []
+    for workers in (1, 2, 5, 16):
+        monkeypatch.setattr(plane_sweep, "WORKERS", workers)
+        found.append(
+            (semiglobal(costs, guide, OPTIONS), sweep(picture, [view], np.linspace(0, 1, 9), guide, OPTIONS))
+        )
+    for summed, swept in found[1:]:
+        np.testing.assert_array_equal(summed, found[0][0])
+        np.testing.assert_array_equal(swept, found[0][1])

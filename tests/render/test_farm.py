@@ -21,7 +21,7 @@ import pytest
 
 from addon.core.base.errors import UserError
 from addon.core.media.copying import copy_file
-from addon.render import jobs
+from addon.render import child, jobs
 from benchmarks.torture import clip
 from benchmarks.torture.bench import contents, file_limit
 
@@ -247,7 +247,7 @@ def test_a_process_that_dies_after_its_last_frame_is_done(monkeypatch: pytest.Mo
         "import os, sys; n = int(sys.argv[1]);"
         "print(f'frame {n}: 1 of 1, 0.0 s a frame, 0 min 00 s left', flush=True); os.abort()"
     )
-    monkeypatch.setattr(jobs, "launcher", lambda: [sys.executable, "-c", script])
+    monkeypatch.setattr(child, "launcher", lambda: [sys.executable, "-c", script])
     told: list[int] = []
     jobs.render_side_by_side([4, 5], 2, lambda frames, _: [str(frames[0])], told.append, print)
     assert sorted(told) == [4, 5]

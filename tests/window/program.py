@@ -9,6 +9,7 @@ import signal
 import socket
 import subprocess
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -159,8 +160,11 @@ class Program:
         self, kind: str, region: str, across: float = 0.6, step: int = 8, window: int = 0
     ) -> list[Button]:
         """Buttons that the mouse meets on its way down a region, at a share of its width."""
+        return list(self._met(kind, region, across, step, window))
+
+    def _met(self, kind: str, region: str, across: float, step: int, window: int) -> Iterator[Button]:
         left, top, width, height = self.rectangle(kind, region, window)
-        found: list[Button] = []
+        last = ""
         under = f"button_under_mouse({kind!r}, {region!r}, {window})"
         for y in range(top + 2, top + height, step):
             self.screen.move(left + across * width, y)
@@ -169,17 +173,18 @@ class Program:
                 self.settle()
             self.ask("1")
             does = self.ask(under)
-            if does and (not found or found[-1].does != does):
-                found.append(Button(does, left + across * width, y + 3))
-        return found
+            if does and last != does:
+                last = does
+                yield Button(does, left + across * width, y + 3)
 
     def find(self, does: str, kind: str, region: str, across: float = 0.6, window: int = 0) -> Button:
         """The first button of a region that does this (a part of its operator's call or property's path);
         the region is scrolled down to it."""
         seen: list[Button] = []
         for _ in range(6):
-            now = self.buttons(kind, region, across, window=window)
-            for button in now:
+            now: list[Button] = []
+            for button in self._met(kind, region, across, 8, window):
+                now.append(button)
                 if does in button.does and self._is_there(button, kind, region, window):
                     return button
             if seen and [b.does for b in now] == [b.does for b in seen]:

@@ -23,6 +23,7 @@ CLIP = ROOT / "sample_scenes" / "desk.mp4"
 SETTINGS = "bpy.context.scene.virtual_aperture"
 MODAL = "[o.bl_idname for w in bpy.context.window_manager.windows for o in w.modal_operators]"
 SOLVING = f"'VIRTUAL_APERTURE_OT_solve' in {MODAL}"
+DEPTH = f"__import__('sys').modules['{EXTENSION}.addon.ui.depth_ahead']._ahead"
 LAYER = "bpy.context.window_manager.windows[0].view_layer"
 SCENE = "sorted([o.name for o in bpy.data.objects] + [m.name for m in bpy.data.meshes])"
 
@@ -165,6 +166,20 @@ def test_the_clip_and_the_points_are_seen(program: Program) -> None:
     # An empty viewport is grey all over.
     assert (np.ptp(seen.astype(int), axis=2) > 40).mean() > 0.01
     assert seen.std() > 20
+
+
+def test_depth_is_found_while_the_user_goes_on(program: Program, project: Path) -> None:
+    program.wait(f"{DEPTH} and {DEPTH}.done", 60)
+    program.shot("depth_under_way")
+    program.press("virtual_aperture.pause_depth", across=0.84)
+    program.wait(f"{DEPTH} is None")
+    program.press("virtual_aperture.find_depth")
+    program.wait(f"{DEPTH}.child is None", 180)
+    program.settle()
+    program.shot("depth_found")
+    assert program.ask(f"{DEPTH}.problem") == ""
+    frames = program.ask("bpy.context.scene.frame_end - bpy.context.scene.frame_start + 1")
+    assert len(list(project.rglob("depth-*.npz"))) == frames
 
 
 def test_solve_is_undone_and_redone(program: Program) -> None:

@@ -1,0 +1,197 @@
+"""Depth found in the background once a clip is solved: renders and other focuses then need not find it."""
+
+from __future__ import annotations
+
+import contextlib
+import queue
+import re
+import threading
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import bpy
+from bpy.app.handlers import persistent
+
+from ..core.base.errors import UserError
+from ..core.sfm.state import STATE
+from ..render.child import Child, end
+from ..scene.clip import footage_path, work_dir
+
+LOOK = 0.5
+"""Seconds between two looks at the process."""
+_STEP = re.compile(r"depth of frame -?\d+: (\d+) of (\d+)")
+
+
+@dataclass
+class DepthAhead:
+    """The process that finds the depth of a solved clip's frames and keeps it in its working folder."""
+
+    work: Path
+    lines: queue.SimpleQueue[str | None] = field(default_factory=queue.SimpleQueue)
+    done: int = 0
+    total: int = 0
+    """Frames; 0 until the process has told."""
+    problem: str = ""
+    """Why it failed."""
+    child: Child | None = None
+    """None once it has ended."""
+
+    def hear(self) -> bool:
+        """Take in what the process said; whether it said anything."""
+        heard = False
+        while self.child is not None:
+            try:
+                line = self.lines.get_nowait()
+            except queue.Empty:
+                break
+            heard = True
+            if line is None:
+                if self.child.process.wait() != 0:
+                    self.problem = self.child.reason
+                self.child = None
+            elif step := _STEP.match(line):
+                self.done, self.total = int(step[1]), int(step[2])
+        return heard
+
+
+_ahead: DepthAhead | None = None
+"""The one of this Blender: it takes all cores, so there are not two."""
+
+
+def begin(work: Path) -> None:
+    """Find depth for the solve in a working folder, in place of what is under way; UserError where no process
+    can be started."""
+    global _ahead
+    stop()
+    made = DepthAhead(work)
+    made.child = Child(["depth", str(work)], made.lines.put, yielding=True)
+    _ahead = made
+    if not bpy.app.timers.is_registered(_tick):
+        bpy.app.timers.register(_tick, first_interval=LOOK)
+
+
+def begin_after_solve(work: Path) -> None:
+    """`begin` where somebody sits before a window; what cannot be started is told by the panel."""
+    global _ahead
+    if bpy.app.background:
+        return
+    try:
+        begin(work)
+    except UserError as error:
+        _ahead = DepthAhead(work, problem=str(error))
+
+
+def stop() -> None:
+    """End what is under way, without waiting for its end; what was found is kept."""
+    global _ahead
+    if _ahead is not None and _ahead.child is not None:
+        threading.Thread(target=end, args=([_ahead.child],), daemon=True).start()
+    _ahead = None
+
+
+def of(settings: bpy.types.PropertyGroup) -> DepthAhead | None:
+    """What is under way, or has ended, for the clip that is shown."""
+    if _ahead is None or not settings.footage or _ahead.work != _folder(settings):
+        return None
+    return _ahead
+
+
+def _folder(settings: bpy.types.PropertyGroup) -> Path:
+    return work_dir(settings, footage_path(settings))
+
+
+def _tick() -> float | None:
+    """A timer's turn: panels show how far it is; None when it has ended."""
+    if _ahead is None:
+        return None
+    if _ahead.hear():
+        _redraw()
+    return LOOK if _ahead.child is not None else None
+
+
+def _redraw() -> None:
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.tag_redraw()
+
+
+@persistent
+def _on_load(*_: object) -> None:
+    stop()
+
+
+class VIRTUAL_APERTURE_OT_find_depth(bpy.types.Operator):  # noqa: N801
+    """Find the depth of all frames in the background, so that renders need not. What is found is kept"""
+
+    bl_idname = "virtual_aperture.find_depth"
+    bl_label = "Find Depth"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        settings = context.scene.virtual_aperture
+        if settings.points is None:
+            cls.poll_message_set("Solve the clip first")
+            return False
+        found = of(settings)
+        if found is not None and found.child is not None:
+            cls.poll_message_set("Depth is being found")
+            return False
+        return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        settings = context.scene.virtual_aperture
+        try:
+            folder = _folder(settings)
+            if not (folder / STATE).exists():
+                raise UserError(f"{folder} keeps no solve, beside which depth could be kept; solve the clip")
+            begin(folder)
+        except UserError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        return {"FINISHED"}
+
+
+class VIRTUAL_APERTURE_OT_pause_depth(bpy.types.Operator):  # noqa: N801
+    """End finding depth for now; what was found is kept, and Find Depth goes on from there"""
+
+    bl_idname = "virtual_aperture.pause_depth"
+    bl_label = "Pause"
+
+    def execute(self, _context: bpy.types.Context) -> set[str]:
+        stop()
+        return {"FINISHED"}
+
+
+def draw(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
+    """How far it is, with a button to pause it, or the button to begin."""
+    found = of(settings)
+    if found is not None and found.child is not None:
+        row = layout.row(align=True)
+        row.progress(
+            factor=found.done / max(found.total, 1),
+            text=f"Depth: {found.done} of {found.total} frames" if found.total else "Depth: starting",
+        )
+        row.operator(VIRTUAL_APERTURE_OT_pause_depth.bl_idname, text="", icon="PAUSE")
+        return
+    is_whole = found is not None and found.total > 0 and found.done == found.total
+    if is_whole:
+        layout.label(text="Depth is found", icon="CHECKMARK")
+    else:
+        layout.operator(VIRTUAL_APERTURE_OT_find_depth.bl_idname, icon="PLAY")
+
+
+def register() -> None:
+    """End the work when another file is opened."""
+    bpy.app.handlers.load_pre.append(_on_load)
+
+
+def unregister() -> None:
+    """Undo `register`, and end the work."""
+    stop()
+    with contextlib.suppress(ValueError):
+        bpy.app.timers.unregister(_tick)
+    bpy.app.handlers.load_pre.remove(_on_load)
+
+
+CLASSES = (VIRTUAL_APERTURE_OT_find_depth, VIRTUAL_APERTURE_OT_pause_depth)

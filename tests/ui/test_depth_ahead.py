@@ -1,0 +1,117 @@
+"""Depth that another process finds while the user goes on."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import bpy
+import pytest
+
+from addon.core.camera.reconstruction import Intrinsics
+from addon.core.readers.matching import Imported
+from addon.core.sfm.workspace import keep_import
+from addon.scene.shot import shot_of
+from addon.ui import depth_ahead, panels
+from addon.ui.operators import build_scene
+
+from ..recorder import draw
+from ..scenes import slanted_shot
+
+LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
+
+
+@pytest.fixture
+def work(scene: bpy.types.Scene, tmp_path: Path) -> Iterator[Path]:
+    """The working folder of a clip whose solve is in the scene."""
+    shot, folder = slanted_shot(tmp_path / "clip", LENS), tmp_path / "work"
+    keep_import(Imported(shot.reconstruction, "true cameras", ()), shot.footage, folder)
+    settings = scene.virtual_aperture
+    settings.footage, settings.work_dir = str(shot.footage.path), str(folder)
+    build_scene(scene, shot.footage, folder)
+    yield folder
+    depth_ahead.stop()
+
+
+def until(is_so: Callable[[], bool]) -> None:
+    """Let timers have their turns; AssertionError after a minute."""
+    end = time.monotonic() + 60
+    while not is_so():
+        assert time.monotonic() < end
+        depth_ahead._tick()
+        time.sleep(0.05)
+
+
+def kept(work: Path) -> dict[str, int]:
+    """Names of the files of kept depth, and when each was written."""
+    return {path.name: path.stat().st_mtime_ns for path in work.glob("depth/*/depth-*.npz")}
+
+
+def test_what_is_found_in_the_background_is_what_the_scene_reads(scene: bpy.types.Scene, work: Path) -> None:
+    assert bpy.ops.virtual_aperture.find_depth() == {"FINISHED"}
+    found = depth_ahead.of(scene.virtual_aperture)
+    assert found is not None and found.child is not None
+    assert "virtual_aperture.pause_depth" in draw(panels.VIRTUAL_APERTURE_PT_clip).operators
+    with pytest.raises(RuntimeError, match="Depth is being found"):
+        bpy.ops.virtual_aperture.find_depth()
+    until(lambda: found.child is None)
+    assert (found.problem, found.done, found.total) == ("", 3, 3)
+    assert "Depth is found" in draw(panels.VIRTUAL_APERTURE_PT_clip).texts
+    before = kept(work)
+    assert len(before) == 3
+    shot_of(scene).context.stereo.at(2)
+    assert kept(work) == before
+
+
+def test_pausing_ends_the_process_and_finding_goes_on_later(scene: bpy.types.Scene, work: Path) -> None:
+    bpy.ops.virtual_aperture.find_depth()
+    found = depth_ahead.of(scene.virtual_aperture)
+    assert found is not None and found.child is not None
+    process = found.child.process
+    bpy.ops.virtual_aperture.pause_depth()
+    assert process.wait(30) != 0
+    assert depth_ahead.of(scene.virtual_aperture) is None
+    assert "virtual_aperture.find_depth" in draw(panels.VIRTUAL_APERTURE_PT_clip).operators
+    bpy.ops.virtual_aperture.find_depth()
+    again = depth_ahead.of(scene.virtual_aperture)
+    assert again is not None
+    until(lambda: again.child is None)
+    assert len(kept(work)) == 3
+
+
+def test_a_process_that_dies_is_told(scene: bpy.types.Scene, work: Path) -> None:
+    bpy.ops.virtual_aperture.find_depth()
+    found = depth_ahead.of(scene.virtual_aperture)
+    assert found is not None and found.child is not None
+    found.child.process.kill()
+    until(lambda: found.child is None)
+    assert "SIGKILL" in found.problem
+    texts = " ".join(draw(panels.VIRTUAL_APERTURE_PT_clip).texts)
+    assert "Depth was not found: the process was ended by" in texts
+
+
+def test_a_solve_that_is_damaged_is_told_by_its_file(scene: bpy.types.Scene, work: Path) -> None:
+    (work / "solve.json").write_text("{}")
+    bpy.ops.virtual_aperture.find_depth()
+    found = depth_ahead.of(scene.virtual_aperture)
+    assert found is not None
+    until(lambda: found.child is None)
+    assert "solve.json" in found.problem
+
+
+def test_another_file_ends_it(scene: bpy.types.Scene, work: Path) -> None:
+    bpy.ops.virtual_aperture.find_depth()
+    found = depth_ahead.of(scene.virtual_aperture)
+    assert found is not None and found.child is not None
+    process = found.child.process
+    bpy.ops.wm.read_homefile(app_template="", use_empty=True, use_factory_startup=True)
+    assert process.wait(30) != 0
+
+
+def test_another_clip_has_no_part_in_it(scene: bpy.types.Scene, work: Path) -> None:
+    bpy.ops.virtual_aperture.find_depth()
+    scene.virtual_aperture.work_dir = str(work.parent / "other")
+    assert depth_ahead.of(scene.virtual_aperture) is None
+    with pytest.raises(RuntimeError, match="keeps no solve"):
+        bpy.ops.virtual_aperture.find_depth()
