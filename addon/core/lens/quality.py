@@ -1,5 +1,5 @@
 """Draft, normal, final: presets of what a frame's depth, mesh and views cost, each on the plot of error over
-CPU seconds (`python -m benchmarks.accuracy`)."""
+CPU seconds (`python -m benchmarks.accuracy.envelope`)."""
 
 from __future__ import annotations
 
