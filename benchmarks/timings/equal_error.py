@@ -42,6 +42,7 @@ def main() -> None:
     parser.add_argument("--blur", type=int, default=32, help="largest disc in px")
     parser.add_argument("--samples", nargs="+", type=int, default=[4, 16, 64], help="of Cycles, a pixel")
     options = parser.parse_args()
+    print(store.told())
     print(table(options.scenes, options.blur, options.samples))
 
 
@@ -49,7 +50,7 @@ def table(scenes: list[str], blur: int, samples: list[int]) -> str:
     """Markdown: Cycles against ours, and views against random ones."""
     scored = [Scored(name, blur) for name in scenes]
     lines = [
-        f"`python -m benchmarks.timings.equal_error`, {store.told()}, largest disc {blur} px", "",
+        f"Largest disc {blur} px.", "",
         "| scene | Cycles, samples | its error, dB | CPU s | ours at that error: views | CPU s | Cycles over"
         " ours |",
         "|---|---|---|---|---|---|---|",
