@@ -44,7 +44,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--parts", nargs="+", default=list(PARTS), choices=PARTS, metavar="NAME")
     for name in parser.parse_args().parts:
-        text = f"{store.told()}. {PARTS[name]()}"
+        text = f"{store.told()}\n\n{PARTS[name]()}"
         print(f"## {name}\n{text}", flush=True)
         put(FILE, name, text)
 
