@@ -47,8 +47,11 @@ class LayeredMeshOptions:
     """Of the usual largest blur's radius, by which neighbours are cut first, so that three surfaces can meet.
     By `python -m benchmarks.accuracy`: fence has 35.1 instead of 33.8 dB (32 px, true depth), walk 42.1
     instead of 41.6, with 3.6 instead of 13.0 % of the grid's triangles."""
-    largest_texture: int = 32_000_000
-    """Pixels; a larger texture stays as coarse as the frame. By eye, for memory: half a gigabyte."""
+    largest_texture: int = 8_000_000
+    """Texels; a texture that would be larger stays as coarse as the frame, as from about 1280x720 on. Once it
+    is prefiltered, that costs 0.04 to 0.16 dB at 640x360 (bars, walk, fence, blocks, 32 px, 16 views) and
+    leaves a phone's frames the same to 60 dB; at 1920x1080 it saves a fifth of a frame's time and a third
+    of its memory (scratch scripts; `python -m benchmarks.timings.frame_costs`)."""
     widest: float = 0.25
     """Of the long side; surfaces displaced farther from the focal plane than that come back to it. By eye."""
     layers: LayerOptions = field(default_factory=LayerOptions)
