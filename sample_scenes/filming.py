@@ -22,7 +22,7 @@ from addon.core.readers.colmap_export import write_model
 from . import staging, truth
 from .stage import Cameras, Stage
 
-STAGES = ("bars", "foreground", "slope", "rack", "fence", "walk", "boxes", "blocks", "plain")
+STAGES = ("bars", "foreground", "slope", "rack", "fence", "walk", "boxes", "blocks", "plain", "porch")
 
 
 def load(name: str) -> Stage:

@@ -82,7 +82,8 @@ class TrueDepth:
         width, height = canvas.pinhole.width, canvas.pinhole.height
         if depth.shape != (height, width):
             depth = cv2.resize(depth, (width, height), interpolation=cv2.INTER_NEAREST)
-        return PixelDepth(1 / depth)
+            return PixelDepth(1 / depth)
+        return PixelDepth(1 / depth, past_border=self.scene.past_border(frame))
 
     def samples(self, frame: int, canvas: Canvas) -> None:
         """None: features have their true depth already."""

@@ -13,6 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from addon.core.camera.reconstruction import Reconstruction
+from addon.core.depth.multi_view_stereo import DenseDepth
+from addon.core.depth.reprojection import in_place
+from addon.core.depth.temporal_fusion import FusionOptions, level_of, past_border
 from addon.core.media.clip import decode_srgb, encode_srgb
 from addon.render.quiet import quiet
 from sample_scenes import filming, staging, truth
@@ -66,6 +69,10 @@ class Scene(Protocol):
 
     def depth(self, frame: int) -> Floats:
         """(H, W) true depth, inf for infinitely far."""
+
+    def past_border(self, frame: int) -> NDArray[np.float32] | None:
+        """What is `PixelDepth.past_border`, true as far as frames around see it; None where no border is
+        judged."""
 
     def focus_depth(self, frame: int, blur: int) -> float: ...
 
@@ -151,6 +158,27 @@ class Staged:
 
     def depth(self, frame: int) -> Floats:
         return self.geometry(frame).depth
+
+    def moves(self, frame: int) -> NDArray[np.bool_]:
+        """(H, W) what moves by itself."""
+        travels = [thing.travel for thing in self.stage.things]
+        movers = [i for i, path in enumerate(travels) if path is not None and np.ptp(path, axis=0).any()]
+        return np.isin(self.geometry(frame).thing, movers)
+
+    def past_border(self, frame: int) -> NDArray[np.float32]:
+        """From the frames that fusion has for it."""
+        options, (here, _) = FusionOptions(), self.cameras.image_at(frame)
+        lens = self.cameras.intrinsics(here)
+        margin, span = int(options.beyond * lens.width), options.sides * options.step
+        stack = []
+        for image in self.cameras.images:
+            apart = abs(image.frame - frame)
+            if apart and apart <= span and apart % options.step == 0:
+                inverse = (1 / self.depth(image.frame)).astype(np.float32)
+                known = DenseDepth(image.frame, inverse, np.ones_like(inverse), self.moves(image.frame), lens)
+                stack.append(in_place(known, image, lens, here, margin, options.border))
+        inside = (1 / self.depth(frame)).astype(np.float32)
+        return past_border(stack, inside, level_of(inside))
 
     def focus_depth(self, frame: int, blur: int) -> float:
         return float(self.stage.focus_depth[frame - 1])

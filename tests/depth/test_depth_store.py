@@ -17,13 +17,15 @@ SHAPE = (30, 40)
 def some(seed: int = 0) -> KeptDepth:
     dice = np.random.default_rng(seed)
     inverse = dice.uniform(0.01, 3.0, SHAPE).astype(np.float32)
-    return KeptDepth.of(inverse, dice.random(SHAPE).astype(np.float32), dice.random(SHAPE) > 0.5)
+    past = dice.uniform(0.5, 9.0, (SHAPE[0] + 8, SHAPE[1] + 8)).astype(np.float32)
+    past[dice.random(past.shape) > 0.3] = np.nan
+    return KeptDepth.of(inverse, dice.random(SHAPE).astype(np.float32), dice.random(SHAPE) > 0.5, past)
 
 
 def same(one: KeptDepth | None, other: KeptDepth) -> bool:
     return one is not None and all(
-        np.array_equal(getattr(one, name), getattr(other, name))
-        for name in ("inverse_depth", "confidence", "moving")
+        np.array_equal(getattr(one, name), getattr(other, name), equal_nan=True)
+        for name in ("inverse_depth", "confidence", "moving", "past_border")
     )
 
 
@@ -34,6 +36,10 @@ def test_what_is_kept_is_within_half_a_step() -> None:
     assert np.abs(kept.confidence - 0.3).max() <= 0.51 / SUREST
     flat = KeptDepth.of(np.full(SHAPE, 0.7, np.float32), kept.confidence, kept.moving)
     np.testing.assert_array_equal(flat.inverse_depth, np.float32(0.7))
+    assert np.isnan(flat.past_border).all()
+    past = np.where(inverse > 1, 30 * inverse, np.float32(np.nan))
+    kept = KeptDepth.of(inverse, np.full(SHAPE, 0.3, np.float32), np.zeros(SHAPE, bool), past)
+    np.testing.assert_allclose(kept.past_border, past, atol=0.51 * 21 / FINEST)
 
 
 def test_it_is_read_as_it_was_kept(tmp_path: Path) -> None:
@@ -81,7 +87,8 @@ def test_what_is_not_ours_is_left_alone(tmp_path: Path) -> None:
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "0001.exr").write_bytes(bytes(4000))
     DepthStore(tmp_path, lambda: "mine").keep_depth(1, some())
-    store = DepthStore(tmp_path, lambda: "new", most=5000)
+    size = (tmp_path / "mine" / "depth-000001.npz").stat().st_size
+    store = DepthStore(tmp_path, lambda: "new", most=3 * size // 2)
     store.keep_depth(1, some())
     assert [path.name for path in (tmp_path / "mine").iterdir()] == ["0001.exr"]
     assert same(store.depth(1, SHAPE), some())

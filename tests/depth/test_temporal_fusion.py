@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -235,6 +235,33 @@ def test_frames_are_brought_into_place() -> None:
     assert (found.confidence > 0.5).mean() > 0.9
 
 
+def test_past_the_border_depth_is_that_of_the_frames_that_see_it() -> None:
+    """The near plane has just left the picture, and the frames before show it."""
+    centres, frame = np.column_stack([np.linspace(2.6, 4.9, 13), np.zeros((13, 2))]), 9
+    frames = {n: depth(n, truth(centre), 0.9) for n, centre in enumerate(centres, start=1)}
+    past = TemporalFusion(poses(centres), Told(frames)).at(frame).past_border  # type: ignore[arg-type]
+    assert past is not None
+    margin = (past.shape[0] - LENS.height) // 2
+    assert past.shape == (LENS.height + 2 * margin, LENS.width + 2 * margin)
+    wide = replace(LENS, width=past.shape[1], height=past.shape[0], cx=LENS.cx + margin, cy=LENS.cy + margin)
+    true, known = truth(centres[frame - 1], wide), ~np.isnan(past)
+    assert not known[margin:-margin, margin:-margin].any()
+    # No frame saw what is above.
+    assert known[: margin - 2].mean() < 0.01
+    beside = (slice(margin + OPTIONS.border, -margin - OPTIONS.border), slice(0, margin))
+    near = true[beside] > 0.2
+    assert near.mean() > 0.3 and known[beside][near].mean() > 0.9
+    off = np.abs(past - true)[known] / RANGE
+    assert np.mean(off > 0.05) < 0.03 and np.median(off) < 0.01
+    # That of the frame's edge would be another plane's.
+    assert true[margin, margin] < 0.15
+
+
+def test_past_the_border_nothing_is_known_that_no_frame_saw() -> None:
+    found = steady([depth(n, WALL, 0.9) for n in range(1, 6)], 3)
+    assert found.past_border is not None and np.isnan(found.past_border).all()
+
+
 # A clip
 
 
@@ -330,6 +357,7 @@ def test_kept_depth_is_the_same_and_not_found_again(tmp_path: Path) -> None:
         np.testing.assert_array_equal(one.inverse_depth, other.inverse_depth)
         np.testing.assert_array_equal(one.confidence, other.confidence)
         np.testing.assert_array_equal(one.moving, other.moving)
+        np.testing.assert_array_equal(one.past_border, other.past_border)
 
 
 # Steps

@@ -328,6 +328,41 @@ def test_three_surfaces_make_better_views_than_two(focus: float) -> None:
     assert focus == FAR or np.min(np.subtract(three, two)) > 0.5
 
 
+@pytest.mark.parametrize("is_known", [True, False])
+def test_what_stands_past_the_border_is_blurred_into_the_picture(is_known: bool) -> None:
+    """The disc ends two pixels left of the picture, and others tell its depth, and its colour or not."""
+    left, focus = 80 + int(DISC) + 2, FAR
+    lens = Intrinsics(SIZE[1] - left, SIZE[0], 150.0, 150.0, SIZE[1] / 2 - left, SIZE[0] / 2)
+    past = np.full((SIZE[0] + 80, SIZE[1] - left + 80), np.nan)
+    past[40:-40, :40] = SHIFT[:, left - 40 : left]
+
+    def fill(shift: Map, asked: Mask) -> tuple[LinearRGB, Mask]:
+        margin = (shift.shape[0] - SIZE[0]) // 2
+        own = slice(margin, margin + SIZE[0]), slice(0, margin)
+        colour, known = np.zeros((*shift.shape, 3), np.float32), np.zeros(shift.shape, bool)
+        near = shift[own] + focus > 5
+        colour[own] = np.where(near[..., None], [0.9, 0.8, 0.1], wall()[:, left - margin : left])
+        known[own] = ~near | is_known
+        return colour, known & asked
+
+    offsets, canvas = vogel_disc(24), Canvas(lens)
+    registration = exact_registration(canvas, offsets, focus / 150)
+    seen = [cover((NEAR - FAR) * x, (NEAR - FAR) * y)[..., None] for x, y in -offsets]
+    true = np.mean([c * [0.9, 0.8, 0.1] + (1 - c) * wall() for c in seen], axis=0)[:, left:]
+    scores = []
+    for told in (past, None):
+        mesh, texture, _ = make_mesh(
+            scene()[:, left:], SHIFT[:, left:], focus, 150.0, fill=fill, past_border=told
+        )
+        view = drawn(planned(canvas, focus, mesh, offsets, registration), texture)
+        scores.append(psnr(view[:, :6, :3].astype(np.float64), true[:, :6]))
+    print(f"with depth past the border {scores[0]:.1f} dB, without {scores[1]:.1f} dB")
+    if is_known:
+        assert scores[0] > 35 and scores[0] > scores[1] + 8
+    else:
+        assert scores[0] == pytest.approx(scores[1], abs=0.5)
+
+
 def test_a_surface_does_not_tear_between_two_silhouettes() -> None:
     """The house is behind the disc, and before the wall: near the one it is the far surface, near the other
     the near one, and between them it goes on."""

@@ -1,6 +1,7 @@
 """Depth kept on disk beside the solve: what does not depend on the lens is found once.
 
-FOLDER/KEY/depth-000123.npz    a frame's inverse depth in 12 bits, its confidence in 4, and what moves in it
+FOLDER/KEY/depth-000123.npz    a frame's inverse depth in 12 bits, its confidence in 4, what moves in it, and
+                               inverse depth past its border
 FOLDER/KEY/moving-000123.npz   what moves in a frame, where only that was asked for
 
 KEY stands for everything that they depend on. A file that is damaged, or of another size, is not there.
@@ -29,37 +30,76 @@ twelve minutes of a phone's. By eye."""
 FINEST = 4095
 """Steps from a frame's least inverse depth to its largest: 0.02 pixels where a disc has 96. With 65535 a
 file is twice as large, of noise."""
+UNKNOWN = FINEST + 1
+"""Instead of a step, where nothing is known."""
+MAPS: dict[str, type[np.generic]] = {
+    "inverse": np.uint16, "confidence": np.uint8, "moving": np.uint8, "past": np.uint16,
+}  # fmt: skip
+"""Pictures in a frame's file, and what they consist of."""
 SUREST = 15
 """Steps of confidence from 0 to 1: it is compared with thresholds that were set by eye."""
+
+
+@dataclass(frozen=True)
+class Steps:
+    """Inverse depth in equal steps."""
+
+    steps: NDArray[np.uint16]
+    """(h, w) above the least one, `UNKNOWN` where nothing is known."""
+    low: float
+    """Least inverse depth, in 1 / scene units."""
+    step: float
+    """Inverse depth of a step."""
+
+    @classmethod
+    def of(cls, inverse_depth: Map) -> Steps:
+        """Of inverse depth (h, w), NaN where nothing is known."""
+        known = ~np.isnan(inverse_depth)
+        low = float(np.min(inverse_depth, initial=np.inf, where=known)) if known.any() else 0.0
+        high = float(np.max(inverse_depth, initial=low, where=known))
+        step = max((high - low) / FINEST, float(np.finfo(np.float32).tiny))
+        steps = np.rint((inverse_depth - low) / step).clip(0, FINEST)
+        return cls(np.where(known, steps, UNKNOWN).astype(np.uint16), low, step)
+
+    @property
+    def inverse_depth(self) -> Map:
+        """(h, w) float32 1 / z, in 1 / scene units, NaN where nothing is known."""
+        found = np.float32(self.low) + self.steps * np.float32(self.step)
+        return np.where(self.steps == UNKNOWN, np.float32(np.nan), found)
 
 
 @dataclass(frozen=True)
 class KeptDepth:
     """A frame's depth as it is kept, (h, w): the same whether it was just found or is read again."""
 
-    steps: NDArray[np.uint16]
-    """(h, w) steps of inverse depth above the least one."""
-    low: float
-    """Least inverse depth, in 1 / scene units."""
-    step: float
-    """Inverse depth of a step."""
+    inverse: Steps
+    """(h, w) inverse depth."""
     sure: Bytes
     """(h, w) confidence, `SUREST` for 1."""
     moving: Mask
     """(h, w) what moves by itself."""
+    past: Steps
+    """(h + 2 m, w + 2 m) inverse depth past the border."""
 
     @classmethod
-    def of(cls, inverse_depth: Map, confidence: Map, moving: Mask) -> KeptDepth:
-        """Of inverse depth, its confidence in [0, 1], and what moves, each (h, w)."""
-        low, high = float(inverse_depth.min()), float(inverse_depth.max())
-        step = max((high - low) / FINEST, float(np.finfo(np.float32).tiny))
-        steps = np.rint((inverse_depth - low) / step).clip(0, FINEST)
-        return cls(steps.astype(np.uint16), low, step, np.rint(SUREST * confidence).astype(np.uint8), moving)
+    def of(
+        cls, inverse_depth: Map, confidence: Map, moving: Mask, past_border: Map | None = None
+    ) -> KeptDepth:
+        """Of inverse depth, its confidence in [0, 1], and what moves, each (h, w); and inverse depth past the
+        border (h + 2 m, w + 2 m), NaN where it is not known."""
+        past = np.full(inverse_depth.shape, np.nan, np.float32) if past_border is None else past_border
+        sure = np.rint(SUREST * confidence).astype(np.uint8)
+        return cls(Steps.of(inverse_depth), sure, moving, Steps.of(past))
 
     @property
     def inverse_depth(self) -> Map:
         """(h, w) float32 1 / z, in 1 / scene units."""
-        return np.asarray(np.float32(self.low) + self.steps * np.float32(self.step), np.float32)
+        return self.inverse.inverse_depth
+
+    @property
+    def past_border(self) -> Map:
+        """(h + 2 m, w + 2 m) float32 1 / z past the border, in 1 / scene units, NaN where it is not known."""
+        return self.past.inverse_depth
 
     @property
     def confidence(self) -> Map:
@@ -85,26 +125,35 @@ class DepthStore:
     def depth(self, frame: int, shape: tuple[int, int]) -> KeptDepth | None:
         """A frame's depth (h, w) of that shape, None where it is not kept."""
         kept = self._read(f"depth-{frame:06d}")
-        if kept is None or not {"inverse", "confidence", "moving", "range"} <= set(kept):
+        if kept is None or not {*MAPS, "range", "past_range"} <= set(kept):
             return None
-        maps = [_decoded(kept[name]) for name in ("inverse", "confidence", "moving")]
-        kinds = (np.uint16, np.uint8, np.uint8)
-        fit = [m is not None and m.shape == shape and m.dtype == t for m, t in zip(maps, kinds, strict=True)]
-        if not all(fit) or kept["range"].shape != (2,):
+        maps = {name: _decoded(kept[name]) for name in MAPS}
+        found = {name: one for name, one in maps.items() if one is not None and one.dtype == MAPS[name]}
+        if set(found) != set(MAPS) or any(kept[name].shape != (2,) for name in ("range", "past_range")):
             return None
-        steps, sure, moving = (np.asarray(one) for one in maps)
-        low, step = (float(end) for end in kept["range"])
-        return KeptDepth(steps, low, step, sure, moving > 0)
+        past = found["past"].shape
+        around = past[0] - shape[0]
+        fit = [found[name].shape == shape for name in ("inverse", "confidence", "moving")]
+        if not all(fit) or around < 0 or around % 2 or past != (shape[0] + around, shape[1] + around):
+            return None
+        inverse, beyond = (
+            Steps(np.asarray(found[name], np.uint16), *(float(end) for end in kept[span]))
+            for name, span in (("inverse", "range"), ("past", "past_range"))
+        )
+        sure, moving = (np.asarray(found[name], np.uint8) for name in ("confidence", "moving"))
+        return KeptDepth(inverse, sure, moving > 0, beyond)
 
     def keep_depth(self, frame: int, depth: KeptDepth) -> None:
         """Keep a frame's depth."""
         self._write(
             f"depth-{frame:06d}",
             {
-                "inverse": _encoded(depth.steps),
+                "inverse": _encoded(depth.inverse.steps),
                 "confidence": _encoded(depth.sure),
                 "moving": _encoded(depth.moving.astype(np.uint8)),
-                "range": np.array([depth.low, depth.step]),
+                "past": _encoded(depth.past.steps),
+                "range": np.array([depth.inverse.low, depth.inverse.step]),
+                "past_range": np.array([depth.past.low, depth.past.step]),
             },
         )
 

@@ -110,6 +110,9 @@ class DenseDepth:
     """(h, w) what moves by itself; it has the depth of where it stands."""
     lens: Intrinsics
     """The pinhole that these h x w pixels are seen through."""
+    past_border: Map | None = None
+    """(h + 2 m, w + 2 m) inverse depth that other frames know around the picture, NaN where they do not and
+    within it; None where nothing was looked for."""
 
 
 class PlaneSweepStereo:

@@ -11,10 +11,12 @@ import numpy as np
 from ..base.arrays import Bytes, Map, Mask
 from ..base.lru_cache import LRUCache
 from ..base.progress import checkpoint, part
-from ..camera.reconstruction import Image, Intrinsics, Reconstruction
+from ..camera.reconstruction import Image, Reconstruction
 from .depth_store import DepthStore, KeptDepth
-from .multi_view_stereo import DenseDepth, PlaneSweepStereo, pixel_matrix
-from .view_selection import relative_pose, stride
+from .multi_view_stereo import DenseDepth, PlaneSweepStereo
+from .reprojection import in_place
+from .source import extended
+from .view_selection import stride
 
 
 @dataclass(frozen=True)
@@ -81,6 +83,8 @@ class FusionOptions:
     """Levels from the others at which a depth is an outlier. By eye."""
     border: int = 4
     """Pixels at the border that know too little around them. By eye."""
+    beyond: float = 0.1
+    """Of the long side, by which depth is asked past the border: a disc of a fifth of it reaches so far."""
 
 
 class TemporalFusion:
@@ -103,7 +107,7 @@ class TemporalFusion:
         if there is not None:
             return there
         found = self._found(frame)
-        kept = KeptDepth.of(found.inverse_depth, found.confidence, found.moving)
+        kept = KeptDepth.of(found.inverse_depth, found.confidence, found.moving, found.past_border)
         if self._store:
             self._store.keep_depth(frame, kept)
         return self._dense(frame, kept)
@@ -116,7 +120,9 @@ class TemporalFusion:
 
     def _dense(self, frame: int, kept: KeptDepth) -> DenseDepth:
         lens = self._stereo.pinhole(frame)
-        return DenseDepth(frame, kept.inverse_depth, kept.confidence, kept.moving, lens)
+        return DenseDepth(
+            frame, kept.inverse_depth, kept.confidence, kept.moving, lens, kept.past_border
+        )  # fmt: skip
 
     def _found(self, frame: int) -> DenseDepth:
         """The depth of a frame from the key frames around it.
@@ -135,11 +141,12 @@ class TemporalFusion:
                 depths.append(self._single_frame(key.frame))
         own = next((depth for depth in depths if depth.frame == image.frame), None)
         stack = [self._in_place(depth, key, image) for depth, key in zip(depths, keys, strict=True)]
-        unseen = np.mean(np.maximum.reduce([weight for _, weight in stack]) <= 0)
+        inner = (slice(self._margin(frame), -self._margin(frame)),) * 2
+        unseen = np.mean(np.maximum.reduce([weight[inner] for _, weight in stack]) <= 0)
         if own is None and unseen > options.most_unseen:
             own = self._single_frame(image.frame)
             stack.append(self._in_place(own, image, image))
-        inverses, weights = (np.stack(part) for part in zip(*stack, strict=True))
+        inverses, weights = (np.stack([each[inner] for each in part]) for part in zip(*stack, strict=True))
         inverse, confidence, level = fused(inverses, weights, options)
         checkpoint(1.0)
         picture = self._stereo.picture(frame)
@@ -154,15 +161,22 @@ class TemporalFusion:
             inverse = np.where(own.moving, own.inverse_depth, inverse)
             confidence = np.where(own.moving, own.confidence, confidence)
             found = replace(own, inverse_depth=inverse, confidence=confidence)
-        return replace(found, inverse_depth=without_pits(found.inverse_depth, level, options))
+        # What was filled may have changed the range.
+        inverse = without_pits(found.inverse_depth, level_of(found.inverse_depth, options), options)
+        past = past_border(stack, inverse, level, options)
+        return replace(found, inverse_depth=inverse, past_border=past)
 
     def _in_place(self, depth: DenseDepth, image: Image, here: Image) -> tuple[Map, Map]:
-        """(h, w) inverse depth of a key frame in a frame's place, and its weight, 0 where it sees nothing."""
+        """(h + 2 m, w + 2 m) inverse depth of a key frame in a frame's place and past its border, and its
+        weight, 0 where it sees nothing."""
         checkpoint(1.0)
-        border = self._options.border
-        if image.frame == here.frame:
-            return depth.inverse_depth, _weight(depth, border)
-        return _reprojected(depth, image, self._stereo.pinhole(here.frame), here, border)
+        lens, margin = self._stereo.pinhole(here.frame), self._margin(here.frame)
+        return in_place(depth, image, lens, here, margin, self._options.border)
+
+    def _margin(self, frame: int) -> int:
+        """Pixels past a frame's border of which depth is asked."""
+        lens = self._stereo.pinhole(frame)
+        return max(int(self._options.beyond * max(lens.width, lens.height)), 1)
 
     def _around(self, frame: int) -> list[Image]:
         """The key frames that tell a frame's depth, itself if it is one; the clip's last frame is one."""
@@ -178,9 +192,11 @@ class TemporalFusion:
         return self._kept.get(frame, lambda: self._stereo.at(frame))
 
 
-def fused(inverse: Map, weight: Map, options: FusionOptions = FusionOptions()) -> tuple[Map, Map, float]:
+def fused(
+    inverse: Map, weight: Map, options: FusionOptions = FusionOptions(), level: float | None = None
+) -> tuple[Map, Map, float]:
     """Of k inverse depths (k, h, w) with their weights (k, h, w): one (h, w), the confidence (h, w) in it,
-    and the height of a level.
+    and the height of a level, where `level` does not tell it.
 
     Weights are confidences in [0, 1], and 0 where a frame does not see the place.
     """
@@ -192,8 +208,8 @@ def fused(inverse: Map, weight: Map, options: FusionOptions = FusionOptions()) -
         checkpoint(1.0)
         enough = 2 * np.einsum("khw,khw->hw", weight, inverse <= value) >= total
         np.minimum(median, value, out=median, where=enough)
-    low, high = np.percentile(median, [1, 99])
-    level = float(high - low) / options.levels
+    if level is None:
+        level = level_of(median, options)
     agree = weight * (np.abs(inverse - median) <= np.float32(options.same_surface * level))
     agreed = agree.sum(axis=0)
     mean = (agree * inverse).sum(axis=0) / np.maximum(agreed, 1e-9)
@@ -202,49 +218,42 @@ def fused(inverse: Map, weight: Map, options: FusionOptions = FusionOptions()) -
     return np.where(agreed > 0, mean, median).astype(np.float32), confidence.astype(np.float32), level
 
 
-def _weight(depth: DenseDepth, border: int) -> Map:
-    """(h, w) confidence, a little everywhere, and no more in `border` pixels at the picture's border."""
-    weight = np.maximum(depth.confidence, np.float32(1e-3))
-    inner = np.zeros(weight.shape, bool)
-    inner[border:-border, border:-border] = True
-    return np.where(inner, weight, np.float32(1e-3))
+def level_of(inverse: Map, options: FusionOptions = FusionOptions()) -> float:
+    """Height of a level of inverse depths (h, w)."""
+    low, high = np.percentile(inverse, [1, 99])
+    return float(high - low) / options.levels
 
 
-def _reprojected(
-    depth: DenseDepth, image: Image, lens: Intrinsics, here: Image, border: int
-) -> tuple[Map, Map]:
-    """(h, w) inverse depth of another frame in a frame's place, the nearest of what falls into a pixel, and
-    the confidence in it, 0 where nothing does."""
-    rotation, translation = relative_pose(image, here)
-    back = np.linalg.inv(pixel_matrix(depth.lens))
-    matrix, parallax = pixel_matrix(lens) @ rotation @ back, pixel_matrix(lens) @ translation
-    height, width = depth.inverse_depth.shape
-    x, y = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
-    places = [
-        np.float32(r[0]) * x + np.float32(r[1]) * y + np.float32(r[2]) + np.float32(p) * depth.inverse_depth
-        for r, p in zip(matrix, parallax, strict=True)
-    ]
-    ahead = np.maximum(places[2], np.float32(0.05))
-    column, row = (np.rint(part / ahead).clip(-1, 1 << 20).astype(np.int32) for part in places[:2])
-    shape = (lens.height, lens.width)
-    inside = (places[2] > 0.05) & (column >= 0) & (row >= 0) & (column < shape[1]) & (row < shape[0])
-    inside &= ~depth.moving
-    value, weight = (depth.inverse_depth / ahead)[inside], _weight(depth, border)[inside]
-    at = (row * shape[1] + column)[inside]
-    inverse, confidence = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
-    np.maximum.at(inverse.ravel(), at, value)
-    nearest = value == inverse.ravel()[at]
-    confidence.ravel()[at[nearest]] = weight[nearest]
-    # Pixels between two that a surface was drawn apart by are its own, too.
-    for size in ((1, 2), (2, 1)):
-        kernel, last = np.ones(size, np.uint8), (size[1] - 1, size[0] - 1)
-        closed, around = (
-            cv2.erode(cv2.dilate(part, kernel, anchor=last), kernel, anchor=(0, 0))
-            for part in (inverse, confidence)
-        )
-        crack = closed > inverse * np.float32(1.02)
-        inverse, confidence = np.where(crack, closed, inverse), np.where(crack, around, confidence)
-    return inverse, confidence
+def past_border(
+    stack: list[tuple[Map, Map]], inside: Map, level: float, options: FusionOptions = FusionOptions()
+) -> Map:
+    """(h + 2 m, w + 2 m) inverse depth around a frame of which others are sure, NaN elsewhere and within it.
+
+    `stack` is what `in_place` tells of the others, with a margin of m pixels; `inside` (h, w) the frame's own
+    inverse depth, and `level` the height of a level.
+    """
+    past = np.full(stack[0][0].shape, np.nan, np.float32)
+    margin = (past.shape[0] - inside.shape[0]) // 2
+    outside = np.ones(past.shape, bool)
+    outside[margin:-margin, margin:-margin] = False
+    at = np.flatnonzero(outside & (np.maximum.reduce([weight for _, weight in stack]) > 0))
+    if not len(at):
+        return past
+    inverses, weights = (
+        np.stack([each.ravel()[at] for each in part])[:, None] for part in zip(*stack, strict=True)
+    )
+    inverse, confidence, _ = fused(inverses, weights, options, level)
+    past.ravel()[at] = np.where(confidence[0] > options.unsure, inverse[0], np.float32(np.nan))
+    # Gaps between what is known are of what lies behind, and what few pixels tell is noise.
+    around = np.ones((5, 5), np.uint8)
+    known = (~np.isnan(past)).astype(np.uint8)
+    known[~outside] = 1
+    dense = cv2.morphologyEx(cv2.morphologyEx(known, cv2.MORPH_CLOSE, around), cv2.MORPH_OPEN, around)
+    wide = extended(inside, past, margin)
+    behind = cv2.erode(np.where(known > 0, wide, np.float32(np.inf)), around)
+    wide = np.where((known == 0) & (behind <= wide.max()), behind, wide)
+    wide = sharpened(cv2.medianBlur(wide, 5), level, options=options)
+    return np.where(outside & (dense > 0), wide, np.float32(np.nan))
 
 
 def _suppress_outliers(

@@ -9,7 +9,7 @@ from functools import cached_property
 import cv2
 import numpy as np
 
-from ..base.arrays import LinearRGBA
+from ..base.arrays import LinearRGBA, Map
 from ..base.reused_memory import ReusedMemory
 from ..camera.canvas import Canvas
 from ..camera.reconstruction import Reconstruction
@@ -94,7 +94,8 @@ class ClipContext:
         `picture` (H, W, 4) and `depth` are what the frame itself shows.
         """
         shown = depth.inverse_depth
-        return self.disocclusion.reprojected(frame, canvas, picture, shown, depth.moving).colours
+        found = self.disocclusion.reprojected(frame, canvas, picture, shown, depth.moving, depth.past_border)
+        return found.colours
 
     def samples(self, frame: int, canvas: Canvas) -> DepthSamples:
         """Places of known depth for a coarse mesh: of what is given, else the frame's feature points."""
@@ -111,4 +112,17 @@ def whole_depth(depth: DenseDepth, picture: LinearRGBA) -> PixelDepth:
     """Depth found in a smaller picture for every pixel of the canvas picture (H, W, 4), along its edges."""
     size = (picture.shape[1], picture.shape[0])
     confidence = cv2.resize(depth.confidence, size)
-    return PixelDepth(upsampled(depth.inverse_depth, picture), np.asarray(confidence), depth.moving)
+    past = None if depth.past_border is None else _past_border(depth.past_border, depth.inverse_depth, size)
+    return PixelDepth(upsampled(depth.inverse_depth, picture), np.asarray(confidence), depth.moving, past)
+
+
+def _past_border(past: Map, inside: Map, size: tuple[int, int]) -> Map:
+    """(H + 2 M, W + 2 M) of inverse depth past the border (h + 2 m, w + 2 m) of a smaller picture, `inside`
+    (h, w), around one of `size` (W, H): that of the nearest pixel."""
+    margin = (past.shape[0] - inside.shape[0]) // 2
+    beyond = int(margin * min(size[0] / inside.shape[1], size[1] / inside.shape[0]))
+    at = (
+        ((np.arange(-beyond, large + beyond) + 0.5) * small / large + margin).astype(int)
+        for large, small in zip(size[::-1], inside.shape, strict=True)
+    )
+    return np.asarray(past[np.ix_(*at)])

@@ -17,6 +17,7 @@ from ..base.lru_cache import LRUCache
 from ..base.progress import checkpoint, part
 from ..camera.canvas import Canvas
 from ..camera.reconstruction import Image, Intrinsics, Reconstruction
+from ..depth.source import extended
 from ..depth.view_selection import every_nth, stride
 from ..media.clip import to_linear
 from ..media.picture_file import Pixels
@@ -97,16 +98,17 @@ class DisocclusionFill:
         picture: LinearRGBA,
         inverse_depth: Floats,
         moving: Mask | None = None,
+        past_border: Map | None = None,
     ) -> ReprojectedColours:
         """What other frames see of what one does not show.
 
         `picture` (H, W, 4), linear, and `inverse_depth` (H, W) are what the frame itself shows in the canvas;
-        `moving` (h, w), at any size, what moves by itself there, if that is known. UserError where another
-        frame cannot be read.
+        `moving` (h, w), at any size, what moves by itself there, if that is known, `past_border`
+        (H + 2 m, W + 2 m) what is `PixelDepth.past_border`. UserError where another frame cannot be read.
         """
         options = self._options
         image, _ = self._rec.image_at(frame)
-        target = self._target(image.frame, canvas, picture, inverse_depth, moving)
+        target = self._target(image.frame, canvas, picture, inverse_depth, moving, past_border)
         sources = []
         seen, alike = np.zeros((2, len(target.places)), np.float32)
         step = stride(self._rec, options.step, options.least_frames)
@@ -146,17 +148,19 @@ class DisocclusionFill:
         picture: LinearRGBA,
         inverse_depth: Floats,
         moving: Mask | None,
+        past_border: Map | None,
     ) -> _TargetView:
         """What a frame shows, thinned out, of a picture (H, W, 4) and inverse depths (H, W), where `moving`
-        (h, w) tells what moves by itself, or None that it is to be found."""
+        (h, w) tells what moves by itself, or None that it is to be found; `past_border` (H + 2 m, W + 2 m)
+        what is known around it."""
         options, shape = self._options, inverse_depth.shape
         grid = options.grid
-        inverse = inverse_depth.astype(np.float32)
         rows, columns = (np.arange(min(grid // 2, n - 1), n, grid) for n in shape)
         at = np.ix_(rows, columns)
         y, x = np.meshgrid(rows, columns, indexing="ij")
         # Surfaces go on past the border.
         beyond = grid * int(options.beyond * max(shape) / grid)
+        inverse = extended(inverse_depth, past_border, beyond)
         around = [np.arange(grid // 2 - beyond, n + beyond, grid) for n in shape]
         ring_y, ring_x = (part.ravel() for part in np.meshgrid(*around, indexing="ij"))
         past = (ring_y < 0) | (ring_y >= shape[0]) | (ring_x < 0) | (ring_x >= shape[1])
@@ -164,9 +168,11 @@ class DisocclusionFill:
         edge_y, edge_x = np.nonzero(inverse > np.float32(1 + options.occluder_margin) * least)
         y, x = (
             np.concatenate(part)
-            for part in ((y.ravel(), ring_y[past], edge_y), (x.ravel(), ring_x[past], edge_x))
-        )
-        shown = inverse[np.clip(y, 0, shape[0] - 1), np.clip(x, 0, shape[1] - 1)]
+            for part in (
+                (y.ravel(), ring_y[past], edge_y - beyond), (x.ravel(), ring_x[past], edge_x - beyond)
+            )
+        )  # fmt: skip
+        shown = inverse[y + beyond, x + beyond]
         everything = Places(x.astype(np.float32) + 0.5, y.astype(np.float32) + 0.5, shown)
         still = ~self._moves(frame, canvas, everything, moving)
         count = len(rows) * len(columns)

@@ -12,6 +12,7 @@ import numpy as np
 from ..base.arrays import Floats, Ints, LinearRGBA, Map, Mask
 from ..base.progress import checkpoint, in_this_scope
 from ..base.reused_memory import ReusedMemory
+from ..depth.source import extended
 from .layered_depth_image import Fill, LayeredDepthImage, LayerOptions, depth_peel
 from .mesh import WarpMesh
 from .quadtree import QuadtreeOptions, Surfaces, Triangles, triangulate
@@ -69,6 +70,7 @@ def layer_mesh(
     fill: Fill | None = None,
     options: LayeredMeshOptions = LayeredMeshOptions(),
     memory: ReusedMemory | None = None,
+    past_border: Floats | Map | None = None,
 ) -> tuple[WarpMesh, LinearRGBA, tuple[LayeredDepthImage, ...]]:
     """A mesh, its texture (h, w, 4), and the layers it was made of, near ones first.
 
@@ -76,28 +78,31 @@ def layer_mesh(
     in pixels, and `focus` that of the focal plane; disparity over `scale` is inverse depth. `snap` moves
     disparities (H, W), relative to the focal plane, that are drawn elsewhere than they are. `fill` tells
     other frames' colours, on a raster that is so much larger than the picture as needs be, its middle on the
-    picture's. The texture lies in `memory`, if that is given. Triangles are ordered from far to near.
+    picture's. The texture lies in `memory`, if that is given. `past_border` (H + 2 m, W + 2 m) are the
+    disparities that other frames know around the picture, NaN where they do not: they are taken where `fill`
+    tells the colour, too. Triangles are ordered from far to near.
     """
     reach = options.widest * max(disparity.shape)
     # From here on disparities are relative to the focal plane: they are exact where it matters.
     shift = np.clip(disparity - focus, -reach, reach).astype(np.float32)
-    margin = int(np.ceil(np.abs(shift).max())) + 2
+    past = None
+    if fill is not None and past_border is not None:
+        past = np.clip(past_border - focus, -reach, reach).astype(np.float32)
+    margin = max(int(np.ceil(np.abs(shift).max())), _visible_margin(past, shift.shape)) + 2
     checkpoint()
     wide = np.pad(picture, ((margin, margin), (margin, margin), (0, 0)), mode="symmetric")
     shift = np.pad(shift, margin, mode="edge")
-
     margin_reprojected = None
     if fill is not None:
-        beyond = np.ones(shift.shape, bool)
-        beyond[margin:-margin, margin:-margin] = False
         checkpoint(0.05)
-        colour, margin_reprojected = fill(shift, beyond)
-        wide[margin_reprojected, :3] = colour[margin_reprojected]
+        margin_reprojected = _fill_margin(wide, shift, margin, past, fill)
     checkpoint(0.1)
-    largest = float(np.abs(shift).max())
+    # What is just outside does not say how the picture is split.
+    own = np.abs(shift[margin:-margin, margin:-margin])
+    largest = float(own.max())
     jump = float(np.clip(options.jump * largest, *options.jump_bounds))
     # A few wrong depths must not say what is large.
-    usual = float(np.percentile(np.abs(shift)[::4, ::4], 99.9))
+    usual = float(np.percentile(own[::4, ::4], 99.9))
     first = options.first_jump * usual
     jumps = (first, jump) if first > jump else (jump,)
     checkpoint(0.1)
@@ -125,6 +130,40 @@ def layer_mesh(
     # A pixel's middle is the middle of a texel: in the focal plane views show the frame's own pixels.
     mesh = replace(mesh, texture_xy=FINER * (mesh.texture_xy - 0.5) + 0.5)
     return mesh, _texture(pictures, fronts, drawn, memory or ReusedMemory()), layers
+
+
+def _visible_margin(past: Map | None, shape: tuple[int, ...]) -> int:
+    """Pixels past the border of a picture (h, w) up to which views see what is known there: disparities
+    (h + 2 m, w + 2 m), NaN where they are not."""
+    if past is None:
+        return 0
+    away = (
+        np.maximum(np.arange((large - n) // 2, (large - n) // 2 - large, -1), 0)
+        + np.maximum(np.arange(large) - (large + n) // 2 + 1, 0)
+        for large, n in zip(past.shape, shape, strict=True)
+    )
+    row, column = away
+    distance = np.maximum(row[:, None], column)
+    return int(distance[np.abs(past) >= distance - 1].max(initial=0))
+
+
+def _fill_margin(wide: LinearRGBA, shift: Map, margin: int, past: Map | None, fill: Fill) -> Mask:
+    """Write what other frames saw past the border into a picture (H, W, 4) and its disparities (H, W), both
+    with a `margin` of pixels; returns where (H, W) its colour is known.
+
+    Where they know disparity, `past` (h, w) in the same middle, but no colour at it, what was there stays.
+    """
+    asked = np.ones(shift.shape, bool)
+    asked[margin:-margin, margin:-margin] = False
+    known = np.zeros(shift.shape, bool)
+    if past is not None:
+        inside = shift[margin:-margin, margin:-margin]
+        told = extended(np.full_like(inside, np.nan), past, margin)
+        colour, known = fill(told, ~np.isnan(told))
+        wide[known, :3], shift[known] = colour[known], told[known]
+    colour, rest = fill(shift, asked & ~known)
+    wide[rest, :3] = colour[rest]
+    return known | rest
 
 
 def triangulated(

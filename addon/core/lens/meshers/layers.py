@@ -25,6 +25,7 @@ def make(geometry: FrameGeometry) -> Surface:
     """The mesh of the frame's layered depth image, with other frames' colours for what it does not show."""
     assert geometry.depth is not None
     lens, picture, inverse_depth = geometry.lens, geometry.picture, geometry.depth.inverse_depth
+    past = geometry.depth.past_border
     scale = lens.radius * lens.pinhole.fx
     hidden = None
     if geometry.settings.borrow:
@@ -36,6 +37,7 @@ def make(geometry: FrameGeometry) -> Surface:
             picture, scale * inverse_depth, scale * lens.focus, scale, lens.snap_displacement,
             _fill(hidden, picture, lens.focus, scale) if hidden else None,
             geometry.settings.quality.mesh, geometry.clip.texture_memory,
+            None if past is None else scale * past,
         )  # fmt: skip
     return Surface(mesh, texture, bool(picture[..., 3].min() > 0.999), layers)
 

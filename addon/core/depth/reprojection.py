@@ -1,0 +1,77 @@
+"""Depth of one frame where another one sees it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+
+from ..base.arrays import Map
+from ..camera.reconstruction import Image, Intrinsics
+from .multi_view_stereo import DenseDepth, pixel_matrix
+from .view_selection import relative_pose
+
+
+def in_place(
+    depth: DenseDepth, image: Image, lens: Intrinsics, here: Image, margin: int, border: int
+) -> tuple[Map, Map]:
+    """(h + 2 m, w + 2 m) inverse depth of a frame as another one, `here` with its `lens`, has it in its
+    picture and a `margin` of m pixels around; and its weight, 0 where the frame sees nothing.
+
+    Of what falls into a pixel it is the nearest. Weights are confidences, next to nothing in `border` pixels
+    at the frame's own border.
+    """
+    if image.frame == here.frame:
+        inverse, weight = (np.pad(part, margin) for part in (depth.inverse_depth, _weight(depth, border)))
+        return inverse, weight
+    wide = replace(
+        lens, width=lens.width + 2 * margin, height=lens.height + 2 * margin,
+        cx=lens.cx + margin, cy=lens.cy + margin,
+    )  # fmt: skip
+    return _reprojected(depth, image, wide, here, border)
+
+
+def _weight(depth: DenseDepth, border: int) -> Map:
+    """(h, w) confidence, a little everywhere, and no more in `border` pixels at the picture's border."""
+    weight = np.maximum(depth.confidence, np.float32(1e-3))
+    inner = np.zeros(weight.shape, bool)
+    inner[border:-border, border:-border] = True
+    return np.where(inner, weight, np.float32(1e-3))
+
+
+def _reprojected(
+    depth: DenseDepth, image: Image, lens: Intrinsics, here: Image, border: int
+) -> tuple[Map, Map]:
+    """(h, w) inverse depth of another frame in a frame's place, the nearest of what falls into a pixel, and
+    the confidence in it, 0 where nothing does."""
+    rotation, translation = relative_pose(image, here)
+    back = np.linalg.inv(pixel_matrix(depth.lens))
+    matrix, parallax = pixel_matrix(lens) @ rotation @ back, pixel_matrix(lens) @ translation
+    height, width = depth.inverse_depth.shape
+    x, y = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
+    places = [
+        np.float32(r[0]) * x + np.float32(r[1]) * y + np.float32(r[2]) + np.float32(p) * depth.inverse_depth
+        for r, p in zip(matrix, parallax, strict=True)
+    ]
+    ahead = np.maximum(places[2], np.float32(0.05))
+    column, row = (np.rint(part / ahead).clip(-1, 1 << 20).astype(np.int32) for part in places[:2])
+    shape = (lens.height, lens.width)
+    inside = (places[2] > 0.05) & (column >= 0) & (row >= 0) & (column < shape[1]) & (row < shape[0])
+    inside &= ~depth.moving
+    value, weight = (depth.inverse_depth / ahead)[inside], _weight(depth, border)[inside]
+    at = (row * shape[1] + column)[inside]
+    inverse, confidence = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
+    np.maximum.at(inverse.ravel(), at, value)
+    nearest = value == inverse.ravel()[at]
+    confidence.ravel()[at[nearest]] = weight[nearest]
+    # Pixels between two that a surface was drawn apart by are its own, too.
+    for size in ((1, 2), (2, 1)):
+        kernel, last = np.ones(size, np.uint8), (size[1] - 1, size[0] - 1)
+        closed, around = (
+            cv2.erode(cv2.dilate(part, kernel, anchor=last), kernel, anchor=(0, 0))
+            for part in (inverse, confidence)
+        )
+        crack = closed > inverse * np.float32(1.02)
+        inverse, confidence = np.where(crack, closed, inverse), np.where(crack, around, confidence)
+    return inverse, confidence
