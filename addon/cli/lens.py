@@ -18,6 +18,7 @@ from ..core.lens.frame import check_settings
 from ..core.lens.highlights import HighlightSettings
 from ..core.lens.meshers import MESHERS
 from ..core.lens.plan import LensSettings
+from ..core.lens.quality import NORMAL, QUALITIES
 from ..core.media.clip import Footage, FrameRange
 from ..core.media.masks import open_masks
 from ..core.sfm.workspace import Solve
@@ -62,6 +63,11 @@ def add_lens(command: argparse.ArgumentParser, required: bool) -> None:
         metavar="DIR",
         help="your own masks of what moves by itself: pictures, white moves",
     )
+    command.add_argument(
+        "--quality", choices=QUALITIES, default=NORMAL.name,
+        help="; ".join(f"{name}: {quality.help}" for name, quality in QUALITIES.items())
+        + f" (default {NORMAL.name})",
+    )  # fmt: skip
     command.add_argument("--views", default="auto", metavar="N|auto", help="virtual cameras a frame")
     command.add_argument(
         "--error", type=float, metavar="DB",
@@ -88,9 +94,8 @@ def add_lens(command: argparse.ArgumentParser, required: bool) -> None:
 
 
 LENS = (
-    "focus_at", "focus_point", "focus_distance", "blur", "aperture_radius", "depth", "mask", "views",
-    "error", "method", "borrow", "highlights", "highlight_threshold", "aperture",
-    "seed",
+    "focus_at", "focus_point", "focus_distance", "blur", "aperture_radius", "depth", "mask", "quality",
+    "views", "error", "method", "borrow", "highlights", "highlight_threshold", "aperture", "seed",
 )  # fmt: skip
 """What the options of `add_lens` are kept as."""
 
@@ -220,6 +225,7 @@ def set_lens(
     say(_discs(reconstruction, focus, frame, radius))
     blur = None if options.aperture_radius is not None else options.blur or DEFAULT_BLUR
     set_aperture(settings, radius, blur)
+    settings.quality = options.quality.upper()
     settings.views = _views(options.views)
     settings.error = options.error or 0.0
     settings.method = options.method

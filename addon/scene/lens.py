@@ -20,6 +20,7 @@ from ..core.camera.reconstruction import Reconstruction
 from ..core.lens.focus import Focus, blur_for_radius, radius_for_blur
 from ..core.lens.highlights import HighlightSettings
 from ..core.lens.plan import LensSettings
+from ..core.lens.quality import QUALITIES
 from .shot import reconstruction_of
 
 _writing = False
@@ -76,8 +77,8 @@ def lens_settings(settings: bpy.types.PropertyGroup, reconstruction: Reconstruct
         radius = radius_for_blur(reconstruction, focus, frame, settings.blur)
     return LensSettings(
         focus, radius, settings.views, settings.method, settings.seed, settings.borrow, settings.error,
+        quality=QUALITIES[settings.quality.lower()], aperture=settings.shape.aperture,
         highlights=HighlightSettings(settings.highlights, settings.highlight_threshold),
-        aperture=settings.shape.aperture,
     )  # fmt: skip
 
 

@@ -17,6 +17,7 @@ from bpy.props import (
 
 from ..core.lens.highlights import HighlightSettings
 from ..core.lens.meshers import MESHERS
+from ..core.lens.quality import QUALITIES
 from . import aperture_cloud, lens
 from .aperture_shape import VirtualApertureShape
 
@@ -223,6 +224,14 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
     )
     shape: PointerProperty(
         type=VirtualApertureShape, name="Aperture Shape", description="What blur discs look like"
+    )
+    quality: EnumProperty(
+        name="Quality",
+        description="What a frame may cost",
+        items=[(name.upper(), name.title(), each.help, each.number) for name, each in QUALITIES.items()],
+        default="NORMAL",
+        update=_aperture_changed,
+        options=set(),
     )
     views: IntProperty(
         name="Views",

@@ -202,6 +202,7 @@ class VIRTUAL_APERTURE_PT_render(_Panel, bpy.types.Panel):  # noqa: N801
         column.prop(scene, "frame_start", text="Frame Start")
         column.prop(scene, "frame_end", text="End")
         layout.prop(scene.render, "filepath", text="Output")
+        layout.prop(scene.virtual_aperture, "quality")
         wrapped(layout, context, output_words(scene), icon="OUTPUT")
         notices.draw_ignored(layout, context)
         layout.operator(operators.VIRTUAL_APERTURE_OT_render_frame.bl_idname, icon="RENDER_STILL")

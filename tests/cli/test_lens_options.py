@@ -89,6 +89,24 @@ def test_an_error_takes_the_place_of_the_number_of_views(
     assert "made from something else" in capsys.readouterr().err
 
 
+def test_a_quality_says_how_many_views_there_are_and_goes_to_other_processes(
+    work: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lens = ("--focus-distance", "6", "--blur", "0.1", "--frames", "2", "--method", "features")
+    counts = {}
+    for quality in ("draft", "normal", "final"):
+        report, out = tmp_path / f"{quality}.json", tmp_path / quality / "####.png"
+        told = ["render", str(work), *lens, "--out", str(out), "--quality", quality, "--jobs", "2"]
+        assert run_command([*told, "--report", str(report)]) == 0
+        (frame,) = json.loads(report.read_text())["frames"]
+        counts[quality] = frame["views"]
+    assert counts["draft"] < counts["normal"] < counts["final"]
+    told = ["render", str(work), *lens, "--out", str(tmp_path / "draft" / "####.png")]
+    assert run_command(told) == 1
+    assert "made from something else" in capsys.readouterr().err
+    assert run_command([*told, "--quality", "draft"]) == 0
+
+
 def test_discs_before_and_behind_are_said(
     work: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

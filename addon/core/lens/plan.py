@@ -12,6 +12,7 @@ from ..warp.mesh import WarpMesh
 from .aperture import Aperture
 from .focus import Focus
 from .highlights import RESTORED, HighlightSettings
+from .quality import NORMAL, Quality
 from .thin_lens import ThinLens
 
 
@@ -37,6 +38,8 @@ class LensSettings:
     """Its shape."""
     highlights: HighlightSettings = RESTORED
     """How bright what is clipped becomes."""
+    quality: Quality = NORMAL
+    """What the frame may cost; a number of views, or an error, is kept to whatever it says of views."""
 
 
 @dataclass(frozen=True)

@@ -38,8 +38,8 @@ def make(geometry: FrameGeometry) -> Surface:
         mesh, texture, layers = layer_mesh(
             picture, scale * inverse_depth, scale * lens.focus, scale, lens.snap_displacement,
             _fill(hidden, picture, lens.focus, scale) if hidden else None,
-            memory=geometry.clip.texture_memory,
-            past_border=None if past is None else scale * past,
+            geometry.settings.quality.mesh, geometry.clip.texture_memory,
+            None if past is None else scale * past,
         )  # fmt: skip
     return Surface(mesh, texture, bool(picture[..., 3].min() > 0.999), layers)
 
