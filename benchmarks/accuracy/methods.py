@@ -127,17 +127,19 @@ def dense(case: BenchmarkCase, views: int) -> Answer:
 
 
 def cycles(case: BenchmarkCase, views: int) -> Answer:
-    """Cycles' thin lens on the mesh over the feature points; `views` are its samples."""
+    """Cycles' thin lens on the mesh over the feature points, painted as ours is; `views` are its samples."""
     lens = LensSettings(case.focus, case.radius, 16, "features")
-    plan = warp_frame(case.clip, case.frame, lens, _size(case), case.picture).plan
-    picture = plan.canvas.from_source(case.picture)
+    seen = case.clip.picture(case.frame, lens.highlights)
+    plan = warp_frame(case.clip, case.frame, lens, _size(case), seen).plan
+    picture = plan.canvas.from_source(seen)
     return Answer(thin_lens(plan, picture, views), views, len(plan.mesh.triangles))
 
 
 def cycles_layers(case: BenchmarkCase, views: int) -> Answer:
     """Cycles' thin lens on our layered mesh; `views` are its samples."""
     lens = LensSettings(case.focus, case.radius)
-    warped = mesh_frame(case.clip, case.frame, lens, _size(case), case.picture).through(1, prefiltered=False)
+    seen = case.clip.picture(case.frame, lens.highlights)
+    warped = mesh_frame(case.clip, case.frame, lens, _size(case), seen).through(1, prefiltered=False)
     plan = warped.plan
     return Answer(thin_lens(plan, warped.texture, views), views, len(plan.mesh.triangles))
 

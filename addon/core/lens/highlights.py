@@ -25,8 +25,10 @@ STEP, LEAST_FRAMES = 8, 8
 """Every so many-th registered frame is asked, of a short clip more, as for hidden colours (`FillOptions`)."""
 SPAN = 16
 """Registered frames before and after, up to which frames are asked. By eye."""
-KEPT = 128 << 20
-"""Bytes of highlights of frames that are remembered."""
+KEPT = 64 << 20
+"""Bytes of highlights of frames that are remembered: at 1920x1080 about as many frames as are asked."""
+OBJECT = 200
+"""Bytes of an array beside its values, about."""
 NEAREST = 1.2
 """Of the largest inverse depth of a frame's features, what a lamp may have. By eye."""
 MOST_PARALLAX = 0.05
@@ -193,4 +195,5 @@ def _pace(reconstruction: Reconstruction) -> float:
 
 
 def _bytes(found: list[Highlight]) -> int:
-    return 1 + sum(one.coverage.nbytes for one in found)
+    parts = [(one.coverage, one.ground, one.clipped, one.likelihood) for one in found]
+    return 1 + sum(array.nbytes + OBJECT for arrays in parts for array in arrays)
