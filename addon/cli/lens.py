@@ -14,6 +14,7 @@ from ..core.camera.reconstruction import Reconstruction
 from ..core.depth.user_maps import open_depth
 from ..core.lens.focus import Focus, check_points, largest_discs, radius_for_blur
 from ..core.lens.focus_place import find_place
+from ..core.lens.focus_pull import pull
 from ..core.lens.frame import check_settings
 from ..core.lens.meshers import MESHERS
 from ..core.lens.plan import LensSettings
@@ -39,8 +40,10 @@ def add_lens(command: argparse.ArgumentParser, required: bool) -> None:
     """Focus, blur, depth and method; a focus must be given where it is `required`."""
     focus = command.add_mutually_exclusive_group(required=required)
     focus.add_argument(
-        "--focus-at", metavar="X,Y[@FRAME]", help="place in the picture, 0,0 top left, 1,1 bottom right"
-    )
+        "--focus-at", metavar="X,Y[@FRAME]", action="append",
+        help="place in the picture, 0,0 top left, 1,1 bottom right; more than once, each with its frame, it"
+        " pulls focus from one to the next",
+    )  # fmt: skip
     focus.add_argument("--focus-point", type=int, nargs="+", metavar="ID", help="feature points in focus")
     focus.add_argument("--focus-distance", type=float, metavar="D", help="depth in the model's own unit")
     blur = command.add_mutually_exclusive_group()
@@ -81,21 +84,30 @@ LENS = (
     "error", "method", "borrow", "seed",
 )  # fmt: skip
 """What the options of `add_lens` are kept as."""
+REPEATED = ("focus_at",)
+"""Those that are given once for each of their values."""
 
 
 def pinned(options: argparse.Namespace, settings: VirtualApertureSettings, **others: None) -> list[str]:
     """`lens_arguments` once the lens is set: a place to focus on is in this frame, whichever are rendered."""
-    if options.focus_at and "@" not in options.focus_at:
-        return lens_arguments(options, focus_at=f"{options.focus_at}@{settings.focus_frame}", **others)
-    return lens_arguments(options, **others)
+    return lens_arguments(at_frame(options, settings.focus_frame), **others)
 
 
-def lens_arguments(options: argparse.Namespace, **others: str | None) -> list[str]:
+def at_frame(options: argparse.Namespace, frame: int) -> argparse.Namespace:
+    """The options with a place to focus on that names its frame: this one, where it named none."""
+    if not options.focus_at or "@" in options.focus_at[0]:
+        return options
+    return argparse.Namespace(**vars(options) | {"focus_at": [f"{options.focus_at[0]}@{frame}"]})
+
+
+def lens_arguments(options: argparse.Namespace, **others: None) -> list[str]:
     """The options of `add_lens` as words for another process's command line; `others` replace some."""
     words = []
     for name in LENS:
         value = others[name] if name in others else getattr(options, name)
-        if value is not None:
+        if value is not None and name in REPEATED:
+            words += [word for each in value for word in (f"--{name.replace('_', '-')}", each)]
+        elif value is not None:
             values = value if isinstance(value, list) else [value]
             # A path is another process's, in whichever folder.
             told = [str(each.absolute()) if isinstance(each, Path) else str(each) for each in values]
@@ -153,10 +165,23 @@ def check_numbers(options: argparse.Namespace) -> None:
         )
     if options.focus_distance is not None and not options.focus_distance > 0:
         raise UserError(f"the focus distance is {options.focus_distance:g}; it must be greater than zero")
-    if options.focus_at:
-        x, y, _ = _place(options.focus_at)
+    _check_places([_place(text) for text in options.focus_at or ()])
+
+
+def _check_places(places: Sequence[tuple[float, float, int | None]]) -> None:
+    """UserError for places that are not in the picture, and for several that do not tell their frames."""
+    for x, y, _ in places:
         if not (0 <= x <= 1 and 0 <= y <= 1):
             raise UserError(f"focus at {x:g},{y:g} is outside the picture; both must be between 0 and 1")
+    frames = [frame for _, _, frame in places]
+    if len(frames) > 1 and None in frames:
+        x, y, _ = places[frames.index(None)]
+        raise UserError(
+            f"focus at {x:g},{y:g} has no frame; a pull takes X,Y@FRAME for each of its places, such as"
+            f" {x:g},{y:g}@12"
+        )
+    if twice := sorted({frame for frame in frames if frame is not None and frames.count(frame) > 1}):
+        raise UserError(f"two places are to be in focus at frame {twice[0]}; give each its own frame")
 
 
 def set_lens(
@@ -172,18 +197,7 @@ def set_lens(
     """
     reconstruction = solved.reconstruction
     _set_clip_files(settings, solved, options)
-    frame, place = int(reconstruction.frames[0]), None
-    if options.focus_at:
-        x, y, wanted = _place(options.focus_at)
-        frame = _registered(reconstruction, frames) if wanted is None else wanted
-        place = find_place(shot_of(settings.id_data).context, frame, x, y)
-        focus = place.focus
-        say(f"in focus: {place.distance:.4g} away at frame {frame}, from {place.source}")
-    elif options.focus_point:
-        focus = Focus(points=tuple(options.focus_point))
-        check_points(reconstruction, focus.points)
-    else:
-        focus = Focus(distance=options.focus_distance)
+    focus, frame, distances = _chosen_focus(settings, reconstruction, options, frames)
     fewest = MESHERS[options.method].fewest_focus_points
     if len(focus.points) < fewest:
         raise UserError(
@@ -195,8 +209,7 @@ def set_lens(
         radius = radius_for_blur(reconstruction, focus, frame, options.blur or DEFAULT_BLUR)
     check_settings(LensSettings(focus, radius, _views(options.views), options.method, options.seed))
     set_focus(settings, focus, frame)
-    if place is not None:
-        follow_distances(settings, place.distances(reconstruction))
+    follow_distances(settings, distances)
     say(_discs(reconstruction, focus, frame, radius))
     blur = None if options.aperture_radius is not None else options.blur or DEFAULT_BLUR
     set_aperture(settings, radius, blur)
@@ -206,6 +219,38 @@ def set_lens(
     settings.borrow = options.borrow == "on"
     settings.seed = options.seed
     aperture_cloud.update(settings)
+
+
+def _chosen_focus(
+    settings: VirtualApertureSettings,
+    reconstruction: Reconstruction,
+    options: argparse.Namespace,
+    frames: Sequence[int],
+) -> tuple[Focus, int, dict[int, float]]:
+    """What is in focus, the frame at which it is, and its distances by frame where those are followed.
+
+    `frames` as of `set_lens`.
+    """
+    own = int(reconstruction.frames[0])
+    if options.focus_point:
+        focus = Focus(points=tuple(options.focus_point))
+        check_points(reconstruction, focus.points)
+        return focus, own, {}
+    if not options.focus_at:
+        return Focus(distance=options.focus_distance), own, {}
+    shot = shot_of(settings.id_data)
+    found = []
+    for x, y, frame in map(_place, options.focus_at):
+        at = _registered(reconstruction, frames) if frame is None else frame
+        found.append(find_place(shot.context, at, x, y))
+    found.sort(key=lambda place: place.frame)
+    for place in found:
+        say(f"in focus: {place.distance:.4g} away at frame {place.frame}, from {place.source}")
+    if len(found) == 1:
+        return found[0].focus, found[0].frame, found[0].distances(reconstruction)
+    # The aperture is chosen for the first one, and stays.
+    focus = Focus(distance=found[0].distance)
+    return focus, found[0].frame, pull(found, reconstruction, shot.footage.frames)
 
 
 def _set_clip_files(settings: VirtualApertureSettings, solved: Solve, options: argparse.Namespace) -> None:
