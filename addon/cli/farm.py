@@ -29,6 +29,7 @@ from .lens import (
     add_lens,
     at_frame,
     check_numbers,
+    has_focus,
     lens_arguments,
     movie_frames,
     pinned,
@@ -93,7 +94,7 @@ def join(options: argparse.Namespace) -> None:
     files = {frame: rendered.with_name(output.numbered(rendered.name, frame)) for frame in frames}
     output.crop_to_even(scene.render)
     keys = None
-    if any((options.focus_at, options.focus_point, options.focus_distance is not None)):
+    if has_focus(options):
         # As render --for-movie, whichever part of it.
         set_lens(settings, solved, options)
         keys = frame_keys(scene, frames)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -12,7 +14,14 @@ import numpy as np
 from ..core.base.errors import UserError
 from ..core.camera.reconstruction import Reconstruction
 from ..core.depth.user_maps import open_depth
-from ..core.lens.focus import Focus, check_points, largest_discs, radius_for_blur
+from ..core.lens.focus import (
+    FEWEST_IN_PLANE,
+    Focus,
+    check_points,
+    largest_discs,
+    radius_for_blur,
+    sharp_distances,
+)
 from ..core.lens.focus_place import find_place
 from ..core.lens.focus_pull import pull
 from ..core.lens.frame import check_settings
@@ -45,7 +54,16 @@ def add_lens(command: argparse.ArgumentParser, required: bool) -> None:
         " pulls focus from one to the next",
     )  # fmt: skip
     focus.add_argument("--focus-point", type=int, nargs="+", metavar="ID", help="feature points in focus")
+    focus.add_argument(
+        "--focus-plane", type=int, nargs="+", metavar="ID",
+        help="three or more feature points, through which the focal plane is tilted",
+    )  # fmt: skip
     focus.add_argument("--focus-distance", type=float, metavar="D", help="depth in the model's own unit")
+    for name, side in (("--tilt", "upper"), ("--swing", "right")):
+        command.add_argument(
+            name, type=float, default=0.0, metavar="DEG",
+            help=f"degrees by which the focal plane's {side} part leans away, about the optical axis",
+        )  # fmt: skip
     blur = command.add_mutually_exclusive_group()
     blur.add_argument(
         "--blur", type=float, metavar="F",
@@ -80,8 +98,8 @@ def add_lens(command: argparse.ArgumentParser, required: bool) -> None:
 
 
 LENS = (
-    "focus_at", "focus_point", "focus_distance", "blur", "aperture_radius", "depth", "mask", "views",
-    "error", "method", "borrow", "seed",
+    "focus_at", "focus_point", "focus_plane", "focus_distance", "tilt", "swing", "blur", "aperture_radius",
+    "depth", "mask", "views", "error", "method", "borrow", "seed",
 )  # fmt: skip
 """What the options of `add_lens` are kept as."""
 REPEATED = ("focus_at",)
@@ -113,6 +131,12 @@ def lens_arguments(options: argparse.Namespace, **others: None) -> list[str]:
             told = [str(each.absolute()) if isinstance(each, Path) else str(each) for each in values]
             words += [f"--{name.replace('_', '-')}", *told]
     return words
+
+
+def has_focus(options: argparse.Namespace) -> bool:
+    """Whether the options tell what is in focus."""
+    places = (options.focus_at, options.focus_point, options.focus_plane)
+    return any(places) or options.focus_distance is not None
 
 
 def scene_of(solved: Solve) -> tuple[bpy.types.Scene, VirtualApertureSettings, Footage]:
@@ -166,6 +190,7 @@ def check_numbers(options: argparse.Namespace) -> None:
     if options.focus_distance is not None and not options.focus_distance > 0:
         raise UserError(f"the focus distance is {options.focus_distance:g}; it must be greater than zero")
     _check_places([_place(text) for text in options.focus_at or ()])
+    _check_tilt(options)
 
 
 def _check_places(places: Sequence[tuple[float, float, int | None]]) -> None:
@@ -184,6 +209,18 @@ def _check_places(places: Sequence[tuple[float, float, int | None]]) -> None:
         raise UserError(f"two places are to be in focus at frame {twice[0]}; give each its own frame")
 
 
+def _check_tilt(options: argparse.Namespace) -> None:
+    """UserError for a focal plane that is none."""
+    for name in ("tilt", "swing"):
+        angle = getattr(options, name)
+        if not -90 < angle < 90:
+            raise UserError(f"the {name} is {angle:g} degrees; it must be between -90 and 90")
+        if angle and options.focus_plane:
+            raise UserError(f"the points of the focal plane tell its tilt; leave --{name} out")
+    if options.focus_plane and len(set(options.focus_plane)) < FEWEST_IN_PLANE:
+        raise UserError(f"a focal plane through points takes {FEWEST_IN_PLANE} or more")
+
+
 def set_lens(
     settings: VirtualApertureSettings,
     solved: Solve,
@@ -198,6 +235,7 @@ def set_lens(
     reconstruction = solved.reconstruction
     _set_clip_files(settings, solved, options)
     focus, frame, distances = _chosen_focus(settings, reconstruction, options, frames)
+    focus = replace(focus, tilt=math.radians(options.tilt), swing=math.radians(options.swing))
     fewest = MESHERS[options.method].fewest_focus_points
     if len(focus.points) < fewest:
         raise UserError(
@@ -211,6 +249,7 @@ def set_lens(
     set_focus(settings, focus, frame)
     follow_distances(settings, distances)
     say(_discs(reconstruction, focus, frame, radius))
+    say(_sharp(reconstruction, focus, frame, radius))
     blur = None if options.aperture_radius is not None else options.blur or DEFAULT_BLUR
     set_aperture(settings, radius, blur)
     settings.views = _views(options.views)
@@ -232,8 +271,8 @@ def _chosen_focus(
     `frames` as of `set_lens`.
     """
     own = int(reconstruction.frames[0])
-    if options.focus_point:
-        focus = Focus(points=tuple(options.focus_point))
+    if points := options.focus_point or options.focus_plane:
+        focus = Focus(points=tuple(points), through_points=bool(options.focus_plane))
         check_points(reconstruction, focus.points)
         return focus, own, {}
     if not options.focus_at:
@@ -279,6 +318,14 @@ def _discs(reconstruction: Reconstruction, focus: Focus, frame: int, radius: flo
         )
     ]
     return f"largest blur discs at frame {frame}: {', '.join(parts)}"
+
+
+def _sharp(reconstruction: Reconstruction, focus: Focus, frame: int, radius: float) -> str:
+    """Between which distances blur discs are too small to be seen."""
+    near, far = sharp_distances(reconstruction, focus, frame, radius)
+    where = " on the optical axis" if focus.is_tilted else ""
+    reach = f"from {near:.4g} on" if math.isinf(far) else f"from {near:.4g} to {far:.4g} away"
+    return f"sharp at frame {frame}{where}: {'nothing' if math.isinf(near) else reach}"
 
 
 def _registered(reconstruction: Reconstruction, frames: Sequence[int]) -> int:

@@ -19,7 +19,7 @@ from ..render.output import set_still
 from ..render.quiet import quiet
 from ..scene.build import move_clip
 from ..scene.properties import VirtualApertureSettings
-from .lens import add_lens, check_numbers, say, scene_of, set_lens
+from .lens import add_lens, check_numbers, has_focus, say, scene_of, set_lens
 from .paths import path
 
 MASKS, DEPTH = "masks", "depth"
@@ -60,7 +60,7 @@ def save(options: argparse.Namespace) -> None:
     check_numbers(options)
     solved = load_solve(options.work)
     scene, settings, footage = scene_of(solved)
-    if any((options.focus_at, options.focus_point, options.focus_distance is not None)):
+    if has_focus(options):
         set_lens(settings, solved, options)
     set_still(scene, ".png", footage)
     atomic.collect_orphans(blend.parent)

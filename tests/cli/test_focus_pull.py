@@ -91,7 +91,7 @@ def test_other_processes_are_told_of_every_mark() -> None:
     assert words[:4] == ["--focus-at", "0.2,0.5@2", "--focus-at", "0.8,0.5@5"]
     assert parser().parse_args([*told[:-1], *words]).focus_at == pulled.focus_at
     single = parser().parse_args([*told, "0.2,0.5"])
-    assert lens_arguments(at_frame(single, 9))[:3] == ["--focus-at", "0.2,0.5@9", "--views"]
+    assert lens_arguments(at_frame(single, 9))[:2] == ["--focus-at", "0.2,0.5@9"]
     assert single.focus_at == ["0.2,0.5"]
 
 
