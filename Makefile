@@ -6,6 +6,7 @@ PLATFORM ?= linux-x64
 JOBS ?= 2
 
 # A part of the benchmark: make bench SCENES="bars slope" TRACK=T1 BLURS="16 32"
+# A part of the costs: make bench-speed PARTS="'growth with blur' 'equal error'"
 # A part of the solve benchmark: make bench-solve MOTIONS="ahead mover" TRACKERS=corners FOCAL=unknown
 SOLVES := $(if $(MOTIONS),--motions $(MOTIONS)) $(if $(TRACKERS),--trackers $(TRACKERS)) $(if $(FOCAL),--focal $(FOCAL))
 BENCH := $(if $(SCENES),--scenes $(SCENES)) $(if $(TRACK),--track $(TRACK)) $(if $(BLURS),--blurs $(BLURS))
@@ -19,7 +20,7 @@ help:
 	@echo "make torture  kills, full disks, races and damaged files for hours; resumes (TRIES=100 FAULTS=\"movie jobs\")"
 	@echo "make sample SCENE=bars  a scene of the benchmark: .blend, clip and true cameras, into sample/"
 	@echo "make bench   speed against error, quick subset (SCENES=bars TRACK=T1 BLURS=16: a part)"
-	@echo "make bench-speed      what a clip costs, from command to written file, and a frame by stage"
+	@echo "make bench-speed      what a clip costs and how that grows, kept in benchmarks/results; a frame by stage"
 	@echo "make bench-full       all of it, for hours; resumes where it was stopped"
 	@echo "make bench-solve      cameras against truth: eight motions and six refusals, four trackers"
 	@echo "make bench-stability  the hard numerical cases, a table"
@@ -62,7 +63,7 @@ bench: setup
 	@$(PYTHON) -m benchmarks.timings.frame_costs
 
 bench-speed: setup
-	@$(PYTHON) -m benchmarks.timings.whole_runs
+	@$(PYTHON) -m benchmarks.timings.speed $(if $(PARTS),--parts $(PARTS))
 	@$(PYTHON) -m benchmarks.timings.frame_costs
 
 bench-full: setup

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import hashlib
+import os
+import subprocess
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass
 from pathlib import Path
@@ -51,6 +53,17 @@ def sources(*names: str) -> list[Path]:
         path = ROOT / name
         found += sorted(path.rglob("*.py")) if path.is_dir() else [path]
     return found
+
+
+def told() -> str:
+    """Of which code and on what a figure was measured: the commit, and the number of processors."""
+    git = ["git", "-C", str(ROOT)]
+    commit, changed = (
+        subprocess.run([*git, *words], capture_output=True, text=True, check=False).stdout.strip()
+        for words in (["rev-parse", "--short", "HEAD"], ["status", "--short", "--", "addon"])
+    )
+    changes = " with changes" if changed else ""
+    return f"commit {commit or 'unknown'}{changes}, {os.cpu_count()} processors"
 
 
 def kept(folder: str, key: str, make: Callable[[], NDArray[Any]]) -> NDArray[Any]:

@@ -25,6 +25,7 @@ from ..render.frame_keys import frame_keys
 from ..render.frame_size import written_size
 from ..render.quiet import quiet
 from . import NAME
+from .aperture import copy_image
 from .lens import (
     add_lens,
     at_frame,
@@ -129,14 +130,14 @@ def farm(options: argparse.Namespace) -> None:
         _scene, settings, _ = scene_of(solved)
         frames = movie_frames(solved, options.frames)
         set_lens(settings, solved, options, frames)
-        words = pinned(options, settings, depth=None, mask=None)
+        words = pinned(options, settings, depth=None, mask=None, aperture=None)
         clip = copy_clip(solved.open_clip(), folder)
         _copy_solve(source, folder / "solve", clip)
     else:
         footage = open_footage(source, options.frames and FrameRange.parse(options.frames))
         frames = list(open_footage(source, FrameRange(footage.frames[0], footage.frames[-1])).frames)
         clip = copy_clip(open_footage(source), folder)
-        words = lens_arguments(at_frame(options, frames[0]), depth=None, mask=None)
+        words = lens_arguments(at_frame(options, frames[0]), depth=None, mask=None, aperture=None)
     lens = words + _pictures(options, footage, folder)
     name = clip.relative_to(folder).as_posix()
     job = _job(options, _chunks(frames, options.chunk), lens, None if is_solved else name)
@@ -159,7 +160,7 @@ def _copy_solve(source: Path, target: Path, clip: Path) -> None:
 
 
 def _pictures(options: argparse.Namespace, footage: Footage, folder: Path) -> list[str]:
-    """Copy the user's depth maps and masks into the bundle; the words that lead there."""
+    """Copy the user's depth maps, masks and aperture's picture into the bundle; the words that lead there."""
     words = []
     if options.depth:
         maps = open_depth(options.depth.absolute(), footage).maps
@@ -167,6 +168,12 @@ def _pictures(options: argparse.Namespace, footage: Footage, folder: Path) -> li
     if options.mask:
         pictures = open_masks(options.mask.absolute(), footage).pictures
         words += ["--mask", _in_bundle(copy_pictures(pictures, folder / MASKS), folder)]
+    if options.aperture:
+        shape, copy = copy_image(options.aperture, folder)
+        words += [
+            "--aperture",
+            *(word.replace(str(copy), _in_bundle(copy, folder)) if copy else word for word in shape),
+        ]
     return words
 
 

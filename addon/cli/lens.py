@@ -25,8 +25,10 @@ from ..core.lens.focus import (
 from ..core.lens.focus_place import find_place
 from ..core.lens.focus_pull import pull
 from ..core.lens.frame import check_settings
+from ..core.lens.highlights import HighlightSettings
 from ..core.lens.meshers import MESHERS
 from ..core.lens.plan import LensSettings
+from ..core.lens.quality import NORMAL, QUALITIES
 from ..core.media.clip import Footage, FrameRange
 from ..core.media.masks import open_masks
 from ..core.sfm.workspace import Solve
@@ -35,6 +37,7 @@ from ..scene.build import build
 from ..scene.lens import follow_distances, set_aperture, set_focus
 from ..scene.properties import VirtualApertureSettings
 from ..scene.shot import shot_of
+from .aperture import add_aperture, set_shape
 from .paths import path
 
 DEFAULT_BLUR = 0.03
@@ -81,6 +84,11 @@ def add_lens(command: argparse.ArgumentParser, required: bool) -> None:
         metavar="DIR",
         help="your own masks of what moves by itself: pictures, white moves",
     )
+    command.add_argument(
+        "--quality", choices=QUALITIES, default=NORMAL.name,
+        help="; ".join(f"{name}: {quality.help}" for name, quality in QUALITIES.items())
+        + f" (default {NORMAL.name})",
+    )  # fmt: skip
     command.add_argument("--views", default="auto", metavar="N|auto", help="virtual cameras a frame")
     command.add_argument(
         "--error", type=float, metavar="DB",
@@ -94,19 +102,31 @@ def add_lens(command: argparse.ArgumentParser, required: bool) -> None:
     command.add_argument(
         "--borrow", choices=("on", "off"), default="on", help="take what a frame hides from others (on)"
     )
+    command.add_argument(
+        "--highlights", default="1", metavar="off|GAIN",
+        help="how much of the light that clipping took from lamps is given back (1, all that is estimated)",
+    )  # fmt: skip
+    command.add_argument(
+        "--highlight-threshold", type=float, default=HighlightSettings.threshold, metavar="L",
+        help=f"linear light, 1 is white, from which on a pixel is clipped ({HighlightSettings.threshold:g})",
+    )  # fmt: skip
+    add_aperture(command)
     command.add_argument("--seed", type=int, default=0, help="of the thesis's random positions")
 
 
 LENS = (
     "focus_at", "focus_point", "focus_plane", "focus_distance", "tilt", "swing", "blur", "aperture_radius",
-    "depth", "mask", "views", "error", "method", "borrow", "seed",
+    "depth", "mask", "quality", "views", "error", "method", "borrow", "highlights", "highlight_threshold",
+    "aperture", "seed",
 )  # fmt: skip
 """What the options of `add_lens` are kept as."""
 REPEATED = ("focus_at",)
 """Those that are given once for each of their values."""
 
 
-def pinned(options: argparse.Namespace, settings: VirtualApertureSettings, **others: None) -> list[str]:
+def pinned(
+    options: argparse.Namespace, settings: VirtualApertureSettings, **others: list[str] | None
+) -> list[str]:
     """`lens_arguments` once the lens is set: a place to focus on is in this frame, whichever are rendered."""
     return lens_arguments(at_frame(options, settings.focus_frame), **others)
 
@@ -118,7 +138,7 @@ def at_frame(options: argparse.Namespace, frame: int) -> argparse.Namespace:
     return argparse.Namespace(**vars(options) | {"focus_at": [f"{options.focus_at[0]}@{frame}"]})
 
 
-def lens_arguments(options: argparse.Namespace, **others: None) -> list[str]:
+def lens_arguments(options: argparse.Namespace, **others: list[str] | None) -> list[str]:
     """The options of `add_lens` as words for another process's command line; `others` replace some."""
     words = []
     for name in LENS:
@@ -171,6 +191,7 @@ def movie_frames(solved: Solve, frames: str | None) -> list[int]:
 def check_numbers(options: argparse.Namespace) -> None:
     """What can be refused before an hour of solving."""
     _views(options.views)
+    _highlights(options)
     for name, value in (("blur", options.blur), ("aperture radius", options.aperture_radius)):
         if value is not None and not value > 0:
             raise UserError(f"the {name} is {value:g}; it must be greater than zero")
@@ -245,18 +266,26 @@ def set_lens(
     radius = options.aperture_radius
     if radius is None:
         radius = radius_for_blur(reconstruction, focus, frame, options.blur or DEFAULT_BLUR)
-    check_settings(LensSettings(focus, radius, _views(options.views), options.method, options.seed))
+    highlights = _highlights(options)
+    check_settings(
+        LensSettings(
+            focus, radius, _views(options.views), options.method, options.seed, highlights=highlights
+        )
+    )
     set_focus(settings, focus, frame)
     follow_distances(settings, distances)
     say(_discs(reconstruction, focus, frame, radius))
     say(_sharp(reconstruction, focus, frame, radius))
     blur = None if options.aperture_radius is not None else options.blur or DEFAULT_BLUR
     set_aperture(settings, radius, blur)
+    settings.quality = options.quality.upper()
     settings.views = _views(options.views)
     settings.error = options.error or 0.0
     settings.method = options.method
     settings.borrow = options.borrow == "on"
+    settings.highlights, settings.highlight_threshold = highlights.gain, highlights.threshold
     settings.seed = options.seed
+    set_shape(settings, options.aperture)
     aperture_cloud.update(settings)
 
 
@@ -345,6 +374,16 @@ def _views(text: str) -> int:
     if int(text) < 1:
         raise UserError(f"the number of views is {text}; it must be at least 1, or auto")
     return int(text)
+
+
+def _highlights(options: argparse.Namespace) -> HighlightSettings:
+    text = options.highlights
+    try:
+        found = HighlightSettings(0.0 if text == "off" else float(text), options.highlight_threshold)
+    except ValueError:
+        raise UserError(f"highlights {text!r} are not understood; give a gain such as 1, or off") from None
+    found.check()
+    return found
 
 
 def _place(text: str) -> tuple[float, float, int | None]:

@@ -12,13 +12,15 @@ from ..core.base import atomic
 from ..core.base.errors import Remedy, UserError
 from ..core.depth.user_maps import open_depth
 from ..core.media.clip import Footage, open_footage
-from ..core.media.copying import copy_clip, copy_pictures
+from ..core.media.copying import copy_clip, copy_file, copy_pictures
 from ..core.media.masks import open_masks
 from ..core.sfm.workspace import load_solve
 from ..render.output import set_still
 from ..render.quiet import quiet
 from ..scene.build import move_clip
+from ..scene.paths import absolute
 from ..scene.properties import VirtualApertureSettings
+from .aperture import FOLDER as APERTURE
 from .lens import add_lens, check_numbers, has_focus, say, scene_of, set_lens
 from .paths import path
 
@@ -93,6 +95,11 @@ def copy_beside(settings: VirtualApertureSettings, footage: Footage, folder: Pat
         pictures = open_masks(Path(settings.masks), footage).pictures
         copies.append(copy_pictures(pictures, folder / MASKS))
         settings.masks = str(copies[-1])
+    if settings.shape.image:
+        picture = absolute(settings.shape.image)
+        copies.append(folder / APERTURE / picture.name)
+        copy_file(picture, copies[-1])
+        settings.shape.image = str(copies[-1])
     return copies
 
 

@@ -9,15 +9,15 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from ..core.base.arrays import Floats, LinearRGBA
+from ..core.base.arrays import Floats, LinearRGBA, Map
 from ..core.base.progress import checkpoint, stage
 from ..core.lens.clip_context import ClipContext
-from ..core.lens.frame import MeshedFrame, WarpedFrame, mesh_frame
+from ..core.lens.detail import enlarged, sharp_frame
+from ..core.lens.frame import MeshedFrame, WarpedFrame, drawn_size, mesh_frame
 from ..core.lens.inspection import shares_of, source_frame
 from ..core.lens.plan import LensSettings
 from ..core.lens.view_error import PILOT, difference, other_views, views_for_error
 from ..core.lens.vignetting import light_left
-from ..core.media.clip import to_linear
 from . import cycles_views, gpu_views
 
 TOLD = 0.3
@@ -32,7 +32,7 @@ class Drawn:
 
     warped: WarpedFrame
     source: LinearRGBA
-    """(H, W, 4) the frame, linear."""
+    """(H, W, 4) the frame, linear, at the size that it was drawn at."""
     seconds: float
     """What drawing took."""
 
@@ -60,9 +60,11 @@ def render_frame(
     """
     gpu_views.check_memory(size)
     with stage("Reading", 0.0, READ):
-        source = _resized(to_linear(clip.read(frame)), size)
+        picture = _resized(clip.picture(frame, lens.highlights), size)
+        small = drawn_size(lens, size)
+        source = _resized(picture, small)
     with stage("Mesh", READ, WARPED):
-        meshed = mesh_frame(clip, frame, lens, size, source)
+        meshed = mesh_frame(clip, frame, lens, small, source)
         warped = None if lens.error else meshed.through(meshed.views, reuse=True)
     if meshed.geometry.samples.pose_interpolated:
         note(f"Frame {frame} was not registered: its camera is carried over from its neighbours")
@@ -75,10 +77,20 @@ def render_frame(
         else:
             mean = draw_mean(warped, note)
     checkpoint(1.0)
-    picture = warped.plan.canvas.to_source(mean)
+    result = warped.plan.canvas.to_source(mean)
+    if small != size:
+        result = enlarged(result, source, picture, _sharp_share(warped))
     if on_frame is not None:
         on_frame(Drawn(warped, source, time.perf_counter() - began))
-    return picture
+    return result
+
+
+def _sharp_share(warped: WarpedFrame) -> Map | None:
+    """(h, w) share of its sharpness that each pixel of a frame drawn smaller keeps, if that can be told."""
+    sharp = sharp_frame(warped)
+    if sharp is None:
+        return None
+    return np.asarray(warped.plan.canvas.to_source(draw_mean(sharp, lambda note: None))[..., 0])
 
 
 def draw_to_error(

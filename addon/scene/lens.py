@@ -18,7 +18,9 @@ from ..core.base.errors import UserError
 from ..core.camera.focal_length import Focal, from_equivalent, from_sensor
 from ..core.camera.reconstruction import Reconstruction
 from ..core.lens.focus import Focus, blur_for_radius, radius_for_blur
+from ..core.lens.highlights import HighlightSettings
 from ..core.lens.plan import LensSettings
+from ..core.lens.quality import QUALITIES
 from .shot import reconstruction_of
 
 _writing = False
@@ -77,8 +79,10 @@ def lens_settings(settings: bpy.types.PropertyGroup, reconstruction: Reconstruct
             frame = int(reconstruction.frames[0])
         radius = radius_for_blur(reconstruction, focus, frame, settings.blur)
     return LensSettings(
-        focus, radius, settings.views, settings.method, settings.seed, settings.borrow, settings.error
-    )
+        focus, radius, settings.views, settings.method, settings.seed, settings.borrow, settings.error,
+        quality=QUALITIES[settings.quality.lower()], aperture=settings.shape.aperture,
+        highlights=HighlightSettings(settings.highlights, settings.highlight_threshold),
+    )  # fmt: skip
 
 
 def is_in_focus(settings: bpy.types.PropertyGroup) -> bool:

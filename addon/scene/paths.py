@@ -69,7 +69,7 @@ def _save_pre(filepath: str, _unused: object) -> None:
 def _paths(scene: bpy.types.Scene) -> list[tuple[bpy.types.bpy_struct, str]]:
     """Owners and properties of our paths in a scene, with that of its output while it is the one we set."""
     settings = scene.virtual_aperture
-    paths = [(settings, name) for name in PATHS]
+    paths = [*((settings, name) for name in PATHS), (settings.shape, "image")]
     if settings.output and scene.render.filepath == settings.output:
         paths += [(scene.render, "filepath"), (settings, "output")]
     return paths

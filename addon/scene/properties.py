@@ -15,8 +15,11 @@ from bpy.props import (
     StringProperty,
 )
 
+from ..core.lens.highlights import HighlightSettings
 from ..core.lens.meshers import MESHERS
+from ..core.lens.quality import QUALITIES
 from . import aperture_cloud, lens
+from .aperture_shape import VirtualApertureShape
 
 VERSION = 1
 MOST_TILT = 1.57
@@ -247,6 +250,17 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
         precision=4,
         update=_edited(lens.on_radius),
     )
+    shape: PointerProperty(
+        type=VirtualApertureShape, name="Aperture Shape", description="What blur discs look like"
+    )
+    quality: EnumProperty(
+        name="Quality",
+        description="What a frame may cost",
+        items=[(name.upper(), name.title(), each.help, each.number) for name, each in QUALITIES.items()],
+        default="NORMAL",
+        update=_aperture_changed,
+        options=set(),
+    )
     views: IntProperty(
         name="Views",
         description="Number of virtual cameras; 0 takes as many as the largest blur disc needs",
@@ -280,6 +294,25 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
         " that do; without, it is made up from beside",
         default=True,
     )
+    highlights: FloatProperty(
+        name="Highlights",
+        description="How much of the light that clipping took from lamps and glints is given back, so that"
+        " they become bright discs: 1 is all that is estimated, 0 leaves the clip as it is. Pictures of"
+        " floats keep what they have",
+        min=0.0,
+        soft_max=4.0,
+        default=HighlightSettings.gain,
+        precision=2,
+    )
+    highlight_threshold: FloatProperty(
+        name="Clipped From",
+        description="Linear light, 1 being white, from which on a pixel of the clip counts as clipped. Lower"
+        " it for a clip whose lamps were recorded as grey",
+        min=0.1,
+        max=1.0,
+        default=HighlightSettings.threshold,
+        precision=3,
+    )
     seed: IntProperty(
         name="Seed",
         description="Of the thesis's random positions",
@@ -303,7 +336,7 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
     )
 
 
-CLASSES = (VirtualApertureName, VirtualApertureFocusPoint, VirtualApertureSettings)
+CLASSES = (VirtualApertureName, VirtualApertureFocusPoint, VirtualApertureShape, VirtualApertureSettings)
 
 
 def register() -> None:

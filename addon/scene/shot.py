@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 
 import bpy
@@ -15,11 +15,11 @@ from ..core.base.errors import UserError
 from ..core.base.lru_cache import LRUCache
 from ..core.camera.reconstruction import Reconstruction
 from ..core.depth.depth_store import DepthStore
-from ..core.depth.multi_view_stereo import COARSE, StereoOptions
-from ..core.depth.temporal_fusion import FusionOptions
+from ..core.depth.multi_view_stereo import COARSE
 from ..core.depth.user_depth import UserDepth
 from ..core.depth.user_maps import open_depth
 from ..core.lens.clip_context import ClipContext
+from ..core.lens.quality import Quality
 from ..core.media.clip import Footage, finite, open_footage
 from ..core.media.clip_identity import identity
 from ..core.media.masks import Masks, open_masks
@@ -59,15 +59,21 @@ class Shot:
     def context(self) -> ClipContext:
         """The clip as the core's stages see it."""
         masks = self.masked if self.masks or self.drawn else None
-        store = DepthStore(self.work / KEPT_DEPTH, self._depth_key) if self.work else None
-        return ClipContext(self.reconstruction, self.read, self.depth, masks, store)
+        return ClipContext(
+            self.reconstruction, self.read, self.depth, masks, self._store if self.work else None
+        )
 
-    def _depth_key(self) -> str:
-        """16 hexadecimal digits of all that the depth found in the clip depends on, as its files are now."""
+    def _store(self, quality: Quality) -> DepthStore:
+        assert self.work is not None
+        return DepthStore(self.work / KEPT_DEPTH, partial(self._depth_key, quality))
+
+    def _depth_key(self, quality: Quality) -> str:
+        """16 hexadecimal digits of all that the depth found in the clip in a quality depends on, as its files
+        are now."""
         masks = self.masks and clip_digest(self.masks.pictures), self.drawn and drawn_digest(self.drawn)
         # As the solve knows its clip: known already, where all bytes of a sequence would have to be read.
         clip = identity(self.footage.path), self._reconstruction_digest
-        options = StereoOptions(), COARSE, FusionOptions()
+        options = quality.stereo, COARSE, quality.fusion
         return hashlib.sha256(repr((DEPTHS, clip, masks, options)).encode()).hexdigest()[:16]
 
     @cached_property

@@ -154,6 +154,30 @@ class VIRTUAL_APERTURE_PT_lens(_Panel, bpy.types.Panel):  # noqa: N801
         column = layout.column()
         column.active = not lens.is_keyed(settings, "blur")
         column.prop(settings, "aperture_radius", text="Aperture")
+        column = layout.column(align=True)
+        column.prop(settings, "highlights")
+        row = column.row()
+        row.active = settings.highlights > 0
+        row.prop(settings, "highlight_threshold")
+
+
+class VIRTUAL_APERTURE_PT_shape(_Closed, bpy.types.Panel):  # noqa: N801
+    bl_label = "Aperture Shape"
+    bl_parent_id = "VIRTUAL_APERTURE_PT_lens"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        shape = context.scene.virtual_aperture.shape
+        layout = self.layout
+        layout.use_property_split = True
+        column = layout.column()
+        column.active = not shape.image
+        column.prop(shape, "blades")
+        row = column.column()
+        row.active = shape.blades >= 3
+        row.prop(shape, "rotation")
+        row.prop(shape, "roundness")
+        for name in ("ratio", "obstruction", "apodisation", "spherical_aberration", "vignetting", "image"):
+            layout.prop(shape, name)
 
 
 class VIRTUAL_APERTURE_PT_depth(_Closed, bpy.types.Panel):  # noqa: N801
@@ -184,6 +208,7 @@ class VIRTUAL_APERTURE_PT_render(_Panel, bpy.types.Panel):  # noqa: N801
         column.prop(scene, "frame_start", text="Frame Start")
         column.prop(scene, "frame_end", text="End")
         layout.prop(scene.render, "filepath", text="Output")
+        layout.prop(scene.virtual_aperture, "quality")
         wrapped(layout, context, output_words(scene), icon="OUTPUT")
         notices.draw_ignored(layout, context)
         layout.operator(operators.VIRTUAL_APERTURE_OT_render_frame.bl_idname, icon="RENDER_STILL")
@@ -240,6 +265,7 @@ CLASSES = (
     VIRTUAL_APERTURE_PT_import,
     VIRTUAL_APERTURE_PT_files,
     VIRTUAL_APERTURE_PT_lens,
+    VIRTUAL_APERTURE_PT_shape,
     VIRTUAL_APERTURE_PT_depth,
     VIRTUAL_APERTURE_PT_render,
     VIRTUAL_APERTURE_PT_method,

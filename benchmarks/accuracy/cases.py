@@ -16,6 +16,7 @@ from addon.core.depth.source import PixelDepth
 from addon.core.depth.sparse import FrameFeatures, frame_features
 from addon.core.lens.clip_context import ClipContext, whole_depth
 from addon.core.lens.focus import Focus, pick
+from addon.core.lens.highlights import RESTORED, HighlightSettings
 from addon.core.media.clip import open_footage, to_gray8, to_linear
 from addon.core.sfm.process import SolveProcess
 from addon.core.sfm.tracks import new_corners
@@ -93,15 +94,28 @@ class TrueDepth:
 class ClipWithFill(ClipContext):
     """A clip whose hidden colours come from elsewhere than its own frames: a larger clip, or the truth."""
 
-    fill: Callable[[int, Canvas, Picture, PixelDepth], HiddenColours] | None = None
+    fill: Callable[[int, Canvas, Picture, PixelDepth, HighlightSettings], HiddenColours] | None = None
     """What is `ClipContext.hidden_colours`."""
+    whole: ClipContext | None = None
+    """The clip with all of its cameras, which knows how bright lamps are."""
+
+    def picture(self, frame: int, highlights: HighlightSettings) -> Picture:
+        """As the whole clip has it."""
+        if self.whole is None:
+            return super().picture(frame, highlights)
+        return self.whole.picture(frame, highlights)
 
     def hidden_colours(
-        self, frame: int, canvas: Canvas, picture: Picture, depth: PixelDepth
+        self,
+        frame: int,
+        canvas: Canvas,
+        picture: Picture,
+        depth: PixelDepth,
+        highlights: HighlightSettings = RESTORED,
     ) -> HiddenColours:
         """Those of `fill`."""
         assert self.fill is not None
-        return self.fill(frame, canvas, picture, depth)
+        return self.fill(frame, canvas, picture, depth, highlights)
 
 
 class GroundTruth:
@@ -120,7 +134,9 @@ class GroundTruth:
         scene, true = self.scene, self.reconstruction((frame,))
         # Corners are found in each frame anew: with other frames they would seem to come and go.
         alone = replace(true, images=(true.image_at(frame)[0],))
-        clip = ClipWithFill(alone, self.whole.read, TrueDepth(scene), fill=self.whole.hidden_colours)
+        clip = ClipWithFill(
+            alone, self.whole.read, TrueDepth(scene), fill=self.whole.hidden_colours, whole=self.whole
+        )
         return BenchmarkCase(
             frame, to_linear(scene.frame(frame)), clip, self._focus(frame, blur),
             scene.radius(blur), scene.depth(frame), lambda margin: scene.layers(frame, margin),

@@ -75,9 +75,10 @@ class Row:
 class Judge:
     """Scores methods on one scene at one blur; the truth is loaded, or rendered, once."""
 
-    def __init__(self, scene: Scene, blur: int) -> None:
+    def __init__(self, scene: Scene, blur: int, count: int | None = None) -> None:
+        """`count` judges only so many of the frames that there is truth for, the first ones."""
         self.scene, self.blur = scene, blur
-        self.frames = scene.judged(blur)
+        self.frames = scene.judged(blur)[:count]
         self._truths: list[Truth] = []
 
     @property

@@ -18,12 +18,14 @@ from addon.core.camera.reconstruction import Points, Reconstruction
 from addon.core.lens.aperture_sampling import vogel_disc
 from addon.core.lens.clip_context import ClipContext
 from addon.core.lens.focus import Focus, exact_registration
-from addon.core.lens.frame import WarpedFrame, warp_frame
+from addon.core.lens.frame import WarpedFrame, mesh_frame, warp_frame
+from addon.core.lens.highlights import HighlightSettings
 from addon.core.lens.plan import FramePlan, LensSettings
+from addon.core.lens.quality import DRAFT, FINAL, NORMAL, Quality
 from addon.core.lens.thin_lens import ThinLens
 from addon.core.warp.mesh import WarpMesh
 from addon.render import cycles_views
-from addon.render.average import draw_mean
+from addon.render.average import LEAST_COVER, Drawn, draw_mean, render_frame
 from addon.render.quiet import quiet
 
 from . import oracle
@@ -57,6 +59,8 @@ class Method:
     tracks: tuple[str, ...] = ("T1", "T2")
     prepare: Callable[[BenchmarkCase], BenchmarkCase] = lambda case: case
     """Done before the clock starts; raises UserError where the method cannot be used."""
+    depth: Quality | None = None
+    """Of the depth of every pixel that it needs; None where it needs none."""
 
 
 def no_blur(case: BenchmarkCase, views: int) -> Answer:
@@ -68,13 +72,24 @@ def thesis(case: BenchmarkCase, views: int) -> Answer:
     """The thesis's method: features, pinned corners, random positions, fitted registration."""
     rec, focus = _with_picks(case)
     return _through(
-        case, replace(case.clip, reconstruction=rec), LensSettings(focus, case.radius, views, "thesis")
+        case,
+        replace(case.clip, reconstruction=rec),
+        LensSettings(focus, case.radius, views, "thesis", highlights=HighlightSettings(gain=0)),
     )
 
 
 def by_mesher(name: str, case: BenchmarkCase, views: int) -> Answer:
     """A mesher of the product, as the product calls it; 0 views leaves the number to it."""
     return _through(case, case.clip, LensSettings(case.focus, case.radius, views, name))
+
+
+def of_quality(quality: Quality, case: BenchmarkCase, views: int) -> Answer:
+    """A preset of the product, as the product renders it."""
+    drawn: list[Drawn] = []
+    lens = LensSettings(case.focus, case.radius, views, quality=quality)
+    picture = render_frame(case.clip, case.frame, lens, _size(case), lambda note: None, drawn.append)
+    plan = drawn[0].warped.plan
+    return Answer(picture[..., :3], len(plan.offsets), len(plan.mesh.triangles))
 
 
 def known_fill(case: BenchmarkCase, views: int) -> Answer:
@@ -115,7 +130,16 @@ def cycles(case: BenchmarkCase, views: int) -> Answer:
     """Cycles' thin lens on the mesh over the feature points; `views` are its samples."""
     lens = LensSettings(case.focus, case.radius, 16, "features")
     plan = warp_frame(case.clip, case.frame, lens, _size(case), case.picture).plan
-    return Answer(_thin_lens(case, plan, views), views, len(plan.mesh.triangles))
+    picture = plan.canvas.from_source(case.picture)
+    return Answer(thin_lens(plan, picture, views), views, len(plan.mesh.triangles))
+
+
+def cycles_layers(case: BenchmarkCase, views: int) -> Answer:
+    """Cycles' thin lens on our layered mesh; `views` are its samples."""
+    lens = LensSettings(case.focus, case.radius)
+    warped = mesh_frame(case.clip, case.frame, lens, _size(case), case.picture).through(1, prefiltered=False)
+    plan = warped.plan
+    return Answer(thin_lens(plan, warped.texture, views), views, len(plan.mesh.triangles))
 
 
 def defocus_node(case: BenchmarkCase, views: int) -> Answer:
@@ -149,18 +173,24 @@ def with_layers(case: BenchmarkCase) -> BenchmarkCase:
 PRODUCT = ("addon/core", "addon/render")
 METHODS = {
     "no blur": Method(no_blur, (0,), (0,), ()),
-    "thesis": Method(thesis, (16, 64, 256), (16, 64, 256), PRODUCT),
-    "layers": Method(partial(by_mesher, "layers"), (4, 16, 64, 256), (16, 64), PRODUCT),
+    "thesis": Method(thesis, (4, 16, 64, 256), (16, 64, 256), PRODUCT),
+    "layers": Method(
+        partial(by_mesher, "layers"), (4, 8, 12, 16, 24, 32, 64, 256), (16, 64), PRODUCT, depth=NORMAL
+    ),
+    "draft": Method(partial(of_quality, DRAFT), (0,), (0,), PRODUCT, depth=DRAFT),
+    "normal": Method(partial(of_quality, NORMAL), (0,), (0,), PRODUCT, depth=NORMAL),
+    "final": Method(partial(of_quality, FINAL), (0,), (0,), PRODUCT, depth=FINAL),
     "known fill": Method(
         known_fill, (256,), (64,), (*PRODUCT, "benchmarks/accuracy/oracle.py"), ("T1",), with_layers
     ),
-    "features": Method(partial(by_mesher, "features"), (16, 64), (64,), PRODUCT),
+    "features": Method(partial(by_mesher, "features"), (4, 16, 64), (64,), PRODUCT),
     "grid": Method(partial(by_mesher, "grid"), (64,), (64,), PRODUCT),
     "edges": Method(partial(by_mesher, "edges"), (64,), (64,), PRODUCT),
-    "dense mesh": Method(dense, (64,), (64,), PRODUCT, ("T1",)),
+    "dense mesh": Method(dense, (64,), (64,), PRODUCT, ("T1",), depth=NORMAL),
     "Cycles": Method(cycles, (16,), (16,), PRODUCT),
-    "Defocus": Method(defocus_node, (0,), (0,), ("benchmarks/accuracy/defocus.py",)),
-    "scatter": Method(scattered, (0,), (0,), ("benchmarks/accuracy/scatter.py",)),
+    "Cycles, our mesh": Method(cycles_layers, (4, 16, 64), (16,), PRODUCT, depth=NORMAL),
+    "Defocus": Method(defocus_node, (0,), (0,), ("benchmarks/accuracy/defocus.py",), depth=NORMAL),
+    "scatter": Method(scattered, (0,), (0,), ("benchmarks/accuracy/scatter.py",), depth=NORMAL),
     "oracle": Method(knowing, (64,), (64,), ("benchmarks/accuracy/oracle.py",), ("T1",), with_layers),
 }
 
@@ -171,7 +201,8 @@ def _size(case: BenchmarkCase) -> tuple[int, int]:
 
 def _through(case: BenchmarkCase, clip: ClipContext, lens: LensSettings) -> Answer:
     """The frame as the product draws it."""
-    return _drawn(warp_frame(clip, case.frame, lens, _size(case), case.picture))
+    picture = clip.picture(case.frame, lens.highlights)
+    return _drawn(warp_frame(clip, case.frame, lens, _size(case), picture))
 
 
 def _drawn(warped: WarpedFrame) -> Answer:
@@ -222,11 +253,11 @@ def _dense_plan(case: BenchmarkCase, views: int) -> FramePlan:
     )  # fmt: skip
 
 
-def _thin_lens(case: BenchmarkCase, plan: FramePlan, samples: int) -> Picture:
-    """Cycles' own lens, with the units chosen so that its f-stop stays in Blender's range."""
-    lens, mesh, unit = plan.canvas.pinhole, plan.mesh, case.radius / 0.01
+def thin_lens(plan: FramePlan, picture: Picture, samples: int, seed: int = 0) -> Picture:
+    """(H, W, 3) Cycles' own lens on a plan's mesh painted with a picture (h, w, 4), with the units chosen so
+    that its f-stop stays in Blender's range. What no sample of a pixel hit does not count."""
+    lens, mesh, unit = plan.canvas.pinhole, plan.mesh, plan.lens.radius / 0.01
     inverse = np.maximum(mesh.inverse_depth, 1e-6 * mesh.inverse_depth.max()) * unit
-    picture = plan.canvas.from_source(case.picture)
     scene = bpy.data.scenes.new("lens")
     warp = cycles_views.warp_object(
         mesh.xy, mesh.texture_xy, inverse, mesh.triangles, lens.focal, lens.principal_point, picture
@@ -234,11 +265,13 @@ def _thin_lens(case: BenchmarkCase, plan: FramePlan, samples: int) -> Picture:
     try:
         camera = cycles_views.set_up(scene, warp, (lens.width, lens.height), samples)
         cycles_views.point_camera(scene, lens.focal, lens.principal_point, np.zeros(2), np.eye(2, 3))
+        scene.cycles.seed = seed
         camera.dof.use_dof = True
         camera.dof.focus_distance = 1 / (plan.lens.focus * unit)
         camera.dof.aperture_fstop = camera.lens * 1e-3 / (2 * 0.01)
         with tempfile.TemporaryDirectory() as folder, quiet(1):
             drawn = cycles_views.render_to_array(scene, Path(folder) / "lens.exr")
+        drawn /= np.maximum(drawn[..., 3:], np.float32(LEAST_COVER))
         return plan.canvas.to_source(drawn)[..., :3]
     finally:
         _remove(scene, warp)

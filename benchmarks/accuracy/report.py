@@ -34,9 +34,11 @@ COLUMNS = (
 )
 OURS, VARIANTS, BLENDER = "#D55E00", "#B07800", "#0072B2"
 STYLES = {
-    "no blur": ("0.4", "x"), "thesis": ("black", "v"), "layers": (OURS, "o"), "known fill": (OURS, "."),
+    "no blur": ("0.4", "x"), "thesis": ("black", "v"), "layers": (OURS, "o"), "draft": (OURS, "*"),
+    "normal": (OURS, "*"), "final": (OURS, "*"), "known fill": (OURS, "."),
     "features": (VARIANTS, "v"), "grid": (VARIANTS, "<"), "edges": (VARIANTS, ">"),
-    "dense mesh": (VARIANTS, "s"), "Cycles": (BLENDER, "D"), "Defocus": (BLENDER, "P"),
+    "dense mesh": (VARIANTS, "s"), "Cycles": (BLENDER, "D"),
+    "Cycles, our mesh": (BLENDER, "d"), "Defocus": (BLENDER, "P"),
     "scatter": ("#A0508A", "X"), "oracle": ("#00775A", "^"),
 }  # fmt: skip
 """Colours and markers, after Okabe and Ito (2008), whose lighter ones are darkened to be read as text."""
@@ -165,7 +167,7 @@ def plot(path: Path, scene: str, rows: list[Row]) -> None:
         for track, blur in sorted({(row.track, row.blur_px) for row in scored})
     }
     if panels:
-        _draw(path, f"{scene} (small numbers: views)", panels)
+        draw(path, f"{scene} (small numbers: views)", panels)
 
 
 def overview(path: Path, rows: list[Row]) -> None:
@@ -182,10 +184,10 @@ def overview(path: Path, rows: list[Row]) -> None:
         # A scene half judged, or whose hidden surfaces nobody knows, would take methods out of the mean.
         scenes = {scene for scene in count if count[scene] == max(count.values())}
         panels[f"{TRACKS[track]}, mean of {len(scenes)} scenes"] = [row for row in own if row.scene in scenes]
-    _draw(path, f"Error over cost, largest blur disc {blur} px (small numbers: views)", panels)
+    draw(path, f"Error over cost, largest blur disc {blur} px (small numbers: views)", panels)
 
 
-def _draw(path: Path, title: str, panels: dict[str, list[Row]]) -> None:
+def draw(path: Path, title: str, panels: dict[str, list[Row]]) -> None:
     """Panels two abreast, as wide as a README; every curve carries its name."""
     across = min(len(panels), 2)
     down = -(-len(panels) // across)

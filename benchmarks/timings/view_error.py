@@ -51,8 +51,9 @@ class Scored:
     @cached_property
     def meshed(self) -> MeshedFrame:
         case = GroundTruth(self.scene).case(self.frame, self.blur)
-        size = case.picture.shape[1], case.picture.shape[0]
-        return mesh_frame(case.clip, self.frame, LensSettings(case.focus, case.radius), size, case.picture)
+        size, lens = (case.picture.shape[1], case.picture.shape[0]), LensSettings(case.focus, case.radius)
+        picture = case.clip.picture(self.frame, lens.highlights)
+        return mesh_frame(case.clip, self.frame, lens, size, picture)
 
     @cached_property
     def band(self) -> NDArray[np.bool_]:

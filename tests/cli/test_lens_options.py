@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import cv2
 import pytest
 
 from addon.cli.main import run_command
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.lens.focus import Focus, largest_discs
+from addon.core.media.clip import to_linear
 from addon.core.readers.colmap_export import write_model
 
 from ..scenes import slanted_plane, write_frames
@@ -20,9 +22,13 @@ FRAMES = tuple(range(1, 7))
 
 @pytest.fixture
 def work(registered: None, tmp_path: Path) -> Path:
+    return imported(tmp_path, write_frames(tmp_path / "clip", LENS, FRAMES))
+
+
+def imported(tmp_path: Path, footage: Path) -> Path:
+    """The working folder of the clip with a plane's model."""
     (tmp_path / "model").mkdir()
     write_model(tmp_path / "model", slanted_plane(LENS, FRAMES, count=1500))
-    footage = write_frames(tmp_path / "clip", LENS, FRAMES)
     told = ("import", tmp_path / "model", "--footage", footage, "--work", tmp_path / "work")
     assert run_command([str(each) for each in told]) == 0
     return tmp_path / "work"
@@ -83,6 +89,24 @@ def test_an_error_takes_the_place_of_the_number_of_views(
     assert "made from something else" in capsys.readouterr().err
 
 
+def test_a_quality_says_how_many_views_there_are_and_goes_to_other_processes(
+    work: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lens = ("--focus-distance", "6", "--blur", "0.1", "--frames", "2", "--method", "features")
+    counts = {}
+    for quality in ("draft", "normal", "final"):
+        report, out = tmp_path / f"{quality}.json", tmp_path / quality / "####.png"
+        told = ["render", str(work), *lens, "--out", str(out), "--quality", quality, "--jobs", "2"]
+        assert run_command([*told, "--report", str(report)]) == 0
+        (frame,) = json.loads(report.read_text())["frames"]
+        counts[quality] = frame["views"]
+    assert counts["draft"] < counts["normal"] < counts["final"]
+    told = ["render", str(work), *lens, "--out", str(tmp_path / "draft" / "####.png")]
+    assert run_command(told) == 1
+    assert "made from something else" in capsys.readouterr().err
+    assert run_command([*told, "--quality", "draft"]) == 0
+
+
 def test_discs_before_and_behind_are_said(
     work: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -102,3 +126,38 @@ def test_discs_are_those_of_the_lens() -> None:
     for side, depth in ((front, 5.0), (behind, 12.0)):
         assert side == pytest.approx(2 * 0.2 * LENS.fx * abs(1 / depth - 1 / 7) / LENS.width, rel=0.08)
     assert largest_discs(shot, Focus(distance=40.0), 1, 0.2)[1] == 0
+
+
+@pytest.mark.parametrize(
+    ("wrong", "why"),
+    [
+        (("--highlights", "bright"), "'bright' are not understood"),
+        (("--highlights", "-1"), "must not be negative"),
+        (("--highlight-threshold", "97"), "at most 1"),
+    ],
+)
+def test_highlights_that_mean_nothing_are_refused(
+    work: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], wrong: tuple[str, str], why: str
+) -> None:
+    lens = ("--focus-distance", 6, "--method", "features", *wrong)
+    assert run("render", work, *lens, "--out", tmp_path / "o" / "####.png") == 1
+    assert why in capsys.readouterr().err
+
+
+def test_a_lamp_becomes_a_brighter_disc_unless_highlights_are_off(registered: None, tmp_path: Path) -> None:
+    footage = write_frames(tmp_path / "clip", LENS, FRAMES)
+    for file in sorted(footage.iterdir()):
+        picture = cv2.imread(str(file))
+        picture[20:70, 50:110] //= 8
+        cv2.circle(picture, (16 * 80, 16 * 45), 20, (255, 255, 255), -1, cv2.LINE_AA, 4)
+        cv2.imwrite(str(file), picture)
+    work = imported(tmp_path, footage)
+    lens = ("--focus-distance", 5, "--blur", 0.08, "--method", "features", "--frames", 3)
+    light = []
+    for number, told in enumerate([("--highlights", "off"), (), ("--highlights", "3")]):
+        out = tmp_path / str(number)
+        words = ["render", work, *lens, *told, "--views", 24, "--out", out / "####.png"]
+        assert run_command([str(each) for each in words]) == 0
+        drawn = to_linear(cv2.imread(str(out / "0003.png")))[36:54, 71:89, :3]
+        light.append(float(drawn.sum()))
+    assert light[0] < 0.95 * light[1] < 0.9 * light[2]

@@ -334,6 +334,18 @@ def test_a_frame_that_key_frames_see_too_little_of_is_swept_itself() -> None:
     assert single.swept.count(8) == 1
 
 
+def test_every_frame_is_swept_itself_once_where_that_is_asked_for() -> None:
+    centres = track()
+    single, _ = counted(centres)
+    every = TemporalFusion(poses(centres, features()), single, None, FusionOptions(most_unseen=-1.0))
+    every.at(8)
+    assert single.swept == [3, 5, 7, 9, 11, 13, 8]
+    single.swept.clear()
+    # A key frame's own depth counts once.
+    usual = counted(centres)[1].at(9)
+    np.testing.assert_array_equal(every.at(9).inverse_depth, usual.inverse_depth)
+
+
 def test_kept_depth_is_the_same_and_not_found_again(tmp_path: Path) -> None:
     store = DepthStore(tmp_path, lambda: "key")
     _, fusion = counted(track(), store)

@@ -192,7 +192,7 @@ def test_a_single_surface_is_the_frames_own_but_for_the_border(method: str) -> N
         assert shares[:, 0, RED].max() > 0.2
         np.testing.assert_allclose(shares.sum(axis=2), 1, atol=1e-4)
     made = pictures(warped, source, shares)
-    assert set(made) == {"depth", "wireframe", "sources", "blur"}
+    assert set(made) == {"depth", "wireframe", "sources", "blur", "highlights"}
     report = frame_report(warped, shares, 1.0)
     assert (
         report.bound is None and report.sure is None and report.triangles == len(warped.plan.mesh.triangles)

@@ -247,6 +247,14 @@ def test_a_keyed_lens_is_in_the_key_of_each_frame(ready: bpy.types.Scene) -> Non
     assert keys[0][2] != keys[1][2] and keys[0][3] != keys[1][3]
 
 
+def test_frames_of_two_qualities_have_other_keys(ready: bpy.types.Scene) -> None:
+    keys = []
+    for quality in ("DRAFT", "NORMAL", "FINAL"):
+        ready.virtual_aperture.quality = quality
+        keys.append(frame_keys(ready, FRAMES)[1])
+    assert len(set(keys)) == 3
+
+
 def test_a_frame_that_was_never_begun_is_not_taken_for_one(ready: bpy.types.Scene, tmp_path: Path) -> None:
     """As where a signal arrives while Blender prepares a frame: then its picture is black, and no error."""
     out = tmp_path / "o" / "####.png"

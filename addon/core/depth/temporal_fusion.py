@@ -28,7 +28,8 @@ class FusionOptions:
     """Every so many-th registered frame helps those around it, the same ones for frames that follow each
     other: each is found once, and what is unsure does not flicker. By eye."""
     most_unseen: float = 0.02
-    """Share of a frame that no key frame may see, beyond which it is swept itself. By eye."""
+    """Share of a frame that no key frame may see, beyond which it is swept itself, as with less than 0 every
+    frame is. By eye."""
     sides: int = 3
     """Frames that help on either side. By eye."""
     least_frames: int = 8
@@ -102,13 +103,23 @@ class TemporalFusion:
 
     def at(self, frame: int) -> DenseDepth:
         """The depth of a frame as it is kept, else found; errors as `PlaneSweepStereo.at`."""
+        there = self.kept(frame)
+        if there is not None:
+            return there
+        found = self._found(frame)
+        kept = KeptDepth.of(found.inverse_depth, found.confidence, found.moving, found.past_border)
+        if self._store:
+            self._store.keep_depth(frame, kept)
+        return self._dense(frame, kept)
+
+    def kept(self, frame: int) -> DenseDepth | None:
+        """The depth of a frame as it is kept, None where it would have to be found; errors as `at`."""
         lens = self._stereo.pinhole(frame)
         kept = self._store.depth(frame, (lens.height, lens.width)) if self._store else None
-        if kept is None:
-            found = self._found(frame)
-            kept = KeptDepth.of(found.inverse_depth, found.confidence, found.moving, found.past_border)
-            if self._store:
-                self._store.keep_depth(frame, kept)
+        return None if kept is None else self._dense(frame, kept)
+
+    def _dense(self, frame: int, kept: KeptDepth) -> DenseDepth:
+        lens = self._stereo.pinhole(frame)
         return DenseDepth(
             frame, kept.inverse_depth, kept.confidence, kept.moving, lens, kept.past_border
         )  # fmt: skip
@@ -132,7 +143,7 @@ class TemporalFusion:
         stack = [self._in_place(depth, key, image) for depth, key in zip(depths, keys, strict=True)]
         inner = (slice(self._margin(frame), -self._margin(frame)),) * 2
         unseen = np.mean(np.maximum.reduce([weight[inner] for _, weight in stack]) <= 0)
-        if unseen > options.most_unseen:
+        if own is None and unseen > options.most_unseen:
             own = self._single_frame(image.frame)
             stack.append(self._in_place(own, image, image))
         inverses, weights = (np.stack([each[inner] for each in part]) for part in zip(*stack, strict=True))

@@ -15,12 +15,15 @@ from ..camera.canvas import Canvas
 from ..camera.reconstruction import Reconstruction
 from ..depth.depth_store import DepthStore
 from ..depth.joint_upsampling import upsampled
-from ..depth.multi_view_stereo import COARSE, DenseDepth, Moving, PlaneSweepStereo
+from ..depth.multi_view_stereo import COARSE, DenseDepth, Moving, PlaneSweepStereo, StereoOptions
 from ..depth.source import PixelDepth, SampledDepthSource
 from ..depth.sparse import DepthSamples, frame_features
-from ..depth.temporal_fusion import TemporalFusion
+from ..depth.temporal_fusion import FusionOptions, TemporalFusion
+from ..media.clip import to_linear
 from ..media.picture_file import Pixels
 from ..warp.disocclusion_fill import DisocclusionFill, HiddenColours
+from .highlights import RESTORED, ClipHighlights, HighlightSettings
+from .quality import NORMAL, Quality
 
 
 @dataclass(frozen=True)
@@ -34,46 +37,99 @@ class ClipContext:
     """Depth that need not be found: the user's maps, or the truth of a benchmark."""
     masks: Moving | None = None
     """What is said to move by itself, (h, w) of a source frame at any size."""
-    store: DepthStore | None = None
-    """Where what does not depend on the lens is kept."""
+    store: Callable[[Quality], DepthStore] | None = None
+    """Where what does not depend on the lens is kept, by the quality that it is found in."""
 
     @cached_property
     def stereo(self) -> TemporalFusion:
-        """Depth of every pixel from the clip itself, at the size that it is found at."""
-        single_frame = PlaneSweepStereo(self.reconstruction, self.read, mask=self.masks)
-        return TemporalFusion(self.reconstruction, single_frame, self.store)
+        """Depth of every pixel from the clip itself, at the size that it is found at, of normal quality."""
+        return self._stereo(NORMAL)
+
+    def stereo_of(self, quality: Quality) -> TemporalFusion:
+        """What is `stereo`, of a quality."""
+        options = quality.stereo, quality.fusion
+        if options == (NORMAL.stereo, NORMAL.fusion):
+            return self.stereo
+        if options not in self._others:
+            self._others[options] = self._stereo(quality)
+        return self._others[options]
 
     @cached_property
-    def disocclusion(self) -> DisocclusionFill:
-        """Other frames' colours for what a frame does not show, but for what moves in them."""
-        movers = PlaneSweepStereo(self.reconstruction, self.read, COARSE, self.masks, self.store)
-        return DisocclusionFill(self.reconstruction, self.read, movers.moving)
+    def _others(self) -> dict[tuple[StereoOptions, FusionOptions], TemporalFusion]:
+        return {}
+
+    def _stereo(self, quality: Quality) -> TemporalFusion:
+        store = self.store(quality) if self.store else None
+        single_frame = PlaneSweepStereo(self.reconstruction, self.read, quality.stereo, self.masks)
+        return TemporalFusion(self.reconstruction, single_frame, store, quality.fusion)
+
+    @cached_property
+    def _movers(self) -> PlaneSweepStereo:
+        """What moves by itself, found coarsely, and the same in every quality."""
+        store = self.store(NORMAL) if self.store else None
+        return PlaneSweepStereo(self.reconstruction, self.read, COARSE, self.masks, store)
+
+    @cached_property
+    def _clip_highlights(self) -> dict[float, ClipHighlights]:
+        """By threshold, of which there is hardly more than one."""
+        return {}
+
+    @cached_property
+    def _disocclusion(self) -> dict[HighlightSettings, DisocclusionFill]:
+        """Other frames' colours for what a frame does not show, but for what moves in them; by highlights,
+        the last ones only: pictures are large."""
+        return {}
+
+    def picture(self, frame: int, highlights: HighlightSettings) -> LinearRGBA:
+        """A frame's picture (H, W, 4) in linear light, with the light of highlights that its integers clip.
+
+        Floats hold what is over white already, and stay as they are. UserError where a frame cannot be read.
+        """
+        stored = self.read(frame)
+        linear = to_linear(stored)
+        if stored.dtype == np.float32 or not highlights.gain:
+            return linear
+        of_clip = self._clip_highlights.setdefault(
+            highlights.threshold, ClipHighlights(self.reconstruction, self.read, highlights.threshold)
+        )
+        return of_clip.restored(frame, linear, highlights.gain)
 
     @cached_property
     def texture_memory(self) -> ReusedMemory:
         """Where the textures of frames lie, one after the other."""
         return ReusedMemory()
 
-    def depth(self, frame: int, canvas: Canvas, picture: LinearRGBA) -> PixelDepth:
+    def depth(self, frame: int, canvas: Canvas, picture: LinearRGBA, quality: Quality = NORMAL) -> PixelDepth:
         """The depth of all pixels of a canvas that shows `picture` (H, W, 4): given, else by stereo.
 
-        UserError as `TemporalFusion.at`.
+        Where a better quality's is kept, that is taken. UserError as `TemporalFusion.at`.
         """
         if self.given_depth is not None:
             given = self.given_depth.at(frame, canvas, picture)
             if given is not None:
                 return given
-        return whole_depth(self.stereo.at(frame), picture)
+        better = self.stereo_of(quality.better).kept(frame) if quality.better else None
+        return whole_depth(better or self.stereo_of(quality).at(frame), picture)
 
     def hidden_colours(
-        self, frame: int, canvas: Canvas, picture: LinearRGBA, depth: PixelDepth
+        self,
+        frame: int,
+        canvas: Canvas,
+        picture: LinearRGBA,
+        depth: PixelDepth,
+        highlights: HighlightSettings = RESTORED,
     ) -> HiddenColours:
         """Other frames' colours for what a frame does not show, to be asked for places of its canvas.
 
-        `picture` (H, W, 4) and `depth` are what the frame itself shows.
+        `picture` (H, W, 4) and `depth` are what the frame itself shows, `highlights` what it was read with.
         """
-        shown = depth.inverse_depth
-        found = self.disocclusion.reprojected(frame, canvas, picture, shown, depth.moving, depth.past_border)
+        if highlights not in self._disocclusion:
+            self._disocclusion.clear()
+            self._disocclusion[highlights] = DisocclusionFill(
+                self.reconstruction, lambda other: self.picture(other, highlights), self._movers.moving
+            )
+        fill = self._disocclusion[highlights]
+        found = fill.reprojected(frame, canvas, picture, depth.inverse_depth, depth.moving, depth.past_border)
         return found.colours
 
     def samples(self, frame: int, canvas: Canvas) -> DepthSamples:

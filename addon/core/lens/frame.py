@@ -16,7 +16,7 @@ from ..depth.source import PixelDepth
 from ..depth.sparse import frame_features
 from ..warp.footprint import prefilter
 from ..warp.layered_depth_image import LayeredDepthImage
-from .aperture_sampling import views_needed
+from .aperture_sampling import LEAST_PREFILTERED, MAX_VIEWS, MIN_VIEWS, views_needed
 from .clip_context import ClipContext
 from .meshers import MESHERS
 from .meshers.layers import can_be_layered
@@ -65,6 +65,7 @@ def check_settings(settings: LensSettings) -> None:
         raise UserError(f"the aperture radius is {settings.radius:g}; it must be greater than zero")
     if settings.views < 0:
         raise UserError(f"the number of views is {settings.views}; it must be at least 1")
+    settings.highlights.check()
     if settings.method not in MESHERS:
         raise UserError(f"there is no method {settings.method!r}; choose one of {', '.join(MESHERS)}")
 
@@ -84,8 +85,8 @@ class MeshedFrame:
 
     @property
     def views(self) -> int:
-        """As many as were asked for, or as its largest blur disc needs."""
-        return self.geometry.settings.views or views_needed(self.blur, self.mesher.is_prefiltered)
+        """As many as were asked for, or as its largest blur disc needs in the quality that was."""
+        return _count(self.geometry.settings, self.blur, self.mesher.is_prefiltered)
 
     def through(
         self, count: int, prefiltered: bool = True, reuse: bool = False, variant: int = 0
@@ -140,7 +141,7 @@ def mesh_frame(
     if mesher.needs_pixel_depth:
         started = time.perf_counter()
         with stage("Depth", 0.0, DEEP):
-            depth = clip.depth(frame, geometry.canvas, geometry.picture)
+            depth = clip.depth(frame, geometry.canvas, geometry.picture, settings.quality)
         depth_seconds = time.perf_counter() - started
         geometry = replace(geometry, depth=depth)
         if depth.confidence is not None and float(np.mean(depth.confidence > SURE)) < FEWEST_SURE:
@@ -155,6 +156,12 @@ def mesh_frame(
     return MeshedFrame(geometry, mesher, surface, blur, why, depth_seconds, spent)
 
 
+def drawn_size(settings: LensSettings, size: tuple[int, int]) -> tuple[int, int]:
+    """Size (width, height) that a frame is drawn at which is rendered at a size: a quality may draw depth of
+    every pixel smaller."""
+    return settings.quality.drawn_size(size) if MESHERS[settings.method].needs_pixel_depth else size
+
+
 @dataclass(frozen=True)
 class Forecast:
     """What a frame will be, as far as samples of its depth tell without its picture."""
@@ -167,11 +174,11 @@ class Forecast:
 
 def forecast(clip: ClipContext, frame: int, settings: LensSettings, size: tuple[int, int]) -> Forecast:
     """What `warp_frame` will make of a frame; UserError as it raises, but for what only the picture tells."""
-    geometry, mesher = _geometry(clip, frame, settings, size), MESHERS[settings.method]
+    geometry, mesher = _geometry(clip, frame, settings, drawn_size(settings, size)), MESHERS[settings.method]
     disc = _sampled_disc(geometry)
     is_too_large = mesher.needs_pixel_depth and not can_be_layered(geometry.lens, disc)
     prefiltered = mesher.is_prefiltered and not is_too_large
-    return Forecast(settings.views or views_needed(disc, prefiltered), is_too_large)
+    return Forecast(_count(settings, disc, prefiltered), is_too_large)
 
 
 def view_offsets(clip: ClipContext, frame: int, settings: LensSettings, size: tuple[int, int]) -> Floats:
@@ -180,9 +187,9 @@ def view_offsets(clip: ClipContext, frame: int, settings: LensSettings, size: tu
     They are in scene units, x right and y down. With an automatic number there are about as many as the
     frame will have. Raises UserError as `forecast`.
     """
-    geometry = _geometry(clip, frame, settings, size)
+    geometry = _geometry(clip, frame, settings, drawn_size(settings, size))
     mesher = MESHERS[settings.method]
-    count = settings.views or views_needed(_sampled_disc(geometry), mesher.is_prefiltered)
+    count = _count(settings, _sampled_disc(geometry), mesher.is_prefiltered)
     views: Views = mesher.views(geometry, count, 0)
     return geometry.lens.aperture_positions(views.offsets)
 
@@ -210,6 +217,14 @@ def _geometry(
     lens.check(frame, samples.inverse_depth)
     picture = canvas.from_source(source) if source.size else source
     return FrameGeometry(clip, settings, canvas, picture, lens, samples, None)
+
+
+def _count(settings: LensSettings, blur: float, prefiltered: bool) -> int:
+    """Number of views for a largest blur disc of so many pixels, if none is asked for."""
+    if settings.views:
+        return settings.views
+    wanted = round(settings.quality.views * views_needed(blur, prefiltered))
+    return min(max(wanted, LEAST_PREFILTERED if prefiltered else MIN_VIEWS), MAX_VIEWS)
 
 
 def _sampled_disc(geometry: FrameGeometry) -> float:

@@ -1,4 +1,4 @@
-"""Pictures of what a frame is drawn from: depth, confidence, mesh, what lies behind, sources and blur.
+"""Pictures of what a frame is drawn from: depth, confidence, mesh, what lies behind, sources, blur, lamps.
 
 All are (H, W, 3) uint8 sRGB in the geometry of the source frame, but for what lies behind, which is two such
 pictures side by side.
@@ -27,7 +27,7 @@ from .plan import FramePlan
 
 Shown = NDArray[np.uint8]
 
-NAMES = ("depth", "confidence", "wireframe", "layers", "sources", "blur")
+NAMES = ("depth", "confidence", "wireframe", "layers", "sources", "blur", "highlights")
 """Of all pictures, in the order in which they tell of a frame."""
 SOURCES = ("inpainted", "borrowed", "own")
 """Where a pixel's light comes from, in the order of red, green and blue: made up from beside, or mirrored at
@@ -46,6 +46,10 @@ FAR_SIDES, NEAR_SIDES = (0.35, 0.65, 1.0), (1.0, 0.6, 0.1)
 WARM = ((1.0, 1.0, 1.0), (1.0, 0.55, 0.1), (0.55, 0.0, 0.0))
 COLD = ((1.0, 1.0, 1.0), (0.3, 0.6, 1.0), (0.0, 0.0, 0.5))
 """In focus, half way, and where discs are largest: before the focal plane, and beyond."""
+STOPS = 6.0
+"""Over white, that have the last colour in the picture of highlights: 64 times white."""
+OVER_WHITE = 1.02
+"""Linear light from which on a pixel counts as brighter than white: resampling rings by less."""
 SHARE = 99.0
 """Per cent of the pixels that the scales of depth and blur show; the rest has their last colour."""
 BEYOND = 0.1
@@ -71,6 +75,7 @@ def pictures(warped: WarpedFrame, source: LinearRGBA, shares: LinearRGBA) -> dic
         made["layers"] = _behind(warped, frame)
     made["sources"] = _sources(shares, frame)
     made["blur"] = _in_source(_blur(blur_discs(warped)), plan.canvas)
+    made["highlights"] = _over_white(source[..., :3], frame)
     return made
 
 
@@ -293,6 +298,15 @@ def _blur(signed: Floats) -> Shown:
     ramp = np.array([*COLD[:0:-1], *WARM])
     colour = np.stack([np.interp(share, stops, ramp[:, n]) for n in range(3)], axis=2)
     return np.where(known[..., None], _bytes(colour), 0).astype(np.uint8)
+
+
+def _over_white(linear: LinearRGBA, frame: Shown) -> Shown:
+    """How many stops over white a frame's pixels (H, W, 3) are, recovered or recorded, over the darkened
+    frame: blue just over it, red from `STOPS` on."""
+    peak = linear.max(axis=2)
+    colour = cv2.applyColorMap(_bytes(np.log2(np.maximum(peak, 1)) / STOPS), cv2.COLORMAP_TURBO)[..., ::-1]
+    dark = np.round(DARK * frame).astype(np.uint8)
+    return np.where((peak > OVER_WHITE)[..., None], colour, dark).astype(np.uint8)
 
 
 def largest_shown(signed: Floats) -> float:

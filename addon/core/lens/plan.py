@@ -11,6 +11,8 @@ from ..camera.reconstruction import Floats
 from ..warp.mesh import WarpMesh
 from .aperture import Aperture
 from .focus import Focus
+from .highlights import RESTORED, HighlightSettings
+from .quality import NORMAL, Quality
 from .thin_lens import ThinLens
 
 
@@ -34,6 +36,10 @@ class LensSettings:
     number of views; 0 leaves that as it is."""
     aperture: Aperture = field(default_factory=Aperture)
     """Its shape."""
+    highlights: HighlightSettings = RESTORED
+    """How bright what is clipped becomes."""
+    quality: Quality = NORMAL
+    """What the frame may cost; a number of views, or an error, is kept to whatever it says of views."""
 
 
 @dataclass(frozen=True)

@@ -30,15 +30,16 @@ def make(geometry: FrameGeometry) -> Surface:
     hidden = None
     if geometry.settings.borrow:
         with stage("Hidden surfaces", 0.0, FILLED):
-            hidden = geometry.clip.hidden_colours(geometry.frame, geometry.canvas, picture, geometry.depth)
+            hidden = geometry.clip.hidden_colours(
+                geometry.frame, geometry.canvas, picture, geometry.depth, geometry.settings.highlights
+            )
 
     with stage("Mesh", FILLED, 1.0):
         mesh, texture, layers = layer_mesh(
             picture, scale * inverse_depth, scale * lens.focus, scale, lens.snap_displacement,
             _fill(hidden, picture, lens, scale) if hidden else None,
-            memory=geometry.clip.texture_memory,
-            past_border=None if past is None else scale * lens.untilted_raster(past),
-            stretch=lens.stretch,
+            geometry.settings.quality.mesh, geometry.clip.texture_memory,
+            None if past is None else scale * lens.untilted_raster(past), lens.stretch,
         )  # fmt: skip
     return Surface(mesh, texture, bool(picture[..., 3].min() > 0.999), layers)
 

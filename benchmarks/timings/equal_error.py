@@ -1,0 +1,125 @@
+"""Cost and views at equal error on the same mesh: `python -m benchmarks.timings.equal_error`.
+
+The layered mesh of a scene's first judged frame with its true depth. Cycles' thin lens draws the unfiltered
+texture with a number of samples; what it misses of a converged picture of its own is half of what two seeds
+differ by, squared. Ours is compared with 512 plain views. Costs are CPU seconds of drawing, for ours with the
+prefilter; the mesh is made before. Errors are PSNR in dB of sRGB values, over the whole frame.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from addon.core.base.arrays import Floats
+from addon.core.lens.aperture_sampling import random_disc, vogel_disc
+from addon.core.lens.focus import exact_registration
+from addon.core.lens.frame import MeshedFrame, WarpedFrame
+from addon.core.lens.view_error import difference
+
+from .. import store
+from ..accuracy.methods import thin_lens
+from ..accuracy.scenes import Picture
+from ..cost import measured
+from .view_error import Scored, drawn
+
+COUNTS = (4, 6, 8, 12, 16, 24, 32, 64)
+"""Views of ours, between which costs are interpolated."""
+SEEDS = 4
+"""Of random positions, whose squared errors are averaged."""
+RANDOM = 64
+"""Random views whose error is measured; that of others is as one over their number."""
+
+
+def main() -> None:
+    """Print both tables."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--scenes", nargs="+", default=["bars", "walk"])
+    parser.add_argument("--blur", type=int, default=32, help="largest disc in px")
+    parser.add_argument("--samples", nargs="+", type=int, default=[4, 16, 64], help="of Cycles, a pixel")
+    options = parser.parse_args()
+    print(store.told())
+    print(table(options.scenes, options.blur, options.samples))
+
+
+def table(scenes: list[str], blur: int, samples: list[int]) -> str:
+    """Markdown: Cycles against ours, and views against random ones."""
+    scored = [Scored(name, blur) for name in scenes]
+    lines = [
+        f"Largest disc {blur} px.", "",
+        "| scene | Cycles, samples | its error, dB | CPU s | ours at that error: views | CPU s | Cycles over"
+        " ours |",
+        "|---|---|---|---|---|---|---|",
+        *(line for one in scored for line in against_cycles(one, samples)), "",
+        "| scene | views | plain, dB | random ones for it | prefiltered, dB | random ones for it |",
+        "|---|---|---|---|---|---|",
+        *(line for one in scored for line in against_random(one)), "",
+    ]  # fmt: skip
+    return "\n".join(lines)
+
+
+def against_cycles(scored: Scored, samples: list[int]) -> list[str]:
+    """A row for each number of samples: what ours takes for the same error, interpolated."""
+    errors, costs = [], []
+    for count in COUNTS:
+        # Twice: other work on the machine only adds.
+        runs = [measured(partial(_prefiltered, scored.meshed, count)) for _ in range(2)]
+        errors.append(difference(runs[0][0], scored.reference))
+        costs.append(min(cost.cpu_s for _, cost in runs))
+    # A number more may be a little worse by chance.
+    best = np.maximum.accumulate(errors)
+    warped, lines = scored.meshed.through(1, prefiltered=False), []
+    for count in samples:
+        draw = partial(thin_lens, warped.plan, warped.texture, count)
+        (one, cost), (other, _) = measured(partial(draw, seed=1)), measured(partial(draw, seed=2))
+        error = difference(one, other) + 10 * np.log10(2)
+        if error > best[-1]:
+            lines.append(f"| {scored.name} | {count} | {error:.1f} | {cost.cpu_s:.2f} | - | - | - |")
+            continue
+        views, own = (np.exp(np.interp(error, best, np.log(each))) for each in (COUNTS, costs))
+        few = "at most " if error < best[0] else ""
+        lines.append(
+            f"| {scored.name} | {count} | {error:.1f} | {cost.cpu_s:.2f} | {few}{views:.0f} | {own:.2f} |"
+            f" {cost.cpu_s / own:.0f} |"
+        )
+    return lines
+
+
+def against_random(scored: Scored) -> list[str]:
+    """A row for each number of views: how many random positions have the same error."""
+    meshed, reference = scored.meshed, scored.reference
+    squared = [_squared(at(meshed, partial(random_disc, RANDOM, s)), reference) for s in range(SEEDS)]
+    once, lines = RANDOM * float(np.mean(squared)), []
+    for count in (each for each in COUNTS if each <= 32):
+        plain = _squared(at(meshed, partial(vogel_disc, count)), reference)
+        filtered = _squared(_prefiltered(meshed, count), reference)
+        cells = [
+            f"{-10 * np.log10(each):.1f} | {once / each:.0f} ({once / each / count:.1f} times)"
+            for each in (plain, filtered)
+        ]
+        lines.append(f"| {scored.name} | {count} | {' | '.join(cells)} |")
+    return lines
+
+
+def at(meshed: MeshedFrame, disc: Callable[[], Floats]) -> Picture:
+    """(H, W, 3) a frame with its texture as it is, through views at positions (n, 2) on the unit disc."""
+    offsets = meshed.geometry.lens.radius * disc()
+    warped: WarpedFrame = meshed.through(1, prefiltered=False)
+    registration = exact_registration(warped.plan.canvas, offsets, warped.plan.lens.focus)
+    return drawn(replace(warped, plan=replace(warped.plan, offsets=offsets, registration=registration)))
+
+
+def _prefiltered(meshed: MeshedFrame, count: int) -> Picture:
+    return drawn(meshed.through(count))
+
+
+def _squared(one: Picture, other: Picture) -> float:
+    return float(10 ** (-difference(one, other) / 10))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,56 @@
+"""What the benchmarks of speed make of what they measured."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from addon.core.camera.reconstruction import Intrinsics
+from benchmarks.accuracy.envelope import Curve
+from benchmarks.accuracy.judge import Row
+from benchmarks.timings import growth, speed, whole_runs
+
+from ..scenes import slanted_plane
+
+
+def row(method: str, views: int, cost: float, error: float) -> Row:
+    return Row("bars", "T1", method, views, 32, 1, "", 40.0, psnr=20.0, unclipped_psnr=error, cpu_s=cost)
+
+
+def test_an_envelope_tells_where_others_are_above() -> None:
+    ours = [row("layers", 8, 1.0, 36.0), row("layers", 4, 1.5, 35.0), row("draft", 0, 0.2, 34.0)]
+    below = [row("scatter", 0, 0.3, 33.9), row("thesis", 64, 2.0, 36.0)]
+    assert "every cost" in Curve("", (*ours, *below)).envelope
+    said = Curve("", (*ours, row("scatter", 0, 0.3, 34.5), row("thesis", 4, 0.1, 20.0))).envelope
+    assert "scatter: 0.50 dB above ours at 0.30 s" in said
+    assert "thesis 4: 20.00 dB for 0.10 s, less than any of ours takes" in said
+
+
+def test_a_part_is_put_in_its_place_and_others_stay(tmp_path: Path) -> None:
+    file = tmp_path / "speed.md"
+    names = list(speed.PARTS)
+    for name in (names[3], names[1], names[3]):
+        speed.put(file, name, f"commit of {name}.\n\n| a |\n")
+    text = file.read_text()
+    assert text.startswith(speed.TITLE) and text.count("## ") == 2
+    assert text.index(f"## {names[1]}\n") < text.index(f"## {names[3]}\n")
+    speed.put(file, names[1], "anew")
+    assert "anew" in file.read_text() and f"commit of {names[1]}." not in file.read_text()
+    assert f"commit of {names[3]}.\n\n| a |" in file.read_text()
+
+
+def test_points_are_left_out_evenly_with_their_ids() -> None:
+    whole = slanted_plane(Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0), count=150)
+    for own, kept in zip(whole.images, growth.thinned(whole, 20).images, strict=True):
+        assert len(kept.xy) == len(kept.points) == 20
+        of_id = dict(zip(own.points.tolist(), own.xy.tolist(), strict=True))
+        assert [of_id[number] for number in kept.points.tolist()] == kept.xy.tolist()
+    assert len(growth.thinned(whole, 9999).images[0].xy) == len(whole.images[0].xy)
+
+
+def test_a_frame_costs_what_more_frames_cost_more() -> None:
+    runs = whole_runs.Run(5.0, 8.0, 300.0), whole_runs.Run(11.0, 20.0, 320.0)
+    assert whole_runs.a_frame(runs, 6) == pytest.approx((1.0, 2.0))
+    assert np.isclose(whole_runs.parsed("640x360"), (640, 360)).all()

@@ -1,0 +1,122 @@
+"""Draft, normal and final: what each is drawn from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from addon.core.base.arrays import LinearRGBA
+from addon.core.camera.canvas import Canvas
+from addon.core.camera.reconstruction import Intrinsics
+from addon.core.depth.depth_store import DepthStore, KeptDepth
+from addon.core.depth.source import PixelDepth
+from addon.core.lens.clip_context import ClipContext
+from addon.core.lens.detail import enlarged
+from addon.core.lens.focus import Focus
+from addon.core.lens.frame import forecast, mesh_frame
+from addon.core.lens.plan import LensSettings
+from addon.core.lens.quality import DRAFT, FINAL, NORMAL, QUALITIES, Quality
+from addon.core.media.clip import to_linear
+from addon.render.average import Drawn, render_frame
+
+from ..scenes import psnr, slanted_plane, texture
+
+LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
+SIZE = (160, 90)
+FOCUS, BEHIND = 8.0, 40.0
+PICTURE = texture(*SIZE)
+SOURCE = to_linear(PICTURE)
+LEFT, RIGHT = np.s_[:, 8:64], np.s_[:, 96:152]
+
+
+@dataclass
+class HalfInFocus:
+    """The left half in focus, the right half far behind it."""
+
+    def at(self, frame: int, canvas: Canvas, picture: LinearRGBA) -> PixelDepth:
+        height, width = picture.shape[:2]
+        inverse = np.where(np.arange(width) < width / 2, 1 / FOCUS, 1 / BEHIND)
+        return PixelDepth(np.tile(inverse, (height, 1)), np.ones((height, width), np.float32))
+
+    def samples(self, frame: int, canvas: Canvas) -> None:
+        return None
+
+
+def clip() -> ClipContext:
+    return ClipContext(slanted_plane(LENS, near=5.0, far=12.0), lambda frame: PICTURE, HalfInFocus())
+
+
+def lens(quality: Quality, views: int = 0) -> LensSettings:
+    return LensSettings(Focus(distance=FOCUS), 0.7, views, borrow=False, quality=quality)
+
+
+def rendered(quality: Quality) -> tuple[NDArray[np.float32], Drawn]:
+    drawn: list[Drawn] = []
+    picture = render_frame(clip(), 2, lens(quality), SIZE, lambda note: None, drawn.append)
+    return picture, drawn[0]
+
+
+def test_a_draft_is_sharp_in_focus_and_blurred_as_normal_elsewhere() -> None:
+    normal, whole = rendered(NORMAL)
+    draft, small = rendered(DRAFT)
+    assert draft.shape == normal.shape == (90, 160, 4)
+    assert small.source.shape == (45, 80, 4) and whole.source.shape == (90, 160, 4)
+    assert len(small.warped.plan.offsets) < len(whole.warped.plan.offsets)
+    halved = cv2.resize(cv2.resize(SOURCE, (80, 45), interpolation=cv2.INTER_AREA), SIZE)
+    # Without the sharpness that is added it could not be better than a picture that was small.
+    assert psnr(draft[LEFT], SOURCE[LEFT]) > psnr(halved[LEFT], SOURCE[LEFT]) + 15
+    assert psnr(draft[RIGHT], normal[RIGHT]) > psnr(draft[RIGHT], SOURCE[RIGHT]) + 15
+
+
+def test_sharpness_is_added_where_it_is_kept_and_nowhere_else() -> None:
+    rng = np.random.default_rng(0)
+    source = rng.random((31, 41, 4)).astype(np.float32)
+    small = cv2.resize(source, (21, 16), interpolation=cv2.INTER_AREA)
+    soft = enlarged(small, small, source, None)
+    np.testing.assert_array_equal(enlarged(small, small, source, np.zeros((16, 21), np.float32)), soft)
+    np.testing.assert_allclose(
+        enlarged(small, small, source, np.ones((16, 21), np.float32)), source, atol=1e-6
+    )
+    assert soft.min() >= 0 and soft[..., 3].max() <= 1 and psnr(soft, source) < 20
+
+
+def test_a_quality_multiplies_the_automatic_number_of_views_alone() -> None:
+    automatic = [forecast(clip(), 2, lens(quality), SIZE).views for quality in QUALITIES.values()]
+    assert automatic == sorted(set(automatic)) and automatic[2] == 2 * automatic[1]
+    assert {forecast(clip(), 2, lens(quality, 11), SIZE).views for quality in QUALITIES.values()} == {11}
+    for quality in QUALITIES.values():
+        size = quality.drawn_size(SIZE)
+        picture = cv2.resize(SOURCE, size)
+        assert mesh_frame(clip(), 2, lens(quality, 11), size, picture).views == 11
+
+
+def test_other_methods_are_drawn_at_the_whole_size() -> None:
+    drawn: list[Drawn] = []
+    settings = LensSettings(Focus(distance=FOCUS), 0.3, 4, "features", quality=DRAFT)
+    render_frame(clip(), 2, settings, SIZE, lambda note: None, drawn.append)
+    assert drawn[0].source.shape == (90, 160, 4)
+
+
+@pytest.mark.parametrize("quality", QUALITIES.values(), ids=QUALITIES)
+def test_a_draft_takes_depth_that_is_kept_of_normal_and_nothing_else_does(
+    quality: Quality, tmp_path: Path
+) -> None:
+    bare = ClipContext(slanted_plane(LENS), lambda frame: PICTURE)
+    frame, canvas = 2, Canvas(LENS)
+    pinhole = bare.stereo.at(frame).lens
+    shape = pinhole.height, pinhole.width
+    strange = np.full(shape, 0.5, np.float32)
+    strange[0] = 0.25
+    told = KeptDepth.of(strange, np.ones(shape, np.float32), np.zeros(shape, bool))
+    stores = {each.name: DepthStore(tmp_path, lambda each=each: each.name) for each in QUALITIES.values()}  # type: ignore[misc]
+    stores["normal"].keep_depth(frame, told)
+    kept = ClipContext(bare.reconstruction, bare.read, store=lambda asked: stores[asked.name]).depth(
+        frame, canvas, SOURCE, quality
+    )
+    is_kept = bool(np.isclose(np.median(kept.inverse_depth), 0.5, atol=1e-3))
+    assert is_kept == (quality is not FINAL)
