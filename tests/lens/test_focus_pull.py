@@ -84,3 +84,12 @@ def test_behind_the_camera_a_place_keeps_its_last_distance() -> None:
         np.array(0.1)) * (1 - 0.15 / 5)))  # fmt: skip
     share = float(smoothstep(np.array(0.5)))
     assert 1 / told[6] == pytest.approx((1 - share) / 0.15 + share / 5)
+
+
+def test_points_that_no_frame_shows_for_a_while_are_carried() -> None:
+    # No frame of this walk observed them at all.
+    clip = walk(0.1)
+    assert all(not len(image.points) for image in clip.images)
+    assert [Focus((0, 1)).inverse_depth(clip, frame) for frame in FRAMES] == pytest.approx(
+        [1 / (4 - 0.1 * (frame - 1)) for frame in FRAMES]
+    )

@@ -43,7 +43,7 @@ def smoothstep(time: Floats) -> Floats:
 def inverse_depths(place: Place, reconstruction: Reconstruction, frames: Sequence[int]) -> Floats:
     """(n,) inverse depth of a place at frames (n,), greater than zero.
 
-    Where it lies behind the camera it is that of the nearest frame where it does not.
+    Where it lies behind the camera, or is lost, it is that of the nearest frame where it is not.
     """
     found = np.array([_inverse_depth(place, reconstruction, frame) for frame in frames])
     known = np.flatnonzero(found > 0)
@@ -55,7 +55,9 @@ def inverse_depths(place: Place, reconstruction: Reconstruction, frames: Sequenc
 
 
 def _inverse_depth(place: Place, reconstruction: Reconstruction, frame: int) -> float:
-    """At a frame; 0 where the place lies behind its camera."""
+    """At a frame; 0 where the place lies behind its camera, or is lost."""
+    if place.followed:
+        return 1 / place.followed[frame] if frame in place.followed else 0.0
     if place.world is not None:
         depth = float(reconstruction.image_at(frame)[0].to_camera(place.world)[2])
         return 1 / depth if depth > 0 else 0.0
