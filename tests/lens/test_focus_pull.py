@@ -9,6 +9,8 @@ from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstr
 from addon.core.lens.focus import Focus
 from addon.core.lens.focus_place import Place
 from addon.core.lens.focus_pull import pull, smoothstep
+from sample_scenes import rack
+from sample_scenes.filming import true_cameras
 
 LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
 FRAMES = tuple(range(1, 12))
@@ -93,3 +95,16 @@ def test_points_that_no_frame_shows_for_a_while_are_carried() -> None:
     assert [Focus((0, 1)).inverse_depth(clip, frame) for frame in FRAMES] == pytest.approx(
         [1 / (4 - 0.1 * (frame - 1)) for frame in FRAMES]
     )
+
+
+def test_three_marks_make_the_pull_of_the_scene_rack() -> None:
+    stage = rack.stage()
+    cameras = true_cameras(stage.cameras)
+    marks = []
+    for number in (rack.LEAVES, rack.PASSES, rack.ARRIVES):
+        place = stage.focus[number]
+        distance = float(stage.focus_depth[number])
+        marks.append(Place(Focus(distance=distance), int(cameras.frames[number]), distance, "", place))
+    told = pull(marks, cameras, cameras.frames.tolist())
+    # Its path is eased in the middle camera, not in each: that is 0.02 px of discs of 32.
+    assert list(told.values()) == pytest.approx(stage.focus_depth.tolist(), rel=1e-3)
