@@ -26,7 +26,18 @@ from ..render.frame_size import written_size
 from ..render.quiet import quiet
 from . import NAME
 from .aperture import copy_image
-from .lens import add_lens, check_numbers, lens_arguments, movie_frames, pinned, say, scene_of, set_lens
+from .lens import (
+    add_lens,
+    at_frame,
+    check_numbers,
+    has_focus,
+    lens_arguments,
+    movie_frames,
+    pinned,
+    say,
+    scene_of,
+    set_lens,
+)
 from .paths import path
 from .save import DEPTH, MASKS
 from .solve import add_footage, solve_arguments
@@ -84,7 +95,7 @@ def join(options: argparse.Namespace) -> None:
     files = {frame: rendered.with_name(output.numbered(rendered.name, frame)) for frame in frames}
     output.crop_to_even(scene.render)
     keys = None
-    if any((options.focus_at, options.focus_point, options.focus_distance is not None)):
+    if has_focus(options):
         # As render --for-movie, whichever part of it.
         set_lens(settings, solved, options)
         keys = frame_keys(scene, frames)
@@ -126,9 +137,7 @@ def farm(options: argparse.Namespace) -> None:
         footage = open_footage(source, options.frames and FrameRange.parse(options.frames))
         frames = list(open_footage(source, FrameRange(footage.frames[0], footage.frames[-1])).frames)
         clip = copy_clip(open_footage(source), folder)
-        if options.focus_at and "@" not in options.focus_at:
-            options.focus_at += f"@{frames[0]}"
-        words = lens_arguments(options, depth=None, mask=None, aperture=None)
+        words = lens_arguments(at_frame(options, frames[0]), depth=None, mask=None, aperture=None)
     lens = words + _pictures(options, footage, folder)
     name = clip.relative_to(folder).as_posix()
     job = _job(options, _chunks(frames, options.chunk), lens, None if is_solved else name)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -12,8 +14,16 @@ import numpy as np
 from ..core.base.errors import UserError
 from ..core.camera.reconstruction import Reconstruction
 from ..core.depth.user_maps import open_depth
-from ..core.lens.focus import Focus, check_points, largest_discs, radius_for_blur
+from ..core.lens.focus import (
+    FEWEST_IN_PLANE,
+    Focus,
+    check_points,
+    largest_discs,
+    radius_for_blur,
+    sharp_distances,
+)
 from ..core.lens.focus_place import find_place
+from ..core.lens.focus_pull import pull
 from ..core.lens.frame import check_settings
 from ..core.lens.highlights import HighlightSettings
 from ..core.lens.meshers import MESHERS
@@ -42,10 +52,21 @@ def add_lens(command: argparse.ArgumentParser, required: bool) -> None:
     """Focus, blur, depth and method; a focus must be given where it is `required`."""
     focus = command.add_mutually_exclusive_group(required=required)
     focus.add_argument(
-        "--focus-at", metavar="X,Y[@FRAME]", help="place in the picture, 0,0 top left, 1,1 bottom right"
-    )
+        "--focus-at", metavar="X,Y[@FRAME]", action="append",
+        help="place in the picture, 0,0 top left, 1,1 bottom right; more than once, each with its frame, it"
+        " pulls focus from one to the next",
+    )  # fmt: skip
     focus.add_argument("--focus-point", type=int, nargs="+", metavar="ID", help="feature points in focus")
+    focus.add_argument(
+        "--focus-plane", type=int, nargs="+", metavar="ID",
+        help="three or more feature points, through which the focal plane is tilted",
+    )  # fmt: skip
     focus.add_argument("--focus-distance", type=float, metavar="D", help="depth in the model's own unit")
+    for name, side in (("--tilt", "upper"), ("--swing", "right")):
+        command.add_argument(
+            name, type=float, default=0.0, metavar="DEG",
+            help=f"degrees by which the focal plane's {side} part leans away, about the optical axis",
+        )  # fmt: skip
     blur = command.add_mutually_exclusive_group()
     blur.add_argument(
         "--blur", type=float, metavar="F",
@@ -94,32 +115,48 @@ def add_lens(command: argparse.ArgumentParser, required: bool) -> None:
 
 
 LENS = (
-    "focus_at", "focus_point", "focus_distance", "blur", "aperture_radius", "depth", "mask", "quality",
-    "views", "error", "method", "borrow", "highlights", "highlight_threshold", "aperture", "seed",
+    "focus_at", "focus_point", "focus_plane", "focus_distance", "tilt", "swing", "blur", "aperture_radius",
+    "depth", "mask", "quality", "views", "error", "method", "borrow", "highlights", "highlight_threshold",
+    "aperture", "seed",
 )  # fmt: skip
 """What the options of `add_lens` are kept as."""
+REPEATED = ("focus_at",)
+"""Those that are given once for each of their values."""
 
 
 def pinned(
     options: argparse.Namespace, settings: VirtualApertureSettings, **others: list[str] | None
 ) -> list[str]:
     """`lens_arguments` once the lens is set: a place to focus on is in this frame, whichever are rendered."""
-    if options.focus_at and "@" not in options.focus_at:
-        return lens_arguments(options, focus_at=f"{options.focus_at}@{settings.focus_frame}", **others)
-    return lens_arguments(options, **others)
+    return lens_arguments(at_frame(options, settings.focus_frame), **others)
 
 
-def lens_arguments(options: argparse.Namespace, **others: str | list[str] | None) -> list[str]:
+def at_frame(options: argparse.Namespace, frame: int) -> argparse.Namespace:
+    """The options with a place to focus on that names its frame: this one, where it named none."""
+    if not options.focus_at or "@" in options.focus_at[0]:
+        return options
+    return argparse.Namespace(**vars(options) | {"focus_at": [f"{options.focus_at[0]}@{frame}"]})
+
+
+def lens_arguments(options: argparse.Namespace, **others: list[str] | None) -> list[str]:
     """The options of `add_lens` as words for another process's command line; `others` replace some."""
     words = []
     for name in LENS:
         value = others[name] if name in others else getattr(options, name)
-        if value is not None:
+        if value is not None and name in REPEATED:
+            words += [word for each in value for word in (f"--{name.replace('_', '-')}", each)]
+        elif value is not None:
             values = value if isinstance(value, list) else [value]
             # A path is another process's, in whichever folder.
             told = [str(each.absolute()) if isinstance(each, Path) else str(each) for each in values]
             words += [f"--{name.replace('_', '-')}", *told]
     return words
+
+
+def has_focus(options: argparse.Namespace) -> bool:
+    """Whether the options tell what is in focus."""
+    places = (options.focus_at, options.focus_point, options.focus_plane)
+    return any(places) or options.focus_distance is not None
 
 
 def scene_of(solved: Solve) -> tuple[bpy.types.Scene, VirtualApertureSettings, Footage]:
@@ -173,10 +210,36 @@ def check_numbers(options: argparse.Namespace) -> None:
         )
     if options.focus_distance is not None and not options.focus_distance > 0:
         raise UserError(f"the focus distance is {options.focus_distance:g}; it must be greater than zero")
-    if options.focus_at:
-        x, y, _ = _place(options.focus_at)
+    _check_places([_place(text) for text in options.focus_at or ()])
+    _check_tilt(options)
+
+
+def _check_places(places: Sequence[tuple[float, float, int | None]]) -> None:
+    """UserError for places that are not in the picture, and for several that do not tell their frames."""
+    for x, y, _ in places:
         if not (0 <= x <= 1 and 0 <= y <= 1):
             raise UserError(f"focus at {x:g},{y:g} is outside the picture; both must be between 0 and 1")
+    frames = [frame for _, _, frame in places]
+    if len(frames) > 1 and None in frames:
+        x, y, _ = places[frames.index(None)]
+        raise UserError(
+            f"focus at {x:g},{y:g} has no frame; a pull takes X,Y@FRAME for each of its places, such as"
+            f" {x:g},{y:g}@12"
+        )
+    if twice := sorted({frame for frame in frames if frame is not None and frames.count(frame) > 1}):
+        raise UserError(f"two places are to be in focus at frame {twice[0]}; give each its own frame")
+
+
+def _check_tilt(options: argparse.Namespace) -> None:
+    """UserError for a focal plane that is none."""
+    for name in ("tilt", "swing"):
+        angle = getattr(options, name)
+        if not -90 < angle < 90:
+            raise UserError(f"the {name} is {angle:g} degrees; it must be between -90 and 90")
+        if angle and options.focus_plane:
+            raise UserError(f"the points of the focal plane tell its tilt; leave --{name} out")
+    if options.focus_plane and len(set(options.focus_plane)) < FEWEST_IN_PLANE:
+        raise UserError(f"a focal plane through points takes {FEWEST_IN_PLANE} or more")
 
 
 def set_lens(
@@ -192,18 +255,8 @@ def set_lens(
     """
     reconstruction = solved.reconstruction
     _set_clip_files(settings, solved, options)
-    frame, place = int(reconstruction.frames[0]), None
-    if options.focus_at:
-        x, y, wanted = _place(options.focus_at)
-        frame = _registered(reconstruction, frames) if wanted is None else wanted
-        place = find_place(shot_of(settings.id_data).context, frame, x, y)
-        focus = place.focus
-        say(f"in focus: {place.distance:.4g} away at frame {frame}, from {place.source}")
-    elif options.focus_point:
-        focus = Focus(points=tuple(options.focus_point))
-        check_points(reconstruction, focus.points)
-    else:
-        focus = Focus(distance=options.focus_distance)
+    focus, frame, distances = _chosen_focus(settings, reconstruction, options, frames)
+    focus = replace(focus, tilt=math.radians(options.tilt), swing=math.radians(options.swing))
     fewest = MESHERS[options.method].fewest_focus_points
     if len(focus.points) < fewest:
         raise UserError(
@@ -220,9 +273,9 @@ def set_lens(
         )
     )
     set_focus(settings, focus, frame)
-    if place is not None:
-        follow_distances(settings, place.distances(reconstruction))
+    follow_distances(settings, distances)
     say(_discs(reconstruction, focus, frame, radius))
+    say(_sharp(reconstruction, focus, frame, radius))
     blur = None if options.aperture_radius is not None else options.blur or DEFAULT_BLUR
     set_aperture(settings, radius, blur)
     settings.quality = options.quality.upper()
@@ -234,6 +287,38 @@ def set_lens(
     settings.seed = options.seed
     set_shape(settings, options.aperture)
     aperture_cloud.update(settings)
+
+
+def _chosen_focus(
+    settings: VirtualApertureSettings,
+    reconstruction: Reconstruction,
+    options: argparse.Namespace,
+    frames: Sequence[int],
+) -> tuple[Focus, int, dict[int, float]]:
+    """What is in focus, the frame at which it is, and its distances by frame where those are followed.
+
+    `frames` as of `set_lens`.
+    """
+    own = int(reconstruction.frames[0])
+    if points := options.focus_point or options.focus_plane:
+        focus = Focus(points=tuple(points), through_points=bool(options.focus_plane))
+        check_points(reconstruction, focus.points)
+        return focus, own, {}
+    if not options.focus_at:
+        return Focus(distance=options.focus_distance), own, {}
+    shot = shot_of(settings.id_data)
+    found = []
+    for x, y, frame in map(_place, options.focus_at):
+        at = _registered(reconstruction, frames) if frame is None else frame
+        found.append(find_place(shot.context, at, x, y))
+    found.sort(key=lambda place: place.frame)
+    for place in found:
+        say(f"in focus: {place.distance:.4g} away at frame {place.frame}, from {place.source}")
+    if len(found) == 1:
+        return found[0].focus, found[0].frame, found[0].distances(reconstruction)
+    # The aperture is chosen for the first one, and stays.
+    focus = Focus(distance=found[0].distance)
+    return focus, found[0].frame, pull(found, reconstruction, shot.footage.frames)
 
 
 def _set_clip_files(settings: VirtualApertureSettings, solved: Solve, options: argparse.Namespace) -> None:
@@ -262,6 +347,14 @@ def _discs(reconstruction: Reconstruction, focus: Focus, frame: int, radius: flo
         )
     ]
     return f"largest blur discs at frame {frame}: {', '.join(parts)}"
+
+
+def _sharp(reconstruction: Reconstruction, focus: Focus, frame: int, radius: float) -> str:
+    """Between which distances blur discs are too small to be seen."""
+    near, far = sharp_distances(reconstruction, focus, frame, radius)
+    where = " on the optical axis" if focus.is_tilted else ""
+    reach = f"from {near:.4g} on" if math.isinf(far) else f"from {near:.4g} to {far:.4g} away"
+    return f"sharp at frame {frame}{where}: {'nothing' if math.isinf(near) else reach}"
 
 
 def _registered(reconstruction: Reconstruction, frames: Sequence[int]) -> int:

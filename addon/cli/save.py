@@ -21,7 +21,7 @@ from ..scene.build import move_clip
 from ..scene.paths import absolute
 from ..scene.properties import VirtualApertureSettings
 from .aperture import FOLDER as APERTURE
-from .lens import add_lens, check_numbers, say, scene_of, set_lens
+from .lens import add_lens, check_numbers, has_focus, say, scene_of, set_lens
 from .paths import path
 
 MASKS, DEPTH = "masks", "depth"
@@ -62,7 +62,7 @@ def save(options: argparse.Namespace) -> None:
     check_numbers(options)
     solved = load_solve(options.work)
     scene, settings, footage = scene_of(solved)
-    if any((options.focus_at, options.focus_point, options.focus_distance is not None)):
+    if has_focus(options):
         set_lens(settings, solved, options)
     set_still(scene, ".png", footage)
     atomic.collect_orphans(blend.parent)

@@ -51,6 +51,9 @@ def focus_of(settings: bpy.types.PropertyGroup) -> Focus:
     return Focus(
         points=points if settings.focus_by == "POINTS" else (),
         distance=settings.focus_distance if settings.focus_distance > 0 else None,
+        through_points=settings.focus_through_points,
+        tilt=settings.focus_tilt,
+        swing=settings.focus_swing,
     )
 
 
@@ -127,7 +130,7 @@ def key_distance(settings: bpy.types.PropertyGroup) -> None:
 
 
 def set_focus(settings: bpy.types.PropertyGroup, focus: Focus, frame: int) -> None:
-    """Put points or a distance in focus, at a frame.
+    """Put points or a distance in focus, at a frame, with its tilt.
 
     Points set the distance to their own at that frame, so that it can be keyed from there on. The first
     focus chooses the aperture, from the blur.
@@ -138,6 +141,8 @@ def set_focus(settings: bpy.types.PropertyGroup, focus: Focus, frame: int) -> No
             settings.focus_points.add().point = point
         settings.focus_by = "POINTS" if focus.points else "DISTANCE"
         settings.focus_frame = frame
+        settings.focus_through_points = focus.through_points
+        settings.focus_tilt, settings.focus_swing = focus.tilt, focus.swing
         settings.focus_distance = focus.distance or _distance(settings, focus, frame)
         chosen = settings.use_radius and not settings.follows_blur
         settings.follows_blur = False

@@ -22,6 +22,8 @@ from . import aperture_cloud, lens
 from .aperture_shape import VirtualApertureShape
 
 VERSION = 1
+MOST_TILT = 1.57
+"""Radians, a little less than a right angle, at which the focal plane holds the optical axis."""
 
 
 def _aperture_changed(settings: VirtualApertureSettings, _context: bpy.types.Context) -> None:
@@ -188,6 +190,32 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
         default=0.0,
         precision=3,
         update=_edited(lens.on_distance),
+    )
+    focus_through_points: BoolProperty(
+        name="Plane Through Points",
+        description="Tilt the focal plane so that it goes through the picked points, three or more",
+        default=False,
+        update=_edited(lens.on_focus),
+    )
+    focus_tilt: FloatProperty(
+        name="Tilt",
+        description="By how much the focal plane's upper part leans away from the camera, about its place on"
+        " the optical axis",
+        subtype="ANGLE",
+        min=-MOST_TILT,
+        max=MOST_TILT,
+        default=0.0,
+        update=_edited(lens.on_focus),
+    )
+    focus_swing: FloatProperty(
+        name="Swing",
+        description="By how much the focal plane's right part leans away from the camera, about its place on"
+        " the optical axis",
+        subtype="ANGLE",
+        min=-MOST_TILT,
+        max=MOST_TILT,
+        default=0.0,
+        update=_edited(lens.on_focus),
     )
     blur: FloatProperty(
         name="Blur",

@@ -38,6 +38,7 @@ def keep_focus(settings: bpy.types.PropertyGroup, clip: Path) -> KeptFocus | Non
     focus = Focus(
         tuple(entry.point for entry in settings.focus_points),
         settings.focus_distance if settings.focus_distance > 0 else None,
+        settings.focus_through_points,
     )
     if not focus.points and focus.distance is None:
         return None

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import bmesh
 import bpy
 
 from ..core.base.counting import counted
 from ..core.base.errors import UserError
-from ..core.lens.focus import Focus
 from ..scene import aperture_cloud, lens
 from ..scene.point_cloud import ID_ATTRIBUTE
 from ..scene.shot import reconstruction_of
@@ -44,9 +45,11 @@ class VIRTUAL_APERTURE_OT_set_focus(bpy.types.Operator):  # noqa: N801
                 f"all {len(ids)} vertices are selected; press Alt A to select none, then select some on what"
                 " is to be in focus"
             )
-        focus = Focus(points=tuple(ids))
-        frame = reconstruction.image_at(context.scene.frame_current)[0].frame
-        focus.inverse_depth(reconstruction, frame)
+        focus = replace(lens.focus_of(settings), points=tuple(ids), distance=None)
+        image, _ = reconstruction.image_at(context.scene.frame_current)
+        frame = image.frame
+        # Whether there is a plane through them.
+        focus.lens(reconstruction, frame, reconstruction.intrinsics(image).without_distortion(), 1.0)
         # In Edit Mode only the mesh can be undone, and the points' colours are hidden.
         bpy.ops.object.mode_set(mode="OBJECT")
         lens.set_focus(settings, focus, frame)

@@ -144,6 +144,12 @@ class VIRTUAL_APERTURE_PT_lens(_Panel, bpy.types.Panel):  # noqa: N801
         column = layout.column()
         column.active = not by_points
         column.prop(settings, "focus_distance", text="Distance")
+        column = layout.column(align=True)
+        if by_points:
+            column.prop(settings, "focus_through_points")
+        if not (by_points and settings.focus_through_points):
+            column.prop(settings, "focus_tilt")
+            column.prop(settings, "focus_swing")
         layout.prop(settings, "blur")
         column = layout.column()
         column.active = not lens.is_keyed(settings, "blur")

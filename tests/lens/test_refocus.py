@@ -68,6 +68,9 @@ def test_a_point_that_was_not_found_again_is_left_out(old: Reconstruction) -> No
     new = solved_anew(old, without=PICKED[:2])
     found = carry_focus(old, new, Focus(PICKED), 2).focus.points
     np.testing.assert_allclose(new.points.xyz[list(found)], 3 * old.points.xyz[list(PICKED[2:])], rtol=1e-9)
+    # Two make no plane.
+    through = Focus(PICKED, through_points=True)
+    assert carry_focus(old, new, through, 2).focus.points == ()
     # One alone tells no depth.
     assert carry_focus(old, solved_anew(old, without=PICKED[:3]), Focus(PICKED), 2).focus.points == ()
 

@@ -9,8 +9,16 @@ import numpy as np
 
 from ..base.errors import UserError
 from ..camera.canvas import Canvas
-from ..camera.reconstruction import Floats, Ints, Reconstruction, seen_by
+from ..camera.reconstruction import Floats, Intrinsics, Ints, Reconstruction, seen_by
 from ..depth.sparse import FrameFeatures, frame_features, point_inverse_depths
+from .thin_lens import ThinLens
+
+FEWEST_IN_PLANE = 3
+"""Points in focus that make a plane."""
+COLLINEAR = 1e-3
+"""Of the extent of points in focus: a plane through points that lie closer to a line is none. By eye."""
+IN_PLANE = 1e-6
+"""Of the distance of points in focus: a camera that is closer to their plane sees it as a line. By eye."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +44,62 @@ class Focus:
     points: tuple[int, ...] = ()
     distance: float | None = None
     """Depth along the optical axis, in scene units, or infinity; used where there are no points."""
+    through_points: bool = False
+    """Whether the focal plane is tilted to go through the points, three or more, and stays with them."""
+    tilt: float = 0.0
+    """Radians by which the focal plane's upper part leans away from the camera, about its place on the
+    optical axis; not of a plane through points."""
+    swing: float = 0.0
+    """The same of its right part."""
+
+    @property
+    def is_tilted(self) -> bool:
+        """Whether the focal plane need not be parallel to the picture."""
+        return bool(self.through_points and self.points) or self.tilt != 0 or self.swing != 0
+
+    def lens(
+        self, reconstruction: Reconstruction, frame: int, pinhole: Intrinsics, radius: float
+    ) -> ThinLens:
+        """The thin lens of an aperture radius in scene units at a frame that is seen through a pinhole.
+
+        UserError as `inverse_depth`, and where the points in focus make no plane.
+        """
+        inverse = self.inverse_depth(reconstruction, frame)
+        slope = (0.0, 0.0)
+        if self.through_points and self.points:
+            inverse, slope = self._plane_through_points(reconstruction, frame, pinhole)
+        elif self.tilt or self.swing:
+            # Z = Z0 + X tan(swing) - Y tan(tilt), divided by Z Z0; y points down.
+            slope = (
+                -inverse * float(np.tan(self.swing)) / pinhole.fx,
+                inverse * float(np.tan(self.tilt)) / pinhole.fy,
+            )
+        return ThinLens.on_plane(pinhole, radius, inverse, slope)
+
+    def _plane_through_points(
+        self, reconstruction: Reconstruction, frame: int, pinhole: Intrinsics
+    ) -> tuple[float, tuple[float, float]]:
+        """Inverse depth on the optical axis and its slope a pixel, of the plane with the least sum of squared
+        distances to the points: the same one in all frames."""
+        if len(self.points) < FEWEST_IN_PLANE:
+            raise UserError(
+                f"a focal plane through points takes {FEWEST_IN_PLANE} or more; {len(self.points)} are picked"
+            )
+        xyz = reconstruction.points.xyz[check_points(reconstruction, self.points)]
+        centre = xyz.mean(axis=0)
+        _, extent, axes = np.linalg.svd(xyz - centre, full_matrices=False)
+        if not extent[1] > COLLINEAR * extent[0]:
+            raise UserError("the points in focus lie in a line; pick points that span a plane")
+        image, _ = reconstruction.image_at(frame)
+        normal, middle = image.rotation @ axes[2], image.to_camera(centre)
+        away = float(normal @ middle)
+        if not abs(away) > IN_PLANE * float(np.linalg.norm(middle)):
+            raise UserError(
+                f"frame {frame}: the camera lies in the plane of the points in focus; pick other points"
+            )
+        # normal . (x, y, 1) Z = away on the plane, for rays (x, y, 1).
+        across, down = normal[:2] / away / pinhole.focal
+        return float(normal[2] / away), (float(across), float(down))
 
     def inverse_depth(self, reconstruction: Reconstruction, frame: int) -> float:
         """Inverse depth of the focal plane at a frame.
@@ -161,27 +225,38 @@ def largest_discs(
     Of all but the nearest and farthest 2 % of its points; 0 where none is on that side.
     """
     image, _ = reconstruction.image_at(frame)
-    lens = reconstruction.intrinsics(image)
-    inverse = frame_features(reconstruction, frame, Canvas(lens)).inverse_depth
-    if not len(inverse):
+    canvas = Canvas(reconstruction.intrinsics(image))
+    features = frame_features(reconstruction, frame, canvas)
+    if not len(features.points):
         return 0.0, 0.0
-    plane = focus.inverse_depth(reconstruction, frame)
-    far, near = np.percentile(inverse, [2, 98])
-    of_contrast = 2 * radius * lens.fx / lens.width
+    lens = focus.lens(reconstruction, frame, canvas.pinhole, radius)
+    plane = lens.focus
+    far, near = np.percentile(lens.untilted(features.inverse_depth, features.observed), [2, 98])
+    of_contrast = 2 * radius * canvas.lens.fx / canvas.lens.width
     return float(of_contrast * max(near - plane, 0.0)), float(of_contrast * max(plane - far, 0.0))
+
+
+def sharp_distances(
+    reconstruction: Reconstruction, focus: Focus, frame: int, radius: float
+) -> tuple[float, float]:
+    """`ThinLens.sharp_distances` at a frame, of an aperture radius in scene units."""
+    image, _ = reconstruction.image_at(frame)
+    plain = reconstruction.intrinsics(image).without_distortion()
+    return focus.lens(reconstruction, frame, plain, radius).sharp_distances
 
 
 def _blur_of_unit_radius(reconstruction: Reconstruction, focus: Focus, frame: int) -> float:
     image, _ = reconstruction.image_at(frame)
-    lens = reconstruction.intrinsics(image)
-    features = frame_features(reconstruction, frame, Canvas(lens))
+    canvas = Canvas(reconstruction.intrinsics(image))
+    features = frame_features(reconstruction, frame, canvas)
     if not len(features.points):
         raise UserError(
             f"frame {frame} has no usable feature points to measure a blur by; pick the focus in another"
             " frame, give the aperture's radius, or solve the clip again"
         )
-    inverse = focus.inverse_depth(reconstruction, frame)
-    far, near = np.percentile(features.inverse_depth, [2, 98])
+    lens = focus.lens(reconstruction, frame, canvas.pinhole, 1.0)
+    inverse = lens.focus
+    far, near = np.percentile(lens.untilted(features.inverse_depth, features.observed), [2, 98])
     contrast = inverse - far
     if contrast < 0.25 * (near - inverse):
         contrast = near - inverse
@@ -190,7 +265,7 @@ def _blur_of_unit_radius(reconstruction: Reconstruction, focus: Focus, frame: in
             "everything in the picture lies in the focal plane, so there is nothing to blur;"
             " focus elsewhere or give the aperture's radius"
         )
-    return float(2 * lens.fx * contrast / lens.width)
+    return float(2 * canvas.lens.fx * contrast / canvas.lens.width)
 
 
 def exact_registration(canvas: Canvas, offsets: Floats, inverse_depth: float) -> Floats:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from ..depth.multi_view_stereo import DenseDepth
 from ..depth.sparse import frame_features
 from .clip_context import ClipContext
 from .focus import Focus, pick
+from .focus_follow import follow
 from .frame import NOTHING, SURE
 
 NEAR = 0.06
@@ -33,9 +35,14 @@ class Place:
     """What the distance was found from, for people."""
     world: Floats | None = None
     """(3,) where the place is, of one that no points follow and that stands still."""
+    followed: Mapping[int, float] = field(default_factory=dict)
+    """Distances by frame of a place on what moves by itself, as far as it could be followed."""
 
     def distances(self, reconstruction: Reconstruction) -> dict[int, float]:
-        """By registered frame the depth of `world`, where it lies ahead of the camera."""
+        """By registered frame the depth of `world`, where it lies ahead of the camera, or what was
+        followed."""
+        if self.followed:
+            return dict(self.followed)
         if self.world is None:
             return {}
         depths = {image.frame: float(image.to_camera(self.world)[2]) for image in reconstruction.images}
@@ -83,7 +90,14 @@ def find_place(clip: ClipContext, frame: int, x: float, y: float) -> Place:
         )
     distance = 1 / inverse
     if moves:
-        return Place(Focus(distance=distance), frame, distance, f"{source}; it moves by itself")
+        at = np.array([x * canvas.lens.width, y * canvas.lens.height])
+        followed = follow(clip, frame, at, inverse)
+        first, last = min(followed), max(followed)
+        told = f"and is followed from frame {first} to {last}" if last > first else "and cannot be followed"
+        # With the others: one depth alone may be off.
+        distance = followed[frame]
+        where = f"{source}; it moves by itself {told}"
+        return Place(Focus(distance=distance), frame, distance, where, followed=followed)
     pinhole = canvas.pinhole
     ray = np.append((click - pinhole.principal_point) / pinhole.focal, 1.0)
     world = image.rotation.T @ (distance * ray - image.translation)

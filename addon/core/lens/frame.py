@@ -22,7 +22,6 @@ from .meshers import MESHERS
 from .meshers.layers import can_be_layered
 from .meshers.mesher import FrameGeometry, Mesher, Surface, Views
 from .plan import FramePlan, LensSettings
-from .thin_lens import ThinLens
 
 SURE = 0.1
 """Confidence in [0, 1] from which on a pixel's depth is known: by eye."""
@@ -149,7 +148,8 @@ def mesh_frame(
             mesher, why = MESHERS["grid"], TOO_UNSURE
     blur = _sampled_disc(geometry)
     if geometry.depth is not None and mesher.needs_pixel_depth:
-        blur = geometry.lens.largest_disc(geometry.depth.inverse_depth)
+        lens = geometry.lens
+        blur = lens.largest_disc(lens.untilted_raster(geometry.depth.inverse_depth))
     with stage("Mesh", DEEP if mesher.needs_pixel_depth else 0.0, 1.0):
         surface = mesher.make(geometry)
     spent = time.perf_counter() - began - depth_seconds
@@ -182,15 +182,16 @@ def forecast(clip: ClipContext, frame: int, settings: LensSettings, size: tuple[
 
 
 def view_offsets(clip: ClipContext, frame: int, settings: LensSettings, size: tuple[int, int]) -> Floats:
-    """(N, 2) positions of a frame's virtual cameras in scene units, x right and y down, without its picture.
+    """(N, 2) positions of a frame's virtual cameras on the aperture, without its picture.
 
-    With an automatic number there are about as many as the frame will have. Raises UserError as `forecast`.
+    They are in scene units, x right and y down. With an automatic number there are about as many as the
+    frame will have. Raises UserError as `forecast`.
     """
     geometry = _geometry(clip, frame, settings, drawn_size(settings, size))
     mesher = MESHERS[settings.method]
     count = _count(settings, _sampled_disc(geometry), mesher.is_prefiltered)
     views: Views = mesher.views(geometry, count, 0)
-    return views.offsets
+    return geometry.lens.aperture_positions(views.offsets)
 
 
 def _geometry(
@@ -209,8 +210,10 @@ def _geometry(
         samples = clip.samples(frame, canvas)
     else:
         samples = frame_features(reconstruction, frame, canvas)
-    focus = settings.focus.inverse_depth(reconstruction, frame)
-    lens = ThinLens(canvas.pinhole, settings.radius, focus)
+    lens = settings.focus.lens(reconstruction, frame, canvas.pinhole, settings.radius)
+    if lens.is_tilted and not MESHERS[settings.method].takes_tilt:
+        raise UserError(f"the method {settings.method} has no tilted focal plane; choose another one")
+    samples = replace(samples, inverse_depth=lens.untilted(samples.inverse_depth, samples.observed))
     lens.check(frame, samples.inverse_depth)
     picture = canvas.from_source(source) if source.size else source
     return FrameGeometry(clip, settings, canvas, picture, lens, samples, None)

@@ -74,8 +74,7 @@ def pictures(warped: WarpedFrame, source: LinearRGBA, shares: LinearRGBA) -> dic
     if warped.layers:
         made["layers"] = _behind(warped, frame)
     made["sources"] = _sources(shares, frame)
-    signed = plan.lens.blur_disc(inverse)
-    made["blur"] = _in_source(_blur(signed), plan.canvas)
+    made["blur"] = _in_source(_blur(blur_discs(warped)), plan.canvas)
     made["highlights"] = _over_white(source[..., :3], frame)
     return made
 
@@ -85,7 +84,14 @@ def inverse_depth(warped: WarpedFrame) -> Floats:
     if warped.layers and warped.depth is not None:
         return warped.depth.inverse_depth
     mesh, pinhole = warped.plan.mesh, warped.plan.canvas.pinhole
-    return at_pixels(mesh.xy, mesh.inverse_depth, mesh.triangles, (pinhole.height, pinhole.width))
+    inverse = warped.plan.lens.tilted(mesh.inverse_depth, mesh.xy)
+    return at_pixels(mesh.xy, inverse, mesh.triangles, (pinhole.height, pinhole.width))
+
+
+def blur_discs(warped: WarpedFrame) -> Floats:
+    """(H, W) signed diameters in pixels of the blur discs of the canvas's pixels, as `ThinLens.blur_disc`."""
+    lens = warped.plan.lens
+    return lens.blur_disc(lens.untilted_raster(inverse_depth(warped)))
 
 
 # Sources
@@ -98,7 +104,7 @@ def source_frame(warped: WarpedFrame) -> WarpedFrame:
     """
     plan = warped.plan
     if len(plan.offsets) > SOURCE_VIEWS:
-        offsets = plan.lens.radius * vogel_disc(SOURCE_VIEWS)
+        offsets = plan.lens.sheared_positions(plan.lens.radius * vogel_disc(SOURCE_VIEWS))
         registration = exact_registration(plan.canvas, offsets, plan.lens.focus)
         if warped.method == "thesis":
             # Its positions are random and its registration is fitted: the first ones are as good as any.

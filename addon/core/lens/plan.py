@@ -50,8 +50,10 @@ class FramePlan:
     canvas: Canvas
     lens: ThinLens
     mesh: WarpMesh
+    """Its inverse depths are `lens.untilted`."""
     offsets: Floats
-    """(N, 2) virtual camera positions in scene units along the actual camera's x (right) and y (down)."""
+    """(N, 2) virtual camera positions in scene units along the actual camera's x (right) and y (down), as
+    `ThinLens.sheared_positions`."""
     registration: Floats
     """(N, 2, 3) maps from pixels of a synthesized view to pixels in register with the focal plane."""
     blur: float

@@ -9,7 +9,7 @@ import numpy as np
 from ..camera.canvas import Canvas
 from ..camera.reconstruction import Floats, Image, Reconstruction, seen_by
 from ..depth.sparse import FrameFeatures, frame_features
-from .focus import Focus
+from .focus import FEWEST_IN_PLANE, Focus
 
 NEAR = 0.006
 """Of the picture's width: how far from a point's old place a new one may be; 4 pixels of 640, by eye."""
@@ -38,7 +38,7 @@ def carry_focus(old: Reconstruction, new: Reconstruction, focus: Focus, frame: i
     """The focus on the same places of the pictures, for a clip that was solved again.
 
     Of each picked point the place is where it was seen, in the frame nearest to the one it was picked in.
-    Two points at least must be found again, or all where fewer were picked.
+    Two points at least must be found again, three of a plane, or all where fewer were picked.
     """
     common = np.intersect1d(old.frames, new.frames)
     if not len(common):
@@ -59,7 +59,7 @@ def carry_focus(old: Reconstruction, new: Reconstruction, focus: Focus, frame: i
             match = _match(features[each], new, each, place[0], place[1] / scale)
             found += [] if match is None or match in found else [match]
             break
-    enough = len(found) >= min(2, len(focus.points))
+    enough = len(found) >= min(FEWEST_IN_PLANE if focus.through_points else 2, len(focus.points))
     return Refocus(Focus(tuple(found) if enough else (), distance), nearest, scale)
 
 

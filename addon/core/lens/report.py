@@ -15,7 +15,7 @@ from ..sfm.report import ranges
 from ..warp.layered_mesh import LayeredMeshOptions
 from ..warp.rasterise import at_pixels
 from .frame import SURE, WarpedFrame
-from .inspection import SOURCES, inverse_depth, largest_shown, surface_of
+from .inspection import SOURCES, blur_discs, largest_shown, surface_of
 
 ASKED, SURE_ENOUGH, GIVEN = "as asked", "its depth is sure enough", "its depth is given"
 """Why a frame got the method that was asked for: layers need depth."""
@@ -107,7 +107,7 @@ def frame_report(warped: WarpedFrame, shares: LinearRGBA, draw_seconds: float) -
     confidence = _confidence(warped)
     sure = None if confidence is None else 100 * float(np.mean(confidence > SURE))
     lens, triangles = plan.canvas.lens, len(plan.mesh.triangles)
-    signed = plan.lens.blur_disc(inverse_depth(warped))
+    signed = blur_discs(warped)
     known = np.abs(signed[np.isfinite(signed)])
     median, largest = (float(f(known)) if len(known) else 0.0 for f in (np.median, np.max))
     parts = {n: 100 * float(shares[..., k].mean(dtype=np.float64)) for k, n in enumerate(SOURCES)}

@@ -1,4 +1,12 @@
-"""The thin lens that a frame is seen through: circles of confusion, and what counts as in focus."""
+"""The thin lens that a frame is seen through: circles of confusion, and what counts as in focus.
+
+A tilted focal plane has inverse depth F(x, y) that is linear over the picture. The shear of space that takes
+1 / Z to 1 / Z - F(x, y) + const keeps every pixel's place and what hides what, and makes that plane parallel
+to the picture. A view from (p, q) on the aperture, with the tilted plane in register, is one of the sheared
+scene from (p, q) / (1 - s), where s is the share of the way to the plane's intersection with the lens's own
+(the Scheimpflug line; `ThinLens.sheared_positions`). So whatever draws a frame knows only of planes parallel
+to the picture: it is given inverse depths `untilted`.
+"""
 
 from __future__ import annotations
 
@@ -17,13 +25,21 @@ MAX_BLUR = 16.0
 """Picture diagonals; in a larger disc nothing is left of what it comes from. By eye."""
 MAX_RADIUS = 100.0
 """Focus distances; with a larger aperture radius the focal plane as good as lies in the lens. By eye."""
+NEAREST_LINE = 2.0
+"""Aperture radii, at which a tilted focal plane may come to the middle of the lens; at 1 it would touch the
+aperture, and blur discs there would have no end. By eye."""
+LIFT = 2.0
+"""Times the picture's half, up to which inverse depths without a plane's tilt are positive: meshes reach past
+the border. By eye."""
 PAST_BORDER = 2.0
 """Pixels that a mesh reaches past what any view sees, so that no view's resampling meets its end."""
 
 
 @dataclass(frozen=True)
 class ThinLens:
-    """A thin lens before the pinhole camera of a frame, focused on a plane parallel to the picture.
+    """A thin lens before the pinhole camera of a frame, focused on a plane.
+
+    Inverse depths are those of `untilted`, which changes nothing for a plane parallel to the picture.
 
     A point at depth Z is spread over a disc of diameter 2 R f |1/Z - 1/Zf| pixels: R is the aperture radius
     in scene units, f the focal length in pixels and Zf the distance of the focal plane in scene units.
@@ -34,7 +50,78 @@ class ThinLens:
     radius: float
     """Radius of the aperture in scene units."""
     focus: float
-    """Inverse depth of the focal plane, 1 / scene units."""
+    """Inverse depth of the focal plane, 1 / scene units; of a tilted one, once it is `untilted`."""
+    slope: tuple[float, float] = (0.0, 0.0)
+    """By how much the inverse depth of the focal plane grows a pixel to the right, and down: its tilt."""
+    lift: float = 0.0
+    """What is added to inverse depths that are `untilted`, so that they are positive."""
+
+    @classmethod
+    def on_plane(
+        cls, pinhole: Intrinsics, radius: float, inverse: float, slope: tuple[float, float]
+    ) -> ThinLens:
+        """A lens focused on the plane of an inverse depth on the optical axis, with the slope a pixel."""
+        if slope == (0.0, 0.0):
+            return cls(pinhole, radius, inverse)
+        centre, size = pinhole.principal_point, np.array([pinhole.width, pinhole.height])
+        half = np.maximum(centre, size - centre)
+        lift = LIFT * float(np.abs(slope) @ half)
+        return cls(pinhole, radius, inverse + lift, slope, lift)
+
+    @property
+    def is_tilted(self) -> bool:
+        """Whether the focal plane is not parallel to the picture."""
+        return self.slope != (0.0, 0.0)
+
+    def untilted[T: np.floating](self, inverse_depth: NDArray[T], xy: Floats) -> NDArray[T] | Floats:
+        """Inverse depths (n,) at pixels (n, 2) in the sheared space where the focal plane is parallel to the
+        picture."""
+        return inverse_depth - self._tilt(xy[..., 0], xy[..., 1]) if self.is_tilted else inverse_depth
+
+    def tilted(self, inverse_depth: Floats, xy: Floats) -> Floats:
+        """Inverse of `untilted`."""
+        return inverse_depth + self._tilt(xy[..., 0], xy[..., 1]) if self.is_tilted else inverse_depth
+
+    def untilted_raster[T: np.floating](self, inverse_depth: NDArray[T]) -> NDArray[T] | Floats:
+        """`untilted` of the inverse depths (H + 2 m, W + 2 m) of the picture's pixels and m around."""
+        rows, columns = inverse_depth.shape
+        top, left = (rows - self.pinhole.height) // 2, (columns - self.pinhole.width) // 2
+        across, down = np.arange(columns) + 0.5 - left, np.arange(rows) + 0.5 - top
+        return inverse_depth - self._tilt(across, down[:, None]) if self.is_tilted else inverse_depth
+
+    def _tilt(self, x: Floats, y: Floats) -> Floats:
+        """Inverse depth of the focal plane at pixels of any shape, less `focus`."""
+        centre = self.pinhole.principal_point
+        return np.asarray(self.slope[0] * (x - centre[0]) + self.slope[1] * (y - centre[1]) - self.lift)
+
+    def sheared_positions(self, positions: Floats) -> Floats:
+        """(N, 2) positions in scene units from which the sheared scene is seen as the scene is from (N, 2)
+        on the aperture, the focal plane in register."""
+        return positions / (1 - positions @ self._hinge)[:, None] if self.is_tilted else positions
+
+    def aperture_positions(self, positions: Floats) -> Floats:
+        """Inverse of `sheared_positions`."""
+        return positions / (1 + positions @ self._hinge)[:, None] if self.is_tilted else positions
+
+    @property
+    def _hinge(self) -> Floats:
+        """(2,) the inverse of the distance from the lens's middle at which the focal plane meets the plane of
+        the lens, towards there."""
+        return np.asarray(self.slope * self.pinhole.focal)
+
+    @property
+    def stretch(self) -> float:
+        """Times the aperture's radius, within which all `sheared_positions` are."""
+        return 1 / (1 - self.radius * float(np.linalg.norm(self._hinge))) if self.is_tilted else 1.0
+
+    @property
+    def sharp_distances(self) -> tuple[float, float]:
+        """Nearest and farthest distance on the optical axis in scene units, infinity included, with blur
+        discs of at most the acceptable circle of confusion: the picture's diagonal / `ACCEPTABLE`."""
+        allowed = self._diagonal / ACCEPTABLE / (2 * self.radius * self.pinhole.fx)
+        axis = self.focus - self.lift
+        near, far = (float(1 / edge) if edge > 0 else np.inf for edge in (axis + allowed, axis - allowed))
+        return near, far
 
     def disparity(self, inverse_depth: Floats) -> Floats:
         """Pixels by which points of inverse depth 1 / Z move in a view at the aperture's rim: R f / Z."""
@@ -55,7 +142,7 @@ class ThinLens:
     def margin(self, inverse_depth: Floats) -> float:
         """Pixels past the border that some view sees of a mesh with inverse depths of any shape."""
         contrast = np.abs(inverse_depth - self.focus).max(initial=0.0)
-        return float(self.radius * self.pinhole.focal.max() * contrast + PAST_BORDER)
+        return float(self.stretch * self.radius * self.pinhole.focal.max() * contrast + PAST_BORDER)
 
     def snap_to_focal_plane(self, inverse_depth: Floats) -> Floats:
         """Inverse depths (any shape), put into the focal plane where their blur disc is too small to be seen.
@@ -92,6 +179,11 @@ class ThinLens:
             raise UserError(
                 f"frame {frame}: the focal plane at distance {1 / self.focus:g} lies in the lens,"
                 f" whose radius is {self.radius:g}; focus farther away or choose a smaller aperture"
+            )
+        if not NEAREST_LINE * self.radius * float(np.linalg.norm(self._hinge)) <= 1:
+            raise UserError(
+                f"frame {frame}: the focal plane is tilted so much that it comes within {NEAREST_LINE:g}"
+                " radii of the aperture; tilt it less, focus farther away or choose a smaller aperture"
             )
         usual = self.largest_disc(inverse_depth, 50.0)
         if not usual <= MAX_BLUR * self._diagonal:

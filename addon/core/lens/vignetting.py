@@ -33,7 +33,7 @@ def barrel_rows(plan: FramePlan) -> Floats:
     pinhole = plan.canvas.pinhole
     across = plan.spread / np.sqrt(len(plan.offsets))
     rows = np.empty((len(plan.offsets), 5))
-    rows[:, :2] = plan.offsets / plan.lens.radius
+    rows[:, :2] = plan.lens.aperture_positions(plan.offsets) / plan.lens.radius
     rows[:, 2] = plan.vignetting / (np.hypot(pinhole.width, pinhole.height) / 2)
     rows[:, 3:] = across, 1 / (2 * across)
     return rows

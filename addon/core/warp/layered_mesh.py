@@ -71,6 +71,7 @@ def layer_mesh(
     options: LayeredMeshOptions = LayeredMeshOptions(),
     memory: ReusedMemory | None = None,
     past_border: Floats | Map | None = None,
+    stretch: float = 1.0,
 ) -> tuple[WarpMesh, LinearRGBA, tuple[LayeredDepthImage, ...]]:
     """A mesh, its texture (h, w, 4), and the layers it was made of, near ones first.
 
@@ -80,7 +81,8 @@ def layer_mesh(
     other frames' colours, on a raster that is so much larger than the picture as needs be, its middle on the
     picture's. The texture lies in `memory`, if that is given. `past_border` (H + 2 m, W + 2 m) are the
     disparities that other frames know around the picture, NaN where they do not: they are taken where `fill`
-    tells the colour, too. Triangles are ordered from far to near.
+    tells the colour, too. Views displace things by up to `stretch` times their disparity. Triangles are
+    ordered from far to near.
     """
     reach = options.widest * max(disparity.shape)
     # From here on disparities are relative to the focal plane: they are exact where it matters.
@@ -88,7 +90,7 @@ def layer_mesh(
     past = None
     if fill is not None and past_border is not None:
         past = np.clip(past_border - focus, -reach, reach).astype(np.float32)
-    margin = max(int(np.ceil(np.abs(shift).max())), _visible_margin(past, shift.shape)) + 2
+    margin = max(int(np.ceil(stretch * np.abs(shift).max())), _visible_margin(past, shift.shape)) + 2
     checkpoint()
     wide = np.pad(picture, ((margin, margin), (margin, margin), (0, 0)), mode="symmetric")
     shift = np.pad(shift, margin, mode="edge")

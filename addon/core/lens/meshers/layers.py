@@ -24,8 +24,8 @@ def can_be_layered(lens: ThinLens, blur: float) -> bool:
 def make(geometry: FrameGeometry) -> Surface:
     """The mesh of the frame's layered depth image, with other frames' colours for what it does not show."""
     assert geometry.depth is not None
-    lens, picture, inverse_depth = geometry.lens, geometry.picture, geometry.depth.inverse_depth
-    past = geometry.depth.past_border
+    lens, picture, past = geometry.lens, geometry.picture, geometry.depth.past_border
+    inverse_depth = lens.untilted_raster(geometry.depth.inverse_depth)
     scale = lens.radius * lens.pinhole.fx
     hidden = None
     if geometry.settings.borrow:
@@ -37,14 +37,14 @@ def make(geometry: FrameGeometry) -> Surface:
     with stage("Mesh", FILLED, 1.0):
         mesh, texture, layers = layer_mesh(
             picture, scale * inverse_depth, scale * lens.focus, scale, lens.snap_displacement,
-            _fill(hidden, picture, lens.focus, scale) if hidden else None,
+            _fill(hidden, picture, lens, scale) if hidden else None,
             geometry.settings.quality.mesh, geometry.clip.texture_memory,
-            None if past is None else scale * past,
+            None if past is None else scale * lens.untilted_raster(past), lens.stretch,
         )  # fmt: skip
     return Surface(mesh, texture, bool(picture[..., 3].min() > 0.999), layers)
 
 
-def _fill(hidden: HiddenColours, picture: LinearRGBA, focus: float, scale: float) -> Fill:
+def _fill(hidden: HiddenColours, picture: LinearRGBA, lens: ThinLens, scale: float) -> Fill:
     """Hidden colours as a raster around the picture asks for them: by disparity, `scale` times inverse depth
     relative to that of the focal plane."""
 
@@ -53,9 +53,8 @@ def _fill(hidden: HiddenColours, picture: LinearRGBA, focus: float, scale: float
         corner = (np.array(disparity.shape) - picture.shape[:2]) // 2
         places = np.column_stack([column - corner[1], row - corner[0]]) + 0.5
         colour, found = np.zeros((*disparity.shape, 3), np.float32), np.zeros(disparity.shape, bool)
-        colour[row, column], found[row, column] = hidden(
-            places, focus + disparity[row, column] / np.float64(scale)
-        )
+        inverse = lens.focus + disparity[row, column] / np.float64(scale)
+        colour[row, column], found[row, column] = hidden(places, lens.tilted(inverse, places))
         return colour, found
 
     return fill

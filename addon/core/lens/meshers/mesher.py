@@ -31,8 +31,9 @@ class FrameGeometry:
     """(H, W, 4) what the canvas shows, linear and premultiplied."""
     lens: ThinLens
     samples: DepthSamples
+    """Their inverse depths are `lens.untilted`."""
     depth: PixelDepth | None
-    """Of every pixel of the canvas, for meshers that need it."""
+    """Of every pixel of the canvas, for meshers that need it; not yet `lens.untilted`."""
 
     @property
     def frame(self) -> int:
@@ -58,7 +59,8 @@ class Views:
     """Virtual cameras over the aperture."""
 
     offsets: Floats
-    """(N, 2) positions in scene units along the actual camera's x (right) and y (down)."""
+    """(N, 2) positions in scene units along the actual camera's x (right) and y (down), as
+    `ThinLens.sheared_positions`."""
     registration: Floats
     """(N, 2, 3) maps from pixels of a view to pixels in register with the focal plane."""
     weights: Floats | None = None
@@ -82,7 +84,7 @@ def equal_share_views(geometry: FrameGeometry, count: int, variant: int = 0) -> 
 
 
 def _in_register(geometry: FrameGeometry, samples: ApertureSamples) -> Views:
-    offsets = geometry.lens.radius * samples.positions
+    offsets = geometry.lens.sheared_positions(geometry.lens.radius * samples.positions)
     registration = exact_registration(geometry.canvas, offsets, geometry.lens.focus)
     return Views(offsets, registration, samples.weights, samples.spread)
 
@@ -104,6 +106,8 @@ class Mesher:
     """Whether it takes the depth of every pixel; others take samples."""
     is_prefiltered: bool = False
     """Whether its texture is blurred by what one view stands for, so that fewer views do."""
+    takes_tilt: bool = True
+    """Whether the focal plane can be tilted."""
     uses_given_depth: bool = True
     """Whether samples of the user's depth maps take the place of feature points."""
     fewest_focus_points: int = 0

@@ -30,5 +30,5 @@ def views(geometry: FrameGeometry, count: int, variant: int = 0) -> Views:
 
 MESHER = Mesher(
     "thesis", 1, "The 2010 baseline: pinned corners, random positions, fitted registration", make, views,
-    uses_given_depth=False, fewest_focus_points=2, settings=("seed",),
+    takes_tilt=False, uses_given_depth=False, fewest_focus_points=2, settings=("seed",),
 )  # fmt: skip

@@ -1,0 +1,121 @@
+"""Focus pulled on the command line, and what a key of the aperture does."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+import cv2
+import numpy as np
+import pytest
+
+from addon.cli.lens import at_frame, lens_arguments
+from addon.cli.main import parser
+from addon.render import output
+from addon.scene.lens import keys_of
+
+from .test_lens_options import FRAMES, run, work
+
+__all__ = ["work"]
+PULL = ("--focus-at", "0.2,0.5@2", "--focus-at", "0.8,0.5@5", "--method", "features")
+
+
+def distances() -> list[float]:
+    """Of the focus, at the clip's frames."""
+    scene = bpy.context.scene
+    found = []
+    for frame in FRAMES:
+        scene.frame_set(frame)
+        found.append(scene.virtual_aperture.focus_distance)
+    return found
+
+
+def pictures(folder: Path) -> dict[str, np.ndarray]:
+    return {file.name: cv2.imread(str(file), cv2.IMREAD_UNCHANGED) for file in sorted(folder.iterdir())}
+
+
+def test_marks_are_keys_of_the_distance(
+    work: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run("save", work, "--blend", tmp_path / "a.blend", *PULL, "--blur", 0.02) == 0
+    said = capsys.readouterr().out
+    assert "away at frame 2, from points" in said and "away at frame 5, from points" in said
+    # The aperture is the first one's.
+    assert "largest blur discs at frame 2" in said
+    settings = bpy.context.scene.virtual_aperture
+    told = distances()
+    assert settings.focus_by == "DISTANCE" and not settings.focus_points
+    curve = keys_of(settings, "focus_distance")
+    assert curve is not None and len(curve.keyframe_points) == len(FRAMES)
+    # The plane is nearer on the left.
+    assert told[1] < 7 < 8 < told[4]
+    assert sorted(told[1:5]) == told[1:5]
+    assert told[0] == pytest.approx(told[1], rel=0.02) and told[5] == pytest.approx(told[4], rel=0.02)
+
+
+def test_a_pulled_frame_is_the_one_at_its_distance(work: Path, tmp_path: Path) -> None:
+    lens = ("--method", "features", "--aperture-radius", 0.1, "--frames")
+    out = ("--out", tmp_path / "pulled" / "####.png")
+    assert run("render", work, *PULL, *lens[2:], "1-6", *out) == 0
+    told, pulled = distances(), pictures(tmp_path / "pulled")
+    for frame in (1, 3, 4):
+        out = ("--out", tmp_path / "still" / "####.png")
+        assert run("render", work, "--focus-distance", repr(told[frame - 1]), *lens, frame, *out) == 0
+    still = pictures(tmp_path / "still")
+    for name, picture in still.items():
+        np.testing.assert_array_equal(picture, pulled[name])
+    assert (pulled["0003.png"] != pulled["0004.png"]).any()
+
+
+@pytest.mark.parametrize(
+    ("marks", "said"),
+    [
+        (("0.2,0.5@2", "0.8,0.4"), "focus at 0.8,0.4 has no frame; a pull takes X,Y@FRAME"),
+        (("0.2,0.5@2", "0.8,0.5@2"), "two places are to be in focus at frame 2"),
+        (("0.2,0.5@2", "0.8,1.5@4"), "0.8,1.5 is outside the picture"),
+        (("0.2,0.5@2", "0.8,0.5@40"), "frame 40 has no camera to pick a focus in"),
+    ],
+)
+def test_marks_that_make_no_pull_are_refused(
+    work: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], marks: tuple[str, str], said: str
+) -> None:
+    told = [word for mark in marks for word in ("--focus-at", mark)]
+    assert run("render", work, *told, "--method", "features", "--out", tmp_path / "####.png") == 1
+    assert said in capsys.readouterr().err
+
+
+def test_other_processes_are_told_of_every_mark() -> None:
+    told = ["render", "DIR", "--out", "o.mp4", "--focus-at"]
+    pulled = parser().parse_args([*told, "0.2,0.5@2", "--focus-at", "0.8,0.5@5"])
+    words = lens_arguments(at_frame(pulled, 9))
+    assert words[:4] == ["--focus-at", "0.2,0.5@2", "--focus-at", "0.8,0.5@5"]
+    assert parser().parse_args([*told[:-1], *words]).focus_at == pulled.focus_at
+    single = parser().parse_args([*told, "0.2,0.5"])
+    assert lens_arguments(at_frame(single, 9))[:2] == ["--focus-at", "0.2,0.5@9"]
+    assert single.focus_at == ["0.2,0.5"]
+
+
+def test_processes_side_by_side_pull_as_one_does(work: Path, tmp_path: Path) -> None:
+    lens = (*PULL, "--frames", "2-5")
+    assert run("render", work, *lens, "--out", tmp_path / "one" / "####.png") == 0
+    assert run("render", work, *lens, "--out", tmp_path / "two" / "####.png", "--jobs", 2) == 0
+    one, two = pictures(tmp_path / "one"), pictures(tmp_path / "two")
+    assert list(one) == list(two)
+    for name, picture in one.items():
+        np.testing.assert_array_equal(two[name], picture)
+
+
+def test_a_keyed_aperture_counts_at_every_frame(work: Path, tmp_path: Path) -> None:
+    lens = ("--focus-distance", 6, "--aperture-radius", 0.02, "--method", "features")
+    assert run("save", work, "--blend", tmp_path / "a.blend", *lens) == 0
+    scene = bpy.context.scene
+    settings = scene.virtual_aperture
+    for frame, radius in ((2, 0.02), (5, 0.4)):
+        settings.aperture_radius = radius
+        scene.keyframe_insert(settings.path_from_id("aperture_radius"), frame=frame)
+    settings.views = 16
+    output.render_sequence(scene, [2, 5], tmp_path / "o" / "####.png", False, lambda line: None)
+    sharp, blurred = pictures(tmp_path / "o").values()
+    # The clip shows the same picture in all frames.
+    detail = [np.abs(np.diff(picture.astype(float), axis=1)).mean() for picture in (sharp, blurred)]
+    assert detail[1] < 0.7 * detail[0]

@@ -1,0 +1,114 @@
+"""The geometry of a tilted focal plane."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from addon.core.base.errors import UserError
+from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction, rotation_matrix
+from addon.core.lens.focus import Focus, blur_for_radius, radius_for_blur, sharp_distances
+from addon.core.lens.thin_lens import ACCEPTABLE, ThinLens
+
+LENS = Intrinsics(192, 108, 180.0, 170.0, 99.0, 51.0)
+XYZ = np.array([[-1.0, -0.5, 6.0], [1.2, -0.4, 4.0], [0.1, 0.9, 5.0], [0.5, -1.0, 5.2], [0.2, 0.2, 9.0]])
+THROUGH = Focus((0, 1, 2), through_points=True)
+
+
+def clip(xyz: np.ndarray = XYZ) -> Reconstruction:
+    """Two cameras, the second one beside the first and turned."""
+    images = []
+    for frame, (turn, centre) in enumerate(
+        (([0, 0, 0], [0, 0, 0]), ([0.05, -0.1, 0.1], [0.5, -0.2, 0.3])), 1
+    ):
+        rotation = rotation_matrix(np.array(turn, float))
+        local = (xyz - centre) @ rotation.T
+        ids = np.arange(len(xyz), dtype=np.int32)
+        images.append(Image(frame, rotation, -rotation @ np.array(centre, float), LENS.project(local), ids))
+    points = Points(xyz, np.zeros((len(xyz), 3), np.uint8), np.zeros(len(xyz)))
+    return Reconstruction((LENS,), tuple(images), points)
+
+
+def lens_of(focus: Focus, frame: int = 1, xyz: np.ndarray = XYZ) -> ThinLens:
+    return focus.lens(clip(xyz), frame, LENS, 0.2)
+
+
+@pytest.mark.parametrize("frame", [1, 2])
+def test_points_of_the_plane_have_no_blur_in_any_frame(frame: int) -> None:
+    lens, image = lens_of(THROUGH, frame), clip().images[frame - 1]
+    local = image.to_camera(XYZ)
+    discs = lens.blur_disc(lens.untilted(1 / local[:, 2], LENS.project(local)))
+    np.testing.assert_allclose(discs[:3], 0, atol=1e-10)
+    assert abs(discs[4]) > 1
+
+
+def test_more_points_than_three_are_fitted() -> None:
+    lens = lens_of(Focus((0, 1, 2, 3), through_points=True))
+    local = XYZ[:4]
+    away = lens.focus - lens.untilted(1 / local[:, 2], LENS.project(local))
+    assert (away > 0).any() and (away < 0).any() and np.abs(away).max() < 0.02
+
+
+def test_angles_lean_the_upper_and_the_right_part_away() -> None:
+    lens = lens_of(Focus(distance=5.0, tilt=0.3, swing=0.4))
+    on_axis, above, right = LENS.principal_point + np.array([[0, 0], [0, -50], [50, 0]])
+    plane = lens.tilted(np.full(3, lens.focus), np.array([on_axis, above, right]))
+    assert 1 / plane[0] == pytest.approx(5)
+    for inverse, angle, ray in ((plane[1], 0.3, 50 / LENS.fy), (plane[2], 0.4, 50 / LENS.fx)):
+        # From (0, 5) on, at such an angle, to where the ray meets it.
+        depth = 1 / inverse
+        assert (depth - 5) / (depth * ray) == pytest.approx(np.tan(angle))
+
+
+def test_positions_and_inverse_depths_come_back() -> None:
+    lens = lens_of(THROUGH)
+    positions = 0.2 * np.array([[0, 0], [1, 0], [0, -1], [-0.6, 0.6]])
+    moved = lens.sheared_positions(positions)
+    np.testing.assert_allclose(lens.aperture_positions(moved), positions, atol=1e-15)
+    assert np.linalg.norm(moved, axis=1).max() == pytest.approx(0.2 * lens.stretch)
+    assert lens.stretch > 1.01
+    inverse = np.random.default_rng(0).uniform(0, 0.3, (LENS.height + 10, LENS.width + 10))
+    rows, columns = np.mgrid[: LENS.height + 10, : LENS.width + 10] - 4.5
+    at = np.column_stack([columns.ravel(), rows.ravel()])
+    np.testing.assert_allclose(lens.untilted_raster(inverse).ravel(), lens.untilted(inverse.ravel(), at))
+    assert lens.untilted_raster(inverse).min() > 0
+
+
+def test_a_plane_that_is_not_tilted_is_what_it_was() -> None:
+    for focus in (Focus(distance=5.0), Focus(distance=np.inf, tilt=0.3), Focus((0, 1))):
+        lens = lens_of(focus)
+        assert lens == ThinLens(LENS, 0.2, focus.inverse_depth(clip(), 1))
+        values = np.ones((LENS.height, LENS.width), np.float32)
+        assert lens.untilted_raster(values) is values and lens.sheared_positions(values) is values
+
+
+def test_points_that_make_no_plane_are_refused() -> None:
+    with pytest.raises(UserError, match="takes 3 or more; 2 are picked"):
+        lens_of(Focus((0, 1), through_points=True))
+    row = np.array([[0, 0, 4.0], [1, 0.5, 5.0], [2, 1.0, 6.0]])
+    with pytest.raises(UserError, match="lie in a line"):
+        lens_of(THROUGH, xyz=row)
+    edge_on = np.array([[0, 0, 4.0], [1, 0, 5.0], [-1, 0, 7.0]])
+    with pytest.raises(UserError, match="camera lies in the plane"):
+        lens_of(THROUGH, xyz=edge_on)
+    with pytest.raises(UserError, match="comes within 2 radii"):
+        lens_of(THROUGH, xyz=edge_on + np.array([0, 0.1, 0])).check(1, np.ones(1))
+
+
+def test_discs_at_the_limits_of_what_is_sharp_are_acceptable() -> None:
+    for focus in (Focus(distance=5.0), Focus(distance=5.0, swing=-0.5)):
+        near, far = sharp_distances(clip(), focus, 1, 0.2)
+        lens = lens_of(focus)
+        on_axis = np.broadcast_to(LENS.principal_point, (2, 2))
+        discs = lens.blur_disc(lens.untilted(1 / np.array([near, far]), on_axis))
+        assert discs == pytest.approx(np.hypot(LENS.width, LENS.height) / ACCEPTABLE * np.array([1, -1]))
+    assert sharp_distances(clip(), Focus(distance=5.0), 1, 1e-4)[1] == np.inf
+
+
+def test_a_blur_is_measured_from_the_tilted_plane() -> None:
+    focus = Focus(distance=5.0, swing=-0.5)
+    radius = radius_for_blur(clip(), focus, 1, 0.03)
+    assert blur_for_radius(clip(), focus, 1, radius) == pytest.approx(0.03)
+    lens = focus.lens(clip(), 1, LENS, radius)
+    discs = lens.blur_disc(lens.untilted(1 / XYZ[:, 2], LENS.project(XYZ)))
+    assert -np.percentile(discs, 2) / LENS.width == pytest.approx(0.03)

@@ -1,0 +1,138 @@
+"""Focus on something that moves by itself: a card that comes nearer before a still camera."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import cv2
+import numpy as np
+import pytest
+
+from addon.core.base.arrays import Bytes
+from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
+from addon.core.depth.multi_view_stereo import DenseDepth
+from addon.core.lens.clip_context import ClipContext
+from addon.core.lens.focus import Focus
+from addon.core.lens.focus_follow import follow
+from addon.core.lens.focus_place import Place, find_place
+from addon.core.lens.focus_pull import inverse_depths, pull
+
+from ..scenes import texture
+
+SIZE = (320, 180)
+LENS = Intrinsics(*SIZE, 280.0, 280.0, 160.0, 90.0)
+FRAMES = tuple(range(1, 29))
+WALL, POST = 12.0, 2.0
+PICKED = 10
+SIDE = 1.2
+"""Of the card, in scene units."""
+
+
+def card(frame: int) -> tuple[float, float]:
+    """Its distance, and how far it is to the right."""
+    return 7.0 - 0.1 * frame, -1.3 + 0.11 * frame
+
+
+def shown(frame: int, has_post: bool, gone: int = 99) -> tuple[Bytes, DenseDepth]:
+    """What the camera sees, and the depth of it. From frame `gone` on the card is not there."""
+    wall, print_, post = (texture(*SIZE, seed) for seed in (1, 2, 3))
+    inverse = np.full(SIZE[::-1], 1 / WALL, np.float32)
+    moving = np.zeros(SIZE[::-1], bool)
+    picture = wall.copy()
+    depth, right = card(frame)
+    if frame < gone:
+        scale = LENS.fx / depth
+        left, top = LENS.principal_point + scale * (np.array([right, 0.0]) - SIDE / 2)
+        zoom = scale * SIDE / 120
+        matrix = np.array([[zoom, 0, left], [0, zoom, top]])
+        size = {"dsize": SIZE, "flags": cv2.INTER_LINEAR}
+        moving = cv2.warpAffine(np.full((120, 120), 255, np.uint8), matrix, **size) > 127
+        picture[moving] = cv2.warpAffine(print_[:120, :120], matrix, **size)[moving]
+        inverse[moving] = 1 / depth
+    if has_post:
+        # Half as wide as the card, about.
+        before = slice(198, 222)
+        picture[:, before], inverse[:, before], moving[:, before] = post[:, before], 1 / POST, False
+    found = DenseDepth(frame, inverse, np.ones(SIZE[::-1], np.float32), moving, LENS)
+    return picture, found
+
+
+@dataclass
+class TrueDepth:
+    """What `ClipContext.stereo` is asked for."""
+
+    clip: Filmed
+    asked: int = 0
+
+    def at(self, frame: int) -> DenseDepth:
+        self.asked += 1
+        return shown(frame, self.clip.has_post, self.clip.gone)[1]
+
+
+@dataclass(frozen=True)
+class Filmed(ClipContext):
+    """A clip whose depth, and what moves in it, is the truth."""
+
+    has_post: bool = False
+    gone: int = 99
+
+    @cached_property
+    def stereo(self) -> TrueDepth:  # type: ignore[override]
+        return TrueDepth(self)
+
+
+def filmed(has_post: bool = False, gone: int = 99) -> Filmed:
+    nothing = np.zeros(0, np.int32)
+    images = tuple(Image(f, np.eye(3), np.zeros(3), np.zeros((0, 2)), nothing) for f in FRAMES)
+    points = Points(np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros(0))
+    return Filmed(
+        Reconstruction((LENS,), images, points),
+        lambda frame: shown(frame, has_post, gone)[0], has_post=has_post, gone=gone,
+    )  # fmt: skip
+
+
+def followed(clip: Filmed) -> dict[int, float]:
+    depth, right = card(PICKED)
+    place = LENS.project(np.array([[right, 0.1, depth]]))[0]
+    return follow(clip, PICKED, place, 1 / depth)
+
+
+@pytest.mark.parametrize("has_post", [False, True], ids=["seen", "hidden for a while"])
+def test_a_mover_is_followed_as_it_comes_nearer(has_post: bool) -> None:
+    clip = filmed(has_post)
+    if has_post:
+        # In the frame of the pick it is seen, and the post passes over all of the place.
+        hidden = [not shown(f, True)[1].moving[90, int(160 + 280 * card(f)[1] / card(f)[0])] for f in FRAMES]
+        assert not hidden[PICKED - 1] and not hidden[-2] and sum(hidden) > 2
+    told = followed(clip)
+    assert min(told) <= FRAMES[2] and max(told) >= FRAMES[-3]
+    for frame, distance in told.items():
+        # What was hidden is interpolated in inverse depth.
+        assert distance == pytest.approx(card(frame)[0], rel=0.02 if has_post else 0.01)
+    # Depth is dear: every third frame's has to do.
+    assert clip.stereo.asked < 0.6 * len(FRAMES)
+
+
+def test_what_is_lost_keeps_its_last_distance() -> None:
+    clip = filmed(gone=15)
+    told = followed(clip)
+    assert 13 <= max(told) < 15
+    place = Place(Focus(distance=card(PICKED)[0]), PICKED, card(PICKED)[0], "a mover", followed=told)
+    inverse = inverse_depths(place, clip.reconstruction, FRAMES)
+    assert 1 / inverse[PICKED - 1] == pytest.approx(card(PICKED)[0], rel=0.01)
+    assert (inverse[max(told) - 1 :] == inverse[-1]).all()
+
+
+def test_a_pick_on_a_mover_is_followed_and_can_be_pulled_to() -> None:
+    clip = filmed()
+    depth, right = card(PICKED)
+    found = find_place(clip, PICKED, (160 + 280 * right / depth) / SIZE[0], 0.5)
+    assert "it moves by itself and is followed from frame" in found.source
+    assert found.distances(clip.reconstruction)[5] == pytest.approx(card(5)[0], rel=0.01)
+    wall = find_place(clip, 3, 0.95, 0.5)
+    assert wall.distance == pytest.approx(WALL, rel=1e-3)
+    told = pull([wall, found], clip.reconstruction, FRAMES)
+    assert told[2] == pytest.approx(WALL, rel=1e-3)
+    for frame in FRAMES[PICKED - 1 : -2]:
+        assert told[frame] == pytest.approx(card(frame)[0], rel=0.01)
