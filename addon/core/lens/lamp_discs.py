@@ -168,8 +168,11 @@ class _Surfaces:
         shown = []
         for one in layers:
             assert one.drawn is not None
-            own = np.where(one.is_far & one.drawn, one.near_disparity, one.front_disparity)
-            shown.append((own, one.front[..., 3], one.jump))
+            past = one.is_far & one.drawn
+            own = np.where(past, one.near_disparity, one.front_disparity)
+            # Where a near surface ends in the air, what is seen beside it is none of it.
+            beside = cv2.dilate(past.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+            shown.append((own, np.where(beside & ~one.drawn, 0, one.front[..., 3]), one.jump))
         shown.append((layers[-1].back_disparity, np.ones_like(shown[0][1]), layers[-1].jump))
         self._surfaces = [(lens.snap_displacement(d), np.ascontiguousarray(a), j) for d, a, j in shown]
         self._nearest = np.max([np.where(a > 0, d, -np.inf) for d, a, _ in self._surfaces], axis=0)
