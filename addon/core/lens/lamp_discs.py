@@ -44,6 +44,12 @@ of depth, and the jump at which surfaces are cut."""
 PARTS = 8
 """Parts across and down, at most, that a lamp is cut in where something may hide some of it. Of 1, 4, 6, 8
 and 16: bars (32 px, true depth) has 34.6, 35.2, 35.3, 35.35 and 35.36 dB."""
+WIDTHS = 0.0, 1.0, 2.0, 4.0, 8.0
+"""Pixels over which what hides a part of a lamp is blurred, as the part is no point: the next smaller."""
+LOOKED_AT = 1 << 20
+"""Places that are looked at at once, so that arrays of them take tens of megabytes."""
+LONGEST = 1 << 10
+"""Places in a row of what OpenCV is asked for."""
 OUTSIDE = 1.15
 """Radii of the aperture to which what hides a lamp is looked for: discs are wider by the lamp."""
 
@@ -121,19 +127,19 @@ class Lamps:
         pinhole = plan.canvas.pinhole
         radius = np.round(FINEST * lamp.displacement * pinhole.focal / pinhole.fx) / FINEST
         kernel = _kernel(self.aperture, float(radius[0]), float(radius[1]))
+        place = lamp.place
         reach = [n // 2 for n in kernel.shape]
+        if plan.vignetting:
+            kernel = kernel * _within_barrel(plan, place, radius, reach)
         padded = np.pad(lamp.light, ((reach[0],) * 2, (reach[1],) * 2, (0, 0)))
         # OpenCV correlates: for it the kernel is turned round.
         disc = cv2.filter2D(padded, -1, kernel[::-1, ::-1], borderType=cv2.BORDER_CONSTANT)
         row, column = lamp.corner[0] - reach[0], lamp.corner[1] - reach[1]
         x = np.arange(disc.shape[1]) + column + 0.5
         y = np.arange(disc.shape[0]) + row + 0.5
-        place = lamp.place
         # A view at the share p of the aperture sees it at place - displacement p.
         across, down = np.meshgrid((place[0] - x) / radius[0], (place[1] - y) / radius[1])
-        passed = before.transmittance(place, lamp.displacement, across, down)
-        if plan.vignetting:
-            passed *= _within_barrel(plan, x, y, across, down, 0.5 / float(np.abs(radius).min()))
+        passed = before.transmittance(place, lamp.displacement, max(lamp.light.shape[:2]), across, down)
         return np.maximum(disc, 0) * passed[..., None].astype(np.float32), (row, column)
 
 
@@ -148,16 +154,21 @@ def _kernel(aperture: Aperture, across: float, down: float) -> Map:
     return np.asarray(cells / cells.sum(), np.float32)
 
 
-def _within_barrel(
-    plan: FramePlan, x: Floats, y: Floats, across: Floats, down: Floats, soft: float
-) -> Floats:
-    """(h, w) share of the light that a barrel lets through at columns x (w,) and rows y (h,) in pixels, from
-    places of the aperture `across` and `down` (h, w) in shares of its radius; its edge is 2 `soft` wide."""
+def _within_barrel(plan: FramePlan, place: Floats, radius: Floats, reach: list[int]) -> Map:
+    """(h, w) share of the light that a plan's barrel lets through to each pixel around the middle of a disc
+    at a place (2,), as many down and across as `reach`; radii (2,) in pixels, as `_kernel` takes them."""
     pinhole = plan.canvas.pinhole
+    # The barrel's opening is shifted by so much a pixel, in shares of the aperture's radius.
     shift = plan.vignetting / (np.hypot(pinhole.width, pinhole.height) / 2)
-    middle = pinhole.principal_point
-    away = np.hypot(across + shift * (x - middle[0]), down + shift * (y - middle[1])[:, None])
-    return np.asarray(np.clip((1 + soft - away) / (2 * soft), 0, 1))
+    beside = [np.arange(-n, n + 1) for n in reach[::-1]]
+    x, y = (
+        shift * (middle + step - centre) - step / r
+        for middle, step, centre, r in zip(place, beside, pinhole.principal_point, radius, strict=True)
+    )
+    # Its edge is a pixel wide.
+    soft = 0.5 / np.abs(radius).min()
+    share = (1 + soft - np.hypot(x[None, :], y[:, None])) / (2 * soft)
+    return np.asarray(np.clip(share, 0, 1), np.float32)
 
 
 class _Surfaces:
@@ -174,8 +185,8 @@ class _Surfaces:
             beside = cv2.dilate(past.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
             shown.append((own, np.where(beside & ~one.drawn, 0, one.front[..., 3]), one.jump))
         shown.append((layers[-1].back_disparity, np.ones_like(shown[0][1]), layers[-1].jump))
-        self._surfaces = [(lens.snap_displacement(d), np.ascontiguousarray(a), j) for d, a, j in shown]
-        self._nearest = np.max([np.where(a > 0, d, -np.inf) for d, a, _ in self._surfaces], axis=0)
+        self._surfaces = [(lens.snap_displacement(d), _blurred(a), j) for d, a, j in shown]
+        self._nearest = np.max([np.where(a[0] > 0, d, -np.inf) for d, a, _ in self._surfaces], axis=0)
         self._least = max(NEARER, layers[-1].jump)
         self._corner = np.array([(n - own) // 2 for n, own in zip(self._nearest.shape, size, strict=True)])
         self._focal = lens.pinhole.focal / lens.pinhole.fx
@@ -184,16 +195,26 @@ class _Surfaces:
         """Whether anything near enough to a lamp is nearer than it."""
         return len(self._steps(lamp.place, lamp.displacement)) > 0
 
-    def transmittance(self, place: Floats, displacement: float, across: Floats, down: Floats) -> Floats:
-        """(h, w) share of the light that comes from a lamp at a place (2,) in pixels, of a displacement in
-        pixels, to places of the aperture `across` and `down` (h, w) in shares of its radius."""
-        passed = np.ones(across.shape)
+    def transmittance(
+        self, place: Floats, displacement: float, width: float, across: Floats, down: Floats
+    ) -> Floats:
+        """(h, w) share of the light that comes from a lamp to places of the aperture, `across` and `down`
+        (h, w) in shares of its radius. The lamp is at a place (2,), of a displacement and a width in pixels.
+        """
         steps = self._steps(place, displacement)
         if not len(steps):
-            return passed
-        # What is nearer by t is before the lamp, seen from p, if it is seen at place + t p by the frame.
+            return np.ones(across.shape)
         way = np.stack([self._focal[0] * across.ravel(), self._focal[1] * down.ravel()], axis=1)
+        count = -(-len(steps) * len(way) // LOOKED_AT)
+        passed = [self._along(place, displacement, width, some, steps) for some in np.array_split(way, count)]
+        return np.concatenate(passed).reshape(across.shape)
+
+    def _along(self, place: Floats, displacement: float, width: float, way: Floats, steps: Floats) -> Floats:
+        """(n,) share of the light that passes from a lamp on ways (n, 2), which are pixels of the frame for
+        each pixel of displacement that a surface is nearer by; whatever is nearer by `steps` (s,) is met."""
+        # What is nearer by t is before the lamp, seen from p, if it is seen at place + t p by the frame.
         along = (self._on_raster(place) + steps[:, None, None] * way).astype(np.float32)
+        passed = np.ones(len(way))
         for disparity, alpha, jump in self._surfaces:
             at = _sampled(disparity, along, cv2.INTER_NEAREST)
             over = at - displacement - steps[:, None].astype(np.float32)
@@ -201,14 +222,16 @@ class _Surfaces:
             crossed = (over[:-1] > 0) & (over[1:] <= 0) & (np.abs(np.diff(at, axis=0)) <= jump)
             crossed &= np.diff(steps)[:, None] <= 1
             step, which = np.nonzero(crossed)
-            if not len(step):
-                continue
             before, behind = over[step, which], over[step + 1, which]
             share = (before / (before - behind))[:, None]
             met = along[step, which] + share * (along[step + 1, which] - along[step, which])
-            left = np.ones(across.size)
-            np.minimum.at(left, which, 1 - _sampled(alpha, met, cv2.INTER_LINEAR))
-            passed *= left.reshape(across.shape)
+            # From one side of the lamp to the other, another place of it is before the same pixel.
+            blur = width * np.abs(1 + (steps[step] + share[:, 0]) / displacement)
+            left = np.ones(len(way))
+            for level, values in enumerate(alpha):
+                some = np.searchsorted(WIDTHS, blur, "right") == level + 1
+                np.minimum.at(left, which[some], 1 - _sampled(values, met[some], cv2.INTER_LINEAR))
+            passed *= left
         return passed
 
     def _on_raster(self, place: Floats) -> Floats:
@@ -232,13 +255,24 @@ class _Surfaces:
         return np.unique(np.concatenate([whole - 1, whole, whole + 1, whole + 2])).astype(np.float64)
 
 
+def _blurred(alpha: Map) -> list[Map]:
+    """Opacities (H, W), blurred by each of `WIDTHS`."""
+    wider = (cv2.GaussianBlur(alpha, (0, 0), width / np.sqrt(12)) for width in WIDTHS[1:])
+    return [np.ascontiguousarray(alpha), *(np.asarray(each, np.float32) for each in wider)]
+
+
 def _sampled(values: Map, at: Map, interpolation: int) -> Map:
     """(...) values of a raster (H, W) at columns and rows (..., 2); past its border as at it."""
-    places = at.reshape(1, -1, 2)
+    count = int(np.prod(at.shape[:-1]))
+    # OpenCV takes pictures of less than 32,768 pixels a side only.
+    places = np.zeros((-(-count // LONGEST) * LONGEST, 2), np.float32)
+    places[:count] = at.reshape(-1, 2)
+    if not count:
+        return np.zeros(at.shape[:-1], np.float32)
     found = cv2.remap(
-        values, places, None, interpolation, borderMode=cv2.BORDER_REPLICATE  # type: ignore[call-overload]
+        values, places.reshape(-1, LONGEST, 2), None, interpolation, borderMode=cv2.BORDER_REPLICATE  # type: ignore[call-overload]
     )  # fmt: skip
-    return np.asarray(found).reshape(at.shape[:-1])
+    return np.asarray(found).ravel()[:count].reshape(at.shape[:-1])
 
 
 def without_lamps(
