@@ -44,7 +44,7 @@ NEARER = 1.0
 of depth, and the jump at which surfaces are cut."""
 PARTS = 8
 """Parts across and down, at most, that a lamp is cut in where something may hide some of it. Of 1, 4, 6, 8
-and 16: bars (32 px, true depth) has 34.6, 35.2, 35.3, 35.35 and 35.36 dB."""
+and 16: bars (32 px, true depth) has 34.4, 35.2, 35.3, 35.35 and 35.36 dB."""
 WIDTHS = 0.0, 1.0, 2.0, 4.0, 8.0
 """Pixels over which what hides a part of a lamp is blurred, as the part is no point: the next smaller."""
 LOOKED_AT = 1 << 20
