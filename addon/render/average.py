@@ -17,7 +17,7 @@ from ..core.lens.frame import MeshedFrame, WarpedFrame, drawn_size, mesh_frame
 from ..core.lens.inspection import shares_of, source_frame
 from ..core.lens.plan import LensSettings
 from ..core.lens.view_error import PILOT, difference, other_views, views_for_error
-from ..core.lens.vignetting import light_left
+from ..core.lens.vignetting import LEAST_LEFT, light_left
 from . import cycles_views, gpu_views
 
 TOLD = 0.3
@@ -131,17 +131,22 @@ def draw_shares(drawn: Drawn) -> LinearRGBA:
 
 
 def draw_mean(warped: WarpedFrame, note: Callable[[str], None]) -> LinearRGBA:
-    """The mean of a frame's views (h, w, 4) in its canvas; `note` as of `render_frame`."""
+    """The mean of a frame's views (h, w, 4) in its canvas, with its lamps' discs.
+
+    `note` as of `render_frame`.
+    """
     problem = gpu_views.gpu_problem()
     if problem:
         note(no_gpu_note(problem))
     draw = cycles_views.mean_of_views if problem else gpu_views.mean_of_views
     mean = draw(warped.plan, warped.texture)
     if warped.plan.vignetting:
-        mean /= np.maximum(light_left(warped.plan), np.float32(LEAST_COVER))[..., None]
+        mean /= np.maximum(light_left(warped.plan), np.float32(LEAST_LEFT))[..., None]
     if warped.is_whole:
         # A gap that some view had between triangles takes the colour of the other views.
         mean /= np.maximum(mean[..., 3:], np.float32(LEAST_COVER))
+    if warped.lamps is not None:
+        mean[..., :3] += warped.lamps.light(warped.plan, warped.layers)
     return mean
 
 

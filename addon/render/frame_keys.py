@@ -11,7 +11,7 @@ from ..scene.lens import lens_settings
 from ..scene.shot import Shot, shot_of
 from .frame_size import render_size, written_size
 
-PICTURES = 4
+PICTURES = 5
 """Version of the method: counted up when the same settings give another picture, so that a run that goes on
 does not mix them."""
 

@@ -15,6 +15,7 @@ from addon.core.lens.aperture import Aperture, ApertureImage
 from addon.core.lens.clip_context import ClipContext
 from addon.core.lens.focus import Focus
 from addon.core.lens.frame import MeshedFrame, mesh_frame
+from addon.core.lens.highlights import RESTORED, HighlightSettings
 from addon.core.lens.plan import LensSettings
 from addon.core.media.clip import encode_srgb
 from addon.render import cycles_views
@@ -25,6 +26,8 @@ from ..scenes import psnr, slanted_plane, texture
 
 needs_gpu = pytest.mark.skipif(bool(gpu_problem()), reason="only CI is sure to have a GPU driver")
 SIZE = (192, 108)
+BY_VIEWS = HighlightSettings(gain=0)
+"""Lamps stay in the texture."""
 LENS = Intrinsics(*SIZE, 180.0, 180.0, 96.0, 54.0)
 SIDE = 25
 """Pixels of the blur disc, and of the kernel that stands for it."""
@@ -74,10 +77,12 @@ def source() -> LinearRGBA:
     return np.dstack([picture, np.ones(SIZE[::-1], np.float32)])
 
 
-def meshed(shape: Aperture, distance: float, focus: float) -> MeshedFrame:
+def meshed(
+    shape: Aperture, distance: float, focus: float, highlights: HighlightSettings = RESTORED
+) -> MeshedFrame:
     clip = ClipContext(slanted_plane(LENS), lambda frame: texture(*SIZE), Plane(distance))
     radius = SIDE / (2 * LENS.fx * abs(1 / distance - 1 / focus))
-    lens = LensSettings(Focus(distance=focus), radius, borrow=False, aperture=shape)
+    lens = LensSettings(Focus(distance=focus), radius, borrow=False, aperture=shape, highlights=highlights)
     return mesh_frame(clip, 2, lens, SIZE, source())
 
 
@@ -99,7 +104,7 @@ def error(mean: Map, true: Map) -> float:
 @pytest.mark.parametrize("is_behind", [True, False], ids=["behind", "before"])
 @pytest.mark.parametrize("shape", SHAPES.values(), ids=SHAPES)
 def test_a_plane_out_of_focus_is_convolved_with_the_shape(shape: Aperture, is_behind: bool) -> None:
-    frame = meshed(shape, *((FAR, NEAR) if is_behind else (NEAR, FAR)))
+    frame = meshed(shape, *((FAR, NEAR) if is_behind else (NEAR, FAR)), BY_VIEWS)
     true = convolved(shape, is_behind)
     for count, least in ((24, 32.0), (96, 45.0), (256, 50.0)):
         mean = draw_mean(frame.through(count), lambda note: None)
@@ -111,9 +116,29 @@ def test_a_plane_out_of_focus_is_convolved_with_the_shape(shape: Aperture, is_be
 
 
 @needs_gpu
+@pytest.mark.parametrize("is_behind", [True, False], ids=["behind", "before"])
+@pytest.mark.parametrize("shape", SHAPES.values(), ids=SHAPES)
+def test_few_views_draw_lamps_as_the_shape(shape: Aperture, is_behind: bool) -> None:
+    mean = draw_mean(
+        meshed(shape, *((FAR, NEAR) if is_behind else (NEAR, FAR))).through(12), lambda note: None
+    )
+    true = convolved(shape, is_behind)
+    assert error(mean, true) > 50
+    energy = mean[SIDE:-SIDE, SIDE:-SIDE, :3].mean() / true[SIDE:-SIDE, SIDE:-SIDE, :3].mean()
+    assert energy == pytest.approx(1, abs=1e-3)
+
+
+@needs_gpu
+@pytest.mark.parametrize("shape", [Aperture(vignetting=0.7), Aperture(vignetting=0.7, blades=3)], ids=str)
+def test_few_views_draw_vignetted_lamps_as_many(shape: Aperture) -> None:
+    many = draw_mean(meshed(shape, FAR, NEAR, BY_VIEWS).through(512), lambda note: None)
+    assert error(draw_mean(meshed(shape, FAR, NEAR).through(24), lambda note: None), many) > 45
+
+
+@needs_gpu
 def test_vignetting_makes_cats_eyes_in_the_corners_alone_and_keeps_what_is_in_focus() -> None:
     shape = Aperture(vignetting=0.7)
-    cut = draw_mean(meshed(shape, FAR, NEAR).through(96), lambda note: None)
+    cut = draw_mean(meshed(shape, FAR, NEAR, BY_VIEWS).through(96), lambda note: None)
     lamps = [cut[46:74, x - 14 : x + 14, 1] for x in (100, 160)]
     middle, corner = ((lamp > 0.5 * np.percentile(lamp, 80)).sum() for lamp in lamps)
     whole = np.pi / 4 * SIDE**2
@@ -130,7 +155,7 @@ def test_vignetting_makes_cats_eyes_in_the_corners_alone_and_keeps_what_is_in_fo
 
 def test_cycles_draws_the_same_shapes() -> None:
     shape = Aperture(blades=3, apodisation=0.5, vignetting=0.8)
-    warped = meshed(shape, FAR, NEAR).through(8)
+    warped = meshed(shape, FAR, NEAR, BY_VIEWS).through(8)
     by_cycles = cycles_views.mean_of_views(warped.plan, warped.texture)
     if gpu_problem():
         pytest.skip("only CI is sure to have a GPU driver to compare Cycles with")

@@ -111,7 +111,7 @@ def source_frame(warped: WarpedFrame) -> WarpedFrame:
             offsets, registration = plan.offsets[:SOURCE_VIEWS], plan.registration[:SOURCE_VIEWS]
         plan = replace(plan, offsets=offsets, registration=registration, weights=None, vignetting=0.0)
     if warped.layers:
-        return replace(warped, plan=plan, texture=_layers_sources(warped))
+        return replace(warped, plan=plan, texture=_layers_sources(warped), lamps=None)
     mesh, texture = _plain_sources(warped)
     return replace(warped, plan=replace(plan, mesh=mesh), texture=texture)
 

@@ -1,0 +1,191 @@
+"""Lamps drawn as discs: their energy, their shape, what hides them, and when pictures stay as they are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import cv2
+import numpy as np
+import pytest
+
+from addon.core.base.arrays import Floats, LinearRGBA, Map
+from addon.core.camera.canvas import Canvas
+from addon.core.camera.reconstruction import Intrinsics
+from addon.core.depth.source import PixelDepth
+from addon.core.lens.aperture import Aperture
+from addon.core.lens.clip_context import ClipContext
+from addon.core.lens.focus import Focus
+from addon.core.lens.frame import WarpedFrame, mesh_frame
+from addon.core.lens.highlights import HighlightSettings
+from addon.core.lens.lamp_discs import BRIGHT, MOST, without_lamps
+from addon.core.lens.plan import LensSettings
+
+from ..scenes import slanted_plane, texture
+
+SIZE = (240, 160)
+LENS = Intrinsics(*SIZE, 200.0, 200.0, 120.0, 80.0)
+FOCUS, FAR = 4.0, 8.0
+RADIUS = 12.0 / (200.0 * (1 / FOCUS - 1 / FAR))
+"""Of an aperture through which what is at FAR has a disc of 24 pixels."""
+
+
+class Given:
+    """A depth source: inverse depth (H, W) is told."""
+
+    def __init__(self, inverse: Floats) -> None:
+        self._inverse = inverse
+
+    def at(self, frame: int, canvas: Canvas, picture: LinearRGBA) -> PixelDepth:
+        return PixelDepth(self._inverse)
+
+    def samples(self, frame: int, canvas: Canvas) -> None:
+        return None
+
+
+def dark(light: float = 0.05) -> LinearRGBA:
+    """(H, W, 4) of one grey."""
+    picture = np.full((SIZE[1], SIZE[0], 4), light, np.float32)
+    picture[..., 3] = 1
+    return picture
+
+
+def with_lamp(picture: LinearRGBA, x: int, y: int, light: float = 40.0) -> LinearRGBA:
+    """A picture with a lamp two pixels wide."""
+    picture = picture.copy()
+    picture[y : y + 2, x : x + 2, :3] += light * np.array([1.0, 0.8, 0.5], np.float32)
+    return picture
+
+
+def drawn(
+    picture: LinearRGBA, inverse: Floats, views: int = 16, gain: float = 1.0, **shape: float
+) -> WarpedFrame:
+    lens = LensSettings(
+        Focus(distance=FOCUS), RADIUS, borrow=False, aperture=Aperture(**shape),  # type: ignore[arg-type]
+        highlights=HighlightSettings(gain),
+    )  # fmt: skip
+    clip = ClipContext(slanted_plane(LENS), lambda frame: texture(*SIZE), Given(inverse))
+    return mesh_frame(clip, 2, lens, SIZE, picture).through(views)
+
+
+def discs(warped: WarpedFrame) -> Map:
+    assert warped.lamps is not None
+    return warped.lamps.light(warped.plan, warped.layers)
+
+
+def flat(distance: float = FAR) -> Floats:
+    return np.full(SIZE[::-1], 1 / distance)
+
+
+@pytest.mark.parametrize("shape", [{}, {"blades": 5}, {"obstruction": 0.5}, {"ratio": 1.6}], ids=str)
+@pytest.mark.parametrize("distance", [FAR, 8 / 3], ids=["behind", "before"])
+def test_a_lamp_in_the_open_keeps_its_energy_and_its_place(shape: dict[str, float], distance: float) -> None:
+    warped = drawn(with_lamp(dark(), 101, 71), flat(distance), **shape)
+    light = discs(warped)
+    # Four pixels over a ground that stays.
+    np.testing.assert_allclose(light.sum(axis=(0, 1)), 4 * 40 * np.array([1, 0.8, 0.5]), rtol=1e-3)
+    row, column = np.mgrid[: SIZE[1], : SIZE[0]] + 0.5
+    if shape != {"blades": 5}:
+        middle = [(axis * light[..., 0]).sum() / light[..., 0].sum() for axis in (column, row)]
+        np.testing.assert_allclose(middle, [102, 72], atol=0.02)
+    np.testing.assert_allclose(warped.texture[..., :3].max(), 0.05, rtol=1e-3)
+
+
+def test_the_light_does_not_depend_on_the_number_of_views() -> None:
+    picture = with_lamp(dark(), 101, 71)
+    np.testing.assert_array_equal(discs(drawn(picture, flat(), 8)), discs(drawn(picture, flat(), 64)))
+
+
+def test_a_disc_is_round_and_even() -> None:
+    light = discs(drawn(with_lamp(dark(), 119, 79), flat()))[..., 0]
+    row, column = np.mgrid[: SIZE[1], : SIZE[0]] + 0.5
+    away = np.hypot(row - 80, column - 120)
+    inner = light[away < 12 - 3]
+    np.testing.assert_allclose(inner, 160 / (np.pi * 12**2), rtol=2e-2)
+    assert light[away > 12 + 3].max() < 1e-5
+
+
+def straight(near: float, edge: int) -> Floats:
+    """(H, W) inverse depth of a wall at FAR behind a half plane right of a column."""
+    inverse = flat()
+    inverse[:, edge:] = 1 / near
+    return inverse
+
+
+@pytest.mark.parametrize("near", [FOCUS, 5.5, 3.0, 2.0])
+def test_a_lamp_is_clipped_by_what_is_nearer(near: float) -> None:
+    """From p the edge is beside the lamp at (s_edge - s_lamp) p, whatever is in focus."""
+    edge, middle = 110, 102.0
+    picture = with_lamp(dark(), 101, 71)
+    picture[:, edge:, :3] = 0.4
+    inverse = straight(near, edge)
+    lit, whole = (
+        discs(drawn(picture, inverse))[..., 0],
+        discs(drawn(with_lamp(dark(), 101, 71), flat()))[..., 0],
+    )
+    apart = RADIUS * 200 * (1 / near - 1 / FAR)
+    # Places of the aperture from which the edge hides it, and where its light would be seen from there.
+    least = (edge - middle) / apart
+    first = middle + 12 * least
+    column = np.broadcast_to(np.arange(SIZE[0]) + 0.5, lit.shape)
+    # A lamp two pixels wide: shadows of near edges are soft by as much.
+    np.testing.assert_allclose(lit[column < first - 2.5], whole[column < first - 2.5], atol=3e-4)
+    assert lit[column > first + 2.5].max(initial=0) < 0.02 * whole.max()
+    share = lit.sum() / whole.sum()
+    seen = np.clip(least, -1, 1)
+    told = 1 - (np.arccos(seen) - seen * np.sqrt(1 - seen**2)) / np.pi
+    assert share == pytest.approx(told, abs=0.03)
+
+
+def test_nothing_that_is_farther_or_as_far_hides_a_lamp() -> None:
+    rng = np.random.default_rng(3)
+    inverse = flat() * (1 + 0.004 * rng.standard_normal(SIZE[::-1]))
+    inverse[:, 110:] = 1 / 20.0
+    inverse[70:76, 98:106] = 1 / FAR
+    light = discs(drawn(with_lamp(dark(), 101, 71), inverse))
+    assert light[..., 0].sum() == pytest.approx(160, rel=5e-3)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda: (with_lamp(dark(), 101, 71), flat(), 0.0),
+        lambda: (with_lamp(dark(), 101, 71), flat(FOCUS), 1.0),
+        lambda: (with_lamp(dark(), 101, 71, 0.9), flat(), 1.0),
+        lambda: (cv2.rectangle(dark(), (60, 40), (100, 100), (9.0, 9.0, 9.0, 1.0), -1), flat(), 1.0),
+    ],
+    ids=["highlights off", "in focus", "not over white", "wider than its disc"],
+)  # fmt: skip
+def test_everything_else_stays_in_the_texture(change: Callable[[], tuple[LinearRGBA, Floats, float]]) -> None:
+    picture, inverse, gain = change()
+    warped = drawn(picture, inverse, gain=gain)
+    assert warped.lamps is None
+
+
+def test_light_is_moved_not_lost() -> None:
+    rng = np.random.default_rng(1)
+    picture = dark()
+    picture[..., :3] += 0.3 * rng.random((SIZE[1], SIZE[0], 3), np.float32)
+    for x, y in rng.integers(5, 150, (30, 2)):
+        picture = with_lamp(picture, x, y, 2 * BRIGHT)
+    rest, lamps = without_lamps(picture, np.full(SIZE[::-1], -12, np.float32), Aperture())
+    assert lamps is not None
+    total = rest.copy()
+    for lamp in lamps.found:
+        row, column = lamp.corner
+        total[row:, column:, :3][: lamp.light.shape[0], : lamp.light.shape[1]] += lamp.light
+    np.testing.assert_allclose(total, picture, atol=1e-5)
+    assert rest.min() >= 0
+    assert rest[..., :3].max() < BRIGHT
+
+
+def test_of_too_many_lamps_the_brightest_are_drawn() -> None:
+    picture = dark()
+    picture[2:158:5, 2:238:5, :3] = np.linspace(5, 6, 32 * 48)[:, None].reshape(32, 48, 1)
+    rest, lamps = without_lamps(picture, np.full(SIZE[::-1], -12, np.float32), Aperture())
+    assert lamps is not None
+    assert len(lamps.found) == MOST
+    left = rest[..., 0][rest[..., 0] > BRIGHT]
+    assert len(left) == 32 * 48 - MOST
+    # In the picture they become brighter with every one, row by row.
+    kept = rest[2:158:5, 2:238:5, 0].ravel() <= BRIGHT
+    assert kept[-MOST:].all()
