@@ -14,6 +14,7 @@ import pytest
 from addon.core.base.errors import UserError
 from addon.core.base.progress import Cancelled, reporting
 from addon.core.camera.reconstruction import Intrinsics
+from addon.core.lens.aperture import Aperture
 from addon.core.lens.focus import Focus
 from addon.core.lens.plan import FramePlan, LensSettings
 from addon.core.media.clip import to_linear
@@ -38,7 +39,14 @@ def canvas_picture(plan: FramePlan) -> np.ndarray:
     return plan.canvas.from_source(to_linear(texture(plan.canvas.lens.width, plan.canvas.lens.height)))
 
 
-def thin_lens(plan: FramePlan, picture: np.ndarray, radius: float, folder: Path, samples: int) -> np.ndarray:
+def thin_lens(
+    plan: FramePlan,
+    picture: np.ndarray,
+    radius: float,
+    folder: Path,
+    samples: int,
+    shape: Aperture = Aperture(),  # noqa: B008
+) -> np.ndarray:
     """Cycles' own thin lens on the same warp mesh: the independent reference."""
     lens, mesh = plan.canvas.pinhole, plan.mesh
     scene = bpy.data.scenes.new("Reference")
@@ -58,6 +66,8 @@ def thin_lens(plan: FramePlan, picture: np.ndarray, radius: float, folder: Path,
     camera.dof.use_dof = True
     camera.dof.focus_distance = 1 / plan.lens.focus
     camera.dof.aperture_fstop = camera.lens * 1e-3 / (2 * radius)
+    camera.dof.aperture_blades, camera.dof.aperture_rotation = shape.blades, shape.rotation
+    camera.dof.aperture_ratio = shape.ratio
     return cycles_views.render_to_array(scene, folder / "thin_lens.exr")
 
 
@@ -87,6 +97,38 @@ def test_the_mean_of_views_is_cycles_thin_lens(
     print(f"views against Cycles' thin lens: {score:.1f} dB, no blur {sharp:.1f} dB, disc {plan.blur:.1f} px")
     assert score >= 45
     assert sharp < score - 10
+
+
+@needs_gpu
+@pytest.mark.parametrize(
+    "shape",
+    [
+        Aperture(blades=3, rotation=0.3),
+        Aperture(blades=5, rotation=-0.2),
+        Aperture(ratio=1.8),
+        Aperture(blades=6, rotation=0.1, ratio=1.4),
+    ],
+    ids=["triangle", "pentagon", "anamorphic", "squeezed hexagon"],
+)
+def test_shapes_of_the_aperture_are_those_of_cycles(
+    scene: bpy.types.Scene, tmp_path: Path, shape: Aperture
+) -> None:
+    radius, focus = 0.08, 0.5
+    lens = LensSettings(Focus(distance=focus), radius, 256, "features", aperture=shape)
+    plan = planned(slanted_plane(LENS, near=0.7, far=1.4), 1, lens, (160, 90))
+    picture = canvas_picture(plan) / 2
+    for row, column in ((30, 40), (60, 70), (30, 100), (60, 130)):
+        picture[row : row + 4, column : column + 4, :3] += 2.0
+    ours = gpu_views.mean_of_views(plan, picture)
+    same, round_one = (
+        thin_lens(plan, picture, radius, tmp_path, samples=512, shape=one) for one in (shape, Aperture())
+    )
+    inner = np.s_[12:-12, 12:-12, :3]
+    shown = [np.clip(part[inner], 0, 1) for part in (ours, same, round_one)]
+    score, other = psnr(shown[0], shown[1]), psnr(shown[0], shown[2])
+    print(f"views against Cycles: {score:.1f} dB, against its round aperture {other:.1f} dB")
+    assert score >= 45
+    assert other < score - 10
 
 
 @needs_gpu
