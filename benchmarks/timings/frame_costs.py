@@ -52,7 +52,7 @@ REST = "Blender, writing, reading back"
 STAGES: tuple[tuple[object, str, str], ...] = (
     (engine, "render_frame", "rest of the frame"),
     (Shot, "read", "read"),
-    (average, "to_linear", "read"),
+    (ClipContext, "picture", "read, highlights"),
     (lens_frame, "_geometry", "read"),
     (ClipContext, "depth", "depth, kept, for every pixel"),
     (PlaneSweepStereo, "_moving", "movers"),

@@ -10,7 +10,7 @@ import pytest
 from addon.core.camera.reconstruction import Intrinsics
 from benchmarks.accuracy.envelope import Curve
 from benchmarks.accuracy.judge import Row
-from benchmarks.timings import growth, speed, whole_runs
+from benchmarks.timings import frame_costs, growth, speed, whole_runs
 
 from ..scenes import slanted_plane
 
@@ -54,3 +54,8 @@ def test_a_frame_costs_what_more_frames_cost_more() -> None:
     runs = whole_runs.Run(5.0, 8.0, 300.0), whole_runs.Run(11.0, 20.0, 320.0)
     assert whole_runs.a_frame(runs, 6) == pytest.approx((1.0, 2.0))
     assert np.isclose(whole_runs.parsed("640x360"), (640, 360)).all()
+
+
+def test_stages_that_are_timed_exist() -> None:
+    missing = [(owner, name) for owner, name, _ in frame_costs.STAGES if not hasattr(owner, name)]
+    assert not missing
