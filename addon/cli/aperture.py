@@ -5,8 +5,10 @@ from __future__ import annotations
 import argparse
 import math
 from pathlib import Path
+from typing import Any
 
 from ..core.base.errors import UserError
+from ..core.lens.aperture import Aperture
 from ..core.media.copying import copy_file
 from ..scene.aperture_shape import NUMBERS
 from ..scene.properties import VirtualApertureSettings
@@ -44,20 +46,19 @@ def _word(text: str) -> str:
 
 def set_shape(settings: VirtualApertureSettings, words: list[str] | None) -> None:
     """Write the words of `--aperture` into the settings; UserError for a shape that means nothing."""
-    for key, value in _pairs(words):
-        if key == IMAGE:
-            settings.shape.image = value
-            continue
-        number = math.radians(float(value)) if key == "rotation" else float(value)
-        if key == "blades" and not number.is_integer():
-            raise UserError(f"the aperture's blades are {value}; they must be a whole number")
-        setattr(settings.shape, key, int(number) if key == "blades" else number)
-        # Blender keeps to its bounds in silence.
-        if abs(getattr(settings.shape, key) - number) > 1e-6 * max(1, abs(number)):
-            low, high = (
-                getattr(settings.shape.bl_rna.properties[key], end) for end in ("hard_min", "hard_max")
-            )
-            raise UserError(f"the aperture's {key} is {value}; it must be from {low:g} to {high:g}")
+    told = dict(_pairs(words))
+    settings.shape.image = told.pop(IMAGE, settings.shape.image)
+    numbers: dict[str, Any] = {key: float(value) for key, value in told.items()}
+    if "blades" in numbers:
+        if not numbers["blades"].is_integer():
+            raise UserError(f"the aperture's blades are {told['blades']}; they must be a whole number")
+        numbers["blades"] = int(numbers["blades"])
+    if "rotation" in numbers:
+        numbers["rotation"] = math.radians(numbers["rotation"])
+    # Blender would keep to its bounds in silence.
+    Aperture(**numbers)
+    for key, number in numbers.items():
+        setattr(settings.shape, key, number)
     # A picture that cannot be read is told now.
     assert settings.shape.aperture is not None
 
