@@ -23,7 +23,7 @@ from ..warp.layered_depth_image import LayeredDepthImage, inpainted
 from .aperture import SUBSAMPLES, Aperture
 from .plan import FramePlan
 from .thin_lens import ThinLens
-from .vignetting import LEAST_LEFT, light_left
+from .vignetting import LEAST_LEFT, barrel_shift, light_left
 
 WHITE = 1.02
 """Linear light over which a pixel is a lamp's, 1 being white: resampling rings by less."""
@@ -158,13 +158,11 @@ def _kernel(aperture: Aperture, across: float, down: float) -> Map:
 def _within_barrel(plan: FramePlan, place: Floats, radius: Floats, reach: list[int]) -> Map:
     """(h, w) share of the light that a plan's barrel lets through to each pixel around the middle of a disc
     at a place (2,), as many down and across as `reach`; radii (2,) in pixels, as `_kernel` takes them."""
-    pinhole = plan.canvas.pinhole
-    # The barrel's opening is shifted by so much a pixel, in shares of the aperture's radius.
-    shift = plan.vignetting / (np.hypot(pinhole.width, pinhole.height) / 2)
+    shift, middle = barrel_shift(plan), plan.canvas.pinhole.principal_point
     beside = [np.arange(-n, n + 1) for n in reach[::-1]]
     x, y = (
-        shift * (middle + step - centre) - step / r
-        for middle, step, centre, r in zip(place, beside, pinhole.principal_point, radius, strict=True)
+        shift * (here + step - centre) - step / r
+        for here, step, centre, r in zip(place, beside, middle, radius, strict=True)
     )
     # Its edge is a pixel wide.
     soft = 0.5 / np.abs(radius).min()

@@ -32,13 +32,19 @@ def barrel_rows(plan: FramePlan) -> Floats:
 
     A view stands for a part of the aperture: its light ends over the width of that part.
     """
-    pinhole = plan.canvas.pinhole
     across = plan.spread / np.sqrt(len(plan.offsets))
     rows = np.empty((len(plan.offsets), 5))
     rows[:, :2] = plan.lens.aperture_positions(plan.offsets) / plan.lens.radius
-    rows[:, 2] = plan.vignetting / (np.hypot(pinhole.width, pinhole.height) / 2)
+    rows[:, 2] = barrel_shift(plan)
     rows[:, 3:] = across, 1 / (2 * across)
     return rows
+
+
+def barrel_shift(plan: FramePlan) -> float:
+    """By how much the barrel's opening is shifted against the aperture for each pixel away from the picture's
+    middle, in shares of the aperture's radius."""
+    pinhole = plan.canvas.pinhole
+    return float(plan.vignetting / (np.hypot(pinhole.width, pinhole.height) / 2))
 
 
 def light_left(plan: FramePlan) -> Map:
