@@ -14,9 +14,9 @@ from functools import cached_property, lru_cache
 import cv2
 import numpy as np
 
-from ..base.arrays import Floats, Indices, Map, Mask
+from ..base.arrays import Floats, Map, Mask
 from ..base.errors import UserError
-from .aperture_sampling import FEW_RELAXATIONS, MOST_RELAXED, RELAXATIONS, centroidal_disc, check_count
+from .aperture_sampling import centroidal_disc, check_count, relaxed
 
 CELLS = 128
 """Cells along the square around the aperture, on which it is sampled: a polygon's area is right to 0.5 %."""
@@ -171,23 +171,15 @@ class ApertureSamples:
 def aperture_samples(aperture: Aperture, count: int, variant: int = 0) -> ApertureSamples:
     """So many positions, each in the middle of the light of an equal share of the open aperture.
 
-    Shares are of a power diagram, relaxed by Lloyd's iteration (de Goes, Breeden, Ostromoukhov and Desbrun,
-    "Blue noise through optimal transport", 2012): blurred by a disc of a share's size the positions blur as
-    the aperture does, and their weighted mean is that of the light. `variant` gives other positions for the
-    same aperture. Raises UserError for a number that means nothing.
+    They are `relaxed`: blurred by a disc of a share's size the positions blur as the aperture does, and their
+    weighted mean is that of the light. `variant` gives other positions for the same aperture. Raises
+    UserError for a number that means nothing.
     """
     check_count(count)
     if aperture.is_disc:
         return ApertureSamples(turned_disc(centroidal_disc(count), variant))
     cells, light, area = _open_cells(aperture)
-    found = _start(cells, count, variant)
-    weight = np.zeros(count)
-    for _ in range(RELAXATIONS if count <= MOST_RELAXED else FEW_RELAXATIONS):
-        # |s - p|^2 without the sample's own part, which is the same for all positions.
-        share = ((found**2).sum(axis=1) - weight - 2 * cells @ found.T).argmin(axis=1)
-        held, sums, mass = _shares(share, cells, light, count)
-        found = np.where(mass[:, None] > 0, sums / np.maximum(mass, 1e-12)[:, None], found)
-        weight += area / np.pi * (1 / count - held / len(cells))
+    found, mass = relaxed(_start(cells, count, variant), cells, light, area)
     # What was not relaxed to the end is told by shares of any size.
     return ApertureSamples(_fixed(found), _fixed(mass / mass.sum()), float(np.sqrt(area / np.pi)))
 
@@ -221,14 +213,6 @@ def _start(cells: Floats, count: int, variant: int) -> Floats:
         # Thin shapes: cells in their order, evenly.
         return np.asarray(cells[np.linspace(0, len(cells) - 1, count).astype(int)])
     return np.asarray(2 * found - 1)
-
-
-def _shares(share: Indices, cells: Floats, light: Floats, count: int) -> tuple[Floats, Floats, Floats]:
-    """(N,) cells and (N, 2) moments and (N,) mass of light in the share (n,) of each position."""
-    held = np.bincount(share, minlength=count).astype(np.float64)
-    mass = np.bincount(share, light, minlength=count)
-    sums = np.stack([np.bincount(share, light * axis, minlength=count) for axis in cells.T], axis=1)
-    return held, sums, mass
 
 
 def _fixed(values: Floats) -> Floats:

@@ -57,22 +57,33 @@ def centroidal_disc(count: int) -> Floats:
     exactly zero. Read-only. More than `MAX_VIEWS` are Vogel's.
 
     The spread of the positions and that within the shares make the disc's: blurred by a disc of a share's
-    size, the positions have the disc's own blur. Lloyd's iteration from Vogel's spiral, with the shares of a
-    power diagram (de Goes, Breeden, Ostromoukhov and Desbrun, "Blue noise through optimal transport", 2012).
+    size, the positions have the disc's own blur. They are Vogel's spiral, `relaxed`.
     """
     disc = vogel_disc(count)
     if count <= MAX_VIEWS:
-        samples, weight = vogel_disc(SAMPLES), np.zeros(count)
-        for _ in range(RELAXATIONS if count <= MOST_RELAXED else FEW_RELAXATIONS):
-            # |s - p|^2 without the sample's own part, which is the same for all positions.
-            share = ((disc**2).sum(axis=1) - weight - 2 * samples @ disc.T).argmin(axis=1)
-            held = np.bincount(share, minlength=count)
-            sums = np.stack([np.bincount(share, axis, minlength=count) for axis in samples.T], axis=1)
-            disc = np.where(held[:, None] > 0, sums / np.maximum(held, 1)[:, None], disc)
-            weight += 1 / count - held / SAMPLES
+        disc, _ = relaxed(disc, vogel_disc(SAMPLES), np.ones(SAMPLES), np.pi)
         disc = disc - disc.mean(axis=0)
     disc.flags.writeable = False
     return disc
+
+
+def relaxed(positions: Floats, places: Floats, light: Floats, area: float) -> tuple[Floats, Floats]:
+    """(N, 2) positions moved into the middles of the light of equal shares of an area, in squared radii, and
+    the mass (N,) of light in these. (n, 2) places lie evenly over the area, (n,) light passes there.
+
+    Lloyd's iteration, with the shares of a power diagram (de Goes, Breeden, Ostromoukhov and Desbrun, "Blue
+    noise through optimal transport", 2012): to the end for up to `MOST_RELAXED` positions.
+    """
+    count = len(positions)
+    weight, mass = np.zeros(count), np.zeros(count)
+    for _ in range(RELAXATIONS if count <= MOST_RELAXED else FEW_RELAXATIONS):
+        # |s - p|^2 without the place's own part, which is the same for all positions.
+        share = ((positions**2).sum(axis=1) - weight - 2 * places @ positions.T).argmin(axis=1)
+        held, mass = np.bincount(share, minlength=count), np.bincount(share, light, minlength=count)
+        sums = np.stack([np.bincount(share, light * axis, minlength=count) for axis in places.T], axis=1)
+        positions = np.where(mass[:, None] > 0, sums / np.maximum(mass, 1e-12)[:, None], positions)
+        weight += area / np.pi * (1 / count - held / len(places))
+    return positions, mass
 
 
 def views_needed(blur: float, prefiltered: bool) -> int:
