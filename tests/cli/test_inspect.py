@@ -127,7 +127,7 @@ def test_what_goes_wrong_leaves_the_images(scene: bpy.types.Scene, tmp_path: Pat
 
 
 def test_the_button_is_in_a_closed_panel(scene: bpy.types.Scene) -> None:
-    panel = panels.VIRTUAL_APERTURE_PT_debug
+    panel = panels.render.VIRTUAL_APERTURE_PT_debug
     assert panel.bl_parent_id == "VIRTUAL_APERTURE_PT_render" and "DEFAULT_CLOSED" in panel.bl_options
     ui.show({"blur": np.zeros((4, 6, 3), np.uint8)})
     layout = Recorder()

@@ -55,11 +55,11 @@ def test_a_solve_is_looked_at_through_its_camera(default_scene: bpy.types.Scene,
     cube = bpy.data.objects["Cube"]
     assert cube.hide_get() and not cube.hide_viewport and not cube.hide_render
     assert not far.hide_get()
-    texts = " ".join(draw(panels.VIRTUAL_APERTURE_PT_clip).texts)
+    texts = " ".join(draw(panels.solve.VIRTUAL_APERTURE_PT_solve).texts)
     assert "12 of 12 frames registered" in texts and "Advice: " in texts
     assert "Cube was in the camera's way and is hidden" in texts
     cube.hide_set(False)
-    assert "camera's way" not in " ".join(draw(panels.VIRTUAL_APERTURE_PT_clip).texts)
+    assert "camera's way" not in " ".join(draw(panels.solve.VIRTUAL_APERTURE_PT_solve).texts)
     # Tab: nothing is selected.
     import bmesh  # the module's own, there only after bpy
 
@@ -209,5 +209,5 @@ def test_an_old_file_without_a_summary_still_draws(scene: bpy.types.Scene, tmp_p
     shot = slanted_shot(tmp_path, LENS)
     settings = build(scene, shot.footage, shot.reconstruction)
     assert settings.summary == ""
-    assert "Solved" in draw(panels.VIRTUAL_APERTURE_PT_clip).texts
+    assert "Solved" in draw(panels.solve.VIRTUAL_APERTURE_PT_solve).texts
     assert not lens.is_in_focus(settings)

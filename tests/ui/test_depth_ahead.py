@@ -52,12 +52,12 @@ def test_what_is_found_in_the_background_is_what_the_scene_reads(scene: bpy.type
     assert bpy.ops.virtual_aperture.find_depth() == {"FINISHED"}
     found = depth_ahead.of(scene.virtual_aperture)
     assert found is not None and found.child is not None
-    assert "virtual_aperture.pause_depth" in draw(panels.VIRTUAL_APERTURE_PT_clip).operators
+    assert "virtual_aperture.pause_depth" in draw(panels.solve.VIRTUAL_APERTURE_PT_solve).operators
     with pytest.raises(RuntimeError, match="Depth is being found"):
         bpy.ops.virtual_aperture.find_depth()
     until(lambda: found.child is None)
     assert (found.problem, found.done, found.total) == ("", 3, 3)
-    assert "Depth is found" in draw(panels.VIRTUAL_APERTURE_PT_clip).texts
+    assert "Depth is found" in draw(panels.solve.VIRTUAL_APERTURE_PT_solve).texts
     before = kept(work)
     assert len(before) == 3
     shot_of(scene).context.stereo.at(2)
@@ -72,7 +72,7 @@ def test_pausing_ends_the_process_and_finding_goes_on_later(scene: bpy.types.Sce
     bpy.ops.virtual_aperture.pause_depth()
     assert process.wait(30) != 0
     assert depth_ahead.of(scene.virtual_aperture) is None
-    assert "virtual_aperture.find_depth" in draw(panels.VIRTUAL_APERTURE_PT_clip).operators
+    assert "virtual_aperture.find_depth" in draw(panels.solve.VIRTUAL_APERTURE_PT_solve).operators
     bpy.ops.virtual_aperture.find_depth()
     again = depth_ahead.of(scene.virtual_aperture)
     assert again is not None
@@ -87,7 +87,7 @@ def test_a_process_that_dies_is_told(scene: bpy.types.Scene, work: Path) -> None
     found.child.process.kill()
     until(lambda: found.child is None)
     assert "SIGKILL" in found.problem
-    texts = " ".join(draw(panels.VIRTUAL_APERTURE_PT_clip).texts)
+    texts = " ".join(draw(panels.solve.VIRTUAL_APERTURE_PT_solve).texts)
     assert "Depth was not found: the process was ended by" in texts
 
 

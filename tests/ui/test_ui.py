@@ -391,7 +391,7 @@ def test_opening_a_long_clip_is_told_and_cancelled_at_once(scene: bpy.types.Scen
     operator = bpy.types.VIRTUAL_APERTURE_OT_solve
     operator._running = solving
     try:
-        texts = draw(panels.VIRTUAL_APERTURE_PT_clip).texts
+        texts = draw(panels.solve.VIRTUAL_APERTURE_PT_solve).texts
     finally:
         operator._running = None
     assert texts[0] == "Reading the clip (ESC cancels)"

@@ -1,0 +1,75 @@
+"""The Footage panel: which clip, and where its files are; on top what is to be done next."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+
+from ...scene import lens
+from .. import choose_clip, import_solve, notices, operators
+from ..text import wrapped
+from .panel import PRIMARY, ClosedPanel, Panel
+
+
+def next_step(context: bpy.types.Context) -> str:
+    """What is to be done next, in one line."""
+    settings = context.scene.virtual_aperture
+    if not settings.footage:
+        return "Choose a clip"
+    if settings.points is None:
+        return "Solve the clip: where the camera was, and how far things are"
+    if settings.points.mode == "EDIT":
+        return "Select two or more vertices on what is to be sharp, and set the focus"
+    if not lens.is_in_focus(settings):
+        return "Press Tab over the viewport to select vertices on what is to be sharp"
+    return "Ready to render"
+
+
+class VIRTUAL_APERTURE_PT_footage(Panel, bpy.types.Panel):  # noqa: N801
+    bl_label = "Footage"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        settings = context.scene.virtual_aperture
+        layout = self.layout
+        if operators.running_solve() is None:
+            wrapped(layout, context, next_step(context), icon="INFO")
+        row = layout.row()
+        row.scale_y = PRIMARY
+        row.operator(
+            choose_clip.VIRTUAL_APERTURE_OT_choose_clip.bl_idname,
+            text=Path(settings.footage).name or "Choose Clip",
+            icon="FILE_MOVIE" if settings.footage else "FILEBROWSER",
+        )
+        notices.draw_clip(layout, context)
+
+
+class VIRTUAL_APERTURE_PT_import(ClosedPanel, bpy.types.Panel):  # noqa: N801
+    bl_label = "Import"
+    bl_parent_id = "VIRTUAL_APERTURE_PT_footage"
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.operator(import_solve.VIRTUAL_APERTURE_OT_import_solve.bl_idname, icon="IMPORT")
+        movie_clip = import_solve.VIRTUAL_APERTURE_OT_import_movie_clip.bl_idname
+        if import_solve.solved_clips():
+            layout.operator_menu_enum(movie_clip, "clip", icon="TRACKING")
+        elif bpy.data.movieclips:
+            # Disabled, and says why.
+            layout.operator(movie_clip, icon="TRACKING")
+
+
+class VIRTUAL_APERTURE_PT_files(ClosedPanel, bpy.types.Panel):  # noqa: N801
+    bl_label = "Files"
+    bl_parent_id = "VIRTUAL_APERTURE_PT_footage"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        settings = context.scene.virtual_aperture
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        layout.prop(settings, "footage")
+        layout.prop(settings, "work_dir")
+
+
+CLASSES = (VIRTUAL_APERTURE_PT_footage, VIRTUAL_APERTURE_PT_import, VIRTUAL_APERTURE_PT_files)

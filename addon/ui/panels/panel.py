@@ -1,0 +1,20 @@
+"""What the panels of the sidebar share."""
+
+from __future__ import annotations
+
+PRIMARY = 1.4
+"""Height of the button that a panel is about."""
+
+
+class Panel:
+    """A panel in the sidebar of the 3D viewport."""
+
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Virtual Aperture"
+
+
+class ClosedPanel(Panel):
+    """One that is not for everybody: closed to begin with."""
+
+    bl_options = {"DEFAULT_CLOSED"}  # noqa: RUF012

@@ -1,0 +1,77 @@
+"""The Render panel: which frames, where to, at what quality."""
+
+from __future__ import annotations
+
+import bpy
+
+from ...core.lens.meshers import MESHERS
+from .. import inspect, notices, operators
+from ..text import wrapped
+from .panel import PRIMARY, ClosedPanel, Panel
+
+
+class VIRTUAL_APERTURE_PT_render(Panel, bpy.types.Panel):  # noqa: N801
+    bl_label = "Render"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        scene = context.scene
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        column = layout.column(align=True)
+        column.prop(scene, "frame_start", text="Frame Start")
+        column.prop(scene, "frame_end", text="End")
+        layout.prop(scene.render, "filepath", text="Output")
+        layout.prop(scene.virtual_aperture, "quality")
+        wrapped(layout, context, output_words(scene), icon="OUTPUT")
+        notices.draw_ignored(layout, context)
+        layout.operator(operators.VIRTUAL_APERTURE_OT_render_frame.bl_idname, icon="RENDER_STILL")
+        row = layout.row()
+        row.scale_y = PRIMARY
+        row.operator(operators.VIRTUAL_APERTURE_OT_render_clip.bl_idname, icon="RENDER_ANIMATION")
+
+
+def output_words(scene: bpy.types.Scene) -> str:
+    """What Render Clip will do, in one line."""
+    render = scene.render
+    count = len(range(scene.frame_start, scene.frame_end + 1, scene.frame_step))
+    which = f"Frames {scene.frame_start} to {scene.frame_end}" if count > 1 else f"Frame {scene.frame_start}"
+    kind = render.image_settings.bl_rna.properties["file_format"].enum_items[
+        render.image_settings.file_format
+    ]
+    return f"{which}, to {render.filepath or 'the current folder'} as {kind.name}"
+
+
+class VIRTUAL_APERTURE_PT_method(ClosedPanel, bpy.types.Panel):  # noqa: N801
+    bl_label = "Sampling and Method"
+    bl_parent_id = "VIRTUAL_APERTURE_PT_render"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        settings = context.scene.virtual_aperture
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        layout.prop(settings, "error")
+        layout.prop(settings, "use_auto_views")
+        if not settings.use_auto_views:
+            layout.prop(settings, "views")
+        layout.prop(settings, "method")
+        for name in MESHERS[settings.method].settings:
+            layout.prop(settings, name)
+
+
+class VIRTUAL_APERTURE_PT_debug(ClosedPanel, bpy.types.Panel):  # noqa: N801
+    bl_label = "Debug"
+    bl_parent_id = "VIRTUAL_APERTURE_PT_render"
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.operator(inspect.VIRTUAL_APERTURE_OT_inspect_frame.bl_idname, icon="VIEWZOOM")
+        if images := inspect.shown():
+            column = layout.column(align=True)
+            column.label(text="In the Image Editor:", icon="IMAGE_DATA")
+            for image in images.values():
+                column.label(text=image.name)
+
+
+CLASSES = (VIRTUAL_APERTURE_PT_render, VIRTUAL_APERTURE_PT_method, VIRTUAL_APERTURE_PT_debug)
