@@ -60,9 +60,9 @@ def render_frame(
     """
     gpu_views.check_memory(size)
     with stage("Reading", 0.0, READ):
-        picture = _resized(clip.picture(frame, lens.highlights), size)
+        picture = resized(clip.picture(frame, lens.highlights), size)
         small = drawn_size(lens, size)
-        source = _resized(picture, small)
+        source = resized(picture, small)
     with stage("Mesh", READ, WARPED):
         meshed = mesh_frame(clip, frame, lens, small, source)
         warped = None if lens.error else meshed.through(meshed.views, reuse=True)
@@ -155,7 +155,8 @@ def no_gpu_note(problem: str) -> str:
     return f"no GPU context ({problem}): views are drawn by Cycles, which is slower"
 
 
-def _resized(picture: LinearRGBA, size: tuple[int, int]) -> LinearRGBA:
+def resized(picture: LinearRGBA, size: tuple[int, int]) -> LinearRGBA:
+    """A picture (H, W, 4) in linear light at another size (width, height), without negative light."""
     if (picture.shape[1], picture.shape[0]) == size:
         return picture
     shrinks = size[0] < picture.shape[1]

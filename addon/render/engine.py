@@ -23,6 +23,7 @@ from ..scene.shot import Shot, shot_of
 from .average import OnFrame, render_frame
 from .frame_size import render_size
 from .gpu_views import egl_problem
+from .viewport import PREVIEW, Shown, draw, update
 
 REDRAW = 0.1
 """Seconds between two texts about a render's progress: more of them would only cost redraws."""
@@ -76,6 +77,18 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
     # Blender makes the engine's instances: whoever starts a render cannot hand them anything.
     watch = RenderWatch()
 
+    def __init__(self, *args: object, **kwargs: object) -> None:
+        super().__init__(*args, **kwargs)
+        self._in_viewport = Shown()
+
+    def view_update(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
+        """Begin with the picture of a scene that has changed."""
+        update(self._in_viewport, context, depsgraph)
+
+    def view_draw(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
+        """Draw the frame through the lens into a viewport in Rendered shading."""
+        draw(self, self._in_viewport, context, depsgraph)
+
     def render(self, depsgraph: bpy.types.Depsgraph) -> None:
         """Render the current frame into the Combined pass.
 
@@ -86,7 +99,7 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
         self._title, self._shown = frame_title(scene, self.is_animation), 0.0
         self._thread = threading.get_ident()
         try:
-            with reporting(self._on_progress):
+            with PREVIEW.paused(), reporting(self._on_progress):
                 checkpoint()
                 warn_of_ignored(self, depsgraph.scene)
                 self._hand_over(self._frame(scene, render_size(scene.render)), scene.render)
@@ -115,7 +128,7 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
             shot = shot_of(scene)
         check_shape(shot, size)
         lens = lens_settings(scene.virtual_aperture, shot.reconstruction)
-        frame = frame_shown(shot, scene.frame_current)
+        frame = shot.frame_at(scene.frame_current)
         return render_frame(shot.context, frame, lens, size, self._note, self.watch.on_frame)
 
     def _on_progress(self, stage_name: str, share: float) -> None:
@@ -161,12 +174,6 @@ def check_shape(shot: Shot, size: tuple[int, int]) -> None:
             f"the render size {size[0]}x{size[1]} has another shape than the clip's {clip[0]}x{clip[1]};"
             " set the resolution back to the clip's and use the percentage or a border"
         )
-
-
-def frame_shown(shot: Shot, frame: int) -> int:
-    """The clip's frame for a scene frame: in a gap, and past the ends, the nearest one before."""
-    frames = np.array(shot.footage.frames)
-    return int(frames[max(0, int(np.searchsorted(frames, frame, side="right")) - 1)])
 
 
 CLASSES = (VirtualApertureEngine,)

@@ -171,7 +171,7 @@ def _drawing(plan: FramePlan, picture: LinearRGBA) -> Steps:
     context that they were made in, on OpenGL, Vulkan and Metal alike: they are made anew for every step.
     """
     width, height = plan.canvas.pinhole.width, plan.canvas.pinhole.height
-    source = _upload(picture)
+    source = upload(picture)
     source.filter_mode(True)
     source.extend_mode("MIRRORED_REPEAT")
     view = _texture(width, height)
@@ -256,7 +256,9 @@ def _largest_contrast(plan: FramePlan) -> float:
     return float(np.abs(plan.mesh.inverse_depth - plan.lens.focus).max(initial=0.0)) or 1.0
 
 
-def _upload(picture: LinearRGBA) -> gpu.types.GPUTexture:
+def upload(picture: LinearRGBA) -> gpu.types.GPUTexture:
+    """A texture of a picture (h, w, 4), whose first row has the texture coordinate 0; UserError where the
+    driver holds none so large."""
     height, width = picture.shape[:2]
     data = np.ascontiguousarray(picture, dtype=np.float32).reshape(-1)
     buffer = gpu.types.Buffer("FLOAT", data.size, data)

@@ -23,8 +23,8 @@ become the active one: nothing that belongs to a context (framebuffers) may be k
 
 SLICE = 0.04
 """Seconds of drawing between two looks at the interface's events."""
-IDLE = 0.1
-"""Seconds between two looks for work."""
+IDLE = 0.02
+"""Seconds between two looks for work: what a preview waits for at most."""
 
 
 @dataclass

@@ -30,6 +30,13 @@ def _aperture_changed(settings: VirtualApertureSettings, _context: bpy.types.Con
     aperture_cloud.update(settings)
 
 
+def _redraw_viewports(_settings: VirtualApertureSettings, context: bpy.types.Context) -> None:
+    for window in context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.tag_redraw()
+
+
 def _edited(
     follow: Callable[[VirtualApertureSettings], None],
 ) -> Callable[[VirtualApertureSettings, bpy.types.Context], None]:
@@ -319,6 +326,30 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
         min=0,
         default=0,
         update=_aperture_changed,
+    )
+    viewport_shows: EnumProperty(
+        name="Show",
+        description="What a viewport in Rendered shading shows",
+        items=[
+            ("LENS", "Through the Lens", "The frame with depth of field", 0),
+            ("FOCUS", "In Focus", "The clip: clear where it is in focus, blue before, green beyond", 1),
+            ("BLUR", "Blur Discs", "Circles of confusion: white in focus, warm before it, cold beyond", 2),
+            ("DEPTH", "Depth", "Inverse depth: near red, far blue", 3),
+            ("WIREFRAME", "Mesh", "The warp mesh over the clip", 4),
+            ("SOURCES", "Sources", "Where light comes from: grey the frame, green others, red made up", 5),
+        ],
+        options=set(),
+        update=_redraw_viewports,
+    )
+    viewport_wipe: FloatProperty(
+        name="Before",
+        description="Share of the width, from the left, in which a viewport in Rendered shading shows the"
+        " clip as it was shot",
+        subtype="FACTOR",
+        min=0.0,
+        max=1.0,
+        options=set(),
+        update=_redraw_viewports,
     )
     output: StringProperty(
         name="Output",

@@ -63,6 +63,11 @@ class Shot:
             self.reconstruction, self.read, self.depth, masks, self._store if self.work else None
         )
 
+    def frame_at(self, frame: int) -> int:
+        """The clip's frame for a scene frame: in a gap, and past the ends, the nearest one before."""
+        frames = np.array(self.footage.frames)
+        return int(frames[max(0, int(np.searchsorted(frames, frame, side="right")) - 1)])
+
     def _store(self, quality: Quality) -> DepthStore:
         assert self.work is not None
         return DepthStore(self.work / KEPT_DEPTH, partial(self._depth_key, quality))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..render import background, engine
+from ..render import background, engine, viewport
 from ..scene import clip, exr, main_thread, paths, properties, shot
 from . import (
     choose_clip,
@@ -17,6 +17,7 @@ from . import (
     operators,
     panels,
     points_overlay,
+    preview,
 )
 
 CLASSES = (
@@ -28,6 +29,7 @@ CLASSES = (
     *focus.CLASSES,
     *import_solve.CLASSES,
     *inspect.CLASSES,
+    *preview.CLASSES,
     *panels.CLASSES,
 )
 
@@ -42,12 +44,14 @@ def register() -> None:
     exr.register()
     points_overlay.register()
     background.register()
+    viewport.register()
     depth_ahead.register()
     main_thread.start()
 
 
 def unregister() -> None:
     """Undo `register` in reverse order, and close the open clip."""
+    viewport.unregister()
     main_thread.stop()
     depth_ahead.unregister()
     exr.unregister()

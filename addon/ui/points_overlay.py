@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ..core.camera.reconstruction import Floats
 from ..scene.point_cloud import ID_ATTRIBUTE
 from ..scene.shot import IDENTITY
+from .preview import is_shown as is_shown_through_lens
 
 SIZE, RIM_SIZE = 4.0, 6.0
 """Pixels across, at a resolution scale of 1: no less than the points that Blender draws without colours."""
@@ -71,8 +72,8 @@ def is_shown(context: bpy.types.Context) -> bool:
     points, space = context.scene.virtual_aperture.points, context.space_data
     if points is None or points.type != "MESH" or not space.overlay.show_overlays:
         return False
-    # In Edit Mode Blender draws the vertices itself.
-    if points.mode == "EDIT":
+    # In Edit Mode Blender draws the vertices itself; the frame through the lens is drawn over them.
+    if points.mode == "EDIT" or is_shown_through_lens(context):
         return False
     return bool(points.visible_get(view_layer=context.view_layer, viewport=space))
 

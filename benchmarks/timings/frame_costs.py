@@ -65,7 +65,7 @@ STAGES: tuple[tuple[object, str, str], ...] = (
     (layered_mesh, "_texture", "texture"),
     (lens_frame, "prefilter", "prefilter of the texture"),
     (average, "draw_mean", "views"),
-    (gpu_views, "_upload", "upload"),
+    (gpu_views, "upload", "upload"),
     (gpu_views, "_download", "download"),
 )
 """Functions that are called by the thread that renders, and the stage that their time belongs to."""

@@ -187,7 +187,15 @@ def test_inspect_writes_everything_and_overwrites_nothing(work: Path, tmp_path: 
     features_ = headless(*command, "--overwrite", "--method", "features")
     assert features_.returncode == 0, features_.stderr
     # What it does not have is not left from before.
-    left = {"depth.png", "wireframe.png", "sources.png", "blur.png", "highlights.png", "report.json"}
+    left = {
+        "depth.png",
+        "wireframe.png",
+        "sources.png",
+        "blur.png",
+        "focus.png",
+        "highlights.png",
+        "report.json",
+    }
     assert {p.name for p in (tmp_path / "seen").iterdir()} == left
     other = headless("inspect", work, "--frame", 99, *LOOK, "--out", tmp_path / "none")
     assert other.returncode == 1 and "no frame 99; it has 1 to 9" in other.stderr

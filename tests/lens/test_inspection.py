@@ -19,7 +19,15 @@ from addon.core.lens.aperture_sampling import vogel_disc
 from addon.core.lens.clip_context import ClipContext, no_picture
 from addon.core.lens.focus import Focus, exact_registration
 from addon.core.lens.frame import WarpedFrame, warp_frame
-from addon.core.lens.inspection import NAMES, inverse_depth, pictures, source_frame
+from addon.core.lens.inspection import (
+    NAMES,
+    _encoded,
+    blur_discs,
+    inverse_depth,
+    picture,
+    pictures,
+    source_frame,
+)
 from addon.core.lens.plan import FramePlan, LensSettings
 from addon.core.lens.report import Used, frame_report, mesh_error, summary
 from addon.core.lens.thin_lens import ThinLens
@@ -192,7 +200,7 @@ def test_a_single_surface_is_the_frames_own_but_for_the_border(method: str) -> N
         assert shares[:, 0, RED].max() > 0.2
         np.testing.assert_allclose(shares.sum(axis=2), 1, atol=1e-4)
     made = pictures(warped, source, shares)
-    assert set(made) == {"depth", "wireframe", "sources", "blur", "highlights"}
+    assert set(made) == {"depth", "wireframe", "sources", "blur", "focus", "highlights"}
     report = frame_report(warped, shares, 1.0)
     assert (
         report.bound is None and report.sure is None and report.triangles == len(warped.plan.mesh.triangles)
@@ -219,8 +227,8 @@ def test_pictures_have_the_geometry_of_a_bent_lens() -> None:
     assert (warped.plan.canvas.pinhole.width, warped.plan.canvas.pinhole.height) != (160, 90)
     shares = shares_of(warped, source)
     np.testing.assert_allclose(shares[15:-15, 15:-15, BLUE], 1, atol=1e-3)
-    for picture in pictures(warped, source, shares).values():
-        assert picture.shape == (90, 160, 3)
+    for shown in pictures(warped, source, shares).values():
+        assert shown.shape == (90, 160, 3)
 
 
 # Pictures
@@ -231,9 +239,9 @@ def test_all_pictures() -> None:
     shares = shares_of(warped)
     made = pictures(warped, scene(), shares)
     assert tuple(made) == NAMES
-    for name, picture in made.items():
-        assert picture.dtype == np.uint8
-        assert picture.shape == (SIZE[0], SIZE[1] * (2 if name == "layers" else 1), 3)
+    for name, shown in made.items():
+        assert shown.dtype == np.uint8
+        assert shown.shape == (SIZE[0], SIZE[1] * (2 if name == "layers" else 1), 3)
     inside, outside = (60, 80), (10, 10)
     # Near is red, far is blue.
     assert made["depth"][inside][0] > made["depth"][inside][2]
@@ -385,3 +393,20 @@ def test_a_run_in_one_line() -> None:
     assert "3 frames (8-9, 12) drawn by grid: little is sure" in text
     assert "80.0 %" in text and "15.0 %" in text and "5.0 %" in text and "nothing" not in text
     assert summary([]) == ""
+
+
+def test_what_is_in_focus_is_clear_and_the_rest_is_tinted() -> None:
+    source = np.full((90, 160, 4), 0.2, np.float32)
+    warped = warp_frame(
+        plane(), 2, LensSettings(Focus(points=(3, 9, 30, 60)), 0.5, 8, "features"), (160, 90), source
+    )
+    shown = picture("focus", warped, source)
+    assert shown is not None
+    disc = blur_discs(warped)
+    clear = np.abs(disc) < warped.plan.lens.acceptable_disc
+    grey = _encoded(source[..., :3])
+    assert clear.any() and np.array_equal(shown[clear], grey[clear])
+    tint = shown.astype(int) - grey
+    near, far = (np.nanmax(sign * disc) * sign for sign in (1, -1))
+    assert (tint[disc == near][:, 2] > tint[disc == near][:, 1]).all()
+    assert (tint[disc == far][:, 1] > tint[disc == far][:, 2]).all()

@@ -135,7 +135,7 @@ def test_panels_show_the_next_step(scene: bpy.types.Scene, tmp_path: Path) -> No
     props, operators, texts = drawn(closed=False)
     assert "Choose a clip" in texts
     assert {"focus_distance", "blur", "aperture_radius", "filepath", "frame_start", "quality"} <= props
-    names = ("choose_clip", "solve", "set_focus", "render_frame", "render_clip")
+    names = ("choose_clip", "solve", "set_focus", "preview", "render_frame", "render_clip")
     assert {f"virtual_aperture.{name}" for name in names} == operators
     shot = slanted_shot(tmp_path, LENS)
     settings = scene.virtual_aperture

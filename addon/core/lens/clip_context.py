@@ -94,6 +94,18 @@ class ClipContext:
         )
         return of_clip.restored(frame, linear, highlights.gain)
 
+    def knows_highlights(self, frame: int, highlights: HighlightSettings) -> bool:
+        """Whether `picture` of a frame only reads it: what it takes from other frames is remembered."""
+        of_clip = self._clip_highlights.get(highlights.threshold)
+        return not highlights.gain or (of_clip is not None and of_clip.knows(frame))
+
+    def has_depth(self, frame: int, quality: Quality) -> bool:
+        """Whether `depth` of a frame is given or kept, and need not be found; errors as of `depth`."""
+        if self.given_depth is not None:
+            return True
+        kept = (self.stereo_of(each).kept(frame) for each in (quality.better, quality) if each is not None)
+        return any(depth is not None for depth in kept)
+
     @cached_property
     def texture_memory(self) -> ReusedMemory:
         """Where the textures of frames lie, one after the other."""

@@ -95,6 +95,20 @@ class ClipHighlights:
             patch += np.float32(gain * one.weight) * lost
         return result
 
+    def knows(self, frame: int) -> bool:
+        """Whether the highlights of a frame, and of those that it asks, are remembered."""
+        here, _ = self._rec.image_at(frame)
+        return frame in self._found and all(other.frame in self._found for other, _ in self._asked(here))
+
+    def _asked(self, here: Image) -> list[tuple[Image, float]]:
+        """The frames around one that tell of its highlights, and how much each counts, more than zero."""
+        step = stride(self._rec, STEP, LEAST_FRAMES)
+        around = [
+            (other, 1 - abs(other.frame - here.frame) / (1 + SPAN * _pace(self._rec)))
+            for other in every_nth(self._rec, here.frame, step, SPAN)
+        ]
+        return [(other, weight) for other, weight in around if weight > 0]
+
     def _highlights(self, frame: int, picture: LinearRGBA | None = None) -> list[Highlight]:
         def make() -> list[Highlight]:
             seen = to_linear(self._read(frame)) if picture is None else picture
@@ -105,12 +119,9 @@ class ClipHighlights:
     def _told(self, frame: int, own: list[Highlight]) -> list[tuple[Floats, Floats]]:
         """Evidence (r,) and light of the rim (3,) of a frame's highlights, of all frames that are asked."""
         here, _ = self._rec.image_at(frame)
-        step = stride(self._rec, STEP, LEAST_FRAMES)
         sums = [(np.zeros_like(one.evidence), np.zeros(3), 0.0) for one in own]
-        for other in every_nth(self._rec, frame, step, SPAN):
-            weight = 1 - abs(other.frame - frame) / (1 + SPAN * _pace(self._rec))
-            theirs = self._highlights(other.frame) if weight > 0 else []
-            for mine, match in self._matches(here, own, other, theirs):
+        for other, weight in self._asked(here):
+            for mine, match in self._matches(here, own, other, self._highlights(other.frame)):
                 evidence, rim, total = sums[mine]
                 sums[mine] = (
                     evidence + weight * match.evidence,

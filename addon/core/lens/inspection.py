@@ -1,4 +1,4 @@
-"""Pictures of what a frame is drawn from: depth, confidence, mesh, what lies behind, sources, blur, lamps.
+"""Pictures of what a frame is drawn from: depth, confidence, mesh, layers, sources, blur, focus, lamps.
 
 All are (H, W, 3) uint8 sRGB in the geometry of the source frame, but for what lies behind, which is two such
 pictures side by side.
@@ -27,7 +27,7 @@ from .plan import FramePlan
 
 Shown = NDArray[np.uint8]
 
-NAMES = ("depth", "confidence", "wireframe", "layers", "sources", "blur", "highlights")
+NAMES = ("depth", "confidence", "wireframe", "layers", "sources", "blur", "focus", "highlights")
 """Of all pictures, in the order in which they tell of a frame."""
 SOURCES = ("inpainted", "borrowed", "own")
 """Where a pixel's light comes from, in the order of red, green and blue: made up from beside, or mirrored at
@@ -46,6 +46,8 @@ FAR_SIDES, NEAR_SIDES = (0.35, 0.65, 1.0), (1.0, 0.6, 0.1)
 WARM = ((1.0, 1.0, 1.0), (1.0, 0.55, 0.1), (0.55, 0.0, 0.0))
 COLD = ((1.0, 1.0, 1.0), (0.3, 0.6, 1.0), (0.0, 0.0, 0.5))
 """In focus, half way, and where discs are largest: before the focal plane, and beyond."""
+NEARER, FARTHER = (0.1, 0.3, 1.0), (0.1, 0.8, 0.2)
+"""Tints of what lies before what is in focus, and beyond."""
 STOPS = 6.0
 """Over white, that have the last colour in the picture of highlights: 64 times white."""
 OVER_WHITE = 1.02
@@ -64,19 +66,35 @@ def pictures(warped: WarpedFrame, source: LinearRGBA, shares: LinearRGBA) -> dic
     `source` (H, W, 4) is the frame, linear; `shares` (H, W, 3) what `shares_of` gives. A method without
     confidence or without layers has no pictures of them.
     """
+    made = {name: picture(name, warped, source, shares) for name in NAMES}
+    return {name: shown for name, shown in made.items() if shown is not None}
+
+
+def picture(
+    name: str, warped: WarpedFrame, source: LinearRGBA, shares: LinearRGBA | None = None
+) -> Shown | None:
+    """One of `pictures`, of a name in `NAMES`; None where there is none to make. Only "sources" needs the
+    shares."""
     plan, frame = warped.plan, _encoded(source[..., :3])
-    inverse = inverse_depth(warped)
-    made = {"depth": _in_source(_depth(inverse), plan.canvas)}
-    if warped.depth is not None and warped.depth.confidence is not None:
-        grey = np.repeat(_bytes(warped.depth.confidence)[..., None], 3, axis=2)
-        made["confidence"] = _in_source(grey, plan.canvas)
-    made["wireframe"] = _wireframe(plan, frame, _is_far(warped))
-    if warped.layers:
-        made["layers"] = _behind(warped, frame)
-    made["sources"] = _sources(shares, frame)
-    made["blur"] = _in_source(_blur(blur_discs(warped)), plan.canvas)
-    made["highlights"] = _over_white(source[..., :3], frame)
-    return made
+    match name:
+        case "depth":
+            return _in_source(_depth(inverse_depth(warped)), plan.canvas)
+        case "confidence" if warped.depth is not None and warped.depth.confidence is not None:
+            grey = np.repeat(_bytes(warped.depth.confidence)[..., None], 3, axis=2)
+            return _in_source(grey, plan.canvas)
+        case "wireframe":
+            return _wireframe(plan, frame, _is_far(warped))
+        case "layers" if warped.layers:
+            return _behind(warped, frame)
+        case "sources" if shares is not None:
+            return _sources(shares, frame)
+        case "blur":
+            return _in_source(_blur(blur_discs(warped)), plan.canvas)
+        case "focus":
+            return _focus(_in_source(_focus_tint(warped), plan.canvas), frame)
+        case "highlights":
+            return _over_white(source[..., :3], frame)
+    return None
 
 
 def inverse_depth(warped: WarpedFrame) -> Floats:
@@ -298,6 +316,22 @@ def _blur(signed: Floats) -> Shown:
     ramp = np.array([*COLD[:0:-1], *WARM])
     colour = np.stack([np.interp(share, stops, ramp[:, n]) for n in range(3)], axis=2)
     return np.where(known[..., None], _bytes(colour), 0).astype(np.uint8)
+
+
+def _focus_tint(warped: WarpedFrame) -> Shown:
+    """(H, W, 4) of the canvas's pixels the tint of what is out of focus, and its share: none up to the
+    acceptable circle of confusion, half at twice that, soon all of `TINT`."""
+    signed = np.nan_to_num(blur_discs(warped))
+    least = warped.plan.lens.acceptable_disc
+    share = TINT * (1 - 1 / np.maximum(np.abs(signed) / least, 1))
+    colour = np.where((signed > 0)[..., None], np.array(NEARER), np.array(FARTHER))
+    return _bytes(np.concatenate([colour, share[..., None]], axis=2))
+
+
+def _focus(tint: Shown, frame: Shown) -> Shown:
+    """The frame (H, W, 3) clear where it is in focus, blue before and green beyond, by `_focus_tint`."""
+    share = tint[..., 3:] / np.float32(255)
+    return np.asarray(np.round((1 - share) * frame + share * tint[..., :3]), np.uint8)
 
 
 def _over_white(linear: LinearRGBA, frame: Shown) -> Shown:

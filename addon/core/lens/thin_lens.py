@@ -115,10 +115,15 @@ class ThinLens:
         return 1 / (1 - self.radius * float(np.linalg.norm(self._hinge))) if self.is_tilted else 1.0
 
     @property
+    def acceptable_disc(self) -> float:
+        """Diameter in pixels of the acceptable circle of confusion: the picture's diagonal / `ACCEPTABLE`."""
+        return self._diagonal / ACCEPTABLE
+
+    @property
     def sharp_distances(self) -> tuple[float, float]:
         """Nearest and farthest distance on the optical axis in scene units, infinity included, with blur
-        discs of at most the acceptable circle of confusion: the picture's diagonal / `ACCEPTABLE`."""
-        allowed = self._diagonal / ACCEPTABLE / (2 * self.radius * self.pinhole.fx)
+        discs of at most `acceptable_disc`."""
+        allowed = self.acceptable_disc / (2 * self.radius * self.pinhole.fx)
         axis = self.focus - self.lift
         near, far = (float(1 / edge) if edge > 0 else np.inf for edge in (axis + allowed, axis - allowed))
         return near, far

@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from . import focus, footage, lens, render, solve
+from . import focus, footage, lens, preview, render, solve
 
-CLASSES = (*footage.CLASSES, *solve.CLASSES, *focus.CLASSES, *lens.CLASSES, *render.CLASSES)
+CLASSES = (*footage.CLASSES, *solve.CLASSES, *focus.CLASSES, *lens.CLASSES, *preview.CLASSES, *render.CLASSES)

@@ -1,0 +1,309 @@
+"""The blurred frame for a viewport: made on a thread of its own, coarse at once, then better.
+
+The thread computes; its views are drawn by the main thread in slices (`scene.main_thread`), so that the
+interface goes on. One thing is made at a time, the last one that was asked for.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+import traceback
+from collections import OrderedDict
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.base import memory
+from ..core.base.arrays import LinearRGBA
+from ..core.base.errors import UserError
+from ..core.base.progress import Cancelled, reporting, stage
+from ..core.lens.frame import mesh_frame
+from ..core.lens.highlights import HighlightSettings
+from ..core.lens.inspection import SOURCE_VIEWS
+from ..core.lens.inspection import picture as inspected
+from ..core.lens.plan import LensSettings
+from ..core.lens.quality import DRAFT, FINAL, NORMAL
+from ..core.media.clip import to_linear
+from ..scene.remedy_words import WORDS
+from ..scene.shot import Shot
+from .average import READ, WARPED, Drawn, draw_shares, render_frame, resized
+
+Half = NDArray[np.float16]
+Key = tuple[int, int, str, bool, str]
+
+KEPT = 256 << 20
+"""Bytes of pictures that are kept for going back to: 140 frames of 640x360."""
+COARSE_SIDE = 240
+"""Pixels of the longer side of the first picture: a draft of the sample clip takes 0.1 s so small, and 0.3 at
+640x360, on 2 busy cores in software OpenGL."""
+QUICK = 0.25
+"""Seconds that a draft may take for nothing coarser to be shown before it: four frames a second."""
+NO_HIGHLIGHTS = HighlightSettings(gain=0.0)
+SHARP, COARSE, FAIR, FINE = range(4)
+"""How good a picture is: the frame as it was shot, while its depth is being found; a small draft; a draft at
+the preview's size; the same in the scene's quality, normal at most."""
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What a viewport shows."""
+
+    shot: Shot
+    frame: int
+    """Of the clip."""
+    lens: LensSettings
+    size: tuple[int, int]
+    """Width and height in pixels, of the clip's shape."""
+    shows: str = ""
+    """The name of one of `inspection.NAMES` in place of the frame through the lens."""
+    with_clip: bool = False
+    """Whether the frame as it was shot is to lie beside it."""
+    is_playing: bool = False
+    """Whether frames follow each other faster than they are drawn."""
+
+    @cached_property
+    def key(self) -> Key:
+        """What decides of the picture's content, but for its size."""
+        return id(self.shot), self.frame, self.shows, self.with_clip, repr(self.lens)
+
+    @property
+    def best(self) -> int:
+        """The best level that is worth its time."""
+        if self.shows:
+            return FAIR
+        return FAIR if self.is_playing or self.lens.quality == DRAFT else FINE
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A frame as a viewport may show it."""
+
+    wanted: Wanted
+    level: int
+    linear: Half
+    """(h, w, 4) linear light, premultiplied."""
+    clip: Half | None = None
+    """(H, W, 4) the frame as it was shot, if it was asked for."""
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of its pixels."""
+        return self.linear.nbytes + (self.clip.nbytes if self.clip is not None else 0)
+
+
+class Preview:
+    """Makes pictures of what is wanted, better ones after each other, and keeps them."""
+
+    def __init__(self, make: Callable[[Wanted, int], Picture] | None = None) -> None:
+        """`make` makes a picture at a level, as `make_picture`, on the thread."""
+        self._make_picture = make or make_picture
+        self._changed = threading.Condition()
+        self._wanted: Wanted | None = None
+        self._pauses = 0
+        self._is_working = False
+        self._thread: threading.Thread | None = None
+        self._kept: OrderedDict[Key, Picture] = OrderedDict()
+        self._problems: dict[Key, str] = {}
+        self._draft_seconds = 2 * QUICK
+        self._level = SHARP
+        self.finds_depth = False
+        """Whether what is under way needs depth that is not kept."""
+        self.version = 0
+        """Counted up whenever there is something new to show."""
+        self.progress = ("", 0.0)
+        """Name of the stage of what is under way, and how far it is, 0 to 1."""
+
+    # Asked for on the main thread
+
+    def want(self, wanted: Wanted) -> None:
+        """Make this from now on, in place of what is under way."""
+        with self._changed:
+            now = self._wanted
+            is_same = now is not None and (now.key, now.is_playing) == (wanted.key, wanted.is_playing)
+            if is_same and now is not None and wanted.size[0] <= now.size[0]:
+                return
+            self._wanted = wanted
+            if self._thread is None or not self._thread.is_alive():
+                self._thread = threading.Thread(target=self._run, name="preview", daemon=True)
+                self._thread.start()
+            self._changed.notify_all()
+
+    def best(self, wanted: Wanted) -> Picture | None:
+        """The best picture that there is of what is wanted."""
+        with self._changed:
+            found = self._kept.get(wanted.key)
+            if found is not None:
+                self._kept.move_to_end(wanted.key)
+            return found
+
+    def problem(self, wanted: Wanted) -> str:
+        """Why there is none, or an empty string."""
+        return self._problems.get(wanted.key, "")
+
+    def is_busy(self) -> bool:
+        """Whether a better picture is being made."""
+        with self._changed:
+            return self._is_working or self._next() is not None
+
+    @contextmanager
+    def paused(self) -> Iterator[None]:
+        """Within it nothing is made: somebody else works with the clip. Waits for the end of what is under
+        way, which is cancelled."""
+        with self._changed:
+            self._pauses += 1
+        try:
+            while self._is_working:
+                time.sleep(0.005)
+            yield
+        finally:
+            with self._changed:
+                self._pauses -= 1
+                self._changed.notify_all()
+
+    def forget(self) -> None:
+        """End what is under way, and drop all pictures."""
+        with self._changed:
+            self._wanted = None
+            self._kept.clear()
+            self._problems.clear()
+            self._changed.notify_all()
+        with self.paused():
+            pass
+
+    # The thread
+
+    def _run(self) -> None:
+        while True:
+            with self._changed:
+                while (step := self._next()) is None:
+                    self._changed.wait()
+                self._is_working = True
+            try:
+                self._make(*step)
+            finally:
+                with self._changed:
+                    self._is_working = False
+                    self.progress = ("", 0.0)
+
+    def _next(self) -> tuple[Wanted, int] | None:
+        """What is to be made now, and how well; None where nothing is."""
+        wanted = self._wanted
+        if wanted is None or self._pauses or wanted.key in self._problems:
+            return None
+        kept = self._kept.get(wanted.key)
+        done = -1 if kept is None else kept.level
+        if kept is not None and kept.linear.shape[1] < wanted.size[0] and done > COARSE:
+            done = COARSE
+        if done >= wanted.best:
+            return None
+        return wanted, done + 1
+
+    def _make(self, wanted: Wanted, level: int) -> None:
+        began = time.monotonic()
+        self.finds_depth = not _has_depth(wanted)
+        if level == SHARP and not self.finds_depth:
+            level = COARSE
+        if level == COARSE and (self._draft_seconds < QUICK or wanted.shows):
+            level = FAIR
+        self._level = level
+        try:
+            with reporting(lambda name, share: self._on_progress(wanted, name, share)):
+                picture = self._make_picture(wanted, level)
+        except Cancelled:
+            return
+        except UserError as error:
+            self._fail(wanted, error.worded(WORDS))
+        except Exception as error:
+            if memory.is_shortage(error):
+                self._fail(wanted, str(memory.shortage("the preview could not be drawn")))
+                return
+            traceback.print_exc()
+            self._fail(wanted, f"The preview failed: {type(error).__name__}: {error} (see the console)")
+        else:
+            if level == FAIR and not wanted.shows:
+                self._draft_seconds = time.monotonic() - began
+            self._keep(picture)
+
+    def _on_progress(self, wanted: Wanted, name: str, share: float) -> None:
+        self.progress = (name, share)
+        now = self._wanted
+        is_wanted = now is not None and now.key == wanted.key
+        # A coarse picture, and whatever a film that is played has time for, is shown although it is late:
+        # else nothing would be seen while focus is dragged.
+        is_soon = self._level <= COARSE or (now is not None and now.is_playing)
+        is_late = now is not None and is_soon and not self.finds_depth
+        if self._pauses or not (is_wanted or is_late):
+            raise Cancelled
+
+    def _keep(self, picture: Picture) -> None:
+        with self._changed:
+            self._kept[picture.wanted.key] = picture
+            self._kept.move_to_end(picture.wanted.key)
+            while len(self._kept) > 1 and sum(p.nbytes for p in self._kept.values()) > KEPT:
+                self._kept.popitem(last=False)
+            self.version += 1
+
+    def _fail(self, wanted: Wanted, text: str) -> None:
+        with self._changed:
+            self._problems[wanted.key] = text
+            self.version += 1
+
+
+def make_picture(wanted: Wanted, level: int) -> Picture:
+    """A frame at a level; UserError as `render_frame`. Passes checkpoints."""
+    if level == SHARP:
+        clip = _clip(wanted)
+        return Picture(wanted, level, clip, clip if wanted.with_clip else None)
+    linear = _inspected(wanted) if wanted.shows else _through_lens(wanted, level)
+    return Picture(wanted, level, linear.astype(np.float16), _clip(wanted) if wanted.with_clip else None)
+
+
+def _clip(wanted: Wanted) -> Half:
+    """The frame as it was shot."""
+    with stage("Reading", 0.0, 0.0):
+        picture = wanted.shot.context.picture(wanted.frame, NO_HIGHLIGHTS)
+        return np.asarray(cv2.resize(picture, wanted.size, interpolation=cv2.INTER_AREA), np.float16)
+
+
+def _through_lens(wanted: Wanted, level: int) -> LinearRGBA:
+    context, lens, size = wanted.shot.context, wanted.lens, wanted.size
+    if level == COARSE:
+        # What other frames lend, and their lamps, are found once it is seen where focus is.
+        size, lens = _coarse(size), replace(lens, quality=DRAFT, error=0.0, borrow=False)
+        if not context.knows_highlights(wanted.frame, lens.highlights):
+            lens = replace(lens, highlights=NO_HIGHLIGHTS)
+    elif level == FAIR:
+        lens = replace(lens, quality=DRAFT, error=0.0)
+    elif lens.quality == FINAL:
+        lens = replace(lens, quality=NORMAL)
+    return render_frame(context, wanted.frame, lens, size, lambda note: None)
+
+
+def _inspected(wanted: Wanted) -> LinearRGBA:
+    """(h, w, 4) what a frame is drawn from, of `Wanted.shows`."""
+    context, size = wanted.shot.context, wanted.size
+    lens = replace(wanted.lens, quality=NORMAL, error=0.0, highlights=NO_HIGHLIGHTS)
+    with stage("Reading", 0.0, READ):
+        source = resized(context.picture(wanted.frame, lens.highlights), size)
+    with stage("Mesh", READ, WARPED):
+        warped = mesh_frame(context, wanted.frame, lens, size, source).through(SOURCE_VIEWS)
+    shares = draw_shares(Drawn(warped, source, 0.0)) if wanted.shows == "sources" else None
+    shown = inspected(wanted.shows, warped, source, shares)
+    return source if shown is None else to_linear(shown)
+
+
+def _coarse(size: tuple[int, int]) -> tuple[int, int]:
+    smaller = -(-max(size) // COARSE_SIDE)
+    return -(-size[0] // smaller), -(-size[1] // smaller)
+
+
+def _has_depth(wanted: Wanted) -> bool:
+    """Whether a frame can be drawn without finding its depth first."""
+    context = wanted.shot.context
+    return context.given_depth is not None or context.has_depth(wanted.frame, DRAFT)

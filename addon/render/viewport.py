@@ -1,0 +1,252 @@
+"""What a viewport in Rendered shading shows: the camera's view through the lens (`preview` makes it).
+
+Blender draws its overlays over what an engine has drawn, the camera's background image among them, whatever
+alpha or depth the engine left: `view_draw` alone would be seen without overlays only. With them the picture
+is drawn once more after them, where Blender manages no colours: as sRGB, which is what the view transform
+Standard of a solved scene gives.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from dataclasses import dataclass
+from typing import Any
+from weakref import WeakValueDictionary
+
+import bpy
+import gpu
+import numpy as np
+from bpy.app.handlers import persistent
+from bpy_extras.view3d_utils import location_3d_to_region_2d
+from gpu_extras.batch import batch_for_shader
+
+from ..core.base.errors import UserError
+from ..scene.lens import lens_settings
+from ..scene.remedy_words import WORDS
+from ..scene.shot import shot_of
+from .gpu_views import upload
+from .preview import COARSE, FAIR, FINE, SHARP, Half, Picture, Preview, Wanted
+
+LOOK = 0.02
+"""Seconds between two looks for a better picture, while one is being made."""
+TELL = 0.25
+"""Seconds between two redraws that only tell how far the search for depth is."""
+ROOM = 0.9
+"""Of the camera frame's width in the viewport, in pixels, that a picture must have: by eye, one that is a
+little enlarged is as sharp as it was, and costs less."""
+LEVELS = {SHARP: "as it was shot", COARSE: "coarse", FAIR: "draft", FINE: ""}
+"""What is said of a picture that is not the best one."""
+
+PREVIEW = Preview()
+"""The one of this Blender: it takes all processors, so there are not two."""
+
+
+@dataclass
+class Shown:
+    """What the viewport of one engine shows: textures belong to the thread and the window that draw."""
+
+    picture: Picture | None = None
+    texture: Any = None
+    """Of the picture,"""
+    clip: Any = None
+    """and of the frame as it was shot, which is seen up to the share `wipe` of the width."""
+    wipe: float = 0.0
+    frame: tuple[float, float, float, float] | None = None
+    """Left, bottom, width and height of the camera's frame in the region, in pixels; None where it is not
+    seen."""
+    said: str = ""
+
+
+_in_regions: WeakValueDictionary[int, Shown] = WeakValueDictionary()
+"""By region, as long as Blender keeps the engine that draws it."""
+_handler: Any = None
+
+
+def update(shown: Shown, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
+    """Something of the scene has changed: begin with its picture before the window is drawn again."""
+    if shown.frame is not None and not bpy.app.is_job_running("RENDER"):
+        with contextlib.suppress(UserError):  # `draw`, which follows, says what is wrong
+            PREVIEW.want(_wanted(context, depsgraph, shown.frame[2]))
+
+
+def draw(
+    engine: bpy.types.RenderEngine, shown: Shown, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph
+) -> None:
+    """Draw the best picture there is of the frame into a viewport, and have a better one made."""
+    scene = depsgraph.scene_eval
+    shown.frame = camera_frame(context, scene)
+    _in_regions[context.region.as_pointer()] = shown
+    if shown.frame is None:
+        _say(engine, shown, "Look through the solved camera (Numpad 0) to see the frame through the lens")
+        return
+    try:
+        wanted = _wanted(context, depsgraph, shown.frame[2])
+    except UserError as error:
+        shown.picture = None
+        _say(engine, shown, error.worded(WORDS))
+        return
+    if not bpy.app.is_job_running("RENDER"):
+        PREVIEW.want(wanted)
+        _watch()
+    picture = PREVIEW.best(wanted) or shown.picture
+    _say(engine, shown, _state(wanted, picture))
+    if picture is None:
+        return
+    if picture is not shown.picture:
+        shown.picture = picture
+        shown.texture, shown.clip = _texture(picture.linear), _texture(picture.clip)
+    shown.wipe = depsgraph.scene.virtual_aperture.viewport_wipe if wanted.with_clip else 0.0
+    engine.bind_display_space_shader(depsgraph.scene)
+    _draw_picture(shown)
+    engine.unbind_display_space_shader()
+
+
+def _texture(picture: Half | None) -> Any:
+    """Of (h, w, 4), its last row at the bottom."""
+    if picture is None:
+        return None
+    texture = upload(np.flipud(picture).astype(np.float32))
+    texture.filter_mode(True)
+    return texture
+
+
+def _draw_picture(shown: Shown, encoded: bool = False) -> None:
+    """Into the camera's frame, the clip left of the wipe; `encoded` as sRGB, else as linear light."""
+    assert shown.frame is not None
+    left, bottom, width, height = shown.frame
+    parts = [(shown.clip, 0.0, shown.wipe)] if shown.clip is not None else []
+    shader = gpu.shader.from_builtin("IMAGE_SCENE_LINEAR_TO_REC709_SRGB" if encoded else "IMAGE")
+    gpu.state.blend_set("ALPHA_PREMULT")
+    for texture, begin, end in (*parts, (shown.texture, shown.wipe, 1.0)):
+        across = np.array([begin, end, end, begin])
+        up = np.array([0.0, 0.0, 1.0, 1.0])
+        corners = np.stack([left + width * across, bottom + height * up], axis=1)
+        content = {"pos": corners.tolist(), "texCoord": np.stack([across, up], axis=1).tolist()}
+        shader.bind()
+        shader.uniform_sampler("image", texture)
+        batch_for_shader(shader, "TRI_FAN", content).draw(shader)
+    gpu.state.blend_set("NONE")
+
+
+def _draw_over() -> None:
+    """Draw the picture of a viewport once more, over Blender's overlays."""
+    context = bpy.context
+    shown, space = _in_regions.get(context.region.as_pointer()), context.space_data
+    is_engine = context.scene.render.engine == "VIRTUAL_APERTURE" and space.shading.type == "RENDERED"
+    if shown is None or not is_engine or not space.overlay.show_overlays:
+        return
+    points = context.scene.virtual_aperture.points
+    if shown.picture is None or shown.frame is None or (points is not None and points.mode == "EDIT"):
+        return
+    _draw_picture(shown, encoded=True)
+
+
+def camera_frame(
+    context: bpy.types.Context, scene: bpy.types.Scene
+) -> tuple[float, float, float, float] | None:
+    """Left, bottom, width and height of the camera's frame in a viewport's region, in pixels; None where it
+    does not look through the solved camera."""
+    space, view, camera = context.space_data, context.region_data, scene.virtual_aperture.camera
+    seen = space.camera if space.use_local_camera else scene.camera
+    if view.view_perspective != "CAMERA" or camera is None or seen is None or seen.name != camera.name:
+        return None
+    to_world = camera.matrix_world.normalized()
+    places = [
+        location_3d_to_region_2d(context.region, view, to_world @ corner)
+        for corner in camera.data.view_frame(scene=scene)
+    ]
+    if any(place is None for place in places):
+        return None
+    x, y = [place.x for place in places], [place.y for place in places]
+    return min(x), min(y), max(x) - min(x), max(y) - min(y)
+
+
+def _wanted(context: bpy.types.Context, depsgraph: bpy.types.Depsgraph, room: float) -> Wanted:
+    """What the viewport of a context shows where the camera's frame is so many pixels wide; UserError."""
+    scene, shows = depsgraph.scene_eval, depsgraph.scene.virtual_aperture
+    shot = shot_of(scene)
+    clip = shot.footage.width, shot.footage.height
+    # One of few sizes, so that a little zooming changes nothing.
+    smaller = max(1, int(clip[0] / max(ROOM * room, 1)))
+    return Wanted(
+        shot,
+        shot.frame_at(scene.frame_current),
+        lens_settings(scene.virtual_aperture, shot.reconstruction),
+        (-(-clip[0] // smaller), -(-clip[1] // smaller)),
+        "" if shows.viewport_shows == "LENS" else shows.viewport_shows.lower(),
+        shows.viewport_wipe > 0,
+        bool(context.screen is not None and context.screen.is_animation_playing),
+    )
+
+
+def _state(wanted: Wanted, picture: Picture | None) -> str:
+    """What is to be said of what is shown."""
+    if problem := PREVIEW.problem(wanted):
+        return problem
+    if picture is not None and picture.wanted.key == wanted.key and picture.level >= wanted.best:
+        return ""
+    stage, share = PREVIEW.progress
+    doing = "Finding depth" if PREVIEW.finds_depth else "Preview"
+    if PREVIEW.finds_depth and stage:
+        doing += f", {100 * share:.0f} %"
+    level = LEVELS[picture.level] if picture is not None and picture.wanted.key == wanted.key else ""
+    return f"{doing} | {level}" if level else doing
+
+
+def _say(engine: bpy.types.RenderEngine, shown: Shown, text: str) -> None:
+    if text != shown.said:
+        shown.said = text
+        engine.update_stats("", text)
+
+
+_version = -1
+_told = 0.0
+
+
+def _watch() -> None:
+    if not bpy.app.timers.is_registered(_tick):
+        bpy.app.timers.register(_tick, first_interval=LOOK)
+
+
+def _tick() -> float | None:
+    """A timer's turn: viewports are drawn again when there is something new; None when all is done."""
+    global _version, _told
+    now, version = time.monotonic(), PREVIEW.version
+    if version != _version or (PREVIEW.finds_depth and now - _told > TELL):
+        _version, _told = version, now
+        redraw()
+    return LOOK if PREVIEW.is_busy() else None
+
+
+def redraw() -> None:
+    """Have all viewports in Rendered shading drawn again."""
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D" and area.spaces.active.shading.type == "RENDERED":
+                area.tag_redraw()
+
+
+def _on_load(*_: object) -> None:
+    PREVIEW.forget()
+
+
+_forget = persistent(_on_load)
+
+
+def register() -> None:
+    """Draw from now on; there is nothing to draw in without a window."""
+    global _handler
+    if not bpy.app.background:
+        _handler = bpy.types.SpaceView3D.draw_handler_add(_draw_over, (), "WINDOW", "POST_PIXEL")
+    bpy.app.handlers.load_pre.append(_forget)
+
+
+def unregister() -> None:
+    """Undo `register`, and end what is under way."""
+    global _handler
+    if _handler is not None:
+        bpy.types.SpaceView3D.draw_handler_remove(_handler, "WINDOW")
+    _handler = None
+    bpy.app.handlers.load_pre.remove(_forget)
+    PREVIEW.forget()

@@ -1,0 +1,194 @@
+"""The live preview: what is made, in which order, and what ends it."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+from addon.core.base.errors import UserError
+from addon.core.base.progress import checkpoint
+from addon.core.camera.reconstruction import Intrinsics
+from addon.core.lens.focus import Focus
+from addon.core.lens.inspection import NAMES
+from addon.core.lens.plan import LensSettings
+from addon.core.lens.quality import DRAFT, FINAL, NORMAL
+from addon.render import preview
+from addon.render.average import render_frame
+from addon.render.preview import COARSE, FAIR, FINE, SHARP, Picture, Preview, Wanted, make_picture
+from addon.scene.build import build
+from addon.scene.shot import shot_of
+
+from ..scenes import slanted_shot
+
+PLAIN = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
+
+
+@pytest.fixture
+def wanted(scene: bpy.types.Scene, tmp_path: Path) -> Wanted:
+    shot = slanted_shot(tmp_path, PLAIN)
+    build(scene, shot.footage, shot.reconstruction)
+    lens = LensSettings(Focus(distance=8.0), radius=0.4, method="features")
+    return Wanted(shot_of(scene), 2, lens, (PLAIN.width, PLAIN.height))
+
+
+def eventually(condition: Callable[[], bool]) -> None:
+    until = time.monotonic() + 60
+    while not condition():
+        assert time.monotonic() < until, "not within a minute"
+        time.sleep(0.005)
+
+
+class Maker:
+    """Makes grey pictures when it is allowed to, with checkpoints while it waits."""
+
+    def __init__(self) -> None:
+        self.made: list[tuple[int, int]] = []
+        self.begun: list[tuple[int, int]] = []
+        self.may = threading.Event()
+        self.may.set()
+
+    def __call__(self, wanted: Wanted, level: int) -> Picture:
+        self.begun.append((wanted.frame, level))
+        while not self.may.wait(0.001):
+            checkpoint()
+        checkpoint()
+        self.made.append((wanted.frame, level))
+        return Picture(wanted, level, np.full((90, 160, 4), level, np.float16))
+
+
+def test_better_pictures_follow(wanted: Wanted) -> None:
+    maker = Maker()
+    shown = Preview(maker)
+    shown.want(wanted)
+    eventually(lambda: not shown.is_busy())
+    # Depth is not known: the clip is seen meanwhile.
+    assert maker.made == [(2, SHARP), (2, COARSE), (2, FAIR), (2, FINE)][: len(maker.made)]
+    assert maker.made[-1] == (2, FINE)
+    best = shown.best(wanted)
+    assert best is not None and best.level == FINE
+    shown.want(replace(wanted, frame=3, is_playing=True))
+    eventually(lambda: not shown.is_busy())
+    # Of a film that is played no frame is worth more than a draft.
+    assert maker.made[-1] == (3, FAIR)
+    shown.want(wanted)
+    eventually(lambda: not shown.is_busy())
+    assert maker.made[-1] == (3, FAIR), "the frame before was kept"
+
+
+def test_the_last_wish_counts(wanted: Wanted) -> None:
+    maker = Maker()
+    shown = Preview(maker)
+    shown.want(wanted)
+    eventually(lambda: not shown.is_busy())
+    maker.may.clear()
+    shown.want(replace(wanted, frame=1))
+    eventually(lambda: (1, SHARP) in maker.begun)
+    shown.want(replace(wanted, frame=3))
+    maker.may.set()
+    eventually(lambda: not shown.is_busy())
+    assert maker.made[-1] == (3, FINE)
+    assert (1, FAIR) not in maker.made and (1, FINE) not in maker.made
+
+
+def test_a_better_size_is_made_anew(wanted: Wanted) -> None:
+    maker = Maker()
+    shown = Preview(
+        lambda w, level: replace(maker(w, level), linear=np.zeros((*w.size[::-1], 4), np.float16))
+    )
+    small = replace(wanted, size=(80, 45))
+    shown.want(small)
+    eventually(lambda: not shown.is_busy())
+    shown.want(wanted)
+    eventually(lambda: not shown.is_busy())
+    best = shown.best(wanted)
+    assert best is not None and best.linear.shape[:2] == (90, 160)
+    count = len(maker.made)
+    shown.want(small)
+    eventually(lambda: not shown.is_busy())
+    assert len(maker.made) == count
+
+
+def test_pausing_ends_what_is_under_way(wanted: Wanted) -> None:
+    maker = Maker()
+    shown = Preview(maker)
+    maker.may.clear()
+    shown.want(wanted)
+    eventually(lambda: bool(maker.begun))
+    with shown.paused():
+        maker.may.set()
+        time.sleep(0.05)
+        assert maker.made == [] and shown.best(wanted) is None
+    eventually(lambda: not shown.is_busy())
+    assert maker.made[-1] == (2, FINE)
+
+
+def test_problems_are_told_and_not_tried_again(wanted: Wanted) -> None:
+    calls = []
+
+    def fail(_wanted: Wanted, level: int) -> Picture:
+        calls.append(level)
+        raise UserError("the clip is gone; choose it again")
+
+    shown = Preview(fail)
+    shown.want(wanted)
+    eventually(lambda: bool(shown.problem(wanted)))
+    assert shown.problem(wanted) == "the clip is gone; choose it again"
+    shown.want(wanted)
+    time.sleep(0.05)
+    assert len(calls) == 1 and not shown.is_busy()
+    shown.forget()
+    assert shown.problem(wanted) == ""
+
+
+def test_pictures_are_forgotten_at_a_limit(wanted: Wanted, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(preview, "KEPT", 3 * 90 * 160 * 4 * 2)
+    shown = Preview(Maker())
+    for frame in range(1, 6):
+        shown.want(replace(wanted, frame=frame))
+        eventually(lambda: not shown.is_busy())
+    kept = [frame for frame in range(1, 6) if shown.best(replace(wanted, frame=frame)) is not None]
+    assert kept == [3, 4, 5]
+
+
+def test_the_best_picture_is_what_is_rendered(wanted: Wanted) -> None:
+    assert wanted.best == FINE
+    fine = make_picture(wanted, FINE)
+    rendered = render_frame(wanted.shot.context, 2, wanted.lens, wanted.size, lambda note: None)
+    assert np.array_equal(fine.linear, rendered.astype(np.float16))
+    # Final's depth is not searched for a look.
+    final = replace(wanted, lens=replace(wanted.lens, quality=FINAL))
+    assert np.array_equal(make_picture(final, FINE).linear, fine.linear)
+    assert replace(wanted, lens=replace(wanted.lens, quality=DRAFT)).best == FAIR
+
+
+def test_coarse_pictures_are_like_the_best_one(wanted: Wanted) -> None:
+    large = replace(wanted, size=(640, 360), lens=replace(wanted.lens, quality=NORMAL))
+    fine, coarse = make_picture(large, FINE), make_picture(large, COARSE)
+    assert max(coarse.linear.shape) <= preview.COARSE_SIDE
+    means = [picture.linear.astype(float).mean(axis=(0, 1)) for picture in (fine, coarse)]
+    assert np.allclose(*means, atol=0.01)
+
+
+def test_the_clip_lies_beside(wanted: Wanted) -> None:
+    assert make_picture(wanted, FAIR).clip is None
+    both = make_picture(replace(wanted, with_clip=True), FAIR)
+    sharp = make_picture(wanted, SHARP)
+    assert both.clip is not None and np.array_equal(both.clip, sharp.linear)
+    # What is out of focus differs.
+    assert np.abs(both.clip.astype(float) - both.linear).max() > 0.05
+
+
+@pytest.mark.parametrize("name", [name for name in NAMES if name != "layers"])
+def test_what_a_frame_is_drawn_from(wanted: Wanted, name: str) -> None:
+    shown = make_picture(replace(wanted, shows=name), FAIR)
+    lens = make_picture(wanted, FAIR)
+    assert shown.linear.shape[2] == 4 and np.isfinite(shown.linear).all()
+    assert not np.array_equal(shown.linear, lens.linear)
+    assert replace(wanted, shows=name).best == FAIR
