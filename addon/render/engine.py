@@ -5,26 +5,38 @@ from __future__ import annotations
 import threading
 import time
 import traceback
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
 import bpy
+import cv2
 import numpy as np
 
 from ..core.base import memory
-from ..core.base.arrays import LinearRGBA
+from ..core.base.arrays import LinearRGBA, Map
 from ..core.base.errors import UserError
 from ..core.base.progress import Cancelled, checkpoint, reporting, stage
+from ..core.lens.frame import WarpedFrame
+from ..core.lens.passes import circle_of_confusion, depth, in_focus
+from ..scene import passes
 from ..scene.ignored import warn_of_ignored
 from ..scene.lens import lens_settings
 from ..scene.remedy_words import WORDS
 from ..scene.shot import Shot, shot_of
-from .average import OnFrame, render_frame
+from .average import Drawn, OnFrame, render_frame
 from .frame_size import render_size
 from .gpu_views import egl_problem
 from .viewport import PREVIEW, Shown, draw, update
 
+VALUES: dict[str, Callable[[WarpedFrame], Map]] = {
+    passes.DEPTH: depth,
+    passes.CIRCLE_OF_CONFUSION: circle_of_confusion,
+    passes.IN_FOCUS: in_focus,
+}
+"""What is in the passes that we render besides Combined."""
+CHANNEL = {passes.DEPTH: "Z", passes.CIRCLE_OF_CONFUSION: "X", passes.IN_FOCUS: "X"}
+"""Name of a pass's channel in files."""
 REDRAW = 0.1
 """Seconds between two texts about a render's progress: more of them would only cost redraws."""
 
@@ -89,6 +101,12 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
         """Draw the frame through the lens into a viewport in Rendered shading."""
         draw(self, self._in_viewport, context, depsgraph)
 
+    def update_render_passes(self, scene: bpy.types.Scene, renderlayer: bpy.types.ViewLayer) -> None:
+        """Tell Blender's compositor which passes there will be."""
+        self.register_pass(scene, renderlayer, "Combined", 4, "RGBA", "COLOR")
+        for name in passes.wanted(renderlayer):
+            self.register_pass(scene, renderlayer, name, 1, CHANNEL[name], "VALUE")
+
     def render(self, depsgraph: bpy.types.Depsgraph) -> None:
         """Render the current frame into the Combined pass.
 
@@ -102,7 +120,9 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
             with PREVIEW.paused(), reporting(self._on_progress):
                 checkpoint()
                 warn_of_ignored(self, depsgraph.scene)
-                self._hand_over(self._frame(scene, render_size(scene.render)), scene.render)
+                layer = depsgraph.view_layer_eval
+                pictures = self._frame(scene, render_size(scene.render), passes.wanted(layer))
+                self._hand_over(pictures, scene.render, layer.name)
         except Cancelled:
             return
         except UserError as error:
@@ -123,13 +143,29 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
         self.report({"ERROR"}, text)
         self.error_set(text)
 
-    def _frame(self, scene: bpy.types.Scene, size: tuple[int, int]) -> LinearRGBA:
+    def _frame(
+        self, scene: bpy.types.Scene, size: tuple[int, int], names: tuple[str, ...]
+    ) -> dict[str, LinearRGBA]:
+        """The frame (H, W, 4), and passes (H, W, 1), by name."""
         with stage("Clip", 0.0, 0.0):
             shot = shot_of(scene)
         check_shape(shot, size)
         lens = lens_settings(scene.virtual_aperture, shot.reconstruction)
         frame = shot.frame_at(scene.frame_current)
-        return render_frame(shot.context, frame, lens, size, self._note, self.watch.on_frame)
+        pictures: dict[str, LinearRGBA] = {}
+
+        def on_frame(drawn: Drawn) -> None:
+            for name in names:
+                # Neighbouring pixels are not mixed: half way between two depths there is nothing.
+                values = cv2.resize(VALUES[name](drawn.warped), size, interpolation=cv2.INTER_NEAREST)
+                pictures[name] = np.asarray(values, np.float32)[..., None]
+            if names and passes.CIRCLE_OF_CONFUSION in pictures:
+                pictures[passes.CIRCLE_OF_CONFUSION] *= size[0] / drawn.source.shape[1]
+            if self.watch.on_frame is not None:
+                self.watch.on_frame(drawn)
+
+        pictures["Combined"] = render_frame(shot.context, frame, lens, size, self._note, on_frame)
+        return pictures
 
     def _on_progress(self, stage_name: str, share: float) -> None:
         if self.test_break():
@@ -144,16 +180,22 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
     def _note(self, text: str) -> None:
         self.report({"INFO"}, text)
 
-    def _hand_over(self, picture: LinearRGBA, render: bpy.types.RenderSettings) -> None:
-        height, width = picture.shape[:2]
+    def _hand_over(
+        self, pictures: dict[str, LinearRGBA], render: bpy.types.RenderSettings, layer: str
+    ) -> None:
+        height, width = pictures["Combined"].shape[:2]
         left, bottom, right, top = 0, 0, width, height
         if render.use_border:
             left, right = (round(x * width) for x in (render.border_min_x, render.border_max_x))
             bottom, top = (round(y * height) for y in (render.border_min_y, render.border_max_y))
-        # Blender's first row is the bottom one.
-        part = np.ascontiguousarray(picture[::-1][bottom:top, left:right], dtype=np.float32)
-        result = self.begin_result(0, 0, part.shape[1], part.shape[0])
-        result.layers[0].passes["Combined"].rect.foreach_set(part.reshape(-1))
+        for name in pictures:
+            if name not in ("Combined", passes.DEPTH):
+                self.add_pass(name, 1, CHANNEL[name], layer=layer)
+        result = self.begin_result(0, 0, right - left, top - bottom, layer=layer)
+        for name, picture in pictures.items():
+            # Blender's first row is the bottom one.
+            part = np.ascontiguousarray(picture[::-1][bottom:top, left:right], dtype=np.float32)
+            result.layers[0].passes[name].rect.foreach_set(part.reshape(-1))
         self.end_result(result)
         self.watch.is_drawn = True
 

@@ -10,7 +10,7 @@ GEOMETRY = {
     "MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD", "VOLUME", "GREASEPENCIL",
 }  # fmt: skip
 """Types of objects that other engines draw. Lights alone are seen by nobody."""
-OURS = ("use_pass_combined", "use_pass_cryptomatte_accurate")
+OURS = ("use_pass_combined", "use_pass_z", "use_pass_cryptomatte_accurate")
 """Switches of view layers that ask for no pass that we lack; the second one is how Cryptomatte counts."""
 NAMED = 3
 """Objects that a line names."""
@@ -75,7 +75,7 @@ def _passes(scene: bpy.types.Scene) -> Iterator[str]:
             names += [p.name for p in switches if p.identifier not in OURS and getattr(layer, p.identifier)]
             names += [aov.name for aov in layer.aovs]
     if names:
-        yield f"Only the pass Combined is rendered, not {', '.join(dict.fromkeys(names))}"
+        yield f"These passes are not rendered: {', '.join(dict.fromkeys(names))}"
 
 
 def warn_of_ignored(engine: bpy.types.RenderEngine, scene: bpy.types.Scene) -> None:

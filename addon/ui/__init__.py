@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ..render import background, engine, viewport
-from ..scene import clip, exr, main_thread, paths, properties, shot
+from ..scene import clip, exr, main_thread, passes, paths, properties, shot
 from . import (
     choose_clip,
     depth_ahead,
@@ -37,6 +37,7 @@ CLASSES = (
 def register() -> None:
     """Register properties, engine, operators and panels."""
     properties.register()
+    passes.register()
     for cls in CLASSES:
         bpy.utils.register_class(cls)
     engine_panels.register()
@@ -63,4 +64,5 @@ def unregister() -> None:
     shot.forget()
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)
+    passes.unregister()
     properties.unregister()

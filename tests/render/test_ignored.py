@@ -84,8 +84,8 @@ def test_frames_outside_the_clip(solved: bpy.types.Scene) -> None:
 
 def test_passes(solved: bpy.types.Scene) -> None:
     layer = solved.view_layers[0]
-    layer.use_pass_z = layer.use_pass_cryptomatte_object = True
-    assert ignored(solved) == ("Only the pass Combined is rendered, not Cryptomatte Object, Depth",)
+    layer.use_pass_z = layer.use_pass_mist = layer.use_pass_cryptomatte_object = True
+    assert ignored(solved) == ("These passes are not rendered: Cryptomatte Object, Mist",)
 
 
 def test_a_render_warns_once(

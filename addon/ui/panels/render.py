@@ -42,6 +42,20 @@ def output_words(scene: bpy.types.Scene) -> str:
     return f"{which}, to {render.filepath or 'the current folder'} as {kind.name}"
 
 
+class VIRTUAL_APERTURE_PT_passes(ClosedPanel, bpy.types.Panel):  # noqa: N801
+    bl_label = "Passes"
+    bl_parent_id = "VIRTUAL_APERTURE_PT_render"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layer, layout = context.view_layer, self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        column = layout.column(heading="Sharp Frame")
+        column.prop(layer, "use_pass_z", text="Depth")
+        column.prop(layer.virtual_aperture_passes, "use_circle_of_confusion")
+        column.prop(layer.virtual_aperture_passes, "use_in_focus")
+
+
 class VIRTUAL_APERTURE_PT_method(ClosedPanel, bpy.types.Panel):  # noqa: N801
     bl_label = "Sampling and Method"
     bl_parent_id = "VIRTUAL_APERTURE_PT_render"
@@ -74,4 +88,9 @@ class VIRTUAL_APERTURE_PT_debug(ClosedPanel, bpy.types.Panel):  # noqa: N801
                 column.label(text=image.name)
 
 
-CLASSES = (VIRTUAL_APERTURE_PT_render, VIRTUAL_APERTURE_PT_method, VIRTUAL_APERTURE_PT_debug)
+CLASSES = (
+    VIRTUAL_APERTURE_PT_render,
+    VIRTUAL_APERTURE_PT_passes,
+    VIRTUAL_APERTURE_PT_method,
+    VIRTUAL_APERTURE_PT_debug,
+)
