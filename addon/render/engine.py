@@ -24,6 +24,7 @@ from ..scene.ignored import warn_of_ignored
 from ..scene.lens import lens_settings
 from ..scene.remedy_words import WORDS
 from ..scene.shot import Shot, shot_of
+from . import frame_notes
 from .average import Drawn, OnFrame, render_frame
 from .frame_size import render_size
 from .gpu_views import egl_problem
@@ -164,7 +165,11 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
             if self.watch.on_frame is not None:
                 self.watch.on_frame(drawn)
 
-        pictures["Combined"] = render_frame(shot.context, frame, lens, size, self._note, on_frame)
+        def note(text: str) -> None:
+            self.report({"INFO"}, text)
+            frame_notes.add(scene, frame, text)
+
+        pictures["Combined"] = render_frame(shot.context, frame, lens, size, note, on_frame)
         return pictures
 
     def _on_progress(self, stage_name: str, share: float) -> None:
@@ -176,9 +181,6 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
         self._shown = now
         self.update_stats("", f"{self._title} | {stage_name or 'Starting'} | {100 * share:.0f} %")
         self.update_progress(share)
-
-    def _note(self, text: str) -> None:
-        self.report({"INFO"}, text)
 
     def _hand_over(
         self, pictures: dict[str, LinearRGBA], render: bpy.types.RenderSettings, layer: str

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..render import background, engine, viewport
+from ..render import background, engine, frame_notes, viewport
 from ..scene import clip, exr, main_thread, passes, paths, properties, shot
 from . import (
     choose_clip,
@@ -18,6 +18,7 @@ from . import (
     panels,
     points_overlay,
     preview,
+    report_list,
 )
 
 CLASSES = (
@@ -29,6 +30,7 @@ CLASSES = (
     *focus.CLASSES,
     *import_solve.CLASSES,
     *inspect.CLASSES,
+    *report_list.CLASSES,
     *preview.CLASSES,
     *panels.CLASSES,
 )
@@ -45,6 +47,7 @@ def register() -> None:
     exr.register()
     points_overlay.register()
     background.register()
+    frame_notes.register()
     viewport.register()
     depth_ahead.register()
     main_thread.start()
@@ -53,6 +56,7 @@ def register() -> None:
 def unregister() -> None:
     """Undo `register` in reverse order, and close the open clip."""
     viewport.unregister()
+    frame_notes.unregister()
     main_thread.stop()
     depth_ahead.unregister()
     exr.unregister()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ...core.lens.meshers import MESHERS
-from .. import inspect, notices, operators
+from .. import inspect, notices, operators, report_list
 from ..text import wrapped
 from .panel import PRIMARY, ClosedPanel, Panel
 
@@ -29,6 +29,7 @@ class VIRTUAL_APERTURE_PT_render(Panel, bpy.types.Panel):  # noqa: N801
         row = layout.row()
         row.scale_y = PRIMARY
         row.operator(operators.VIRTUAL_APERTURE_OT_render_clip.bl_idname, icon="RENDER_ANIMATION")
+        report_list.draw(layout, context)
 
 
 def output_words(scene: bpy.types.Scene) -> str:

@@ -1,0 +1,61 @@
+"""What the last render had to say of single frames, kept for the panel until the next one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import bpy
+from bpy.app.handlers import persistent
+
+MOST = 10_000
+"""Notes that are kept of one render."""
+
+
+@dataclass(frozen=True)
+class FrameNote:
+    """The same thing said of one frame or several."""
+
+    text: str
+    frames: tuple[int, ...]
+
+
+_scene = ""
+_said: list[tuple[int, str]] = []
+
+
+def add(scene: bpy.types.Scene, frame: int, text: str) -> None:
+    """Keep what is to be said of a frame; its own number at the beginning is left out."""
+    global _scene
+    _scene = scene.name
+    if len(_said) < MOST:
+        _said.append((frame, text.removeprefix(f"Frame {frame} ")))
+
+
+def of(scene: bpy.types.Scene) -> list[FrameNote]:
+    """What the last render said, if it was of this scene, each thing once with its frames in order."""
+    found: dict[str, set[int]] = {}
+    if scene.name == _scene:
+        for frame, text in _said:
+            found.setdefault(text, set()).add(frame)
+    return [FrameNote(text, tuple(sorted(frames))) for text, frames in found.items()]
+
+
+def forget(*_: object) -> None:
+    """A render begins, or another file is opened: nothing is known."""
+    _said.clear()
+
+
+_on_begin = persistent(forget)
+
+
+def register() -> None:
+    """Forget at the right moments."""
+    bpy.app.handlers.render_init.append(_on_begin)
+    bpy.app.handlers.load_pre.append(_on_begin)
+
+
+def unregister() -> None:
+    """Undo `register`."""
+    bpy.app.handlers.render_init.remove(_on_begin)
+    bpy.app.handlers.load_pre.remove(_on_begin)
+    forget()

@@ -1,0 +1,51 @@
+"""The list of what the last render said of its frames, with a jump to them."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..core.sfm.report import ranges
+from ..render import frame_notes
+from .operators import Result
+from .text import wrapped
+
+LONGEST = 5
+"""Things that the panel lists."""
+
+
+class VIRTUAL_APERTURE_OT_jump_to_frame(bpy.types.Operator):  # noqa: N801
+    """Show this frame"""
+
+    bl_idname = "virtual_aperture.jump_to_frame"
+    bl_label = "Jump to Frame"
+
+    frame: bpy.props.IntProperty(name="Frame")
+
+    def execute(self, context: bpy.types.Context) -> Result:
+        context.scene.frame_set(self.frame)
+        return {"FINISHED"}
+
+
+def next_of(frames: tuple[int, ...], now: int) -> int:
+    """The first of the frames after the present one, else the first of all."""
+    return next((frame for frame in frames if frame > now), frames[0])
+
+
+def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """What was said of which frames, each with a button that goes to the next of them."""
+    notes = frame_notes.of(context.scene)
+    if not notes:
+        return
+    box = layout.box()
+    box.label(text="The Last Render", icon="INFO")
+    for note in notes[:LONGEST]:
+        row = box.row()
+        numbers = ranges(list(note.frames))
+        wrapped(row, context, f"Frame{'s' if len(note.frames) > 1 else ''} {numbers}: {note.text}")
+        jump = row.operator(VIRTUAL_APERTURE_OT_jump_to_frame.bl_idname, text="", icon="NEXT_KEYFRAME")
+        jump.frame = next_of(note.frames, context.scene.frame_current)
+    if len(notes) > LONGEST:
+        box.label(text=f"and {len(notes) - LONGEST} more, in the Info editor")
+
+
+CLASSES = (VIRTUAL_APERTURE_OT_jump_to_frame,)
