@@ -248,13 +248,14 @@ def sharp_distances(
 def _blur_of_unit_radius(reconstruction: Reconstruction, focus: Focus, frame: int) -> float:
     image, _ = reconstruction.image_at(frame)
     canvas = Canvas(reconstruction.intrinsics(image))
+    # First: where nothing is in focus a million points need not be looked at.
+    lens = focus.lens(reconstruction, frame, canvas.pinhole, 1.0)
     features = frame_features(reconstruction, frame, canvas)
     if not len(features.points):
         raise UserError(
             f"frame {frame} has no usable feature points to measure a blur by; pick the focus in another"
             " frame, give the aperture's radius, or solve the clip again"
         )
-    lens = focus.lens(reconstruction, frame, canvas.pinhole, 1.0)
     inverse = lens.focus
     far, near = np.percentile(lens.untilted(features.inverse_depth, features.observed), [2, 98])
     contrast = inverse - far
