@@ -273,13 +273,15 @@ def _clip(wanted: Wanted) -> Half:
 
 def _through_lens(wanted: Wanted, level: int) -> LinearRGBA:
     context, lens, size = wanted.shot.context, wanted.lens, wanted.size
-    if level == COARSE:
-        # What other frames lend, and their lamps, are found once it is seen where focus is.
-        size, lens = _coarse(size), replace(lens, quality=DRAFT, error=0.0, borrow=False)
+    if level <= FAIR:
+        lens = replace(lens, quality=DRAFT, error=0.0)
+    if level == COARSE or wanted.is_playing:
+        # What other frames lend, and their lamps, take seconds to find for the first time.
+        lens = replace(lens, borrow=False)
         if not context.knows_highlights(wanted.frame, lens.highlights):
             lens = replace(lens, highlights=NO_HIGHLIGHTS)
-    elif level == FAIR:
-        lens = replace(lens, quality=DRAFT, error=0.0)
+    if level == COARSE:
+        size = _coarse(size)
     elif lens.quality == FINAL:
         lens = replace(lens, quality=NORMAL)
     return render_frame(context, wanted.frame, lens, size, lambda note: None)
