@@ -10,6 +10,7 @@ from . import (
     choose_clip,
     depth_ahead,
     engine_panels,
+    file_import,
     find_clip,
     focus,
     import_solve,
@@ -27,6 +28,7 @@ CLASSES = (
     *find_clip.CLASSES,
     *focus.CLASSES,
     *import_solve.CLASSES,
+    *file_import.CLASSES,
     *inspect.CLASSES,
     *panels.CLASSES,
 )
@@ -38,6 +40,7 @@ def register() -> None:
     for cls in CLASSES:
         bpy.utils.register_class(cls)
     engine_panels.register()
+    file_import.register()
     paths.register()
     exr.register()
     points_overlay.register()
@@ -53,6 +56,7 @@ def unregister() -> None:
     exr.unregister()
     paths.unregister()
     background.unregister()
+    file_import.unregister()
     engine_panels.unregister()
     clip.forget()
     points_overlay.unregister()

@@ -94,9 +94,11 @@ class VIRTUAL_APERTURE_OT_import_solve(_Import, bpy.types.Operator):  # noqa: N8
         if self.again and self.filepath:
             return self.confirm(context, event)
         self._asks = True
-        if not self.filepath:
-            # A folder, where models of the clip are likely to be.
-            self.filepath = f"{footage_path(context.scene.virtual_aperture).parent}/"
+        if self.filepath:
+            # It was dropped.
+            return self.execute(context)
+        # A folder, where models of the clip are likely to be.
+        self.filepath = f"{footage_path(context.scene.virtual_aperture).parent}/"
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 
