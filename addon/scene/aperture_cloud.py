@@ -9,12 +9,15 @@ from ..core.base.errors import UserError
 from ..core.camera.reconstruction import Floats
 from ..core.lens.clip_context import ClipContext, no_picture
 from ..core.lens.frame import view_offsets
+from . import depth_of_field
 from .lens import lens_settings
 from .shot import reconstruction_of
 
 
 def update(settings: bpy.types.PropertyGroup) -> None:
-    """Move the points to where the settings put the virtual cameras; none while nothing is in focus."""
+    """Move the points to where the settings put the virtual cameras; none while nothing is in focus. The
+    camera's own depth of field follows."""
+    depth_of_field.show_in_camera(settings)
     if settings.aperture is None or settings.points is None:
         return
     mesh = settings.aperture.data

@@ -18,6 +18,7 @@ from . import (
     operators,
     panels,
     points_overlay,
+    set_scale,
 )
 
 CLASSES = (
@@ -30,6 +31,7 @@ CLASSES = (
     *import_solve.CLASSES,
     *file_import.CLASSES,
     *inspect.CLASSES,
+    *set_scale.CLASSES,
     *panels.CLASSES,
 )
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import bpy
 
 from ...core.base.counting import counted
-from ...scene import lens
 from .. import focus
+from .lens import draw_amount
 from .panel import PRIMARY, ClosedPanel, Panel
 
 
@@ -34,10 +34,7 @@ class VIRTUAL_APERTURE_PT_focus(Panel, bpy.types.Panel):  # noqa: N801
         column = layout.column()
         column.active = not by_points
         column.prop(settings, "focus_distance", text="Distance")
-        layout.prop(settings, "blur")
-        column = layout.column()
-        column.active = not lens.is_keyed(settings, "blur")
-        column.prop(settings, "aperture_radius", text="Aperture")
+        draw_amount(layout, settings)
 
 
 class VIRTUAL_APERTURE_PT_tilt(ClosedPanel, bpy.types.Panel):  # noqa: N801
