@@ -15,6 +15,7 @@ from . import (
     focus,
     import_solve,
     inspect,
+    lens_presets,
     operators,
     panels,
     points_overlay,
@@ -31,6 +32,7 @@ CLASSES = (
     *import_solve.CLASSES,
     *file_import.CLASSES,
     *inspect.CLASSES,
+    *lens_presets.CLASSES,
     *set_scale.CLASSES,
     *panels.CLASSES,
 )
@@ -43,6 +45,7 @@ def register() -> None:
         bpy.utils.register_class(cls)
     engine_panels.register()
     file_import.register()
+    lens_presets.register()
     paths.register()
     exr.register()
     points_overlay.register()
@@ -58,6 +61,7 @@ def unregister() -> None:
     exr.unregister()
     paths.unregister()
     background.unregister()
+    lens_presets.unregister()
     file_import.unregister()
     engine_panels.unregister()
     clip.forget()
