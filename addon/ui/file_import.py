@@ -28,7 +28,8 @@ class VIRTUAL_APERTURE_OT_import_clip(bpy.types.Operator):  # noqa: N801
     a solve of it that is kept is loaded"""
 
     bl_idname = "virtual_aperture.import_clip"
-    bl_label = "Import Clip"
+    # Blender shows it where other handlers take the file, too.
+    bl_label = "Solve with Virtual Aperture"
     bl_options = {"UNDO"}  # noqa: RUF012
 
     filepath: bpy.props.StringProperty(
@@ -97,7 +98,7 @@ class VIRTUAL_APERTURE_OT_drop_model(bpy.types.Operator):  # noqa: N801
     """Take in the cameras and points that COLMAP, Bundler, VisualSFM or Voodoo found in the clip"""
 
     bl_idname = "virtual_aperture.drop_model"
-    bl_label = "Import Solve"
+    bl_label = "Import to Virtual Aperture"
     bl_options = {"UNDO", "INTERNAL"}  # noqa: RUF012
 
     filepath: bpy.props.StringProperty(
