@@ -90,7 +90,8 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
     )
     work_dir: StringProperty(
         name="Working Folder",
-        description="Where the solve is kept; empty: beside the clip's name in the .blend's folder",
+        description="Where the solve is kept; empty: beside the .blend, under the clip's name, or in the"
+        " cache folder of the preferences",
         subtype="DIR_PATH",
         options={"PATH_SUPPORTS_BLEND_RELATIVE"},
     )

@@ -6,6 +6,7 @@ import bpy
 
 from ..render import background, engine
 from ..scene import clip, exr, main_thread, paths, properties, shot
+from ..scene import preferences as user_preferences
 from . import (
     choose_clip,
     depth_ahead,
@@ -19,11 +20,13 @@ from . import (
     operators,
     panels,
     points_overlay,
+    preferences,
     set_scale,
 )
 
 CLASSES = (
     *engine.CLASSES,
+    *preferences.CLASSES,
     *choose_clip.CLASSES,
     *depth_ahead.CLASSES,
     *operators.CLASSES,
@@ -43,6 +46,7 @@ def register() -> None:
     properties.register()
     for cls in CLASSES:
         bpy.utils.register_class(cls)
+    user_preferences.apply()
     engine_panels.register()
     file_import.register()
     lens_presets.register()
