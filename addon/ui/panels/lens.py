@@ -9,6 +9,9 @@ from .. import set_scale
 from ..text import wrapped
 from .panel import ClosedPanel
 
+PROPERTY_NAME = 0.4
+"""Share of a panel's width that the names of properties have, as Blender splits it."""
+
 
 def draw_amount(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
     """How much blur, as a share of the width, an f-stop and a radius; and what is sharp with it."""
@@ -16,8 +19,13 @@ def draw_amount(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -
     column = layout.column()
     column.active = not lens.is_keyed(settings, "blur")
     if settings.metres_per_unit > 0:
-        full_frame = settings.lens != "SENSOR"
-        column.prop(settings, "f_stop", text="F-Stop (Full Frame)" if full_frame else "F-Stop")
+        column.prop(settings, "f_stop")
+    elif settings.points is not None:
+        split = column.split(factor=PROPERTY_NAME)
+        name = split.row()
+        name.alignment = "RIGHT"
+        name.label(text="F-Stop")
+        split.operator(set_scale.VIRTUAL_APERTURE_OT_set_scale.bl_idname, text="Set Scale")
     column.prop(settings, "aperture_radius", text="Aperture")
     if sharp := depth_of_field.sharp_words(settings):
         layout.label(text=sharp, icon="CAMERA_DATA")
