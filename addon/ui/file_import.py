@@ -10,8 +10,10 @@ from pathlib import Path
 import bpy
 
 from ..core.base.errors import UserError
+from ..core.media.clip import Footage
 from ..core.media.find_clip import is_clip
 from ..core.media.picture_file import PICTURES
+from ..core.readers.matching import Imported
 from ..core.sfm.state import STATE, is_state_of, read_state
 from ..scene.clip import work_dir
 from ..scene.lens import is_in_focus
@@ -94,7 +96,7 @@ class VIRTUAL_APERTURE_OT_import_clip(bpy.types.Operator):  # noqa: N801
         return {"FINISHED"}
 
 
-class VIRTUAL_APERTURE_OT_drop_model(bpy.types.Operator):  # noqa: N801
+class VIRTUAL_APERTURE_OT_drop_model(import_solve.Import, bpy.types.Operator):  # noqa: N801
     """Take in the cameras and points that COLMAP, Bundler, VisualSFM or Voodoo found in the clip"""
 
     bl_idname = "virtual_aperture.drop_model"
@@ -105,6 +107,12 @@ class VIRTUAL_APERTURE_OT_drop_model(bpy.types.Operator):  # noqa: N801
         name="Model", description="File of the model", subtype="FILE_PATH", options={"SKIP_SAVE"}
     )
 
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
+        if self.again:
+            return self.confirm(context, event)
+        self._asks = True
+        return self.execute(context)
+
     @reported
     def execute(self, context: bpy.types.Context) -> Result:
         name = Path(self.filepath).name
@@ -113,12 +121,13 @@ class VIRTUAL_APERTURE_OT_drop_model(bpy.types.Operator):  # noqa: N801
             raise UserError(f"no clip is chosen that {name} could be the solve of; drop the clip first")
         if operators.running_solve() is not None:
             raise UserError(f"the clip is being solved; cancel that with ESC, then drop {name} again")
-        how = "EXEC_DEFAULT" if bpy.app.background else "INVOKE_DEFAULT"
-        try:
-            bpy.ops.virtual_aperture.import_solve(how, filepath=self.filepath)
-        except RuntimeError as error:
-            raise UserError(str(error).removeprefix("Error: ").strip()) from None
-        return {"FINISHED"}
+        return super().execute(context)
+
+    def read(self, footage: Footage) -> Imported:
+        return import_solve.read_model(self.filepath, footage)
+
+    def ask(self) -> None:
+        bpy.ops.virtual_aperture.drop_model("INVOKE_DEFAULT", filepath=self.filepath, again=True)
 
 
 def loses_focus(settings: bpy.types.PropertyGroup, clip: Path) -> bool:
