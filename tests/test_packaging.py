@@ -18,11 +18,14 @@ bpy.ops.extensions.package_install_files(filepath=sys.argv[1], repo='user_defaul
 name = 'bl_ext.user_default.virtual_aperture'
 assert name in bpy.context.preferences.addons, list(bpy.context.preferences.addons.keys())
 assert hasattr(bpy.types.Scene, 'virtual_aperture')
+assert bpy.utils.preset_find('50_mm_f_slash_1.4', 'virtual_aperture/lens')
+assert bpy.context.preferences.addons[name].preferences.cache_folder == ''
 warnings = addon_utils._extensions_warnings_get()
 assert not any('virtual_aperture' in str(item) for item in warnings.items()), warnings
 for _ in range(2):
     bpy.ops.preferences.addon_disable(module=name)
     assert not hasattr(bpy.types.Scene, 'virtual_aperture')
+    assert not bpy.utils.preset_paths('virtual_aperture/lens')
     bpy.ops.preferences.addon_enable(module=name)
     assert hasattr(bpy.types.Scene, 'virtual_aperture')
 # In Debian's Blender, pycolmap's copy of glog meets Blender's and ends the program.

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import bpy
 import numpy as np
 
@@ -9,12 +12,30 @@ from ..core.base.errors import UserError
 from ..core.camera.reconstruction import Floats
 from ..core.lens.clip_context import ClipContext, no_picture
 from ..core.lens.frame import view_offsets
+from . import depth_of_field
 from .lens import lens_settings
 from .shot import reconstruction_of
 
+_held = False
+
+
+@contextmanager
+def held() -> Iterator[None]:
+    """Within it `update` does nothing, for many edits at a time: call it once afterwards."""
+    global _held
+    _held = True
+    try:
+        yield
+    finally:
+        _held = False
+
 
 def update(settings: bpy.types.PropertyGroup) -> None:
-    """Move the points to where the settings put the virtual cameras; none while nothing is in focus."""
+    """Move the points to where the settings put the virtual cameras; none while nothing is in focus. The
+    camera's own depth of field follows."""
+    if _held:
+        return
+    depth_of_field.show_in_camera(settings)
     if settings.aperture is None or settings.points is None:
         return
     mesh = settings.aperture.data

@@ -10,8 +10,9 @@ import bpy
 
 from ..core.base.errors import Remedy, UserError
 from ..core.media.find_clip import clip_exists, find_clip, is_clip
-from ..core.sfm.workspace import default_work_dir, recorded_clip
+from ..core.sfm.workspace import recorded_clip
 from .paths import absolute
+from .preferences import usual_work_dir
 
 LOOK_AGAIN = 3.0
 """Seconds until a clip that was not found is looked for again: panels ask with every redraw."""
@@ -104,11 +105,12 @@ def _found(settings: bpy.types.PropertyGroup, path: Path) -> Path | None:
 
 
 def work_dir(settings: bpy.types.PropertyGroup, clip: Path) -> Path:
-    """The working folder that is set, or a clip's default one beside the .blend (or beside the clip)."""
+    """The working folder that is set, or a clip's usual one: in the cache folder of the preferences, else
+    beside the .blend, or beside the clip while that is not saved."""
     if settings.work_dir:
         return absolute(settings.work_dir)
     saved = bpy.data.filepath
-    return default_work_dir(clip, Path(saved).parent if saved else clip.parent)
+    return usual_work_dir(clip, Path(saved).parent if saved else clip.parent)
 
 
 def forget() -> None:

@@ -70,19 +70,22 @@ def focal_of(settings: bpy.types.PropertyGroup) -> Focal | None:
 
 def lens_settings(settings: bpy.types.PropertyGroup, reconstruction: Reconstruction) -> LensSettings:
     """The lens that the settings describe; UserError where they mean nothing."""
-    focus = focus_of(settings)
-    if has_radius(settings):
-        radius = settings.aperture_radius
-    else:
-        frame = settings.focus_frame
-        if frame not in reconstruction.frames:
-            frame = int(reconstruction.frames[0])
-        radius = radius_for_blur(reconstruction, focus, frame, settings.blur)
     return LensSettings(
-        focus, radius, settings.views, settings.method, settings.seed, settings.borrow, settings.error,
+        focus_of(settings), radius_of(settings, reconstruction), settings.views, settings.method,
+        settings.seed, settings.borrow, settings.error,
         quality=QUALITIES[settings.quality.lower()], aperture=settings.shape.aperture,
         highlights=HighlightSettings(settings.highlights, settings.highlight_threshold),
     )  # fmt: skip
+
+
+def radius_of(settings: bpy.types.PropertyGroup, reconstruction: Reconstruction) -> float:
+    """The aperture's radius that counts, in scene units; UserError where the blur counts and tells none."""
+    if has_radius(settings):
+        return float(settings.aperture_radius)
+    frame = settings.focus_frame
+    if frame not in reconstruction.frames:
+        frame = int(reconstruction.frames[0])
+    return radius_for_blur(reconstruction, focus_of(settings), frame, settings.blur)
 
 
 def is_in_focus(settings: bpy.types.PropertyGroup) -> bool:
@@ -239,7 +242,7 @@ def on_focus(settings: bpy.types.PropertyGroup) -> None:
 def _store_radius(settings: bpy.types.PropertyGroup, frame: int) -> None:
     try:
         reconstruction = reconstruction_of(settings)
-        at = _registered(reconstruction, frame)
+        at = registered(reconstruction, frame)
         radius = radius_for_blur(reconstruction, focus_of(settings), at, settings.blur)
     except UserError:
         # The next focus chooses it; a render before says what is wrong.
@@ -252,7 +255,7 @@ def _store_radius(settings: bpy.types.PropertyGroup, frame: int) -> None:
 def _show_blur(settings: bpy.types.PropertyGroup, frame: int) -> None:
     try:
         reconstruction = reconstruction_of(settings)
-        at = _registered(reconstruction, frame)
+        at = registered(reconstruction, frame)
         settings.blur = blur_for_radius(reconstruction, focus_of(settings), at, settings.aperture_radius)
     except UserError:
         # Without a focus, or with everything in it, the blur of before stands for the next one.
@@ -270,7 +273,7 @@ def _frame(settings: bpy.types.PropertyGroup) -> int:
     return int(settings.id_data.frame_current)
 
 
-def _registered(reconstruction: Reconstruction, frame: int) -> int:
+def registered(reconstruction: Reconstruction, frame: int) -> int:
     """The registered frame that is nearest; UserError where there is none."""
     frames = reconstruction.frames
     if not len(frames):

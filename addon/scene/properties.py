@@ -18,7 +18,7 @@ from bpy.props import (
 from ..core.lens.highlights import HighlightSettings
 from ..core.lens.meshers import MESHERS
 from ..core.lens.quality import QUALITIES
-from . import aperture_cloud, lens
+from . import aperture_cloud, depth_of_field, lens
 from .aperture_shape import VirtualApertureShape
 
 VERSION = 1
@@ -50,6 +50,10 @@ def _edited(
         _aperture_changed(settings, context)
 
     return update
+
+
+def _scale_changed(settings: VirtualApertureSettings, _context: bpy.types.Context) -> None:
+    depth_of_field.on_scale(settings)
 
 
 SHOWN_VIEWS = 64
@@ -93,7 +97,8 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
     )
     work_dir: StringProperty(
         name="Working Folder",
-        description="Where the solve is kept; empty: beside the clip's name in the .blend's folder",
+        description="Where the solve is kept; empty: beside the .blend, under the clip's name, or in the"
+        " cache folder of the preferences",
         subtype="DIR_PATH",
         options={"PATH_SUPPORTS_BLEND_RELATIVE"},
     )
@@ -256,6 +261,31 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
         default=0.1,
         precision=4,
         update=_edited(lens.on_radius),
+    )
+    metres_per_unit: FloatProperty(
+        name="Metres per Unit",
+        description="How long a unit of the scene is, which the f-stop takes; Blender shows lengths in it,"
+        " too. 0 where it is not known: a solve has a unit of its own",
+        min=0.0,
+        soft_max=10.0,
+        default=0.0,
+        precision=4,
+        update=_scale_changed,
+        options=set(),
+    )
+    f_stop: FloatProperty(
+        name="F-Stop",
+        description="Focal length over the aperture's diameter: the blur in terms of photography. Without a"
+        " known sensor it is that of a full frame, 36 mm wide. 0 where Metres per Unit is not known: then"
+        " setting it changes nothing. Key the radius instead",
+        get=depth_of_field.f_stop,
+        set=depth_of_field.set_f_stop,
+        min=0.0,
+        soft_min=0.1,
+        soft_max=128.0,
+        precision=2,
+        step=10,
+        options=set(),
     )
     shape: PointerProperty(
         type=VirtualApertureShape, name="Aperture Shape", description="What blur discs look like"

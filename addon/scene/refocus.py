@@ -29,10 +29,12 @@ class KeptFocus:
     by: str
     radius: float | None
     """None while the blur has not chosen it."""
+    metres_per_unit: float
+    """0 where it is not known."""
 
 
 def keep_focus(settings: bpy.types.PropertyGroup, clip: Path) -> KeptFocus | None:
-    """The scene's focus; None where there is none, or the scene's solve is of another clip."""
+    """The scene's focus and scale; None where there is neither, or the scene's solve is of another clip."""
     if settings.points is None or not is_clip(clip, settings.clip_identity):
         return None
     focus = Focus(
@@ -40,14 +42,15 @@ def keep_focus(settings: bpy.types.PropertyGroup, clip: Path) -> KeptFocus | Non
         settings.focus_distance if settings.focus_distance > 0 else None,
         settings.focus_through_points,
     )
-    if not focus.points and focus.distance is None:
+    scale = settings.metres_per_unit
+    if not focus.points and focus.distance is None and not scale:
         return None
     radius = settings.aperture_radius if settings.use_radius else None
     try:
         old = reconstruction_of(settings)
     except UserError:
         return None
-    return KeptFocus(old, focus, settings.focus_frame, settings.focus_by, radius)
+    return KeptFocus(old, focus, settings.focus_frame, settings.focus_by, radius, scale)
 
 
 def restore_focus(settings: bpy.types.PropertyGroup, kept: KeptFocus, new: Reconstruction) -> str:
@@ -67,6 +70,7 @@ def restore_focus(settings: bpy.types.PropertyGroup, kept: KeptFocus, new: Recon
         settings.use_radius = kept.radius is not None
         if kept.radius is not None:
             settings.aperture_radius = kept.radius * carried.scale
+    settings.metres_per_unit = kept.metres_per_unit / carried.scale
     for name in LENGTHS:
         _scale_keys(settings, name, carried.scale)
     if has_points or kept.by != "POINTS" or not kept.focus.points:

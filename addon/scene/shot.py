@@ -113,6 +113,8 @@ class Shot:
 
 _last: tuple[tuple[str, ...], Shot] | None = None
 """One shot is kept, because every frame of an animation asks for the same one."""
+_read: tuple[str, Reconstruction] | None = None
+"""The last reconstruction that was read alone, and its identity: every edit of the lens asks for it."""
 
 
 def shot_of(scene: bpy.types.Scene) -> Shot:
@@ -142,10 +144,16 @@ def _was_redrawn(shot: Shot, mask: bpy.types.Mask | None, frame: int) -> bool:
 
 def reconstruction_of(settings: bpy.types.PropertyGroup) -> Reconstruction:
     """The reconstruction alone, for which the footage need not be there."""
+    global _read
     mesh = points_mesh(settings)
     if _last is not None and _last[0][0] == str(mesh.get(IDENTITY)):
         return _last[1].reconstruction
-    return store.read(mesh)
+    identity = mesh.get(IDENTITY)
+    if identity is None:
+        return store.read(mesh)
+    if _read is None or _read[0] != identity:
+        _read = identity, store.read(mesh)
+    return _read[1]
 
 
 def points_mesh(settings: bpy.types.PropertyGroup) -> bpy.types.Mesh:
@@ -157,5 +165,5 @@ def points_mesh(settings: bpy.types.PropertyGroup) -> bpy.types.Mesh:
 
 def forget() -> None:
     """Drop the kept shot and its open video file."""
-    global _last
-    _last = None
+    global _last, _read
+    _last = _read = None

@@ -6,30 +6,39 @@ import bpy
 
 from ..render import background, engine, frame_notes, viewport
 from ..scene import clip, exr, main_thread, passes, paths, properties, shot
+from ..scene import preferences as user_preferences
 from . import (
     choose_clip,
     depth_ahead,
     engine_panels,
+    file_import,
     find_clip,
     focus,
     import_solve,
     inspect,
+    lens_presets,
     operators,
     panels,
     points_overlay,
+    preferences,
     preview,
     report_list,
+    set_scale,
 )
 
 CLASSES = (
     *engine.CLASSES,
+    *preferences.CLASSES,
     *choose_clip.CLASSES,
     *depth_ahead.CLASSES,
     *operators.CLASSES,
     *find_clip.CLASSES,
     *focus.CLASSES,
     *import_solve.CLASSES,
+    *file_import.CLASSES,
     *inspect.CLASSES,
+    *lens_presets.CLASSES,
+    *set_scale.CLASSES,
     *report_list.CLASSES,
     *preview.CLASSES,
     *panels.CLASSES,
@@ -42,7 +51,10 @@ def register() -> None:
     passes.register()
     for cls in CLASSES:
         bpy.utils.register_class(cls)
+    user_preferences.apply()
     engine_panels.register()
+    file_import.register()
+    lens_presets.register()
     paths.register()
     exr.register()
     points_overlay.register()
@@ -62,6 +74,8 @@ def unregister() -> None:
     exr.unregister()
     paths.unregister()
     background.unregister()
+    lens_presets.unregister()
+    file_import.unregister()
     engine_panels.unregister()
     clip.forget()
     points_overlay.unregister()

@@ -18,7 +18,7 @@ from . import depth_ahead
 from .operators import Result, build_scene, has_clip, report_hidden, reported
 
 
-class _Import:
+class Import:
     """Read, keep in the working folder, bring into the scene; a solve that is there is only replaced when the
     user was asked."""
 
@@ -72,7 +72,7 @@ class _Import:
         return answer
 
 
-class VIRTUAL_APERTURE_OT_import_solve(_Import, bpy.types.Operator):  # noqa: N801
+class VIRTUAL_APERTURE_OT_import_solve(Import, bpy.types.Operator):  # noqa: N801
     """Take in the cameras and points that COLMAP, Bundler, VisualSFM or Voodoo found in the clip"""
 
     bl_idname = "virtual_aperture.import_solve"
@@ -106,18 +106,23 @@ class VIRTUAL_APERTURE_OT_import_solve(_Import, bpy.types.Operator):  # noqa: N8
         column.label(text="of COLMAP's, open the folder.")
 
     def read(self, footage: Footage) -> Imported:
-        if not self.filepath:
-            raise UserError("no model is chosen; give its file, or the folder of a COLMAP model")
-        path = Path(bpy.path.abspath(self.filepath))
-        if path.suffix.lower() == ".blend":
-            raise UserError(
-                f"{path.name} is a .blend: append its movie clip (File > Append) and import that with Import"
-                " Movie Clip"
-            )
-        return read_reconstruction(path, footage)
+        return read_model(self.filepath, footage)
 
     def ask(self) -> None:
         bpy.ops.virtual_aperture.import_solve("INVOKE_DEFAULT", filepath=self.filepath, again=True)
+
+
+def read_model(filepath: str, footage: Footage) -> Imported:
+    """The model in a file or folder; UserError where there is none, or it is not of this clip."""
+    if not filepath:
+        raise UserError("no model is chosen; give its file, or the folder of a COLMAP model")
+    path = Path(bpy.path.abspath(filepath))
+    if path.suffix.lower() == ".blend":
+        raise UserError(
+            f"{path.name} is a .blend: append its movie clip (File > Append) and import that with Import"
+            " Movie Clip"
+        )
+    return read_reconstruction(path, footage)
 
 
 def solved_clips() -> list[bpy.types.MovieClip]:
@@ -138,7 +143,7 @@ def _clip_items(_operator: Any, _context: bpy.types.Context | None) -> list[tupl
     return _items
 
 
-class VIRTUAL_APERTURE_OT_import_movie_clip(_Import, bpy.types.Operator):  # noqa: N801
+class VIRTUAL_APERTURE_OT_import_movie_clip(Import, bpy.types.Operator):  # noqa: N801
     """Take in the camera and the tracks of a movie clip that was solved in the Movie Clip Editor"""
 
     bl_idname = "virtual_aperture.import_movie_clip"

@@ -52,7 +52,7 @@ def test_what_is_found_does_not_depend_on_the_processors(monkeypatch: pytest.Mon
     view = View(picture, np.eye(3), np.array([[0, 0, 8.0], [0, 0, 0], [0, 0, 0]]), 1)
     found = []
     for workers in (1, 2, 5, 16):
-        monkeypatch.setattr(plane_sweep, "WORKERS", workers)
+        monkeypatch.setattr(plane_sweep, "threads", lambda workers=workers: workers)
         found.append(
             (semiglobal(costs, guide, OPTIONS), sweep(picture, [view], np.linspace(0, 1, 9), guide, OPTIONS))
         )

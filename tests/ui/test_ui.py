@@ -147,6 +147,7 @@ def test_panels_show_the_next_step(scene: bpy.types.Scene, tmp_path: Path) -> No
     assert "Select two or more vertices" in drawn(closed=False)[2]
     bpy.ops.virtual_aperture.set_focus()
     props, operators, texts = drawn(closed=False)
+    assert "virtual_aperture.set_scale" in operators and "F-Stop" in texts
     assert "Ready to render" in texts and "3 points, picked at frame 1" in texts
     assert "virtual_aperture.clear_focus" in operators
     assert {"focus_by", "(focus_distance)"} <= props

@@ -20,13 +20,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import atomic
+from ..base import atomic, limits
 from ..base.arrays import Bytes, Map, Mask
 from ..base.errors import UserError
 
-MOST = 8 << 30
-"""Bytes that all keys of a folder may take together: about an hour of video at 640x360,
-twelve minutes of a phone's. By eye."""
 FINEST = 4095
 """Steps from a frame's least inverse depth to its largest: 0.02 pixels where a disc has 96. With 65535 a
 file is twice as large, of noise."""
@@ -113,13 +110,14 @@ class DepthStore:
     Nothing is raised where the disk is full or cannot be written: then less is kept.
     """
 
-    def __init__(self, folder: Path, key: Callable[[], str], most: int = MOST) -> None:
+    def __init__(self, folder: Path, key: Callable[[], str], most: int | None = None) -> None:
         """`folder` is of all keys; those not written to for longest go where it holds over `most` bytes.
 
+        Without `most` they are as many as the user allows (`limits.most_kept_depth`).
         `key` tells what depth depends on now: what is found once that has changed is not kept.
         """
         self._key, self._key_now = key(), key
-        self._folder, self._most = folder / self._key, most
+        self._folder, self._most = folder / self._key, most or limits.most_kept_depth()
         self._taken = -1
 
     def depth(self, frame: int, shape: tuple[int, int]) -> KeptDepth | None:
@@ -191,13 +189,22 @@ class DepthStore:
             self._taken = sum(_size(folder) for folder in _folders(self._folder.parent))
         for folder in sorted(_folders(self._folder.parent), key=lambda one: one.stat().st_mtime):
             if self._taken + more > self._most and folder != self._folder:
-                self._taken -= _size(folder)
-                for path in _kept_files(folder):
-                    path.unlink(missing_ok=True)
-                # Whatever else lies there is not ours.
-                with contextlib.suppress(OSError):
-                    folder.rmdir()
+                self._taken -= _delete(folder)
         return self._taken + more <= self._most
+
+
+def kept_size(folder: Path) -> int:
+    """Bytes that the kept depth in a folder takes, of all keys; 0 where there is none."""
+    return sum(_size(each) for each in _folders(folder))
+
+
+def delete_kept(folder: Path) -> int:
+    """Delete the kept depth in a folder, of all keys, and nothing else; how many bytes that frees. OSError
+    where a file cannot be deleted."""
+    freed = 0
+    for each in _folders(folder):
+        freed += _delete(each)
+    return freed
 
 
 def _encoded(plane: Bytes | NDArray[np.uint16]) -> Bytes:
@@ -219,6 +226,18 @@ def _folders(folder: Path) -> list[Path]:
 
 def _kept_files(folder: Path) -> list[Path]:
     return [*folder.glob("depth-*.npz"), *folder.glob("moving-*.npz")]
+
+
+def _delete(folder: Path) -> int:
+    """Delete a key's files; how many bytes that frees."""
+    freed = 0
+    for path in _kept_files(folder):
+        freed += path.stat().st_size
+        path.unlink(missing_ok=True)
+    # Whatever else lies there is not ours.
+    with contextlib.suppress(OSError):
+        folder.rmdir()
+    return freed
 
 
 def _size(folder: Path) -> int:

@@ -11,8 +11,9 @@ import cv2
 import numpy as np
 
 from ..base.arrays import Bytes, Floats, Map, Mask
+from ..base.limits import threads
 from ..base.progress import checkpoint, in_this_scope
-from .plane_sweep import WORKERS, View
+from .plane_sweep import View
 
 MASKED = 85
 """Fourth channel of a picture where the user says that something moves: seen, but no depth comes from it."""
@@ -55,7 +56,7 @@ def moving_pixels(
     approach to moving object detection in 2D and 3D scenes", 1998: plane plus parallax).
     """
     vote = partial(_leaves, reference, inverse, middle, options)
-    with ThreadPoolExecutor(WORKERS) as pool:
+    with ThreadPoolExecutor(threads()) as pool:
         votes = list(pool.map(in_this_scope(vote), views))
     sides = sorted({view.side for view in views})
     agreed = np.ones(inverse.shape, bool)
@@ -75,7 +76,7 @@ def occluding_pixels(
     """(h, w) bool: where some neighbour shows something else than a frame (h, w, 4) at the place that inverse
     depth (h, w) gives; `middle` is an inverse depth at which the pictures are brought into register first."""
     differs = partial(_differs, reference, inverse, middle, options)
-    with ThreadPoolExecutor(WORKERS) as pool:
+    with ThreadPoolExecutor(threads()) as pool:
         worst = list(pool.map(in_this_scope(differs), views))
     return np.asarray(np.logical_or.reduce([np.zeros(inverse.shape, bool), *worst]))
 

@@ -6,7 +6,6 @@ Collins, "A space-sweep approach to true multi-image matching", 1996; regularise
 from __future__ import annotations
 
 import itertools
-import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -15,10 +14,9 @@ import cv2
 import numpy as np
 
 from ..base.arrays import Bytes, Floats, Indices, Map, Mask
+from ..base.limits import threads
 from ..base.progress import checkpoint, in_this_scope
 
-WORKERS = os.process_cpu_count() or 1
-"""Threads of a frame's depth: processors that this process may use. What they find does not depend on it."""
 NARROWEST = 128
 """Columns that a thread sums costs along, at least: with 160 of them it takes 1.9 times the processor time
 that they take with all 640, by a scratch script."""
@@ -132,17 +130,20 @@ def sweep(reference: Bytes, views: Sequence[View], levels: Floats, guide: Map, o
     costs = np.empty((len(levels), *reference.shape[:2]), np.float32)
     sides = [[view for view in views if view.side == side] for side in sorted({v.side for v in views})]
 
+    # What is found does not depend on their number.
+    workers = threads()
+
     @in_this_scope
     def fill(first: int) -> None:
         filtering = cv2.ximgproc.createGuidedFilter(guide, options.guide_radius, options.guide_epsilon)
-        for k in range(first, len(levels), WORKERS):
+        for k in range(first, len(levels), workers):
             checkpoint(k / len(levels))
             parts = [_mean_mismatch(reference, side, levels[k], options) for side in sides]
             costs[k] = np.minimum.reduce([filtering.filter(cost) for cost, _ in parts])
             costs[k][~np.logical_or.reduce([seen for _, seen in parts])] = np.inf
 
-    with ThreadPoolExecutor(WORKERS) as pool:
-        list(pool.map(fill, range(WORKERS)))
+    with ThreadPoolExecutor(workers) as pool:
+        list(pool.map(fill, range(workers)))
     costs += np.linspace(0, options.far_preference, len(levels), dtype=np.float32)[:, None, None]
     # A depth at which no neighbour sees the place has nothing for it, and nothing against it.
     best = costs.min(axis=0)
@@ -185,7 +186,7 @@ def semiglobal(costs: Map, guide: Map, options: SweepOptions) -> Map:
         for part, light, total in ((costs, guide, down), (upright, guide.T, across))
         for columns in _blocks(light.shape[1])
     ]
-    with ThreadPoolExecutor(WORKERS) as pool:
+    with ThreadPoolExecutor(threads()) as pool:
         # OpenCV does one level at a time faster than numpy all, and in all threads.
         list(pool.map(in_this_scope(_transpose), costs, upright))
         list(pool.map(in_this_scope(_both_ways), *zip(*ways, strict=True)))
@@ -195,7 +196,7 @@ def semiglobal(costs: Map, guide: Map, options: SweepOptions) -> Map:
 
 def _blocks(width: int) -> list[slice]:
     """Columns of so many, for half of the threads each: the others do the rows meanwhile."""
-    count = max(1, min(-(-WORKERS // 2), width // NARROWEST))
+    count = max(1, min(-(-threads() // 2), width // NARROWEST))
     edges = [width * n // count for n in range(count + 1)]
     return [slice(a, b) for a, b in itertools.pairwise(edges)]
 

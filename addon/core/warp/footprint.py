@@ -9,7 +9,6 @@ footprint of a texture is Heckbert's, "Fundamentals of texture mapping and image
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -19,6 +18,7 @@ import cv2
 import numpy as np
 
 from ..base.arrays import Floats, LinearRGBA, Map, Mask
+from ..base.limits import threads
 from ..base.progress import checkpoint, in_this_scope
 from .layered_depth_image import LayeredDepthImage
 
@@ -113,7 +113,7 @@ def _filter(
     rows, columns = (range(0, finer * n, TILE) for n in radius.shape)
     places = [(row, column) for row in rows for column in columns]
     work = partial(_tile, part, spare, finer, radius, kept, buried)
-    with ThreadPoolExecutor(os.process_cpu_count()) as pool:
+    with ThreadPoolExecutor(threads()) as pool:
         blurred = list(pool.map(in_this_scope(work), places))
     for (row, column), is_blurred in zip(places, blurred, strict=True):
         if is_blurred:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
@@ -11,6 +10,7 @@ import cv2
 import numpy as np
 
 from ..base.arrays import Floats, Ints, LinearRGBA, Map, Mask
+from ..base.limits import threads
 from ..base.progress import checkpoint, in_this_scope
 from ..base.reused_memory import ReusedMemory
 from ..depth.source import extended
@@ -190,7 +190,7 @@ def triangulated(
         error = error.copy()
         error[split.occluded & ~split.disoccluded] = np.inf
         error[split.disoccluded] *= np.float32(options.quadtree.disoccluded_error)
-    with ThreadPoolExecutor(os.process_cpu_count()) as pool:
+    with ThreadPoolExecutor(threads()) as pool:
         found = list(pool.map(in_this_scope(triangulate), *zip(*asked, strict=True)))
     return [(made, triangles) for (made, *_), triangles in zip(asked, found, strict=True)]
 
@@ -216,7 +216,7 @@ def _texture(
         for picture, part, each in zip(pictures, texture, spans, strict=True)
         for span in each
     ]
-    with ThreadPoolExecutor(os.process_cpu_count()) as pool:
+    with ThreadPoolExecutor(threads()) as pool:
         list(pool.map(in_this_scope(_refine), *zip(*asked, strict=True)))
     texture[-1, ..., 3] = 1
     checkpoint(0.9)

@@ -5,13 +5,16 @@ from __future__ import annotations
 import bpy
 
 from ...core.base.counting import counted
-from ...scene import lens
-from .. import focus
+from .. import focus, lens_presets
+from .lens import draw_amount
 from .panel import PRIMARY, ClosedPanel, Panel
 
 
 class VIRTUAL_APERTURE_PT_focus(Panel, bpy.types.Panel):  # noqa: N801
     bl_label = "Focus and Lens"
+
+    def draw_header_preset(self, _context: bpy.types.Context) -> None:
+        lens_presets.draw_button(self.layout)
 
     def draw(self, context: bpy.types.Context) -> None:
         settings = context.scene.virtual_aperture
@@ -34,10 +37,7 @@ class VIRTUAL_APERTURE_PT_focus(Panel, bpy.types.Panel):  # noqa: N801
         column = layout.column()
         column.active = not by_points
         column.prop(settings, "focus_distance", text="Distance")
-        layout.prop(settings, "blur")
-        column = layout.column()
-        column.active = not lens.is_keyed(settings, "blur")
-        column.prop(settings, "aperture_radius", text="Aperture")
+        draw_amount(layout, settings)
 
 
 class VIRTUAL_APERTURE_PT_tilt(ClosedPanel, bpy.types.Panel):  # noqa: N801

@@ -7,7 +7,7 @@ from pathlib import Path
 import bpy
 
 from ...scene import lens
-from .. import choose_clip, import_solve, notices, operators
+from .. import choose_clip, import_solve, notices, operators, preferences
 from ..text import wrapped
 from .panel import PRIMARY, ClosedPanel, Panel
 
@@ -70,6 +70,12 @@ class VIRTUAL_APERTURE_PT_files(ClosedPanel, bpy.types.Panel):  # noqa: N801
         layout.use_property_decorate = False
         layout.prop(settings, "footage")
         layout.prop(settings, "work_dir")
+        if settings.footage and (size := preferences.shown_size(settings)):
+            words = preferences.size_words(size)
+            layout.operator(
+                preferences.VIRTUAL_APERTURE_OT_delete_depth.bl_idname, text=f"Delete Kept Depth ({words})",
+                icon="TRASH",
+            )  # fmt: skip
 
 
 CLASSES = (VIRTUAL_APERTURE_PT_footage, VIRTUAL_APERTURE_PT_import, VIRTUAL_APERTURE_PT_files)

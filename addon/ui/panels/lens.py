@@ -1,10 +1,59 @@
-"""Sub-panels of the lens: the shape of its aperture, and the light of what is clipped."""
+"""The lens: how much blur, scale and f-stop, the shape of the aperture, and the light of what is clipped."""
 
 from __future__ import annotations
 
 import bpy
 
+from ...scene import depth_of_field, lens
+from .. import set_scale
+from ..text import wrapped
 from .panel import ClosedPanel
+
+PROPERTY_NAME = 0.4
+"""Share of a panel's width that the names of properties have, as Blender splits it."""
+
+
+def draw_amount(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
+    """How much blur, as a share of the width, an f-stop and a radius; and what is sharp with it."""
+    layout.prop(settings, "blur")
+    column = layout.column()
+    column.active = not lens.is_keyed(settings, "blur")
+    if settings.metres_per_unit > 0:
+        column.prop(settings, "f_stop")
+    elif settings.points is not None:
+        split = column.split(factor=PROPERTY_NAME)
+        name = split.row()
+        name.alignment = "RIGHT"
+        name.label(text="F-Stop")
+        split.operator(set_scale.VIRTUAL_APERTURE_OT_set_scale.bl_idname, text="Set Scale")
+    column.prop(settings, "aperture_radius", text="Aperture")
+    if sharp := depth_of_field.sharp_words(settings):
+        layout.label(text=sharp, icon="CAMERA_DATA")
+
+
+class VIRTUAL_APERTURE_PT_scale(ClosedPanel, bpy.types.Panel):  # noqa: N801
+    bl_label = "Scale and F-Stop"
+    bl_parent_id = "VIRTUAL_APERTURE_PT_focus"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        settings = context.scene.virtual_aperture
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        if not settings.metres_per_unit:
+            wrapped(
+                layout,
+                context,
+                "An f-stop takes the scene's scale: tell the distance of two vertices",
+                icon="INFO",
+            )
+        layout.operator(set_scale.VIRTUAL_APERTURE_OT_set_scale.bl_idname, icon="DRIVER_DISTANCE")
+        layout.prop(settings, "metres_per_unit")
+        if settings.metres_per_unit > 0:
+            millimetres = 1000 * depth_of_field.focal_metres(settings)
+            sensor = depth_of_field.sensor_millimetres(settings)
+            equivalent = "" if settings.lens == "SENSOR" else ", full-frame equivalent"
+            wrapped(layout, context, f"Lens of {millimetres:.1f} mm on {sensor:g} mm{equivalent}")
 
 
 class VIRTUAL_APERTURE_PT_shape(ClosedPanel, bpy.types.Panel):  # noqa: N801
@@ -41,4 +90,4 @@ class VIRTUAL_APERTURE_PT_highlights(ClosedPanel, bpy.types.Panel):  # noqa: N80
         row.prop(settings, "highlight_threshold")
 
 
-CLASSES = (VIRTUAL_APERTURE_PT_shape, VIRTUAL_APERTURE_PT_highlights)
+CLASSES = (VIRTUAL_APERTURE_PT_scale, VIRTUAL_APERTURE_PT_shape, VIRTUAL_APERTURE_PT_highlights)

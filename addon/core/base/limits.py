@@ -1,0 +1,58 @@
+"""What the user lets the add-on take: threads, and room for kept depth.
+
+They are in the environment, from which the processes that are started have them, too.
+"""
+
+from __future__ import annotations
+
+import os
+
+import cv2
+
+THREADS = "VIRTUAL_APERTURE_THREADS"
+KEPT_DEPTH = "VIRTUAL_APERTURE_KEPT_DEPTH"
+OPENCV_THREADS = "OPENCV_FOR_THREADS_NUM"
+"""OpenCV's own, which it reads when it is loaded."""
+MOST_KEPT_DEPTH = 8 << 30
+"""Bytes, where nothing else is said: about an hour of video at 640x360, twelve minutes of a phone's. By
+eye."""
+
+
+def threads() -> int:
+    """How many threads work side by side: as many as processors, or fewer where the user says so."""
+    processors = os.process_cpu_count() or 1
+    return min(processors, _number(THREADS) or processors)
+
+
+def limit_threads(most: int) -> None:
+    """Have at most so many threads work side by side, from now on; 0 for as many as processors."""
+    if not most and THREADS not in os.environ:
+        # What the user told OpenCV stays.
+        return
+    _say(THREADS, most)
+    _say(OPENCV_THREADS, most)
+    # A negative number stands for OpenCV's own choice.
+    cv2.setNumThreads(threads() if most else -1)
+
+
+def most_kept_depth() -> int:
+    """Bytes that the kept depth of a clip may take."""
+    return _number(KEPT_DEPTH) or MOST_KEPT_DEPTH
+
+
+def limit_kept_depth(most: int) -> None:
+    """Have the kept depth of a clip take at most so many bytes; 0 for the number where nothing is said."""
+    _say(KEPT_DEPTH, most)
+
+
+def _number(name: str) -> int:
+    """The number in a variable of the environment; 0 where there is none, or no number."""
+    text = os.environ.get(name, "")
+    return int(text) if text.isdecimal() else 0
+
+
+def _say(name: str, value: int) -> None:
+    if value > 0:
+        os.environ[name] = str(value)
+    else:
+        os.environ.pop(name, None)

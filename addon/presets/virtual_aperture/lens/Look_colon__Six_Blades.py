@@ -1,0 +1,16 @@
+import bpy
+
+# Straight edges, a corner upwards. The amount of blur stays.
+settings = bpy.context.scene.virtual_aperture
+shape = settings.shape
+
+shape.blades = 6
+shape.rotation = 0.0
+shape.roundness = 0.0
+shape.ratio = 1.0
+shape.obstruction = 0.0
+shape.apodisation = 0.0
+shape.spherical_aberration = 0.0
+shape.vignetting = 0.0
+shape.image = ""
+settings.highlights = 1.0

@@ -1,0 +1,126 @@
+"""The aperture in terms of photography: its f-stop, and between which distances the picture is sharp.
+
+A reconstruction has no scale of its own. Where the user has told how long something is, `metres_per_unit` of
+the settings is known, and with it the f-stop: focal length / (2 R), both in metres. Blur, radius and f-stop
+are three views of one number, of which the radius R is kept.
+"""
+
+from __future__ import annotations
+
+import math
+
+import bpy
+
+from ..core.base.errors import UserError
+from ..core.lens import focus as core_focus
+from . import lens
+from .camera import SENSOR
+from .shot import IDENTITY, reconstruction_of
+
+
+def focal_metres(settings: bpy.types.PropertyGroup) -> float:
+    """The camera's focal length in metres at the present frame: of the sensor where its width is told, else
+    of a full frame, 36 mm wide, with the same field of view. 0 without a camera."""
+    if settings.camera is None or settings.camera.type != "CAMERA":
+        return 0.0
+    data = settings.camera.data
+    return float(data.lens / data.sensor_width * sensor_millimetres(settings) / 1000)
+
+
+def sensor_millimetres(settings: bpy.types.PropertyGroup) -> float:
+    """Width of the sensor: as told, else of a full frame."""
+    return float(settings.sensor_mm) if settings.lens == "SENSOR" else SENSOR
+
+
+def f_stop(settings: bpy.types.PropertyGroup) -> float:
+    """The f-stop of the aperture; 0 where the scale is not known, or no aperture is chosen."""
+    across = 2 * settings.aperture_radius * settings.metres_per_unit
+    return focal_metres(settings) / across if settings.use_radius and across > 0 else 0.0
+
+
+def set_f_stop(settings: bpy.types.PropertyGroup, value: float) -> None:
+    """Choose the aperture by its f-stop; nothing is changed by 0, nor where the scale is not known."""
+    focal = focal_metres(settings)
+    if value > 0 and focal > 0 and settings.metres_per_unit > 0:
+        settings.aperture_radius = focal / (2 * value * settings.metres_per_unit)
+
+
+def on_scale(settings: bpy.types.PropertyGroup) -> None:
+    """The scale was told: Blender shows the scene's lengths in it, too."""
+    if settings.metres_per_unit > 0:
+        settings.id_data.unit_settings.scale_length = settings.metres_per_unit
+
+
+def forget_scale(settings: bpy.types.PropertyGroup) -> None:
+    """The scale is not known any more: another solve has another one."""
+    if settings.metres_per_unit > 0:
+        settings.metres_per_unit = 0.0
+        settings.id_data.unit_settings.scale_length = 1.0
+
+
+def show_in_camera(settings: bpy.types.PropertyGroup) -> None:
+    """Give the camera's own depth of field the same aperture, for Cycles' renders of what is placed in the
+    scene: Blender takes its lens to be millimetres and the scene's units to be metres."""
+    if settings.camera is None or settings.camera.type != "CAMERA" or not lens.has_radius(settings):
+        return
+    scale = settings.root.matrix_world.median_scale if settings.root is not None else 1.0
+    across = 2 * settings.aperture_radius * scale
+    if across > 0:
+        settings.camera.data.dof.aperture_fstop = settings.camera.data.lens / 1000 / across
+
+
+_last: tuple[tuple[object, ...], tuple[float, float] | None] | None = None
+"""Panels are drawn often while nothing changes."""
+
+
+def sharp_distances(settings: bpy.types.PropertyGroup) -> tuple[float, float] | None:
+    """Nearest and farthest sharp distance at the present frame in scene units, infinity included.
+
+    `ThinLens.sharp_distances` has the rule. None where nothing is in focus.
+    """
+    global _last
+    if settings.points is None or not lens.is_in_focus(settings):
+        return None
+    frame, focus = int(settings.id_data.frame_current), lens.focus_of(settings)
+    chosen = settings.aperture_radius if lens.has_radius(settings) else (settings.blur, settings.focus_frame)
+    mesh = settings.points.data
+    key = (mesh.get(IDENTITY), mesh.session_uid, frame, focus, chosen)
+    if _last is None or _last[0] != key:
+        _last = key, _sharp_distances(settings, focus, frame)
+    return _last[1]
+
+
+def _sharp_distances(
+    settings: bpy.types.PropertyGroup, focus: core_focus.Focus, frame: int
+) -> tuple[float, float] | None:
+    try:
+        reconstruction = reconstruction_of(settings)
+        radius = lens.radius_of(settings, reconstruction)
+        return core_focus.sharp_distances(
+            reconstruction, focus, lens.registered(reconstruction, frame), radius
+        )
+    except UserError:
+        # A render says what is wrong.
+        return None
+
+
+def sharp_words(settings: bpy.types.PropertyGroup) -> str:
+    """Between which distances the picture is sharp, in a line; empty where nothing is in focus."""
+    found = sharp_distances(settings)
+    if found is None:
+        return ""
+    near, far = found
+    where = " on the axis" if lens.focus_of(settings).is_tilted else ""
+    if math.isinf(near):
+        return "Nothing is sharp"
+    units = settings.id_data.unit_settings
+    first, last = (length_words(units, distance) for distance in (near, far))
+    return f"Sharp{where}: from {first} on" if math.isinf(far) else f"Sharp{where}: {first} to {last}"
+
+
+def length_words(units: bpy.types.UnitSettings, length: float) -> str:
+    """A length in scene units as the scene's other lengths are shown."""
+    if units.system == "NONE":
+        return f"{length:.3g}"
+    said: str = bpy.utils.units.to_string(units.system, "LENGTH", length * units.scale_length, precision=3)
+    return said

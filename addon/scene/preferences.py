@@ -1,0 +1,44 @@
+"""The extension's preferences, as the scene's parts ask for them."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+import bpy
+
+from ..core.base import limits
+from ..core.sfm.state import STATE
+from ..core.sfm.workspace import default_work_dir
+
+PACKAGE = ".".join(__package__.split(".")[:-2]) or __package__.split(".")[0]
+"""What Blender calls the extension; in a checkout, the add-on's folder."""
+GB = 1 << 30
+"""Bytes of what the preferences call GB."""
+
+
+def preferences() -> bpy.types.AddonPreferences | None:
+    """What the user chose; None where the extension is not enabled in Blender's preferences."""
+    addon = bpy.context.preferences.addons.get(PACKAGE)
+    return addon.preferences if addon is not None else None
+
+
+def usual_work_dir(clip: Path, beside: Path) -> Path:
+    """The working folder of a clip for which none is set: in the cache folder, if there is one, else in the
+    folder `beside`. A solve that lies there already stays in use.
+
+    In the cache folder it is named after the clip's path, too: many clips have the same name.
+    """
+    usual, chosen = default_work_dir(clip, beside), preferences()
+    if chosen is None or not chosen.cache_folder or (usual / STATE).exists():
+        return usual
+    digest = hashlib.sha256(str(clip.absolute()).encode()).hexdigest()[:8]
+    return Path(bpy.path.abspath(chosen.cache_folder)) / f"{usual.stem}-{digest}{usual.suffix}"
+
+
+def apply() -> None:
+    """Have the core keep to what the user chose; without preferences, to what the environment says."""
+    chosen = preferences()
+    if chosen is not None:
+        limits.limit_threads(chosen.threads)
+        limits.limit_kept_depth(round(chosen.kept_depth * GB))

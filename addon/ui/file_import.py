@@ -1,0 +1,194 @@
+"""File > Import, and files dropped on the 3D viewport: a clip, or what another program solved of it.
+
+Blender hands files to a `FileHandler` by their endings, and folders to none: these are for File > Import.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+
+from ..core.base.errors import UserError
+from ..core.media.clip import Footage
+from ..core.media.find_clip import is_clip
+from ..core.media.picture_file import PICTURES
+from ..core.readers.matching import Imported
+from ..core.sfm.state import STATE, is_state_of, read_state
+from ..scene.clip import work_dir
+from ..scene.lens import is_in_focus
+from ..scene.paths import absolute, relative
+from . import choose_clip, import_solve, operators
+from .operators import Result, reported
+
+MODELS = (".bin", ".txt", ".out", ".nvm")
+"""Endings of the models that other programs write."""
+
+
+class VIRTUAL_APERTURE_OT_import_clip(bpy.types.Operator):  # noqa: N801
+    """Choose a video, a picture of a sequence (which means all of it) or a folder of pictures, and solve it;
+    a solve of it that is kept is loaded"""
+
+    bl_idname = "virtual_aperture.import_clip"
+    # Blender shows it where other handlers take the file, too.
+    bl_label = "Solve with Virtual Aperture"
+    bl_options = {"UNDO"}  # noqa: RUF012
+
+    filepath: bpy.props.StringProperty(
+        name="Clip",
+        description="Video, picture of a sequence, or folder of pictures",
+        subtype="FILE_PATH",
+        options={"SKIP_SAVE"},
+    )
+    filter_movie: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
+    filter_image: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
+    filter_folder: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
+
+    sure: bpy.props.BoolProperty(
+        name="Do Not Ask", description="The user was asked", options={"SKIP_SAVE", "HIDDEN"}
+    )
+
+    _invoked = False
+
+    draw = choose_clip.VIRTUAL_APERTURE_OT_choose_clip.draw
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
+        self._invoked = True
+        settings = context.scene.virtual_aperture
+        if self.sure:
+            answer: Result = context.window_manager.invoke_confirm(
+                self, event, title=f"Replace {settings.clip_name}?",
+                message=f"What is in focus in {settings.clip_name} is lost", confirm_text="Replace",
+            )  # fmt: skip
+            return answer
+        if self.filepath:
+            return self.execute(context)
+        self.filepath = str(absolute(settings.footage)) if settings.footage else ""
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    @reported
+    def execute(self, context: bpy.types.Context) -> Result:
+        settings = context.scene.virtual_aperture
+        if not self.filepath:
+            raise UserError(
+                "no clip is chosen; give a video, a picture of a sequence or a folder of pictures"
+            )
+        clip = choose_clip.clip_of(absolute(self.filepath))
+        if operators.running_solve() is not None:
+            raise UserError(
+                f"{Path(settings.footage).name} is being solved; wait, or cancel that with ESC, then import"
+                f" {clip.name} again"
+            )
+        in_window = self._invoked and not bpy.app.background
+        if in_window and not self.sure and loses_focus(settings, clip):
+            bpy.ops.virtual_aperture.import_clip("INVOKE_DEFAULT", filepath=self.filepath, sure=True)
+            return {"CANCELLED"}
+        before = settings.footage, settings.work_dir
+        settings.footage = relative(clip)
+        leave_other_folder(settings, clip)
+        try:
+            bpy.ops.virtual_aperture.solve("INVOKE_DEFAULT" if in_window else "EXEC_DEFAULT")
+        except RuntimeError as error:
+            settings.footage, settings.work_dir = before
+            # What the operator reported.
+            raise UserError(str(error).removeprefix("Error: ").strip()) from None
+        return {"FINISHED"}
+
+
+class VIRTUAL_APERTURE_OT_drop_model(import_solve.Import, bpy.types.Operator):  # noqa: N801
+    """Take in the cameras and points that COLMAP, Bundler, VisualSFM or Voodoo found in the clip"""
+
+    bl_idname = "virtual_aperture.drop_model"
+    bl_label = "Import to Virtual Aperture"
+    bl_options = {"UNDO", "INTERNAL"}  # noqa: RUF012
+
+    filepath: bpy.props.StringProperty(
+        name="Model", description="File of the model", subtype="FILE_PATH", options={"SKIP_SAVE"}
+    )
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
+        if self.again:
+            return self.confirm(context, event)
+        self._asks = True
+        return self.execute(context)
+
+    @reported
+    def execute(self, context: bpy.types.Context) -> Result:
+        name = Path(self.filepath).name
+        # Not in `poll`: Blender would take no drop then, and say nothing.
+        if not context.scene.virtual_aperture.footage:
+            raise UserError(f"no clip is chosen that {name} could be the solve of; drop the clip first")
+        if operators.running_solve() is not None:
+            raise UserError(f"the clip is being solved; cancel that with ESC, then drop {name} again")
+        return super().execute(context)
+
+    def read(self, footage: Footage) -> Imported:
+        return import_solve.read_model(self.filepath, footage)
+
+    def ask(self) -> None:
+        bpy.ops.virtual_aperture.drop_model("INVOKE_DEFAULT", filepath=self.filepath, again=True)
+
+
+def loses_focus(settings: bpy.types.PropertyGroup, clip: Path) -> bool:
+    """Whether the scene holds the solve of another clip, with a focus that a new solve would not keep."""
+    return settings.points is not None and is_in_focus(settings) and not is_clip(clip, settings.clip_identity)
+
+
+def leave_other_folder(settings: bpy.types.PropertyGroup, clip: Path) -> None:
+    """Forget the working folder that is set where it keeps the solve of another clip than this one."""
+    if not settings.work_dir:
+        return
+    folder = work_dir(settings, clip)
+    state = read_state(folder) if (folder / STATE).exists() else None
+    if state is not None and not is_state_of(state, clip):
+        settings.work_dir = ""
+
+
+class _OnViewport:
+    """Takes files that are dropped on a 3D viewport."""
+
+    @classmethod
+    def poll_drop(cls, context: bpy.types.Context) -> bool:
+        return context.area is not None and context.area.type == "VIEW_3D"
+
+
+class VIRTUAL_APERTURE_FH_clip(_OnViewport, bpy.types.FileHandler):  # noqa: N801
+    bl_idname = "VIRTUAL_APERTURE_FH_clip"
+    bl_label = "Virtual Aperture Clip"
+    bl_import_operator = VIRTUAL_APERTURE_OT_import_clip.bl_idname
+    bl_file_extensions = ";".join((*sorted(bpy.path.extensions_movie), *PICTURES))
+
+
+class VIRTUAL_APERTURE_FH_model(_OnViewport, bpy.types.FileHandler):  # noqa: N801
+    bl_idname = "VIRTUAL_APERTURE_FH_model"
+    bl_label = "Virtual Aperture Solve"
+    bl_import_operator = VIRTUAL_APERTURE_OT_drop_model.bl_idname
+    bl_file_extensions = ";".join(MODELS)
+
+
+def _draw_menu(menu: bpy.types.Menu, _context: bpy.types.Context) -> None:
+    layout = menu.layout
+    layout.operator(VIRTUAL_APERTURE_OT_import_clip.bl_idname, text="Virtual Aperture Clip")
+    layout.operator(
+        import_solve.VIRTUAL_APERTURE_OT_import_solve.bl_idname,
+        text="Virtual Aperture Solve (COLMAP, Bundler, VisualSFM, Voodoo)",
+    )
+
+
+def register() -> None:
+    """Add the entries of File > Import."""
+    bpy.types.TOPBAR_MT_file_import.append(_draw_menu)
+
+
+def unregister() -> None:
+    """Undo `register`."""
+    bpy.types.TOPBAR_MT_file_import.remove(_draw_menu)
+
+
+CLASSES = (
+    VIRTUAL_APERTURE_OT_import_clip,
+    VIRTUAL_APERTURE_OT_drop_model,
+    VIRTUAL_APERTURE_FH_clip,
+    VIRTUAL_APERTURE_FH_model,
+)

@@ -1,0 +1,99 @@
+"""Lenses and looks as Blender's presets: the aperture's shape, highlights and how much blur, never the focus.
+
+The f-stop of a preset counts where the scene's scale is known, else its blur as a share of the width.
+Shipped ones lie in `presets/virtual_aperture/lens`, a user's own in the folder of Blender's presets.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+from bl_operators.presets import AddPresetBase
+from bl_ui.utils import PresetPanel
+
+from ..core.base.errors import UserError
+from ..scene import aperture_cloud
+from ..scene.aperture_shape import NUMBERS
+from .operators import Result, reported
+
+ROOT = Path(__file__).resolve().parents[1]
+"""Holds the folder `presets`."""
+
+
+class VIRTUAL_APERTURE_OT_use_lens_preset(bpy.types.Operator):  # noqa: N801
+    """Give the aperture this shape, highlights and amount of blur; the focus stays"""
+
+    bl_idname = "virtual_aperture.use_lens_preset"
+    bl_label = "Use Lens Preset"
+    # Blender's own operator for presets cannot be undone.
+    bl_options = {"UNDO"}  # noqa: RUF012
+
+    filepath: bpy.props.StringProperty(name="Preset", subtype="FILE_PATH", options={"SKIP_SAVE"})
+
+    @reported
+    def execute(self, context: bpy.types.Context) -> Result:
+        if not self.filepath:
+            raise UserError("no preset is chosen")
+        name = bpy.path.display_name(self.filepath, title_case=False)
+        try:
+            with aperture_cloud.held():
+                bpy.utils.execfile(self.filepath)
+        except Exception as error:
+            # A user may have written it.
+            raise UserError(f"the preset {name} cannot be used: {error}") from error
+        finally:
+            aperture_cloud.update(context.scene.virtual_aperture)
+        self.report({"INFO"}, f"The lens is {name}")
+        return {"FINISHED"}
+
+
+class VIRTUAL_APERTURE_OT_add_lens_preset(AddPresetBase, bpy.types.Operator):  # noqa: N801
+    """Keep the aperture's shape, highlights and amount of blur under a name, or remove what was kept"""
+
+    bl_idname = "virtual_aperture.add_lens_preset"
+    bl_label = "Add Lens Preset"
+    preset_menu = "VIRTUAL_APERTURE_PT_lens_presets"
+    preset_subdir = "virtual_aperture/lens"
+
+    def add(self, context: bpy.types.Context, filepath: str) -> None:
+        """Write a preset, as Blender does, but with a path that is right in any other .blend."""
+        settings = context.scene.virtual_aperture
+        image = bpy.path.abspath(settings.shape.image)
+        lines = [
+            "import bpy",
+            "settings = bpy.context.scene.virtual_aperture",
+            *(f"settings.shape.{name} = {getattr(settings.shape, name)!r}" for name in NUMBERS),
+            f"settings.shape.image = {image!r}",
+            *(f"settings.{name} = {getattr(settings, name)!r}" for name in ("highlights", "blur", "f_stop")),
+        ]
+        Path(filepath).write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+class VIRTUAL_APERTURE_PT_lens_presets(PresetPanel, bpy.types.Panel):  # noqa: N801
+    bl_label = "Lens Presets"
+    preset_subdir = VIRTUAL_APERTURE_OT_add_lens_preset.preset_subdir
+    preset_operator = VIRTUAL_APERTURE_OT_use_lens_preset.bl_idname
+    preset_add_operator = VIRTUAL_APERTURE_OT_add_lens_preset.bl_idname
+
+
+def draw_button(layout: bpy.types.UILayout) -> None:
+    """The button in a panel's header that lists the presets."""
+    VIRTUAL_APERTURE_PT_lens_presets.draw_panel_header(layout)
+
+
+def register() -> None:
+    """Have Blender look for presets here, too."""
+    bpy.utils.register_preset_path(str(ROOT))
+
+
+def unregister() -> None:
+    """Undo `register`."""
+    bpy.utils.unregister_preset_path(str(ROOT))
+
+
+CLASSES = (
+    VIRTUAL_APERTURE_OT_use_lens_preset,
+    VIRTUAL_APERTURE_OT_add_lens_preset,
+    VIRTUAL_APERTURE_PT_lens_presets,
+)

@@ -1,0 +1,126 @@
+"""The extension's preferences, and the button that deletes a clip's kept depth."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import bpy
+
+from ..core.base import limits
+from ..core.base.errors import UserError
+from ..core.depth.depth_store import delete_kept, kept_size
+from ..scene import preferences
+from ..scene.clip import footage_path, work_dir
+from ..scene.shot import KEPT_DEPTH
+from . import depth_ahead
+from .operators import Result, has_clip, reported
+
+LOOK_AGAIN = 3.0
+"""Seconds until the size of the kept depth is looked up again: panels ask with every redraw."""
+
+
+def _changed(_preferences: bpy.types.AddonPreferences, _context: bpy.types.Context) -> None:
+    preferences.apply()
+
+
+class VIRTUAL_APERTURE_preferences(bpy.types.AddonPreferences):  # noqa: N801
+    bl_idname = preferences.PACKAGE
+
+    cache_folder: bpy.props.StringProperty(
+        name="Cache Folder",
+        description="Where solves and depth of clips are kept for which no working folder is set. Empty:"
+        " beside the .blend, or beside the clip while that is not saved. What was solved there stays in use",
+        subtype="DIR_PATH",
+    )
+    kept_depth: bpy.props.FloatProperty(
+        name="Kept Depth (GB)",
+        description="Most that the kept depth of one clip takes on the disk; what was not used for longest"
+        " goes for it",
+        min=0.1,
+        soft_max=100.0,
+        default=limits.MOST_KEPT_DEPTH / preferences.GB,
+        precision=1,
+        step=100,
+        update=_changed,
+    )
+    threads: bpy.props.IntProperty(
+        name="Threads",
+        description="How many threads solves, depth and renders use; 0 is as many as there are processors."
+        " Blender's own renders have their setting in the scene",
+        min=0,
+        soft_max=64,
+        default=0,
+        update=_changed,
+    )
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.use_property_split = True
+        layout.prop(self, "cache_folder")
+        layout.prop(self, "kept_depth")
+        layout.prop(self, "threads")
+
+
+class VIRTUAL_APERTURE_OT_delete_depth(bpy.types.Operator):  # noqa: N801
+    """Delete the depth that is kept for the clip; a render finds what it needs again. Cannot be undone"""
+
+    bl_idname = "virtual_aperture.delete_depth"
+    bl_label = "Delete Kept Depth"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if not has_clip(cls, context):
+            return False
+        if shown_size(context.scene.virtual_aperture):
+            return True
+        cls.poll_message_set("No depth is kept for this clip")
+        return False
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
+        folder = depth_folder(context.scene.virtual_aperture)
+        answer: Result = context.window_manager.invoke_confirm(
+            self, event, title="Delete kept depth?",
+            message=f"{size_words(kept_size(folder))} in {folder}; finding it again takes as long as before",
+            confirm_text="Delete",
+        )  # fmt: skip
+        return answer
+
+    @reported
+    def execute(self, context: bpy.types.Context) -> Result:
+        folder = depth_folder(context.scene.virtual_aperture)
+        # It would go on writing there.
+        depth_ahead.stop()
+        try:
+            freed = delete_kept(folder)
+        except OSError as error:
+            raise UserError(f"the depth in {folder} cannot be deleted: {error.strerror}") from None
+        _sizes.clear()
+        self.report({"INFO"}, f"{size_words(freed)} of kept depth are deleted")
+        return {"FINISHED"}
+
+
+def depth_folder(settings: bpy.types.PropertyGroup) -> Path:
+    """Where the depth of the chosen clip is kept; UserError where none is chosen."""
+    return work_dir(settings, footage_path(settings)) / KEPT_DEPTH
+
+
+_sizes: dict[Path, tuple[float, int]] = {}
+
+
+def shown_size(settings: bpy.types.PropertyGroup) -> int:
+    """Bytes of the depth that is kept for the chosen clip, as of some seconds ago."""
+    folder = depth_folder(settings)
+    when, size = _sizes.get(folder, (-LOOK_AGAIN, 0))
+    if time.monotonic() - when >= LOOK_AGAIN:
+        size = kept_size(folder)
+        _sizes[folder] = time.monotonic(), size
+    return size
+
+
+def size_words(size: int) -> str:
+    """Bytes for people."""
+    return f"{size / 1e9:.1f} GB" if size >= 1e9 else f"{size / 1e6:.1f} MB"
+
+
+CLASSES = (VIRTUAL_APERTURE_preferences, VIRTUAL_APERTURE_OT_delete_depth)

@@ -1,0 +1,173 @@
+"""Scale, f-stop and what is sharp, and that Blender's own depth of field is the same."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+from addon.core.camera.reconstruction import Intrinsics
+from addon.core.lens.focus import Focus
+from addon.core.lens.focus import sharp_distances as core_sharp_distances
+from addon.scene import depth_of_field
+from addon.scene.build import build
+from addon.scene.exr import read
+from addon.ui import panels
+from addon.ui.operators import build_scene
+
+from ..recorder import draw
+from ..scenes import slanted_shot
+from ..ui.test_ui import choose_clip, select, write_model
+
+LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
+"""31.5 mm on a full frame."""
+
+
+def shot(scene: bpy.types.Scene, folder: Path) -> bpy.types.PropertyGroup:
+    made = slanted_shot(folder, LENS)
+    return build(scene, made.footage, made.reconstruction)
+
+
+def test_f_stop_radius_and_blur_are_one_number(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    settings = shot(scene, tmp_path)
+    settings.focus_distance = 8.0
+    settings.metres_per_unit = 0.25
+    settings.f_stop = 1.4
+    # R = f / (2 N), 31.5 mm on a full frame's 36.
+    assert settings.aperture_radius == pytest.approx(0.0315 / 2.8 / 0.25, rel=1e-5)
+    blur = settings.blur
+    settings.f_stop = 2.8
+    assert settings.blur == pytest.approx(blur / 2, rel=1e-4)
+    settings.blur = blur
+    assert settings.f_stop == pytest.approx(1.4, rel=1e-4)
+    settings.aperture_radius = 0.1
+    assert settings.f_stop == pytest.approx(0.0315 / 0.05, rel=1e-5)
+    # A crop of half a full frame has half the focal length for the same view.
+    settings.lens, settings.sensor_mm = "SENSOR", 18.0
+    assert settings.f_stop == pytest.approx(0.01575 / 0.05, rel=1e-5)
+
+
+def test_without_a_scale_there_is_no_f_stop(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    settings = shot(scene, tmp_path)
+    settings.focus_distance = 8.0
+    radius = settings.aperture_radius
+    settings.f_stop = 1.4
+    assert settings.f_stop == 0 and settings.aperture_radius == radius
+    settings.metres_per_unit = 0.25
+    settings.f_stop = 0.0
+    assert settings.aperture_radius == radius and settings.f_stop > 0
+    assert not settings.bl_rna.properties["f_stop"].is_animatable
+
+
+def test_scale_from_two_vertices(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    with pytest.raises(RuntimeError, match="Solve the clip first"):
+        bpy.ops.virtual_aperture.set_scale(metres=2.0)
+    settings = shot(scene, tmp_path)
+    with pytest.raises(RuntimeError, match="select two vertices"):
+        bpy.ops.virtual_aperture.set_scale(metres=2.0)
+    select(settings.points, (7, 11, 30))
+    with pytest.raises(RuntimeError, match="3 vertices are selected; select two whose distance is known"):
+        bpy.ops.virtual_aperture.set_scale(metres=2.0)
+    assert settings.metres_per_unit == 0
+    select(settings.points, (7, 30))
+    assert bpy.ops.virtual_aperture.set_scale(metres=2.0) == {"FINISHED"}
+    one, other = (np.array(settings.points.data.vertices[i].co) for i in (7, 30))
+    assert settings.metres_per_unit == pytest.approx(2.0 / np.linalg.norm(one - other), rel=1e-5)
+    assert settings.points.mode == "OBJECT"
+    assert scene.unit_settings.scale_length == pytest.approx(settings.metres_per_unit)
+    assert "UNDO" in bpy.types.VIRTUAL_APERTURE_OT_set_scale.bl_options
+
+
+def test_the_scale_is_kept_by_the_same_clip_and_no_other(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    work = choose_clip(scene, tmp_path)
+    bpy.ops.virtual_aperture.import_solve(filepath=str(write_model(tmp_path / "model")))
+    settings = scene.virtual_aperture
+    settings.metres_per_unit = 0.5
+    from addon.core.media.clip import open_footage
+
+    build_scene(scene, open_footage(tmp_path / "clip"), work)
+    assert settings.metres_per_unit == pytest.approx(0.5)
+    assert scene.unit_settings.scale_length == pytest.approx(0.5)
+    shot(scene, tmp_path / "other")
+    assert settings.metres_per_unit == 0
+    assert scene.unit_settings.scale_length == 1
+
+
+def test_sharp_distances_are_those_of_the_command_line(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    made = slanted_shot(tmp_path, LENS)
+    settings = build(scene, made.footage, made.reconstruction)
+    assert depth_of_field.sharp_distances(settings) is None and depth_of_field.sharp_words(settings) == ""
+    settings.focus_distance = 8.0
+    settings.aperture_radius = 0.05
+    expected = core_sharp_distances(made.reconstruction, Focus(distance=8.0), 1, 0.05)
+    assert depth_of_field.sharp_distances(settings) == pytest.approx(expected, rel=1e-6)
+    assert depth_of_field.sharp_words(settings) == "Sharp: 7.48 m to 8.6 m"
+    assert depth_of_field.sharp_words(settings) in draw(panels.focus.VIRTUAL_APERTURE_PT_focus).texts
+    # Whatever it depends on is seen at once.
+    settings.aperture_radius = 1e-4
+    assert depth_of_field.sharp_words(settings).endswith(" on")
+    settings.aperture_radius, settings.focus_distance = 0.05, 6.0
+    near, far = depth_of_field.sharp_distances(settings) or (0.0, 0.0)
+    assert near < 6.0 < far < 7.0
+    scene.unit_settings.system = "NONE"
+    assert depth_of_field.sharp_words(settings) == f"Sharp: {near:.3g} to {far:.3g}"
+
+
+def test_panels_show_the_f_stop_where_there_is_one(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    settings = shot(scene, tmp_path)
+    lens = panels.lens.VIRTUAL_APERTURE_PT_scale
+    assert "f_stop" not in draw(panels.focus.VIRTUAL_APERTURE_PT_focus).props
+    assert "tell the distance of two" in " ".join(draw(lens).texts)
+    settings.metres_per_unit = 0.25
+    assert {"blur", "f_stop", "aperture_radius"} <= set(draw(panels.focus.VIRTUAL_APERTURE_PT_focus).props)
+    assert "full-frame equivalent" in " ".join(draw(lens).texts)
+    settings.lens = "SENSOR"
+    assert "full-frame equivalent" not in " ".join(draw(lens).texts)
+
+
+@pytest.mark.parametrize("scale", [1.0, 3.0])
+def test_cycles_blurs_what_is_placed_in_the_scene_alike(
+    scene: bpy.types.Scene, tmp_path: Path, scale: float
+) -> None:
+    """A small bright square behind the focus, by Cycles' thin lens of Blender's camera: its disc is ours."""
+    settings = shot(scene, tmp_path / "clip")
+    settings.root.scale = (scale,) * 3
+    bpy.context.view_layer.update()
+    settings.focus_distance, settings.aperture_radius = 5.0, 0.4
+    camera, half = settings.camera, 0.1 * scale
+    far = 20.0
+    mesh = bpy.data.meshes.new("lamp")
+    corners = [(x * half, y * half, -far * scale) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    mesh.from_pydata(
+        [camera.matrix_world.normalized() @ v for v in map(_vector, corners)], [], [(0, 1, 2, 3)]
+    )
+    material = bpy.data.materials.new("light")
+    nodes = material.node_tree.nodes
+    nodes.clear()
+    light, out = nodes.new("ShaderNodeEmission"), nodes.new("ShaderNodeOutputMaterial")
+    light.inputs["Strength"].default_value = 1e4
+    material.node_tree.links.new(light.outputs[0], out.inputs[0])
+    mesh.materials.append(material)
+    scene.collection.objects.link(bpy.data.objects.new("lamp", mesh))
+    camera.data.dof.use_dof, camera.data.dof.focus_distance = True, 5.0 * scale
+    scene.world = None
+    scene.render.engine, scene.cycles.samples, scene.cycles.use_denoising = "CYCLES", 256, False
+    scene.render.image_settings.file_format = "OPEN_EXR"
+    scene.render.filepath = str(tmp_path / "disc.exr")
+    bpy.ops.render.render(write_still=True)
+    seen = read(tmp_path / "disc.exr")[..., 0]
+    down, across = np.indices(seen.shape) + 0.5
+    share = seen / seen.sum()
+    x, y = (share * across).sum(), (share * down).sum()
+    spread = (share * ((across - x) ** 2 + (down - y) ** 2)).sum()
+    # Of a disc it is D^2 / 8, of the square w^2 / 6.
+    diameter = np.sqrt(8 * (spread - (0.2 * 140.0 / far) ** 2 / 6))
+    assert diameter == pytest.approx(2 * 0.4 * 140.0 * (1 / 5.0 - 1 / far), rel=0.02)
+
+
+def _vector(corner: tuple[float, float, float]) -> object:
+    from mathutils import Vector  # the module's own, there only after bpy
+
+    return Vector(corner)

@@ -1,0 +1,116 @@
+"""Presets of the lens through Blender's own system."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import bpy
+import pytest
+
+from addon.core.camera.reconstruction import Intrinsics
+from addon.scene.build import build
+from addon.ui.lens_presets import ROOT, VIRTUAL_APERTURE_PT_lens_presets
+
+from ..scenes import slanted_shot
+
+LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
+SUBDIR = VIRTUAL_APERTURE_PT_lens_presets.preset_subdir
+SHIPPED = sorted((ROOT / "presets" / SUBDIR).glob("*.py"))
+AMOUNT = {"blur", "aperture_radius", "f_stop", "follows_blur"}
+SIZE = re.compile(r"(\d+)_mm_.*f_slash_([\d.]+)\.py")
+
+
+@pytest.fixture
+def settings(scene: bpy.types.Scene, tmp_path: Path) -> bpy.types.PropertyGroup:
+    made = slanted_shot(tmp_path, LENS)
+    found = build(scene, made.footage, made.reconstruction)
+    found.focus_distance = 8.0
+    return found
+
+
+@pytest.fixture
+def own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The folder of the user's presets of lenses, an empty one."""
+    monkeypatch.setenv("BLENDER_USER_SCRIPTS", str(tmp_path / "scripts"))
+    (tmp_path / "scripts").mkdir()
+    return tmp_path / "scripts" / "presets" / SUBDIR
+
+
+def values(group: bpy.types.PropertyGroup) -> dict[str, object]:
+    names = [p.identifier for p in group.bl_rna.properties if p.type not in {"POINTER", "COLLECTION"}]
+    return {name: getattr(group, name) for name in names}
+
+
+def use(file: Path) -> None:
+    assert bpy.ops.virtual_aperture.use_lens_preset(filepath=str(file)) == {"FINISHED"}
+
+
+def test_shipped_presets_are_found() -> None:
+    assert len(SHIPPED) >= 8
+    names = {bpy.path.display_name(str(file), title_case=False) for file in SHIPPED}
+    assert {"50 mm f/1.4", "85 mm f/1.2", "500 mm Mirror f/8", "Look: Creamy"} <= names
+
+
+def test_registered_where_blender_looks(registered: None) -> None:
+    assert str(ROOT / "presets" / SUBDIR) in bpy.utils.preset_paths(SUBDIR)
+
+
+@pytest.mark.parametrize("file", SHIPPED, ids=lambda file: file.stem)
+def test_a_preset_sets_the_lens_and_nothing_else(settings: bpy.types.PropertyGroup, file: Path) -> None:
+    settings.highlights = 0.5
+    before = values(settings)
+    use(file)
+    after = values(settings)
+    changed = {name for name in before if before[name] != after[name]}
+    assert changed <= {"highlights", *AMOUNT}
+    # Every part of the shape is told, so that nothing is left of the lens before.
+    told = set(re.findall(r"^shape\.(\w+) =", file.read_text(), re.MULTILINE))
+    assert told == values(settings.shape).keys() - {"rna_type", "name"}
+    if size := SIZE.fullmatch(file.name):
+        focal, stop = float(size[1]), float(size[2])
+        far = 10.0 if "Mirror" in file.name else 2.0
+        # Of a far background on a full frame.
+        assert settings.blur == pytest.approx(focal**2 / (stop * (1000 * far - focal)) / 36, abs=6e-5)
+    else:
+        assert not AMOUNT & changed
+
+
+def test_the_f_stop_counts_where_the_scale_is_known(settings: bpy.types.PropertyGroup) -> None:
+    settings.metres_per_unit = 0.25
+    use(next(file for file in SHIPPED if file.name.startswith("50_mm")))
+    assert settings.f_stop == pytest.approx(1.4)
+    assert settings.aperture_radius == pytest.approx(0.0315 / 2.8 / 0.25, rel=1e-5)
+
+
+def test_virtual_cameras_follow_a_preset_once(settings: bpy.types.PropertyGroup) -> None:
+    use(next(file for file in SHIPPED if "Mirror" in file.name))
+    mesh = settings.aperture.data
+    nearest = min(vertex.co.length for vertex in mesh.vertices)
+    assert nearest > 0.3 * settings.aperture_radius
+
+
+def test_own_presets_are_kept_and_removed(settings: bpy.types.PropertyGroup, own: Path) -> None:
+    shape = settings.shape
+    shape.blades, shape.vignetting, settings.highlights, settings.blur = 7, 0.25, 2.0, 0.04
+    add = bpy.ops.virtual_aperture.add_lens_preset
+    assert add(name="Mine / 1") == {"FINISHED"}
+    file = next(own.iterdir())
+    shape.blades, shape.vignetting, settings.highlights, settings.blur = 0, 0.0, 1.0, 0.02
+    use(file)
+    assert (shape.blades, shape.vignetting, settings.highlights) == (7, 0.25, 2.0)
+    assert settings.blur == pytest.approx(0.04)
+    assert settings.focus_distance == 8.0
+    assert add(name="Mine / 1") == {"CANCELLED"}
+    assert add(name="Mine / 1", remove_name=True) == {"FINISHED"}
+    assert list(own.iterdir()) == []
+
+
+def test_what_is_no_preset_is_refused(settings: bpy.types.PropertyGroup, tmp_path: Path) -> None:
+    broken = tmp_path / "mine.py"
+    broken.write_text("import bpy\nbpy.context.scene.virtual_aperture.shape.blades = 'many'\n")
+    with pytest.raises(RuntimeError, match="the preset mine cannot be used: "):
+        bpy.ops.virtual_aperture.use_lens_preset(filepath=str(broken))
+    with pytest.raises(RuntimeError, match="no preset is chosen"):
+        bpy.ops.virtual_aperture.use_lens_preset()
+    assert "UNDO" in bpy.types.VIRTUAL_APERTURE_OT_use_lens_preset.bl_options

@@ -1,0 +1,101 @@
+"""The extension's preferences with the real module, and the button that deletes kept depth."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+from addon.core.base import limits
+from addon.core.depth.depth_store import DepthStore, KeptDepth, kept_size
+from addon.core.sfm.state import STATE
+from addon.scene import preferences
+from addon.scene.clip import work_dir
+from addon.ui import panels
+
+from ..recorder import draw
+from .test_ui import choose_clip, write_clip, write_model
+
+
+@pytest.fixture
+def chosen(scene: bpy.types.Scene) -> Iterator[bpy.types.AddonPreferences]:
+    """The preferences as Blender has them of an extension that is enabled."""
+    addons = bpy.context.preferences.addons
+    entry = addons.new()
+    entry.module = preferences.PACKAGE
+    found = preferences.preferences()
+    assert found is not None
+    yield found
+    found.threads = 0
+    limits.limit_kept_depth(0)
+    addons.remove(entry)
+
+
+def test_without_preferences_all_is_as_it_was(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    assert preferences.preferences() is None
+    clip = tmp_path / "walk.mp4"
+    assert work_dir(scene.virtual_aperture, clip) == tmp_path / "walk.aperture"
+
+
+def test_the_cache_folder_takes_working_folders(
+    scene: bpy.types.Scene, chosen: bpy.types.AddonPreferences, tmp_path: Path
+) -> None:
+    settings, cache = scene.virtual_aperture, tmp_path / "cache"
+    clips = [tmp_path / name / "walk.mp4" for name in ("one", "two")]
+    assert work_dir(settings, clips[0]) == clips[0].with_name("walk.aperture")
+    chosen.cache_folder = str(cache)
+    found = [work_dir(settings, clip) for clip in clips]
+    assert found[0] != found[1]
+    assert {folder.parent for folder in found} == {cache}
+    assert all(folder.name.startswith("walk-") and folder.suffix == ".aperture" for folder in found)
+    # What is solved stays in use; what is set counts.
+    beside = clips[1].with_name("walk.aperture")
+    beside.mkdir(parents=True)
+    (beside / STATE).write_text("{}")
+    assert work_dir(settings, clips[1]) == beside
+    settings.work_dir = str(tmp_path / "own")
+    assert work_dir(settings, clips[0]) == tmp_path / "own"
+
+
+def test_a_solve_goes_into_the_cache_folder(
+    scene: bpy.types.Scene, chosen: bpy.types.AddonPreferences, tmp_path: Path
+) -> None:
+    chosen.cache_folder = str(tmp_path / "cache")
+    scene.virtual_aperture.footage = str(write_clip(tmp_path / "clip"))
+    bpy.ops.virtual_aperture.import_solve(filepath=str(write_model(tmp_path / "model")))
+    assert [folder.parent for folder in (tmp_path / "cache").glob("clip-*.aperture/solve.json")]
+    assert not (tmp_path / "clip.aperture").exists()
+
+
+def test_limits_follow_the_preferences(chosen: bpy.types.AddonPreferences) -> None:
+    assert limits.most_kept_depth() == limits.MOST_KEPT_DEPTH
+    chosen.threads, chosen.kept_depth = 1, 2.0
+    assert limits.threads() == 1
+    assert limits.most_kept_depth() == 2 << 30
+
+
+def test_kept_depth_is_shown_and_deleted(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    delete, files = bpy.ops.virtual_aperture.delete_depth, panels.footage.VIRTUAL_APERTURE_PT_files
+    with pytest.raises(RuntimeError, match="Choose a clip first"):
+        delete()
+    work = choose_clip(scene, tmp_path)
+    with pytest.raises(RuntimeError, match="No depth is kept for this clip"):
+        delete()
+    assert "virtual_aperture.delete_depth" not in draw(files).operators
+    from addon.ui.preferences import _sizes
+
+    _sizes.clear()
+    depth = np.full((8, 8), 0.1, np.float32)
+    moving = np.zeros((8, 8), bool)
+    for key in ("old", "new"):
+        DepthStore(work / "depth", lambda key=key: key).keep_depth(1, KeptDepth.of(depth, depth, moving))
+    (work / "depth" / "old" / "notes.txt").write_text("mine")
+    assert kept_size(work / "depth") > 0
+    assert any(text.startswith("Delete Kept Depth (0.0 MB") for text in draw(files).texts)
+    assert delete() == {"FINISHED"}
+    left = [path.name for path in (work / "depth").rglob("*") if path.is_file()]
+    assert left == ["notes.txt"]
+    assert "virtual_aperture.delete_depth" not in draw(files).operators

@@ -1,0 +1,118 @@
+"""Clips and models dropped on the viewport, and presets of the lens: with mouse and keys, and undone."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from .. import planes
+from ..ui.test_ui import write_clip, write_model
+from . import file_drop
+from .conftest import PICTURES
+from .program import Program
+from .screen import Screen
+
+SETTINGS = "bpy.context.scene.virtual_aperture"
+LENS = f"[round({SETTINGS}.blur, 4), round({SETTINGS}.shape.obstruction, 2), {SETTINGS}.focus_distance]"
+MIRROR = -163
+"""Pixels from the button of the presets down to the fifth of them, the mirror lens: they open upwards."""
+MENU = 0.5
+"""Seconds until Blender has drawn a menu after a drop."""
+
+pytestmark = pytest.mark.usefixtures("in_order")
+
+
+@pytest.fixture(scope="module")
+def program(screen: Screen, resources: Path) -> Iterator[Program]:
+    made = Program(screen, resources, PICTURES / "drop")
+    made.screen.move(*made.middle("VIEW_3D"))
+    made.screen.key("Escape")  # the splash screen
+    made.settle()
+    yield made
+    made.close()
+
+
+@pytest.fixture(scope="module")
+def clips(folder: Path) -> Path:
+    """A clip that can be solved, another one and a model of it."""
+    made = folder / "drop"
+    made.mkdir()
+    planes.write_clip(made / "walk", planes.sideways(12))
+    write_clip(made / "clip")
+    write_model(made / "model")
+    return made
+
+
+def drop(program: Program, file: Path) -> None:
+    x, y = (str(round(place)) for place in program.middle("VIEW_3D"))
+    subprocess.run(
+        [sys.executable, file_drop.__file__, x, y, str(file)], env=program.screen.environment, check=True
+    )
+    program.settle()
+    time.sleep(MENU)
+    program.shot(f"drop_{file.stem}")
+
+
+def test_a_model_without_a_clip_is_refused(program: Program, clips: Path) -> None:
+    drop(program, clips / "model" / "cameras.txt")
+    assert "drop the clip first" in program.ask("messages()")[-1]
+    program.screen.key("Escape")
+    program.settle()
+
+
+def test_a_dropped_picture_brings_its_sequence(program: Program, clips: Path) -> None:
+    drop(program, sorted((clips / "walk").iterdir())[3])
+    # Blender's own handlers take pictures, too: it asks, and underlines a letter of each.
+    program.screen.key("s")
+    program.wait(f"{SETTINGS}.points is not None", 60)
+    program.settle()
+    assert "12 of 12 frames registered" in program.ask("messages()")[-1]
+
+
+def test_a_preset_is_chosen_and_undone(program: Program) -> None:
+    program.show_sidebar("Virtual Aperture")
+    program.ask(f"{SETTINGS}.focus_distance = 9.0; bpy.ops.ed.undo_push(message='focus'); None")
+    before = program.ask(LENS)
+    left, _, width, _ = program.rectangle("VIEW_3D", "UI")
+    # In the panel's header, above its first button; a popover cannot be asked for by name.
+    x, y = left + 0.79 * width, program.find("set_focus", "VIEW_3D", "UI").y - 24
+    program.screen.click(x, y)
+    program.settle()
+    time.sleep(MENU)
+    program.shot("presets")
+    program.screen.move(x - 20, y + MIRROR)
+    program.settle()
+    program.screen.click(x - 20, y + MIRROR)
+    program.wait(f"{SETTINGS}.shape.obstruction > 0")
+    program.screen.key("Escape")
+    program.screen.move(*program.middle("VIEW_3D"))
+    program.settle()
+    after = program.ask(LENS)
+    assert after[0] == 0.0914 and after[2] == before[2]
+    program.screen.key("ctrl+z")
+    program.settle()
+    assert program.ask(LENS) == before
+
+
+def test_a_clip_that_loses_the_focus_is_asked_about(program: Program, clips: Path) -> None:
+    drop(program, clips / "clip" / "shot_0001.png")
+    program.screen.key("s")
+    program.settle()
+    time.sleep(MENU)
+    program.shot("asked")
+    program.screen.key("Escape")
+    program.settle()
+    assert "walk" in program.ask(f"{SETTINGS}.footage")
+
+
+def test_a_model_is_imported_for_the_clip(program: Program, clips: Path) -> None:
+    program.ask(f"{SETTINGS}.footage = {str(clips / 'clip')!r}; None")
+    drop(program, clips / "model" / "cameras.txt")
+    program.wait(f"len({SETTINGS}.points.data.vertices) == 12")
+    program.settle()
+    assert "COLMAP text: 4 of 4 frames" in program.ask("messages()")[-1]
