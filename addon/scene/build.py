@@ -16,7 +16,7 @@ from ..core.camera.reconstruction import Reconstruction, typical_distance
 from ..core.media.clip import Footage
 from ..core.media.clip_identity import identity
 from ..core.sfm.workspace import default_work_dir
-from . import aperture_cloud, camera, lens, point_cloud, store
+from . import aperture_cloud, camera, focus_marks, lens, point_cloud, store
 from .paths import relative
 from .properties import VirtualApertureSettings
 from .shot import IDENTITY, forget
@@ -76,6 +76,7 @@ def build(
     settings.footage = relative(footage.path)
     settings.clip_identity, settings.clip_name = identity(footage.path), footage.path.name
     settings.clip_first, settings.clip_last = footage.frames[0], footage.frames[-1]
+    focus_marks.clear(settings)
     lens.reset(settings, int(reconstruction.frames[0]))
     aperture_cloud.update(settings)
     _set_output(scene, footage)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import bpy
@@ -10,9 +10,10 @@ import bpy
 from ..core.base.errors import UserError
 from ..core.camera.reconstruction import Reconstruction
 from ..core.lens.focus import Focus
-from ..core.lens.refocus import carry_focus
+from ..core.lens.focus_pull import FocusMark
+from ..core.lens.refocus import carry_focus, carry_place
 from ..core.media.find_clip import is_clip
-from . import lens
+from . import focus_marks, lens
 from .shot import reconstruction_of
 
 LENGTHS = ("focus_distance", "aperture_radius")
@@ -29,6 +30,11 @@ class KeptFocus:
     by: str
     radius: float | None
     """None while the blur has not chosen it."""
+    marks: tuple[FocusMark, ...] = ()
+    are_keys_users: bool = False
+    """Whether the marks had left the keys to the user."""
+    is_first: bool = False
+    """Whether nobody had picked the focus."""
 
 
 def keep_focus(settings: bpy.types.PropertyGroup, clip: Path) -> KeptFocus | None:
@@ -47,7 +53,10 @@ def keep_focus(settings: bpy.types.PropertyGroup, clip: Path) -> KeptFocus | Non
         old = reconstruction_of(settings)
     except UserError:
         return None
-    return KeptFocus(old, focus, settings.focus_frame, settings.focus_by, radius)
+    return KeptFocus(
+        old, focus, settings.focus_frame, settings.focus_by, radius,
+        tuple(focus_marks.marks_of(settings)), focus_marks.are_keys_users(settings), settings.marks.is_first,
+    )  # fmt: skip
 
 
 def restore_focus(settings: bpy.types.PropertyGroup, kept: KeptFocus, new: Reconstruction) -> str:
@@ -69,6 +78,14 @@ def restore_focus(settings: bpy.types.PropertyGroup, kept: KeptFocus, new: Recon
             settings.aperture_radius = kept.radius * carried.scale
     for name in LENGTHS:
         _scale_keys(settings, name, carried.scale)
+    if kept.marks:
+        carried_marks = [
+            replace(mark, places=tuple(carry_place(kept.reconstruction, new, place) for place in mark.places))
+            for mark in kept.marks
+        ]
+        settings.marks.left = kept.are_keys_users
+        focus_marks.replace_all(settings, carried_marks)
+        settings.marks.is_first = kept.is_first
     if has_points or kept.by != "POINTS" or not kept.focus.points:
         return ""
     if settings.focus_distance:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ..render import background, engine
-from ..scene import clip, exr, main_thread, paths, properties, shot
+from ..scene import clip, exr, focus_sync, main_thread, paths, properties, shot
 from . import (
     choose_clip,
     depth_ahead,
@@ -40,6 +40,7 @@ def register() -> None:
     engine_panels.register()
     paths.register()
     exr.register()
+    focus_sync.register()
     points_overlay.register()
     background.register()
     depth_ahead.register()
@@ -50,6 +51,7 @@ def unregister() -> None:
     """Undo `register` in reverse order, and close the open clip."""
     main_thread.stop()
     depth_ahead.unregister()
+    focus_sync.unregister()
     exr.unregister()
     paths.unregister()
     background.unregister()
