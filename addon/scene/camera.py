@@ -76,13 +76,16 @@ def _continuous(quaternions: Sequence[Floats]) -> Floats:
 
 
 def _make_linear(data: bpy.types.ID) -> None:
+    """Linear keys, of the type Generated: the dope sheet shows the user's own among them."""
     animation = data.animation_data
     if animation is None or animation.action is None:
         return
     from bpy_extras.anim_utils import action_ensure_channelbag_for_slot
 
     bag = action_ensure_channelbag_for_slot(animation.action, animation.action_slot)
+    generated = bpy.types.Keyframe.bl_rna.properties["type"].enum_items["GENERATED"].value
     for curve in bag.fcurves:
         linear = np.ones(len(curve.keyframe_points), dtype=np.int32)
         curve.keyframe_points.foreach_set("interpolation", linear)
+        curve.keyframe_points.foreach_set("type", np.full(len(linear), generated, dtype=np.int32))
         curve.update()

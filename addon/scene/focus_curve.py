@@ -1,8 +1,8 @@
 """The F-curve of the focus distance that focus marks write, and what the user does to it.
 
-Keys at marks are of the type Keyframe, those between, of what is followed or eased, of the type Generated:
-the dope sheet shows marks large and the others small. A mark's key that the user moves or deletes moves or
-deletes the mark; a curve edited in another way is the user's from then on.
+Keys at marks are of the type Keyframe, those between, of what is followed or eased, of the type Generated, or
+Jitter at frames that do not show what is followed: the dope sheet has a colour for each. A mark's key that
+the user moves or deletes moves or deletes the mark; a curve edited in another way is the user's from then on.
 """
 
 from __future__ import annotations
@@ -47,8 +47,11 @@ class Edit:
     """Distances that were keyed, by frame."""
 
 
-def write(settings: bpy.types.PropertyGroup, marks: Sequence[FocusMark]) -> dict[int, float]:
-    """Make the curve of marks, in place of the one that is there; the distances by frame."""
+def write(
+    settings: bpy.types.PropertyGroup, marks: Sequence[FocusMark], unseen: Sequence[int]
+) -> dict[int, float]:
+    """Make the curve of marks, in place of the one that is there; the distances by frame. At frames `unseen`
+    a mark is carried that they do not show."""
     own = {mark.frame for mark in marks}
     frames = sorted(own | set(range(settings.clip_first, settings.clip_last + 1)))
     distances = pull(marks, reconstruction_of(settings), frames)
@@ -58,12 +61,15 @@ def write(settings: bpy.types.PropertyGroup, marks: Sequence[FocusMark]) -> dict
     keys.add(len(frames))
     places = np.array(list(distances.items()), np.float32)
     keys.foreach_set("co", places.ravel())
-    kinds = _kinds(curve)
-    types = [kinds["KEYFRAME" if frame in own else "GENERATED"] for frame in frames]
-    keys.foreach_set("type", np.array(types, np.int32))
+    kinds = _kinds()
+    hidden = set(unseen)
+    names = ["KEYFRAME" if f in own else "JITTER" if f in hidden else "GENERATED" for f in frames]
+    keys.foreach_set("type", np.array([kinds[name] for name in names], np.int32))
     # Linear between frames.
     keys.foreach_set("interpolation", np.ones(len(frames), np.int32))
-    keys.foreach_set("select_control_point", np.zeros(len(frames), dtype=bool))
+    # New ones are selected: where one is dragged onto another selected one, Blender keeps their mean.
+    for part in ("control_point", "left_handle", "right_handle"):
+        keys.foreach_set(f"select_{part}", np.zeros(len(frames), dtype=bool))
     curve.update()
     if WRITTEN in settings.marks:
         # Blender 5.2 writes an array over one of another length in place, past its end.
@@ -170,10 +176,11 @@ def _keys(curve: bpy.types.FCurve) -> Keys:
     types = np.zeros(len(points), np.int32)
     points.foreach_get("co", places.ravel())
     points.foreach_get("type", types)
-    return Keys(places, types != _kinds(curve)["GENERATED"])
+    kinds = _kinds()
+    return Keys(places, ~np.isin(types, [kinds["GENERATED"], kinds["JITTER"]]))
 
 
-def _kinds(curve: bpy.types.FCurve) -> dict[str, int]:
+def _kinds() -> dict[str, int]:
     kinds = bpy.types.Keyframe.bl_rna.properties["type"].enum_items
     return {kind.identifier: kind.value for kind in kinds}
 

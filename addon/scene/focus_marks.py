@@ -23,10 +23,13 @@ from bpy.props import (
 
 from ..core.base.counting import counted
 from ..core.base.errors import UserError
+from ..core.camera.reconstruction import Reconstruction
+from ..core.lens.first_focus import first_place
 from ..core.lens.focus import Focus
 from ..core.lens.focus_place import Place
-from ..core.lens.focus_pull import FocusMark
+from ..core.lens.focus_pull import FocusMark, unseen
 from . import focus_curve, lens
+from .shot import reconstruction_of
 
 FOLLOWED, FOLLOWED_FRAMES = "followed", "followed_frames"
 """Custom properties of a place on a mover: its distances, and the frames of those."""
@@ -107,6 +110,9 @@ class VirtualApertureFocusMarks(bpy.types.PropertyGroup):
     left: BoolProperty(
         name="Left to the User", description="The keys were edited, and are the user's", options={"HIDDEN"}
     )
+    unseen: StringProperty(
+        name="Not Seen", description="Frames that do not show what is in focus there", options={"HIDDEN"}
+    )
     is_first: BoolProperty(name="First Focus", description="Nobody has picked it yet", options={"HIDDEN"})
     shown: FloatProperty(
         name="Shown Distance", description="As the camera's own property was told", options={"HIDDEN"}
@@ -136,7 +142,8 @@ def put(
     with lens.writing():
         if not add and len(group.items) < 2:
             group.items.clear()
-        # Asked for: what the keys are from here on, is what the marks say.
+        elif not len(group.items):
+            _add_present(settings)
         mark = at_frame(settings, frame)
         if mark is None:
             mark = group.items.add()
@@ -148,6 +155,15 @@ def put(
     found = at_frame(settings, frame)
     assert found is not None
     return found
+
+
+def _add_present(settings: bpy.types.PropertyGroup) -> None:
+    """A mark of what is in focus without one, as in older files: points, or a distance."""
+    focus, distance, frame = lens.focus_of_settings(settings), settings.focus_distance, settings.focus_frame
+    if focus.points or distance > 0:
+        mark = settings.marks.items.add()
+        mark.frame = frame
+        _fill(mark, [Place(replace(focus, tilt=0.0, swing=0.0), frame, distance or 1.0, "picked before")])
 
 
 def replace_all(settings: bpy.types.PropertyGroup, marks: Iterable[FocusMark]) -> None:
@@ -210,6 +226,13 @@ def are_keys_users(settings: bpy.types.PropertyGroup) -> bool:
     return bool(settings.marks.left) or not settings.marks.written
 
 
+def take_keys_over(settings: bpy.types.PropertyGroup) -> None:
+    """Write the focus in place of keys of the user's."""
+    focus_curve.remove(settings)
+    settings.marks.left = False
+    write(settings)
+
+
 def write(settings: bpy.types.PropertyGroup) -> None:
     """Set the focus to what the marks say, by keys where its distance changes; keys of the user's stay, and
     with them the focus."""
@@ -219,6 +242,8 @@ def write(settings: bpy.types.PropertyGroup) -> None:
     with lens.writing():
         settings.marks.left = False
         _sort(settings)
+        hidden = unseen_of(settings, marks)
+        settings.marks.unseen = " ".join(map(str, hidden))
         if not marks:
             focus_curve.remove(settings)
             lens.clear_points(settings)
@@ -231,11 +256,29 @@ def write(settings: bpy.types.PropertyGroup) -> None:
             lens.set_focus(settings, focus, first.frame)
             settings.marks.items[0].distance = settings.focus_distance
             return
-        distances = focus_curve.write(settings, marks)
+        distances = focus_curve.write(settings, marks, hidden)
         lens.set_focus(settings, replace(focus, distance=distances[first.frame]), first.frame)
         settings.focus_distance = focus_curve.value(settings, settings.id_data.frame_current)
         for mark in settings.marks.items:
             mark.distance = focus_curve.value(settings, mark.frame)
+
+
+def unseen_of(settings: bpy.types.PropertyGroup, marks: Sequence[FocusMark]) -> list[int]:
+    """Frames of the clip that do not show a mark that is followed there."""
+    frames = range(settings.clip_first, settings.clip_last + 1)
+    return unseen(marks, reconstruction_of(settings), frames) if marks else []
+
+
+def set_first(settings: bpy.types.PropertyGroup, reconstruction: Reconstruction) -> None:
+    """Put the nearest large thing round the middle in focus, unless anything is, or keys are there."""
+    if lens.is_in_focus(settings) or lens.has_keys(settings, "focus_distance") or settings.marks.items:
+        return
+    frame = int(reconstruction.frames[0])
+    place = first_place(reconstruction, frame)
+    if place is None:
+        return
+    put(settings, frame, [place])
+    settings.marks.is_first = True
 
 
 def _steady(marks: Sequence[FocusMark]) -> Focus | None:

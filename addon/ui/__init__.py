@@ -12,10 +12,12 @@ from . import (
     engine_panels,
     find_clip,
     focus,
+    focus_list,
     import_solve,
     inspect,
     operators,
     panels,
+    pick_focus,
     points_overlay,
 )
 
@@ -26,6 +28,8 @@ CLASSES = (
     *operators.CLASSES,
     *find_clip.CLASSES,
     *focus.CLASSES,
+    *focus_list.CLASSES,
+    *pick_focus.CLASSES,
     *import_solve.CLASSES,
     *inspect.CLASSES,
     *panels.CLASSES,

@@ -10,11 +10,11 @@ import numpy as np
 
 from ..base.errors import UserError
 from ..camera.canvas import Canvas
-from ..camera.reconstruction import Floats
+from ..camera.reconstruction import Floats, Reconstruction
 from ..depth.multi_view_stereo import DenseDepth
 from ..depth.sparse import FrameFeatures, frame_features
 from .clip_context import ClipContext
-from .focus import Focus, check_place, pick_features
+from .focus import Focus, check_place, check_points, pick_features
 from .focus_follow import follow
 from .frame import NOTHING, SURE
 
@@ -205,3 +205,20 @@ def _dense(depth: DenseDepth, canvas: Canvas, place: Floats) -> tuple[float, flo
 def _pixel(place: Floats, shape: tuple[int, ...]) -> tuple[int, int]:
     column, row = np.clip(np.floor(place), 0, np.array(shape[1::-1]) - 1).astype(int)
     return int(row), int(column)
+
+
+def shown_at(place: Place, reconstruction: Reconstruction, frame: int) -> tuple[float, float] | None:
+    """Fractions of the picture at which a frame would show a place, (0, 0) top left, whether something is
+    before it or not and also past the picture's border; None where that is not known, or behind the camera.
+    """
+    if place.frame == frame and place.xy is not None:
+        return place.xy
+    image, _ = reconstruction.image_at(frame)
+    world = place.world
+    if world is None and place.focus.points:
+        world = reconstruction.points.xyz[check_points(reconstruction, place.focus.points)].mean(axis=0)
+    if world is None or not (local := image.to_camera(world))[2] > 0:
+        return None
+    canvas = Canvas(reconstruction.intrinsics(image))
+    x, y = canvas.features_to_source(canvas.pinhole.project(local[None]))[0]
+    return float(x / canvas.lens.width), float(y / canvas.lens.height)

@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import UserError
-from ..camera.canvas import Canvas
 from ..camera.reconstruction import Floats, Reconstruction
-from .focus_place import Place
+from .focus_place import Place, shown_at
 
 
 @dataclass(frozen=True)
@@ -115,22 +114,12 @@ def _is_shown(place: Place, reconstruction: Reconstruction, frame: int) -> bool:
     if place.followed:
         return frame in place.followed
     if place.world is not None:
-        return _is_within(place.world, reconstruction, frame)
+        at = shown_at(place, reconstruction, frame)
+        return at is not None and all(0 <= each <= 1 for each in at)
     if not place.focus.points:
         return True
     shown: NDArray[np.bool_] = np.isin(place.focus.points, image.points)
     return bool(shown.any() or np.isin(place.focus.points, image.visible).any())
-
-
-def _is_within(world: Floats, reconstruction: Reconstruction, frame: int) -> bool:
-    """Whether a place (3,) lies ahead of a frame's camera and within its picture."""
-    image, _ = reconstruction.image_at(frame)
-    local = image.to_camera(world)
-    if not local[2] > 0:
-        return False
-    canvas = Canvas(reconstruction.intrinsics(image))
-    x, y = canvas.features_to_source(canvas.pinhole.project(local[None]))[0]
-    return bool(0 <= x <= canvas.lens.width and 0 <= y <= canvas.lens.height)
 
 
 def _inverse_depth(place: Place, reconstruction: Reconstruction, frame: int) -> float:
