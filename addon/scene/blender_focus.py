@@ -10,6 +10,9 @@ import bpy
 
 from ..core.base.errors import UserError
 
+PATH = "dof.focus_distance"
+"""Of a camera's data."""
+
 
 def distance(settings: bpy.types.PropertyGroup) -> float | None:
     """Depth along the optical axis, in scene units, that Blender's own properties put in focus at the present
@@ -35,19 +38,23 @@ def focus_object(settings: bpy.types.PropertyGroup) -> bpy.types.Object | None:
 
 def is_animated(settings: bpy.types.PropertyGroup) -> bool:
     """Whether the camera's own focus distance has keys or a driver."""
-    from bpy_extras.anim_utils import action_get_channelbag_for_slot
-
     camera = _camera(settings)
     animation = None if camera is None else camera.data.animation_data
     if animation is None:
         return False
-    path = "dof.focus_distance"
-    if any(driver.data_path == path for driver in animation.drivers):
-        return True
-    if animation.action is None:
-        return False
+    return keys_of(settings) is not None or any(driver.data_path == PATH for driver in animation.drivers)
+
+
+def keys_of(settings: bpy.types.PropertyGroup) -> bpy.types.FCurve | None:
+    """The keys of the camera's own focus distance."""
+    from bpy_extras.anim_utils import action_get_channelbag_for_slot
+
+    camera = _camera(settings)
+    animation = None if camera is None else camera.data.animation_data
+    if animation is None or animation.action is None:
+        return None
     bag = action_get_channelbag_for_slot(animation.action, animation.action_slot)
-    return bag is not None and bag.fcurves.find(path) is not None
+    return None if bag is None else bag.fcurves.find(PATH)
 
 
 def check(settings: bpy.types.PropertyGroup) -> None:

@@ -226,6 +226,17 @@ def are_keys_users(settings: bpy.types.PropertyGroup) -> bool:
     return bool(settings.marks.left) or not settings.marks.written
 
 
+def say_the_focus(settings: bpy.types.PropertyGroup) -> bool:
+    """Whether the marks are what is in focus, and no script has set something else since."""
+    group = settings.marks
+    if not len(group.items) or group.written or group.left:
+        return bool(len(group.items))
+    steady, own = _steady(marks_of(settings)), lens.focus_of_settings(settings)
+    if steady is None or steady.points != own.points:
+        return False
+    return bool(own.points) or settings.focus_distance == group.items[0].distance
+
+
 def take_keys_over(settings: bpy.types.PropertyGroup) -> None:
     """Write the focus in place of keys of the user's."""
     focus_curve.remove(settings)

@@ -13,7 +13,7 @@ from ..core.lens.focus import Focus
 from ..core.lens.focus_pull import FocusMark
 from ..core.lens.refocus import carry_focus, carry_place
 from ..core.media.find_clip import is_clip
-from . import focus_marks, lens
+from . import blender_focus, focus_marks, lens
 from .shot import reconstruction_of
 
 LENGTHS = ("focus_distance", "aperture_radius")
@@ -49,13 +49,14 @@ def keep_focus(settings: bpy.types.PropertyGroup, clip: Path) -> KeptFocus | Non
     if not focus.points and focus.distance is None:
         return None
     radius = settings.aperture_radius if settings.use_radius else None
+    marks = focus_marks.marks_of(settings) if focus_marks.say_the_focus(settings) else []
     try:
         old = reconstruction_of(settings)
     except UserError:
         return None
     return KeptFocus(
         old, focus, settings.focus_frame, settings.focus_by, radius,
-        tuple(focus_marks.marks_of(settings)), focus_marks.are_keys_users(settings), settings.marks.is_first,
+        tuple(marks), focus_marks.are_keys_users(settings), settings.marks.is_first,
     )  # fmt: skip
 
 
@@ -77,7 +78,8 @@ def restore_focus(settings: bpy.types.PropertyGroup, kept: KeptFocus, new: Recon
         if kept.radius is not None:
             settings.aperture_radius = kept.radius * carried.scale
     for name in LENGTHS:
-        _scale_keys(settings, name, carried.scale)
+        _scale_keys(lens.keys_of(settings, name), carried.scale)
+    _scale_keys(blender_focus.keys_of(settings), carried.scale)
     if kept.marks:
         carried_marks = [
             replace(mark, places=tuple(carry_place(kept.reconstruction, new, place) for place in mark.places))
@@ -93,8 +95,7 @@ def restore_focus(settings: bpy.types.PropertyGroup, kept: KeptFocus, new: Recon
     return "The points in focus were not found again: pick the focus again"
 
 
-def _scale_keys(settings: bpy.types.PropertyGroup, name: str, scale: float) -> None:
-    curve = lens.keys_of(settings, name)
+def _scale_keys(curve: bpy.types.FCurve | None, scale: float) -> None:
     if curve is None:
         return
     for key in curve.keyframe_points:
