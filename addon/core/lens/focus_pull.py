@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..base.errors import UserError
 from ..camera.reconstruction import Floats, Reconstruction
@@ -118,8 +117,7 @@ def _is_shown(place: Place, reconstruction: Reconstruction, frame: int) -> bool:
         return at is not None and all(0 <= each <= 1 for each in at)
     if not place.focus.points:
         return True
-    shown: NDArray[np.bool_] = np.isin(place.focus.points, image.points)
-    return bool(shown.any() or np.isin(place.focus.points, image.visible).any())
+    return any(np.isin(seen, place.focus.points).any() for seen in (image.points, image.visible))
 
 
 def _inverse_depth(place: Place, reconstruction: Reconstruction, frame: int) -> float:
