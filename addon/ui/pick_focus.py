@@ -206,7 +206,7 @@ class VIRTUAL_APERTURE_OT_pick_focus(bpy.types.Operator):  # noqa: N801
         if self._finding.ended(AT_ONCE):
             return self._found(context)
         self._timer = context.window_manager.event_timer_add(LOOK, window=context.window)
-        self._say("Finding the depth here")
+        self._say("Finding the depth here    (ESC: Not This Place)", "")
         return {"RUNNING_MODAL"}
 
     def _wait(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
@@ -306,7 +306,8 @@ class VIRTUAL_APERTURE_OT_pick_focus(bpy.types.Operator):  # noqa: N801
         self._stop_finding(context)
         self._overlay.end()
         self._view.area.header_text_set(None)
-        context.window.cursor_modal_restore()
+        if context.window is not None:
+            context.window.cursor_modal_restore()
 
 
 CLASSES = (VIRTUAL_APERTURE_OT_pick_focus,)

@@ -82,6 +82,11 @@ class CameraView:
         left, bottom, right, top = frame
         return [(left + x * (right - left), top - y * (top - bottom)) for x, y in places]
 
+    def right_border(self) -> float:
+        """Pixels of the region up to the sidebar, which may lie over it."""
+        sidebars = (region for region in self.area.regions if region.type == "UI" and region.width > 1)
+        return float(min([self.region.width, *(region.x - self.region.x for region in sidebars)]))
+
     def _frame(self, scene: bpy.types.Scene) -> tuple[float, float, float, float] | None:
         """Left, bottom, right, top of the camera's picture in the region, which it may reach past."""
         camera = scene.virtual_aperture.camera
@@ -146,7 +151,7 @@ class Overlay:
             return
         (place,) = self.view.pixels(self.scene, [self.mouse]) or [(0.0, 0.0)]
         _circle(place, RING * scale, WHITE, 1.5 * scale)
-        _text(self.text, (place[0] + 16 * scale, place[1] + 12 * scale), scale)
+        _text(self.text, place, self.view.right_border(), scale)
 
 
 def _drawer(overlay: Overlay) -> Callable[[], None]:
@@ -175,14 +180,17 @@ def _circle(middle: XY, radius: float, colour: tuple[float, ...], width: float) 
     gpu.state.blend_set("NONE")
 
 
-def _text(text: str, place: XY, scale: float) -> None:
+def _text(text: str, mouse: XY, border: float, scale: float) -> None:
+    """A line beside the mouse, on its left where it would reach past a border."""
     import blf
 
     blf.size(0, TEXT * scale)
+    width, gap = blf.dimensions(0, text)[0], 16 * scale
+    left = mouse[0] + gap if mouse[0] + gap + width < border else mouse[0] - gap - width
     blf.enable(0, blf.SHADOW)
     blf.shadow(0, 5, 0.0, 0.0, 0.0, 1.0)
     blf.shadow_offset(0, 1, -1)
     blf.color(0, *WHITE)
-    blf.position(0, *place, 0)
+    blf.position(0, left, mouse[1] + 12 * scale, 0)
     blf.draw(0, text)
     blf.disable(0, blf.SHADOW)

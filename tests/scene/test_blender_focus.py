@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import bpy
+import cv2
 import numpy as np
 import pytest
 
@@ -14,6 +15,7 @@ from addon.core.lens.focus import Focus
 from addon.core.lens.focus_place import Place
 from addon.core.lens.focus_pull import FocusMark
 from addon.render.frame_keys import frame_keys
+from addon.render.output import render_sequence
 from addon.scene import focus_marks, lens
 from addon.scene.build import build
 from addon.scene.shot import Shot
@@ -82,6 +84,32 @@ def test_a_render_knows_the_frames_of_a_focus_object(
     empty.location = 2 * WORLD
     after = frame_keys(scene, [1, 8])
     assert all(before[frame] != after[frame] for frame in (1, 8))
+
+
+def test_a_render_is_that_of_the_objects_distance(
+    scene: bpy.types.Scene, shot: Shot, empty: bpy.types.Object, tmp_path: Path
+) -> None:
+    settings = scene.virtual_aperture
+    settings.method, settings.views = "features", 4
+    settings.camera.data.dof.focus_object = empty
+    bpy.context.view_layer.update()
+    empty.keyframe_insert("location", frame=1)
+    empty.location = 1.5 * WORLD
+    empty.keyframe_insert("location", frame=8)
+
+    def render(name: str) -> dict[int, np.ndarray]:
+        render_sequence(scene, [1, 8], tmp_path / name / "####.png", False, lambda line: None)
+        return {frame: cv2.imread(str(tmp_path / name / f"{frame:04d}.png")) for frame in (1, 8)}
+
+    followed, distances = render("object"), {frame: focused(scene, frame) for frame in (1, 8)}
+    settings.camera.data.dof.focus_object = None
+    focus_marks.clear(settings)
+    for frame, away in distances.items():
+        settings.focus_distance = away
+        bpy.context.view_layer.update()
+        fixed = render(f"at_{frame}")
+        np.testing.assert_array_equal(fixed[frame], followed[frame])
+    assert (fixed[1] != followed[1]).any()
 
 
 def test_an_object_behind_the_camera_is_refused(

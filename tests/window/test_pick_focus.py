@@ -37,6 +37,7 @@ def blend(folder: Path, registered: None, desk: Path, desk_work: Path) -> Path:
     made.mkdir()
     clip = Path(shutil.copy(desk, made))
     bpy.ops.wm.read_homefile(app_template="", use_factory_startup=True)
+    bpy.data.objects.remove(bpy.data.objects["Cube"])
     solved = load_solve(desk_work, clip)
     settings = build(bpy.context.scene, solved.open_clip(solved.frames), solved.reconstruction)
     settings.footage = "//desk.mp4"
