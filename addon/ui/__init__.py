@@ -19,6 +19,7 @@ from . import (
     panels,
     pick_focus,
     points_overlay,
+    thumbnails,
 )
 
 CLASSES = (
@@ -46,6 +47,7 @@ def register() -> None:
     exr.register()
     focus_sync.register()
     points_overlay.register()
+    thumbnails.register()
     background.register()
     depth_ahead.register()
     main_thread.start()
@@ -61,6 +63,7 @@ def unregister() -> None:
     background.unregister()
     engine_panels.unregister()
     clip.forget()
+    thumbnails.unregister()
     points_overlay.unregister()
     shot.forget()
     for cls in reversed(CLASSES):

@@ -9,6 +9,7 @@ from ..core.base.errors import UserError
 from ..core.lens.focus import Focus
 from ..core.lens.focus_place import Place
 from ..scene import aperture_cloud, blender_focus, focus_marks, lens
+from . import thumbnails
 from .focus import focus_on, length
 from .operators import Result, has_focus, has_solve, reported
 
@@ -37,6 +38,8 @@ class VIRTUAL_APERTURE_UL_focus_marks(bpy.types.UIList):  # noqa: N801
             VIRTUAL_APERTURE_OT_jump_to_focus_mark.bl_idname, text=str(mark.frame), depress=here
         )
         jump.frame = mark.frame
+        if thumbnail := thumbnails.icon(context.scene.virtual_aperture, mark):
+            row.template_icon(icon_value=thumbnail, scale=1.8)
         row.prop(mark, "name", text="", emboss=False)
         away = row.row()
         away.alignment = "RIGHT"
