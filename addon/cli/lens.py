@@ -22,8 +22,8 @@ from ..core.lens.focus import (
     radius_for_blur,
     sharp_distances,
 )
-from ..core.lens.focus_place import find_place
-from ..core.lens.focus_pull import pull
+from ..core.lens.focus_place import Place, find_place
+from ..core.lens.focus_pull import FocusMark
 from ..core.lens.frame import check_settings
 from ..core.lens.highlights import HighlightSettings
 from ..core.lens.meshers import MESHERS
@@ -32,9 +32,9 @@ from ..core.lens.quality import NORMAL, QUALITIES
 from ..core.media.clip import Footage, FrameRange
 from ..core.media.masks import open_masks
 from ..core.sfm.workspace import Solve
-from ..scene import aperture_cloud
+from ..scene import aperture_cloud, focus_marks
 from ..scene.build import build
-from ..scene.lens import follow_distances, set_aperture, set_focus
+from ..scene.lens import set_aperture, set_focus
 from ..scene.properties import VirtualApertureSettings
 from ..scene.shot import shot_of
 from .aperture import add_aperture, set_shape
@@ -255,7 +255,7 @@ def set_lens(
     """
     reconstruction = solved.reconstruction
     _set_clip_files(settings, solved, options)
-    focus, frame, distances = _chosen_focus(settings, reconstruction, options, frames)
+    focus, frame, places = _chosen_focus(settings, reconstruction, options, frames)
     focus = replace(focus, tilt=math.radians(options.tilt), swing=math.radians(options.swing))
     fewest = MESHERS[options.method].fewest_focus_points
     if len(focus.points) < fewest:
@@ -273,7 +273,8 @@ def set_lens(
         )
     )
     set_focus(settings, focus, frame)
-    follow_distances(settings, distances)
+    if places:
+        focus_marks.replace_all(settings, map(FocusMark.of, places))
     say(_discs(reconstruction, focus, frame, radius))
     say(_sharp(reconstruction, focus, frame, radius))
     blur = None if options.aperture_radius is not None else options.blur or DEFAULT_BLUR
@@ -294,8 +295,8 @@ def _chosen_focus(
     reconstruction: Reconstruction,
     options: argparse.Namespace,
     frames: Sequence[int],
-) -> tuple[Focus, int, dict[int, float]]:
-    """What is in focus, the frame at which it is, and its distances by frame where those are followed.
+) -> tuple[Focus, int, list[Place]]:
+    """What is in focus, the frame at which it is, and the places that were picked, each in its frame.
 
     `frames` as of `set_lens`.
     """
@@ -303,9 +304,9 @@ def _chosen_focus(
     if points := options.focus_point or options.focus_plane:
         focus = Focus(points=tuple(points), through_points=bool(options.focus_plane))
         check_points(reconstruction, focus.points)
-        return focus, own, {}
+        return focus, own, []
     if not options.focus_at:
-        return Focus(distance=options.focus_distance), own, {}
+        return Focus(distance=options.focus_distance), own, []
     shot = shot_of(settings.id_data)
     found = []
     for x, y, frame in map(_place, options.focus_at):
@@ -315,10 +316,9 @@ def _chosen_focus(
     for place in found:
         say(f"in focus: {place.distance:.4g} away at frame {place.frame}, from {place.source}")
     if len(found) == 1:
-        return found[0].focus, found[0].frame, found[0].distances(reconstruction)
+        return found[0].focus, found[0].frame, found
     # The aperture is chosen for the first one, and stays.
-    focus = Focus(distance=found[0].distance)
-    return focus, found[0].frame, pull(found, reconstruction, shot.footage.frames)
+    return Focus(distance=found[0].distance), found[0].frame, found
 
 
 def _set_clip_files(settings: VirtualApertureSettings, solved: Solve, options: argparse.Namespace) -> None:

@@ -16,7 +16,7 @@ from ..core.camera.reconstruction import Reconstruction, typical_distance
 from ..core.media.clip import Footage
 from ..core.media.clip_identity import identity
 from ..core.sfm.workspace import default_work_dir
-from . import aperture_cloud, camera, depth_of_field, lens, point_cloud, store
+from . import aperture_cloud, camera, depth_of_field, focus_marks, lens, point_cloud, store
 from .paths import relative
 from .properties import VirtualApertureSettings
 from .shot import IDENTITY, forget
@@ -77,6 +77,7 @@ def build(
     settings.clip_identity, settings.clip_name = identity(footage.path), footage.path.name
     settings.clip_first, settings.clip_last = footage.frames[0], footage.frames[-1]
     depth_of_field.forget_scale(settings)
+    focus_marks.clear(settings)
     lens.reset(settings, int(reconstruction.frames[0]))
     aperture_cloud.update(settings)
     _set_output(scene, footage)

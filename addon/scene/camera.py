@@ -12,6 +12,8 @@ from ..core.camera.reconstruction import Floats, Image, Intrinsics, Reconstructi
 
 SENSOR = 36.0
 """Millimetres of the horizontal sensor, Blender's own default."""
+INTRINSICS = ("lens", "shift_x", "shift_y")
+"""Properties of a camera that are keyed where the intrinsics change."""
 FLIP = np.diag([1.0, -1.0, -1.0])
 """COLMAP looks along +z with y down, Blender along -z with y up."""
 
@@ -28,7 +30,7 @@ def set_intrinsics(data: bpy.types.Camera, lens: Intrinsics, frame: int | None =
     data.shift_x = -(lens.cx - lens.width / 2) / lens.width
     data.shift_y = (lens.cy - lens.height / 2) / lens.width * (lens.fx / lens.fy)
     if frame is not None:
-        for path in ("lens", "shift_x", "shift_y"):
+        for path in INTRINSICS:
             data.keyframe_insert(path, frame=frame)
 
 
@@ -49,7 +51,7 @@ def camera_matrix(image: Image) -> Matrix:
 def animate(camera: bpy.types.Object, reconstruction: Reconstruction) -> None:
     """Key location, rotation and, where they change, intrinsics on every registered frame."""
     camera.animation_data_clear()
-    camera.data.animation_data_clear()
+    _clear_intrinsics(camera.data)
     camera.rotation_mode = "QUATERNION"
     images = reconstruction.images
     rotations = _continuous([quaternion_from_matrix(i.rotation.T @ FLIP) for i in images])
@@ -67,6 +69,18 @@ def animate(camera: bpy.types.Object, reconstruction: Reconstruction) -> None:
         _make_linear(data)
 
 
+def _clear_intrinsics(data: bpy.types.Camera) -> None:
+    """Remove the keys of the intrinsics; others are the user's, as of a pull of Blender's own focus."""
+    from bpy_extras.anim_utils import action_get_channelbag_for_slot
+
+    animation = data.animation_data
+    if animation is None or animation.action is None:
+        return
+    bag = action_get_channelbag_for_slot(animation.action, animation.action_slot)
+    for curve in [curve for curve in (bag.fcurves if bag else ()) if curve.data_path in INTRINSICS]:
+        bag.fcurves.remove(curve)
+
+
 def _continuous(quaternions: Sequence[Floats]) -> Floats:
     """(k, 4) the same rotations with signs chosen so that interpolation takes the short way."""
     rows = np.array(quaternions)
@@ -76,13 +90,17 @@ def _continuous(quaternions: Sequence[Floats]) -> Floats:
 
 
 def _make_linear(data: bpy.types.ID) -> None:
+    """Linear keys, of the type Generated: the dope sheet shows the user's own among them."""
     animation = data.animation_data
     if animation is None or animation.action is None:
         return
     from bpy_extras.anim_utils import action_ensure_channelbag_for_slot
 
     bag = action_ensure_channelbag_for_slot(animation.action, animation.action_slot)
-    for curve in bag.fcurves:
+    generated = bpy.types.Keyframe.bl_rna.properties["type"].enum_items["GENERATED"].value
+    ours = (*INTRINSICS, "location", "rotation_quaternion")
+    for curve in (curve for curve in bag.fcurves if curve.data_path in ours):
         linear = np.ones(len(curve.keyframe_points), dtype=np.int32)
         curve.keyframe_points.foreach_set("interpolation", linear)
+        curve.keyframe_points.foreach_set("type", np.full(len(linear), generated, dtype=np.int32))
         curve.update()

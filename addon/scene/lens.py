@@ -21,6 +21,7 @@ from ..core.lens.focus import Focus, blur_for_radius, radius_for_blur
 from ..core.lens.highlights import HighlightSettings
 from ..core.lens.plan import LensSettings
 from ..core.lens.quality import QUALITIES
+from . import blender_focus
 from .shot import reconstruction_of
 
 _writing = False
@@ -43,7 +44,15 @@ def is_writing() -> bool:
 
 
 def focus_of(settings: bpy.types.PropertyGroup) -> Focus:
-    """The focus that the settings describe; one that raises when used where nothing is in focus.
+    """What is in focus, Blender's own focus of the camera before that of the settings; one that raises when
+    used where nothing is."""
+    own = focus_of_settings(settings)
+    distance = blender_focus.distance(settings)
+    return own if distance is None else Focus(distance=distance, tilt=own.tilt, swing=own.swing)
+
+
+def focus_of_settings(settings: bpy.types.PropertyGroup) -> Focus:
+    """The focus that the settings describe.
 
     Without picked points the distance counts, whichever is active.
     """
@@ -70,6 +79,7 @@ def focal_of(settings: bpy.types.PropertyGroup) -> Focal | None:
 
 def lens_settings(settings: bpy.types.PropertyGroup, reconstruction: Reconstruction) -> LensSettings:
     """The lens that the settings describe; UserError where they mean nothing."""
+    blender_focus.check(settings)
     return LensSettings(
         focus_of(settings), radius_of(settings, reconstruction), settings.views, settings.method,
         settings.seed, settings.borrow, settings.error,
@@ -114,13 +124,18 @@ def has_keys(settings: bpy.types.PropertyGroup, name: str) -> bool:
 
 def keys_of(settings: bpy.types.PropertyGroup, name: str) -> bpy.types.FCurve | None:
     """The keys of a property; None where it has none."""
+    bag = channels_of(settings)
+    return None if bag is None else bag.fcurves.find(settings.path_from_id(name))
+
+
+def channels_of(settings: bpy.types.PropertyGroup) -> bpy.types.ActionChannelbag | None:
+    """What holds the F-curves of the scene; None where it has none."""
     from bpy_extras.anim_utils import action_get_channelbag_for_slot
 
-    animation, path = settings.id_data.animation_data, settings.path_from_id(name)
+    animation = settings.id_data.animation_data
     if animation is None or animation.action is None:
         return None
-    bag = action_get_channelbag_for_slot(animation.action, animation.action_slot)
-    return None if bag is None else bag.fcurves.find(path)
+    return action_get_channelbag_for_slot(animation.action, animation.action_slot)
 
 
 def key_distance(settings: bpy.types.PropertyGroup) -> None:
@@ -153,24 +168,6 @@ def set_focus(settings: bpy.types.PropertyGroup, focus: Focus, frame: int) -> No
             _show_blur(settings, frame)
         else:
             _store_radius(settings, frame)
-
-
-def follow_distances(settings: bpy.types.PropertyGroup, distances: dict[int, float]) -> None:
-    """Key the focus distance, in scene units, at frames, linear between them; without any do nothing."""
-    if not distances:
-        return
-    scene, path = settings.id_data, settings.path_from_id("focus_distance")
-    shown = settings.focus_distance
-    with writing():
-        for frame, distance in distances.items():
-            settings.focus_distance = distance
-            scene.keyframe_insert(path, frame=frame)
-        settings.focus_distance = shown
-    curve = keys_of(settings, "focus_distance")
-    assert curve is not None
-    linear = np.ones(len(curve.keyframe_points), dtype=np.int32)
-    curve.keyframe_points.foreach_set("interpolation", linear)
-    curve.update()
 
 
 def clear_points(settings: bpy.types.PropertyGroup) -> None:

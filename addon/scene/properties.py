@@ -18,8 +18,9 @@ from bpy.props import (
 from ..core.lens.highlights import HighlightSettings
 from ..core.lens.meshers import MESHERS
 from ..core.lens.quality import QUALITIES
-from . import aperture_cloud, depth_of_field, lens
+from . import aperture_cloud, depth_of_field, focus_marks, lens
 from .aperture_shape import VirtualApertureShape
+from .focus_marks import VirtualApertureFocusMarks, VirtualApertureFocusPoint
 
 VERSION = 1
 MOST_TILT = 1.57
@@ -75,14 +76,6 @@ def _set_auto_views(settings: VirtualApertureSettings, auto: bool) -> None:
 
 class VirtualApertureName(bpy.types.PropertyGroup):
     """A name in a list; `name` is every property group's own."""
-
-
-class VirtualApertureFocusPoint(bpy.types.PropertyGroup):
-    """One picked feature point."""
-
-    point: IntProperty(
-        name="Point", description="ID of the point: its vertex index in the point cloud", min=0
-    )
 
 
 class VirtualApertureSettings(bpy.types.PropertyGroup):
@@ -188,6 +181,9 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
             ("DISTANCE", "Distance", "The focus distance, which can be keyed"),
         ],
         update=_edited(lens.on_focus),
+    )
+    marks: PointerProperty(
+        type=VirtualApertureFocusMarks, name="Focus Marks", description="What is in focus at which frames"
     )
     focus_points: CollectionProperty(type=VirtualApertureFocusPoint)
     focus_frame: IntProperty(name="Focus Frame", description="Frame in which the focus was picked")
@@ -397,7 +393,7 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
     )
 
 
-CLASSES = (VirtualApertureName, VirtualApertureFocusPoint, VirtualApertureShape, VirtualApertureSettings)
+CLASSES = (VirtualApertureName, *focus_marks.CLASSES, VirtualApertureShape, VirtualApertureSettings)
 
 
 def register() -> None:

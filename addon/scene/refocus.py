@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import bpy
@@ -10,9 +10,10 @@ import bpy
 from ..core.base.errors import UserError
 from ..core.camera.reconstruction import Reconstruction
 from ..core.lens.focus import Focus
-from ..core.lens.refocus import carry_focus
+from ..core.lens.focus_pull import FocusMark
+from ..core.lens.refocus import carry_focus, carry_place
 from ..core.media.find_clip import is_clip
-from . import lens
+from . import blender_focus, focus_marks, lens
 from .shot import reconstruction_of
 
 LENGTHS = ("focus_distance", "aperture_radius")
@@ -31,6 +32,11 @@ class KeptFocus:
     """None while the blur has not chosen it."""
     metres_per_unit: float
     """0 where it is not known."""
+    marks: tuple[FocusMark, ...] = ()
+    are_keys_users: bool = False
+    """Whether the marks had left the keys to the user."""
+    is_first: bool = False
+    """Whether nobody had picked the focus."""
 
 
 def keep_focus(settings: bpy.types.PropertyGroup, clip: Path) -> KeptFocus | None:
@@ -46,11 +52,15 @@ def keep_focus(settings: bpy.types.PropertyGroup, clip: Path) -> KeptFocus | Non
     if not focus.points and focus.distance is None and not scale:
         return None
     radius = settings.aperture_radius if settings.use_radius else None
+    marks = focus_marks.marks_of(settings) if focus_marks.say_the_focus(settings) else []
     try:
         old = reconstruction_of(settings)
     except UserError:
         return None
-    return KeptFocus(old, focus, settings.focus_frame, settings.focus_by, radius, scale)
+    return KeptFocus(
+        old, focus, settings.focus_frame, settings.focus_by, radius, scale,
+        tuple(marks), focus_marks.are_keys_users(settings), settings.marks.is_first,
+    )  # fmt: skip
 
 
 def restore_focus(settings: bpy.types.PropertyGroup, kept: KeptFocus, new: Reconstruction) -> str:
@@ -72,7 +82,16 @@ def restore_focus(settings: bpy.types.PropertyGroup, kept: KeptFocus, new: Recon
             settings.aperture_radius = kept.radius * carried.scale
     settings.metres_per_unit = kept.metres_per_unit / carried.scale
     for name in LENGTHS:
-        _scale_keys(settings, name, carried.scale)
+        _scale_keys(lens.keys_of(settings, name), carried.scale)
+    _scale_keys(blender_focus.keys_of(settings), carried.scale)
+    if kept.marks:
+        carried_marks = [
+            replace(mark, places=tuple(carry_place(kept.reconstruction, new, place) for place in mark.places))
+            for mark in kept.marks
+        ]
+        settings.marks.left = kept.are_keys_users
+        focus_marks.replace_all(settings, carried_marks)
+        settings.marks.is_first = kept.is_first
     if has_points or kept.by != "POINTS" or not kept.focus.points:
         return ""
     if settings.focus_distance:
@@ -80,8 +99,7 @@ def restore_focus(settings: bpy.types.PropertyGroup, kept: KeptFocus, new: Recon
     return "The points in focus were not found again: pick the focus again"
 
 
-def _scale_keys(settings: bpy.types.PropertyGroup, name: str, scale: float) -> None:
-    curve = lens.keys_of(settings, name)
+def _scale_keys(curve: bpy.types.FCurve | None, scale: float) -> None:
     if curve is None:
         return
     for key in curve.keyframe_points:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ..render import background, engine, frame_notes, viewport
-from ..scene import clip, exr, main_thread, passes, paths, properties, shot
+from ..scene import clip, exr, focus_sync, main_thread, passes, paths, properties, shot
 from ..scene import preferences as user_preferences
 from . import (
     choose_clip,
@@ -14,16 +14,19 @@ from . import (
     file_import,
     find_clip,
     focus,
+    focus_list,
     import_solve,
     inspect,
     lens_presets,
     operators,
     panels,
+    pick_focus,
     points_overlay,
     preferences,
     preview,
     report_list,
     set_scale,
+    thumbnails,
 )
 
 CLASSES = (
@@ -34,6 +37,8 @@ CLASSES = (
     *operators.CLASSES,
     *find_clip.CLASSES,
     *focus.CLASSES,
+    *focus_list.CLASSES,
+    *pick_focus.CLASSES,
     *import_solve.CLASSES,
     *file_import.CLASSES,
     *inspect.CLASSES,
@@ -57,7 +62,9 @@ def register() -> None:
     lens_presets.register()
     paths.register()
     exr.register()
+    focus_sync.register()
     points_overlay.register()
+    thumbnails.register()
     background.register()
     frame_notes.register()
     viewport.register()
@@ -71,6 +78,7 @@ def unregister() -> None:
     frame_notes.unregister()
     main_thread.stop()
     depth_ahead.unregister()
+    focus_sync.unregister()
     exr.unregister()
     paths.unregister()
     background.unregister()
@@ -78,6 +86,7 @@ def unregister() -> None:
     file_import.unregister()
     engine_panels.unregister()
     clip.forget()
+    thumbnails.unregister()
     points_overlay.unregister()
     shot.forget()
     for cls in reversed(CLASSES):

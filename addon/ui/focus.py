@@ -1,22 +1,60 @@
-"""Operators of the focus: pick points, and forget them."""
+"""Operators of the focus: from vertices, and the list of focus marks."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import bmesh
 import bpy
+import numpy as np
 
-from ..core.base.counting import counted
 from ..core.base.errors import UserError
-from ..scene import aperture_cloud, lens
+from ..core.lens.focus import Focus
+from ..core.lens.focus_place import Place
+from ..scene import aperture_cloud, blender_focus, focus_marks, lens
 from ..scene.point_cloud import ID_ATTRIBUTE
 from ..scene.shot import reconstruction_of
 from .operators import Result, has_solve, reported
 
 
+def focus_on(
+    settings: bpy.types.PropertyGroup, frame: int, places: Sequence[Place], add: bool = False
+) -> str:
+    """Put places in focus at a frame, as `focus_marks.put`; what was done, in a line.
+
+    Where the focus distance has keys of the user's, the pick is the next of them. UserError where the
+    camera's own distance is animated.
+    """
+    released = blender_focus.release(settings)
+    told = f"; {released} is no longer" if released else ""
+    if focus_marks.are_keys_users(settings):
+        inverse = float(np.mean([1 / place.distance for place in places]))
+        lens.set_focus(settings, replace(lens.focus_of(settings), points=(), distance=1 / inverse), frame)
+        # The points alone would hide it.
+        lens.key_distance(settings)
+        said = f"The focus distance is keyed at frame {settings.id_data.frame_current}"
+    else:
+        mark = focus_marks.put(settings, frame, places, add)
+        away = length(settings.id_data, mark.distance)
+        marks = len(settings.marks.items)
+        pulled = f", mark {settings.marks.active + 1} of {marks}" if marks > 1 else ""
+        said = f"In focus at frame {frame}: {mark.name}, {away} away{pulled}"
+    aperture_cloud.update(settings)
+    return said + told
+
+
+def length(scene: bpy.types.Scene, distance: float) -> str:
+    """A length in scene units as the panels write it."""
+    system = scene.unit_settings.system
+    if system == "NONE":
+        return f"{distance:.3g}"
+    scaled = distance * scene.unit_settings.scale_length
+    return str(bpy.utils.units.to_string(system, "LENGTH", scaled, precision=3))
+
+
 class VIRTUAL_APERTURE_OT_set_focus(bpy.types.Operator):  # noqa: N801
-    """Put the selected vertices of the point cloud in focus: two at least, four are better"""
+    """Put the selected vertices of the point cloud in focus: one at least, four are better"""
 
     bl_idname = "virtual_aperture.set_focus"
     bl_label = "Set Focus from Selected Vertices"
@@ -36,35 +74,30 @@ class VIRTUAL_APERTURE_OT_set_focus(bpy.types.Operator):  # noqa: N801
     def execute(self, context: bpy.types.Context) -> Result:
         settings = context.scene.virtual_aperture
         ids = selected_points(settings.points)
-        if len(ids) < 2:
-            are = "vertex is" if len(ids) == 1 else "vertices are"
-            raise UserError(f"{len(ids)} {are} selected; select at least two on what is to be in focus")
+        if not ids:
+            raise UserError("no vertex is selected; select some on what is to be in focus, four are better")
         reconstruction = reconstruction_of(settings)
         if len(ids) == len(reconstruction.points):
             raise UserError(
                 f"all {len(ids)} vertices are selected; press Alt A to select none, then select some on what"
                 " is to be in focus"
             )
-        focus = replace(lens.focus_of(settings), points=tuple(ids), distance=None)
+        own = lens.focus_of_settings(settings)
+        focus = Focus(tuple(ids), through_points=own.through_points)
         image, _ = reconstruction.image_at(context.scene.frame_current)
         frame = image.frame
         # Whether there is a plane through them.
         focus.lens(reconstruction, frame, reconstruction.intrinsics(image).without_distortion(), 1.0)
+        distance = 1 / focus.inverse_depth(reconstruction, frame)
         # In Edit Mode only the mesh can be undone, and the points' colours are hidden.
         bpy.ops.object.mode_set(mode="OBJECT")
-        lens.set_focus(settings, focus, frame)
-        said = f"{counted(len(ids), 'point')} are in focus"
-        if lens.has_keys(settings, "focus_distance"):
-            # In a pull the next pick is the next key: the points alone would hide it.
-            lens.key_distance(settings)
-            said = f"the focus distance is keyed at frame {context.scene.frame_current}"
-        aperture_cloud.update(settings)
-        self.report({"INFO"}, said[0].upper() + said[1:])
+        place = Place(focus, frame, distance, "selected vertices")
+        self.report({"INFO"}, focus_on(settings, frame, [place]))
         return {"FINISHED"}
 
 
 class VIRTUAL_APERTURE_OT_clear_focus(bpy.types.Operator):  # noqa: N801
-    """Forget the picked points: the focus stays where it is, at the focus distance"""
+    """Forget what was picked: the focus stays where it is, at the focus distance"""
 
     bl_idname = "virtual_aperture.clear_focus"
     bl_label = "Clear Focus"
@@ -72,15 +105,18 @@ class VIRTUAL_APERTURE_OT_clear_focus(bpy.types.Operator):  # noqa: N801
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if len(context.scene.virtual_aperture.focus_points):
+        settings = context.scene.virtual_aperture
+        if len(settings.focus_points) or len(settings.marks.items):
             return True
-        cls.poll_message_set("No points are picked")
+        cls.poll_message_set("Nothing is picked")
         return False
 
     def execute(self, context: bpy.types.Context) -> Result:
         settings = context.scene.virtual_aperture
+        focus_marks.clear(settings)
         lens.clear_points(settings)
         aperture_cloud.update(settings)
+        self.report({"INFO"}, "Nothing is picked any more; the focus stays at its distance")
         return {"FINISHED"}
 
 

@@ -15,7 +15,7 @@ from ..core.sfm.workspace import check_replaceable, holds_solve, keep_import
 from ..scene.clip import footage_path, work_dir
 from ..scene.movieclip import read_movie_clip
 from . import depth_ahead
-from .operators import Result, build_scene, has_clip, report_hidden, reported
+from .operators import Result, build_scene, has_clip, report_hidden, reported, solved_words
 
 
 class Import:
@@ -57,7 +57,7 @@ class Import:
         solve, refocus = build_scene(context.scene, footage, folder)
         depth_ahead.begin_after_solve(folder)
         report_hidden(self, context.scene)
-        self.report({"INFO"}, f"{found.format}: {solve.summary}")
+        self.report({"INFO"}, f"{found.format}: {solved_words(context.scene, solve.summary)}")
         for note in (*found.notes, *([refocus] if refocus else [])):
             self.report({"WARNING"}, note)
         return {"FINISHED"}

@@ -18,7 +18,7 @@ from ..core.media.clip import Footage
 from ..core.sfm.process import Progress, SolveProcess
 from ..core.sfm.state import STATE
 from ..core.sfm.workspace import Solve, imported_from, load_solve
-from ..scene import aperture_cloud
+from ..scene import aperture_cloud, focus_marks
 from ..scene.build import build
 from ..scene.clip import footage_path, solved_clip_path, work_dir
 from ..scene.lens import focal_of, is_in_focus, lens_settings
@@ -56,7 +56,7 @@ def has_focus(cls: Any, context: bpy.types.Context) -> bool:
         return False
     if is_in_focus(settings):
         return True
-    cls.poll_message_set("Select two or more vertices of the point cloud and set the focus first")
+    cls.poll_message_set("Pick what is to be sharp first: Pick Focus")
     return False
 
 
@@ -97,7 +97,10 @@ def build_scene(scene: bpy.types.Scene, footage: Footage, folder: Path) -> tuple
     note = ""
     if kept is not None:
         note = restore_focus(settings, kept, solve.reconstruction)
-        aperture_cloud.update(settings)
+    else:
+        # So that the first render shows the effect.
+        focus_marks.set_first(settings, solve.reconstruction)
+    aperture_cloud.update(settings)
     after_solve.show(scene, solve.reconstruction)
     return solve, note
 
@@ -112,6 +115,12 @@ def kept_words(folder: Path) -> str:
         return f"Solve of {made}"
     registered = f"{quality.registered} of {quality.frames} frames"
     return f"{kind} of {made}: {registered}, {counted(quality.points, 'point')}"
+
+
+def solved_words(scene: bpy.types.Scene, summary: str) -> str:
+    """One line of what was solved, and what was put in focus."""
+    first = "; the nearest large thing round the middle is in focus: Pick Focus sets another"
+    return summary + (first if scene.virtual_aperture.marks.is_first else "")
 
 
 def report_hidden(operator: bpy.types.Operator, scene: bpy.types.Scene) -> None:
@@ -300,7 +309,7 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
         report_hidden(self, scene)
         if note:
             self.report({"WARNING"}, note)
-        self.report({"INFO"}, solve.summary)
+        self.report({"INFO"}, solved_words(scene, solve.summary))
         return {"FINISHED"}
 
     def _end(self, context: bpy.types.Context) -> None:

@@ -16,7 +16,7 @@ from addon.core.lens.clip_context import ClipContext
 from addon.core.lens.focus import Focus
 from addon.core.lens.focus_follow import follow
 from addon.core.lens.focus_place import Place, find_place
-from addon.core.lens.focus_pull import inverse_depths, pull
+from addon.core.lens.focus_pull import FocusMark, inverse_depths, pull
 
 from ..scenes import texture
 
@@ -129,10 +129,10 @@ def test_a_pick_on_a_mover_is_followed_and_can_be_pulled_to() -> None:
     depth, right = card(PICKED)
     found = find_place(clip, PICKED, (160 + 280 * right / depth) / SIZE[0], 0.5)
     assert "it moves by itself and is followed from frame" in found.source
-    assert found.distances(clip.reconstruction)[5] == pytest.approx(card(5)[0], rel=0.01)
+    assert found.followed[5] == pytest.approx(card(5)[0], rel=0.01)
     wall = find_place(clip, 3, 0.95, 0.5)
     assert wall.distance == pytest.approx(WALL, rel=1e-3)
-    told = pull([wall, found], clip.reconstruction, FRAMES)
+    told = pull([FocusMark.of(wall), FocusMark.of(found)], clip.reconstruction, FRAMES)
     assert told[2] == pytest.approx(WALL, rel=1e-3)
     for frame in FRAMES[PICKED - 1 : -2]:
         assert told[frame] == pytest.approx(card(frame)[0], rel=0.01)

@@ -11,6 +11,7 @@ import pytest
 from addon.cli.main import run_command
 from addon.core.base.errors import UserError
 from addon.core.lens.focus_place import NEAR, find_place
+from addon.core.lens.focus_pull import inverse_depths
 from addon.core.media.clip import open_footage
 from addon.core.readers.colmap_export import write_model
 from addon.scene.shot import Shot
@@ -44,9 +45,9 @@ def test_a_place_without_points_has_its_dense_depth(shot: Shot) -> None:
     assert found.focus.points == () and found.focus.distance == found.distance
     assert "dense depth" in found.source
     # It is followed as a place that stands still.
-    for frame, distance in found.distances(shot.reconstruction).items():
-        assert distance == pytest.approx(PLANE - CENTRES[frame - 1, 2], rel=0.02)
-    assert len(found.distances(shot.reconstruction)) == len(CENTRES)
+    frames = range(1, len(CENTRES) + 1)
+    told = 1 / inverse_depths(found, shot.reconstruction, frames)
+    assert told == pytest.approx(PLANE - CENTRES[:, 2], rel=0.02)
 
 
 def test_a_place_amid_points_is_theirs() -> None:
@@ -57,7 +58,7 @@ def test_a_place_amid_points_is_theirs() -> None:
     assert found.distance == pytest.approx(4.0, rel=1e-6)
     assert found.source.startswith("points ") and "px of the place" in found.source
     assert float(found.source.split("within ")[1].split()[0]) <= NEAR * WIDTH
-    assert found.distances(poses(CENTRES, xyz)) == {}
+    assert found.world is None and not found.followed
 
 
 def test_where_nothing_is_known_it_is_refused(tmp_path: Path) -> None:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
 from addon.core.lens.focus import Focus
 from addon.core.lens.focus_place import Place
-from addon.core.lens.focus_pull import pull, smoothstep
+from addon.core.lens.focus_pull import FocusMark, smoothstep, unseen
+from addon.core.lens.focus_pull import pull as pull_marks
 from sample_scenes import rack
 from sample_scenes.filming import true_cameras
 
@@ -35,6 +38,11 @@ def at_points(frame: int, *points: int) -> Place:
 
 def at_distance(frame: int, distance: float) -> Place:
     return Place(Focus(distance=distance), frame, distance, "a mover")
+
+
+def pull(places: list[Place], cameras: Reconstruction, frames: Sequence[int]) -> dict[int, float]:
+    """Each place as a mark at its own frame."""
+    return pull_marks([FocusMark.of(place) for place in places], cameras, frames)
 
 
 NEAR, FAR = at_points(3, 0, 1), at_points(9, 2, 3)
@@ -95,6 +103,35 @@ def test_points_that_no_frame_shows_for_a_while_are_carried() -> None:
     assert [Focus((0, 1)).inverse_depth(clip, frame) for frame in FRAMES] == pytest.approx(
         [1 / (4 - 0.1 * (frame - 1)) for frame in FRAMES]
     )
+
+
+def test_an_even_pull_is_linear_in_inverse_depth() -> None:
+    told = pull_marks([FocusMark.of(NEAR), FocusMark(9, (FAR,), smooth=False)], walk(), FRAMES)
+    inverse = np.array([1 / told[frame] for frame in range(3, 10)])
+    assert np.diff(inverse) == pytest.approx(np.full(6, (1 / 12 - 1 / 4) / 6))
+
+
+def test_of_several_places_the_mean_inverse_depth_is_in_focus() -> None:
+    both = FocusMark(5, (NEAR, FAR))
+    assert list(pull_marks([both], walk(), FRAMES).values()) == pytest.approx([6.0] * len(FRAMES))
+
+
+def test_a_mark_may_lie_at_another_frame_than_it_was_picked_in() -> None:
+    told = pull_marks([FocusMark(1, (NEAR,)), FocusMark(2, (FAR,))], walk(0.1), FRAMES)
+    assert told[1] == pytest.approx(4.0)
+    assert told[11] == pytest.approx(12 - 0.1 * 10)
+
+
+def test_frames_that_do_not_show_a_mark_are_told() -> None:
+    # No frame observed the points; the place in the world lies ahead, in the middle of the picture.
+    middle = Place(Focus(distance=1.15), 1, 1.15, "dense depth", np.array([0.0, 0.0, 1.15]))
+    clip = walk(0.3)
+    assert unseen([FocusMark.of(middle)], clip, FRAMES) == [5, 6, 7, 8, 9, 10, 11]
+    assert unseen([FocusMark.of(at_distance(1, 5.0))], clip, FRAMES) == []
+    # From the next mark on it is not followed.
+    marks = [FocusMark.of(middle), FocusMark(7, (at_distance(7, 5.0),))]
+    assert unseen(marks, clip, FRAMES) == [5, 6]
+    assert unseen([FocusMark(1, (middle, NEAR))], clip, (4, 5)) == [5]
 
 
 def test_three_marks_make_the_pull_of_the_scene_rack() -> None:

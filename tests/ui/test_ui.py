@@ -52,7 +52,7 @@ def test_buttons_say_why_they_are_disabled(scene: bpy.types.Scene, tmp_path: Pat
     build(scene, shot.footage, shot.reconstruction)
     with pytest.raises(RuntimeError, match="press Tab for Edit Mode"):
         bpy.ops.virtual_aperture.set_focus()
-    with pytest.raises(RuntimeError, match="set the focus first"):
+    with pytest.raises(RuntimeError, match="Pick what is to be sharp first"):
         bpy.ops.virtual_aperture.render_clip()
 
 
@@ -60,9 +60,12 @@ def test_focus_from_selected_vertices(scene: bpy.types.Scene, tmp_path: Path) ->
     shot = slanted_shot(tmp_path, LENS)
     settings = build(scene, shot.footage, shot.reconstruction)
     scene.frame_set(2)
-    select(settings.points, (7,))
-    with pytest.raises(RuntimeError, match="1 vertex is selected; select at least two"):
+    select(settings.points, ())
+    with pytest.raises(RuntimeError, match="no vertex is selected"):
         bpy.ops.virtual_aperture.set_focus()
+    select(settings.points, (7,))
+    assert bpy.ops.virtual_aperture.set_focus() == {"FINISHED"}
+    assert [entry.point for entry in settings.focus_points] == [7]
     select(settings.points, (7, 11, 30))
     assert bpy.ops.virtual_aperture.set_focus() == {"FINISHED"}
     assert [entry.point for entry in settings.focus_points] == [7, 11, 30]
@@ -135,22 +138,28 @@ def test_panels_show_the_next_step(scene: bpy.types.Scene, tmp_path: Path) -> No
     props, operators, texts = drawn(closed=False)
     assert "Choose a clip" in texts
     assert {"focus_distance", "blur", "aperture_radius", "filepath", "frame_start", "quality"} <= props
-    names = ("choose_clip", "solve", "set_focus", "preview", "render_frame", "render_clip")
+    names = ("choose_clip", "solve", "pick_focus", "preview", "render_frame", "render_clip")
     assert {f"virtual_aperture.{name}" for name in names} == operators
     shot = slanted_shot(tmp_path, LENS)
     settings = scene.virtual_aperture
     settings.footage = str(shot.footage.path)
     assert "Solve the clip" in drawn(closed=False)[2]
     build(scene, shot.footage, shot.reconstruction)
-    assert "Press Tab" in drawn(closed=False)[2]
+    assert "Press Pick Focus" in drawn(closed=False)[2]
     select(settings.points, (7, 11, 30))
-    assert "Select two or more vertices" in drawn(closed=False)[2]
+    _, operators, texts = drawn(closed=False)
+    assert "Select vertices" in texts and "virtual_aperture.set_focus" in operators
     bpy.ops.virtual_aperture.set_focus()
     props, operators, texts = drawn(closed=False)
     assert "virtual_aperture.set_scale" in operators and "F-Stop" in texts
-    assert "Ready to render" in texts and "3 points, picked at frame 1" in texts
-    assert "virtual_aperture.clear_focus" in operators
-    assert {"focus_by", "(focus_distance)"} <= props
+    assert "Ready to render" in texts
+    assert {"virtual_aperture.hold_focus", "virtual_aperture.remove_focus_mark"} <= operators
+    assert {"focus_object", "(focus_distance)"} <= props
+    # What an older file holds.
+    settings.marks.items.clear()
+    props, operators, texts = drawn(closed=False)
+    assert "3 points, picked at frame 1" in texts
+    assert "virtual_aperture.clear_focus" in operators and "focus_by" in props
     settings.focus_distance = 7.0
     assert "focus_distance" in drawn(closed=False)[0]
     scene.render.filepath = "//out/"

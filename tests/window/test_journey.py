@@ -234,11 +234,14 @@ def test_pick_points(program: Program) -> None:
 
 def test_focus_is_undone_and_redone(program: Program) -> None:
     first_window(program)
-    count = program.ask(f"len({SETTINGS}.focus_points)")
+    points = f"[entry.point for entry in {SETTINGS}.focus_points]"
+    picked = program.ask(points)
     program.screen.key("ctrl+z")
-    program.wait(f"len({SETTINGS}.focus_points) == 0")
+    # What was in focus after the solve, which nobody had picked.
+    program.wait(f"{SETTINGS}.marks.is_first")
+    assert program.ask(points) != picked
     program.screen.key("ctrl+shift+z")
-    program.wait(f"len({SETTINGS}.focus_points) == {count}")
+    program.wait(f"{points} == {picked}")
 
 
 @pytest.mark.parametrize(

@@ -2,26 +2,37 @@
 
 from __future__ import annotations
 
+import threading
 from collections import OrderedDict
 from collections.abc import Callable
 
 
 class LRUCache[V]:
-    """Values by frame; the least recently asked for are forgotten, the last one never."""
+    """Values by frame; the least recently asked for are forgotten, the last one never.
+
+    Several threads may ask; two that ask for the same value at once may both make it.
+    """
 
     def __init__(self, limit: int, size: Callable[[V], int] = lambda value: 1) -> None:
         """At most `limit` of the sum of the values' sizes is kept."""
         self._limit, self._size = limit, size
         self._kept: OrderedDict[int, V] = OrderedDict()
+        self._lock = threading.Lock()
 
     def __contains__(self, frame: int) -> bool:
         return frame in self._kept
 
     def get(self, frame: int, make: Callable[[], V]) -> V:
         """A frame's value, made if need be."""
-        if frame not in self._kept:
-            self._kept[frame] = make()
+        with self._lock:
+            if frame in self._kept:
+                self._kept.move_to_end(frame)
+                return self._kept[frame]
+        # Not in the lock: making may take seconds, and ask other caches.
+        value = make()
+        with self._lock:
+            self._kept[frame] = value
+            self._kept.move_to_end(frame)
             while len(self._kept) > 1 and sum(map(self._size, self._kept.values())) > self._limit:
                 self._kept.popitem(last=False)
-        self._kept.move_to_end(frame)
-        return self._kept[frame]
+        return value

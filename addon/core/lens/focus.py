@@ -146,6 +146,14 @@ def pick(
     click, and which differ little: so a click beside a silhouette does not focus between subject and
     background, nor one on a slope before or behind the place.
     """
+    check_place(reconstruction, frame, x, y)
+    image, _ = reconstruction.image_at(frame)
+    canvas = Canvas(reconstruction.intrinsics(image))
+    return pick_features(frame_features(reconstruction, frame, canvas), canvas, x, y, options)
+
+
+def check_place(reconstruction: Reconstruction, frame: int, x: float, y: float) -> None:
+    """UserError for fractions x, y outside of the picture, and for a frame without a camera of its own."""
     if not (0 <= x <= 1 and 0 <= y <= 1):
         raise UserError(f"focus at {x:g},{y:g} is outside the picture; both must be between 0 and 1")
     if frame not in reconstruction.frames:
@@ -155,11 +163,16 @@ def pick(
         raise UserError(
             f"frame {frame} has no camera to pick a focus in; registered frames are {first} to {last}"
         )
-    image, _ = reconstruction.image_at(frame)
-    canvas = Canvas(reconstruction.intrinsics(image))
-    features = frame_features(reconstruction, frame, canvas)
+
+
+def pick_features(
+    features: FrameFeatures, canvas: Canvas, x: float, y: float, options: PickOptions = PickOptions()
+) -> Focus:
+    """What is `pick`, of a frame's features on its canvas; UserError where they are fewer than two."""
     if len(features.points) < 2:
-        raise UserError(f"frame {frame} has fewer than two feature points; pick the focus in another frame")
+        raise UserError(
+            f"frame {features.frame} has fewer than two feature points; pick the focus in another frame"
+        )
     click = canvas.features_from_source(np.array([[x * canvas.lens.width, y * canvas.lens.height]]))
     distance = np.linalg.norm(features.observed - click, axis=1)
     near = np.argsort(distance, kind="stable")[: 3 * options.points]

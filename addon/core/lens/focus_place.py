@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -11,9 +12,9 @@ from ..base.errors import UserError
 from ..camera.canvas import Canvas
 from ..camera.reconstruction import Floats, Reconstruction
 from ..depth.multi_view_stereo import DenseDepth
-from ..depth.sparse import frame_features
+from ..depth.sparse import FrameFeatures, frame_features
 from .clip_context import ClipContext
-from .focus import Focus, pick
+from .focus import Focus, check_place, check_points, pick_features
 from .focus_follow import follow
 from .frame import NOTHING, SURE
 
@@ -21,6 +22,10 @@ NEAR = 0.06
 """Of the picture's width, how far from a place the farthest of its four points may be. Measured on the sample
 clip with holes cut into its points: so near, nine picks of ten are within a tenth of the range of inverse
 depths from the dense depth; at 0.1 one of four is not, at 0.2 every second one."""
+
+OTHER = 0.1
+"""Relative difference of inverse depths from which on points around a pixel are not on what it shows. By eye,
+at silhouettes of the sample clip."""
 
 
 @dataclass(frozen=True)
@@ -37,16 +42,139 @@ class Place:
     """(3,) where the place is, of one that no points follow and that stands still."""
     followed: Mapping[int, float] = field(default_factory=dict)
     """Distances by frame of a place on what moves by itself, as far as it could be followed."""
+    xy: tuple[float, float] | None = None
+    """Fractions of the picture at which it was picked, (0, 0) top left."""
 
-    def distances(self, reconstruction: Reconstruction) -> dict[int, float]:
-        """By registered frame the depth of `world`, where it lies ahead of the camera, or what was
-        followed."""
-        if self.followed:
-            return dict(self.followed)
-        if self.world is None:
-            return {}
-        depths = {image.frame: float(image.to_camera(self.world)[2]) for image in reconstruction.images}
-        return {frame: depth for frame, depth in depths.items() if depth > 0}
+
+@dataclass(frozen=True)
+class Glance:
+    """What can be told of a place at once, while the mouse moves."""
+
+    distance: float | None
+    """Depth along the optical axis, in the reconstruction's unit; None where it would have to be found."""
+    places: Floats
+    """(n, 2) fractions of the picture at which the features are seen that it was told from; none where depth
+    of the pixel told it."""
+
+
+class PlaceFinder:
+    """Places of one registered frame; its features and the depth that is known of it are read once.
+
+    `use_known` lets depth of the pixel that need not be found, where it is sure, count before features around
+    that lie on something else. The result then depends on what was found before.
+    """
+
+    def __init__(self, clip: ClipContext, frame: int, use_known: bool = False) -> None:
+        """UserError for a frame without a camera of its own."""
+        self.frame = frame
+        self._clip, self._rec, self._use_known = clip, clip.reconstruction, use_known
+        check_place(self._rec, frame, 0.5, 0.5)
+        self._image, _ = self._rec.image_at(frame)
+        self._canvas = Canvas(self._rec.intrinsics(self._image))
+
+    def glance(self, x: float, y: float) -> Glance:
+        """What is known of fractions x, y of the picture without finding anything."""
+        known = self._known_depth(x, y) if self._use_known else None
+        points, _ = self._points(x, y)
+        if points is not None and not self._is_other(points, known):
+            return Glance(1 / self._inverse_depth(points), self._seen_at(points))
+        return Glance(1 / known if known else None, np.zeros((0, 2)))
+
+    def find(self, x: float, y: float) -> Place:
+        """What is `find_place`."""
+        check_place(self._rec, self.frame, x, y)
+        canvas, frame = self._canvas, self.frame
+        points, away = self._points(x, y)
+        known = self._known_depth(x, y) if self._use_known else None
+        if points is not None and not self._is_other(points, known):
+            told = ", ".join(map(str, points.points))
+            source = f"points {told}, within {away:.0f} px of the place"
+            return Place(points, frame, 1 / self._inverse_depth(points), source, xy=(x, y))
+        if points is not None:
+            beside = "the points around lie on something else"
+        else:
+            beside = f"no four points are within {NEAR * canvas.lens.width:.0f} px of the place"
+        click = self._click(x, y)
+        given = _given(self._clip, frame, canvas, click)
+        if given is not None:
+            inverse, source, moves = given, f"your depth maps; {beside}", False
+        else:
+            inverse, confidence, moves = _dense(self._clip.stereo.at(frame), canvas, click)
+            source = f"the clip's dense depth, {100 * confidence:.0f} % sure; {beside}"
+            if not confidence > SURE:
+                inverse = 0.0
+        if not inverse > 0:
+            nearest = f"its points are {away:.0f} px away" if np.isfinite(away) else "it has no points"
+            raise UserError(
+                f"nothing is known of the depth at {x:g},{y:g} of frame {frame}: {nearest}, and the clip's"
+                " dense depth is not sure there; focus on a place with texture at the same distance, or give"
+                " points or a distance"
+            )
+        distance = 1 / inverse
+        if moves:
+            at = np.array([x * canvas.lens.width, y * canvas.lens.height])
+            followed = follow(self._clip, frame, at, inverse)
+            first, last = min(followed), max(followed)
+            told = (
+                f"and is followed from frame {first} to {last}" if last > first else "and cannot be followed"
+            )
+            # With the others: one depth alone may be off.
+            distance = followed[frame]
+            where = f"{source}; it moves by itself {told}"
+            return Place(Focus(distance=distance), frame, distance, where, followed=followed, xy=(x, y))
+        pinhole = canvas.pinhole
+        ray = np.append((click - pinhole.principal_point) / pinhole.focal, 1.0)
+        world = self._image.rotation.T @ (distance * ray - self._image.translation)
+        return Place(Focus(distance=distance), frame, distance, source, world, xy=(x, y))
+
+    @cached_property
+    def _features(self) -> FrameFeatures:
+        return frame_features(self._rec, self.frame, self._canvas)
+
+    @cached_property
+    def _known(self) -> DenseDepth | None:
+        return self._clip.stereo.kept(self.frame)
+
+    def _click(self, x: float, y: float) -> Floats:
+        """(2,) pixels of the canvas."""
+        lens = self._canvas.lens
+        return np.asarray(self._canvas.features_from_source(np.array([[x * lens.width, y * lens.height]]))[0])
+
+    def _points(self, x: float, y: float) -> tuple[Focus | None, float]:
+        """The points for a place where they are near, and how far, in pixels of the source frame, the
+        farthest of them, or of those that are too far, is."""
+        # Without features the frame may have depth.
+        if len(self._features.points) < 2:
+            return None, float("inf")
+        focus = pick_features(self._features, self._canvas, x, y)
+        width, height = self._canvas.lens.width, self._canvas.lens.height
+        seen = self._seen_at(focus) * [width, height]
+        away = float(np.linalg.norm(seen - [x * width, y * height], axis=1).max())
+        return (focus if away <= NEAR * width else None), away
+
+    def _seen_at(self, focus: Focus) -> Floats:
+        """(n, 2) fractions of the picture at which the frame shows the points in focus."""
+        lens = self._canvas.lens
+        observed = self._features.observed[np.isin(self._features.points, focus.points)]
+        return np.asarray(self._canvas.features_to_source(observed) / [lens.width, lens.height])
+
+    def _inverse_depth(self, focus: Focus) -> float:
+        return focus.inverse_depth(self._rec, self.frame)
+
+    def _is_other(self, points: Focus, known: float | None) -> bool:
+        """Whether depth that is known of the pixel says that points around it are on something else."""
+        return known is not None and abs(self._inverse_depth(points) - known) > OTHER * known
+
+    def _known_depth(self, x: float, y: float) -> float | None:
+        """Inverse depth that the user's maps or kept depth tell of a place; None where they are not sure."""
+        click = self._click(x, y)
+        given = _given(self._clip, self.frame, self._canvas, click)
+        if given is not None:
+            return given if given > 0 else None
+        if self._known is None:
+            return None
+        inverse, confidence, _ = _dense(self._known, self._canvas, click)
+        return inverse if confidence > SURE and inverse > 0 else None
 
 
 def find_place(clip: ClipContext, frame: int, x: float, y: float) -> Place:
@@ -55,73 +183,8 @@ def find_place(clip: ClipContext, frame: int, x: float, y: float) -> Place:
     The points around, where four are near (`NEAR`); else the depth of the very pixel, the user's own or the
     clip's. Raises UserError where nothing is known of the place, and as `pick` does.
     """
-    reconstruction = clip.reconstruction
-    away = float("inf")
-    try:
-        focus = pick(reconstruction, frame, x, y)
-    except UserError:
-        # Without features the frame may have depth; any other reason stands.
-        if not _has_no_features(reconstruction, frame):
-            raise
-    else:
-        away = _farthest(reconstruction, frame, focus, x, y)
-        if away <= NEAR * _width(reconstruction, frame):
-            distance = 1 / focus.inverse_depth(reconstruction, frame)
-            points = ", ".join(map(str, focus.points))
-            return Place(focus, frame, distance, f"points {points}, within {away:.0f} px of the place")
-    image, _ = reconstruction.image_at(frame)
-    canvas = Canvas(reconstruction.intrinsics(image))
-    click = canvas.features_from_source(np.array([[x * canvas.lens.width, y * canvas.lens.height]]))[0]
-    beside = f"no four points are within {NEAR * canvas.lens.width:.0f} px of the place"
-    given = _given(clip, frame, canvas, click)
-    if given is not None:
-        inverse, source, moves = given, f"your depth maps; {beside}", False
-    else:
-        inverse, confidence, moves = _dense(clip.stereo.at(frame), canvas, click)
-        source = f"the clip's dense depth, {100 * confidence:.0f} % sure; {beside}"
-        if not confidence > SURE:
-            inverse = 0.0
-    if not inverse > 0:
-        nearest = f"its points are {away:.0f} px away" if np.isfinite(away) else "it has no points"
-        raise UserError(
-            f"nothing is known of the depth at {x:g},{y:g} of frame {frame}: {nearest}, and the clip's dense"
-            " depth is not sure there; focus on a place with texture at the same distance, or give points or"
-            " a distance"
-        )
-    distance = 1 / inverse
-    if moves:
-        at = np.array([x * canvas.lens.width, y * canvas.lens.height])
-        followed = follow(clip, frame, at, inverse)
-        first, last = min(followed), max(followed)
-        told = f"and is followed from frame {first} to {last}" if last > first else "and cannot be followed"
-        # With the others: one depth alone may be off.
-        distance = followed[frame]
-        where = f"{source}; it moves by itself {told}"
-        return Place(Focus(distance=distance), frame, distance, where, followed=followed)
-    pinhole = canvas.pinhole
-    ray = np.append((click - pinhole.principal_point) / pinhole.focal, 1.0)
-    world = image.rotation.T @ (distance * ray - image.translation)
-    return Place(Focus(distance=distance), frame, distance, source, world)
-
-
-def _has_no_features(reconstruction: Reconstruction, frame: int) -> bool:
-    if frame not in reconstruction.frames:
-        return False
-    image, _ = reconstruction.image_at(frame)
-    return len(frame_features(reconstruction, frame, Canvas(reconstruction.intrinsics(image))).points) < 2
-
-
-def _farthest(reconstruction: Reconstruction, frame: int, focus: Focus, x: float, y: float) -> float:
-    """Pixels of the source frame between a place and the farthest of the points in focus."""
-    image, _ = reconstruction.image_at(frame)
-    canvas = Canvas(reconstruction.intrinsics(image))
-    features = frame_features(reconstruction, frame, canvas)
-    seen = canvas.features_to_source(features.observed[np.isin(features.points, focus.points)])
-    return float(np.linalg.norm(seen - [x * canvas.lens.width, y * canvas.lens.height], axis=1).max())
-
-
-def _width(reconstruction: Reconstruction, frame: int) -> int:
-    return reconstruction.intrinsics(reconstruction.image_at(frame)[0]).width
+    check_place(clip.reconstruction, frame, x, y)
+    return PlaceFinder(clip, frame).find(x, y)
 
 
 def _given(clip: ClipContext, frame: int, canvas: Canvas, place: Floats) -> float | None:
@@ -142,3 +205,20 @@ def _dense(depth: DenseDepth, canvas: Canvas, place: Floats) -> tuple[float, flo
 def _pixel(place: Floats, shape: tuple[int, ...]) -> tuple[int, int]:
     column, row = np.clip(np.floor(place), 0, np.array(shape[1::-1]) - 1).astype(int)
     return int(row), int(column)
+
+
+def shown_at(place: Place, reconstruction: Reconstruction, frame: int) -> tuple[float, float] | None:
+    """Fractions of the picture at which a frame would show a place, (0, 0) top left, whether something is
+    before it or not and also past the picture's border; None where that is not known, or behind the camera.
+    """
+    if place.frame == frame and place.xy is not None:
+        return place.xy
+    image, _ = reconstruction.image_at(frame)
+    world = place.world
+    if world is None and place.focus.points:
+        world = reconstruction.points.xyz[check_points(reconstruction, place.focus.points)].mean(axis=0)
+    if world is None or not (local := image.to_camera(world))[2] > 0:
+        return None
+    canvas = Canvas(reconstruction.intrinsics(image))
+    x, y = canvas.features_to_source(canvas.pinhole.project(local[None]))[0]
+    return float(x / canvas.lens.width), float(y / canvas.lens.height)

@@ -1,36 +1,68 @@
-"""Focus that is pulled from place to place: eased in time, and linear in inverse depth, as blur is."""
+"""Focus that is pulled from mark to mark: eased in time, and linear in inverse depth, as blur is."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
 from ..base.errors import UserError
 from ..camera.reconstruction import Floats, Reconstruction
-from .focus_place import Place
+from .focus_place import Place, shown_at
 
 
-def pull(places: Sequence[Place], reconstruction: Reconstruction, frames: Sequence[int]) -> dict[int, float]:
+@dataclass(frozen=True)
+class FocusMark:
+    """What is to be in focus at a frame."""
+
+    frame: int
+    places: tuple[Place, ...]
+    """One or more; of several, which may have been picked in other frames, the mean of their inverse depths
+    is in focus."""
+    smooth: bool = True
+    """Whether focus goes to this mark smoothly, else evenly in inverse depth, and all at once where it begins
+    and ends."""
+
+    @classmethod
+    def of(cls, place: Place) -> FocusMark:
+        """A place at the frame that it was picked in."""
+        return cls(place.frame, (place,))
+
+    def inverse_depths(self, reconstruction: Reconstruction, frames: Sequence[int]) -> Floats:
+        """(n,) at frames (n,), as the function of that name."""
+        found = [inverse_depths(place, reconstruction, frames) for place in self.places]
+        return np.asarray(np.mean(found, axis=0))
+
+
+def pull(
+    marks: Sequence[FocusMark], reconstruction: Reconstruction, frames: Sequence[int]
+) -> dict[int, float]:
     """Distance of the focal plane, in the reconstruction's unit, at each of some frames.
 
-    At its own frame each place is in focus. Between two the inverse depth goes from that of the one to that
+    At its own frame each mark is in focus. Between two the inverse depth goes from that of the one to that
     of the other by the smoothstep s = t^2 (3 - 2 t) of the time t between them: it starts and stops without a
-    jolt, and blur discs grow and shrink evenly. Both places are followed meanwhile; before the first and
-    after the last that one is. UserError for two places at the same frame.
+    jolt, and blur discs grow and shrink evenly; or by t itself. Both marks are followed meanwhile; before the
+    first and after the last that one is. UserError for two marks at the same frame.
     """
-    order = sorted(places, key=lambda place: place.frame)
+    order = sorted(marks, key=lambda mark: mark.frame)
     for one, other in pairwise(order):
         if one.frame == other.frame:
             raise UserError(f"two places are to be in focus at frame {one.frame}; give each its own frame")
     at = np.array(frames)
-    inverse = inverse_depths(order[0], reconstruction, frames)
+    inverse = np.zeros(len(at))
+    before = at <= order[0].frame
+    inverse[before] = order[0].inverse_depths(reconstruction, at[before].tolist())
     for one, other in pairwise(order):
-        share = smoothstep((at - one.frame) / (other.frame - one.frame))
-        # Those before are done once this one begins.
-        towards = inverse_depths(other, reconstruction, frames)
-        inverse = np.where(at > one.frame, (1 - share) * inverse + share * towards, inverse)
+        between = (at > one.frame) & (at <= other.frame)
+        now = at[between].tolist()
+        time = (at[between] - one.frame) / (other.frame - one.frame)
+        share = smoothstep(time) if other.smooth else time
+        from_one, to_other = (mark.inverse_depths(reconstruction, now) for mark in (one, other))
+        inverse[between] = (1 - share) * from_one + share * to_other
+    after = at > order[-1].frame
+    inverse[after] = order[-1].inverse_depths(reconstruction, at[after].tolist())
     return dict(zip(map(int, frames), (1 / inverse).tolist(), strict=True))
 
 
@@ -43,15 +75,49 @@ def smoothstep(time: Floats) -> Floats:
 def inverse_depths(place: Place, reconstruction: Reconstruction, frames: Sequence[int]) -> Floats:
     """(n,) inverse depth of a place at frames (n,), greater than zero.
 
-    Where it lies behind the camera, or is lost, it is that of the nearest frame where it is not.
+    Where it lies behind the camera, or is lost, it is that of the nearest frame where it is not, of those and
+    the one that it was picked in.
     """
-    found = np.array([_inverse_depth(place, reconstruction, frame) for frame in frames])
+    if not len(frames):
+        return np.zeros(0)
+    asked = [*frames, place.frame]
+    found = np.array([_inverse_depth(place, reconstruction, frame) for frame in asked])
     known = np.flatnonzero(found > 0)
     if not len(known):
         return np.full(len(frames), 1 / place.distance)
-    at = np.array(frames)
-    nearest = known[np.abs(at[known] - at[:, None]).argmin(axis=1)]
+    at = np.array(asked)
+    nearest = known[np.abs(at[known] - at[:-1, None]).argmin(axis=1)]
     return np.asarray(found[nearest])
+
+
+def unseen(marks: Sequence[FocusMark], reconstruction: Reconstruction, frames: Sequence[int]) -> list[int]:
+    """Those of some frames at which a mark is followed that the frame does not show: none of its places.
+
+    A place is shown where a point of it is seen, where it lies within the picture, or where it could be
+    followed. Between two marks both are followed. A bare distance is shown everywhere.
+    """
+    order = sorted(marks, key=lambda mark: mark.frame)
+    at = np.array(frames)
+    hidden = np.zeros(len(at), dtype=bool)
+    for number, mark in enumerate(order):
+        low = order[number - 1].frame if number else -np.inf
+        high = order[number + 1].frame if number + 1 < len(order) else np.inf
+        for row in np.flatnonzero((at > low) & (at < high)):
+            shown = any(_is_shown(place, reconstruction, int(at[row])) for place in mark.places)
+            hidden[row] |= not shown
+    return [int(frame) for frame in at[hidden]]
+
+
+def _is_shown(place: Place, reconstruction: Reconstruction, frame: int) -> bool:
+    image, _ = reconstruction.image_at(frame)
+    if place.followed:
+        return frame in place.followed
+    if place.world is not None:
+        at = shown_at(place, reconstruction, frame)
+        return at is not None and all(0 <= each <= 1 for each in at)
+    if not place.focus.points:
+        return True
+    return any(np.isin(seen, place.focus.points).any() for seen in (image.points, image.visible))
 
 
 def _inverse_depth(place: Place, reconstruction: Reconstruction, frame: int) -> float:

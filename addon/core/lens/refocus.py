@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from ..camera.canvas import Canvas
 from ..camera.reconstruction import Floats, Image, Reconstruction, seen_by
 from ..depth.sparse import FrameFeatures, frame_features
 from .focus import FEWEST_IN_PLANE, Focus
+from .focus_place import Place
 
 NEAR = 0.006
 """Of the picture's width: how far from a point's old place a new one may be; 4 pixels of 640, by eye."""
@@ -61,6 +62,28 @@ def carry_focus(old: Reconstruction, new: Reconstruction, focus: Focus, frame: i
             break
     enough = len(found) >= min(FEWEST_IN_PLANE if focus.through_points else 2, len(focus.points))
     return Refocus(Focus(tuple(found) if enough else (), distance), nearest, scale)
+
+
+def carry_place(old: Reconstruction, new: Reconstruction, place: Place) -> Place:
+    """A place that was picked, for a clip that was solved again: on its points, where they are found again;
+    else where the picture shows it, at its depth; else at its distance."""
+    carried = carry_focus(old, new, place.focus, place.frame)
+    distance, scale = place.distance * carried.scale, carried.scale
+    if carried.focus.points:
+        focus = Focus(carried.focus.points, through_points=place.focus.through_points)
+        return replace(place, focus=focus, distance=distance)
+    focus = Focus(distance=distance)
+    if place.followed:
+        followed = {frame: away * scale for frame, away in place.followed.items()}
+        return replace(place, focus=focus, distance=distance, followed=followed)
+    if place.xy is None or (place.world is None and not place.focus.points) or place.frame not in new.frames:
+        return replace(place, focus=focus, distance=distance, world=None)
+    image, canvas = _image(new, place.frame), _canvas(new, place.frame)
+    click = np.array([place.xy]) * [canvas.lens.width, canvas.lens.height]
+    pinhole = canvas.pinhole
+    ray = (canvas.features_from_source(click)[0] - pinhole.principal_point) / pinhole.focal
+    world = image.rotation.T @ (distance * np.append(ray, 1.0) - image.translation)
+    return replace(place, focus=focus, distance=distance, world=world)
 
 
 def depth_ratio(old: Reconstruction, new: Reconstruction, frame: int) -> float:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import bpy
 
 from ...core.base.counting import counted
-from .. import focus, lens_presets
+from ...scene import blender_focus
+from .. import focus, focus_list, lens_presets, pick_focus
+from ..text import wrapped
 from .lens import draw_amount
 from .panel import PRIMARY, ClosedPanel, Panel
 
@@ -22,22 +24,38 @@ class VIRTUAL_APERTURE_PT_focus(Panel, bpy.types.Panel):  # noqa: N801
         layout.use_property_split = True
         row = layout.row()
         row.scale_y = PRIMARY
-        row.operator(focus.VIRTUAL_APERTURE_OT_set_focus.bl_idname, icon="PIVOT_MEDIAN")
+        row.operator(pick_focus.VIRTUAL_APERTURE_OT_pick_focus.bl_idname, icon="EYEDROPPER")
+        if settings.points is not None and settings.points.mode == "EDIT":
+            layout.operator(focus.VIRTUAL_APERTURE_OT_set_focus.bl_idname, icon="PIVOT_MEDIAN")
+        thing = blender_focus.focus_object(settings)
+        by_own = thing is not None or blender_focus.is_animated(settings)
         count = len(settings.focus_points)
         by_points = count > 0 and settings.focus_by == "POINTS"
-        if count:
-            layout.row().prop(settings, "focus_by", expand=True)
-            picked = layout.row()
-            text = picked.row()
-            text.active = by_points
-            text.label(
-                text=f"{counted(count, 'point')}, picked at frame {settings.focus_frame}", icon="PINNED"
-            )
-            picked.operator(focus.VIRTUAL_APERTURE_OT_clear_focus.bl_idname, text="", icon="X")
+        marks = layout.column()
+        marks.active = not by_own
+        if len(settings.marks.items):
+            if settings.marks.is_first:
+                wrapped(marks, context, "In focus: the nearest large thing round the middle", icon="INFO")
+            focus_list.draw(marks, context)
+        elif count:
+            # Points of older files, and of scripts, make no marks.
+            _draw_points(marks, settings, by_points)
         column = layout.column()
-        column.active = not by_points
+        column.active = not by_points and not by_own
         column.prop(settings, "focus_distance", text="Distance")
+        if settings.camera is not None and settings.camera.type == "CAMERA":
+            layout.prop(settings.camera.data.dof, "focus_object", text="Object")
         draw_amount(layout, settings)
+
+
+def _draw_points(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup, by_points: bool) -> None:
+    layout.row().prop(settings, "focus_by", expand=True)
+    picked = layout.row()
+    text = picked.row()
+    text.active = by_points
+    told = f"{counted(len(settings.focus_points), 'point')}, picked at frame {settings.focus_frame}"
+    text.label(text=told, icon="PINNED")
+    picked.operator(focus.VIRTUAL_APERTURE_OT_clear_focus.bl_idname, text="", icon="X")
 
 
 class VIRTUAL_APERTURE_PT_tilt(ClosedPanel, bpy.types.Panel):  # noqa: N801

@@ -20,9 +20,9 @@ def next_step(context: bpy.types.Context) -> str:
     if settings.points is None:
         return "Solve the clip: where the camera was, and how far things are"
     if settings.points.mode == "EDIT":
-        return "Select two or more vertices on what is to be sharp, and set the focus"
+        return "Select vertices on what is to be sharp, four are better, and set the focus"
     if not lens.is_in_focus(settings):
-        return "Press Tab over the viewport to select vertices on what is to be sharp"
+        return "Press Pick Focus, and click in the viewport on what is to be sharp"
     return "Ready to render"
 
 

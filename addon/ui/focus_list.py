@@ -1,0 +1,239 @@
+"""The list of focus marks, and the operators of a focus pull."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..core.base.counting import counted
+from ..core.base.errors import UserError
+from ..core.lens.focus import Focus
+from ..core.lens.focus_place import Place
+from ..scene import aperture_cloud, blender_focus, focus_marks, lens
+from . import thumbnails
+from .focus import focus_on, length
+from .operators import Result, has_focus, has_solve, reported
+
+
+def has_marks(cls: type[bpy.types.Operator], context: bpy.types.Context) -> bool:
+    """Poll: there is a focus mark, and the keys are the marks'."""
+    if not has_solve(cls, context):
+        return False
+    settings = context.scene.virtual_aperture
+    if not len(settings.marks.items):
+        cls.poll_message_set("There is no focus mark: Pick Focus makes one")
+        return False
+    return True
+
+
+class VIRTUAL_APERTURE_UL_focus_marks(bpy.types.UIList):  # noqa: N801
+    """Frame, what was picked, and how far it is there."""
+
+    def draw_item(
+        self, context: bpy.types.Context, layout: bpy.types.UILayout, _data: object,
+        mark: bpy.types.PropertyGroup, _icon: int, _active_data: object, _active: str, index: int = 0,
+    ) -> None:  # fmt: skip
+        row = layout.row(align=True)
+        here = context.scene.frame_current == mark.frame
+        jump = row.operator(
+            VIRTUAL_APERTURE_OT_jump_to_focus_mark.bl_idname, text=str(mark.frame), depress=here
+        )
+        jump.frame = mark.frame
+        if thumbnail := thumbnails.icon(context.scene.virtual_aperture, mark):
+            row.template_icon(icon_value=thumbnail, scale=1.8)
+        row.prop(mark, "name", text="", emboss=False)
+        away = row.row()
+        away.alignment = "RIGHT"
+        away.label(text=length(context.scene, mark.distance))
+
+
+class VIRTUAL_APERTURE_OT_hold_focus(bpy.types.Operator):  # noqa: N801
+    """Add a focus mark at the current frame on what is in focus now: a pull to the next mark begins here"""
+
+    bl_idname = "virtual_aperture.hold_focus"
+    bl_label = "Hold Focus Here"
+    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if not has_focus(cls, context):
+            return False
+        settings, frame = context.scene.virtual_aperture, context.scene.frame_current
+        if focus_marks.at_frame(settings, frame) is not None:
+            cls.poll_message_set(f"A focus mark is at frame {frame} already")
+            return False
+        return True
+
+    @reported
+    def execute(self, context: bpy.types.Context) -> Result:
+        settings, frame = context.scene.virtual_aperture, context.scene.frame_current
+        if blender_focus.distance(settings) is not None:
+            raise UserError("the camera's own depth of field says what is in focus; pick the focus instead")
+        self.report({"INFO"}, focus_on(settings, frame, held(settings, frame), add=True))
+        return {"FINISHED"}
+
+
+def held(settings: bpy.types.PropertyGroup, frame: int) -> list[Place]:
+    """What is in focus at a frame: the places of the mark that is held there, else the bare distance."""
+    marks = sorted(focus_marks.marks_of(settings), key=lambda mark: mark.frame)
+    if marks and (len(marks) == 1 or frame > marks[-1].frame):
+        return list(marks[-1].places)
+    if marks and frame < marks[0].frame:
+        return list(marks[0].places)
+    distance = settings.focus_distance
+    return [Place(Focus(distance=distance), frame, distance, "a distance")]
+
+
+class VIRTUAL_APERTURE_OT_remove_focus_mark(bpy.types.Operator):  # noqa: N801
+    """Remove the active focus mark; without any the focus stays at its distance"""
+
+    bl_idname = "virtual_aperture.remove_focus_mark"
+    bl_label = "Remove Focus Mark"
+    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return has_marks(cls, context)
+
+    @reported
+    def execute(self, context: bpy.types.Context) -> Result:
+        settings = context.scene.virtual_aperture
+        index = settings.marks.active
+        frame = settings.marks.items[index].frame
+        focus_marks.remove(settings, index)
+        aperture_cloud.update(settings)
+        self.report({"INFO"}, f"The focus mark of frame {frame} is removed")
+        return {"FINISHED"}
+
+
+class VIRTUAL_APERTURE_OT_move_focus_mark(bpy.types.Operator):  # noqa: N801
+    """Move the active focus mark to the current frame"""
+
+    bl_idname = "virtual_aperture.move_focus_mark"
+    bl_label = "Move Focus Mark Here"
+    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return has_marks(cls, context)
+
+    @reported
+    def execute(self, context: bpy.types.Context) -> Result:
+        settings, frame = context.scene.virtual_aperture, context.scene.frame_current
+        before = settings.marks.items[settings.marks.active].frame
+        focus_marks.move(settings, settings.marks.active, frame)
+        aperture_cloud.update(settings)
+        self.report({"INFO"}, f"The focus mark of frame {before} is at frame {frame}")
+        return {"FINISHED"}
+
+
+class VIRTUAL_APERTURE_OT_jump_to_focus_mark(bpy.types.Operator):  # noqa: N801
+    """Go to this frame"""
+
+    bl_idname = "virtual_aperture.jump_to_focus_mark"
+    bl_label = "Jump to Focus Mark"
+    bl_options = {"UNDO_GROUPED"}  # noqa: RUF012
+
+    frame: bpy.props.IntProperty(name="Frame", options={"SKIP_SAVE"})
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return has_marks(cls, context)
+
+    def execute(self, context: bpy.types.Context) -> Result:
+        group = context.scene.virtual_aperture.marks
+        context.scene.frame_set(self.frame)
+        group.active = next((n for n, m in enumerate(group.items) if m.frame == self.frame), group.active)
+        return {"FINISHED"}
+
+
+class VIRTUAL_APERTURE_OT_jump_to_unseen(bpy.types.Operator):  # noqa: N801
+    """Go to the next frame that does not show what is in focus there: it is carried, pick it again if it is
+    off"""
+
+    bl_idname = "virtual_aperture.jump_to_unseen"
+    bl_label = "Next Frame That Does Not Show the Focus"
+    bl_options = {"UNDO_GROUPED"}  # noqa: RUF012
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if not has_marks(cls, context):
+            return False
+        if context.scene.virtual_aperture.marks.unseen:
+            return True
+        cls.poll_message_set("All frames show what is in focus")
+        return False
+
+    def execute(self, context: bpy.types.Context) -> Result:
+        scene = context.scene
+        frames = unseen_frames(scene.virtual_aperture)
+        scene.frame_set(next((frame for frame in frames if frame > scene.frame_current), frames[0]))
+        return {"FINISHED"}
+
+
+def unseen_frames(settings: bpy.types.PropertyGroup) -> list[int]:
+    """Frames that do not show what is in focus there."""
+    return [int(frame) for frame in settings.marks.unseen.split()]
+
+
+class VIRTUAL_APERTURE_OT_write_focus_marks(bpy.types.Operator):  # noqa: N801
+    """Replace the keys of the focus distance by those of the focus marks: what was edited in them is lost"""
+
+    bl_idname = "virtual_aperture.write_focus_marks"
+    bl_label = "Key by Focus Marks Again"
+    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if not has_marks(cls, context):
+            return False
+        if focus_marks.are_keys_users(context.scene.virtual_aperture):
+            return True
+        cls.poll_message_set("The keys are those of the focus marks")
+        return False
+
+    @reported
+    def execute(self, context: bpy.types.Context) -> Result:
+        settings = context.scene.virtual_aperture
+        focus_marks.take_keys_over(settings)
+        aperture_cloud.update(settings)
+        self.report({"INFO"}, f"The focus is that of {counted(len(settings.marks.items), 'mark')} again")
+        return {"FINISHED"}
+
+
+def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """The list, what can be done with it, and the active mark's frame and easing."""
+    settings = context.scene.virtual_aperture
+    group = settings.marks
+    row = layout.row()
+    row.template_list(
+        "VIRTUAL_APERTURE_UL_focus_marks", "", group, "items", group, "active",
+        rows=max(2, min(len(group.items), 5)),
+    )  # fmt: skip
+    side = row.column(align=True)
+    side.operator("virtual_aperture.pick_focus", text="", icon="ADD").add = True
+    side.operator(VIRTUAL_APERTURE_OT_remove_focus_mark.bl_idname, text="", icon="REMOVE")
+    side.operator(VIRTUAL_APERTURE_OT_hold_focus.bl_idname, text="", icon="KEYFRAME")
+    side.operator(VIRTUAL_APERTURE_OT_move_focus_mark.bl_idname, text="", icon="TRACKING_REFINE_FORWARDS")
+    if len(group.items) > 1 and group.active < len(group.items):
+        mark = group.items[group.active]
+        layout.prop(mark, "frame", text="Mark at Frame")
+        layout.prop(mark, "easing")
+    if hidden := unseen_frames(settings):
+        line = layout.row(align=True)
+        line.label(text=f"Not seen in {counted(len(hidden), 'frame')}", icon="HIDE_ON")
+        line.operator(VIRTUAL_APERTURE_OT_jump_to_unseen.bl_idname, text="", icon="FRAME_NEXT")
+    if lens.has_keys(settings, "focus_distance") and focus_marks.are_keys_users(settings):
+        box = layout.column(align=True)
+        box.label(text="The keys of the distance are yours", icon="INFO")
+        box.operator(VIRTUAL_APERTURE_OT_write_focus_marks.bl_idname)
+
+
+CLASSES = (
+    VIRTUAL_APERTURE_UL_focus_marks,
+    VIRTUAL_APERTURE_OT_hold_focus,
+    VIRTUAL_APERTURE_OT_remove_focus_mark,
+    VIRTUAL_APERTURE_OT_move_focus_mark,
+    VIRTUAL_APERTURE_OT_jump_to_focus_mark,
+    VIRTUAL_APERTURE_OT_jump_to_unseen,
+    VIRTUAL_APERTURE_OT_write_focus_marks,
+)

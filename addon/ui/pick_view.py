@@ -1,0 +1,196 @@
+"""The camera view that a focus is picked in: places under the mouse, and what is drawn over it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import bpy
+import numpy as np
+from bpy_extras.view3d_utils import location_3d_to_region_2d
+from mathutils import Matrix
+
+from ..core.base.errors import UserError
+
+XY = tuple[float, float]
+SEGMENTS = 24
+"""Of a circle."""
+RING, FEATURE, PICKED = 9.0, 4.0, 6.0
+"""Radii in pixels at a resolution scale of 1: round the mouse, of features, of picked places."""
+WHITE, GREEN, SHADE = (1.0, 1.0, 1.0, 1.0), (0.25, 1.0, 0.35, 1.0), (0.0, 0.0, 0.0, 0.6)
+TEXT = 13
+"""Points."""
+
+
+@dataclass(frozen=True)
+class CameraView:
+    """A 3D viewport of a window, looked at through the camera of a clip."""
+
+    area: bpy.types.Area
+    region: bpy.types.Region
+
+    @classmethod
+    def of(cls, context: bpy.types.Context) -> CameraView:
+        """The viewport of a context, or the largest one of its window, made to look through the solved
+        camera; UserError where that cannot be."""
+        areas = [area for area in context.screen.areas if area.type == "VIEW_3D"]
+        if not areas:
+            raise UserError("no 3D viewport is open to pick in; open one")
+        area = (
+            context.area if context.area in areas else max(areas, key=lambda each: each.width * each.height)
+        )
+        camera, space = context.scene.virtual_aperture.camera, area.spaces.active
+        if camera is None or camera.name not in context.scene.objects:
+            raise UserError("the clip's camera is not in the scene any more; solve the clip again")
+        looked = space.camera if space.use_local_camera else context.scene.camera
+        if looked != camera:
+            raise UserError(
+                f"the view is that of {looked.name if looked else 'no camera'}; select {camera.name} and"
+                " press Ctrl Numpad 0 to look through it"
+            )
+        if space.region_3d.view_perspective != "CAMERA":
+            space.region_3d.view_perspective = "CAMERA"
+        region = next(region for region in area.regions if region.type == "WINDOW")
+        return cls(area, region)
+
+    def is_through_camera(self) -> bool:
+        """Whether the viewport still shows the camera's picture."""
+        return bool(self.area.spaces.active.region_3d.view_perspective == "CAMERA")
+
+    def holds(self, event: bpy.types.Event) -> bool:
+        """Whether the mouse is over the view, and not over a sidebar or header in it."""
+        at = event.mouse_x, event.mouse_y
+        others = (region for region in self.area.regions if region.type != "WINDOW")
+        return _within(self.region, at) and not any(_within(region, at) for region in others)
+
+    def place(self, scene: bpy.types.Scene, event: bpy.types.Event) -> XY | None:
+        """Fractions of the picture, (0, 0) top left, under the mouse; None past its border."""
+        frame = self._frame(scene)
+        if frame is None:
+            return None
+        left, bottom, right, top = frame
+        x = (event.mouse_x - self.region.x - left) / (right - left)
+        y = (top - (event.mouse_y - self.region.y)) / (top - bottom)
+        return (x, y) if 0 <= x <= 1 and 0 <= y <= 1 else None
+
+    def pixels(self, scene: bpy.types.Scene, places: Sequence[Sequence[float]]) -> list[XY]:
+        """Pixels of the region, (0, 0) bottom left, of fractions of the picture."""
+        frame = self._frame(scene)
+        if frame is None:
+            return []
+        left, bottom, right, top = frame
+        return [(left + x * (right - left), top - y * (top - bottom)) for x, y in places]
+
+    def right_border(self) -> float:
+        """Pixels of the region up to the sidebar, which may lie over it."""
+        sidebars = (region for region in self.area.regions if region.type == "UI" and region.width > 1)
+        return float(min([self.region.width, *(region.x - self.region.x for region in sidebars)]))
+
+    def _frame(self, scene: bpy.types.Scene) -> tuple[float, float, float, float] | None:
+        """Left, bottom, right, top of the camera's picture in the region, which it may reach past."""
+        camera = scene.virtual_aperture.camera
+        space = self.area.spaces.active.region_3d
+        # A view through a camera leaves its scale aside.
+        location, rotation, _ = camera.matrix_world.decompose()
+        to_world = Matrix.LocRotScale(location, rotation, None)
+        corners = [
+            location_3d_to_region_2d(self.region, space, to_world @ corner)
+            for corner in camera.data.view_frame(scene=scene)
+        ]
+        if None in corners:
+            return None
+        (left, bottom), (right, top) = (each(np.array(corners), axis=0) for each in (np.min, np.max))
+        return (
+            (float(left), float(bottom), float(right), float(top)) if right > left and top > bottom else None
+        )
+
+
+def _within(region: bpy.types.Region, at: tuple[int, int]) -> bool:
+    x, y = at[0] - region.x, at[1] - region.y
+    return bool(region.width > 1 and 0 <= x < region.width and 0 <= y < region.height)
+
+
+@dataclass
+class Overlay:
+    """What is drawn over the view while a focus is picked."""
+
+    view: CameraView
+    scene: bpy.types.Scene
+    mouse: XY | None = None
+    """Fractions of the picture,"""
+    text: str = ""
+    """and what stands beside them."""
+    features: Sequence[Sequence[float]] = ()
+    """Fractions of the picture of features that the distance is told from."""
+    picked: Sequence[XY] = field(default_factory=list)
+    """Fractions of the picture of places that are picked."""
+    _handle: Any = None
+
+    def begin(self) -> None:
+        """Draw from now on."""
+        self._handle = bpy.types.SpaceView3D.draw_handler_add(_drawer(self), (), "WINDOW", "POST_PIXEL")
+        self.view.area.tag_redraw()
+
+    def end(self) -> None:
+        """Draw no more."""
+        if self._handle is not None:
+            bpy.types.SpaceView3D.draw_handler_remove(self._handle, "WINDOW")
+            self._handle = None
+            self.view.area.tag_redraw()
+
+    def draw(self) -> None:
+        if bpy.context.area != self.view.area or not self.view.is_through_camera():
+            return
+        scale = bpy.context.preferences.system.ui_scale
+        for place in self.view.pixels(self.scene, self.features):
+            _circle(place, FEATURE * scale, GREEN, scale)
+        for place in self.view.pixels(self.scene, self.picked):
+            _circle(place, PICKED * scale, GREEN, 2 * scale)
+        if self.mouse is None:
+            return
+        (place,) = self.view.pixels(self.scene, [self.mouse]) or [(0.0, 0.0)]
+        _circle(place, RING * scale, WHITE, 1.5 * scale)
+        _text(self.text, place, self.view.right_border(), scale)
+
+
+def _drawer(overlay: Overlay) -> Callable[[], None]:
+    def draw() -> None:
+        overlay.draw()
+
+    return draw
+
+
+def _circle(middle: XY, radius: float, colour: tuple[float, ...], width: float) -> None:
+    """A circle with a dark rim, that shows on any picture."""
+    import gpu
+    from gpu_extras.batch import batch_for_shader
+
+    turn = np.linspace(0, 2 * np.pi, SEGMENTS + 1)
+    ring = np.column_stack([np.cos(turn), np.sin(turn), np.zeros(len(turn))]) * radius + [*middle, 0]
+    shader = gpu.shader.from_builtin("POLYLINE_UNIFORM_COLOR")
+    batch = batch_for_shader(shader, "LINE_STRIP", {"pos": ring.astype(np.float32)})
+    gpu.state.blend_set("ALPHA")
+    shader.bind()
+    shader.uniform_float("viewportSize", gpu.state.viewport_get()[2:])
+    for line, drawn in ((width + 2, SHADE), (width, colour)):
+        shader.uniform_float("lineWidth", line)
+        shader.uniform_float("color", drawn)
+        batch.draw(shader)
+    gpu.state.blend_set("NONE")
+
+
+def _text(text: str, mouse: XY, border: float, scale: float) -> None:
+    """A line beside the mouse, on its left where it would reach past a border."""
+    import blf
+
+    blf.size(0, TEXT * scale)
+    width, gap = blf.dimensions(0, text)[0], 16 * scale
+    left = mouse[0] + gap if mouse[0] + gap + width < border else mouse[0] - gap - width
+    blf.enable(0, blf.SHADOW)
+    blf.shadow(0, 5, 0.0, 0.0, 0.0, 1.0)
+    blf.shadow_offset(0, 1, -1)
+    blf.color(0, *WHITE)
+    blf.position(0, left, mouse[1] + 12 * scale, 0)
+    blf.draw(0, text)
+    blf.disable(0, blf.SHADOW)

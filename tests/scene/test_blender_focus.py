@@ -1,0 +1,179 @@
+"""The depth of field that Blender's own camera has: its focus object and its focus distance."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+import cv2
+import numpy as np
+import pytest
+
+from addon.core.base.errors import UserError
+from addon.core.camera.reconstruction import Intrinsics
+from addon.core.lens.focus import Focus
+from addon.core.lens.focus_place import Place
+from addon.core.lens.focus_pull import FocusMark
+from addon.render.frame_keys import frame_keys
+from addon.render.output import render_sequence
+from addon.scene import focus_marks, lens
+from addon.scene.build import build
+from addon.scene.shot import Shot
+from addon.ui.focus import focus_on
+
+from ..scenes import slanted_shot
+
+LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
+FRAMES = tuple(range(1, 9))
+WORLD = np.array([0.3, -0.2, 6.0])
+
+
+@pytest.fixture
+def shot(scene: bpy.types.Scene, tmp_path: Path) -> Shot:
+    made = slanted_shot(tmp_path / "clip", LENS, FRAMES)
+    build(scene, made.footage, made.reconstruction)
+    return made
+
+
+@pytest.fixture
+def empty(scene: bpy.types.Scene) -> bpy.types.Object:
+    made = bpy.data.objects.new("Target", None)
+    scene.collection.objects.link(made)
+    made.location = WORLD
+    return made
+
+
+def focused(scene: bpy.types.Scene, frame: int) -> float:
+    """Distance that is in focus, as a render sees it: with the evaluated scene."""
+    scene.frame_set(frame)
+    evaluated = bpy.context.evaluated_depsgraph_get().scene_eval
+    settings = lens.lens_settings(evaluated.virtual_aperture, lens.reconstruction_of(scene.virtual_aperture))
+    assert settings.focus.distance is not None
+    return settings.focus.distance
+
+
+def test_an_object_is_in_focus_at_each_frame(
+    scene: bpy.types.Scene, shot: Shot, empty: bpy.types.Object
+) -> None:
+    settings = scene.virtual_aperture
+    settings.camera.data.dof.focus_object = empty
+    bpy.context.view_layer.update()
+    assert settings.use_radius, "the first focus chooses the aperture"
+    for frame in (1, 5, 8):
+        true = shot.reconstruction.image_at(frame)[0].to_camera(WORLD)[2]
+        assert focused(scene, frame) == pytest.approx(true, rel=1e-5)
+    # Also where it is animated, and within a root that the user has scaled.
+    empty.keyframe_insert("location", frame=1)
+    empty.location = 1.5 * WORLD
+    empty.keyframe_insert("location", frame=8)
+    true = shot.reconstruction.image_at(8)[0].to_camera(1.5 * WORLD)[2]
+    assert focused(scene, 8) == pytest.approx(true, rel=1e-5)
+    settings.root.scale = (3, 3, 3)
+    empty.animation_data_clear()
+    empty.location = 3 * WORLD
+    true = shot.reconstruction.image_at(5)[0].to_camera(WORLD)[2]
+    assert focused(scene, 5) == pytest.approx(true, rel=1e-5)
+
+
+def test_a_render_knows_the_frames_of_a_focus_object(
+    scene: bpy.types.Scene, shot: Shot, empty: bpy.types.Object
+) -> None:
+    scene.virtual_aperture.camera.data.dof.focus_object = empty
+    bpy.context.view_layer.update()
+    before = frame_keys(scene, [1, 8])
+    empty.location = 2 * WORLD
+    after = frame_keys(scene, [1, 8])
+    assert all(before[frame] != after[frame] for frame in (1, 8))
+
+
+def test_a_render_is_that_of_the_objects_distance(
+    scene: bpy.types.Scene, shot: Shot, empty: bpy.types.Object, tmp_path: Path
+) -> None:
+    settings = scene.virtual_aperture
+    settings.method, settings.views = "features", 4
+    settings.camera.data.dof.focus_object = empty
+    bpy.context.view_layer.update()
+    empty.keyframe_insert("location", frame=1)
+    empty.location = 1.5 * WORLD
+    empty.keyframe_insert("location", frame=8)
+
+    def render(name: str) -> dict[int, np.ndarray]:
+        render_sequence(scene, [1, 8], tmp_path / name / "####.png", False, lambda line: None)
+        return {frame: cv2.imread(str(tmp_path / name / f"{frame:04d}.png")) for frame in (1, 8)}
+
+    followed, distances = render("object"), {frame: focused(scene, frame) for frame in (1, 8)}
+    settings.camera.data.dof.focus_object = None
+    focus_marks.clear(settings)
+    for frame, away in distances.items():
+        settings.focus_distance = away
+        bpy.context.view_layer.update()
+        fixed = render(f"at_{frame}")
+        np.testing.assert_array_equal(fixed[frame], followed[frame])
+    assert (fixed[1] != followed[1]).any()
+
+
+def test_an_object_behind_the_camera_is_refused(
+    scene: bpy.types.Scene, shot: Shot, empty: bpy.types.Object
+) -> None:
+    scene.virtual_aperture.camera.data.dof.focus_object = empty
+    empty.location = -WORLD
+    with pytest.raises(
+        UserError, match="the focus object Target does not lie ahead of the camera at frame 3"
+    ):
+        focused(scene, 3)
+
+
+def test_a_pick_takes_the_object_out(scene: bpy.types.Scene, shot: Shot, empty: bpy.types.Object) -> None:
+    settings = scene.virtual_aperture
+    settings.camera.data.dof.focus_object = empty
+    said = focus_on(settings, 2, [Place(Focus(distance=4.0), 2, 4.0, "")])
+    assert said.endswith("Target is no longer") and settings.camera.data.dof.focus_object is None
+    assert focused(scene, 5) == pytest.approx(4.0)
+
+
+def test_the_distances_are_one_number(scene: bpy.types.Scene, shot: Shot) -> None:
+    settings, dof = scene.virtual_aperture, scene.virtual_aperture.camera.data.dof
+    settings.focus_distance = 6.0
+    bpy.context.view_layer.update()
+    assert dof.focus_distance == 6.0
+    dof.focus_distance = 8.5
+    bpy.context.view_layer.update()
+    assert settings.focus_distance == 8.5 and settings.focus_by == "DISTANCE"
+    # An edit of the camera's takes the place of what was picked.
+    focus_marks.put(settings, 1, [Place(Focus((3, 9)), 1, 7.0, "points")])
+    bpy.context.view_layer.update()
+    assert dof.focus_distance == settings.focus_distance != 8.5
+    dof.focus_distance = 5.0
+    bpy.context.view_layer.update()
+    assert [mark.distance for mark in settings.marks.items] == [5.0]
+    assert focused(scene, 4) == 5.0
+
+
+def test_a_keyed_distance_of_the_camera_is_in_focus(scene: bpy.types.Scene, shot: Shot) -> None:
+    settings, data = scene.virtual_aperture, scene.virtual_aperture.camera.data
+    settings.focus_distance = 3.0
+    for frame, away in ((1, 4.0), (8, 9.0)):
+        data.dof.focus_distance = away
+        data.keyframe_insert("dof.focus_distance", frame=frame)
+    assert focused(scene, 8) == pytest.approx(9.0) and focused(scene, 1) == pytest.approx(4.0)
+    with pytest.raises(UserError, match=r"Focus Distance of .* is keyed or driven"):
+        focus_on(settings, 2, [Place(Focus(distance=4.0), 2, 4.0, "")])
+    # It stays the user's when the clip is solved again.
+    build(scene, shot.footage, shot.reconstruction)
+    settings.focus_distance = 3.0
+    assert focused(scene, 8) == pytest.approx(9.0)
+
+
+def test_an_older_file_keeps_its_depth_of_field(scene: bpy.types.Scene, shot: Shot) -> None:
+    settings, dof = scene.virtual_aperture, scene.virtual_aperture.camera.data.dof
+    settings.marks.shown = 0.0
+    dof.use_dof, dof.focus_distance = True, 2.5
+    settings.focus_distance = 6.0
+    bpy.context.view_layer.update()
+    assert dof.focus_distance == 2.5 and settings.focus_distance == 6.0
+
+
+def test_a_pull_is_evaluated_for_a_render(scene: bpy.types.Scene, shot: Shot) -> None:
+    marks = [FocusMark.of(Place(Focus(distance=d), f, d, "")) for f, d in ((2, 4.0), (6, 12.0))]
+    focus_marks.replace_all(scene.virtual_aperture, marks)
+    assert [focused(scene, frame) for frame in (1, 4, 8)] == pytest.approx([4.0, 6.0, 12.0])

@@ -1,0 +1,275 @@
+"""Focus marks in a scene: the keys they write, and what becomes of them when those are edited."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+from addon.core.base.errors import UserError
+from addon.core.camera.reconstruction import Intrinsics
+from addon.core.lens.focus import Focus
+from addon.core.lens.focus_place import Place
+from addon.core.lens.focus_pull import FocusMark
+from addon.scene import focus_marks, lens
+from addon.scene.build import build
+from addon.scene.refocus import keep_focus, restore_focus
+from addon.scene.shot import Shot
+
+from ..scenes import slanted_shot
+
+LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
+FRAMES = tuple(range(1, 13))
+
+
+@pytest.fixture
+def shot(scene: bpy.types.Scene, tmp_path: Path) -> Shot:
+    made = slanted_shot(tmp_path / "clip", LENS, FRAMES)
+    build(scene, made.footage, made.reconstruction)
+    return made
+
+
+def points(shot: Shot, frame: int, *ids: int) -> Place:
+    focus = Focus(ids)
+    return Place(focus, frame, 1 / focus.inverse_depth(shot.reconstruction, frame), "points", xy=(0.5, 0.5))
+
+
+def at(frame: int, distance: float) -> Place:
+    return Place(Focus(distance=distance), frame, distance, "a distance")
+
+
+def marks(scene: bpy.types.Scene) -> list[tuple[int, float]]:
+    return [(m.frame, pytest.approx(m.distance)) for m in scene.virtual_aperture.marks.items]
+
+
+def keys(scene: bpy.types.Scene) -> bpy.types.FCurve | None:
+    return lens.keys_of(scene.virtual_aperture, "focus_distance")
+
+
+def key(scene: bpy.types.Scene, frame: int) -> bpy.types.Keyframe:
+    return next(key for key in keys(scene).keyframe_points if key.co[0] == frame)
+
+
+def drag(scene: bpy.types.Scene, frame: int, goal: int) -> None:
+    """Move a key, as the dope sheet does: the one that is there gives way."""
+    curve = keys(scene)
+    if any(each.co[0] == goal for each in curve.keyframe_points):
+        curve.keyframe_points.remove(key(scene, goal))
+    key(scene, frame).co[0] = goal
+    curve.update()
+    update()
+
+
+def update() -> None:
+    """What Blender does between two events: its handlers are called."""
+    bpy.context.view_layer.update()
+
+
+def distance(scene: bpy.types.Scene, frame: int) -> float:
+    scene.frame_set(frame)
+    return float(scene.virtual_aperture.focus_distance)
+
+
+def test_one_mark_of_points_needs_no_keys(scene: bpy.types.Scene, shot: Shot) -> None:
+    settings = scene.virtual_aperture
+    focus_marks.put(settings, 4, [points(shot, 4, 3, 9)])
+    assert settings.focus_by == "POINTS" and [p.point for p in settings.focus_points] == [3, 9]
+    assert keys(scene) is None and settings.use_radius
+    # The next pick takes its place.
+    focus_marks.put(settings, 8, [points(shot, 8, 20)])
+    assert [p.point for p in settings.focus_points] == [20] and len(settings.marks.items) == 1
+
+
+def test_marks_are_keyframes_and_what_is_between_is_generated(scene: bpy.types.Scene, shot: Shot) -> None:
+    settings = scene.virtual_aperture
+    focus_marks.put(settings, 9, [at(9, 12.0)])
+    focus_marks.put(settings, 3, [at(3, 4.0)], add=True)
+    assert marks(scene) == [(3, 4.0), (9, 12.0)] and settings.marks.active == 0
+    kinds = {int(key.co[0]): key.type for key in keys(scene).keyframe_points}
+    assert list(kinds) == list(FRAMES)
+    assert [frame for frame, kind in kinds.items() if kind == "KEYFRAME"] == [3, 9]
+    assert not any(key.select_control_point or key.select_left_handle for key in keys(scene).keyframe_points)
+    # Half way in time it is half way in inverse depth.
+    assert [distance(scene, frame) for frame in (1, 3, 6, 9, 12)] == pytest.approx([4, 4, 6, 12, 12])
+    settings.marks.items[1].easing = "LINEAR"
+    assert 1 / distance(scene, 4) == pytest.approx(5 / 6 / 4 + 1 / 6 / 12)
+    # With two, a pick is the mark at its frame.
+    focus_marks.put(settings, 6, [at(6, 5.0)])
+    assert [mark.frame for mark in settings.marks.items] == [3, 6, 9]
+    assert distance(scene, 6) == pytest.approx(5.0)
+
+
+def test_a_place_in_the_world_is_keyed_where_the_camera_moves(scene: bpy.types.Scene, shot: Shot) -> None:
+    world = np.array([0.2, -0.1, 7.0])
+    focus_marks.put(scene.virtual_aperture, 2, [replace(at(2, 7.0), world=world)])
+    for frame in (1, 7, 12):
+        true = shot.reconstruction.image_at(frame)[0].to_camera(world)[2]
+        assert distance(scene, frame) == pytest.approx(true, rel=1e-5)
+
+
+def test_of_two_places_the_mean_inverse_depth(scene: bpy.types.Scene, shot: Shot) -> None:
+    mover = Place(Focus(distance=4.0), 5, 4.0, "a mover", followed={4: 4.0, 5: 4.0, 6: 4.0})
+    focus_marks.put(scene.virtual_aperture, 5, [mover, at(5, 12.0)])
+    assert distance(scene, 5) == pytest.approx(6.0)
+    # They are kept in the .blend.
+    (kept,) = focus_marks.marks_of(scene.virtual_aperture)
+    assert [dict(place.followed) for place in kept.places] == [{4: 4.0, 5: 4.0, 6: 4.0}, {}]
+
+
+def test_a_mark_follows_its_key(scene: bpy.types.Scene, shot: Shot) -> None:
+    settings = scene.virtual_aperture
+    focus_marks.replace_all(settings, [FocusMark.of(at(3, 4.0)), FocusMark.of(at(9, 12.0))])
+    drag(scene, 3, 5)
+    assert marks(scene) == [(5, 4.0), (9, 12.0)]
+    # The curve is made anew: half way is another frame.
+    assert distance(scene, 7) == pytest.approx(6.0) and distance(scene, 4) == pytest.approx(4.0)
+    # Raised in the graph editor.
+    key(scene, 9).co[1] = 20.0
+    update()
+    assert marks(scene) == [(5, 4.0), (9, 20.0)] and distance(scene, 12) == pytest.approx(20.0)
+    # I over the distance.
+    scene.frame_set(7)
+    settings.focus_distance = 5.0
+    scene.keyframe_insert(settings.path_from_id("focus_distance"))
+    update()
+    assert marks(scene) == [(5, 4.0), (7, 5.0), (9, 20.0)]
+    # X in the dope sheet.
+    keys(scene).keyframe_points.remove(key(scene, 9))
+    update()
+    assert marks(scene) == [(5, 4.0), (7, 5.0)] and distance(scene, 12) == pytest.approx(5.0)
+    assert not settings.marks.left
+
+
+def test_marks_moved_past_each_other(scene: bpy.types.Scene, shot: Shot) -> None:
+    settings = scene.virtual_aperture
+    focus_marks.replace_all(settings, [FocusMark.of(at(3, 4.0)), FocusMark.of(at(6, 12.0))])
+    drag(scene, 3, 10)
+    assert marks(scene) == [(6, 12.0), (10, 4.0)]
+    assert [distance(scene, frame) for frame in (1, 6, 10)] == pytest.approx([12, 12, 4])
+
+
+def test_points_have_the_depth_of_the_frame_that_their_mark_goes_to(
+    scene: bpy.types.Scene, shot: Shot
+) -> None:
+    place = points(shot, 2, 5, 6)
+    focus_marks.replace_all(scene.virtual_aperture, [FocusMark.of(place), FocusMark.of(at(12, 30.0))])
+    drag(scene, 2, 8)
+    there = 1 / place.focus.inverse_depth(shot.reconstruction, 8)
+    assert there != pytest.approx(place.distance, rel=1e-4)
+    assert distance(scene, 8) == pytest.approx(there, rel=1e-5)
+
+
+def test_without_its_keys_the_marks_are_gone(scene: bpy.types.Scene, shot: Shot) -> None:
+    settings = scene.virtual_aperture
+    focus_marks.replace_all(settings, [FocusMark.of(at(3, 4.0)), FocusMark.of(at(9, 12.0))])
+    scene.frame_set(9)
+    lens.channels_of(settings).fcurves.remove(keys(scene))
+    update()
+    assert not len(settings.marks.items) and lens.is_in_focus(settings)
+
+
+def test_a_curve_that_is_edited_otherwise_is_the_users(scene: bpy.types.Scene, shot: Shot) -> None:
+    settings = scene.virtual_aperture
+    focus_marks.replace_all(settings, [FocusMark.of(at(3, 4.0)), FocusMark.of(at(9, 12.0))])
+    for frame in (5, 6):
+        key(scene, frame).co[1] = 9.0
+    update()
+    assert settings.marks.left and focus_marks.are_keys_users(settings)
+    focus_marks.put(settings, 11, [at(11, 2.0)])
+    assert distance(scene, 5) == 9.0 and distance(scene, 11) == pytest.approx(12.0)
+    focus_marks.take_keys_over(settings)
+    assert not focus_marks.are_keys_users(settings)
+    assert distance(scene, 5) != 9.0 and distance(scene, 11) == pytest.approx(2.0)
+
+
+def test_keys_of_the_users_are_not_touched(scene: bpy.types.Scene, shot: Shot) -> None:
+    settings = scene.virtual_aperture
+    for frame, away in ((2, 5.0), (10, 9.0)):
+        settings.focus_distance = away
+        scene.keyframe_insert(settings.path_from_id("focus_distance"), frame=frame)
+    before = [tuple(key.co) for key in keys(scene).keyframe_points]
+    update()
+    focus_marks.put(settings, 5, [at(5, 4.0)])
+    focus_marks.clear(settings)
+    assert [tuple(key.co) for key in keys(scene).keyframe_points] == before
+
+
+def test_a_distance_set_by_hand_takes_the_place_of_the_only_mark(scene: bpy.types.Scene, shot: Shot) -> None:
+    settings = scene.virtual_aperture
+    focus_marks.put(settings, 4, [points(shot, 4, 3, 9)])
+    settings.focus_distance = 6.5
+    update()
+    assert marks(scene) == [(4, 6.5)] and settings.marks.items[0].name == "Distance"
+    assert keys(scene) is None and settings.focus_by == "DISTANCE"
+
+
+def test_removing_and_moving(scene: bpy.types.Scene, shot: Shot) -> None:
+    settings = scene.virtual_aperture
+    focus_marks.replace_all(settings, [FocusMark.of(at(3, 4.0)), FocusMark.of(at(9, 12.0))])
+    with pytest.raises(UserError, match="another mark is at frame 9 already"):
+        focus_marks.move(settings, 0, 9)
+    focus_marks.move(settings, 0, 11)
+    assert marks(scene) == [(9, 12.0), (11, 4.0)] and settings.marks.active == 1
+    # Typed, it goes past the one that is there.
+    settings.marks.items[1].frame = 9
+    assert marks(scene) == [(9, 12.0), (10, 4.0)]
+    focus_marks.remove(settings, 1)
+    assert keys(scene) is None and settings.focus_distance == pytest.approx(12.0)
+    focus_marks.remove(settings, 0)
+    assert settings.focus_distance == pytest.approx(12.0) and lens.is_in_focus(settings)
+
+
+def test_what_was_in_focus_without_a_mark_begins_a_pull(scene: bpy.types.Scene, shot: Shot) -> None:
+    settings = scene.virtual_aperture
+    lens.set_focus(settings, Focus((3, 9)), 2)
+    focus_marks.put(settings, 9, [at(9, 30.0)], add=True)
+    assert [(mark.frame, mark.name) for mark in settings.marks.items] == [(2, "2 points"), (9, "Distance")]
+
+
+def test_unseen_frames_are_told_and_have_keys_of_their_own(scene: bpy.types.Scene, shot: Shot) -> None:
+    settings = scene.virtual_aperture
+    left = points(shot, 3, 4)
+    images = tuple(
+        replace(image, points=image.points[10:], xy=image.xy[10:]) if image.frame in (5, 6) else image
+        for image in shot.reconstruction.images
+    )
+    build(scene, shot.footage, replace(shot.reconstruction, images=images))
+    focus_marks.replace_all(settings, [FocusMark.of(left), FocusMark.of(at(9, 12.0))])
+    assert settings.marks.unseen == "5 6"
+    kinds = {int(key.co[0]): key.type for key in keys(scene).keyframe_points}
+    assert [frame for frame, kind in kinds.items() if kind == "JITTER"] == [5, 6]
+    update()
+    assert len(settings.marks.items) == 2 and not settings.marks.left
+
+
+def test_marks_are_kept_over_a_new_solve(scene: bpy.types.Scene, shot: Shot) -> None:
+    settings = scene.virtual_aperture
+    world = np.array([0.2, -0.1, 7.0])
+    focus_marks.replace_all(
+        settings,
+        [
+            FocusMark.of(points(shot, 2, 5, 6, 7)),
+            FocusMark(6, (replace(at(4, 7.0), world=world, xy=(0.52, 0.47)),), smooth=False),
+            FocusMark.of(at(9, 12.0)),
+        ],
+    )
+    before = [mark.distance for mark in settings.marks.items]
+    kept = keep_focus(settings, shot.footage.path)
+    # The same clip, solved in a unit of half the length.
+    solve = shot.reconstruction
+    images = tuple(replace(image, translation=2 * image.translation) for image in solve.images)
+    new = replace(solve, images=images, points=replace(solve.points, xyz=2 * solve.points.xyz))
+    build(scene, shot.footage, new)
+    assert not len(settings.marks.items) and keys(scene) is None
+    assert kept is not None and restore_focus(settings, kept, new) == ""
+    assert [(mark.frame, mark.easing) for mark in settings.marks.items] == [
+        (2, "SMOOTH"), (6, "LINEAR"), (9, "SMOOTH"),
+    ]  # fmt: skip
+    assert [mark.distance for mark in settings.marks.items] == pytest.approx(
+        [2 * d for d in before], rel=0.03
+    )
+    assert [point.point for point in settings.marks.items[0].places[0].points] == [5, 6, 7]
+    assert distance(scene, 9) == pytest.approx(24.0, rel=1e-3)

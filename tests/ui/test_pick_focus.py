@@ -1,0 +1,182 @@
+"""Operators that pick the focus and edit the list of focus marks."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import bpy
+import pytest
+
+from addon.core.camera.reconstruction import Intrinsics
+from addon.core.lens.focus import Focus
+from addon.core.lens.focus_place import Place
+from addon.core.lens.focus_pull import FocusMark
+from addon.scene import focus_marks, lens
+from addon.scene.build import build
+from addon.scene.shot import Shot
+from addon.ui import panels
+from addon.ui.focus_list import VIRTUAL_APERTURE_UL_focus_marks
+
+from .. import planes
+from ..recorder import Recorder, draw
+from ..scenes import slanted_plane, slanted_shot
+
+LENS = Intrinsics(320, 180, 280.0, 280.0, 160.0, 90.0)
+FRAMES = tuple(range(1, 9))
+OPERATORS = bpy.ops.virtual_aperture
+
+
+@pytest.fixture
+def shot(scene: bpy.types.Scene, tmp_path: Path) -> Shot:
+    """The plane with so many points that four are near every place."""
+    made = slanted_shot(tmp_path / "clip", LENS, FRAMES)
+    made = replace(made, reconstruction=slanted_plane(LENS, FRAMES, count=1500))
+    build(scene, made.footage, made.reconstruction)
+    return made
+
+
+def at(frame: int, distance: float) -> FocusMark:
+    return FocusMark.of(Place(Focus(distance=distance), frame, distance, "a distance"))
+
+
+def frames(scene: bpy.types.Scene) -> list[int]:
+    return [mark.frame for mark in scene.virtual_aperture.marks.items]
+
+
+def test_a_pick_is_in_focus(scene: bpy.types.Scene, shot: Shot, capsys: pytest.CaptureFixture[str]) -> None:
+    settings = scene.virtual_aperture
+    scene.frame_set(3)
+    assert OPERATORS.pick_focus(x=0.2, y=0.5) == {"FINISHED"}
+    # The plane's inverse depth is linear over the picture, from 5 to 12 away.
+    assert 1 / settings.focus_distance == pytest.approx(0.8 / 5 + 0.2 / 12, rel=0.02)
+    assert len(settings.focus_points) == 4 and settings.focus_frame == 3
+    assert len(settings.aperture.data.vertices) > 0
+    assert "In focus at frame 3: 4 points, 5." in capsys.readouterr().out
+    scene.frame_set(7)
+    assert OPERATORS.pick_focus(x=0.8, y=0.5, add=True) == {"FINISHED"}
+    assert frames(scene) == [3, 7] and "mark 2 of 2" in capsys.readouterr().out
+    assert 1 / settings.focus_distance == pytest.approx(0.2 / 5 + 0.8 / 12, rel=0.1)
+    # With two marks a pick is the one at the playhead.
+    scene.frame_set(5)
+    assert OPERATORS.pick_focus(x=0.5, y=0.5) == {"FINISHED"}
+    assert frames(scene) == [3, 5, 7]
+
+
+def test_a_pick_is_refused(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    with pytest.raises(RuntimeError, match="Solve the clip first"):
+        OPERATORS.pick_focus()
+    shot = slanted_shot(tmp_path, LENS, FRAMES)
+    settings = build(scene, shot.footage, shot.reconstruction)
+    scene.frame_set(40)
+    with pytest.raises(RuntimeError, match="frame 40 has no camera to pick a focus in"):
+        OPERATORS.pick_focus()
+    assert not len(settings.marks.items) and not lens.is_in_focus(settings)
+    settings.footage = str(tmp_path / "gone")
+    scene.frame_set(2)
+    with pytest.raises(RuntimeError, match=r"the clip .* is not in"):
+        OPERATORS.pick_focus()
+
+
+def test_in_a_pull_of_the_users_a_pick_is_the_next_key(
+    scene: bpy.types.Scene, shot: Shot, capsys: pytest.CaptureFixture[str]
+) -> None:
+    settings = scene.virtual_aperture
+    settings.focus_distance = 7.0
+    scene.keyframe_insert(settings.path_from_id("focus_distance"), frame=1)
+    scene.frame_set(6)
+    assert OPERATORS.pick_focus(x=0.2, y=0.5) == {"FINISHED"}
+    keys = {int(key.co[0]): key.co[1] for key in lens.keys_of(settings, "focus_distance").keyframe_points}
+    assert list(keys) == [1, 6] and keys[1] == 7.0 and 5 < keys[6] < 6
+    assert "The focus distance is keyed at frame 6" in capsys.readouterr().out
+
+
+def test_the_list_is_edited(scene: bpy.types.Scene, shot: Shot, capsys: pytest.CaptureFixture[str]) -> None:
+    settings = scene.virtual_aperture
+    for operator in (OPERATORS.remove_focus_mark, OPERATORS.move_focus_mark, OPERATORS.jump_to_unseen):
+        with pytest.raises(RuntimeError, match="There is no focus mark: Pick Focus makes one"):
+            operator()
+    with pytest.raises(RuntimeError, match="Pick what is to be sharp first"):
+        OPERATORS.hold_focus()
+    focus_marks.replace_all(settings, [at(3, 4.0)])
+    scene.frame_set(3)
+    with pytest.raises(RuntimeError, match="A focus mark is at frame 3 already"):
+        OPERATORS.hold_focus()
+    scene.frame_set(6)
+    assert OPERATORS.hold_focus() == {"FINISHED"}
+    assert [(mark.frame, mark.distance) for mark in settings.marks.items] == [(3, 4.0), (6, 4.0)]
+    scene.frame_set(3)
+    with pytest.raises(RuntimeError, match="another mark is at frame 3 already; remove it first"):
+        OPERATORS.move_focus_mark()
+    scene.frame_set(8)
+    assert OPERATORS.move_focus_mark() == {"FINISHED"}
+    assert frames(scene) == [3, 8] and settings.marks.active == 1
+    assert OPERATORS.jump_to_focus_mark(frame=3) == {"FINISHED"}
+    assert scene.frame_current == 3 and settings.marks.active == 0
+    with pytest.raises(RuntimeError, match="All frames show what is in focus"):
+        OPERATORS.jump_to_unseen()
+    settings.marks.unseen = "2 5 7"
+    for frame in (5, 7, 2):
+        assert OPERATORS.jump_to_unseen() == {"FINISHED"} and scene.frame_current == frame
+    assert OPERATORS.remove_focus_mark() == {"FINISHED"}
+    assert frames(scene) == [8] and "The focus mark of frame 3 is removed" in capsys.readouterr().out
+    assert OPERATORS.clear_focus() == {"FINISHED"}
+    assert not frames(scene) and settings.focus_distance == 4.0
+
+
+def test_keys_are_given_back_to_the_marks(scene: bpy.types.Scene, shot: Shot) -> None:
+    settings = scene.virtual_aperture
+    focus_marks.replace_all(settings, [at(2, 4.0), at(7, 9.0)])
+    with pytest.raises(RuntimeError, match="The keys are those of the focus marks"):
+        OPERATORS.write_focus_marks()
+    for key in lens.keys_of(settings, "focus_distance").keyframe_points:
+        if key.type == "GENERATED":
+            key.co[1] += 1.0
+    bpy.context.view_layer.update()
+    shown = draw(panels.focus.VIRTUAL_APERTURE_PT_focus)
+    assert "The keys of the distance are yours" in shown.texts
+    assert "virtual_aperture.write_focus_marks" in shown.operators
+    assert OPERATORS.write_focus_marks() == {"FINISHED"}
+    scene.frame_set(8)
+    assert settings.focus_distance == pytest.approx(9.0)
+    assert "virtual_aperture.write_focus_marks" not in draw(panels.focus.VIRTUAL_APERTURE_PT_focus).operators
+
+
+def test_the_panel_tells_of_marks(scene: bpy.types.Scene, shot: Shot) -> None:
+    settings = scene.virtual_aperture
+    focus_marks.replace_all(settings, [at(2, 4.0), at(7, 9.0)])
+    settings.marks.unseen = "3 4 5"
+    shown = draw(panels.focus.VIRTUAL_APERTURE_PT_focus)
+    assert "Not seen in 3 frames" in shown.texts
+    assert {"frame", "easing", "focus_object"} <= set(shown.props)
+    row = Recorder()
+    VIRTUAL_APERTURE_UL_focus_marks.draw_item(
+        None, bpy.context, row, settings.marks, settings.marks.items[1], 0, settings.marks, "active"
+    )
+    assert row.texts == ["7", "9 m"] and "name" in row.props
+
+
+def test_a_solve_puts_something_in_focus(
+    scene: bpy.types.Scene, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    clip = planes.write_clip(tmp_path / "walk", planes.sideways(12))
+    settings = scene.virtual_aperture
+    settings.footage, settings.work_dir = str(clip), str(tmp_path / "work")
+    assert OPERATORS.solve() == {"FINISHED"}
+    assert "; the nearest large thing round the middle is in focus" in capsys.readouterr().out
+    assert settings.marks.is_first and len(settings.focus_points) == 4 and settings.use_radius
+    texts = " ".join(draw(panels.focus.VIRTUAL_APERTURE_PT_focus).texts)
+    assert "In focus: the nearest large thing round the middle" in texts
+    assert OPERATORS.render_frame.poll()
+    # It is nobody's pick: kept over a solve as it is, and told as long as nothing else is picked.
+    assert OPERATORS.solve() == {"FINISHED"} and settings.marks.is_first
+    assert OPERATORS.pick_focus(x=0.5, y=0.5) == {"FINISHED"}
+    picked = [entry.point for entry in settings.focus_points]
+    assert OPERATORS.solve() == {"FINISHED"}
+    assert not settings.marks.is_first and [entry.point for entry in settings.focus_points] == picked
+
+
+def test_changes_of_the_focus_can_be_undone() -> None:
+    names = ("pick_focus", "hold_focus", "remove_focus_mark", "move_focus_mark", "write_focus_marks")
+    for name in names:
+        assert "UNDO" in getattr(bpy.types, f"VIRTUAL_APERTURE_OT_{name}").bl_options

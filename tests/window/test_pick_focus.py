@@ -1,0 +1,182 @@
+"""The eyedropper and the focus pull, with mouse and keys: in this order, in one Blender."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from .conftest import PICTURES
+from .program import EXTENSION, Program
+from .screen import Screen
+
+SETTINGS = "bpy.context.scene.virtual_aperture"
+MARKS = f"[[mark.frame, mark.distance] for mark in {SETTINGS}.marks.items]"
+POINTS = f"[entry.point for entry in {SETTINGS}.focus_points]"
+RUNNING = "[o.bl_idname for w in bpy.context.window_manager.windows for o in w.modal_operators]"
+PICKING = f"'VIRTUAL_APERTURE_OT_pick_focus' in {RUNNING}"
+KEYS = f"__import__('sys').modules['{EXTENSION}.addon.scene.lens'].keys_of({SETTINGS}, 'focus_distance')"
+GLOBE, FLOOR = (0.53, 0.45), (0.35, 0.67)
+"""Places of the sample clip's first frame, fractions of the picture: the globe is nearer."""
+
+pytestmark = pytest.mark.usefixtures("in_order")
+
+
+@pytest.fixture(scope="module")
+def blend(folder: Path, registered: None, desk: Path, desk_work: Path) -> Path:
+    """The sample clip, solved, in a .blend."""
+    import bpy
+
+    from addon.core.sfm.workspace import load_solve
+    from addon.scene.build import build
+
+    made = folder / "pick"
+    made.mkdir()
+    clip = Path(shutil.copy(desk, made))
+    bpy.ops.wm.read_homefile(app_template="", use_factory_startup=True)
+    bpy.data.objects.remove(bpy.data.objects["Cube"])
+    solved = load_solve(desk_work, clip)
+    settings = build(bpy.context.scene, solved.open_clip(solved.frames), solved.reconstruction)
+    settings.footage = "//desk.mp4"
+    file = made / "scene.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(file))
+    return file
+
+
+@pytest.fixture(scope="module")
+def program(screen: Screen, resources: Path, blend: Path) -> Iterator[Program]:
+    made = Program(screen, resources, PICTURES / "pick")
+    made.screen.move(*made.middle("VIEW_3D"))
+    made.screen.key("Escape")
+    made.ask(f"bpy.ops.wm.open_mainfile(filepath={str(blend)!r}); None")
+    made.settle()
+    made.show_sidebar("Virtual Aperture")
+    yield made
+    made.close()
+
+
+def over(program: Program, place: tuple[float, float]) -> tuple[float, float]:
+    """Pixels on the screen of a place of the picture, as the viewport through the camera shows it."""
+    corners = (
+        "[bpy.context.scene.camera.matrix_world @ c for c in"
+        " bpy.context.scene.camera.data.view_frame(scene=bpy.context.scene)]"
+    )
+    at: list[list[float]] = program.ask(f"project({corners})")
+    xs, ys = [x for x, _ in at], [program.screen.size[1] - y for _, y in at]
+    return min(xs) + place[0] * (max(xs) - min(xs)), min(ys) + place[1] * (max(ys) - min(ys))
+
+
+def begin(program: Program, add: bool = False) -> None:
+    program.press("pick_focus(add=True)" if add else "pick_focus()", across=0.87 if add else 0.6)
+    program.wait(PICKING)
+
+
+def ended(program: Program) -> None:
+    program.wait(f"not ({PICKING})")
+    program.settle()
+
+
+def edited(program: Program, question: str, *keys: str) -> Any:
+    """The answer once keys were pressed over the timeline, and the marks have followed."""
+    program.screen.move(*program.middle("DOPESHEET_EDITOR"))
+    program.settle()
+    program.screen.key(*keys)
+    program.screen.nudge()
+    program.settle()
+    return program.ask(question)
+
+
+def test_a_click_sets_the_focus(program: Program) -> None:
+    assert program.ask(POINTS) == []
+    begin(program)
+    assert program.ask("view('VIEW_3D')['area'].spaces.active.region_3d.view_perspective") == "CAMERA"
+    program.screen.move(*over(program, GLOBE))
+    program.settle()
+    program.shot("over_the_globe")
+    program.screen.click(*over(program, GLOBE))
+    ended(program)
+    program.shot("globe")
+    ((frame, away),) = program.ask(MARKS)
+    assert frame == 1 and away > 0 and len(program.ask(POINTS)) == 4
+    x, y = program.ask(f"list({SETTINGS}.marks.items[0].places[0].xy)")
+    # Within two pixels of the screen.
+    assert abs(x - GLOBE[0]) < 0.004 and abs(y - GLOBE[1]) < 0.006
+
+
+def test_escape_leaves_it(program: Program) -> None:
+    before = program.ask(POINTS)
+    begin(program)
+    program.screen.click(*over(program, FLOOR), held="shift")
+    program.settle()
+    program.shot("two_places")
+    program.screen.key("Escape")
+    ended(program)
+    assert program.ask(POINTS) == before
+
+
+def test_shift_adds_ctrl_removes_enter_confirms(program: Program) -> None:
+    globe = program.ask(POINTS)
+    begin(program)
+    program.screen.click(*over(program, FLOOR), held="shift")
+    program.settle()
+    program.screen.key("Return")
+    ended(program)
+    both = program.ask(POINTS)
+    assert len(both) == 8 and both[:4] == globe
+    begin(program)
+    program.screen.click(*over(program, GLOBE), held="ctrl")
+    program.settle()
+    program.screen.key("Return")
+    ended(program)
+    assert program.ask(POINTS) == both[4:]
+    program.screen.move(*over(program, GLOBE))
+    program.screen.key("ctrl+z")
+    program.wait(f"{POINTS} == {both}")
+    program.screen.key("ctrl+shift+z")
+    program.wait(f"{POINTS} == {both[4:]}")
+
+
+def test_a_second_mark_pulls(program: Program) -> None:
+    program.ask("bpy.context.scene.frame_set(25)")
+    program.settle()
+    begin(program, add=True)
+    program.screen.click(*over(program, GLOBE))
+    ended(program)
+    program.shot("pull")
+    (first, far), (second, near) = program.ask(MARKS)
+    assert (first, second) == (1, 25) and near < far
+    assert program.ask(f"{SETTINGS}.focus_distance") == near
+
+
+def test_a_mark_follows_its_key_in_the_timeline(program: Program) -> None:
+    program.ask(
+        f"for k in {KEYS}.keyframe_points:"
+        " k.select_control_point = k.select_left_handle = k.select_right_handle = k.co[0] == 25\nNone"
+    )
+    before = program.ask(MARKS)
+    program.settle()
+    edited(program, "1", "g", "minus", "5")
+    # While it is dragged nothing is written.
+    assert program.ask(MARKS) == before
+    edited(program, "1", "Return")
+    program.wait(f"[mark.frame for mark in {SETTINGS}.marks.items] == [1, 20]")
+    program.shot("moved")
+    assert not program.ask(f"{SETTINGS}.marks.left")
+    kinds = program.ask(f"[k.co[0] for k in {KEYS}.keyframe_points if k.type == 'KEYFRAME']")
+    assert kinds == [1, 20]
+    edited(program, "1", "ctrl+z")
+    program.wait(f"{MARKS} == {before}")
+    edited(program, "1", "ctrl+shift+z")
+    program.wait(f"[mark.frame for mark in {SETTINGS}.marks.items] == [1, 20]")
+
+
+def test_the_cameras_own_distance_follows(program: Program) -> None:
+    for frame in (1, 12, 30):
+        program.ask(f"bpy.context.scene.frame_set({frame})")
+        ours, own = program.ask(
+            f"[{SETTINGS}.focus_distance, bpy.context.scene.camera.data.dof.focus_distance]"
+        )
+        assert ours == own
