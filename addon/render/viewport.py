@@ -26,7 +26,7 @@ from ..scene.lens import lens_settings
 from ..scene.remedy_words import WORDS
 from ..scene.shot import shot_of
 from .gpu_views import upload
-from .preview import COARSE, FAIR, FINE, SHARP, Half, Picture, Preview, Wanted
+from .preview import COARSE, FAIR, FINE, ROUGH, Half, Picture, Preview, Wanted
 
 LOOK = 0.02
 """Seconds between two looks for a better picture, while one is being made."""
@@ -35,7 +35,7 @@ TELL = 0.25
 ROOM = 0.9
 """Of the camera frame's width in the viewport, in pixels, that a picture must have: by eye, one that is a
 little enlarged is as sharp as it was, and costs less."""
-LEVELS = {SHARP: "as it was shot", COARSE: "coarse", FAIR: "draft", FINE: ""}
+LEVELS = {ROUGH: "from the feature points", COARSE: "coarse", FAIR: "draft", FINE: ""}
 """What is said of a picture that is not the best one."""
 
 PREVIEW = Preview()
