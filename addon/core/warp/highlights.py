@@ -243,13 +243,18 @@ def _highlight(
     core = np.median(light[own].astype(np.float64), axis=0)
     bright = _bright(RADIANCES, colour_of(rim), core)
     over = np.maximum(bright[:, None] - behind, 0)
-    model = coverage[:, used][:, None, :, None] * over + behind
     white = np.float32(core.max())
-    off = np.sqrt(np.minimum(model, white)) - np.minimum(seen, np.sqrt(white))
+    # In one array, and by functions that NumPy has vector instructions for: log1p has none.
+    off = coverage[:, used][:, None, :, None] * over
+    off += behind
+    np.sqrt(np.minimum(off, white, out=off), out=off)
+    off -= np.minimum(seen, np.sqrt(white))
     off *= off
     # Cauchy's likelihood: a pixel that shows something else, such as a cord, does not decide alone.
-    off = np.log1p(off / np.float32(OUTLIER**2))
-    misfit = OUTLIER**2 * off.sum(axis=(2, 3), dtype=np.float64)
+    off *= np.float32(1 / OUTLIER**2)
+    off += 1
+    np.log(off, out=off)
+    misfit = OUTLIER**2 * off.reshape(*off.shape[:2], -1).sum(axis=2).astype(np.float64)
     return ground, core, rim, coverage, -misfit / (2 * (MISFIT**2 + texture))
 
 
