@@ -6,6 +6,7 @@ interface goes on. One thing is made at a time, the last one that was asked for.
 
 from __future__ import annotations
 
+import contextlib
 import threading
 import time
 import traceback
@@ -209,13 +210,13 @@ class Preview:
 
     def _make(self, wanted: Wanted, level: int) -> None:
         began = time.monotonic()
-        has_depth = _has_depth(wanted)
-        if level == ROUGH and has_depth:
-            level = COARSE
-        if level == COARSE and (self._draft_seconds < QUICK or wanted.shows):
-            level = FAIR
-        self._level, self.finds_depth = level, level > ROUGH and not has_depth
         try:
+            has_depth = _has_depth(wanted)
+            if level == ROUGH and has_depth:
+                level = COARSE
+            if level == COARSE and (self._draft_seconds < QUICK or wanted.shows):
+                level = FAIR
+            self._level, self.finds_depth = level, level > ROUGH and not has_depth
             with reporting(lambda name, share: self._on_progress(wanted, name, share)):
                 picture = self._make_picture(wanted, level)
         except Cancelled:
@@ -260,10 +261,10 @@ class Preview:
 
 def make_picture(wanted: Wanted, level: int) -> Picture:
     """A frame at a level; UserError as `render_frame`. Passes checkpoints."""
-    if level == ROUGH and wanted.shows:
-        clip = _clip(wanted)
-        return Picture(wanted, level, clip, clip if wanted.with_clip else None)
-    linear = _inspected(wanted) if wanted.shows else _through_lens(wanted, level)
+    if level == ROUGH:
+        linear = _rough(wanted)
+    else:
+        linear = _inspected(wanted) if wanted.shows else _through_lens(wanted, level)
     return Picture(wanted, level, linear.astype(np.float16), _clip(wanted) if wanted.with_clip else None)
 
 
@@ -272,6 +273,14 @@ def _clip(wanted: Wanted) -> Half:
     with stage("Reading", 0.0, 0.0):
         picture = wanted.shot.context.picture(wanted.frame, NO_HIGHLIGHTS)
         return np.asarray(cv2.resize(picture, wanted.size, interpolation=cv2.INTER_AREA), np.float16)
+
+
+def _rough(wanted: Wanted) -> LinearRGBA:
+    """What needs no depth, (h, w, 4); as it was shot where there are too few feature points."""
+    if not wanted.shows:
+        with contextlib.suppress(UserError):
+            return _through_lens(wanted, ROUGH)
+    return _clip(wanted).astype(np.float32)
 
 
 def _through_lens(wanted: Wanted, level: int) -> LinearRGBA:

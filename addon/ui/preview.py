@@ -7,6 +7,7 @@ from typing import Any
 import bpy
 
 from ..render.engine import VirtualApertureEngine
+from ..render.viewport import PREVIEW
 from .operators import Result, has_solve
 
 
@@ -31,6 +32,8 @@ class VIRTUAL_APERTURE_OT_preview(bpy.types.Operator):  # noqa: N801
         if is_shown(context):
             space.shading.type = "SOLID"
             return {"FINISHED"}
+        # What could not be shown before is tried again.
+        PREVIEW.forget()
         context.scene.render.engine = VirtualApertureEngine.bl_idname
         context.scene.camera = context.scene.virtual_aperture.camera
         space.region_3d.view_perspective = "CAMERA"

@@ -206,3 +206,11 @@ def test_what_a_frame_is_drawn_from(wanted: Wanted, name: str) -> None:
     assert shown.linear.shape[2] == 4 and np.isfinite(shown.linear).all()
     assert not np.array_equal(shown.linear, lens.linear)
     assert replace(wanted, shows=name).best == FAIR
+
+
+def test_a_clip_without_a_focus_is_shown_as_it_was_shot(wanted: Wanted) -> None:
+    nothing = replace(wanted, lens=replace(wanted.lens, focus=Focus()))
+    rough = make_picture(nothing, ROUGH)
+    assert rough.linear.shape[:2] == (90, 160)
+    with pytest.raises(UserError):
+        make_picture(nothing, FAIR)
