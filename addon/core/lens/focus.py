@@ -174,10 +174,10 @@ def pick_features(
             f"frame {features.frame} has fewer than two feature points; pick the focus in another frame"
         )
     click = canvas.features_from_source(np.array([[x * canvas.lens.width, y * canvas.lens.height]]))
-    distance = np.linalg.norm(features.observed - click, axis=1)
-    near = np.argsort(distance, kind="stable")[: 3 * options.points]
+    near = _nearest(features.observed, click[0], 3 * options.points)
+    distance = np.linalg.norm(features.observed[near] - click, axis=1)
     # A neighbour at twice the distance of the fourth says little about the clicked place.
-    near = near[distance[near] <= 2 * distance[near[min(options.points, len(near)) - 1]]]
+    near = near[distance <= 2 * distance[min(options.points, len(near)) - 1]]
     inverse = features.inverse_depth[near]
     under = _surface(features.observed[near] - click, inverse, options)
     agree = np.argsort(np.abs(inverse - under), kind="stable")[: 2 * options.points]
@@ -185,6 +185,18 @@ def pick_features(
     chosen = inverse[fours]
     cost = np.abs(chosen.mean(axis=1) - under) + options.range_weight * np.ptp(chosen, axis=1)
     return Focus(points=tuple(int(p) for p in features.points[near[fours[np.argmin(cost)]]]))
+
+
+def _nearest(places: Floats, place: Floats, count: int) -> Ints:
+    """(count,) or fewer indices of the places (n, 2) that are nearest to one (2,), the nearest first.
+
+    Without sorting all of them, which takes a quarter of a second of a million.
+    """
+    away = np.square(places[:, 0] - place[0])
+    away += np.square(places[:, 1] - place[1])
+    near = np.argpartition(away, count - 1)[:count] if count < len(away) else np.arange(len(away))
+    near.sort()
+    return np.asarray(near[np.argsort(away[near], kind="stable")])
 
 
 def _surface(offsets: Floats, inverse: Floats, options: PickOptions) -> float:

@@ -1,0 +1,116 @@
+"""What the interface waits for: python -m benchmarks.timings.interface [BLEND ...]
+
+Times of a preview's pictures by level, of frames that follow each other, with depth kept; of an import by its
+number of points, and of a move of the eyedropper among them. Of each the median and the least, because the
+machine's other work is in it. Without a .blend that holds a solved clip, whose working folder keeps depth
+(`headless.py solve CLIP --work DIR --depth`, then `save`), only the points are timed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+import time
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+import bpy
+import cv2
+import numpy as np
+
+import addon
+from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
+from addon.core.lens.clip_context import ClipContext, no_picture
+from addon.core.lens.focus_place import PlaceFinder
+from addon.core.media.clip import open_footage
+from addon.render.preview import COARSE, FAIR, FINE, ROUGH, Wanted, make_picture
+from addon.scene.build import build
+from addon.scene.lens import lens_settings
+from addon.scene.shot import shot_of
+from addon.ui.points_overlay import places_and_colours
+
+COUNTS = (10_000, 100_000, 1_000_000)
+FRAMES = 6
+"""Of a clip, that are shown one after the other."""
+MOVES = 200
+LEVELS = {ROUGH: "from the feature points", COARSE: "coarse", FAIR: "draft", FINE: "best"}
+
+
+def timed(call: Callable[..., object], arguments: Iterable[tuple[object, ...]]) -> str:
+    """Median and least time of calls with each of the arguments, in milliseconds."""
+    seconds = []
+    for each in arguments:
+        began = time.perf_counter()
+        call(*each)
+        seconds.append(time.perf_counter() - began)
+    return f"{1000 * float(np.median(seconds)):.0f} ({1000 * min(seconds):.0f})"
+
+
+def preview_table(file: Path) -> None:
+    """Print what a preview of a .blend takes, full size and at half of it."""
+    bpy.ops.wm.open_mainfile(filepath=str(file.resolve()))
+    scene = bpy.context.scene
+    shot = shot_of(scene)
+    lens = lens_settings(scene.virtual_aperture, shot.reconstruction)
+    first = shot.footage.frames[0]
+    print(f"\n{file.name}: {shot.footage.width}x{shot.footage.height}, ms, median (least)\n")
+    print("| preview | " + " | ".join(LEVELS.values()) + " |\n|---|" + len(LEVELS) * "---|")
+    for smaller in (1, 2):
+        size = -(-shot.footage.width // smaller), -(-shot.footage.height // smaller)
+        wanted = [Wanted(shot, frame, lens, size) for frame in range(first, first + FRAMES)]
+        # What the frames around tell is found once.
+        timed(make_picture, ((each, FINE) for each in wanted))
+        cells = [timed(make_picture, [(each, level) for each in wanted]) for level in LEVELS]
+        print(f"| {size[0]}x{size[1]} | " + " | ".join(cells) + " |")
+
+
+def cloud(count: int) -> Reconstruction:
+    """Random points before one of two cameras, that both see."""
+    lens = Intrinsics(640, 360, 544.0, 544.0, 320.0, 180.0)
+    rng = np.random.default_rng(0)
+    xy = rng.uniform([0, 0], [lens.width, lens.height], (count, 2))
+    depth = rng.uniform(5, 12, count)
+    xyz = np.column_stack([(xy - lens.principal_point) / lens.focal, np.ones(count)]) * depth[:, None]
+    numbers = np.arange(count, dtype=np.int32)
+    images = []
+    for frame in (1, 2):
+        move = np.array([-0.05 * (frame - 1), 0, 0])
+        images.append(Image(frame, np.eye(3), move, lens.project(xyz + move), numbers))
+    points = Points(xyz, np.full((count, 3), 128, np.uint8), np.full(count, 0.1))
+    return Reconstruction((lens,), tuple(images), points)
+
+
+def points_table() -> None:
+    """Print what a solve of so many points takes."""
+    print("\n| points | into the scene, s | colours of the overlay, ms | a move of the eyedropper, ms |")
+    print("|---|---|---|---|")
+    with tempfile.TemporaryDirectory() as name:
+        for frame in (1, 2):
+            cv2.imwrite(str(Path(name) / f"clip_{frame:04d}.png"), np.full((360, 640, 3), 128, np.uint8))
+        for count in COUNTS:
+            bpy.ops.wm.read_homefile(app_template="", use_factory_startup=True)
+            reconstruction = cloud(count)
+            began = time.perf_counter()
+            settings = build(bpy.context.scene, open_footage(Path(name)), reconstruction)
+            built = time.perf_counter() - began
+            colours = timed(places_and_colours, 3 * [(settings.points.data,)])
+            finder = PlaceFinder(ClipContext(reconstruction, no_picture), 1)
+            places = np.random.default_rng(1).random((MOVES, 2))
+            moves = timed(finder.glance, map(tuple, places))
+            print(f"| {count:,} | {built:.2f} | {colours} | {moves} |")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("blends", nargs="*", type=Path, metavar="BLEND")
+    options = parser.parse_args()
+    addon.register()
+    for file in options.blends:
+        preview_table(file)
+    points_table()
+
+
+if __name__ == "__main__":
+    main()
