@@ -12,7 +12,7 @@ from ..core.base.errors import UserError
 from ..scene import aperture_cloud, lens
 from ..scene.point_cloud import ID_ATTRIBUTE
 from ..scene.shot import reconstruction_of
-from .operators import Result, has_solve, reported
+from .operators import Result, has_points, may_change, reported
 
 
 class VIRTUAL_APERTURE_OT_set_focus(bpy.types.Operator):  # noqa: N801
@@ -24,13 +24,7 @@ class VIRTUAL_APERTURE_OT_set_focus(bpy.types.Operator):  # noqa: N801
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if not has_solve(cls, context):
-            return False
-        points = context.scene.virtual_aperture.points
-        if points.mode == "EDIT":
-            return True
-        cls.poll_message_set("Select the point cloud, press Tab for Edit Mode and select vertices")
-        return False
+        return has_points(cls, context, "vertices")
 
     @reported
     def execute(self, context: bpy.types.Context) -> Result:
@@ -72,6 +66,8 @@ class VIRTUAL_APERTURE_OT_clear_focus(bpy.types.Operator):  # noqa: N801
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
+        if not may_change(cls, context):
+            return False
         if len(context.scene.virtual_aperture.focus_points):
             return True
         cls.poll_message_set("No points are picked")

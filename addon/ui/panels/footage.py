@@ -29,6 +29,10 @@ def next_step(context: bpy.types.Context) -> str:
 class VIRTUAL_APERTURE_PT_footage(Panel, bpy.types.Panel):  # noqa: N801
     bl_label = "Footage"
 
+    @classmethod
+    def poll(cls, _context: bpy.types.Context) -> bool:
+        return True
+
     def draw(self, context: bpy.types.Context) -> None:
         settings = context.scene.virtual_aperture
         layout = self.layout
@@ -41,6 +45,7 @@ class VIRTUAL_APERTURE_PT_footage(Panel, bpy.types.Panel):  # noqa: N801
             text=Path(settings.footage).name or "Choose Clip",
             icon="FILE_MOVIE" if settings.footage else "FILEBROWSER",
         )
+        notices.draw_scene(layout, context)
         notices.draw_clip(layout, context)
 
 
