@@ -158,6 +158,13 @@ class VIRTUAL_APERTURE_OT_pause_depth(bpy.types.Operator):  # noqa: N801
     bl_idname = "virtual_aperture.pause_depth"
     bl_label = "Pause"
 
+    @classmethod
+    def poll(cls, _context: bpy.types.Context) -> bool:
+        if _ahead is not None and _ahead.child is not None:
+            return True
+        cls.poll_message_set("No depth is being found")
+        return False
+
     def execute(self, _context: bpy.types.Context) -> set[str]:
         stop()
         return {"FINISHED"}
