@@ -23,7 +23,7 @@ from ..scene.lens import focal_of, is_in_focus, lens_settings
 from ..scene.refocus import keep_focus, restore_focus
 from ..scene.remedy_words import WORDS
 from ..scene.shot import reconstruction_of
-from . import after_solve, depth_ahead
+from . import after_solve, depth_ahead, redraw
 from .solving import Solving
 
 Result = set[str]
@@ -227,6 +227,7 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
                 focal=focal_of(settings),
                 again=self.again,
                 zooms=settings.lens == "ZOOM",
+                yielding=not bpy.app.background,
             )
         )
 
@@ -266,7 +267,7 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
         self._timer = manager.event_timer_add(LOOK, window=context.window)
         manager.progress_begin(0, 100)
         manager.modal_handler_add(self)
-        _redraw(context)
+        redraw.panels()
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
@@ -281,7 +282,7 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
             for step in self._process.poll():
                 context.window_manager.progress_update(100 * step.share)
                 context.workspace.status_text_set(f"Virtual Aperture: {step.text}    (ESC cancels)")
-                _redraw(context)
+                redraw.panels()
             if not self._process.finished:
                 return {"RUNNING_MODAL"}
             self._end(context)
@@ -321,7 +322,7 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
             self._timer = None
         context.window_manager.progress_end()
         context.workspace.status_text_set(None)
-        _redraw(context)
+        redraw.panels()
 
 
 def running_solve() -> Solving | None:
@@ -335,12 +336,6 @@ def end_solve() -> None:
     if (running := running_solve()) is not None:
         running.cancel()
     VIRTUAL_APERTURE_OT_solve._running = None
-
-
-def _redraw(context: bpy.types.Context) -> None:
-    """Let panels show how far a solve is, and buttons whether they can be pressed now."""
-    for area in context.screen.areas:
-        area.tag_redraw()
 
 
 class _Render:
