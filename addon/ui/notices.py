@@ -5,13 +5,20 @@ from __future__ import annotations
 import bpy
 
 from ..core.base.errors import UserError
-from ..scene import parts
+from ..scene import parts, version
 from ..scene.clip import trouble_with
 from ..scene.ignored import ignored
 from .find_clip import VIRTUAL_APERTURE_OT_find_clip
 from .operators import VIRTUAL_APERTURE_OT_solve, check_may_change, sentence
 from .restore import VIRTUAL_APERTURE_OT_restore_objects
 from .text import wrapped
+
+
+def is_in_order(scene: bpy.types.Scene) -> bool:
+    """Whether neither `draw_scene` nor `draw_clip` has anything to tell."""
+    settings = scene.virtual_aperture
+    is_ours = scene.library is None and not version.is_newer(settings)
+    return is_ours and not parts.missing(scene) and trouble_with(settings) is None
 
 
 def draw_scene(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:

@@ -36,7 +36,7 @@ class VIRTUAL_APERTURE_PT_footage(Panel, bpy.types.Panel):  # noqa: N801
     def draw(self, context: bpy.types.Context) -> None:
         settings = context.scene.virtual_aperture
         layout = self.layout
-        if operators.running_solve() is None:
+        if operators.running_solve() is None and notices.is_in_order(context.scene):
             wrapped(layout, context, next_step(context), icon="INFO")
         row = layout.row()
         row.scale_y = PRIMARY
