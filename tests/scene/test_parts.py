@@ -199,6 +199,8 @@ def test_a_linked_scene_renders_and_is_not_changed(source: tuple[Path, bytes], t
     ):  # fmt: skip
         with pytest.raises(RuntimeError, match=r"is linked from shot\.blend"):
             getattr(bpy.ops.virtual_aperture, name)(**given)
-    # Made local alone, it has objects of its own once it is solved.
+    # Made local alone, it gets objects of its own with its next solve.
+    footage = shot_of(linked).footage
     linked.make_local()
-    assert linked.library is None
+    made = build(linked, footage, slanted_plane(LENS))
+    assert made.points.library is None and parts.missing(linked) == []
