@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import signal
 import subprocess
@@ -14,13 +13,12 @@ from pathlib import Path
 
 import bpy
 
+from ..core.base import priority
 from ..core.base.errors import UserError
 
 HEADLESS = Path(__file__).resolve().parents[1] / "headless.py"
 PATIENCE = 10.0
 """Seconds in which a process that was told to end must have ended; then it is killed."""
-YIELDING = 10
-"""Niceness, of 0 to 19, of a process that works while others are waited for. By eye."""
 REMEMBERED = 20
 """Last lines of standard error in which the reason of a failure is looked for."""
 
@@ -42,20 +40,18 @@ class Child:
     ) -> None:
         """`hear` gets each line of standard output, and None after the last, on a thread of its own. With
         `yielding` other programs go first. UserError where the process cannot be started."""
-        windows = getattr(subprocess, "BELOW_NORMAL_PRIORITY_CLASS", 0)
         try:
             self.process = subprocess.Popen(
                 [*launcher(), *arguments, "--end-with-input"],
                 stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
                 encoding="utf-8", errors="replace", env=os.environ | {"PYTHONUNBUFFERED": "1"},
                 # Ctrl-C is for whoever started it, who ends it.
-                start_new_session=True, creationflags=windows if yielding else 0,
+                start_new_session=True, creationflags=priority.CREATION_FLAGS if yielding else 0,
             )  # fmt: skip
         except OSError as error:
             raise UserError(f"no other process can be started: {error.strerror}") from None
-        if yielding and hasattr(os, "setpriority"):
-            with contextlib.suppress(OSError):
-                os.setpriority(os.PRIO_PROCESS, self.process.pid, YIELDING)
+        if yielding:
+            priority.let_others_go_first(self.process)
         self._complaints = deque[str](maxlen=REMEMBERED)
         complaining = threading.Thread(target=self._complain, daemon=True)
         complaining.start()

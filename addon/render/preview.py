@@ -180,12 +180,24 @@ class Preview:
         with self.paused():
             pass
 
+    def close(self) -> None:
+        """`forget`, and end the thread; what is wanted later begins another."""
+        self.forget()
+        thread = self._thread
+        with self._changed:
+            self._thread = None
+            self._changed.notify_all()
+        if thread is not None:
+            thread.join()
+
     # The thread
 
     def _run(self) -> None:
         while True:
             with self._changed:
                 while (step := self._next()) is None:
+                    if self._thread is not threading.current_thread():
+                        return
                     self._changed.wait()
                 self._is_working = True
             try:

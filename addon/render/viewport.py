@@ -249,4 +249,6 @@ def unregister() -> None:
         bpy.types.SpaceView3D.draw_handler_remove(_handler, "WINDOW")
     _handler = None
     bpy.app.handlers.load_pre.remove(_forget)
-    PREVIEW.forget()
+    if bpy.app.timers.is_registered(_tick):
+        bpy.app.timers.unregister(_tick)
+    PREVIEW.close()

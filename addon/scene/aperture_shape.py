@@ -114,7 +114,7 @@ class VirtualApertureShape(bpy.types.PropertyGroup):
     @property
     def aperture(self) -> Aperture:
         """The shape as the core sees it; UserError for a picture that cannot be read, or is black."""
-        image = aperture_image(absolute(self.image)) if self.image else None
+        image = aperture_image(absolute(self.image, self.id_data)) if self.image else None
         return Aperture(**{name: getattr(self, name) for name in NUMBERS}, image=image)
 
 

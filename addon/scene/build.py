@@ -16,10 +16,10 @@ from ..core.camera.reconstruction import Reconstruction, typical_distance
 from ..core.media.clip import Footage
 from ..core.media.clip_identity import identity
 from ..core.sfm.workspace import default_work_dir
-from . import aperture_cloud, camera, depth_of_field, focus_marks, lens, point_cloud, store
+from . import aperture_cloud, camera, depth_of_field, focus_marks, lens, parts, point_cloud, store
 from .paths import relative
 from .properties import VirtualApertureSettings
-from .shot import IDENTITY, forget
+from .shot import IDENTITY, forget, reconstruction_of
 
 LEAST_SIDE = 4
 """Pixels; what is less, Blender takes for as many."""
@@ -46,33 +46,18 @@ def build(
             f"{footage.path.name} is {footage.width}x{footage.height} pixels; Blender renders no"
             f" picture with a side of fewer than {LEAST_SIDE}"
         )
-    # The scene has the reconstruction's own unit, whatever that is.
-    size = typical_distance(reconstruction)
+    parts.leave_shared(scene)
     _set_up_scene(scene, footage, reconstruction)
-    collection = _collection(scene)
-    root = settings.root = _object(settings.root, NAME, None, collection, None)
-    root.empty_display_size = 0.05 * size
-
-    settings.camera = _object(settings.camera, f"{NAME} Camera", bpy.data.cameras, collection, root)
-    camera.animate(settings.camera, reconstruction)
-    settings.camera.data.clip_start, settings.camera.data.clip_end = 0.01 * size, 1000 * size
-    settings.camera.data.display_size = 0.05 * size
+    _set_up_objects(scene, reconstruction)
+    _set_up_camera(settings.camera, reconstruction)
     _set_background(settings.camera.data, footage)
     scene.camera = settings.camera
-
-    settings.points = _object(settings.points, f"{NAME} Points", bpy.data.meshes, collection, root)
     for attribute in [a.name for a in settings.points.data.attributes if not a.is_required]:
         settings.points.data.attributes.remove(settings.points.data.attributes[attribute])
     point_cloud.fill(settings.points.data, reconstruction)
     point_cloud.remove_dots(settings.points)
     store.write(settings.points.data, reconstruction)
     settings.points.data[IDENTITY] = uuid.uuid4().hex
-    settings.points.hide_render = True
-
-    settings.aperture = _object(
-        settings.aperture, f"{NAME} Virtual Cameras", bpy.data.meshes, collection, settings.camera
-    )
-    settings.aperture.hide_render = True
     settings.footage = relative(footage.path)
     settings.clip_identity, settings.clip_name = identity(footage.path), footage.path.name
     settings.clip_first, settings.clip_last = footage.frames[0], footage.frames[-1]
@@ -84,6 +69,24 @@ def build(
     _set_sound(scene, footage)
     scene.frame_set(scene.frame_start)
     return settings
+
+
+def restore(scene: bpy.types.Scene, footage: Footage | None) -> None:
+    """Bring objects of the scene's solve back that were deleted; those that are there stay as they are.
+
+    `footage` is shown behind a new camera, where it could be opened. UserError where the point cloud's mesh,
+    which keeps the reconstruction, is gone.
+    """
+    settings: VirtualApertureSettings = scene.virtual_aperture
+    reconstruction = reconstruction_of(settings)
+    has_camera = settings.camera is not None
+    _set_up_objects(scene, reconstruction)
+    if not has_camera:
+        _set_up_camera(settings.camera, reconstruction)
+        if footage is not None:
+            _set_background(settings.camera.data, footage)
+    scene.camera = scene.camera or settings.camera
+    aperture_cloud.update(settings)
 
 
 def move_clip(scene: bpy.types.Scene, footage: Footage) -> None:
@@ -112,6 +115,27 @@ def _set_up_scene(scene: bpy.types.Scene, footage: Footage, reconstruction: Reco
     scene.view_settings.look = "None"
 
 
+def _set_up_objects(scene: bpy.types.Scene, reconstruction: Reconstruction) -> None:
+    """Root, camera, points and virtual cameras: those that exist, and new ones for the others."""
+    settings, collection = scene.virtual_aperture, _collection(scene)
+    root = settings.root = _object(scene, settings.root, NAME, None, collection, None)
+    root.empty_display_size = 0.05 * typical_distance(reconstruction)
+    settings.camera = _object(scene, settings.camera, f"{NAME} Camera", bpy.data.cameras, collection, root)
+    settings.points = _object(scene, settings.points, f"{NAME} Points", bpy.data.meshes, collection, root)
+    settings.aperture = _object(
+        scene, settings.aperture, f"{NAME} Virtual Cameras", bpy.data.meshes, collection, settings.camera
+    )
+    settings.points.hide_render = settings.aperture.hide_render = True
+
+
+def _set_up_camera(thing: bpy.types.Object, reconstruction: Reconstruction) -> None:
+    # The scene has the reconstruction's own unit, whatever that is.
+    size = typical_distance(reconstruction)
+    camera.animate(thing, reconstruction)
+    thing.data.clip_start, thing.data.clip_end = 0.01 * size, 1000 * size
+    thing.data.display_size = 0.05 * size
+
+
 def _collection(scene: bpy.types.Scene) -> bpy.types.Collection:
     for child in scene.collection.children:
         if child.get(IDENTITY):
@@ -123,15 +147,17 @@ def _collection(scene: bpy.types.Scene) -> bpy.types.Collection:
 
 
 def _object(
+    scene: bpy.types.Scene,
     existing: bpy.types.Object | None,
     name: str,
     kind: bpy.types.bpy_prop_collection | None,
     collection: bpy.types.Collection,
     parent: bpy.types.Object | None,
 ) -> bpy.types.Object:
-    """The existing object, or a new one in our collection."""
+    """The existing object, or a new one; what is not in the scene, as what was deleted, goes into our
+    collection."""
     thing = existing or bpy.data.objects.new(name, kind.new(name) if kind is not None else None)
-    if not thing.users_collection:
+    if not parts.is_in(scene, thing):
         collection.objects.link(thing)
     thing.parent = parent
     return thing

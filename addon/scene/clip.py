@@ -11,7 +11,7 @@ import bpy
 from ..core.base.errors import Remedy, UserError
 from ..core.media.find_clip import clip_exists, find_clip, is_clip
 from ..core.sfm.workspace import recorded_clip
-from .paths import absolute
+from .paths import absolute, own_file
 from .preferences import usual_work_dir
 
 LOOK_AGAIN = 3.0
@@ -37,7 +37,7 @@ def footage_path(settings: bpy.types.PropertyGroup) -> Path:
     """The path of the chosen clip, with Blender's // resolved; UserError where none is chosen."""
     if not settings.footage:
         raise UserError("no clip is chosen")
-    return absolute(settings.footage)
+    return absolute(settings.footage, settings.id_data)
 
 
 def solved_clip_path(settings: bpy.types.PropertyGroup) -> Path:
@@ -90,7 +90,8 @@ def trouble_with(settings: bpy.types.PropertyGroup) -> Trouble | None:
 
 
 def _found(settings: bpy.types.PropertyGroup, path: Path) -> Path | None:
-    beside = Path(bpy.data.filepath).parent if bpy.data.filepath else None
+    file = own_file(settings.id_data)
+    beside = file.parent if file is not None else None
     folder = work_dir(settings, path)
     key = (str(path), settings.clip_identity, str(beside), str(folder))
     if key in _searches:
@@ -108,9 +109,9 @@ def work_dir(settings: bpy.types.PropertyGroup, clip: Path) -> Path:
     """The working folder that is set, or a clip's usual one: in the cache folder of the preferences, else
     beside the .blend, or beside the clip while that is not saved."""
     if settings.work_dir:
-        return absolute(settings.work_dir)
-    saved = bpy.data.filepath
-    return usual_work_dir(clip, Path(saved).parent if saved else clip.parent)
+        return absolute(settings.work_dir, settings.id_data)
+    file = own_file(settings.id_data)
+    return usual_work_dir(clip, file.parent if file is not None else clip.parent)
 
 
 def forget() -> None:

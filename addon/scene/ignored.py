@@ -33,7 +33,9 @@ def _objects(scene: bpy.types.Scene) -> Iterator[str]:
     names: list[str] = []
     for layer in scene.view_layers:
         if layer.use:
-            names += [o.name for o in layer.objects if o.name not in names and _is_drawn(o, layer, scene)]
+            # Of an object that was just removed from the file, None is left.
+            there = [thing for thing in layer.objects if thing is not None]
+            names += [o.name for o in there if o.name not in names and _is_drawn(o, layer, scene)]
     if names:
         rest = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
         yield f"CG objects are not rendered: {', '.join(names[:NAMED])}{rest}"

@@ -19,11 +19,15 @@ _before: list[tuple[bpy.types.bpy_struct, str, str]] = []
 """Owner, property and value of the paths that were changed for a file that is being written."""
 
 
-def absolute(path: str) -> Path:
-    """A path of the settings, with Blender's // resolved; as it is in a .blend that was never saved."""
+def absolute(path: str, owner: bpy.types.ID | None = None) -> Path:
+    """A path of the settings, with Blender's // resolved; as it is in a .blend that was never saved.
+
+    `owner` is what holds it: where that is linked, // stands for the folder of the .blend it is linked from.
+    """
     if path.startswith("//"):
         # By the text, as Blender does it: a folder on the way may be a link.
-        path = os.path.normpath(bpy.path.abspath(path))
+        library = owner.library if owner is not None else None
+        path = os.path.normpath(bpy.path.abspath(path, library=library))
     return Path(path).resolve()
 
 
@@ -48,6 +52,12 @@ def relative(path: str | Path, folder: Path | None = None) -> str:
         return text
 
 
+def own_file(owner: bpy.types.ID) -> Path | None:
+    """The .blend that something lies in, which is another one where it is linked; None while not saved."""
+    file = bpy.path.abspath(owner.library.filepath) if owner.library is not None else bpy.data.filepath
+    return Path(file) if file else None
+
+
 def _save_pre(filepath: str, _unused: object) -> None:
     _before.clear()
     if not filepath:
@@ -56,7 +66,7 @@ def _save_pre(filepath: str, _unused: object) -> None:
     for scene in bpy.data.scenes:
         if scene.library is not None:
             continue
-        for owner, name in _paths(scene):
+        for owner, name in owned(scene):
             value = getattr(owner, name)
             kept = relative(value, folder) if value else value
             # A folder's last separator tells it from the beginning of a file's name.
@@ -66,7 +76,7 @@ def _save_pre(filepath: str, _unused: object) -> None:
                 setattr(owner, name, kept)
 
 
-def _paths(scene: bpy.types.Scene) -> list[tuple[bpy.types.bpy_struct, str]]:
+def owned(scene: bpy.types.Scene) -> list[tuple[bpy.types.bpy_struct, str]]:
     """Owners and properties of our paths in a scene, with that of its output while it is the one we set."""
     settings = scene.virtual_aperture
     paths = [*((settings, name) for name in PATHS), (settings.shape, "image")]

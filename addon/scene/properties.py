@@ -22,7 +22,6 @@ from . import aperture_cloud, depth_of_field, focus_marks, lens
 from .aperture_shape import VirtualApertureShape
 from .focus_marks import VirtualApertureFocusMarks, VirtualApertureFocusPoint
 
-VERSION = 1
 MOST_TILT = 1.57
 """Radians, a little less than a right angle, at which the focal plane holds the optical axis."""
 
@@ -81,7 +80,8 @@ class VirtualApertureName(bpy.types.PropertyGroup):
 class VirtualApertureSettings(bpy.types.PropertyGroup):
     """The clip, what is in focus, and how much blur."""
 
-    version: IntProperty(default=VERSION, options={"HIDDEN"})
+    # The default is not written into files: it is the version of those that hold none (see `migration`).
+    version: IntProperty(default=1, options={"HIDDEN"})
     footage: StringProperty(
         name="Clip",
         description="Video file, folder of images, or a pattern such as shot_####.png",

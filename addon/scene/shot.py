@@ -25,7 +25,7 @@ from ..core.media.clip_identity import identity
 from ..core.media.masks import Masks, open_masks
 from ..core.media.picture_file import Pixels
 from ..core.sfm.state import STATE
-from . import store
+from . import store, version
 from .clip import solved_clip_path, work_dir
 from .digests import clip_digest, drawn_digest, reconstruction_digest
 from .masks import DrawnMask, drawn_mask
@@ -123,7 +123,9 @@ def shot_of(scene: bpy.types.Scene) -> Shot:
     settings = scene.virtual_aperture
     mesh = points_mesh(settings)
     path = solved_clip_path(settings)
-    depth_path, masks_path = (str(absolute(p)) if p else "" for p in (settings.depth_maps, settings.masks))
+    depth_path, masks_path = (
+        str(absolute(p, scene)) if p else "" for p in (settings.depth_maps, settings.masks)
+    )
     drawn = settings.mask
     key = (str(mesh.get(IDENTITY)), str(path), depth_path, masks_path, drawn.name_full if drawn else "")
     if _last is None or _last[0] != key or _was_redrawn(_last[1], drawn, scene.frame_current):
@@ -157,7 +159,8 @@ def reconstruction_of(settings: bpy.types.PropertyGroup) -> Reconstruction:
 
 
 def points_mesh(settings: bpy.types.PropertyGroup) -> bpy.types.Mesh:
-    """The mesh of the point cloud; UserError where the scene has none."""
+    """The mesh of the point cloud; UserError where the scene has none, or a newer version made it."""
+    version.check(settings)
     if settings.points is None or settings.points.type != "MESH":
         raise UserError("the scene has no solved clip; choose a clip and solve it first")
     return settings.points.data

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ..render import background, engine, frame_notes, viewport
-from ..scene import clip, exr, focus_sync, main_thread, passes, paths, properties, shot
+from ..scene import clip, exr, focus_sync, main_thread, migration, passes, paths, properties, shot
 from ..scene import preferences as user_preferences
 from . import (
     choose_clip,
@@ -25,6 +25,7 @@ from . import (
     preferences,
     preview,
     report_list,
+    restore,
     set_scale,
     thumbnails,
 )
@@ -36,6 +37,7 @@ CLASSES = (
     *depth_ahead.CLASSES,
     *operators.CLASSES,
     *find_clip.CLASSES,
+    *restore.CLASSES,
     *focus.CLASSES,
     *focus_list.CLASSES,
     *pick_focus.CLASSES,
@@ -61,6 +63,7 @@ def register() -> None:
     file_import.register()
     lens_presets.register()
     paths.register()
+    migration.register()
     exr.register()
     focus_sync.register()
     points_overlay.register()
@@ -73,13 +76,15 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Undo `register` in reverse order, and close the open clip."""
+    """Undo `register` in reverse order, end what is under way, and close the open clip."""
+    operators.end_solve()
     viewport.unregister()
     frame_notes.unregister()
     main_thread.stop()
     depth_ahead.unregister()
     focus_sync.unregister()
     exr.unregister()
+    migration.unregister()
     paths.unregister()
     background.unregister()
     lens_presets.unregister()

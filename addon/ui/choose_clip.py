@@ -9,7 +9,7 @@ import bpy
 
 from ..core.base.errors import UserError
 from ..core.media.picture_file import PICTURES
-from .operators import Result, reported
+from .operators import Result, may_change, reported
 
 
 class VIRTUAL_APERTURE_OT_choose_clip(bpy.types.Operator):  # noqa: N801
@@ -28,6 +28,10 @@ class VIRTUAL_APERTURE_OT_choose_clip(bpy.types.Operator):  # noqa: N801
     filter_movie: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
     filter_image: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
     filter_folder: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return may_change(cls, context)
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> Result:
         if not self.filepath:

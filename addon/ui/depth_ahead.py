@@ -16,6 +16,7 @@ from ..core.base.errors import UserError
 from ..core.sfm.state import STATE
 from ..render.child import Child, end
 from ..scene.clip import footage_path, work_dir
+from . import redraw
 
 LOOK = 0.5
 """Seconds between two looks at the process."""
@@ -105,15 +106,8 @@ def _tick() -> float | None:
     if _ahead is None:
         return None
     if _ahead.hear():
-        _redraw()
+        redraw.panels()
     return LOOK if _ahead.child is not None else None
-
-
-def _redraw() -> None:
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                area.tag_redraw()
 
 
 @persistent
@@ -157,6 +151,13 @@ class VIRTUAL_APERTURE_OT_pause_depth(bpy.types.Operator):  # noqa: N801
 
     bl_idname = "virtual_aperture.pause_depth"
     bl_label = "Pause"
+
+    @classmethod
+    def poll(cls, _context: bpy.types.Context) -> bool:
+        if _ahead is not None and _ahead.child is not None:
+            return True
+        cls.poll_message_set("No depth is being found")
+        return False
 
     def execute(self, _context: bpy.types.Context) -> set[str]:
         stop()

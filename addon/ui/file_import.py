@@ -70,6 +70,8 @@ class VIRTUAL_APERTURE_OT_import_clip(bpy.types.Operator):  # noqa: N801
     @reported
     def execute(self, context: bpy.types.Context) -> Result:
         settings = context.scene.virtual_aperture
+        # Not in `poll`, as in dropping models.
+        operators.check_may_change(context.scene)
         if not self.filepath:
             raise UserError(
                 "no clip is chosen; give a video, a picture of a sequence or a folder of pictures"
@@ -91,8 +93,7 @@ class VIRTUAL_APERTURE_OT_import_clip(bpy.types.Operator):  # noqa: N801
             bpy.ops.virtual_aperture.solve("INVOKE_DEFAULT" if in_window else "EXEC_DEFAULT")
         except RuntimeError as error:
             settings.footage, settings.work_dir = before
-            # What the operator reported.
-            raise UserError(str(error).removeprefix("Error: ").strip()) from None
+            raise operators.refused(error) from None
         return {"FINISHED"}
 
 
@@ -117,6 +118,7 @@ class VIRTUAL_APERTURE_OT_drop_model(import_solve.Import, bpy.types.Operator):  
     def execute(self, context: bpy.types.Context) -> Result:
         name = Path(self.filepath).name
         # Not in `poll`: Blender would take no drop then, and say nothing.
+        operators.check_may_change(context.scene)
         if not context.scene.virtual_aperture.footage:
             raise UserError(f"no clip is chosen that {name} could be the solve of; drop the clip first")
         if operators.running_solve() is not None:

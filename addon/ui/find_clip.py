@@ -11,7 +11,7 @@ from ..core.media.clip import is_pattern, open_footage
 from ..core.media.find_clip import is_clip
 from ..scene.build import move_clip
 from ..scene.paths import absolute
-from .operators import Result, has_solve, reported
+from .operators import Result, has_solve, may_change, reported
 
 
 class VIRTUAL_APERTURE_OT_find_clip(bpy.types.Operator):  # noqa: N801
@@ -31,7 +31,7 @@ class VIRTUAL_APERTURE_OT_find_clip(bpy.types.Operator):  # noqa: N801
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return has_solve(cls, context)
+        return may_change(cls, context) and has_solve(cls, context)
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> Result:
         if self.filepath:

@@ -15,7 +15,7 @@ from ..core.lens.focus_place import Place
 from ..scene import aperture_cloud, blender_focus, focus_marks, lens
 from ..scene.point_cloud import ID_ATTRIBUTE
 from ..scene.shot import reconstruction_of
-from .operators import Result, has_solve, reported
+from .operators import Result, has_points, may_change, reported
 
 
 def focus_on(
@@ -62,13 +62,7 @@ class VIRTUAL_APERTURE_OT_set_focus(bpy.types.Operator):  # noqa: N801
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if not has_solve(cls, context):
-            return False
-        points = context.scene.virtual_aperture.points
-        if points.mode == "EDIT":
-            return True
-        cls.poll_message_set("Select the point cloud, press Tab for Edit Mode and select vertices")
-        return False
+        return has_points(cls, context, "vertices")
 
     @reported
     def execute(self, context: bpy.types.Context) -> Result:
@@ -105,6 +99,8 @@ class VIRTUAL_APERTURE_OT_clear_focus(bpy.types.Operator):  # noqa: N801
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
+        if not may_change(cls, context):
+            return False
         settings = context.scene.virtual_aperture
         if len(settings.focus_points) or len(settings.marks.items):
             return True

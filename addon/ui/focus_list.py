@@ -11,7 +11,7 @@ from ..core.lens.focus_place import Place
 from ..scene import aperture_cloud, blender_focus, focus_marks, lens
 from . import thumbnails
 from .focus import focus_on, length
-from .operators import Result, has_focus, has_solve, reported
+from .operators import Result, has_focus, has_solve, may_change, reported
 
 
 def has_marks(cls: type[bpy.types.Operator], context: bpy.types.Context) -> bool:
@@ -55,7 +55,7 @@ class VIRTUAL_APERTURE_OT_hold_focus(bpy.types.Operator):  # noqa: N801
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if not has_focus(cls, context):
+        if not may_change(cls, context) or not has_focus(cls, context):
             return False
         settings, frame = context.scene.virtual_aperture, context.scene.frame_current
         if focus_marks.at_frame(settings, frame) is not None:
@@ -92,7 +92,7 @@ class VIRTUAL_APERTURE_OT_remove_focus_mark(bpy.types.Operator):  # noqa: N801
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return has_marks(cls, context)
+        return may_change(cls, context) and has_marks(cls, context)
 
     @reported
     def execute(self, context: bpy.types.Context) -> Result:
@@ -114,7 +114,7 @@ class VIRTUAL_APERTURE_OT_move_focus_mark(bpy.types.Operator):  # noqa: N801
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return has_marks(cls, context)
+        return may_change(cls, context) and has_marks(cls, context)
 
     @reported
     def execute(self, context: bpy.types.Context) -> Result:
@@ -184,7 +184,7 @@ class VIRTUAL_APERTURE_OT_write_focus_marks(bpy.types.Operator):  # noqa: N801
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if not has_marks(cls, context):
+        if not may_change(cls, context) or not has_marks(cls, context):
             return False
         if focus_marks.are_keys_users(context.scene.virtual_aperture):
             return True

@@ -15,7 +15,7 @@ from ..core.sfm.workspace import check_replaceable, holds_solve, keep_import
 from ..scene.clip import footage_path, work_dir
 from ..scene.movieclip import read_movie_clip
 from . import depth_ahead
-from .operators import Result, build_scene, has_clip, report_hidden, reported, solved_words
+from .operators import Result, build_scene, has_clip, may_change, report_hidden, reported, solved_words
 
 
 class Import:
@@ -88,7 +88,7 @@ class VIRTUAL_APERTURE_OT_import_solve(Import, bpy.types.Operator):  # noqa: N80
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return has_clip(cls, context)
+        return may_change(cls, context) and has_clip(cls, context)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
         if self.again and self.filepath:
@@ -155,7 +155,7 @@ class VIRTUAL_APERTURE_OT_import_movie_clip(Import, bpy.types.Operator):  # noqa
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if not has_clip(cls, context):
+        if not may_change(cls, context) or not has_clip(cls, context):
             return False
         if solved_clips():
             return True

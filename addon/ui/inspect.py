@@ -11,10 +11,8 @@ from ..core.base.errors import UserError
 from ..core.lens.inspection import NAMES, Shown
 from ..render import engine
 from ..render.run_report import Inspector
-from ..scene.lens import lens_settings
 from ..scene.remedy_words import WORDS
-from ..scene.shot import reconstruction_of
-from .operators import Result, has_focus, reported
+from .operators import Result, can_render, prepare_render, refused, reported
 
 MARK = "virtual_aperture"
 """Custom property of our images: which picture it is."""
@@ -36,12 +34,10 @@ class VIRTUAL_APERTURE_OT_inspect_frame(bpy.types.Operator):  # noqa: N801
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return has_focus(cls, context)
+        return can_render(cls, context)
 
     def _check(self, context: bpy.types.Context) -> None:
-        settings = context.scene.virtual_aperture
-        lens_settings(settings, reconstruction_of(settings))
-        context.scene.render.engine = "VIRTUAL_APERTURE"
+        prepare_render(context.scene)
         self._inspector = Inspector()
 
     @reported
@@ -51,9 +47,9 @@ class VIRTUAL_APERTURE_OT_inspect_frame(bpy.types.Operator):  # noqa: N801
         try:
             with engine.watched(self._inspector.on_frame) as self._watch:
                 bpy.ops.render.render(use_viewport=True)
-        except RuntimeError:
+        except RuntimeError as error:
             self._watch.raise_error()
-            raise
+            raise refused(error) from None
         return self._finish()
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> Result:

@@ -15,7 +15,8 @@ from bl_ui.utils import PresetPanel
 from ..core.base.errors import UserError
 from ..scene import aperture_cloud
 from ..scene.aperture_shape import NUMBERS
-from .operators import Result, reported
+from ..scene.paths import absolute
+from .operators import Result, may_change, reported
 
 ROOT = Path(__file__).resolve().parents[1]
 """Holds the folder `presets`."""
@@ -30,6 +31,10 @@ class VIRTUAL_APERTURE_OT_use_lens_preset(bpy.types.Operator):  # noqa: N801
     bl_options = {"UNDO"}  # noqa: RUF012
 
     filepath: bpy.props.StringProperty(name="Preset", subtype="FILE_PATH", options={"SKIP_SAVE"})
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return may_change(cls, context)
 
     @reported
     def execute(self, context: bpy.types.Context) -> Result:
@@ -59,7 +64,7 @@ class VIRTUAL_APERTURE_OT_add_lens_preset(AddPresetBase, bpy.types.Operator):  #
     def add(self, context: bpy.types.Context, filepath: str) -> None:
         """Write a preset, as Blender does, but with a path that is right in any other .blend."""
         settings = context.scene.virtual_aperture
-        image = bpy.path.abspath(settings.shape.image)
+        image = str(absolute(settings.shape.image, context.scene)) if settings.shape.image else ""
         lines = [
             "import bpy",
             "settings = bpy.context.scene.virtual_aperture",

@@ -4,11 +4,34 @@ from __future__ import annotations
 
 import bpy
 
+from ..core.base.errors import UserError
+from ..scene import parts, version
 from ..scene.clip import trouble_with
 from ..scene.ignored import ignored
 from .find_clip import VIRTUAL_APERTURE_OT_find_clip
-from .operators import VIRTUAL_APERTURE_OT_solve
+from .operators import VIRTUAL_APERTURE_OT_solve, check_may_change, sentence
+from .restore import VIRTUAL_APERTURE_OT_restore_objects
 from .text import wrapped
+
+
+def is_in_order(scene: bpy.types.Scene) -> bool:
+    """Whether neither `draw_scene` nor `draw_clip` has anything to tell."""
+    settings = scene.virtual_aperture
+    is_ours = scene.library is None and not version.is_newer(settings)
+    return is_ours and not parts.missing(scene) and trouble_with(settings) is None
+
+
+def draw_scene(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """The scene cannot be changed, or lacks objects of its solve: and the way out."""
+    try:
+        check_may_change(context.scene)
+    except UserError as error:
+        wrapped(layout.box(), context, sentence(str(error)), icon="ERROR")
+        return
+    if words := parts.missing(context.scene):
+        box = layout.box()
+        wrapped(box, context, f"Not in this scene any more: {', '.join(words)}", icon="ERROR")
+        box.operator(VIRTUAL_APERTURE_OT_restore_objects.bl_idname, icon="LOOP_BACK")
 
 
 def draw_clip(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
@@ -17,7 +40,7 @@ def draw_clip(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     if trouble is None:
         return
     box = layout.box()
-    wrapped(box, context, trouble.text[0].upper() + trouble.text[1:], icon="ERROR")
+    wrapped(box, context, sentence(trouble.text), icon="ERROR")
     if not trouble.is_missing:
         box.operator(VIRTUAL_APERTURE_OT_solve.bl_idname, text="Solve This Clip", icon="TRACKER")
         return

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Callable
 from functools import partial
@@ -13,24 +12,47 @@ import bpy
 
 from ..core.base.counting import counted
 from ..core.base.errors import UserError, with_words
-from ..core.base.progress import Cancelled, reporting
 from ..core.media.clip import Footage
-from ..core.sfm.process import Progress, SolveProcess
+from ..core.sfm.process import SolveProcess
 from ..core.sfm.state import STATE
 from ..core.sfm.workspace import Solve, imported_from, load_solve
-from ..scene import aperture_cloud, focus_marks
+from ..scene import aperture_cloud, focus_marks, parts, version
 from ..scene.build import build
 from ..scene.clip import footage_path, solved_clip_path, work_dir
 from ..scene.lens import focal_of, is_in_focus, lens_settings
 from ..scene.refocus import keep_focus, restore_focus
 from ..scene.remedy_words import WORDS
 from ..scene.shot import reconstruction_of
-from . import after_solve, depth_ahead
+from . import after_solve, depth_ahead, redraw
+from .solving import Solving
 
 Result = set[str]
 
 LOOK = 0.1
 """Seconds between two looks at the solving process."""
+
+
+def may_change(cls: Any, context: bpy.types.Context) -> bool:
+    """Poll: what is set in the scene will be kept."""
+    try:
+        check_may_change(context.scene)
+    except UserError as error:
+        cls.poll_message_set(sentence(str(error)))
+        return False
+    return True
+
+
+def check_may_change(scene: bpy.types.Scene) -> None:
+    """UserError where the scene is linked, or a newer version made it: what is set in it would be lost."""
+    if scene.library is not None:
+        file = Path(scene.library.filepath).name
+        raise UserError(f"{scene.name} is linked from {file}; open that file, or append the scene from it")
+    version.check(scene.virtual_aperture)
+
+
+def sentence(text: str) -> str:
+    """A message as a button's or a panel's text begins."""
+    return text[0].upper() + text[1:]
 
 
 def has_clip(cls: Any, context: bpy.types.Context) -> bool:
@@ -58,6 +80,46 @@ def has_focus(cls: Any, context: bpy.types.Context) -> bool:
         return True
     cls.poll_message_set("Pick what is to be sharp first: Pick Focus")
     return False
+
+
+def has_points(cls: Any, context: bpy.types.Context, to_do: str) -> bool:
+    """Poll: the point cloud is edited; `to_do` is what is to be selected."""
+    if not may_change(cls, context) or not has_solve(cls, context):
+        return False
+    points = context.scene.virtual_aperture.points
+    if points.mode == "EDIT":
+        return True
+    if not parts.is_in(context.scene, points):
+        cls.poll_message_set("The point cloud was deleted: Restore Objects, on top, brings it back")
+    elif points.name not in context.view_layer.objects:
+        cls.poll_message_set("The point cloud's collection is excluded from the view layer")
+    else:
+        cls.poll_message_set(f"Select the point cloud, press Tab for Edit Mode and select {to_do}")
+    return False
+
+
+def can_render(cls: Any, context: bpy.types.Context) -> bool:
+    """Poll: something is in focus and Blender has a camera, without which it renders nothing."""
+    if not has_focus(cls, context):
+        return False
+    if context.scene.camera is not None or context.scene.virtual_aperture.camera is not None:
+        return True
+    cls.poll_message_set("The camera was deleted: Restore Objects, on top, brings it back")
+    return False
+
+
+def prepare_render(scene: bpy.types.Scene) -> None:
+    """Have Blender render with our engine; UserError where the settings mean nothing."""
+    settings = scene.virtual_aperture
+    lens_settings(settings, reconstruction_of(settings))
+    scene.render.engine = "VIRTUAL_APERTURE"
+    # Whichever camera it is: the picture is the clip's.
+    scene.camera = scene.camera or settings.camera
+
+
+def refused(error: RuntimeError) -> UserError:
+    """What an operator that was called from Python reported, as an error of the caller's own."""
+    return UserError(str(error).removeprefix("Error: ").strip())
 
 
 def reported(
@@ -129,58 +191,6 @@ def report_hidden(operator: bpy.types.Operator, scene: bpy.types.Scene) -> None:
         operator.report({"INFO"}, after_solve.hidden_words(names))
 
 
-class _Solving:
-    """A solve from its first moment on: the clip is opened and its frames counted, which takes seconds, in
-    a thread, so that the interface goes on meanwhile and ESC ends it."""
-
-    def __init__(self, begin: Callable[[], SolveProcess]) -> None:
-        """`begin` makes the process; it must not touch Blender's data."""
-        self.process: SolveProcess | None = None
-        self.ended = False
-        self.step = Progress("Reading the clip", 0.0)
-        """How far it is."""
-        self._error: BaseException | None = None
-        self._cancelled = threading.Event()
-        self._opening = threading.Thread(target=self._open, args=(begin,), daemon=True)
-        self._opening.start()
-
-    def _open(self, begin: Callable[[], SolveProcess]) -> None:
-        try:
-            with reporting(self._on_progress):
-                self.process = begin()
-        except BaseException as error:  # raised again where the solve is waited for
-            self._error = error
-
-    def _on_progress(self, _stage: str, _share: float) -> None:
-        if self._cancelled.is_set():
-            raise Cancelled
-
-    @property
-    def finished(self) -> bool:
-        """Whether the folder holds the solve."""
-        return self.process is not None and self.process.finished
-
-    def poll(self) -> list[Progress]:
-        """As `SolveProcess.poll`; also raises what opening the clip raised."""
-        if self._opening.is_alive():
-            return [self.step]
-        if self._error is not None:
-            self.ended = True
-            raise self._error
-        assert self.process is not None
-        steps = self.process.poll()
-        self.step = steps[-1] if steps else self.step
-        return steps
-
-    def cancel(self) -> None:
-        """End what is under way and leave the folder as it was; harmless after the end."""
-        self._cancelled.set()
-        self._opening.join()
-        if self.process is not None:
-            self.process.cancel()
-        self.ended = True
-
-
 class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
     """Find the cameras and the feature points of the clip, and bring them into the scene"""
 
@@ -198,10 +208,10 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
         name="Do Not Ask", description="The user was asked", options={"SKIP_SAVE", "HIDDEN"}
     )
 
-    _running: _Solving | None = None
+    _running: Solving | None = None
     """Of the class: the solve that is under way in this Blender."""
     _asks = False
-    _process: _Solving | None = None
+    _process: Solving | None = None
     _timer: bpy.types.Timer | None = None
     _scene = ""
 
@@ -210,15 +220,15 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
         if running_solve() is not None:
             cls.poll_message_set("A clip is being solved; ESC cancels it")
             return False
-        return has_clip(cls, context)
+        return may_change(cls, context) and has_clip(cls, context)
 
-    def _start(self, context: bpy.types.Context) -> _Solving:
+    def _start(self, context: bpy.types.Context) -> Solving:
         settings = context.scene.virtual_aperture
         # It looks into the folder that is about to change.
         depth_ahead.stop()
         # The user may go to another scene meanwhile.
         self._scene = context.scene.name
-        return _Solving(
+        return Solving(
             partial(
                 SolveProcess,
                 footage_path(settings),
@@ -226,6 +236,7 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
                 focal=focal_of(settings),
                 again=self.again,
                 zooms=settings.lens == "ZOOM",
+                yielding=not bpy.app.background,
             )
         )
 
@@ -265,7 +276,7 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
         self._timer = manager.event_timer_add(LOOK, window=context.window)
         manager.progress_begin(0, 100)
         manager.modal_handler_add(self)
-        _redraw(context)
+        redraw.panels()
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
@@ -280,7 +291,7 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
             for step in self._process.poll():
                 context.window_manager.progress_update(100 * step.share)
                 context.workspace.status_text_set(f"Virtual Aperture: {step.text}    (ESC cancels)")
-                _redraw(context)
+                redraw.panels()
             if not self._process.finished:
                 return {"RUNNING_MODAL"}
             self._end(context)
@@ -320,19 +331,20 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
             self._timer = None
         context.window_manager.progress_end()
         context.workspace.status_text_set(None)
-        _redraw(context)
+        redraw.panels()
 
 
-def running_solve() -> _Solving | None:
+def running_solve() -> Solving | None:
     """The solve that is under way in this Blender."""
     running = VIRTUAL_APERTURE_OT_solve._running
     return None if running is None or running.ended else running
 
 
-def _redraw(context: bpy.types.Context) -> None:
-    """Let panels show how far a solve is, and buttons whether they can be pressed now."""
-    for area in context.screen.areas:
-        area.tag_redraw()
+def end_solve() -> None:
+    """End the solve that is under way, if there is one; the folder stays as it was."""
+    if (running := running_solve()) is not None:
+        running.cancel()
+    VIRTUAL_APERTURE_OT_solve._running = None
 
 
 class _Render:
@@ -342,19 +354,17 @@ class _Render:
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return has_focus(cls, context)
+        return can_render(cls, context)
 
+    @reported
     def execute(self, context: bpy.types.Context) -> Result:
-        settings = context.scene.virtual_aperture
-        try:
-            lens_settings(settings, reconstruction_of(settings))
-            solved_clip_path(settings)
-        except UserError as error:
-            self.report({"ERROR"}, error.worded(WORDS))  # type: ignore[attr-defined]
-            return {"CANCELLED"}
-        context.scene.render.engine = "VIRTUAL_APERTURE"
+        prepare_render(context.scene)
+        solved_clip_path(context.scene.virtual_aperture)
         how = "EXEC_DEFAULT" if bpy.app.background else "INVOKE_DEFAULT"
-        bpy.ops.render.render(how, animation=self.animation, use_viewport=True)
+        try:
+            bpy.ops.render.render(how, animation=self.animation, use_viewport=True)
+        except RuntimeError as error:
+            raise refused(error) from None
         return {"FINISHED"}
 
 

@@ -15,7 +15,7 @@ from ..scene import aperture_cloud, focus_marks
 from ..scene.remedy_words import WORDS
 from ..scene.shot import shot_of
 from .focus import focus_on, length
-from .operators import Result, has_solve, reported
+from .operators import Result, has_solve, may_change, reported
 from .pick_view import XY, CameraView, Overlay
 
 AT_ONCE = 0.05
@@ -96,7 +96,7 @@ class VIRTUAL_APERTURE_OT_pick_focus(bpy.types.Operator):  # noqa: N801
         if VIRTUAL_APERTURE_OT_pick_focus._running:
             cls.poll_message_set("The focus is being picked: click on the camera's picture")
             return False
-        return has_solve(cls, context)
+        return may_change(cls, context) and has_solve(cls, context)
 
     @reported
     def execute(self, context: bpy.types.Context) -> Result:

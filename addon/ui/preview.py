@@ -8,6 +8,7 @@ import bpy
 
 from ..render.engine import VirtualApertureEngine
 from ..render.viewport import PREVIEW
+from ..scene import parts
 from .operators import Result, has_solve
 
 
@@ -21,6 +22,9 @@ class VIRTUAL_APERTURE_OT_preview(bpy.types.Operator):  # noqa: N801
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         if not has_solve(cls, context):
+            return False
+        if not parts.is_in(context.scene, context.scene.virtual_aperture.camera):
+            cls.poll_message_set("The camera was deleted: Restore Objects, on top, brings it back")
             return False
         if viewport_of(context) is not None:
             return True

@@ -18,6 +18,9 @@ class VIRTUAL_APERTURE_OT_jump_to_frame(bpy.types.Operator):  # noqa: N801
 
     bl_idname = "virtual_aperture.jump_to_frame"
     bl_label = "Jump to Frame"
+    # As Blender's own jumps.
+    bl_options = {"UNDO_GROUPED"}  # noqa: RUF012
+    bl_undo_group = "Frame Change"
 
     frame: bpy.props.IntProperty(name="Frame")
 

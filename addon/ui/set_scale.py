@@ -8,7 +8,7 @@ import numpy as np
 from ..core.base.errors import UserError
 from ..scene.shot import reconstruction_of
 from .focus import selected_points
-from .operators import Result, has_solve, reported
+from .operators import Result, has_points, reported
 
 
 class VIRTUAL_APERTURE_OT_set_scale(bpy.types.Operator):  # noqa: N801
@@ -32,12 +32,7 @@ class VIRTUAL_APERTURE_OT_set_scale(bpy.types.Operator):  # noqa: N801
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if not has_solve(cls, context):
-            return False
-        if context.scene.virtual_aperture.points.mode == "EDIT":
-            return True
-        cls.poll_message_set("Select the point cloud, press Tab for Edit Mode and select two vertices")
-        return False
+        return has_points(cls, context, "two vertices")
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> Result:
         settings = context.scene.virtual_aperture

@@ -17,7 +17,8 @@ from addon.core.sfm.process import SolveProcess
 from addon.scene.build import build
 from addon.scene.lens import set_aperture, set_focus
 from addon.scene.refocus import keep_focus, restore_focus
-from addon.ui.operators import _Solving, kept_words
+from addon.ui.operators import kept_words
+from addon.ui.solving import Solving
 
 from .. import planes
 from ..scenes import slanted_plane, write_frames
@@ -170,7 +171,7 @@ def test_solving_again_keeps_the_focus_and_one_at_a_time(scene: bpy.types.Scene,
     with pytest.raises(RuntimeError, match=r"is being solved into here .*\(Working Folder\)"):
         bpy.ops.virtual_aperture.solve(again=True)
     operator = bpy.types.VIRTUAL_APERTURE_OT_solve
-    operator._running = solving = _Solving(lambda: other)
+    operator._running = solving = Solving(lambda: other)
     try:
         with pytest.raises(RuntimeError, match="A clip is being solved; ESC cancels it"):
             bpy.ops.virtual_aperture.solve(again=True)

@@ -10,7 +10,7 @@ import pytest
 from addon.core.camera.reconstruction import Intrinsics
 from addon.scene.build import build
 from addon.ui import file_import
-from addon.ui.operators import _Solving
+from addon.ui.solving import Solving
 
 from .. import planes
 from ..recorder import Recorder
@@ -59,7 +59,7 @@ def test_a_clip_is_refused_while_another_is_solved(scene: bpy.types.Scene, tmp_p
         raise AssertionError
 
     operator = bpy.types.VIRTUAL_APERTURE_OT_solve
-    operator._running = _Solving(begin)
+    operator._running = Solving(begin)
     try:
         for name, path in (("import_clip", other), ("drop_model", other / "cameras.bin")):
             with pytest.raises(RuntimeError, match=r"being solved; .*ESC, then .* again"):

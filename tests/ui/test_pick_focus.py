@@ -174,9 +174,3 @@ def test_a_solve_puts_something_in_focus(
     picked = [entry.point for entry in settings.focus_points]
     assert OPERATORS.solve() == {"FINISHED"}
     assert not settings.marks.is_first and [entry.point for entry in settings.focus_points] == picked
-
-
-def test_changes_of_the_focus_can_be_undone() -> None:
-    names = ("pick_focus", "hold_focus", "remove_focus_mark", "move_focus_mark", "write_focus_marks")
-    for name in names:
-        assert "UNDO" in getattr(bpy.types, f"VIRTUAL_APERTURE_OT_{name}").bl_options

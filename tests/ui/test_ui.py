@@ -18,7 +18,8 @@ from addon.core.sfm.process import SolveProcess
 from addon.core.sfm.workspace import load_solve
 from addon.scene.build import build
 from addon.ui import panels
-from addon.ui.operators import _Solving, build_scene
+from addon.ui.operators import build_scene
+from addon.ui.solving import Solving
 from addon.ui.text import lines
 
 from .. import foreign_models as foreign
@@ -395,7 +396,7 @@ def test_opening_a_long_clip_is_told_and_cancelled_at_once(scene: bpy.types.Scen
             checkpoint()
             time.sleep(0.001)
 
-    solving = _Solving(begin)
+    solving = Solving(begin)
     assert [step.text for step in solving.poll()] == ["Reading the clip"]
     assert not solving.finished and not solving.ended
     operator = bpy.types.VIRTUAL_APERTURE_OT_solve
@@ -415,7 +416,7 @@ def test_what_opening_a_clip_raises_comes_to_who_waits() -> None:
     def begin() -> SolveProcess:
         raise UserError("no clip")
 
-    solving = _Solving(begin)
+    solving = Solving(begin)
     with pytest.raises(UserError, match="no clip"):
         while True:
             solving.poll()

@@ -13,6 +13,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from ..base import priority
 from ..base.atomic import collect_temporary
 from ..base.errors import Remedy, UserError
 from ..camera.focal_length import Focal, in_pixels
@@ -64,8 +65,11 @@ class SolveProcess:
         again: bool = False,
         tracker: str = TRACKERS[0],
         zooms: bool = False,
+        yielding: bool = False,
     ) -> None:
+        """With `yielding` other programs go first, such as the interface that waits for it."""
         self.work_dir = work_dir
+        self._yields = yielding
         self._process: subprocess.Popen[str] | None = None
         self._lines: queue.Queue[str] = queue.Queue()
         self._listener: threading.Thread | None = None
@@ -115,12 +119,15 @@ class SolveProcess:
         }
         (folder / "job.json").write_text(json.dumps(job), encoding="utf-8")
         with (folder / "log.txt").open("w", encoding="utf-8") as log:
+            lowered = priority.CREATION_FLAGS if self._yields else 0
             self._process = subprocess.Popen(
                 # -P: a folder called "addon" in the current directory must not be taken for ours.
                 [_python(), "-P", "-m", "addon.core.sfm.worker", str(folder / "job.json")],
                 env=_environment(), stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=log, text=True,
-                encoding="utf-8", creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
+                encoding="utf-8", creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0) | lowered,
             )  # fmt: skip
+        if self._yields:
+            priority.let_others_go_first(self._process)
         self._listener = threading.Thread(target=self._listen, args=(self._process,), daemon=True)
         self._listener.start()
 

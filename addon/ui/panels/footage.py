@@ -29,10 +29,14 @@ def next_step(context: bpy.types.Context) -> str:
 class VIRTUAL_APERTURE_PT_footage(Panel, bpy.types.Panel):  # noqa: N801
     bl_label = "Footage"
 
+    @classmethod
+    def poll(cls, _context: bpy.types.Context) -> bool:
+        return True
+
     def draw(self, context: bpy.types.Context) -> None:
         settings = context.scene.virtual_aperture
         layout = self.layout
-        if operators.running_solve() is None:
+        if operators.running_solve() is None and notices.is_in_order(context.scene):
             wrapped(layout, context, next_step(context), icon="INFO")
         row = layout.row()
         row.scale_y = PRIMARY
@@ -41,6 +45,7 @@ class VIRTUAL_APERTURE_PT_footage(Panel, bpy.types.Panel):  # noqa: N801
             text=Path(settings.footage).name or "Choose Clip",
             icon="FILE_MOVIE" if settings.footage else "FILEBROWSER",
         )
+        notices.draw_scene(layout, context)
         notices.draw_clip(layout, context)
 
 

@@ -71,7 +71,11 @@ class VIRTUAL_APERTURE_PT_shape(ClosedPanel, bpy.types.Panel):  # noqa: N801
         row.active = shape.blades >= 3
         row.prop(shape, "rotation")
         row.prop(shape, "roundness")
-        for name in ("ratio", "obstruction", "apodisation", "spherical_aberration", "vignetting", "image"):
+        for name in ("ratio", "obstruction", "apodisation"):
+            layout.prop(shape, name)
+        # Its whole name is cut off in a sidebar of the usual width.
+        layout.prop(shape, "spherical_aberration", text="Aberration")
+        for name in ("vignetting", "image"):
             layout.prop(shape, name)
 
 

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import bpy
+
+from ...scene import version
+
 PRIMARY = 1.4
 """Height of the button that a panel is about."""
 
@@ -12,6 +16,12 @@ class Panel:
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
     bl_category = "Virtual Aperture"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Not for scenes of a newer version, of which the Footage panel tells: settings may mean something
+        else there."""
+        return not version.is_newer(context.scene.virtual_aperture)
 
 
 class ClosedPanel(Panel):

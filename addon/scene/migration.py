@@ -1,0 +1,82 @@
+"""Scenes that another version of this extension made, or that were taken over from another .blend.
+
+`VirtualApertureSettings.version` is written when a scene is saved. Files from before that was so hold none,
+and read as the first version.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+from bpy.app.handlers import persistent
+
+from . import aperture_cloud, paths, point_cloud
+from .version import VERSION
+
+
+def migrate(scene: bpy.types.Scene) -> None:
+    """Bring a scene that an older version made up to date; nothing is done to a newer or a linked one."""
+    settings = scene.virtual_aperture
+    if scene.library is not None or settings.version >= VERSION:
+        return
+    if settings.points is not None and settings.points.library is None:
+        # Version 1: a modifier drew the points, and the camera did not know the aperture.
+        dots = settings.points.modifiers.get(point_cloud.DOTS)
+        if dots is not None:
+            # Its nodes go when the file is saved. Removed here, Blender would crash where another handler of
+            # the import asks for them.
+            settings.points.modifiers.remove(dots)
+        aperture_cloud.update(settings)
+    settings.version = VERSION
+
+
+def _on_load(*_: object) -> None:
+    for scene in bpy.data.scenes:
+        if scene.virtual_aperture.footage:
+            migrate(scene)
+
+
+def _on_save(*_: object) -> None:
+    for scene in bpy.data.scenes:
+        settings = scene.virtual_aperture
+        if scene.library is None and settings.footage and settings.version < VERSION:
+            settings.version = VERSION
+
+
+def _on_import(imported: bpy.types.BlendImportContext) -> None:
+    """Scenes that were appended: their paths are relative to the .blend that they come from."""
+    for item in imported.import_items:
+        if item.id_type != "SCENE" or item.id is None or item.id.library is not None:
+            continue
+        if item.source_library is not None:
+            file = Path(bpy.path.abspath(item.source_library.filepath))
+            _from_folder(item.id, str(file.parent))
+        if item.id.virtual_aperture.footage:
+            migrate(item.id)
+
+
+def _from_folder(scene: bpy.types.Scene, folder: str) -> None:
+    """Paths that were relative to a folder, relative to this .blend."""
+    for owner, name in paths.owned(scene):
+        if (value := getattr(owner, name)).startswith("//"):
+            setattr(owner, name, paths.relative(bpy.path.abspath(value, start=folder)))
+
+
+_HANDLERS = [
+    (bpy.app.handlers.load_post, persistent(_on_load)),
+    (bpy.app.handlers.blend_import_post, persistent(_on_import)),
+    (bpy.app.handlers.save_pre, persistent(_on_save)),
+]
+
+
+def register() -> None:
+    """Look at scenes when they are loaded, appended and saved."""
+    for called, ours in _HANDLERS:
+        called.append(ours)
+
+
+def unregister() -> None:
+    """Undo `register`."""
+    for called, ours in _HANDLERS:
+        called.remove(ours)

@@ -1,0 +1,42 @@
+"""Our objects in a scene: which are missing because the user deleted them, and which other scenes share."""
+
+from __future__ import annotations
+
+import bpy
+
+from .shot import IDENTITY
+
+PARTS = {"root": "root", "camera": "camera", "points": "point cloud", "aperture": "virtual cameras"}
+"""Properties of the settings that point to objects, and what the user knows these as."""
+
+
+def is_in(scene: bpy.types.Scene, thing: bpy.types.Object | None) -> bool:
+    """Whether an object is in a scene: one that was deleted lives on while a property points to it."""
+    if thing is None:
+        return False
+    found = scene.objects.get(thing.name)
+    # Linked objects may have the names of others.
+    return found == thing or (found is not None and thing in scene.objects.values())
+
+
+def missing(scene: bpy.types.Scene) -> list[str]:
+    """What of a solved clip the scene does not hold any more, in the user's words."""
+    settings = scene.virtual_aperture
+    if not settings.clip_identity and settings.points is None:
+        return []
+    return [word for name, word in PARTS.items() if not is_in(scene, getattr(settings, name))]
+
+
+def leave_shared(scene: bpy.types.Scene) -> None:
+    """Forget objects that are another scene's too (a linked copy's), or linked from a library: a new solve
+    would change that scene's under its settings. Those of this scene are to be made anew."""
+    settings = scene.virtual_aperture
+    others = [other.virtual_aperture for other in bpy.data.scenes if other != scene]
+    ours = {getattr(settings, name) for name in PARTS} - {None}
+    theirs = {getattr(other, name) for other in others for name in PARTS}
+    if not ours & theirs and all(thing.library is None for thing in ours):
+        return
+    for name in PARTS:
+        setattr(settings, name, None)
+    for child in [child for child in scene.collection.children if child.get(IDENTITY)]:
+        scene.collection.children.unlink(child)

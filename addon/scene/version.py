@@ -1,0 +1,22 @@
+"""The version of the settings that a scene holds."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..core.base.errors import UserError
+
+VERSION = 2
+"""1 drew the points with a modifier, and wrote no version into files (`migration`)."""
+NEWER = "this scene was made with a newer Virtual Aperture; update the extension"
+
+
+def is_newer(settings: bpy.types.PropertyGroup) -> bool:
+    """Whether a newer version made the scene, so that its settings may mean something else."""
+    return bool(settings.version > VERSION)
+
+
+def check(settings: bpy.types.PropertyGroup) -> None:
+    """UserError where a newer version made the scene."""
+    if is_newer(settings):
+        raise UserError(NEWER)

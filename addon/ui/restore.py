@@ -1,0 +1,56 @@
+"""Bringing back what the user deleted of a solved clip."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..core.base.errors import UserError
+from ..core.media.clip import Footage, open_footage
+from ..scene import parts
+from ..scene.build import restore
+from ..scene.clip import footage_path, solved_clip_path, work_dir
+from .operators import Result, build_scene, is_kept, may_change, reported
+
+
+class VIRTUAL_APERTURE_OT_restore_objects(bpy.types.Operator):  # noqa: N801
+    """Bring back the camera, the points and the other objects of the solve that are not in the scene"""
+
+    bl_idname = "virtual_aperture.restore_objects"
+    bl_label = "Restore Objects"
+    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if not may_change(cls, context):
+            return False
+        if parts.missing(context.scene):
+            return True
+        cls.poll_message_set("No object of the solve is missing")
+        return False
+
+    @reported
+    def execute(self, context: bpy.types.Context) -> Result:
+        scene, settings = context.scene, context.scene.virtual_aperture
+        words = ", ".join(parts.missing(scene))
+        if settings.points is not None:
+            restore(scene, _footage(settings))
+        elif is_kept(settings):
+            # The reconstruction went with the points' mesh.
+            clip = footage_path(settings)
+            build_scene(scene, open_footage(clip), work_dir(settings, clip))
+            self.report({"WARNING"}, "The solve was loaded anew; set the focus again")
+        else:
+            raise UserError("the point cloud is gone, and the solve with it; solve the clip again")
+        self.report({"INFO"}, f"Restored: {words}")
+        return {"FINISHED"}
+
+
+def _footage(settings: bpy.types.PropertyGroup) -> Footage | None:
+    """The solved clip; None where it is not to be found, which the panel tells."""
+    try:
+        return open_footage(solved_clip_path(settings))
+    except UserError:
+        return None
+
+
+CLASSES = (VIRTUAL_APERTURE_OT_restore_objects,)

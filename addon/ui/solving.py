@@ -1,0 +1,61 @@
+"""A solve that is under way."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+
+from ..core.base.progress import Cancelled, reporting
+from ..core.sfm.process import Progress, SolveProcess
+
+
+class Solving:
+    """A solve from its first moment on: the clip is opened and its frames counted, which takes seconds, in
+    a thread, so that the interface goes on meanwhile and ESC ends it."""
+
+    def __init__(self, begin: Callable[[], SolveProcess]) -> None:
+        """`begin` makes the process; it must not touch Blender's data."""
+        self.process: SolveProcess | None = None
+        self.ended = False
+        self.step = Progress("Reading the clip", 0.0)
+        """How far it is."""
+        self._error: BaseException | None = None
+        self._cancelled = threading.Event()
+        self._opening = threading.Thread(target=self._open, args=(begin,), daemon=True)
+        self._opening.start()
+
+    def _open(self, begin: Callable[[], SolveProcess]) -> None:
+        try:
+            with reporting(self._on_progress):
+                self.process = begin()
+        except BaseException as error:  # raised again where the solve is waited for
+            self._error = error
+
+    def _on_progress(self, _stage: str, _share: float) -> None:
+        if self._cancelled.is_set():
+            raise Cancelled
+
+    @property
+    def finished(self) -> bool:
+        """Whether the folder holds the solve."""
+        return self.process is not None and self.process.finished
+
+    def poll(self) -> list[Progress]:
+        """As `SolveProcess.poll`; also raises what opening the clip raised."""
+        if self._opening.is_alive():
+            return [self.step]
+        if self._error is not None:
+            self.ended = True
+            raise self._error
+        assert self.process is not None
+        steps = self.process.poll()
+        self.step = steps[-1] if steps else self.step
+        return steps
+
+    def cancel(self) -> None:
+        """End what is under way and leave the folder as it was; harmless after the end."""
+        self._cancelled.set()
+        self._opening.join()
+        if self.process is not None:
+            self.process.cancel()
+        self.ended = True

@@ -1,0 +1,237 @@
+"""Every operator: what tests its success and its refusal, and whether it can be undone."""
+
+from __future__ import annotations
+
+import ast
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import bpy
+import pytest
+
+from addon.core.camera.reconstruction import Intrinsics
+from addon.scene.build import build
+from addon.ui import CLASSES
+
+from ..scenes import slanted_shot
+
+TESTS = Path(__file__).resolve().parents[1]
+LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
+
+
+@dataclass(frozen=True)
+class Case:
+    """What is known of one operator."""
+
+    success: str
+    """The test that calls it, as "folder/file.py::test"."""
+    refusal: str
+    """The test in which it refuses; empty with the reason in `why` where it refuses nothing."""
+    message: str = ""
+    """A part of the message with which it refuses there."""
+    undo: str = "UNDO"
+    """The flag with which it can be undone; empty where it changes no scene."""
+    why: str = ""
+    """Why there is no flag, or no refusal."""
+
+
+UI = "ui/test_ui.py"
+PICK = "ui/test_pick_focus.py"
+CASES = {
+    "choose_clip": Case(
+        "scene/test_after_solve.py::test_a_picture_means_its_sequence",
+        "scene/test_after_solve.py::test_a_picture_means_its_sequence",
+        "single picture without a number",
+    ),
+    "find_clip": Case(
+        "media/test_clip_paths.py::test_the_user_shows_where_the_clip_is",
+        "media/test_clip_paths.py::test_the_user_shows_where_the_clip_is",
+        "not the clip that was solved",
+    ),
+    "solve": Case(
+        f"{UI}::test_solving_brings_the_clip_into_its_scene",
+        f"{UI}::test_buttons_say_why_they_are_disabled",
+        "Choose a clip first",
+    ),
+    "restore_objects": Case(
+        "scene/test_parts.py::test_what_was_deleted_is_restored",
+        "scene/test_parts.py::test_what_cannot_be_restored_is_said",
+        "the solve with it",
+    ),
+    "import_solve": Case(
+        f"{UI}::test_a_model_is_imported_by_its_folder_or_a_file_in_it",
+        f"{UI}::test_an_import_that_fails_leaves_everything_as_it_was",
+        "no model is chosen",
+    ),
+    "import_movie_clip": Case(
+        f"{UI}::test_a_solved_movie_clip_of_this_file_is_imported",
+        f"{UI}::test_a_solved_movie_clip_of_this_file_is_imported",
+        "No movie clip of this file is solved",
+    ),
+    "import_clip": Case(
+        "ui/test_file_import.py::test_a_clip_is_chosen_and_solved_by_any_of_its_pictures",
+        "ui/test_file_import.py::test_what_is_no_clip_is_refused_and_nothing_chosen",
+        "no clip is chosen; give a video",
+    ),
+    "drop_model": Case(
+        "ui/test_file_import.py::test_a_model_is_imported_for_the_chosen_clip",
+        "ui/test_file_import.py::test_a_model_is_imported_for_the_chosen_clip",
+        "no clip is chosen that",
+    ),
+    "set_focus": Case(
+        f"{UI}::test_focus_from_selected_vertices",
+        f"{UI}::test_focus_from_selected_vertices",
+        "no vertex is selected",
+    ),
+    "clear_focus": Case(
+        "lens/test_lens_settings.py::test_clearing_leaves_the_focus_at_its_distance",
+        "lens/test_lens_settings.py::test_clearing_leaves_the_focus_at_its_distance",
+        "Nothing is picked",
+    ),
+    "pick_focus": Case(
+        f"{PICK}::test_a_pick_is_in_focus",
+        f"{PICK}::test_a_pick_is_refused",
+        "has no camera to pick a focus in",
+    ),
+    "hold_focus": Case(
+        f"{PICK}::test_the_list_is_edited", f"{PICK}::test_the_list_is_edited", "is at frame 3 already"
+    ),
+    "move_focus_mark": Case(
+        f"{PICK}::test_the_list_is_edited", f"{PICK}::test_the_list_is_edited", "remove it first"
+    ),
+    "remove_focus_mark": Case(
+        f"{PICK}::test_the_list_is_edited", f"{PICK}::test_the_list_is_edited", "There is no focus mark"
+    ),
+    "write_focus_marks": Case(
+        f"{PICK}::test_keys_are_given_back_to_the_marks",
+        f"{PICK}::test_keys_are_given_back_to_the_marks",
+        "The keys are those of the focus marks",
+    ),
+    "jump_to_focus_mark": Case(
+        f"{PICK}::test_the_list_is_edited", "", undo="UNDO_GROUPED", why="every frame can be shown"
+    ),
+    "jump_to_unseen": Case(
+        f"{PICK}::test_the_list_is_edited",
+        f"{PICK}::test_the_list_is_edited",
+        "All frames show what is in focus",
+        undo="UNDO_GROUPED",
+    ),
+    "set_scale": Case(
+        "scene/test_depth_of_field.py::test_scale_from_two_vertices",
+        "scene/test_depth_of_field.py::test_scale_from_two_vertices",
+        "select two whose distance is known",
+    ),
+    "use_lens_preset": Case(
+        "ui/test_lens_presets.py::use",
+        "ui/test_lens_presets.py::test_what_is_no_preset_is_refused",
+        "no preset is chosen",
+    ),
+    "add_lens_preset": Case(
+        "ui/test_lens_presets.py::test_own_presets_are_kept_and_removed", "",
+        undo="", why="Blender's own operator for presets: it writes a file, and a name that is taken is left",
+    ),
+    "inspect_frame": Case(
+        "cli/test_inspect.py::test_inspecting_makes_images_and_uses_them_again",
+        "cli/test_inspect.py::test_what_goes_wrong_leaves_the_images",
+        "another shape",
+    ),
+    "render_frame": Case(
+        f"{UI}::test_render_frame_and_clip_write_pictures",
+        f"{UI}::test_buttons_say_why_they_are_disabled",
+        "Solve the clip first",
+        undo="", why="pictures are not part of the scene; as Blender's own render",
+    ),
+    "render_clip": Case(
+        f"{UI}::test_render_frame_and_clip_write_pictures",
+        f"{UI}::test_buttons_say_why_they_are_disabled",
+        "Pick what is to be sharp first",
+        undo="", why="it writes files; as Blender's own render",
+    ),
+    "preview": Case(
+        "ui/test_operators.py::test_the_preview_is_shown_and_ended",
+        "ui/test_operators.py::test_the_preview_is_shown_and_ended",
+        "The camera was deleted",
+        undo="", why="it changes the viewport, which Blender never undoes",
+    ),
+    "jump_to_frame": Case(
+        "ui/test_report_list.py::test_frames_without_a_camera_are_listed", "",
+        undo="UNDO_GROUPED", why="any frame can be shown",
+    ),
+    "find_depth": Case(
+        "ui/test_depth_ahead.py::test_what_is_found_in_the_background_is_what_the_scene_reads",
+        "ui/test_depth_ahead.py::test_another_clip_has_no_part_in_it",
+        "keeps no solve",
+        undo="", why="it writes files beside the solve",
+    ),
+    "pause_depth": Case(
+        "ui/test_depth_ahead.py::test_pausing_ends_the_process_and_finding_goes_on_later",
+        "ui/test_operators.py::test_nothing_is_paused_where_nothing_is_under_way",
+        "No depth is being found",
+        undo="", why="it ends a process",
+    ),
+    "delete_depth": Case(
+        "ui/test_preferences.py::test_kept_depth_is_shown_and_deleted",
+        "ui/test_preferences.py::test_kept_depth_is_shown_and_deleted",
+        "No depth is kept for this clip",
+        undo="", why="files that are deleted do not come back, which its question says",
+    ),
+}  # fmt: skip
+OPERATORS = {
+    cls.bl_idname.removeprefix("virtual_aperture."): cls
+    for cls in CLASSES
+    if issubclass(cls, bpy.types.Operator)
+}
+
+
+@cache
+def sources(file: str) -> dict[str, str]:
+    """The tests of a file, by name."""
+    text = (TESTS / file).read_text()
+    nodes = [node for node in ast.parse(text).body if isinstance(node, ast.FunctionDef)]
+    return {node.name: ast.get_source_segment(text, node) or "" for node in nodes}
+
+
+def test_every_operator_has_a_case() -> None:
+    assert set(CASES) == set(OPERATORS)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_an_operator_is_tested_and_can_be_undone(name: str) -> None:
+    case, operator = CASES[name], OPERATORS[name]
+    for where in filter(None, (case.success, case.refusal)):
+        file, test = where.split("::")
+        assert name in sources(file)[test], f"{where} does not call {name}"
+    if case.refusal:
+        file, test = case.refusal.split("::")
+        assert case.message and case.message in sources(file)[test]
+    flags = {flag for flag in getattr(operator, "bl_options", ()) if flag.startswith("UNDO")}
+    assert flags == ({case.undo} if case.undo else set())
+    assert case.why or (case.undo and case.refusal), "say why"
+    assert operator.__doc__ and operator.bl_label
+
+
+def test_the_preview_is_shown_and_ended(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    preview = bpy.ops.virtual_aperture.preview
+    with pytest.raises(RuntimeError, match="Solve the clip first"):
+        preview()
+    shot = slanted_shot(tmp_path, LENS)
+    settings = build(scene, shot.footage, shot.reconstruction)
+    area = next(area for area in bpy.context.screen.areas if area.type == "VIEW_3D")
+    space = area.spaces.active
+    space.shading.type = "SOLID"
+    scene.render.engine = "CYCLES"
+    with bpy.context.temp_override(area=area):
+        assert preview() == {"FINISHED"}
+        assert (space.shading.type, scene.render.engine) == ("RENDERED", "VIRTUAL_APERTURE")
+        assert space.region_3d.view_perspective == "CAMERA" and scene.camera == settings.camera
+        assert preview() == {"FINISHED"}
+        assert space.shading.type == "SOLID"
+        bpy.data.objects.remove(settings.camera)
+        with pytest.raises(RuntimeError, match="The camera was deleted"):
+            preview()
+
+
+def test_nothing_is_paused_where_nothing_is_under_way(scene: bpy.types.Scene) -> None:
+    with pytest.raises(RuntimeError, match="No depth is being found"):
+        bpy.ops.virtual_aperture.pause_depth()

@@ -1,0 +1,137 @@
+"""All panels draw in every state of a scene, and say in it what is to be done."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import bpy
+import pytest
+
+from addon.core.camera.reconstruction import Intrinsics
+from addon.core.readers.matching import Imported
+from addon.core.sfm.process import Progress
+from addon.core.sfm.workspace import keep_import
+from addon.ui import depth_ahead, panels
+from addon.ui.operators import build_scene
+from addon.ui.solving import Solving
+
+from ..recorder import draw
+from ..scenes import slanted_shot
+from .test_ui import select, write_clip
+
+LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
+Settings = bpy.types.PropertyGroup
+
+
+def no_clip(settings: Settings, _folder: Path) -> None:
+    settings.footage = ""
+
+
+def chosen(settings: Settings, _folder: Path) -> None:
+    settings.clip_identity = ""
+    for name in ("root", "camera", "points", "aperture"):
+        bpy.data.objects.remove(getattr(settings, name))
+
+
+def solving(settings: Settings, folder: Path) -> None:
+    chosen(settings, folder)
+    running = bpy.types.VIRTUAL_APERTURE_OT_solve._running = Solving(lambda: None)  # type: ignore[arg-type]
+    running.step = Progress("Registered 3 of 12 frames", 0.25)
+
+
+def solved(_settings: Settings, _folder: Path) -> None:
+    return
+
+
+def in_edit_mode(settings: Settings, _folder: Path) -> None:
+    select(settings.points, (1, 2, 3))
+
+
+def focused(settings: Settings, folder: Path) -> None:
+    in_edit_mode(settings, folder)
+    bpy.ops.virtual_aperture.set_focus()
+
+
+def with_scale(settings: Settings, folder: Path) -> None:
+    settings.focus_distance, settings.metres_per_unit = 8.0, 0.3
+
+
+def moved(settings: Settings, folder: Path) -> None:
+    (folder / "clip").rename(folder / "clip2")
+
+
+def wrong(settings: Settings, folder: Path) -> None:
+    settings.footage = str(write_clip(folder / "other"))
+
+
+def finding(settings: Settings, folder: Path) -> None:
+    depth_ahead._ahead = depth_ahead.DepthAhead(folder / "work", done=1, total=3, child=object())  # type: ignore[arg-type]
+
+
+def paused(settings: Settings, folder: Path) -> None:
+    finding(settings, folder)
+    depth_ahead._ahead = None
+
+
+def failed(_settings: Settings, folder: Path) -> None:
+    depth_ahead._ahead = depth_ahead.DepthAhead(folder / "work", problem="no space is left")
+
+
+def without(name: str) -> Callable[[Settings, Path], None]:
+    def state(settings: Settings, _folder: Path) -> None:
+        bpy.data.objects.remove(getattr(settings, name))
+
+    return state
+
+
+def newer(settings: Settings, _folder: Path) -> None:
+    settings.version = 99
+
+
+STATES: list[tuple[str, Callable[[Settings, Path], None], str]] = [
+    ("no clip", no_clip, "Choose a clip"),
+    ("clip chosen", chosen, "Solve the clip: where"),
+    ("solving", solving, "Registered 3 of 12 frames (ESC cancels)"),
+    ("solved", solved, "In focus: the nearest large thing"),
+    ("in Edit Mode", in_edit_mode, "Select vertices on what is to be sharp"),
+    ("in focus", focused, "Ready to render"),
+    ("with a scale", with_scale, "full-frame equivalent"),
+    ("clip moved", moved, "show where it is with Find Clip"),
+    ("wrong clip", wrong, "the clip chosen is other"),
+    ("depth under way", finding, "Depth: 1 of 3 frames"),
+    ("depth paused", paused, "Ready to render"),
+    ("depth failed", failed, "Depth was not found: no space is left"),
+    ("camera deleted", without("camera"), "Not in this scene any more: camera"),
+    ("points deleted", without("points"), "Not in this scene any more: point cloud"),
+    ("root deleted", without("root"), "Not in this scene any more: root"),
+    ("virtual cameras deleted", without("aperture"), "Not in this scene any more: virtual cameras"),
+    ("newer", newer, "made with a newer Virtual Aperture"),
+]
+"""Name, what brings an imported clip's scene into the state, and words that the panels show in it."""
+
+
+@pytest.mark.parametrize("make, said", [state[1:] for state in STATES], ids=[state[0] for state in STATES])
+def test_panels_draw(
+    scene: bpy.types.Scene, tmp_path: Path, make: Callable[[Settings, Path], None], said: str
+) -> None:
+    shot, work = slanted_shot(tmp_path / "clip", LENS), tmp_path / "work"
+    keep_import(Imported(shot.reconstruction, "true cameras", ()), shot.footage, work)
+    settings = scene.virtual_aperture
+    settings.footage, settings.work_dir = str(shot.footage.path), str(work)
+    build_scene(scene, shot.footage, work)
+    try:
+        make(settings, tmp_path)
+        shown = [draw(panel) for panel in panels.CLASSES]
+    finally:
+        bpy.types.VIRTUAL_APERTURE_OT_solve._running = None
+        depth_ahead._ahead = None
+    texts = " ".join(text for each in shown for text in each.texts)
+    # Wrapped texts are in lines.
+    assert said in texts
+    ready = (solved, focused, with_scale, finding, paused, failed)
+    assert ("Ready to render" in texts) == (make in ready)
+    for name in {name for each in shown for name in each.operators}:
+        group, operator = name.split(".")
+        # It answers whether it may be pressed; why not is a message, without which a button is a riddle.
+        getattr(getattr(bpy.ops, group), operator).poll()
