@@ -11,12 +11,13 @@ JOBS ?= 2
 SOLVES := $(if $(MOTIONS),--motions $(MOTIONS)) $(if $(TRACKERS),--trackers $(TRACKERS)) $(if $(FOCAL),--focal $(FOCAL))
 BENCH := $(if $(SCENES),--scenes $(SCENES)) $(if $(TRACK),--track $(TRACK)) $(if $(BLURS),--blurs $(BLURS))
 
-.PHONY: help setup demo test test-fast test-window torture sample bench bench-speed bench-full bench-solve bench-stability figures lint zip clean
+.PHONY: help setup demo test test-fast test-window pictures torture sample bench bench-speed bench-full bench-solve bench-stability figures lint zip clean
 help:
 	@echo "make demo    render the sample clip with depth of field and say where the video is"
 	@echo "make test    run the tests"
 	@echo "make test-fast  those that need neither Blender nor a solve nor another process"
 	@echo "make test-window  drive a real Blender on a virtual screen with mouse and keys (BLENDER=PROGRAM)"
+	@echo "make pictures  take the documentation's pictures in a real Blender (BLENDER=PROGRAM), into docs/pictures/"
 	@echo "make torture  kills, full disks, races and damaged files for hours; resumes (TRIES=100 FAULTS=\"movie jobs\")"
 	@echo "make sample SCENE=bars  a scene of the benchmark: .blend, clip and true cameras, into sample/"
 	@echo "make bench   speed against error, quick subset (SCENES=bars TRACK=T1 BLURS=16: a part)"
@@ -51,6 +52,11 @@ test-window: setup
 	  || { echo "make test-window: no Blender program; set BLENDER to one, or put blender on the path" >&2; exit 1; }
 	@$(PYTHON) tools/build_zip.py
 	@$(PYTHON) -m pytest tests/window
+
+pictures: setup
+	@$(PYTHON) tools/build_zip.py
+	@$(PYTHON) -m pytest tests/window/test_pictures.py
+	@mkdir -p docs/pictures && cp build/window/pictures/docs/*.jpg docs/pictures/
 
 torture: setup
 	@$(PYTHON) -m benchmarks.torture $(if $(TRIES),--tries $(TRIES)) $(if $(FAULTS),--faults $(FAULTS))

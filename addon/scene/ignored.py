@@ -55,7 +55,7 @@ def _camera(scene: bpy.types.Scene) -> Iterator[str]:
     if camera is not None and ours is not None and camera != ours:
         yield f"The picture is the clip's, not that of the camera {camera.name}"
     if camera is not None and camera.type == "CAMERA" and camera.data.dof.use_dof:
-        yield f"The Depth of Field of {camera.name} is not used, but Focus and Blur here"
+        yield f"The Depth of Field of {camera.name} is not used, but Focus and Lens here"
 
 
 def _frames(scene: bpy.types.Scene) -> Iterator[str]:

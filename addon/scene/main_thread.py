@@ -13,6 +13,7 @@ from collections.abc import Generator
 from dataclasses import dataclass, field
 
 import bpy
+import gpu
 
 from ..core.base.arrays import LinearRGBA
 from ..core.base.progress import Cancelled, checkpoint
@@ -82,6 +83,12 @@ def _tick() -> float:
             _current = _waiting.get_nowait()
         except queue.Empty:
             return IDLE
+    if not _has_gpu_context():
+        # As after a window was closed: the next redraw makes another one's context the active one.
+        for window in bpy.context.window_manager.windows:
+            for area in window.screen.areas:
+                area.tag_redraw()
+        return IDLE
     job, until = _current, time.monotonic() + SLICE
     try:
         while time.monotonic() < until:
@@ -98,6 +105,14 @@ def _tick() -> float:
     _current = None
     job.ended.set()
     return 0.0
+
+
+def _has_gpu_context() -> bool:
+    try:
+        gpu.types.GPUFrameBuffer()
+    except RuntimeError:
+        return False
+    return True
 
 
 def start() -> None:

@@ -13,6 +13,10 @@ from . import thumbnails
 from .focus import focus_on, length
 from .operators import Result, has_focus, has_solve, may_change, reported
 
+FRAME, NAME = 0.16, 0.7
+"""Shares of a row that the frame's button has, and of what is left that thumbnail and name have: in a sidebar
+as wide as Blender opens it, frame and distance are whole, and the name has the rest."""
+
 
 def has_marks(cls: type[bpy.types.Operator], context: bpy.types.Context) -> bool:
     """Poll: there is a focus mark, and the keys are the marks'."""
@@ -32,15 +36,20 @@ class VIRTUAL_APERTURE_UL_focus_marks(bpy.types.UIList):  # noqa: N801
         self, context: bpy.types.Context, layout: bpy.types.UILayout, _data: object,
         mark: bpy.types.PropertyGroup, _icon: int, _active_data: object, _active: str, index: int = 0,
     ) -> None:  # fmt: skip
-        row = layout.row(align=True)
         here = context.scene.frame_current == mark.frame
+        row = layout.split(factor=FRAME)
         jump = row.operator(
             VIRTUAL_APERTURE_OT_jump_to_focus_mark.bl_idname, text=str(mark.frame), depress=here
         )
         jump.frame = mark.frame
+        row = row.split(factor=NAME)
+        what = row.row(align=True)
         if thumbnail := thumbnails.icon(context.scene.virtual_aperture, mark):
-            row.template_icon(icon_value=thumbnail, scale=1.8)
-        row.prop(mark, "name", text="", emboss=False)
+            # Else it would have half of the room.
+            small = what.row()
+            small.alignment = "LEFT"
+            small.template_icon(icon_value=thumbnail, scale=1.8)
+        what.prop(mark, "name", text="", emboss=False)
         away = row.row()
         away.alignment = "RIGHT"
         away.label(text=length(context.scene, mark.distance))

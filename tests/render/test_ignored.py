@@ -65,7 +65,7 @@ def test_objects_that_another_engine_would_draw(solved: bpy.types.Scene) -> None
 def test_another_camera_and_its_depth_of_field(solved: bpy.types.Scene) -> None:
     solved.camera.data.dof.use_dof = True
     ours = solved.camera.name
-    assert ignored(solved) == (f"The Depth of Field of {ours} is not used, but Focus and Blur here",)
+    assert ignored(solved) == (f"The Depth of Field of {ours} is not used, but Focus and Lens here",)
     other = bpy.data.objects.new("Other", bpy.data.cameras.new("Other"))
     solved.collection.objects.link(other)
     solved.camera = other

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from addon.core.base.progress import Cancelled, reporting
+from addon.render.gpu_views import gpu_problem
 from addon.scene import main_thread
 from addon.scene.main_thread import Steps, _Job
 
@@ -26,6 +27,7 @@ def steps(count: int, closed: list[bool], error: Exception | None = None) -> Ste
 
 @pytest.fixture(autouse=True)
 def _nothing_left() -> Iterator[None]:
+    assert not gpu_problem()
     yield
     main_thread.stop()
 
@@ -83,3 +85,14 @@ def test_who_waits_for_a_drawing_that_is_dropped_is_told() -> None:
     main_thread._waiting.put(queued)
     main_thread.stop()
     assert job.ended.is_set() and queued.ended.is_set() and closed == [True]
+
+
+def test_a_drawing_waits_for_a_gpu_context(monkeypatch: pytest.MonkeyPatch) -> None:
+    job = _Job(steps(3, closed := []))
+    main_thread._waiting.put(job)
+    monkeypatch.setattr(main_thread, "_has_gpu_context", lambda: False)
+    assert main_thread._tick() == main_thread.IDLE
+    assert not job.ended.is_set() and closed == []
+    monkeypatch.undo()
+    main_thread._tick()
+    assert job.ended.is_set() and job.picture is PICTURE
