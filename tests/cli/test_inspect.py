@@ -83,7 +83,7 @@ def test_another_file_is_left_alone(tmp_path: Path) -> None:
 def test_inspecting_makes_images_and_uses_them_again(scene: bpy.types.Scene, tmp_path: Path) -> None:
     footage = open_footage(planes.write_clip(tmp_path / "clip", clip(CENTRES)))
     settings = build(scene, footage, poses(CENTRES, features()))
-    with pytest.raises(RuntimeError, match="set the focus first"):
+    with pytest.raises(RuntimeError, match="Pick what is to be sharp first"):
         bpy.ops.virtual_aperture.inspect_frame()
     settings.focus_distance, settings.views = 6.0, 4
     theirs = bpy.data.images.new("depth", 8, 8)

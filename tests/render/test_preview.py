@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -27,6 +27,7 @@ from addon.scene.shot import shot_of
 
 from ..scenes import slanted_shot
 
+Previews = Callable[[Callable[[Wanted, int], Picture]], Preview]
 PLAIN = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
 
 
@@ -36,6 +37,20 @@ def wanted(scene: bpy.types.Scene, tmp_path: Path) -> Wanted:
     build(scene, shot.footage, shot.reconstruction)
     lens = LensSettings(Focus(distance=8.0), radius=0.4, method="features")
     return Wanted(shot_of(scene), 2, lens, (PLAIN.width, PLAIN.height))
+
+
+@pytest.fixture
+def previews() -> Iterator[Previews]:
+    """Makes previews whose threads end with the test."""
+    made: list[Preview] = []
+
+    def begin(make: Callable[[Wanted, int], Picture]) -> Preview:
+        made.append(Preview(make))
+        return made[-1]
+
+    yield begin
+    for each in made:
+        each.close()
 
 
 def eventually(condition: Callable[[], bool]) -> None:
@@ -63,9 +78,9 @@ class Maker:
         return Picture(wanted, level, np.full((90, 160, 4), level, np.float16))
 
 
-def test_better_pictures_follow(wanted: Wanted) -> None:
+def test_better_pictures_follow(previews: Previews, wanted: Wanted) -> None:
     maker = Maker()
-    shown = Preview(maker)
+    shown = previews(maker)
     shown.want(wanted)
     eventually(lambda: not shown.is_busy())
     assert maker.made == [(2, COARSE), (2, FAIR), (2, FINE)]
@@ -80,9 +95,9 @@ def test_better_pictures_follow(wanted: Wanted) -> None:
     assert maker.made[-1] == (3, FAIR), "the frame before was kept"
 
 
-def test_the_feature_points_are_enough_to_begin_with(wanted: Wanted) -> None:
+def test_the_feature_points_are_enough_to_begin_with(previews: Previews, wanted: Wanted) -> None:
     maker = Maker()
-    shown = Preview(maker)
+    shown = previews(maker)
     layers = replace(wanted, lens=replace(wanted.lens, method="layers"))
     shown.want(layers)
     eventually(lambda: not shown.is_busy())
@@ -97,9 +112,9 @@ def test_the_feature_points_are_enough_to_begin_with(wanted: Wanted) -> None:
     )
 
 
-def test_the_last_wish_counts(wanted: Wanted) -> None:
+def test_the_last_wish_counts(previews: Previews, wanted: Wanted) -> None:
     maker = Maker()
-    shown = Preview(maker)
+    shown = previews(maker)
     shown.want(wanted)
     eventually(lambda: not shown.is_busy())
     maker.may.clear()
@@ -112,9 +127,9 @@ def test_the_last_wish_counts(wanted: Wanted) -> None:
     assert (1, FAIR) not in maker.made and (1, FINE) not in maker.made
 
 
-def test_a_better_size_is_made_anew(wanted: Wanted) -> None:
+def test_a_better_size_is_made_anew(previews: Previews, wanted: Wanted) -> None:
     maker = Maker()
-    shown = Preview(
+    shown = previews(
         lambda w, level: replace(maker(w, level), linear=np.zeros((*w.size[::-1], 4), np.float16))
     )
     small = replace(wanted, size=(80, 45))
@@ -130,9 +145,9 @@ def test_a_better_size_is_made_anew(wanted: Wanted) -> None:
     assert len(maker.made) == count
 
 
-def test_pausing_ends_what_is_under_way(wanted: Wanted) -> None:
+def test_pausing_ends_what_is_under_way(previews: Previews, wanted: Wanted) -> None:
     maker = Maker()
-    shown = Preview(maker)
+    shown = previews(maker)
     maker.may.clear()
     shown.want(wanted)
     eventually(lambda: bool(maker.begun))
@@ -144,14 +159,14 @@ def test_pausing_ends_what_is_under_way(wanted: Wanted) -> None:
     assert maker.made[-1] == (2, FINE)
 
 
-def test_problems_are_told_and_not_tried_again(wanted: Wanted) -> None:
+def test_problems_are_told_and_not_tried_again(previews: Previews, wanted: Wanted) -> None:
     calls = []
 
     def fail(_wanted: Wanted, level: int) -> Picture:
         calls.append(level)
         raise UserError("the clip is gone; choose it again")
 
-    shown = Preview(fail)
+    shown = previews(fail)
     shown.want(wanted)
     eventually(lambda: bool(shown.problem(wanted)))
     assert shown.problem(wanted) == "the clip is gone; choose it again"
@@ -162,9 +177,11 @@ def test_problems_are_told_and_not_tried_again(wanted: Wanted) -> None:
     assert shown.problem(wanted) == ""
 
 
-def test_pictures_are_forgotten_at_a_limit(wanted: Wanted, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_pictures_are_forgotten_at_a_limit(
+    previews: Previews, wanted: Wanted, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(preview, "KEPT", 3 * 90 * 160 * 4 * 2)
-    shown = Preview(Maker())
+    shown = previews(Maker())
     for frame in range(1, 6):
         shown.want(replace(wanted, frame=frame))
         eventually(lambda: not shown.is_busy())
