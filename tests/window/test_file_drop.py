@@ -80,7 +80,7 @@ def test_a_preset_is_chosen_and_undone(program: Program) -> None:
     before = program.ask(LENS)
     left, _, width, _ = program.rectangle("VIEW_3D", "UI")
     # In the panel's header, above its first button; a popover cannot be asked for by name.
-    x, y = left + 0.79 * width, program.find("set_focus", "VIEW_3D", "UI").y - 24
+    x, y = left + 0.79 * width, program.find("pick_focus()", "VIEW_3D", "UI").y - 24
     program.screen.click(x, y)
     program.settle()
     time.sleep(MENU)
