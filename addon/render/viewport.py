@@ -115,10 +115,12 @@ def _draw_picture(shown: Shown, encoded: bool = False) -> None:
     """Into the camera's frame, the clip left of the wipe; `encoded` as sRGB, else as linear light."""
     assert shown.frame is not None
     left, bottom, width, height = shown.frame
-    parts = [(shown.clip, 0.0, shown.wipe)] if shown.clip is not None else []
+    # An older picture may have no clip beside it.
+    wipe = shown.wipe if shown.clip is not None else 0.0
+    parts = [(shown.clip, 0.0, wipe)] if wipe else []
     shader = gpu.shader.from_builtin("IMAGE_SCENE_LINEAR_TO_REC709_SRGB" if encoded else "IMAGE")
     gpu.state.blend_set("ALPHA_PREMULT")
-    for texture, begin, end in (*parts, (shown.texture, shown.wipe, 1.0)):
+    for texture, begin, end in (*parts, (shown.texture, wipe, 1.0)):
         across = np.array([begin, end, end, begin])
         up = np.array([0.0, 0.0, 1.0, 1.0])
         corners = np.stack([left + width * across, bottom + height * up], axis=1)
