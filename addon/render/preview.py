@@ -42,12 +42,12 @@ Key = tuple[int, int, str, bool, str]
 KEPT = 256 << 20
 """Bytes of pictures that are kept for going back to: 140 frames of 640x360."""
 COARSE_SIDE = 240
-"""Pixels of the longer side of the first picture: a draft of the sample clip takes 0.1 s so small, and 0.3 at
-640x360, on 2 busy cores in software OpenGL."""
+"""Pixels of the longer side of the first picture: a draft of the sample clip takes 0.14 s so small, and 0.43
+at 640x360, on 2 cores in software OpenGL (`python -m benchmarks.timings.interface`)."""
 QUICK = 0.25
 """Seconds that a draft may take for nothing coarser to be shown before it: four frames a second."""
 ROUGH_VIEWS = 16
-"""Views of a picture from the feature points: by eye, of 240 pixels. It takes 0.06 s."""
+"""Views of a picture from the feature points: by eye, of 240 pixels. It takes 0.08 s."""
 NO_HIGHLIGHTS = HighlightSettings(gain=0.0)
 ROUGH, COARSE, FAIR, FINE = range(4)
 """How good a picture is: small, from the feature points, while depth is being found; a small draft; a draft
