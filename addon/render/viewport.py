@@ -153,15 +153,26 @@ def camera_frame(
     seen = space.camera if space.use_local_camera else scene.camera
     if view.view_perspective != "CAMERA" or camera is None or seen is None or seen.name != camera.name:
         return None
+    return frame_in_region(context.region, view, scene)
+
+
+def frame_in_region(
+    region: bpy.types.Region, view: bpy.types.RegionView3D, scene: bpy.types.Scene
+) -> tuple[float, float, float, float] | None:
+    """Left, bottom, width and height of the solved camera's frame in a region that looks through it, in
+    pixels, which may reach past the region; None where it has no size there."""
+    camera = scene.virtual_aperture.camera
+    # A view through a camera leaves its scale aside.
     to_world = camera.matrix_world.normalized()
     places = [
-        location_3d_to_region_2d(context.region, view, to_world @ corner)
+        location_3d_to_region_2d(region, view, to_world @ corner)
         for corner in camera.data.view_frame(scene=scene)
     ]
     if any(place is None for place in places):
         return None
     x, y = [place.x for place in places], [place.y for place in places]
-    return min(x), min(y), max(x) - min(x), max(y) - min(y)
+    width, height = max(x) - min(x), max(y) - min(y)
+    return (min(x), min(y), width, height) if width > 0 and height > 0 else None
 
 
 def _wanted(context: bpy.types.Context, depsgraph: bpy.types.Depsgraph, room: float) -> Wanted:

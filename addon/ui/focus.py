@@ -13,6 +13,7 @@ from ..core.base.errors import UserError
 from ..core.lens.focus import Focus
 from ..core.lens.focus_place import Place
 from ..scene import aperture_cloud, blender_focus, focus_marks, lens
+from ..scene.depth_of_field import length_words
 from ..scene.point_cloud import ID_ATTRIBUTE
 from ..scene.shot import reconstruction_of
 from .operators import Result, has_points, may_change, reported
@@ -36,21 +37,12 @@ def focus_on(
         said = f"The focus distance is keyed at frame {settings.id_data.frame_current}"
     else:
         mark = focus_marks.put(settings, frame, places, add)
-        away = length(settings.id_data, mark.distance)
+        away = length_words(settings.id_data.unit_settings, mark.distance)
         marks = len(settings.marks.items)
         pulled = f", mark {settings.marks.active + 1} of {marks}" if marks > 1 else ""
         said = f"In focus at frame {frame}: {mark.name}, {away} away{pulled}"
     aperture_cloud.update(settings)
     return said + told
-
-
-def length(scene: bpy.types.Scene, distance: float) -> str:
-    """A length in scene units as the panels write it."""
-    system = scene.unit_settings.system
-    if system == "NONE":
-        return f"{distance:.3g}"
-    scaled = distance * scene.unit_settings.scale_length
-    return str(bpy.utils.units.to_string(system, "LENGTH", scaled, precision=3))
 
 
 class VIRTUAL_APERTURE_OT_set_focus(bpy.types.Operator):  # noqa: N801

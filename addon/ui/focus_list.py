@@ -9,9 +9,11 @@ from ..core.base.errors import UserError
 from ..core.lens.focus import Focus
 from ..core.lens.focus_place import Place
 from ..scene import aperture_cloud, blender_focus, focus_marks, lens
+from ..scene.depth_of_field import length_words
 from . import thumbnails
-from .focus import focus_on, length
+from .focus import focus_on
 from .operators import Result, has_focus, has_solve, may_change, reported
+from .report_list import next_of
 
 FRAME, NAME = 0.16, 0.7
 """Shares of a row that the frame's button has, and of what is left that thumbnail and name have: in a sidebar
@@ -52,7 +54,7 @@ class VIRTUAL_APERTURE_UL_focus_marks(bpy.types.UIList):  # noqa: N801
         what.prop(mark, "name", text="", emboss=False)
         away = row.row()
         away.alignment = "RIGHT"
-        away.label(text=length(context.scene, mark.distance))
+        away.label(text=length_words(context.scene.unit_settings, mark.distance))
 
 
 class VIRTUAL_APERTURE_OT_hold_focus(bpy.types.Operator):  # noqa: N801
@@ -175,7 +177,7 @@ class VIRTUAL_APERTURE_OT_jump_to_unseen(bpy.types.Operator):  # noqa: N801
     def execute(self, context: bpy.types.Context) -> Result:
         scene = context.scene
         frames = unseen_frames(scene.virtual_aperture)
-        scene.frame_set(next((frame for frame in frames if frame > scene.frame_current), frames[0]))
+        scene.frame_set(next_of(frames, scene.frame_current))
         return {"FINISHED"}
 
 

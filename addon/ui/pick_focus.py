@@ -12,9 +12,10 @@ from ..core.lens.clip_context import ClipContext
 from ..core.lens.focus_place import Glance, Place, PlaceFinder, find_place, shown_at
 from ..render.viewport import PREVIEW
 from ..scene import aperture_cloud, focus_marks
+from ..scene.depth_of_field import length_words
 from ..scene.remedy_words import WORDS
 from ..scene.shot import shot_of
-from .focus import focus_on, length
+from .focus import focus_on
 from .operators import Result, has_solve, may_change, reported
 from .pick_view import XY, CameraView, Overlay
 
@@ -179,7 +180,7 @@ class VIRTUAL_APERTURE_OT_pick_focus(bpy.types.Operator):  # noqa: N801
     def _told(self, glance: Glance) -> str:
         if glance.distance is None:
             return "Depth is found on the click"
-        return length(self._scene, glance.distance)
+        return length_words(self._scene.unit_settings, glance.distance)
 
     def _current_finder(self) -> PlaceFinder | None:
         """That of the frame that is shown now; None where it has no camera of its own."""

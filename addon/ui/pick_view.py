@@ -8,10 +8,9 @@ from typing import Any
 
 import bpy
 import numpy as np
-from bpy_extras.view3d_utils import location_3d_to_region_2d
-from mathutils import Matrix
 
 from ..core.base.errors import UserError
+from ..render.viewport import frame_in_region
 
 XY = tuple[float, float]
 SEGMENTS = 24
@@ -89,21 +88,11 @@ class CameraView:
 
     def _frame(self, scene: bpy.types.Scene) -> tuple[float, float, float, float] | None:
         """Left, bottom, right, top of the camera's picture in the region, which it may reach past."""
-        camera = scene.virtual_aperture.camera
-        space = self.area.spaces.active.region_3d
-        # A view through a camera leaves its scale aside.
-        location, rotation, _ = camera.matrix_world.decompose()
-        to_world = Matrix.LocRotScale(location, rotation, None)
-        corners = [
-            location_3d_to_region_2d(self.region, space, to_world @ corner)
-            for corner in camera.data.view_frame(scene=scene)
-        ]
-        if None in corners:
+        found = frame_in_region(self.region, self.area.spaces.active.region_3d, scene)
+        if found is None:
             return None
-        (left, bottom), (right, top) = (each(np.array(corners), axis=0) for each in (np.min, np.max))
-        return (
-            (float(left), float(bottom), float(right), float(top)) if right > left and top > bottom else None
-        )
+        left, bottom, width, height = found
+        return left, bottom, left + width, bottom + height
 
 
 def _within(region: bpy.types.Region, at: tuple[int, int]) -> bool:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import bpy
 
 from ..core.sfm.report import ranges
@@ -29,7 +31,7 @@ class VIRTUAL_APERTURE_OT_jump_to_frame(bpy.types.Operator):  # noqa: N801
         return {"FINISHED"}
 
 
-def next_of(frames: tuple[int, ...], now: int) -> int:
+def next_of(frames: Sequence[int], now: int) -> int:
     """The first of the frames after the present one, else the first of all."""
     return next((frame for frame in frames if frame > now), frames[0])
 

@@ -9,7 +9,7 @@ from functools import cached_property
 import cv2
 import numpy as np
 
-from ..base.arrays import Floats, LinearRGBA
+from ..base.arrays import Floats, LinearRGBA, Map
 from ..base.errors import UserError
 from .reconstruction import Intrinsics
 
@@ -86,6 +86,13 @@ class Canvas:
         if not self.lens.is_distorted:
             return picture
         return _resampled(picture, self.pinhole.width, self.pinhole.height, self.features_to_source)
+
+    def source_map(self) -> Map:
+        """(H, W, 2) where the canvas shows the source frame's pixels, for `cv2.remap`, whose first pixel's
+        centre is (0, 0)."""
+        lens = self.lens
+        grid = np.stack(np.meshgrid(np.arange(lens.width) + 0.5, np.arange(lens.height) + 0.5), axis=-1)
+        return np.asarray(self.features_from_source(grid) - 0.5, np.float32)
 
     def to_source(self, picture: LinearRGBA) -> LinearRGBA:
         """(h, w, 4) float32 canvas picture -> (H, W, 4) in the geometry of the source frame."""

@@ -361,7 +361,5 @@ def _in_source(picture: Shown, canvas: Canvas) -> Shown:
     """A picture (h, w[, 3]) of the canvas in the source frame's geometry (H, W[, 3])."""
     if not canvas.lens.is_distorted:
         return picture
-    lens = canvas.lens
-    grid = np.stack(np.meshgrid(np.arange(lens.width) + 0.5, np.arange(lens.height) + 0.5), axis=-1)
-    at = (canvas.features_from_source(grid) - 0.5).astype(np.float32)
+    at = canvas.source_map()
     return np.asarray(cv2.remap(picture, at, None, cv2.INTER_LINEAR), np.uint8)  # type: ignore[call-overload]

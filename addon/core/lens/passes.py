@@ -43,8 +43,6 @@ def _in_source(values: Floats, canvas: Canvas) -> Map:
     """Values (h, w) of the canvas in the source frame's geometry (H, W), each that of the nearest pixel."""
     if not canvas.lens.is_distorted:
         return values.astype(np.float32)
-    lens = canvas.lens
-    grid = np.stack(np.meshgrid(np.arange(lens.width) + 0.5, np.arange(lens.height) + 0.5), axis=-1)
-    at = (canvas.features_from_source(grid) - 0.5).astype(np.float32)
-    taken = cv2.remap(values.astype(np.float32), at, None, cv2.INTER_NEAREST, borderMode=cv2.BORDER_REPLICATE)  # type: ignore[call-overload]
+    values, at = values.astype(np.float32), canvas.source_map()
+    taken = cv2.remap(values, at, None, cv2.INTER_NEAREST, borderMode=cv2.BORDER_REPLICATE)  # type: ignore[call-overload]
     return np.asarray(taken, np.float32)
