@@ -1,9 +1,10 @@
 """The lens that the settings describe: what is in focus, and an aperture that stays as it was chosen.
 
-Blur and aperture radius say the same thing in two ways: the blur at one moment, with what is in focus there;
-the radius for the whole clip. The radius is what counts (`use_radius`); editing the blur computes it, and
-whatever else changes only refreshes the blur that is shown. A keyed blur counts itself, at every frame, and
-so does that of old files, which hold no radius.
+Blur and aperture radius say the same thing in two ways: the blur at one frame, with what is in focus there;
+the radius for the whole clip. The radius is what counts (`use_radius`): the blur is computed from it whenever
+it is read, for the present frame and focus, and editing it sets the radius. A keyed blur counts itself, at
+every frame, and so does that of old files, which hold no radius. The number that is stored is the last one
+that was wished for: it counts again where nothing is in focus, or no radius is chosen.
 """
 
 from __future__ import annotations
@@ -22,14 +23,20 @@ from ..core.lens.highlights import HighlightSettings
 from ..core.lens.plan import LensSettings
 from ..core.lens.quality import QUALITIES
 from . import blender_focus
-from .shot import reconstruction_of
+from .shot import IDENTITY, reconstruction_of
+
+BLUR_DIGITS = 4
+"""Decimals that the field of the blur shows."""
+EDITED_DIGITS = 6
+"""Decimals of a number that Blender shows while its field is edited."""
 
 _writing = False
 
 
 @contextmanager
 def writing() -> Iterator[None]:
-    """Within it the properties of the lens are only written: none changes another."""
+    """Within it the properties of the lens are only written: none changes another, and the blur is the number
+    that is stored."""
     global _writing
     before, _writing = _writing, True
     try:
@@ -143,8 +150,6 @@ def key_distance(settings: bpy.types.PropertyGroup) -> None:
     with writing():
         settings.focus_by = "DISTANCE"
         settings.id_data.keyframe_insert(settings.path_from_id("focus_distance"), frame=_frame(settings))
-        if settings.use_radius:
-            _show_blur(settings, _frame(settings))
 
 
 def set_focus(settings: bpy.types.PropertyGroup, focus: Focus, frame: int) -> None:
@@ -162,12 +167,9 @@ def set_focus(settings: bpy.types.PropertyGroup, focus: Focus, frame: int) -> No
         settings.focus_through_points = focus.through_points
         settings.focus_tilt, settings.focus_swing = focus.tilt, focus.swing
         settings.focus_distance = focus.distance or _distance(settings, focus, frame)
-        chosen = settings.use_radius and not settings.follows_blur
-        settings.follows_blur = False
-        if chosen:
-            _show_blur(settings, frame)
-        else:
+        if settings.follows_blur or not settings.use_radius:
             _store_radius(settings, frame)
+        settings.follows_blur = False
 
 
 def clear_points(settings: bpy.types.PropertyGroup) -> None:
@@ -175,8 +177,6 @@ def clear_points(settings: bpy.types.PropertyGroup) -> None:
     with writing():
         settings.focus_points.clear()
         settings.focus_by = "DISTANCE" if settings.focus_distance > 0 else "POINTS"
-        if settings.use_radius:
-            _show_blur(settings, _frame(settings))
 
 
 def reset(settings: bpy.types.PropertyGroup, frame: int) -> None:
@@ -190,26 +190,36 @@ def reset(settings: bpy.types.PropertyGroup, frame: int) -> None:
 
 
 def set_aperture(settings: bpy.types.PropertyGroup, radius: float, blur: float | None) -> None:
-    """Choose the aperture's radius, and the blur to show; without one, what the radius makes of the focus."""
+    """Choose the aperture's radius, and the blur that was wished for; without one, what the radius makes of
+    the focus."""
     with writing():
         settings.use_radius, settings.follows_blur = True, False
         settings.aperture_radius = radius
-        if blur is None:
-            _show_blur(settings, settings.focus_frame)
-        else:
-            settings.blur = blur
+        settings.blur = _blur_at(settings, settings.focus_frame) or settings.blur if blur is None else blur
+
+
+def blur_now(settings: bpy.types.PropertyGroup, stored: float) -> float:
+    """The blur of the radius that counts, at the present frame and with the present focus; the number that is
+    stored where that counts, where nothing is in focus, and within `writing`."""
+    if is_writing() or not has_radius(settings):
+        return stored
+    return _blur_at(settings, _frame(settings)) or stored
 
 
 def on_blur(settings: bpy.types.PropertyGroup) -> None:
-    """The blur was edited: it says, with the present focus at the present frame, what the radius is."""
+    """The blur was edited: it says, with the present focus at the present frame, what the radius is. The
+    number that was shown, typed again, changes nothing."""
+    now = _blur_at(settings, _frame(settings)) if has_radius(settings) else None
+    if now is not None and _is_as_shown(settings.blur, now):
+        return
     settings.follows_blur = False
     _store_radius(settings, _frame(settings))
 
 
 def on_radius(settings: bpy.types.PropertyGroup) -> None:
-    """The radius was edited: the blur that is shown follows."""
+    """The radius was edited: the blur that it makes is what was wished for."""
     settings.use_radius, settings.follows_blur = True, False
-    _show_blur(settings, _frame(settings))
+    settings.blur = _blur_at(settings, _frame(settings)) or settings.blur
 
 
 def on_distance(settings: bpy.types.PropertyGroup) -> None:
@@ -230,9 +240,7 @@ def on_focus(settings: bpy.types.PropertyGroup) -> None:
         settings.follows_blur, settings.focus_frame = True, frame
     elif frame != settings.focus_frame:
         settings.follows_blur = False
-    if chosen and not settings.follows_blur:
-        _show_blur(settings, frame)
-    else:
+    if settings.follows_blur or not chosen:
         _store_radius(settings, frame)
 
 
@@ -249,14 +257,35 @@ def _store_radius(settings: bpy.types.PropertyGroup, frame: int) -> None:
     settings.use_radius = True
 
 
-def _show_blur(settings: bpy.types.PropertyGroup, frame: int) -> None:
-    try:
-        reconstruction = reconstruction_of(settings)
-        at = registered(reconstruction, frame)
-        settings.blur = blur_for_radius(reconstruction, focus_of(settings), at, settings.aperture_radius)
-    except UserError:
-        # Without a focus, or with everything in it, the blur of before stands for the next one.
-        return
+_last: tuple[tuple[object, ...], float | None] | None = None
+"""Panels are drawn often while nothing changes."""
+
+
+def _blur_at(settings: bpy.types.PropertyGroup, frame: int) -> float | None:
+    """The blur that the aperture's radius makes at a frame, with the present focus; None without a focus, or
+    with everything in it."""
+    global _last
+    if settings.points is None:
+        return None
+    mesh = settings.points.data
+    key = (mesh.get(IDENTITY), mesh.session_uid, frame, focus_of(settings), settings.aperture_radius)
+    if _last is None or _last[0] != key:
+        try:
+            reconstruction = reconstruction_of(settings)
+            at = registered(reconstruction, frame)
+            radius = settings.aperture_radius
+            _last = key, blur_for_radius(reconstruction, focus_of(settings), at, radius)
+        except UserError:
+            _last = key, None
+    return _last[1]
+
+
+def _is_as_shown(typed: float, now: float) -> bool:
+    """Whether a number is the present blur as a field shows it, rounded or to the last digit."""
+    return any(
+        np.float32(typed) == np.float32(each)
+        for each in (now, *(round(now, digits) for digits in range(BLUR_DIGITS, EDITED_DIGITS + 1)))
+    )
 
 
 def _distance(settings: bpy.types.PropertyGroup, focus: Focus, frame: int) -> float:

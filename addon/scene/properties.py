@@ -56,6 +56,10 @@ def _scale_changed(settings: VirtualApertureSettings, _context: bpy.types.Contex
     depth_of_field.on_scale(settings)
 
 
+def _blur_now(settings: VirtualApertureSettings, stored: float, _is_set: bool) -> float:
+    return lens.blur_now(settings, stored)
+
+
 SHOWN_VIEWS = 64
 """To begin with, where the number of views is no longer to be found."""
 
@@ -228,13 +232,15 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
     blur: FloatProperty(
         name="Blur",
         description="Diameter of the farthest background's blur disc as a share of the image width, at this"
-        " frame and with this focus. It sets the aperture's radius, which stays; keyed, it counts itself",
+        " frame and with this focus: in a pull it changes with them. Setting it sets the aperture's radius,"
+        " which stays; keyed, it counts itself",
         min=0.0001,
         soft_max=0.1,
         max=1.0,
         default=0.03,
-        precision=4,
+        precision=lens.BLUR_DIGITS,
         step=0.1,
+        get_transform=_blur_now,
         update=_edited(lens.on_blur),
     )
     use_radius: BoolProperty(

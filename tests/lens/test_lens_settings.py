@@ -131,8 +131,67 @@ def test_blur_sets_the_radius_and_the_radius_shows_its_blur(scene, shot, setting
     # Another pick looks through the same lens.
     lens.set_focus(settings, Focus(points=(7, 8)), 2)
     assert settings.aperture_radius == pytest.approx(0.1)
+    scene.frame_set(2)
     expected = blur_for_radius(shot.reconstruction, Focus(points=(7, 8)), 2, 0.1)
     assert settings.blur == pytest.approx(expected, rel=1e-5)
+
+
+def pull(scene, settings) -> float:
+    """Focus pulled from 6 to 12 units over the clip, chosen with a blur of 0.06 at its first frame; the
+    aperture's radius."""
+    settings.blur = 0.06
+    for frame, distance in ((1, 6.0), (5, 12.0)):
+        scene.frame_set(frame)
+        settings.focus_distance = distance
+        scene.keyframe_insert("virtual_aperture.focus_distance")
+    return float(settings.aperture_radius)
+
+
+def test_the_blur_that_is_shown_in_a_pull_is_that_of_the_frame(scene, shot, settings) -> None:
+    radius, shown = pull(scene, settings), []
+    for frame in shot.footage.frames:
+        scene.frame_set(frame)
+        focus = Focus(distance=settings.focus_distance)
+        expected = blur_for_radius(shot.reconstruction, focus, frame, radius)
+        assert settings.blur == pytest.approx(expected, rel=1e-5)
+        shown.append(settings.blur)
+    assert shown[0] == pytest.approx(0.06) and len({round(blur, 4) for blur in shown}) == len(shown)
+    # Points in focus have another distance at every frame, too.
+    scene.animation_data_clear()
+    lens.set_focus(settings, Focus(points=PICKED), 1)
+    scene.frame_set(4)
+    expected = blur_for_radius(shot.reconstruction, Focus(points=PICKED), 4, radius)
+    assert settings.blur == pytest.approx(expected, rel=1e-5)
+
+
+@pytest.mark.parametrize("digits", [4, 6, 9])
+def test_typing_the_blur_that_is_shown_changes_nothing(scene, shot, settings, digits: int) -> None:
+    radius = pull(scene, settings)
+    for frame in shot.footage.frames:
+        scene.frame_set(frame)
+        settings.blur = round(settings.blur, digits)
+        assert settings.aperture_radius == radius
+
+
+def test_the_blur_that_is_typed_is_that_of_the_frame(scene, shot, settings) -> None:
+    pull(scene, settings)
+    scene.frame_set(4)
+    settings.blur = 0.02
+    focus = Focus(distance=settings.focus_distance)
+    expected = radius_for_blur(shot.reconstruction, focus, 4, 0.02)
+    assert settings.blur == pytest.approx(0.02, rel=1e-5)
+    assert radii(scene, shot) == [pytest.approx(expected, rel=1e-5)] * 5
+
+
+def test_a_first_key_of_the_blur_is_the_blur_that_is_shown(scene, settings) -> None:
+    pull(scene, settings)
+    scene.frame_set(3)
+    shown = settings.blur
+    scene.keyframe_insert("virtual_aperture.blur")
+    # It counts itself from now on, and is what its curve says.
+    for frame in (3, 5):
+        scene.frame_set(frame)
+        assert settings.blur == pytest.approx(shown, rel=1e-6)
 
 
 def test_the_blur_waits_for_a_focus(settings, shot) -> None:
