@@ -19,6 +19,8 @@ from addon.core.camera.reconstruction import (
 )
 from addon.core.media.clip import Footage
 
+from .scenes import write_frames
+
 SIZE = (96, 64)
 LENS = Intrinsics(*SIZE, 80.0, 80.0, 48.0, 32.0)
 FLIP = np.diag([1.0, -1.0, -1.0])
@@ -205,3 +207,33 @@ def _track(model: Reconstruction, point: int) -> list[tuple[int, int]]:
         (image.frame, int(np.flatnonzero(image.points == point)[0]))
         for image in model.images if point in image.points
     ]  # fmt: skip
+
+
+def write_clip(folder: Path) -> Path:
+    """PNGs of the size and with the names of `world`."""
+    write_frames(folder, LENS, (1, 2, 3, 4))
+    for path in sorted(folder.iterdir()):
+        path.rename(path.with_name(path.name.replace("clip", "shot")))
+    return folder
+
+
+def write_model(folder: Path, points: int = 12) -> Path:
+    """`world` as COLMAP text."""
+    folder.mkdir(parents=True)
+    for name, text in colmap_text(world(points=points)).items():
+        (folder / name).write_text(text)
+    return folder
+
+
+def assert_same(after: Reconstruction, before: Reconstruction) -> None:
+    """Equal to the bit but for rotations, which go through quaternions."""
+    assert after.cameras == before.cameras
+    for name in ("xyz", "rgb", "error"):
+        np.testing.assert_array_equal(getattr(after.points, name), getattr(before.points, name))
+    for old, new in zip(before.images, after.images, strict=True):
+        assert (new.frame, new.camera) == (old.frame, old.camera)
+        np.testing.assert_array_equal(new.xy, old.xy)
+        np.testing.assert_array_equal(new.points, old.points)
+        assert new.points.dtype == np.int32
+        np.testing.assert_array_equal(new.translation, old.translation)
+        np.testing.assert_allclose(new.rotation, old.rotation, atol=1e-15)

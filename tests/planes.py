@@ -9,6 +9,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from addon.core.base.arrays import Floats
+from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
+
 SIZE = (320, 240)
 FOCAL = 0.85 * SIZE[0]
 PLANES = {10.0: (-30.0, 30.0), 6.0: (-2.6, -0.6), 4.0: (0.5, 1.6)}
@@ -85,3 +88,52 @@ def stabilised(count: int, depth: float, path: float = 1.0) -> list[NDArray[np.u
 def turning(count: int) -> list[NDArray[np.uint8]]:
     """A camera on a tripod that pans."""
     return [view(np.zeros(3), np.array([0.0, a, 0.0])) for a in np.linspace(-0.12, 0.12, count)]
+
+
+# Cameras that look straight ahead
+
+WIDTH, HEIGHT = SIZE
+LENS = Intrinsics(WIDTH, HEIGHT, FOCAL, FOCAL, WIDTH / 2, HEIGHT / 2)
+STEPS = np.linspace(-0.4, 0.4, 9)
+CENTRES = np.column_stack([STEPS, 0.1 * STEPS**2, np.zeros(9)])
+MIDDLE = 5
+"""The middle one's frame."""
+RANGE = 1 / 4 - 1 / 10
+"""Of the planes' inverse depths."""
+
+
+def clip(centres: Floats) -> list[NDArray[np.uint8]]:
+    """A picture from each centre."""
+    return [view(centre, np.zeros(3)) for centre in centres]
+
+
+def poses(centres: Floats, points: Floats | None = None, lens: Intrinsics = LENS) -> Reconstruction:
+    """Cameras that look straight ahead, and points that all of them observe."""
+    xyz = np.zeros((0, 3)) if points is None else points
+    images = []
+    for frame, centre in enumerate(centres, start=1):
+        xy = lens.project(xyz - centre)
+        images.append(Image(frame, np.eye(3), -centre, xy, np.arange(len(xyz), dtype=np.int32)))
+    found = Points(xyz, np.zeros((len(xyz), 3), np.uint8), np.zeros(len(xyz)))
+    return Reconstruction((lens,), tuple(images), found)
+
+
+def features() -> Floats:
+    """Some points on each plane."""
+    rng = np.random.default_rng(1)
+    made = []
+    for depth, (left, right) in PLANES.items():
+        left, right = max(left, -4.0), min(right, 4.0)
+        x, y = rng.uniform(left, right, 30), rng.uniform(-0.3 * depth, 0.3 * depth, 30)
+        made.append(np.column_stack([x, y, np.full(30, depth)]))
+    return np.concatenate(made)
+
+
+def truth(centre: Floats, lens: Intrinsics = LENS) -> Floats:
+    """(h, w) inverse depth that a camera looking straight ahead from a centre sees."""
+    x = (np.arange(lens.width) + 0.5 - lens.cx) / lens.fx
+    inverse = np.zeros(lens.width)
+    for depth, (left, right) in PLANES.items():
+        there = centre[0] + x * (depth - centre[2])
+        inverse[(there > left) & (there < right)] = 1 / (depth - centre[2])
+    return np.tile(inverse, (lens.height, 1))

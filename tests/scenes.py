@@ -20,6 +20,9 @@ from addon.core.media.clip import open_footage
 if TYPE_CHECKING:
     from addon.scene.shot import Shot
 
+LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
+"""Of most small shots."""
+
 
 def texture(width: int, height: int, seed: int = 0) -> np.ndarray:
     """(h, w, 3) uint8 smooth but detailed picture."""

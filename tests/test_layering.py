@@ -79,3 +79,13 @@ def test_pycolmap_stays_in_the_worker() -> None:
     names = ", ".join(sorted(".".join(parts) for parts in core if parts[-1] != "__init__"))
     check = f"import sys, {names}; assert 'pycolmap' not in sys.modules"
     subprocess.run([sys.executable, "-c", check], check=True, cwd=ROOT)
+
+
+def test_no_test_takes_anything_from_the_file_of_another() -> None:
+    """What several need lies in a module of its own, so that a file of tests can be edited for itself."""
+    assert not [
+        f"{path.relative_to(ROOT)} imports {'.'.join(module)}"
+        for path in sorted((ROOT / "tests").rglob("*.py"))
+        for module in imports(path)
+        if module[0] == "tests" and any(part.startswith("test_") for part in module[1:-1])
+    ]

@@ -25,8 +25,7 @@ from sample_scenes.stage import Cameras, Prop, Stage
 
 from .. import planes
 from ..sliding import sliding_clip
-from .test_thesis_lengths import edge, still
-from .test_thesis_marks import noise
+from .stills import edge, noise, still
 
 Floats = NDArray[np.float64]
 

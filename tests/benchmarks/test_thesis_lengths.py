@@ -14,7 +14,8 @@ from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstr
 from benchmarks.thesis import edges as thesis_edges
 from benchmarks.thesis import lengths as measure
 from sample_scenes import filming
-from sample_scenes.stage import Cameras, Edge, Stage
+
+from .stills import edge, still
 
 Floats = NDArray[np.float64]
 
@@ -126,10 +127,6 @@ def test_a_mirrored_cloud_is_turned_but_never_mirrored() -> None:
 # Corners
 
 
-def edge(name: str, *ends: tuple[float, float, float]) -> Edge:
-    return Edge(name, np.array(ends, dtype=np.float64))
-
-
 def test_edges_share_their_corners() -> None:
     a, b, c = (0.0, 0.0, 1.0), (0.1, 0.0, 1.0), (0.1, 0.2, 1.0)
     edges = edge("AB", a, b), edge("BC", b, c), edge("long way", c, a)
@@ -158,12 +155,6 @@ def test_the_boxes_edges_are_spelt_by_their_corners() -> None:
     for each, pair in zip(stage.edges, rows.tolist(), strict=True):
         if len(each.name) == 2:
             assert "".join(names[row] for row in pair) == each.name
-
-
-def still(width: int, height: int, focal: float, frames: int = 1) -> Stage:
-    """Cameras that all stand at the origin and look along z, and nothing to see."""
-    cameras = Cameras(width, height, focal, np.tile(np.eye(3), (frames, 1, 1)), np.zeros((frames, 3)))
-    return Stage("still", "", cameras, (), np.tile([0.0, 0.0, 2.0], (frames, 1)))
 
 
 def test_a_corner_behind_a_wall_is_hidden() -> None:

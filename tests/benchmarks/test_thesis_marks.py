@@ -18,6 +18,7 @@ from benchmarks.thesis import marks as draw
 
 from .. import planes
 from ..sliding import STEP, gaussians, sliding_clip
+from .stills import noise
 
 Floats = NDArray[np.float64]
 
@@ -198,10 +199,6 @@ def test_spread_leaves_one_of_each_square() -> None:
     squares = (xy // 25).astype(int)
     assert len(kept) == 16 and (np.diff(kept) > 0).all()
     assert {tuple(s) for s in squares[kept].tolist()} == {tuple(s) for s in squares.tolist()}
-
-
-def noise(height: int, width: int, seed: int = 0) -> NDArray[np.uint8]:
-    return np.random.default_rng(seed).integers(0, 256, (height, width, 3), dtype=np.uint8)
 
 
 def found_at(page: NDArray[np.uint8], picture: NDArray[np.uint8]) -> tuple[int, int]:

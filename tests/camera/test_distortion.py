@@ -15,31 +15,8 @@ from addon.core.base.errors import UserError
 from addon.core.camera.canvas import MAX_PADDING, Canvas
 from addon.core.camera.distortion import FAMILIES, PARAMETERS
 from addon.core.camera.reconstruction import Intrinsics, Reconstruction
+from tests.lenses import HEIGHT, TERMS, WIDTH, lens_of, values_of
 from tests.scenes import slanted_plane, texture
-
-WIDTH, HEIGHT = 640, 480
-TERMS: dict[str, tuple[float, ...]] = {
-    "SIMPLE_PINHOLE": (),
-    "PINHOLE": (),
-    "SIMPLE_RADIAL": (-0.12,),
-    "RADIAL": (-0.12, 0.03),
-    "OPENCV": (-0.12, 0.03, 0.002, -0.003),
-    "OPENCV_FISHEYE": (0.05, -0.02, 0.003, -0.001),
-    "FULL_OPENCV": (0.3, 0.05, 0.001, -0.002, 0.01, 0.35, 0.04, 0.01),
-    "FOV": (0.9,),
-    "SIMPLE_RADIAL_FISHEYE": (-0.03,),
-    "RADIAL_FISHEYE": (-0.03, 0.01),
-    "THIN_PRISM_FISHEYE": (-0.03, 0.01, 0.002, -0.001, 0.001, -0.002, 0.003, -0.002),
-    "RAD_TAN_THIN_PRISM_FISHEYE": (
-        0.02, -0.01, 0.004, -0.002, 0.001, -0.0003, 0.001, -0.002, 0.003, -0.001, 0.002, 0.0005,
-    ),
-    "SIMPLE_DIVISION": (-0.15,),
-    "DIVISION": (0.1,),
-    "SIMPLE_FISHEYE": (),
-    "FISHEYE": (),
-    "EUCM": (0.6, 1.1),
-}  # fmt: skip
-"""A lens of every model that a flat picture can be made of, strong enough for every term to show."""
 
 # pycolmap must not be loaded into the same process as bpy.
 COLMAP = """
@@ -57,16 +34,6 @@ out["seen"] = {n: camera(n).img_from_cam(numpy.array(r)).tolist() for n, r in jo
 out["rays"] = {n: camera(n).cam_from_img(numpy.array(job["pixels"])).tolist() for n in job["rays"]}
 print(json.dumps(out))
 """
-
-
-def values_of(model: str) -> tuple[float, ...]:
-    """Parameters in COLMAP's order, with different focal lengths where there are two."""
-    focal = (410.0,) if PARAMETERS[model][0] == "f" else (410.0, 425.0)
-    return (*focal, 325.0, 236.0, *TERMS[model])
-
-
-def lens_of(model: str) -> Intrinsics:
-    return Intrinsics.from_parameters(model, WIDTH, HEIGHT, values_of(model))
 
 
 def grid() -> np.ndarray:

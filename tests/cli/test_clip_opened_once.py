@@ -14,7 +14,7 @@ from addon.core.media.clip import open_footage
 from addon.core.sfm.workspace import load_solve
 
 from .. import planes
-from .test_headless import headless
+from ..command_line import headless
 
 COUNTER = f"""
 import sys, pathlib

@@ -10,7 +10,7 @@ import pytest
 
 from addon.core.media.clip import open_footage
 
-from .test_headless import headless
+from ..command_line import headless
 
 # The duck inside its silhouette in frame 1 (left, top, right, bottom), and a larger box to find it again by.
 DUCK = (395, 725, 495, 815)

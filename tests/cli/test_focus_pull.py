@@ -14,7 +14,7 @@ from addon.cli.main import parser
 from addon.render import output
 from addon.scene.lens import keys_of
 
-from .test_lens_options import FRAMES, run, work
+from .tracked_plane import FRAMES, run, work
 
 __all__ = ["work"]
 PULL = ("--focus-at", "0.2,0.5@2", "--focus-at", "0.8,0.5@5", "--method", "features")

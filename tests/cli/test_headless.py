@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
 import subprocess
 import sys
@@ -16,19 +15,11 @@ import pytest
 from addon.cli.main import run_command
 from addon.render.gpu_views import gpu_problem
 
+from ..command_line import headless
+
 ROOT = Path(__file__).resolve().parents[2]
 CLIP = ROOT / "sample_scenes" / "desk.mp4"
 FOCUS = "0.528,0.458"
-
-
-def headless(
-    *arguments: object, cwd: Path | None = None, environment: dict[str, str] | None = None
-) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, str(ROOT / "addon" / "headless.py"), *map(str, arguments)],
-        capture_output=True, text=True, cwd=cwd, check=False,
-        env=os.environ | {"PYTHONUNBUFFERED": "1"} | (environment or {}),
-    )  # fmt: skip
 
 
 @pytest.fixture(scope="module")

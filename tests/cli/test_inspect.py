@@ -24,12 +24,13 @@ from addon.ui import inspect as ui
 from addon.ui import panels
 
 from .. import planes
-from ..depth.test_multi_view_stereo import CENTRES, clip, features, poses
-from ..lens.test_inspection import PLAIN, disc_and_wall
+from ..command_line import headless
+from ..disc_and_wall import disc_and_wall
+from ..disc_and_wall import scene as picture
+from ..planes import CENTRES, clip, features, poses
+from ..recorder import Recorder
+from ..scenes import LENS as PLAIN
 from ..scenes import slanted_shot
-from ..ui.test_ui import Recorder
-from ..warp.test_layered_depth_image import scene as picture
-from .test_headless import headless
 
 # Files of reports
 

@@ -9,33 +9,13 @@ import cv2
 import pytest
 
 from addon.cli.main import run_command
-from addon.core.camera.reconstruction import Intrinsics
 from addon.core.lens.focus import Focus, largest_discs
 from addon.core.media.clip import to_linear
-from addon.core.readers.colmap_export import write_model
 
-from ..scenes import slanted_plane, write_frames
+from ..scenes import LENS, slanted_plane, write_frames
+from .tracked_plane import FRAMES, imported, run, work
 
-LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
-FRAMES = tuple(range(1, 7))
-
-
-@pytest.fixture
-def work(registered: None, tmp_path: Path) -> Path:
-    return imported(tmp_path, write_frames(tmp_path / "clip", LENS, FRAMES))
-
-
-def imported(tmp_path: Path, footage: Path) -> Path:
-    """The working folder of the clip with a plane's model."""
-    (tmp_path / "model").mkdir()
-    write_model(tmp_path / "model", slanted_plane(LENS, FRAMES, count=1500))
-    told = ("import", tmp_path / "model", "--footage", footage, "--work", tmp_path / "work")
-    assert run_command([str(each) for each in told]) == 0
-    return tmp_path / "work"
-
-
-def run(command: str, work: Path, *told: object) -> int:
-    return run_command([command, str(work), *map(str, told), "--views", "2"])
+__all__ = ["work"]
 
 
 @pytest.mark.parametrize(("blur", "meant"), [("3", "for 3 % write 0.03"), ("1", "for 1 % write 0.01")])

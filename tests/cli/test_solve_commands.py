@@ -10,16 +10,12 @@ import cv2
 import numpy as np
 import pytest
 
-from addon.cli.main import run_command
 from addon.core.sfm.process import SolveProcess
 from addon.core.sfm.report import ranges
 from addon.core.sfm.workspace import Solve, load_solve
 
 from .. import planes
-
-
-def run(*arguments: object) -> int:
-    return run_command([str(argument) for argument in arguments])
+from ..command_line import run
 
 
 @pytest.fixture(scope="module")

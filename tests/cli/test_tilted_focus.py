@@ -14,7 +14,8 @@ from addon.core.lens.focus import Focus
 from addon.core.lens.thin_lens import ACCEPTABLE
 from addon.scene.lens import focus_of
 
-from .test_lens_options import FRAMES, LENS, run, work
+from ..scenes import LENS
+from .tracked_plane import FRAMES, run, work
 
 __all__ = ["work"]
 PLANE = (1, 20, 300, 700)

@@ -10,62 +10,21 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from addon.core.base.arrays import Floats
 from addon.core.camera.canvas import Canvas
-from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
+from addon.core.camera.reconstruction import Reconstruction
 from addon.core.depth.completion import CompletionOptions, place_movers
 from addon.core.depth.multi_view_stereo import DenseDepth, PlaneSweepStereo, StereoOptions
 from addon.core.depth.view_selection import SelectionOptions, select_source_views
 
 from .. import planes
+from ..planes import CENTRES, HEIGHT, LENS, MIDDLE, RANGE, WIDTH, clip, features, poses, truth
 
 Picture = NDArray[np.uint8]
-Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-WIDTH, HEIGHT = planes.SIZE
-LENS = Intrinsics(WIDTH, HEIGHT, planes.FOCAL, planes.FOCAL, WIDTH / 2, HEIGHT / 2)
-STEPS = np.linspace(-0.4, 0.4, 9)
-CENTRES = np.column_stack([STEPS, 0.1 * STEPS**2, np.zeros(9)])
-MIDDLE = 5
-RANGE = 1 / 4 - 1 / 10
 HALF_LEVEL = 0.02
 """Of the range. The far plane's texture is finer than the pixels, so its place is uncertain."""
-
-
-def clip(centres: Floats) -> list[Picture]:
-    return [planes.view(centre, np.zeros(3)) for centre in centres]
-
-
-def poses(centres: Floats, points: Floats | None = None, lens: Intrinsics = LENS) -> Reconstruction:
-    """Cameras that look straight ahead, and points that all of them observe."""
-    xyz = np.zeros((0, 3)) if points is None else points
-    images = []
-    for frame, centre in enumerate(centres, start=1):
-        xy = lens.project(xyz - centre)
-        images.append(Image(frame, np.eye(3), -centre, xy, np.arange(len(xyz), dtype=np.int32)))
-    found = Points(xyz, np.zeros((len(xyz), 3), np.uint8), np.zeros(len(xyz)))
-    return Reconstruction((lens,), tuple(images), found)
-
-
-def features() -> Floats:
-    """Some points on each plane."""
-    rng = np.random.default_rng(1)
-    made = []
-    for depth, (left, right) in planes.PLANES.items():
-        left, right = max(left, -4.0), min(right, 4.0)
-        x, y = rng.uniform(left, right, 30), rng.uniform(-0.3 * depth, 0.3 * depth, 30)
-        made.append(np.column_stack([x, y, np.full(30, depth)]))
-    return np.concatenate(made)
-
-
-def truth(centre: Floats, lens: Intrinsics = LENS) -> Floats:
-    """(h, w) inverse depth that a camera looking straight ahead from a centre sees."""
-    x = (np.arange(lens.width) + 0.5 - lens.cx) / lens.fx
-    inverse = np.zeros(lens.width)
-    for depth, (left, right) in planes.PLANES.items():
-        there = centre[0] + x * (depth - centre[2])
-        inverse[(there > left) & (there < right)] = 1 / (depth - centre[2])
-    return np.tile(inverse, (lens.height, 1))
 
 
 def dense(reconstruction: Reconstruction, pictures: Sequence[Picture], frame: int = MIDDLE) -> DenseDepth:

@@ -15,7 +15,7 @@ from addon.core.depth.multi_view_stereo import DenseDepth, PlaneSweepStereo
 from addon.core.depth.temporal_fusion import FusionOptions, TemporalFusion, fused, sharpened, without_pits
 
 from .. import planes
-from .test_multi_view_stereo import CENTRES, LENS, MIDDLE, RANGE, clip, features, poses, truth
+from ..planes import CENTRES, LENS, MIDDLE, RANGE, clip, features, poses, truth
 
 OPTIONS = FusionOptions()
 SHAPE = (LENS.height, LENS.width)

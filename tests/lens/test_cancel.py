@@ -16,7 +16,7 @@ from addon.core.media.clip import open_footage, to_linear
 from addon.scene.shot import Shot
 
 from .. import planes
-from ..depth.test_multi_view_stereo import CENTRES, MIDDLE, clip, features, poses
+from ..planes import CENTRES, MIDDLE, clip, features, poses
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,7 @@ from addon.core.readers.colmap_export import write_model
 from addon.scene.shot import Shot
 
 from .. import planes
-from ..depth.test_multi_view_stereo import HEIGHT, STEPS, WIDTH, clip, features, poses
+from ..planes import HEIGHT, STEPS, WIDTH, clip, features, poses
 
 CENTRES = np.column_stack([STEPS, 0.1 * STEPS**2, STEPS])
 """To the side, and ahead as far."""

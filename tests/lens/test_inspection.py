@@ -11,13 +11,10 @@ import pytest
 from numpy.typing import NDArray
 
 from addon.core.base.arrays import LinearRGB, LinearRGBA, Mask
-from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Intrinsics
-from addon.core.depth.source import PixelDepth
 from addon.core.lens import inspection
-from addon.core.lens.aperture_sampling import vogel_disc
 from addon.core.lens.clip_context import ClipContext, no_picture
-from addon.core.lens.focus import Focus, exact_registration
+from addon.core.lens.focus import Focus
 from addon.core.lens.frame import WarpedFrame, warp_frame
 from addon.core.lens.inspection import (
     NAMES,
@@ -28,55 +25,36 @@ from addon.core.lens.inspection import (
     pictures,
     source_frame,
 )
-from addon.core.lens.plan import FramePlan, LensSettings
+from addon.core.lens.plan import LensSettings
 from addon.core.lens.report import Used, frame_report, mesh_error, summary
-from addon.core.lens.thin_lens import ThinLens
 from addon.core.media.clip import to_linear
 from addon.core.warp.layered_depth_image import Fill
 from addon.core.warp.layered_mesh import LayeredMeshOptions
-from addon.core.warp.layered_mesh import layer_mesh as make_mesh
 from addon.core.warp.mesh import WarpMesh
 from addon.core.warp.quadtree import QuadtreeOptions, triangulate
 from addon.core.warp.rasterise import at_pixels
 from addon.render.average import Drawn, draw_shares
 
-from ..scenes import slanted_plane, texture
-from ..warp.test_layered_depth_image import (
+from ..disc_and_wall import (
     FAR,
     LENS,
     NEAR,
-    SHIFT,
+    RADIUS,
     SIZE,
     X,
     Y,
     cover,
+    disc_and_wall,
     interpolated,
     one,
     scene,
     wall,
 )
+from ..scenes import LENS as PLAIN
+from ..scenes import slanted_plane, texture
 
 Floats = NDArray[np.float64]
-OPTIONS = LayeredMeshOptions()
-RADIUS = 1.0
-"""Of an aperture whose rim displaces by what `SHIFT` says."""
 RED, GREEN, BLUE = range(3)
-
-
-def disc_and_wall(
-    focus: float = NEAR,
-    shift: Floats = SHIFT,
-    fill: Fill | None = None,
-    options: LayeredMeshOptions = OPTIONS,
-) -> WarpedFrame:
-    """The scene of the layers' tests, ready to be drawn."""
-    mesh, painted, layers = make_mesh(scene(), shift, focus, LENS.fx, fill=fill, options=options)
-    offsets, canvas = RADIUS * vogel_disc(24), Canvas(LENS)
-    registration = exact_registration(canvas, offsets, focus / LENS.fx)
-    thin = ThinLens(LENS, RADIUS, focus / LENS.fx)
-    plan = FramePlan(1, canvas, thin, mesh, offsets, registration, 16.0, False)
-    sure = np.where(X < 80, 1, 0).astype(np.float32)
-    return WarpedFrame(plan, painted, "layers", "", True, PixelDepth(shift / LENS.fx, sure), layers)
 
 
 def shares_of(warped: WarpedFrame, source: LinearRGBA | None = None) -> LinearRGBA:
@@ -174,9 +152,6 @@ def test_few_views_tell_the_shares_of_many() -> None:
     plan = warped.plan
     eight = replace(warped, plan=replace(plan, offsets=plan.offsets[:8], registration=plan.registration[:8]))
     assert source_frame(eight).plan is eight.plan
-
-
-PLAIN = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
 
 
 def plane(lens: Intrinsics = PLAIN) -> ClipContext:

@@ -15,8 +15,8 @@ from addon.scene.build import build
 from addon.scene.lens import lens_settings
 from addon.scene.shot import Shot
 
+from ..in_blender import select
 from ..scenes import slanted_plane, slanted_shot
-from ..ui.test_ui import select
 
 LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
 PICKED = (3, 9, 30, 60)

@@ -25,9 +25,9 @@ from addon.scene import shot
 from addon.scene.build import build
 from addon.ui.choose_clip import clip_of
 
-from ..render.test_output import LENS, listed
-from ..scenes import slanted_plane, write_frames
-from .test_stale_inputs import LENS_OPTIONS, keep, run, video
+from ..command_line import run
+from ..scenes import LENS, slanted_plane, write_frames
+from ..slanted_clip import LENS_OPTIONS, keep, listed, video
 
 FOREIGN = os.fsdecode(b"na\xefve")
 """A name in Latin-1."""

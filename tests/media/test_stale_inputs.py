@@ -11,11 +11,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import bpy
-import cv2
-import numpy as np
 import pytest
 
-from addon.cli.main import run_command
 from addon.core.base import atomic, digest, folder_lock
 from addon.core.base.errors import Remedy, UserError
 from addon.core.camera.reconstruction import Intrinsics
@@ -24,15 +21,15 @@ from addon.core.media.clip import open_footage
 from addon.core.media.clip_identity import identity, is_same_clip
 from addon.core.media.find_clip import is_clip
 from addon.core.readers.colmap_export import write_model
-from addon.core.readers.matching import Imported
 from addon.core.sfm.process import SolveProcess
 from addon.core.sfm.staging import Staging
-from addon.core.sfm.workspace import check_replaceable, is_solved, keep_import, load_solve
+from addon.core.sfm.workspace import check_replaceable, is_solved, load_solve
 from addon.render import engine, frame_files, output
 
 from .. import planes
-from ..render.test_output import FRAMES, LENS, listed, ready, rendered
-from ..scenes import slanted_plane, texture, write_frames
+from ..command_line import run
+from ..scenes import LENS, slanted_plane, write_frames
+from ..slanted_clip import FRAMES, LENS_OPTIONS, keep, listed, ready, rendered, video
 
 __all__ = ["ready"]
 ROOT = Path(__file__).resolve().parents[2]
@@ -44,26 +41,6 @@ def exchange(path: Path) -> None:
     data[len(data) // 2] ^= 0xFF
     path.write_bytes(data)
     os.utime(path, ns=(told.st_atime_ns, told.st_mtime_ns))
-
-
-def video(path: Path, seed: int = 0) -> Path:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), 24, (LENS.width, LENS.height))
-    for number in range(3):
-        writer.write(np.roll(texture(LENS.width, LENS.height, seed), number, axis=1))
-    writer.release()
-    return path
-
-
-def keep(clip: Path, work: Path, lens: Intrinsics = LENS) -> None:
-    keep_import(Imported(slanted_plane(lens), "COLMAP text", ()), open_footage(clip), work)
-
-
-def run(*arguments: object) -> int:
-    return run_command([str(argument) for argument in arguments])
-
-
-LENS_OPTIONS = ("--focus-point", 3, 9, 30, "--method", "features", "--views", 4)
 
 
 @pytest.mark.parametrize("kind", ["video", "frames"])

@@ -14,23 +14,12 @@ from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstr
 from addon.core.readers import colmap
 from addon.core.readers.colmap_export import export_model, read_model, write_model
 
+from ..foreign_models import assert_same
+
 PINHOLE = Intrinsics(640, 480, 500.1, 510.2, 325.3, 236.4)
 DISTORTED = replace(PINHOLE, k1=-0.08, k2=0.02, p1=0.001, p2=-0.002)
 TEXT = ("cameras.txt", "images.txt", "points3D.txt")
 SIZE = (640, 480)
-
-
-def assert_same(after: Reconstruction, before: Reconstruction) -> None:
-    assert after.cameras == before.cameras
-    for name in ("xyz", "rgb", "error"):
-        np.testing.assert_array_equal(getattr(after.points, name), getattr(before.points, name))
-    for old, new in zip(before.images, after.images, strict=True):
-        assert (new.frame, new.camera) == (old.frame, old.camera)
-        np.testing.assert_array_equal(new.xy, old.xy)
-        np.testing.assert_array_equal(new.points, old.points)
-        assert new.points.dtype == np.int32
-        np.testing.assert_array_equal(new.translation, old.translation)
-        np.testing.assert_allclose(new.rotation, old.rotation, atol=1e-15)
 
 
 def example(lens: Intrinsics) -> Reconstruction:

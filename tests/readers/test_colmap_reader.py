@@ -19,8 +19,11 @@ from addon.core.readers import colmap
 from addon.core.readers.colmap_binary import FILES as BINARY
 from addon.core.readers.colmap_export import write_model
 from addon.core.readers.colmap_text import FILES as TEXT
-from tests.camera.test_distortion import TERMS, lens_of
-from tests.readers.test_colmap_export import SIZE, assert_same
+
+from ..foreign_models import assert_same
+from ..lenses import TERMS, lens_of
+
+SIZE = (640, 480)
 
 # pycolmap must not be loaded into the same process as bpy.
 COLMAP = """

@@ -17,37 +17,13 @@ import pytest
 from addon.core.base import atomic
 from addon.core.base.digest import file_digest
 from addon.core.base.errors import UserError
-from addon.core.camera.reconstruction import Intrinsics
-from addon.core.lens.focus import Focus
 from addon.render import engine, frame_files, output
 from addon.render.frame_keys import frame_keys
 from addon.scene import shot
-from addon.scene.build import build
-from addon.scene.lens import set_focus
 
-from ..scenes import slanted_shot
+from ..slanted_clip import FRAMES, listed, ready, rendered
 
-LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
-FRAMES = [1, 2, 3]
-
-
-@pytest.fixture
-def ready(scene: bpy.types.Scene, tmp_path: Path) -> bpy.types.Scene:
-    made = slanted_shot(tmp_path / "clip", LENS)
-    settings = build(scene, made.footage, made.reconstruction)
-    set_focus(settings, Focus(points=(3, 9, 30, 60)), 1)
-    settings.views, settings.method = 4, "features"
-    return scene
-
-
-def rendered(scene: bpy.types.Scene, out: Path, overwrite: bool = False) -> list[str]:
-    said: list[str] = []
-    output.render_sequence(scene, FRAMES, out, overwrite, said.append)
-    return said
-
-
-def listed(folder: Path) -> dict[str, bytes]:
-    return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
+__all__ = ["ready"]
 
 
 @contextmanager

@@ -12,13 +12,12 @@ import pytest
 from addon.core.camera.reconstruction import Intrinsics
 from addon.scene import lens, point_cloud
 from addon.scene.build import build
-from addon.ui import after_solve, points_overlay
+from addon.ui import after_solve, panels, points_overlay
 from addon.ui.choose_clip import clip_of
 
 from .. import planes
 from ..recorder import draw
 from ..scenes import slanted_shot, write_frames
-from ..ui.test_ui import panels
 
 LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
 

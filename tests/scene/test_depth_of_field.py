@@ -17,9 +17,10 @@ from addon.scene.exr import read
 from addon.ui import panels
 from addon.ui.operators import build_scene
 
+from ..foreign_models import write_model
+from ..in_blender import choose_clip, select
 from ..recorder import draw
 from ..scenes import slanted_shot
-from ..ui.test_ui import choose_clip, select, write_model
 
 LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
 """31.5 mm on a full frame."""

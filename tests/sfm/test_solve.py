@@ -20,40 +20,7 @@ from addon.core.sfm.process import Progress, SolveProcess
 from addon.core.sfm.workspace import Solve, default_work_dir, load_solve
 
 from .. import planes
-
-
-def solve(
-    clip: Path,
-    work: Path,
-    again: bool = False,
-    frames: FrameRange | None = None,
-    focal: float | None = None,
-    steps: list[Progress] | None = None,
-) -> Solve:
-    process = SolveProcess(clip, work, frames=frames, focal=focal, again=again)
-    try:
-        process.wait(lambda step: steps.append(step) if steps is not None else None)
-    finally:
-        process.cancel()
-    return load_solve(work)
-
-
-def begun(process: SolveProcess) -> list[Progress]:
-    """The first that the worker says; fails after a minute."""
-    end = time.monotonic() + 60
-    while not (said := process.poll()):
-        assert time.monotonic() < end, "the worker says nothing"
-        time.sleep(0.01)
-    return said
-
-
-def refused(clip: Path, work: Path) -> str:
-    """The one line that says why a clip is not solved, and nothing is left behind."""
-    with pytest.raises(UserError) as error:
-        solve(clip, work)
-    assert not work.exists()
-    assert "\n" not in str(error.value)
-    return str(error.value)
+from ..solving import begun, refused, snapshot, solve
 
 
 @pytest.fixture(scope="module")
@@ -75,10 +42,6 @@ def solved(clip: Path, steps: list[Progress], tmp_path_factory: pytest.TempPathF
 def work(solved: Solve, tmp_path: Path) -> Path:
     """A copy of the solved clip's working folder."""
     return Path(shutil.copytree(solved.work_dir, tmp_path / "work"))
-
-
-def snapshot(folder: Path) -> dict[str, bytes]:
-    return {str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
 
 
 def test_every_frame_is_registered(solved: Solve) -> None:

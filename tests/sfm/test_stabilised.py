@@ -17,7 +17,7 @@ from addon.core.sfm.stabilised import ShiftOptions, compare, fit_shifts, refuse_
 from addon.core.sfm.tracks import Tracks
 
 from .. import planes
-from .test_solve import refused
+from ..solving import refused
 
 WIDTH, HEIGHT, FOCAL, FRAMES, POINTS = 640, 360, 544.0, 12, 300
 KEYS = list(range(FRAMES))

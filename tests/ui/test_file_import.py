@@ -13,9 +13,10 @@ from addon.ui import file_import
 from addon.ui.solving import Solving
 
 from .. import planes
+from ..foreign_models import write_clip, write_model
+from ..in_blender import choose_clip
 from ..recorder import Recorder
 from ..scenes import slanted_shot
-from .test_ui import choose_clip, write_clip, write_model
 
 LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
 

@@ -16,9 +16,10 @@ from addon.ui import depth_ahead, panels
 from addon.ui.operators import build_scene
 from addon.ui.solving import Solving
 
+from ..foreign_models import write_clip
+from ..in_blender import select
 from ..recorder import draw
 from ..scenes import slanted_shot
-from .test_ui import select, write_clip
 
 LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
 Settings = bpy.types.PropertyGroup

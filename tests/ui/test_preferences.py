@@ -16,8 +16,9 @@ from addon.scene import preferences
 from addon.scene.clip import work_dir
 from addon.ui import panels
 
+from ..foreign_models import write_clip, write_model
+from ..in_blender import choose_clip
 from ..recorder import draw
-from .test_ui import choose_clip, write_clip, write_model
 
 
 @pytest.fixture

@@ -24,23 +24,12 @@ from addon.ui.text import lines
 
 from .. import foreign_models as foreign
 from .. import planes
+from ..foreign_models import write_model
+from ..in_blender import choose_clip, select
 from ..recorder import Recorder, draw
 from ..scenes import slanted_shot, write_frames
 
 LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
-
-
-def select(points: bpy.types.Object, ids: tuple[int, ...]) -> None:
-    import bmesh  # the module's own, there only after bpy
-
-    bpy.context.view_layer.objects.active = points
-    bpy.ops.object.mode_set(mode="EDIT")
-    bpy.ops.mesh.select_all(action="DESELECT")
-    mesh = bmesh.from_edit_mesh(points.data)
-    mesh.verts.ensure_lookup_table()
-    for index in ids:
-        mesh.verts[index].select_set(True)
-    bmesh.update_edit_mesh(points.data)
 
 
 def test_buttons_say_why_they_are_disabled(scene: bpy.types.Scene, tmp_path: Path) -> None:
@@ -216,28 +205,6 @@ def test_solving_brings_the_clip_into_its_scene(scene: bpy.types.Scene, tmp_path
     with pytest.raises(RuntimeError, match="does not exist"):
         bpy.ops.virtual_aperture.solve()
     assert settings.points is not None
-
-
-def choose_clip(scene: bpy.types.Scene, folder: Path) -> Path:
-    """The clip of the foreign models, chosen in the panel; its working folder."""
-    settings = scene.virtual_aperture
-    settings.footage = str(write_clip(folder / "clip"))
-    settings.work_dir = str(folder / "work")
-    return folder / "work"
-
-
-def write_clip(folder: Path) -> Path:
-    write_frames(folder, foreign.LENS, (1, 2, 3, 4))
-    for path in sorted(folder.iterdir()):
-        path.rename(path.with_name(path.name.replace("clip", "shot")))
-    return folder
-
-
-def write_model(folder: Path, points: int = 12) -> Path:
-    folder.mkdir(parents=True)
-    for name, text in foreign.colmap_text(foreign.world(points=points)).items():
-        (folder / name).write_text(text)
-    return folder
 
 
 @pytest.mark.parametrize("chosen", ["", "0", "0/cameras.txt", "0/points3D.txt"])

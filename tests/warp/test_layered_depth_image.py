@@ -25,9 +25,7 @@ from addon.core.warp.quadtree import QuadtreeOptions, Surfaces, triangulate
 from addon.render import cycles_views, gpu_views
 
 from .. import planes
-
-SIZE = (120, 160)
-Y, X = np.mgrid[: SIZE[0], : SIZE[1]] + 0.5
+from ..disc_and_wall import DISC, FAR, LENS, NEAR, SHIFT, SIZE, X, Y, cover, interpolated, one, scene, wall
 
 
 def planned(canvas: Canvas, focus: float, mesh: WarpMesh, offsets: Floats, registration: Floats) -> FramePlan:
@@ -42,28 +40,7 @@ def areas(triangles: NDArray[np.int32], width: int) -> Floats:
     return np.asarray(((bx - ax) * (cy - ay) - (cx - ax) * (by - ay)) / 2, np.float64)
 
 
-def interpolated(depth: Floats, triangles: NDArray[np.int32]) -> Floats:
-    """The mesh's depth at every pixel, NaN where there is none."""
-    height, width = depth.shape
-    result = np.full(depth.shape, np.nan)
-    for corners in triangles:  # a test's picture is small
-        row, column = np.divmod(corners, width)
-        y, x = np.mgrid[row.min() : row.max() + 1, column.min() : column.max() + 1]
-        system = np.array([column, row, np.ones(3)], np.float64)
-        share = np.linalg.solve(system, np.array([x.ravel(), y.ravel(), np.ones(x.size)]))
-        inside = (share >= -1e-9).all(axis=0)
-        result[y.ravel()[inside], x.ravel()[inside]] = (share.T @ depth.ravel()[corners])[inside]
-    assert result.shape == (height, width)
-    return result
-
-
 # The mesh
-
-
-def one(depth: Floats) -> Surfaces:
-    """A single surface."""
-    none = np.zeros(depth.shape, bool)
-    return Surfaces(depth, depth, depth, none, none, none)
 
 
 def of(found: LayeredDepthImage) -> Surfaces:
@@ -148,32 +125,6 @@ def test_any_size(size: tuple[int, int]) -> None:
 
 
 # The layers
-
-DISC = 30.0
-"""Radius of the disc in front, in pixels."""
-NEAR, FAR = 9.0, 1.0
-
-
-def cover(shift_x: float = 0.0, shift_y: float = 0.0) -> Floats:
-    """(H, W) share of each pixel that the disc covers, seen from beside."""
-    far = np.hypot(X - 80 - shift_x, Y - 60 - shift_y)
-    return np.asarray(np.clip(DISC - far + 0.5, 0, 1))
-
-
-def wall(shift_x: float = 0.0, shift_y: float = 0.0) -> Floats:
-    """(H, W, 3) what is behind, smooth."""
-    x, y = X - shift_x, Y - shift_y
-    return np.stack([0.4 + 0.2 * np.sin(x / 3), 0.4 + 0.2 * np.cos(y / 2.5), 0.3 + 0 * x], axis=2)
-
-
-def scene(shift_x: float = 0.0, shift_y: float = 0.0) -> NDArray[np.float32]:
-    """(H, W, 4) a yellow disc before the wall from a place on the aperture, in shares of its radius."""
-    share = cover(NEAR * shift_x, NEAR * shift_y)[..., None]
-    colour = share * [0.9, 0.8, 0.1] + (1 - share) * wall(FAR * shift_x, FAR * shift_y)
-    return np.concatenate([colour, np.ones((*SIZE, 1))], axis=2).astype(np.float32)
-
-
-SHIFT = np.where(cover() > 0.5, NEAR, FAR)
 
 
 def test_both_layers_together_are_the_picture() -> None:
@@ -394,8 +345,6 @@ def test_colours_are_carried_on() -> None:
 
 
 # Views
-
-LENS = Intrinsics(SIZE[1], SIZE[0], 150.0, 150.0, SIZE[1] / 2, SIZE[0] / 2)
 
 
 def plan(

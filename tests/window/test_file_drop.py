@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,18 +9,16 @@ from pathlib import Path
 import pytest
 
 from .. import planes
-from ..ui.test_ui import write_clip, write_model
-from . import file_drop
+from ..foreign_models import write_clip, write_model
 from .conftest import PICTURES
 from .program import Program
 from .screen import Screen
+from .steps import MENU, drop
 
 SETTINGS = "bpy.context.scene.virtual_aperture"
 LENS = f"[round({SETTINGS}.blur, 4), round({SETTINGS}.shape.obstruction, 2), {SETTINGS}.focus_distance]"
 MIRROR = -163
 """Pixels from the button of the presets down to the fifth of them, the mirror lens: they open upwards."""
-MENU = 0.5
-"""Seconds until Blender has drawn a menu after a drop."""
 
 pytestmark = pytest.mark.usefixtures("in_order")
 
@@ -46,16 +42,6 @@ def clips(folder: Path) -> Path:
     write_clip(made / "clip")
     write_model(made / "model")
     return made
-
-
-def drop(program: Program, file: Path) -> None:
-    x, y = (str(round(place)) for place in program.middle("VIEW_3D"))
-    subprocess.run(
-        [sys.executable, file_drop.__file__, x, y, str(file)], env=program.screen.environment, check=True
-    )
-    program.settle()
-    time.sleep(MENU)
-    program.shot(f"drop_{file.stem}")
 
 
 def test_a_model_without_a_clip_is_refused(program: Program, clips: Path) -> None:

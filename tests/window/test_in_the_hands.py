@@ -20,8 +20,7 @@ from .clips import read_exr
 from .conftest import PICTURES
 from .program import EXTENSION, ROOT, Program
 from .screen import Screen
-from .test_file_drop import drop
-from .test_pick_focus import MARKS, PICKING, begin, ended, over
+from .steps import MARKS, PICKING, begin, drop, ended, over
 
 SETTINGS = "bpy.context.scene.virtual_aperture"
 SPACE = "view('VIEW_3D')['area'].spaces.active"

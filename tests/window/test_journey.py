@@ -16,14 +16,10 @@ import pytest
 
 from .clips import read_exr
 from .conftest import PICTURES
-from .program import EXTENSION, ROOT, Program, headless
+from .program import EXTENSION, Program, headless
 from .screen import Screen
+from .steps import CLIP, DEPTH, MODAL, SETTINGS, SOLVING, first_window, show_preferences
 
-CLIP = ROOT / "sample_scenes" / "desk.mp4"
-SETTINGS = "bpy.context.scene.virtual_aperture"
-MODAL = "[o.bl_idname for w in bpy.context.window_manager.windows for o in w.modal_operators]"
-SOLVING = f"'VIRTUAL_APERTURE_OT_solve' in {MODAL}"
-DEPTH = f"__import__('sys').modules['{EXTENSION}.addon.ui.depth_ahead']._ahead"
 LAYER = "bpy.context.window_manager.windows[0].view_layer"
 SCENE = "sorted([o.name for o in bpy.data.objects] + [m.name for m in bpy.data.meshes])"
 
@@ -54,15 +50,6 @@ def project(folder: Path) -> Path:
     return made
 
 
-def first_window(program: Program) -> None:
-    """Close all windows but the first; the mouse is over its viewport."""
-    while program.ask("len(bpy.context.window_manager.windows)") > 1:
-        program.close_window()
-    left, top, width, height = program.rectangle("VIEW_3D")
-    program.screen.move(left + 0.2 * width, top + 0.8 * height)
-    program.settle()
-
-
 def rendered(program: Program, name: str) -> np.ndarray:
     """The Render Result, (H, W, 4) linear light."""
     file = program.pictures / f"{name}.exr"
@@ -78,21 +65,6 @@ def test_default_start_file(program: Program) -> None:
     program.shot("start")
     assert program.ask("sorted(bpy.data.objects.keys())") == ["Camera", "Cube", "Light"]
     assert program.ask("bpy.context.preferences.view.render_display_type") == "WINDOW"
-
-
-def show_preferences(program: Program, section: str) -> None:
-    """Ctrl comma, and a click on a section."""
-    program.screen.move(*program.middle("VIEW_3D"))
-    program.screen.key("ctrl+comma")
-    program.wait("len(bpy.context.window_manager.windows) == 2")
-    program.settle()
-    left, top, width, height = program.rectangle("PREFERENCES", "UI", 1)
-    for y in range(top + 20, top + height // 2, 12):
-        program.screen.click(left + width / 2, y)
-        program.settle()
-        if program.ask("bpy.context.preferences.active_section") == section:
-            return
-    raise AssertionError(f"no section {section}")
 
 
 def test_install_from_disk(program: Program, zip_file: Path) -> None:

@@ -12,12 +12,10 @@ import pytest
 from .conftest import PICTURES
 from .program import EXTENSION, Program
 from .screen import Screen
+from .steps import MARKS, begin, ended, over
 
 SETTINGS = "bpy.context.scene.virtual_aperture"
-MARKS = f"[[mark.frame, mark.distance] for mark in {SETTINGS}.marks.items]"
 POINTS = f"[entry.point for entry in {SETTINGS}.focus_points]"
-RUNNING = "[o.bl_idname for w in bpy.context.window_manager.windows for o in w.modal_operators]"
-PICKING = f"'VIRTUAL_APERTURE_OT_pick_focus' in {RUNNING}"
 KEYS = f"__import__('sys').modules['{EXTENSION}.addon.scene.lens'].keys_of({SETTINGS}, 'focus_distance')"
 GLOBE, FLOOR = (0.53, 0.45), (0.35, 0.67)
 """Places of the sample clip's first frame, fractions of the picture: the globe is nearer."""
@@ -56,27 +54,6 @@ def program(screen: Screen, resources: Path, blend: Path) -> Iterator[Program]:
     made.show_sidebar("Virtual Aperture")
     yield made
     made.close()
-
-
-def over(program: Program, place: tuple[float, float]) -> tuple[float, float]:
-    """Pixels on the screen of a place of the picture, as the viewport through the camera shows it."""
-    corners = (
-        "[bpy.context.scene.camera.matrix_world @ c for c in"
-        " bpy.context.scene.camera.data.view_frame(scene=bpy.context.scene)]"
-    )
-    at: list[list[float]] = program.ask(f"project({corners})")
-    xs, ys = [x for x, _ in at], [program.screen.size[1] - y for _, y in at]
-    return min(xs) + place[0] * (max(xs) - min(xs)), min(ys) + place[1] * (max(ys) - min(ys))
-
-
-def begin(program: Program, add: bool = False) -> None:
-    program.press("pick_focus(add=True)" if add else "pick_focus()", across=0.87 if add else 0.6)
-    program.wait(PICKING)
-
-
-def ended(program: Program) -> None:
-    program.wait(f"not ({PICKING})")
-    program.settle()
 
 
 def edited(program: Program, question: str, *keys: str) -> Any:

@@ -20,8 +20,7 @@ from . import file_drop
 from .conftest import PICTURES
 from .program import EXTENSION, ROOT, Program
 from .screen import Screen
-from .test_journey import CLIP, DEPTH, SETTINGS, SOLVING, first_window, show_preferences
-from .test_pick_focus import begin, ended, over
+from .steps import CLIP, DEPTH, SETTINGS, SOLVING, begin, ended, first_window, over, show_preferences
 
 MADE = PICTURES / "pictures" / "docs"
 WIDEST, HEAVIEST = 900, 60_000

@@ -1,0 +1,89 @@
+"""A disc before a wall, whose displacement at the rim of the aperture is known, and the mesh over it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from addon.core.base.arrays import Floats
+from addon.core.camera.canvas import Canvas
+from addon.core.camera.reconstruction import Intrinsics
+from addon.core.depth.source import PixelDepth
+from addon.core.lens.aperture_sampling import vogel_disc
+from addon.core.lens.focus import exact_registration
+from addon.core.lens.frame import WarpedFrame
+from addon.core.lens.plan import FramePlan
+from addon.core.lens.thin_lens import ThinLens
+from addon.core.warp.layered_depth_image import Fill
+from addon.core.warp.layered_mesh import LayeredMeshOptions
+from addon.core.warp.layered_mesh import layer_mesh as make_mesh
+from addon.core.warp.quadtree import Surfaces
+
+SIZE = (120, 160)
+Y, X = np.mgrid[: SIZE[0], : SIZE[1]] + 0.5
+LENS = Intrinsics(SIZE[1], SIZE[0], 150.0, 150.0, SIZE[1] / 2, SIZE[0] / 2)
+DISC = 30.0
+"""Radius of the disc in front, in pixels."""
+NEAR, FAR = 9.0, 1.0
+OPTIONS = LayeredMeshOptions()
+RADIUS = 1.0
+"""Of an aperture whose rim displaces by what `SHIFT` says."""
+
+
+def cover(shift_x: float = 0.0, shift_y: float = 0.0) -> Floats:
+    """(H, W) share of each pixel that the disc covers, seen from beside."""
+    far = np.hypot(X - 80 - shift_x, Y - 60 - shift_y)
+    return np.asarray(np.clip(DISC - far + 0.5, 0, 1))
+
+
+def wall(shift_x: float = 0.0, shift_y: float = 0.0) -> Floats:
+    """(H, W, 3) what is behind, smooth."""
+    x, y = X - shift_x, Y - shift_y
+    return np.stack([0.4 + 0.2 * np.sin(x / 3), 0.4 + 0.2 * np.cos(y / 2.5), 0.3 + 0 * x], axis=2)
+
+
+def scene(shift_x: float = 0.0, shift_y: float = 0.0) -> NDArray[np.float32]:
+    """(H, W, 4) a yellow disc before the wall from a place on the aperture, in shares of its radius."""
+    share = cover(NEAR * shift_x, NEAR * shift_y)[..., None]
+    colour = share * [0.9, 0.8, 0.1] + (1 - share) * wall(FAR * shift_x, FAR * shift_y)
+    return np.concatenate([colour, np.ones((*SIZE, 1))], axis=2).astype(np.float32)
+
+
+SHIFT = np.where(cover() > 0.5, NEAR, FAR)
+
+
+def interpolated(depth: Floats, triangles: NDArray[np.int32]) -> Floats:
+    """The mesh's depth at every pixel, NaN where there is none."""
+    height, width = depth.shape
+    result = np.full(depth.shape, np.nan)
+    for corners in triangles:  # a test's picture is small
+        row, column = np.divmod(corners, width)
+        y, x = np.mgrid[row.min() : row.max() + 1, column.min() : column.max() + 1]
+        system = np.array([column, row, np.ones(3)], np.float64)
+        share = np.linalg.solve(system, np.array([x.ravel(), y.ravel(), np.ones(x.size)]))
+        inside = (share >= -1e-9).all(axis=0)
+        result[y.ravel()[inside], x.ravel()[inside]] = (share.T @ depth.ravel()[corners])[inside]
+    assert result.shape == (height, width)
+    return result
+
+
+def one(depth: Floats) -> Surfaces:
+    """A single surface."""
+    none = np.zeros(depth.shape, bool)
+    return Surfaces(depth, depth, depth, none, none, none)
+
+
+def disc_and_wall(
+    focus: float = NEAR,
+    shift: Floats = SHIFT,
+    fill: Fill | None = None,
+    options: LayeredMeshOptions = OPTIONS,
+) -> WarpedFrame:
+    """The scene of the layers' tests, ready to be drawn."""
+    mesh, painted, layers = make_mesh(scene(), shift, focus, LENS.fx, fill=fill, options=options)
+    offsets, canvas = RADIUS * vogel_disc(24), Canvas(LENS)
+    registration = exact_registration(canvas, offsets, focus / LENS.fx)
+    thin = ThinLens(LENS, RADIUS, focus / LENS.fx)
+    plan = FramePlan(1, canvas, thin, mesh, offsets, registration, 16.0, False)
+    sure = np.where(X < 80, 1, 0).astype(np.float32)
+    return WarpedFrame(plan, painted, "layers", "", True, PixelDepth(shift / LENS.fx, sure), layers)

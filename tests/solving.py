@@ -1,0 +1,53 @@
+"""Solving a clip in the worker process, to its end or to its refusal."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import pytest
+
+from addon.core.base.errors import UserError
+from addon.core.media.clip import FrameRange
+from addon.core.sfm.process import Progress, SolveProcess
+from addon.core.sfm.workspace import Solve, load_solve
+
+
+def solve(
+    clip: Path,
+    work: Path,
+    again: bool = False,
+    frames: FrameRange | None = None,
+    focal: float | None = None,
+    steps: list[Progress] | None = None,
+) -> Solve:
+    """Solve in a worker process; its progress is added to `steps`. UserError for a refusal."""
+    process = SolveProcess(clip, work, frames=frames, focal=focal, again=again)
+    try:
+        process.wait(lambda step: steps.append(step) if steps is not None else None)
+    finally:
+        process.cancel()
+    return load_solve(work)
+
+
+def begun(process: SolveProcess) -> list[Progress]:
+    """The first that the worker says; fails after a minute."""
+    end = time.monotonic() + 60
+    while not (said := process.poll()):
+        assert time.monotonic() < end, "the worker says nothing"
+        time.sleep(0.01)
+    return said
+
+
+def refused(clip: Path, work: Path) -> str:
+    """The one line that says why a clip is not solved, and nothing is left behind."""
+    with pytest.raises(UserError) as error:
+        solve(clip, work)
+    assert not work.exists()
+    assert "\n" not in str(error.value)
+    return str(error.value)
+
+
+def snapshot(folder: Path) -> dict[str, bytes]:
+    """Contents of all files by their path in the folder."""
+    return {str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}

@@ -1,0 +1,79 @@
+"""What tests in the window ask of Blender's state, and steps that several of them take."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from . import file_drop
+from .program import EXTENSION, ROOT, Program
+
+CLIP = ROOT / "sample_scenes" / "desk.mp4"
+SETTINGS = "bpy.context.scene.virtual_aperture"
+MODAL = "[o.bl_idname for w in bpy.context.window_manager.windows for o in w.modal_operators]"
+SOLVING = f"'VIRTUAL_APERTURE_OT_solve' in {MODAL}"
+DEPTH = f"__import__('sys').modules['{EXTENSION}.addon.ui.depth_ahead']._ahead"
+MARKS = f"[[mark.frame, mark.distance] for mark in {SETTINGS}.marks.items]"
+PICKING = f"'VIRTUAL_APERTURE_OT_pick_focus' in {MODAL}"
+MENU = 0.5
+"""Seconds until Blender has drawn a menu after a drop."""
+
+
+def first_window(program: Program) -> None:
+    """Close all windows but the first; the mouse is over its viewport."""
+    while program.ask("len(bpy.context.window_manager.windows)") > 1:
+        program.close_window()
+    left, top, width, height = program.rectangle("VIEW_3D")
+    program.screen.move(left + 0.2 * width, top + 0.8 * height)
+    program.settle()
+
+
+def show_preferences(program: Program, section: str) -> None:
+    """Ctrl comma, and a click on a section."""
+    program.screen.move(*program.middle("VIEW_3D"))
+    program.screen.key("ctrl+comma")
+    program.wait("len(bpy.context.window_manager.windows) == 2")
+    program.settle()
+    left, top, width, height = program.rectangle("PREFERENCES", "UI", 1)
+    for y in range(top + 20, top + height // 2, 12):
+        program.screen.click(left + width / 2, y)
+        program.settle()
+        if program.ask("bpy.context.preferences.active_section") == section:
+            return
+    raise AssertionError(f"no section {section}")
+
+
+def over(program: Program, place: tuple[float, float]) -> tuple[float, float]:
+    """Pixels on the screen of a place of the picture, as the viewport through the camera shows it."""
+    corners = (
+        "[bpy.context.scene.camera.matrix_world @ c for c in"
+        " bpy.context.scene.camera.data.view_frame(scene=bpy.context.scene)]"
+    )
+    at: list[list[float]] = program.ask(f"project({corners})")
+    xs, ys = [x for x, _ in at], [program.screen.size[1] - y for _, y in at]
+    return min(xs) + place[0] * (max(xs) - min(xs)), min(ys) + place[1] * (max(ys) - min(ys))
+
+
+def begin(program: Program, add: bool = False) -> None:
+    """Start picking with the mouse, for another mark with `add`."""
+    program.press("pick_focus(add=True)" if add else "pick_focus()", across=0.87 if add else 0.6)
+    program.wait(PICKING)
+
+
+def ended(program: Program) -> None:
+    """Wait until picking has ended."""
+    program.wait(f"not ({PICKING})")
+    program.settle()
+
+
+def drop(program: Program, file: Path) -> None:
+    """Drop a file on the viewport as a file manager does."""
+    x, y = (str(round(place)) for place in program.middle("VIEW_3D"))
+    subprocess.run(
+        [sys.executable, file_drop.__file__, x, y, str(file)], env=program.screen.environment, check=True
+    )
+    program.settle()
+    time.sleep(MENU)
+    program.shot(f"drop_{file.stem}")
