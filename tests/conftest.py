@@ -1,4 +1,4 @@
-"""Fixtures shared by all tests, and which tests are fast.
+"""Fixtures shared by all tests, which tests are fast and which need real data, and how Ctrl-C ends them.
 
 What is dear to make is made once for all test processes, in a folder that they share: tests that change it
 take a copy.
@@ -21,6 +21,8 @@ import pytest
 from addon.core.base.errors import UserError
 from addon.core.base.folder_lock import FileLock
 
+from . import ending
+
 type Shared = Callable[[str, Callable[[Path], object]], Path]
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -38,6 +40,12 @@ SLOW_MODULES = (
     "tests.scenes.slanted_shot",
 )  # fmt: skip
 SLOW_FIXTURES = {"registered", "scene", "data", "duck", "desk", "desk_work"}
+DATA_FIXTURES = {"data", "duck"}
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    config.addinivalue_line("markers", "data: needs real footage; given to tests by their fixtures")
+    config.pluginmanager.register(ending)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -51,8 +59,12 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
     return None
 
 
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """The longest files first; with `--fast` without tests whose fixtures are slow."""
+    """The longest files first, real data marked; with `--fast` without tests whose fixtures are slow."""
+    for item in items:
+        if DATA_FIXTURES & set(getattr(item, "fixturenames", ())):
+            item.add_marker("data")
     if config.getoption("--fast"):
         items[:] = [item for item in items if not SLOW_FIXTURES & set(getattr(item, "fixturenames", ()))]
 
