@@ -11,11 +11,12 @@ JOBS ?= 2
 SOLVES := $(if $(MOTIONS),--motions $(MOTIONS)) $(if $(TRACKERS),--trackers $(TRACKERS)) $(if $(FOCAL),--focal $(FOCAL))
 BENCH := $(if $(SCENES),--scenes $(SCENES)) $(if $(TRACK),--track $(TRACK)) $(if $(BLURS),--blurs $(BLURS))
 
-.PHONY: help setup demo test test-fast test-window pictures torture sample bench bench-speed bench-full bench-solve bench-stability figures lint zip clean
+.PHONY: help setup demo test test-fast test-all test-window pictures torture sample bench bench-speed bench-full bench-solve bench-stability figures lint zip clean
 help:
 	@echo "make demo    render the sample clip with depth of field and say where the video is"
-	@echo "make test    run the tests"
+	@echo "make test    run the tests of the add-on"
 	@echo "make test-fast  those that need neither Blender nor a solve nor another process"
+	@echo "make test-all  and those with real data, and the benchmarks' own"
 	@echo "make test-window  drive a real Blender on a virtual screen with mouse and keys (BLENDER=PROGRAM)"
 	@echo "make pictures  take the documentation's pictures in a real Blender (BLENDER=PROGRAM), into docs/pictures/"
 	@echo "make torture  kills, full disks, races and damaged files for hours; resumes (TRIES=100 FAULTS=\"movie jobs\")"
@@ -41,8 +42,13 @@ demo: setup
 	@$(PYTHON) sample_scenes/demo.py
 
 # A file's tests stay in one process, which makes their fixtures once; the longest files begin (tests/conftest.py).
+TESTS := $(PYTHON) -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder
+
 test: setup
-	@$(PYTHON) -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder
+	@$(TESTS) -m "not data" --ignore=tests/benchmarks
+
+test-all: setup
+	@$(TESTS)
 
 test-fast: setup
 	@$(PYTHON) -m pytest --fast -q -n $(JOBS) --dist worksteal
