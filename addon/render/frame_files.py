@@ -15,6 +15,7 @@ import imbuf
 import numpy as np
 
 from ..core.base.errors import UserError
+from ..core.base.regular_file import open_regular, read_regular, regular_stat
 
 HEADER = 1 << 16
 """Bytes of a file in which its metadata is looked for; Blender writes it before the pixels."""
@@ -30,9 +31,12 @@ def note_of(key: str) -> str:
 
 
 def key_of(path: Path) -> str | None:
-    """The key of what a picture was made from; None where it has none."""
-    with path.open("rb") as file:
-        found = _KEY.search(file.read(HEADER))
+    """The key of what a picture was made from; None where it has none. UserError where it is no file."""
+    try:
+        with open_regular(path) as file:
+            found = _KEY.search(file.read(HEADER))
+    except OSError as error:
+        raise UserError(f"{path} cannot be read: {error.strerror}") from None
     return found[1].decode() if found else None
 
 
@@ -42,7 +46,7 @@ def still_problem(path: Path, size: tuple[int, int] | None = None) -> str:
     `size` is the (width, height) that it must have.
     """
     try:
-        if path.stat().st_size == 0:
+        if regular_stat(path).st_size == 0:
             return "is empty"
         found = _exr_size(path) if path.suffix.lower() == ".exr" else _png_size(path)
     except FileNotFoundError:
@@ -84,7 +88,7 @@ def movie_problem(path: Path, count: int, size: tuple[int, int]) -> str:
 def _has_whole_boxes(path: Path) -> bool:
     """Whether an MP4 or QuickTime file ends where the last of its boxes does (ISO/IEC 14496-12)."""
     size, at = path.stat().st_size, 0
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         while at + 8 <= size:
             file.seek(at)
             head = file.read(16)
@@ -99,7 +103,7 @@ def _has_whole_boxes(path: Path) -> bool:
 
 def _has_whole_segment(path: Path) -> bool:
     """Whether a Matroska file ends where its segment does (RFC 8794 and 9559)."""
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         data = file.read(HEADER)
     at = 0
     for element in (_EBML, _SEGMENT):
@@ -124,7 +128,7 @@ def refuse(path: Path, problem: str) -> None:
 
 
 def _png_size(path: Path) -> tuple[int, int] | None:
-    data = path.read_bytes()
+    data = read_regular(path)
     if not _has_whole_chunks(data):
         return None
     level = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)

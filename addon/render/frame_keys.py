@@ -6,7 +6,8 @@ import hashlib
 
 import bpy
 
-from ..scene.digests import clip_digest, drawn_digest, reconstruction_digest
+from ..core.media.clip_identity import clip_digest
+from ..scene.digests import drawn_digest, reconstruction_digest
 from ..scene.lens import lens_settings
 from ..scene.shot import Shot, shot_of
 from .frame_size import render_size, written_size
@@ -32,8 +33,9 @@ def _clip_key(scene: bpy.types.Scene) -> str:
     """Of all but the lens."""
     shot = shot_of(scene)
     parts = (
-        PICTURES, clip_digest(shot.footage), reconstruction_digest(shot.reconstruction), _depth_digest(shot),
-        shot.masks and clip_digest(shot.masks.pictures), shot.drawn and drawn_digest(shot.drawn),
+        PICTURES, clip_digest(shot.footage.path), reconstruction_digest(shot.reconstruction),
+        _depth_digest(shot), shot.masks and clip_digest(shot.masks.pictures.path),
+        shot.drawn and drawn_digest(shot.drawn),
         render_size(scene.render), written_size(scene.render),
     )  # fmt: skip
     return hashlib.sha256(repr(parts).encode()).hexdigest()
@@ -49,4 +51,4 @@ def _with_lens(scene: bpy.types.Scene, key: str, frame: int) -> str:
 def _depth_digest(shot: Shot) -> tuple[str, list[float]] | None:
     if shot.depth is None:
         return None
-    return clip_digest(shot.depth.maps.maps), shot.depth.fit.line.tolist()
+    return clip_digest(shot.depth.maps.maps.path), shot.depth.fit.line.tolist()

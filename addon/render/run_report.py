@@ -6,11 +6,13 @@ import json
 from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
 import cv2
 
 from ..core.base.atomic import staged
 from ..core.base.errors import Remedy, UserError
+from ..core.base.regular_file import is_regular, read_regular
 from ..core.lens.inspection import Shown, pictures
 from ..core.lens.report import FrameReport, Used, frame_report, summary
 from .average import Drawn, draw_shares
@@ -22,19 +24,22 @@ def check_report(path: Path, overwrite: bool) -> None:
     """UserError for a file of reports that cannot be one, before any work."""
     if path.suffix.lower() != ".json":
         raise UserError(f"{path.name} is no file for reports; end it in .json")
-    if path.exists() and not overwrite and not _is_ours(path):
+    if path.exists() and not is_regular(path):
+        raise UserError(f"{path} is no file; name another one for the reports")
+    if path.exists() and not overwrite and not _held(path):
         raise UserError(
             f"{path} exists and holds something else; name another file, or overwrite it",
             Remedy.OVERWRITE,
         )
 
 
-def _is_ours(path: Path) -> bool:
+def _held(path: Path) -> dict[str, Any]:
+    """What a file of reports holds; empty where it is none."""
     try:
-        held = json.loads(path.read_text())
-    except (OSError, ValueError):
-        return False
-    return isinstance(held, dict) and held.get("kind") == KIND
+        held = json.loads(read_regular(path))
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return held if isinstance(held, dict) and held.get("kind") == KIND else {}
 
 
 class RunReport:
@@ -50,11 +55,9 @@ class RunReport:
         self._reports: dict[int, FrameReport] = {}
         if path is None or not path.exists():
             return
-        held = json.loads(path.read_text()) if _is_ours(path) else {}
+        held = _held(path)
         if held.get("key") == key:
-            entries = held.get("frames")
-            known = map(_entry, entries if isinstance(entries, list) else [])
-            self._reports = {entry.frame: entry for entry in known if entry is not None}
+            self._reports = _entries(held)
         elif not overwrite:
             raise UserError(
                 f"{path} has the reports of a run with other settings; name another file, or overwrite it",
@@ -73,10 +76,9 @@ class RunReport:
 
     def take_over(self, path: Path) -> None:
         """Make the entries of another file of reports, where it is there, this one's."""
-        if self._path is None or not path.exists() or not _is_ours(path):
+        if self._path is None or not (held := _held(path)):
             return
-        held = map(_entry, json.loads(path.read_text())["frames"])
-        self._reports |= {entry.frame: entry for entry in held if entry is not None}
+        self._reports |= _entries(held)
         self._write(self._path)
 
     def lacks(self, frames: list[int]) -> list[int]:
@@ -98,6 +100,13 @@ def text_of(entries: list[dict[str, object]], key: str) -> str:
     """The file of reports: an entry a line."""
     lines = ",\n".join(json.dumps(entry) for entry in entries)
     return f'{{"kind": {json.dumps(KIND)}, "key": {json.dumps(key)}, "frames": [\n{lines}\n]}}\n'
+
+
+def _entries(held: dict[str, Any]) -> dict[int, FrameReport]:
+    """The entries of what a file of reports holds, by frame; those that are none left out."""
+    frames = held.get("frames")
+    known = map(_entry, frames if isinstance(frames, list) else [])
+    return {entry.frame: entry for entry in known if entry is not None}
 
 
 def _entry(held: object) -> FrameReport | None:

@@ -47,7 +47,7 @@ def solved_clip_path(settings: bpy.types.PropertyGroup) -> Path:
     there the path is taken as it is.
     """
     path = footage_path(settings)
-    trouble = trouble_with(settings)
+    trouble = trouble_with(settings, at_a_glance=False)
     if trouble is None:
         return path
     if trouble.found is None:
@@ -55,16 +55,16 @@ def solved_clip_path(settings: bpy.types.PropertyGroup) -> Path:
     return trouble.found
 
 
-def trouble_with(settings: bpy.types.PropertyGroup) -> Trouble | None:
+def trouble_with(settings: bpy.types.PropertyGroup, at_a_glance: bool = True) -> Trouble | None:
     """What is wrong with the path of the clip that was solved; None where nothing is, or nothing is solved.
 
-    Cheap while nothing changes.
+    Cheap enough for a panel; without `at_a_glance` all bytes of a large clip are read once.
     """
     if settings.points is None or not settings.footage or not settings.clip_identity:
         return None
     path, wanted, name = footage_path(settings), settings.clip_identity, settings.clip_name
     if not clip_exists(path):
-        found = _found(settings, path)
+        found = _found(settings, path, at_a_glance)
         if found is not None:
             return Trouble(
                 f"the clip {path.name} is not in {path.parent}; it was found in {found.parent}", True, found
@@ -74,7 +74,7 @@ def trouble_with(settings: bpy.types.PropertyGroup) -> Trouble | None:
             " show where it is with Find Clip"
         )
         return Trouble(text, True)
-    if is_clip(path, wanted):
+    if is_clip(path, wanted, at_a_glance):
         return None
     if path.name == name:
         text = (
@@ -89,18 +89,19 @@ def trouble_with(settings: bpy.types.PropertyGroup) -> Trouble | None:
     return Trouble(text, False)
 
 
-def _found(settings: bpy.types.PropertyGroup, path: Path) -> Path | None:
+def _found(settings: bpy.types.PropertyGroup, path: Path, at_a_glance: bool) -> Path | None:
     file = own_file(settings.id_data)
     beside = file.parent if file is not None else None
     folder = work_dir(settings, path)
-    key = (str(path), settings.clip_identity, str(beside), str(folder))
+    wanted = settings.clip_identity
+    key = (str(path), wanted, str(beside), str(folder), str(at_a_glance))
     if key in _searches:
         when, found = _searches[key]
-        if time.monotonic() - when < LOOK_AGAIN or (found and is_clip(found, settings.clip_identity)):
+        if time.monotonic() - when < LOOK_AGAIN or (found and is_clip(found, wanted, at_a_glance)):
             return found
     recorded = recorded_clip(folder)
     places = [] if recorded is None else [recorded]
-    found = find_clip(settings.clip_name or path.name, settings.clip_identity, places, beside)
+    found = find_clip(settings.clip_name or path.name, wanted, places, beside, at_a_glance)
     _searches[key] = (time.monotonic(), found)
     return found
 

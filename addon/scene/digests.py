@@ -1,4 +1,4 @@
-"""Digests of what a frame depends on: by the contents of files, not by their names and places."""
+"""Digests of what a frame depends on besides files."""
 
 from __future__ import annotations
 
@@ -6,15 +6,8 @@ import hashlib
 
 import numpy as np
 
-from ..core.base.digest import file_digest, files_digest
 from ..core.camera.reconstruction import Reconstruction
-from ..core.media.clip import Footage
 from .masks import DrawnMask
-
-
-def clip_digest(footage: Footage) -> str:
-    """64 hexadecimal digits of a clip's pictures."""
-    return file_digest(footage.path) if footage.is_video else files_digest(footage.files)
 
 
 def reconstruction_digest(reconstruction: Reconstruction) -> str:

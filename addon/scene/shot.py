@@ -21,13 +21,13 @@ from ..core.depth.user_maps import open_depth
 from ..core.lens.clip_context import ClipContext
 from ..core.lens.quality import Quality
 from ..core.media.clip import Footage, finite, open_footage
-from ..core.media.clip_identity import identity
+from ..core.media.clip_identity import clip_digest, identity
 from ..core.media.masks import Masks, open_masks
 from ..core.media.picture_file import Pixels
 from ..core.sfm.state import STATE
 from . import store, version
 from .clip import solved_clip_path, work_dir
-from .digests import clip_digest, drawn_digest, reconstruction_digest
+from .digests import drawn_digest, reconstruction_digest
 from .masks import DrawnMask, drawn_mask
 from .paths import absolute
 
@@ -75,7 +75,7 @@ class Shot:
     def _depth_key(self, quality: Quality) -> str:
         """16 hexadecimal digits of all that the depth found in the clip in a quality depends on, as its files
         are now."""
-        masks = self.masks and clip_digest(self.masks.pictures), self.drawn and drawn_digest(self.drawn)
+        masks = self.masks and clip_digest(self.masks.pictures.path), self.drawn and drawn_digest(self.drawn)
         # As the solve knows its clip: known already, where all bytes of a sequence would have to be read.
         clip = identity(self.footage.path), self._reconstruction_digest
         options = quality.stereo, COARSE, quality.fusion

@@ -96,7 +96,8 @@ class Try:
             [sys.executable, str(script), *map(str, arguments)],
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace", cwd=self.folder,
             start_new_session=True, preexec_fn=limits,
-            env=os.environ | {"TMPDIR": str(self.temporary), "PYTHONUNBUFFERED": "1"},
+            env=os.environ | {"TMPDIR": str(self.temporary), "PYTHONUNBUFFERED": "1",
+                              "XDG_CACHE_HOME": str(self.folder / "cache")},
         )  # fmt: skip
 
     def end(self, process: subprocess.Popen[str], expected: Iterable[int] = ()) -> Run:

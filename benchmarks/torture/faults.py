@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from . import disks, kills, mutations, races, sizes
+from . import disks, kills, mutations, races, sizes, strangers
 from .bench import Try
 
 MANY = 1_000_000
@@ -49,6 +49,9 @@ FAULTS = {
     "report": Fault("the file of reports is damaged", mutations.report),
     "blend": Fault("a property of a .blend is damaged", mutations.blend),
     "not-finite": Fault("NaN and infinite pixels", mutations.not_finite),
+    "middle": Fault("a byte of a clip of 80 MiB is changed, its time put back", strangers.middle),
+    "not-files": Fault("a pipe or a device in place of a file", strangers.not_files),
+    "lies": Fault("counts and sizes that no file bears out", strangers.lies),
     "memory": Fault("little memory", sizes.memory),
     "wide": Fault("pictures of 16,384 x 96", sizes.wide, 10),
     "large": Fault("pictures of 16,384 x 9,216, little memory or enough", sizes.large, 6),

@@ -23,6 +23,9 @@ QUICK = (
     "output",
     "solve",
     "masks",
+    "middle",
+    "not-files",
+    "lies",
 )
 
 

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 import pytest
 
+from addon.core.base import digest
 from addon.core.base.errors import UserError
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.media import clip_identity, find_clip
@@ -95,9 +96,9 @@ def test_a_clip_is_read_for_its_identity_once(
 ) -> None:
     set_up(scene, write_video(tmp_path / "desk.mp4"))
     read = []
-    contents = clip_identity._contents
-    monkeypatch.setattr(clip_identity, "_contents", lambda *told: read.append(told) or contents(*told))
-    clip_identity._known.clear()
+    before = digest._digest
+    monkeypatch.setattr(digest, "_digest", lambda *told: read.append(told) or before(*told))
+    digest._known.clear()
     for _ in range(5):
         shot_of(scene)
         assert clip.trouble_with(scene.virtual_aperture) is None

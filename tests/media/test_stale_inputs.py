@@ -7,6 +7,7 @@ import os
 import shutil
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from addon.core.camera.reconstruction import Intrinsics
 from addon.core.media import clip_identity
 from addon.core.media.clip import open_footage
 from addon.core.media.clip_identity import identity, is_same_clip
+from addon.core.media.copying import copy_file
 from addon.core.media.find_clip import is_clip
 from addon.core.readers.colmap_export import write_model
 from addon.core.sfm.process import SolveProcess
@@ -90,30 +92,155 @@ def test_the_projects_own_copy_wins_if_it_is_the_one(tmp_path: Path) -> None:
 
 def test_identities_of_older_solves_are_known(tmp_path: Path) -> None:
     for clip in (video(tmp_path / "clip.mp4"), write_frames(tmp_path / "frames", LENS)):
-        old = clip_identity._identity(clip, is_old=True)
+        old = clip_identity._oldest(clip)
         assert len(old) == 64 and is_same_clip(clip, old) and is_same_clip(clip, identity(clip))
     # The old way saw the names and sizes of a sequence; the new one sees what is in it.
     frames = tmp_path / "frames"
-    old, new = clip_identity._identity(frames, is_old=True), identity(frames)
+    old, new = clip_identity._oldest(frames), identity(frames)
     exchange(frames / "clip_0003.png")
     assert is_clip(frames, old) and not is_clip(frames, new)
     assert identity(frames / "clip_####.png") == identity(frames)
 
 
-def test_many_large_pictures_are_sampled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    paths = [tmp_path / f"{n}.exr" for n in range(3)]
-    for path in paths:
-        path.write_bytes(os.urandom(100_000))
+def read_bytes(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Bytes that are read of each file for a digest from now on."""
+    read, before = [], digest._digest
+
+    def counted(path: Path, whole: int, samples: int, length: int) -> str:
+        size = path.stat().st_size
+        read.append(size if size <= whole else samples * length)
+        return before(path, whole, samples, length)
+
+    monkeypatch.setattr(digest, "_digest", counted)
+    return read
+
+
+@pytest.fixture
+def large(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], Path]:
+    """A clip that counts as a large one, a video or a sequence, as it is recognised: it has no pictures."""
+    monkeypatch.setattr(digest, "LARGE", 200_000)
     monkeypatch.setattr(digest, "MANY", 200_000)
-    read = []
-    before = digest._digest
-    monkeypatch.setattr(digest, "_digest", lambda *told: read.append(told[3] * told[4]) or before(*told))
-    one = digest.pictures_digest(paths)
-    assert sum(read) < 250_000 and digest.pictures_digest(paths) == one
-    with paths[1].open("r+b") as file:
-        file.seek(-1, os.SEEK_END)
-        file.write(b"\0\0")
-    assert digest.pictures_digest(paths) != one
+    monkeypatch.setattr(digest, "PIECE", 1000)
+    monkeypatch.setattr(digest, "FEW_PIECE", 1000)
+    monkeypatch.setattr(digest, "_known", {})
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+
+    def make(kind: str) -> Path:
+        clip = tmp_path / ("clip.mp4" if kind == "video" else "clip")
+        if kind != "video":
+            clip.mkdir()
+        for path in [clip] if kind == "video" else [clip / f"{n}.exr" for n in range(3)]:
+            path.write_bytes(os.urandom(300_000))
+            os.utime(path, (1e9, 1e9))
+        return clip
+
+    return make
+
+
+def spoil(clip: Path, at: int, keep_time: bool = False) -> None:
+    """Another byte in a video, or in the second picture of a sequence."""
+    path = clip / "1.exr" if clip.is_dir() else clip
+    told, data = path.stat(), bytearray(path.read_bytes())
+    data[at] ^= 0xFF
+    path.write_bytes(data)
+    if keep_time:
+        os.utime(path, ns=(told.st_atime_ns, told.st_mtime_ns))
+
+
+@pytest.mark.parametrize("kind", ["video", "frames"])
+@pytest.mark.parametrize("keep_time", [False, True])
+def test_a_large_clip_that_is_changed_in_the_middle_is_another(
+    large: Callable[[str], Path], kind: str, keep_time: bool
+) -> None:
+    clip = large(kind)
+    wanted = identity(clip)
+    assert is_same_clip(clip, wanted)
+    # Between the samples, which are four of 1,000 bytes a picture and 64 of a video.
+    spoil(clip, 150_000, keep_time)
+    assert not is_same_clip(clip, wanted)
+    # A panel does not read it whole, but knows what a render has found.
+    assert not is_same_clip(clip, wanted, at_a_glance=True)
+    spoil(clip, 150_000)
+    assert is_same_clip(clip, wanted)
+
+
+@pytest.mark.parametrize("kind", ["video", "frames"])
+def test_a_panel_judges_a_large_clip_by_samples(
+    large: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch, kind: str
+) -> None:
+    clip = large(kind)
+    wanted = identity(clip)
+    spoil(clip, 150_000)
+    read = read_bytes(monkeypatch)
+    assert is_same_clip(clip, wanted, at_a_glance=True) and max(read) < 70_000
+    spoil(clip, 0)
+    assert not is_same_clip(clip, wanted, at_a_glance=True)
+    read.clear()
+    # What the samples tell is not read whole.
+    assert not is_same_clip(clip, wanted) and not read
+
+
+@pytest.mark.parametrize("kind", ["video", "frames"])
+def test_a_large_clip_is_read_whole_once_for_all_processes(
+    large: Callable[[str], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str
+) -> None:
+    clip = large(kind)
+    # Its times of change are those of today: until they are past it might change again within the same.
+    now = time.time()
+    monkeypatch.setattr(digest.time, "time", lambda: now + 60)
+    read = read_bytes(monkeypatch)
+    wanted = identity(clip)
+    assert sum(size == 300_000 for size in read) == (1 if kind == "video" else 3)
+    digest._known.clear()
+    read.clear()
+    assert identity(clip) == wanted and is_same_clip(clip, wanted) and 300_000 not in read
+    # A copy is another file with other times: it is read, once.
+    copy = tmp_path / "copy" / clip.name
+    shutil.copytree(clip.parent, copy.parent)
+    for expected in (True, False):
+        digest._known.clear()
+        read.clear()
+        assert is_same_clip(copy, wanted) and (300_000 in read) == expected
+    # Whatever the file of digests is, it is only for time.
+    store = tmp_path / "cache" / "virtual-aperture" / "digests.json"
+    for damage in (b"", b"[1]", b"{", b'{"a": 1}', b"[" * 100_000):
+        digest._known.clear()
+        store.write_bytes(damage)
+        assert is_same_clip(clip, wanted)
+    shutil.rmtree(store.parent)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(clip if kind == "video" else clip / "0.exr"))
+    digest._known.clear()
+    assert is_same_clip(clip, wanted)
+
+
+@pytest.mark.parametrize("kind", ["video", "frames"])
+def test_what_was_just_written_is_read_again_by_the_next_process(
+    large: Callable[[str], Path], tmp_path: Path, kind: str
+) -> None:
+    identity(large(kind))
+    assert not (tmp_path / "cache").exists()
+
+
+@pytest.mark.parametrize("kind", ["video", "frames"])
+def test_identities_of_large_clips_by_older_versions_are_known(
+    large: Callable[[str], Path], kind: str
+) -> None:
+    clip = large(kind)
+    older = f"2:{identity(clip).split(':')[1]}"
+    assert is_same_clip(clip, older)
+    spoil(clip, 0)
+    assert not is_same_clip(clip, older)
+
+
+def test_a_copy_that_differs_in_the_middle_is_not_taken_for_the_original(
+    large: Callable[[str], Path], tmp_path: Path
+) -> None:
+    clip = large("video")
+    other = tmp_path / "folder" / clip.name
+    copy_file(clip, other)
+    spoil(other, 150_000)
+    with pytest.raises(UserError, match="exists and is another file than"):
+        copy_file(clip, other)
 
 
 @pytest.mark.parametrize(

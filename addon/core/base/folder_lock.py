@@ -15,12 +15,15 @@ from types import TracebackType
 
 from .atomic import is_alive
 from .errors import Remedy, UserError
+from .regular_file import read_regular
 
 NAME = ".solving.lock"
 OUTPUT = ".virtual-aperture-"
 """Begins the name of an output's lock, which ends in .lock."""
 HELD = {errno.EACCES, errno.EAGAIN, errno.EDEADLK}
 """What the systems say of a lock that somebody else has."""
+LONGEST = 1 << 16
+"""Bytes of a lock's file at most: its owner takes a hundred."""
 FAR = 1 << 30
 """Byte that Windows locks: past the text, which others could not read otherwise."""
 
@@ -152,7 +155,7 @@ def _write_owner(file: int) -> None:
 
 def _owner(path: Path) -> dict[str, object]:
     try:
-        return dict(json.loads(path.read_text(encoding="utf-8")))
+        return dict(json.loads(read_regular(path, LONGEST)))
     except (OSError, ValueError):
         # It was just let go, or is just being written.
         return {}

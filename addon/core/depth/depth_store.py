@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import contextlib
 import io
-import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +22,7 @@ from numpy.typing import NDArray
 from ..base import atomic, limits
 from ..base.arrays import Bytes, Map, Mask
 from ..base.errors import UserError
+from ..base.npz import read_arrays
 
 FINEST = 4095
 """Steps from a frame's least inverse depth to its largest: 0.02 pixels where a disc has 96. With 65535 a
@@ -33,6 +33,10 @@ MAPS: dict[str, type[np.generic]] = {
     "inverse": np.uint16, "confidence": np.uint8, "moving": np.uint8, "past": np.uint16,
 }  # fmt: skip
 """Pictures in a frame's file, and what they consist of."""
+PNG = b"\x89PNG\r\n\x1a\n"
+"""Begins a PNG, whose width and height stand at its 17th byte (ISO/IEC 15948)."""
+LONGEST_SIDE = 16384
+"""Pixels of a mask at most, as of any picture that is drawn."""
 SUREST = 15
 """Steps of confidence from 0 to 1: it is compared with thresholds that were set by eye."""
 
@@ -122,10 +126,10 @@ class DepthStore:
 
     def depth(self, frame: int, shape: tuple[int, int]) -> KeptDepth | None:
         """A frame's depth (h, w) of that shape, None where it is not kept."""
-        kept = self._read(f"depth-{frame:06d}")
-        if kept is None or not {*MAPS, "range", "past_range"} <= set(kept):
+        kept = self._read(f"depth-{frame:06d}", (*MAPS, "range", "past_range"))
+        if kept is None:
             return None
-        maps = {name: _decoded(kept[name]) for name in MAPS}
+        maps = {name: _decoded(kept[name], 3 * max(shape)) for name in MAPS}
         found = {name: one for name, one in maps.items() if one is not None and one.dtype == MAPS[name]}
         if set(found) != set(MAPS) or any(kept[name].shape != (2,) for name in ("range", "past_range")):
             return None
@@ -157,19 +161,20 @@ class DepthStore:
 
     def moving(self, frame: int, make: Callable[[], Mask]) -> Mask:
         """(h, w) what moves in a frame: as it is kept, else made and kept."""
-        kept = self._read(f"moving-{frame:06d}")
-        found = _decoded(kept["moving"]) if kept is not None and "moving" in kept else None
+        kept = self._read(f"moving-{frame:06d}", ("moving",))
+        found = None if kept is None else _decoded(kept["moving"], LONGEST_SIDE)
         if found is not None:
             return np.asarray(np.asarray(found, np.uint8) > 0)
         mask = make()
         self._write(f"moving-{frame:06d}", {"moving": _encoded(mask.astype(np.uint8))})
         return mask
 
-    def _read(self, name: str) -> dict[str, NDArray[np.generic]] | None:
+    def _read(self, name: str, parts: tuple[str, ...]) -> dict[str, NDArray[np.generic]] | None:
+        path = self._folder / f"{name}.npz"
         try:
-            with np.load(self._folder / f"{name}.npz") as kept:
-                return {part: kept[part] for part in kept.files}
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+            # It is not compressed once more.
+            return read_arrays(path, parts, path.stat().st_size)
+        except (OSError, ValueError):
             return None
 
     def _write(self, name: str, parts: dict[str, NDArray[np.generic]]) -> None:
@@ -214,7 +219,11 @@ def _encoded(plane: Bytes | NDArray[np.uint16]) -> Bytes:
     return np.asarray(cv2.imencode(".png", plane, how)[1], np.uint8)
 
 
-def _decoded(data: NDArray[np.generic]) -> NDArray[np.generic] | None:
+def _decoded(data: NDArray[np.generic], longest: int) -> NDArray[np.generic] | None:
+    """A PNG's plane (h, w); None where it is damaged, or a side longer than it can be."""
+    sides = np.frombuffer(data.tobytes()[16:24], ">u4")
+    if data.tobytes()[:8] != PNG or len(sides) < 2 or sides.max() > longest:
+        return None
     with contextlib.suppress(cv2.error):
         return cv2.imdecode(np.asarray(data, np.uint8), cv2.IMREAD_UNCHANGED)
     return None

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from ..base.errors import UserError
 from ..base.file_names import checked_name
 from ..base.nearest_fill import nearest
+from ..base.regular_file import regular_stat
 from .picture_file import PICTURES, Pixels, read_picture
 from .video import DEFAULT_FPS, VideoInfo, VideoReader, video_info
 
@@ -121,6 +122,7 @@ def open_footage(
                 f"{path.name} is a single image; a clip needs several: give the folder or a pattern"
             )
         else:
+            regular_stat(path)
             info = video_info(path, info)
             footage = Footage(path, tuple(range(1, info.count + 1)), info.width, info.height, info.fps)
     except OSError as error:

@@ -5,59 +5,70 @@ from __future__ import annotations
 import hashlib
 from pathlib import Path
 
-from ..base.digest import file_digest, pictures_digest
+from ..base.digest import Files
 from ..base.errors import UserError
+from ..base.regular_file import open_regular
 from .clip import clip_files, open_footage
 
-VERSION = "2:"
-"""Begins an identity. Those of older solves and scenes, without it, are of a video's ends and of the names
-and sizes of a sequence's pictures."""
-
-_known: dict[tuple[Path, bool], tuple[tuple[tuple[str, int, int, int], ...], str]] = {}
-"""By path, and whether in the old way: sizes and times of the files, and the identity."""
+SAMPLED = "2:"
+"""Begins the identity of a small clip, by all of its bytes, and the one that older versions gave a large
+clip, by its samples."""
+WHOLE = "3:"
+"""Begins the identity of a large clip: of its samples, by which another one is told at a glance, and of all
+of its bytes. Those of the oldest solves have no version: of a video's ends, and of the names and sizes of a
+sequence's pictures."""
 
 
 def identity(path: Path) -> str:
     """A clip's identity, by the contents of a video or the names and contents of a sequence's pictures.
 
-    Read again only when the sizes or times of its files change. UserError where it cannot be read.
+    All of them are read, again only when the sizes or times of the files change. UserError where one cannot
+    be.
     """
-    return _identity(path, is_old=False)
+    files = _files(path)
+    return f"{WHOLE}{files.sample()}:{files.digest()}" if files.is_sampled else SAMPLED + files.digest()
 
 
-def is_same_clip(path: Path, wanted: str) -> bool:
-    """Whether a clip has an identity, which may be an older version's. UserError where it cannot be read."""
-    return _identity(path, is_old=not wanted.startswith(VERSION)) == wanted
+def clip_digest(path: Path) -> str:
+    """64 hexadecimal digits of all bytes of a video, or the names and all bytes of a sequence's pictures.
+
+    UserError where one cannot be read.
+    """
+    return _files(path).digest()
 
 
-def _identity(path: Path, is_old: bool) -> str:
+def is_same_clip(path: Path, wanted: str, at_a_glance: bool = False) -> bool:
+    """Whether a clip has an identity, which may be an older version's. UserError where it cannot be read.
+
+    With `at_a_glance` a large clip that was not read since it was changed is judged by its samples: a panel
+    cannot wait for the whole.
+    """
+    files = _files(path)
+    if not wanted.startswith((SAMPLED, WHOLE)):
+        return files.remembered("oldest", lambda: _oldest(path)) == wanted
+    sample, _, whole = wanted[len(WHOLE) :].partition(":")
+    if files.sample() != sample:
+        return False
+    return not whole or (files.known_digest() if at_a_glance else files.digest()) in (None, whole)
+
+
+def _files(path: Path) -> Files:
     try:
         files = clip_files(path)
-        told = [(file.name, file.stat()) for file in files]
-        stamp = tuple((name, s.st_size, s.st_mtime_ns, s.st_ctime_ns) for name, s in told)
-        known = _known.get((path, is_old))
-        if known is None or known[0] != stamp:
-            found = _old(path, files) if is_old else _contents(path, files)
-            known = _known[path, is_old] = (stamp, found)
     except OSError as error:
         raise UserError(f"{error.filename or path} cannot be read: {error.strerror or error}") from None
-    return known[1]
+    return Files(files, named=files != [path])
 
 
-def _contents(path: Path, files: list[Path]) -> str:
-    return VERSION + (file_digest(path) if files == [path] else pictures_digest(files))
-
-
-def _old(path: Path, files: list[Path]) -> str:
-    digest = hashlib.sha256()
-    if files == [path]:
-        size = path.stat().st_size
-        with path.open("rb") as file:
-            digest.update(str(size).encode() + file.read(1 << 20))
-            file.seek(max(0, size - (1 << 20)))
-            digest.update(file.read())
-    else:
+def _oldest(path: Path) -> str:
+    """The identity of the oldest solves. Raises OSError."""
+    if clip_files(path) != [path]:
         # In the order of their frame numbers.
-        for image in open_footage(path).files:
-            digest.update(f"{image.name}\n{image.stat().st_size}\n".encode())
+        told = [f"{image.name}\n{image.stat().st_size}\n" for image in open_footage(path).files]
+        return hashlib.sha256("".join(told).encode()).hexdigest()
+    with open_regular(path) as file:
+        size = path.stat().st_size
+        digest = hashlib.sha256(str(size).encode() + file.read(1 << 20))
+        file.seek(max(0, size - (1 << 20)))
+        digest.update(file.read(1 << 20))
     return digest.hexdigest()

@@ -8,6 +8,7 @@ from pathlib import Path
 from ..base import atomic
 from ..base.digest import file_digest
 from ..base.errors import UserError
+from ..base.regular_file import is_regular
 from .clip import Footage
 
 
@@ -20,6 +21,8 @@ def copy_file(source: Path, target: Path) -> None:
         if not target.samefile(source) and file_digest(target) != file_digest(source):
             raise UserError(f"{target} exists and is another file than {source}; name another folder")
         return
+    if not is_regular(source):
+        raise UserError(f"{source} cannot be copied: it is no file, or not there")
     with atomic.staged(target) as part:
         shutil.copyfile(source, part)
         if part.stat().st_size != source.stat().st_size:

@@ -9,6 +9,7 @@ import struct
 from dataclasses import dataclass
 from pathlib import Path
 
+from ..base.regular_file import open_regular
 from ..camera.focal_length import from_equivalent, is_plausible
 
 LARGEST = 2**20
@@ -63,7 +64,7 @@ class Lens:
 def photo_lens(path: Path) -> Lens | None:
     """What a photo's file says of its lens; None where there is no EXIF, or it is damaged."""
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             data = file.read(LARGEST)
         block = _block(data)
         return _lens(block) if block else None

@@ -25,24 +25,28 @@ def clip_exists(path: Path) -> bool:
         return False
 
 
-def is_clip(path: Path, wanted: str) -> bool:
-    """Whether a path leads to the clip of the identity `wanted`; not where it cannot be read."""
+def is_clip(path: Path, wanted: str, at_a_glance: bool = False) -> bool:
+    """Whether a path leads to the clip of the identity `wanted`, as `is_same_clip`; not where it cannot be
+    read."""
     try:
-        return clip_exists(path) and is_same_clip(path, wanted)
+        return clip_exists(path) and is_same_clip(path, wanted, at_a_glance)
     except UserError:
         return False
 
 
-def find_clip(name: str, wanted: str, places: Iterable[Path], below: Path | None) -> Path | None:
+def find_clip(
+    name: str, wanted: str, places: Iterable[Path], below: Path | None, at_a_glance: bool = False
+) -> Path | None:
     """The clip of the identity `wanted`: at one of the `places`, or called `name` in or below a folder.
 
-    `name` is a video's, a folder's or a pattern's. None where it is not found.
+    `name` is a video's, a folder's or a pattern's; `at_a_glance` as in `is_same_clip`. None where it is not
+    found.
     """
     for place in places:
-        if is_clip(place, wanted):
+        if is_clip(place, wanted, at_a_glance):
             return place
     for folder in _folders(below) if below is not None else ():
-        if is_clip(folder / name, wanted):
+        if is_clip(folder / name, wanted, at_a_glance):
             return folder / name
     return None
 

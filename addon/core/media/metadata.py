@@ -9,6 +9,7 @@ import struct
 from collections.abc import Iterator
 from pathlib import Path
 
+from ..base.regular_file import open_regular
 from ..camera.focal_length import PLAUSIBLE
 
 EQUIVALENT = "com.apple.quicktime.camera.focal_length.35mm_equivalent"
@@ -26,7 +27,7 @@ def equivalent_focal(video: Path) -> float | None:
 
 
 def _moov(video: Path) -> bytes:
-    with video.open("rb") as file:
+    with open_regular(video) as file:
         end = video.stat().st_size
         place = 0
         while place + 8 <= end:

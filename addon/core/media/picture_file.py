@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import UserError
+from ..base.regular_file import read_regular, regular_stat
 
 Pixels = NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.float32]
 
@@ -40,13 +41,14 @@ def read_picture(path: Path) -> Pixels:
 
 
 def _decoded(path: Path) -> Pixels:
-    if path.stat().st_size == 0:
+    if regular_stat(path).st_size == 0:
         raise UserError(f"{path.name} is empty (0 bytes); export the sequence again")
     if path.suffix.lower() == ".exr":
         return _read_exr(path)
     level = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     try:
-        picture = cv2.imdecode(np.fromfile(path, dtype=np.uint8), cv2.IMREAD_UNCHANGED | cv2.IMREAD_ANYCOLOR)
+        data = np.frombuffer(read_regular(path), dtype=np.uint8)
+        picture = cv2.imdecode(data, cv2.IMREAD_UNCHANGED | cv2.IMREAD_ANYCOLOR)
         if picture is not None and picture.ndim == 3 and picture.shape[2] == 3:
             # Only this way does OpenCV honour the orientation that a camera writes into a JPEG.
             upright = cv2.imread(str(path), cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH)

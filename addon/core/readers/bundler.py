@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ..base.counting import counted
 from ..base.errors import UserError
+from ..base.regular_file import open_regular
 from ..camera.reconstruction import Floats, Image, Intrinsics
 from .building import (
     Observations,
@@ -63,7 +64,7 @@ LAYOUTS = {
 
 def recognises(path: Path) -> bool:
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             start = file.read(200).removeprefix(b"\xef\xbb\xbf").lstrip()
     except OSError:
         return False

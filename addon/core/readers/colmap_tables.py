@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import UserError
+from ..base.regular_file import read_regular
 from ..camera.reconstruction import Floats, Image, Intrinsics, Points, Reconstruction, matrix_from_quaternion
 
 Longs = NDArray[np.int64]
@@ -96,7 +97,7 @@ def contents(path: Path, names: Sequence[str]) -> bytes:
             raise UserError(f"{path} is missing; a COLMAP model has {', '.join(names)}")
         if path.stat().st_size > LONGEST:
             raise UserError(f"{path} is larger than {LONGEST >> 30} GiB; export fewer points")
-        return path.read_bytes()
+        return read_regular(path)
     except OSError as error:
         raise UserError(f"{path} cannot be read: {error}") from None
 

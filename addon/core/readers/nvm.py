@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import UserError
+from ..base.regular_file import open_regular
 from ..camera.reconstruction import Floats, Image, Intrinsics, matrix_from_quaternion
 from .building import (
     ACCURATE,
@@ -36,7 +37,7 @@ SAMPLE = 20_000
 
 def recognises(path: Path) -> bool:
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             start = file.read(64).removeprefix(b"\xef\xbb\xbf").lstrip()
     except OSError:
         return False

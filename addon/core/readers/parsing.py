@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import UserError
+from ..base.regular_file import read_regular
 from ..camera.reconstruction import Floats
 
 SPACE = np.isin(np.arange(256), list(b" \t\n\r\v\f"))
@@ -39,7 +40,7 @@ class Text:
                 raise UserError(f"{path} is not a file; give the file that the other program exported")
             if path.stat().st_size > LONGEST:
                 raise UserError(f"{path} is larger than {LONGEST >> 30} GiB; export fewer points")
-            data = path.read_bytes()
+            data = read_regular(path)
         except OSError as error:
             raise UserError(f"{path} cannot be read: {error.strerror}") from None
         if not data or data.isspace():

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..base.regular_file import open_regular
 from ..camera.reconstruction import Floats, Image, Intrinsics, Points, Reconstruction
 from .building import ACCURATE, rotation_from, undistorting, visible
 from .imported_model import ImportedModel
@@ -30,7 +31,7 @@ DIGITS = 6
 
 def recognises(path: Path) -> bool:
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             start = file.read(1000).removeprefix(b"\xef\xbb\xbf").lstrip()
     except OSError:
         return False

@@ -14,10 +14,11 @@ from ..base import atomic
 from ..base.errors import Remedy, UserError
 from ..base.file_names import checked_name
 from ..base.folder_lock import FolderLock
+from ..base.regular_file import read_regular
 from ..media.clip import Footage
 from ..media.clip_identity import identity
 from ..media.video import video_info
-from .state import MODEL, STATE, VERSION, check_model, model_digests, write_state
+from .state import LONGEST, MODEL, STATE, VERSION, check_model, model_digests, write_state
 
 PREFIX = ".solving-"
 """Begins the name of a folder in which a solve comes to be."""
@@ -138,7 +139,7 @@ def _finish_moving(work_dir: Path, folder: Path) -> None:
         (folder / OLD).rename(work_dir / MODEL)
         return
     try:
-        state = json.loads((folder / STATE).read_text(encoding="utf-8"))
+        state = json.loads(read_regular(folder / STATE, LONGEST))
         if state["model"]:
             check_model(work_dir / MODEL, state)
             (folder / STATE).replace(work_dir / STATE)
@@ -149,7 +150,7 @@ def _finish_moving(work_dir: Path, folder: Path) -> None:
 
 def _state_bytes(work_dir: Path) -> bytes | None:
     try:
-        return (work_dir / STATE).read_bytes()
+        return read_regular(work_dir / STATE, LONGEST)
     except FileNotFoundError:
         return None
 

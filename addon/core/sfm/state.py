@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from ..base import atomic
-from ..base.digest import whole_digest
+from ..base.digest import file_digest
 from ..base.errors import Remedy, UserError
+from ..base.regular_file import read_regular
 from ..media.clip_identity import is_same_clip
 
 STATE = "solve.json"
@@ -17,6 +18,8 @@ MODEL = "model"
 DIGEST = "digest"
 """Of all else in a state; older states have none."""
 VERSION = 1
+LONGEST = 64 << 20
+"""Bytes of a state at most: a frame's number takes ten, so it has room for days of video."""
 _TYPES: dict[str, type] = {"footage": str, "relative": str, "identity": str, "frames": list, "report": dict}
 
 
@@ -28,7 +31,7 @@ def read_state(work_dir: Path) -> dict[str, Any] | None:
     """What `solve.json` says; None where there is none. UnusableStateError where it cannot be used."""
     path = work_dir / STATE
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_regular(path, LONGEST).decode()
         state = json.loads(text) if text else None
     except FileNotFoundError:
         return None
@@ -78,7 +81,7 @@ def _damaged(path: Path, why: str) -> UnusableStateError:
 
 def model_digests(model: Path) -> dict[str, str]:
     """64 hexadecimal digits for each file of a model, by its name."""
-    return {path.name: whole_digest(path) for path in sorted(model.iterdir()) if path.is_file()}
+    return {path.name: file_digest(path) for path in sorted(model.iterdir()) if path.is_file()}
 
 
 def check_model(model: Path, state: dict[str, Any]) -> None:
@@ -91,7 +94,7 @@ def check_model(model: Path, state: dict[str, Any]) -> None:
         path = model / str(name)
         if not path.is_file():
             raise UserError(f"{path} is gone; put it back, or solve again in its place", Remedy.AGAIN)
-        if whole_digest(path) != digest:
+        if file_digest(path) != digest:
             raise UserError(
                 f"{path} is not what the solve wrote: it was changed or damaged since; put it back, solve"
                 " again in its place, or import what you changed into another folder",

@@ -7,7 +7,6 @@ DIR/model/       the reconstruction as a COLMAP text model; where we solved it o
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -20,6 +19,7 @@ from ..base import atomic
 from ..base.counting import counted
 from ..base.errors import Remedy, UserError
 from ..base.file_names import checked_name
+from ..base.npz import read_arrays
 from ..camera.reconstruction import Ints, Reconstruction, upright
 from ..media.clip import Footage, FrameRange, open_footage
 from ..media.clip_identity import identity
@@ -101,7 +101,10 @@ def load_solve(work_dir: Path, clip: Path | None = None) -> Solve:
     footage = _clip_of(work_dir, state, clip)
     check_model(work_dir / MODEL, state)
     frames = tuple(state["frames"])
-    video = VideoInfo.parse(state.get("video"))
+    video = VideoInfo.parse(state.get("video")) if footage.is_file() else None
+    if video is not None and video.count > footage.stat().st_size:
+        # A frame takes a byte at least: this is not the clip's own count.
+        video = None
     return Solve(work_dir, footage, frames, _with_visible(work_dir / MODEL), state["report"], video)
 
 
@@ -128,20 +131,25 @@ def keep_visible(model: Path, points: Mapping[int, Ints]) -> None:
 
 def _with_visible(model: Path) -> Reconstruction:
     reconstruction = read_model(model)
+    frames, points = reconstruction.frames, len(reconstruction.points)
     try:
-        with np.load(model / VISIBLE) as kept:
-            frame, point = kept["frame"], kept["point"].astype(np.int32)
+        # No frame shows a point twice; each is told by two numbers of eight bytes.
+        kept = read_arrays(model / VISIBLE, ("frame", "point"), 16 * len(frames) * points)
+        frame, point = (kept[name].astype(np.int64, casting="safe") for name in ("frame", "point"))
+        is_known = frame.ndim == 1 and frame.shape == point.shape
     except FileNotFoundError:
         return reconstruction
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
-        frame = point = np.zeros(1, np.int32) - 1
-    is_known = len(frame) == len(point) and np.isin(frame, reconstruction.frames).all()
-    if not is_known or np.any((point < 0) | (point >= len(reconstruction.points))):
+    except (OSError, ValueError, TypeError):
+        is_known = False
+    if not is_known or not np.isin(frame, frames).all() or np.any((point < 0) | (point >= points)):
         raise UserError(
             f"{model / VISIBLE} is damaged: it is not of these frames and points; solve again in its place",
             Remedy.AGAIN,
         )
-    images = [replace(image, visible=point[frame == image.frame]) for image in reconstruction.images]
+    order = np.argsort(frame, kind="stable")
+    ends = np.searchsorted(frame[order], frames, side="right")
+    shown = np.split(point[order].astype(np.int32), ends[:-1])
+    images = [replace(image, visible=each) for image, each in zip(reconstruction.images, shown, strict=True)]
     return replace(reconstruction, images=tuple(images))
 
 

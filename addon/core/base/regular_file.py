@@ -1,0 +1,71 @@
+"""Reading files whose names come from users and strangers: only regular files, and no more than they hold.
+
+A pipe waits for whoever writes into it, a device such as /dev/zero never ends, and a count or a size within a
+file can be any number.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+from pathlib import Path
+from typing import BinaryIO
+
+_KINDS = (
+    (stat.S_ISFIFO, "it is a pipe, not a file"),
+    (stat.S_ISSOCK, "it is a socket, not a file"),
+)
+_FLAGS = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOCTTY", 0) | getattr(os, "O_BINARY", 0)
+
+
+def regular_stat(path: Path) -> os.stat_result:
+    """What the system says of a regular file, without opening it; links are followed.
+
+    OSError where there is none, or where it is a folder, a pipe, a socket or a device: ask before another
+    library opens the path.
+    """
+    return _checked(path.stat(), path)
+
+
+def open_regular(path: Path) -> BinaryIO:
+    """A regular file to read bytes from; OSError as `regular_stat`, at once even for a pipe."""
+    # Looked at before it is opened, as some devices act when they are, and again on what was opened.
+    regular_stat(path)
+    file = os.open(path, _FLAGS)
+    try:
+        _checked(os.fstat(file), path)
+        return os.fdopen(file, "rb")
+    except BaseException:
+        os.close(file)
+        raise
+
+
+def read_regular(path: Path, most: int | None = None) -> bytes:
+    """All bytes of a regular file, as many as it has when it is opened.
+
+    OSError as `regular_stat`, and before anything is read where they are more than `most`.
+    """
+    with open_regular(path) as file:
+        size = os.fstat(file.fileno()).st_size
+        if most is not None and size > most:
+            raise OSError(errno.EFBIG, f"it has {size} bytes, {most} at most were expected", str(path))
+        return file.read(size)
+
+
+def is_regular(path: Path) -> bool:
+    """Whether a path leads to a regular file; not where it cannot be looked at."""
+    try:
+        regular_stat(path)
+    except (OSError, ValueError):
+        return False
+    return True
+
+
+def _checked(told: os.stat_result, path: Path) -> os.stat_result:
+    if stat.S_ISDIR(told.st_mode):
+        raise OSError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    if not stat.S_ISREG(told.st_mode):
+        kind = next((name for is_kind, name in _KINDS if is_kind(told.st_mode)), "it is a device, not a file")
+        raise OSError(errno.EINVAL, kind, str(path))
+    return told
