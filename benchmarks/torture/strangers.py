@@ -9,6 +9,7 @@ import zipfile
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 
 from addon.core.sfm.state import DIGEST, STATE, write_state
@@ -20,8 +21,8 @@ from .mutations import FEW
 LARGE = 80 << 20
 """Bytes of a clip that is too large to be read whole at a glance."""
 HUGE = (10**6, 10**9, 2**31, 10**18)
-BOMB = 1 << 30
-"""Bytes that a file of a megabyte unpacks to."""
+BOMB = 1 << 28
+"""Bytes that a file of a fourth of a megabyte unpacks to."""
 
 
 def not_files(one: Try) -> None:
@@ -89,7 +90,6 @@ def middle(one: Try) -> None:
     work = clip.solve(video, one.folder / "work")
     out = one.folder / "out" / "####.png"
     words = ("render", work, *LENS, "--frames", FEW, "--out", out)
-    expected = {name: data for name, data in one.bench.frames.items() if 3 <= int(name[:4]) <= 6}
     told, at = video.stat(), one.dice.randrange(LARGE)
     for is_spoilt in (True, False):
         with video.open("r+b") as file:
@@ -100,10 +100,13 @@ def middle(one: Try) -> None:
         if one.dice.random() < 0.5:
             os.utime(video, ns=(told.st_atime_ns, told.st_mtime_ns))
         run = one.run(*words)
-        if not is_spoilt:
-            one.expect(expected, out, run)
-        elif run.status == 0:
-            one.verdict.add("wrong", f"byte {at} of the clip was changed, and it was rendered")
+        if (run.status == 0) == is_spoilt:
+            one.verdict.add("wrong" if is_spoilt else "lost", f"byte {at} of the clip: {run.said[-300:]}")
+    for path in sorted(out.parent.iterdir()):
+        # Frames carry the key of their clip: their pixels alone are those of the reference.
+        wanted = np.frombuffer(one.bench.frames[path.name], np.uint8)
+        if not np.array_equal(np.asarray(cv2.imread(str(path))), np.asarray(cv2.imdecode(wanted, 1))):
+            one.verdict.add("wrong", f"{path.name} differs from the reference")
 
 
 def _say(work: Path, **told: Any) -> None:
