@@ -30,8 +30,8 @@ DATA = Path(os.environ.get("VA_DATA", ROOT.parent / "shared" / "data"))
 """Real footage, which is never part of the project."""
 NO_DATA = "no real test data"
 LONGEST = (
-    "cli/test_headless", "sfm/test_solve", "benchmarks/test_truth", "benchmarks/test_figures",
-    "render/test_farm", "benchmarks/test_scenes",
+    "render/test_farm", "cli/test_headless", "sfm/test_solve", "benchmarks/test_truth",
+    "benchmarks/test_figures", "cli/test_page_commands", "media/test_stale_inputs", "benchmarks/test_scenes",
 )  # fmt: skip
 """Files that take longest (`make test` with `--durations=60`): they begin, so that no process ends alone."""
 SLOW_LIBRARIES = {"bpy", "gpu", "mathutils", "bpy_extras", "pycolmap", "subprocess", "multiprocessing"}
@@ -188,8 +188,16 @@ def desk(shared: Shared) -> Path:
 
 @pytest.fixture(scope="session")
 def desk_work(desk: Path, shared: Shared) -> Path:
-    """The working folder of the halved sample clip."""
-    return shared("desk_work", lambda folder: _solve(desk, folder / "desk.aperture")) / "desk.aperture"
+    """The working folder of the halved sample clip, and beside it what the command said, `said.txt`."""
+
+    def fill(folder: Path) -> None:
+        from .command_line import headless
+
+        ended = headless("solve", desk, "--work", folder / "desk.aperture")
+        assert ended.returncode == 0, ended.stderr
+        (folder / "said.txt").write_text(ended.stdout)
+
+    return shared("desk_work", fill) / "desk.aperture"
 
 
 def _solve(clip: Path, work: Path) -> None:

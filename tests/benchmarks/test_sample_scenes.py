@@ -12,6 +12,8 @@ import pytest
 
 from sample_scenes import clip, demo, desk
 
+from ..solving import solve
+
 CLIP = Path(desk.__file__).with_name("desk.mp4")
 
 
@@ -102,6 +104,10 @@ def test_committed_clip_is_whole() -> None:
     assert sound.samplerate == clip.RATE
     assert sound.channels == "MONO"
     bpy.data.sounds.remove(sound)
+
+
+def test_the_committed_clip_is_solved_whole(tmp_path: Path) -> None:
+    assert "36 of 36 frames registered" in solve(CLIP, tmp_path / "work").summary
 
 
 def test_ticking_is_quiet_and_not_silent() -> None:

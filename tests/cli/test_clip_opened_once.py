@@ -31,6 +31,7 @@ sys.monitoring.register_callback(4, events, begun)
 sys.monitoring.set_events(4, events)
 """
 """Python runs a `sitecustomize` at its start, and the worker inherits the path on which it lies."""
+FRAMES = 8
 LENS = ("--focus-at", "0.5,0.5", "--method", "features", "--views", 2)
 
 
@@ -38,7 +39,7 @@ LENS = ("--focus-at", "0.5,0.5", "--method", "features", "--views", 2)
 def clip(tmp_path: Path) -> Path:
     path = tmp_path / "walk.mp4"
     writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), 24, planes.SIZE)
-    for picture in planes.sideways(16):
+    for picture in planes.sideways(2 * FRAMES)[:FRAMES]:
         writer.write(picture)
     writer.release()
     return path
@@ -57,21 +58,22 @@ def counted(tmp_path: Path, *arguments: object) -> int:
 
 def test_a_video_is_decoded_once_to_count_its_frames(clip: Path, tmp_path: Path) -> None:
     work, out = tmp_path / "work", tmp_path / "out"
-    assert counted(tmp_path, "run", clip, "--work", work, *LENS, "--out", out / "a.mp4") == 1
-    assert counted(tmp_path, "render", work, *LENS, "--out", out / "####.png") == 0
+    told = ("--work", work, "--focal", planes.FOCAL)
+    assert counted(tmp_path, "run", clip, *told, *LENS, "--out", out / "a.mp4") == 1
+    assert counted(tmp_path, "render", work, *LENS, "--frames", 4, "--out", out / "####.png") == 0
     kept = json.loads((work / "solve.json").read_text())
-    assert kept["video"] == {"count": 16, "width": planes.SIZE[0], "height": planes.SIZE[1], "fps": 24.0}
+    assert kept["video"] == {"count": FRAMES, "width": planes.SIZE[0], "height": planes.SIZE[1], "fps": 24.0}
     # As older versions wrote it, and damaged.
-    for others in ({}, {"video": None}, {"video": {"count": -1}}, {"video": [16]}):
+    for others in ({}, {"video": None}, {"video": {"count": -1}}, {"video": [FRAMES]}):
         state = {name: value for name, value in kept.items() if name not in ("video", "digest")} | others
         (work / "solve.json").write_text(json.dumps(state))
         solved = load_solve(work)
         assert solved.video is None
-        assert solved.open_clip().frames == tuple(range(1, 17))
+        assert solved.open_clip().frames == tuple(range(1, FRAMES + 1))
 
 
 def test_a_video_that_was_changed_is_counted_anew(clip: Path) -> None:
-    assert open_footage(clip).frames == tuple(range(1, 17))
+    assert open_footage(clip).frames == tuple(range(1, FRAMES + 1))
     writer = cv2.VideoWriter(str(clip), cv2.VideoWriter.fourcc(*"mp4v"), 24, planes.SIZE)
     for picture in planes.sideways(5):
         writer.write(picture)

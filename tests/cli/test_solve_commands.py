@@ -10,12 +10,15 @@ import cv2
 import numpy as np
 import pytest
 
+from addon.core.base.errors import UserError
 from addon.core.sfm.process import SolveProcess
 from addon.core.sfm.report import ranges
 from addon.core.sfm.workspace import Solve, load_solve
 
 from .. import planes
 from ..command_line import run
+
+PART = ("--frames", "1-8", "--focal", "272")
 
 
 @pytest.fixture(scope="module")
@@ -30,37 +33,65 @@ def solved(clip: Path, tmp_path_factory: pytest.TempPathFactory) -> Solve:
     return load_solve(work)
 
 
-def test_a_field_of_view_is_a_focal_length(solved: Solve) -> None:
+@pytest.fixture(scope="module")
+def part(clip: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The working folder of a solve of half the frames."""
+    work = tmp_path_factory.mktemp("part") / "work"
+    assert run("solve", clip, "--work", work, *PART) == 0
+    return work
+
+
+@pytest.mark.parametrize(
+    ("told", "pixels"),
+    [
+        ((), None),
+        (("--focal", "300"), 300.0),
+        (("--focal35", "29.4213"), 272.0),
+        (("--fov", "60.93109"), 272.0),
+        # 320 pixels on 24 mm.
+        (("--focal-mm", "20.4", "--sensor-mm", "24"), 272.0),
+    ],
+)
+def test_a_known_lens_is_the_workers_focal_length_in_pixels(
+    clip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, told: tuple[str, ...], pixels: float | None
+) -> None:
+    """As its job says, which it begins and does not end."""
+    work, jobs = tmp_path / "work", []
+
+    def wait(process: SolveProcess, _report: object) -> None:
+        jobs.extend(json.loads(path.read_text()) for path in work.glob("*/job.json"))
+        raise UserError("that is enough")
+
+    monkeypatch.setattr(SolveProcess, "wait", wait)
+    assert run("solve", clip, "--work", work, *told) == 1
+    (job,) = jobs
+    assert job["lens"] == {"focal": pixels and pytest.approx(pixels, rel=1e-5), "zooms": False}
+    assert not work.exists()
+
+
+def test_a_given_focal_length_is_held(solved: Solve) -> None:
     assert solved.reconstruction.cameras[0].fx == pytest.approx(planes.FOCAL, abs=0.1)
     assert solved.quality.focal_from == "given"
 
 
-def test_a_lens_before_a_sensor_is_the_same_focal_length(clip: Path, tmp_path: Path) -> None:
-    work = tmp_path / "work"
-    assert run("solve", clip, "--work", work, "--focal-mm", 20.4, "--sensor-mm", 24) == 0
-    # 320 pixels on 24 mm.
-    assert load_solve(work).reconstruction.cameras[0].fx == pytest.approx(272.0, rel=1e-12)
-    before = (work / "solve.json").stat().st_mtime_ns
-    assert run("solve", clip, "--work", work, "--focal-mm", 20.4, "--sensor-mm", 24) == 0
-    assert (work / "solve.json").stat().st_mtime_ns == before
-
-
 def test_depth_that_is_found_ahead_is_what_renders_read(
-    registered: None, solved: Solve, clip: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    registered: None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    work = shutil.copytree(solved.work_dir, tmp_path / "work")
-    lens = ("--focus-distance", 10, "--blur", 0.03, "--views", 4, "--frames", "8-9")
+    clip, work = planes.write_clip(tmp_path / "short", planes.sideways(16)[:8]), tmp_path / "work"
+    solve = ("solve", clip, "--work", work, "--focal", planes.FOCAL)
+    assert run(*solve) == 0
+    lens = ("--focus-distance", 10, "--blur", 0.03, "--views", 4, "--frames", "4-5")
     assert run("render", work, *lens, "--out", tmp_path / "found" / "####.png") == 0
     shutil.rmtree(work / "depth")
-    assert run("solve", clip, "--work", work, "--fov", 60.93, "--depth") == 0
-    assert "the depth of 16 frames is kept" in capsys.readouterr().out
+    assert run(*solve, "--depth") == 0
+    assert "the depth of 8 frames is kept" in capsys.readouterr().out
     (folder,) = (work / "depth").iterdir()
     frames = {path.name: path.stat().st_mtime_ns for path in folder.glob("depth-*.npz")}
-    assert len(frames) == 16
+    assert len(frames) == 8
     assert run("render", work, *lens, "--out", tmp_path / "read" / "####.png") == 0
     assert frames == {path.name: path.stat().st_mtime_ns for path in folder.glob("depth-*.npz")}
     assert list((work / "depth").iterdir()) == [folder]
-    for name in ("0008.png", "0009.png"):
+    for name in ("0004.png", "0005.png"):
         assert (tmp_path / "found" / name).read_bytes() == (tmp_path / "read" / name).read_bytes()
 
 
@@ -128,20 +159,20 @@ def test_an_import_is_not_taken_for_a_solve(
         assert "holds an import (COLMAP text)" in said
         assert "--again" in said
     assert (work / "solve.json").read_text() == before
-    assert run("solve", clip, "--work", work, "--focal", "272", "--again") == 0
+    assert run("solve", clip, "--work", work, *PART, "--again") == 0
     assert load_solve(work).quality.focal_from == "given"
-    assert run("solve", clip, "--work", work, "--focal", "272") == 0
+    kept = (work / "solve.json").stat().st_mtime_ns
+    assert run("solve", clip, "--work", work, *PART) == 0
+    assert (work / "solve.json").stat().st_mtime_ns == kept
 
 
 def test_a_solve_of_some_frames_is_not_replaced_by_an_import(
-    solved: Solve, clip: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    solved: Solve, part: Path, clip: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    work = tmp_path / "work"
-    assert run("solve", clip, "--work", work, "--frames", "1-8", "--focal", "272") == 0
-    before = (work / "solve.json").read_text()
-    assert run("import", solved.work_dir / "model", "--footage", clip, "--work", work) == 1
+    before = (part / "solve.json").read_text()
+    assert run("import", solved.work_dir / "model", "--footage", clip, "--work", part) == 1
     assert "holds a solve of this clip" in capsys.readouterr().err
-    assert (work / "solve.json").read_text() == before
+    assert (part / "solve.json").read_text() == before
 
 
 def test_nothing_of_the_users_is_overwritten(

@@ -14,7 +14,6 @@ import zipfile
 from pathlib import Path
 from typing import Any
 
-import bpy
 import cv2
 import numpy as np
 import pytest
@@ -25,49 +24,32 @@ from addon.render import child, jobs
 from benchmarks.torture import clip
 from benchmarks.torture.bench import contents, file_limit
 
+from ..command_line import HEADLESS, done, here
+from ..movies import frames_of_sound
+
 ROOT = Path(__file__).resolve().parents[2]
-HEADLESS = ROOT / "addon" / "headless.py"
 LENS = ("--focus-distance", "7", "--blur", "0.05", "--method", "features", "--views", "4")
 COUNT = 48
 
+pytestmark = pytest.mark.usefixtures("registered")
 
-def start(*arguments: object, **environment: str) -> subprocess.Popen[str]:
+
+def start(*arguments: object) -> subprocess.Popen[str]:
+    """A command in a session of its own, to be ended."""
     return subprocess.Popen(
         [sys.executable, str(HEADLESS), *map(str, arguments)], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-        text=True, env=os.environ | {"PYTHONUNBUFFERED": "1"} | environment, start_new_session=True,
+        text=True, env=os.environ | {"PYTHONUNBUFFERED": "1"}, start_new_session=True,
     )  # fmt: skip
 
 
-def headless(*arguments: object) -> tuple[int, str]:
-    process = start(*arguments)
-    said = "".join(process.communicate())
-    return process.returncode, said
-
-
-def done(*arguments: object) -> str:
-    status, said = headless(*arguments)
-    assert status == 0, said
-    return said
-
-
 @pytest.fixture(scope="module")
-def work(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def work(registered: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A tiny clip of 48 frames with sound, its solve, and one machine's frames and movie."""
     folder = tmp_path_factory.mktemp("farm")
     clip.solve(clip.write_video(folder / "clip", COUNT), folder / "work")
     done("render", folder / "work", *LENS, "--for-movie", "--out", folder / "frames" / "######.png")
     done("render", folder / "work", *LENS, "--out", folder / "one.mp4")
     return folder / "work"
-
-
-def has_sound(movie: Path, count: int = COUNT) -> bool:
-    scene = bpy.data.scenes.new("listen")
-    try:
-        return (
-            scene.sequence_editor_create().strips.new_sound("s", str(movie), 1, 1).frame_duration > count / 2
-        )
-    finally:
-        bpy.data.scenes.remove(scene)
 
 
 def tasks(job: dict[str, Any], bundle: Path) -> dict[str, list[list[str]]]:
@@ -92,6 +74,11 @@ def tasks(job: dict[str, Any], bundle: Path) -> dict[str, list[list[str]]]:
     return found
 
 
+def words_of(task: list[str]) -> list[str]:
+    """What follows the program in a task's command."""
+    return task[task.index(str(HEADLESS)) + 1 :]
+
+
 def test_a_job_on_two_workers_one_of_which_is_killed(work: Path, tmp_path: Path) -> None:
     said = done("farm", work, *LENS, "--chunk", 12, "--out", tmp_path / "job")
     assert "48 frames in 4 tasks" in said
@@ -114,17 +101,18 @@ def test_a_job_on_two_workers_one_of_which_is_killed(work: Path, tmp_path: Path)
     two.kill()
     assert two.wait() == -signal.SIGKILL and one.wait() == 0
     # Joined too early, it says what is missing, and there is no movie.
-    early = subprocess.run(steps["Join"][0], capture_output=True, text=True, check=False)
+    early = here(*words_of(steps["Join"][0]))
     assert early.returncode == 1 and "is missing" in early.stderr
     assert not (bundle / "output" / "movie.mp4").exists()
-    again = [begin(steps["Render"][1]), begin(steps["Render"][2])]
-    assert [each.wait() for each in again] == [0, 0]
-    for words in (steps["Render"][3], steps["Join"][0]):
-        subprocess.run(words, check=True, capture_output=True)
+    again = begin(steps["Render"][1])
+    done(*words_of(steps["Render"][2]))
+    assert again.wait() == 0
+    done(*words_of(steps["Render"][3]))
+    done(*words_of(steps["Join"][0]))
     assert contents(frames) == contents(work.parent / "frames")
     movie = bundle / "output" / "movie.mp4"
     assert movie.read_bytes() == (work.parent / "one.mp4").read_bytes()
-    assert has_sound(movie)
+    assert frames_of_sound(movie) > COUNT / 2
 
 
 def test_the_job_is_an_open_job_description(work: Path, tmp_path: Path) -> None:
@@ -168,7 +156,7 @@ def test_a_job_that_solves_first_gives_what_one_machine_gives(desk: Path, tmp_pa
     output = tmp_path / "job" / "output"
     assert contents(output / "frames") == contents(tmp_path / "frames")
     assert (output / "movie.mp4").read_bytes() == (tmp_path / "one.mp4").read_bytes()
-    assert has_sound(output / "movie.mp4", 36)
+    assert frames_of_sound(output / "movie.mp4") > 18
 
 
 def test_bundles_are_refused_before_anything_is_written(work: Path, tmp_path: Path) -> None:
@@ -178,14 +166,14 @@ def test_bundles_are_refused_before_anything_is_written(work: Path, tmp_path: Pa
         (("--out", tmp_path / "b", "--chunk", 0), "at least 1"),
         (("--out", tmp_path / "b", "--frames", "900-901"), "no frames"),
     ):
-        status, said = headless("farm", work, *LENS, *words)
-        assert status == 1 and told in said and "Traceback" not in said
+        ended = here("farm", work, *LENS, *words)
+        assert ended.returncode == 1 and told in ended.stderr and "Traceback" not in ended.stderr
         assert not list(tmp_path.iterdir())
 
 
 def test_jobs_give_what_one_process_gives(work: Path, tmp_path: Path) -> None:
     out = tmp_path / "a.mp4"
-    said = done("render", work, *LENS, "--out", out, "--jobs", 3)
+    said = done("render", work, *LENS, "--out", out, "--jobs", 2)
     assert out.read_bytes() == (work.parent / "one.mp4").read_bytes()
     assert "48 of 48" in said and contents(tmp_path).keys() == {"a.mp4"}
     done("render", work, *LENS, "--frames", "3-30:9", "--jobs", 2, "--out", tmp_path / "s" / "######.png",
@@ -236,9 +224,10 @@ def test_frames_that_no_process_can_render_are_named(work: Path, tmp_path: Path)
     clip.write_masks(masks, COUNT)
     (masks / "0040.png").write_bytes(b"no picture")
     out = tmp_path / "o" / "####.png"
-    status, said = headless("render", mine, *LENS[:-4], "--views", 4, "--mask", masks, "--frames", "38-41",
-                            "--out", out, "--jobs", 2)  # fmt: skip
-    assert status == 1 and "frames 40-41 could not be rendered" in said and "0040.png" in said
+    words = ("render", mine, *LENS[:-4], "--views", 4, "--mask", masks, "--frames", "38-41")
+    ended = here(*words, "--out", out, "--jobs", 2)
+    said = ended.stdout + ended.stderr
+    assert ended.returncode == 1 and "frames 40-41 could not be rendered" in said and "0040.png" in said
     assert "wrote" not in said and "Traceback" not in said
 
 
@@ -265,20 +254,20 @@ def test_join_takes_only_frames_that_are_whole_and_of_one_lens(work: Path, tmp_p
     words = ("join", work, "--rendered", frames / "######.png", "--out", out)
     done(*words, *LENS)
     assert out.read_bytes() == (work.parent / "one.mp4").read_bytes()
-    status, said = headless(*words, *LENS)
-    assert status == 1 and "exists" in said
+    again = here(*words, *LENS)
+    assert again.returncode == 1 and "exists" in again.stderr
     out.unlink()
-    other = (*LENS[:3], "0.09", *LENS[4:])
-    status, said = headless(*words, *other)
-    assert status == 1 and "1-48 was made from something else or with other settings" in said
+    other = here(*words, *LENS[:3], "0.09", *LENS[4:])
+    assert other.returncode == 1
+    assert "1-48 was made from something else or with other settings" in other.stderr
     good = (frames / "000007.png").read_bytes()
     (frames / "000007.png").write_bytes(good[:-30])
     (frames / "000009.png").unlink()
     (frames / "000011.png").write_bytes(cv2.imencode(".png", np.zeros((54, 96, 3)))[1].tobytes())
-    status, said = headless(*words, *LENS)
-    assert status == 1 and not out.exists()
+    damaged = here(*words, *LENS)
+    assert damaged.returncode == 1 and not out.exists()
     for told in ("frame 7 is cut off or damaged", "frame 9 is missing", "frame 11 was made from something"):
-        assert told in said
+        assert told in damaged.stderr
 
 
 OPEN = (

@@ -160,7 +160,7 @@ def test_another_clip_in_the_same_folder_is_another_clip(clip: Path, tmp_path: P
     for path in sorted(both.glob("shot_*")):
         shutil.copy(path, both / path.name.replace("shot", "take"))
     work = tmp_path / "work"
-    solve(both / "shot_####.png", work, frames=FrameRange(1, 8))
+    solve(both / "shot_####.png", work, frames=FrameRange(1, 8), focal=planes.FOCAL)
     with pytest.raises(UserError, match="name another folder"):
         SolveProcess(both / "take_####.png", work, frames=FrameRange(1, 8))
 
@@ -203,7 +203,7 @@ def test_cancelling_again_keeps_the_old_solve(work: Path, clip: Path) -> None:
 
 def test_solving_again_replaces_the_solve(work: Path, clip: Path) -> None:
     (work / "model" / "points3D.txt").write_text("")
-    assert len(solve(clip, work, again=True).reconstruction.points) > 300
+    assert len(solve(clip, work, again=True, focal=planes.FOCAL).reconstruction.points) > 300
     assert {p.name for p in work.iterdir()} == {"solve.json", "model"}
 
 
