@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
@@ -68,6 +69,12 @@ def write_clip(folder: Path, pictures: list[NDArray[np.uint8]]) -> Path:
     for frame, picture in enumerate(pictures, 1):
         cv2.imwrite(str(folder / f"shot_{frame:04d}.png"), picture)
     return folder
+
+
+def halved(pictures: Sequence[NDArray[np.uint8]]) -> list[NDArray[np.uint8]]:
+    """The same at half the size, and of half the focal length: depth takes a quarter of the time."""
+    size = SIZE[0] // 2, SIZE[1] // 2
+    return [cv2.resize(each, size, interpolation=cv2.INTER_AREA) for each in pictures]
 
 
 def sideways(count: int, focal: float = FOCAL) -> list[NDArray[np.uint8]]:

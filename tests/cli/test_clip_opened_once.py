@@ -31,15 +31,15 @@ sys.monitoring.register_callback(4, events, begun)
 sys.monitoring.set_events(4, events)
 """
 """Python runs a `sitecustomize` at its start, and the worker inherits the path on which it lies."""
-FRAMES = 8
+FRAMES, SIZE = 8, (160, 120)
 LENS = ("--focus-at", "0.5,0.5", "--method", "features", "--views", 2)
 
 
 @pytest.fixture
 def clip(tmp_path: Path) -> Path:
     path = tmp_path / "walk.mp4"
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), 24, planes.SIZE)
-    for picture in planes.sideways(2 * FRAMES)[:FRAMES]:
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), 24, SIZE)
+    for picture in planes.halved(planes.sideways(2 * FRAMES)[:FRAMES]):
         writer.write(picture)
     writer.release()
     return path
@@ -58,11 +58,11 @@ def counted(tmp_path: Path, *arguments: object) -> int:
 
 def test_a_video_is_decoded_once_to_count_its_frames(clip: Path, tmp_path: Path) -> None:
     work, out = tmp_path / "work", tmp_path / "out"
-    told = ("--work", work, "--focal", planes.FOCAL)
+    told = ("--work", work, "--focal", planes.FOCAL / 2)
     assert counted(tmp_path, "run", clip, *told, *LENS, "--out", out / "a.mp4") == 1
     assert counted(tmp_path, "render", work, *LENS, "--frames", 4, "--out", out / "####.png") == 0
     kept = json.loads((work / "solve.json").read_text())
-    assert kept["video"] == {"count": FRAMES, "width": planes.SIZE[0], "height": planes.SIZE[1], "fps": 24.0}
+    assert kept["video"] == {"count": FRAMES, "width": SIZE[0], "height": SIZE[1], "fps": 24.0}
     # As older versions wrote it, and damaged.
     for others in ({}, {"video": None}, {"video": {"count": -1}}, {"video": [FRAMES]}):
         state = {name: value for name, value in kept.items() if name not in ("video", "digest")} | others

@@ -33,15 +33,7 @@ from ..scenes import LENS as PLAIN
 from ..scenes import slanted_shot
 
 LENS = planes.LENS.scaled(160, 120)
-"""Of the three planes at half their size: depth is found in a quarter of the time."""
-
-
-def write_planes(folder: Path) -> Path:
-    """The three planes, smaller; the folder."""
-    return planes.write_clip(
-        folder, [cv2.resize(each, (160, 120), interpolation=cv2.INTER_AREA) for each in clip(CENTRES)]
-    )
-
+"""Of the three planes at half their size."""
 
 # Files of reports
 
@@ -93,7 +85,7 @@ def test_another_file_is_left_alone(tmp_path: Path) -> None:
 
 
 def test_inspecting_makes_images_and_uses_them_again(scene: bpy.types.Scene, tmp_path: Path) -> None:
-    footage = open_footage(write_planes(tmp_path / "clip"))
+    footage = open_footage(planes.write_clip(tmp_path / "clip", planes.halved(clip(CENTRES))))
     settings = build(scene, footage, poses(CENTRES, features(), LENS))
     with pytest.raises(RuntimeError, match="Pick what is to be sharp first"):
         bpy.ops.virtual_aperture.inspect_frame()
@@ -165,7 +157,7 @@ def test_pictures_keep_their_way_up(registered: None) -> None:
 def work(registered: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Three planes, whose cameras are known."""
     folder = tmp_path_factory.mktemp("known")
-    write_planes(folder / "clip")
+    planes.write_clip(folder / "clip", planes.halved(clip(CENTRES)))
     names = {n: f"shot_{n:04d}.png" for n in range(1, len(CENTRES) + 1)}
     (folder / "model").mkdir()
     export_model(folder / "model", poses(CENTRES, features(), LENS), names)

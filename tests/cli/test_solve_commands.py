@@ -77,8 +77,9 @@ def test_a_given_focal_length_is_held(solved: Solve) -> None:
 def test_depth_that_is_found_ahead_is_what_renders_read(
     registered: None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    clip, work = planes.write_clip(tmp_path / "short", planes.sideways(16)[:8]), tmp_path / "work"
-    solve = ("solve", clip, "--work", work, "--focal", planes.FOCAL)
+    work = tmp_path / "work"
+    clip = planes.write_clip(tmp_path / "short", planes.halved(planes.sideways(16)[:8]))
+    solve = ("solve", clip, "--work", work, "--focal", planes.FOCAL / 2)
     assert run(*solve) == 0
     lens = ("--focus-distance", 10, "--blur", 0.03, "--views", 4, "--frames", "4-5")
     assert run("render", work, *lens, "--out", tmp_path / "found" / "####.png") == 0
