@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -308,19 +309,29 @@ def track(aside: float = 0.0) -> Floats:
     return centres
 
 
-def counted(centres: Floats, store: DepthStore | None = None) -> tuple[Counted, TemporalFusion]:
-    pictures = clip(centres)
-    single = Counted(poses(centres, features()), lambda frame: pictures[frame - 1])
+HALF = LENS.scaled(LENS.width // 2, LENS.height // 2)
+
+
+@cache
+def pictures() -> list[NDArray[np.uint8]]:
+    """Of the cameras in a row, at half their size. Not to be written to."""
+    return planes.halved(clip(track()))
+
+
+def counted(aside: float = 0.0, store: DepthStore | None = None) -> tuple[Counted, TemporalFusion]:
+    """Depth of the track's frames from pictures of half the size, and what sweeps them."""
+    shot = poses(track(aside), features(), HALF)
+    shown = planes.halved(clip(track(aside))) if aside else pictures()
+    single = Counted(shot, lambda frame: shown[frame - 1])
     single.swept = []
-    return single, TemporalFusion(poses(centres, features()), single, store)
+    return single, TemporalFusion(shot, single, store)
 
 
 def test_a_frame_between_key_frames_is_not_swept() -> None:
-    centres = track()
-    single, fusion = counted(centres)
+    single, fusion = counted()
     found = fusion.at(8)
     assert single.swept == [3, 5, 7, 9, 11, 13]
-    off = np.abs(found.inverse_depth - truth(centres[7])) / RANGE
+    off = np.abs(found.inverse_depth - truth(track()[7], HALF)) / RANGE
     assert np.mean(off > 0.05) < 0.05 and np.median(off) < 0.02
     # The last frame is a key frame: nothing comes after it.
     single.swept.clear()
@@ -329,31 +340,31 @@ def test_a_frame_between_key_frames_is_not_swept() -> None:
 
 
 def test_a_frame_that_key_frames_see_too_little_of_is_swept_itself() -> None:
-    single, fusion = counted(track(aside=1.5))
+    single, fusion = counted(aside=1.5)
     fusion.at(8)
     assert single.swept.count(8) == 1
 
 
 def test_every_frame_is_swept_itself_once_where_that_is_asked_for() -> None:
-    centres = track()
-    single, _ = counted(centres)
-    every = TemporalFusion(poses(centres, features()), single, None, FusionOptions(most_unseen=-1.0))
+    single, _ = counted()
+    shot = poses(track(), features(), HALF)
+    every = TemporalFusion(shot, single, None, FusionOptions(most_unseen=-1.0))
     every.at(8)
     assert single.swept == [3, 5, 7, 9, 11, 13, 8]
     single.swept.clear()
     # A key frame's own depth counts once.
-    usual = counted(centres)[1].at(9)
+    usual = counted()[1].at(9)
     np.testing.assert_array_equal(every.at(9).inverse_depth, usual.inverse_depth)
 
 
 def test_kept_depth_is_the_same_and_not_found_again(tmp_path: Path) -> None:
     store = DepthStore(tmp_path, lambda: "key")
-    _, fusion = counted(track(), store)
+    _, fusion = counted(store=store)
     found = fusion.at(8)
-    single, again = counted(track(), DepthStore(tmp_path, lambda: "key"))
+    single, again = counted(store=DepthStore(tmp_path, lambda: "key"))
     kept = again.at(8)
     assert single.swept == []
-    for one, other in ((found, kept), (counted(track())[1].at(8), kept)):
+    for one, other in ((found, kept), (counted()[1].at(8), kept)):
         np.testing.assert_array_equal(one.inverse_depth, other.inverse_depth)
         np.testing.assert_array_equal(one.confidence, other.confidence)
         np.testing.assert_array_equal(one.moving, other.moving)
