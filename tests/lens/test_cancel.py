@@ -16,7 +16,7 @@ from addon.core.media.clip import open_footage, to_linear
 from addon.scene.shot import Shot
 
 from .. import planes
-from ..planes import CENTRES, MIDDLE, clip, features, poses
+from ..planes import CENTRES, LENS, MIDDLE, clip, features, poses
 
 
 @pytest.fixture(scope="module")
@@ -24,14 +24,22 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return planes.write_clip(tmp_path_factory.mktemp("cancel") / "clip", clip(CENTRES))
 
 
+@pytest.fixture(scope="module")
+def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same at half the size."""
+    return planes.write_clip(tmp_path_factory.mktemp("small") / "clip", planes.halved(clip(CENTRES)))
+
+
 def fresh(folder: Path) -> Shot:
     """A clip with true cameras, of which nothing is remembered; its depth is found from its pictures."""
-    return Shot(open_footage(folder), poses(CENTRES, features()))
+    footage = open_footage(folder)
+    return Shot(footage, poses(CENTRES, features(), LENS.scaled(footage.width, footage.height)))
 
 
 def warped(shot: Shot) -> WarpedFrame:
     lens = LensSettings(Focus(distance=4.0), 0.2, 8)
-    return warp_frame(shot.context, MIDDLE, lens, planes.SIZE, to_linear(shot.read(MIDDLE)))
+    size = shot.footage.width, shot.footage.height
+    return warp_frame(shot.context, MIDDLE, lens, size, to_linear(shot.read(MIDDLE)))
 
 
 def test_every_stage_passes_many_checkpoints_and_goes_on(folder: Path) -> None:
@@ -47,8 +55,8 @@ def test_every_stage_passes_many_checkpoints_and_goes_on(folder: Path) -> None:
     assert len({round(share, 2) for share in middles}) > 10
 
 
-def test_what_was_cancelled_anywhere_is_drawn_right_afterwards(folder: Path) -> None:
-    first = warped(fresh(folder))
+def test_what_was_cancelled_anywhere_is_drawn_right_afterwards(small: Path) -> None:
+    first = warped(fresh(small))
     total = 0
 
     def count(_stage: str, _share: float) -> None:
@@ -56,8 +64,8 @@ def test_what_was_cancelled_anywhere_is_drawn_right_afterwards(folder: Path) -> 
         total += 1
 
     with reporting(count):
-        warped(fresh(folder))
-    shot = fresh(folder)
+        warped(fresh(small))
+    shot = fresh(small)
     for at in np.random.default_rng(1).integers(1, total, 12):
         left = int(at)
 
