@@ -20,7 +20,6 @@ from ..core.media.masks import open_masks
 from ..core.sfm.state import STATE, read_state, write_state
 from ..core.sfm.workspace import load_solve
 from ..render import child, output
-from ..render.frame_files import key_of
 from ..render.frame_keys import frame_keys
 from ..render.frame_size import written_size
 from ..render.quiet import quiet
@@ -100,8 +99,6 @@ def join(options: argparse.Namespace) -> None:
         set_lens(settings, solved, options)
         keys = frame_keys(scene, frames)
     output.check_frames(files, written_size(scene.render), keys)
-    if lacking := [frame for frame, path in files.items() if key_of(path) is None]:
-        raise UserError(f"{files[lacking[0]]} was not rendered by this program; name the frames that were")
     silent = contextlib.nullcontext(1) if options.debug else quiet(1)
     with output.claimed(out), silent:
         output.join(scene, files, out)

@@ -21,7 +21,7 @@ from ..core.base.errors import UserError
 from ..core.media.clip import FrameRange
 from ..core.sfm.report import ranges
 from ..core.sfm.workspace import Solve, default_work_dir, load_solve
-from ..render import child, engine, jobs, output
+from ..render import child, engine, jobs, movie_folder, output
 from ..render.average import no_gpu_note
 from ..render.frame_keys import run_key
 from ..render.frame_size import render_size
@@ -64,7 +64,7 @@ def parser() -> argparse.ArgumentParser:
     three.add_argument("--frames", metavar="A-B[:STEP]", help="frames of the clip to solve and render")
     add_lens(three, required=True)
     _add_output(three)
-    three.set_defaults(command=run, for_movie=False)
+    three.set_defaults(command=run, for_movie=False, end_with_input=False)
 
     save.add_command(commands, common)
     farm.add_commands(commands, common)
@@ -85,6 +85,8 @@ def _add_output(command: argparse.ArgumentParser) -> None:
 
 def _check_output(options: argparse.Namespace) -> None:
     output.check_output(options.out.absolute(), options.overwrite)
+    if not options.end_with_input:
+        movie_folder.check_not_kept(options.out.absolute().parent)
     if options.jobs < 1:
         raise UserError(f"the number of jobs is {options.jobs}; it must be at least 1")
     if options.report:
@@ -96,7 +98,7 @@ def _check_apart(options: argparse.Namespace, clip: Path) -> None:
     """UserError for output that would replace, or lie among, what it is made from."""
     out = options.out.absolute()
     sources = [source for source in (clip, options.mask, options.depth) if source is not None]
-    written = [out, output.frames_folder(out)] if out.suffix.lower() in output.MOVIES else [out.parent]
+    written = [out, movie_folder.folder_of(out)] if out.suffix.lower() in output.MOVIES else [out.parent]
     output.check_apart([*written, *([options.report] if options.report else [])], sources)
 
 

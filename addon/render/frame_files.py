@@ -1,11 +1,13 @@
 """Rendered pictures and movies on disk: read back before they count, each still with the key of what made it.
 
 The key is in the picture's own metadata (Blender's stamp note), so a file never says of another one what it
-was made from, several processes can write into one folder, and a moved or copied file keeps its key.
+was made from, several processes can write into one folder, and a moved or copied file keeps its key. So is a
+digest of the file's other bytes: programs that edit pictures keep such notes.
 """
 
 from __future__ import annotations
 
+import hashlib
 import re
 import zlib
 from pathlib import Path
@@ -22,22 +24,60 @@ HEADER = 1 << 16
 _PNG = b"\x89PNG\r\n\x1a\n"
 _EBML, _SEGMENT = b"\x1a\x45\xdf\xa3", b"\x18\x53\x80\x67"
 """Identifiers of the two elements that a Matroska file is made of."""
-_KEY = re.compile(rb"virtual-aperture-frame ([0-9a-f]{64})")
+_CRC = 4
+"""Bytes of the checksum behind a PNG's chunk."""
+_NOTE = re.compile(rb"virtual-aperture-frame ([0-9a-f]{64}) ([0-9a-f]{64})")
+_UNSEALED = "0" * 64
 
 
 def note_of(key: str) -> str:
-    """The stamp note that carries a key (64 hexadecimal digits)."""
-    return f"virtual-aperture-frame {key}"
+    """The stamp note that carries a key (64 hexadecimal digits), with room for `seal`'s digest."""
+    return f"virtual-aperture-frame {key} {_UNSEALED}"
+
+
+def seal(path: Path) -> None:
+    """Write the digest of a whole picture into its note. UserError where it has no note; raises OSError."""
+    data = path.read_bytes()
+    note = _NOTE.search(data, 0, HEADER)
+    if note is None:
+        raise UserError(f"{path.name} was written without its note; render it again")
+    sealed = _digest(data, note).encode()
+    if data.startswith(_PNG):
+        chunk = data.rindex(b"tEXt", 0, note.start())
+        sealed += zlib.crc32(data[chunk : note.start(2)] + sealed).to_bytes(_CRC)
+    with path.open("r+b") as file:
+        file.seek(note.start(2))
+        file.write(sealed)
 
 
 def key_of(path: Path) -> str | None:
-    """The key of what a picture was made from; None where it has none. UserError where it is no file."""
+    """The key of what a picture says it was made from; None where it has none. UserError where it is no
+    file."""
     try:
         with open_regular(path) as file:
-            found = _KEY.search(file.read(HEADER))
+            found = _NOTE.search(file.read(HEADER))
     except OSError as error:
         raise UserError(f"{path} cannot be read: {error.strerror}") from None
     return found[1].decode() if found else None
+
+
+def is_changed(path: Path) -> bool:
+    """Whether a picture that has a key is not, to the byte, what was written with it; all of it is read.
+    UserError where it cannot be."""
+    try:
+        data = read_regular(path)
+    except OSError as error:
+        raise UserError(f"{path} cannot be read: {error.strerror}") from None
+    note = _NOTE.search(data, 0, HEADER)
+    return note is not None and note[2].decode() != _digest(data, note)
+
+
+def _digest(data: bytes, note: re.Match[bytes]) -> str:
+    """64 hexadecimal digits of a picture without those digits, and without their own checksum in a PNG."""
+    behind = note.end() + (_CRC if data.startswith(_PNG) else 0)
+    digest = hashlib.blake2b(data[: note.start(2)], digest_size=32)
+    digest.update(memoryview(data)[behind:])
+    return digest.hexdigest()
 
 
 def still_problem(path: Path, size: tuple[int, int] | None = None) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 import time
 from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager, nullcontext
@@ -24,7 +23,7 @@ from ..core.sfm.report import ranges
 from ..scene.build import SOUND
 from ..scene.lens import lens_settings
 from ..scene.shot import shot_of
-from . import engine, frame_files
+from . import engine, frame_files, movie_folder
 from .frame_keys import frame_keys
 from .frame_size import render_size, written_size
 
@@ -51,6 +50,8 @@ def check_output(out: Path, overwrite: bool) -> None:
     if not is_still and out.exists() and not overwrite:
         raise UserError(f"{out} exists; name another file, or overwrite it", Remedy.OVERWRITE)
     check_folder(out.parent)
+    if not is_still:
+        movie_folder.check_free(out)
 
 
 def check_apart(written: Iterable[Path], sources: Iterable[Path]) -> None:
@@ -80,11 +81,6 @@ def claimed(out: Path) -> AbstractContextManager[None]:
     can write ranges of it side by side.
     """
     return OutputLock(out) if out.suffix.lower() in MOVIES else nullcontext()
-
-
-def frames_folder(out: Path) -> Path:
-    """Where the frames of a movie are kept until it is whole."""
-    return out.with_name(f"{out.name}.frames")
 
 
 def check_folder(folder: Path) -> None:
@@ -153,15 +149,14 @@ def render_sequence(
 
 
 def check_frames(files: dict[int, Path], size: tuple[int, int], keys: dict[int, str] | None = None) -> None:
-    """UserError naming the frames whose files are not there, are damaged or not of a size (width, height).
+    """UserError naming the frames whose files are not there, damaged, not of a size (width, height), or not
+    as this program wrote them.
 
     With `keys`, also those that were made from something else.
     """
     problems: dict[str, list[int]] = {}
     for frame, path in files.items():
-        problem = frame_files.still_problem(path, size)
-        if not problem and keys is not None and frame_files.key_of(path) != keys[frame]:
-            problem = "was made from something else or with other settings"
+        problem = frame_files.still_problem(path, size) or _strangeness(path, keys[frame] if keys else None)
         if problem:
             problems.setdefault(problem.replace("was not written", "is missing"), []).append(frame)
     if problems:
@@ -170,6 +165,16 @@ def check_frames(files: dict[int, Path], size: tuple[int, int], keys: dict[int, 
             for problem, which in problems.items()
         )
         raise UserError(f"{told} in {next(iter(files.values())).parent}; render what is not right again")
+
+
+def _strangeness(path: Path, key: str | None) -> str:
+    """Why a picture is not one that this program wrote, with that key, or an empty string."""
+    found = frame_files.key_of(path)
+    if found is None:
+        return "was not rendered by this program"
+    if key is not None and found != key:
+        return "was made from something else or with other settings"
+    return "was changed after it was rendered" if frame_files.is_changed(path) else ""
 
 
 def _missing(targets: dict[int, Path], keys: dict[int, str], overwrite: bool, report: Report) -> list[int]:
@@ -181,13 +186,12 @@ def _missing(targets: dict[int, Path], keys: dict[int, str], overwrite: bool, re
             continue
         is_same = frame_files.key_of(path) == keys[frame]
         problem = frame_files.still_problem(path) if is_same or not path.stat().st_size else ""
-        if is_same and not problem:
+        strange = "" if problem else _strangeness(path, keys[frame])
+        if not (problem or strange):
             continue
         if not (problem or overwrite):
             raise UserError(
-                f"{path} exists and was made from something else or with other settings; name another folder,"
-                " or overwrite it",
-                Remedy.OVERWRITE,
+                f"{path} exists and {strange}; name another folder, or overwrite it", Remedy.OVERWRITE
             )
         damaged += bool(problem)
         todo.append(frame)
@@ -243,6 +247,7 @@ def _render_still(scene: bpy.types.Scene, frame: int, target: Path, key: str, st
                 raise UserError(f"frame {frame}: Blender could not write it: {str(error).strip()}") from error
         watch.check_drawn()
         frame_files.refuse(target, frame_files.still_problem(part, written_size(render)))
+        frame_files.seal(part)
         _is_made_meanwhile(frame, target, key, stamp)
 
 
@@ -254,13 +259,14 @@ def render_movie(
     The frames are kept beside it as pictures until the movie is whole, so that an equal run goes on where
     this one stopped.
     """
-    folder = frames_folder(out)
+    folder = movie_folder.prepare(out)
     crop_to_even(scene.render)
-    # What is in this folder is ours: pictures of another run of the same movie are replaced.
-    render_sequence(scene, frames, folder / "######.png", True, report, draw)
-    files = {frame: folder / f"{frame:06d}.png" for frame in frames}
-    join(scene, files, out)
-    shutil.rmtree(folder, ignore_errors=True)
+    # Pictures of another run of the same movie are replaced.
+    pattern = folder / movie_folder.FRAMES
+    render_sequence(scene, frames, pattern, True, report, draw)
+    join(scene, {frame: folder / numbered(pattern.name, frame) for frame in frames}, out)
+    if left := movie_folder.clear(out):
+        report(f"{folder} stays: {left[0].name} in it was not made by this run, or was changed since")
 
 
 def join(scene: bpy.types.Scene, files: dict[int, Path], out: Path) -> None:

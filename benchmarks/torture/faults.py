@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from . import disks, kills, mutations, races, sizes, strangers
+from . import disks, kills, mutations, races, sizes, strangers, users_files
 from .bench import Try
 
 MANY = 1_000_000
@@ -48,6 +48,8 @@ FAULTS = {
     "kept-depth": Fault("depth that an earlier run kept is damaged", mutations.kept_depth),
     "report": Fault("the file of reports is damaged", mutations.report),
     "blend": Fault("a property of a .blend is damaged", mutations.blend),
+    "movie-folder": Fault("files of the user's in a movie's folder of frames", users_files.movie_folder),
+    "edited-frame": Fault("a frame is edited after the render", users_files.edited_frame),
     "not-finite": Fault("NaN and infinite pixels", mutations.not_finite),
     "middle": Fault("a byte of a clip of 80 MiB is changed, its time put back", strangers.middle),
     "not-files": Fault("a pipe or a device in place of a file", strangers.not_files),

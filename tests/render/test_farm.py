@@ -266,7 +266,7 @@ def test_join_takes_only_frames_that_are_whole_and_of_one_lens(work: Path, tmp_p
     (frames / "000011.png").write_bytes(cv2.imencode(".png", np.zeros((54, 96, 3)))[1].tobytes())
     damaged = here(*words, *LENS)
     assert damaged.returncode == 1 and not out.exists()
-    for told in ("frame 7 is cut off or damaged", "frame 9 is missing", "frame 11 was made from something"):
+    for told in ("frame 7 is cut off or damaged", "frame 9 is missing", "frame 11 was not rendered by this"):
         assert told in damaged.stderr
 
 
