@@ -19,7 +19,7 @@ from pathlib import Path
 import pytest
 
 from addon.core.base.errors import UserError
-from addon.core.base.folder_lock import FileLock
+from addon.core.base.file_lock import FileLock
 
 from . import ending
 

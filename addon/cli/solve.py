@@ -10,7 +10,7 @@ from pathlib import Path
 
 import bpy
 
-from ..core.base.atomic import PART, collect_orphans, owned_name
+from ..core.base.atomic import PART, collect_orphans, owned
 from ..core.base.counting import counted
 from ..core.base.errors import UserError
 from ..core.base.time_left import TimeLeft
@@ -186,15 +186,18 @@ def export_solve(options: argparse.Namespace) -> None:
     footage = solved.open_clip(solved.frames)
     names = {} if footage.is_video else {frame: footage.file(frame).name for frame in footage.frames}
     collect_orphans(out.parent)
-    part = out.with_name(f"{owned_name(PART)}-{out.name}")
     try:
-        part.mkdir(parents=True)
-        export_model(part, solved.reconstruction, names)
-        part.rename(out)
+        out.parent.mkdir(parents=True, exist_ok=True)
+        with owned(out.parent, PART) as name:
+            part = out.with_name(f"{name}-{out.name}")
+            try:
+                part.mkdir()
+                export_model(part, solved.reconstruction, names)
+                part.rename(out)
+            finally:
+                shutil.rmtree(part, ignore_errors=True)
     except OSError as error:
         raise UserError(f"{out} cannot be written: {error.strerror}") from error
-    finally:
-        shutil.rmtree(part, ignore_errors=True)
     print(f"wrote {options.model}: {solved.summary}", flush=True)
 
 

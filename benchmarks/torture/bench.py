@@ -10,7 +10,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
@@ -89,11 +89,15 @@ class Try:
         return path
 
     def start(
-        self, *arguments: object, limits: Callable[[], None] | None = None, script: Path = HEADLESS
+        self,
+        *arguments: object,
+        limits: Callable[[], None] | None = None,
+        script: Path = HEADLESS,
+        before: Sequence[str] = (),
     ) -> subprocess.Popen[str]:
-        """Start the command line, the leader of a group of its own."""
+        """Start the command line, the leader of a group of its own; `before` are words before its own."""
         return subprocess.Popen(
-            [sys.executable, str(script), *map(str, arguments)],
+            [*before, sys.executable, str(script), *map(str, arguments)],
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace", cwd=self.folder,
             start_new_session=True, preexec_fn=limits,
             env=os.environ | {"TMPDIR": str(self.temporary), "PYTHONUNBUFFERED": "1",

@@ -38,6 +38,7 @@ FAULTS = {
     "same-movie": Fault("two processes render one movie", races.same_movie),
     "other-movie": Fault("two processes, one movie, two lenses", races.other_movie),
     "two-solves": Fault("two solves go into one folder", races.solves),
+    "another-container": Fault("a container looks into folders at work", races.another_container),
     "replaced": Fault("the clip is replaced while it is rendered", races.replaced_input),
     "removed": Fault("the masks are removed while frames are rendered", races.removed_input),
     "solve": Fault("a file of the working folder is damaged", mutations.solve),

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import shutil
+import subprocess
 import time
 
 from . import clip
 from .bench import DENSE, LENS, OTHER, Try, contents
+
+NAMESPACE = ("unshare", "--pid", "--fork", "--mount-proc")
+"""Before a command: run it with a table of processes of its own, as in a container."""
 
 
 def same_frames(one: Try) -> None:
@@ -111,3 +115,32 @@ def _two(one: Try, first: tuple[object, ...], second: tuple[object, ...]) -> tup
     time.sleep(one.dice.choice([0, one.dice.uniform(0, 0.6) * one.bench.seconds]))
     b = one.start(*second)
     return one.end(a).status, one.end(b).status
+
+
+def another_container(one: Try) -> None:
+    """A solve and a render, and a container on the same disk that looks into both folders meanwhile: it sees
+    none of their processes, and leaves all of it alone."""
+    if subprocess.run([*NAMESPACE, "true"], capture_output=True, check=False).returncode:
+        one.verdict.note = "no namespace of processes can be made here"
+        return
+    work, out = one.folder / "work", one.folder / "out" / "####.png"
+    solving = one.start("solve", one.bench.walk, "--work", work)
+    rendering = one.start("render", one.bench.work, *LENS, "--out", out)
+    for _ in range(one.dice.randint(2, 5)):
+        time.sleep(one.dice.uniform(0.1, 0.5) * one.bench.solve_seconds)
+        looks = [
+            one.start("report", work, before=NAMESPACE),
+            one.start("render", one.bench.work, *OTHER, "--frames", "3-6", "--out", out, before=NAMESPACE),
+        ]
+        for look in looks:
+            one.end(look)
+    for name, process in (("solve", solving), ("render", rendering)):
+        run = one.end(process)
+        # A frame of the other lens may be there first, which is refused.
+        if run.status and "was replaced meanwhile" not in run.said and "other settings" not in run.said:
+            one.verdict.add("lost", f"the {name} was disturbed: {run.said[-300:]}")
+    expected, there = contents(one.bench.walk_work / "model"), contents(work / "model")
+    if there != expected:
+        one.verdict.add("wrong", "the solve differs from the reference")
+    one.expect(one.bench.frames, out, one.run("render", one.bench.work, *LENS, "--out", out, "--overwrite"))
+    one.look_for_leftovers({"solve.json", *(f"model/{name}" for name in expected)}, set(contents(work)))

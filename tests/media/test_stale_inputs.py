@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import shutil
@@ -14,8 +15,9 @@ from pathlib import Path
 import bpy
 import pytest
 
-from addon.core.base import atomic, digest, folder_lock
+from addon.core.base import atomic, digest, file_lock, folder_lock
 from addon.core.base.errors import Remedy, UserError
+from addon.core.base.processes import process_table
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.media import clip_identity
 from addon.core.media.clip import open_footage
@@ -330,7 +332,7 @@ def test_a_kill_between_model_and_state_loses_nothing(tmp_path: Path, moved: str
     before = listed(work / "model")
     longer = Intrinsics(LENS.width, LENS.height, 2 * LENS.fx, 2 * LENS.fy, LENS.cx, LENS.cy)
     keep(clip, other, longer)
-    killed = work / f".solving-{atomic._host()}-999999999-0123abcd"
+    killed = work / f".solving-{process_table()}-999999999-0123abcd"
     killed.mkdir()
     (work / "model").rename(killed / "old")
     shutil.copy(other / "solve.json", killed)
@@ -348,15 +350,16 @@ def test_a_kill_between_model_and_state_loses_nothing(tmp_path: Path, moved: str
 def test_litter_of_dead_processes_is_collected(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     temporary, work = tmp_path / "tmp", tmp_path / "work"
     monkeypatch.setattr(atomic.tempfile, "gettempdir", lambda: str(temporary))
-    dead, alive = (f"{atomic._host()}-{pid}-0123abcd" for pid in (999999999, os.getppid()))
-    for folder, name in ((temporary, "virtual-aperture-"), (work, ".solving-")):
-        for owner in (dead, alive):
-            (folder / f"{name}{owner}").mkdir(parents=True)
-            (folder / f"{name}{owner}" / "database.db").touch()
+    dead, alive = (f"{process_table()}-{pid}-0123abcd" for pid in (999999999, os.getppid()))
+    # In the working folder whoever is alive has its lock.
+    litter = [temporary / f"virtual-aperture-{owner}" for owner in (dead, alive)]
+    for folder in (*litter, work / f".solving-{dead}"):
+        folder.mkdir(parents=True)
+        (folder / "database.db").touch()
     (temporary / "virtual-aperture-of-mine").mkdir()
     clip = planes.write_clip(tmp_path / "walk", planes.sideways(3))
     SolveProcess(clip, work).cancel()
-    assert [p.name for p in work.iterdir()] == [f".solving-{alive}"]
+    assert list(work.iterdir()) == []
     assert sorted(p.name for p in temporary.iterdir()) == sorted(
         [f"virtual-aperture-{alive}", "virtual-aperture-of-mine"]
     )
@@ -387,9 +390,9 @@ def test_two_clips_do_not_share_a_folder_where_no_locks_are_known(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def unknown(_file: int) -> None:
-        raise OSError(folder_lock.errno.ENOLCK, "no locks available")
+        raise OSError(errno.ENOLCK, "no locks available")
 
-    monkeypatch.setattr(folder_lock, "_lock", unknown)
+    monkeypatch.setattr(file_lock, "_lock", unknown)
     clip, work = write_frames(tmp_path / "one", LENS), tmp_path / "work"
     late = Staging(work)
     keep(clip, work)

@@ -17,6 +17,7 @@ import pytest
 from addon.core.base import atomic
 from addon.core.base.digest import file_digest
 from addon.core.base.errors import UserError
+from addon.core.base.processes import process_table
 from addon.render import engine, frame_files, output
 from addon.render.frame_keys import frame_keys
 from addon.scene import shot
@@ -180,15 +181,13 @@ def test_a_movie_that_is_cut_off_is_told(tmp_path: Path) -> None:
 
 
 def test_unfinished_files_of_dead_processes_are_collected(tmp_path: Path) -> None:
-    host = atomic._host()
-    dead, mine = tmp_path / f".part-{host}-999999999-0123abcd-a.png", tmp_path / ".part-mine.png"
-    alive = tmp_path / f".part-{host}-{os.getppid()}-0123abcd-a.png"
-    fresh, old = (tmp_path / f".part-elsewhere-{n}-0123abcd-a.png" for n in (1, 2))
-    for path in (dead, mine, alive, fresh, old):
+    table = process_table()
+    dead, mine = tmp_path / f".part-{table}-999999999-0123abcd-a.png", tmp_path / ".part-mine.png"
+    alive = tmp_path / f".part-{table}-{os.getppid()}-0123abcd-a.png"
+    for path in (dead, mine, alive):
         path.touch()
-    os.utime(old, (0, 0))
-    assert sorted(atomic.collect_orphans(tmp_path)) == sorted([dead, old])
-    assert sorted(tmp_path.iterdir()) == sorted([mine, alive, fresh])
+    assert atomic.collect_orphans(tmp_path) == [dead]
+    assert sorted(tmp_path.iterdir()) == sorted([mine, alive])
 
 
 def test_what_fails_while_writing_leaves_the_old_file(tmp_path: Path) -> None:

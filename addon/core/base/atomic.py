@@ -1,7 +1,7 @@
 """Files that are whole or not there: written under a name of their own beside, and then moved into place.
 
-What is unfinished is named after the process that writes it, so that two never share a name, and what a
-process left that was killed is known and collected.
+What is unfinished has a name that no two share and, beside it, a lock that ends with the process that writes
+it: so what a process left that was killed is known and collected, and what another machine works on is not.
 """
 
 from __future__ import annotations
@@ -10,29 +10,37 @@ import contextlib
 import os
 import re
 import shutil
-import socket
 import tempfile
-import time
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from .errors import UserError
+from .file_lock import FileLock, is_abandoned
+from .processes import process_table
 
 PART = ".part-"
 """Begins the name of an unfinished file, or folder, beside its place."""
 TEMPORARY = "virtual-aperture-"
 """Begins the name of a folder in the system's folder for temporary files."""
-_OWNED = re.compile(r"(?P<host>.+)-(?P<pid>\d+)-[0-9a-f]{8}(-.+)?")
-ABANDONED = 24 * 3600
-"""Seconds after which an unfinished file of another machine, whose processes cannot be asked, is taken for
-abandoned: by then a farm has given up a frame."""
+LOCK = ".lock"
+"""Ends the name of the file that whoever has a name holds beside it."""
+_OWNED = re.compile(r"(?P<name>(?P<table>[0-9a-f]{12})-(?P<pid>\d+)-[0-9a-f]{8})(-.+|\.lock)?")
 
 
 def owned_name(prefix: str) -> str:
-    """A name that nobody else has, and that tells this machine and process."""
-    return f"{prefix}{_host()}-{os.getpid()}-{uuid.uuid4().hex[:8]}"
+    """A name that nobody else has, and that tells this process and its table."""
+    return f"{prefix}{process_table()}-{os.getpid()}-{uuid.uuid4().hex[:8]}"
+
+
+@contextmanager
+def owned(folder: Path, prefix: str) -> Iterator[str]:
+    """A name for something unfinished in a folder, to be followed by - and more if need be. While it lasts,
+    `collect_orphans` leaves it alone, whoever asks. Raises OSError where nothing can be written there."""
+    name = owned_name(prefix)
+    with FileLock(folder / f"{name}{LOCK}", UserError):
+        yield name
 
 
 @contextmanager
@@ -42,16 +50,18 @@ def staged(path: Path) -> Iterator[Path]:
     Its name is this process's own, so that two that write the same file never share one. If anything is
     raised within, or nothing was written, nothing is left. Raises UserError where the file cannot be written.
     """
-    part = path.with_name(f"{owned_name(PART)}-{path.name}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        yield part
-        publish(part, path)
+        with owned(path.parent, PART) as name:
+            part = path.with_name(f"{name}-{path.name}")
+            try:
+                yield part
+                publish(part, path)
+            finally:
+                with contextlib.suppress(OSError):
+                    part.unlink(missing_ok=True)
     except OSError as error:
         raise UserError(f"{path} cannot be written: {error.strerror or error}") from error
-    finally:
-        with contextlib.suppress(OSError):
-            part.unlink(missing_ok=True)
 
 
 def publish(part: Path, path: Path) -> None:
@@ -81,12 +91,14 @@ def write_bytes(path: Path, data: bytes) -> None:
 @contextmanager
 def temporary_folder() -> Iterator[Path]:
     """A folder for temporary files, gone at the end; a killed process's by `collect_temporary`."""
-    folder = Path(tempfile.gettempdir()) / owned_name(TEMPORARY)
-    folder.mkdir(mode=0o700)
-    try:
-        yield folder
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
+    temporary = Path(tempfile.gettempdir())
+    with owned(temporary, TEMPORARY) as name:
+        folder = temporary / name
+        folder.mkdir(mode=0o700)
+        try:
+            yield folder
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
 
 
 def collect_temporary() -> list[Path]:
@@ -107,42 +119,18 @@ def collect_orphans(folder: Path, prefix: str = PART) -> list[Path]:
     return removed
 
 
-def orphans(folder: Path, prefix: str) -> list[Path]:
-    """What dead processes left in a folder under names by `owned_name`; none where it cannot be listed."""
+def orphans(folder: Path, prefix: str, lock: Path | None = None) -> list[Path]:
+    """What dead processes left in a folder under names by `owned_name`, the locks beside them last; none
+    where it cannot be listed, or where it is not known whether they are dead.
+
+    `lock` is the file that they held instead of those beside.
+    """
     found = []
     with contextlib.suppress(OSError):
         for path in folder.iterdir():
             match = _OWNED.fullmatch(path.name.removeprefix(prefix)) if path.name.startswith(prefix) else None
-            if match is not None and _is_abandoned(path, match["host"], int(match["pid"])):
-                found.append(path)
-    return found
-
-
-def _is_abandoned(path: Path, host: str, pid: int) -> bool:
-    if host == _host():
-        return pid != os.getpid() and not is_alive(pid)
-    try:
-        return time.time() - path.stat().st_mtime > ABANDONED
-    except OSError:
-        return False
-
-
-def is_alive(pid: int) -> bool:
-    """Whether a process of this machine runs."""
-    if os.name != "posix":
-        # Windows cannot delete a file that is open: trying to is the question.
-        return False
-    try:
-        os.kill(pid, 0)
-    except (ProcessLookupError, OverflowError):
-        return False
-    except PermissionError:
-        return True
-    # One that has ended, and that whoever started it has not asked about, still has its number.
-    with contextlib.suppress(OSError, IndexError):
-        return Path(f"/proc/{pid}/stat").read_text(errors="replace").rpartition(")")[2].split()[0] != "Z"
-    return True
-
-
-def _host() -> str:
-    return re.sub(r"[^A-Za-z0-9]+", "_", socket.gethostname()) or "host"
+            if match is not None:
+                held = lock or folder / f"{prefix}{match['name']}{LOCK}"
+                if is_abandoned(held, match["table"], int(match["pid"])):
+                    found.append(path)
+    return sorted(found, key=lambda path: path.name.endswith(LOCK))

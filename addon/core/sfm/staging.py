@@ -13,7 +13,7 @@ from typing import Any
 from ..base import atomic
 from ..base.errors import Remedy, UserError
 from ..base.file_names import checked_name
-from ..base.folder_lock import FolderLock
+from ..base.folder_lock import NAME, FolderLock
 from ..base.regular_file import read_regular
 from ..media.clip import Footage
 from ..media.clip_identity import identity
@@ -42,7 +42,7 @@ class Staging:
                 self._made = next(p for p in [*reversed(work_dir.parents), work_dir] if not p.exists())
                 work_dir.mkdir(parents=True, exist_ok=True)
             self._lock = FolderLock(work_dir)
-            recover(work_dir)
+            recover(work_dir, self._lock)
             self._before = _state_bytes(work_dir)
             self.folder = work_dir / atomic.owned_name(PREFIX)
             self.folder.mkdir()
@@ -120,12 +120,17 @@ class Staging:
         self._made = None
 
 
-def recover(work_dir: Path) -> None:
+def recover(work_dir: Path, lock: FolderLock | None = None) -> None:
     """Remove what dead processes left in a working folder; what one had begun to move into place is ended.
 
-    Harmless whoever else does the same.
+    Harmless whoever else does the same, and while somebody solves there. `lock` is the caller's own.
     """
-    for folder in atomic.orphans(work_dir, PREFIX):
+    if lock is not None and lock.is_locked:
+        # Whoever made another one had the lock, and has it no more.
+        left = [path for path in work_dir.iterdir() if path.name.startswith(PREFIX)]
+    else:
+        left = atomic.orphans(work_dir, PREFIX, work_dir / NAME)
+    for folder in left:
         with contextlib.suppress(OSError):
             _finish_moving(work_dir, folder)
             shutil.rmtree(folder)
