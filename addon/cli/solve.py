@@ -108,26 +108,36 @@ def solve(options: argparse.Namespace) -> None:
     """`solve FOOTAGE --work DIR [--depth]`"""
     solved = solve_clip(options, options.work)
     print_quality(solved)
-    if options.depth:
-        keep_depth(solved)
+    if options.depth and (problem := keep_depth(solved)):
+        print(f"note: {problem.worded(WORDS)}", flush=True)
 
 
 def depth(options: argparse.Namespace) -> None:
     """`depth DIR`"""
     if options.end_with_input:
         child.end_with_input()
-    keep_depth(load_solve(options.work.absolute()))
+    if problem := keep_depth(load_solve(options.work.absolute())):
+        raise problem
 
 
-def keep_depth(solved: Solve) -> None:
-    """Find the depth of a clip's frames without masks and keep it beside the solve: renders read it there."""
+def keep_depth(solved: Solve) -> UserError | None:
+    """Find the depth of a clip's frames without masks and keep it beside the solve: renders read it there.
+
+    Ends at a frame whose depth cannot be kept, and returns what is kept and why that is not.
+    """
     footage = solved.open_clip()
     stereo = Shot(footage, solved.reconstruction, work=solved.work_dir).context.stereo
     count = len(footage.frames)
     for number, frame in enumerate(footage.frames, 1):
         stereo.at(frame)
+        if stereo.kept(frame) is None:
+            there = sum(stereo.kept(each) is not None for each in footage.frames)
+            why = stereo.not_kept or UserError("what was written cannot be read back")
+            kept = f"the depth of {there} of {counted(count, 'frame')} is kept in {solved.work_dir}"
+            return UserError(f"{kept}, that of frame {frame} cannot be: {why}", *why.remedies)
         print(f"depth of frame {frame}: {number} of {count}", flush=True)
     print(f"the depth of {counted(count, 'frame')} is kept in {solved.work_dir}", flush=True)
+    return None
 
 
 def print_quality(solved: Solve) -> None:

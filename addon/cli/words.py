@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from ..core.base.errors import Remedy, Words
+from ..core.base.limits import KEPT_DEPTH
 
 WORDS: Words = {
     Remedy.FRAMES: "--frames A-B",
@@ -11,4 +12,5 @@ WORDS: Words = {
     Remedy.AGAIN: "--again",
     Remedy.FOCAL: "--focal, --focal35, --focal-mm or --fov",
     Remedy.OVERWRITE: "--overwrite",
+    Remedy.KEPT_DEPTH: KEPT_DEPTH,
 }

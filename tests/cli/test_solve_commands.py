@@ -96,6 +96,16 @@ def test_depth_that_is_found_ahead_is_what_renders_read(
         assert (tmp_path / "found" / name).read_bytes() == (tmp_path / "read" / name).read_bytes()
 
 
+def test_a_solve_is_there_where_its_depth_cannot_be_kept(
+    registered: None, solved: Solve, clip: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    work = shutil.copytree(solved.work_dir, tmp_path / "work", ignore=lambda *_: ["depth"])
+    (work / "depth").touch()
+    assert run("solve", clip, "--work", work, "--fov", 60.93, "--depth") == 0
+    said = capsys.readouterr().out
+    assert f"note: the depth of 0 of 16 frames is kept in {work}, that of frame 1 cannot be: " in said
+
+
 def test_a_video_is_opened_once_before_its_worker_starts(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

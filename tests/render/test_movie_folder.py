@@ -11,23 +11,13 @@ import numpy as np
 import pytest
 
 from addon.core.base.errors import UserError
-from addon.core.lens.focus import Focus
 from addon.render import frame_files, movie_folder, output
-from addon.scene.build import build
-from addon.scene.lens import set_focus
 from benchmarks.torture.users_files import edit
 
-from ..scenes import slanted_shot
-from .test_output import FRAMES, LENS, interrupted, listed, rendered
+from ..faults import interrupted
+from ..slanted_clip import FRAMES, listed, ready, rendered
 
-
-@pytest.fixture
-def ready(scene: bpy.types.Scene, tmp_path: Path) -> bpy.types.Scene:
-    made = slanted_shot(tmp_path / "clip", LENS)
-    settings = build(scene, made.footage, made.reconstruction)
-    set_focus(settings, Focus(points=(3, 9, 30, 60)), 1)
-    settings.views, settings.method = 4, "features"
-    return scene
+__all__ = ["ready"]
 
 
 def movie(scene: bpy.types.Scene, out: Path) -> list[str]:

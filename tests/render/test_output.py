@@ -3,10 +3,6 @@
 from __future__ import annotations
 
 import os
-import resource
-import signal
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import bpy
@@ -22,39 +18,10 @@ from addon.render import engine, frame_files, output
 from addon.render.frame_keys import frame_keys
 from addon.scene import shot
 
+from ..faults import full_disk, interrupted
 from ..slanted_clip import FRAMES, listed, ready, rendered
 
 __all__ = ["ready"]
-
-
-@contextmanager
-def full_disk(size: int) -> Iterator[None]:
-    """No file can grow beyond so many bytes."""
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    handled = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
-        signal.signal(signal.SIGXFSZ, handled)
-
-
-@contextmanager
-def interrupted(at: int) -> Iterator[None]:
-    """Ctrl-C arrives while this frame is drawn."""
-    drawn = engine.render_frame
-
-    def stops(taken: object, frame: int, *rest: object) -> object:
-        if frame == at:
-            raise KeyboardInterrupt
-        return drawn(taken, frame, *rest)
-
-    engine.render_frame = stops
-    try:
-        yield
-    finally:
-        engine.render_frame = drawn
 
 
 def test_names_with_every_sign(ready: bpy.types.Scene, tmp_path: Path) -> None:

@@ -21,6 +21,8 @@ class Remedy(StrEnum):
     """What is known of the focal length."""
     OVERWRITE = "overwrite"
     """Writing over output that exists."""
+    KEPT_DEPTH = "kept_depth"
+    """How much depth of a clip is kept."""
 
 
 Words = Mapping[Remedy, str]

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from ..base import atomic, limits
 from ..base.arrays import Bytes, Map, Mask
-from ..base.errors import UserError
+from ..base.errors import Remedy, UserError
 from ..base.npz import read_arrays
 
 FINEST = 4095
@@ -111,7 +111,7 @@ class KeptDepth:
 class DepthStore:
     """The kept depth of one clip's frames.
 
-    Nothing is raised where the disk is full or cannot be written: then less is kept.
+    Nothing is raised where the disk is full or cannot be written: then less is kept, and `problem` says why.
     """
 
     def __init__(self, folder: Path, key: Callable[[], str], most: int | None = None) -> None:
@@ -123,6 +123,8 @@ class DepthStore:
         self._key, self._key_now = key(), key
         self._folder, self._most = folder / self._key, most or limits.most_kept_depth()
         self._taken = -1
+        self.problem: UserError | None = None
+        """Why the last thing that was to be kept is not; None where it is."""
 
     def depth(self, frame: int, shape: tuple[int, int]) -> KeptDepth | None:
         """A frame's depth (h, w) of that shape, None where it is not kept."""
@@ -181,10 +183,22 @@ class DepthStore:
         data = io.BytesIO()
         np.savez(data, allow_pickle=False, **parts)
         # It is only kept for later: a frame that is asked for must not fail of it.
-        with contextlib.suppress(OSError, UserError):
-            if self._key_now() == self._key and self._has_room(data.tell()):
-                atomic.write_bytes(self._folder / f"{name}.npz", data.getvalue())
-                self._taken += data.tell()
+        self.problem = None
+        try:
+            if self._key_now() != self._key:
+                raise UserError("the clip, its solve or its masks have changed meanwhile")
+            if not self._has_room(data.tell()):
+                raise UserError(
+                    f"no more than {self._most} bytes of depth are kept for a clip; allow more",
+                    Remedy.KEPT_DEPTH,
+                )
+            atomic.write_bytes(self._folder / f"{name}.npz", data.getvalue())
+            self._taken += data.tell()
+        except OSError as error:
+            self.problem = UserError(f"{self._folder} cannot be written: {error.strerror or error}")
+        except UserError as error:
+            # Without the traceback, which holds all that was to be written.
+            self.problem = UserError(str(error), *error.remedies)
 
     def _has_room(self, more: int) -> bool:
         """Whether so many bytes more are no more than the most, once other keys' files are removed for them,

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from ..base.arrays import Bytes, Map, Mask
+from ..base.errors import UserError
 from ..base.lru_cache import LRUCache
 from ..base.progress import checkpoint, part
 from ..camera.reconstruction import Image, Reconstruction
@@ -117,6 +118,11 @@ class TemporalFusion:
         lens = self._stereo.pinhole(frame)
         kept = self._store.depth(frame, (lens.height, lens.width)) if self._store else None
         return None if kept is None else self._dense(frame, kept)
+
+    @property
+    def not_kept(self) -> UserError | None:
+        """Why the last depth that was found is not kept; None where it is, or nothing is to be."""
+        return self._store.problem if self._store else None
 
     def _dense(self, frame: int, kept: KeptDepth) -> DenseDepth:
         lens = self._stereo.pinhole(frame)

@@ -1,0 +1,49 @@
+"""`depth` calls kept what can be read again, and fails where it cannot keep it."""
+
+from __future__ import annotations
+
+from contextlib import nullcontext
+from pathlib import Path
+
+import pytest
+
+from addon.core.base import limits
+
+from ..command_line import run
+from ..faults import full_disk
+from ..slanted_clip import keep, video
+
+
+@pytest.mark.parametrize("way", ["a file in its place", "full disk", "limit"])
+def test_depth_that_cannot_be_kept_is_not_called_kept(
+    registered: None, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch,
+    way: str,
+) -> None:  # fmt: skip
+    work, said = tmp_path / "work", "that of frame 1 cannot be"
+    keep(video(tmp_path / "clip.mp4"), work)
+    assert run("depth", work) == 0
+    assert "the depth of 3 frames is kept in" in capsys.readouterr().out
+    kept = sorted((work / "depth").rglob("depth-*.npz"))
+    sizes = [path.stat().st_size for path in kept]
+    if way == "limit":
+        most = sum(sizes) + sum(path.stat().st_size for path in work.rglob("moving-*.npz")) - sizes[-1] // 2
+        monkeypatch.setenv(limits.KEPT_DEPTH, str(most))
+        said = f"no more than {most} bytes of depth are kept for a clip; allow more (VIRTUAL_APERTURE_KEPT_DE"
+    for path in [*work.rglob("depth-*.npz"), *work.rglob("moving-*.npz")]:
+        path.unlink()
+    if way == "a file in its place":
+        kept[0].parent.rmdir()
+        (work / "depth").rmdir()
+        (work / "depth").touch()
+    with full_disk(min(sizes) // 2) if way == "full disk" else nullcontext():
+        assert run("depth", work) == 1
+    told = capsys.readouterr()
+    there = len(list(work.rglob("depth-*.npz")))
+    assert f"the depth of {there} of 3 frames is kept in {work}" in told.err and said in told.err
+    assert there == (2 if way == "limit" else 0) and "the depth of 3 frames" not in told.out
+    # With space the same command goes on.
+    monkeypatch.delenv(limits.KEPT_DEPTH, raising=False)
+    if way == "a file in its place":
+        (work / "depth").unlink()
+    assert run("depth", work) == 0
+    assert len(list(work.rglob("depth-*.npz"))) == 3
