@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -135,9 +136,10 @@ def farm(options: argparse.Namespace) -> None:
         frames = list(open_footage(source, FrameRange(footage.frames[0], footage.frames[-1])).frames)
         clip = copy_clip(open_footage(source), folder)
         words = lens_arguments(at_frame(options, frames[0]), depth=None, mask=None, aperture=None)
-    lens = words + _pictures(options, footage, folder)
-    name = clip.relative_to(folder).as_posix()
-    job = _job(options, _chunks(frames, options.chunk), lens, None if is_solved else name)
+    texts = _Texts()
+    lens = words + _pictures(options, footage, folder, texts)
+    name = _in_bundle(clip, folder, texts)
+    job = _job(options, _chunks(frames, options.chunk), lens, None if is_solved else name, texts)
     atomic.write_bytes(out / TEMPLATE, (json.dumps(job, indent=1) + "\n").encode())
     tasks = counted(len(job["steps"][-2]["parameterSpace"]["taskParameterDefinitions"][0]["range"]), "task")
     say(f"wrote {options.out}: {counted(len(frames), 'frame')} in {tasks}")
@@ -156,26 +158,42 @@ def _copy_solve(source: Path, target: Path, clip: Path) -> None:
         write_state(part, state)
 
 
-def _pictures(options: argparse.Namespace, footage: Footage, folder: Path) -> list[str]:
+class _Texts:
+    """The user's texts as a template can hold them: Open Job Description reads what is in double braces, and
+    knows no escape. A text that has some is a parameter of the job, whose value is not read."""
+
+    def __init__(self) -> None:
+        self.parameters: list[dict[str, str]] = []
+
+    def literal(self, text: str) -> str:
+        """A text in a template's words that stands for itself."""
+        if "{{" not in text and "}}" not in text:
+            return text
+        name = f"Text{len(self.parameters) + 1}"
+        what = {"name": name, "type": "STRING", "default": text, "description": "A name that has braces"}
+        self.parameters.append(what)
+        return f"{{{{Param.{name}}}}}"
+
+
+def _pictures(options: argparse.Namespace, footage: Footage, folder: Path, texts: _Texts) -> list[str]:
     """Copy the user's depth maps, masks and aperture's picture into the bundle; the words that lead there."""
     words = []
     if options.depth:
         maps = open_depth(options.depth.absolute(), footage).maps
-        words += ["--depth", _in_bundle(copy_pictures(maps, folder / DEPTH), folder)]
+        words += ["--depth", _in_bundle(copy_pictures(maps, folder / DEPTH), folder, texts)]
     if options.mask:
         pictures = open_masks(options.mask.absolute(), footage).pictures
-        words += ["--mask", _in_bundle(copy_pictures(pictures, folder / MASKS), folder)]
+        words += ["--mask", _in_bundle(copy_pictures(pictures, folder / MASKS), folder, texts)]
     if options.aperture:
         shape, copy = copy_image(options.aperture, folder)
-        words += [
-            "--aperture",
-            *(word.replace(str(copy), _in_bundle(copy, folder)) if copy else word for word in shape),
-        ]
+        place = _in_bundle(copy, folder, texts) if copy else ""
+        words += ["--aperture", *(word.replace(str(copy), place) if copy else word for word in shape)]
     return words
 
 
-def _in_bundle(path: Path, folder: Path) -> str:
-    return f"{{{{Param.Input}}}}/{path.relative_to(folder).as_posix()}"
+def _in_bundle(path: Path, folder: Path, texts: _Texts) -> str:
+    """The path of what lies in the input folder, for the machine that runs the job."""
+    return f"{{{{Param.Input}}}}/{texts.literal(path.relative_to(folder).as_posix())}"
 
 
 def _chunks(frames: list[int], size: int) -> list[str]:
@@ -187,9 +205,11 @@ def _chunks(frames: list[int], size: int) -> list[str]:
     return [f"{part[0]}-{part[-1]}" for part in parts]
 
 
-def _job(options: argparse.Namespace, chunks: list[str], lens: list[str], clip: str | None) -> dict[str, Any]:
-    """The template. `clip` is the path within the input folder of one that is to be solved first."""
-    program, *before = _program()
+def _job(
+    options: argparse.Namespace, chunks: list[str], lens: list[str], clip: str | None, texts: _Texts
+) -> dict[str, Any]:
+    """The template. `clip` is the path of one that is to be solved first."""
+    program, *before = (texts.literal(word) if at else word for at, word in enumerate(_program()))
     work = "{{Param.Output}}/solve" if clip else "{{Param.Input}}/solve"
 
     def step(name: str, words: list[str], after: str = "", **others: Any) -> dict[str, Any]:
@@ -200,7 +220,7 @@ def _job(options: argparse.Namespace, chunks: list[str], lens: list[str], clip: 
     steps = []
     if clip:
         # The folder keeps the solve, and a second run of an equal step takes it.
-        words = ["solve", f"{{{{Param.Input}}}}/{clip}", "--work", work, *solve_arguments(options)]
+        words = ["solve", clip, "--work", work, *solve_arguments(options)]
         steps.append(step("Solve", words + (["--frames", options.frames] if options.frames else [])))
     rendered = f"{{{{Param.Output}}}}/{FRAMES}"
     words = ["render", work, *lens, "--for-movie", "--frames", "{{Task.Param.Frames}}", "--out", rendered]
@@ -208,10 +228,12 @@ def _job(options: argparse.Namespace, chunks: list[str], lens: list[str], clip: 
     steps.append(step("Render", words, "Solve" if clip else "", parameterSpace=space))
     words = ["join", work, *lens, "--rendered", rendered, "--overwrite"]
     words += ["--frames", options.frames] if options.frames else []
-    steps.append(step("Join", [*words, "--out", f"{{{{Param.Output}}}}/{options.movie}"], "Render"))
+    steps.append(
+        step("Join", [*words, "--out", f"{{{{Param.Output}}}}/{texts.literal(options.movie)}"], "Render")
+    )
     return {
         "specificationVersion": VERSION,
-        "name": f"Virtual Aperture {options.footage.stem}"[:128],
+        "name": re.sub(r"([{}])\1+", r"\1", f"Virtual Aperture {options.footage.stem}")[:128],
         "parameterDefinitions": [
             {
                 "name": "Program", "type": "STRING", "default": program,
@@ -225,6 +247,7 @@ def _job(options: argparse.Namespace, chunks: list[str], lens: list[str], clip: 
                 "name": "Output", "type": "PATH", "objectType": "DIRECTORY", "dataFlow": "OUT",
                 "default": "output", "description": "The movie, and the folder of its frames",
             },
+            *texts.parameters,
         ],
         "steps": steps,
     }  # fmt: skip

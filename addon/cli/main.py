@@ -20,6 +20,7 @@ from ..core.base.counting import counted
 from ..core.base.errors import UserError
 from ..core.media.clip import FrameRange
 from ..core.sfm.report import ranges
+from ..core.sfm.state import STATE
 from ..core.sfm.workspace import Solve, default_work_dir, load_solve
 from ..render import child, engine, jobs, movie_folder, output
 from ..render.average import no_gpu_note
@@ -118,11 +119,12 @@ def run(options: argparse.Namespace) -> None:
     _check_output(options)
     check_numbers(options)
     _check_apart(options, options.footage)
+    work = options.work or default_work_dir(options.footage, options.out.absolute().parent)
+    if options.report and options.report.absolute() == work.absolute() / STATE:
+        raise UserError(f"{options.report} is where the solve will be kept; name another file")
     with output.claimed(options.out.absolute()):
         _check_output(options)
-        solved = solve.solve_clip(
-            options, options.work or default_work_dir(options.footage, options.out.absolute().parent)
-        )
+        solved = solve.solve_clip(options, work)
         solve.print_quality(solved)
         _render(solved, options)
 

@@ -27,6 +27,8 @@ from .paths import path
 MASKS, DEPTH = "masks", "depth"
 """Folders beside the .blend, or within a farm's bundle, for copies of the user's pictures."""
 
+MOST_NAMED = 5
+"""Of files and folders beside a .blend; of more the first and the last are told. By eye: a line."""
 ENDS = b"ENDB", b"\xb1\xea\x92\x8f"
 """What ends a .blend: its last block, or, where it is compressed, the number of Zstandard's seek table."""
 
@@ -75,9 +77,11 @@ def save(options: argparse.Namespace) -> None:
     scene.render.filepath = "//render/"
     _write(blend)
     parts = [clip, *pictures]
-    names = ", ".join(
-        sorted({path.relative_to(blend.parent.resolve()).parts[0] for path in map(_real, parts)})
-    )
+    home = blend.parent.resolve()
+    beside = (file for path in parts for file in (_files(path) if _real(path) == home else [path]))
+    named = sorted({_real(path).relative_to(home).parts[0] for path in beside})
+    # A clip's pictures in the .blend's own folder are many.
+    names = ", ".join(named if len(named) <= MOST_NAMED else [named[0], "...", named[-1]])
     if options.pack:
         _pack(packed, blend, parts)
         say(f"packed {packed}: {blend.name} with {names}")

@@ -15,9 +15,12 @@ from ..core.base.errors import Remedy, UserError
 from ..core.base.regular_file import is_regular, read_regular
 from ..core.lens.inspection import Shown, pictures
 from ..core.lens.report import FrameReport, Used, frame_report, summary
+from ..core.sfm.state import is_state_file
 from .average import Drawn, draw_shares
 
 KIND = "virtual aperture frame reports"
+JOB = "specificationVersion"
+"""What every job in the Open Job Description format says."""
 
 
 def check_report(path: Path, overwrite: bool) -> None:
@@ -26,20 +29,29 @@ def check_report(path: Path, overwrite: bool) -> None:
         raise UserError(f"{path.name} is no file for reports; end it in .json")
     if path.exists() and not is_regular(path):
         raise UserError(f"{path} is no file; name another one for the reports")
-    if path.exists() and not overwrite and not _held(path):
+    if not path.exists() or _is_ours(path):
+        return
+    if is_state_file(path) or JOB in _held(path):
+        what = "a farm's job" if JOB in _held(path) else "what a working folder says of its solve"
+        raise UserError(f"{path} is {what}, which no report may replace; name another file")
+    if not overwrite:
         raise UserError(
             f"{path} exists and holds something else; name another file, or overwrite it",
             Remedy.OVERWRITE,
         )
 
 
+def _is_ours(path: Path) -> bool:
+    return _held(path).get("kind") == KIND
+
+
 def _held(path: Path) -> dict[str, Any]:
-    """What a file of reports holds; empty where it is none."""
+    """What a file of JSON holds; empty where it is none, or no object."""
     try:
         held = json.loads(read_regular(path))
     except (OSError, ValueError, RecursionError):
         return {}
-    return held if isinstance(held, dict) and held.get("kind") == KIND else {}
+    return held if isinstance(held, dict) else {}
 
 
 class RunReport:
@@ -55,7 +67,9 @@ class RunReport:
         self._reports: dict[int, FrameReport] = {}
         if path is None or not path.exists():
             return
-        held = _held(path)
+        # A solve may have been put there since.
+        check_report(path, overwrite)
+        held = _held(path) if _is_ours(path) else {}
         if held.get("key") == key:
             self._reports = _entries(held)
         elif not overwrite:
@@ -76,9 +90,9 @@ class RunReport:
 
     def take_over(self, path: Path) -> None:
         """Make the entries of another file of reports, where it is there, this one's."""
-        if self._path is None or not (held := _held(path)):
+        if self._path is None or not _is_ours(path):
             return
-        self._reports |= _entries(held)
+        self._reports |= _entries(_held(path))
         self._write(self._path)
 
     def lacks(self, frames: list[int]) -> list[int]:

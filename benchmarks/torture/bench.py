@@ -10,9 +10,10 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 
 from . import clip
 
@@ -94,6 +95,7 @@ class Try:
         limits: Callable[[], None] | None = None,
         script: Path = HEADLESS,
         before: Sequence[str] = (),
+        environment: Mapping[str, str] = MappingProxyType({}),
     ) -> subprocess.Popen[str]:
         """Start the command line, the leader of a group of its own; `before` are words before its own."""
         return subprocess.Popen(
@@ -101,7 +103,7 @@ class Try:
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace", cwd=self.folder,
             start_new_session=True, preexec_fn=limits,
             env=os.environ | {"TMPDIR": str(self.temporary), "PYTHONUNBUFFERED": "1",
-                              "XDG_CACHE_HOME": str(self.folder / "cache")},
+                              "XDG_CACHE_HOME": str(self.folder / "cache")} | dict(environment),
         )  # fmt: skip
 
     def end(self, process: subprocess.Popen[str], expected: Iterable[int] = ()) -> Run:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from .bench import LENS, Try, contents, file_limit
+from .bench import FRAMES, LENS, Try, contents, file_limit
 
 
 def file_size(one: Try) -> None:
@@ -60,6 +60,29 @@ def saving(one: Try) -> None:
     if again.status:
         one.verdict.add("lost", again.said[-300:])
     one.look_for_leftovers({"a.blend", "a.zip", "clip.mp4"}, set(contents(blend.parent)))
+
+
+def keeping_depth(one: Try) -> None:
+    """No space for the depth that is to be kept, or less than it takes by the user's limit: what is called
+    kept is there, and with space the same command goes on."""
+    work = one.bench.project(one.folder / "project")
+    kind = one.dice.choice(["disk", "limit", "file"])
+    if kind == "file":
+        (work / "depth").touch()
+    limits = file_limit(one.dice.choice([0, 500, 4000])) if kind == "disk" else None
+    most = {"VIRTUAL_APERTURE_KEPT_DEPTH": str(one.dice.randint(1, 200_000))} if kind == "limit" else {}
+    run = one.end(one.start("depth", work, limits=limits, environment=most))
+    there = len(list(work.glob("depth/*/depth-*.npz")))
+    if run.status == 0 and there < FRAMES:
+        one.verdict.add("wrong", f"{kind}: {there} are kept: {run.said[-300:]}")
+    if run.status and f"the depth of {there} of {FRAMES} frames is kept" not in run.said:
+        one.verdict.add("wrong", f"{kind}: {there} are kept: {run.said[-300:]}")
+    if kind == "file":
+        (work / "depth").unlink()
+    again = one.run("depth", work)
+    if again.status or len(list(work.glob("depth/*/depth-*.npz"))) != FRAMES:
+        one.verdict.add("lost", f"with space: {again.said[-300:]}")
+    one.look_for_leftovers(set(), {name for name in contents(work) if ".part-" in name})
 
 
 def _output(one: Try, folder: Path, is_movie: bool) -> tuple[Path, dict[str, bytes]]:

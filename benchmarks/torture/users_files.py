@@ -9,6 +9,7 @@ import numpy as np
 
 from .bench import FRAMES, LENS, OTHER, Try, contents
 from .kills import SIGNALS, interrupt, moment
+from .mutations import mutate
 
 MOVIE_FRAMES = "a.mp4.frames"
 """Folder in which a movie's frames lie until it is whole (`addon/render/movie_folder.py`)."""
@@ -70,6 +71,26 @@ def edited_frame(one: Try) -> None:
             one.verdict.add("wrong", f"{frame.name} was edited: {run.said[-300:]}")
     if contents(out.parent) != before:
         one.verdict.add("lost", "the edited frame was replaced")
+
+
+def own_report(one: Try) -> None:
+    """A file of reports in the place of a solve's state, whole or damaged, a copy of it or a link to it."""
+    work = one.bench.project(one.folder / "project")
+    state, kind = work / "solve.json", one.dice.choice(["state", "damaged", "copy", "link"])
+    path = state if kind in ("state", "damaged") else one.folder / "r.json"
+    if kind == "damaged":
+        state.write_bytes(mutate(one.dice, state.read_bytes()))
+    elif kind == "copy":
+        path.write_bytes(state.read_bytes())
+    elif kind == "link":
+        path.symlink_to(state)
+    before = path.read_bytes()
+    out = one.folder / "out" / "####.png"
+    run = one.run("render", work, *LENS, "--out", out, "--report", path, "--overwrite")
+    if path.read_bytes() != before or path.is_symlink() != (kind == "link"):
+        one.verdict.add("lost", f"{kind}: the solve's state was replaced")
+    if run.status == 0 or out.parent.exists():
+        one.verdict.add("wrong", f"{kind}: not refused: {run.said[-300:]}")
 
 
 def edit(path: Path) -> None:

@@ -58,6 +58,16 @@ def read_state(work_dir: Path) -> dict[str, Any] | None:
     return state
 
 
+def is_state_file(path: Path) -> bool:
+    """Whether a file is what a working folder says of its solve, wherever it lies, or is in its place."""
+    try:
+        held = json.loads(read_regular(path))
+    except (OSError, ValueError, RecursionError):
+        held = None
+    is_one = isinstance(held, dict) and all(isinstance(held.get(name), kind) for name, kind in _TYPES.items())
+    return is_one or (path.name == STATE and (path.parent / MODEL).is_dir())
+
+
 def write_state(path: Path, state: dict[str, Any]) -> None:
     """Write `solve.json` with its own digest, durably: what is changed in it later is told.
 
