@@ -9,6 +9,7 @@ import signal
 import sys
 import traceback
 from collections.abc import Callable, Sequence
+from itertools import chain
 from pathlib import Path
 from types import FrameType
 
@@ -29,7 +30,7 @@ from ..render.frame_size import render_size
 from ..render.gpu_views import check_memory, gpu_problem
 from ..render.quiet import quiet
 from ..render.run_report import RunReport, check_report
-from ..scene import paths, properties
+from ..scene import properties
 from ..scene.shot import shot_of
 from . import farm, inspect, save, solve
 from .lens import add_lens, check_numbers, movie_frames, pinned, say, scene_of, set_lens, wanted_frames
@@ -242,7 +243,10 @@ def _is_called_by_blender(frame: FrameType | None) -> bool:
     scripts = bpy.utils.system_resource("SCRIPTS")
     if frame is None or (scripts and frame.f_code.co_filename.startswith(scripts)):
         return True
-    called = {properties.__file__, paths.__file__}
+    lists = (getattr(bpy.app.handlers, name) for name in dir(bpy.app.handlers))
+    handlers = chain.from_iterable(each for each in lists if isinstance(each, list))
+    codes = (getattr(handler, "__code__", None) for handler in handlers)
+    called = {properties.__file__, *(code.co_filename for code in codes if code is not None)}
     return any(caller.f_code.co_filename in called for caller, _ in traceback.walk_stack(frame))
 
 
