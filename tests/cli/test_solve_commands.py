@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -15,7 +16,7 @@ from addon.core.sfm.process import SolveProcess
 from addon.core.sfm.report import ranges
 from addon.core.sfm.workspace import Solve, load_solve
 
-from .. import planes
+from .. import foreign_models, planes
 from ..command_line import run
 
 PART = ("--frames", "1-8", "--focal", "272")
@@ -266,3 +267,29 @@ def test_voodoos_pan_is_taken_in_and_called_one(
     assert run("solve", folder, "--work", tmp_path / "solve") == 1
     assert "only turns" in capsys.readouterr().err
     assert not (tmp_path / "solve").exists()
+
+
+@pytest.mark.parametrize("kind", ["voodoo", "bundler v0.1", "behind"])
+def test_a_reprojection_error_that_nobody_measured_is_not_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], kind: str
+) -> None:
+    model = foreign_models.world()
+    if kind == "behind":
+        # Every point is behind every camera, though the file says where they were seen.
+        model = replace(model, points=replace(model.points, xyz=model.points.xyz * [1, 1, -1]))
+    file = tmp_path / ("model.txt" if kind == "voodoo" else "bundle.out")
+    text = {
+        "voodoo": foreign_models.voodoo, "bundler v0.1": lambda m: foreign_models.old_bundler(m, "0.1"),
+        "behind": foreign_models.bundler,
+    }[kind](model)  # fmt: skip
+    file.write_text(text)
+    size = foreign_models.SIZE
+    clip = planes.write_clip(tmp_path / "clip", [np.full((*size[::-1], 3), n, np.uint8) for n in range(4)])
+    work = tmp_path / "work"
+    assert run("import", file, "--footage", clip, "--work", work) == 0
+    assert "reprojection error not measured" in capsys.readouterr().out
+    assert run("report", work) == 0
+    assert "reprojection  not measured: the model has no usable observations" in capsys.readouterr().out
+    assert run("report", work, "--json") == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said["reprojection_error"] is None and said["drift"] is None and said["depth_sigma"] is None

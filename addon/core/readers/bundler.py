@@ -105,7 +105,7 @@ def read(path: Path, size: tuple[int, int]) -> ImportedModel:
         notes.append("this version stores no feature positions: each point is taken to be where it projects")
     reconstruction = assemble(lenses, images, views, xyz, rgb)
     label = f"{FORMAT} v{version}" if version else f"{FORMAT} without a header"
-    return ImportedModel(label, reconstruction, tuple(names), tuple(notes))
+    return ImportedModel(label, reconstruction, tuple(names), tuple(notes), layout.view != 4)
 
 
 def _version(text: Text) -> str:

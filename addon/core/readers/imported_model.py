@@ -19,3 +19,5 @@ class ImportedModel:
     """Of all the file's images in its order, registered or not; empty strings where it names none."""
     notes: tuple[str, ...] = ()
     """What the user should know: what was skipped, assumed or not understood."""
+    projected: bool = False
+    """The file stores no feature positions: each feature is put where its point projects."""

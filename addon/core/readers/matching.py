@@ -37,6 +37,8 @@ class Imported:
     format: str
     notes: tuple[str, ...]
     """What the user should know, a sentence each."""
+    projected: bool = False
+    """As `ImportedModel.projected`."""
 
 
 @dataclass
@@ -86,7 +88,7 @@ def match(model: ImportedModel, footage: Footage) -> Imported:
     notes += scaled
     if at_one_place(reconstruction):
         notes.append(ONLY_TURNS)
-    return Imported(reconstruction, model.format, tuple(notes))
+    return Imported(reconstruction, model.format, tuple(notes), model.projected)
 
 
 def _pair(model: ImportedModel, footage: Footage) -> _Pairing:

@@ -93,7 +93,7 @@ def read(path: Path, size: tuple[int, int]) -> ImportedModel:
         whole.append(replace(image, xy=xy[inside], points=used[inside]))
     points = Points(xyz, np.full(xyz.shape, 128, dtype=np.uint8), np.zeros(len(xyz)))
     return ImportedModel(
-        FORMAT, Reconstruction(tuple(cameras), tuple(whole), points), tuple(names), tuple(notes)
+        FORMAT, Reconstruction(tuple(cameras), tuple(whole), points), tuple(names), tuple(notes), True
     )
 
 

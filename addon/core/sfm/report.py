@@ -38,21 +38,23 @@ class Report:
     """[from, to, frames] for ranges of points per frame."""
     coverage: float
     """Share of the cells of an 8x6 grid that hold points, mean over the frames."""
-    reprojection_error: float
-    drift: float
-    """Pixels by which a track's last observations miss otherwise than its first ones, median."""
+    reprojection_error: float | None
+    """None where nothing was measured: no observation is ahead of its camera, or the file stores none."""
+    drift: float | None
+    """Pixels by which a track's last observations miss otherwise than its first ones, median; None where no
+    track is long enough."""
     focal: list[float]
     """Least and greatest focal length."""
     focal_sigma: float | None
     """Relative standard deviation; None where nobody said."""
     focal_from: str
     """"clip", "given", "guess" or "file"."""
-    angle: list[float]
-    """Degrees between the outermost rays of a point: quartiles."""
+    angle: list[float] | None
+    """Degrees between the outermost rays of a point: quartiles. None where no point is seen twice."""
     distances: list[float]
     """Of points from cameras, along the view, in the model's own unit: 2nd percentile, median, 98th."""
-    depth_sigma: float
-    """Relative standard deviation of a typical depth."""
+    depth_sigma: float | None
+    """Relative standard deviation of a typical depth; None where no reprojection error or angle tells it."""
     explained: float | None
     """Share of the tracked observations that agree with a scene that stands still."""
     weak: list[int]
@@ -97,11 +99,9 @@ class Report:
             " that others saw there;"
             f" in {100 * self.coverage:.0f} % of the picture",
             *bars,
-            f"reprojection  {self.reprojection_error:.2f} px; drift along tracks {self.drift:.2f} px",
+            f"reprojection  {self._reprojection()}",
             f"focal length  {lens}{sigma}, {source[self.focal_from]}",
-            f"parallax      {self.angle[0]:.2f}, {self.angle[1]:.2f}, {self.angle[2]:.2f} degrees"
-            " (quartiles of the points);"
-            f" depth uncertain by {100 * self.depth_sigma:.1f} %",
+            f"parallax      {self._parallax()}",
             f"distances     {self.distances[0]:.4g} to {self.distances[2]:.4g}, {self.distances[1]:.4g} in"
             " the median, in the model's own unit",
         ]
@@ -112,6 +112,19 @@ class Report:
         advice = f"advice: {with_words(self.advice, self.remedies, words)}"
         return "\n".join([*lines, *(f"note: {note}" for note in self.notes), advice])
 
+    def _reprojection(self) -> str:
+        if self.reprojection_error is None:
+            return "not measured: the model has no usable observations"
+        drift = "" if self.drift is None else f"; drift along tracks {self.drift:.2f} px"
+        return f"{self.reprojection_error:.2f} px{drift}"
+
+    def _parallax(self) -> str:
+        unsure = "not known" if self.depth_sigma is None else f"uncertain by {100 * self.depth_sigma:.1f} %"
+        if self.angle is None:
+            return f"not measured: no point is seen by two frames; depth {unsure}"
+        quartiles = ", ".join(f"{q:.2f}" for q in self.angle)
+        return f"{quartiles} degrees (quartiles of the points); depth {unsure}"
+
 
 def report(reconstruction: Reconstruction, frames: tuple[int, ...], said: dict[str, Any]) -> Report:
     """Of a reconstruction of the clip's `frames`; `said` is what the solver or the reader reported of it."""
@@ -121,9 +134,13 @@ def report(reconstruction: Reconstruction, frames: tuple[int, ...], said: dict[s
     focal = [reconstruction.intrinsics(image).fx for image in reconstruction.images]
     point, residual, rays = _observations(reconstruction)
     angle = _angles(point, rays, len(reconstruction.points))
-    error, drift = _errors(point, residual, len(reconstruction.points))
-    # More observations of a track do not help: they share its error.
-    spread = error / float(np.median(focal)) / max(np.radians(float(np.median(angle))), 1e-9)
+    error, drift = None, None
+    if said.get("observed", True):
+        error, drift = _errors(point, residual, len(reconstruction.points))
+    spread = None
+    if error is not None and len(angle):
+        # More observations of a track do not help: they share its error.
+        spread = error / float(np.median(focal)) / max(np.radians(float(np.median(angle))), 1e-9)
     sigma = said.get("focal_sigma")
     weak = [image.frame for image in reconstruction.images if len(image.points) < WEAK]
     explained = said.get("explained")
@@ -132,9 +149,10 @@ def report(reconstruction: Reconstruction, frames: tuple[int, ...], said: dict[s
         [int(counts.min()), int(np.median(counts)), int(counts.max())],
         int(np.median([len(image.visible) for image in reconstruction.images])), _histogram(counts),
         _coverage(reconstruction), error, drift, [min(focal), max(focal)], sigma,
-        said.get("focal_from", "file"), [float(q) for q in np.percentile(angle, (25, 50, 75))],
-        _distances(reconstruction), float(spread), explained, weak, list(said.get("notes", [])),
-        *_advice(missing, sigma, said.get("focal_from", "file"), float(spread), explained, weak),
+        said.get("focal_from", "file"),
+        [float(q) for q in np.percentile(angle, (25, 50, 75))] if len(angle) else None,
+        _distances(reconstruction), spread, explained, weak, list(said.get("notes", [])),
+        *_advice(missing, sigma, said.get("focal_from", "file"), spread, explained, weak),
     )  # fmt: skip
 
 
@@ -153,7 +171,7 @@ def _advice(
     missing: list[int],
     sigma: float | None,
     source: str,
-    depth: float,
+    depth: float | None,
     explained: float | None,
     weak: list[int],
 ) -> tuple[str, tuple[Remedy, ...]]:
@@ -171,7 +189,7 @@ def _advice(
             else f"frames {ranges(missing)} have no camera and borrow their neighbours'; leave them out",
             (Remedy.FRAMES,),
         )
-    if depth > UNSURE_DEPTH:
+    if depth is not None and depth > UNSURE_DEPTH:
         return (
             f"depths are uncertain by {100 * depth:.0f} %, for the camera hardly left its place;"
             " keep the blur small, or film with more sideways movement",
@@ -206,12 +224,14 @@ def _coverage(reconstruction: Reconstruction) -> float:
 
 
 def _observations(reconstruction: Reconstruction) -> tuple[Ints, Floats, Floats]:
-    """Of all images in order: point (m,), residual (m, 2) in pixels and unit ray (m, 3) in the world."""
+    """Of all images in order: point (m,), residual (m, 2) in pixels, NaN behind the camera, and unit ray (m,
+    3) in the world."""
     points, residuals, rays = [], [], []
     for image in reconstruction.images:
         local = image.to_camera(reconstruction.points.xyz[image.points])
         points.append(image.points)
-        residuals.append(reconstruction.intrinsics(image).project(local) - image.xy)
+        miss = reconstruction.intrinsics(image).project(local) - image.xy
+        residuals.append(np.where(local[:, 2:] > 0, miss, np.nan))
         with np.errstate(invalid="ignore", divide="ignore"):
             rays.append(local / np.linalg.norm(local, axis=1, keepdims=True) @ image.rotation)
     return np.concatenate(points), np.concatenate(residuals), np.concatenate(rays)
@@ -227,20 +247,20 @@ def _distances(reconstruction: Reconstruction) -> list[float]:
 
 
 def _angles(point: Ints, rays: Floats, count: int) -> Floats:
-    """Degrees between the outermost rays of the points that two frames see."""
+    """(k,) degrees between the outermost rays of the k points that two frames see."""
     angle = outermost_angles(rays, point, count)
     good = (np.bincount(point, minlength=count) >= 2) & np.isfinite(angle)
-    return angle[good] if good.any() else np.zeros(1)
+    return np.asarray(angle[good])
 
 
-def _errors(point: Ints, residual: Floats, count: int) -> tuple[float, float]:
+def _errors(point: Ints, residual: Floats, count: int) -> tuple[float | None, float | None]:
     """Mean reprojection error of the points, and how far tracks drift from their beginning to their end."""
     size = np.linalg.norm(residual, axis=1)
     good = np.isfinite(size)
     point, residual, size = point[good], residual[good], size[good]
     views = np.bincount(point, minlength=count)
     total = np.bincount(point, weights=size, minlength=count)
-    error = float((total[views > 0] / views[views > 0]).mean()) if (views > 0).any() else 0.0
+    error = float((total[views > 0] / views[views > 0]).mean()) if (views > 0).any() else None
     # Images are in the order of time, and a stable sort keeps it within each point.
     order = np.argsort(point, kind="stable")
     rank = np.arange(len(order)) - (np.cumsum(views) - views)[point[order]]
@@ -255,5 +275,5 @@ def _errors(point: Ints, residual: Floats, count: int) -> tuple[float, float]:
         )
     lasting = views >= 8
     if not lasting.any():
-        return error, 0.0
+        return error, None
     return error, float(np.median(np.linalg.norm(ends[1] - ends[0], axis=1)[lasting]))

@@ -73,10 +73,12 @@ class Solve:
             "file": "read as",
             "metadata": "said to be",
         }
+        missed = it.reprojection_error
+        error = "not measured" if missed is None else f"{missed:.2f} px"
         sure = f" (+- {100 * it.focal_sigma:.1f} %)" if it.focal_from == "clip" and it.focal_sigma else ""
         return (
             f"{it.registered} of {counted(it.frames, 'frame')} registered,"
-            f" {counted(it.points, 'point')}, reprojection error {it.reprojection_error:.2f} px,"
+            f" {counted(it.points, 'point')}, reprojection error {error},"
             f" focal length {found.get(it.focal_from, found['metadata'])} {it.focal[0]:.0f} px{sure}"
         )
 
@@ -206,7 +208,8 @@ def keep_import(found: Imported, footage: Footage, work_dir: Path) -> None:
         model = staging.folder / MODEL
         model.mkdir()
         write_model(model, reconstruction)
-        said = {"focal_from": "file", "method": found.format, "notes": list(found.notes)}
+        said: dict[str, Any] = {"focal_from": "file", "method": found.format, "notes": list(found.notes)}
+        said["observed"] = not found.projected
         staging.keep(footage, clip_identity, {"imported": found.format}, said)
     finally:
         staging.discard()
