@@ -25,6 +25,7 @@ from ..core.base.errors import UserError
 from ..scene.lens import lens_settings
 from ..scene.remedy_words import WORDS
 from ..scene.shot import shot_of
+from . import message
 from .gpu_views import upload
 from .preview import COARSE, FAIR, FINE, ROUGH, Half, Picture, Preview, Wanted
 
@@ -56,6 +57,7 @@ class Shown:
     """Left, bottom, width and height of the camera's frame in the region, in pixels; None where it is not
     seen."""
     said: str = ""
+    """What is told over it."""
 
 
 _in_regions: WeakValueDictionary[int, Shown] = WeakValueDictionary()
@@ -78,19 +80,19 @@ def draw(
     shown.frame = camera_frame(context, scene)
     _in_regions[context.region.as_pointer()] = shown
     if shown.frame is None:
-        _say(engine, shown, "Look through the solved camera (Numpad 0) to see the frame through the lens")
+        shown.said = "Look through the solved camera (Numpad 0) to see the frame through the lens"
         return
     try:
         wanted = _wanted(context, depsgraph, shown.frame[2])
     except UserError as error:
         shown.picture = None
-        _say(engine, shown, error.worded(WORDS))
+        shown.said = error.worded(WORDS)
         return
     if not bpy.app.is_job_running("RENDER"):
         PREVIEW.want(wanted)
         _watch()
     picture = PREVIEW.best(wanted) or shown.picture
-    _say(engine, shown, _state(wanted, picture))
+    shown.said = _state(wanted, picture)
     if picture is None:
         return
     if picture is not shown.picture:
@@ -132,16 +134,19 @@ def _draw_picture(shown: Shown, encoded: bool = False) -> None:
 
 
 def _draw_over() -> None:
-    """Draw the picture of a viewport once more, over Blender's overlays."""
+    """Draw the picture of a viewport once more, over Blender's overlays, and what is to be told over it."""
     context = bpy.context
     shown, space = _in_regions.get(context.region.as_pointer()), context.space_data
     is_engine = context.scene.render.engine == "VIRTUAL_APERTURE" and space.shading.type == "RENDERED"
-    if shown is None or not is_engine or not space.overlay.show_overlays:
+    if shown is None or not is_engine:
         return
     points = context.scene.virtual_aperture.points
-    if shown.picture is None or shown.frame is None or (points is not None and points.mode == "EDIT"):
-        return
-    _draw_picture(shown, encoded=True)
+    is_edited = points is not None and points.mode == "EDIT"
+    has_picture = shown.picture is not None and shown.frame is not None
+    if has_picture and space.overlay.show_overlays and not is_edited:
+        _draw_picture(shown, encoded=True)
+    if shown.said:
+        message.draw(shown.said, context.area, context.region, context.preferences.system.ui_scale)
 
 
 def camera_frame(
@@ -205,12 +210,6 @@ def _state(wanted: Wanted, picture: Picture | None) -> str:
         doing += f", {100 * share:.0f} %"
     level = LEVELS[picture.level] if picture is not None and picture.wanted.key == wanted.key else ""
     return f"{doing} | {level}" if level else doing
-
-
-def _say(engine: bpy.types.RenderEngine, shown: Shown, text: str) -> None:
-    if text != shown.said:
-        shown.said = text
-        engine.update_stats("", text)
 
 
 _version = -1

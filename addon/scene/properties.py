@@ -383,6 +383,12 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
         options=set(),
         update=_redraw_viewports,
     )
+    finds_depth: BoolProperty(
+        name="Finds Depth",
+        description="The clip's depth is being found in the background, which goes on when the file is opened"
+        " again",
+        options={"HIDDEN"},
+    )
     output: StringProperty(
         name="Output",
         description="The render output that a solve set, as long as the user sets no other",

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import bpy
 import numpy as np
 
 from ..core.camera.reconstruction import Floats, Reconstruction
+from ..render.message import free_part
+from ..render.viewport import frame_in_region
 
+MARGIN = 0.98
+"""Of a viewport's free width or height, that a camera's frame may take."""
+LEAST_ZOOM = -30.0
+"""Of a camera view, in Blender's measure."""
 SOLID = {"MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD", "VOLUME"}
 """Types of objects that hide what is behind them."""
 
@@ -20,7 +27,7 @@ def show(scene: bpy.types.Scene, reconstruction: Reconstruction) -> None:
     windows = [window for window in manager.windows if window.scene == scene] if manager else []
     layers = {window.view_layer for window in windows} or {scene.view_layers[0]}
     for window in windows:
-        look_through_camera(window.screen)
+        look_through_camera(window)
     # Clicks in Edit Mode are to find vertices: there is nothing else in the point cloud.
     scene.tool_settings.mesh_select_mode = (True, False, False)
     settings.hidden.clear()
@@ -30,11 +37,34 @@ def show(scene: bpy.types.Scene, reconstruction: Reconstruction) -> None:
             settings.hidden.add().name = thing.name
 
 
-def look_through_camera(screen: bpy.types.Screen) -> None:
-    """Every 3D viewport of a screen looks through the scene's camera."""
-    for area in screen.areas:
-        if area.type == "VIEW_3D" and area.spaces.active.region_3d is not None:
-            area.spaces.active.region_3d.view_perspective = "CAMERA"
+def look_through_camera(window: bpy.types.Window) -> None:
+    """Every 3D viewport of a window looks through the scene's camera, and shows all of its frame."""
+    for area in window.screen.areas:
+        if area.type != "VIEW_3D" or area.spaces.active.region_3d is None:
+            continue
+        area.spaces.active.region_3d.view_perspective = "CAMERA"
+        if not bpy.app.background:
+            _fit(window, area)
+
+
+def _fit(window: bpy.types.Window, area: bpy.types.Area) -> None:
+    """Put the camera's frame in the middle of a viewport, as large as Blender shows it by itself, or as small
+    as headers and sidebars want it."""
+    view = area.spaces.active.region_3d
+    region = next(each for each in area.regions if each.type == "WINDOW" and each.data == view)
+    view.view_camera_zoom, view.view_camera_offset = 0.0, (0.0, 0.0)
+    with bpy.context.temp_override(window=window, area=area, region=region):
+        view.update()
+    frame = frame_in_region(region, view, window.scene)
+    if frame is None:
+        return
+    left, bottom, right, top = free_part(area, region)
+    across, up = region.width / 2, region.height / 2
+    free = 2 * min(across - left, right - across), 2 * min(up - bottom, top - up)
+    share = MARGIN * min(free[0] / frame[2], free[1] / frame[3])
+    if share < 1:
+        # A frame's size goes with ((sqrt 2 + zoom / 50) / 2) squared.
+        view.view_camera_zoom = max(50 * math.sqrt(2) * (math.sqrt(max(share, 0.0)) - 1), LEAST_ZOOM)
 
 
 def make_active(points: bpy.types.Object, layer: bpy.types.ViewLayer) -> None:

@@ -67,6 +67,7 @@ def begin(work: Path) -> None:
     made = DepthAhead(work)
     made.child = Child(["depth", str(work)], made.lines.put, yielding=True)
     _ahead = made
+    _remember(work, True)
     if not bpy.app.timers.is_registered(_tick):
         bpy.app.timers.register(_tick, first_interval=LOOK)
 
@@ -90,6 +91,21 @@ def stop() -> None:
     _ahead = None
 
 
+def pause() -> None:
+    """`stop` by the user's wish: it does not go on when the file is opened again."""
+    if _ahead is not None:
+        _remember(_ahead.work, False)
+    stop()
+
+
+def _remember(work: Path, finds_depth: bool) -> None:
+    """Note in the scenes with this working folder whether its depth is being found."""
+    for scene in bpy.data.scenes:
+        settings = scene.virtual_aperture
+        if scene.library is None and settings.footage and _folder(settings) == work:
+            settings.finds_depth = finds_depth
+
+
 def of(settings: bpy.types.PropertyGroup) -> DepthAhead | None:
     """What is under way, or has ended, for the clip that is shown."""
     if _ahead is None or not settings.footage or _ahead.work != _folder(settings):
@@ -107,12 +123,26 @@ def _tick() -> float | None:
         return None
     if _ahead.hear():
         redraw.panels()
-    return LOOK if _ahead.child is not None else None
+    if _ahead.child is not None:
+        return LOOK
+    if not _ahead.problem:
+        _remember(_ahead.work, False)
+    return None
 
 
 @persistent
-def _on_load(*_: object) -> None:
+def _on_leave(*_: object) -> None:
     stop()
+
+
+@persistent
+def _on_open(*_: object) -> None:
+    settings = bpy.context.scene.virtual_aperture
+    if not (settings.finds_depth and settings.footage and settings.points is not None):
+        return
+    folder = _folder(settings)
+    if (folder / STATE).exists():
+        begin_after_solve(folder)
 
 
 class VIRTUAL_APERTURE_OT_find_depth(bpy.types.Operator):  # noqa: N801
@@ -147,7 +177,7 @@ class VIRTUAL_APERTURE_OT_find_depth(bpy.types.Operator):  # noqa: N801
 
 
 class VIRTUAL_APERTURE_OT_pause_depth(bpy.types.Operator):  # noqa: N801
-    """End finding depth for now; what was found is kept, and Find Depth goes on from there"""
+    """End finding depth; what was found is kept, and Find Depth goes on from there"""
 
     bl_idname = "virtual_aperture.pause_depth"
     bl_label = "Pause"
@@ -160,7 +190,7 @@ class VIRTUAL_APERTURE_OT_pause_depth(bpy.types.Operator):  # noqa: N801
         return False
 
     def execute(self, _context: bpy.types.Context) -> set[str]:
-        stop()
+        pause()
         return {"FINISHED"}
 
 
@@ -183,8 +213,9 @@ def draw(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
 
 
 def register() -> None:
-    """End the work when another file is opened."""
-    bpy.app.handlers.load_pre.append(_on_load)
+    """End the work when another file is opened, and go on with that file's."""
+    bpy.app.handlers.load_pre.append(_on_leave)
+    bpy.app.handlers.load_post.append(_on_open)
 
 
 def unregister() -> None:
@@ -192,7 +223,8 @@ def unregister() -> None:
     stop()
     with contextlib.suppress(ValueError):
         bpy.app.timers.unregister(_tick)
-    bpy.app.handlers.load_pre.remove(_on_load)
+    bpy.app.handlers.load_pre.remove(_on_leave)
+    bpy.app.handlers.load_post.remove(_on_open)
 
 
 CLASSES = (VIRTUAL_APERTURE_OT_find_depth, VIRTUAL_APERTURE_OT_pause_depth)

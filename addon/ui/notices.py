@@ -9,7 +9,7 @@ from ..scene import parts, version
 from ..scene.clip import trouble_with
 from ..scene.ignored import ignored
 from .find_clip import VIRTUAL_APERTURE_OT_find_clip
-from .operators import VIRTUAL_APERTURE_OT_solve, check_may_change, sentence
+from .operators import VIRTUAL_APERTURE_OT_solve, check_may_change, running_solve, sentence
 from .restore import VIRTUAL_APERTURE_OT_restore_objects
 from .text import wrapped
 
@@ -35,7 +35,10 @@ def draw_scene(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
 
 
 def draw_clip(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Another clip than the solved one is chosen, or it is not where the path leads: and the way out."""
+    """Another clip than the solved one is chosen, or it is not where the path leads: and the way out. Nothing
+    while a clip is being solved, which is the way out."""
+    if running_solve() is not None:
+        return
     trouble = trouble_with(context.scene.virtual_aperture)
     if trouble is None:
         return

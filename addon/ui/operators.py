@@ -99,10 +99,11 @@ def has_points(cls: Any, context: bpy.types.Context, to_do: str) -> bool:
 
 
 def can_render(cls: Any, context: bpy.types.Context) -> bool:
-    """Poll: something is in focus and Blender has a camera, without which it renders nothing."""
+    """Poll: something is in focus and the scene has a camera, without which Blender renders nothing."""
     if not has_focus(cls, context):
         return False
-    if context.scene.camera is not None or context.scene.virtual_aperture.camera is not None:
+    scene = context.scene
+    if any(parts.is_in(scene, camera) for camera in (scene.camera, scene.virtual_aperture.camera)):
         return True
     cls.poll_message_set("The camera was deleted: Restore Objects, on top, brings it back")
     return False

@@ -90,7 +90,7 @@ class VIRTUAL_APERTURE_OT_delete_depth(bpy.types.Operator):  # noqa: N801
     def execute(self, context: bpy.types.Context) -> Result:
         folder = depth_folder(context.scene.virtual_aperture)
         # It would go on writing there.
-        depth_ahead.stop()
+        depth_ahead.pause()
         try:
             freed = delete_kept(folder)
         except OSError as error:

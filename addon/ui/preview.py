@@ -21,6 +21,9 @@ class VIRTUAL_APERTURE_OT_preview(bpy.types.Operator):  # noqa: N801
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
+        if is_shown(context):
+            # Whatever became of the scene: it can be ended.
+            return True
         if not has_solve(cls, context):
             return False
         if not parts.is_in(context.scene, context.scene.virtual_aperture.camera):

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import blf
 import bpy
 
-FONT = 0
-POINTS = 11
-"""Size of the interface's text."""
+from ..render.message import lines
+
 MARGIN = 85
 """Pixels of a panel's width that its text does not get, at a resolution scale of 1."""
 
@@ -29,16 +27,3 @@ def width_of(context: bpy.types.Context) -> float:
     scale = context.preferences.system.ui_scale
     width = context.region.width if context.region is not None else 280 * scale
     return float(max(width - MARGIN * scale, 1))
-
-
-def lines(text: str, width: float, scale: float = 1.0) -> list[str]:
-    """The text in lines of at most `width` pixels, but for words that are wider."""
-    blf.size(FONT, POINTS * scale)
-    found: list[str] = []
-    for word in text.split():
-        longer = f"{found[-1]} {word}" if found else word
-        if found and blf.dimensions(FONT, longer)[0] <= width:
-            found[-1] = longer
-        else:
-            found.append(word)
-    return found

@@ -80,6 +80,28 @@ def test_pausing_ends_the_process_and_finding_goes_on_later(scene: bpy.types.Sce
     assert len(kept(work)) == 3
 
 
+def test_a_file_knows_that_its_depth_was_being_found(scene: bpy.types.Scene, work: Path) -> None:
+    def reopened() -> bool:
+        file = str(work.parent / "scene.blend")
+        bpy.ops.wm.save_as_mainfile(filepath=file)
+        bpy.ops.wm.open_mainfile(filepath=file)
+        return bool(bpy.context.scene.virtual_aperture.finds_depth)
+
+    assert not reopened()
+    bpy.ops.virtual_aperture.find_depth()
+    assert reopened()
+    # Without a window nothing begins by itself.
+    assert depth_ahead.of(bpy.context.scene.virtual_aperture) is None
+    bpy.ops.virtual_aperture.find_depth()
+    bpy.ops.virtual_aperture.pause_depth()
+    assert not reopened()
+    bpy.ops.virtual_aperture.find_depth()
+    found = depth_ahead.of(bpy.context.scene.virtual_aperture)
+    assert found is not None
+    until(lambda: found.child is None)
+    assert not reopened()
+
+
 def test_a_process_that_dies_is_told(scene: bpy.types.Scene, work: Path) -> None:
     bpy.ops.virtual_aperture.find_depth()
     found = depth_ahead.of(scene.virtual_aperture)

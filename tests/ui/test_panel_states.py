@@ -90,6 +90,11 @@ def newer(settings: Settings, _folder: Path) -> None:
     settings.version = 99
 
 
+def solving_the_wrong_one(settings: Settings, folder: Path) -> None:
+    wrong(settings, folder)
+    bpy.types.VIRTUAL_APERTURE_OT_solve._running = Solving(lambda: None)  # type: ignore[arg-type]
+
+
 STATES: list[tuple[str, Callable[[Settings, Path], None], str]] = [
     ("no clip", no_clip, "Choose a clip"),
     ("clip chosen", chosen, "Solve the clip: where"),
@@ -100,6 +105,7 @@ STATES: list[tuple[str, Callable[[Settings, Path], None], str]] = [
     ("with a scale", with_scale, "full-frame equivalent"),
     ("clip moved", moved, "show where it is with Find Clip"),
     ("wrong clip", wrong, "the clip chosen is other"),
+    ("solving the other clip", solving_the_wrong_one, "Reading the clip (ESC cancels)"),
     ("depth under way", finding, "Depth: 1 of 3 frames"),
     ("depth paused", paused, "Ready to render"),
     ("depth failed", failed, "Depth was not found: no space is left"),
@@ -130,6 +136,8 @@ def test_panels_draw(
     texts = " ".join(text for each in shown for text in each.texts)
     # Wrapped texts are in lines.
     assert said in texts
+    # Nobody is told to solve what is being solved.
+    assert make is not solving_the_wrong_one or "the clip chosen is" not in texts
     ready = (solved, focused, with_scale, finding, paused, failed)
     assert ("Ready to render" in texts) == (make in ready)
     for name in {name for each in shown for name in each.operators}:

@@ -1,0 +1,81 @@
+"""A message over a viewport's picture: light on a dark ground, in as many lines as it takes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import blf
+import bpy
+import gpu
+import numpy as np
+from gpu_extras.batch import batch_for_shader
+
+FONT = 0
+POINTS = 11
+"""Size of the interface's text."""
+WIDEST = 0.7
+"""Of the width that headers and sidebars leave free, a message's most."""
+PADDING, SPACING = 8.0, 16.0
+"""Pixels from the text to the ground's border, and from line to line, at a resolution scale of 1."""
+LIGHT, GROUND = (1.0, 1.0, 1.0, 1.0), (0.0, 0.0, 0.0, 0.75)
+
+Rectangle = tuple[float, float, float, float]
+
+
+def lines(text: str, width: float, scale: float = 1.0) -> list[str]:
+    """The text in lines of at most `width` pixels, but for words that are wider."""
+    blf.size(FONT, POINTS * scale)
+    found: list[str] = []
+    for word in text.split():
+        longer = f"{found[-1]} {word}" if found else word
+        if found and blf.dimensions(FONT, longer)[0] <= width:
+            found[-1] = longer
+        else:
+            found.append(word)
+    return found
+
+
+def free_part(area: bpy.types.Area, region: bpy.types.Region) -> Rectangle:
+    """Left, bottom, right, top of what headers and sidebars leave free of an area's main region, in its
+    pixels."""
+    left, bottom, right, top = 0.0, 0.0, float(region.width), float(region.height)
+    for other in area.regions:
+        if other.type == "WINDOW" or min(other.width, other.height) <= 1:
+            continue
+        x, y = other.x - region.x, other.y - region.y
+        if other.alignment == "LEFT":
+            left = max(left, x + other.width)
+        elif other.alignment == "RIGHT":
+            right = min(right, x)
+        elif other.alignment == "TOP":
+            top = min(top, y)
+        elif other.alignment == "BOTTOM":
+            bottom = max(bottom, y + other.height)
+    return left, bottom, right, top
+
+
+def ground(text: str, free: Rectangle, scale: float) -> tuple[list[str], Rectangle]:
+    """The lines of a message, and left, bottom, right, top of their ground: in the middle of the upper
+    border of what is free."""
+    left, _, right, top = free
+    told = lines(text, WIDEST * (right - left), scale)
+    half = max(blf.dimensions(FONT, line)[0] for line in told) / 2 + PADDING * scale
+    middle, upper = (left + right) / 2, top - PADDING * scale
+    height = (len(told) * SPACING + PADDING) * scale
+    return told, (middle - half, upper - height, middle + half, upper)
+
+
+def draw(text: str, area: bpy.types.Area, region: bpy.types.Region, scale: float) -> None:
+    """Draw a message, which must hold a word, where the GPU draws into the region's pixels."""
+    told, (left, bottom, right, top) = ground(text, free_part(area, region), scale)
+    corners = np.array([[left, bottom], [right, bottom], [right, top], [left, top]], np.float32)
+    shader: Any = gpu.shader.from_builtin("UNIFORM_COLOR")
+    gpu.state.blend_set("ALPHA")
+    shader.bind()
+    shader.uniform_float("color", GROUND)
+    batch_for_shader(shader, "TRI_FAN", {"pos": corners}).draw(shader)
+    gpu.state.blend_set("NONE")
+    blf.color(FONT, *LIGHT)
+    for number, line in enumerate(told, 1):
+        blf.position(FONT, left + PADDING * scale, top - number * SPACING * scale, 0)
+        blf.draw(FONT, line)

@@ -1,0 +1,194 @@
+"""What the viewport and the panels tell is so: the blur of a pull, messages, buttons, a new clip's frame."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from addon.core.camera.reconstruction import Intrinsics
+from addon.core.media.clip import open_footage
+from addon.core.readers.matching import Imported
+from addon.core.sfm.workspace import default_work_dir, keep_import
+
+from ..scenes import slanted_plane
+from .clips import FRAMES, write_scene
+from .conftest import PICTURES
+from .program import EXTENSION, Program
+from .screen import Screen
+
+SETTINGS = "bpy.context.scene.virtual_aperture"
+MODULES = f"__import__('sys').modules['{EXTENSION}.addon"
+DEPTH = f"{MODULES}.ui.depth_ahead']._ahead"
+VIEWPORT = f"{MODULES}.render.viewport']"
+PREVIEW = f"{VIEWPORT}.PREVIEW"
+SHADING = "view('VIEW_3D')['area'].spaces.active.shading.type"
+FRAME = (
+    "(lambda v: list("
+    f"{VIEWPORT}.frame_in_region(v['region'], v['area'].spaces.active.region_3d, bpy.context.scene)"
+    ") + [v['region'].width, v['region'].height])(view('VIEW_3D'))"
+)
+"""Left, bottom, width and height of the camera's frame in the viewport, and the viewport's size."""
+
+pytestmark = pytest.mark.usefixtures("in_order")
+
+
+@pytest.fixture(scope="module")
+def blend(folder: Path, registered: None) -> Path:
+    """A scene of a landscape clip; beside it a portrait clip, `tall`, whose solve is kept."""
+    made = write_scene(folder / "wide", (640, 360))
+    other = write_scene(folder / "tall", (360, 640))
+    footage = open_footage(Path(shutil.copytree(other.parent / "clip", made.parent / "tall")))
+    lens = Intrinsics(360, 640, 342.0, 342.0, 180.0, 320.0)
+    solve = Imported(slanted_plane(lens, FRAMES), "true cameras", ())
+    keep_import(solve, footage, default_work_dir(footage.path, made.parent))
+    return made
+
+
+@pytest.fixture(scope="module")
+def program(screen: Screen, resources: Path, blend: Path) -> Iterator[Program]:
+    made = Program(screen, resources, PICTURES / "view_and_panel")
+    made.screen.move(*made.middle("VIEW_3D"))
+    made.screen.key("Escape")
+    made.ask(f"bpy.ops.wm.open_mainfile(filepath={str(blend)!r}); None")
+    made.settle()
+    made.show_sidebar("Virtual Aperture")
+    made.ask(f"{SETTINGS}.views = 4")
+    yield made
+    made.close()
+
+
+def call(program: Program, name: str) -> None:
+    """As its button does it."""
+    program.ask(
+        "with bpy.context.temp_override(**view('VIEW_3D')):\n"
+        f"    bpy.ops.virtual_aperture.{name}('INVOKE_DEFAULT')\n"
+    )
+    program.settle()
+
+
+def test_the_field_of_the_blur_in_a_pull(program: Program) -> None:
+    program.ask(
+        f"s = {SETTINGS}\ns.blur = 0.06\n"
+        "for frame, distance in ((1, 6.0), (5, 12.0)):\n"
+        "    bpy.context.scene.frame_set(frame)\n"
+        "    s.focus_distance = distance\n"
+        "    bpy.context.scene.keyframe_insert('virtual_aperture.focus_distance')\n"
+    )
+    radius = program.ask(f"{SETTINGS}.aperture_radius")
+    program.ask("bpy.context.scene.frame_set(1)")
+    program.settle()
+    program.shot("blur_1")
+    program.ask("bpy.context.scene.frame_set(5)")
+    program.settle()
+    field = program.find("virtual_aperture.blur", "VIEW_3D", "UI", 0.6)
+    program.shot("blur_5")
+    now = program.ask(f"{SETTINGS}.blur")
+    assert abs(now - 0.06) > 0.01
+    # As it is shown while it is edited, and as it is shown before.
+    program.screen.double_click(field.x, field.y)
+    program.settle()
+    program.shot("blur_edited")
+    program.screen.key("Return")
+    program.settle()
+    program.fill(field, f"{now:.4f}")
+    assert program.ask(f"{SETTINGS}.aperture_radius") == radius
+    program.fill(field, "0.05")
+    assert program.ask(f"{SETTINGS}.blur") == pytest.approx(0.05, rel=1e-5)
+    assert program.ask(f"{SETTINGS}.aperture_radius") == pytest.approx(radius * 0.05 / now, rel=1e-4)
+
+
+def told(program: Program, name: str) -> tuple[str, int, np.ndarray]:
+    """The message over the viewport, in how many lines it stands, and what the screen shows of its ground."""
+    program.settle()
+    said = program.ask(f"[s.said for s in {VIEWPORT}._in_regions.values() if s.said]")
+    shot = program.shot(name)
+    assert len(said) == 1
+    lines, (left, bottom, right, top) = program.ask(
+        f"m, v = {MODULES}.render.message'], view('VIEW_3D')\n"
+        f"list(m.ground({said[0]!r}, m.free_part(v['area'], v['region']),"
+        " bpy.context.preferences.system.ui_scale))"
+    )
+    x, y, width, height = program.rectangle("VIEW_3D")
+    assert 0 <= left < right <= width and 0 <= bottom < top <= height
+    ground = shot[
+        round(y + height - top) + 1 : round(y + height - bottom) - 1, round(x + left) : round(x + right)
+    ]
+    return said[0], len(lines), ground
+
+
+def test_a_message_of_the_preview_has_a_dark_ground(program: Program) -> None:
+    call(program, "preview")
+    program.wait(f"not {PREVIEW}.is_busy()", 200)
+    program.settle()
+    program.shot("no_message")
+    for overlays in (True, False):
+        program.ask(
+            "space = view('VIEW_3D')['area'].spaces.active\n"
+            f"space.overlay.show_overlays, space.region_3d.view_perspective = {overlays}, 'PERSP'\n"
+        )
+        said, lines, ground = told(program, f"message_{overlays}")
+        assert said.startswith("Look through the solved camera") and lines == 1
+        assert np.percentile(ground, 60) < 40 and ground.max() > 240
+    # A long one is in lines, and dark over the clip, which Blender shows meanwhile.
+    program.ask(
+        "space.overlay.show_overlays, space.region_3d.view_perspective = True, 'CAMERA'\n"
+        f"{SETTINGS}.depth_maps = '//' + 12 * 'nowhere/' + 'maps'\n"
+    )
+    said, lines, ground = told(program, "long_message")
+    assert "maps" in said and lines > 1
+    assert np.percentile(ground, 60) < 80 and ground.max() > 240
+    program.ask(f"{SETTINGS}.depth_maps = ''")
+    program.wait(f"not {PREVIEW}.is_busy()", 200)
+
+
+def test_a_preview_can_be_ended_when_objects_were_deleted(program: Program) -> None:
+    assert program.ask(SHADING) == "RENDERED"
+    program.ask(
+        f"with bpy.context.temp_override(selected_objects=[{SETTINGS}.camera]):\n"
+        "    bpy.ops.object.delete()\n"
+    )
+    program.settle()
+    program.shot("deleted")
+    render = "bpy.ops.virtual_aperture.render_clip.poll()"
+    assert not program.ask(render)
+    program.press("virtual_aperture.preview")
+    assert program.ask(SHADING) == "SOLID"
+    program.ask("bpy.ops.virtual_aperture.restore_objects()")
+    program.settle()
+    assert program.ask(render)
+
+
+def test_a_portrait_clip_after_a_landscape_one_is_seen_whole(program: Program, blend: Path) -> None:
+    # Somebody has looked at a corner of the first clip.
+    program.ask(
+        "v = view('VIEW_3D')['area'].spaces.active.region_3d\n"
+        "v.view_perspective, v.view_camera_zoom, v.view_camera_offset = 'CAMERA', 20.0, (0.2, 0.1)\n"
+    )
+    program.ask(f"{SETTINGS}.footage = {str(blend.parent / 'tall')!r}")
+    call(program, "solve")
+    program.wait(f"{SETTINGS}.clip_name == 'tall'", 120)
+    program.settle()
+    program.shot("portrait")
+    left, bottom, width, height, across, up = program.ask(FRAME)
+    assert left >= 0 and bottom >= 0 and left + width <= across and bottom + height <= up
+    assert height > 0.5 * up
+
+
+def test_depth_goes_on_when_a_file_is_opened_again(program: Program) -> None:
+    program.wait(f"{DEPTH} is not None and {DEPTH}.child is not None")
+    program.ask("bpy.ops.wm.save_mainfile()")
+    program.ask("bpy.ops.wm.open_mainfile(filepath=bpy.data.filepath); None")
+    program.wait(f"{DEPTH} is not None and {DEPTH}.child is not None")
+    program.settle()
+    program.shot("depth_goes_on")
+    program.wait(f"{DEPTH}.child is None", 300)
+    assert program.ask(f"[{DEPTH}.problem, {DEPTH}.done, {SETTINGS}.finds_depth]") == ["", 5, False]
+    # What was found is not looked for again.
+    program.ask("bpy.ops.wm.save_mainfile()")
+    program.ask("bpy.ops.wm.open_mainfile(filepath=bpy.data.filepath); None")
+    program.settle()
+    assert program.ask(f"{DEPTH} is None")
