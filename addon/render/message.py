@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import blf
@@ -23,7 +24,7 @@ Rectangle = tuple[float, float, float, float]
 
 
 def lines(text: str, width: float, scale: float = 1.0) -> list[str]:
-    """The text in lines of at most `width` pixels, but for words that are wider."""
+    """The text in lines of at most `width` pixels; words that are wider, as paths are, are broken."""
     blf.size(FONT, POINTS * scale)
     found: list[str] = []
     for word in text.split():
@@ -31,8 +32,17 @@ def lines(text: str, width: float, scale: float = 1.0) -> list[str]:
         if found and blf.dimensions(FONT, longer)[0] <= width:
             found[-1] = longer
         else:
-            found.append(word)
+            found.extend(_pieces(word, width))
     return found
+
+
+def _pieces(word: str, width: float) -> Iterator[str]:
+    while len(word) > 1 and blf.dimensions(FONT, word)[0] > width:
+        sizes = range(len(word) - 1, 1, -1)
+        size = next((size for size in sizes if blf.dimensions(FONT, word[:size])[0] <= width), 1)
+        yield word[:size]
+        word = word[size:]
+    yield word
 
 
 def free_part(area: bpy.types.Area, region: bpy.types.Region) -> Rectangle:
@@ -55,14 +65,14 @@ def free_part(area: bpy.types.Area, region: bpy.types.Region) -> Rectangle:
 
 
 def ground(text: str, free: Rectangle, scale: float) -> tuple[list[str], Rectangle]:
-    """The lines of a message, and left, bottom, right, top of their ground: in the middle of the upper
-    border of what is free."""
-    left, _, right, top = free
+    """The lines of a message, and left, bottom, right, top of their ground: in the middle of the lower border
+    of what is free, where Blender writes nothing itself."""
+    left, bottom, right, _ = free
     told = lines(text, WIDEST * (right - left), scale)
     half = max(blf.dimensions(FONT, line)[0] for line in told) / 2 + PADDING * scale
-    middle, upper = (left + right) / 2, top - PADDING * scale
+    middle, lower = (left + right) / 2, bottom + PADDING * scale
     height = (len(told) * SPACING + PADDING) * scale
-    return told, (middle - half, upper - height, middle + half, upper)
+    return told, (middle - half, lower, middle + half, lower + height)
 
 
 def draw(text: str, area: bpy.types.Area, region: bpy.types.Region, scale: float) -> None:

@@ -174,6 +174,8 @@ def test_long_texts_are_wrapped_to_the_panel() -> None:
     assert wide == [words] and len(narrow) > 2
     assert " ".join(narrow) == words
     assert lines("", 100) == []
+    path = "/home/somebody/clips/" + 10 * "somewhere/"
+    assert len(lines(f"no {path}", 150)) > 3 and "".join(lines(f"no {path}", 150)) == f"no{path}"
 
 
 def test_register_again(registered: None) -> None:
