@@ -17,7 +17,7 @@ help:
 	@echo "make test    run the tests of the add-on"
 	@echo "make test-fast  those that need neither Blender nor a solve nor another process"
 	@echo "make test-all  and those with real data, and the benchmarks' own"
-	@echo "make test-window  drive a real Blender on a virtual screen with mouse and keys (BLENDER=PROGRAM)"
+	@echo "make test-window  drive a real Blender on a virtual screen with mouse and keys (BLENDER=PROGRAM); BACKEND=vulkan: renders, preview and pick"
 	@echo "make pictures  take the documentation's pictures in a real Blender (BLENDER=PROGRAM), into docs/pictures/"
 	@echo "make torture  kills, full disks, races and damaged files for hours; resumes (TRIES=100 FAULTS=\"movie jobs\")"
 	@echo "make sample SCENE=bars  a scene of the benchmark: .blend, clip and true cameras, into sample/"
@@ -53,11 +53,14 @@ test-all: setup
 test-fast: setup
 	@$(PYTHON) -m pytest --fast -q -n $(JOBS) --dist worksteal
 
+# With a backend other than Blender's own choice, what draws with it.
+WINDOW_TESTS := $(if $(BACKEND),$(patsubst %,tests/window/test_%.py,renders view_and_panel pick_focus),tests/window)
+
 test-window: setup
 	@command -v "$${BLENDER:-blender}" >/dev/null \
 	  || { echo "make test-window: no Blender program; set BLENDER to one, or put blender on the path" >&2; exit 1; }
 	@$(PYTHON) tools/build_zip.py
-	@$(PYTHON) -m pytest tests/window
+	@BACKEND=$(BACKEND) $(PYTHON) -m pytest $(WINDOW_TESTS)
 
 pictures: setup
 	@$(PYTHON) tools/build_zip.py

@@ -20,7 +20,12 @@ ROOT = Path(__file__).resolve().parents[2]
 """Programs are run in the project's folder: one in a root of its own sees that and /tmp."""
 DRIVER = Path(__file__).with_name("driver.py")
 EXTENSION = "bl_ext.user_default.virtual_aperture"
-START = 60.0
+BACKEND = os.environ.get("BACKEND", "")
+"""Blender's graphics backend; empty for its own choice."""
+SLOWER = 6.0 if BACKEND else 1.0
+"""Times as long as usual may everything take: a software Vulkan driver compiles for a minute before a window
+is drawn for the first time, OpenGL for seconds."""
+START = 60.0 * SLOWER
 """Seconds in which the program must have started."""
 
 
@@ -29,17 +34,22 @@ def blender() -> str | None:
     return shutil.which(os.environ.get("BLENDER") or "blender")
 
 
-def headless(resources: Path, *arguments: str) -> str:
-    """Run Blender without a window; what it printed. AssertionError where it failed."""
+def command() -> list[str]:
+    """The program, and the graphics backend that the BACKEND variable names, if it does."""
     program = blender()
     assert program is not None
+    return [program, *(("--gpu-backend", BACKEND) if BACKEND else ())]
+
+
+def headless(resources: Path, *arguments: str) -> str:
+    """Run Blender without a window; what it printed. AssertionError where it failed."""
     process = subprocess.Popen(
-        [program, *arguments],
+        [*command(), *arguments],
         env={**os.environ, "BLENDER_USER_RESOURCES": str(resources), "LIBGL_ALWAYS_SOFTWARE": "1"},
         cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True,
     )  # fmt: skip
     try:
-        said = process.communicate(timeout=300)[0]
+        said = process.communicate(timeout=300 * SLOWER)[0]
     finally:
         end(process)
     assert process.returncode == 0, said[-3000:]
@@ -84,11 +94,9 @@ class Program:
         listener.bind(str(where))
         listener.listen(1)
         shutil.copy(DRIVER, self._folder)
-        program = blender()
-        assert program is not None
         with self.console.open("ab") as console:
             self._process = subprocess.Popen(
-                [program, "--window-geometry", "0", "0", *map(str, screen.size), *arguments,
+                [*command(), "--window-geometry", "0", "0", *map(str, screen.size), *arguments,
                  "--python", str(self._folder / DRIVER.name), "--", str(where)],
                 env={**screen.environment, "BLENDER_USER_RESOURCES": str(resources)},
                 cwd=ROOT, stdout=console, stderr=subprocess.STDOUT, start_new_session=True,
@@ -115,7 +123,7 @@ class Program:
 
     def ask(self, question: str, seconds: float = 60.0) -> Any:
         """The value of a Python expression (after statements) in Blender's driver."""
-        self._connection.settimeout(seconds)
+        self._connection.settimeout(seconds * SLOWER)
         self._connection.sendall(json.dumps(question).encode() + b"\n")
         line = self._answers.readline()
         if not line:
@@ -127,7 +135,7 @@ class Program:
 
     def wait(self, question: str, seconds: float = 30.0, every: float = 0.05) -> Any:
         """Ask until the answer is true; that answer. AssertionError after `seconds`."""
-        until = time.monotonic() + seconds
+        until = time.monotonic() + seconds * SLOWER
         while not (value := self.ask(question)):
             if time.monotonic() > until:
                 self.shot("timeout")

@@ -155,7 +155,8 @@ def test_a_preview_can_be_ended_when_objects_were_deleted(program: Program) -> N
     program.shot("deleted")
     render = "bpy.ops.virtual_aperture.render_clip.poll()"
     assert not program.ask(render)
-    program.press("virtual_aperture.preview")
+    assert program.ask("bpy.ops.virtual_aperture.preview.poll()")
+    call(program, "preview")
     assert program.ask(SHADING) == "SOLID"
     program.ask("bpy.ops.virtual_aperture.restore_objects()")
     program.settle()
@@ -168,9 +169,16 @@ def test_a_portrait_clip_after_a_landscape_one_is_seen_whole(program: Program, b
         "v = view('VIEW_3D')['area'].spaces.active.region_3d\n"
         "v.view_perspective, v.view_camera_zoom, v.view_camera_offset = 'CAMERA', 20.0, (0.2, 0.1)\n"
     )
-    program.ask(f"{SETTINGS}.footage = {str(blend.parent / 'tall')!r}")
-    call(program, "solve")
-    program.wait(f"{SETTINGS}.clip_name == 'tall'", 120)
+    clip = blend.parent / "tall"
+    # As the end of a solve and of an import does it.
+    program.ask(
+        "from pathlib import Path\n"
+        f"{SETTINGS}.footage = {str(clip)!r}\n"
+        f"footage = {MODULES}.core.media.clip'].open_footage(Path({str(clip)!r}))\n"
+        f"work = Path({str(default_work_dir(clip, blend.parent))!r})\n"
+        f"{MODULES}.ui.operators'].build_scene(bpy.context.scene, footage, work)\n"
+        "None"
+    )
     program.settle()
     program.shot("portrait")
     left, bottom, width, height, across, up = program.ask(FRAME)
@@ -179,6 +187,7 @@ def test_a_portrait_clip_after_a_landscape_one_is_seen_whole(program: Program, b
 
 
 def test_depth_goes_on_when_a_file_is_opened_again(program: Program) -> None:
+    call(program, "find_depth")
     program.wait(f"{DEPTH} is not None and {DEPTH}.child is not None")
     program.ask("bpy.ops.wm.save_mainfile()")
     program.ask("bpy.ops.wm.open_mainfile(filepath=bpy.data.filepath); None")
