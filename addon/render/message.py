@@ -23,8 +23,9 @@ LIGHT, GROUND = (1.0, 1.0, 1.0, 1.0), (0.0, 0.0, 0.0, 0.75)
 Rectangle = tuple[float, float, float, float]
 
 
-def lines(text: str, width: float, scale: float = 1.0) -> list[str]:
-    """The text in lines of at most `width` pixels; words that are wider, as paths are, are broken."""
+def lines(text: str, width: float, scale: float = 1.0, breaks: bool = False) -> list[str]:
+    """The text in lines of at most `width` pixels; words that are wider, as paths are, stick out, unless it
+    `breaks` them."""
     blf.size(FONT, POINTS * scale)
     found: list[str] = []
     for word in text.split():
@@ -32,7 +33,7 @@ def lines(text: str, width: float, scale: float = 1.0) -> list[str]:
         if found and blf.dimensions(FONT, longer)[0] <= width:
             found[-1] = longer
         else:
-            found.extend(_pieces(word, width))
+            found.extend(_pieces(word, width) if breaks else [word])
     return found
 
 
@@ -68,7 +69,7 @@ def ground(text: str, free: Rectangle, scale: float) -> tuple[list[str], Rectang
     """The lines of a message, and left, bottom, right, top of their ground: in the middle of the lower border
     of what is free, where Blender writes nothing itself."""
     left, bottom, right, _ = free
-    told = lines(text, WIDEST * (right - left), scale)
+    told = lines(text, WIDEST * (right - left), scale, breaks=True)
     half = max(blf.dimensions(FONT, line)[0] for line in told) / 2 + PADDING * scale
     middle, lower = (left + right) / 2, bottom + PADDING * scale
     height = (len(told) * SPACING + PADDING) * scale

@@ -175,7 +175,9 @@ def test_long_texts_are_wrapped_to_the_panel() -> None:
     assert " ".join(narrow) == words
     assert lines("", 100) == []
     path = "/home/somebody/clips/" + 10 * "somewhere/"
-    assert len(lines(f"no {path}", 150)) > 3 and "".join(lines(f"no {path}", 150)) == f"no{path}"
+    assert lines(f"no {path}", 150) == ["no", path]
+    broken = lines(f"no {path}", 150, breaks=True)
+    assert len(broken) > 3 and "".join(broken) == f"no{path}"
 
 
 def test_register_again(registered: None) -> None:
