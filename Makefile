@@ -54,7 +54,8 @@ test-fast: setup
 	@$(PYTHON) -m pytest --fast -q -n $(JOBS) --dist worksteal
 
 # With a backend other than Blender's own choice, what draws with it.
-WINDOW_TESTS := $(if $(BACKEND),$(patsubst %,tests/window/test_%.py,renders view_and_panel pick_focus),tests/window)
+DRAWING := tests/window/test_renders.py tests/window/test_view_and_panel.py tests/window/test_pick_focus.py
+WINDOW_TESTS := $(if $(BACKEND),$(DRAWING),tests/window)
 
 test-window: setup
 	@command -v "$${BLENDER:-blender}" >/dev/null \
