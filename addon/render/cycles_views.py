@@ -90,13 +90,16 @@ def _write_job(folder: Path, plan: FramePlan, picture: LinearRGBA) -> None:
     np.save(folder / "picture.npy", picture)
     # Corners pinned to themselves lie infinitely far away, which float32 rays do not reach: a hundredth of a
     # pixel of displacement is near enough.
-    reach = np.abs(plan.offsets).max() * max(lens.fx, lens.fy)
-    inverse = np.maximum(mesh.inverse_depth, 1e-2 / max(reach, 1e-12))
+    # Nor do they reach as far in any unit: depths are told in that of the nearest one.
+    unit = float(mesh.inverse_depth.max(initial=0.0)) or 1.0
+    offsets = unit * plan.offsets
+    reach = float(np.abs(offsets).max()) * max(lens.fx, lens.fy)
+    inverse = np.maximum(mesh.inverse_depth / unit, 1e-2 / reach if reach > 0 else 1.0)
     np.savez(
         folder / "job.npz",
         size=[lens.width, lens.height], focal=lens.focal, principal_point=lens.principal_point,
         xy=mesh.xy, texture_xy=mesh.texture_xy, inverse_depth=inverse, triangles=mesh.triangles,
-        offsets=plan.offsets, registration=plan.registration, shares=view_shares(plan),
+        offsets=offsets, registration=plan.registration, shares=view_shares(plan),
         barrels=barrel_rows(plan),
     )  # fmt: skip
 

@@ -19,6 +19,9 @@ from .reprojection import in_place
 from .source import extended
 from .view_selection import stride
 
+TINY = float(np.finfo(np.float32).tiny)
+"""The smallest normal number of single precision, for what must not be zero, in whichever unit."""
+
 
 @dataclass(frozen=True)
 class FusionOptions:
@@ -82,6 +85,8 @@ class FusionOptions:
     be any. By eye, on the duck's frame 60: its mesh has 4.6 instead of 10.4 % of the grid's triangles."""
     outlier: float = 4.0
     """Levels from the others at which a depth is an outlier. By eye."""
+    least_nearness: float = 1e-6
+    """Inverse depth, against the median one, below which what is far is as good as infinitely far. By eye."""
     border: int = 4
     """Pixels at the border that know too little around them. By eye."""
     beyond: float = 0.1
@@ -272,14 +277,16 @@ def _suppress_outliers(
     sure = (confidence > options.unsure).astype(np.float32)
     share = _mean_around(sure, options.outlier_window, options.border)
     free = np.clip((share - low) / (high - low), 0, 1) * own
-    outlier = max(options.outlier * level, 1e-12)
-    as_surroundings, as_rim = (
-        np.exp(-(((inverse - around) / outlier) ** 2))
-        for around in (
-            _extrapolated(picture, inverse, confidence, options.far_lambda, options.behind_power, options),
-            _extrapolated(picture, inverse, confidence, options.hole_lambda, 0.0, options),
-        )
+    # Where almost all is one depth there are no levels, and whatever is another one is an outlier.
+    outlier = max(options.outlier * level, TINY)
+    surroundings = _extrapolated(
+        picture, inverse, confidence, options.far_lambda, options.behind_power, options
     )
+    rim = _extrapolated(picture, inverse, confidence, options.hole_lambda, 0.0, options)
+    with np.errstate(over="ignore"):
+        as_surroundings, as_rim = (
+            np.exp(-(((inverse - around) / outlier) ** 2)) for around in (surroundings, rim)
+        )
     kept = confidence * (free + (1 - free) * as_surroundings)
     in_hole = _in_hole(own, options.outlier_window, options)
     return np.asarray(np.maximum(kept, options.sure * in_hole * as_rim), np.float32)
@@ -342,7 +349,7 @@ def _extrapolated(
     Min et al., "Fast global image smoothing based on weighted least squares", 2014.
     """
     usual = float(np.median(inverse)) or 1.0
-    nearness = np.maximum(inverse, 1e-6) / usual
+    nearness = np.maximum(inverse / usual, options.least_nearness)
     weight = np.clip((confidence - options.unsure) / (1 - options.unsure), 0, 1) ** 2
     weight *= np.minimum(1 / nearness, options.behind_ratio) ** behind
     above, below = (

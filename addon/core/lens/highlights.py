@@ -184,8 +184,11 @@ class ClipHighlights:
         seen = here.points[here.points >= 0]
         if len(seen):
             depth = self._rec.points.xyz[seen] @ here.rotation[2] + here.translation[2]
-            return NEAREST / float(np.percentile(np.maximum(depth, 1e-9), 2))
-        return MOST_PARALLAX * max(lens.width, lens.height) / (lens.fx * max(baseline, 1e-12))
+            nearest = float(np.percentile(depth, 2))
+            if nearest > 0:
+                return NEAREST / nearest
+        # From one place everything is seen where it was, however near.
+        return MOST_PARALLAX * max(lens.width, lens.height) / (lens.fx * baseline) if baseline > 0 else 0.0
 
 
 def _pixels(found: list[Highlight], lens: Intrinsics) -> Floats:

@@ -234,7 +234,7 @@ def _depth(inverse: Floats) -> Shown:
     if not known.any():
         return np.zeros((*inverse.shape, 3), np.uint8)
     low, high = np.percentile(inverse[known], [100 - SHARE, SHARE])
-    share = np.where(known, inverse - low, 0) / max(high - low, 1e-12)
+    share = np.where(known, inverse - low, 0) / (high - low if high > low else 1.0)
     colour = cv2.applyColorMap(_bytes(share), cv2.COLORMAP_TURBO)[..., ::-1]
     return np.where(known[..., None], colour, 0).astype(np.uint8)
 

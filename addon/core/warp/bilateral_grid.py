@@ -57,7 +57,7 @@ class BilateralGrid:
         first, last = float(places.inverse.min()), float(places.inverse.max())
         size = np.array([places.x.max(), places.y.max()], np.float64)
         cell = float(max(size)) / options.cells
-        step = max((last - first) / (options.depths - 1), 1e-12)
+        step = (last - first) / (options.depths - 1) or 1.0
         shape = (options.depths, *(size[::-1] / cell).astype(int) + 1)
         at = _cells(places, (first, step, cell), shape)
         total, same = (
