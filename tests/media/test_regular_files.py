@@ -181,12 +181,16 @@ def test_a_strangers_solve_of_no_file_is_refused(
         assert f"their.mp4 cannot be read: {said}" in err and len(err.splitlines()) == 1
 
 
-@pytest.mark.parametrize("count", [10**9, 10**18])
-def test_a_count_that_the_clip_cannot_have_is_not_believed(work: Path, count: int) -> None:
-    video = json.loads((work / "solve.json").read_text())["video"]
-    say(work, video=video | {"count": count})
+@pytest.mark.parametrize(
+    "lie", [{"count": 10**9}, {"count": 10**18}, {"width": 10**9}, {"height": 2**31}, {"width": 161}]
+)
+def test_a_count_or_a_size_that_the_clip_does_not_have_is_not_believed(
+    work: Path, lie: dict[str, int]
+) -> None:
+    told = json.loads((work / "solve.json").read_text())["video"]
+    say(work, video=told | lie)
     footage = load_solve(work).open_clip()
-    assert footage.frames == (1, 2, 3)
+    assert (footage.frames, footage.width, footage.height) == ((1, 2, 3), LENS.width, LENS.height)
 
 
 def test_a_state_that_is_too_large_is_not_read(work: Path) -> None:

@@ -24,7 +24,7 @@ from ..camera.reconstruction import Ints, Reconstruction, upright
 from ..media.clip import Footage, FrameRange, open_footage
 from ..media.clip_identity import identity
 from ..media.find_clip import clip_exists
-from ..media.video import VideoInfo
+from ..media.video import VideoInfo, VideoReader
 from ..readers.colmap_export import read_model, write_model
 from ..readers.matching import Imported
 from .report import Report, report
@@ -103,10 +103,7 @@ def load_solve(work_dir: Path, clip: Path | None = None) -> Solve:
     footage = _clip_of(work_dir, state, clip)
     check_model(work_dir / MODEL, state)
     frames = tuple(state["frames"])
-    video = VideoInfo.parse(state.get("video")) if footage.is_file() else None
-    if video is not None and video.count > footage.stat().st_size:
-        # A frame takes a byte at least: this is not the clip's own count.
-        video = None
+    video = _video_of(footage, VideoInfo.parse(state.get("video")))
     return Solve(work_dir, footage, frames, _with_visible(work_dir / MODEL), state["report"], video)
 
 
@@ -123,6 +120,21 @@ def _clip_of(work_dir: Path, state: dict[str, Any], clip: Path | None) -> Path:
             Remedy.AGAIN,
         )
     raise UserError(f"the clip {state['footage']} of {work_dir} is gone; put it back, or solve again")
+
+
+def _video_of(footage: Path, kept: VideoInfo | None) -> VideoInfo | None:
+    """What a state says of its video, where the file bears it out: who sends a solve may say anything.
+
+    A frame takes a byte at least, and has the size of the first one. UserError where that cannot be read.
+    """
+    if kept is None or not footage.is_file() or kept.count > footage.stat().st_size:
+        return None
+    reader = VideoReader(footage)
+    try:
+        height, width = reader.read(1).shape[:2]
+    finally:
+        reader.close()
+    return kept if (kept.width, kept.height) == (width, height) else None
 
 
 def keep_visible(model: Path, points: Mapping[int, Ints]) -> None:
