@@ -16,7 +16,7 @@ help:
 	@echo "make demo    render the sample clip with depth of field and say where the video is"
 	@echo "make test    run the tests of the add-on"
 	@echo "make test-fast  those that need neither Blender nor a solve nor another process"
-	@echo "make test-all  and those with real data, and the benchmarks' own"
+	@echo "make test-all  and long solves, real data and the benchmarks' own"
 	@echo "make test-window  drive a real Blender on a virtual screen with mouse and keys (BLENDER=PROGRAM); BACKEND=vulkan: renders, preview and pick"
 	@echo "make pictures  take the documentation's pictures in a real Blender (BLENDER=PROGRAM), into docs/pictures/"
 	@echo "make torture  kills, full disks, races and damaged files for hours; resumes (TRIES=100 FAULTS=\"movie jobs\")"
@@ -45,7 +45,7 @@ demo: setup
 TESTS := $(PYTHON) -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder
 
 test: setup
-	@$(TESTS) -m "not data" --ignore=tests/benchmarks
+	@$(TESTS) -m "not data and not long" --ignore=tests/benchmarks
 
 test-all: setup
 	@$(TESTS)

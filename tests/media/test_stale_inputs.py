@@ -314,7 +314,7 @@ def test_an_altered_model_is_told(tmp_path: Path) -> None:
 
 def test_a_clip_that_changes_while_it_is_solved_is_not_kept(tmp_path: Path) -> None:
     clip = planes.write_clip(tmp_path / "walk", planes.sideways(12))
-    process = SolveProcess(clip, tmp_path / "work")
+    process = SolveProcess(clip, tmp_path / "work", focal=planes.FOCAL)
     with (clip / "shot_0012.png").open("ab") as file:
         file.write(b"\0")
     try:
@@ -409,7 +409,7 @@ def test_two_clips_do_not_share_a_folder_where_no_locks_are_known(
 def test_two_clips_race_into_one_folder(tmp_path: Path) -> None:
     script = (
         "import sys; from pathlib import Path; from addon.core.sfm.process import SolveProcess\n"
-        "p = SolveProcess(Path(sys.argv[1]), Path(sys.argv[2]))\n"
+        "p = SolveProcess(Path(sys.argv[1]), Path(sys.argv[2]), focal=272.0)\n"
         "try: p.wait()\n"
         "finally: p.cancel()"
     )
@@ -521,7 +521,7 @@ def test_save_takes_no_other_file_for_the_clip(tmp_path: Path, capsys: pytest.Ca
 
 
 def test_same_clip_same_model(tmp_path: Path) -> None:
-    clip = planes.write_clip(tmp_path / "walk", planes.sideways(16))
+    clip = planes.write_clip(tmp_path / "walk", planes.sideways(12))
     models = []
     for number in (0, 2):
         process = SolveProcess(clip, tmp_path / f"work{number}")

@@ -259,6 +259,7 @@ def test_a_package_of_the_same_name_in_the_current_folder_is_not_ours(
     process.cancel()
 
 
+@pytest.mark.long
 def test_a_turning_camera_is_refused(tmp_path: Path) -> None:
     clip = planes.write_clip(tmp_path / "pan", planes.turning(12))
     assert "too little parallax" in refused(clip, tmp_path / "work")
@@ -382,6 +383,7 @@ def test_frames_blurred_by_the_cameras_motion(tmp_path: Path) -> None:
     assert np.ptp(step / true) < 0.02 * np.median(step / true)
 
 
+@pytest.mark.long
 def test_a_zoom_that_nobody_announced_is_followed(tmp_path: Path) -> None:
     focal = planes.FOCAL * np.geomspace(1, 1.4, 16)
     steps = np.linspace(-0.5, 0.5, 16)

@@ -89,6 +89,7 @@ def test_depths_in_another_order_than_the_motion_are_refused() -> None:
         refuse_shifted(shot, KEYS, *OPTIONS)
 
 
+@pytest.mark.long
 def test_a_stabilised_clip_never_ends_as_a_success(tmp_path: Path) -> None:
     clip = planes.write_clip(tmp_path / "clip", planes.stabilised(10, 6.0))
     said = refused(clip, tmp_path / "work")
