@@ -148,13 +148,14 @@ def test_nothing_is_written_over_its_source(
         ("run", film, "--work", filmed, "--out", film),
         ("render", work, "--out", frames / "clip_####.png"),
         ("render", work, "--out", tmp_path / "way" / "new_####.png"),
-        ("render", work, "--out", tmp_path / "x.mp4"),
         ("render", work, *beside, "--out", masks / "clip_####.png"),
         ("render", work, *beside, "--out", depth / "clip_####.png"),
         ("inspect", work, "--frame", 1, "--out", frames),
     ):
         assert run(*command, *LENS_OPTIONS, "--overwrite") == 1, command
         assert "is a source that the frames are made from" in capsys.readouterr().err
+    assert run("render", work, "--out", tmp_path / "x.mp4", *LENS_OPTIONS, "--overwrite") == 1
+    assert "clip_0001.png is not of a run that makes x.mp4" in capsys.readouterr().err
     assert before == {folder: listed(folder) for folder in (frames, masks, depth)} | {film: film.read_bytes()}
     # A movie beside the pictures is none of them.
     output.check_apart([frames / "o.mp4", frames / "o.mp4.frames"], [frames, masks])
