@@ -51,7 +51,7 @@ test-all: setup
 	@$(TESTS)
 
 test-fast: setup
-	@$(PYTHON) -m pytest --fast -q -n $(JOBS) --dist worksteal
+	@$(PYTHON) -m pytest --fast -q -n $(JOBS) --dist worksteal -m "not long" --ignore=tests/benchmarks
 
 # With a backend other than Blender's own choice, what draws with it.
 DRAWING := tests/window/test_renders.py tests/window/test_view_and_panel.py tests/window/test_pick_focus.py

@@ -283,6 +283,7 @@ def fuzz(label: str, folder: Path) -> int:
     return refused
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="memory is limited through Linux's /proc")
 @pytest.mark.parametrize("label", models())
 def test_every_mutation_is_a_sound_model_or_a_user_error(tmp_path: Path, label: str) -> None:

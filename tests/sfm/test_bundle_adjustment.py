@@ -167,6 +167,7 @@ def test_a_trembling_hand_tells_depth() -> None:
     assert correlation > 0.97
 
 
+@pytest.mark.long
 def test_depths_of_a_camera_that_only_turns_do_not_agree() -> None:
     _, span, found = at_once(path=0.0, noise=0.1, turn=0.03)
     agreement = small_motion.agreement(span.seen, found) or 0.0

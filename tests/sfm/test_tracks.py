@@ -144,7 +144,7 @@ def test_plain_clips_have_no_tracks(tmp_path: Path, tracker: str) -> None:
     assert (tracks.count, len(tracks.xy), cuts(tracks)) == (0, 0, ())
 
 
-@pytest.mark.parametrize("tracker", TRACKERS)
+@pytest.mark.parametrize("tracker", [*FLOWING, pytest.param(TRACKERS[-1], marks=pytest.mark.long)])
 def test_long_tracks_do_not_creep(tmp_path: Path, tracker: str) -> None:
     clip, to = zoomed(30, 1.01)
     tracks = tracked(planes.write_clip(tmp_path / "clip", clip), tracker)
