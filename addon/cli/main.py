@@ -17,10 +17,9 @@ import bpy
 
 from ..core.base import memory
 from ..core.base.atomic import collect_temporary, temporary_folder
-from ..core.base.counting import counted
+from ..core.base.counting import counted, ranges
 from ..core.base.errors import UserError
 from ..core.media.clip import FrameRange
-from ..core.sfm.report import ranges
 from ..core.sfm.state import STATE
 from ..core.sfm.workspace import Solve, default_work_dir, load_solve
 from ..render import child, engine, jobs, movie_folder, output
@@ -134,6 +133,8 @@ def _render(solved: Solve, options: argparse.Namespace) -> None:
     _check_apart(options, solved.footage)
     scene, settings, footage = scene_of(solved)
     _check_interrupted()
+    for note in footage.notes:
+        say(f"note: {note}")
     out: Path = options.out.absolute()
     is_movie = out.suffix.lower() in output.MOVIES
     if options.for_movie:

@@ -18,6 +18,7 @@ import numpy as np
 
 from ..core.base.errors import UserError
 from ..core.base.regular_file import open_regular, read_regular, regular_stat
+from ..core.media.video import video_info
 
 HEADER = 1 << 16
 """Bytes of a file in which its metadata is looked for; Blender writes it before the pixels."""
@@ -107,21 +108,17 @@ def movie_problem(path: Path, count: int, size: tuple[int, int]) -> str:
     """
     if not path.exists():
         return "was not written"
-    level = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     try:
-        movie = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
-        found = 0
-        while movie.grab():
-            found += 1
-        held = tuple(int(movie.get(p)) for p in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT))
-        movie.release()
-    finally:
-        cv2.utils.logging.setLogLevel(level)
+        movie = video_info(path)
+    except UserError as error:
+        return f"cannot be read back ({error})"
+    found = movie.count - len(movie.damaged)
     if found != count:
         return f"has {found} frames that can be decoded and should have {count}"
     whole = _has_whole_segment if path.suffix.lower() == ".mkv" else _has_whole_boxes
     if not whole(path):
         return "is cut off"
+    held = movie.width, movie.height
     return "" if held == size else f"is {held[0]}x{held[1]} and should be {size[0]}x{size[1]}"
 
 

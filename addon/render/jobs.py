@@ -8,8 +8,8 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from ..core.base.counting import ranges
 from ..core.base.errors import UserError
-from ..core.sfm.report import ranges
 from .child import Child, end
 
 TRIES = 2

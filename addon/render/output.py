@@ -10,17 +10,18 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
+import numpy as np
 
 from ..core.base import atomic
-from ..core.base.counting import counted
+from ..core.base.counting import counted, ranges
 from ..core.base.errors import Remedy, UserError
 from ..core.base.file_names import checked_name
 from ..core.base.folder_lock import OutputLock
 from ..core.lens.frame import forecast
 from ..core.media.clip import Footage, is_pattern
+from ..core.media.constant_rate import held_frames, movie_rate
 from ..core.media.picture_file import PICTURES
-from ..core.sfm.report import ranges
-from ..scene.build import SOUND
+from ..scene.build import SOUND, blender_rate, sound_frame
 from ..scene.lens import lens_settings
 from ..scene.shot import shot_of
 from . import engine, frame_files, movie_folder
@@ -272,22 +273,25 @@ def render_movie(
 def join(scene: bpy.types.Scene, files: dict[int, Path], out: Path) -> None:
     """Write pictures, by frame number, as a movie with the rate and the sound of a scene.
 
-    UserError where the movie that was written has not exactly their frames; then nothing is at its place.
+    Where the clip's rate varies, and the scene's is as the clip set it, the movie has the clip's fastest rate
+    and holds slower frames. UserError where the movie that was written has not exactly their frames; then
+    nothing is at its place.
     """
     atomic.collect_orphans(out.parent)
-    first, last = min(files), max(files)
-    held = [max(frame for frame in files if frame <= shown) for shown in range(first, last + 1)]
+    held, rate, moved = _schedule(scene, sorted(files))
+    first = min(files)
     size = written_size(scene.render)
     movie = bpy.data.scenes.new("Virtual Aperture Movie")
     try:
         _set_movie(movie, scene, out.suffix.lower(), size)
-        movie.frame_start, movie.frame_end = first, last
+        movie.render.fps, movie.render.fps_base = blender_rate(rate)
+        movie.frame_start, movie.frame_end = first, first + len(held) - 1
         strips = movie.sequence_editor_create().strips
         strip = strips.new_image("Frames", str(files[first]), 1, first)
         for frame in held[1:]:
             strip.elements.append(files[frame].name)
         for sound in _sounds(scene):
-            strips.new_sound(SOUND, bpy.path.abspath(sound.sound.filepath), 2, round(sound.frame_start))
+            strips.new_sound(SOUND, bpy.path.abspath(sound.sound.filepath), 2, moved(sound.frame_start))
         with atomic.staged(out) as part:
             movie.render.filepath = blender_path(part)
             try:
@@ -297,6 +301,30 @@ def join(scene: bpy.types.Scene, files: dict[int, Path], out: Path) -> None:
             frame_files.refuse(out, frame_files.movie_problem(part, len(held), size))
     finally:
         bpy.data.scenes.remove(movie)
+
+
+def _schedule(scene: bpy.types.Scene, frames: list[int]) -> tuple[list[int], float, Callable[[float], int]]:
+    """What a movie of frames shows: the clip's frame for each of its own, its frames a second, and where in
+    it something lies that lies at a frame of the scene. It begins at the number of the first frame."""
+    footage, set_rate = shot_of(scene).footage, scene.render.fps / scene.render.fps_base
+    rate, first = movie_rate(footage), frames[0]
+    video = footage.video
+    if video is None or not video.is_variable or abs(set_rate - footage.fps) > 1e-3 * footage.fps:
+        held = [max(frame for frame in frames if frame <= shown) for shown in range(first, frames[-1] + 1)]
+        return held, set_rate, round
+    sound, begin = video.sound or 0.0, footage.seconds(first)
+    seconds = [footage.seconds(frame) for frame in frames]
+    # The last is as long as the one before it.
+    following = frames[-1] if frames[-1] < video.count else video.count - 1
+    end = seconds[-1] + (float(np.diff(video.seconds)[following - 1]) if video.count > 1 else 1 / rate)
+    places = held_frames(seconds, end, rate, sound)
+
+    def moved(frame: float) -> int:
+        # What the user moved from the clip's own sound is moved by as much.
+        by = (frame - sound_frame(footage)) / set_rate
+        return int(first + round(by * rate) - round((begin - sound) * rate))
+
+    return [frames[place] for place in places], rate, moved
 
 
 def _sounds(scene: bpy.types.Scene) -> list[bpy.types.SoundStrip]:
@@ -323,7 +351,6 @@ def _set_no_stamps(render: bpy.types.RenderSettings) -> None:
 
 def _set_movie(movie: bpy.types.Scene, scene: bpy.types.Scene, suffix: str, size: tuple[int, int]) -> None:
     render, settings = movie.render, movie.render.image_settings
-    render.fps, render.fps_base = scene.render.fps, scene.render.fps_base
     render.resolution_x, render.resolution_y = size
     render.resolution_percentage = 100
     render.pixel_aspect_x, render.pixel_aspect_y = scene.render.pixel_aspect_x, scene.render.pixel_aspect_y

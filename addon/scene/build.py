@@ -61,6 +61,7 @@ def build(
     settings.footage = relative(footage.path)
     settings.clip_identity, settings.clip_name = identity(footage.path), footage.path.name
     settings.clip_first, settings.clip_last = footage.frames[0], footage.frames[-1]
+    settings.clip_notes = "\n".join(footage.notes)
     depth_of_field.forget_scale(settings)
     focus_marks.clear(settings)
     lens.reset(settings, int(reconstruction.frames[0]))
@@ -103,16 +104,20 @@ def move_clip(scene: bpy.types.Scene, footage: Footage) -> None:
 def _set_up_scene(scene: bpy.types.Scene, footage: Footage, reconstruction: Reconstruction) -> None:
     scene.frame_start, scene.frame_end = footage.frames[0], footage.frames[-1]
     render = scene.render
-    rate = Fraction(footage.fps).limit_denominator(1001)
-    # Blender's rate is an integer over a base: 30000/1001 is 30 / 1.001.
-    render.fps = max(1, round(rate))
-    render.fps_base = render.fps / float(rate)
+    render.fps, render.fps_base = blender_rate(footage.fps)
     render.resolution_x, render.resolution_y = footage.width, footage.height
     render.resolution_percentage = 100
     camera.set_pixel_aspect(render, reconstruction.cameras[0])
     render.engine = "VIRTUAL_APERTURE"
     scene.view_settings.view_transform = "Standard"
     scene.view_settings.look = "None"
+
+
+def blender_rate(fps: float) -> tuple[int, float]:
+    """Frames a second as Blender's integer and the base that it is divided by: 30000/1001 is 30 / 1.001."""
+    rate = Fraction(fps).limit_denominator(1001)
+    whole = max(1, round(rate))
+    return whole, whole / float(rate)
 
 
 def _set_up_objects(scene: bpy.types.Scene, reconstruction: Reconstruction) -> None:
@@ -230,5 +235,13 @@ def _set_sound(scene: bpy.types.Scene, footage: Footage) -> None:
         editor.strips.remove(strip)
         return
     strip.sound.filepath = relative(footage.path)
-    # The clip's first picture is frame 1, whatever range is rendered.
-    strip.frame_start = 1
+    strip.frame_start = sound_frame(footage)
+
+
+def sound_frame(footage: Footage) -> int:
+    """The frame of the timeline at which a clip's sound begins. Strips lie at whole frames.
+
+    The clip's first picture is frame 1, whatever range is rendered.
+    """
+    start = footage.video.sound if footage.video is not None else None
+    return 1 + round((start or 0.0) * footage.fps)

@@ -160,6 +160,9 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
         name="Identity", description="What the solved clip is recognised by", options={"HIDDEN"}
     )
     clip_name: StringProperty(name="Name", description="Name of the solved clip", options={"HIDDEN"})
+    clip_notes: StringProperty(
+        name="Notes", description="What is to be known of the solved clip, a line each", options={"HIDDEN"}
+    )
     clip_first: IntProperty(
         name="First Frame", description="Of the frames that were solved", options={"HIDDEN"}
     )

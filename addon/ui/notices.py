@@ -54,6 +54,15 @@ def draw_clip(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     row.operator(VIRTUAL_APERTURE_OT_find_clip.bl_idname, icon="FILE_FOLDER").filepath = ""
 
 
+def draw_notes(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """What is to be known of the solved clip: damage, and frames that do not follow each other evenly."""
+    settings = context.scene.virtual_aperture
+    if settings.points is not None and settings.clip_notes:
+        box = layout.box()
+        for line in settings.clip_notes.splitlines():
+            wrapped(box, context, sentence(line), icon="INFO")
+
+
 def draw_ignored(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """What the scene asks for and the render will not give."""
     if lines := ignored(context.scene):

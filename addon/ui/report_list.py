@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import bpy
 
-from ..core.sfm.report import ranges
+from ..core.base.counting import ranges
 from ..render import frame_notes
 from .operators import Result
 from .text import wrapped

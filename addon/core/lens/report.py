@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from ..base.arrays import LinearRGBA, Map
-from ..base.counting import counted
+from ..base.counting import counted, ranges
 from ..camera.reconstruction import Floats
-from ..sfm.report import ranges
 from ..warp.layered_mesh import LayeredMeshOptions
 from ..warp.rasterise import at_pixels
 from .frame import SURE, WarpedFrame

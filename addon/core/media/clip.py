@@ -20,8 +20,9 @@ from ..base.errors import UserError
 from ..base.file_names import checked_name
 from ..base.nearest_fill import nearest
 from ..base.regular_file import regular_stat
+from .frame_table import DEFAULT_RATE
 from .picture_file import PICTURES, Pixels, read_picture
-from .video import DEFAULT_FPS, VideoInfo, VideoReader, video_info
+from .video import VideoInfo, VideoReader, video_info
 
 BRIGHTEST = 65504.0
 """The largest number that a half float holds: sums over hundreds of views of it stay finite."""
@@ -62,6 +63,8 @@ class Footage:
     fps: float
     files: tuple[Path, ...] = ()
     """One per frame; empty for a video."""
+    video: VideoInfo | None = None
+    """Of a video: its frames' times, its sound's, and what is damaged."""
 
     @cached_property
     def _video(self) -> VideoReader:
@@ -70,6 +73,17 @@ class Footage:
     @property
     def is_video(self) -> bool:
         return not self.files
+
+    @property
+    def notes(self) -> list[str]:
+        """What the user should know of the clip, a line each."""
+        return self.video.notes if self.video is not None else []
+
+    def seconds(self, frame: int) -> float:
+        """When a frame is shown, in seconds from a video's frame 1, or from a sequence's first."""
+        if self.video is not None:
+            return float(self.video.seconds[frame - 1])
+        return (frame - self.frames[0]) / self.fps
 
     def file(self, frame: int) -> Path:
         """The file that holds a frame."""
@@ -124,7 +138,8 @@ def open_footage(
         else:
             regular_stat(path)
             info = video_info(path, info)
-            footage = Footage(path, tuple(range(1, info.count + 1)), info.width, info.height, info.fps)
+            numbers = tuple(range(1, info.count + 1))
+            footage = Footage(path, numbers, info.width, info.height, info.fps, video=info)
     except OSError as error:
         raise UserError(f"{error.filename or path} cannot be read: {error.strerror or error}") from error
     return footage if frames is None else _narrowed(footage, frames)
@@ -236,7 +251,7 @@ def _open_sequence(path: Path, files: list[Path], fps: float | None) -> Footage:
     frames = tuple(sorted(numbered))
     first = read_picture(numbered[frames[0]])
     ordered = tuple(numbered[f] for f in frames)
-    return Footage(path, frames, first.shape[1], first.shape[0], fps or DEFAULT_FPS, ordered)
+    return Footage(path, frames, first.shape[1], first.shape[0], fps or float(DEFAULT_RATE), ordered)
 
 
 def _narrowed(footage: Footage, wanted: FrameRange | Iterable[int]) -> Footage:

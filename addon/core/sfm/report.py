@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ..base.counting import ranges
 from ..base.errors import Remedy, Words, with_words
 from ..camera.reconstruction import Floats, Ints, Reconstruction, outermost_angles
 
@@ -154,17 +155,6 @@ def report(reconstruction: Reconstruction, frames: tuple[int, ...], said: dict[s
         _distances(reconstruction), spread, explained, weak, list(said.get("notes", [])),
         *_advice(missing, sigma, said.get("focal_from", "file"), spread, explained, weak),
     )  # fmt: skip
-
-
-def ranges(frames: list[int]) -> str:
-    """1, 2, 3, 7 -> "1-3, 7"."""
-    spans: list[list[int]] = []
-    for frame in frames:
-        if spans and frame == spans[-1][1] + 1:
-            spans[-1][1] = frame
-        else:
-            spans.append([frame, frame])
-    return ", ".join(str(a) if a == b else f"{a}-{b}" for a, b in spans)
 
 
 def _advice(

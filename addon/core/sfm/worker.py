@@ -106,7 +106,7 @@ def _solve(job: dict[str, Any]) -> None:
         "tracker": job["tracker"],
         "explained": mapped.explained,
         "moving_tracks": len(mapped.moving),
-        "notes": [] if mapped.zooms == lens.zooms else [ZOOMED],
+        "notes": [*footage.notes, *([] if mapped.zooms == lens.zooms else [ZOOMED])],
         "parallax": mapped.parallax,
         "triangulation_angle": mapped.angle,
         "size": [footage.width, footage.height],

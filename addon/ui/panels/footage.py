@@ -47,6 +47,7 @@ class VIRTUAL_APERTURE_PT_footage(Panel, bpy.types.Panel):  # noqa: N801
         )
         notices.draw_scene(layout, context)
         notices.draw_clip(layout, context)
+        notices.draw_notes(layout, context)
 
 
 class VIRTUAL_APERTURE_PT_import(ClosedPanel, bpy.types.Panel):  # noqa: N801

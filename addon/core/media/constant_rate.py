@@ -1,0 +1,57 @@
+"""Which frame of a clip a movie of a constant rate shows when."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .clip import Footage
+
+RATES = tuple(
+    map(
+        Fraction,
+        ("24000/1001", "24", "25", "30000/1001", "30", "48", "50", "60000/1001", "60", "90", "100", "120"),
+    )
+)
+"""Frames a second that cameras have."""
+SAME = 0.01
+"""Relative difference up to which a measured rate is one of those: times in milliseconds are that coarse."""
+RUN = 8
+"""Frames over which the fastest rate is taken: single times jitter."""
+FASTEST = 240.0
+"""Frames a second; what follows closer is glitches of a recorder, not pictures that are to be told apart."""
+
+
+def movie_rate(footage: Footage) -> float:
+    """Frames a second of a movie that has place for every frame of a clip: the fastest that the clip has."""
+    if footage.video is None or not footage.video.is_variable:
+        return footage.fps
+    seconds = footage.video.seconds
+    run = min(RUN, len(seconds) - 1)
+    measured = min(FASTEST, run / float(np.min(seconds[run:] - seconds[:-run])))
+    nearest = min(RATES, key=lambda rate: abs(float(rate) - measured))
+    return float(nearest) if abs(float(nearest) - measured) < SAME * measured else measured
+
+
+def held_frames(seconds: Sequence[float], end: float, rate: float, sound: float) -> NDArray[np.intp]:
+    """Which of the frames each frame of a movie shows, (n,): index into `seconds`, which rise.
+
+    Each begins at the movie's frame next to its own time, counted from the `sound`, which begins at one of
+    the movie's frames, too: picture and sound are at most half of such a frame apart. Where two lie closer
+    than that, the second comes a frame later; what would come too late by more is left out. The last is held
+    until `end`.
+    """
+    own = (np.asarray(seconds) - sound) * rate
+    first = round(own[0])
+    begins: list[int] = []
+    shown: list[int] = []
+    for index, at in enumerate(own):
+        place = max(round(at), begins[-1] + 1 if begins else first)
+        if place - at < 1:
+            begins.append(place)
+            shown.append(index)
+    last = max(begins[-1] + 1, round((end - sound) * rate))
+    return np.repeat(shown, np.diff([*begins, last]))

@@ -1,0 +1,257 @@
+"""A video's frames, times and damage, from its packets and their decoder, in one pass over the file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import av
+import numpy as np
+from av.container import InputContainer
+from av.packet import Packet
+from av.video.stream import VideoStream
+
+from ..base.progress import checkpoint
+from .container import open_video, sound_start
+
+DEFAULT_RATE = Fraction(24)
+"""Frames a second of a clip that tells no usable rate: cinema's."""
+_STRICT = {"err_detect": "crccheck+bitstream+buffer+explode"}
+_HIDING = ("ffv1", "hevc", "mjpeg")
+"""Decoders that tell of broken packets only where they are strict. Others mark the frames that they mended."""
+_WHOLE = ("matroska", "mov")
+"""Containers whose packets hold a whole frame each, both fields included; they know where key frames are."""
+_HIDES = ("vp8", "vp9")
+"""Codecs some of whose packets are never shown, only referred to."""
+NEAR = 0.6
+"""Of the usual time between frames: a broken packet nearer than that to a frame that is shown is this frame.
+Over a half, which is where a field lies."""
+SHORT = 0.1
+"""Seconds by which a container may promise more than it holds: some count a packet of sound more, ASF its
+preroll, and FLV's writers round."""
+INDEX = 24
+"""Bytes of an AVI's index with one entry, without which it ends in a packet: each has a head of 8 bytes."""
+ABRUPT = 0.75
+"""Of the longest time between two frames: how much earlier than its own stream says a video may end."""
+
+
+@dataclass(frozen=True)
+class FrameTable:
+    """What a pass over a video found."""
+
+    tick: tuple[int, int]
+    """Seconds of a unit of time, as a fraction."""
+    times: tuple[int, ...]
+    """Of the frames as they are shown, in ticks; where `is_timed` is False they only count them."""
+    is_timed: bool
+    """Whether the times are the file's, and increase."""
+    rates: tuple[Fraction, ...]
+    """Frames a second that the file tells, most trusted first; at least one."""
+    keys: tuple[int, ...]
+    """Numbers of frames, from 1 on, from which decoding may begin: the first, and others where the container
+    has an index of them."""
+    damaged: tuple[int, ...]
+    """Numbers of the frames that the decoder found damaged."""
+    missing: int
+    """Frames that the container promises past its end."""
+    sound: float | None
+    """Seconds from the first frame to the first sound; None without sound."""
+
+
+@dataclass
+class _Pass:
+    """What is collected while a file is read."""
+
+    packets: list[int | None] = field(default_factory=list)
+    """Times of the packets that are to be shown."""
+    count: int = 0
+    """Of all packets with pictures in them."""
+    frames: list[int | None] = field(default_factory=list)
+    """Times of the frames, as they are shown,"""
+    keys: list[int] = field(default_factory=list)
+    """where among them those are that need no other,"""
+    corrupt: set[int] = field(default_factory=set)
+    """and those that the decoder calls damaged."""
+    broken: list[tuple[int | None, int]] = field(default_factory=list)
+    """Of packets that could not be decoded, or are not whole: time, and how many frames were shown before."""
+    promised: int = 0
+    """Entries of the container's own index of pictures, before any is read."""
+    reach: int = 0
+    """Where in the file the last of the packets ends, in bytes."""
+    last: int = -1
+    """The last packet's time of decoding, in ticks."""
+    end: Fraction = Fraction(0)
+    """Where the last packet of any stream ends, in seconds."""
+    shown_until: Fraction = Fraction(0)
+    """Where the last packet with a picture ends, in seconds."""
+
+
+def read_table(path: Path) -> FrameTable:
+    """Decode a video to its end. UserError where it cannot be opened; passes checkpoints."""
+    container, stream = open_video(path)
+    with container:
+        found = _read(container, stream, "AUTO")
+    if found.broken and not _is_whole(container):
+        # With threads the decoder tells of a broken packet some packets later.
+        container, stream = open_video(path)
+        with container:
+            found = _read(container, stream, "NONE")
+    container, stream = open_video(path)
+    with container:
+        return _table(container, stream, found, sound_start(path))
+
+
+def _read(container: InputContainer, stream: VideoStream, threads: str) -> _Pass:
+    found = _Pass(promised=len(stream.index_entries))
+    if stream.codec_context.name in _HIDING:
+        stream.codec_context.options = _STRICT
+    stream.thread_type = threads
+    claimed = stream.frames or int(
+        float(stream.average_rate or DEFAULT_RATE) * float((container.duration or 0) / av.time_base)
+    )
+    for packet in _packets(container):
+        if packet.pos is not None:
+            found.reach = max(found.reach, packet.pos + packet.size)
+        if packet.pts is not None and packet.time_base:
+            end = _end(packet)
+            found.end = max(found.end, end)
+        if packet.stream.index != stream.index:
+            continue
+        if packet.size:
+            _count(found, packet)
+        _decode(found, packet)
+        checkpoint(min(1.0, found.count / max(claimed, 1)))
+    return found
+
+
+def _packets(container: InputContainer) -> Iterator[Packet[Any]]:
+    """Of all streams, up to the end, or to where the file cannot be read on."""
+    packets = container.demux()
+    while True:
+        try:
+            yield next(packets)
+        except (StopIteration, av.FFmpegError):
+            return
+
+
+def _count(found: _Pass, packet: Packet[VideoStream]) -> None:
+    found.count += 1
+    if packet.dts is not None:
+        found.last = max(found.last, packet.dts)
+    if packet.pts is not None and packet.time_base:
+        end = _end(packet)
+        found.shown_until = max(found.shown_until, end)
+    if not packet.is_discard:
+        found.packets.append(packet.pts)
+        if packet.is_corrupt:
+            found.broken.append((packet.pts, len(found.frames)))
+
+
+def _decode(found: _Pass, packet: Packet[VideoStream]) -> None:
+    try:
+        frames = packet.decode()
+    except av.FFmpegError:
+        if not packet.is_discard:
+            found.broken.append((packet.pts, len(found.frames)))
+        return
+    for frame in frames:
+        if frame.is_corrupt:
+            found.corrupt.add(len(found.frames))
+        if frame.key_frame:
+            found.keys.append(len(found.frames))
+        found.frames.append(frame.pts)
+
+
+def _table(container: InputContainer, stream: VideoStream, found: _Pass, sound: float | None) -> FrameTable:
+    told = [rate for rate in (stream.guessed_rate, stream.average_rate) if rate and 0 < rate < 1000]
+    rates = tuple(map(_fraction, told)) or (DEFAULT_RATE,)
+    known = [time for time in found.frames if time is not None]
+    is_timed = len(known) == len(found.frames) and bool(np.all(np.diff(known) > 0))
+    tick = _fraction(stream.time_base) if stream.time_base else 1 / rates[0]
+    missing = _missing(container, stream, found, rates[0])
+    if not is_timed:
+        near = {min(before, len(found.frames) - 1) for _, before in found.broken if before}
+        damaged = tuple(sorted(at + 1 for at in near | found.corrupt))
+        count = tuple(range(len(found.frames)))
+        return FrameTable((1, 1), count, False, rates, (1,), damaged, missing, None if sound is None else 0.0)
+    lost = _lost(container, stream, found, known)
+    times = sorted([*known, *lost])
+    at = {time: number for number, time in enumerate(times, 1)}
+    bad = {at[known[each]] for each in found.corrupt} | {at[time] for time in lost}
+    bad |= {at[_nearest(times, time)] for time, before in found.broken if time is not None and before}
+    keys = (1, *(at[known[each]] for each in found.keys if each)) if _is_whole(container) else (1,)
+    begin = float(times[0] * tick) if times else 0.0
+    return FrameTable(
+        (tick.numerator, tick.denominator), tuple(times), True, rates, keys, tuple(sorted(bad)), missing,
+        None if sound is None else sound - begin,
+    )  # fmt: skip
+
+
+def _lost(container: InputContainer, stream: VideoStream, found: _Pass, known: list[int]) -> list[int]:
+    """Times of frames that were not shown and should have been.
+
+    Not those before the first that was: a recording may begin anywhere.
+    """
+    times = {time for time, _ in found.broken if time is not None}
+    if (found.broken or _is_whole(container)) and stream.codec_context.name not in _HIDES:
+        times |= {time for time in found.packets if time is not None} - set(known)
+    if len(known) < 2:
+        return []
+    usual = float(np.median(np.diff(known)))
+    return sorted(
+        time for time in times if time > known[0] and abs(time - _nearest(known, time)) > NEAR * usual
+    )
+
+
+def _end(packet: Packet[Any]) -> Fraction:
+    """When a packet that tells its time ends, in seconds."""
+    return ((packet.pts or 0) + (packet.duration or 0)) * _fraction(packet.time_base)
+
+
+def _fraction(ratio: Any) -> Fraction:
+    return Fraction(ratio.numerator, ratio.denominator)
+
+
+def _nearest(times: list[int], wanted: int) -> int:
+    at = int(np.searchsorted(times, wanted))
+    return min(times[max(0, at - 1) : at + 1], key=lambda time: abs(time - wanted))
+
+
+def _missing(container: InputContainer, stream: VideoStream, found: _Pass, rate: Fraction) -> int:
+    """Frames that the container promises and does not hold."""
+    kind = container.format.name.split(",")[0]
+    if kind == "mov" and found.promised:
+        return max(0, found.promised - found.count)
+    if kind == "avi":
+        # The header counts empty packets, which are not given. An index comes after all pictures.
+        is_cut = found.reach + INDEX > (container.size or 0)
+        return max(0, stream.frames - found.last - 1) if is_cut else 0
+    if not container.duration:
+        return 0
+    promised = Fraction(container.duration, av.time_base)
+    if kind != "matroska":
+        # Those count from the first packet on.
+        promised += Fraction(container.start_time or 0, av.time_base)
+    own = _seconds(stream.metadata.get("DURATION", "")) if kind == "matroska" else None
+    times = [time for time in found.packets if time is not None]
+    longest = float(max(np.diff(np.unique(times)), default=0)) * float(stream.time_base or 0)
+    short = float(promised - found.end if own is None else own - found.shown_until)
+    if short <= max(ABRUPT * longest, 0.0 if own is not None and longest else SHORT):
+        return 0
+    return max(1, round(float((own or promised) - found.shown_until) * float(rate)))
+
+
+def _seconds(text: str) -> Fraction | None:
+    """Matroska's tag "00:00:04.023000000"; None for others."""
+    try:
+        hours, minutes, seconds = text.split(":")
+        return 3600 * int(hours) + 60 * int(minutes) + Fraction(seconds)
+    except ValueError:
+        return None
+
+
+def _is_whole(container: InputContainer) -> bool:
+    return container.format.name.split(",")[0] in _WHOLE

@@ -1,0 +1,189 @@
+"""Clips as they come: frames, times and damage from packets, and what is refused."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+
+import av
+import cv2
+import numpy as np
+import pytest
+
+from addon.core.base.errors import UserError
+from addon.core.media.clip import open_footage
+from addon.core.media.video import VideoInfo
+
+from ..odd_clips import flipped, packets, steady, varying, write
+
+
+@pytest.mark.parametrize(
+    ("name", "codec"),
+    [
+        ("a.mkv", "libx264"), ("a.webm", "libvpx-vp9"), ("a.webm", "libvpx"), ("a.ts", "libx264"),
+        ("a.ts", "mpeg2video"), ("a.mp4", "libx264"), ("a.mov", "mpeg4"), ("a.avi", "mpeg4"),
+        ("a.flv", "flv"), ("a.wmv", "wmv2"), ("a.mkv", "libx265"),
+    ],
+)  # fmt: skip
+def test_sound_longer_than_the_pictures_is_no_truncation(tmp_path: Path, name: str, codec: str) -> None:
+    footage = open_footage(write(tmp_path / name, steady(100), codec, sound=4.2))
+    assert len(footage.frames) == 100 and footage.fps == pytest.approx(25, rel=0.02)
+    assert footage.video is not None and not footage.video.missing and not footage.video.damaged
+
+
+def test_a_clip_of_varying_rate_is_whole_and_has_its_own_times(tmp_path: Path) -> None:
+    times = varying(12)
+    for name in ("a.mp4", "a.mkv"):
+        footage = open_footage(write(tmp_path / name, times, sound=12.0))
+        assert footage.video is not None and footage.video.is_variable
+        assert np.allclose(footage.video.seconds, [float(time) for time in times], atol=0.002)
+        assert footage.fps == pytest.approx((len(times) - 1) / float(times[-1]), rel=1e-3)
+        assert not footage.video.missing and not footage.video.damaged
+        assert any("frame rate varies" in note for note in footage.notes)
+
+
+def test_empty_packets_of_an_avi_are_no_lost_frames(tmp_path: Path) -> None:
+    times = [time for at, time in enumerate(steady(100)) if not 5 < at % 25 < 11]
+    footage = open_footage(write(tmp_path / "a.avi", times, "mpeg4"))
+    assert len(footage.frames) == len(times) and footage.video is not None and footage.video.is_variable
+    assert np.allclose(footage.video.seconds, [float(time) for time in times])
+
+
+def test_frames_before_an_edit_list_are_not_shown_and_not_missed(tmp_path: Path) -> None:
+    whole = write(tmp_path / "whole.mp4", steady(100), bf="3", g="25")
+    # As `ffmpeg -ss 0.5 -c copy`: from the key frame before, whose time is negative.
+    with av.open(str(whole)) as source, av.open(str(tmp_path / "cut.mp4"), "w") as out:
+        stream = out.add_stream_from_template(source.streams.video[0])
+        begin = round(0.52 / source.streams.video[0].time_base)
+        for packet in source.demux(video=0):
+            if packet.dts is not None and packet.pts is not None:
+                packet.pts, packet.dts = packet.pts - begin, packet.dts - begin
+                packet.stream = stream
+                out.mux(packet)
+    footage, before = open_footage(tmp_path / "cut.mp4"), open_footage(whole)
+    assert len(footage.frames) == 87 and not footage.notes
+    for frame in (1, 40, 87, 2):
+        assert np.array_equal(footage.read(frame), before.read(frame + 13))
+
+
+def test_the_last_frames_that_are_missing_are_named(tmp_path: Path) -> None:
+    # As cameras on a memory card write it: all is known before the pictures come.
+    path = write(tmp_path / "a.mkv", steady(200), sound=8.0)
+    at = packets(path)[197][0]
+    path.write_bytes(path.read_bytes()[:at])
+    footage = open_footage(path)
+    assert len(footage.frames) == 197
+    assert any("frames 198-200 of 200 cannot be read" in note for note in footage.notes)
+
+
+def test_a_clip_that_is_cut_off_is_refused(tmp_path: Path) -> None:
+    for name, codec in (("a.mkv", "libx264"), ("a.avi", "mpeg4")):
+        path = write(tmp_path / name, steady(100), codec)
+        path.write_bytes(path.read_bytes()[: packets(path)[60][0]])
+        with pytest.raises(UserError, match=r"truncated: frame \d+ of 100 cannot be decoded"):
+            open_footage(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "codec"),
+    [
+        ("a.mp4", "libx264"),
+        ("a.mkv", "libx264"),
+        ("a.avi", "mpeg4"),
+        ("a.ts", "mpeg2video"),
+        ("a.avi", "mjpeg"),
+    ],
+)
+@pytest.mark.parametrize("packet", [7, 48])
+def test_a_frame_whose_packet_is_damaged_is_named(tmp_path: Path, name: str, codec: str, packet: int) -> None:
+    path = flipped(write(tmp_path / name, steady(50), codec, block=2, bf="0", g="25"), packet)
+    footage = open_footage(path)
+    assert footage.video is not None and packet + 1 in footage.video.damaged, footage.video.damaged
+    assert len(footage.frames) == 50
+    assert any(f"{packet + 1}" in note and "damaged in the file" in note for note in footage.notes)
+
+
+def test_frames_are_the_same_in_whichever_order_they_are_read(tmp_path: Path) -> None:
+    for name, codec in (
+        ("a.mp4", "libx264"),
+        ("a.mkv", "libx265"),
+        ("a.mkv", "libvpx-vp9"),
+        ("a.ts", "libx264"),
+    ):
+        footage = open_footage(write(tmp_path / f"{codec}{name}", steady(60), codec, g="12", bf="2"))
+        forwards = {frame: footage.read(frame) for frame in footage.frames}
+        order = np.random.default_rng(0).permutation(footage.frames)
+        for frame in map(int, order):
+            assert np.array_equal(footage.read(frame), forwards[frame]), (name, codec, frame)
+
+
+def test_pictures_are_those_of_opencv_to_the_last_bit(tmp_path: Path) -> None:
+    for name, codec in (("a.mp4", "libx264"), ("a.webm", "libvpx-vp9"), ("a.avi", "mjpeg")):
+        path = write(tmp_path / name, steady(12), codec)
+        footage, other = open_footage(path), cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
+        for frame in footage.frames:
+            assert np.array_equal(footage.read(frame), other.read()[1][..., ::-1]), (codec, frame)
+
+
+def test_av1_is_read(tmp_path: Path) -> None:
+    times = steady(20)
+    plain = open_footage(write(tmp_path / "plain.mp4", times, qp="1"))
+    footage = open_footage(write(tmp_path / "a.mp4", times, "libsvtav1", crf="10", preset="10"))
+    assert len(footage.frames) == 20
+    for frame in (1, 11, 20):
+        assert np.abs(footage.read(frame).astype(int) - plain.read(frame)).mean() < 4
+
+
+def test_a_clip_is_upright_with_square_pixels(tmp_path: Path) -> None:
+    flat = write(tmp_path / "flat.mp4", steady(5))
+    turned = tmp_path / "turned.mp4"
+    with av.open(str(flat)) as source, av.open(str(turned), "w") as out:
+        stream = out.add_stream_from_template(source.streams.video[0])
+        stream.set_display_rotation(90)
+        for packet in source.demux(video=0):
+            if packet.dts is not None:
+                packet.stream = stream
+                out.mux(packet)
+    footage = open_footage(turned)
+    assert (footage.width, footage.height) == (48, 64)
+    capture = cv2.VideoCapture(str(turned), cv2.CAP_FFMPEG)
+    assert np.array_equal(footage.read(1), capture.read()[1][..., ::-1])
+
+
+LISTS = {
+    "ffconcat": "ffconcat version 1.0\nfile clip.mp4\n",
+    "m3u8": "#EXTM3U\n#EXT-X-TARGETDURATION:5\n#EXTINF:5,\nclip.ts\n#EXT-X-ENDLIST\n",
+    "sdp": "v=0\no=- 0 0 IN IP4 127.0.0.1\ns=x\nc=IN IP4 127.0.0.1\nt=0 0\nm=video 5004 RTP/AVP 96\n",
+    "mpd": '<?xml version="1.0"?>\n<MPD><Period><BaseURL>clip.mp4</BaseURL></Period></MPD>\n',
+}
+
+
+@pytest.mark.parametrize("kind", LISTS)
+@pytest.mark.parametrize("suffix", ["mp4", "own"])
+def test_a_list_that_leads_to_other_files_is_refused(tmp_path: Path, kind: str, suffix: str) -> None:
+    write(tmp_path / "clip.mp4", steady(5))
+    write(tmp_path / "clip.ts", steady(5))
+    path = tmp_path / f"list.{kind if suffix == 'own' else suffix}"
+    path.write_text(LISTS[kind])
+    with pytest.raises(UserError, match="leads to other files, not a video; give the video itself"):
+        open_footage(path)
+
+
+def test_what_is_known_of_a_clip_can_be_kept(tmp_path: Path) -> None:
+    info = open_footage(write(tmp_path / "a.mp4", varying(3), sound=3.0, late=0.48)).video
+    assert info is not None and VideoInfo.parse(asdict(info)) == info
+    for others in (
+        {"times": [3, 2, 1]},
+        {"keys": [0]},
+        {"tick": [0, 1]},
+        {"fps": float("nan")},
+        {"times": []},
+    ):
+        assert VideoInfo.parse(asdict(info) | others) is None
+
+
+def test_sound_keeps_its_place(tmp_path: Path) -> None:
+    for name in ("a.mp4", "a.mkv"):
+        info = open_footage(write(tmp_path / name, steady(50), sound=1.5, late=0.48)).video
+        # AAC begins with what it needs before the first sample, 1024 of them.
+        assert info is not None and info.sound == pytest.approx(0.48, abs=0.022)
