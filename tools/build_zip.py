@@ -22,8 +22,8 @@ TAGS = {
     "windows-x64": ["win_amd64"],
     "macos-arm64": ["macosx_14_0_arm64", "macosx_13_0_arm64", "macosx_11_0_arm64"],
 }
-# Blender's own builds run Python 3.13, Debian's 3.14. PyAV's and OpenCV's wheels serve both. numpy comes with Blender
-# and must never be bundled: it would win over Blender's own for every other extension.
+# Blender's own builds run Python 3.13, Debian's 3.14. PyAV's and OpenCV's wheels serve both. numpy
+# comes with Blender and must never be bundled: it would win over Blender's own for every other extension.
 WHEELS = {"av": ("3.13",), "pycolmap": ("3.13", "3.14"), "opencv-contrib-python-headless": ("3.13",)}
 
 

@@ -23,7 +23,7 @@ print("\n".join(project["project"]["dependencies"] + project["dependency-groups"
 PY
 "$venv/bin/python" -m pip install -q --disable-pip-version-check -r "$venv/requirements.txt" 2> >(grep -v "is ignored: it is neither a file" >&2)
 
-for module in bpy cv2 pycolmap; do
+for module in av bpy cv2 pycolmap; do
   if ! "$venv/bin/python" -c "import $module" >"$venv/import.log" 2>&1; then
     tail -n 1 "$venv/import.log" >&2
     echo "the wheels need system libraries; on Debian: apt-get install $(tr '\n' ' ' <tools/debian-packages.txt)" >&2

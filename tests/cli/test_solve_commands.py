@@ -11,9 +11,10 @@ import cv2
 import numpy as np
 import pytest
 
+from addon.core.base.counting import ranges
 from addon.core.base.errors import UserError
+from addon.core.media import video
 from addon.core.sfm.process import SolveProcess
-from addon.core.sfm.report import ranges
 from addon.core.sfm.workspace import Solve, load_solve
 
 from .. import foreign_models, planes
@@ -115,9 +116,9 @@ def test_a_video_is_opened_once_before_its_worker_starts(
     for picture in planes.sideways(3):
         writer.write(picture)
     writer.release()
-    opened = []
-    capture = cv2.VideoCapture
-    monkeypatch.setattr(cv2, "VideoCapture", lambda *told: opened.append(told) or capture(*told))
+    opened: list[Path] = []
+    decode = video._decode_all
+    monkeypatch.setattr(video, "_decode_all", lambda clip: opened.append(clip) or decode(clip))
     process = SolveProcess(path, tmp_path / "work", focal=lambda width, height: width + height / 1000)
     process.cancel()
     assert len(opened) == 1

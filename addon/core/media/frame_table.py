@@ -21,7 +21,7 @@ DEFAULT_RATE = Fraction(24)
 """Frames a second of a clip that tells no usable rate: cinema's."""
 _STRICT = {"err_detect": "crccheck+bitstream+buffer+explode"}
 _HIDING = ("ffv1", "hevc", "mjpeg")
-"""Decoders that tell of broken packets only where they are strict. Others mark the frames that they mended."""
+"""Decoders that tell of broken packets only where they are strict; others mark the frames that they mended."""
 _WHOLE = ("matroska", "mov")
 """Containers whose packets hold a whole frame each, both fields included; they know where key frames are."""
 _HIDES = ("vp8", "vp9")
