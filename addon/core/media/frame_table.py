@@ -21,7 +21,7 @@ DEFAULT_RATE = Fraction(24)
 """Frames a second of a clip that tells no usable rate: cinema's."""
 _STRICT = {"err_detect": "crccheck+bitstream+buffer+explode"}
 _HIDING = ("ffv1", "hevc", "mjpeg")
-"""Decoders that tell of broken packets only where they are strict; others mark the frames that they mended."""
+"""Decoders that tell of broken packets only where they are strict; others mark what they mended."""
 _WHOLE = ("matroska", "mov")
 """Containers whose packets hold a whole frame each, both fields included; they know where key frames are."""
 _HIDES = ("vp8", "vp9")
@@ -196,14 +196,14 @@ def _lost(container: InputContainer, stream: VideoStream, found: _Pass, known: l
     Not those before the first that was: a recording may begin anywhere.
     """
     times = {time for time, _ in found.broken if time is not None}
-    if (found.broken or _is_whole(container)) and stream.codec_context.name not in _HIDES:
+    # AVI counts frames that are not coded.
+    if (found.broken or _kind(container) != "avi") and stream.codec_context.name not in _HIDES:
         times |= {time for time in found.packets if time is not None} - set(known)
     if len(known) < 2:
         return []
-    usual = float(np.median(np.diff(known)))
-    return sorted(
-        time for time in times if time > known[0] and abs(time - _nearest(known, time)) > NEAR * usual
-    )
+    # Elsewhere second fields may have packets of their own, half a frame away.
+    apart = 0.0 if _is_whole(container) else NEAR * float(np.median(np.diff(known)))
+    return sorted(time for time in times if time > known[0] and abs(time - _nearest(known, time)) > apart)
 
 
 def _end(packet: Packet[Any]) -> Fraction:
@@ -222,7 +222,7 @@ def _nearest(times: list[int], wanted: int) -> int:
 
 def _missing(container: InputContainer, stream: VideoStream, found: _Pass, rate: Fraction) -> int:
     """Frames that the container promises and does not hold."""
-    kind = container.format.name.split(",")[0]
+    kind = _kind(container)
     if kind == "mov" and found.promised:
         return max(0, found.promised - found.count)
     if kind == "avi":
@@ -253,5 +253,10 @@ def _seconds(text: str) -> Fraction | None:
         return None
 
 
+def _kind(container: InputContainer) -> str:
+    """FFmpeg's first name of a container."""
+    return container.format.name.split(",")[0]
+
+
 def _is_whole(container: InputContainer) -> bool:
-    return container.format.name.split(",")[0] in _WHOLE
+    return _kind(container) in _WHOLE
