@@ -11,6 +11,7 @@ import zipfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import FrameType
+from typing import Any
 
 import cv2
 import numpy as np
@@ -182,10 +183,10 @@ def test_a_strangers_solve_of_no_file_is_refused(
 
 
 @pytest.mark.parametrize(
-    "lie", [{"count": 10**9}, {"count": 10**18}, {"width": 10**9}, {"height": 2**31}, {"width": 161}]
+    "lie", [{"times": list(range(10**6))}, {"times": []}, {"width": 10**9}, {"height": 2**31}, {"width": 161}]
 )
 def test_a_count_or_a_size_that_the_clip_does_not_have_is_not_believed(
-    work: Path, lie: dict[str, int]
+    work: Path, lie: dict[str, Any]
 ) -> None:
     told = json.loads((work / "solve.json").read_text())["video"]
     say(work, video=told | lie)

@@ -272,10 +272,11 @@ def _decode_all(path: Path) -> VideoInfo:
             f"{path.name} is truncated: frame {len(table.times) + 1} of {claimed} cannot be decoded;"
             " copy or convert it again"
         )
-    return _info(table, *_size(path))
+    return _info(table, *video_size(path))
 
 
-def _size(path: Path) -> tuple[int, int]:
+def video_size(path: Path) -> tuple[int, int]:
+    """(width, height) of a video's first frame as it is shown; UserError where it cannot be decoded."""
     container, stream = open_video(path)
     with container:
         for frame in _decoded(container, stream):

@@ -24,7 +24,7 @@ from ..camera.reconstruction import Ints, Reconstruction, upright
 from ..media.clip import Footage, FrameRange, open_footage
 from ..media.clip_identity import identity
 from ..media.find_clip import clip_exists
-from ..media.video import VideoInfo, VideoReader
+from ..media.video import VideoInfo, video_size
 from ..readers.colmap_export import read_model, write_model
 from ..readers.matching import Imported
 from .report import Report, report
@@ -129,12 +129,7 @@ def _video_of(footage: Path, kept: VideoInfo | None) -> VideoInfo | None:
     """
     if kept is None or not footage.is_file() or kept.count > footage.stat().st_size:
         return None
-    reader = VideoReader(footage)
-    try:
-        height, width = reader.read(1).shape[:2]
-    finally:
-        reader.close()
-    return kept if (kept.width, kept.height) == (width, height) else None
+    return kept if (kept.width, kept.height) == video_size(footage) else None
 
 
 def keep_visible(model: Path, points: Mapping[int, Ints]) -> None:
@@ -220,7 +215,11 @@ def keep_import(found: Imported, footage: Footage, work_dir: Path) -> None:
         model = staging.folder / MODEL
         model.mkdir()
         write_model(model, reconstruction)
-        said: dict[str, Any] = {"focal_from": "file", "method": found.format, "notes": [*footage.notes, *found.notes]}
+        said: dict[str, Any] = {
+            "focal_from": "file",
+            "method": found.format,
+            "notes": [*footage.notes, *found.notes],
+        }
         said["observed"] = not found.projected
         staging.keep(footage, clip_identity, {"imported": found.format}, said)
     finally:
