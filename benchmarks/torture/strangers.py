@@ -71,8 +71,16 @@ def lies(one: Try) -> None:
     elif one.dice.random() < 0.3:
         _say(work, frames=[*state["frames"], huge])
     else:
-        part = one.dice.choice(["count", "count", "width", "height", "fps"])
-        _say(work, video=state["video"] | {part: huge})
+        told = one.dice.choice(
+            [
+                {"times": list(range(HUGE[0]))},
+                {"missing": huge},
+                {"width": huge},
+                {"height": huge},
+                {"fps": huge},
+            ]
+        )
+        _say(work, video=state["video"] | told)
     run = one.run("render", work, *LENS, "--frames", FEW, "--out", out)
     expected = {name: data for name, data in one.bench.frames.items() if 3 <= int(name[:4]) <= 6}
     if run.status == 0 and contents(out.parent) != expected:

@@ -13,8 +13,7 @@ import pytest
 from addon.core.base.errors import UserError
 from addon.core.media.clip import open_footage
 from addon.core.media.video import VideoInfo
-
-from ..odd_clips import flipped, packets, steady, varying, write
+from benchmarks.odd_clips import flipped, packets, steady, varying, write
 
 
 @pytest.mark.parametrize(

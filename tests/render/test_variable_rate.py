@@ -14,9 +14,8 @@ from addon.core.media.clip import open_footage
 from addon.core.media.constant_rate import held_frames
 from addon.render import output
 from addon.scene.build import build
+from benchmarks.odd_clips import SIZE, flashes_and_clicks, steady, varying, write
 from benchmarks.torture import clip as solved
-
-from ..odd_clips import SIZE, flashes_and_clicks, steady, varying, write
 
 
 def joined(footage_path: Path, folder: Path, frames: range | None = None) -> Path:

@@ -107,7 +107,7 @@ class VideoInfo:
             notes.append(
                 f"{'frame' if one else 'frames'} {ranges(list(self.damaged))} of the clip"
                 f" {'is' if one else 'are'} damaged in the file: a part of the picture is made up, as may be"
-                " frames after it; copy the clip again or leave them out"
+                " frames beside it; copy the clip again or leave them out"
             )
         if self.missing:
             claimed = self.count + self.missing

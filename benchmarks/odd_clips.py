@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from fractions import Fraction
 from pathlib import Path
 
 import av
 import numpy as np
+from av.audio.stream import AudioStream
+from av.video.stream import VideoStream
+from numpy.typing import NDArray
 
 SIZE = (64, 48)
 RATE = 48000
 """Samples of sound a second."""
+LOUD = 0.2
+"""Of full scale; a click has 0.9, and what lossy coding puts before it less than this."""
 TICK = Fraction(1, 12000)
 """Seconds: a whole number of them for 24, 25, 30 and 60 frames a second."""
 
@@ -45,43 +50,49 @@ def write(
 
     `sound` is how many seconds of it there are, none without, with a click at each flash; it begins `late`.
     """
-    dice, lit = np.random.default_rng(1), set(flashes)
+    lit = set(flashes)
     with av.open(str(path), "w") as out:
         video = out.add_stream(codec, rate=25, options=options)
+        assert isinstance(video, VideoStream)
         video.width, video.height = SIZE
         video.pix_fmt = {"mjpeg": "yuvj420p"}.get(codec, "yuv420p")
         tick = Fraction(1, 25) if path.suffix == ".avi" or codec == "mpeg2video" else TICK
         video.time_base = video.codec_context.time_base = tick
         heard = out.add_stream("aac" if path.suffix != ".webm" else "libopus", rate=RATE) if sound else None
-        if heard is not None:
+        if isinstance(heard, AudioStream):
             heard.layout = "mono"
-        small = dice.integers(0, 200, (len(times), SIZE[1] // block, SIZE[0] // block, 3), np.uint8)
-        for time, blocks in zip(times, small, strict=True):
-            picture = (
-                np.full((SIZE[1], SIZE[0], 3), 255, np.uint8)
-                if time in lit
-                else np.kron(blocks, np.ones((block, block, 1), np.uint8))
-            )
-            if lit and time not in lit:
-                picture = picture // 4
+        for time, picture in zip(times, _drawn(times, lit, block), strict=True):
             frame = av.VideoFrame.from_ndarray(picture, format="rgb24")
             frame.pts, frame.time_base = round(time / tick), tick
             out.mux(video.encode(frame))
         out.mux(video.encode())
-        if heard is not None and sound is not None:
-            samples = np.zeros((1, round(sound * RATE)), np.float32)
-            for flash in lit:
-                at = round((float(flash) - late) * RATE)
-                samples[0, max(at, 0) : max(at + 48, 0)] = 0.9
-            for at in range(0, samples.shape[1], 960):
-                part = av.AudioFrame.from_ndarray(
-                    np.ascontiguousarray(samples[:, at : at + 960]), format="fltp", layout="mono"
-                )
-                part.sample_rate, part.pts = RATE, at + round(late * RATE)
-                part.time_base = Fraction(1, RATE)
+        if isinstance(heard, AudioStream) and sound is not None:
+            for part in _clicking(sound, late, lit):
                 out.mux(heard.encode(part))
             out.mux(heard.encode())
     return path
+
+
+def _drawn(times: Sequence[Fraction], lit: set[Fraction], block: int) -> Iterator[NDArray[np.uint8]]:
+    dice, (width, height) = np.random.default_rng(1), SIZE
+    small = dice.integers(0, 200, (len(times), height // block, width // block, 3), np.uint8)
+    for time, blocks in zip(times, small, strict=True):
+        if time in lit:
+            yield np.full((height, width, 3), 255, np.uint8)
+        else:
+            yield np.kron(blocks // 4 if lit else blocks, np.ones((block, block, 1), np.uint8))
+
+
+def _clicking(seconds: float, late: float, clicks: Iterable[Fraction]) -> Iterator[av.AudioFrame]:
+    samples = np.zeros((1, round(seconds * RATE)), np.float32)
+    for click in clicks:
+        at = round((float(click) - late) * RATE)
+        samples[0, max(at, 0) : max(at + 48, 0)] = 0.9
+    for at in range(0, samples.shape[1], 960):
+        some = np.ascontiguousarray(samples[:, at : at + 960])
+        part = av.AudioFrame.from_ndarray(some, format="fltp", layout="mono")
+        part.sample_rate, part.pts, part.time_base = RATE, at + round(late * RATE), Fraction(1, RATE)
+        yield part
 
 
 def packets(path: Path) -> list[tuple[int, int]]:
@@ -100,22 +111,28 @@ def flipped(path: Path, packet: int, seed: int = 0) -> Path:
     return path
 
 
-def flashes_and_clicks(path: Path) -> tuple[list[float], list[float]]:
-    """When a movie shows white after dark, and when it clicks after silence, in seconds."""
-    flashes: list[float] = []
-    clicks: list[float] = []
+def pictures(path: Path) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
+    """When each frame of a movie is shown, (n,) in seconds, and its grey levels, (n, H, W)."""
     with av.open(str(path)) as movie:
-        was_lit = False
-        for frame in movie.decode(video=0):
-            is_lit = bool(frame.to_ndarray(format="gray").mean() > 128)
-            if is_lit and not was_lit:
-                flashes.append(float(frame.time or 0))
-            was_lit = is_lit
+        found = [(float(frame.time or 0), frame.to_ndarray(format="gray")) for frame in movie.decode(video=0)]
+    return np.array([time for time, _ in found]), np.array([picture for _, picture in found], np.uint8)
+
+
+def clicks(path: Path) -> NDArray[np.float64]:
+    """When a movie is loud after a tenth of a second of silence, in seconds."""
+    found: list[float] = []
     with av.open(str(path)) as movie:
         for part in movie.decode(audio=0):
-            loud = np.flatnonzero(np.abs(part.to_ndarray().astype(np.float64)[0]) > 0.2)
+            loud = np.flatnonzero(np.abs(part.to_ndarray().astype(np.float64)[0]) > LOUD)
             for sample in loud:
                 at = float(part.time or 0) + int(sample) / part.sample_rate
-                if not clicks or at - clicks[-1] > 0.1:
-                    clicks.append(at)
-    return flashes, clicks
+                if not found or at - found[-1] > 0.1:
+                    found.append(at)
+    return np.array(found)
+
+
+def flashes_and_clicks(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """When a movie shows white after dark, and when it clicks, in seconds."""
+    times, shown = pictures(path)
+    is_lit = shown.mean(axis=(1, 2)) > 128
+    return times[is_lit & ~np.roll(is_lit, 1)], clicks(path)
