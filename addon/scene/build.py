@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import os
 import tempfile
 import uuid
@@ -36,7 +37,8 @@ def build(
 
     Frame range, rate, resolution and pixel aspect follow the clip, the view transform becomes Standard
     (any other would change the clip's colours), and the engine becomes ours. Output into Blender's default
-    temporary folder goes to one beside the .blend or the clip instead. Objects of the user, the compositor
+    temporary folder, or into the one that was set here for another clip, goes to one of the clip's own beside
+    the .blend or the clip instead. Objects of the user, the compositor
     and all other output settings stay as they are.
     """
     forget()
@@ -59,6 +61,7 @@ def build(
     store.write(settings.points.data, reconstruction)
     settings.points.data[IDENTITY] = uuid.uuid4().hex
     settings.footage = relative(footage.path)
+    is_other = settings.clip_identity not in ("", identity(footage.path))
     settings.clip_identity, settings.clip_name = identity(footage.path), footage.path.name
     settings.clip_first, settings.clip_last = footage.frames[0], footage.frames[-1]
     settings.clip_notes = "\n".join(footage.notes)
@@ -66,7 +69,7 @@ def build(
     focus_marks.clear(settings)
     lens.reset(settings, int(reconstruction.frames[0]))
     aperture_cloud.update(settings)
-    _set_output(scene, footage)
+    _set_output(scene, footage, is_other)
     _set_sound(scene, footage)
     scene.frame_set(scene.frame_start)
     return settings
@@ -196,20 +199,31 @@ def first_file(footage: Footage) -> Path:
     return footage.path if footage.is_video else footage.file(footage.frames[0])
 
 
-def _set_output(scene: bpy.types.Scene, footage: Footage) -> None:
-    """Output that the user did not set would be lost in Blender's temporary folder."""
+def _set_output(scene: bpy.types.Scene, footage: Footage, is_other: bool) -> None:
+    """Output that the user did not set would be lost in Blender's temporary folder, or lie among the frames
+    of the clip that was there before (`is_other`)."""
     render = scene.render
-    if render.filepath.rstrip("/\\") not in TEMPORARY:
+    is_ours = bool(render.filepath) and render.filepath == scene.virtual_aperture.output
+    if render.filepath.rstrip("/\\") not in TEMPORARY and not (is_ours and is_other):
         return
     saved = bpy.data.filepath
     folder = default_work_dir(footage.path, Path(saved).parent if saved else footage.path.parent)
     folder = folder.with_name(f"{folder.stem.rstrip(' _-.')}_render")
+    if is_other:
+        folder = _without_files(folder)
     path = str(folder)
     with contextlib.suppress(ValueError):  # another drive
         path = bpy.path.relpath(path) if saved else path
     # What ends in a separator is a folder, in which files are named by their frames.
     render.filepath = path + ("/" if path.startswith("//") else os.sep)
     scene.virtual_aperture.output = render.filepath
+
+
+def _without_files(folder: Path) -> Path:
+    """The folder, or where files are in it, as of a clip with the same name, the first of FOLDER_2, FOLDER_3
+    and so on without any."""
+    numbered = (folder.with_name(f"{folder.name}_{n}") for n in itertools.count(2))
+    return next(f for f in itertools.chain([folder], numbered) if not f.is_dir() or not any(f.iterdir()))
 
 
 def _sounds(scene: bpy.types.Scene) -> list[bpy.types.Strip]:

@@ -12,6 +12,7 @@ import pytest
 from addon.core.camera.reconstruction import Intrinsics
 from addon.scene import lens, point_cloud
 from addon.scene.build import build
+from addon.scene.shot import Shot
 from addon.ui import after_solve, panels, points_overlay
 from addon.ui.choose_clip import clip_of
 
@@ -175,6 +176,30 @@ def test_output_has_a_place_of_its_own(scene: bpy.types.Scene, tmp_path: Path) -
     scene.render.filepath = "/tmp/"
     build(scene, shot.footage, shot.reconstruction)
     assert scene.render.filepath == "//walk_render/"
+
+
+def test_another_clip_has_an_output_of_its_own(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    walk, stairs, namesake = (
+        slanted_shot(tmp_path / name, Intrinsics(width, 90, 140.0, 140.0, width / 2, 45.0))
+        for name, width in (("walk", 160), ("stairs", 150), ("b/stairs", 140))
+    )
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a.blend"))
+    scene = bpy.context.scene
+
+    def output_of(shot: Shot) -> str:
+        build(scene, shot.footage, shot.reconstruction)
+        return str(scene.render.filepath)
+
+    scene.render.filepath = "/tmp/"
+    assert output_of(walk) == "//walk_render/"
+    assert output_of(stairs) == "//stairs_render/"
+    # The frames of a clip with the same name lie there.
+    (tmp_path / "stairs_render").mkdir()
+    (tmp_path / "stairs_render" / "0001.png").write_bytes(b"")
+    assert output_of(stairs) == "//stairs_render/"
+    assert output_of(namesake) == "//stairs_render_2/"
+    scene.render.filepath = "//stairs_render_2/take_"
+    assert output_of(walk) == "//stairs_render_2/take_"
 
 
 def test_a_picture_means_its_sequence(scene: bpy.types.Scene, tmp_path: Path) -> None:
