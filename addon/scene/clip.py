@@ -106,11 +106,12 @@ def _found(settings: bpy.types.PropertyGroup, path: Path, at_a_glance: bool) -> 
     return found
 
 
-def work_dir(settings: bpy.types.PropertyGroup, clip: Path) -> Path:
-    """The working folder that is set, or a clip's usual one: in the cache folder of the preferences, else
-    beside the .blend, or beside the clip while that is not saved."""
-    if settings.work_dir:
-        return absolute(settings.work_dir, settings.id_data)
+def work_dir(settings: bpy.types.PropertyGroup, clip: Path, chosen: str | None = None) -> Path:
+    """The working folder that is set (or `chosen`, where it is given), or a clip's usual one: in the cache
+    folder of the preferences, else beside the .blend, or beside the clip while that is not saved."""
+    chosen = settings.work_dir if chosen is None else chosen
+    if chosen:
+        return absolute(chosen, settings.id_data)
     file = own_file(settings.id_data)
     return usual_work_dir(clip, file.parent if file is not None else clip.parent)
 

@@ -106,6 +106,11 @@ def _remember(work: Path, finds_depth: bool) -> None:
             settings.finds_depth = finds_depth
 
 
+def under_way() -> Path | None:
+    """The working folder for which depth is being found."""
+    return _ahead.work if _ahead is not None and _ahead.child is not None else None
+
+
 def of(settings: bpy.types.PropertyGroup) -> DepthAhead | None:
     """What is under way, or has ended, for the clip that is shown."""
     if _ahead is None or not settings.footage or _ahead.work != _folder(settings):

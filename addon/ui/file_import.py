@@ -17,7 +17,7 @@ from ..core.readers.matching import Imported
 from ..core.sfm.state import STATE, is_state_of, read_state
 from ..scene.clip import work_dir
 from ..scene.lens import is_in_focus
-from ..scene.paths import absolute, relative
+from ..scene.paths import absolute
 from . import choose_clip, import_solve, operators
 from .operators import Result, reported
 
@@ -25,14 +25,13 @@ MODELS = (".bin", ".txt", ".out", ".nvm")
 """Endings of the models that other programs write."""
 
 
-class VIRTUAL_APERTURE_OT_import_clip(bpy.types.Operator):  # noqa: N801
+class VIRTUAL_APERTURE_OT_import_clip(operators.Solves, bpy.types.Operator):  # noqa: N801
     """Choose a video, a picture of a sequence (which means all of it) or a folder of pictures, and solve it;
     a solve of it that is kept is loaded"""
 
     bl_idname = "virtual_aperture.import_clip"
     # Blender shows it where other handlers take the file, too.
     bl_label = "Solve with Virtual Aperture"
-    bl_options = {"UNDO"}  # noqa: RUF012
 
     filepath: bpy.props.StringProperty(
         name="Clip",
@@ -49,27 +48,50 @@ class VIRTUAL_APERTURE_OT_import_clip(bpy.types.Operator):  # noqa: N801
     )
 
     _invoked = False
+    _is_answer = False
 
     draw = choose_clip.VIRTUAL_APERTURE_OT_choose_clip.draw
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
+        if bpy.app.background:
+            return self.execute(context)
         self._invoked = True
         settings = context.scene.virtual_aperture
-        if self.sure:
-            answer: Result = context.window_manager.invoke_confirm(
-                self, event, title=f"Replace {settings.clip_name}?",
-                message=f"What is in focus in {settings.clip_name} is lost", confirm_text="Replace",
-            )  # fmt: skip
-            return answer
-        if self.filepath:
-            return self.execute(context)
-        self.filepath = str(absolute(settings.footage)) if settings.footage else ""
-        context.window_manager.fileselect_add(self)
-        return {"RUNNING_MODAL"}
+        if not self.filepath:
+            self.filepath = str(absolute(settings.footage)) if settings.footage else ""
+            context.window_manager.fileselect_add(self)
+            return {"RUNNING_MODAL"}
+        return reported(lambda _, context: self._begin(context, event))(self, context)
+
+    def _begin(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
+        """Solve meanwhile, or ask first whether the focus of another clip may be lost."""
+        settings = context.scene.virtual_aperture
+        clip = self._checked(context)
+        if self.sure or not loses_focus(settings, clip):
+            return self.solve_meanwhile(context)
+        self._is_answer = True
+        answer: Result = context.window_manager.invoke_confirm(
+            self, event, title=f"Replace {settings.clip_name}?",
+            message=f"What is in focus in {settings.clip_name} is lost", confirm_text="Replace",
+        )  # fmt: skip
+        return answer
 
     @reported
     def execute(self, context: bpy.types.Context) -> Result:
-        settings = context.scene.virtual_aperture
+        self._checked(context)
+        if not self._invoked:
+            return self.solve_now(context)
+        # The file browser and the question end here; the work is for the modal operator.
+        try:
+            bpy.ops.virtual_aperture.import_clip(
+                "INVOKE_DEFAULT", filepath=self.filepath, sure=self._is_answer
+            )
+        except RuntimeError as error:
+            raise operators.refused(error) from None
+        return {"CANCELLED"}
+
+    def _checked(self, context: bpy.types.Context) -> Path:
+        """The clip that was chosen; UserError where it cannot be solved now."""
         # Not in `poll`, as in dropping models.
         operators.check_may_change(context.scene)
         if not self.filepath:
@@ -79,22 +101,13 @@ class VIRTUAL_APERTURE_OT_import_clip(bpy.types.Operator):  # noqa: N801
         clip = choose_clip.clip_of(absolute(self.filepath))
         if operators.running_solve() is not None:
             raise UserError(
-                f"{Path(settings.footage).name} is being solved; wait, or cancel that with ESC, then import"
-                f" {clip.name} again"
+                f"a clip is being solved; wait, or cancel that with ESC, then import {clip.name} again"
             )
-        in_window = self._invoked and not bpy.app.background
-        if in_window and not self.sure and loses_focus(settings, clip):
-            bpy.ops.virtual_aperture.import_clip("INVOKE_DEFAULT", filepath=self.filepath, sure=True)
-            return {"CANCELLED"}
-        before = settings.footage, settings.work_dir
-        settings.footage = relative(clip)
-        leave_other_folder(settings, clip)
-        try:
-            bpy.ops.virtual_aperture.solve("INVOKE_DEFAULT" if in_window else "EXEC_DEFAULT")
-        except RuntimeError as error:
-            settings.footage, settings.work_dir = before
-            raise operators.refused(error) from None
-        return {"FINISHED"}
+        return clip
+
+    def solved_clip(self, settings: bpy.types.PropertyGroup) -> tuple[Path, str]:
+        clip = choose_clip.clip_of(absolute(self.filepath))
+        return clip, folder_for(settings, clip)
 
 
 class VIRTUAL_APERTURE_OT_drop_model(import_solve.Import, bpy.types.Operator):  # noqa: N801
@@ -137,14 +150,13 @@ def loses_focus(settings: bpy.types.PropertyGroup, clip: Path) -> bool:
     return settings.points is not None and is_in_focus(settings) and not is_clip(clip, settings.clip_identity)
 
 
-def leave_other_folder(settings: bpy.types.PropertyGroup, clip: Path) -> None:
-    """Forget the working folder that is set where it keeps the solve of another clip than this one."""
+def folder_for(settings: bpy.types.PropertyGroup, clip: Path) -> str:
+    """The working folder that is set; none where that keeps the solve of another clip than this."""
     if not settings.work_dir:
-        return
+        return ""
     folder = work_dir(settings, clip)
     state = read_state(folder) if (folder / STATE).exists() else None
-    if state is not None and not is_state_of(state, clip):
-        settings.work_dir = ""
+    return "" if state is not None and not is_state_of(state, clip) else str(settings.work_dir)
 
 
 class _OnViewport:

@@ -12,7 +12,8 @@ from ..core.lens.inspection import NAMES, Shown
 from ..render import engine
 from ..render.run_report import Inspector
 from ..scene.remedy_words import WORDS
-from .operators import Result, can_render, prepare_render, refused, reported
+from .operators import Result, refused, reported
+from .render_clip import can_render, prepare_render
 
 MARK = "virtual_aperture"
 """Custom property of our images: which picture it is."""

@@ -1,4 +1,4 @@
-"""The steps of the work, each an operator."""
+"""Solving a clip, and what the operators share."""
 
 from __future__ import annotations
 
@@ -18,11 +18,10 @@ from ..core.sfm.state import STATE
 from ..core.sfm.workspace import Solve, imported_from, load_solve
 from ..scene import aperture_cloud, focus_marks, parts, version
 from ..scene.build import build
-from ..scene.clip import footage_path, solved_clip_path, work_dir
-from ..scene.lens import focal_of, is_in_focus, lens_settings
+from ..scene.clip import footage_path, work_dir
+from ..scene.lens import focal_of, is_in_focus
 from ..scene.refocus import keep_focus, restore_focus
 from ..scene.remedy_words import WORDS
-from ..scene.shot import reconstruction_of
 from . import after_solve, depth_ahead, redraw
 from .solving import Solving
 
@@ -96,26 +95,6 @@ def has_points(cls: Any, context: bpy.types.Context, to_do: str) -> bool:
     else:
         cls.poll_message_set(f"Select the point cloud, press Tab for Edit Mode and select {to_do}")
     return False
-
-
-def can_render(cls: Any, context: bpy.types.Context) -> bool:
-    """Poll: something is in focus and the scene has a camera, without which Blender renders nothing."""
-    if not has_focus(cls, context):
-        return False
-    scene = context.scene
-    if any(parts.is_in(scene, camera) for camera in (scene.camera, scene.virtual_aperture.camera)):
-        return True
-    cls.poll_message_set("The camera was deleted: Restore Objects, on top, brings it back")
-    return False
-
-
-def prepare_render(scene: bpy.types.Scene) -> None:
-    """Have Blender render with our engine; UserError where the settings mean nothing."""
-    settings = scene.virtual_aperture
-    lens_settings(settings, reconstruction_of(settings))
-    scene.render.engine = "VIRTUAL_APERTURE"
-    # Whichever camera it is: the picture is the clip's.
-    scene.camera = scene.camera or settings.camera
 
 
 def refused(error: RuntimeError) -> UserError:
@@ -192,13 +171,133 @@ def report_hidden(operator: bpy.types.Operator, scene: bpy.types.Scene) -> None:
         operator.report({"INFO"}, after_solve.hidden_words(names))
 
 
-class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
+class Solves:
+    """Solves a clip, with ESC to cancel, and brings it into the scene as one step of undo: until then nothing
+    of the scene is touched."""
+
+    bl_options = {"UNDO"}  # noqa: RUF012
+
+    again = False
+    _process: Solving | None = None
+    _timer: bpy.types.Timer | None = None
+    _scene = ""
+    _folder_set = ""
+    _depth: Path | None = None
+
+    def solved_clip(self, settings: Any) -> tuple[Path, str]:
+        """The clip that is to be solved, and what the settings' working folder is then."""
+        raise NotImplementedError
+
+    def _start(self, context: bpy.types.Context) -> Solving:
+        settings = context.scene.virtual_aperture
+        clip, self._folder_set = self.solved_clip(settings)
+        # It looks into the folder that is about to change, and takes the cores.
+        self._depth = depth_ahead.under_way()
+        depth_ahead.stop()
+        # The user may go to another scene meanwhile.
+        self._scene = context.scene.name
+        return Solving(
+            partial(
+                SolveProcess,
+                clip,
+                work_dir(settings, clip, self._folder_set),
+                focal=focal_of(settings),
+                again=self.again,
+                zooms=settings.lens == "ZOOM",
+                yielding=not bpy.app.background,
+            )
+        )
+
+    def solve_now(self, context: bpy.types.Context) -> Result:
+        """Solve, and wait for it; UserError as the core's."""
+        solving = self._process = self._start(context)
+        try:
+            while not solving.finished:
+                solving.poll()
+                time.sleep(LOOK)
+        finally:
+            solving.cancel()
+        return self._finish()
+
+    def solve_meanwhile(self: Any, context: bpy.types.Context) -> Result:
+        """Begin to solve; `modal` goes on. UserError where it cannot begin."""
+        self._process = VIRTUAL_APERTURE_OT_solve._running = self._start(context)
+        manager = context.window_manager
+        self._timer = manager.event_timer_add(LOOK, window=context.window)
+        manager.progress_begin(0, 100)
+        manager.modal_handler_add(self)
+        redraw.panels()
+        return {"RUNNING_MODAL"}
+
+    def modal(self: Any, context: bpy.types.Context, event: bpy.types.Event) -> Result:
+        assert self._process is not None
+        if event.type == "ESC":
+            self._end(context)
+            self._resume_depth()
+            self.report({"WARNING"}, "Solving was cancelled; the scene is as it was")
+            return {"CANCELLED"}
+        if event.type != "TIMER":
+            return {"PASS_THROUGH"}
+        try:
+            for step in self._process.poll():
+                context.window_manager.progress_update(100 * step.share)
+                context.workspace.status_text_set(f"Virtual Aperture: {step.text}    (ESC cancels)")
+                redraw.panels()
+            if not self._process.finished:
+                return {"RUNNING_MODAL"}
+            self._end(context)
+            result: Result = self._finish()
+            return result
+        except UserError as error:
+            self._end(context)
+            self._resume_depth()
+            self.report({"ERROR"}, error.worded(WORDS))
+            return {"CANCELLED"}
+        except Exception:
+            # Else the worker would go on, and the folder stay locked, without anybody to end it.
+            self._end(context)
+            raise
+
+    def cancel(self, _context: bpy.types.Context) -> None:
+        """Called by Blender when another file is loaded meanwhile, or the question is answered by no."""
+        if self._process is not None:
+            self._process.cancel()
+
+    def _finish(self: Any) -> Result:
+        assert self._process is not None and self._process.process is not None
+        process, scene = self._process.process, bpy.data.scenes.get(self._scene)
+        if scene is None:
+            raise UserError(f"the scene {self._scene!r} is gone; the solve is kept in {process.work_dir}")
+        solve, note = build_scene(scene, process.clip, process.work_dir)
+        scene.virtual_aperture.work_dir = self._folder_set
+        depth_ahead.begin_after_solve(process.work_dir)
+        report_hidden(self, scene)
+        if note:
+            self.report({"WARNING"}, note)
+        self.report({"INFO"}, solved_words(scene, solve.summary))
+        return {"FINISHED"}
+
+    def _resume_depth(self) -> None:
+        if self._depth is not None:
+            depth_ahead.begin_after_solve(self._depth)
+
+    def _end(self, context: bpy.types.Context) -> None:
+        assert self._process is not None
+        self._process.cancel()
+        if self._timer is not None:
+            context.window_manager.event_timer_remove(self._timer)
+            self._timer = None
+        context.window_manager.progress_end()
+        context.workspace.status_text_set(None)
+        redraw.panels()
+
+
+class VIRTUAL_APERTURE_OT_solve(Solves, bpy.types.Operator):  # noqa: N801
     """Find the cameras and the feature points of the clip, and bring them into the scene"""
 
     bl_idname = "virtual_aperture.solve"
     bl_label = "Solve Clip"
     # Not REGISTER: its redo panel would solve once more, with the interface frozen.
-    bl_options = {"UNDO"}  # noqa: RUF012
 
     again: bpy.props.BoolProperty(
         name="Solve Again",
@@ -212,9 +311,6 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
     _running: Solving | None = None
     """Of the class: the solve that is under way in this Blender."""
     _asks = False
-    _process: Solving | None = None
-    _timer: bpy.types.Timer | None = None
-    _scene = ""
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -223,23 +319,8 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
             return False
         return may_change(cls, context) and has_clip(cls, context)
 
-    def _start(self, context: bpy.types.Context) -> Solving:
-        settings = context.scene.virtual_aperture
-        # It looks into the folder that is about to change.
-        depth_ahead.stop()
-        # The user may go to another scene meanwhile.
-        self._scene = context.scene.name
-        return Solving(
-            partial(
-                SolveProcess,
-                footage_path(settings),
-                work_dir(settings, footage_path(settings)),
-                focal=focal_of(settings),
-                again=self.again,
-                zooms=settings.lens == "ZOOM",
-                yielding=not bpy.app.background,
-            )
-        )
+    def solved_clip(self, settings: Any) -> tuple[Path, str]:
+        return footage_path(settings), settings.work_dir
 
     @reported
     def execute(self, context: bpy.types.Context) -> Result:
@@ -247,14 +328,7 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
             # The answer to the question comes here; the work is for the modal operator.
             bpy.ops.virtual_aperture.solve("INVOKE_DEFAULT", again=True, sure=True)
             return {"CANCELLED"}
-        solving = self._process = self._start(context)
-        try:
-            while not solving.finished:
-                solving.poll()
-                time.sleep(LOOK)
-        finally:
-            solving.cancel()
-        return self._finish()
+        return self.solve_now(context)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
         if bpy.app.background:
@@ -268,71 +342,7 @@ class VIRTUAL_APERTURE_OT_solve(bpy.types.Operator):  # noqa: N801
                 confirm_text="Solve Again",
             )  # fmt: skip
             return answer
-        try:
-            self._process = VIRTUAL_APERTURE_OT_solve._running = self._start(context)
-        except UserError as error:
-            self.report({"ERROR"}, error.worded(WORDS))
-            return {"CANCELLED"}
-        manager = context.window_manager
-        self._timer = manager.event_timer_add(LOOK, window=context.window)
-        manager.progress_begin(0, 100)
-        manager.modal_handler_add(self)
-        redraw.panels()
-        return {"RUNNING_MODAL"}
-
-    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
-        assert self._process is not None
-        if event.type == "ESC":
-            self._end(context)
-            self.report({"WARNING"}, "Solving was cancelled; the scene is as it was")
-            return {"CANCELLED"}
-        if event.type != "TIMER":
-            return {"PASS_THROUGH"}
-        try:
-            for step in self._process.poll():
-                context.window_manager.progress_update(100 * step.share)
-                context.workspace.status_text_set(f"Virtual Aperture: {step.text}    (ESC cancels)")
-                redraw.panels()
-            if not self._process.finished:
-                return {"RUNNING_MODAL"}
-            self._end(context)
-            return self._finish()
-        except UserError as error:
-            self._end(context)
-            self.report({"ERROR"}, error.worded(WORDS))
-            return {"CANCELLED"}
-        except Exception:
-            # Else the worker would go on, and the folder stay locked, without anybody to end it.
-            self._end(context)
-            raise
-
-    def cancel(self, _context: bpy.types.Context) -> None:
-        """Called by Blender when another file is loaded meanwhile, or the question is answered by no."""
-        if self._process is not None:
-            self._process.cancel()
-
-    def _finish(self) -> Result:
-        assert self._process is not None and self._process.process is not None
-        process, scene = self._process.process, bpy.data.scenes.get(self._scene)
-        if scene is None:
-            raise UserError(f"the scene {self._scene!r} is gone; the solve is kept in {process.work_dir}")
-        solve, note = build_scene(scene, process.clip, process.work_dir)
-        depth_ahead.begin_after_solve(process.work_dir)
-        report_hidden(self, scene)
-        if note:
-            self.report({"WARNING"}, note)
-        self.report({"INFO"}, solved_words(scene, solve.summary))
-        return {"FINISHED"}
-
-    def _end(self, context: bpy.types.Context) -> None:
-        assert self._process is not None
-        self._process.cancel()
-        if self._timer is not None:
-            context.window_manager.event_timer_remove(self._timer)
-            self._timer = None
-        context.window_manager.progress_end()
-        context.workspace.status_text_set(None)
-        redraw.panels()
+        return reported(VIRTUAL_APERTURE_OT_solve.solve_meanwhile)(self, context)
 
 
 def running_solve() -> Solving | None:
@@ -348,44 +358,4 @@ def end_solve() -> None:
     VIRTUAL_APERTURE_OT_solve._running = None
 
 
-class _Render:
-    """What the two render operators share."""
-
-    animation = False
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return can_render(cls, context)
-
-    @reported
-    def execute(self, context: bpy.types.Context) -> Result:
-        prepare_render(context.scene)
-        solved_clip_path(context.scene.virtual_aperture)
-        how = "EXEC_DEFAULT" if bpy.app.background else "INVOKE_DEFAULT"
-        try:
-            bpy.ops.render.render(how, animation=self.animation, use_viewport=True)
-        except RuntimeError as error:
-            raise refused(error) from None
-        return {"FINISHED"}
-
-
-class VIRTUAL_APERTURE_OT_render_frame(_Render, bpy.types.Operator):  # noqa: N801
-    """Render the current frame with depth of field"""
-
-    bl_idname = "virtual_aperture.render_frame"
-    bl_label = "Render Frame"
-
-
-class VIRTUAL_APERTURE_OT_render_clip(_Render, bpy.types.Operator):  # noqa: N801
-    """Render all frames of the scene's range with depth of field, to the scene's output"""
-
-    bl_idname = "virtual_aperture.render_clip"
-    bl_label = "Render Clip"
-    animation = True
-
-
-CLASSES = (
-    VIRTUAL_APERTURE_OT_solve,
-    VIRTUAL_APERTURE_OT_render_frame,
-    VIRTUAL_APERTURE_OT_render_clip,
-)
+CLASSES = (VIRTUAL_APERTURE_OT_solve,)

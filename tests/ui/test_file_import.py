@@ -16,7 +16,7 @@ from .. import planes
 from ..foreign_models import write_clip, write_model
 from ..in_blender import choose_clip
 from ..recorder import Recorder
-from ..scenes import slanted_shot
+from ..scenes import slanted_shot, write_frames
 
 LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
 
@@ -84,11 +84,22 @@ def test_the_folder_of_another_clip_is_left(scene: bpy.types.Scene, tmp_path: Pa
     work = choose_clip(scene, tmp_path)
     bpy.ops.virtual_aperture.import_solve(filepath=str(write_model(tmp_path / "model")))
     settings, clip = scene.virtual_aperture, tmp_path / "clip"
-    file_import.leave_other_folder(settings, clip)
-    assert settings.work_dir == str(work)
-    other = planes.write_clip(tmp_path / "walk", planes.sideways(4))
-    file_import.leave_other_folder(settings, other)
+    assert file_import.folder_for(settings, clip) == str(work)
+    other = planes.write_clip(tmp_path / "walk", planes.sideways(12))
+    assert file_import.folder_for(settings, other) == ""
+    assert bpy.ops.virtual_aperture.import_clip(filepath=str(other)) == {"FINISHED"}
     assert settings.work_dir == ""
+
+
+def test_a_clip_that_cannot_be_solved_leaves_the_solved_one(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    work = choose_clip(scene, tmp_path)
+    bpy.ops.virtual_aperture.import_solve(filepath=str(write_model(tmp_path / "model")))
+    settings = scene.virtual_aperture
+    before = settings.footage, str(work), settings.points, settings.summary
+    still = write_frames(tmp_path / "still", LENS, tuple(range(1, 13)))
+    with pytest.raises(RuntimeError):
+        bpy.ops.virtual_aperture.import_clip(filepath=str(still))
+    assert (settings.footage, settings.work_dir, settings.points, settings.summary) == before
 
 
 def test_a_model_is_imported_for_the_chosen_clip(scene: bpy.types.Scene, tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from ctypes import POINTER, Structure, Union, byref, c_char_p, c_int, c_long, c_
 from pathlib import Path
 
 VERSION = 5
-ANSWER = 3.0
+ANSWER = 15.0
 """Seconds in which the window must have answered."""
 CLIENT_MESSAGE, SELECTION_REQUEST, SELECTION_NOTIFY = 33, 30, 31
 

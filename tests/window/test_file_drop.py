@@ -17,6 +17,12 @@ from .steps import MENU, drop
 
 SETTINGS = "bpy.context.scene.virtual_aperture"
 LENS = f"[round({SETTINGS}.blur, 4), round({SETTINGS}.shape.obstruction, 2), {SETTINGS}.focus_distance]"
+SCENE = (
+    f"[{SETTINGS}.footage, {SETTINGS}.work_dir, {SETTINGS}.clip_identity, {SETTINGS}.focus_distance,"
+    f" len({SETTINGS}.points.data.vertices), bpy.context.scene.frame_end, bpy.context.scene.render.filepath]"
+)
+"""What tells which clip the scene holds, and what was made of it."""
+SOLVING = "any(w.modal_operators for w in bpy.context.window_manager.windows)"
 MIRROR = -163
 """Pixels from the button of the presets down to the fifth of them, the mirror lens: they open upwards."""
 
@@ -35,10 +41,11 @@ def program(screen: Screen, resources: Path) -> Iterator[Program]:
 
 @pytest.fixture(scope="module")
 def clips(folder: Path) -> Path:
-    """A clip that can be solved, another one and a model of it."""
+    """Two clips that can be solved, another one and a model of it."""
     made = folder / "drop"
     made.mkdir()
     planes.write_clip(made / "walk", planes.sideways(12))
+    planes.write_clip(made / "stroll", planes.sideways(10))
     write_clip(made / "clip")
     write_model(made / "model")
     return made
@@ -55,7 +62,7 @@ def test_a_dropped_picture_brings_its_sequence(program: Program, clips: Path) ->
     drop(program, sorted((clips / "walk").iterdir())[3])
     # Blender's own handlers take pictures, too: it asks, and underlines a letter of each.
     program.screen.key("s")
-    program.wait(f"{SETTINGS}.points is not None", 60)
+    program.wait(f"{SETTINGS}.points is not None", 300)
     program.settle()
     assert "12 of 12 frames registered" in program.ask("messages()")[-1]
 
@@ -94,6 +101,54 @@ def test_a_clip_that_loses_the_focus_is_asked_about(program: Program, clips: Pat
     program.screen.key("Escape")
     program.settle()
     assert "walk" in program.ask(f"{SETTINGS}.footage")
+
+
+def replace(program: Program, clip: Path) -> None:
+    """Drop another clip, and answer the question whether what is in focus may be lost by yes."""
+    drop(program, sorted(clip.iterdir())[0])
+    program.screen.key("s")
+    program.settle()
+    time.sleep(MENU)
+    program.screen.key("Return")
+
+
+def test_esc_while_another_clip_is_solved_leaves_the_solved_one(program: Program, clips: Path) -> None:
+    before, heard = program.ask(SCENE), program.ask("len(messages())")
+    replace(program, clips / "stroll")
+    program.wait(SOLVING)
+    program.settle()
+    program.shot("replacing")
+    program.screen.key("Escape")
+    program.wait(f"not ({SOLVING})")
+    program.settle()
+    program.shot("not_replaced")
+    assert "the scene is as it was" in " ".join(program.ask(f"messages()[{heard}:]"))
+    assert program.ask(SCENE) == before
+
+
+def test_a_clip_that_cannot_be_solved_leaves_the_solved_one(program: Program, clips: Path) -> None:
+    before, heard = program.ask(SCENE), program.ask("len(messages())")
+    replace(program, clips / "clip")
+    program.wait(f"not ({SOLVING}) and messages()[{heard}:]", 300)
+    program.settle()
+    program.shot("refused")
+    assert program.ask(SCENE) == before
+
+
+def test_a_clip_is_replaced_in_one_step_of_undo(program: Program, clips: Path) -> None:
+    before = program.ask(SCENE)
+    replace(program, clips / "stroll")
+    program.wait(f"'stroll' in {SETTINGS}.footage and not ({SOLVING})", 300)
+    program.settle()
+    program.shot("replaced")
+    after = program.ask(SCENE)
+    assert "stroll" in after[0] and "stroll_render" in after[-1]
+    program.screen.move(*program.middle("VIEW_3D"))
+    for keys, expected in (("ctrl+z", before), ("ctrl+shift+z", after), ("ctrl+z", before)):
+        program.screen.key(keys)
+        program.settle()
+        program.shot(f"replaced_{keys}")
+        assert program.ask(SCENE) == expected
 
 
 def test_a_model_is_imported_for_the_clip(program: Program, clips: Path) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ...core.lens.meshers import MESHERS
-from .. import inspect, notices, operators, report_list
+from .. import inspect, notices, render_clip, report_list
 from ..text import wrapped
 from .panel import PRIMARY, ClosedPanel, Panel
 
@@ -25,10 +25,10 @@ class VIRTUAL_APERTURE_PT_render(Panel, bpy.types.Panel):  # noqa: N801
         layout.prop(scene.virtual_aperture, "quality")
         wrapped(layout, context, output_words(scene), icon="OUTPUT")
         notices.draw_ignored(layout, context)
-        layout.operator(operators.VIRTUAL_APERTURE_OT_render_frame.bl_idname, icon="RENDER_STILL")
+        layout.operator(render_clip.VIRTUAL_APERTURE_OT_render_frame.bl_idname, icon="RENDER_STILL")
         row = layout.row()
         row.scale_y = PRIMARY
-        row.operator(operators.VIRTUAL_APERTURE_OT_render_clip.bl_idname, icon="RENDER_ANIMATION")
+        row.operator(render_clip.VIRTUAL_APERTURE_OT_render_clip.bl_idname, icon="RENDER_ANIMATION")
         report_list.draw(layout, context)
 
 
