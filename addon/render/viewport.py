@@ -239,6 +239,19 @@ def redraw() -> None:
                 area.tag_redraw()
 
 
+def end() -> None:
+    """Put the viewports that show our pictures into Solid shading: without our engine Blender has EEVEE
+    draw them, which shows what the camera stands in."""
+    manager = bpy.context.window_manager
+    for window in manager.windows if manager is not None else ():
+        if window.scene.render.engine != "VIRTUAL_APERTURE":
+            continue
+        for area in window.screen.areas:
+            for space in area.spaces:
+                if space.type == "VIEW_3D" and space.shading.type == "RENDERED":
+                    space.shading.type = "SOLID"
+
+
 def _on_load(*_: object) -> None:
     PREVIEW.forget()
 
@@ -255,8 +268,9 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Undo `register`, and end what is under way."""
+    """Undo `register`, and end what is shown and under way."""
     global _handler
+    end()
     if _handler is not None:
         bpy.types.SpaceView3D.draw_handler_remove(_handler, "WINDOW")
     _handler = None

@@ -1,0 +1,66 @@
+"""The extension disabled, enabled and updated while the preview is on: Blender goes on, the preview can."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from .clips import write_scene
+from .conftest import PICTURES
+from .program import EXTENSION, Program
+from .screen import Screen
+
+PREVIEW = f"__import__('sys').modules['{EXTENSION}.addon.render.viewport'].PREVIEW"
+SHADING = "view('VIEW_3D')['area'].spaces.active.shading.type"
+OFF = f"bpy.ops.preferences.addon_disable(module={EXTENSION!r}); None"
+ON = f"bpy.ops.preferences.addon_enable(module={EXTENSION!r}); None"
+
+
+@pytest.fixture(scope="module")
+def program(small_screen: Screen, resources: Path, folder: Path, registered: None) -> Iterator[Program]:
+    """A solved scene in the camera's view."""
+    blend = write_scene(folder / "off_and_on", views=16)
+    made = Program(small_screen, resources, PICTURES / "off_and_on", str(blend))
+    made.screen.move(*made.middle("VIEW_3D"))
+    made.screen.key("Escape")
+    made.settle()
+    yield made
+    made.close()
+
+
+def preview(program: Program, name: str) -> None:
+    """Have the preview on, as Preview does, and wait for a picture."""
+    if program.ask(SHADING) != "RENDERED":
+        in_view = "with bpy.context.temp_override(**view('VIEW_3D'))"
+        program.ask(f"{in_view}: bpy.ops.virtual_aperture.preview()\nNone")
+    program.wait(f"len({PREVIEW}._kept)", 300)
+    program.settle()
+    program.shot(name)
+    assert program.ask(SHADING) == "RENDERED"
+
+
+def test_disabled_the_preview_ends_and_enabled_it_is_there_again(program: Program) -> None:
+    for n in range(2):
+        preview(program, f"preview_{n}")
+        program.ask(OFF)
+        assert program.ask(SHADING) == "SOLID"
+        program.settle()
+        program.shot(f"off_{n}")
+        program.ask(ON)
+        program.settle()
+    preview(program, "on_again")
+
+
+def test_updated_while_the_preview_is_on(program: Program, zip_file: Path) -> None:
+    preview(program, "before_update")
+    program.ask(
+        f"bpy.ops.extensions.package_install_files(filepath={str(zip_file)!r}, repo='user_default',"
+        " enable_on_install=True, overwrite=True); None",
+        300,
+    )
+    program.settle()
+    program.shot("updated")
+    assert program.ask(SHADING) == "SOLID"
+    preview(program, "updated_preview")
