@@ -193,7 +193,8 @@ class Solves:
         clip, self._folder_set = self.solved_clip(settings)
         # It looks into the folder that is about to change, and takes the cores.
         self._depth = depth_ahead.under_way()
-        depth_ahead.stop()
+        if self._depth is not None:
+            depth_ahead.stop()
         # The user may go to another scene meanwhile.
         self._scene = context.scene.name
         return Solving(
