@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from addon.core.base.errors import UserError
-from addon.core.camera.reconstruction import Image, Points, Reconstruction, rotation_matrix
+from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction, rotation_matrix
 from addon.core.readers import colmap
 from addon.core.readers.colmap_binary import FILES as BINARY
 from addon.core.readers.colmap_export import write_model
@@ -22,6 +22,7 @@ from addon.core.readers.colmap_text import FILES as TEXT
 
 from ..foreign_models import assert_same
 from ..lenses import TERMS, lens_of
+from ..scenes import slanted_plane
 
 SIZE = (640, 480)
 
@@ -267,3 +268,22 @@ def test_damaged_binaries_are_named(
     with pytest.raises(UserError, match=rf"{name}, byte \d+: expected .*({message})") as error:
         colmap.read(tmp_path, SIZE)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "column"),
+    [("cameras.txt", 0), ("cameras.txt", 2), ("cameras.txt", 4), ("images.txt", 0), ("images.txt", 1),
+     ("images.txt", 8), ("points3D.txt", 0), ("points3D.txt", 1), ("points3D.txt", 4), ("points3D.txt", 7)],
+)  # fmt: skip
+def test_a_number_with_underscores_is_none(tmp_path: Path, name: str, column: int) -> None:
+    lens = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
+    write_model(tmp_path, slanted_plane(lens, (1, 2, 3), count=50))
+    assert len(colmap.read(tmp_path, (160, 90)).reconstruction.images) == 3
+    lines = (tmp_path / name).read_text().splitlines()
+    at = next(number for number, line in enumerate(lines) if line and not line.startswith("#"))
+    words = lines[at].split()
+    words[column] = "1_0"
+    lines[at] = " ".join(words)
+    (tmp_path / name).write_text("\n".join(lines))
+    with pytest.raises(UserError, match=rf"{name}, line {at + 1}: expected .*numbers.*'1_0'"):
+        colmap.read(tmp_path, (160, 90))

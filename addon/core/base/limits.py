@@ -9,6 +9,8 @@ import os
 
 import cv2
 
+from .numbers import whole
+
 THREADS = "VIRTUAL_APERTURE_THREADS"
 KEPT_DEPTH = "VIRTUAL_APERTURE_KEPT_DEPTH"
 OPENCV_THREADS = "OPENCV_FOR_THREADS_NUM"
@@ -48,7 +50,10 @@ def limit_kept_depth(most: int) -> None:
 def _number(name: str) -> int:
     """The number in a variable of the environment; 0 where there is none, or no number."""
     text = os.environ.get(name, "")
-    return int(text) if text.isdecimal() else 0
+    try:
+        return max(whole(text), 0)
+    except ValueError:
+        return 0
 
 
 def _say(name: str, value: int) -> None:

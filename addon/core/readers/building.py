@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import UserError
+from ..base.numbers import LARGEST
 from ..camera.reconstruction import Floats, Image, Intrinsics, Points, Reconstruction
 from ..media.picture_file import PICTURES
-from .parsing import LARGEST, Numbers
+from .parsing import Numbers
 
 ACCURATE = 0.01
 """Pixels by which a converted lens may miss without a word."""

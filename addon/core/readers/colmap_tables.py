@@ -10,13 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import UserError
+from ..base.numbers import LARGEST
 from ..base.regular_file import read_regular
 from ..camera.reconstruction import Floats, Image, Intrinsics, Points, Reconstruction, matrix_from_quaternion
 
 Longs = NDArray[np.int64]
 
-LARGEST = 1e15
-"""No number in a model is larger, in any unit: its fourth power is far from overflow."""
 LONGEST = 2**32
 """Bytes of a file."""
 NO_POINT = -1

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import UserError
+from ..base.numbers import reals, wholes
 from ..camera.reconstruction import Floats, Intrinsics, Points
 from .colmap_tables import NO_POINT, ImageRow, Longs, PointTable, Tables, contents, lens, name_of, wrong
 
@@ -139,10 +140,10 @@ def _rows(lines: Lines, batch: Sequence[tuple[int, bytes]]) -> NDArray[np.void]:
         raise wrong(place, "POINT3D_ID, X, Y, Z, R, G, B, ERROR and a track")
     columns = list(zip(*rows, strict=False))
     try:
-        table["key"], table["error"] = _int_column(columns[0]), _float_column(columns[7])
+        table["key"], table["error"] = wholes(columns[0]), reals(columns[7])
         for i in range(3):
-            table["xyz"][:, i] = _float_column(columns[1 + i])
-            table["rgb"][:, i] = _int_column(columns[4 + i])
+            table["xyz"][:, i] = reals(columns[1 + i])
+            table["rgb"][:, i] = wholes(columns[4 + i])
     except (ValueError, OverflowError):
         # Line by line, for the message; one of them raises.
         for (number, _), row in zip(batch, rows, strict=True):
@@ -151,26 +152,18 @@ def _rows(lines: Lines, batch: Sequence[tuple[int, bytes]]) -> NDArray[np.void]:
     return table
 
 
-def _float_column(words: Sequence[bytes]) -> Floats:
-    return np.fromiter(map(float, words), np.float64, len(words))
-
-
-def _int_column(words: Sequence[bytes]) -> Longs:
-    return np.fromiter(map(int, words), np.int64, len(words))
-
-
 def _floats(place: str, words: Sequence[bytes]) -> Floats:
     try:
-        return _float_column(words)
+        return reals(words)
     except ValueError:
-        raise wrong(place, f"numbers, not {_culprit(words, _float_column)}") from None
+        raise wrong(place, f"numbers, not {_culprit(words, reals)}") from None
 
 
 def _integers(place: str, words: Sequence[bytes]) -> Longs:
     try:
-        return _int_column(words)
+        return wholes(words)
     except (ValueError, OverflowError):
-        raise wrong(place, f"whole numbers of up to 63 bits, not {_culprit(words, _int_column)}") from None
+        raise wrong(place, f"whole numbers of up to 63 bits, not {_culprit(words, wholes)}") from None
 
 
 def _culprit(words: Sequence[bytes], column: Callable[[Sequence[bytes]], object]) -> str:

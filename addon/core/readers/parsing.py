@@ -14,13 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import UserError
+from ..base.numbers import LARGEST, reals
 from ..base.regular_file import read_regular
 from ..camera.reconstruction import Floats
 
 SPACE = np.isin(np.arange(256), list(b" \t\n\r\v\f"))
 """Which bytes separate words."""
-LARGEST = 1e15
-"""No number in a model is larger, in any unit: its fourth power is far from overflow."""
 LONGEST = 2**32
 """Bytes of a file."""
 CHUNK = 2**22
@@ -125,7 +124,7 @@ class Text:
 
     def count(self, word: str, what: str, bytes_each: int) -> int:
         """A count on the line that was read last, of things that take `bytes_each` bytes at least."""
-        if not re.fullmatch(r"\d{1,18}", word):
+        if not re.fullmatch(r"\d{1,18}", word, re.ASCII):
             raise self.wrong(f"the number of {what}, not {word[:40]!r}")
         if int(word) * bytes_each > self.left + 1:
             raise self.wrong(f"the number of {what}; {int(word)} do not fit into the {self.left} bytes left")
@@ -141,11 +140,11 @@ class Text:
         """The numbers of the text that follows the line that was read last."""
         words = piece.split()
         try:
-            values = np.fromiter(map(float, words), dtype=np.float64, count=len(words))
+            values = reals(words)
         except ValueError:
             values = np.full(len(words), np.nan)
-        # What is not a number compares false, too. Python reads 1_000, which no other program writes.
-        if np.all(np.abs(values) <= LARGEST) and b"_" not in piece:
+        # What is not a number compares false, too.
+        if np.all(np.abs(values) <= LARGEST):
             return values
         for number, line in enumerate(piece.split(b"\n"), self.line + 1):
             for word in line.split():
@@ -176,7 +175,7 @@ def _words_per_line(piece: bytes) -> tuple[NDArray[np.int64], NDArray[np.int64]]
 
 def _is_number(word: bytes) -> bool:
     try:
-        return abs(float(word)) <= LARGEST and b"_" not in word
+        return bool(abs(reals([word])[0]) <= LARGEST)
     except ValueError:
         return False
 
