@@ -6,11 +6,12 @@ from functools import lru_cache
 from pathlib import Path
 
 import bpy
+import cv2
 import numpy as np
 from bpy.props import FloatProperty, IntProperty, StringProperty
 
 from ..core.base.arrays import Map
-from ..core.lens.aperture import MOST_BLADES, MOST_LOST, RATIOS, Aperture, ApertureImage
+from ..core.lens.aperture import FINEST, MOST_BLADES, MOST_LOST, RATIOS, Aperture, ApertureImage
 from ..core.media.clip import to_linear
 from ..core.media.picture_file import read_picture
 from . import aperture_cloud
@@ -132,4 +133,8 @@ def aperture_image(path: Path) -> ApertureImage:
 def _read(path: Path, _written: int) -> ApertureImage:
     linear = to_linear(read_picture(path))
     light: Map = np.asarray(linear[..., :3].mean(axis=2), np.float32)
+    if max(light.shape) > FINEST:
+        # Where light passes a hole of a pixel, some must be left.
+        width, height = (max(1, round(side * FINEST / max(light.shape))) for side in light.shape[::-1])
+        light = np.asarray(cv2.resize(light, (width, height), interpolation=cv2.INTER_AREA), np.float32)
     return ApertureImage(np.maximum(light, 0))

@@ -15,7 +15,8 @@ from bpy.props import (
     StringProperty,
 )
 
-from ..core.lens.highlights import HighlightSettings
+from ..core.lens.aperture_sampling import MOST_VIEWS
+from ..core.lens.highlights import MOST_GAIN, HighlightSettings
 from ..core.lens.meshers import MESHERS
 from ..core.lens.quality import QUALITIES
 from . import aperture_cloud, depth_of_field, focus_marks, lens
@@ -308,7 +309,7 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
         description="Number of virtual cameras; 0 takes as many as the largest blur disc needs",
         min=0,
         soft_max=256,
-        max=4096,
+        max=MOST_VIEWS,
         default=0,
         update=_aperture_changed,
     )
@@ -342,6 +343,7 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
         " they become bright discs: 1 is all that is estimated, 0 leaves the clip as it is. Pictures of"
         " floats keep what they have",
         min=0.0,
+        max=MOST_GAIN,
         soft_max=4.0,
         default=HighlightSettings.gain,
         precision=2,

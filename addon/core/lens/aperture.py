@@ -22,6 +22,8 @@ CELLS = 128
 """Cells along the square around the aperture, on which it is sampled: a polygon's area is right to 0.5 %."""
 SUBSAMPLES = 4
 """Along a cell of a raster, by which the share of it that lets light through is told."""
+FINEST = CELLS * SUBSAMPLES
+"""Places along the square at which light is asked for: no picture of an aperture tells more pixels."""
 LEAST_LIGHT = 1e-3
 """Of the brightest place: where less passes, the aperture is closed. 8 bits hold a 255th."""
 MOST_LOST = 0.99
@@ -108,8 +110,15 @@ class Aperture:
             if not low <= value <= high:
                 told = name.replace("_", " ")
                 raise UserError(f"the aperture's {told} is {value:g}; it must be from {low:g} to {high:g}")
-        if self.image is not None and not (self.image.light.size and self.image.light.max() > 0):
+        if not np.isfinite(self.rotation):
+            raise UserError(f"the aperture's rotation is {self.rotation:g}; it must be a number")
+        if self.image is None:
+            return
+        if not np.isfinite(self.image.light).all():
+            raise UserError("the picture of the aperture has pixels that are not finite (NaN or infinite)")
+        if not (self.image.light.size and self.image.light.max() > 0):
             raise UserError("the picture of the aperture is black: no light would pass")
+        open_cells(self)
 
     @property
     def is_disc(self) -> bool:
@@ -178,7 +187,7 @@ def aperture_samples(aperture: Aperture, count: int, variant: int = 0) -> Apertu
     check_count(count)
     if aperture.is_disc:
         return ApertureSamples(turned_disc(centroidal_disc(count), variant))
-    cells, light, area = _open_cells(aperture)
+    cells, light, area = open_cells(aperture)
     found, mass = relaxed(_start(cells, count, variant), cells, light, area)
     # What was not relaxed to the end is told by shares of any size.
     return ApertureSamples(_fixed(found), _fixed(mass / mass.sum()), float(np.sqrt(area / np.pi)))
@@ -192,12 +201,20 @@ def turned_disc(positions: Floats, variant: int) -> Floats:
     return _fixed(positions @ np.array([[cosine, sine], [-sine, cosine]]))
 
 
-def _open_cells(aperture: Aperture) -> tuple[Floats, Floats, float]:
-    """(n, 2) middles of cells through which light passes, (n,) how much, and their area in squared radii."""
+@lru_cache(maxsize=16)
+def open_cells(aperture: Aperture) -> tuple[Floats, Floats, float]:
+    """(n, 2) middles of cells through which light passes, (n,) how much, and their area in squared radii.
+
+    UserError where no light passes.
+    """
     light, share = aperture.raster(CELLS)
     row, column = np.nonzero(share)
+    if not len(row):
+        raise UserError(
+            "no light passes the aperture: what its picture leaves open, its ratio and obstruction close"
+        )
     cells = (np.column_stack([column, row]) + 0.5) * 2 / CELLS - 1
-    return cells, light[row, column], float(share.sum() * (2 / CELLS) ** 2)
+    return _fixed(cells), _fixed(light[row, column]), float(share.sum() * (2 / CELLS) ** 2)
 
 
 def _start(cells: Floats, count: int, variant: int) -> Floats:

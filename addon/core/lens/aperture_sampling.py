@@ -13,8 +13,8 @@ MIN_VIEWS, MAX_VIEWS = 16, 512
 """Bounds of the automatic number of views: fewer show as copies of lamps, more are not told apart. By eye."""
 LEAST_PREFILTERED = 8
 """Of the automatic number with a prefiltered texture, where lamps have no copies. By eye."""
-MOST_VIEWS = 1 << 16
-"""Views that can be asked for: more would only fill the memory with positions."""
+MOST_VIEWS = 4096
+"""Views that can be asked for: eight times those that are not told apart from more. By eye."""
 
 MOST_RELAXED = 128
 """Positions up to which they are relaxed to the end, in at most a second."""
@@ -99,8 +99,13 @@ def views_needed(blur: float, prefiltered: bool) -> int:
     return int(np.clip(np.ceil(first * (max(blur, 0.0) / 16) ** growth), least, MAX_VIEWS))
 
 
+def check_views(count: int) -> None:
+    """UserError for a number of views that nobody can have asked for."""
+    if not 1 <= count <= MOST_VIEWS:
+        raise UserError(f"the number of views is {count}; it must be from 1 to {MOST_VIEWS}")
+
+
 def check_count(count: int) -> None:
+    """UserError for a number of positions that is none."""
     if count < 1:
         raise UserError(f"the number of views is {count}; it must be at least 1")
-    if count > MOST_VIEWS:
-        raise UserError(f"the number of views is {count}; it must be at most {MOST_VIEWS}")

@@ -16,7 +16,7 @@ from ..depth.source import PixelDepth
 from ..depth.sparse import frame_features
 from ..warp.footprint import prefilter
 from ..warp.layered_depth_image import LayeredDepthImage
-from .aperture_sampling import LEAST_PREFILTERED, MAX_VIEWS, MIN_VIEWS, views_needed
+from .aperture_sampling import LEAST_PREFILTERED, MAX_VIEWS, MIN_VIEWS, check_views, views_needed
 from .clip_context import ClipContext
 from .lamp_discs import Lamps, without_lamps
 from .meshers import MESHERS
@@ -66,8 +66,8 @@ def check_settings(settings: LensSettings) -> None:
     """UserError for an aperture, a number of views or a method that means nothing."""
     if not (np.isfinite(settings.radius) and settings.radius > 0):
         raise UserError(f"the aperture radius is {settings.radius:g}; it must be greater than zero")
-    if settings.views < 0:
-        raise UserError(f"the number of views is {settings.views}; it must be at least 1")
+    if settings.views:
+        check_views(settings.views)
     settings.highlights.check()
     if settings.method not in MESHERS:
         raise UserError(f"there is no method {settings.method!r}; choose one of {', '.join(MESHERS)}")

@@ -40,6 +40,9 @@ ALIKE = 1.1
 UNLIKE = 4.0
 """Pixels beside the line that count as much as a ratio of areas of e. By eye."""
 
+MOST_GAIN = 1000.0
+"""Of the light that clipping took: a hundred times what was ever missing. By eye."""
+
 
 @dataclass(frozen=True)
 class HighlightSettings:
@@ -52,8 +55,10 @@ class HighlightSettings:
 
     def check(self) -> None:
         """UserError for settings that mean nothing."""
-        if not (np.isfinite(self.gain) and self.gain >= 0):
-            raise UserError(f"the gain of highlights is {self.gain:g}; it must not be negative")
+        if not 0 <= self.gain <= MOST_GAIN:
+            raise UserError(
+                f"the gain of highlights is {self.gain:g}; it must not be negative, and at most {MOST_GAIN:g}"
+            )
         if not 0 < self.threshold <= 1:
             raise UserError(
                 f"the threshold of highlights is {self.threshold:g}; it must be greater than 0, and at most"
