@@ -10,6 +10,7 @@ from pathlib import Path
 import bpy
 
 from ..core.base.errors import UserError
+from ..core.base.file_names import check_file
 from ..core.lens.inspection import NAMES, Shown
 from ..core.lens.report import FrameReport
 from ..core.sfm.workspace import load_solve
@@ -46,6 +47,8 @@ def inspect(options: argparse.Namespace) -> None:
     """`inspect DIR --frame N ... --out OUT`"""
     out: Path = options.out.absolute()
     files = [out / name for name in (*(f"{name}.png" for name in NAMES), REPORT)]
+    for file in files:
+        check_file(file)
     there = [file for file in files if file.exists()]
     if there and not options.overwrite:
         raise UserError(f"{there[0]} exists; name another folder or pass --overwrite")

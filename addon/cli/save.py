@@ -10,12 +10,13 @@ import bpy
 
 from ..core.base import atomic
 from ..core.base.errors import Remedy, UserError
+from ..core.base.file_names import check_file
 from ..core.depth.user_maps import open_depth
 from ..core.media.clip import Footage, open_footage
 from ..core.media.copying import copy_clip, copy_file, copy_pictures
 from ..core.media.masks import open_masks
 from ..core.sfm.workspace import load_solve
-from ..render.output import set_still
+from ..render.output import check_folder, set_still
 from ..render.quiet import quiet
 from ..scene.build import move_clip
 from ..scene.paths import absolute
@@ -59,8 +60,10 @@ def save(options: argparse.Namespace) -> None:
         raise UserError(f"{blend.name} must end in .blend")
     packed = blend.with_suffix(".zip")
     for file in (blend, packed) if options.pack else (blend,):
+        check_file(file)
         if file.exists() and not options.overwrite:
             raise UserError(f"{file} exists; name another file, or overwrite it", Remedy.OVERWRITE)
+    check_folder(blend.parent)
     check_numbers(options)
     solved = load_solve(options.work)
     scene, settings, footage = scene_of(solved)

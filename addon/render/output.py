@@ -15,7 +15,7 @@ import numpy as np
 from ..core.base import atomic
 from ..core.base.counting import counted, ranges
 from ..core.base.errors import Remedy, UserError
-from ..core.base.file_names import checked_name
+from ..core.base.file_names import check_file, checked_name, leads_nowhere
 from ..core.base.folder_lock import OutputLock
 from ..core.lens.frame import forecast
 from ..core.media.clip import Footage, is_pattern
@@ -48,8 +48,10 @@ def check_output(out: Path, overwrite: bool) -> None:
         raise UserError(f"{out.name} is no output that is known; end it in {', '.join([*MOVIES, *STILLS])}")
     if is_still and "#" not in out.name:
         raise UserError(f"{out.name} names one file for many frames; write ####{suffix} for frame numbers")
-    if not is_still and out.exists() and not overwrite:
-        raise UserError(f"{out} exists; name another file, or overwrite it", Remedy.OVERWRITE)
+    if not is_still:
+        check_file(out)
+        if out.exists() and not overwrite:
+            raise UserError(f"{out} exists; name another file, or overwrite it", Remedy.OVERWRITE)
     check_folder(out.parent)
     if not is_still:
         movie_folder.check_free(out)
@@ -86,8 +88,12 @@ def claimed(out: Path) -> AbstractContextManager[None]:
 
 def check_folder(folder: Path) -> None:
     """UserError for a folder that cannot be written, or made."""
-    above = next(p for p in [folder, *folder.parents] if p.exists())
-    if not above.is_dir() or not os.access(above, os.W_OK):
+    # A link that leads nowhere, or in a circle, is there, too.
+    above = next(p for p in [folder, *folder.parents] if os.path.lexists(p))
+    if not above.is_dir():
+        what = "a link that leads nowhere" if leads_nowhere(above) else "no folder"
+        raise UserError(f"{above} is {what}, so {folder} cannot be written; choose another output folder")
+    if not os.access(above, os.W_OK | os.X_OK):
         raise UserError(f"{above} cannot be written; choose another output folder")
 
 
@@ -182,6 +188,7 @@ def _missing(targets: dict[int, Path], keys: dict[int, str], overwrite: bool, re
     """Frames that are to be rendered; UserError where others' files would be replaced unasked."""
     todo, damaged = [], 0
     for frame, path in targets.items():
+        check_file(path)
         if not path.exists():
             todo.append(frame)
             continue

@@ -12,7 +12,8 @@ import cv2
 
 from ..core.base.atomic import staged
 from ..core.base.errors import Remedy, UserError
-from ..core.base.regular_file import is_regular, read_regular
+from ..core.base.file_names import check_file
+from ..core.base.regular_file import read_regular
 from ..core.lens.inspection import Shown, pictures
 from ..core.lens.report import FrameReport, Used, frame_report, summary
 from ..core.sfm.state import is_state_file
@@ -27,8 +28,7 @@ def check_report(path: Path, overwrite: bool) -> None:
     """UserError for a file of reports that cannot be one, before any work."""
     if path.suffix.lower() != ".json":
         raise UserError(f"{path.name} is no file for reports; end it in .json")
-    if path.exists() and not is_regular(path):
-        raise UserError(f"{path} is no file; name another one for the reports")
+    check_file(path)
     if not path.exists() or _is_ours(path):
         return
     if is_state_file(path) or JOB in _held(path):

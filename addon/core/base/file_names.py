@@ -18,3 +18,17 @@ def checked_name(path: Path) -> Path:
             f"{str(name)[1:]} is no name that can be used (not UTF-8); rename the file or folder"
         ) from None
     return path
+
+
+def check_file(path: Path) -> None:
+    """UserError for a place where something lies that is no file, and so cannot be replaced by one."""
+    if os.path.lexists(path) and not path.is_file():
+        what = (
+            "a link that leads nowhere" if leads_nowhere(path) else "a folder" if path.is_dir() else "no file"
+        )
+        raise UserError(f"{path} is {what}; name another file")
+
+
+def leads_nowhere(path: Path) -> bool:
+    """Whether a path is a link to what is not there, or to itself."""
+    return path.is_symlink() and not path.exists()
