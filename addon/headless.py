@@ -9,6 +9,7 @@ folder that it lies in.
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import importlib.util
 import os
@@ -25,20 +26,26 @@ PACKAGE = "addon"
 def main(arguments: list[str]) -> int:
     """Run one command; the exit status."""
     try:
-        if "bpy" not in sys.modules and (problem := _memory_problem()):
-            print(f"error: {problem}", file=sys.stderr, flush=True)
-            return 1
+        if "bpy" not in sys.modules and (problem := _problem()):
+            return _refused(problem)
         commands = _commands()
     except (ImportError, MemoryError) as error:
-        print(f"error: the program cannot be loaded: {error}".splitlines()[0], file=sys.stderr, flush=True)
-        return 1
+        return _refused(f"the program cannot be loaded: {error}".splitlines()[0])
     return int(commands.run_command(arguments))
 
 
-def _memory_problem() -> str:
+def _refused(problem: str) -> int:
+    with contextlib.suppress(OSError):
+        print(f"error: {problem}", file=sys.stderr, flush=True)
+    return 1
+
+
+def _problem() -> str:
     """Why the memory that this process may have does not even do for loading Blender, which would crash; or
     an empty string."""
     _load_folder()
+    # Before Blender opens files of its own.
+    importlib.import_module(f"{PACKAGE}.core.base.streams").open_all()
     memory = importlib.import_module(f"{PACKAGE}.core.base.memory")
     errors = importlib.import_module(f"{PACKAGE}.core.base.errors")
     memory.keep_to_one_arena()
@@ -63,8 +70,9 @@ def _commands() -> ModuleType:
 
 
 def _end(number: int, _frame: object) -> None:
-    """Ctrl-C or SIGTERM while nothing is begun yet."""
-    os.write(2, b"error: interrupted\n")
+    """A signal that ends the command while nothing is begun yet."""
+    with contextlib.suppress(OSError):
+        os.write(2, b"error: interrupted\n")
     os._exit(128 + number)
 
 
@@ -103,10 +111,14 @@ def _load_folder() -> None:
 
 if __name__ == "__main__":
     given = sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else sys.argv[1:]
-    for heard in (signal.SIGINT, signal.SIGTERM):
+    ending = [signal.SIGINT, signal.SIGTERM]
+    # Under `nohup` it is ignored, and stays so.
+    if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
+        ending.append(signal.SIGHUP)
+    for heard in ending:
         signal.signal(heard, _end)
     status = main(given)
     # What was to be done is done, or was said to have failed.
-    for heard in (signal.SIGINT, signal.SIGTERM):
+    for heard in ending:
         signal.signal(heard, signal.SIG_IGN)
     _leave(status)

@@ -12,6 +12,7 @@ from ..core.lens.aperture import Aperture
 from ..core.media.copying import copy_file
 from ..scene.aperture_shape import NUMBERS
 from ..scene.properties import VirtualApertureSettings
+from .options import real
 from .paths import path
 
 IMAGE = "image"
@@ -38,9 +39,9 @@ def _word(text: str) -> str:
     if key == IMAGE:
         return f"{key}={path(value).absolute()}"
     try:
-        float(value)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"the aperture's {key} {value!r} is not a number") from None
+        real(value)
+    except argparse.ArgumentTypeError as error:
+        raise argparse.ArgumentTypeError(f"the aperture's {key} {error}") from None
     return text
 
 

@@ -32,8 +32,4 @@ def _run(arguments: list[str]) -> int:
     # Only here: the commands import what a window never needs.
     from .main import run_command
 
-    try:
-        return run_command(arguments)
-    except SystemExit as end:
-        # argparse's way to end after --help and for arguments that are not understood.
-        return end.code if isinstance(end.code, int) else 1
+    return run_command(arguments)

@@ -14,6 +14,7 @@ import bpy
 from ..core.base import atomic
 from ..core.base.counting import counted
 from ..core.base.errors import UserError
+from ..core.base.streams import say
 from ..core.depth.user_maps import open_depth
 from ..core.media.clip import Footage, FrameRange, open_footage
 from ..core.media.copying import copy_clip, copy_file, copy_pictures
@@ -34,10 +35,11 @@ from .lens import (
     lens_arguments,
     movie_frames,
     pinned,
-    say,
+    say_lens,
     scene_of,
     set_lens,
 )
+from .options import whole
 from .paths import path
 from .save import DEPTH, MASKS
 from .solve import add_footage, solve_arguments
@@ -59,8 +61,8 @@ def add_commands(
     one.description = "The job renders chunks of frames side by side and joins them to a movie with sound."
     add_footage(one, "DIR|FOOTAGE", "folder that keeps the solve, or the clip: then the job solves it first")
     one.add_argument("--out", type=path, required=True, metavar="BUNDLE", help="folder for the job")
-    one.add_argument("--chunk", type=int, default=12, metavar="N", help="frames a task (default 12)")
-    one.add_argument("--frames", metavar="A-B", help="frames to render")
+    one.add_argument("--chunk", type=whole(1), default=12, metavar="N", help="frames a task (default 12)")
+    one.add_argument("--frames", type=FrameRange.parse, metavar="A-B", help="frames to render")
     one.add_argument("--movie", default="movie.mp4", metavar="NAME", help="the movie's name (movie.mp4)")
     add_lens(one, required=True)
     one.set_defaults(command=farm)
@@ -74,7 +76,7 @@ def add_commands(
         "--rendered", type=path, required=True, metavar="DIR/####.png", help="frames of render --for-movie"
     )
     two.add_argument("--out", type=path, required=True, metavar="FILE.mp4")
-    two.add_argument("--frames", metavar="A-B", help="frames that the movie shows")
+    two.add_argument("--frames", type=FrameRange.parse, metavar="A-B", help="frames that the movie shows")
     two.add_argument("--overwrite", action="store_true", help="replace the movie if it exists")
     add_lens(two, required=False)
     two.set_defaults(command=join)
@@ -98,6 +100,7 @@ def join(options: argparse.Namespace) -> None:
     if has_focus(options):
         # As render --for-movie, whichever part of it.
         set_lens(settings, solved, options)
+        say_lens(settings, solved.reconstruction, frames)
         keys = frame_keys(scene, frames)
     output.check_frames(files, written_size(scene.render), keys)
     silent = contextlib.nullcontext(1) if options.debug else quiet(1)
@@ -114,8 +117,6 @@ def farm(options: argparse.Namespace) -> None:
         raise UserError(f"{out} exists; name a folder that is not there yet")
     if Path(options.movie).suffix.lower() not in output.MOVIES or Path(options.movie).name != options.movie:
         raise UserError(f"{options.movie} is no name of a movie; end it in {', '.join(output.MOVIES)}")
-    if options.chunk < 1:
-        raise UserError(f"a task of {options.chunk} frames renders nothing; give at least 1")
     output.check_folder(out.parent)
     check_numbers(options)
     source: Path = options.footage.absolute()
@@ -128,11 +129,12 @@ def farm(options: argparse.Namespace) -> None:
         _scene, settings, _ = scene_of(solved)
         frames = movie_frames(solved, options.frames)
         set_lens(settings, solved, options, frames)
+        say_lens(settings, solved.reconstruction, frames)
         words = pinned(options, settings, depth=None, mask=None, aperture=None)
         clip = copy_clip(solved.open_clip(), folder)
         _copy_solve(source, folder / "solve", clip)
     else:
-        footage = open_footage(source, options.frames and FrameRange.parse(options.frames))
+        footage = open_footage(source, options.frames)
         frames = list(open_footage(source, FrameRange(footage.frames[0], footage.frames[-1])).frames)
         clip = copy_clip(open_footage(source), folder)
         words = lens_arguments(at_frame(options, frames[0]), depth=None, mask=None, aperture=None)
@@ -221,13 +223,13 @@ def _job(
     if clip:
         # The folder keeps the solve, and a second run of an equal step takes it.
         words = ["solve", clip, "--work", work, *solve_arguments(options)]
-        steps.append(step("Solve", words + (["--frames", options.frames] if options.frames else [])))
+        steps.append(step("Solve", words + (["--frames", str(options.frames)] if options.frames else [])))
     rendered = f"{{{{Param.Output}}}}/{FRAMES}"
     words = ["render", work, *lens, "--for-movie", "--frames", "{{Task.Param.Frames}}", "--out", rendered]
     space = {"taskParameterDefinitions": [{"name": "Frames", "type": "STRING", "range": chunks}]}
     steps.append(step("Render", words, "Solve" if clip else "", parameterSpace=space))
     words = ["join", work, *lens, "--rendered", rendered, "--overwrite"]
-    words += ["--frames", options.frames] if options.frames else []
+    words += ["--frames", str(options.frames)] if options.frames else []
     steps.append(
         step("Join", [*words, "--out", f"{{{{Param.Output}}}}/{texts.literal(options.movie)}"], "Render")
     )

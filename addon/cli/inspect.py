@@ -11,6 +11,7 @@ import bpy
 
 from ..core.base.errors import UserError
 from ..core.base.file_names import check_file
+from ..core.base.streams import say
 from ..core.lens.inspection import NAMES, Shown
 from ..core.lens.report import FrameReport
 from ..core.sfm.workspace import load_solve
@@ -22,7 +23,8 @@ from ..render.quiet import quiet
 from ..render.run_report import Inspector, replaced, write_picture
 from ..scene.lens import lens_settings
 from ..scene.shot import shot_of
-from .lens import add_lens, check_numbers, say, scene_of, set_lens
+from .lens import add_lens, check_numbers, say_lens, scene_of, set_lens
+from .options import whole
 from .paths import path
 
 REPORT = "report.json"
@@ -36,7 +38,7 @@ def add_command(
         "inspect", parents=[common], help="pictures and figures of what a frame is drawn from"
     )
     one.add_argument("work", type=path, metavar="DIR", help="folder that keeps the solve")
-    one.add_argument("--frame", type=int, required=True, metavar="N", help="frame of the clip")
+    one.add_argument("--frame", type=whole(0), required=True, metavar="N", help="frame of the clip")
     one.add_argument("--out", type=path, required=True, metavar="DIR", help="folder for the pictures")
     one.add_argument("--overwrite", action="store_true", help="replace pictures that are there")
     add_lens(one, required=True)
@@ -63,6 +65,7 @@ def inspect(options: argparse.Namespace) -> None:
     sources = [source for source in (solved.footage, options.mask, options.depth) if source is not None]
     output.check_apart([out], sources)
     set_lens(settings, solved, options, (options.frame,))
+    say_lens(settings, solved.reconstruction, (options.frame,))
     # A focus that is followed is another one at each frame.
     scene.frame_set(options.frame)
     pictures, report = _inspected(scene, options.frame, options.debug)

@@ -11,9 +11,12 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+from ..core.base import numbers
 from ..core.base.errors import UserError
+from ..core.base.streams import say
 from ..core.camera.reconstruction import Reconstruction
 from ..core.depth.user_maps import open_depth
+from ..core.lens.aperture_sampling import check_views
 from ..core.lens.focus import (
     FEWEST_IN_PLANE,
     Focus,
@@ -34,10 +37,11 @@ from ..core.media.masks import open_masks
 from ..core.sfm.workspace import Solve
 from ..scene import aperture_cloud, focus_marks
 from ..scene.build import build
-from ..scene.lens import set_aperture, set_focus
+from ..scene.lens import lens_settings, set_aperture, set_focus
 from ..scene.properties import VirtualApertureSettings
 from ..scene.shot import shot_of
 from .aperture import add_aperture, set_shape
+from .options import real, whole
 from .paths import path
 
 DEFAULT_BLUR = 0.03
@@ -56,24 +60,26 @@ def add_lens(command: argparse.ArgumentParser, required: bool) -> None:
         help="place in the picture, 0,0 top left, 1,1 bottom right; more than once, each with its frame, it"
         " pulls focus from one to the next",
     )  # fmt: skip
-    focus.add_argument("--focus-point", type=int, nargs="+", metavar="ID", help="feature points in focus")
     focus.add_argument(
-        "--focus-plane", type=int, nargs="+", metavar="ID",
+        "--focus-point", type=whole(0), nargs="+", metavar="ID", help="feature points in focus"
+    )
+    focus.add_argument(
+        "--focus-plane", type=whole(0), nargs="+", metavar="ID",
         help="three or more feature points, through which the focal plane is tilted",
     )  # fmt: skip
-    focus.add_argument("--focus-distance", type=float, metavar="D", help="depth in the model's own unit")
+    focus.add_argument("--focus-distance", type=real, metavar="D", help="depth in the model's own unit")
     for name, side in (("--tilt", "upper"), ("--swing", "right")):
         command.add_argument(
-            name, type=float, default=0.0, metavar="DEG",
+            name, type=real, default=0.0, metavar="DEG",
             help=f"degrees by which the focal plane's {side} part leans away, about the optical axis",
         )  # fmt: skip
     blur = command.add_mutually_exclusive_group()
     blur.add_argument(
-        "--blur", type=float, metavar="F",
+        "--blur", type=real, metavar="F",
         help=f"farthest background's blur disc as a share of the image width (default {DEFAULT_BLUR})",
     )  # fmt: skip
     blur.add_argument(
-        "--aperture-radius", type=float, metavar="R", help="radius of the aperture in the model's own unit"
+        "--aperture-radius", type=real, metavar="R", help="radius of the aperture in the model's own unit"
     )
     command.add_argument(
         "--depth", type=path, metavar="DIR", help="your own depth maps: EXR or 16-bit PNG, any scale and kind"
@@ -91,7 +97,7 @@ def add_lens(command: argparse.ArgumentParser, required: bool) -> None:
     )  # fmt: skip
     command.add_argument("--views", default="auto", metavar="N|auto", help="virtual cameras a frame")
     command.add_argument(
-        "--error", type=float, metavar="DB",
+        "--error", type=real, metavar="DB",
         help="as many virtual cameras as a frame takes for this PSNR against infinitely many, such as 45",
     )  # fmt: skip
     command.add_argument(
@@ -107,11 +113,11 @@ def add_lens(command: argparse.ArgumentParser, required: bool) -> None:
         help="how much of the light that clipping took from lamps is given back (1, all that is estimated)",
     )  # fmt: skip
     command.add_argument(
-        "--highlight-threshold", type=float, default=HighlightSettings.threshold, metavar="L",
+        "--highlight-threshold", type=real, default=HighlightSettings.threshold, metavar="L",
         help=f"linear light, 1 is white, from which on a pixel is clipped ({HighlightSettings.threshold:g})",
     )  # fmt: skip
     add_aperture(command)
-    command.add_argument("--seed", type=int, default=0, help="of the thesis's random positions")
+    command.add_argument("--seed", type=whole(0), default=0, help="of the thesis's random positions")
 
 
 LENS = (
@@ -149,7 +155,9 @@ def lens_arguments(options: argparse.Namespace, **others: list[str] | None) -> l
             values = value if isinstance(value, list) else [value]
             # A path is another process's, in whichever folder.
             told = [str(each.absolute()) if isinstance(each, Path) else str(each) for each in values]
-            words += [f"--{name.replace('_', '-')}", *told]
+            # One word, because of two the second may begin with a minus, as -1e-05 does.
+            option = f"--{name.replace('_', '-')}"
+            words += [option, *told] if isinstance(value, list) else [f"{option}={told[0]}"]
     return words
 
 
@@ -169,9 +177,9 @@ def scene_of(solved: Solve) -> tuple[bpy.types.Scene, VirtualApertureSettings, F
     return scene, settings, footage
 
 
-def wanted_frames(footage: Footage, frames: str | None) -> tuple[int, ...]:
+def wanted_frames(footage: Footage, frames: FrameRange | None) -> tuple[int, ...]:
     """Those of a clip that `--frames` asks for, all of them without; UserError where there are none."""
-    wanted = FrameRange.parse(frames).of(footage.frames) if frames else footage.frames
+    wanted = footage.frames if frames is None else frames.of(footage.frames)
     if not wanted:
         raise UserError(
             f"the solve has no frames {frames}; it has {footage.frames[0]} to {footage.frames[-1]}"
@@ -179,7 +187,7 @@ def wanted_frames(footage: Footage, frames: str | None) -> tuple[int, ...]:
     return wanted
 
 
-def movie_frames(solved: Solve, frames: str | None) -> list[int]:
+def movie_frames(solved: Solve, frames: FrameRange | None) -> list[int]:
     """The frames that a movie of those asked for shows: every one of the range.
 
     Those that the solve left out get their camera from their neighbours.
@@ -275,8 +283,6 @@ def set_lens(
     set_focus(settings, focus, frame)
     if places:
         focus_marks.replace_all(settings, map(FocusMark.of, places))
-    say(_discs(reconstruction, focus, frame, radius))
-    say(_sharp(reconstruction, focus, frame, radius))
     blur = None if options.aperture_radius is not None else options.blur or DEFAULT_BLUR
     set_aperture(settings, radius, blur)
     settings.quality = options.quality.upper()
@@ -335,6 +341,20 @@ def _set_clip_files(settings: VirtualApertureSettings, solved: Solve, options: a
         settings.masks = str(options.mask.absolute())
 
 
+def say_lens(
+    settings: VirtualApertureSettings, reconstruction: Reconstruction, frames: Sequence[int] = ()
+) -> None:
+    """Say how large blur discs are, and what is sharp, in the first registered frame of `frames` (by default
+    the clip's), with the focus that it has there."""
+    scene, frame = settings.id_data, _registered(reconstruction, frames)
+    before = scene.frame_current
+    scene.frame_set(frame)
+    lens = lens_settings(settings, reconstruction)
+    scene.frame_set(before)
+    say(_discs(reconstruction, lens.focus, frame, lens.radius))
+    say(_sharp(reconstruction, lens.focus, frame, lens.radius))
+
+
 def _discs(reconstruction: Reconstruction, focus: Focus, frame: int, radius: float) -> str:
     """How large the blur is on either side of the focal plane: seldom alike."""
     width = reconstruction.intrinsics(reconstruction.image_at(frame)[0]).width
@@ -369,17 +389,20 @@ def _registered(reconstruction: Reconstruction, frames: Sequence[int]) -> int:
 def _views(text: str) -> int:
     if text == "auto":
         return 0
-    if not text.lstrip("-").isdigit():
-        raise UserError(f"the number of views {text!r} is not understood; give a whole number or auto")
-    if int(text) < 1:
-        raise UserError(f"the number of views is {text}; it must be at least 1, or auto")
-    return int(text)
+    try:
+        count = numbers.whole(text)
+    except ValueError:
+        raise UserError(
+            f"the number of views {text!r} is not understood; give a whole number or auto"
+        ) from None
+    check_views(count)
+    return count
 
 
 def _highlights(options: argparse.Namespace) -> HighlightSettings:
     text = options.highlights
     try:
-        found = HighlightSettings(0.0 if text == "off" else float(text), options.highlight_threshold)
+        found = HighlightSettings(0.0 if text == "off" else numbers.real(text), options.highlight_threshold)
     except ValueError:
         raise UserError(f"highlights {text!r} are not understood; give a gain such as 1, or off") from None
     found.check()
@@ -390,14 +413,9 @@ def _place(text: str) -> tuple[float, float, int | None]:
     """From "X,Y" or "X,Y@FRAME"."""
     place, _, frame = text.partition("@")
     try:
-        x, y = (float(part) for part in place.split(","))
-        return x, y, int(frame) if frame else None
+        x, y = map(numbers.real, place.split(","))
+        return x, y, numbers.whole(frame) if frame else None
     except ValueError:
         raise UserError(
             f"the focus {text!r} is not understood; write X,Y or X,Y@FRAME, such as 0.5,0.6@12"
         ) from None
-
-
-def say(text: str) -> None:
-    """A line for the user, at once."""
-    print(text, flush=True)

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import os
 import signal
-import sys
 import traceback
 from collections.abc import Callable, Sequence
 from itertools import chain
@@ -15,10 +13,11 @@ from types import FrameType
 
 import bpy
 
-from ..core.base import memory
+from ..core.base import memory, streams
 from ..core.base.atomic import collect_temporary, temporary_folder
 from ..core.base.counting import counted, ranges
-from ..core.base.errors import UserError
+from ..core.base.errors import UserError, Words
+from ..core.base.streams import say, say_to
 from ..core.media.clip import FrameRange
 from ..core.sfm.state import STATE
 from ..core.sfm.workspace import Solve, default_work_dir, load_solve
@@ -32,15 +31,31 @@ from ..render.run_report import RunReport, check_report
 from ..scene import properties
 from ..scene.shot import shot_of
 from . import farm, inspect, save, solve
-from .lens import add_lens, check_numbers, movie_frames, pinned, say, scene_of, set_lens, wanted_frames
+from .lens import (
+    add_lens,
+    check_numbers,
+    movie_frames,
+    pinned,
+    say_lens,
+    scene_of,
+    set_lens,
+    wanted_frames,
+)
+from .options import Parser, UsageError, whole
 from .paths import path
 from .words import WORDS
+
+MOST_JOBS = 1000
+"""Processes that can be asked for: no machine has so many processors to itself."""
 
 
 def parser() -> argparse.ArgumentParser:
     """All commands; each sets `command` to the function that runs it."""
-    top = argparse.ArgumentParser(prog="headless.py", description="Depth of field for all-sharp video.")
-    common = argparse.ArgumentParser(add_help=False)
+    top: argparse.ArgumentParser = Parser(
+        prog="headless.py", description="Depth of field for all-sharp video."
+    )
+    top.set_defaults(words=WORDS)
+    common = Parser(add_help=False)
     common.add_argument("--debug", action="store_true", help="show a traceback with errors")
     commands = top.add_subparsers(required=True, metavar="COMMAND")
 
@@ -48,7 +63,7 @@ def parser() -> argparse.ArgumentParser:
     two = commands.add_parser("render", parents=[common], help="render a solved clip with depth of field")
     two.add_argument("work", type=path, metavar="DIR", help="folder that keeps the solve")
     add_lens(two, required=True)
-    two.add_argument("--frames", metavar="A-B[:STEP]", help="frames to render")
+    two.add_argument("--frames", type=FrameRange.parse, metavar="A-B[:STEP]", help="frames to render")
     two.add_argument(
         "--for-movie",
         action="store_true",
@@ -62,7 +77,9 @@ def parser() -> argparse.ArgumentParser:
     three = commands.add_parser("run", parents=[common], help="solve and render")
     solve.add_footage(three)
     three.add_argument("--work", type=path, metavar="DIR", help="default: CLIP.aperture beside the output")
-    three.add_argument("--frames", metavar="A-B[:STEP]", help="frames of the clip to solve and render")
+    three.add_argument(
+        "--frames", type=FrameRange.parse, metavar="A-B[:STEP]", help="frames of the clip to solve and render"
+    )
     add_lens(three, required=True)
     _add_output(three)
     three.set_defaults(command=run, for_movie=False, end_with_input=False)
@@ -77,7 +94,7 @@ def _add_output(command: argparse.ArgumentParser) -> None:
     command.add_argument("--out", type=path, required=True, metavar="FILE.mp4|DIR/####.png|DIR/####.exr")
     command.add_argument("--overwrite", action="store_true", help="replace output that exists")
     command.add_argument(
-        "--jobs", type=int, default=1, metavar="N", help="processes that render side by side"
+        "--jobs", type=whole(1, MOST_JOBS), default=1, metavar="N", help="processes that render side by side"
     )
     command.add_argument(
         "--report", type=path, metavar="FILE.json", help="method, mesh, error, sources and time of each frame"
@@ -88,8 +105,6 @@ def _check_output(options: argparse.Namespace) -> None:
     output.check_output(options.out.absolute(), options.overwrite)
     if not options.end_with_input:
         movie_folder.check_not_kept(options.out.absolute().parent)
-    if options.jobs < 1:
-        raise UserError(f"the number of jobs is {options.jobs}; it must be at least 1")
     if options.report:
         check_report(options.report, options.overwrite)
         output.check_folder(options.report.absolute().parent)
@@ -125,7 +140,7 @@ def run(options: argparse.Namespace) -> None:
     with output.claimed(options.out.absolute()):
         _check_output(options)
         solved = solve.solve_clip(options, work)
-        solve.print_quality(solved)
+        solve.say_quality(solved, options.words)
         _render(solved, options)
 
 
@@ -139,8 +154,7 @@ def _render(solved: Solve, options: argparse.Namespace) -> None:
     is_movie = out.suffix.lower() in output.MOVIES
     if options.for_movie:
         # A share of those that a movie shows.
-        share = FrameRange.parse(options.frames) if options.frames else None
-        frames = list(solved.open_clip(share).frames)
+        frames = list(solved.open_clip(options.frames).frames)
         output.crop_to_even(scene.render)
     elif is_movie:
         frames = movie_frames(solved, options.frames)
@@ -148,6 +162,7 @@ def _render(solved: Solve, options: argparse.Namespace) -> None:
         frames = list(wanted_frames(footage, options.frames))
     # A share of a farm's job focuses as the whole does.
     set_lens(settings, solved, options, () if options.for_movie else frames)
+    say_lens(settings, solved.reconstruction, frames)
     check_memory(render_size(scene.render), is_movie)
     planned = output.plan_all(scene, frames)
     least, most = planned.views
@@ -177,7 +192,7 @@ def _render(solved: Solve, options: argparse.Namespace) -> None:
     with silent as descriptor, engine.watched(run_report.on_frame):
 
         def report(text: str) -> None:
-            os.write(descriptor, f"{text}\n".encode())
+            say_to(descriptor, text)
             _check_interrupted()
 
         lens = pinned(options, settings)
@@ -203,7 +218,7 @@ def _side_by_side(
 ) -> output.Draw:
     """Have frames drawn by `--jobs` processes of this command line, which get the lens as words."""
     is_movie = options.for_movie or options.out.suffix.lower() in output.MOVIES
-    step = FrameRange.parse(options.frames).step if options.frames and not is_movie else 1
+    step = options.frames.step if options.frames and not is_movie else 1
 
     def draw(todo: list[int], out: Path, done: Callable[[int], None]) -> None:
         with temporary_folder() as scratch:
@@ -225,7 +240,8 @@ def _side_by_side(
 
 
 class _Interrupted(KeyboardInterrupt):
-    """Whoever runs the command wants it to end: Ctrl-C, or SIGTERM, as farms send before they kill."""
+    """Whoever runs the command wants it to end: Ctrl-C, SIGTERM, as farms send before they kill, or SIGHUP, a
+    terminal that was closed."""
 
 
 _signal = 0
@@ -237,6 +253,16 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
     _signal = number
     if not _is_called_by_blender(frame):
         raise _Interrupted
+
+
+def _ending() -> list[signal.Signals]:
+    """The signals that end a command. Not SIGHUP where it is ignored, as `nohup` has it."""
+    names = ("SIGINT", "SIGTERM", "SIGHUP")
+    found = [signal.Signals[name] for name in names if name in signal.Signals.__members__]
+    return [
+        each for each in found
+        if each.name != "SIGHUP" or signal.getsignal(each) is not signal.SIG_IGN
+    ]  # fmt: skip
 
 
 def _is_called_by_blender(frame: FrameType | None) -> bool:
@@ -259,19 +285,25 @@ def _check_interrupted() -> None:
 def run_command(arguments: list[str]) -> int:
     """Run one command: 0, or non-zero after one readable line on standard error."""
     global _signal
-    _signal, debug = 0, "--debug" in arguments
+    _signal, debug, words = 0, "--debug" in arguments, WORDS
+    streams.open_all()
     # Blender's program has a handler of its own for Ctrl-C, which only ends the frame under way.
-    before = {number: signal.signal(number, _interrupt) for number in (signal.SIGINT, signal.SIGTERM)}
+    before = {number: signal.signal(number, _interrupt) for number in _ending()}
     try:
         collect_temporary()
         options = parser().parse_args(arguments)
+        words = options.words
         options.command(options)
         _check_interrupted()
+        streams.check()
+    except SystemExit:
+        # argparse's way to end after --help.
+        streams.flush()
     except (Exception, KeyboardInterrupt) as error:
         if debug and not _signal:
             raise
-        print(f"error: {_message(error)}", file=sys.stderr, flush=True)
-        return 128 + _signal if _signal else 1
+        streams.complain(_message(error, words))
+        return 128 + _signal if _signal else 2 if isinstance(error, UsageError) else 1
     finally:
         for number, handler in before.items():
             if handler is not None:  # one of Blender's own cannot be put back
@@ -279,12 +311,12 @@ def run_command(arguments: list[str]) -> int:
     return 0
 
 
-def _message(error: BaseException) -> str:
+def _message(error: BaseException, words: Words) -> str:
     """One readable line for everybody; the traceback is for those who ask."""
     if _signal:
         return "interrupted; finished frames are kept"
     if isinstance(error, UserError):
-        return error.worded(WORDS)
+        return error.worded(words)
     if memory.is_shortage(error):
         return str(memory.shortage("the command could not be finished"))
     return f"{type(error).__name__}: {error} (--debug shows where)"

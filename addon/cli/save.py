@@ -11,6 +11,7 @@ import bpy
 from ..core.base import atomic
 from ..core.base.errors import Remedy, UserError
 from ..core.base.file_names import check_file
+from ..core.base.streams import say
 from ..core.depth.user_maps import open_depth
 from ..core.media.clip import Footage, open_footage
 from ..core.media.copying import copy_clip, copy_file, copy_pictures
@@ -22,7 +23,7 @@ from ..scene.build import move_clip
 from ..scene.paths import absolute
 from ..scene.properties import VirtualApertureSettings
 from .aperture import FOLDER as APERTURE
-from .lens import add_lens, check_numbers, has_focus, say, scene_of, set_lens
+from .lens import add_lens, check_numbers, has_focus, say_lens, scene_of, set_lens
 from .paths import path
 
 MASKS, DEPTH = "masks", "depth"
@@ -69,6 +70,7 @@ def save(options: argparse.Namespace) -> None:
     scene, settings, footage = scene_of(solved)
     if has_focus(options):
         set_lens(settings, solved, options)
+        say_lens(settings, solved.reconstruction)
     set_still(scene, ".png", footage)
     atomic.collect_orphans(blend.parent)
     # The whole clip: it is recognised by it.

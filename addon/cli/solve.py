@@ -12,7 +12,8 @@ import bpy
 
 from ..core.base.atomic import PART, collect_orphans, owned
 from ..core.base.counting import counted
-from ..core.base.errors import UserError
+from ..core.base.errors import UserError, Words
+from ..core.base.streams import say
 from ..core.base.time_left import TimeLeft
 from ..core.camera.focal_length import Focal, from_equivalent, from_field_of_view, from_sensor
 from ..core.media.clip import Footage, FrameRange, open_footage
@@ -25,8 +26,8 @@ from ..core.sfm.workspace import Solve, check_replaceable, holds_solve, keep_imp
 from ..render import child
 from ..scene.movieclip import read_movie_clip
 from ..scene.shot import Shot
+from .options import real
 from .paths import path
-from .words import WORDS
 
 
 def add_commands(
@@ -36,7 +37,9 @@ def add_commands(
     one = commands.add_parser("solve", parents=[common], help="find cameras and points of a clip")
     add_footage(one)
     one.add_argument("--work", type=path, required=True, metavar="DIR", help="folder that keeps the solve")
-    one.add_argument("--frames", metavar="A-B[:STEP]", help="frames of the clip to solve")
+    one.add_argument(
+        "--frames", type=FrameRange.parse, metavar="A-B[:STEP]", help="frames of the clip to solve"
+    )
     one.add_argument("--depth", action="store_true", help="find the depth of all frames, too, and keep it")
     one.set_defaults(command=solve)
 
@@ -76,19 +79,19 @@ def add_footage(
     """The arguments of a clip to be solved, which is called `name` and described as `description`."""
     command.add_argument("footage", type=path, metavar=name, help=description)
     focal = command.add_mutually_exclusive_group()
-    focal.add_argument("--focal", type=float, metavar="PX", help="known focal length in pixels, held")
+    focal.add_argument("--focal", type=real, metavar="PX", help="known focal length in pixels, held")
     focal.add_argument(
-        "--focal35", type=float, metavar="MM", help="known focal length, 35 mm equivalent, held"
+        "--focal35", type=real, metavar="MM", help="known focal length, 35 mm equivalent, held"
     )
-    focal.add_argument("--fov", type=float, metavar="DEG", help="known horizontal field of view, held")
+    focal.add_argument("--fov", type=real, metavar="DEG", help="known horizontal field of view, held")
     focal.add_argument(
         "--focal-mm",
-        type=float,
+        type=real,
         metavar="MM",
         help="known focal length of the lens itself, with --sensor-mm, held",
     )
     focal.add_argument("--zoom", action="store_true", help="the focal length changes over the clip")
-    command.add_argument("--sensor-mm", type=float, metavar="MM", help="width of the sensor, with --focal-mm")
+    command.add_argument("--sensor-mm", type=real, metavar="MM", help="width of the sensor, with --focal-mm")
     command.add_argument(
         "--tracker", choices=TRACKERS, default=TRACKERS[0], help=f"how features are followed ({TRACKERS[0]})"
     )
@@ -107,9 +110,9 @@ def solve_arguments(options: argparse.Namespace) -> list[str]:
 def solve(options: argparse.Namespace) -> None:
     """`solve FOOTAGE --work DIR [--depth]`"""
     solved = solve_clip(options, options.work)
-    print_quality(solved)
+    say_quality(solved, options.words)
     if options.depth and (problem := keep_depth(solved)):
-        print(f"note: {problem.worded(WORDS)}", flush=True)
+        say(f"note: {problem.worded(options.words)}")
 
 
 def depth(options: argparse.Namespace) -> None:
@@ -135,21 +138,20 @@ def keep_depth(solved: Solve) -> UserError | None:
             why = stereo.not_kept or UserError("what was written cannot be read back")
             kept = f"the depth of {there} of {counted(count, 'frame')} is kept in {solved.work_dir}"
             return UserError(f"{kept}, that of frame {frame} cannot be: {why}", *why.remedies)
-        print(f"depth of frame {frame}: {number} of {count}", flush=True)
-    print(f"the depth of {counted(count, 'frame')} is kept in {solved.work_dir}", flush=True)
+        say(f"depth of frame {frame}: {number} of {count}")
+    say(f"the depth of {counted(count, 'frame')} is kept in {solved.work_dir}")
     return None
 
 
-def print_quality(solved: Solve) -> None:
+def say_quality(solved: Solve, words: Words) -> None:
     """What a solve found, and what would help it."""
-    print(solved.summary, solved.quality.advised(WORDS), sep="\n", flush=True)
+    say(f"{solved.summary}\n{solved.quality.advised(words)}")
 
 
 def solve_clip(options: argparse.Namespace, work: Path) -> Solve:
     """Solve the clip into the folder, or take the solve that is there."""
-    frames = FrameRange.parse(options.frames) if options.frames else None
     process = SolveProcess(
-        options.footage, work.absolute(), frames, _focal(options), options.again, options.tracker,
+        options.footage, work.absolute(), options.frames, _focal(options), options.again, options.tracker,
         options.zoom,
     )  # fmt: skip
     line = _ProgressLine()
@@ -163,7 +165,7 @@ def solve_clip(options: argparse.Namespace, work: Path) -> Solve:
 def report(options: argparse.Namespace) -> None:
     """`report DIR [--json]`"""
     quality = load_solve(options.work.absolute()).quality
-    print(json.dumps(quality.as_dict(), indent=1) if options.json else quality.text(WORDS), flush=True)
+    say(json.dumps(quality.as_dict(), indent=1) if options.json else quality.text(options.words))
 
 
 def import_model(options: argparse.Namespace) -> None:
@@ -182,9 +184,9 @@ def import_model(options: argparse.Namespace) -> None:
         found = read_reconstruction(options.model, footage)
     keep_import(found, footage, work)
     solved = load_solve(work, footage.path)
-    print(f"{found.format}: {solved.summary}", flush=True)
+    say(f"{found.format}: {solved.summary}")
     for note in found.notes:
-        print(f"note: {note}", flush=True)
+        say(f"note: {note}")
 
 
 def export_solve(options: argparse.Namespace) -> None:
@@ -208,7 +210,7 @@ def export_solve(options: argparse.Namespace) -> None:
                 shutil.rmtree(part, ignore_errors=True)
     except OSError as error:
         raise UserError(f"{out} cannot be written: {error.strerror}") from error
-    print(f"wrote {options.model}: {solved.summary}", flush=True)
+    say(f"wrote {options.model}: {solved.summary}")
 
 
 def _from_blend(path: Path, name: str | None, footage: Footage) -> Imported:
@@ -263,4 +265,4 @@ class _ProgressLine:
             return
         self._stage, self._shown = stage, now
         remaining = f", about {left:.0f} s left" if left is not None else ""
-        print(f"solving: {step.text}{remaining}", flush=True)
+        say(f"solving: {step.text}{remaining}")

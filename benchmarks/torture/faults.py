@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from . import disks, kills, mutations, races, sizes, strangers, users_files
+from . import disks, kills, mutations, options, races, sizes, strangers, users_files
 from .bench import Try
 
 MANY = 1_000_000
@@ -53,6 +53,8 @@ FAULTS = {
     "movie-folder": Fault("files of the user's in a movie's folder of frames", users_files.movie_folder),
     "own-report": Fault("a file of reports in the place of a solve's state", users_files.own_report),
     "edited-frame": Fault("a frame is edited after the render", users_files.edited_frame),
+    "options": Fault("an option that means nothing", options.numbers),
+    "places": Fault("no file, or no folder, where output is to go", options.places),
     "not-finite": Fault("NaN and infinite pixels", mutations.not_finite),
     "middle": Fault("a byte of a clip of 80 MiB is changed, its time put back", strangers.middle),
     "not-files": Fault("a pipe or a device in place of a file", strangers.not_files),

@@ -26,6 +26,8 @@ QUICK = (
     "middle",
     "not-files",
     "lies",
+    "options",
+    "places",
 )
 
 

@@ -40,9 +40,11 @@ def test_marks_are_keys_of_the_distance(
     assert run("save", work, "--blend", tmp_path / "a.blend", *PULL, "--blur", 0.02) == 0
     said = capsys.readouterr().out
     assert "away at frame 2, from points" in said and "away at frame 5, from points" in said
-    # The aperture is the first one's.
-    assert "largest blur discs at frame 2" in said
+    assert "largest blur discs at frame 1" in said
     settings = bpy.context.scene.virtual_aperture
+    # The aperture is the first one's.
+    bpy.context.scene.frame_set(2)
+    assert settings.blur == pytest.approx(0.02, rel=1e-3)
     told = distances()
     assert settings.focus_by == "DISTANCE" and not settings.focus_points
     curve = keys_of(settings, "focus_distance")

@@ -94,12 +94,18 @@ def test_discs_before_and_behind_are_said(
 ) -> None:
     lens = ("--focus-distance", 8, "--blur", 0.01, "--method", "features")
     assert run("inspect", work, "--frame", 2, *lens, "--out", tmp_path / "i") == 0
-    front, behind = largest_discs(slanted_plane(LENS, FRAMES, count=1500), Focus(distance=8.0), 1, 1.0)
+    shot = slanted_plane(LENS, FRAMES, count=1500)
+    front, behind = largest_discs(shot, Focus(distance=8.0), 2, 1.0)
+    # The blur is that of the clip's first frame, whichever is shown.
+    radius = 0.01 / largest_discs(shot, Focus(distance=8.0), 1, 1.0)[1]
     # Twice what was asked for of the background.
     assert front > 1.5 * behind
     said = capsys.readouterr().out
-    assert f"frame 1: {1.6 * front / behind:.1f} px ({front / behind:.1f} % of the width) before" in said
-    assert "1.6 px (1.0 % of the width) behind it" in said
+    before, after = (
+        f"{160 * side:.1f} px ({100 * side:.1f} % of the width)" for side in (radius * front, radius * behind)
+    )
+    assert f"at frame 2: {before} before the focus, {after} behind it" in said
+    assert "sharp at frame 2:" in said
 
 
 def test_discs_are_those_of_the_lens() -> None:

@@ -212,7 +212,6 @@ def test_nothing_of_the_users_is_overwritten(
     ("arguments", "said"),
     [
         (("--fov", "200"), "field of view is 200 degrees"),
-        (("--fov", "nan"), "field of view is nan degrees"),
         (("--focal35", "-3"), "focal length is -3 mm"),
         (("--focal", "0"), "focal length is 0 pixels"),
         (("--focal-mm", "0", "--sensor-mm", "36"), "focal length is 0 mm"),

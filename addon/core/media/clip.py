@@ -36,10 +36,19 @@ class FrameRange:
     last: int
     step: int = 1
 
+    def __post_init__(self) -> None:
+        """UserError for a step that leads nowhere."""
+        if self.step < 1:
+            raise UserError(f"the frame step is {self.step}; it must be at least 1")
+
+    def __str__(self) -> str:
+        """As `parse` reads it."""
+        return f"{self.first}-{self.last}" + (f":{self.step}" if self.step > 1 else "")
+
     @classmethod
     def parse(cls, text: str) -> FrameRange:
-        """From "A-B", "A-B:STEP" or "A"."""
-        match = re.fullmatch(r"(\d+)(?:-(\d+))?(?::(\d+))?", text.strip())
+        """From "A-B", "A-B:STEP" or "A"; UserError for anything else."""
+        match = re.fullmatch(r"(\d{1,18})(?:-(\d{1,18}))?(?::(\d{1,18}))?", text.strip(), re.ASCII)
         if not match:
             raise UserError(f"frames {text!r} are not understood; write A-B, A-B:STEP or a single frame")
         first, last, step = (int(part) if part else None for part in match.groups())
@@ -256,10 +265,8 @@ def _open_sequence(path: Path, files: list[Path], fps: float | None) -> Footage:
 
 def _narrowed(footage: Footage, wanted: FrameRange | Iterable[int]) -> Footage:
     if isinstance(wanted, FrameRange):
-        if wanted.step < 1:
-            raise UserError(f"the frame step is {wanted.step}; it must be at least 1")
         kept = wanted.of(footage.frames)
-        text = f"{wanted.first}-{wanted.last}"
+        text = str(wanted)
     else:
         chosen = set(wanted)
         kept = tuple(f for f in footage.frames if f in chosen)

@@ -1,0 +1,275 @@
+"""Options that mean nothing, and streams that nobody reads: one line of error, or the work is done."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from addon.cli.main import run_command
+from addon.core.camera.reconstruction import Intrinsics
+from addon.core.readers.colmap_export import write_model
+
+from ..scenes import slanted_plane, write_frames
+
+HEADLESS = Path(__file__).resolve().parents[2] / "addon" / "headless.py"
+LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
+FRAMES = tuple(range(1, 7))
+FOCUS = ("--focus-distance", "6", "--method", "features", "--views", "2")
+LONG = "9" * 20
+
+Shared = Callable[[str, Callable[[Path], object]], Path]
+
+
+@pytest.fixture(scope="module")
+def work(registered: None, shared: Shared) -> Path:
+    """The working folder of a clip of a plane."""
+
+    def fill(folder: Path) -> None:
+        footage = write_frames(folder / "clip", LENS, FRAMES)
+        (folder / "model").mkdir()
+        write_model(folder / "model", slanted_plane(LENS, FRAMES, count=400))
+        told = ("import", folder / "model", "--footage", footage, "--work", folder / "work")
+        assert run_command([str(each) for each in told]) == 0
+
+    return shared("hostile", fill) / "work"
+
+
+def refusal(capfd: pytest.CaptureFixture[str], *words: object) -> str:
+    """The one line with which a command is refused."""
+    capfd.readouterr()
+    status = run_command([str(word) for word in words])
+    told = [line for line in capfd.readouterr().err.splitlines() if "EGL" not in line]
+    assert len(told) == 1 and told[0].startswith("error: ") and "--debug" not in told[0], told
+    # 2 says that the arguments were not understood.
+    assert status == (2 if told[0].endswith("--help tells what it takes") else 1)
+    return told[0]
+
+
+def lens(*words: str) -> tuple[str, ...]:
+    """A lens with one of its options replaced."""
+    if words[0] in ("--focus-point", "--focus-plane", "--focus-distance", "--focus-at"):
+        return ("--method", "features", *words)
+    return (*FOCUS, *words)
+
+
+WRONG = [
+    (("--frames", "1-4:0"), "the frame step is 0"),
+    (("--frames", ""), "frames '' are not understood"),
+    (("--frames", "\u0661-\u0664"), "are not understood"),
+    (("--frames", LONG), "are not understood"),
+    (("--frames", "3-1"), "no frames 3-1"),
+    (("--views", "\u00b2"), "'\u00b2' is not understood"),
+    (("--views", "\u0663"), "is not understood"),
+    (("--views", "1_0"), "is not understood"),
+    (("--views", LONG), "it must be from 1 to 4096"),
+    (("--views", "1000000000"), "it must be from 1 to 4096"),
+    (("--views", "9" * 5000), "is not understood"),
+    (("--seed", "2147483648"), "is not from 0 to 2147483647"),
+    (("--seed", "-1"), "is not from 0 to"),
+    (("--focus-point", LONG), "is not from 0 to"),
+    (("--focus-plane", "1", "2", LONG), "is not from 0 to"),
+    (("--focus-distance", "1e-300"), "too small"),
+    (("--focus-at", f"0.5,0.5@{LONG}"), "frame"),
+    (("--focus-at", "nan,0.5"), "is not understood"),
+    (("--aperture", "image="), "empty text"),
+    (("--jobs", "1000000000"), "is not from 1 to 1000"),
+    *((("--aperture", f"{key}={value}"), "is not a number")
+      for key in ("blades", "rotation", "roundness", "ratio", "obstruction", "apodisation",
+                  "spherical_aberration", "vignetting")
+      for value in ("nan", "inf", "-inf", "1e400", "", "1_0", "\u0661")),
+    *((("--" + name, value), "is not a number")
+      for name in ("focus-distance", "tilt", "swing", "blur", "aperture-radius", "error",
+                   "highlight-threshold")
+      for value in ("nan", "inf", "1e400", "", "1_0", "\u0661")),
+    *((("--highlights", value), "not understood") for value in ("nan", "inf", "1e400", "", "1_0", "\u0661")),
+    *((("--" + name, value), "")
+      for name in ("focus-distance", "blur", "aperture-radius", "error", "highlights", "highlight-threshold")
+      for value in ("-1", "1e39")),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("words", "why"), WRONG)
+def test_a_number_that_means_nothing_is_refused(
+    work: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str], words: tuple[str, ...], why: str
+) -> None:
+    out = tmp_path / "o" / "####.png"
+    assert why in refusal(capfd, "render", work, *lens(*words), "--out", out)
+    assert not out.parent.exists()
+
+
+@pytest.mark.parametrize("name", ["focal", "focal35", "fov", "focal-mm", "sensor-mm"])
+@pytest.mark.parametrize("value", ["nan", "inf", "-1", "", "1e400", "1_0", "\u0661", "0", "1e-300"])
+def test_a_focal_length_that_means_nothing_is_refused(
+    work: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str], name: str, value: str
+) -> None:
+    words = ["solve", work.parent / "clip", "--work", tmp_path / "w", f"--{name}", value]
+    words += {"focal-mm": ["--sensor-mm", "36"], "sensor-mm": ["--focal-mm", "50"]}.get(name, [])
+    refusal(capfd, *words)
+    assert not (tmp_path / "w").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [(("--focal", "272000"), "lenses have 5 to 4000"), (("--fov", "179.99"), "lenses have"),
+     (("--focal35", "1"), "lenses have")],
+)  # fmt: skip
+def test_a_focal_length_that_no_lens_has_is_refused_before_the_solve(
+    work: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str], words: tuple[str, str], why: str
+) -> None:
+    assert why in refusal(capfd, "solve", work.parent / "clip", "--work", tmp_path / "w", *words)
+    assert not (tmp_path / "w").exists()
+
+
+@pytest.mark.parametrize(
+    "words",
+    [("render", "DIR"), ("no-such-command",), ("render", "DIR", "--out", "", "--focus-at", "0,0"),
+     ("render", "DIR", "--out", "o.mp4", "--focus-at", "0,0", "--what\nis this"),
+     ("render", "a\nb", "--out", "####.png", "--focus-at", "0,0"), ()],
+)  # fmt: skip
+def test_words_that_are_not_understood_are_one_line(
+    registered: None, capfd: pytest.CaptureFixture[str], words: tuple[str, ...]
+) -> None:
+    refusal(capfd, *words)
+
+
+def folder(path: Path) -> None:
+    path.mkdir()
+
+
+def loop(path: Path) -> None:
+    path.symlink_to(path.name)
+
+
+def nowhere(path: Path) -> None:
+    path.symlink_to("is/not/there")
+
+
+@pytest.mark.parametrize("made", [folder, loop, nowhere, os.mkfifo])
+@pytest.mark.parametrize("place", ["o.mp4", "0002.png", "r.json"])
+def test_a_file_that_cannot_be_written_is_refused_before_the_work(
+    work: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str], made: Callable[[Path], None], place: str
+) -> None:
+    made(tmp_path / place)
+    out = tmp_path / (place if place == "o.mp4" else "####.png")
+    words = ["render", work, *FOCUS, "--frames", "1-2", "--out", out, "--overwrite"]
+    words += ["--report", tmp_path / place] if place == "r.json" else []
+    assert place in refusal(capfd, *words)
+    assert [path.name for path in tmp_path.iterdir()] == [place]
+
+
+@pytest.mark.parametrize("made", [Path.touch, loop, nowhere])
+@pytest.mark.parametrize("place", ["o.mp4.frames", "there"])
+def test_a_folder_that_cannot_be_one_is_refused_before_the_work(
+    work: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str], made: Callable[[Path], None], place: str
+) -> None:
+    made(tmp_path / place)
+    out = tmp_path / "o.mp4" if place == "o.mp4.frames" else tmp_path / place / "below" / "####.png"
+    assert place in refusal(capfd, "render", work, *FOCUS, "--out", out)
+    assert [path.name for path in tmp_path.iterdir()] == [place]
+
+
+@pytest.mark.parametrize("made", [folder, loop, nowhere])
+def test_a_blend_that_cannot_be_written_is_refused(
+    work: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str], made: Callable[[Path], None]
+) -> None:
+    made(tmp_path / "a.blend")
+    assert "a.blend" in refusal(capfd, "save", work, "--blend", tmp_path / "a.blend", "--overwrite")
+    assert [path.name for path in tmp_path.iterdir()] == ["a.blend"]
+
+
+@pytest.mark.parametrize("value", [np.inf, np.nan])
+def test_a_picture_of_the_aperture_that_is_not_finite_is_refused(
+    work: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str], value: float
+) -> None:
+    light = np.ones((32, 32), np.float32)
+    light[4, 5] = value
+    cv2.imwrite(str(tmp_path / "hole.tif"), light)
+    words = (*FOCUS, "--aperture", f"image={tmp_path / 'hole.tif'}")
+    assert "not finite" in refusal(capfd, "render", work, *words, "--out", tmp_path / "o" / "####.png")
+
+
+def test_a_slit_is_an_aperture_however_thin_its_picture_is(work: Path, tmp_path: Path) -> None:
+    across = {}
+    for size in ((1, 5000), (5000, 1), (1, 40000)):
+        cv2.imwrite(str(tmp_path / "slit.png"), np.full(size, 255, np.uint8))
+        shape = ("--blur", "0.1", "--aperture", f"image={tmp_path / 'slit.png'}")
+        out = tmp_path / str(size) / "####.png"
+        words = ("render", work, *FOCUS[:-1], "24", *shape, "--frames", "2", "--out", out)
+        assert run_command([str(each) for each in words]) == 0
+        shown = cv2.imread(str(out.parent / "0002.png")).astype(float)
+        # The detail that is left across and down.
+        across[size] = np.abs(np.diff(shown, axis=1)).mean() / np.abs(np.diff(shown, axis=0)).mean()
+    assert across[5000, 1] > 1.5 * across[1, 5000]
+    assert across[1, 40000] == pytest.approx(across[1, 5000], rel=0.01)
+
+
+def test_discs_are_told_of_the_frame_that_is_rendered(
+    work: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    for number, more in enumerate(((), ("--for-movie",))):
+        out = tmp_path / str(number) / "####.png"
+        words = ("render", work, *FOCUS, "--frames", "4-4", *more, "--out", out)
+        assert run_command([str(each) for each in words]) == 0
+        said = capfd.readouterr().out
+        assert "largest blur discs at frame 4:" in said and "sharp at frame 4:" in said
+
+
+def headless(words: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    """A command line as a shell runs it, with the program as $VA."""
+    return subprocess.run(
+        ["bash", "-c", words], capture_output=True, text=True, check=False, cwd=folder,
+        env=os.environ | {"VA": f"{sys.executable} {HEADLESS}"},
+    )  # fmt: skip
+
+
+RENDER = " ".join(("$VA render WORK", *FOCUS, "--frames 2-3 --out o/####.png"))
+
+
+@pytest.mark.parametrize(
+    "shell",
+    ["RENDER >&-", "RENDER 2>&-", "RENDER <&- >&- 2>&-", "RENDER | head -1; exit ${PIPESTATUS[0]}",
+     "RENDER | true; exit ${PIPESTATUS[0]}", "RENDER 2>&1 | true; exit ${PIPESTATUS[0]}"],
+)  # fmt: skip
+def test_a_render_is_finished_where_nobody_listens(work: Path, tmp_path: Path, shell: str) -> None:
+    done = headless(shell.replace("RENDER", RENDER).replace("WORK", str(work)), tmp_path)
+    assert (done.returncode, [line for line in done.stderr.splitlines() if "EGL" not in line]) == (0, [])
+    assert sorted(path.name for path in (tmp_path / "o").iterdir()) == ["0002.png", "0003.png"]
+    assert cv2.imread(str(tmp_path / "o" / "0002.png")).shape == (90, 160, 3)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="a disk that is always full")
+def test_words_that_a_full_disk_lost_are_no_success(work: Path, tmp_path: Path) -> None:
+    done = headless(f"$VA report {work} --json > /dev/full", tmp_path)
+    assert done.returncode == 1
+    assert done.stderr.startswith("error: standard output cannot be written: No space left")
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_help_ends_well_where_nobody_listens(tmp_path: Path) -> None:
+    done = headless("$VA render --help | true; exit ${PIPESTATUS[0]}", tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.parametrize("program", ["", "nohup"])
+def test_a_hangup_ends_it_with_a_line_unless_it_is_ignored(work: Path, tmp_path: Path, program: str) -> None:
+    words = [sys.executable, HEADLESS, "render", work, *FOCUS[:-1], "1024", "--out", "o/####.png"]
+    process = subprocess.Popen(
+        [program] * bool(program) + [str(word) for word in words], cwd=tmp_path, text=True,
+        stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+    )  # fmt: skip
+    assert process.stdout is not None
+    while not process.stdout.readline().startswith("rendering"):
+        assert process.poll() is None
+    process.send_signal(signal.SIGHUP)
+    _, errors = process.communicate(timeout=300)
+    told = [line for line in errors.splitlines() if "EGL" not in line and "nohup" not in line]
+    expected = (0, []) if program else (129, ["error: interrupted; finished frames are kept"])
+    assert (process.returncode, told) == expected
