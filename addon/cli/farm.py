@@ -38,11 +38,13 @@ from .lens import (
     say_lens,
     scene_of,
     set_lens,
+    wanted_frames,
 )
 from .options import whole
 from .paths import path
 from .save import DEPTH, MASKS
-from .solve import add_footage, solve_arguments
+from .solve import add_footage, add_solve_frames, solve_arguments
+from .words import SOLVED_WORDS
 
 TEMPLATE = "template.json"
 VERSION = "jobtemplate-2023-09"
@@ -63,9 +65,10 @@ def add_commands(
     one.add_argument("--out", type=path, required=True, metavar="BUNDLE", help="folder for the job")
     one.add_argument("--chunk", type=whole(1), default=12, metavar="N", help="frames a task (default 12)")
     one.add_argument("--frames", type=FrameRange.parse, metavar="A-B", help="frames to render")
+    add_solve_frames(one)
     one.add_argument("--movie", default="movie.mp4", metavar="NAME", help="the movie's name (movie.mp4)")
     add_lens(one, required=True)
-    one.set_defaults(command=farm)
+    one.set_defaults(command=farm, words=SOLVED_WORDS)
 
     two = commands.add_parser("join", parents=[common], help="join rendered frames to a movie with sound")
     two.description = (
@@ -134,8 +137,9 @@ def farm(options: argparse.Namespace) -> None:
         clip = copy_clip(solved.open_clip(), folder)
         _copy_solve(source, folder / "solve", clip)
     else:
-        footage = open_footage(source, options.frames)
-        frames = list(open_footage(source, FrameRange(footage.frames[0], footage.frames[-1])).frames)
+        footage = open_footage(source, options.solve_frames)
+        wanted = wanted_frames(footage, options.frames)
+        frames = list(open_footage(source, FrameRange(wanted[0], wanted[-1])).frames)
         clip = copy_clip(open_footage(source), folder)
         words = lens_arguments(at_frame(options, frames[0]), depth=None, mask=None, aperture=None)
     texts = _Texts()
@@ -223,7 +227,7 @@ def _job(
     if clip:
         # The folder keeps the solve, and a second run of an equal step takes it.
         words = ["solve", clip, "--work", work, *solve_arguments(options)]
-        steps.append(step("Solve", words + (["--frames", str(options.frames)] if options.frames else [])))
+        steps.append(step("Solve", words))
     rendered = f"{{{{Param.Output}}}}/{FRAMES}"
     words = ["render", work, *lens, "--for-movie", "--frames", "{{Task.Param.Frames}}", "--out", rendered]
     space = {"taskParameterDefinitions": [{"name": "Frames", "type": "STRING", "range": chunks}]}

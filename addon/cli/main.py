@@ -43,7 +43,7 @@ from .lens import (
 )
 from .options import Parser, UsageError, whole
 from .paths import path
-from .words import WORDS
+from .words import SOLVED_WORDS, WORDS
 
 MOST_JOBS = 1000
 """Processes that can be asked for: no machine has so many processors to itself."""
@@ -78,11 +78,12 @@ def parser() -> argparse.ArgumentParser:
     solve.add_footage(three)
     three.add_argument("--work", type=path, metavar="DIR", help="default: CLIP.aperture beside the output")
     three.add_argument(
-        "--frames", type=FrameRange.parse, metavar="A-B[:STEP]", help="frames of the clip to solve and render"
+        "--frames", type=FrameRange.parse, metavar="A-B[:STEP]", help="frames to render, of the whole solve"
     )
+    solve.add_solve_frames(three)
     add_lens(three, required=True)
     _add_output(three)
-    three.set_defaults(command=run, for_movie=False, end_with_input=False)
+    three.set_defaults(command=run, for_movie=False, end_with_input=False, words=SOLVED_WORDS)
 
     save.add_command(commands, common)
     farm.add_commands(commands, common)
@@ -139,7 +140,7 @@ def run(options: argparse.Namespace) -> None:
         raise UserError(f"{options.report} is where the solve will be kept; name another file")
     with output.claimed(options.out.absolute()):
         _check_output(options)
-        solved = solve.solve_clip(options, work)
+        solved = solve.solve_clip(options, work, lambda clip: wanted_frames(clip, options.frames))
         solve.say_quality(solved, options.words)
         _render(solved, options)
 

@@ -6,6 +6,7 @@ import argparse
 import json
 import shutil
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import bpy
@@ -38,8 +39,9 @@ def add_commands(
     add_footage(one)
     one.add_argument("--work", type=path, required=True, metavar="DIR", help="folder that keeps the solve")
     one.add_argument(
-        "--frames", type=FrameRange.parse, metavar="A-B[:STEP]", help="frames of the clip to solve"
-    )
+        "--frames", dest="solve_frames", type=FrameRange.parse, metavar="A-B[:STEP]",
+        help="frames of the clip to solve",
+    )  # fmt: skip
     one.add_argument("--depth", action="store_true", help="find the depth of all frames, too, and keep it")
     one.set_defaults(command=solve)
 
@@ -98,12 +100,21 @@ def add_footage(
     command.add_argument("--again", action="store_true", help="solve even if the folder holds this solve")
 
 
+def add_solve_frames(command: argparse.ArgumentParser) -> None:
+    """`--solve-frames`, of commands whose `--frames` are those that are rendered."""
+    command.add_argument(
+        "--solve-frames", type=FrameRange.parse, metavar="A-B[:STEP]",
+        help="frames of the clip to solve, such as one shot of several (all)",
+    )  # fmt: skip
+
+
 def solve_arguments(options: argparse.Namespace) -> list[str]:
     """The options of `add_footage` as words for another process's command line, without the clip."""
     words = []
     for name in ("focal", "focal35", "fov", "focal_mm", "sensor_mm", "tracker"):
         if (value := getattr(options, name)) is not None:
             words += [f"--{name.replace('_', '-')}", str(value)]
+    words += ["--frames", str(options.solve_frames)] if options.solve_frames else []
     return words + ["--zoom"] * options.zoom
 
 
@@ -148,14 +159,18 @@ def say_quality(solved: Solve, words: Words) -> None:
     say(f"{solved.summary}\n{solved.quality.advised(words)}")
 
 
-def solve_clip(options: argparse.Namespace, work: Path) -> Solve:
-    """Solve the clip into the folder, or take the solve that is there."""
+def solve_clip(
+    options: argparse.Namespace, work: Path, check: Callable[[Footage], object] = lambda _: None
+) -> Solve:
+    """Solve the clip into the folder, or take the solve that is there. `check` is given the clip first, and
+    what it raises ends the solve."""
     process = SolveProcess(
-        options.footage, work.absolute(), options.frames, _focal(options), options.again, options.tracker,
-        options.zoom,
+        options.footage, work.absolute(), options.solve_frames, _focal(options), options.again,
+        options.tracker, options.zoom,
     )  # fmt: skip
     line = _ProgressLine()
     try:
+        check(process.clip)
         process.wait(line.show)
     finally:
         process.cancel()

@@ -14,3 +14,5 @@ WORDS: Words = {
     Remedy.OVERWRITE: "--overwrite",
     Remedy.KEPT_DEPTH: KEPT_DEPTH,
 }
+SOLVED_WORDS: Words = {**WORDS, Remedy.FRAMES: "--solve-frames A-B"}
+"""Of commands whose `--frames` are those that are rendered."""

@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -16,6 +17,7 @@ import pytest
 from addon.cli.main import run_command
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.readers.colmap_export import write_model
+from addon.core.sfm.process import SolveProcess
 
 from ..scenes import slanted_plane, write_frames
 
@@ -273,3 +275,39 @@ def test_a_hangup_ends_it_with_a_line_unless_it_is_ignored(work: Path, tmp_path:
     told = [line for line in errors.splitlines() if "EGL" not in line and "nohup" not in line]
     expected = (0, []) if program else (129, ["error: interrupted; finished frames are kept"])
     assert (process.returncode, told) == expected
+
+
+@pytest.mark.long
+def test_run_solves_the_whole_clip_and_renders_what_is_asked_for(
+    registered: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from benchmarks.torture.clip import write_walk
+
+    solved = []
+    monkeypatch.setattr(
+        "addon.cli.solve.SolveProcess",
+        lambda *told: solved.append(SolveProcess(*told)) or solved[-1],
+    )
+    walk = write_walk(tmp_path / "walk")
+    lens = ("--focus-distance", "9", "--method", "features", "--views", "2")
+    words = ("run", walk, *lens, "--frames", "1-11:5", "--out", tmp_path / "o" / "####.png")
+    assert run_command([str(each) for each in words]) == 0
+    assert sorted(path.name for path in (tmp_path / "o").glob("*.png")) == [
+        "0001.png",
+        "0006.png",
+        "0011.png",
+    ]
+    assert solved[0].clip.frames == tuple(range(1, 13))
+    # Another range needs no other solve.
+    words = ("run", walk, *lens, "--frames", "4", "--out", tmp_path / "o" / "####.png")
+    began = time.time()
+    assert run_command([str(each) for each in words]) == 0
+    assert (tmp_path / "o" / "walk.aperture" / "solve.json").stat().st_mtime < began
+
+
+def test_run_refuses_frames_that_the_clip_does_not_have_before_it_solves(
+    work: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    words = ("run", work.parent / "clip", *FOCUS, "--frames", "7-9", "--out", tmp_path / "o" / "####.png")
+    assert "no frames 7-9; it has 1 to 6" in refusal(capfd, *words)
+    assert not (tmp_path / "o").exists()

@@ -129,7 +129,7 @@ def test_the_job_is_an_open_job_description(work: Path, tmp_path: Path) -> None:
 
 def test_a_job_that_solves_first(work: Path, tmp_path: Path) -> None:
     source = work.parent / "clip" / "clip.mp4"
-    chunks = ("--frames", "1-9", "--chunk", 4)
+    chunks = ("--solve-frames", "1-12", "--frames", "1-9", "--chunk", 4)
     done("farm", source, "--fov", 60, *LENS, *chunks, "--out", tmp_path / "job")
     job = json.loads((tmp_path / "job" / "template.json").read_text())
     steps = tasks(job, tmp_path / "job")
@@ -139,7 +139,7 @@ def test_a_job_that_solves_first(work: Path, tmp_path: Path) -> None:
     ]  # fmt: skip
     words = " ".join(steps["Solve"][0])
     assert f"solve {tmp_path / 'job' / 'input' / 'clip.mp4'}" in words
-    assert "--fov 60.0" in words and "--frames 1-9" in words
+    assert "--fov 60.0" in words and "--frames 1-12" in words
     assert [each[each.index("--frames") + 1] for each in steps["Render"]] == ["1-4", "5-8", "9-9"]
 
 
