@@ -202,6 +202,7 @@ def import_model(options: argparse.Namespace) -> None:
     say(f"{found.format}: {solved.summary}")
     for note in found.notes:
         say(f"note: {note}")
+    say(solved.quality.advised(options.words))
 
 
 def export_solve(options: argparse.Namespace) -> None:

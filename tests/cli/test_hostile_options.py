@@ -311,3 +311,20 @@ def test_run_refuses_frames_that_the_clip_does_not_have_before_it_solves(
     words = ("run", work.parent / "clip", *FOCUS, "--frames", "7-9", "--out", tmp_path / "o" / "####.png")
     assert "no frames 7-9; it has 1 to 6" in refusal(capfd, *words)
     assert not (tmp_path / "o").exists()
+
+
+def test_an_import_of_another_clip_s_model_is_told(
+    work: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    model = tmp_path / "model"
+    model.mkdir()
+    plane = slanted_plane(LENS, FRAMES, count=400)
+    rng = np.random.default_rng(1)
+    for image in plane.images:
+        image.xy[:] = rng.uniform([0, 0], [LENS.width, LENS.height], image.xy.shape)
+    write_model(model, plane)
+    words = ("import", model, "--footage", work.parent / "clip", "--work", tmp_path / "w")
+    assert run_command([str(each) for each in words]) == 0
+    said = capfd.readouterr().out
+    assert "advice: the points miss the places where the frames show them by" in said
+    assert "not those of this clip" in said

@@ -20,6 +20,9 @@ UNSURE_FOCAL = 0.02
 UNSURE_DEPTH = 0.015
 """Relative standard deviations above which lengths are not to be relied on."""
 EXPLAINED = 0.8
+WRONG_ERROR, WRONG_SHARE = 4.0, 0.005
+"""Mean reprojection error, in pixels and in long sides, above both of which a model is not of these frames:
+COLMAP drops observations from 4 pixels on, and half a per cent is what large pictures are allowed. By eye."""
 
 
 @dataclass(frozen=True)
@@ -144,6 +147,8 @@ def report(reconstruction: Reconstruction, frames: tuple[int, ...], said: dict[s
         spread = error / float(np.median(focal)) / max(np.radians(float(np.median(angle))), 1e-9)
     sigma = said.get("focal_sigma")
     weak = [image.frame for image in reconstruction.images if len(image.points) < WEAK]
+    long_side = max(max(camera.width, camera.height) for camera in reconstruction.cameras)
+    wrong = error if error is not None and error > max(WRONG_ERROR, WRONG_SHARE * long_side) else None
     explained = said.get("explained")
     return Report(
         len(frames), len(counts), missing, len(reconstruction.points),
@@ -153,11 +158,12 @@ def report(reconstruction: Reconstruction, frames: tuple[int, ...], said: dict[s
         said.get("focal_from", "file"),
         [float(q) for q in np.percentile(angle, (25, 50, 75))] if len(angle) else None,
         _distances(reconstruction), spread, explained, weak, list(said.get("notes", [])),
-        *_advice(missing, sigma, said.get("focal_from", "file"), spread, explained, weak),
+        *_advice(wrong, missing, sigma, said.get("focal_from", "file"), spread, explained, weak),
     )  # fmt: skip
 
 
 def _advice(
+    wrong: float | None,
     missing: list[int],
     sigma: float | None,
     source: str,
@@ -165,7 +171,14 @@ def _advice(
     explained: float | None,
     weak: list[int],
 ) -> tuple[str, tuple[Remedy, ...]]:
-    """The one thing that would help most, and where to set it."""
+    """The one thing that would help most, and where to set it. `wrong` is a reprojection error that cannot
+    be."""
+    if wrong is not None:
+        return (
+            f"the points miss the places where the frames show them by {wrong:.0f} px: these cameras are not"
+            " those of this clip (another take, other frames, another lens?), and renders will be wrong",
+            (),
+        )
     if explained is not None and explained < EXPLAINED:
         return (
             f"{100 * (1 - explained):.0f} % of what was tracked moves on its own or was tracked wrongly;"
