@@ -17,7 +17,7 @@ help:
 	@echo "make test    run the tests of the add-on"
 	@echo "make test-fast  those that need neither Blender nor a solve nor another process"
 	@echo "make test-all  and long solves, real data and the benchmarks' own"
-	@echo "make test-window  drive a real Blender on a virtual screen with mouse and keys (BLENDER=PROGRAM); BACKEND=vulkan: renders, preview and pick"
+	@echo "make test-window  drive a real Blender on a virtual screen with mouse and keys (BLENDER=PROGRAM); BACKEND=vulkan: a part of them"
 	@echo "make pictures  take the documentation's pictures in a real Blender (BLENDER=PROGRAM), into docs/pictures/"
 	@echo "make torture  kills, full disks, races and damaged files for hours; resumes (TRIES=100 FAULTS=\"movie jobs\")"
 	@echo "make sample SCENE=bars  a scene of the benchmark: .blend, clip and true cameras, into sample/"
@@ -54,7 +54,8 @@ test-fast: setup
 	@$(PYTHON) -m pytest --fast -q -n $(JOBS) --dist worksteal -m "not long" --ignore=tests/benchmarks
 
 # With a backend other than Blender's own choice, what draws with it.
-DRAWING := tests/window/test_renders.py tests/window/test_view_and_panel.py tests/window/test_pick_focus.py
+DRAWING := tests/window/test_renders.py tests/window/test_view_and_panel.py tests/window/test_pick_focus.py \
+	tests/window/test_off_and_on.py tests/window/test_file_drop.py
 WINDOW_TESTS := $(if $(BACKEND),$(DRAWING),tests/window)
 
 test-window: setup

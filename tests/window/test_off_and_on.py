@@ -11,6 +11,7 @@ from .clips import write_scene
 from .conftest import PICTURES
 from .program import EXTENSION, Program
 from .screen import Screen
+from .steps import first_window, show_preferences
 
 PREVIEW = f"__import__('sys').modules['{EXTENSION}.addon.render.viewport'].PREVIEW"
 SHADING = "view('VIEW_3D')['area'].spaces.active.shading.type"
@@ -51,6 +52,25 @@ def test_disabled_the_preview_ends_and_enabled_it_is_there_again(program: Progra
         program.ask(ON)
         program.settle()
     preview(program, "on_again")
+
+
+def test_clicked_off_and_on_in_the_preferences(program: Program) -> None:
+    """Their window has a GPU context of its own, in which the extension ends."""
+    preview(program, "before_preferences")
+    is_on = f"{EXTENSION!r} in bpy.context.preferences.addons"
+    show_preferences(program, "ADDONS")
+    box = program.find(f'addon_disable(module="{EXTENSION}")', "PREFERENCES", "WINDOW", 0.07, 1)
+    for n in range(2):
+        program.screen.click(box.x, box.y)
+        program.wait(f"not ({is_on})")
+        program.settle()
+        program.shot(f"clicked_off_{n}")
+        assert program.ask(SHADING) == "SOLID"
+        program.screen.click(box.x, box.y)
+        program.wait(is_on)
+        program.settle()
+        preview(program, f"clicked_on_{n}")
+    first_window(program)
 
 
 def test_updated_while_the_preview_is_on(program: Program, zip_file: Path) -> None:
