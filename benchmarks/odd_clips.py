@@ -15,10 +15,20 @@ from numpy.typing import NDArray
 SIZE = (64, 48)
 RATE = 48000
 """Samples of sound a second."""
+SOUND = {".avi": "pcm_s16le", ".webm": "libopus"}
+"""Codecs of sound; others have AAC. In AVI that begins before the picture, for which FFmpeg holds frame 1."""
 LOUD = 0.2
 """Of full scale; a click has 0.9, and what lossy coding puts before it less than this."""
 TICK = Fraction(1, 12000)
 """Seconds: a whole number of them for 24, 25, 30 and 60 frames a second."""
+
+LISTS = {
+    "ffconcat": "ffconcat version 1.0\nfile clip.mp4\n",
+    "m3u8": "#EXTM3U\n#EXT-X-TARGETDURATION:5\n#EXTINF:5,\nclip.ts\n#EXT-X-ENDLIST\n",
+    "sdp": "v=0\no=- 0 0 IN IP4 127.0.0.1\ns=x\nc=IN IP4 127.0.0.1\nt=0 0\nm=video 5004 RTP/AVP 96\n",
+    "mpd": '<?xml version="1.0"?>\n<MPD><Period><BaseURL>clip.mp4</BaseURL></Period></MPD>\n',
+}
+"""Texts that lead to `clip.mp4` or `clip.ts` beside them, by their kind."""
 
 
 def steady(count: int, fps: int = 25) -> list[Fraction]:
@@ -58,7 +68,7 @@ def write(
         video.pix_fmt = {"mjpeg": "yuvj420p"}.get(codec, "yuv420p")
         tick = Fraction(1, 25) if path.suffix == ".avi" or codec == "mpeg2video" else TICK
         video.time_base = video.codec_context.time_base = tick
-        heard = out.add_stream("aac" if path.suffix != ".webm" else "libopus", rate=RATE) if sound else None
+        heard = out.add_stream(SOUND.get(path.suffix, "aac"), rate=RATE) if sound else None
         if isinstance(heard, AudioStream):
             heard.layout = "mono"
         for time, picture in zip(times, _drawn(times, lit, block), strict=True):

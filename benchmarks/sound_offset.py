@@ -4,9 +4,9 @@ python -m benchmarks.sound_offset                 ten minutes; writes benchmarks
 python -m benchmarks.sound_offset --minutes 0.5   a look
 
 A clip changes between 24, 30 and 60 frames a second, flashes at frames spread over its length and clicks at
-each flash. Its own pictures take the way of rendered ones into a movie (`addon/render/output.py`), with sound
-from the beginning, and with sound that begins 0.48 s late. The movie is then looked at and listened to: every
-change of its picture is set against the clip's times, every flash against its click.
+each flash. Its own pictures take the way of rendered ones into a movie (`addon/render/movie_file.py`), with
+sound from the beginning, and with sound that begins 0.48 s late. The movie is then looked at and listened to:
+every change of its picture is set against the clip's times, every flash against its click.
 """
 
 from __future__ import annotations
@@ -18,12 +18,13 @@ from pathlib import Path
 import bpy
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 import addon
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.media.clip import Footage, open_footage
 from addon.core.media.constant_rate import movie_rate
-from addon.render import output
+from addon.render import movie_file
 from addon.render.quiet import quiet
 from addon.scene.build import build
 
@@ -35,7 +36,7 @@ TABLE = store.ROOT / "benchmarks" / "results" / "sound_offset.md"
 EVERY = 2.37
 """Seconds between flashes: no whole number of frames of any rate, so that they fall anywhere."""
 CHANGED = 5.0
-"""Grey levels, in the mean, by which one picture differs at least from the next; coding adds less than 1."""
+"""Grey levels, in the mean, from which a picture is another: with it as many are found as the clip has."""
 LATE = (0.0, 0.48)
 """Seconds from the first picture to the first sound."""
 LENS = Intrinsics(*SIZE, 60.0, 60.0, SIZE[0] / 2, SIZE[1] / 2)
@@ -60,7 +61,10 @@ def main() -> None:
         with tempfile.TemporaryDirectory() as folder:
             lines.append(measured(Path(folder), round(60 * options.minutes), options.each, late))
             print(lines[-1], flush=True)
-    lines += ["", "Frames are those of the movie, the shortest of the clip's."]
+    lines += [
+        "",
+        "Frames are those of the movie, the shortest of the clip's. A click is heard to 0.001 of them.",
+    ]
     text = "\n".join(lines) + "\n"
     print(text)
     if options.minutes >= 10:
@@ -87,10 +91,14 @@ def measured(folder: Path, seconds: int, turn: int, late: float) -> str:
     frames = np.abs(begins - own - np.median(offset)) * rate
     sound = np.abs(begins[lit] - own[lit] - offset) * rate
     mean = np.abs(own - np.arange(len(own)) / footage.fps)[lit] * rate
-    cells = " | ".join(
-        f"{off.max():.3g} frames ({1000 * off.max() / rate:.3g} ms)" for off in (frames, sound, mean)
-    )
+    cells = " | ".join(map(_told, (frames, sound, mean), (rate,) * 3))
     return f"| {late:.2f} s | {len(own)}, {len(shown)} | {rate:g} | {cells} |"
+
+
+def _told(off: NDArray[np.float64], rate: float) -> str:
+    worst = float(off.max())
+    seconds = f"{worst / rate:.1f} s" if worst > rate else f"{1000 * worst / rate:.2f} ms"
+    return f"{worst:.3g} frames ({seconds})"
 
 
 def joined(path: Path, folder: Path) -> tuple[Path, Footage]:
@@ -104,7 +112,7 @@ def joined(path: Path, folder: Path) -> tuple[Path, Footage]:
         cv2.imwrite(str(file), footage.read(frame)[..., ::-1])
     movie = folder.with_suffix(".mp4")
     with quiet(1):
-        output.join(bpy.context.scene, files, movie)
+        movie_file.join(bpy.context.scene, files, movie)
     return movie, footage
 
 

@@ -21,7 +21,7 @@ from ..core.media.copying import copy_clip, copy_file, copy_pictures
 from ..core.media.masks import open_masks
 from ..core.sfm.state import STATE, read_state, write_state
 from ..core.sfm.workspace import load_solve
-from ..render import child, output
+from ..render import child, movie_file, output
 from ..render.frame_keys import frame_keys
 from ..render.frame_size import written_size
 from ..render.quiet import quiet
@@ -89,8 +89,8 @@ def join(options: argparse.Namespace) -> None:
     """`join DIR --rendered FRAMES --out FILE`: all frames are there, whole and of one run, or it fails."""
     rendered, out = options.rendered.absolute(), options.out.absolute()
     output.check_output(out, options.overwrite)
-    if out.suffix.lower() not in output.MOVIES:
-        raise UserError(f"{out.name} is no movie; end it in {', '.join(output.MOVIES)}")
+    if out.suffix.lower() not in movie_file.MOVIES:
+        raise UserError(f"{out.name} is no movie; end it in {', '.join(movie_file.MOVIES)}")
     if rendered.suffix.lower() != ".png" or "#" not in rendered.name:
         raise UserError(f"{rendered.name} must be a pattern like ####.png, as render writes with --for-movie")
     check_numbers(options)
@@ -108,7 +108,7 @@ def join(options: argparse.Namespace) -> None:
     output.check_frames(files, written_size(scene.render), keys)
     silent = contextlib.nullcontext(1) if options.debug else quiet(1)
     with output.claimed(out), silent:
-        output.join(scene, files, out)
+        movie_file.join(scene, files, out)
     say(f"joined {counted(len(files), 'frame')}")
     say(f"wrote {options.out}")
 
@@ -118,8 +118,11 @@ def farm(options: argparse.Namespace) -> None:
     out: Path = options.out.absolute()
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise UserError(f"{out} exists; name a folder that is not there yet")
-    if Path(options.movie).suffix.lower() not in output.MOVIES or Path(options.movie).name != options.movie:
-        raise UserError(f"{options.movie} is no name of a movie; end it in {', '.join(output.MOVIES)}")
+    if (
+        Path(options.movie).suffix.lower() not in movie_file.MOVIES
+        or Path(options.movie).name != options.movie
+    ):
+        raise UserError(f"{options.movie} is no name of a movie; end it in {', '.join(movie_file.MOVIES)}")
     output.check_folder(out.parent)
     check_numbers(options)
     source: Path = options.footage.absolute()

@@ -21,7 +21,7 @@ from ..core.base.streams import say, say_to
 from ..core.media.clip import FrameRange
 from ..core.sfm.state import STATE
 from ..core.sfm.workspace import Solve, default_work_dir, load_solve
-from ..render import child, engine, jobs, movie_folder, output
+from ..render import child, engine, jobs, movie_file, movie_folder, output
 from ..render.average import no_gpu_note
 from ..render.frame_keys import run_key
 from ..render.frame_size import render_size
@@ -115,7 +115,7 @@ def _check_apart(options: argparse.Namespace, clip: Path) -> None:
     """UserError for output that would replace, or lie among, what it is made from."""
     out = options.out.absolute()
     sources = [source for source in (clip, options.mask, options.depth) if source is not None]
-    written = [out, movie_folder.folder_of(out)] if out.suffix.lower() in output.MOVIES else [out.parent]
+    written = [out, movie_folder.folder_of(out)] if out.suffix.lower() in movie_file.MOVIES else [out.parent]
     output.check_apart([*written, *([options.report] if options.report else [])], sources)
 
 
@@ -152,7 +152,7 @@ def _render(solved: Solve, options: argparse.Namespace) -> None:
     for note in footage.notes:
         say(f"note: {note}")
     out: Path = options.out.absolute()
-    is_movie = out.suffix.lower() in output.MOVIES
+    is_movie = out.suffix.lower() in movie_file.MOVIES
     if options.for_movie:
         # A share of those that a movie shows.
         frames = list(solved.open_clip(options.frames).frames)
@@ -218,7 +218,7 @@ def _side_by_side(
     solved: Solve, options: argparse.Namespace, lens: list[str], run_report: RunReport, report: output.Report
 ) -> output.Draw:
     """Have frames drawn by `--jobs` processes of this command line, which get the lens as words."""
-    is_movie = options.for_movie or options.out.suffix.lower() in output.MOVIES
+    is_movie = options.for_movie or options.out.suffix.lower() in movie_file.MOVIES
     step = options.frames.step if options.frames and not is_movie else 1
 
     def draw(todo: list[int], out: Path, done: Callable[[int], None]) -> None:

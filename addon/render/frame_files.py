@@ -12,6 +12,7 @@ import re
 import zlib
 from pathlib import Path
 
+import bpy
 import cv2
 import imbuf
 import numpy as np
@@ -200,3 +201,15 @@ def _exr_size(path: Path) -> tuple[int, int] | None:
     width, height = image.size
     image.free()
     return width, height
+
+
+def set_no_stamps(render: bpy.types.RenderSettings) -> None:
+    """Nothing in a file may tell runs apart that gave the same picture: neither times nor paths."""
+    for name in [name for name in dir(render) if name.startswith("use_stamp")]:
+        setattr(render, name, False)
+
+
+def blender_path(path: Path) -> str:
+    """A path as Blender's output setting takes it: braces are its templates, two slashes its own folder."""
+    text = str(path.absolute()).replace("{", "{{").replace("}", "}}")
+    return "/" + text.lstrip("/") if text.startswith("//") else text

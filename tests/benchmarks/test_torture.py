@@ -28,6 +28,9 @@ QUICK = (
     "lies",
     "options",
     "places",
+    "odd-clips",
+    "broken-clips",
+    "lists",
 )
 
 

@@ -13,7 +13,7 @@ import pytest
 from addon.core.base.errors import UserError
 from addon.core.media.clip import open_footage
 from addon.core.media.video import VideoInfo
-from benchmarks.odd_clips import flipped, packets, steady, varying, write
+from benchmarks.odd_clips import LISTS, flipped, packets, steady, varying, write
 
 
 @pytest.mark.parametrize(
@@ -102,6 +102,16 @@ def test_a_frame_whose_packet_is_damaged_is_named(tmp_path: Path, name: str, cod
     assert any(f"{packet + 1}" in note and "damaged in the file" in note for note in footage.notes)
 
 
+def test_frames_that_are_lost_between_others_are_told(tmp_path: Path) -> None:
+    times = steady(50)
+    for name, codec in (("a.ts", "mpeg2video"), ("a.mp4", "libx264")):
+        part = [time for number, time in enumerate(times, 1) if number not in (20, 31)]
+        footage = open_footage(write(tmp_path / name, part, codec, g="1"))
+        assert len(footage.frames) == 48
+        assert any("after frames 19, 29 of the clip the next comes late" in note for note in footage.notes)
+        assert not open_footage(write(tmp_path / f"whole_{name}", times, codec, g="1")).notes
+
+
 def test_frames_are_the_same_in_whichever_order_they_are_read(tmp_path: Path) -> None:
     for name, codec in (
         ("a.mp4", "libx264"),
@@ -147,14 +157,6 @@ def test_a_clip_is_upright_with_square_pixels(tmp_path: Path) -> None:
     assert (footage.width, footage.height) == (48, 64)
     capture = cv2.VideoCapture(str(turned), cv2.CAP_FFMPEG)
     assert np.array_equal(footage.read(1), capture.read()[1][..., ::-1])
-
-
-LISTS = {
-    "ffconcat": "ffconcat version 1.0\nfile clip.mp4\n",
-    "m3u8": "#EXTM3U\n#EXT-X-TARGETDURATION:5\n#EXTINF:5,\nclip.ts\n#EXT-X-ENDLIST\n",
-    "sdp": "v=0\no=- 0 0 IN IP4 127.0.0.1\ns=x\nc=IN IP4 127.0.0.1\nt=0 0\nm=video 5004 RTP/AVP 96\n",
-    "mpd": '<?xml version="1.0"?>\n<MPD><Period><BaseURL>clip.mp4</BaseURL></Period></MPD>\n',
-}
 
 
 @pytest.mark.parametrize("kind", LISTS)

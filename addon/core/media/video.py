@@ -4,7 +4,8 @@ PyAV, not OpenCV's FFmpeg, because it gives packets, times, the decoder's errors
 with PyAV 19.0.2 and OpenCV 5.0.0: import 0.10 s and 10 MB; 118 frames of 1920x1080 decoded in 1.3 s by both;
 8-bit pictures of H.264, HEVC, VP9, MJPEG, MPEG-4, FFV1, PNG and GIF equal to the last bit. It reads, Blender
 reads and writes movies, in one process with bpy 5.2.3 and Debian's Blender 5.2.2, loaded before or after. The
-wheels are 19 to 35 MB, one a platform for Python 3.12 and later.
+wheels are 19 to 35 MB, one a platform for Python 3.12 and later: a fifth of the extension's zip (181 MB on
+Linux, 131 on Windows, 116 on macOS), for clips that are read right.
 """
 
 from __future__ import annotations
@@ -34,6 +35,12 @@ from .picture_file import Pixels
 
 MISSING = 0.02
 """Share of a clip's frames that may be missing at its end, with a word, before it is refused as truncated."""
+LATE = 1.5
+"""Of the usual time between frames: with one frame less between two, they are twice as far apart."""
+GAPS = 0.1
+"""Share of a clip's frames up to which what comes late is told of; with more, the rate is what varies."""
+NAMED = 20
+"""Such frames that are named; one recorder leaves out hundreds."""
 
 
 @dataclass(frozen=True)
@@ -98,6 +105,12 @@ class VideoInfo:
         """Whether some frame is shown half a frame or more from where a constant rate would show it."""
         return not keeps_rate(self.seconds, self.fps)
 
+    def _gaps(self) -> list[int]:
+        """Numbers of the frames after which the next comes late, where most come evenly."""
+        apart = np.diff(self.seconds)
+        late = apart > LATE * np.median(apart)
+        return (1 + np.flatnonzero(late)).tolist() if late.sum() <= GAPS * len(late) else []
+
     @property
     def notes(self) -> list[str]:
         """What the user should know of the clip, a line each."""
@@ -116,6 +129,12 @@ class VideoInfo:
                 f"{'frame' if self.missing == 1 else 'frames'} {lost} of {claimed} cannot be read: the clip"
                 " is cut off at its end; copy it again"
             )
+        if gaps := self._gaps():
+            more = f" and {len(gaps) - NAMED} more" if len(gaps) > NAMED else ""
+            named = f"{'frame' if len(gaps) == 1 else 'frames'} {ranges(gaps[:NAMED])}{more}"
+            notes.append(
+                f"after {named} of the clip the next comes late: frames were left out there, or are lost"
+            )
         if self.is_variable:
             notes.append(
                 "the clip's frame rate varies: movies of the command line keep each frame's time; the"
@@ -125,10 +144,12 @@ class VideoInfo:
 
 
 def keeps_rate(seconds: NDArray[np.float64], fps: float) -> bool:
-    """Whether frames shown at `seconds` (n,) are all less than half a frame from those of a constant rate."""
-    off = seconds * fps - np.arange(len(seconds))
-    # Where the first frame lies does not matter.
-    return bool(np.ptp(off) < 1 - 1e-6) if len(off) else True
+    """Whether frames shown at `seconds` (n,) are all less than half a frame from a constant rate's.
+
+    That begins with the first frame, against which sound is set.
+    """
+    off = (seconds - seconds[:1]) * fps - np.arange(len(seconds))
+    return bool(np.all(np.abs(off) < 0.5 - 1e-6))
 
 
 _known: dict[tuple[str, int, int, int], VideoInfo] = {}
