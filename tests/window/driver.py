@@ -28,7 +28,7 @@ LOOK = 0.005
 log: list[list[Any]] = []
 """[what, time.time()] of each render's `init`, `complete`, `cancel`, `write` (of a file), and of the render
 job's `busy` and `idle`."""
-_state: dict[str, Any] = {"busy": False, "connection": None, "unread": b""}
+_state: dict[str, Any] = {"busy": False, "connection": None, "unread": b"", "redraws": 0}
 
 
 def view(kind: str, window: int = 0) -> dict[str, Any]:
@@ -107,13 +107,15 @@ _chance = random.Random(1)
 
 
 def redraw() -> float:
-    """A timer's turn: draw one of the windows, by chance.
+    """A timer's turn: draw one of the windows, by chance, as many times as `_state["redraws"]` says.
 
     Each has a GPU context of its own, and the one drawn last is active: now this window's, now that's, as
     where the mouse moves over one while a render shows its progress in the other.
     """
-    with bpy.context.temp_override(window=_chance.choice(bpy.context.window_manager.windows)):
-        bpy.ops.wm.redraw_timer(type="DRAW_WIN", iterations=1)
+    if _state["redraws"]:
+        _state["redraws"] -= 1
+        with bpy.context.temp_override(window=_chance.choice(bpy.context.window_manager.windows)):
+            bpy.ops.wm.redraw_timer(type="DRAW_WIN", iterations=1)
     return 0.1
 
 
