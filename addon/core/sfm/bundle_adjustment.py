@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..camera.reconstruction import Floats, Ints
+from .distortion import SIGMA, Distortion
 
 
 @dataclass(frozen=True)
@@ -48,6 +49,8 @@ class Bundle:
     """(P, 4) homogeneous, of unit length."""
     focal: Floats
     """(F,) pixels."""
+    distortion: Distortion | None = None
+    """None for pinholes that read a picture at once."""
 
     @property
     def world(self) -> Floats:
@@ -58,13 +61,15 @@ class Bundle:
     def in_camera(self, seen: Observations) -> Floats:
         """(m, 3) each observation's point in its camera's axes, times its own homogeneous factor."""
         turned = np.einsum("mij,mj->mi", self.rotation[seen.frame], self.points[seen.point, :3])
-        return np.asarray(turned + self.points[seen.point, 3:] * self.translation[seen.frame])
+        local = np.asarray(turned + self.points[seen.point, 3:] * self.translation[seen.frame])
+        return local if self.distortion is None else self.distortion.turned(local, seen.frame, seen.xy)
 
     def residuals(self, seen: Observations) -> Floats:
         """(m, 2) projection minus observation, in pixels."""
         local = self.in_camera(seen)
         with np.errstate(divide="ignore", invalid="ignore"):
-            return np.asarray(self.focal[seen.frame, None] * local[:, :2] / local[:, 2:] - seen.xy)
+            place = self.focal[seen.frame, None] * local[:, :2] / local[:, 2:]
+        return np.asarray((place if self.distortion is None else self.distortion.bent(place)) - seen.xy)
 
 
 @dataclass(frozen=True)
@@ -77,7 +82,7 @@ class Adjusted:
     error: float
     """Root mean square of the robust residuals, per coordinate, in pixels."""
     focal_sigma: float
-    """Relative standard deviation of the common focal length, 0 if held."""
+    """Relative standard deviation of the common focal length of pinholes, else 0."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +117,9 @@ def adjust(
     """Least squares over all poses and points, by Levenberg and Marquardt, with Huber's loss from `loss` px.
 
     `free_focal` is "held", "common" (one factor for all frames) or "each": every frame has its own, and a
-    change from one to the next costs `tie` times the square of its logarithm, in pixels squared.
+    change from one to the next costs `tie` times the square of its logarithm, in pixels squared. A distortion
+    is adjusted, too; one standard deviation of what it has costs as much as an observation that is off by
+    `loss`. Cameras in one place, the origin, with all points infinitely far, stay so.
     """
     frames = len(bundle.focal)
     extra = {"held": 0, "common": 1, "each": frames}[free_focal]
@@ -134,7 +141,7 @@ def adjust(
         if damping > 1e8:
             break
     count = max(2 * len(seen.frame) - 6 * frames - 3 * len(bundle.points), 1)
-    sigma = _focal_sigma(system, seen, frames) if extra == 1 else 0.0
+    sigma = _focal_sigma(system, seen, frames) if extra == 1 and bundle.distortion is None else 0.0
     return Adjusted(bundle, system.cost, float(np.sqrt(system.cost / count)), sigma)
 
 
@@ -149,9 +156,11 @@ def _weights(residuals: Floats, loss: float) -> tuple[Floats, float]:
 
 
 def _cost(bundle: Bundle, seen: Observations, loss: float, tie: float) -> float:
-    return _weights(_residuals(bundle, seen), loss)[1] + tie * float(
-        (np.diff(np.log(bundle.focal)) ** 2).sum()
-    )
+    cost = _weights(_residuals(bundle, seen), loss)[1]
+    cost += tie * float((np.diff(np.log(bundle.focal)) ** 2).sum())
+    if bundle.distortion is not None:
+        cost += float(((bundle.distortion.parameters * loss / SIGMA) ** 2).sum())
+    return cost
 
 
 def _residuals(bundle: Bundle, seen: Observations) -> Floats:
@@ -169,11 +178,16 @@ def _system(bundle: Bundle, seen: Observations, loss: float, extra: int, tie: fl
     root = np.sqrt(weight)[:, None]
     residuals = root * np.nan_to_num(residuals)
     camera, point, basis = _derivatives(bundle, seen, local)
+    bent = None
+    if bundle.distortion is not None:
+        ahead = np.where(local[:, 2:] > 0, local, [0.0, 0.0, 1.0])
+        by_place, bent = bundle.distortion.derivatives(ahead, bundle.focal[seen.frame], seen.frame, seen.xy)
+        camera, point, bent = by_place @ camera, by_place @ point, root[..., None] * bent
     camera *= root[..., None]
     point *= root[..., None]
     if extra == 0:
         camera[..., 6] = 0
-    columns = 6 * frames + extra
+    columns = 6 * frames + extra + (0 if bent is None else len(SIGMA))
     last = 6 * frames + (seen.frame if extra == frames and extra > 1 else np.zeros_like(seen.frame))
     cross = np.zeros((count, 3, columns))
     blocks = np.einsum("mki,mkj->mij", point, camera)
@@ -195,8 +209,20 @@ def _system(bundle: Bundle, seen: Observations, loss: float, extra: int, tie: fl
         np.add.at(right, lasts, own_right[:, 6])
     if extra == frames and tie:
         change = np.diff(np.eye(frames), axis=0)
-        full[6 * frames :, 6 * frames :] += tie * change.T @ change
-        right[6 * frames :] += tie * change.T @ np.diff(np.log(bundle.focal))
+        zooms = slice(6 * frames, 6 * frames + extra)
+        full[zooms, zooms] += tie * change.T @ change
+        right[zooms] += tie * change.T @ np.diff(np.log(bundle.focal))
+    if bundle.distortion is not None and bent is not None:
+        lens = columns - len(SIGMA) + np.arange(len(SIGMA))
+        mixed = _summed(np.einsum("mki,mkj->mij", camera, bent), seen.frame, frames)
+        np.add.at(full, (place[:, :, None], lens), mixed[:, :6])
+        if extra:
+            np.add.at(full, (lasts[:, None], lens), mixed[:, 6])
+        full[lens] = full[:, lens].T
+        full[lens[:, None], lens] = np.einsum("mki,mkj->ij", bent, bent) + np.diag((loss / SIGMA) ** 2)
+        right[lens] = np.einsum("mki,mk->i", bent, residuals)
+        right[lens] += (loss / SIGMA) ** 2 * bundle.distortion.parameters
+        cross[..., lens] = _summed(np.einsum("mki,mkj->mij", point, bent), seen.point, count)
     return _System(
         _cost(bundle, seen, loss, tie), full, right,
         _summed(np.einsum("mki,mkj->mij", point, point), seen.point, count),
@@ -271,12 +297,15 @@ def _moved(bundle: Bundle, basis: Floats, cameras: Floats, points: Floats, extra
     frames = len(bundle.focal)
     pose = cameras[: 6 * frames].reshape(frames, 6).copy()
     if extra == 1:
-        change = float(np.clip(cameras[-1], -0.3, 0.3))
+        change = float(np.clip(cameras[6 * frames], -0.3, 0.3))
         bundle, shift, slide = _stretched(bundle, change)
         pose[:, 3:] -= change * shift
         points = points - change * np.einsum("pij,pi->pj", basis, slide)
     elif extra:
-        bundle = replace(bundle, focal=bundle.focal * np.exp(np.clip(cameras[6 * frames :], -0.3, 0.3)))
+        zoomed = np.exp(np.clip(cameras[6 * frames : 7 * frames], -0.3, 0.3))
+        bundle = replace(bundle, focal=bundle.focal * zoomed)
+    if bundle.distortion is not None:
+        bundle = replace(bundle, distortion=bundle.distortion.changed(cameras[-len(SIGMA) :]))
     turn = _turns(pose[:, :3])
     placed = bundle.points + np.einsum("pij,pj->pi", basis, points)
     return replace(

@@ -60,11 +60,11 @@ def refuse_cuts(tracks: Tracks) -> None:
         )
 
 
-def only_turns(parallax: float) -> UserError:
-    """The refusal of a clip whose pictures agree with a camera that does not leave its place."""
+def only_turns(told: str) -> UserError:
+    """The refusal of a clip whose pictures agree with a camera that does not leave its place, as `told`."""
     return UserError(
-        f"the camera only turns in this clip ({parallax:.2f} of 1000 px are not explained by turning, and do"
-        " not agree on depth): too little parallax; move the camera sideways while filming"
+        f"the camera only turns in this clip ({told}): too little parallax; move the camera sideways while"
+        " filming"
     )
 
 

@@ -24,6 +24,7 @@ from .self_calibration import CalibrationOptions
 from .small_motion import SmallMotionOptions
 from .solution import Solution, SolutionOptions
 from .stabilised import ShiftOptions, refuse_shifted
+from .stationary import StationaryOptions, Told, told
 from .tracks import Progress, Tracks
 
 
@@ -61,8 +62,8 @@ class MappingOptions:
     """Pixels of a 1,000-pixel frame that no rotation explains; with less, pairs of pictures are not tried: it
     is a trembling hand, or only turns."""
     doubtful_parallax: float = 10.0
-    """Pixels of a 1,000-pixel frame that no rotation explains; with less, it is asked whether a camera that
-    only turns explains the clip."""
+    """Pixels of a 1,000-pixel frame that no rotation explains; with less, the clip's halves are to find the
+    same depths."""
     good_explained: float = 0.8
     """Share of the observations that a good solve explains; less, and something moves by itself or went
     wrong: other ways are tried."""
@@ -80,6 +81,8 @@ class MappingOptions:
     """The focal length, and whether the camera moves."""
     degeneracy: DegeneracyOptions = field(default_factory=DegeneracyOptions)
     """Whether there is motion to begin with."""
+    stationary: StationaryOptions = field(default_factory=StationaryOptions)
+    """Whether a camera that stays in its place explains the clip."""
     shifts: ShiftOptions = field(default_factory=ShiftOptions)
     """Whether the pictures were shifted after they were taken."""
     solution: SolutionOptions = field(default_factory=SolutionOptions)
@@ -109,6 +112,10 @@ class Mapped:
     """Numbers of lasting tracks that do not."""
     zooms: bool
     """Solved with a focal length a frame."""
+    told: Told | None
+    """How much depth the clip tells; None where too few tracks could be compared."""
+    weak_depth: float | None
+    """Share of the range of depths to which one is known where the clip hardly tells it; else None."""
 
 
 def reconstruct(
@@ -123,6 +130,16 @@ def reconstruct(
     start = lens.focal or options.start_focal * max(tracks.width, tracks.height)
     found, ratio = _Keyframes(keys, start, lens, parallax, progress, options).zoom_or_not(tracks)
     best = found.solution
+    depth = told(best, options.stationary)
+    weak, sigma = None, found.focal_sigma
+    if depth is not None and depth.gain <= 0:
+        raise only_turns(
+            f"{depth.parallax:.2f} of 1000 px are beyond what any lens shows that turns, with"
+            f" {depth.noise:.2f} of noise, GRIC {depth.gain:.2f}"
+        )
+    if depth is not None and depth.uncertainty >= options.stationary.weak:
+        # A lens that is taken for depth is taken for a focal length, too.
+        weak, sigma = depth.uncertainty, max(sigma, lens.sigma if lens.focal else options.start_sigma)
     refuse_shifted(best, keys, options.shifts, options.small_motion)
     if ratio is not None:
         self_calibration.refine_zoom(best, tracks, ratio, options.calibration)
@@ -146,8 +163,8 @@ def reconstruct(
     if len(reconstruction.images) < 2 or len(reconstruction.points) < options.solution.min_points:
         raise UserError("too few points could be placed in space; film with more sideways movement")
     return Mapped(
-        normalise(reconstruction), found.method, found.focal_sigma, found.focal_from_clip, parallax, angle,
-        explained, moving, ratio is not None,
+        normalise(reconstruction), found.method, sigma, found.focal_from_clip, parallax, angle,
+        explained, moving, ratio is not None, depth, weak,
     )  # fmt: skip
 
 
@@ -223,11 +240,13 @@ class _Keyframes:
         best = max(found, key=lambda each: each.score, default=None)
         if self.parallax < self.options.doubtful_parallax and (
             best is None
-            or self_calibration.turning_explains(
+            or self_calibration.halves_disagree(
                 best.solution, self.options.calibration, self.options.small_motion
             )
         ):
-            raise only_turns(self.parallax)
+            raise only_turns(
+                f"{self.parallax:.2f} of 1000 px are not explained by turning, and do not agree on depth"
+            )
         if best is None:
             raise UserError(
                 "no camera path explains this clip: too little parallax, or too much moves on its own;"

@@ -19,6 +19,8 @@ BINS = 8
 UNSURE_FOCAL = 0.02
 UNSURE_DEPTH = 0.015
 """Relative standard deviations above which lengths are not to be relied on."""
+UNTOLD_DEPTH = 0.5
+"""Share of a depth by which it is as good as unknown."""
 EXPLAINED = 0.8
 WRONG_ERROR, WRONG_SHARE = 4.0, 0.005
 """Mean reprojection error, in pixels and in long sides, above both of which a model is not of these frames:
@@ -145,6 +147,10 @@ def report(reconstruction: Reconstruction, frames: tuple[int, ...], said: dict[s
     if error is not None and len(angle):
         # More observations of a track do not help: they share its error.
         spread = error / float(np.median(focal)) / max(np.radians(float(np.median(angle))), 1e-9)
+    # A pan's lens is taken for depth: reprojection errors do not show it.
+    weak_depth = said.get("weak_depth")
+    if weak_depth is not None:
+        spread = max(spread or 0.0, float(weak_depth))
     sigma = said.get("focal_sigma")
     weak = [image.frame for image in reconstruction.images if len(image.points) < WEAK]
     long_side = max(max(camera.width, camera.height) for camera in reconstruction.cameras)
@@ -191,6 +197,12 @@ def _advice(
             if len(missing) == 1
             else f"frames {ranges(missing)} have no camera and borrow their neighbours'; leave them out",
             (Remedy.FRAMES,),
+        )
+    if depth is not None and depth > UNTOLD_DEPTH:
+        return (
+            "the clip hardly tells depth, for the camera hardly left its place, and what its lens does is"
+            " taken for depth, too; keep the blur small, or film with more sideways movement",
+            (),
         )
     if depth is not None and depth > UNSURE_DEPTH:
         return (

@@ -24,8 +24,6 @@ class CalibrationOptions:
     """Number of the clip's longest tracks to find a focal length by."""
     longest_in_frame: int = 60
     """Number of each frame's longest tracks that are taken beside the clip's."""
-    min_gain: float = 1.25
-    """Ratio of the errors of a camera that only turns and of one that moves, below which none moves."""
     min_agreement: float = 0.6
     """Rank correlation of the depths from the clip's two halves below which there is no depth in it."""
     zoom_step: float = 0.02
@@ -47,7 +45,7 @@ def refine_focal_length(
     """
     if known == 0:
         return 0.0, False
-    bundle, seen, posed, kept = _as_bundle(made, options)
+    bundle, seen, posed, kept = as_bundle(made, options)
     freed = adjust(bundle, seen, made.max_error / 2, "common")
     sigma = max(options.unmodelled * freed.focal_sigma, 1e-4)
     weight = known**2 / (known**2 + sigma**2) if np.isfinite(sigma) else 0.0
@@ -55,11 +53,11 @@ def refine_focal_length(
     # On the way to a focal length that the clip does not determine, poses and points have to follow.
     refined = adjust(replace(freed.bundle, focal=np.full(len(posed), wanted)), seen, made.max_error / 2)
     made.focal[:] = wanted
-    _put_back(made, refined.bundle, posed, kept)
+    put_back(made, refined.bundle, posed, kept)
     return float(1 / np.sqrt(1 / known**2 + 1 / sigma**2)), weight > 0.5
 
 
-def _as_bundle(made: Solution, options: CalibrationOptions) -> tuple[Bundle, Observations, Ints, Ints]:
+def as_bundle(made: Solution, options: CalibrationOptions) -> tuple[Bundle, Observations, Ints, Ints]:
     """The keyframes and the best of their points for an adjustment; with the frames and tracks they are."""
     tracks = made.tracks
     posed = np.nonzero(np.isfinite(made.translation[:, 0]))[0].astype(np.int32)
@@ -79,31 +77,19 @@ def _as_bundle(made: Solution, options: CalibrationOptions) -> tuple[Bundle, Obs
     )  # fmt: skip
 
 
-def _put_back(made: Solution, bundle: Bundle, posed: Ints, kept: Ints) -> None:
+def put_back(made: Solution, bundle: Bundle, posed: Ints, kept: Ints) -> None:
+    """An adjusted bundle of `as_bundle` into the solve; other points are forgotten. Focal lengths stay."""
     made.rotation[posed], made.translation[posed] = bundle.rotation, bundle.translation
     made.xyz[:] = np.nan
     made.xyz[kept] = bundle.world
 
 
-def turning_explains(made: Solution, options: CalibrationOptions, motion: SmallMotionOptions) -> bool:
-    """Whether cameras that only turn explain the tracks as well, or the depths of the clip's halves disagree.
-
-    Reprojection errors and angles of a pan look as good as those of any other solve.
-    """
-    bundle, seen, _, _ = _as_bundle(made, options)
-    loss = made.max_error / 2
-    moving = adjust(bundle, seen, loss)
-    points = bundle.points.copy()
-    centre = -np.einsum("fji,fj->fi", bundle.rotation, bundle.translation).mean(axis=0)
-    points[:, :3] -= points[:, 3:] * centre
-    points[:, 3] = 0
-    points /= np.linalg.norm(points, axis=1, keepdims=True)
-    still = replace(bundle, points=points, translation=np.zeros_like(bundle.translation))
-    turning = adjust(still, seen, loss, "common")
-    correlation = agreement(seen, moving.bundle, motion)
-    if correlation is not None and correlation < options.min_agreement:
-        return True
-    return turning.error < options.min_gain * moving.error
+def halves_disagree(made: Solution, options: CalibrationOptions, motion: SmallMotionOptions) -> bool:
+    """Whether the clip's two halves find different depths: reprojection errors of a pan look as good as those
+    of any other solve."""
+    bundle, seen, _, _ = as_bundle(made, options)
+    correlation = agreement(seen, bundle, motion)
+    return correlation is not None and correlation < options.min_agreement
 
 
 # Zoom
@@ -148,12 +134,12 @@ def refine_zoom(
     """From a solution of tracks whose zoom was taken out to one of `tracks`, with a focal length a frame."""
     made.tracks = tracks
     made.focal = made.focal * ratio
-    bundle, seen, posed, kept = _as_bundle(made, options)
+    bundle, seen, posed, kept = as_bundle(made, options)
     tie = 0.01 * len(kept) / options.zoom_step**2
     refined = adjust(
         bundle, seen, made.max_error / 2, "each", tie, AdjustmentOptions(steps=options.zoom_steps)
     )
-    _put_back(made, refined.bundle, posed, kept)
+    put_back(made, refined.bundle, posed, kept)
     # Between the keyframes the picture's growth is the better guide.
     frames = np.arange(len(tracks.frames))
     correction = np.interp(frames, posed, np.log(refined.bundle.focal / made.focal[posed]))

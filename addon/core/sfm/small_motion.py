@@ -130,15 +130,19 @@ def _chained(span: LongTracks, rays: Floats) -> Floats:
     rotation = [np.eye(3)]
     for before, after in pairwise(members):
         _, i, j = np.intersect1d(seen.point[before], seen.point[after], return_indices=True)
-        a, b = rays[before[i]], rays[after[j]]
-        kept = np.ones(len(i), bool)
-        turn = np.eye(3)
-        for _ in range(3):
-            turn = kabsch(a[kept], b[kept])
-            error = np.linalg.norm(a @ turn.T - b, axis=1)
-            kept = error <= 2 * np.median(error) + 1e-12 if len(error) else kept
-        rotation.append(turn @ rotation[-1])
+        rotation.append(robust_turn(rays[before[i]], rays[after[j]]) @ rotation[-1])
     return np.array(rotation)
+
+
+def robust_turn(a: Floats, b: Floats) -> Floats:
+    """(3, 3) rotation of unit rays (n, 3) a to b, refined without those that miss by twice the median."""
+    kept = np.ones(len(a), bool)
+    turn = np.eye(3)
+    for _ in range(3 if len(a) else 0):
+        turn = kabsch(a[kept], b[kept])
+        error = np.linalg.norm(a @ turn.T - b, axis=1)
+        kept = error <= 2 * np.median(error) + 1e-12
+    return turn
 
 
 def _inverse_depths(

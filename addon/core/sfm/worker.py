@@ -15,6 +15,7 @@ import sys
 import threading
 import time
 import traceback
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -108,6 +109,8 @@ def _solve(job: dict[str, Any]) -> None:
         "moving_tracks": len(mapped.moving),
         "notes": [*footage.notes, *([] if mapped.zooms == lens.zooms else [ZOOMED])],
         "parallax": mapped.parallax,
+        "told": asdict(mapped.told) if mapped.told else None,
+        "weak_depth": mapped.weak_depth,
         "triangulation_angle": mapped.angle,
         "size": [footage.width, footage.height],
         "fps": footage.fps,

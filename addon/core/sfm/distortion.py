@@ -1,0 +1,75 @@
+"""What a camera does to a pinhole's picture: its lens bends it, and it reads rows and columns one after the
+other while it turns.
+
+Brown, "Close-range camera calibration", 1971; Forssen and Ringaby, "Rectifying rolling shutter video from
+hand-held devices", 2010.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..camera.reconstruction import Floats, Ints
+
+SIGMA = np.array([0.03, 0.03, 0.1, 0.05, 0.5, 0.5])
+"""Standard deviations of `Distortion.parameters` before any picture is seen. By eye, and wide."""
+LIMITS = np.array([0.2, 0.2, 0.5, 0.5, 1.0, 1.0])
+"""Largest magnitudes of them: a frame is read before the next one is, and past the others no lens is one."""
+
+
+@dataclass(frozen=True)
+class Distortion:
+    """Of all frames of a clip. Places are pixels from the middle of the picture."""
+
+    parameters: Floats
+    """(6,) principal point x, y in half diagonals; k1, k2: what is m half diagonals from it is seen at m (1 +
+    k1 |m|^2 + k2 |m|^4); time to read the width and the height, of the time from a frame to the next."""
+    half_diagonal: float
+    """Pixels."""
+    speed: Floats
+    """(F, 3) rotation vector from a frame to the next, in camera axes."""
+
+    def turned(self, local: Floats, frame: Ints, xy: Floats) -> Floats:
+        """Points (m, 3) in the axes of cameras `frame` (m,), when the places xy (m, 2) are read."""
+        when = xy @ self.parameters[4:] / (2 * self.half_diagonal)
+        return np.asarray(local + np.cross(self.speed[frame] * when[:, None], local))
+
+    def bent(self, place: Floats) -> Floats:
+        """Where the lens puts a pinhole's places (m, 2)."""
+        place = place / self.half_diagonal
+        square = (place**2).sum(axis=1, keepdims=True)
+        k1, k2 = self.parameters[2:4]
+        return np.asarray(
+            self.half_diagonal * (self.parameters[:2] + place * (1 + k1 * square + k2 * square**2))
+        )
+
+    def derivatives(self, local: Floats, focal: Floats, frame: Ints, xy: Floats) -> tuple[Floats, Floats]:
+        """Of bent places, by a pinhole's places (m, 2, 2) and by the parameters (m, 2, 6).
+
+        `local` (m, 3) is `turned`, ahead of the camera; `focal` (m,) in pixels.
+        """
+        unit, (k1, k2) = self.half_diagonal, self.parameters[2:4]
+        place = focal[:, None] / unit * local[:, :2] / local[:, 2:]
+        square = (place**2).sum(axis=1)[:, None]
+        outer = place[:, :, None] * place[:, None, :]
+        by_place = (1 + k1 * square + k2 * square**2)[..., None] * np.eye(2)
+        by_place = by_place + (2 * k1 + 4 * k2 * square)[..., None] * outer
+        spin = np.cross(self.speed[frame], local)
+        slide = (focal[:, None] * spin[:, :2] - unit * place * spin[:, 2:]) / local[:, 2:]
+        slide = np.einsum("mij,mj->mi", by_place, slide) / (2 * unit)
+        by_parameters = np.empty((len(local), 2, len(SIGMA)))
+        by_parameters[..., :2] = unit * np.eye(2)
+        by_parameters[..., 2], by_parameters[..., 3] = unit * place * square, unit * place * square**2
+        by_parameters[..., 4], by_parameters[..., 5] = slide * xy[:, :1], slide * xy[:, 1:]
+        return by_place, by_parameters
+
+    def changed(self, step: Floats) -> Distortion:
+        """With the parameters (6,) that much larger, within what cameras have."""
+        return replace(self, parameters=np.clip(self.parameters + step, -LIMITS, LIMITS))
+
+
+def undistorted(half_diagonal: float, speed: Floats) -> Distortion:
+    """A pinhole that reads at once; the arguments are as in `Distortion`."""
+    return Distortion(np.zeros(len(SIGMA)), half_diagonal, speed)

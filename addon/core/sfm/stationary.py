@@ -1,0 +1,148 @@
+"""Whether a clip tells depth: what a camera that stays in its place leaves unexplained, against the noise.
+
+A pan through a lens that distorts, zooms or is read row by row is solved with small errors as a scene of made
+up depths. So both cameras have all of these, the one that turns and the one that moves. A homography a frame
+would leave no more than the first, but explains a camera that moves before a plane as well. Torr, "Geometric
+motion segmentation and model selection", 1998.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ..camera.reconstruction import Floats, rotation_vector
+from .bundle_adjustment import Adjusted, AdjustmentOptions, Bundle, adjust
+from .distortion import SIGMA, undistorted
+from .self_calibration import CalibrationOptions, as_bundle
+from .small_motion import LongTracks, general_motion, robust_turn, rotation_only
+from .solution import Solution
+from .tracks import Tracks
+
+
+@dataclass(frozen=True)
+class StationaryOptions:
+    """What is compared, and when depth counts as told. Lengths are in pixels of a 1,000-pixel frame."""
+
+    compared: CalibrationOptions = field(
+        default_factory=lambda: CalibrationOptions(longest=300, longest_in_frame=12)
+    )
+    """Which tracks are compared."""
+    min_tracks: int = 40
+    """Tracks with fewer of which nothing is compared."""
+    loss: float = 1.0
+    """From which on an error loses weight (Huber)."""
+    zoom_step: float = 0.1
+    """Relative change of the focal length from a keyframe to the next that costs as much as an observation
+    that is off by `loss`. By eye, and wide: the pictures decide."""
+    telling: float = 90.0
+    """Percentile of the tracks by their parallax that is told: something near that fills a tenth of the
+    picture before a far background tells depth."""
+    adjustment: AdjustmentOptions = field(default_factory=lambda: AdjustmentOptions(settled=1e-5))
+    """When the cameras that are compared fit well enough."""
+    weak: float = 0.18
+    """Share of the range of depths; where the solve knows a depth no better, its report says so. Pans with
+    1 % of the width as parallax have 0.21 to 0.47, handheld clips up to 0.16 (`make bench-solve`)."""
+
+
+@dataclass(frozen=True)
+class Told:
+    """How much depth a clip tells. Lengths are in pixels of a 1,000-pixel frame, of the `telling` percentile
+    of the tracks."""
+
+    parallax: float
+    """What a camera that turns leaves beyond one that moves, both with a lens that zooms and distorts, and
+    with rows that are read one after the other."""
+    noise: float
+    """What the one that moves leaves."""
+    misfit: float
+    """What the solve's pinhole leaves."""
+    gain: float
+    """By how much the geometric robust information criterion of the camera that turns is above that of the
+    one that moves, per observation; negative where turning is the better explanation, and depth is not told.
+    Pans have -0.2 to -0.4; a hand that trembles by 5 mm has 0.2, whatever its many frames have of noise."""
+
+    @property
+    def uncertainty(self) -> float:
+        """What the solve's pinhole takes for depth, as a share of the range of depths."""
+        return float(np.sqrt(max(self.misfit**2 - self.noise**2, 0.0))) / max(self.parallax, 1e-9)
+
+
+def told(made: Solution, options: StationaryOptions = StationaryOptions()) -> Told | None:
+    """How much depth the tracks tell that a solve of the keyframes agrees with; None for too few of them."""
+    bundle, seen, posed, kept = as_bundle(made, options.compared)
+    if len(kept) < options.min_tracks:
+        return None
+    tracks, long_side = made.tracks, max(made.tracks.width, made.tracks.height)
+    loss = options.loss * long_side / 1000
+    tie = (loss / options.zoom_step) ** 2
+    focal = float(np.median(made.focal[posed]))
+    pinhole = undistorted(float(np.hypot(tracks.width, tracks.height)) / 2, _speeds(tracks, focal)[posed])
+    span = LongTracks(seen, kept, len(posed), loss)
+
+    def adjusted(start: Bundle) -> Adjusted:
+        return adjust(start, seen, loss, "each", tie, options.adjustment)
+
+    turning = adjusted(replace(rotation_only(span, focal).bundle, distortion=pinhole)).bundle
+    moving = adjusted(replace(bundle, distortion=pinhole))
+    found = _compared((turning, moving.bundle, bundle), span, long_side, options)
+    if found.gain > 0:
+        return found
+    # What a lens does may be taken for depth in the solve, from which no way leads to the best camera.
+    other = adjusted(general_motion(span, turning).bundle)
+    best = min(moving, other, key=lambda each: each.cost)
+    return _compared((turning, best.bundle, bundle), span, long_side, options)
+
+
+def _compared(
+    cameras: tuple[Bundle, Bundle, Bundle], span: LongTracks, long_side: int, options: StationaryOptions
+) -> Told:
+    """Of what the one that turns, the one that moves and the solve leave of the same tracks.
+
+    `long_side` is the picture's, in pixels, and stands for what is behind a camera.
+    """
+    seen, tracks = span.seen, len(span.tracks)
+    errors = [np.nan_to_num(np.linalg.norm(each.residuals(seen), axis=1), nan=long_side) for each in cameras]
+    views = np.bincount(seen.point, minlength=tracks)
+    turned, moved, solved = (
+        1000 / long_side * np.sqrt(np.bincount(seen.point, each**2, tracks) / views) for each in errors
+    )
+    beyond = np.sqrt(np.maximum(turned**2 - moved**2, 0))
+    parallax, noise, misfit = (
+        float(np.percentile(each, options.telling)) for each in (beyond, moved, solved)
+    )
+    return Told(parallax, noise, misfit, _gain(errors[0], errors[1], tracks, span.frames))
+
+
+def _gain(turned: Floats, moved: Floats, tracks: int, frames: int) -> float:
+    """As `Told.gain`, of errors (m,) in pixels.
+
+    A track's data have two dimensions a frame; its structure has two in a turning camera, three in a moving
+    one; a turning camera has four parameters a frame, a moving one seven, and both the lens's.
+    """
+    variance = max(float(np.median(moved**2)) / (2 * np.log(2)), 1e-12)
+    length = 2 * len(turned) / tracks
+    each, all_of = np.log(length), np.log(length * tracks)
+    criteria = [
+        # The cap of an error is Torr's, twice the dimensions that a structure leaves free, in one picture.
+        np.minimum(error**2 / variance, 2 * (2 - structure * 2 / length)).sum()
+        + structure * tracks * each
+        + (pose * frames + len(SIGMA)) * all_of
+        for error, structure, pose in ((turned, 2, 4), (moved, 3, 7))
+    ]
+    return float(criteria[0] - criteria[1]) / len(turned)
+
+
+def _speeds(tracks: Tracks, focal: float) -> Floats:
+    """(F, 3) rotation vectors from each frame to the next, in camera axes, by the tracks that both see."""
+    centre = np.array([tracks.width, tracks.height]) / 2
+    steps = np.zeros((len(tracks.frames) - 1, 3))
+    for index in range(len(steps)):
+        a, b = (
+            np.column_stack([(xy - centre) / focal, np.ones(len(xy))])
+            for xy in tracks.shared(index, index + 1)
+        )
+        a, b = (rays / np.linalg.norm(rays, axis=1, keepdims=True) for rays in (a, b))
+        steps[index] = rotation_vector(robust_turn(a, b))
+    return np.asarray((np.concatenate([steps[:1], steps]) + np.concatenate([steps, steps[-1:]])) / 2)
