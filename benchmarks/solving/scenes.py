@@ -14,14 +14,25 @@ from numpy.typing import ArrayLike
 from sample_scenes import blocks, boxes, plain, rack, slope, textures, walk
 from sample_scenes.boxes import printed_box
 from sample_scenes.shapes import box
-from sample_scenes.stage import HEIGHT, WIDTH, Cameras, Floats, Prop, Stage, handheld, look, tremor
+from sample_scenes.stage import FPS, HEIGHT, WIDTH, Cameras, Floats, Prop, Stage, handheld, look, tremor
 from sample_scenes.textures import Generator, Picture
+
+from .real_lens import RealLens
 
 FRAMES = 48
 SEED = 113
 FOCAL = 700 / WIDTH
 APART = np.array([200.0, 0.0, 0.0])
 """Between the two places of the clip with a cut."""
+PAN_FRAMES = 30
+WIDE = (WIDTH + 96, HEIGHT + 54)
+"""Pixels of the pinhole from whose picture a real camera's is taken."""
+REAL = RealLens(WIDTH, HEIGHT)
+BENT = RealLens(WIDTH, HEIGHT, distortion=0.03)
+ROLLING = RealLens(WIDTH, HEIGHT, readout=0.020 * FPS)
+SLOW_ZOOM = FOCAL * WIDTH * np.linspace(0.95, 1.05, PAN_FRAMES)
+ONE_PER_CENT = 0.01 * WIDTH / (FOCAL * WIDTH) / (1 / 1.2 - 1 / 7.5)
+"""Metres of path for which what is at 1.2 m and at 7.5 m move by 1 % of the width past each other."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +46,8 @@ class Motion:
     """A regular expression that a refusal's message must contain; empty where the clip has a solution."""
     optional: bool = False
     """A right solution is as good as the refusal."""
+    lens: RealLens | None = None
+    """What films the clip, `stage` having a wider pinhole; None is the stage's pinhole itself."""
 
     @property
     def name(self) -> str:
@@ -262,9 +275,75 @@ def zoom() -> Motion:
     )  # fmt: skip
 
 
+# Pans as real cameras take them
+
+
+def _pan(
+    name: str,
+    title: str,
+    path: float = 0.0,
+    arm: float = 0.0,
+    lens: RealLens = REAL,
+    focals: Floats | None = None,
+    refusal: str = "turns|pan",
+) -> Motion:
+    """A head that turns by 20 degrees, slowly, fast and slowly again, while it slides `path` metres to the
+    side; the lens is `arm` metres ahead of its axis."""
+    share = (1 - np.cos(np.pi * np.linspace(0, 1, PAN_FRAMES))) / 2
+    yaw = np.radians(20) * (share - 0.5)
+    gaze = np.stack([np.sin(yaw), np.cos(yaw), np.full(PAN_FRAMES, -0.04)], axis=1)
+    level = gaze * [1, 1, 0] / np.linalg.norm(gaze[:, :2], axis=1, keepdims=True)
+    centre = np.array([0, 0, 1.22]) + arm * level + path * (share - 0.5)[:, None] * [1, 0, 0]
+    sway = tremor(PAN_FRAMES, np.random.default_rng(SEED + 11))
+    rotation, translation = look(centre, gaze, sway[:, 3:])
+    cameras = Cameras(*WIDE, FOCAL * WIDTH, rotation, translation)
+    made = _motion(name, title, rack.stage().things, cameras, refusal, focals)
+    return replace(made, lens=lens)
+
+
+def pan_distorted() -> Motion:
+    return _pan("pan_distorted", "a pan of 20 degrees through a lens with 3 % of distortion", lens=BENT)
+
+
+def pan_distorted_parallax() -> Motion:
+    title = "the same with 1 % of the width as parallax"
+    return _pan("pan_distorted_parallax", title, ONE_PER_CENT, lens=BENT, refusal="")
+
+
+def pan_rolling() -> Motion:
+    return _pan("pan_rolling", "a pan of 20 degrees whose rows are read in 20 ms", lens=ROLLING)
+
+
+def pan_rolling_parallax() -> Motion:
+    title = "the same with 1 % of the width as parallax"
+    return _pan("pan_rolling_parallax", title, ONE_PER_CENT, lens=ROLLING, refusal="")
+
+
+def pan_zoom() -> Motion:
+    return _pan("pan_zoom", "a pan of 20 degrees while the lens zooms by 10 %", focals=SLOW_ZOOM)
+
+
+def pan_zoom_parallax() -> Motion:
+    title = "the same with 1 % of the width as parallax"
+    return _pan("pan_zoom_parallax", title, ONE_PER_CENT, focals=SLOW_ZOOM, refusal="")
+
+
+def tripod() -> Motion:
+    title = "a pan of 20 degrees, the lens 10 cm ahead of the axis: 3.5 cm of path"
+    return _pan("tripod", title, arm=0.1, refusal="")
+
+
+def tripod_parallax() -> Motion:
+    return _pan(
+        "tripod_parallax", "the same with 1 % of the width as parallax", ONE_PER_CENT, 0.1, refusal=""
+    )
+
+
 MOTIONS: dict[str, Callable[[], Motion]] = {
     made.__name__: made
     for made in (
         sideways, ahead, orbit, jitter, planar, weak, small, mover, rail, pan, static, textureless, cut, zoom,
+        pan_distorted, pan_distorted_parallax, pan_rolling, pan_rolling_parallax, pan_zoom, pan_zoom_parallax,
+        tripod, tripod_parallax,
     )
 }  # fmt: skip

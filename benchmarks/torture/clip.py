@@ -111,15 +111,31 @@ def solve(clip: Path, work: Path, lens: Intrinsics = LENS) -> Path:
     return work
 
 
-def write_walk(folder: Path, count: int = 12) -> Path:
-    """A clip that can be solved: three walls before a camera that goes to the side and turns a little."""
+def write_walk(
+    folder: Path,
+    count: int = 12,
+    path: float = 1.0,
+    pan: float = 0.04,
+    zoom: float = 0.0,
+    distortion: float = 0.0,
+    readout: float = 0.0,
+) -> Path:
+    """A clip that can be solved: three walls before a camera that goes to the side and turns a little.
+
+    `path` is its length in the walls' unit, `pan` the angle in radians, `zoom` the relative change of the
+    focal length; by `distortion` a corner's place is farther from the middle than it is seen, and `readout`
+    is the time from the first row to the last, of the time from a frame to the next.
+    """
     folder.mkdir(parents=True)
-    width, height, focal = 320, 240, 272.0
-    lens = np.array([[focal, 0, width / 2], [0, focal, height / 2], [0, 0, 1]])
+    width, height = 320, 240
+    x, y = np.mgrid[:width, :height].T.reshape(-1, 2).T - [[(width - 1) / 2], [(height - 1) / 2]]
+    bent = np.stack([x, y], axis=1) * (1 + distortion * (x * x + y * y) / (width**2 + height**2) * 4)[:, None]
     for frame, step in enumerate(np.linspace(-0.5, 0.5, count), 1):
         shown = np.zeros((height, width), np.float32)
-        turned = cv2.Rodrigues(np.array([0.01 * step, 0.04 * step, 0.0]))[0]
-        centre = np.array([step, 0.2 * step * step, 0.1 * step])
+        focal = 272.0 * (1 + zoom * step)
+        lens = np.array([[focal, 0, width / 2], [0, focal, height / 2], [0, 0, 1]])
+        turned = cv2.Rodrigues(np.array([0.01 * step, pan * step, 0.0]))[0]
+        centre = path * np.array([step, 0.2 * step * step, 0.1 * step])
         for depth, (left, right) in WALLS.items():
             rng = np.random.default_rng(int(depth))
             across, down = round((right - left) * 60), 1440
@@ -138,5 +154,13 @@ def write_walk(folder: Path, count: int = 12) -> Path:
                 for each in (np.asarray(wall) + 128, np.ones((down, across)))
             ]
             shown += seen[1] * (seen[0] - shown)
+        if distortion or readout:
+            # The rows before and after the middle one are of a camera that has turned a little less, or more.
+            late = pan / (count - 1) * readout * y / height
+            rays = np.column_stack([bent / focal, np.ones(len(bent))])
+            rays[:, 0], rays[:, 2] = rays[:, 0] - late, 1 + late * rays[:, 0]
+            places = focal * rays[:, :2] / rays[:, 2:] + [(width - 1) / 2, (height - 1) / 2]
+            grid = places.reshape(height, width, 2).astype(np.float32)
+            shown = cv2.remap(shown, grid, None, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
         cv2.imwrite(str(folder / f"{frame:04d}.png"), np.clip(shown, 0, 255).astype(np.uint8))
     return folder

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from . import containers, disks, kills, mutations, options, races, sizes, strangers, users_files
+from . import containers, disks, kills, mutations, options, pans, races, sizes, strangers, users_files
 from .bench import Try
 
 MANY = 1_000_000
@@ -62,6 +62,7 @@ FAULTS = {
     "odd-clips": Fault("whole clips as other programs make them, sound longer or late", containers.odd),
     "broken-clips": Fault("a packet of a clip is damaged, or its end is missing", containers.broken),
     "lists": Fault("a list of files by the name of a video", containers.lists),
+    "pans": Fault("a pan through a lens that bends, zooms or is read row by row", pans.pan, 10),
     "memory": Fault("little memory", sizes.memory),
     "wide": Fault("pictures of 16,384 x 96", sizes.wide, 10),
     "large": Fault("pictures of 16,384 x 9,216, little memory or enough", sizes.large, 6),
