@@ -34,7 +34,7 @@ def load(name: str) -> Stage:
 
 def true_cameras(cameras: Cameras) -> Reconstruction:
     """The cameras as a reconstruction without points, for COLMAP and everything that reads it."""
-    lens = Intrinsics(
+    camera = Intrinsics(
         cameras.width, cameras.height, cameras.focal, cameras.focal, cameras.width / 2, cameras.height / 2
     )
     nothing = np.zeros((0, 2)), np.zeros(0, np.int32)
@@ -44,7 +44,9 @@ def true_cameras(cameras: Cameras) -> Reconstruction:
             zip(cameras.rotation, cameras.translation, strict=True), start=1
         )
     )
-    return Reconstruction((lens,), images, Points(np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros(0)))
+    return Reconstruction(
+        (camera,), images, Points(np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros(0))
+    )
 
 
 def film_frame(

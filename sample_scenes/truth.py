@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from addon.core.media.clip import encode_srgb
-from addon.render.cycles_views import render_to_array
+from sample_scenes.cycles_views import render_to_array
 
 from .stage import Floats, Stage
 

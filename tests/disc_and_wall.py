@@ -5,18 +5,19 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from addon.core.base.arrays import Floats
+from addon.core.base.arrays import Floats, LinearRGB, LinearRGBA, Map, Mask
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.depth.source import PixelDepth
-from addon.core.lens.aperture_sampling import vogel_disc
-from addon.core.lens.focus import exact_registration
-from addon.core.lens.frame import WarpedFrame
-from addon.core.lens.plan import FramePlan
-from addon.core.lens.thin_lens import ThinLens
-from addon.core.warp.layered_depth_image import Fill
-from addon.core.warp.layered_mesh import LayeredMeshOptions
-from addon.core.warp.layered_mesh import layer_mesh as make_mesh
+from addon.core.frame.plan import FramePlan
+from addon.core.frame.warped_frame import WarpedFrame
+from addon.core.optics.aperture_sampling import vogel_disc
+from addon.core.optics.registration import exact_registration
+from addon.core.optics.thin_lens import ThinLens
+from addon.core.warp.disocclusion_fill import HiddenColours
+from addon.core.warp.layered_depth_image import Fill, LayeredDepthImage
+from addon.core.warp.layered_mesh import LayeredMeshOptions, layer_mesh
+from addon.core.warp.mesh import WarpMesh
 from addon.core.warp.quadtree import Surfaces
 
 SIZE = (120, 160)
@@ -71,6 +72,47 @@ def one(depth: Floats) -> Surfaces:
     """A single surface."""
     none = np.zeros(depth.shape, bool)
     return Surfaces(depth, depth, depth, none, none, none)
+
+
+def make_mesh(
+    picture: LinearRGBA,
+    disparity: Floats,
+    focus: float,
+    scale: float,
+    fill: Fill | None = None,
+    options: LayeredMeshOptions = OPTIONS,
+    past_border: Floats | None = None,
+) -> tuple[WarpMesh, LinearRGBA, tuple[LayeredDepthImage, ...]]:
+    """`layer_mesh` of a picture whose disparities (H, W) at the rim of the aperture are known, and that of
+    what is in focus, in pixels; over `scale` they are inverse depths."""
+    height, width = disparity.shape
+    camera = Intrinsics(width, height, scale, scale, width / 2, height / 2)
+    past = None if past_border is None else (past_border / scale).astype(np.float32)
+    return layer_mesh(
+        picture, PixelDepth(disparity / scale, past_border=past), ThinLens(camera, 1.0, focus / scale),
+        None if fill is None else _at_places(fill, focus, scale, disparity.shape), options,
+    )  # fmt: skip
+
+
+def _at_places(fill: Fill, focus: float, scale: float, size: tuple[int, ...]) -> HiddenColours:
+    """What a raster around the picture tells by disparity relative to the focal plane, as asked for by place
+    and inverse depth."""
+
+    def hidden(places: Floats, inverse: Floats) -> tuple[LinearRGB, Mask]:
+        if not len(places):
+            return np.zeros((0, 3), np.float32), np.zeros(0, bool)
+        column, row = np.floor(places).astype(int).T
+        past = [-column.min(), column.max() + 1 - size[1], -row.min(), row.max() + 1 - size[0], 0]
+        margin = int(max(past))
+        at = row + margin, column + margin
+        shape = size[0] + 2 * margin, size[1] + 2 * margin
+        shift: Map = np.zeros(shape, np.float32)
+        asked = np.zeros(shape, bool)
+        shift[at], asked[at] = scale * inverse - focus, True
+        colour, known = fill(shift, asked)
+        return colour[at], known[at]
+
+    return hidden
 
 
 def disc_and_wall(

@@ -28,7 +28,7 @@ MIRROR = np.diag([1.0, 1.0, -1.0])
 NAMES = ("shot_0001.png", "shot_0002.png", "shot_0003.png", "shot_0004.png")
 
 
-def world(lens: Intrinsics = LENS, images: int = 4, points: int = 12) -> Reconstruction:
+def world(camera: Intrinsics = LENS, images: int = 4, points: int = 12) -> Reconstruction:
     """Cameras side by side, somewhat turned, each of which sees all points but one; `Image.frame` from 0."""
     random = np.random.default_rng(11)
     rays = random.uniform([-0.4, -0.28, 1], [0.4, 0.28, 1], (points, 3))
@@ -39,9 +39,9 @@ def world(lens: Intrinsics = LENS, images: int = 4, points: int = 12) -> Reconst
         centre = np.array([0.2 * index, 0.05 * index**2, 0.1])
         bare = Image(index, rotation, -rotation @ centre, np.zeros((0, 2)), np.zeros(0, dtype=np.int32))
         seen = np.delete(np.arange(points, dtype=np.int32), index)
-        made.append(replace(bare, xy=lens.project(bare.to_camera(xyz[seen])), points=seen))
+        made.append(replace(bare, xy=camera.project(bare.to_camera(xyz[seen])), points=seen))
     rgb = random.integers(0, 256, (points, 3)).astype(np.uint8)
-    return Reconstruction((lens,), tuple(made), Points(xyz, rgb, np.zeros(points)))
+    return Reconstruction((camera,), tuple(made), Points(xyz, rgb, np.zeros(points)))
 
 
 def footage(
@@ -75,15 +75,15 @@ def bundler(
     """Version 0.3; `missing` cameras are written as Bundler writes those that it did not register."""
     lines = [f"{len(model.images)} {len(model.points)}"]
     for image in model.images:
-        lens = model.cameras[image.camera]
+        camera = model.cameras[image.camera]
         if image.frame in missing:
             lines += ["0 0 0"] * 5
             continue
         rotation, translation = FLIP @ image.rotation, FLIP @ image.translation
-        lines += [row([lens.fx, lens.k1, lens.k2]), *map(row, rotation), row(translation)]
+        lines += [row([camera.fx, camera.k1, camera.k2]), *map(row, rotation), row(translation)]
     for xyz, rgb, seen in zip(model.points.xyz, model.points.rgb, views(model), strict=True):
         told = [
-            f"{image} 7 {row([x - lens.width / 2, lens.height / 2 - y])}"
+            f"{image} 7 {row([x - camera.width / 2, camera.height / 2 - y])}"
             for image, x, y in seen if image not in missing
         ]  # fmt: skip
         lines += [row(xyz), " ".join(map(str, rgb)), " ".join([str(len(told)), *told])]
@@ -94,9 +94,9 @@ def old_bundler(model: Reconstruction, version: str) -> str:
     """Versions 0.1 and 0.2: mirrored in z, without positions in the view lists, 0.1 without distortion."""
     lines = [f"# Bundle file v{version}", f"{len(model.images)} {len(model.points)}"]
     for image in model.images:
-        lens = model.cameras[image.camera]
+        camera = model.cameras[image.camera]
         rotation, translation = MIRROR @ FLIP @ image.rotation @ MIRROR, MIRROR @ FLIP @ image.translation
-        lines.append(row([lens.fx] if version == "0.1" else [lens.fx, lens.k1, lens.k2]))
+        lines.append(row([camera.fx] if version == "0.1" else [camera.fx, camera.k1, camera.k2]))
         lines += [*map(row, rotation), row(translation)]
     for xyz, rgb, seen in zip(model.points.xyz, model.points.rgb, views(model), strict=True):
         told = [f"{image} 7" for image, _, _ in seen]
@@ -128,12 +128,12 @@ def nvm(
     """Features are written relative to `origin`; `radial` as it is."""
     lines = [str(len(model.images))]
     for image, name in zip(model.images, names, strict=True):
-        lens = model.cameras[image.camera]
+        camera = model.cameras[image.camera]
         if "R9T" in header:
             pose = [*image.rotation.ravel(), *image.translation]
         else:
             pose = [*quaternion_from_matrix(image.rotation) * 2, *image.centre]
-        lines.append(f"{name}\t{row([lens.fx, *pose, radial])} 0")
+        lines.append(f"{name}\t{row([camera.fx, *pose, radial])} 0")
     lines += ["", str(len(model.points))]
     for xyz, rgb, seen in zip(model.points.xyz, model.points.rgb, views(model), strict=True):
         told = [f"{image} 7 {row([x - origin[0], y - origin[1]])}" for image, x, y in seen]
@@ -145,14 +145,15 @@ def voodoo(model: Reconstruction, k3: float = 0.0, k5: float = 0.0, first: int =
     """With CRLF, a blank line first and tabs at the ends, as the program writes it."""
     lines = ["", "# Text export ", "# The camera (one line per frame) ", "#"]
     for image in model.images:
-        lens = model.cameras[image.camera]
-        focal = lens.fx * sx
-        offset = lens.principal_point - [lens.width / 2, lens.height / 2]
+        camera = model.cameras[image.camera]
+        focal = camera.fx * sx
+        offset = camera.principal_point - [camera.width / 2, camera.height / 2]
         across, down, axis = image.rotation
         values = [
-            *image.centre, *axis, *(lens.fx * across + offset[0] * axis),
-            *(lens.fy * down + offset[1] * axis), k3, k5, sx, focal / lens.fy, lens.width, lens.height,
-            *offset, focal, np.degrees(2 * np.arctan(lens.width / 2 / lens.fx)), *across, *down,
+            *image.centre, *axis, *(camera.fx * across + offset[0] * axis),
+            *(camera.fy * down + offset[1] * axis), k3, k5, sx, focal / camera.fy,
+            camera.width, camera.height,
+            *offset, focal, np.degrees(2 * np.arctan(camera.width / 2 / camera.fx)), *across, *down,
         ]  # fmt: skip
         lines += [f"#timeindex {image.frame + first}", row(values).replace(" ", "\t") + "\t"]
     lines += ["#", "# 3D Feature Points", "# X\t\tY\t\tZ"]
@@ -162,7 +163,7 @@ def voodoo(model: Reconstruction, k3: float = 0.0, k5: float = 0.0, first: int =
 
 def colmap_text(model: Reconstruction, names: tuple[str, ...] = NAMES) -> dict[str, str]:
     """The three files of a text model."""
-    lens = model.cameras[0]
+    camera = model.cameras[0]
     images = []
     for image, name in zip(model.images, names, strict=True):
         images.append(
@@ -174,9 +175,9 @@ def colmap_text(model: Reconstruction, names: tuple[str, ...] = NAMES) -> dict[s
     for index, (xyz, rgb) in enumerate(zip(model.points.xyz, model.points.rgb, strict=True)):
         track = " ".join(f"{image + 1} {at}" for image, at in _track(model, index))
         points.append(f"{index + 1} {row(xyz)} {' '.join(map(str, rgb))} 0.5 {track}")
-    parameters = row([*lens.focal, lens.cx, lens.cy])
+    parameters = row([*camera.focal, camera.cx, camera.cy])
     return {
-        "cameras.txt": f"# cameras\n1 PINHOLE {lens.width} {lens.height} {parameters}\n",
+        "cameras.txt": f"# cameras\n1 PINHOLE {camera.width} {camera.height} {parameters}\n",
         "images.txt": "# images\n" + "\n".join(images) + "\n",
         "points3D.txt": "# points\n" + "\n".join(points) + "\n",
     }
@@ -184,8 +185,10 @@ def colmap_text(model: Reconstruction, names: tuple[str, ...] = NAMES) -> dict[s
 
 def colmap_binary(model: Reconstruction, names: tuple[str, ...] = NAMES) -> dict[str, bytes]:
     """The three files of a binary model."""
-    lens = model.cameras[0]
-    cameras = struct.pack("<QIiQQ4d", 1, 1, 1, lens.width, lens.height, *lens.focal, lens.cx, lens.cy)
+    camera = model.cameras[0]
+    cameras = struct.pack(
+        "<QIiQQ4d", 1, 1, 1, camera.width, camera.height, *camera.focal, camera.cx, camera.cy
+    )
     images = struct.pack("<Q", len(model.images))
     for image, name in zip(model.images, names, strict=True):
         pose = [*quaternion_from_matrix(image.rotation), *image.translation]

@@ -114,15 +114,15 @@ def clip(centres: Floats) -> list[NDArray[np.uint8]]:
     return [view(centre, np.zeros(3)) for centre in centres]
 
 
-def poses(centres: Floats, points: Floats | None = None, lens: Intrinsics = LENS) -> Reconstruction:
+def poses(centres: Floats, points: Floats | None = None, camera: Intrinsics = LENS) -> Reconstruction:
     """Cameras that look straight ahead, and points that all of them observe."""
     xyz = np.zeros((0, 3)) if points is None else points
     images = []
     for frame, centre in enumerate(centres, start=1):
-        xy = lens.project(xyz - centre)
+        xy = camera.project(xyz - centre)
         images.append(Image(frame, np.eye(3), -centre, xy, np.arange(len(xyz), dtype=np.int32)))
     found = Points(xyz, np.zeros((len(xyz), 3), np.uint8), np.zeros(len(xyz)))
-    return Reconstruction((lens,), tuple(images), found)
+    return Reconstruction((camera,), tuple(images), found)
 
 
 def features() -> Floats:
@@ -136,11 +136,11 @@ def features() -> Floats:
     return np.concatenate(made)
 
 
-def truth(centre: Floats, lens: Intrinsics = LENS) -> Floats:
+def truth(centre: Floats, camera: Intrinsics = LENS) -> Floats:
     """(h, w) inverse depth that a camera looking straight ahead from a centre sees."""
-    x = (np.arange(lens.width) + 0.5 - lens.cx) / lens.fx
-    inverse = np.zeros(lens.width)
+    x = (np.arange(camera.width) + 0.5 - camera.cx) / camera.fx
+    inverse = np.zeros(camera.width)
     for depth, (left, right) in PLANES.items():
         there = centre[0] + x * (depth - centre[2])
         inverse[(there > left) & (there < right)] = 1 / (depth - centre[2])
-    return np.tile(inverse, (lens.height, 1))
+    return np.tile(inverse, (camera.height, 1))

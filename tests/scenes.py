@@ -12,9 +12,9 @@ import numpy as np
 from addon.core.base.arrays import LinearRGBA
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction, rotation_matrix
 from addon.core.depth.user_depth import UserDepth
-from addon.core.lens.clip_context import ClipContext, no_picture
-from addon.core.lens.frame import warp_frame
-from addon.core.lens.plan import FramePlan, LensSettings
+from addon.core.frame.clip_context import ClipContext, no_picture
+from addon.core.frame.plan import FrameOptions, FramePlan
+from addon.core.frame.warped_frame import warp_frame
 from addon.core.media.clip import open_footage
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ def texture(width: int, height: int, seed: int = 0) -> np.ndarray:
 
 
 def slanted_plane(
-    lens: Intrinsics,
+    camera: Intrinsics,
     frames: tuple[int, ...] = (1, 2, 3),
     near: float = 5.0,
     far: float = 12.0,
@@ -42,8 +42,8 @@ def slanted_plane(
 ) -> Reconstruction:
     """Points on a plane that recedes to the right, seen by cameras that drift sideways and turn a little."""
     rng = np.random.default_rng(3)
-    seen = rng.uniform([0, 0], [lens.width, lens.height], (count, 2))
-    rays = lens.undistort((seen - lens.principal_point) / lens.focal)
+    seen = rng.uniform([0, 0], [camera.width, camera.height], (count, 2))
+    rays = camera.undistort((seen - camera.principal_point) / camera.focal)
     # Inverse depth is affine in pinhole coordinates for a plane.
     low, high = rays[:, 0].min(), rays[:, 0].max()
     share = (rays[:, 0] - low) / (high - low)
@@ -55,26 +55,28 @@ def slanted_plane(
         centre = np.array([0.05 * number, -0.01 * number, 0.02 * number])
         local = (xyz - centre) @ rotation.T
         images.append(
-            Image(frame, rotation, -rotation @ centre, lens.project(local), np.arange(count, dtype=np.int32))
+            Image(
+                frame, rotation, -rotation @ centre, camera.project(local), np.arange(count, dtype=np.int32)
+            )
         )
     points = Points(xyz, np.full((count, 3), 128, np.uint8), np.full(count, 0.1))
-    return Reconstruction((lens,), tuple(images), points)
+    return Reconstruction((camera,), tuple(images), points)
 
 
-def write_frames(folder: Path, lens: Intrinsics, frames: tuple[int, ...] = (1, 2, 3)) -> Path:
+def write_frames(folder: Path, camera: Intrinsics, frames: tuple[int, ...] = (1, 2, 3)) -> Path:
     """A PNG sequence with one picture for all frames; what is in it does not matter to most tests."""
     folder.mkdir(parents=True, exist_ok=True)
     for frame in frames:
-        cv2.imwrite(str(folder / f"clip_{frame:04d}.png"), texture(lens.width, lens.height)[..., ::-1])
+        cv2.imwrite(str(folder / f"clip_{frame:04d}.png"), texture(camera.width, camera.height)[..., ::-1])
     return folder
 
 
-def slanted_shot(folder: Path, lens: Intrinsics, frames: tuple[int, ...] = (1, 2, 3)) -> Shot:
+def slanted_shot(folder: Path, camera: Intrinsics, frames: tuple[int, ...] = (1, 2, 3)) -> Shot:
     """Footage and reconstruction of the slanted plane."""
     # Blender is loaded for it: other helpers here do without.
     from addon.scene.shot import Shot
 
-    return Shot(open_footage(write_frames(folder, lens, frames)), slanted_plane(lens, frames))
+    return Shot(open_footage(write_frames(folder, camera, frames)), slanted_plane(camera, frames))
 
 
 def psnr(a: np.ndarray, b: np.ndarray) -> float:
@@ -86,7 +88,7 @@ def psnr(a: np.ndarray, b: np.ndarray) -> float:
 def planned(
     reconstruction: Reconstruction,
     frame: int,
-    settings: LensSettings,
+    settings: FrameOptions,
     size: tuple[int, int],
     depth: UserDepth | None = None,
     picture: LinearRGBA | None = None,

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from addon.core.camera.reconstruction import Intrinsics
-from addon.core.lens.focus import Focus
+from addon.core.focus.focus import Focus
 from addon.core.media.clip import open_footage
 from addon.core.readers.matching import Imported
 from addon.core.sfm.workspace import keep_import
@@ -56,6 +56,6 @@ def video(path: Path, seed: int = 0) -> Path:
     return path
 
 
-def keep(clip: Path, work: Path, lens: Intrinsics = LENS) -> None:
+def keep(clip: Path, work: Path, camera: Intrinsics = LENS) -> None:
     """Keep the truth as the imported solve of a clip of the slanted plane."""
-    keep_import(Imported(slanted_plane(lens), "COLMAP text", ()), open_footage(clip), work)
+    keep_import(Imported(slanted_plane(camera), "COLMAP text", ()), open_footage(clip), work)

@@ -5,61 +5,53 @@ from __future__ import annotations
 import argparse
 import math
 from pathlib import Path
-from typing import Any
 
-from ..core.base.errors import UserError
-from ..core.lens.aperture import Aperture
+from ..core.base.options import Option
+from ..core.frame.options import APERTURE_OPTIONS
 from ..core.media.copying import copy_file
-from ..scene.aperture_shape import NUMBERS
 from ..scene.properties import VirtualApertureSettings
-from .options import real
+from .options import value_type
 from .paths import path
 
 IMAGE = "image"
 FOLDER = "aperture"
 """Beside a .blend or in a farm's bundle, for a copy of the aperture's picture."""
-HELP = (
-    "shape of the aperture: blades (3 to 16), rotation (degrees), roundness (0 to 1), ratio (1 to 10,"
-    " anamorphic), obstruction (0 to 0.95, a mirror lens), apodisation (0 to 0.99), spherical_aberration (-1"
-    " creamy to 1 soap bubbles), vignetting (0 to 1, cat's eyes), image (a picture in place of blades)"
-)
+
+
+def _bounds(option: Option) -> str:
+    if option.unit == "ANGLE":
+        return "degrees"
+    return f"{option.least:g} to {option.most:g}" if math.isfinite(option.most - option.least) else "a number"
 
 
 def add_aperture(command: argparse.ArgumentParser) -> None:
     """`--aperture KEY=VALUE ...`"""
-    command.add_argument("--aperture", nargs="+", type=_word, metavar="KEY=VALUE", help=HELP)
+    keys = [f"{key} ({_bounds(each)}): {each.help}" for key, each in APERTURE_OPTIONS.items()]
+    command.add_argument(
+        "--aperture", nargs="+", type=_word, metavar="KEY=VALUE",
+        help="shape of the aperture; " + "; ".join([*keys, f"{IMAGE}: a picture in place of blades"]),
+    )  # fmt: skip
 
 
 def _word(text: str) -> str:
     """KEY=VALUE, checked; the path of a picture made absolute, for other processes in whichever folder."""
     key, sign, value = text.partition("=")
-    if not sign or key not in (*NUMBERS, IMAGE):
-        keys = ", ".join((*NUMBERS, IMAGE))
+    if not sign or key not in (*APERTURE_OPTIONS, IMAGE):
+        keys = ", ".join((*APERTURE_OPTIONS, IMAGE))
         raise argparse.ArgumentTypeError(f"{text!r} is not understood; write KEY=VALUE with one of {keys}")
     if key == IMAGE:
         return f"{key}={path(value).absolute()}"
     try:
-        real(value)
+        value_type(APERTURE_OPTIONS[key])(value)
     except argparse.ArgumentTypeError as error:
-        raise argparse.ArgumentTypeError(f"the aperture's {key} {error}") from None
+        raise argparse.ArgumentTypeError(f"of the aperture's {key}: {error}") from None
     return text
 
 
 def set_shape(settings: VirtualApertureSettings, words: list[str] | None) -> None:
     """Write the words of `--aperture` into the settings; UserError for a shape that means nothing."""
-    told = dict(_pairs(words))
-    settings.shape.image = told.pop(IMAGE, settings.shape.image)
-    numbers: dict[str, Any] = {key: float(value) for key, value in told.items()}
-    if "blades" in numbers:
-        if not numbers["blades"].is_integer():
-            raise UserError(f"the aperture's blades are {told['blades']}; they must be a whole number")
-        numbers["blades"] = int(numbers["blades"])
-    if "rotation" in numbers:
-        numbers["rotation"] = math.radians(numbers["rotation"])
-    # Blender would keep to its bounds in silence.
-    Aperture(**numbers)
-    for key, number in numbers.items():
-        setattr(settings.shape, key, number)
+    for key, value in _pairs(words):
+        setattr(settings.shape, key, value if key == IMAGE else value_type(APERTURE_OPTIONS[key])(value))
     # A picture that cannot be read is told now.
     assert settings.shape.aperture is not None
 

@@ -12,16 +12,16 @@ import bpy
 from ..core.base.errors import UserError
 from ..core.base.file_names import check_file
 from ..core.base.streams import say
-from ..core.lens.inspection import NAMES, Shown
-from ..core.lens.report import FrameReport
+from ..core.frame.inspection import NAMES, Shown
+from ..core.frame.report import FrameReport
 from ..core.sfm.workspace import load_solve
 from ..render import output
-from ..render.average import no_gpu_note, render_frame
+from ..render.average import render_frame
 from ..render.frame_size import render_size
-from ..render.gpu_views import check_memory, gpu_problem
+from ..render.gpu_views import check_gpu, check_memory
 from ..render.quiet import quiet
 from ..render.run_report import Inspector, replaced, write_picture
-from ..scene.lens import lens_settings
+from ..scene.lens import frame_options
 from ..scene.shot import shot_of
 from .lens import add_lens, check_numbers, say_lens, scene_of, set_lens
 from .options import whole
@@ -82,11 +82,9 @@ def inspect(options: argparse.Namespace) -> None:
 
 def _inspected(scene: bpy.types.Scene, frame: int, debug: bool) -> tuple[dict[str, Shown], FrameReport]:
     shot, inspector = shot_of(scene), Inspector()
-    lens, size = lens_settings(scene.virtual_aperture, shot.reconstruction), render_size(scene.render)
+    lens, size = frame_options(scene.virtual_aperture, shot.reconstruction), render_size(scene.render)
     check_memory(size)
-    problem = gpu_problem()
-    if problem:
-        say(no_gpu_note(problem))
+    check_gpu()
     with contextlib.nullcontext(1) if debug else quiet(1):
         render_frame(shot.context, frame, lens, size, lambda note: None, inspector.on_frame)
     assert inspector.report is not None

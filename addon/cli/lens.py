@@ -16,8 +16,7 @@ from ..core.base.errors import UserError
 from ..core.base.streams import say
 from ..core.camera.reconstruction import Reconstruction
 from ..core.depth.user_maps import open_depth
-from ..core.lens.aperture_sampling import check_views
-from ..core.lens.focus import (
+from ..core.focus.focus import (
     FEWEST_IN_PLANE,
     Focus,
     check_points,
@@ -25,28 +24,23 @@ from ..core.lens.focus import (
     radius_for_blur,
     sharp_distances,
 )
-from ..core.lens.focus_place import Place, find_place
-from ..core.lens.focus_pull import FocusMark
-from ..core.lens.frame import check_settings
-from ..core.lens.highlights import HighlightSettings
-from ..core.lens.meshers import MESHERS
-from ..core.lens.plan import LensSettings
-from ..core.lens.quality import NORMAL, QUALITIES
+from ..core.focus.place import Place
+from ..core.focus.pull import FocusMark
+from ..core.frame.meshers import MESHERS
+from ..core.frame.options import FRAME_OPTIONS
 from ..core.media.clip import Footage, FrameRange
 from ..core.media.masks import open_masks
 from ..core.sfm.workspace import Solve
 from ..scene import aperture_cloud, focus_marks
 from ..scene.build import build
-from ..scene.lens import lens_settings, set_aperture, set_focus
+from ..scene.lens import frame_options, set_aperture, set_focus
 from ..scene.properties import VirtualApertureSettings
 from ..scene.shot import shot_of
 from .aperture import add_aperture, set_shape
-from .options import real, whole
+from .options import add_options, real, text_of, whole
 from .paths import path
 
 DEFAULT_BLUR = 0.03
-MOST_ERROR = 80.0
-"""dB: a step of 8 bits is 48, and 16-bit files hold no more than 96."""
 MOST_BLUR = 0.5
 """Image widths; larger discs are more than layers can be made for (`LayeredMeshOptions.widest` on either
 side)."""
@@ -90,40 +84,13 @@ def add_lens(command: argparse.ArgumentParser, required: bool) -> None:
         metavar="DIR",
         help="your own masks of what moves by itself: pictures, white moves",
     )
-    command.add_argument(
-        "--quality", choices=QUALITIES, default=NORMAL.name,
-        help="; ".join(f"{name}: {quality.help}" for name, quality in QUALITIES.items())
-        + f" (default {NORMAL.name})",
-    )  # fmt: skip
-    command.add_argument("--views", default="auto", metavar="N|auto", help="virtual cameras a frame")
-    command.add_argument(
-        "--error", type=real, metavar="DB",
-        help="as many virtual cameras as a frame takes for this PSNR against infinitely many, such as 45",
-    )  # fmt: skip
-    command.add_argument(
-        "--method", choices=MESHERS, default=next(iter(MESHERS)),
-        help="; ".join(f"{name}: {mesher.help}" for name, mesher in MESHERS.items())
-        + " (default: the first)",
-    )  # fmt: skip
-    command.add_argument(
-        "--borrow", choices=("on", "off"), default="on", help="take what a frame hides from others (on)"
-    )
-    command.add_argument(
-        "--highlights", default="1", metavar="off|GAIN",
-        help="how much of the light that clipping took from lamps is given back (1, all that is estimated)",
-    )  # fmt: skip
-    command.add_argument(
-        "--highlight-threshold", type=real, default=HighlightSettings.threshold, metavar="L",
-        help=f"linear light, 1 is white, from which on a pixel is clipped ({HighlightSettings.threshold:g})",
-    )  # fmt: skip
+    add_options(command, FRAME_OPTIONS)
     add_aperture(command)
-    command.add_argument("--seed", type=whole(0), default=0, help="of the thesis's random positions")
 
 
 LENS = (
     "focus_at", "focus_point", "focus_plane", "focus_distance", "tilt", "swing", "blur", "aperture_radius",
-    "depth", "mask", "quality", "views", "error", "method", "borrow", "highlights", "highlight_threshold",
-    "aperture", "seed",
+    "depth", "mask", *FRAME_OPTIONS, "aperture",
 )  # fmt: skip
 """What the options of `add_lens` are kept as."""
 REPEATED = ("focus_at",)
@@ -154,7 +121,11 @@ def lens_arguments(options: argparse.Namespace, **others: list[str] | None) -> l
         elif value is not None:
             values = value if isinstance(value, list) else [value]
             # A path is another process's, in whichever folder.
-            told = [str(each.absolute()) if isinstance(each, Path) else str(each) for each in values]
+            declared = FRAME_OPTIONS.get(name)
+            told = [
+                str(each.absolute()) if isinstance(each, Path) else text_of(declared, each) if declared
+                else str(each) for each in values
+            ]  # fmt: skip
             # One word, because of two the second may begin with a minus, as -1e-05 does.
             option = f"--{name.replace('_', '-')}"
             words += [option, *told] if isinstance(value, list) else [f"{option}={told[0]}"]
@@ -198,8 +169,6 @@ def movie_frames(solved: Solve, frames: FrameRange | None) -> list[int]:
 
 def check_numbers(options: argparse.Namespace) -> None:
     """What can be refused before an hour of solving."""
-    _views(options.views)
-    _highlights(options)
     for name, value in (("blur", options.blur), ("aperture radius", options.aperture_radius)):
         if value is not None and not value > 0:
             raise UserError(f"the {name} is {value:g}; it must be greater than zero")
@@ -209,13 +178,8 @@ def check_numbers(options: argparse.Namespace) -> None:
             f"the blur is {options.blur:g}, which is {100 * options.blur:g} % of the image width{meant};"
             f" at most {MOST_BLUR:g} can be drawn"
         )
-    if options.error is not None and options.views != "auto":
-        raise UserError("give the number of views or the error, not both")
-    if options.error is not None and not 0 < options.error <= MOST_ERROR:
-        raise UserError(
-            f"the error is {options.error:g} dB; it must be greater than zero, and at most {MOST_ERROR:g},"
-            " where nothing is told apart"
-        )
+    if options.target_psnr and options.views:
+        raise UserError("give the number of views or the target PSNR, not both")
     if options.focus_distance is not None and not options.focus_distance > 0:
         raise UserError(f"the focus distance is {options.focus_distance:g}; it must be greater than zero")
     _check_places([_place(text) for text in options.focus_at or ()])
@@ -265,33 +229,24 @@ def set_lens(
     _set_clip_files(settings, solved, options)
     focus, frame, places = _chosen_focus(settings, reconstruction, options, frames)
     focus = replace(focus, tilt=math.radians(options.tilt), swing=math.radians(options.swing))
-    fewest = MESHERS[options.method].fewest_focus_points
+    method = options.method or settings.method
+    fewest = MESHERS[method].fewest_focus_points
     if len(focus.points) < fewest:
         raise UserError(
-            f"the method {options.method} needs at least {fewest} focus points: use --focus-point, or"
+            f"the method {method} needs at least {fewest} focus points: use --focus-point, or"
             " --focus-at where there are points"
         )
     radius = options.aperture_radius
     if radius is None:
         radius = radius_for_blur(reconstruction, focus, frame, options.blur or DEFAULT_BLUR)
-    highlights = _highlights(options)
-    check_settings(
-        LensSettings(
-            focus, radius, _views(options.views), options.method, options.seed, highlights=highlights
-        )
-    )
     set_focus(settings, focus, frame)
     if places:
         focus_marks.replace_all(settings, map(FocusMark.of, places))
     blur = None if options.aperture_radius is not None else options.blur or DEFAULT_BLUR
     set_aperture(settings, radius, blur)
-    settings.quality = options.quality.upper()
-    settings.views = _views(options.views)
-    settings.error = options.error or 0.0
-    settings.method = options.method
-    settings.borrow = options.borrow == "on"
-    settings.highlights, settings.highlight_threshold = highlights.gain, highlights.threshold
-    settings.seed = options.seed
+    for name in FRAME_OPTIONS:
+        if (value := getattr(options, name)) is not None:
+            setattr(settings, name, value)
     set_shape(settings, options.aperture)
     aperture_cloud.update(settings)
 
@@ -317,7 +272,7 @@ def _chosen_focus(
     found = []
     for x, y, frame in map(_place, options.focus_at):
         at = _registered(reconstruction, frames) if frame is None else frame
-        found.append(find_place(shot.context, at, x, y))
+        found.append(shot.context.places(at).find(x, y))
     found.sort(key=lambda place: place.frame)
     for place in found:
         say(f"in focus: {place.distance:.4g} away at frame {place.frame}, from {place.source}")
@@ -349,7 +304,7 @@ def say_lens(
     scene, frame = settings.id_data, _registered(reconstruction, frames)
     before = scene.frame_current
     scene.frame_set(frame)
-    lens = lens_settings(settings, reconstruction)
+    lens = frame_options(settings, reconstruction)
     scene.frame_set(before)
     say(_discs(reconstruction, lens.focus, frame, lens.radius))
     say(_sharp(reconstruction, lens.focus, frame, lens.radius))
@@ -384,29 +339,6 @@ def _registered(reconstruction: Reconstruction, frames: Sequence[int]) -> int:
     if found or not len(frames):
         return int(found[0] if found else own[0])
     return int(own[np.abs(own - frames[0]).argmin()])
-
-
-def _views(text: str) -> int:
-    if text == "auto":
-        return 0
-    try:
-        count = numbers.whole(text)
-    except ValueError:
-        raise UserError(
-            f"the number of views {text!r} is not understood; give a whole number or auto"
-        ) from None
-    check_views(count)
-    return count
-
-
-def _highlights(options: argparse.Namespace) -> HighlightSettings:
-    text = options.highlights
-    try:
-        found = HighlightSettings(0.0 if text == "off" else numbers.real(text), options.highlight_threshold)
-    except ValueError:
-        raise UserError(f"highlights {text!r} are not understood; give a gain such as 1, or off") from None
-    found.check()
-    return found
 
 
 def _place(text: str) -> tuple[float, float, int | None]:

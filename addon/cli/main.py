@@ -22,10 +22,9 @@ from ..core.media.clip import FrameRange
 from ..core.sfm.state import STATE
 from ..core.sfm.workspace import Solve, default_work_dir, load_solve
 from ..render import child, engine, jobs, movie_file, movie_folder, output
-from ..render.average import no_gpu_note
 from ..render.frame_keys import run_key
 from ..render.frame_size import render_size
-from ..render.gpu_views import check_memory, gpu_problem
+from ..render.gpu_views import check_gpu, check_memory
 from ..render.quiet import quiet
 from ..render.run_report import RunReport, check_report
 from ..scene import properties
@@ -169,8 +168,8 @@ def _render(solved: Solve, options: argparse.Namespace) -> None:
     least, most = planned.views
     count = str(least) if least == most else f"{least} to {most}"
     taken = f"{count} {'view' if most == 1 else 'views'} each"
-    if settings.error:
-        taken = f"as many views as {settings.error:g} dB take"
+    if settings.target_psnr:
+        taken = f"as many views as {settings.target_psnr:g} dB take"
     say(f"rendering {counted(len(frames), 'frame')} with {taken}")
     if planned.coarse:
         say(
@@ -183,9 +182,7 @@ def _render(solved: Solve, options: argparse.Namespace) -> None:
         missing = f"{counted(len(unregistered), 'frame')} not registered"
         say(f"{missing}; neighbours lend their cameras: {ranges(unregistered)}")
     # Started here, because Blender starts it noisily itself when the engine asks for a context.
-    problem = gpu_problem()
-    if problem:
-        say(no_gpu_note(problem))
+    check_gpu()
     run_report = RunReport(
         options.report.absolute() if options.report else None, run_key(scene), options.overwrite
     )

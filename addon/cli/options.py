@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
-from typing import NoReturn
+import math
+from collections.abc import Callable, Mapping
+from typing import Any, NoReturn
 
 from ..core.base import numbers
 from ..core.base.errors import UserError
+from ..core.base.options import Option
+
+SWITCH = {"on": True, "off": False}
+"""The words of an option that is on or off."""
 
 SMALLEST = 1e-15
 """No number but 0 is smaller: Blender keeps 32-bit floats, and smaller ones become 0 there."""
@@ -52,3 +57,58 @@ def whole(least: int, most: int = numbers.LARGEST_WHOLE) -> Callable[[str], int]
         return value
 
     return parse
+
+
+def _words(option: Option) -> Mapping[str, Any]:
+    return SWITCH if option.kind is bool else option.words or {}
+
+
+def value_type(option: Option) -> Callable[[str], Any]:
+    """The type of a declared option on the command line: angles in degrees, and words for what has some."""
+
+    def parse(text: str) -> Any:
+        words = _words(option)
+        if text in words:
+            return words[text]
+        try:
+            value = _value(option, text)
+            option.check(value)
+        except UserError as error:
+            raise argparse.ArgumentTypeError(str(error)) from None
+        except (ValueError, argparse.ArgumentTypeError) as error:
+            either = f"; it can also be {' or '.join(words)}" if words else ""
+            raise argparse.ArgumentTypeError(f"{error}{either}") from None
+        return value
+
+    return parse
+
+
+def _value(option: Option, text: str) -> Any:
+    if option.kind is bool:
+        raise ValueError(f"{text!r} is neither")
+    if option.kind is str:
+        return text
+    if option.kind is int:
+        return numbers.whole(text)
+    return math.radians(real(text)) if option.unit == "ANGLE" else real(text)
+
+
+def text_of(option: Option, value: Any) -> str:
+    """A value as the command line takes it: what `value_type` makes that value of."""
+    for word, meant in _words(option).items():
+        if meant == value:
+            return word
+    return repr(math.degrees(value)) if option.unit == "ANGLE" else str(value)
+
+
+def add_options(command: argparse.ArgumentParser, options: Mapping[str, Option]) -> None:
+    """An option of the command line for each declared one, by its name; None where it is not given."""
+    for name, each in options.items():
+        choices = each.choices or {}
+        meanings = (f"{key}: {choice.help}" for key, choice in choices.items())
+        told = "; ".join([each.help, *meanings, f"default: {text_of(each, each.initial)}"])
+        value = [] if each.kind is bool else [each.metavar or ("N" if each.kind is int else "X")]
+        command.add_argument(
+            f"--{name.replace('_', '-')}", dest=name, type=value_type(each), choices=list(choices) or None,
+            metavar=None if choices else "|".join([*value, *_words(each)]), help=told.replace("%", "%%"),
+        )  # fmt: skip

@@ -11,14 +11,14 @@ import numpy as np
 
 from ..core.base.arrays import Floats, LinearRGBA, Map
 from ..core.base.progress import checkpoint, stage
-from ..core.lens.clip_context import ClipContext
-from ..core.lens.detail import enlarged, sharp_frame
-from ..core.lens.frame import MeshedFrame, WarpedFrame, drawn_size, mesh_frame
-from ..core.lens.inspection import shares_of, source_frame
-from ..core.lens.plan import LensSettings
-from ..core.lens.view_error import PILOT, difference, other_views, views_for_error
-from ..core.lens.vignetting import LEAST_LEFT, light_left
-from . import cycles_views, gpu_views
+from ..core.frame.clip_context import ClipContext
+from ..core.frame.detail import enlarged, sharp_frame
+from ..core.frame.inspection import shares_of, source_frame
+from ..core.frame.plan import FrameOptions
+from ..core.frame.view_error import PILOT, difference, other_views, views_for_error
+from ..core.frame.vignetting import LEAST_LEFT, light_left
+from ..core.frame.warped_frame import MeshedFrame, WarpedFrame, drawn_size, mesh_frame
+from . import gpu_views
 
 TOLD = 0.3
 """Share of the time of drawing that is over once it is known how many views there are to be. By eye."""
@@ -48,7 +48,7 @@ From `python -m benchmarks.timings.frame_costs`, with 24 views on 2 cores, where
 def render_frame(
     clip: ClipContext,
     frame: int,
-    lens: LensSettings,
+    lens: FrameOptions,
     size: tuple[int, int],
     note: Callable[[str], None],
     on_frame: OnFrame | None = None,
@@ -65,7 +65,7 @@ def render_frame(
         source = resized(picture, small)
     with stage("Mesh", READ, WARPED):
         meshed = mesh_frame(clip, frame, lens, small, source)
-        warped = None if lens.error else meshed.through(meshed.views, reuse=True)
+        warped = None if lens.target_psnr else meshed.through(meshed.views, reuse=True)
     if meshed.geometry.samples.pose_interpolated:
         note(f"Frame {frame} was not registered: its camera is carried over from its neighbours")
     if meshed.why:
@@ -73,9 +73,9 @@ def render_frame(
     began = time.perf_counter()
     with stage("Views", WARPED, 1.0):
         if warped is None:
-            warped, mean = draw_to_error(meshed, lens.error, note)
+            warped, mean = draw_to_error(meshed, lens.target_psnr)
         else:
-            mean = draw_mean(warped, note)
+            mean = draw_mean(warped)
     checkpoint(1.0)
     result = warped.plan.canvas.to_source(mean)
     if small != size:
@@ -90,20 +90,18 @@ def _sharp_share(warped: WarpedFrame) -> Map | None:
     sharp = sharp_frame(warped)
     if sharp is None:
         return None
-    return np.asarray(warped.plan.canvas.to_source(draw_mean(sharp, lambda note: None))[..., 0])
+    return np.asarray(warped.plan.canvas.to_source(draw_mean(sharp))[..., 0])
 
 
-def draw_to_error(
-    meshed: MeshedFrame, wished: float, note: Callable[[str], None]
-) -> tuple[WarpedFrame, LinearRGBA]:
+def draw_to_error(meshed: MeshedFrame, wished: float) -> tuple[WarpedFrame, LinearRGBA]:
     """A frame through as many views as a wished error in dB takes, and their mean (h, w, 4) in its canvas.
 
-    `view_error` tells what the error is and how it is estimated; `note` as of `render_frame`.
+    `view_error` tells what the error is and how it is estimated.
     """
     first = meshed.through(PILOT)
     second = other_views(meshed, first)
     with stage("Views", 0.0, TOLD):
-        one, other = draw_mean(first, note), draw_mean(second, lambda note: None)
+        one, other = draw_mean(first), draw_mean(second)
     count = views_for_error(difference(one, other), wished, meshed.mesher.is_prefiltered)
     if not count:
         both = replace(
@@ -115,7 +113,7 @@ def draw_to_error(
         return replace(first, plan=both), (one + other) / np.float32(2)
     warped = meshed.through(count, reuse=True)
     with stage("Views", TOLD, 1.0):
-        return warped, draw_mean(warped, lambda note: None)
+        return warped, draw_mean(warped)
 
 
 def _joined(one: Floats | None, other: Floats | None) -> Floats | None:
@@ -126,20 +124,17 @@ def _joined(one: Floats | None, other: Floats | None) -> Floats | None:
 def draw_shares(drawn: Drawn) -> LinearRGBA:
     """(H, W, 3) the shares of `inspection.SOURCES` in each of the result's pixels."""
     with stage("Sources", 1.0, 1.0):
-        mean = draw_mean(source_frame(drawn.warped), lambda note: None)
+        mean = draw_mean(source_frame(drawn.warped))
     return shares_of(mean, drawn.warped.plan.canvas)
 
 
-def draw_mean(warped: WarpedFrame, note: Callable[[str], None]) -> LinearRGBA:
+def draw_mean(warped: WarpedFrame) -> LinearRGBA:
     """The mean of a frame's views (h, w, 4) in its canvas, with its lamps' discs.
 
-    `note` as of `render_frame`.
+    UserError where no GPU context can be had.
     """
-    problem = gpu_views.gpu_problem()
-    if problem:
-        note(no_gpu_note(problem))
-    draw = cycles_views.mean_of_views if problem else gpu_views.mean_of_views
-    mean = draw(warped.plan, warped.texture)
+    gpu_views.check_gpu()
+    mean = gpu_views.mean_of_views(warped.plan, warped.texture)
     if warped.plan.vignetting:
         mean /= np.maximum(light_left(warped.plan), np.float32(LEAST_LEFT))[..., None]
     if warped.is_whole:
@@ -148,11 +143,6 @@ def draw_mean(warped: WarpedFrame, note: Callable[[str], None]) -> LinearRGBA:
     if warped.lamps is not None:
         mean[..., :3] += warped.lamps.light(warped.plan, warped.layers)
     return mean
-
-
-def no_gpu_note(problem: str) -> str:
-    """What the user is told where Cycles stands in."""
-    return f"no GPU context ({problem}): views are drawn by Cycles, which is slower"
 
 
 def resized(picture: LinearRGBA, size: tuple[int, int]) -> LinearRGBA:

@@ -17,11 +17,11 @@ from ..core.base import memory
 from ..core.base.arrays import LinearRGBA, Map
 from ..core.base.errors import UserError
 from ..core.base.progress import Cancelled, checkpoint, reporting, stage
-from ..core.lens.frame import WarpedFrame
-from ..core.lens.passes import circle_of_confusion, depth, in_focus
+from ..core.frame.passes import circle_of_confusion, depth, in_focus
+from ..core.frame.warped_frame import WarpedFrame
 from ..scene import passes
 from ..scene.ignored import warn_of_ignored
-from ..scene.lens import lens_settings
+from ..scene.lens import frame_options
 from ..scene.remedy_words import WORDS
 from ..scene.shot import Shot, shot_of
 from . import frame_notes
@@ -151,7 +151,7 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
         with stage("Clip", 0.0, 0.0):
             shot = shot_of(scene)
         check_shape(shot, size)
-        lens = lens_settings(scene.virtual_aperture, shot.reconstruction)
+        lens = frame_options(scene.virtual_aperture, shot.reconstruction)
         frame = shot.frame_at(scene.frame_current)
         pictures: dict[str, LinearRGBA] = {}
 

@@ -8,7 +8,7 @@ import bpy
 
 from ..core.media.clip_identity import clip_digest
 from ..scene.digests import drawn_digest, reconstruction_digest
-from ..scene.lens import lens_settings
+from ..scene.lens import frame_options
 from ..scene.shot import Shot, shot_of
 from .frame_size import render_size, written_size
 
@@ -44,7 +44,7 @@ def _clip_key(scene: bpy.types.Scene) -> str:
 def _with_lens(scene: bpy.types.Scene, key: str, frame: int) -> str:
     """A key together with the lens at a frame: its settings may be keyed."""
     scene.frame_set(frame)
-    lens = lens_settings(scene.virtual_aperture, shot_of(scene).reconstruction)
+    lens = frame_options(scene.virtual_aperture, shot_of(scene).reconstruction)
     return hashlib.sha256(f"{key} {lens!r}".encode()).hexdigest()
 
 

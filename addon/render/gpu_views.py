@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from ..core.base import memory
 from ..core.base.arrays import LinearRGBA
 from ..core.base.errors import UserError
-from ..core.lens.plan import FramePlan
-from ..core.lens.vignetting import barrel_rows, view_shares
+from ..core.frame.plan import FramePlan
+from ..core.frame.vignetting import barrel_rows, view_shares
 from ..scene.main_thread import Steps, draw
 from .quiet import quiet
 
@@ -80,16 +80,25 @@ def gpu_problem() -> str:
     return ""
 
 
+def check_gpu() -> None:
+    """UserError where no GPU context can be had, with what to install."""
+    problem = gpu_problem()
+    if problem:
+        raise UserError(
+            f"views cannot be drawn without a GPU context ({problem}); install a graphics driver, or one that"
+            " draws in software: libegl1, libgl1 and libgl1-mesa-dri on Debian and Ubuntu, mesa-libEGL and"
+            " mesa-dri-drivers on Fedora"
+        )
+
+
 def check_memory(size: tuple[int, int], is_movie: bool = False) -> None:
     """UserError where this process may not have the memory to draw pictures (width, height), or a movie.
 
-    Asked ahead of the GPU context and of each frame, which Blender and Mesa do not survive without it. Cycles
-    in place of OpenGL was not measured.
+    Asked ahead of the GPU context and of each frame, which Blender and Mesa do not survive without it.
     """
-    if not egl_problem():
-        width, height = size
-        what, need = ("a movie of", memory.MOVIE) if is_movie else ("drawing", memory.DRAWING)
-        memory.check(f"{what} {width}x{height} pixels", need, width * height)
+    width, height = size
+    what, need = ("a movie of", memory.MOVIE) if is_movie else ("drawing", memory.DRAWING)
+    memory.check(f"{what} {width}x{height} pixels", need, width * height)
 
 
 def egl_problem() -> str:

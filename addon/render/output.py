@@ -16,10 +16,10 @@ from ..core.base.counting import counted, ranges
 from ..core.base.errors import Remedy, UserError
 from ..core.base.file_names import check_file, checked_name, leads_nowhere
 from ..core.base.folder_lock import OutputLock
-from ..core.lens.frame import forecast
+from ..core.frame.warped_frame import forecast
 from ..core.media.clip import Footage, is_pattern
 from ..core.media.picture_file import PICTURES
-from ..scene.lens import lens_settings
+from ..scene.lens import frame_options
 from ..scene.shot import shot_of
 from . import engine, frame_files, movie_folder
 from .frame_keys import frame_keys
@@ -109,7 +109,7 @@ def plan_all(scene: bpy.types.Scene, frames: list[int]) -> Planned:
     for frame in frames:
         # The focus may be keyed.
         scene.frame_set(frame)
-        lens = lens_settings(scene.virtual_aperture, shot.reconstruction)
+        lens = frame_options(scene.virtual_aperture, shot.reconstruction)
         expected = forecast(shot.context, frame, lens, size)
         counts.append(expected.views)
         if expected.is_too_large:

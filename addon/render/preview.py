@@ -24,13 +24,13 @@ from ..core.base import memory
 from ..core.base.arrays import LinearRGBA
 from ..core.base.errors import UserError
 from ..core.base.progress import Cancelled, reporting, stage
-from ..core.lens.frame import mesh_frame
-from ..core.lens.highlights import HighlightSettings
-from ..core.lens.inspection import SOURCE_VIEWS
-from ..core.lens.inspection import picture as inspected
-from ..core.lens.meshers import MESHERS
-from ..core.lens.plan import LensSettings
-from ..core.lens.quality import DRAFT, FINAL, NORMAL
+from ..core.frame.highlights import HighlightSettings
+from ..core.frame.inspection import SOURCE_VIEWS
+from ..core.frame.inspection import picture as inspected
+from ..core.frame.meshers import MESHERS
+from ..core.frame.plan import FrameOptions
+from ..core.frame.quality import DRAFT, FINAL, NORMAL
+from ..core.frame.warped_frame import mesh_frame
 from ..core.media.clip import to_linear
 from ..scene.remedy_words import WORDS
 from ..scene.shot import Shot
@@ -61,7 +61,7 @@ class Wanted:
     shot: Shot
     frame: int
     """Of the clip."""
-    lens: LensSettings
+    lens: FrameOptions
     size: tuple[int, int]
     """Width and height in pixels, of the clip's shape."""
     shows: str = ""
@@ -298,7 +298,7 @@ def _rough(wanted: Wanted) -> LinearRGBA:
 def _through_lens(wanted: Wanted, level: int) -> LinearRGBA:
     context, lens, size = wanted.shot.context, wanted.lens, wanted.size
     if level <= FAIR:
-        lens = replace(lens, quality=DRAFT, error=0.0)
+        lens = replace(lens, quality=DRAFT, target_psnr=0.0)
     if level == ROUGH:
         lens = replace(lens, method="features", views=ROUGH_VIEWS)
     if level <= COARSE or wanted.is_playing:
@@ -316,7 +316,7 @@ def _through_lens(wanted: Wanted, level: int) -> LinearRGBA:
 def _inspected(wanted: Wanted) -> LinearRGBA:
     """(h, w, 4) what a frame is drawn from, of `Wanted.shows`."""
     context, size = wanted.shot.context, wanted.size
-    lens = replace(wanted.lens, quality=NORMAL, error=0.0, highlights=NO_HIGHLIGHTS)
+    lens = replace(wanted.lens, quality=NORMAL, target_psnr=0.0, highlights=NO_HIGHLIGHTS)
     with stage("Reading", 0.0, READ):
         source = resized(context.picture(wanted.frame, lens.highlights), size)
     with stage("Mesh", READ, WARPED):

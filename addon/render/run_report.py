@@ -14,8 +14,8 @@ from ..core.base.atomic import staged
 from ..core.base.errors import Remedy, UserError
 from ..core.base.file_names import check_file
 from ..core.base.regular_file import read_regular
-from ..core.lens.inspection import Shown, pictures
-from ..core.lens.report import FrameReport, Used, frame_report, summary
+from ..core.frame.inspection import Shown, pictures
+from ..core.frame.report import FrameReport, Used, frame_report, summary
 from ..core.sfm.state import is_state_file
 from .average import Drawn, draw_shares
 

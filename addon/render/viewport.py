@@ -22,7 +22,7 @@ from bpy_extras.view3d_utils import location_3d_to_region_2d
 from gpu_extras.batch import batch_for_shader
 
 from ..core.base.errors import UserError
-from ..scene.lens import lens_settings
+from ..scene.lens import frame_options
 from ..scene.remedy_words import WORDS
 from ..scene.shot import shot_of
 from . import message
@@ -190,7 +190,7 @@ def _wanted(context: bpy.types.Context, depsgraph: bpy.types.Depsgraph, room: fl
     return Wanted(
         shot,
         shot.frame_at(scene.frame_current),
-        lens_settings(scene.virtual_aperture, shot.reconstruction),
+        frame_options(scene.virtual_aperture, shot.reconstruction),
         (-(-clip[0] // smaller), -(-clip[1] // smaller)),
         "" if shows.viewport_shows == "LENS" else shows.viewport_shows.lower(),
         shows.viewport_wipe > 0,

@@ -10,10 +10,10 @@ import numpy as np
 
 from ..core.base.errors import UserError
 from ..core.camera.reconstruction import Floats
-from ..core.lens.clip_context import ClipContext, no_picture
-from ..core.lens.frame import view_offsets
+from ..core.frame.clip_context import ClipContext, no_picture
+from ..core.frame.warped_frame import view_offsets
 from . import depth_of_field
-from .lens import lens_settings
+from .lens import frame_options
 from .shot import reconstruction_of
 
 _held = False
@@ -58,4 +58,4 @@ def _positions(settings: bpy.types.PropertyGroup) -> Floats:
     camera = reconstruction.intrinsics(image)
     clip = ClipContext(reconstruction, no_picture)
     size = camera.width, camera.height
-    return view_offsets(clip, image.frame, lens_settings(settings, reconstruction), size)
+    return view_offsets(clip, image.frame, frame_options(settings, reconstruction), size)

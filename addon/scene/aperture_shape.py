@@ -8,101 +8,26 @@ from pathlib import Path
 import bpy
 import cv2
 import numpy as np
-from bpy.props import FloatProperty, IntProperty, StringProperty
+from bpy.props import StringProperty
 
 from ..core.base.arrays import Map
-from ..core.lens.aperture import FINEST, MOST_BLADES, MOST_LOST, RATIOS, Aperture, ApertureImage
+from ..core.frame.options import APERTURE_OPTIONS
 from ..core.media.clip import to_linear
 from ..core.media.picture_file import read_picture
+from ..core.optics.aperture import FINEST, Aperture, ApertureImage
 from . import aperture_cloud
+from .option_properties import values_of, with_options
 from .paths import absolute
-
-NUMBERS = (
-    "blades", "rotation", "roundness", "ratio", "obstruction", "apodisation", "spherical_aberration",
-    "vignetting",
-)  # fmt: skip
-"""Properties that are fields of `Aperture`, too."""
 
 
 def _edited(shape: VirtualApertureShape, _context: bpy.types.Context) -> None:
     aperture_cloud.update(shape.id_data.virtual_aperture)
 
 
+@with_options(APERTURE_OPTIONS, _edited)
 class VirtualApertureShape(bpy.types.PropertyGroup):
     """The shape of the aperture, with the names and units of Blender's `Camera.dof` where it has them."""
 
-    blades: IntProperty(
-        name="Blades",
-        description="Number of blades of the aperture, at least 3; 0 is round",
-        min=0,
-        max=MOST_BLADES,
-        default=0,
-        update=_edited,
-    )
-    rotation: FloatProperty(
-        name="Rotation",
-        description="By which the blades are turned, anticlockwise as seen in the picture",
-        subtype="ANGLE",
-        default=0.0,
-        update=_edited,
-    )
-    roundness: FloatProperty(
-        name="Roundness",
-        description="Of the blades' edges: straight, or a circle's arcs",
-        subtype="FACTOR",
-        min=0.0,
-        max=1.0,
-        default=0.0,
-        update=_edited,
-    )
-    ratio: FloatProperty(
-        name="Ratio",
-        description="By which blur discs are higher than wide, as an anamorphic lens makes them",
-        min=RATIOS[0],
-        max=RATIOS[1],
-        soft_max=2.0,
-        default=1.0,
-        update=_edited,
-    )
-    obstruction: FloatProperty(
-        name="Central Mirror",
-        description="Radius of a mirror lens's secondary mirror, as a share of the aperture's: blur discs"
-        " become rings",
-        subtype="FACTOR",
-        min=0.0,
-        max=0.95,
-        soft_max=0.7,
-        default=0.0,
-        update=_edited,
-    )
-    apodisation: FloatProperty(
-        name="Apodisation",
-        description="Share of the light that a filter takes at the rim: blur discs with soft edges",
-        subtype="FACTOR",
-        min=0.0,
-        max=MOST_LOST,
-        default=0.0,
-        update=_edited,
-    )
-    spherical_aberration: FloatProperty(
-        name="Spherical Aberration",
-        description="Above zero blur discs are bright at the rim (soap bubbles), below it in the middle"
-        " (creamy); before and behind the focus alike",
-        min=-1.0,
-        max=1.0,
-        default=0.0,
-        update=_edited,
-    )
-    vignetting: FloatProperty(
-        name="Cat's Eyes",
-        description="Optical vignetting: by how much of its radius the aperture is cut in the picture's"
-        " corners. What is in focus keeps its brightness",
-        subtype="FACTOR",
-        min=0.0,
-        max=1.0,
-        default=0.0,
-        update=_edited,
-    )
     image: StringProperty(
         name="Picture",
         description="Picture of the aperture in place of blades, white where light passes: what is far out of"
@@ -116,7 +41,7 @@ class VirtualApertureShape(bpy.types.PropertyGroup):
     def aperture(self) -> Aperture:
         """The shape as the core sees it; UserError for a picture that cannot be read, or is black."""
         image = aperture_image(absolute(self.image, self.id_data)) if self.image else None
-        return Aperture(**{name: getattr(self, name) for name in NUMBERS}, image=image)
+        return Aperture(**values_of(self, APERTURE_OPTIONS), image=image)
 
 
 def aperture_image(path: Path) -> ApertureImage:

@@ -57,7 +57,6 @@ def build(
     for attribute in [a.name for a in settings.points.data.attributes if not a.is_required]:
         settings.points.data.attributes.remove(settings.points.data.attributes[attribute])
     point_cloud.fill(settings.points.data, reconstruction)
-    point_cloud.remove_dots(settings.points)
     store.write(settings.points.data, reconstruction)
     settings.points.data[IDENTITY] = uuid.uuid4().hex
     settings.footage = relative(footage.path)

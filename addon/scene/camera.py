@@ -18,7 +18,7 @@ FLIP = np.diag([1.0, -1.0, -1.0])
 """COLMAP looks along +z with y down, Blender along -z with y up."""
 
 
-def set_intrinsics(data: bpy.types.Camera, lens: Intrinsics, frame: int | None = None) -> None:
+def set_intrinsics(data: bpy.types.Camera, camera: Intrinsics, frame: int | None = None) -> None:
     """Focal length and principal point of a pinhole, keyed at `frame` if one is given.
 
     Pixel aspect is the scene's business, see `set_pixel_aspect`; distortion is the canvas's.
@@ -26,18 +26,18 @@ def set_intrinsics(data: bpy.types.Camera, lens: Intrinsics, frame: int | None =
     data.type = "PERSP"
     data.sensor_fit = "HORIZONTAL"
     data.sensor_width = SENSOR
-    data.lens = lens.fx * SENSOR / lens.width
-    data.shift_x = -(lens.cx - lens.width / 2) / lens.width
-    data.shift_y = (lens.cy - lens.height / 2) / lens.width * (lens.fx / lens.fy)
+    data.lens = camera.fx * SENSOR / camera.width
+    data.shift_x = -(camera.cx - camera.width / 2) / camera.width
+    data.shift_y = (camera.cy - camera.height / 2) / camera.width * (camera.fx / camera.fy)
     if frame is not None:
         for path in INTRINSICS:
             data.keyframe_insert(path, frame=frame)
 
 
-def set_pixel_aspect(render: bpy.types.RenderSettings, lens: Intrinsics) -> None:
+def set_pixel_aspect(render: bpy.types.RenderSettings, camera: Intrinsics) -> None:
     """Non-square pixels: the shorter focal length belongs to the longer pixel side."""
-    render.pixel_aspect_x = max(lens.fy / lens.fx, 1.0)
-    render.pixel_aspect_y = max(lens.fx / lens.fy, 1.0)
+    render.pixel_aspect_x = max(camera.fy / camera.fx, 1.0)
+    render.pixel_aspect_y = max(camera.fx / camera.fy, 1.0)
 
 
 def camera_matrix(image: Image) -> Matrix:

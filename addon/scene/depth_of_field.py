@@ -12,7 +12,7 @@ import math
 import bpy
 
 from ..core.base.errors import UserError
-from ..core.lens import focus as core_focus
+from ..core.focus import focus as core_focus
 from . import lens
 from .camera import SENSOR
 from .shot import IDENTITY, reconstruction_of

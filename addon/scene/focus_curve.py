@@ -15,7 +15,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.lens.focus_pull import FocusMark, pull
+from ..core.focus.pull import FocusMark, pull
 from . import lens
 from .shot import reconstruction_of
 

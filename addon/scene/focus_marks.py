@@ -24,10 +24,10 @@ from bpy.props import (
 from ..core.base.counting import counted
 from ..core.base.errors import UserError
 from ..core.camera.reconstruction import Reconstruction
-from ..core.lens.first_focus import first_place
-from ..core.lens.focus import Focus
-from ..core.lens.focus_place import Place
-from ..core.lens.focus_pull import FocusMark, unseen
+from ..core.focus.first_focus import first_place
+from ..core.focus.focus import Focus
+from ..core.focus.place import Place
+from ..core.focus.pull import FocusMark, unseen
 from . import focus_curve, lens
 from .shot import reconstruction_of
 

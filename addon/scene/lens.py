@@ -18,11 +18,11 @@ import numpy as np
 from ..core.base.errors import UserError
 from ..core.camera.focal_length import Focal, from_equivalent, from_sensor
 from ..core.camera.reconstruction import Reconstruction
-from ..core.lens.focus import Focus, blur_for_radius, radius_for_blur
-from ..core.lens.highlights import HighlightSettings
-from ..core.lens.plan import LensSettings
-from ..core.lens.quality import QUALITIES
+from ..core.focus.focus import Focus, blur_for_radius, radius_for_blur
+from ..core.frame.options import FRAME_OPTIONS, frame_values
+from ..core.frame.plan import FrameOptions
 from . import blender_focus
+from .option_properties import values_of
 from .shot import IDENTITY, reconstruction_of
 
 BLUR_DIGITS = 4
@@ -84,14 +84,12 @@ def focal_of(settings: bpy.types.PropertyGroup) -> Focal | None:
     return None
 
 
-def lens_settings(settings: bpy.types.PropertyGroup, reconstruction: Reconstruction) -> LensSettings:
+def frame_options(settings: bpy.types.PropertyGroup, reconstruction: Reconstruction) -> FrameOptions:
     """The lens that the settings describe; UserError where they mean nothing."""
     blender_focus.check(settings)
-    return LensSettings(
-        focus_of(settings), radius_of(settings, reconstruction), settings.views, settings.method,
-        settings.seed, settings.borrow, settings.error,
-        quality=QUALITIES[settings.quality.lower()], aperture=settings.shape.aperture,
-        highlights=HighlightSettings(settings.highlights, settings.highlight_threshold),
+    return FrameOptions(
+        focus_of(settings), radius_of(settings, reconstruction), aperture=settings.shape.aperture,
+        **frame_values(values_of(settings, FRAME_OPTIONS)),
     )  # fmt: skip
 
 

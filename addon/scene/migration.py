@@ -11,8 +11,11 @@ from pathlib import Path
 import bpy
 from bpy.app.handlers import persistent
 
-from . import aperture_cloud, paths, point_cloud
+from . import paths
 from .version import VERSION
+
+PSNR_OF_2 = "error"
+"""Version 2's name of the target PSNR."""
 
 
 def migrate(scene: bpy.types.Scene) -> None:
@@ -20,14 +23,10 @@ def migrate(scene: bpy.types.Scene) -> None:
     settings = scene.virtual_aperture
     if scene.library is not None or settings.version >= VERSION:
         return
-    if settings.points is not None and settings.points.library is None:
-        # Version 1: a modifier drew the points, and the camera did not know the aperture.
-        dots = settings.points.modifiers.get(point_cloud.DOTS)
-        if dots is not None:
-            # Its nodes go when the file is saved. Removed here, Blender would crash where another handler of
-            # the import asks for them.
-            settings.points.modifiers.remove(dots)
-        aperture_cloud.update(settings)
+    held = settings.bl_system_properties_get()
+    if held is not None and PSNR_OF_2 in held:
+        settings.target_psnr = held[PSNR_OF_2]
+        del held[PSNR_OF_2]
     settings.version = VERSION
 
 

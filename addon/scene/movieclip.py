@@ -63,7 +63,7 @@ def read_movie_clip(clip: bpy.types.MovieClip, footage: Footage) -> Imported:
     if len(clip.tracking.objects) > 1:
         others = ", ".join(item.name for item in clip.tracking.objects if not item.is_camera)
         notes.append(f"tracked objects are left out: {others}")
-    lens = _lens(clip, footage, notes)
+    lens = _intrinsics(clip, footage, notes)
     numbers = _frame_numbers(clip, footage, notes)
     tracks = _tracks(target, clip.name, notes)
     images = _images(target.reconstruction, tracks, numbers, lens)
@@ -84,7 +84,7 @@ def read_movie_clip(clip: bpy.types.MovieClip, footage: Footage) -> Imported:
     return Imported(reconstruction, FORMAT, tuple(notes))
 
 
-def _lens(clip: bpy.types.MovieClip, footage: Footage, notes: list[str]) -> Intrinsics:
+def _intrinsics(clip: bpy.types.MovieClip, footage: Footage, notes: list[str]) -> Intrinsics:
     """The tracking camera on the footage's pictures, whose pixels are square."""
     width, height = clip.size
     if not (width and height):
@@ -119,7 +119,9 @@ def _lens(clip: bpy.types.MovieClip, footage: Footage, notes: list[str]) -> Intr
     return solved.scaled(footage.width, footage.height)
 
 
-def _with_distortion(lens: Intrinsics, camera: bpy.types.MovieTrackingCamera, notes: list[str]) -> Intrinsics:
+def _with_distortion(
+    intrinsics: Intrinsics, camera: bpy.types.MovieTrackingCamera, notes: list[str]
+) -> Intrinsics:
     """One of Blender's distortion models (intern/libmv/.../distortion_models.h) in COLMAP's terms.
 
     Polynomial and division are COLMAP's FULL_OPENCV without the rest of its terms. Brown is too, but for k4,
@@ -127,22 +129,22 @@ def _with_distortion(lens: Intrinsics, camera: bpy.types.MovieTrackingCamera, no
     """
     match camera.distortion_model:
         case "POLYNOMIAL":
-            return _rational(lens, (camera.k1, camera.k2, camera.k3))
+            return _rational(intrinsics, (camera.k1, camera.k2, camera.k3))
         case "DIVISION":
-            return _rational(lens, (0.0, 0.0, 0.0), (camera.division_k1, camera.division_k2, 0.0))
+            return _rational(intrinsics, (0.0, 0.0, 0.0), (camera.division_k1, camera.division_k2, 0.0))
         case "BROWN":
             radial = (camera.brown_k1, camera.brown_k2, camera.brown_k3, camera.brown_k4)
             tangential = (-camera.brown_p2, camera.brown_p1)
             if not camera.brown_k4:
-                return _rational(lens, radial[:3], tangential=tangential)
-            seen = _seen_rays(lens)
+                return _rational(intrinsics, radial[:3], tangential=tangential)
+            seen = _seen_rays(intrinsics)
             rays = distortion.Brown(radial, tangential).undistort(seen)
-            return _fitted(lens, rays, seen, tangential, "Brown", notes)
+            return _fitted(intrinsics, rays, seen, tangential, "Brown", notes)
         case "NUKE":
             if not any((camera.nuke_k1, camera.nuke_k2, camera.nuke_p1, camera.nuke_p2)):
-                return lens
-            seen = _seen_rays(lens)
-            return _fitted(lens, _nuke_rays(lens, camera, seen), seen, (0.0, 0.0), "Nuke", notes)
+                return intrinsics
+            seen = _seen_rays(intrinsics)
+            return _fitted(intrinsics, _nuke_rays(intrinsics, camera, seen), seen, (0.0, 0.0), "Nuke", notes)
     raise UserError(
         f"the lens distortion model {camera.distortion_model} of the movie clip is not known; choose another"
         " one in the Movie Clip Editor and solve again"
@@ -150,28 +152,28 @@ def _with_distortion(lens: Intrinsics, camera: bpy.types.MovieTrackingCamera, no
 
 
 def _rational(
-    lens: Intrinsics,
+    camera: Intrinsics,
     above: tuple[float, float, float],
     below: tuple[float, float, float] = (0.0, 0.0, 0.0),
     tangential: tuple[float, float] = (0.0, 0.0),
 ) -> Intrinsics:
     """The lens with radial terms above and below the fraction line."""
     if not (above[2] or any(below)):
-        return replace(lens, k1=above[0], k2=above[1], p1=tangential[0], p2=tangential[1])
-    return replace(lens, model="FULL_OPENCV", terms=(*above[:2], *tangential, above[2], *below))
+        return replace(camera, k1=above[0], k2=above[1], p1=tangential[0], p2=tangential[1])
+    return replace(camera, model="FULL_OPENCV", terms=(*above[:2], *tangential, above[2], *below))
 
 
-def _seen_rays(lens: Intrinsics) -> Floats:
+def _seen_rays(camera: Intrinsics) -> Floats:
     """(n, 2) normalised places all over the picture, as they are seen through the lens."""
-    across, down = np.linspace(0, lens.width, 49), np.linspace(0, lens.height, 49)
+    across, down = np.linspace(0, camera.width, 49), np.linspace(0, camera.height, 49)
     pixels = np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2)
-    return (pixels - lens.principal_point) / lens.focal
+    return (pixels - camera.principal_point) / camera.focal
 
 
-def _nuke_rays(lens: Intrinsics, camera: bpy.types.MovieTrackingCamera, seen: Floats) -> Floats:
+def _nuke_rays(intrinsics: Intrinsics, camera: bpy.types.MovieTrackingCamera, seen: Floats) -> Floats:
     """(n, 2) rays of Nuke's model, which counts in halves of the picture's longer side."""
-    half = max(lens.width, round(lens.height * lens.fx / lens.fy)) / 2
-    square = (seen * lens.fx / half) ** 2
+    half = max(intrinsics.width, round(intrinsics.height * intrinsics.fx / intrinsics.fy)) / 2
+    square = (seen * intrinsics.fx / half) ** 2
     radius = square.sum(axis=1)
     radial = 1 + camera.nuke_k1 * radius + camera.nuke_k2 * radius**2
     # Each coordinate has a term of the other one.
@@ -179,7 +181,7 @@ def _nuke_rays(lens: Intrinsics, camera: bpy.types.MovieTrackingCamera, seen: Fl
 
 
 def _fitted(
-    lens: Intrinsics,
+    camera: Intrinsics,
     rays: Floats,
     seen: Floats,
     tangential: tuple[float, float],
@@ -202,8 +204,8 @@ def _fitted(
         terms = np.zeros(6)
         terms[:count] = np.linalg.lstsq(columns[:, :count], square**0.5 * (factor - 1), rcond=1e-12)[0]
         a1, a2, a3, b1, b2, b3 = (terms / np.tile(largest ** np.arange(1, 4), 2)).tolist()
-        imitation = _rational(lens, (a1, a2, a3), (b1, b2, b3), tangential)
-        missed = float(np.linalg.norm((imitation.distort(rays) - seen) * lens.focal, axis=1).max())
+        imitation = _rational(camera, (a1, a2, a3), (b1, b2, b3), tangential)
+        missed = float(np.linalg.norm((imitation.distort(rays) - seen) * camera.focal, axis=1).max())
         found.append((missed if np.isfinite(missed) else np.inf, count, imitation))
     missed, _, best = min(found)
     if not missed < TOO_FAR:
@@ -266,13 +268,13 @@ def _images(
     reconstruction: bpy.types.MovieTrackingReconstruction,
     tracks: list[_Track],
     numbers: dict[int, int],
-    lens: Intrinsics,
+    intrinsics: Intrinsics,
 ) -> tuple[Image, ...]:
     """The solved cameras of the footage's frames, ordered, with the markers on them."""
     point = np.repeat(np.arange(len(tracks), dtype=np.int32), [len(track.frames) for track in tracks])
     seen_in = np.concatenate([track.frames for track in tracks])
     share = np.concatenate([track.places for track in tracks])
-    places = np.stack([share[:, 0], 1 - share[:, 1]], axis=1) * [lens.width, lens.height]
+    places = np.stack([share[:, 0], 1 - share[:, 1]], axis=1) * [intrinsics.width, intrinsics.height]
     images = []
     for camera in reconstruction.cameras:
         if camera.frame not in numbers:
@@ -292,11 +294,11 @@ def _nearest_rotation(matrix: Floats) -> Floats:
     return np.asarray(left @ right)
 
 
-def _measured(lens: Intrinsics, images: tuple[Image, ...], bundles: Floats) -> Reconstruction:
+def _measured(camera: Intrinsics, images: tuple[Image, ...], bundles: Floats) -> Reconstruction:
     """The reconstruction of the points (m, 3) that a frame sees, with their mean reprojection error."""
     seen = np.concatenate([image.points for image in images])
     missed = np.concatenate([
-        np.linalg.norm(lens.project(image.to_camera(bundles[image.points])) - image.xy, axis=1)
+        np.linalg.norm(camera.project(image.to_camera(bundles[image.points])) - image.xy, axis=1)
         for image in images
     ])  # fmt: skip
     views = np.bincount(seen, minlength=len(bundles))
@@ -305,4 +307,4 @@ def _measured(lens: Intrinsics, images: tuple[Image, ...], bundles: Floats) -> R
     error = np.bincount(seen, missed, minlength=len(bundles))[kept] / views[kept]
     colour: NDArray[np.uint8] = np.full((int(kept.sum()), 3), GRAY, dtype=np.uint8)
     moved = tuple(replace(image, points=rows[image.points]) for image in images)
-    return Reconstruction((lens,), moved, Points(bundles[kept], colour, error))
+    return Reconstruction((camera,), moved, Points(bundles[kept], colour, error))

@@ -7,8 +7,6 @@ import numpy as np
 
 from ..core.camera.reconstruction import Reconstruction
 
-DOTS = "Virtual Aperture Points"
-"""Modifier, node group and material of the first versions."""
 ID_ATTRIBUTE = "point"
 """Vertex attribute with the point's ID: vertices may be deleted, IDs stay."""
 
@@ -34,18 +32,3 @@ def fill(mesh: bpy.types.Mesh, reconstruction: Reconstruction) -> None:
         "value", np.arange(count, dtype=np.int32)
     )
     mesh.update()
-
-
-def remove_dots(points: bpy.types.Object) -> None:
-    """Remove the modifier that drew the points in files of the first versions, its nodes and material."""
-    modifier = points.modifiers.get(DOTS)
-    if modifier is None:
-        return
-    tree = modifier.node_group
-    points.modifiers.remove(modifier)
-    if tree is None or tree.users:
-        return
-    bpy.data.node_groups.remove(tree)
-    material = bpy.data.materials.get(DOTS)
-    if material is not None and not material.users:
-        bpy.data.materials.remove(material)

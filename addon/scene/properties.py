@@ -15,13 +15,11 @@ from bpy.props import (
     StringProperty,
 )
 
-from ..core.lens.aperture_sampling import MOST_VIEWS
-from ..core.lens.highlights import MOST_GAIN, HighlightSettings
-from ..core.lens.meshers import MESHERS
-from ..core.lens.quality import QUALITIES
+from ..core.frame.options import FRAME_OPTIONS
 from . import aperture_cloud, depth_of_field, focus_marks, lens
 from .aperture_shape import VirtualApertureShape
 from .focus_marks import VirtualApertureFocusMarks, VirtualApertureFocusPoint
+from .option_properties import with_options
 
 MOST_TILT = 1.57
 """Radians, a little less than a right angle, at which the focal plane holds the optical axis."""
@@ -78,10 +76,15 @@ def _set_auto_views(settings: VirtualApertureSettings, auto: bool) -> None:
         settings.views = (len(shown.vertices) if shown else 0) or SHOWN_VIEWS
 
 
+MOVE_VIEWS = ("method", "quality", "views", "seed")
+"""Options that say where the virtual cameras stand."""
+
+
 class VirtualApertureName(bpy.types.PropertyGroup):
     """A name in a list; `name` is every property group's own."""
 
 
+@with_options(FRAME_OPTIONS, _aperture_changed, MOVE_VIEWS)
 class VirtualApertureSettings(bpy.types.PropertyGroup):
     """The clip, what is in focus, and how much blur."""
 
@@ -169,13 +172,6 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
     )
     clip_last: IntProperty(
         name="Last Frame", description="Of the frames that were solved", options={"HIDDEN"}
-    )
-    method: EnumProperty(
-        name="Method",
-        description="How views are synthesized",
-        items=[(name, name.title(), each.help, each.number) for name, each in MESHERS.items()],
-        default="layers",
-        update=_aperture_changed,
     )
     focus_by: EnumProperty(
         name="Focus By",
@@ -296,73 +292,12 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
     shape: PointerProperty(
         type=VirtualApertureShape, name="Aperture Shape", description="What blur discs look like"
     )
-    quality: EnumProperty(
-        name="Quality",
-        description="What a frame may cost",
-        items=[(name.upper(), name.title(), each.help, each.number) for name, each in QUALITIES.items()],
-        default="NORMAL",
-        update=_aperture_changed,
-        options=set(),
-    )
-    views: IntProperty(
-        name="Views",
-        description="Number of virtual cameras; 0 takes as many as the largest blur disc needs",
-        min=0,
-        soft_max=256,
-        max=MOST_VIEWS,
-        default=0,
-        update=_aperture_changed,
-    )
     use_auto_views: BoolProperty(
         name="Automatic Views",
         description="Take as many virtual cameras as the largest blur disc needs",
         get=_has_auto_views,
         set=_set_auto_views,
         options=set(),
-    )
-    error: FloatProperty(
-        name="Wished Error",
-        description="PSNR in dB that a frame is to have against infinitely many views; as many as that takes"
-        " are drawn, whatever the number of views is. 0 leaves it to that",
-        min=0.0,
-        soft_min=0.0,
-        soft_max=60.0,
-        max=80.0,
-        default=0.0,
-        precision=1,
-    )
-    borrow: BoolProperty(
-        name="Borrow",
-        description="Take what a frame does not show, behind silhouettes and past the border, from the frames"
-        " that do; without, it is made up from beside",
-        default=True,
-    )
-    highlights: FloatProperty(
-        name="Highlights",
-        description="How much of the light that clipping took from lamps and glints is given back, so that"
-        " they become bright discs: 1 is all that is estimated, 0 leaves the clip as it is. Pictures of"
-        " floats keep what they have",
-        min=0.0,
-        max=MOST_GAIN,
-        soft_max=4.0,
-        default=HighlightSettings.gain,
-        precision=2,
-    )
-    highlight_threshold: FloatProperty(
-        name="Clipped From",
-        description="Linear light, 1 being white, from which on a pixel of the clip counts as clipped. Lower"
-        " it for a clip whose lamps were recorded as grey",
-        min=0.1,
-        max=1.0,
-        default=HighlightSettings.threshold,
-        precision=3,
-    )
-    seed: IntProperty(
-        name="Seed",
-        description="Of the thesis's random positions",
-        min=0,
-        default=0,
-        update=_aperture_changed,
     )
     viewport_shows: EnumProperty(
         name="Show",

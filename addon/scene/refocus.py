@@ -9,9 +9,9 @@ import bpy
 
 from ..core.base.errors import UserError
 from ..core.camera.reconstruction import Reconstruction
-from ..core.lens.focus import Focus
-from ..core.lens.focus_pull import FocusMark
-from ..core.lens.refocus import carry_focus, carry_place
+from ..core.focus.focus import Focus
+from ..core.focus.pull import FocusMark
+from ..core.focus.transfer import carry_focus, carry_place
 from ..core.media.find_clip import is_clip
 from . import blender_focus, focus_marks, lens
 from .shot import reconstruction_of

@@ -18,8 +18,8 @@ from ..core.depth.depth_store import DepthStore
 from ..core.depth.multi_view_stereo import COARSE
 from ..core.depth.user_depth import UserDepth
 from ..core.depth.user_maps import open_depth
-from ..core.lens.clip_context import ClipContext
-from ..core.lens.quality import Quality
+from ..core.frame.clip_context import ClipContext
+from ..core.frame.quality import Quality
 from ..core.media.clip import Footage, finite, open_footage
 from ..core.media.clip_identity import clip_digest, identity
 from ..core.media.masks import Masks, open_masks

@@ -25,7 +25,7 @@ def write(mesh: bpy.types.Mesh, reconstruction: Reconstruction) -> None:
     """Keep a reconstruction in a mesh's custom properties, replacing the one that was there."""
     images, points = reconstruction.images, reconstruction.points
     arrays: dict[str, NDArray[np.float64] | NDArray[np.int32]] = {
-        "cameras": np.array([_lens_row(c) for c in reconstruction.cameras]).ravel(),
+        "cameras": np.array([_intrinsics_row(c) for c in reconstruction.cameras]).ravel(),
         "lens_models": np.array([MODELS.index(c.model) for c in reconstruction.cameras], dtype=np.int32),
         "lens_terms": np.array([_terms_row(c) for c in reconstruction.cameras]).ravel(),
         "frames": reconstruction.frames,
@@ -85,22 +85,23 @@ def read(mesh: bpy.types.Mesh) -> Reconstruction:
     if version > 1:
         models, terms = integers("lens_models"), array("lens_terms").reshape(-1, MOST_TERMS)
     lenses = tuple(
-        _lens(row, MODELS[model], more) for row, model, more in zip(rows, models, terms, strict=True)
+        _intrinsics(row, MODELS[model], more) for row, model, more in zip(rows, models, terms, strict=True)
     )
     return Reconstruction(lenses, images, points)
 
 
-def _lens_row(lens: Intrinsics) -> list[float]:
+def _intrinsics_row(camera: Intrinsics) -> list[float]:
     return [
-        lens.width, lens.height, lens.fx, lens.fy, lens.cx, lens.cy, lens.k1, lens.k2, lens.p1, lens.p2,
+        camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy, camera.k1, camera.k2,
+        camera.p1, camera.p2,
     ]  # fmt: skip
 
 
-def _terms_row(lens: Intrinsics) -> list[float]:
-    return [*lens.terms, *[0.0] * (MOST_TERMS - len(lens.terms))]
+def _terms_row(camera: Intrinsics) -> list[float]:
+    return [*camera.terms, *[0.0] * (MOST_TERMS - len(camera.terms))]
 
 
-def _lens(row: NDArray[np.float64], model: str, terms: NDArray[np.float64]) -> Intrinsics:
+def _intrinsics(row: NDArray[np.float64], model: str, terms: NDArray[np.float64]) -> Intrinsics:
     count = 0 if model == "OPENCV" else len(term_names(model))
     fx, fy, cx, cy, k1, k2, p1, p2 = (float(value) for value in row[2:])
     more = tuple(float(term) for term in terms[:count])

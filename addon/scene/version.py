@@ -6,8 +6,8 @@ import bpy
 
 from ..core.base.errors import UserError
 
-VERSION = 2
-"""1 drew the points with a modifier, and wrote no version into files (`migration`)."""
+VERSION = 3
+"""2 had another name for the target PSNR (`migration`)."""
 NEWER = "this scene was made with a newer Virtual Aperture; update the extension"
 
 

@@ -10,8 +10,8 @@ import bpy
 import numpy as np
 
 from ..core.base.errors import UserError
-from ..core.lens.focus import Focus
-from ..core.lens.focus_place import Place
+from ..core.focus.focus import Focus
+from ..core.focus.place import Place
 from ..scene import aperture_cloud, blender_focus, focus_marks, lens
 from ..scene.depth_of_field import length_words
 from ..scene.point_cloud import ID_ATTRIBUTE

@@ -6,8 +6,8 @@ import bpy
 
 from ..core.base.counting import counted
 from ..core.base.errors import UserError
-from ..core.lens.focus import Focus
-from ..core.lens.focus_place import Place
+from ..core.focus.focus import Focus
+from ..core.focus.place import Place
 from ..scene import aperture_cloud, blender_focus, focus_marks, lens
 from ..scene.depth_of_field import length_words
 from . import thumbnails

@@ -13,8 +13,8 @@ from bl_operators.presets import AddPresetBase
 from bl_ui.utils import PresetPanel
 
 from ..core.base.errors import UserError
+from ..core.frame.options import APERTURE_OPTIONS
 from ..scene import aperture_cloud
-from ..scene.aperture_shape import NUMBERS
 from ..scene.paths import absolute
 from .operators import Result, may_change, reported
 
@@ -68,7 +68,7 @@ class VIRTUAL_APERTURE_OT_add_lens_preset(AddPresetBase, bpy.types.Operator):  #
         lines = [
             "import bpy",
             "settings = bpy.context.scene.virtual_aperture",
-            *(f"settings.shape.{name} = {getattr(settings.shape, name)!r}" for name in NUMBERS),
+            *(f"settings.shape.{name} = {getattr(settings.shape, name)!r}" for name in APERTURE_OPTIONS),
             f"settings.shape.image = {image!r}",
             *(f"settings.{name} = {getattr(settings, name)!r}" for name in ("highlights", "blur", "f_stop")),
         ]

@@ -8,8 +8,8 @@ import bpy
 
 from ..core.base.errors import UserError
 from ..core.base.progress import Cancelled, reporting
-from ..core.lens.clip_context import ClipContext
-from ..core.lens.focus_place import Glance, Place, PlaceFinder, find_place, shown_at
+from ..core.focus.place import Glance, Place, PlaceFinder, shown_at
+from ..core.frame.clip_context import ClipContext
 from ..render.viewport import PREVIEW
 from ..scene import aperture_cloud, focus_marks
 from ..scene.depth_of_field import length_words
@@ -102,7 +102,7 @@ class VIRTUAL_APERTURE_OT_pick_focus(bpy.types.Operator):  # noqa: N801
     @reported
     def execute(self, context: bpy.types.Context) -> Result:
         scene = context.scene
-        place = find_place(shot_of(scene).context, scene.frame_current, self.x, self.y)
+        place = shot_of(scene).context.places(scene.frame_current).find(self.x, self.y)
         self.report({"INFO"}, focus_on(scene.virtual_aperture, scene.frame_current, [place], self.add))
         return {"FINISHED"}
 
@@ -116,7 +116,7 @@ class VIRTUAL_APERTURE_OT_pick_focus(bpy.types.Operator):  # noqa: N801
             # There only the mesh can be undone.
             bpy.ops.object.mode_set(mode="OBJECT")
         self._context: ClipContext = shot_of(scene).context
-        self._finder = PlaceFinder(self._context, scene.frame_current, use_known=True)
+        self._finder = self._context.places(scene.frame_current, use_known=True)
         self._view, self._scene = CameraView.of(context), scene
         self._overlay = Overlay(self._view, scene)
         mark = self._mark()
@@ -187,7 +187,7 @@ class VIRTUAL_APERTURE_OT_pick_focus(bpy.types.Operator):  # noqa: N801
         frame = self._scene.frame_current
         if self._finder is None or self._finder.frame != frame:
             try:
-                self._finder = PlaceFinder(self._context, frame, use_known=True)
+                self._finder = self._context.places(frame, use_known=True)
             except UserError:
                 self._finder = None
         return self._finder

@@ -8,7 +8,7 @@ import bpy
 
 from ..scene import parts
 from ..scene.clip import solved_clip_path
-from ..scene.lens import lens_settings
+from ..scene.lens import frame_options
 from ..scene.shot import reconstruction_of
 from .operators import Result, has_focus, refused, reported
 
@@ -27,7 +27,7 @@ def can_render(cls: Any, context: bpy.types.Context) -> bool:
 def prepare_render(scene: bpy.types.Scene) -> None:
     """Have Blender render with our engine; UserError where the settings mean nothing."""
     settings = scene.virtual_aperture
-    lens_settings(settings, reconstruction_of(settings))
+    frame_options(settings, reconstruction_of(settings))
     scene.render.engine = "VIRTUAL_APERTURE"
     # Whichever camera it is: the picture is the clip's.
     scene.camera = scene.camera or settings.camera

@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Image, Points, Reconstruction
-from addon.core.depth.source import PixelDepth
+from addon.core.depth.source import DepthSource, PixelDepth
 from addon.core.depth.sparse import FrameFeatures, frame_features
-from addon.core.lens.clip_context import ClipContext, whole_depth
-from addon.core.lens.focus import Focus, pick
-from addon.core.lens.highlights import RESTORED, HighlightSettings
+from addon.core.depth.stereo_depth import whole_depth
+from addon.core.focus.focus import Focus
+from addon.core.focus.picking import pick
+from addon.core.frame.clip_context import ClipContext
+from addon.core.frame.highlights import RESTORED, HighlightSettings
 from addon.core.media.clip import open_footage, to_gray8, to_linear
 from addon.core.sfm.process import SolveProcess
 from addon.core.sfm.tracks import new_corners
@@ -72,7 +74,7 @@ class BenchmarkCase:
 
 
 @dataclass(frozen=True)
-class TrueDepth:
+class TrueDepth(DepthSource):
     """A scene's own depth as a depth source; coarse meshes get the feature points."""
 
     scene: Scene
@@ -85,9 +87,6 @@ class TrueDepth:
             depth = cv2.resize(depth, (width, height), interpolation=cv2.INTER_NEAREST)
             return PixelDepth(1 / depth)
         return PixelDepth(1 / depth, past_border=self.scene.past_border(frame))
-
-    def samples(self, frame: int, canvas: Canvas) -> None:
-        """None: features have their true depth already."""
 
 
 @dataclass(frozen=True)
@@ -156,13 +155,13 @@ class GroundTruth:
 
     def _corners(self, image: Image) -> tuple[Floats, Floats]:
         """(n, 3) places in the world of a frame's corners, and (n, 2) pixels where it sees them."""
-        depth, lens = self.scene.depth(image.frame), self.scene.cameras.intrinsics(image)
+        depth, camera = self.scene.depth(image.frame), self.scene.cameras.intrinsics(image)
         grey = to_gray8(self.scene.frame(image.frame))
         xy = new_corners(grey, np.zeros((0, 2), np.float32)).astype(np.float64) + 0.5
-        column, row = np.clip(xy, 0, [lens.width - 1, lens.height - 1]).astype(int).T
+        column, row = np.clip(xy, 0, [camera.width - 1, camera.height - 1]).astype(int).T
         z = depth[row, column]
         xy, z = xy[np.isfinite(z)], z[np.isfinite(z)]
-        local = np.column_stack([(xy - lens.principal_point) / lens.focal, np.ones(len(xy))]) * z[:, None]
+        local = np.column_stack([(xy - camera.principal_point) / camera.focal, np.ones(len(xy))]) * z[:, None]
         return (local - image.translation) @ image.rotation, xy
 
     def _focus(self, frame: int, blur: int) -> Focus:
@@ -209,8 +208,8 @@ class FromVideo:
         x, y = scene.focus_xy(first, blur)
         column, row = int(x), int(y)
         wanted = [1 / scene.focus_depth(frame, blur) for frame in scene.judged(blur)]
-        lens = scene.cameras.intrinsics(scene.cameras.image_at(first)[0])
-        off = 2 * scene.radius(blur) * lens.fx * (1 / scene.depth(first)[row, column] - np.array(wanted))
+        camera = scene.cameras.intrinsics(scene.cameras.image_at(first)[0])
+        off = 2 * scene.radius(blur) * camera.fx * (1 / scene.depth(first)[row, column] - np.array(wanted))
         if np.abs(off).max() < ON_SURFACE:
             height, width = scene.depth(first).shape
             return pick(self.reconstruction, first, x / width, y / height)

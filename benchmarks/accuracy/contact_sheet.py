@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from addon.core.camera.reconstruction import Floats, Reconstruction
-from addon.core.lens.focus import Focus, pick
+from addon.core.focus.focus import Focus
+from addon.core.focus.picking import pick
 from addon.core.media.clip import open_footage
 from addon.core.sfm.process import SolveProcess
 from addon.core.sfm.workspace import Solve, load_solve

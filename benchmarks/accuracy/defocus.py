@@ -11,8 +11,8 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from addon.render.cycles_views import SENSOR, render_to_array
 from addon.render.quiet import quiet
+from sample_scenes.cycles_views import SENSOR, render_to_array
 
 Picture = NDArray[np.float32]
 Floats = NDArray[np.float64]

@@ -65,13 +65,13 @@ class Case:
     def known(self, frame: int) -> Reconstruction:
         """All true cameras, and the corners of one frame with their true depth."""
         image, _ = self.cameras.image_at(frame)
-        lens, depth = self.cameras.intrinsics(image), self.depth(frame)
+        camera, depth = self.cameras.intrinsics(image), self.depth(frame)
         corners = new_corners(to_gray8(self.footage.read(frame)), np.zeros((0, 2), np.float32))
         xy = corners.astype(np.float64) + 0.5
-        column, row = np.clip(xy, 0, [lens.width - 1, lens.height - 1]).astype(int).T
+        column, row = np.clip(xy, 0, [camera.width - 1, camera.height - 1]).astype(int).T
         z = depth[row, column]
         xy, z = xy[np.isfinite(z)], z[np.isfinite(z), None]
-        local = np.column_stack([(xy - lens.principal_point) / lens.focal, np.ones(len(xy))]) * z
+        local = np.column_stack([(xy - camera.principal_point) / camera.focal, np.ones(len(xy))]) * z
         points = Points(
             (local - image.translation) @ image.rotation, np.zeros((len(xy), 3), np.uint8), np.zeros(len(xy))
         )
@@ -178,7 +178,7 @@ def upright(result: DenseDepth, reconstruction: Reconstruction, shape: tuple[int
     image, _ = reconstruction.image_at(result.frame)
     canvas = Canvas(reconstruction.intrinsics(image))
     grid = np.stack(np.meshgrid(np.arange(shape[1]) + 0.5, np.arange(shape[0]) + 0.5), axis=-1)
-    at = canvas.features_from_source(grid) * (result.lens.width / canvas.pinhole.width) - 0.5
+    at = canvas.features_from_source(grid) * (result.pinhole.width / canvas.pinhole.width) - 0.5
     maps = (result.inverse_depth, result.confidence, result.moving.astype(np.float32))
     how = {"interpolation": cv2.INTER_NEAREST, "borderMode": cv2.BORDER_REPLICATE}
     return tuple(cv2.remap(m, at.astype(np.float32), None, **how).astype(np.float64) for m in maps)  # type: ignore[call-overload]

@@ -18,8 +18,8 @@ from pathlib import Path
 import numpy as np
 
 from addon.core.depth.depth_store import DepthStore
-from addon.core.lens.clip_context import ClipContext
-from addon.core.lens.quality import NORMAL, QUALITIES, Quality
+from addon.core.frame.clip_context import ClipContext
+from addon.core.frame.quality import NORMAL, QUALITIES, Quality
 
 from .. import store
 from ..cost import measured

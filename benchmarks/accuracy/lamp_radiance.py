@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from addon.core.base.arrays import LinearRGBA
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
-from addon.core.lens.clip_context import ClipContext
-from addon.core.lens.highlights import HighlightSettings
+from addon.core.frame.clip_context import ClipContext
+from addon.core.frame.highlights import HighlightSettings
 from addon.core.media.clip import encode_srgb, to_linear
 from addon.core.warp.footprint import disc_kernel
 from addon.core.warp.highlights import colour_of, highlights, point_spread
@@ -61,15 +61,15 @@ class Clip:
     @property
     def reconstruction(self) -> Reconstruction:
         """The true cameras, and a point for each lamp."""
-        lens = Intrinsics(*SIZE, FOCAL, FOCAL, SIZE[0] / 2, SIZE[1] / 2)
-        xyz = np.column_stack([(_places() - lens.principal_point) / FOCAL, np.ones(len(_places()))]) * DEPTH
+        camera = Intrinsics(*SIZE, FOCAL, FOCAL, SIZE[0] / 2, SIZE[1] / 2)
+        xyz = np.column_stack([(_places() - camera.principal_point) / FOCAL, np.ones(len(_places()))]) * DEPTH
         images = []
         for number in range(FRAMES):
             moved = np.array([-number * PACE / FOCAL * DEPTH, 0.0, 0.0])
-            seen = lens.project(xyz + moved)
+            seen = camera.project(xyz + moved)
             images.append(Image(number + 1, np.eye(3), moved, seen, np.arange(len(xyz), dtype=np.int32)))
         points = Points(xyz, np.full((len(xyz), 3), 128, np.uint8), np.full(len(xyz), 0.1))
-        return Reconstruction((lens,), tuple(images), points)
+        return Reconstruction((camera,), tuple(images), points)
 
     def light(self, frame: int, part: str = "all") -> Picture:
         """(h, w, 3) linear light that arrives at the sensor, or of the lamps alone."""

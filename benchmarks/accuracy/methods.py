@@ -15,18 +15,19 @@ from numpy.typing import NDArray
 from addon.core.base.errors import UserError
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Points, Reconstruction
-from addon.core.lens.aperture_sampling import vogel_disc
-from addon.core.lens.clip_context import ClipContext
-from addon.core.lens.focus import Focus, exact_registration
-from addon.core.lens.frame import WarpedFrame, mesh_frame, warp_frame
-from addon.core.lens.highlights import HighlightSettings
-from addon.core.lens.plan import FramePlan, LensSettings
-from addon.core.lens.quality import DRAFT, FINAL, NORMAL, Quality
-from addon.core.lens.thin_lens import ThinLens
+from addon.core.focus.focus import Focus
+from addon.core.frame.clip_context import ClipContext
+from addon.core.frame.highlights import HighlightSettings
+from addon.core.frame.plan import FrameOptions, FramePlan
+from addon.core.frame.quality import DRAFT, FINAL, NORMAL, Quality
+from addon.core.frame.warped_frame import WarpedFrame, mesh_frame, warp_frame
+from addon.core.optics.aperture_sampling import vogel_disc
+from addon.core.optics.registration import exact_registration
+from addon.core.optics.thin_lens import ThinLens
 from addon.core.warp.mesh import WarpMesh
-from addon.render import cycles_views
 from addon.render.average import LEAST_COVER, Drawn, draw_mean, render_frame
 from addon.render.quiet import quiet
+from sample_scenes import cycles_views
 
 from . import oracle
 from .cases import BenchmarkCase, ClipWithFill
@@ -74,19 +75,19 @@ def thesis(case: BenchmarkCase, views: int) -> Answer:
     return _through(
         case,
         replace(case.clip, reconstruction=rec),
-        LensSettings(focus, case.radius, views, "thesis", highlights=HighlightSettings(gain=0)),
+        FrameOptions(focus, case.radius, views, "thesis", highlights=HighlightSettings(gain=0)),
     )
 
 
 def by_mesher(name: str, case: BenchmarkCase, views: int) -> Answer:
     """A mesher of the product, as the product calls it; 0 views leaves the number to it."""
-    return _through(case, case.clip, LensSettings(case.focus, case.radius, views, name))
+    return _through(case, case.clip, FrameOptions(case.focus, case.radius, views, name))
 
 
 def of_quality(quality: Quality, case: BenchmarkCase, views: int) -> Answer:
     """A preset of the product, as the product renders it."""
     drawn: list[Drawn] = []
-    lens = LensSettings(case.focus, case.radius, views, quality=quality)
+    lens = FrameOptions(case.focus, case.radius, views, quality=quality)
     picture = render_frame(case.clip, case.frame, lens, _size(case), lambda note: None, drawn.append)
     plan = drawn[0].warped.plan
     return Answer(picture[..., :3], len(plan.offsets), len(plan.mesh.triangles))
@@ -100,7 +101,7 @@ def known_fill(case: BenchmarkCase, views: int) -> Answer:
         clip.reconstruction, clip.read, clip.given_depth, clip.masks,
         fill=lambda *frame: partial(_colours, surfaces),
     )  # fmt: skip
-    return _through(case, told, LensSettings(case.focus, case.radius, views))
+    return _through(case, told, FrameOptions(case.focus, case.radius, views))
 
 
 def _colours(
@@ -128,7 +129,7 @@ def dense(case: BenchmarkCase, views: int) -> Answer:
 
 def cycles(case: BenchmarkCase, views: int) -> Answer:
     """Cycles' thin lens on the mesh over the feature points, painted as ours is; `views` are its samples."""
-    lens = LensSettings(case.focus, case.radius, 16, "features")
+    lens = FrameOptions(case.focus, case.radius, 16, "features")
     seen = case.clip.picture(case.frame, lens.highlights)
     plan = warp_frame(case.clip, case.frame, lens, _size(case), seen).plan
     picture = plan.canvas.from_source(seen)
@@ -137,7 +138,7 @@ def cycles(case: BenchmarkCase, views: int) -> Answer:
 
 def cycles_layers(case: BenchmarkCase, views: int) -> Answer:
     """Cycles' thin lens on our layered mesh; `views` are its samples."""
-    lens = LensSettings(case.focus, case.radius)
+    lens = FrameOptions(case.focus, case.radius)
     seen = case.clip.picture(case.frame, lens.highlights)
     warped = mesh_frame(case.clip, case.frame, lens, _size(case), seen).through(1, prefiltered=False)
     plan = warped.plan
@@ -201,7 +202,7 @@ def _size(case: BenchmarkCase) -> tuple[int, int]:
     return case.picture.shape[1], case.picture.shape[0]
 
 
-def _through(case: BenchmarkCase, clip: ClipContext, lens: LensSettings) -> Answer:
+def _through(case: BenchmarkCase, clip: ClipContext, lens: FrameOptions) -> Answer:
     """The frame as the product draws it."""
     picture = clip.picture(case.frame, lens.highlights)
     return _drawn(warp_frame(clip, case.frame, lens, _size(case), picture))
@@ -209,7 +210,7 @@ def _through(case: BenchmarkCase, clip: ClipContext, lens: LensSettings) -> Answ
 
 def _drawn(warped: WarpedFrame) -> Answer:
     plan = warped.plan
-    mean = draw_mean(warped, lambda note: None)
+    mean = draw_mean(warped)
     return Answer(plan.canvas.to_source(mean)[..., :3], len(plan.offsets), len(plan.mesh.triangles))
 
 
@@ -219,9 +220,12 @@ def _with_picks(case: BenchmarkCase) -> tuple[Reconstruction, Focus]:
     if case.focus.points:
         return rec, case.focus
     image, _ = rec.image_at(case.frame)
-    lens, z = rec.intrinsics(image), case.focus_depth
-    corners = np.array([[0.35, 0.35], [0.65, 0.35], [0.35, 0.65], [0.65, 0.65]]) * [lens.width, lens.height]
-    local = np.column_stack([(corners - lens.principal_point) / lens.focal, np.ones(4)]) * z
+    camera, z = rec.intrinsics(image), case.focus_depth
+    corners = np.array([[0.35, 0.35], [0.65, 0.35], [0.35, 0.65], [0.65, 0.65]]) * [
+        camera.width,
+        camera.height,
+    ]
+    local = np.column_stack([(corners - camera.principal_point) / camera.focal, np.ones(4)]) * z
     points = Points(
         np.concatenate([rec.points.xyz, (local - image.translation) @ image.rotation]),
         np.concatenate([rec.points.rgb, np.zeros((4, 3), np.uint8)]),
@@ -258,15 +262,15 @@ def _dense_plan(case: BenchmarkCase, views: int) -> FramePlan:
 def thin_lens(plan: FramePlan, picture: Picture, samples: int, seed: int = 0) -> Picture:
     """(H, W, 3) Cycles' own lens on a plan's mesh painted with a picture (h, w, 4), with the units chosen so
     that its f-stop stays in Blender's range. What no sample of a pixel hit does not count."""
-    lens, mesh, unit = plan.canvas.pinhole, plan.mesh, plan.lens.radius / 0.01
+    pinhole, mesh, unit = plan.canvas.pinhole, plan.mesh, plan.lens.radius / 0.01
     inverse = np.maximum(mesh.inverse_depth, 1e-6 * mesh.inverse_depth.max()) * unit
     scene = bpy.data.scenes.new("lens")
     warp = cycles_views.warp_object(
-        mesh.xy, mesh.texture_xy, inverse, mesh.triangles, lens.focal, lens.principal_point, picture
+        mesh.xy, mesh.texture_xy, inverse, mesh.triangles, pinhole.focal, pinhole.principal_point, picture
     )
     try:
-        camera = cycles_views.set_up(scene, warp, (lens.width, lens.height), samples)
-        cycles_views.point_camera(scene, lens.focal, lens.principal_point, np.zeros(2), np.eye(2, 3))
+        camera = cycles_views.set_up(scene, warp, (pinhole.width, pinhole.height), samples)
+        cycles_views.point_camera(scene, pinhole.focal, pinhole.principal_point, np.zeros(2), np.eye(2, 3))
         scene.cycles.seed = seed
         camera.dof.use_dof = True
         camera.dof.focus_distance = 1 / (plan.lens.focus * unit)

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from addon.core.lens.aperture_sampling import vogel_disc
+from addon.core.optics.aperture_sampling import vogel_disc
 
 Picture = NDArray[np.float32]
 Floats = NDArray[np.float64]

@@ -168,15 +168,17 @@ class Staged:
     def past_border(self, frame: int) -> NDArray[np.float32]:
         """From the frames that fusion has for it."""
         options, (here, _) = FusionOptions(), self.cameras.image_at(frame)
-        lens = self.cameras.intrinsics(here)
-        margin, span = int(options.beyond * lens.width), options.sides * options.step
+        camera = self.cameras.intrinsics(here)
+        margin, span = int(options.beyond * camera.width), options.sides * options.step
         stack = []
         for image in self.cameras.images:
             apart = abs(image.frame - frame)
             if apart and apart <= span and apart % options.step == 0:
                 inverse = (1 / self.depth(image.frame)).astype(np.float32)
-                known = DenseDepth(image.frame, inverse, np.ones_like(inverse), self.moves(image.frame), lens)
-                stack.append(in_place(known, image, lens, here, margin, options.border))
+                known = DenseDepth(
+                    image.frame, inverse, np.ones_like(inverse), self.moves(image.frame), camera
+                )
+                stack.append(in_place(known, image, camera, here, margin, options.border))
         inside = (1 / self.depth(frame)).astype(np.float32)
         return past_border(stack, inside, level_of(inside))
 

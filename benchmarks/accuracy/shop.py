@@ -80,14 +80,14 @@ class Shop:
 
     @cached_property
     def cameras(self) -> Reconstruction:
-        lens = Intrinsics(WIDTH, HEIGHT, FOCAL, FOCAL, WIDTH / 2, HEIGHT / 2)
+        camera = Intrinsics(WIDTH, HEIGHT, FOCAL, FOCAL, WIDTH / 2, HEIGHT / 2)
         nothing = np.zeros((0, 2)), np.zeros(0, np.int32)
         images = tuple(
             Image(frame, np.eye(3), -np.array([*self.places[view], 0.0]), *nothing)
             for frame, view in enumerate(self.path, start=1)
         )
         points = Points(np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros(0))
-        return Reconstruction((lens,), images, points)
+        return Reconstruction((camera,), images, points)
 
     def judged(self, blur: int) -> tuple[int, ...]:
         """Around the middle of the grid, as far as whole discs reach."""

@@ -174,9 +174,9 @@ def measure(clip: Clip) -> Density:
     counts = np.zeros(7)
     for image in reconstruction.images:
         local = image.to_camera(reconstruction.points.xyz)
-        lens = reconstruction.intrinsics(image)
-        place = lens.project(local)
-        candidate = (local[:, 2] > 0) & np.all((place >= 0) & (place < [lens.width, lens.height]), axis=1)
+        camera = reconstruction.intrinsics(image)
+        place = camera.project(local)
+        candidate = (local[:, 2] > 0) & np.all((place >= 0) & (place < [camera.width, camera.height]), axis=1)
         candidate[image.points] = False
         there, hidden = seen(stage, geometry[image.frame - 1], points, image, place)
         gained = np.zeros(len(candidate), bool)

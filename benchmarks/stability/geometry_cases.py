@@ -19,8 +19,9 @@ from addon.core.camera.reconstruction import (
     rotation_matrix,
     rotation_vector,
 )
-from addon.core.lens.focus import Focus, pick
-from addon.core.lens.plan import FramePlan
+from addon.core.focus.focus import Focus
+from addon.core.focus.picking import pick
+from addon.core.frame.plan import FramePlan
 
 from . import lens_cases
 from .__main__ import Case, Measure

@@ -14,10 +14,11 @@ import numpy as np
 from addon.core.base.errors import UserError
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Intrinsics
-from addon.core.lens.aperture_sampling import vogel_disc
-from addon.core.lens.focus import Focus
-from addon.core.lens.plan import FramePlan
-from addon.render import cycles_views, gpu_views
+from addon.core.focus.focus import Focus
+from addon.core.frame.plan import FramePlan
+from addon.core.optics.aperture_sampling import vogel_disc
+from addon.render import gpu_views
+from sample_scenes import cycles_views
 
 from .__main__ import Case, Measure
 from .reference import (
@@ -64,11 +65,13 @@ def cases() -> Iterator[Case]:
         yield from group()
 
 
-def _one_triangle(scale: float, slope: float, radius: float = 1.0, lens: Intrinsics = LENS) -> list[Measure]:
+def _one_triangle(
+    scale: float, slope: float, radius: float = 1.0, camera: Intrinsics = LENS
+) -> list[Measure]:
     disc = radius * scale * vogel_disc(16)
     slopes = slope / scale, -slope / 2 / scale
     inverse, focus = 1 / DEPTH / scale, 1 / FOCUS / scale
-    plan = one_triangle(lens, inverse, slopes, focus, disc)
+    plan = one_triangle(camera, inverse, slopes, focus, disc)
     return [*plane(plan, inverse, slopes, focus), *vertices(plan)]
 
 
@@ -79,8 +82,8 @@ def _triangles() -> Iterator[Case]:
             yield Case(name, "slanted plane, closed form", partial(_one_triangle, scale, slope))
 
 
-def _aperture(radius: float, views: int = 16, lens: Intrinsics = LENS) -> list[Measure]:
-    return frontal(planned(shot(lens, DEPTH), Focus(distance=FOCUS), radius=radius, views=views))
+def _aperture(radius: float, views: int = 16, camera: Intrinsics = LENS) -> list[Measure]:
+    return frontal(planned(shot(camera, DEPTH), Focus(distance=FOCUS), radius=radius, views=views))
 
 
 def _apertures() -> Iterator[Case]:
@@ -98,9 +101,9 @@ def _apertures() -> Iterator[Case]:
         check = partial(own_mesh, shot(), radius=times * SCENE_SIZE, method="thesis")
         yield Case(f"{name}, thesis", "float64 renderer", check, expected)
     for size in ((192, 16), (16, 192)):
-        lens = Intrinsics(*size, 80.0, 80.0, size[0] / 2, size[1] / 2)
+        camera = Intrinsics(*size, 80.0, 80.0, size[0] / 2, size[1] / 2)
         name = f"disc wider than a {size[0]}x{size[1]} strip is high"
-        yield Case(name, run, partial(_aperture, 12.0, lens=lens))
+        yield Case(name, run, partial(_aperture, 12.0, camera=camera))
     for views in (-1, 10**7, 10**12):
         yield Case(f"{views} views", "plan", partial(_aperture, 1.0, views), "refused")
         check = partial(own_mesh, shot(), radius=1.0, views=views, method="thesis")
@@ -247,20 +250,20 @@ def _precision() -> Iterator[Case]:
         yield Case(f"focus at {near:g}, radius 50 times that", "closed form, float32 vertices", cancelling)
 
 
-def _round_trip(lens: Intrinsics) -> list[Measure]:
-    canvas, picture = Canvas(lens), map_picture(lens.width, lens.height)
+def _round_trip(camera: Intrinsics) -> list[Measure]:
+    canvas, picture = Canvas(camera), map_picture(camera.width, camera.height)
     back = canvas.to_source(canvas.from_source(picture))
     inside = np.s_[4:-4, 4:-4]
     # Two resamplings at OpenCV's steps of 1/32 pixel.
     return [
-        pixels(displacement_error(back[inside], picture[inside], (lens.width, lens.height)), 0.1),
+        pixels(displacement_error(back[inside], picture[inside], (camera.width, camera.height)), 0.1),
         decibels(psnr(back[inside], picture[inside]), 40),
     ]
 
 
-def _distorted_views(lens: Intrinsics) -> list[Measure]:
-    plan = planned(shot(lens), radius=1e-9)
-    size = lens.width, lens.height
+def _distorted_views(camera: Intrinsics) -> list[Measure]:
+    plan = planned(shot(camera), radius=1e-9)
+    size = camera.width, camera.height
     source = map_picture(*size)
     mean = gpu_views.mean_of_views(plan, plan.canvas.from_source(source))
     inside = np.s_[4:-4, 4:-4]
@@ -268,13 +271,13 @@ def _distorted_views(lens: Intrinsics) -> list[Measure]:
     return [pixels(displacement_error(back, source[inside], size), 0.1)]
 
 
-def _inverted(lens: Intrinsics) -> list[Measure]:
+def _inverted(camera: Intrinsics) -> list[Measure]:
     """Of rays far past where the lens folds: what is found must be an inverse, the rest no number."""
     x, y = np.meshgrid(np.linspace(-3, 3, 61), np.linspace(-3, 3, 61))
     rays = np.stack([x, y], axis=-1)
-    found = lens.undistort(rays)
+    found = camera.undistort(rays)
     lost = np.isnan(found).any(axis=-1)
-    error = np.abs(lens.distort(found[~lost]) - rays[~lost]).max() * LENS.fx
+    error = np.abs(camera.distort(found[~lost]) - rays[~lost]).max() * LENS.fx
     return [pixels(float(error), 1e-6), Measure(float(lost.mean()), "of the rays lost", 1.0)]
 
 

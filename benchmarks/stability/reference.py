@@ -19,9 +19,9 @@ from addon.core.camera.reconstruction import (
     Reconstruction,
     rotation_matrix,
 )
-from addon.core.lens.focus import exact_registration
-from addon.core.lens.plan import FramePlan
-from addon.core.lens.thin_lens import ThinLens
+from addon.core.frame.plan import FramePlan
+from addon.core.optics.registration import exact_registration
+from addon.core.optics.thin_lens import ThinLens
 from addon.core.warp.mesh import WarpMesh
 
 type Ints = NDArray[np.int64]
@@ -31,15 +31,15 @@ NEAR, FAR = 5.0, 12.0
 SCENE_SIZE = 12.0
 
 
-def places(lens: Intrinsics, count: int = 150) -> Floats:
+def places(camera: Intrinsics, count: int = 150) -> Floats:
     """(count, 2) feature places in pixels, spread evenly but not regularly (the R2 sequence)."""
     plastic = 1.32471795724474602596
     share = (0.5 + np.outer(np.arange(count), [1 / plastic, 1 / plastic**2])) % 1.0
-    return share * [lens.width, lens.height]
+    return share * [camera.width, camera.height]
 
 
 def shot(
-    lens: Intrinsics = LENS,
+    camera: Intrinsics = LENS,
     depth: Floats | float | None = None,
     xy: Floats | None = None,
     frames: tuple[int, ...] = (1, 2, 3),
@@ -48,22 +48,22 @@ def shot(
 
     Without a depth they lie on a plane from NEAR at the left border to FAR at the right one.
     """
-    xy = places(lens) if xy is None else xy
+    xy = places(camera) if xy is None else xy
     if depth is None:
-        share = xy[:, 0] / lens.width
+        share = xy[:, 0] / camera.width
         depth = 1 / ((1 - share) / NEAR + share / FAR)
     depth = np.broadcast_to(np.asarray(depth, dtype=np.float64), len(xy))
-    rays = np.column_stack([lens.undistort((xy - lens.principal_point) / lens.focal), np.ones(len(xy))])
+    rays = np.column_stack([camera.undistort((xy - camera.principal_point) / camera.focal), np.ones(len(xy))])
     with np.errstate(invalid="ignore"):
         xyz = rays * depth[:, None]
     images = []
     for number, frame in enumerate(frames):
         rotation = rotation_matrix(np.array([0.004, -0.006, 0.01]) * number)
         centre = np.array([0.05, -0.01, 0.02]) * number
-        seen = lens.project((xyz - centre) @ rotation.T) if number else xy
+        seen = camera.project((xyz - centre) @ rotation.T) if number else xy
         images.append(Image(frame, rotation, -rotation @ centre, seen, np.arange(len(xy), dtype=np.int32)))
     points = Points(xyz, np.full((len(xy), 3), 128, np.uint8), np.full(len(xy), 0.1))
-    return Reconstruction((lens,), tuple(images), points)
+    return Reconstruction((camera,), tuple(images), points)
 
 
 def moved(rec: Reconstruction, scale: float, offset: float) -> Reconstruction:
@@ -148,25 +148,25 @@ def _cross(a: Floats, b: Floats) -> Floats:
 
 
 def one_triangle(
-    lens: Intrinsics, inverse: float, slope: tuple[float, float], focus: float, offsets: Floats
+    camera: Intrinsics, inverse: float, slope: tuple[float, float], focus: float, offsets: Floats
 ) -> FramePlan:
     """A plan whose only triangle covers every view of a plane.
 
     Its inverse depth is `inverse` at the principal point and grows by `slope` a pixel, in 1 / scene units.
     """
-    canvas = Canvas(lens)
-    size = float(max(lens.width, lens.height))
+    canvas = Canvas(camera)
+    size = float(max(camera.width, camera.height))
     corners = np.array([[-1.0, -1.0], [3.5, -1.0], [-1.0, 3.5]]) * size
     mesh = WarpMesh(
-        corners, corners, inverse + (corners - lens.principal_point) @ np.array(slope),
+        corners, corners, inverse + (corners - camera.principal_point) @ np.array(slope),
         np.array([[0, 1, 2]], dtype=np.int32),
     )  # fmt: skip
-    thin = ThinLens(lens, float(np.linalg.norm(offsets, axis=1).max(initial=0.0)), focus)
+    thin = ThinLens(camera, float(np.linalg.norm(offsets, axis=1).max(initial=0.0)), focus)
     return FramePlan(1, canvas, thin, mesh, offsets, exact_registration(canvas, offsets, focus), 0.0, False)
 
 
 def plane_places(
-    lens: Intrinsics,
+    camera: Intrinsics,
     inverse: float,
     slope: tuple[float, float],
     focus: float,
@@ -178,11 +178,11 @@ def plane_places(
     A place p is seen at q = p - s (c + g.p) with s = f offset, c and g the plane's inverse depth relative to
     the focal plane; so p = (1 - s g^T)^-1 (q + s c).
     """
-    rows = np.arange(lens.height) if rows is None else rows
-    q = np.stack(np.meshgrid(np.arange(lens.width) + 0.5, rows + 0.5), axis=-1)
-    s = lens.focal * offsets
+    rows = np.arange(camera.height) if rows is None else rows
+    q = np.stack(np.meshgrid(np.arange(camera.width) + 0.5, rows + 0.5), axis=-1)
+    s = camera.focal * offsets
     gradient = np.array(slope)
-    c = inverse - focus - gradient @ lens.principal_point
+    c = inverse - focus - gradient @ camera.principal_point
     matrices = np.linalg.inv(np.eye(2) - s[:, :, None] * gradient)
     return np.asarray(
         np.einsum("nij,hwj->nhwi", matrices, q) + np.einsum("nij,nj->ni", matrices, s * c)[:, None, None]

@@ -6,10 +6,10 @@ import numpy as np
 
 from addon.core.base.arrays import LinearRGBA
 from addon.core.camera.reconstruction import Floats, Reconstruction
-from addon.core.lens.clip_context import ClipContext, no_picture
-from addon.core.lens.focus import Focus, radius_for_blur
-from addon.core.lens.frame import warp_frame
-from addon.core.lens.plan import FramePlan, LensSettings
+from addon.core.focus.focus import Focus, radius_for_blur
+from addon.core.frame.clip_context import ClipContext, no_picture
+from addon.core.frame.plan import FrameOptions, FramePlan
+from addon.core.frame.warped_frame import warp_frame
 from addon.render import gpu_views
 
 from .__main__ import Measure
@@ -41,8 +41,8 @@ def draw(plan: FramePlan) -> LinearRGBA:
     problem = gpu_views.gpu_problem()
     if problem:
         raise RuntimeError(f"no GPU context: {problem}")
-    lens = plan.canvas.pinhole
-    mean = gpu_views.mean_of_views(plan, map_picture(lens.width, lens.height))
+    pinhole = plan.canvas.pinhole
+    mean = gpu_views.mean_of_views(plan, map_picture(pinhole.width, pinhole.height))
     return mean
 
 
@@ -66,8 +66,8 @@ def folded(plan: FramePlan) -> list[Measure]:
 
     Single pixels at their edges belong to one or the other by the last bit.
     """
-    lens = plan.canvas.pinhole
-    return [decibels(psnr(draw(plan), rendered(plan, map_picture(lens.width, lens.height))), 50)]
+    pinhole = plan.canvas.pinhole
+    return [decibels(psnr(draw(plan), rendered(plan, map_picture(pinhole.width, pinhole.height))), 50)]
 
 
 def planned(
@@ -82,10 +82,10 @@ def planned(
     """As a user would: the aperture from the blur in the frame, unless its radius is given."""
     if radius is None:
         radius = radius_for_blur(rec, focus, frame, blur)
-    lens = rec.cameras[0]
-    settings, blank = LensSettings(focus, radius, views, method), np.zeros((lens.height, lens.width, 4))
+    camera = rec.cameras[0]
+    settings, blank = FrameOptions(focus, radius, views, method), np.zeros((camera.height, camera.width, 4))
     clip = ClipContext(rec, no_picture)
-    return warp_frame(clip, frame, settings, (lens.width, lens.height), blank.astype(np.float32)).plan
+    return warp_frame(clip, frame, settings, (camera.width, camera.height), blank.astype(np.float32)).plan
 
 
 def frontal(plan: FramePlan, depth: float = DEPTH, focus: float = 1 / FOCUS) -> list[Measure]:
@@ -95,18 +95,20 @@ def frontal(plan: FramePlan, depth: float = DEPTH, focus: float = 1 / FOCUS) -> 
 
 def plane(plan: FramePlan, inverse: float, slope: tuple[float, float], focus: float) -> list[Measure]:
     """A plan of a plane against the closed form; of wide pictures only four rows are compared."""
-    lens = plan.canvas.pinhole
+    pinhole = plan.canvas.pinhole
     rows = np.unique(
-        np.linspace(0, lens.height - 1, min(lens.height, 4 if lens.width >= WIDE else 192)).astype(int)
+        np.linspace(0, pinhole.height - 1, min(pinhole.height, 4 if pinhole.width >= WIDE else 192)).astype(
+            int
+        )
     )
-    shown = plane_places(lens, inverse, slope, focus, plan.offsets, rows)
-    return compared(draw(plan), plane_picture(shown, map_picture(lens.width, lens.height)), rows)
+    shown = plane_places(pinhole, inverse, slope, focus, plan.offsets, rows)
+    return compared(draw(plan), plane_picture(shown, map_picture(pinhole.width, pinhole.height)), rows)
 
 
 def as_gpu(plan: FramePlan) -> Floats:
     """(N, V, 2) the vertex shader's arithmetic in float32, from what it is given."""
-    lens = plan.canvas.pinhole
-    picture = np.zeros((lens.height, lens.width, 4), np.float32)
+    pinhole = plan.canvas.pinhole
+    picture = np.zeros((pinhole.height, pinhole.width, 4), np.float32)
     vertices, views = gpu_views.vertex_arrays(plan, picture), gpu_views.view_rows(plan)
     x, y = vertices["xy"].T[:, None, :, None]
     a, b, c, d = np.moveaxis(views, 2, 0)[:, :, None, :]
@@ -117,8 +119,8 @@ def as_gpu(plan: FramePlan) -> Floats:
 
 def vertices(plan: FramePlan) -> list[Measure]:
     """The shader's float32 against FramePlan.displace, for vertices in the picture or near it."""
-    lens, exact = plan.canvas.pinhole, plan.displace(plan.mesh.xy, plan.mesh.inverse_depth)
-    near = np.all(np.abs(exact) < 5 * max(lens.width, lens.height), axis=2)
+    pinhole, exact = plan.canvas.pinhole, plan.displace(plan.mesh.xy, plan.mesh.inverse_depth)
+    near = np.all(np.abs(exact) < 5 * max(pinhole.width, pinhole.height), axis=2)
     return [pixels(float(np.abs(as_gpu(plan) - exact)[near].max()))]
 
 

@@ -14,7 +14,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 from addon.render import gpu_views
-from addon.render.average import no_gpu_note
 from sample_scenes import blocks
 from sample_scenes.stage import Floats, Stage
 
@@ -86,9 +85,7 @@ def main() -> None:
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
     start = time.perf_counter()
-    problem = gpu_views.gpu_problem()
-    if problem:
-        print(no_gpu_note(problem))
+    gpu_views.check_gpu()
     figures = []
     for name, make in makers().items():
         if arguments.only and name not in arguments.only:

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Floats, Intrinsics, Reconstruction
 from addon.core.depth.sparse import FrameFeatures, frame_features
-from addon.core.lens.focus import Focus, pick
+from addon.core.focus.focus import Focus
+from addon.core.focus.picking import pick
 from addon.core.media.clip import Footage, open_footage, to_linear
 from addon.core.sfm.process import SolveProcess
 from addon.core.sfm.workspace import Solve, load_solve

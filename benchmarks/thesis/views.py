@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 
 from addon.core.camera.reconstruction import Floats
 from addon.core.depth.sparse import frame_features
-from addon.core.lens.focus import Focus, exact_registration, fitted_registration, radius_for_blur
-from addon.core.lens.frame import WarpedFrame, warp_frame
-from addon.core.lens.plan import LensSettings
+from addon.core.focus.focus import Focus, radius_for_blur
+from addon.core.frame.meshers.thesis import fitted_registration
+from addon.core.frame.plan import FrameOptions
+from addon.core.frame.warped_frame import WarpedFrame, warp_frame
+from addon.core.optics.registration import exact_registration
 from addon.render.average import draw_mean, render_frame
 
 from ..accuracy.metrics import psnr
@@ -39,7 +41,7 @@ def triangulations(clip: Clip, answers: str) -> Figure:
     frame = clip.middle
     focus = clip.pick(clip.stage.focus[frame - 1], frame)
     radius = radius_for_blur(clip.reconstruction, focus, frame, BLURS[1])
-    meshes = [_warped(clip, frame, LensSettings(focus, radius, 1, method)).plan.mesh for method in METHODS]
+    meshes = [_warped(clip, frame, FrameOptions(focus, radius, 1, method)).plan.mesh for method in METHODS]
     backdrop = draw.muted(clip.frame(frame))
     drawn = [draw.mesh(backdrop, mesh.xy, mesh.triangles, draw.YELLOW) for mesh in meshes]
     sizes = [f"{len(mesh.xy)} vertices, {len(mesh.triangles)} triangles" for mesh in meshes]
@@ -93,7 +95,7 @@ def _view(clip: Clip, frame: int, method: str, focus: Focus, offset: Floats) -> 
     """(H, W, 4) from a camera `offset` metres to the right and down."""
     moved = clip.unit * offset[None]
     radius = float(np.linalg.norm(moved))
-    warped = _warped(clip, frame, LensSettings(focus, radius, 1, method))
+    warped = _warped(clip, frame, FrameOptions(focus, radius, 1, method))
     plan = warped.plan
     if method == "thesis":
         features = frame_features(clip.reconstruction, frame, plan.canvas)
@@ -101,11 +103,11 @@ def _view(clip: Clip, frame: int, method: str, focus: Focus, offset: Floats) -> 
     else:
         registration = exact_registration(plan.canvas, moved, plan.lens.focus)
     warped = replace(warped, plan=replace(plan, offsets=moved, registration=registration))
-    mean = draw_mean(warped, lambda note: None)
+    mean = draw_mean(warped)
     return plan.canvas.to_source(mean)
 
 
-def _warped(clip: Clip, frame: int, lens: LensSettings) -> WarpedFrame:
+def _warped(clip: Clip, frame: int, lens: FrameOptions) -> WarpedFrame:
     return warp_frame(clip.shot.context, frame, lens, clip.size, clip.picture(frame))
 
 
@@ -172,7 +174,7 @@ def racked(clip: Clip, points: Floats, names: Sequence[str], share: float, answe
 
 def _through(clip: Clip, frame: int, method: str, focus: Focus, radius: float) -> Linear:
     """(h, SHOWN, 3) of the frame through an aperture of `radius` units of the solve."""
-    lens = LensSettings(focus, radius, THESIS_VIEWS if method == "thesis" else 0, method)
+    lens = FrameOptions(focus, radius, THESIS_VIEWS if method == "thesis" else 0, method)
     size = (SHOWN, round(SHOWN * clip.size[1] / clip.size[0]))
     picture = render_frame(clip.shot.context, frame, lens, size, lambda note: None)
     return picture[..., :3]

@@ -16,10 +16,10 @@ from functools import partial
 import numpy as np
 
 from addon.core.base.arrays import Floats
-from addon.core.lens.aperture_sampling import random_disc, vogel_disc
-from addon.core.lens.focus import exact_registration
-from addon.core.lens.frame import MeshedFrame, WarpedFrame
-from addon.core.lens.view_error import difference
+from addon.core.frame.view_error import difference
+from addon.core.frame.warped_frame import MeshedFrame, WarpedFrame
+from addon.core.optics.aperture_sampling import random_disc, vogel_disc
+from addon.core.optics.registration import exact_registration
 
 from .. import store
 from ..accuracy.methods import thin_lens

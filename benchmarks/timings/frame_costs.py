@@ -26,9 +26,9 @@ import numpy as np
 import addon
 from addon.core.camera.reconstruction import Reconstruction
 from addon.core.depth.multi_view_stereo import DenseDepth, PlaneSweepStereo
-from addon.core.lens import frame as lens_frame
-from addon.core.lens.clip_context import ClipContext
-from addon.core.lens.focus import Focus
+from addon.core.focus.focus import Focus
+from addon.core.frame import warped_frame as lens_frame
+from addon.core.frame.clip_context import ClipContext
 from addon.core.media.clip import Footage, open_footage
 from addon.core.warp import layered_mesh
 from addon.core.warp.disocclusion_fill import ReprojectedColours

@@ -20,12 +20,11 @@ import numpy as np
 
 import addon
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
-from addon.core.lens.clip_context import ClipContext, no_picture
-from addon.core.lens.focus_place import PlaceFinder
+from addon.core.frame.clip_context import ClipContext, no_picture
 from addon.core.media.clip import open_footage
 from addon.render.preview import COARSE, FAIR, FINE, ROUGH, Wanted, make_picture
 from addon.scene.build import build
-from addon.scene.lens import lens_settings
+from addon.scene.lens import frame_options
 from addon.scene.shot import shot_of
 from addon.ui.points_overlay import places_and_colours
 
@@ -51,7 +50,7 @@ def preview_table(file: Path) -> None:
     bpy.ops.wm.open_mainfile(filepath=str(file.resolve()))
     scene = bpy.context.scene
     shot = shot_of(scene)
-    lens = lens_settings(scene.virtual_aperture, shot.reconstruction)
+    lens = frame_options(scene.virtual_aperture, shot.reconstruction)
     first = shot.footage.frames[0]
     print(f"\n{file.name}: {shot.footage.width}x{shot.footage.height}, ms, median (least)\n")
     print("| preview | " + " | ".join(LEVELS.values()) + " |\n|---|" + len(LEVELS) * "---|")
@@ -66,18 +65,18 @@ def preview_table(file: Path) -> None:
 
 def cloud(count: int) -> Reconstruction:
     """Random points before one of two cameras, that both see."""
-    lens = Intrinsics(640, 360, 544.0, 544.0, 320.0, 180.0)
+    camera = Intrinsics(640, 360, 544.0, 544.0, 320.0, 180.0)
     rng = np.random.default_rng(0)
-    xy = rng.uniform([0, 0], [lens.width, lens.height], (count, 2))
+    xy = rng.uniform([0, 0], [camera.width, camera.height], (count, 2))
     depth = rng.uniform(5, 12, count)
-    xyz = np.column_stack([(xy - lens.principal_point) / lens.focal, np.ones(count)]) * depth[:, None]
+    xyz = np.column_stack([(xy - camera.principal_point) / camera.focal, np.ones(count)]) * depth[:, None]
     numbers = np.arange(count, dtype=np.int32)
     images = []
     for frame in (1, 2):
         move = np.array([-0.05 * (frame - 1), 0, 0])
-        images.append(Image(frame, np.eye(3), move, lens.project(xyz + move), numbers))
+        images.append(Image(frame, np.eye(3), move, camera.project(xyz + move), numbers))
     points = Points(xyz, np.full((count, 3), 128, np.uint8), np.full(count, 0.1))
-    return Reconstruction((lens,), tuple(images), points)
+    return Reconstruction((camera,), tuple(images), points)
 
 
 def points_table() -> None:
@@ -94,7 +93,7 @@ def points_table() -> None:
             settings = build(bpy.context.scene, open_footage(Path(name)), reconstruction)
             built = time.perf_counter() - began
             colours = timed(places_and_colours, 3 * [(settings.points.data,)])
-            finder = PlaceFinder(ClipContext(reconstruction, no_picture), 1)
+            finder = ClipContext(reconstruction, no_picture).places(1)
             places = np.random.default_rng(1).random((MOVES, 2))
             moves = timed(finder.glance, map(tuple, places))
             print(f"| {count:,} | {built:.2f} | {colours} | {moves} |")

@@ -37,9 +37,9 @@ def main() -> None:
     print("| size | method | address space, MiB | memory of its own, MiB | s |\n|---|---|---|---|---|")
     with tempfile.TemporaryDirectory() as name:
         for width, height in (size for size in SIZES if size[0] in options.widths):
-            lens = Intrinsics(width, height, 0.85 * width, 0.85 * width, width / 2, height / 2)
+            camera = Intrinsics(width, height, 0.85 * width, 0.85 * width, width / 2, height / 2)
             folder = Path(name) / f"{width}"
-            work = clip.solve(clip.write_pictures(folder / "clip", 3, lens), folder / "work", lens)
+            work = clip.solve(clip.write_pictures(folder / "clip", 3, camera), folder / "work", camera)
             for method in options.methods:
                 words = ["render", work, "--focus-distance", "7", "--blur", "0.05", "--views", "4"]
                 words += ["--method", method, "--frames", "1-2", "--out", folder / method / "####.png"]

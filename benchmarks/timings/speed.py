@@ -11,7 +11,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from addon.core.lens.quality import QUALITIES
+from addon.core.frame.quality import QUALITIES
 
 from .. import store
 from . import equal_error, growth, whole_runs

@@ -15,10 +15,10 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import NDArray
 
-from addon.core.lens.aperture_sampling import vogel_disc
-from addon.core.lens.focus import exact_registration
-from addon.core.lens.frame import MeshedFrame, WarpedFrame, mesh_frame
-from addon.core.lens.plan import LensSettings
+from addon.core.frame.plan import FrameOptions
+from addon.core.frame.warped_frame import MeshedFrame, WarpedFrame, mesh_frame
+from addon.core.optics.aperture_sampling import vogel_disc
+from addon.core.optics.registration import exact_registration
 from addon.render.average import draw_mean, draw_to_error
 
 from .. import store
@@ -51,7 +51,7 @@ class Scored:
     @cached_property
     def meshed(self) -> MeshedFrame:
         case = GroundTruth(self.scene).case(self.frame, self.blur)
-        size, lens = (case.picture.shape[1], case.picture.shape[0]), LensSettings(case.focus, case.radius)
+        size, lens = (case.picture.shape[1], case.picture.shape[0]), FrameOptions(case.focus, case.radius)
         picture = case.clip.picture(self.frame, lens.highlights)
         return mesh_frame(case.clip, self.frame, lens, size, picture)
 
@@ -89,7 +89,7 @@ def plain(meshed: MeshedFrame, count: int) -> WarpedFrame:
 
 
 def drawn(warped: WarpedFrame) -> Picture:
-    return warped.plan.canvas.to_source(draw_mean(warped, lambda note: None))[..., :3]
+    return warped.plan.canvas.to_source(draw_mean(warped))[..., :3]
 
 
 def compare(scored: Scored, counts: list[int]) -> None:
@@ -111,7 +111,7 @@ def wish(scored: Scored, errors: list[float]) -> None:
     for error in errors:
         # It is written over.
         own = replace(scored.meshed, surface=replace(surface, texture=surface.texture.copy()))
-        (warped, mean), cost = measured(partial(draw_to_error, own, error, lambda note: None))
+        (warped, mean), cost = measured(partial(draw_to_error, own, error))
         picture = warped.plan.canvas.to_source(mean)[..., :3]
         print(
             f"| {scored.name} | {scored.blur} | {len(warped.plan.offsets)} | {error:g} dB |"

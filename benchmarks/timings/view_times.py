@@ -13,8 +13,8 @@ import bpy
 import numpy as np
 
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
-from addon.core.lens.focus import Focus
-from addon.core.lens.plan import FramePlan
+from addon.core.focus.focus import Focus
+from addon.core.frame.plan import FramePlan
 from addon.render import gpu_views
 
 from ..stability.runs import planned
@@ -25,13 +25,13 @@ FEATURES = 1500
 
 def slanted_plane(width: int, height: int) -> Reconstruction:
     """Random features on a plane that recedes to the right, seen by one camera."""
-    lens = Intrinsics(width, height, 0.85 * width, 0.85 * width, width / 2, height / 2)
+    camera = Intrinsics(width, height, 0.85 * width, 0.85 * width, width / 2, height / 2)
     xy = np.random.default_rng(0).uniform([0, 0], [width, height], (FEATURES, 2))
     depth = 5 + 7 * xy[:, 0] / width
-    xyz = np.column_stack([(xy - lens.principal_point) / lens.focal, np.ones(FEATURES)]) * depth[:, None]
+    xyz = np.column_stack([(xy - camera.principal_point) / camera.focal, np.ones(FEATURES)]) * depth[:, None]
     image = Image(1, np.eye(3), np.zeros(3), xy, np.arange(FEATURES, dtype=np.int32))
     points = Points(xyz, np.zeros((FEATURES, 3), np.uint8), np.zeros(FEATURES))
-    return Reconstruction((lens,), (image,), points)
+    return Reconstruction((camera,), (image,), points)
 
 
 def seconds(plan: FramePlan, picture: np.ndarray) -> float:

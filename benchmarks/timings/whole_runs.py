@@ -25,7 +25,7 @@ from pathlib import Path
 import numpy as np
 
 from addon.core.camera.reconstruction import Reconstruction
-from addon.core.lens.quality import QUALITIES
+from addon.core.frame.quality import QUALITIES
 from addon.core.readers.matching import Imported
 from addon.core.sfm.workspace import keep_import
 

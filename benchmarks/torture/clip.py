@@ -23,7 +23,7 @@ WALLS = {10.0: (-30.0, 30.0), 6.0: (-2.6, -0.6), 4.0: (0.5, 1.6)}
 """Depth of the walls that a solve finds, far to near, and where they begin and end."""
 
 
-def picture(frame: int, lens: Intrinsics = LENS) -> NDArray[np.uint8]:
+def picture(frame: int, camera: Intrinsics = LENS) -> NDArray[np.uint8]:
     """(H, W, 3) of a frame: no two are alike, so that one in another's place is seen."""
     rng = np.random.default_rng(7)
     coarse, fine = (
@@ -37,14 +37,16 @@ def picture(frame: int, lens: Intrinsics = LENS) -> NDArray[np.uint8]:
     mixed = np.roll(0.5 * coarse + 0.5 * fine, frame, axis=1)
     tile = np.asarray(np.clip(mixed * 255, 0, 255), np.uint8)
     # Large ones are many of it, so that making them takes no memory.
-    across, down = -(-lens.width // LENS.width), -(-lens.height // LENS.height)
-    return np.tile(tile, (down, across, 1))[: lens.height, : lens.width]
+    across, down = -(-camera.width // LENS.width), -(-camera.height // LENS.height)
+    return np.tile(tile, (down, across, 1))[: camera.height, : camera.width]
 
 
-def truth(frames: range, lens: Intrinsics = LENS) -> Reconstruction:
+def truth(frames: range, camera: Intrinsics = LENS) -> Reconstruction:
     """Points on a plane that recedes to the right, seen by cameras that drift sideways."""
     rng = np.random.default_rng(3)
-    rays = (rng.uniform([0, 0], [lens.width, lens.height], (POINTS, 2)) - lens.principal_point) / lens.focal
+    rays = (
+        rng.uniform([0, 0], [camera.width, camera.height], (POINTS, 2)) - camera.principal_point
+    ) / camera.focal
     share = (rays[:, 0] - rays[:, 0].min()) / np.ptp(rays[:, 0])
     depth = 1 / ((1 - share) / NEAR + share / FAR)
     xyz = np.column_stack([rays, np.ones(POINTS)]) * depth[:, None]
@@ -54,10 +56,10 @@ def truth(frames: range, lens: Intrinsics = LENS) -> Reconstruction:
         along = 24 * np.sin(frame / 24)
         rotation = rotation_matrix(np.array([0.0002, -0.0003, 0.0001]) * along)
         centre = np.array([0.01, -0.002, 0.004]) * along
-        seen = lens.project((xyz - centre) @ rotation.T)
+        seen = camera.project((xyz - centre) @ rotation.T)
         images.append(Image(frame, rotation, -rotation @ centre, seen, np.arange(POINTS, dtype=np.int32)))
     colours = np.full((POINTS, 3), 128, np.uint8)
-    return Reconstruction((lens,), tuple(images), Points(xyz, colours, np.full(POINTS, 0.1)))
+    return Reconstruction((camera,), tuple(images), Points(xyz, colours, np.full(POINTS, 0.1)))
 
 
 def write_video(folder: Path, count: int) -> Path:
@@ -70,11 +72,11 @@ def write_video(folder: Path, count: int) -> Path:
     return path
 
 
-def write_pictures(folder: Path, count: int, lens: Intrinsics = LENS) -> Path:
+def write_pictures(folder: Path, count: int, camera: Intrinsics = LENS) -> Path:
     """The clip as PNG, 0001.png and so on; the folder."""
     folder.mkdir(parents=True, exist_ok=True)
     for frame in range(1, count + 1):
-        cv2.imwrite(str(folder / f"{frame:04d}.png"), picture(frame, lens))
+        cv2.imwrite(str(folder / f"{frame:04d}.png"), picture(frame, camera))
     return folder
 
 
@@ -103,10 +105,10 @@ def write_floats(folder: Path, count: int) -> None:
         cv2.imwrite(str(folder / f"{frame:04d}.tif"), (picture(frame) / np.float32(255)) ** np.float32(2.2))
 
 
-def solve(clip: Path, work: Path, lens: Intrinsics = LENS) -> Path:
+def solve(clip: Path, work: Path, camera: Intrinsics = LENS) -> Path:
     """Put the truth into a working folder as if another program had solved the clip; the folder."""
     footage = open_footage(clip)
-    model = truth(range(footage.frames[0], footage.frames[-1] + 1), lens)
+    model = truth(range(footage.frames[0], footage.frames[-1] + 1), camera)
     keep_import(Imported(model, "truth", ()), footage, work)
     return work
 

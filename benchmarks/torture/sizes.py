@@ -53,9 +53,9 @@ def large(one: Try) -> None:
     _large(one, LARGE, int(one.dice.uniform(2, 24) * 2**30) if one.dice.random() < 0.7 else None)
 
 
-def _large(one: Try, lens: Intrinsics, limit: int | None = None) -> None:
-    pictures = clip.write_pictures(one.folder / "clip", 2, lens)
-    work = clip.solve(pictures, one.folder / "work", lens)
+def _large(one: Try, camera: Intrinsics, limit: int | None = None) -> None:
+    pictures = clip.write_pictures(one.folder / "clip", 2, camera)
+    work = clip.solve(pictures, one.folder / "work", camera)
     out = one.folder / "out" / "####.png"
     words = ("render", work, *LENS[:-1], "2", "--frames", "1", "--out", out)
     run = one.run(*words, limits=memory_limit(limit) if limit else None)
@@ -65,7 +65,7 @@ def _large(one: Try, lens: Intrinsics, limit: int | None = None) -> None:
             one.verdict.add("wrong", "a frame that failed is there")
         return
     picture = np.asarray(cv2.imread(str(path)))
-    if picture.shape != (lens.height, lens.width, 3) or picture.std() < 5:
+    if picture.shape != (camera.height, camera.width, 3) or picture.std() < 5:
         one.verdict.add("wrong", f"{path.name} is not the picture")
 
 

@@ -99,9 +99,9 @@ class Planes(Clip):
                 self.frames, cameras.rotation, cameras.translation, seen, strict=True
             )
         )
-        lens = Intrinsics(*planes.SIZE, planes.FOCAL, planes.FOCAL, planes.SIZE[0] / 2, planes.SIZE[1] / 2)
+        camera = Intrinsics(*planes.SIZE, planes.FOCAL, planes.FOCAL, planes.SIZE[0] / 2, planes.SIZE[1] / 2)
         points = Points(SCALE * world @ turn.T, np.zeros((60, 3), np.uint8), np.zeros(60))
-        solved = Reconstruction((lens,), images, points)
+        solved = Reconstruction((camera,), images, points)
         return Solve(self.root, self.root, tuple(self.frames), solved, {"focal": planes.FOCAL})
 
     def from_beside(self, frame: int, offset: tuple[float, float], focus: float) -> NDArray[np.float32]:

@@ -15,7 +15,7 @@ import pytest
 
 from addon.core.base.errors import UserError
 from addon.core.camera.reconstruction import Reconstruction
-from addon.core.lens.clip_context import ClipContext
+from addon.core.frame.clip_context import ClipContext
 from benchmarks import cost, store
 from benchmarks.accuracy import __main__ as bench
 from benchmarks.accuracy import judge, oracle, report
@@ -100,9 +100,9 @@ def test_the_same_mesh_through_cycles_scores_alike(tiny: Tiny) -> None:
 def test_known_features_lie_where_they_are_seen(tiny: Tiny) -> None:
     given = GroundTruth(tiny).case(18, BLUR)
     image, _ = given.reconstruction.image_at(18)
-    lens = given.reconstruction.intrinsics(image)
+    camera = given.reconstruction.intrinsics(image)
     local = image.to_camera(given.reconstruction.points.xyz[image.points])
-    np.testing.assert_allclose(lens.project(local), image.xy, atol=1e-6)
+    np.testing.assert_allclose(camera.project(local), image.xy, atol=1e-6)
     column, row = image.xy.astype(int).T
     np.testing.assert_allclose(local[:, 2], tiny.depth(18)[row, column], rtol=1e-9)
     # The largest disc over the judged frames is what was asked for.

@@ -45,14 +45,14 @@ def solved(truth: Truth) -> Reconstruction:
 
 def seen_by(truth: Truth, xyz: np.ndarray) -> Reconstruction:
     cameras = truth.cameras
-    lens = Intrinsics(WIDTH, HEIGHT, FOCAL, FOCAL, WIDTH / 2, HEIGHT / 2)
+    camera = Intrinsics(WIDTH, HEIGHT, FOCAL, FOCAL, WIDTH / 2, HEIGHT / 2)
     rows = np.arange(len(xyz), dtype=np.int32)
     images = tuple(
         Image(frame + 1, cameras.rotation[frame], cameras.translation[frame], xy, rows)
         for frame, xy in enumerate(cameras.project(xyz))
     )
     nothing = np.zeros(len(xyz))
-    return Reconstruction((lens,), images, Points(xyz, np.zeros((len(xyz), 3), np.uint8), nothing))
+    return Reconstruction((camera,), images, Points(xyz, np.zeros((len(xyz), 3), np.uint8), nothing))
 
 
 def moved(shot: Reconstruction, scale: float, turn: np.ndarray, shift: np.ndarray) -> Reconstruction:
@@ -75,9 +75,9 @@ def stretched(shot: Reconstruction, factor: float) -> Reconstruction:
     A camera that walks straight ahead has one such solve for every factor, all with the same reprojections.
     """
     deeper = np.array([1, 1, factor])
-    lens = replace(shot.cameras[0], fx=FOCAL * factor, fy=FOCAL * factor)
+    camera = replace(shot.cameras[0], fx=FOCAL * factor, fy=FOCAL * factor)
     images = tuple(replace(image, translation=image.translation * deeper) for image in shot.images)
-    return Reconstruction((lens,), images, replace(shot.points, xyz=shot.points.xyz * deeper))
+    return Reconstruction((camera,), images, replace(shot.points, xyz=shot.points.xyz * deeper))
 
 
 def rotated(degrees: float, axis: tuple[float, float, float]) -> np.ndarray:

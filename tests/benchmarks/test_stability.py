@@ -15,8 +15,8 @@ import pytest
 
 from addon.core.base.errors import UserError
 from addon.core.base.progress import reporting
-from addon.core.lens.focus import Focus
-from addon.core.lens.plan import LensSettings
+from addon.core.focus.focus import Focus
+from addon.core.frame.plan import FrameOptions
 from benchmarks.stability.__main__ import Case, Measure, judged, table
 from benchmarks.stability.reference import (
     LENS,
@@ -164,7 +164,7 @@ def test_memory_that_runs_out_while_drawing_is_a_users_error() -> None:
 
     if gpu_views.gpu_problem():
         pytest.skip("no GPU context can be had")
-    plan = planned(shot(), 1, LensSettings(Focus(distance=8.0), 0.3, 4), (96, 54))
+    plan = planned(shot(), 1, FrameOptions(Focus(distance=8.0), 0.3, 4), (96, 54))
 
     def no_room(_stage: str, _share: float) -> None:
         raise MemoryError
@@ -182,7 +182,7 @@ def test_one_point_in_the_lens_does_not_refuse_the_frame() -> None:
     xyz = rec.points.xyz.copy()
     xyz[0] *= 1e-4
     rec = replace(rec, points=replace(rec.points, xyz=xyz))
-    plan = planned(rec, 1, LensSettings(Focus(distance=8.0), 0.3, 16), (96, 54))
+    plan = planned(rec, 1, FrameOptions(Focus(distance=8.0), 0.3, 16), (96, 54))
     discs = 2 * 0.3 * LENS.fx * np.abs(plan.mesh.inverse_depth - 1 / 8)
     assert discs.max() == pytest.approx(16 * np.hypot(96, 54))
     assert plan.mesh.xy.min() < -discs.max() / 2

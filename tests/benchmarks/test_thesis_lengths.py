@@ -22,7 +22,7 @@ Floats = NDArray[np.float64]
 # Triangulation and lengths
 
 
-def around(lens: Intrinsics, count: int, seed: int = 0) -> Reconstruction:
+def around(camera: Intrinsics, count: int, seed: int = 0) -> Reconstruction:
     """Cameras about the origin that look roughly along z."""
     rng = np.random.default_rng(seed)
     images = []
@@ -31,7 +31,7 @@ def around(lens: Intrinsics, count: int, seed: int = 0) -> Reconstruction:
         centre = rng.uniform(-1, 1, 3)
         images.append(Image(frame, rotation, -rotation @ centre, np.zeros((0, 2)), np.zeros(0, np.int32)))
     nothing = Points(np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros(0))
-    return Reconstruction((lens,), tuple(images), nothing)
+    return Reconstruction((camera,), tuple(images), nothing)
 
 
 def projected(rec: Reconstruction, world: Floats) -> Floats:
@@ -46,9 +46,9 @@ LENS = Intrinsics(640, 360, 610.0, 590.0, 322.0, 177.0)
 BENT = replace(LENS, k1=-0.11, k2=0.02, p1=0.002, p2=-0.001)
 
 
-@pytest.mark.parametrize("lens", [LENS, BENT], ids=["pinhole", "distorted"])
-def test_exact_projections_give_the_points_back(lens: Intrinsics) -> None:
-    rec, world = around(lens, 6), cloud()
+@pytest.mark.parametrize("camera", [LENS, BENT], ids=["pinhole", "distorted"])
+def test_exact_projections_give_the_points_back(camera: Intrinsics) -> None:
+    rec, world = around(camera, 6), cloud()
     found, miss = measure.triangulated(rec, projected(rec, world))
     np.testing.assert_allclose(found, world, atol=1e-9)
     assert miss.max() < 1e-9

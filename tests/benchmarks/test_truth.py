@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 import pytest
 
-from addon.core.lens.aperture_sampling import vogel_disc
+from addon.core.optics.aperture_sampling import vogel_disc
 from addon.core.readers.colmap_export import read_model, write_model
 from benchmarks.accuracy import metrics
 from sample_scenes import filming, staging, truth

@@ -42,8 +42,8 @@ def grid() -> np.ndarray:
     return np.stack([x, y], axis=-1).reshape(-1, 2)
 
 
-def rays_of(lens: Intrinsics) -> np.ndarray:
-    return lens.undistort((grid() - lens.principal_point) / lens.focal)
+def rays_of(camera: Intrinsics) -> np.ndarray:
+    return camera.undistort((grid() - camera.principal_point) / camera.focal)
 
 
 @dataclass(frozen=True)
@@ -124,26 +124,26 @@ def test_the_simplest_model_is_named() -> None:
     [("FULL_OPENCV", (0.0,) * 8), ("FOV", (0.0,)), ("DIVISION", (0.0,)), ("EUCM", (0.0, 2.0))],
 )
 def test_lenses_without_distortion_are_pinholes(model: str, terms: tuple[float, ...]) -> None:
-    lens = Intrinsics(WIDTH, HEIGHT, 400.0, 410.0, 320.0, 240.0, model=model, terms=terms)
-    assert not lens.is_distorted
-    assert Canvas(lens).pinhole == lens.without_distortion()
+    camera = Intrinsics(WIDTH, HEIGHT, 400.0, 410.0, 320.0, 240.0, model=model, terms=terms)
+    assert not camera.is_distorted
+    assert Canvas(camera).pinhole == camera.without_distortion()
     rays = np.array([[0.3, -0.2]])
-    np.testing.assert_array_equal(lens.distort(rays), rays)
-    np.testing.assert_array_equal(lens.distort_jacobian(rays), np.eye(2)[None])
+    np.testing.assert_array_equal(camera.distort(rays), rays)
+    np.testing.assert_array_equal(camera.distort_jacobian(rays), np.eye(2)[None])
 
 
 @pytest.mark.parametrize(("model", "terms"), [("FOV", (1e-4,)), ("DIVISION", (1e-9,)), ("EUCM", (1e-9, 1.0))])
 def test_weak_lenses_are_nearly_pinholes(model: str, terms: tuple[float, ...]) -> None:
-    lens = Intrinsics(WIDTH, HEIGHT, 400.0, 410.0, 320.0, 240.0, model=model, terms=terms)
+    camera = Intrinsics(WIDTH, HEIGHT, 400.0, 410.0, 320.0, 240.0, model=model, terms=terms)
     rays = np.random.default_rng(0).uniform(-0.6, 0.6, (50, 2))
-    np.testing.assert_allclose(lens.distort(rays), rays, atol=1e-8)
-    np.testing.assert_allclose(lens.undistort(lens.distort(rays)), rays, atol=1e-12)
+    np.testing.assert_allclose(camera.distort(rays), rays, atol=1e-8)
+    np.testing.assert_allclose(camera.undistort(camera.distort(rays)), rays, atol=1e-12)
 
 
 def test_worked_by_hand() -> None:
     def radius(model: str, tangent: float, *terms: float) -> float:
-        lens = Intrinsics(2, 2, 1.0, 1.0, 0.0, 0.0, model=model, terms=terms)
-        return float(lens.project(np.array([tangent, 0.0, 1.0]))[0])
+        camera = Intrinsics(2, 2, 1.0, 1.0, 0.0, 0.0, model=model, terms=terms)
+        return float(camera.project(np.array([tangent, 0.0, 1.0]))[0])
 
     still = (0.0,) * 4
     assert radius("OPENCV_FISHEYE", 1.0, *still) == pytest.approx(np.pi / 4, abs=1e-15)
@@ -178,8 +178,8 @@ def test_what_is_not_ahead_is_lost(model: str) -> None:
 @pytest.mark.parametrize("model", TERMS)
 def test_the_canvas_holds_the_whole_picture(model: str) -> None:
     size = (160, 120)
-    lens = lens_of(model).scaled(*size)
-    canvas = Canvas(lens)
+    camera = lens_of(model).scaled(*size)
+    canvas = Canvas(camera)
     places = canvas.features_from_source(grid() / (WIDTH, HEIGHT) * size)
     pinhole = canvas.pinhole
     assert np.all(places >= -1e-6) and np.all(places <= [pinhole.width + 1e-6, pinhole.height + 1e-6])

@@ -26,6 +26,7 @@ LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
 FRAMES = tuple(range(1, 7))
 FOCUS = ("--focus-distance", "6", "--method", "features", "--views", "2")
 LONG = "9" * 20
+NO_NUMBERS = ("nan", "inf", "1e400", "", "1_0", "\u0661")
 
 Shared = Callable[[str, Callable[[Path], object]], Path]
 
@@ -68,14 +69,14 @@ WRONG = [
     (("--frames", "\u0661-\u0664"), "are not understood"),
     (("--frames", LONG), "are not understood"),
     (("--frames", "3-1"), "no frames 3-1"),
-    (("--views", "\u00b2"), "'\u00b2' is not understood"),
-    (("--views", "\u0663"), "is not understood"),
-    (("--views", "1_0"), "is not understood"),
-    (("--views", LONG), "it must be from 1 to 4096"),
-    (("--views", "1000000000"), "it must be from 1 to 4096"),
-    (("--views", "9" * 5000), "is not understood"),
-    (("--seed", "2147483648"), "is not from 0 to 2147483647"),
-    (("--seed", "-1"), "is not from 0 to"),
+    (("--views", "\u00b2"), "'\u00b2' is not a whole number; it can also be auto"),
+    (("--views", "\u0663"), "is not a whole number"),
+    (("--views", "1_0"), "is not a whole number"),
+    (("--views", LONG), "give a number from 0 to 4096"),
+    (("--views", "1000000000"), "views cannot be 1000000000; give a number from 0 to 4096"),
+    (("--views", "9" * 5000), "is not a whole number"),
+    (("--seed", "2147483648"), "give a number from 0 to 2147483647"),
+    (("--seed", "-1"), "seed cannot be -1"),
     (("--focus-point", LONG), "is not from 0 to"),
     (("--focus-plane", "1", "2", LONG), "is not from 0 to"),
     (("--focus-distance", "1e-300"), "too small"),
@@ -83,17 +84,19 @@ WRONG = [
     (("--focus-at", "nan,0.5"), "is not understood"),
     (("--aperture", "image="), "empty text"),
     (("--jobs", "1000000000"), "is not from 1 to 1000"),
+    *((("--aperture", f"blades={value}"), "is not a whole number") for value in NO_NUMBERS),
     *((("--aperture", f"{key}={value}"), "is not a number")
-      for key in ("blades", "rotation", "roundness", "ratio", "obstruction", "apodisation",
+      for key in ("rotation", "roundness", "ratio", "obstruction", "apodisation",
                   "spherical_aberration", "vignetting")
-      for value in ("nan", "inf", "-inf", "1e400", "", "1_0", "\u0661")),
+      for value in NO_NUMBERS),
     *((("--" + name, value), "is not a number")
-      for name in ("focus-distance", "tilt", "swing", "blur", "aperture-radius", "error",
+      for name in ("focus-distance", "tilt", "swing", "blur", "aperture-radius", "target-psnr",
                    "highlight-threshold")
-      for value in ("nan", "inf", "1e400", "", "1_0", "\u0661")),
-    *((("--highlights", value), "not understood") for value in ("nan", "inf", "1e400", "", "1_0", "\u0661")),
+      for value in NO_NUMBERS),
+    *((("--highlights", value), "is not a number; it can also be off") for value in NO_NUMBERS),
     *((("--" + name, value), "")
-      for name in ("focus-distance", "blur", "aperture-radius", "error", "highlights", "highlight-threshold")
+      for name in ("focus-distance", "blur", "aperture-radius", "target-psnr", "highlights",
+                   "highlight-threshold")
       for value in ("-1", "1e39")),
 ]  # fmt: skip
 

@@ -6,31 +6,22 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-import bpy
 import cv2
-import numpy as np
 import pytest
 
 from addon.core.base.errors import UserError
 from addon.core.base.progress import Cancelled, reporting
-from addon.core.lens.inspection import NAMES
-from addon.core.lens.report import FrameReport
-from addon.core.media.clip import open_footage
+from addon.core.frame.inspection import NAMES
+from addon.core.frame.report import FrameReport
 from addon.core.readers.colmap_export import export_model
 from addon.render.average import Drawn
 from addon.render.run_report import RunReport, check_report
-from addon.scene.build import build
-from addon.ui import inspect as ui
-from addon.ui import panels
 
 from .. import planes
 from ..command_line import done, here
 from ..disc_and_wall import disc_and_wall
 from ..disc_and_wall import scene as picture
 from ..planes import CENTRES, clip, features, poses
-from ..recorder import Recorder
-from ..scenes import LENS as PLAIN
-from ..scenes import slanted_shot
 
 LENS = planes.LENS.scaled(160, 120)
 """Of the three planes at half their size."""
@@ -79,75 +70,6 @@ def test_another_file_is_left_alone(tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"end it in \.json"):
         check_report(tmp_path / "report.txt", True)
     check_report(tmp_path / "new.json", False)
-
-
-# In Blender
-
-
-def test_inspecting_makes_images_and_uses_them_again(scene: bpy.types.Scene, tmp_path: Path) -> None:
-    footage = open_footage(planes.write_clip(tmp_path / "clip", planes.halved(clip(CENTRES))))
-    settings = build(scene, footage, poses(CENTRES, features(), LENS))
-    with pytest.raises(RuntimeError, match="Pick what is to be sharp first"):
-        bpy.ops.virtual_aperture.inspect_frame()
-    settings.focus_distance, settings.views = 6.0, 4
-    theirs = bpy.data.images.new("depth", 8, 8)
-    assert bpy.ops.virtual_aperture.inspect_frame() == {"FINISHED"}
-    images = ui.shown()
-    assert tuple(images) == NAMES
-    assert [image.name for image in images.values()] == [f"VA {name}" for name in NAMES]
-    assert tuple(images["depth"].size) == (160, 120) and tuple(images["layers"].size) == (320, 120)
-    assert not any(image.is_dirty for image in images.values())
-    before = np.array(images["blur"].pixels)
-    assert before.reshape(-1, 4)[:, 3].min() == 1 and np.ptp(before) > 0.5
-    settings.focus_distance = 4.0
-    scene.render.resolution_percentage = 50
-    assert bpy.ops.virtual_aperture.inspect_frame() == {"FINISHED"}
-    assert {name: image.as_pointer() for name, image in ui.shown().items()} == {
-        name: image.as_pointer() for name, image in images.items()
-    }
-    assert tuple(images["depth"].size) == (80, 60) and len(images["blur"].pixels) == 80 * 60 * 4
-    settings.method = "features"
-    assert bpy.ops.virtual_aperture.inspect_frame() == {"FINISHED"}
-    assert "confidence" not in ui.shown() and "layers" not in ui.shown()
-    assert theirs.name == "depth" and tuple(theirs.size) == (8, 8)
-
-
-def test_what_goes_wrong_leaves_the_images(scene: bpy.types.Scene, tmp_path: Path) -> None:
-    shot = slanted_shot(tmp_path, PLAIN)
-    settings = build(scene, shot.footage, shot.reconstruction)
-    settings.focus_distance, settings.views, settings.method = 8.0, 4, "features"
-    bpy.ops.virtual_aperture.inspect_frame()
-    pixels = np.array(ui.shown()["depth"].pixels)
-    scene.render.resolution_x = 500
-    with pytest.raises(RuntimeError, match="another shape"):
-        bpy.ops.virtual_aperture.inspect_frame()
-    np.testing.assert_array_equal(np.array(ui.shown()["depth"].pixels), pixels)
-    # Nobody listens any more.
-    scene.render.resolution_x = 160
-    scene.render.filepath = str(tmp_path / "a.png")
-    settings.focus_distance = 5.0
-    bpy.ops.render.render(write_still=True)
-    np.testing.assert_array_equal(np.array(ui.shown()["depth"].pixels), pixels)
-
-
-def test_the_button_is_in_a_closed_panel(scene: bpy.types.Scene) -> None:
-    panel = panels.render.VIRTUAL_APERTURE_PT_debug
-    assert panel.bl_parent_id == "VIRTUAL_APERTURE_PT_render" and "DEFAULT_CLOSED" in panel.bl_options
-    ui.show({"blur": np.zeros((4, 6, 3), np.uint8)})
-    layout = Recorder()
-    panel.draw(type("Self", (), {"layout": layout})(), bpy.context)
-    assert layout.operators[0] == "virtual_aperture.inspect_frame"
-    assert "UNDO" in bpy.types.VIRTUAL_APERTURE_OT_inspect_frame.bl_options
-
-
-def test_pictures_keep_their_way_up(registered: None) -> None:
-    picture = np.zeros((4, 6, 3), np.uint8)
-    picture[0, :, 0], picture[3, :, 2] = 255, 128
-    assert ui.show({"depth": picture}) == ["VA depth"]
-    pixels = np.array(ui.shown()["depth"].pixels).reshape(4, 6, 4)
-    np.testing.assert_allclose(pixels[3, 0], [1, 0, 0, 1])
-    np.testing.assert_allclose(pixels[0, 0], [0, 0, 128 / 255, 1], atol=1e-6)
-    assert ui.show({}) == [] and not ui.shown()
 
 
 # On the command line

@@ -9,7 +9,7 @@ import cv2
 import pytest
 
 from addon.cli.main import run_command
-from addon.core.lens.focus import Focus, largest_discs
+from addon.core.focus.focus import Focus, largest_discs
 from addon.core.media.clip import to_linear
 
 from ..scenes import LENS, slanted_plane, write_frames
@@ -54,17 +54,17 @@ def test_a_place_is_in_the_frame_that_is_asked_for(
     assert "away at frame 2, from points" in capsys.readouterr().out
 
 
-def test_an_error_takes_the_place_of_the_number_of_views(
+def test_a_target_psnr_takes_the_place_of_the_number_of_views(
     work: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     lens = ("--focus-distance", "6", "--blur", "0.02", "--method", "features", "--frames", "2")
-    told = ["render", str(work), *lens, "--out", str(tmp_path / "o" / "####.png"), "--error", "35"]
+    told = ["render", str(work), *lens, "--out", str(tmp_path / "o" / "####.png"), "--target-psnr", "35"]
     report = tmp_path / "report.json"
     assert run_command([*told, "--report", str(report)]) == 0
     assert "as many views as 35 dB take" in capsys.readouterr().out
     (frame,) = json.loads(report.read_text())["frames"]
     assert frame["views"] >= 4
-    # Another error is another picture.
+    # Another PSNR is another picture.
     assert run_command([*told[:-1], "50"]) == 1
     assert "made from something else" in capsys.readouterr().err
 
@@ -119,16 +119,16 @@ def test_discs_are_those_of_the_lens() -> None:
 @pytest.mark.parametrize(
     ("wrong", "why"),
     [
-        (("--highlights", "bright"), "'bright' are not understood"),
-        (("--highlights", "-1"), "must not be negative"),
-        (("--highlight-threshold", "97"), "at most 1"),
+        (("--highlights", "bright"), "'bright' is not a number; it can also be off"),
+        (("--highlights", "-1"), "highlights cannot be -1; give a number from 0 to 1000"),
+        (("--highlight-threshold", "97"), "clipping threshold cannot be 97; give a number from 0.1 to 1"),
     ],
 )
 def test_highlights_that_mean_nothing_are_refused(
     work: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], wrong: tuple[str, str], why: str
 ) -> None:
     lens = ("--focus-distance", 6, "--method", "features", *wrong)
-    assert run("render", work, *lens, "--out", tmp_path / "o" / "####.png") == 1
+    assert run("render", work, *lens, "--out", tmp_path / "o" / "####.png") == 2
     assert why in capsys.readouterr().err
 
 

@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 import pytest
 
-from addon.core.lens.focus import Focus
-from addon.core.lens.thin_lens import ACCEPTABLE
+from addon.core.focus.focus import Focus
+from addon.core.optics.thin_lens import ACCEPTABLE
 from addon.scene.lens import focus_of
 
 from ..scenes import LENS
@@ -27,7 +27,7 @@ def test_a_plane_through_points_of_the_scene_leaves_it_sharp(
     lens = ("--method", "features", "--aperture-radius", 0.3, "--frames", 3)
     out = tmp_path / "o" / "####.png"
     assert run("render", work, "--focus-plane", *PLANE, *lens, "--out", out) == 0
-    assert "sharp at frame 1 on the optical axis: from " in capsys.readouterr().out
+    assert "sharp at frame 3 on the optical axis: from " in capsys.readouterr().out
     assert run("render", work, "--focus-distance", 8, *lens, "--out", tmp_path / "p" / "####.png") == 0
     source, tilted, straight = (
         cv2.imread(str(path)).astype(float)

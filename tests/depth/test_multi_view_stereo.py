@@ -29,7 +29,7 @@ HALF_LEVEL = 0.02
 
 def dense(reconstruction: Reconstruction, pictures: Sequence[Picture], frame: int = MIDDLE) -> DenseDepth:
     result = PlaneSweepStereo(reconstruction, lambda number: pictures[number - 1]).at(frame)
-    shape = (result.lens.height, result.lens.width)
+    shape = (result.pinhole.height, result.pinhole.width)
     assert result.inverse_depth.shape == result.confidence.shape == result.moving.shape == shape
     assert np.all(np.isfinite(result.inverse_depth)) and np.all(result.inverse_depth >= 0)
     assert np.all((result.confidence >= 0) & (result.confidence <= 1))
@@ -102,8 +102,8 @@ def test_distortion_is_taken_out(pictures: list[Picture]) -> None:
     at = (lens.pinhole_pixels(grid) - 0.5).astype(np.float32)
     bent = [cv2.remap(p, at, None, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT) for p in pictures]
     result = dense(poses(CENTRES, features(), lens), bent)
-    assert result.lens == Canvas(lens).pinhole
-    off = error(result, truth(CENTRES[MIDDLE - 1], result.lens))
+    assert result.pinhole == Canvas(lens).pinhole
+    off = error(result, truth(CENTRES[MIDDLE - 1], result.pinhole))
     # The mirrored margin that the remapping made is no part of the scene.
     inner = off[20:-20, 20:-20]
     assert np.median(inner) < HALF_LEVEL and np.mean(inner > 0.05) < 0.05
@@ -114,8 +114,8 @@ def test_the_size_worked_at_is_bounded(pictures: list[Picture]) -> None:
         poses(CENTRES, features()), lambda frame: pictures[frame - 1], options=StereoOptions(long_side=160)
     ).at(MIDDLE)
     assert result.inverse_depth.shape == (120, 160)
-    assert result.lens == LENS.scaled(160, 120)
-    assert np.median(error(result, truth(CENTRES[MIDDLE - 1], result.lens))) < 0.02
+    assert result.pinhole == LENS.scaled(160, 120)
+    assert np.median(error(result, truth(CENTRES[MIDDLE - 1], result.pinhole))) < 0.02
 
 
 @pytest.mark.parametrize("kind", ("as stored", "16 bits", "linear"))

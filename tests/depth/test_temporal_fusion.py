@@ -286,7 +286,7 @@ def test_a_clips_depth_is_steadier_than_that_of_its_frames() -> None:
     print(f"error {off[0] / RANGE:.4f} alone, {off[1] / RANGE:.4f} fused, of the range")
     assert changes[1] < changes[0]
     assert off[1] < 1.1 * off[0]
-    assert (fused_depth[0].lens.width, fused_depth[0].lens.height) == planes.SIZE
+    assert (fused_depth[0].pinhole.width, fused_depth[0].pinhole.height) == planes.SIZE
 
 
 # Key frames

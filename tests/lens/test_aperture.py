@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from addon.core.base.errors import UserError
-from addon.core.lens.aperture import Aperture, ApertureImage, ApertureSamples, aperture_samples
-from addon.core.lens.aperture_sampling import centroidal_disc
+from addon.core.optics.aperture import Aperture, ApertureImage, ApertureSamples, aperture_samples
+from addon.core.optics.aperture_sampling import centroidal_disc
 
 SIZE = 400
 

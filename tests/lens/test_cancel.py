@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from addon.core.base.progress import Cancelled, reporting
-from addon.core.lens.focus import Focus
-from addon.core.lens.frame import WarpedFrame, warp_frame
-from addon.core.lens.plan import LensSettings
+from addon.core.focus.focus import Focus
+from addon.core.frame.plan import FrameOptions
+from addon.core.frame.warped_frame import WarpedFrame, warp_frame
 from addon.core.media.clip import open_footage, to_linear
 from addon.scene.shot import Shot
 
@@ -37,7 +37,7 @@ def fresh(folder: Path) -> Shot:
 
 
 def warped(shot: Shot) -> WarpedFrame:
-    lens = LensSettings(Focus(distance=4.0), 0.2, 8)
+    lens = FrameOptions(Focus(distance=4.0), 0.2, 8)
     size = shot.footage.width, shot.footage.height
     return warp_frame(shot.context, MIDDLE, lens, size, to_linear(shot.read(MIDDLE)))
 

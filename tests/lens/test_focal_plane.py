@@ -7,8 +7,8 @@ import pytest
 
 from addon.core.base.errors import UserError
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction, rotation_matrix
-from addon.core.lens.focus import Focus, blur_for_radius, radius_for_blur, sharp_distances
-from addon.core.lens.thin_lens import ACCEPTABLE, ThinLens
+from addon.core.focus.focus import Focus, blur_for_radius, radius_for_blur, sharp_distances
+from addon.core.optics.thin_lens import ACCEPTABLE, ThinLens
 
 LENS = Intrinsics(192, 108, 180.0, 170.0, 99.0, 51.0)
 XYZ = np.array([[-1.0, -0.5, 6.0], [1.2, -0.4, 4.0], [0.1, 0.9, 5.0], [0.5, -1.0, 5.2], [0.2, 0.2, 9.0]])

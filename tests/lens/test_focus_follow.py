@@ -12,11 +12,11 @@ import pytest
 from addon.core.base.arrays import Bytes
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
 from addon.core.depth.multi_view_stereo import DenseDepth
-from addon.core.lens.clip_context import ClipContext
-from addon.core.lens.focus import Focus
-from addon.core.lens.focus_follow import follow
-from addon.core.lens.focus_place import Place, find_place
-from addon.core.lens.focus_pull import FocusMark, inverse_depths, pull
+from addon.core.focus.focus import Focus
+from addon.core.focus.follow import follow
+from addon.core.focus.place import Place
+from addon.core.focus.pull import FocusMark, inverse_depths, pull
+from addon.core.frame.clip_context import ClipContext
 
 from ..scenes import texture
 
@@ -95,7 +95,7 @@ def filmed(has_post: bool = False, gone: int = 99) -> Filmed:
 def followed(clip: Filmed) -> dict[int, float]:
     depth, right = card(PICKED)
     place = LENS.project(np.array([[right, 0.1, depth]]))[0]
-    return follow(clip, PICKED, place, 1 / depth)
+    return follow(clip.reconstruction, clip.depth_source(), clip.read, PICKED, place, 1 / depth)
 
 
 @pytest.mark.parametrize("has_post", [False, True], ids=["seen", "hidden for a while"])
@@ -127,10 +127,10 @@ def test_what_is_lost_keeps_its_last_distance() -> None:
 def test_a_pick_on_a_mover_is_followed_and_can_be_pulled_to() -> None:
     clip = filmed()
     depth, right = card(PICKED)
-    found = find_place(clip, PICKED, (160 + 280 * right / depth) / SIZE[0], 0.5)
+    found = clip.places(PICKED).find((160 + 280 * right / depth) / SIZE[0], 0.5)
     assert "it moves by itself and is followed from frame" in found.source
     assert found.followed[5] == pytest.approx(card(5)[0], rel=0.01)
-    wall = find_place(clip, 3, 0.95, 0.5)
+    wall = clip.places(3).find(0.95, 0.5)
     assert wall.distance == pytest.approx(WALL, rel=1e-3)
     told = pull([FocusMark.of(wall), FocusMark.of(found)], clip.reconstruction, FRAMES)
     assert told[2] == pytest.approx(WALL, rel=1e-3)

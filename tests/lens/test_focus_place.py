@@ -10,8 +10,8 @@ import pytest
 
 from addon.cli.main import run_command
 from addon.core.base.errors import UserError
-from addon.core.lens.focus_place import NEAR, find_place
-from addon.core.lens.focus_pull import inverse_depths
+from addon.core.focus.place import NEAR
+from addon.core.focus.pull import inverse_depths
 from addon.core.media.clip import open_footage
 from addon.core.readers.colmap_export import write_model
 from addon.scene.shot import Shot
@@ -39,7 +39,7 @@ def shot(footage: Path) -> Shot:
 
 
 def test_a_place_without_points_has_its_dense_depth(shot: Shot) -> None:
-    found = find_place(shot.context, FRAME, *BARE)
+    found = shot.context.places(FRAME).find(*BARE)
     depth = PLANE - CENTRES[FRAME - 1, 2]
     assert found.distance == pytest.approx(depth, rel=0.02)
     assert found.focus.points == () and found.focus.distance == found.distance
@@ -53,7 +53,7 @@ def test_a_place_without_points_has_its_dense_depth(shot: Shot) -> None:
 def test_a_place_amid_points_is_theirs() -> None:
     rng = np.random.default_rng(0)
     xyz = np.column_stack([rng.uniform(0.6, 1.5, 80), rng.uniform(-1, 1, 80), np.full(80, 4.0)])
-    found = find_place(Shot(None, poses(CENTRES, xyz)).context, FRAME, *BESIDE)  # type: ignore[arg-type]
+    found = Shot(None, poses(CENTRES, xyz)).context.places(FRAME).find(*BESIDE)  # type: ignore[arg-type]
     assert len(found.focus.points) == 4
     assert found.distance == pytest.approx(4.0, rel=1e-6)
     assert found.source.startswith("points ") and "px of the place" in found.source
@@ -67,7 +67,7 @@ def test_where_nothing_is_known_it_is_refused(tmp_path: Path) -> None:
     points = features()
     corner = points[(points[:, 2] == 4) & (points[:, 1] < -0.3)]
     with pytest.raises(UserError, match=r"0\.1,0\.9 of frame 5: its points are 2\d\d px away, .* not sure"):
-        find_place(Shot(footage, poses(CENTRES, corner)).context, FRAME, 0.1, 0.9)
+        Shot(footage, poses(CENTRES, corner)).context.places(FRAME).find(0.1, 0.9)
 
 
 def test_the_command_line_says_how_far_and_follows(

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
-from addon.core.lens.focus import Focus
-from addon.core.lens.focus_place import Place
-from addon.core.lens.focus_pull import FocusMark, smoothstep, unseen
-from addon.core.lens.focus_pull import pull as pull_marks
+from addon.core.focus.focus import Focus
+from addon.core.focus.place import Place
+from addon.core.focus.pull import FocusMark, smoothstep, unseen
+from addon.core.focus.pull import pull as pull_marks
 from sample_scenes import rack
 from sample_scenes.filming import true_cameras
 

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from addon.core.base.arrays import LinearRGBA
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Intrinsics
-from addon.core.depth.source import PixelDepth
-from addon.core.lens.clip_context import ClipContext
-from addon.core.lens.focus import Focus
-from addon.core.lens.frame import FEWEST_SURE, SURE, WarpedFrame, warp_frame
-from addon.core.lens.plan import LensSettings
+from addon.core.depth.source import SURE, PixelDepth
+from addon.core.focus.focus import Focus
+from addon.core.frame.clip_context import ClipContext
+from addon.core.frame.plan import FrameOptions
+from addon.core.frame.warped_frame import FEWEST_SURE, WarpedFrame, warp_frame
 from addon.core.media.clip import to_linear
 
 from ..scenes import slanted_plane, texture
@@ -59,13 +59,13 @@ def warped(
     confidence: NDArray[np.float32], radius: float = 0.5, method: str = "layers", borrow: bool = False
 ) -> tuple[WarpedFrame, ByHand]:
     depth = ByHand(confidence)
-    lens = LensSettings(Focus(distance=FOCUS), radius, 8, method, borrow=borrow)
+    lens = FrameOptions(Focus(distance=FOCUS), radius, 8, method, borrow=borrow)
     return warp_frame(clip(depth), 2, lens, SIZE, SOURCE), depth
 
 
 @pytest.mark.parametrize("borrow", [False, True])
 def test_layers_are_the_default(borrow: bool) -> None:
-    assert LensSettings(Focus(distance=FOCUS), 0.5).method == "layers"
+    assert FrameOptions(Focus(distance=FOCUS), 0.5).method == "layers"
     made, depth = warped(sure_in(1.0), borrow=borrow)
     assert (made.method, made.why) == ("layers", "") and made.is_whole
     assert depth.asked == [2] and made.plan.frame == 2
@@ -103,7 +103,7 @@ def test_discs_that_leave_nothing_take_the_features_and_say_so() -> None:
 @pytest.mark.parametrize("method", ["features", "thesis", "grid", "edges"])
 def test_a_method_that_is_asked_for_is_used(method: str) -> None:
     picks = Focus(points=(3, 9, 30, 60))
-    lens = LensSettings(picks, 0.5, 8, method)
+    lens = FrameOptions(picks, 0.5, 8, method)
     depth = ByHand(sure_in(0))
     made = warp_frame(clip(depth), 2, lens, SIZE, SOURCE)
     assert (made.method, made.why) == (method, "")
@@ -117,7 +117,7 @@ def test_edges_follow_the_picture() -> None:
     picture[..., 3] = 1
     picture[:, 90:, :3] = 0.8
     depth = ByHand(sure_in(0))
-    lens = LensSettings(Focus(distance=FOCUS), 3.0, 8, "edges")
+    lens = FrameOptions(Focus(distance=FOCUS), 3.0, 8, "edges")
     plane = clip(depth, 4.0, 30.0)
     along = warp_frame(plane, 2, lens, SIZE, picture).plan.mesh
     flat = warp_frame(plane, 2, lens, SIZE, np.full_like(picture, 0.3)).plan.mesh

@@ -9,8 +9,8 @@ import pytest
 from addon.core.base.arrays import Floats, LinearRGB, Map
 from addon.core.base.errors import UserError
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
-from addon.core.lens.clip_context import ClipContext, no_picture
-from addon.core.lens.highlights import RESTORED, HighlightSettings
+from addon.core.frame.clip_context import ClipContext, no_picture
+from addon.core.frame.highlights import RESTORED, HighlightSettings
 from addon.core.media.clip import decode_srgb, encode_srgb, to_linear
 from addon.core.media.picture_file import Pixels
 from addon.core.warp.highlights import highlights, point_spread
@@ -45,10 +45,12 @@ def alone() -> Reconstruction:
 
 def sideways(count: int) -> Reconstruction:
     """Cameras that go to the right, 0.01 a frame."""
-    lens = Intrinsics(*SIZE, 300.0, 300.0, SIZE[0] / 2, SIZE[1] / 2)
+    camera = Intrinsics(*SIZE, 300.0, 300.0, SIZE[0] / 2, SIZE[1] / 2)
     nothing = np.zeros((0, 2)), np.zeros(0, np.int32)
     images = tuple(Image(n + 1, np.eye(3), np.array([-0.01 * n, 0.0, 0.0]), *nothing) for n in range(count))
-    return Reconstruction((lens,), images, Points(np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros(0)))
+    return Reconstruction(
+        (camera,), images, Points(np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros(0))
+    )
 
 
 def restored(stored: Pixels, settings: HighlightSettings = RESTORED) -> Map:

@@ -12,11 +12,10 @@ from numpy.typing import NDArray
 
 from addon.core.base.arrays import LinearRGB, LinearRGBA, Mask
 from addon.core.camera.reconstruction import Intrinsics
-from addon.core.lens import inspection
-from addon.core.lens.clip_context import ClipContext, no_picture
-from addon.core.lens.focus import Focus
-from addon.core.lens.frame import WarpedFrame, warp_frame
-from addon.core.lens.inspection import (
+from addon.core.focus.focus import Focus
+from addon.core.frame import inspection
+from addon.core.frame.clip_context import ClipContext, no_picture
+from addon.core.frame.inspection import (
     NAMES,
     _encoded,
     blur_discs,
@@ -25,8 +24,9 @@ from addon.core.lens.inspection import (
     pictures,
     source_frame,
 )
-from addon.core.lens.plan import LensSettings
-from addon.core.lens.report import Used, frame_report, mesh_error, summary
+from addon.core.frame.plan import FrameOptions
+from addon.core.frame.report import Used, frame_report, mesh_error, summary
+from addon.core.frame.warped_frame import WarpedFrame, warp_frame
 from addon.core.media.clip import to_linear
 from addon.core.warp.layered_depth_image import Fill
 from addon.core.warp.layered_mesh import LayeredMeshOptions
@@ -154,15 +154,15 @@ def test_few_views_tell_the_shares_of_many() -> None:
     assert source_frame(eight).plan is eight.plan
 
 
-def plane(lens: Intrinsics = PLAIN) -> ClipContext:
+def plane(camera: Intrinsics = PLAIN) -> ClipContext:
     """A slanted plane for the methods that need no depth of every pixel."""
-    return ClipContext(slanted_plane(lens), no_picture)
+    return ClipContext(slanted_plane(camera), no_picture)
 
 
 @pytest.mark.parametrize("method", ["features", "thesis", "grid", "edges"])
 def test_a_single_surface_is_the_frames_own_but_for_the_border(method: str) -> None:
     source = to_linear(texture(160, 90))
-    lens = LensSettings(Focus(points=(3, 9, 30, 60)), 0.5, 24, method)
+    lens = FrameOptions(Focus(points=(3, 9, 30, 60)), 0.5, 24, method)
     warped = warp_frame(plane(), 2, lens, (160, 90), source)
     shares = shares_of(warped, source)
     assert shares[..., GREEN].max() == 0
@@ -186,7 +186,7 @@ def test_a_single_surface_is_the_frames_own_but_for_the_border(method: str) -> N
 def test_a_very_wide_aperture() -> None:
     """The mesh reaches past the border by more than a texture can."""
     source = to_linear(texture(160, 90))
-    lens = LensSettings(Focus(distance=8.0), 60.0, 24, "features")
+    lens = FrameOptions(Focus(distance=8.0), 60.0, 24, "features")
     warped = warp_frame(plane(), 2, lens, (160, 90), source)
     painted = source_frame(warped)
     assert max(painted.texture.shape) <= inspection.LARGEST_TEXTURE + 1
@@ -197,7 +197,7 @@ def test_a_very_wide_aperture() -> None:
 def test_pictures_have_the_geometry_of_a_bent_lens() -> None:
     bent = replace(PLAIN, k1=-0.1)
     source = to_linear(texture(160, 90))
-    lens = LensSettings(Focus(distance=8.0), 0.5, 8, "features")
+    lens = FrameOptions(Focus(distance=8.0), 0.5, 8, "features")
     warped = warp_frame(plane(bent), 2, lens, (160, 90), source)
     assert (warped.plan.canvas.pinhole.width, warped.plan.canvas.pinhole.height) != (160, 90)
     shares = shares_of(warped, source)
@@ -373,7 +373,7 @@ def test_a_run_in_one_line() -> None:
 def test_what_is_in_focus_is_clear_and_the_rest_is_tinted() -> None:
     source = np.full((90, 160, 4), 0.2, np.float32)
     warped = warp_frame(
-        plane(), 2, LensSettings(Focus(points=(3, 9, 30, 60)), 0.5, 8, "features"), (160, 90), source
+        plane(), 2, FrameOptions(Focus(points=(3, 9, 30, 60)), 0.5, 8, "features"), (160, 90), source
     )
     shown = picture("focus", warped, source)
     assert shown is not None

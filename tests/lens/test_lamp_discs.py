@@ -12,13 +12,13 @@ from addon.core.base.arrays import Floats, LinearRGBA, Map
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.depth.source import PixelDepth
-from addon.core.lens.aperture import Aperture
-from addon.core.lens.clip_context import ClipContext
-from addon.core.lens.focus import Focus
-from addon.core.lens.frame import WarpedFrame, mesh_frame
-from addon.core.lens.highlights import HighlightSettings
-from addon.core.lens.lamp_discs import BRIGHT, MOST, without_lamps
-from addon.core.lens.plan import LensSettings
+from addon.core.focus.focus import Focus
+from addon.core.frame.clip_context import ClipContext
+from addon.core.frame.highlights import HighlightSettings
+from addon.core.frame.lamp_discs import BRIGHT, MOST, without_lamps
+from addon.core.frame.plan import FrameOptions
+from addon.core.frame.warped_frame import WarpedFrame, mesh_frame
+from addon.core.optics.aperture import Aperture
 
 from ..scenes import slanted_plane, texture
 
@@ -59,7 +59,7 @@ def with_lamp(picture: LinearRGBA, x: int, y: int, light: float = 40.0) -> Linea
 def drawn(
     picture: LinearRGBA, inverse: Floats, views: int = 16, gain: float = 1.0, **shape: float
 ) -> WarpedFrame:
-    lens = LensSettings(
+    lens = FrameOptions(
         Focus(distance=FOCUS), RADIUS, borrow=False, aperture=Aperture(**shape),  # type: ignore[arg-type]
         highlights=HighlightSettings(gain),
     )  # fmt: skip

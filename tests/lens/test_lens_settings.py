@@ -9,10 +9,10 @@ import pytest
 
 from addon.core.base.errors import UserError
 from addon.core.camera.reconstruction import Intrinsics
-from addon.core.lens.focus import Focus, blur_for_radius, radius_for_blur
+from addon.core.focus.focus import Focus, blur_for_radius, radius_for_blur
 from addon.scene import lens
 from addon.scene.build import build
-from addon.scene.lens import lens_settings
+from addon.scene.lens import frame_options
 from addon.scene.shot import Shot
 
 from ..in_blender import select
@@ -38,7 +38,7 @@ def radii(scene: bpy.types.Scene, shot: Shot) -> list[float]:
     for frame in shot.footage.frames:
         scene.frame_set(frame)
         evaluated = scene.evaluated_get(bpy.context.evaluated_depsgraph_get())
-        found.append(lens_settings(evaluated.virtual_aperture, shot.reconstruction).radius)
+        found.append(frame_options(evaluated.virtual_aperture, shot.reconstruction).radius)
     return found
 
 

@@ -11,9 +11,10 @@ from addon.core.base.errors import UserError
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
 from addon.core.depth.sparse import frame_features
-from addon.core.lens.aperture_sampling import random_disc, views_needed, vogel_disc
-from addon.core.lens.focus import Focus, pick, radius_for_blur
-from addon.core.lens.plan import LensSettings
+from addon.core.focus.focus import Focus, radius_for_blur
+from addon.core.focus.picking import pick
+from addon.core.frame.plan import FrameOptions
+from addon.core.optics.aperture_sampling import random_disc, views_needed, vogel_disc
 from addon.core.warp.mesh import delaunay
 
 from ..scenes import planned, slanted_plane, texture
@@ -32,7 +33,7 @@ def scaled(rec: Reconstruction, factor: float) -> Reconstruction:
 def test_the_picture_does_not_depend_on_the_scenes_scale(method: str, factor: float) -> None:
     rec = slanted_plane(LENS)
     focus = Focus(points=(3, 20, 50, 70))
-    lens = LensSettings(focus, radius_for_blur(rec, focus, 1, 0.04), 24, method)
+    lens = FrameOptions(focus, radius_for_blur(rec, focus, 1, 0.04), 24, method)
     big = scaled(rec, factor)
     lens_big = replace(lens, radius=radius_for_blur(big, focus, 1, 0.04))
     a, b = planned(rec, 1, lens, SIZE), planned(big, 1, lens_big, SIZE)
@@ -45,7 +46,7 @@ def test_the_picture_does_not_depend_on_the_scenes_scale(method: str, factor: fl
 def test_displacement_is_a_projection_from_a_moved_camera() -> None:
     """Against a projection written out in three dimensions, without inverse depths."""
     rec = slanted_plane(LENS)
-    plan = planned(rec, 2, LensSettings(Focus(distance=8.0), 0.3, 16), SIZE)
+    plan = planned(rec, 2, FrameOptions(Focus(distance=8.0), 0.3, 16), SIZE)
     features = frame_features(rec, 2, plan.canvas)
     image, _ = rec.image_at(2)
     local = image.to_camera(rec.points.xyz[features.points])
@@ -75,7 +76,7 @@ def test_blur_is_the_disc_of_the_farthest_background() -> None:
 
 def test_features_in_focus_do_not_move_and_unpinned_corners_do() -> None:
     rec = slanted_plane(LENS)
-    plan = planned(rec, 1, LensSettings(Focus(distance=7.0), 0.4, 32), SIZE)
+    plan = planned(rec, 1, FrameOptions(Focus(distance=7.0), 0.4, 32), SIZE)
     moved = plan.displace(plan.mesh.xy, plan.mesh.inverse_depth) - plan.mesh.xy
     disc = 2 * 0.4 * 270 * np.abs(plan.mesh.inverse_depth - 1 / 7.0)
     length = np.linalg.norm(moved, axis=2).max(axis=0)
@@ -87,7 +88,7 @@ def test_features_in_focus_do_not_move_and_unpinned_corners_do() -> None:
 
 def test_the_thesis_pins_corners_before_registration() -> None:
     rec = slanted_plane(LENS)
-    plan = planned(rec, 1, LensSettings(Focus(points=(1, 2, 3, 4)), 0.3, 8, "thesis", 5), SIZE)
+    plan = planned(rec, 1, FrameOptions(Focus(points=(1, 2, 3, 4)), 0.3, 8, "thesis", 5), SIZE)
     corners = plan.mesh.xy[-4:]
     assert {tuple(c) for c in corners} == {(0, 0), (320, 0), (0, 180), (320, 180)}
     placed = plan.displace(corners, plan.mesh.inverse_depth[-4:])
@@ -100,7 +101,7 @@ def test_the_thesis_pins_corners_before_registration() -> None:
 def test_the_thesis_registration_is_the_least_squares_one() -> None:
     rec = slanted_plane(LENS)
     focus = Focus(points=(1, 40, 80, 120))
-    plan = planned(rec, 1, LensSettings(focus, 0.3, 8, "thesis", 5), SIZE)
+    plan = planned(rec, 1, FrameOptions(focus, 0.3, 8, "thesis", 5), SIZE)
     features = frame_features(rec, 1, plan.canvas)
     at = np.isin(features.points, focus.points)
     start, inverse = features.observed[at], features.inverse_depth[at]
@@ -218,14 +219,14 @@ def test_picking_on_a_slope_focuses_where_it_was_clicked() -> None:
     ],
 )
 def test_settings_that_mean_nothing_are_refused(change: dict, message: str) -> None:
-    lens = replace(LensSettings(Focus(distance=8.0), 0.1, 8), **change)
+    lens = replace(FrameOptions(Focus(distance=8.0), 0.1, 8), **change)
     with pytest.raises(UserError, match=message):
         planned(slanted_plane(LENS), 1, lens, SIZE)
 
 
 def test_an_unregistered_frame_gets_a_camera_between_its_neighbours() -> None:
     rec = slanted_plane(LENS, frames=(1, 5))
-    plan = planned(rec, 3, LensSettings(Focus(distance=8.0), 0.1, 8), SIZE)
+    plan = planned(rec, 3, FrameOptions(Focus(distance=8.0), 0.1, 8), SIZE)
     assert plan.pose_interpolated and len(plan.mesh.triangles) > 50
     middle, _ = rec.image_at(3)
     assert np.allclose(middle.centre, (rec.images[0].centre + rec.images[1].centre) / 2)

@@ -15,12 +15,12 @@ from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.depth.depth_store import DepthStore, KeptDepth
 from addon.core.depth.source import PixelDepth
-from addon.core.lens.clip_context import ClipContext
-from addon.core.lens.detail import enlarged
-from addon.core.lens.focus import Focus
-from addon.core.lens.frame import forecast, mesh_frame
-from addon.core.lens.plan import LensSettings
-from addon.core.lens.quality import DRAFT, FINAL, NORMAL, QUALITIES, Quality
+from addon.core.focus.focus import Focus
+from addon.core.frame.clip_context import ClipContext
+from addon.core.frame.detail import enlarged
+from addon.core.frame.plan import FrameOptions
+from addon.core.frame.quality import DRAFT, FINAL, NORMAL, QUALITIES, Quality
+from addon.core.frame.warped_frame import forecast, mesh_frame
 from addon.core.media.clip import to_linear
 from addon.render.average import Drawn, render_frame
 
@@ -51,8 +51,8 @@ def clip() -> ClipContext:
     return ClipContext(slanted_plane(LENS, near=5.0, far=12.0), lambda frame: PICTURE, HalfInFocus())
 
 
-def lens(quality: Quality, views: int = 0) -> LensSettings:
-    return LensSettings(Focus(distance=FOCUS), 0.7, views, borrow=False, quality=quality)
+def lens(quality: Quality, views: int = 0) -> FrameOptions:
+    return FrameOptions(Focus(distance=FOCUS), 0.7, views, borrow=False, quality=quality)
 
 
 def rendered(quality: Quality) -> tuple[NDArray[np.float32], Drawn]:
@@ -97,7 +97,7 @@ def test_a_quality_multiplies_the_automatic_number_of_views_alone() -> None:
 
 def test_other_methods_are_drawn_at_the_whole_size() -> None:
     drawn: list[Drawn] = []
-    settings = LensSettings(Focus(distance=FOCUS), 0.3, 4, "features", quality=DRAFT)
+    settings = FrameOptions(Focus(distance=FOCUS), 0.3, 4, "features", quality=DRAFT)
     render_frame(clip(), 2, settings, SIZE, lambda note: None, drawn.append)
     assert drawn[0].source.shape == (90, 160, 4)
 
@@ -108,7 +108,7 @@ def test_a_draft_takes_depth_that_is_kept_of_normal_and_nothing_else_does(
 ) -> None:
     bare = ClipContext(slanted_plane(LENS), lambda frame: PICTURE)
     frame, canvas = 2, Canvas(LENS)
-    pinhole = bare.stereo.at(frame).lens
+    pinhole = bare.stereo.at(frame).pinhole
     shape = pinhole.height, pinhole.width
     strange = np.full(shape, 0.5, np.float32)
     strange[0] = 0.25

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from addon.core.camera.reconstruction import Intrinsics, Points, Reconstruction
-from addon.core.lens.focus import Focus
-from addon.core.lens.refocus import carry_focus, depth_ratio
+from addon.core.focus.focus import Focus
+from addon.core.focus.transfer import carry_focus, depth_ratio
 from addon.core.media.clip import open_footage
 from addon.core.sfm.process import SolveProcess
 from addon.scene.build import build

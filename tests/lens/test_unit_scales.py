@@ -14,12 +14,12 @@ from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstr
 from addon.core.depth.multi_view_stereo import PlaneSweepStereo
 from addon.core.depth.sparse import frame_features
 from addon.core.depth.temporal_fusion import past_border
-from addon.core.lens.clip_context import ClipContext
-from addon.core.lens.focus import Focus
-from addon.core.lens.frame import LensSettings, WarpedFrame, mesh_frame
+from addon.core.focus.focus import Focus
+from addon.core.frame.clip_context import ClipContext
+from addon.core.frame.warped_frame import FrameOptions, WarpedFrame, mesh_frame
 from addon.core.media.clip import to_linear
-from addon.render import cycles_views
 from addon.render.average import draw_mean, render_frame
+from sample_scenes import cycles_views
 
 from .. import planes
 from ..scenes import psnr
@@ -48,7 +48,7 @@ def pictures() -> list[np.ndarray]:
 @cache
 def truth() -> Reconstruction:
     """The cameras of the clip, and points that they see on its planes."""
-    lens = Intrinsics(*SIZE, planes.FOCAL / 2, planes.FOCAL / 2, SIZE[0] / 2, SIZE[1] / 2)
+    camera = Intrinsics(*SIZE, planes.FOCAL / 2, planes.FOCAL / 2, SIZE[0] / 2, SIZE[1] / 2)
     rng = np.random.default_rng(5)
     points = np.concatenate(
         [
@@ -61,7 +61,7 @@ def truth() -> Reconstruction:
         centre = np.array([s, 0.2 * s * s, 0.1 * s])
         rotation = cv2.Rodrigues(np.array([0.01 * s, 0.04 * s, 0.0]))[0]
         local = (points - centre) @ rotation.T
-        xy = lens.project(local)
+        xy = camera.project(local)
         seen = np.all((xy > 0) & (xy < SIZE), axis=1)
         for z, (left, right) in planes.PLANES.items():
             # What lies behind this plane is hidden by it.
@@ -71,7 +71,7 @@ def truth() -> Reconstruction:
         rows = np.flatnonzero(seen).astype(np.int32)
         images.append(Image(frame, rotation, -rotation @ centre, xy[rows], rows))
     grey = np.full((len(points), 3), 128, np.uint8)
-    return Reconstruction((lens,), tuple(images), Points(points, grey, np.full(len(points), 0.1)))
+    return Reconstruction((camera,), tuple(images), Points(points, grey, np.full(len(points), 0.1)))
 
 
 def scaled(scale: float) -> Reconstruction:
@@ -98,7 +98,7 @@ class Stages:
 def stages(scale: float, method: str = "layers") -> Stages:
     model = scaled(scale)
     clip = ClipContext(model, lambda frame: pictures()[frame - 1])
-    settings = LensSettings(Focus(distance=FOCUS * scale), RADIUS * scale, 16, method)
+    settings = FrameOptions(Focus(distance=FOCUS * scale), RADIUS * scale, 16, method)
     features = frame_features(model, FRAME, Canvas(model.cameras[0]))
     swept = PlaneSweepStereo(model, clip.read).at(FRAME)
     fused = clip.stereo.at(FRAME)
@@ -167,7 +167,7 @@ def test_other_methods_are_the_same_in_any_unit(scale: float, method: str) -> No
     drawn = [
         render_frame(
             ClipContext(scaled(each), lambda frame: pictures()[frame - 1]), FRAME,
-            LensSettings(Focus(PICKED), RADIUS * each, 4, method), SIZE, lambda note: None,
+            FrameOptions(Focus(PICKED), RADIUS * each, 4, method), SIZE, lambda note: None,
         )
         for each in (1.0, scale)
     ]  # fmt: skip

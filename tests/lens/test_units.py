@@ -20,7 +20,7 @@ from addon.core.camera.reconstruction import (
 from addon.core.readers.colmap_export import read_model, write_model
 from addon.core.sfm.workspace import load_solve
 from addon.render.average import render_frame
-from addon.scene.lens import lens_settings
+from addon.scene.lens import frame_options
 from addon.scene.shot import shot_of
 
 from ..scenes import psnr, slanted_plane, write_frames
@@ -72,7 +72,7 @@ def lens_on_the_command_line(work: Path, focus: float, radius: float) -> np.ndar
     assert run_command(["save", str(work), "--blend", str(blend), *map(str, told)]) == 0
     scene = bpy.context.scene
     shot = shot_of(scene)
-    lens = lens_settings(scene.virtual_aperture, shot.reconstruction)
+    lens = frame_options(scene.virtual_aperture, shot.reconstruction)
     return np.asarray(render_frame(shot.context, 2, lens, (LENS.width, LENS.height), lambda _: None))
 
 

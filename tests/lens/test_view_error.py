@@ -12,13 +12,14 @@ from addon.core.base.arrays import LinearRGBA
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Floats, Intrinsics
 from addon.core.depth.source import PixelDepth
-from addon.core.lens.aperture_sampling import MAX_VIEWS, views_needed, vogel_disc
-from addon.core.lens.clip_context import ClipContext
-from addon.core.lens.focus import Focus, exact_registration
-from addon.core.lens.frame import MeshedFrame, WarpedFrame, mesh_frame
-from addon.core.lens.plan import LensSettings
-from addon.core.lens.view_error import FIRST, PILOT, difference, other_views, views_for_error
+from addon.core.focus.focus import Focus
+from addon.core.frame.clip_context import ClipContext
+from addon.core.frame.plan import FrameOptions
+from addon.core.frame.view_error import FIRST, PILOT, difference, other_views, views_for_error
+from addon.core.frame.warped_frame import MeshedFrame, WarpedFrame, mesh_frame
 from addon.core.media.clip import encode_srgb, to_linear
+from addon.core.optics.aperture_sampling import MAX_VIEWS, views_needed, vogel_disc
+from addon.core.optics.registration import exact_registration
 from addon.render.average import draw_mean, draw_to_error
 from addon.render.gpu_views import gpu_problem
 
@@ -44,7 +45,7 @@ class Step:
 
 def meshed(method: str = "layers", radius: float = 0.5) -> MeshedFrame:
     clip = ClipContext(slanted_plane(LENS, near=4.0, far=16.0), lambda frame: texture(*SIZE), Step())
-    lens = LensSettings(Focus(distance=6.0), radius, method=method, borrow=False)
+    lens = FrameOptions(Focus(distance=6.0), radius, method=method, borrow=False)
     return mesh_frame(clip, 2, lens, SIZE, SOURCE)
 
 
@@ -59,7 +60,7 @@ def plain(frame: MeshedFrame, count: int) -> WarpedFrame:
 
 def shown(warped: WarpedFrame) -> Floats:
     """(H, W, 3) as displayed, without the border."""
-    return displayed(draw_mean(warped, lambda note: None))
+    return displayed(draw_mean(warped))
 
 
 def displayed(mean: LinearRGBA) -> Floats:
@@ -85,7 +86,7 @@ def test_few_prefiltered_views_look_like_many() -> None:
 @needs_gpu
 @pytest.mark.parametrize("wished", [32.0, 38.0, 44.0])
 def test_a_wished_error_is_met(wished: float) -> None:
-    warped, mean = draw_to_error(meshed(), wished, lambda note: None)
+    warped, mean = draw_to_error(meshed(), wished)
     found = psnr(displayed(mean), reference())
     print(f"{wished} dB wished, {found:.1f} dB with {len(warped.plan.offsets)} views")
     assert found > wished - 1
@@ -94,9 +95,7 @@ def test_a_wished_error_is_met(wished: float) -> None:
 
 @needs_gpu
 def test_less_blur_takes_fewer_views() -> None:
-    counts = [
-        len(draw_to_error(meshed(radius=r), 50.0, lambda note: None)[0].plan.offsets) for r in (0.1, 0.8)
-    ]
+    counts = [len(draw_to_error(meshed(radius=r), 50.0)[0].plan.offsets) for r in (0.1, 0.8)]
     assert counts[0] < counts[1]
 
 
@@ -104,7 +103,7 @@ def test_less_blur_takes_fewer_views() -> None:
 def test_other_methods_have_a_wished_error_too() -> None:
     frame = meshed("features")
     many = shown(frame.through(256))
-    _, mean = draw_to_error(frame, 36.0, lambda note: None)
+    _, mean = draw_to_error(frame, 36.0)
     assert psnr(displayed(mean), many) > 35
 
 

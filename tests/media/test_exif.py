@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from addon.core.media.clip import open_footage
-from addon.core.media.exif import photo_lens
+from addon.core.media.exif import photo_data
 from addon.core.sfm.worker import _told
 
 SIZE = (768, 576)
@@ -106,7 +106,7 @@ def test_what_contradicts_the_picture_is_not_believed(
 
 
 def test_a_png_may_have_it_too(tmp_path: Path) -> None:
-    found = photo_lens(photo(tmp_path / "p", exif(**FULL), suffix=".png") / "p_1.png")
+    found = photo_data(photo(tmp_path / "p", exif(**FULL), suffix=".png") / "p_1.png")
     assert found is not None and found.focal(*SIZE) == pytest.approx(FOCAL, rel=1e-3)
 
 

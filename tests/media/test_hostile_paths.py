@@ -180,16 +180,16 @@ def test_pictures_of_absurd_shapes_end_in_a_line(
 def test_pictures_that_blender_cannot_render_are_refused(
     tmp_path: Path, scene: bpy.types.Scene, size: tuple[int, int]
 ) -> None:
-    lens = Intrinsics(*size, 100.0, 100.0, size[0] / 2, size[1] / 2)
-    footage = open_footage(write_frames(tmp_path / "clip", lens))
+    camera = Intrinsics(*size, 100.0, 100.0, size[0] / 2, size[1] / 2)
+    footage = open_footage(write_frames(tmp_path / "clip", camera))
     with pytest.raises(UserError, match="Blender renders no picture with a side of fewer than 4"):
-        build(scene, footage, slanted_plane(lens))
+        build(scene, footage, slanted_plane(camera))
 
 
 def test_a_grid_over_a_tower_is_no_endless_one(tmp_path: Path, scene: bpy.types.Scene) -> None:
-    lens = Intrinsics(16, 3000, 2500.0, 2500.0, 8.0, 1500.0)
-    clip, work = write_frames(tmp_path / "clip", lens), tmp_path / "work"
-    keep(clip, work, lens)
+    camera = Intrinsics(16, 3000, 2500.0, 2500.0, 8.0, 1500.0)
+    clip, work = write_frames(tmp_path / "clip", camera), tmp_path / "work"
+    keep(clip, work, camera)
     options = [*LENS_OPTIONS[:-3], "grid", "--views", 4]
     assert run("render", work, *options, "--frames", 1, "--out", tmp_path / "o" / "####.png") == 0
 

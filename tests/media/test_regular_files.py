@@ -100,7 +100,7 @@ def test_only_files_are_read(
 @pytest.mark.parametrize("make", [pipe, device])
 def test_what_is_no_file_tells_nothing(tmp_path: Path, make: Callable[[Path], Path]) -> None:
     path = make(tmp_path / "a.mp4")
-    assert metadata.equivalent_focal(path) is None and exif.photo_lens(path) is None
+    assert metadata.equivalent_focal(path) is None and exif.photo_data(path) is None
     assert not is_clip(path, "2:" + "0" * 64)
     assert not any(reader.recognises(path) for reader in (nvm, voodoo, bundler))
     assert "cannot be read back" in frame_files.still_problem(path)

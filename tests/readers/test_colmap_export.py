@@ -22,7 +22,7 @@ TEXT = ("cameras.txt", "images.txt", "points3D.txt")
 SIZE = (640, 480)
 
 
-def example(lens: Intrinsics) -> Reconstruction:
+def example(camera: Intrinsics) -> Reconstruction:
     """Three images, the second without a feature, and a point that nobody sees."""
     random = np.random.default_rng(5)
     xyz = random.uniform([-2, -2, 4], [2, 2, 9], (20, 3)) / 3
@@ -31,15 +31,15 @@ def example(lens: Intrinsics) -> Reconstruction:
         rotation = rotation_matrix(random.normal(0, 0.1, 3))
         translation = random.normal(0, 0.1, 3)
         ids = random.permutation(19)[:seen].astype(np.int32)
-        xy = lens.project(xyz[ids] @ rotation.T + translation)
+        xy = camera.project(xyz[ids] @ rotation.T + translation)
         images.append(Image(frame, rotation, translation, xy, ids))
     points = Points(xyz, random.integers(0, 256, (20, 3)).astype(np.uint8), random.uniform(0, 1, 20))
-    return Reconstruction((lens,), tuple(images), points)
+    return Reconstruction((camera,), tuple(images), points)
 
 
-@pytest.mark.parametrize("lens", [PINHOLE, DISTORTED])
-def test_what_is_written_is_read(tmp_path: Path, lens: Intrinsics) -> None:
-    before = example(lens)
+@pytest.mark.parametrize("camera", [PINHOLE, DISTORTED])
+def test_what_is_written_is_read(tmp_path: Path, camera: Intrinsics) -> None:
+    before = example(camera)
     write_model(tmp_path, before)
     assert_same(read_model(tmp_path), before)
 

@@ -276,8 +276,8 @@ def test_damaged_binaries_are_named(
      ("images.txt", 8), ("points3D.txt", 0), ("points3D.txt", 1), ("points3D.txt", 4), ("points3D.txt", 7)],
 )  # fmt: skip
 def test_a_number_with_underscores_is_none(tmp_path: Path, name: str, column: int) -> None:
-    lens = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
-    write_model(tmp_path, slanted_plane(lens, (1, 2, 3), count=50))
+    camera = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
+    write_model(tmp_path, slanted_plane(camera, (1, 2, 3), count=50))
     assert len(colmap.read(tmp_path, (160, 90)).reconstruction.images) == 3
     lines = (tmp_path / name).read_text().splitlines()
     at = next(number for number, line in enumerate(lines) if line and not line.startswith("#"))

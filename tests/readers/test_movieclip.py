@@ -142,10 +142,10 @@ def solved(folder: Path, lens: Lens = Lens(), noise: float = 0.0, path: Path | N
 
 def errors(reconstruction: Reconstruction) -> list[np.ndarray]:
     """Distances between points and their observations by image, in widths of a pixel as Blender counts."""
-    xyz, lens = reconstruction.points.xyz, reconstruction.cameras[0]
+    xyz, camera = reconstruction.points.xyz, reconstruction.cameras[0]
     return [
         np.linalg.norm(
-            (lens.project(i.to_camera(xyz[i.points])) - i.xy) * [1, lens.fx / lens.fy], axis=1
+            (camera.project(i.to_camera(xyz[i.points])) - i.xy) * [1, camera.fx / camera.fy], axis=1
         )
         for i in reconstruction.images
     ]  # fmt: skip
@@ -344,9 +344,9 @@ def test_a_clip_of_another_size_is_scaled(pictures: Path, aspect: float, width: 
     whole = read_movie_clip(shot.clip, shot.footage).reconstruction
     footage = replace(shot.footage, width=width, height=HEIGHT // 2)
     imported = read_movie_clip(shot.clip, footage)
-    half, lens = imported.reconstruction, imported.reconstruction.cameras[0]
-    assert (lens.width, lens.height) == (width, HEIGHT // 2)
-    assert lens.fy / lens.fx == pytest.approx(aspect * (WIDTH // 2) / width, rel=1e-6)
+    half, camera = imported.reconstruction, imported.reconstruction.cameras[0]
+    assert (camera.width, camera.height) == (width, HEIGHT // 2)
+    assert camera.fy / camera.fx == pytest.approx(aspect * (WIDTH // 2) / width, rel=1e-6)
     for one, other in zip(whole.images, half.images, strict=True):
         np.testing.assert_allclose(one.xy * [width / WIDTH, 0.5], other.xy)
     assert max(e.max() for e in errors(half)) < 1e-3

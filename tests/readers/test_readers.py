@@ -111,9 +111,9 @@ def test_voodoo_agrees_with_its_headers_formula(data: Path) -> None:
         y = from_centre @ values[9:12] / depth + 0.5 * (values[17] - 1)
         # Its first pixel's centre is at 0, ours at a half.
         largest = max(largest, float(np.abs(image.xy - np.stack([x, y], axis=1) - 0.5).max()))
-        lens = model.intrinsics(image)
-        assert lens.fy / lens.fx == pytest.approx(values[14] / values[15], abs=1e-8)
-        assert lens.fx == pytest.approx(values[20] / values[14], abs=1e-4)
+        camera = model.intrinsics(image)
+        assert camera.fy / camera.fx == pytest.approx(values[14] / values[15], abs=1e-8)
+        assert camera.fx == pytest.approx(values[20] / values[14], abs=1e-4)
     assert largest < 0.01
     print(f"\nvoodoo: {sum(len(i.points) for i in model.images)} places, largest difference {largest:.1e} px")
 
@@ -265,8 +265,8 @@ def test_bundler_takes_the_size_from_a_picture_beside_it(tmp_path: Path) -> None
     put(tmp_path, "list.txt", "\n".join(NAMES))
     cv2.imwrite(str(tmp_path / NAMES[1]), np.zeros((SIZE[1], SIZE[0], 3), dtype=np.uint8))
     imported = read_reconstruction(tmp_path, foreign.footage(size=(48, 32)))
-    lens = imported.reconstruction.cameras[0]
-    assert (lens.width, lens.height, lens.fx, lens.cx, lens.cy) == (48, 32, 40.0, 24.0, 16.0)
+    camera = imported.reconstruction.cameras[0]
+    assert (camera.width, camera.height, camera.fx, camera.cx, camera.cy) == (48, 32, 40.0, 24.0, 16.0)
     assert misses(imported.reconstruction).max() < 1e-9
     assert any("was solved at 96x64" in note for note in imported.notes)
 
@@ -297,17 +297,17 @@ def test_nvm_is_read_as_it_was_written(tmp_path: Path, header: str, origin: tupl
 @pytest.mark.parametrize("radial", [0.02, 0.17, -0.15, 0.6])
 def test_nvms_radial_parameter_undistorts(tmp_path: Path, radial: float) -> None:
     """VisualSFM's features are where x_u = x_d (1 + r x_d^2) says; our lens agrees to 0.01 pixels."""
-    lens = Intrinsics(2832, 2128, 2975.0, 2975.0, 1416.0, 1064.0)
-    wanted = world(lens)
+    camera = Intrinsics(2832, 2128, 2975.0, 2975.0, 1416.0, 1064.0)
+    wanted = world(camera)
     images = []
     for image in wanted.images:
-        true = (image.xy - lens.principal_point) / lens.focal
+        true = (image.xy - camera.principal_point) / camera.focal
         seen = true.copy()
         for _ in range(100):
             square = (seen * seen).sum(axis=1, keepdims=True)
             seen -= (seen * (1 + radial * square) - true) / (1 + 3 * radial * square)
         assert np.abs(seen).max() > 0.3
-        images.append(replace(image, xy=seen * lens.focal + lens.principal_point))
+        images.append(replace(image, xy=seen * camera.focal + camera.principal_point))
     text = foreign.nvm(replace(wanted, images=tuple(images)), radial=radial, origin=(1416.0, 1064.0))
     found = nvm.read(put(tmp_path, "a.nvm", text), (2832, 2128))
     assert misses(found.reconstruction).max() < 0.01
@@ -322,18 +322,18 @@ def test_nvms_radial_parameter_is_colmaps_where_that_fits(tmp_path: Path) -> Non
 
 
 def test_the_way_back_of_an_undistortion_is_exact() -> None:
-    lens = Intrinsics(2832, 2128, 2975.0, 2975.0, 1416.0, 1064.0)
+    camera = Intrinsics(2832, 2128, 2975.0, 2975.0, 1416.0, 1064.0)
     for a1, a2 in ((0.01, 0.0), (0.173, 0.0), (-0.3, 0.05), (0.5, 0.5)):
-        made = undistorting(lens, a1, a2)
+        made = undistorting(camera, a1, a2)
         assert made is not None
         places = np.stack(np.meshgrid(np.linspace(0, 2832, 31), np.linspace(0, 2128, 31)), axis=-1)
-        seen = (places - lens.principal_point) / lens.focal
+        seen = (places - camera.principal_point) / camera.focal
         square = (seen * seen).sum(axis=-1, keepdims=True)
         true = seen * (1 + a1 * square + a2 * square**2)
         error = np.abs(made[0].distort(true) - seen).max() * 2975
         assert error < 0.01
         assert made[1] == pytest.approx(error, abs=0.005)
-    assert undistorting(lens, -1.5, 0.0) is None
+    assert undistorting(camera, -1.5, 0.0) is None
 
 
 def test_nvm_with_a_fixed_calibration(tmp_path: Path) -> None:
@@ -415,11 +415,11 @@ def test_voodoo_zoom_has_a_lens_a_frame_and_no_more(tmp_path: Path) -> None:
 def test_voodoo_distortion_is_on_the_sensor_in_millimetres(tmp_path: Path) -> None:
     """K3 of 0.1 per mm^2 at a focal length of 0.8 mm is 0.064 in focal lengths."""
     found = voodoo.read(put(tmp_path, "a.txt", foreign.voodoo(world(), k3=0.1, k5=0.02)), SIZE)
-    lens = found.reconstruction.cameras[0]
+    camera = found.reconstruction.cameras[0]
     seen = np.array([[0.5, 0.3], [-0.2, 0.4]])
     square = (seen * seen).sum(axis=1, keepdims=True)
     true = seen * (1 + 0.1 * 0.64 * square + 0.02 * 0.4096 * square**2)
-    np.testing.assert_allclose(lens.distort(true) * 80, seen * 80, atol=0.01)
+    np.testing.assert_allclose(camera.distort(true) * 80, seen * 80, atol=0.01)
     assert any("K3 and K5 are taken to undistort" in note for note in found.notes)
 
 
@@ -464,9 +464,9 @@ def test_voodoo_counts_from_its_own_first_frame(tmp_path: Path) -> None:
 # Matching.
 
 
-def known(names: tuple[str, ...], lens: Intrinsics = LENS) -> ImportedModel:
+def known(names: tuple[str, ...], camera: Intrinsics = LENS) -> ImportedModel:
     """A model whose k-th image has its camera at x = k / 5."""
-    return ImportedModel("Test", world(lens, images=len(names)), names)
+    return ImportedModel("Test", world(camera, images=len(names)), names)
 
 
 def order(imported: Imported) -> list[tuple[int, int]]:
@@ -535,8 +535,8 @@ def test_what_is_left_out_is_named() -> None:
 
 def test_another_size_of_the_same_shape_is_scaled() -> None:
     imported = match(known(NAMES, replace(LENS, k1=-0.1)), foreign.footage(size=(192, 127)))
-    lens = imported.reconstruction.cameras[0]
-    assert (lens.width, lens.height, lens.fx, lens.k1) == (192, 127, 160.0, -0.1)
+    camera = imported.reconstruction.cameras[0]
+    assert (camera.width, camera.height, camera.fx, camera.k1) == (192, 127, 160.0, -0.1)
     assert misses(imported.reconstruction).max() < 1e-9
     with pytest.raises(UserError, match=r"pictures of 96x64, shot has 64x96 \(one of them lies on its side"):
         match(known(NAMES), foreign.footage(size=(64, 96)))

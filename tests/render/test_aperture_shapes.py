@@ -11,16 +11,16 @@ from addon.core.base.arrays import LinearRGBA, Map
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.depth.source import PixelDepth
-from addon.core.lens.aperture import Aperture, ApertureImage
-from addon.core.lens.clip_context import ClipContext
-from addon.core.lens.focus import Focus
-from addon.core.lens.frame import MeshedFrame, mesh_frame
-from addon.core.lens.highlights import RESTORED, HighlightSettings
-from addon.core.lens.plan import LensSettings
+from addon.core.focus.focus import Focus
+from addon.core.frame.clip_context import ClipContext
+from addon.core.frame.highlights import RESTORED, HighlightSettings
+from addon.core.frame.plan import FrameOptions
+from addon.core.frame.warped_frame import MeshedFrame, mesh_frame
 from addon.core.media.clip import encode_srgb
-from addon.render import cycles_views
+from addon.core.optics.aperture import Aperture, ApertureImage
 from addon.render.average import draw_mean
 from addon.render.gpu_views import gpu_problem
+from sample_scenes import cycles_views
 
 from ..scenes import psnr, slanted_plane, texture
 
@@ -82,7 +82,7 @@ def meshed(
 ) -> MeshedFrame:
     clip = ClipContext(slanted_plane(LENS), lambda frame: texture(*SIZE), Plane(distance))
     radius = SIDE / (2 * LENS.fx * abs(1 / distance - 1 / focus))
-    lens = LensSettings(Focus(distance=focus), radius, borrow=False, aperture=shape, highlights=highlights)
+    lens = FrameOptions(Focus(distance=focus), radius, borrow=False, aperture=shape, highlights=highlights)
     return mesh_frame(clip, 2, lens, SIZE, source())
 
 
@@ -107,7 +107,7 @@ def test_a_plane_out_of_focus_is_convolved_with_the_shape(shape: Aperture, is_be
     frame = meshed(shape, *((FAR, NEAR) if is_behind else (NEAR, FAR)), BY_VIEWS)
     true = convolved(shape, is_behind)
     for count, least in ((24, 32.0), (96, 45.0), (256, 50.0)):
-        mean = draw_mean(frame.through(count), lambda note: None)
+        mean = draw_mean(frame.through(count))
         found = error(mean, true)
         energy = mean[SIDE:-SIDE, SIDE:-SIDE, :3].mean() / true[SIDE:-SIDE, SIDE:-SIDE, :3].mean()
         print(f"{count} views: {found:.1f} dB, energy {energy:.4f}")
@@ -119,9 +119,7 @@ def test_a_plane_out_of_focus_is_convolved_with_the_shape(shape: Aperture, is_be
 @pytest.mark.parametrize("is_behind", [True, False], ids=["behind", "before"])
 @pytest.mark.parametrize("shape", SHAPES.values(), ids=SHAPES)
 def test_few_views_draw_lamps_as_the_shape(shape: Aperture, is_behind: bool) -> None:
-    mean = draw_mean(
-        meshed(shape, *((FAR, NEAR) if is_behind else (NEAR, FAR))).through(12), lambda note: None
-    )
+    mean = draw_mean(meshed(shape, *((FAR, NEAR) if is_behind else (NEAR, FAR))).through(12))
     true = convolved(shape, is_behind)
     assert error(mean, true) > 50
     energy = mean[SIDE:-SIDE, SIDE:-SIDE, :3].mean() / true[SIDE:-SIDE, SIDE:-SIDE, :3].mean()
@@ -131,14 +129,14 @@ def test_few_views_draw_lamps_as_the_shape(shape: Aperture, is_behind: bool) -> 
 @needs_gpu
 @pytest.mark.parametrize("shape", [Aperture(vignetting=0.7), Aperture(vignetting=0.7, blades=3)], ids=str)
 def test_few_views_draw_vignetted_lamps_as_many(shape: Aperture) -> None:
-    many = draw_mean(meshed(shape, FAR, NEAR, BY_VIEWS).through(512), lambda note: None)
-    assert error(draw_mean(meshed(shape, FAR, NEAR).through(24), lambda note: None), many) > 45
+    many = draw_mean(meshed(shape, FAR, NEAR, BY_VIEWS).through(512))
+    assert error(draw_mean(meshed(shape, FAR, NEAR).through(24)), many) > 45
 
 
 @needs_gpu
 def test_vignetting_makes_cats_eyes_in_the_corners_alone_and_keeps_what_is_in_focus() -> None:
     shape = Aperture(vignetting=0.7)
-    cut = draw_mean(meshed(shape, FAR, NEAR, BY_VIEWS).through(96), lambda note: None)
+    cut = draw_mean(meshed(shape, FAR, NEAR, BY_VIEWS).through(96))
     lamps = [cut[46:74, x - 14 : x + 14, 1] for x in (100, 160)]
     middle, corner = ((lamp > 0.5 * np.percentile(lamp, 80)).sum() for lamp in lamps)
     whole = np.pi / 4 * SIDE**2
@@ -147,9 +145,9 @@ def test_vignetting_makes_cats_eyes_in_the_corners_alone_and_keeps_what_is_in_fo
     apart = 0.7 * np.hypot(160 - 96, 60 - 54) / np.hypot(96, 54)
     overlap = (2 * np.arccos(apart / 2) - apart / 2 * np.sqrt(4 - apart**2)) / np.pi
     assert corner == pytest.approx(overlap * middle, rel=0.08)
-    sharp = LensSettings(Focus(distance=FAR), 0.5, borrow=False, aperture=shape)
+    sharp = FrameOptions(Focus(distance=FAR), 0.5, borrow=False, aperture=shape)
     clip = ClipContext(slanted_plane(LENS), lambda frame: texture(*SIZE), Plane(FAR))
-    mean = draw_mean(mesh_frame(clip, 2, sharp, SIZE, source()).through(24), lambda note: None)
+    mean = draw_mean(mesh_frame(clip, 2, sharp, SIZE, source()).through(24))
     np.testing.assert_allclose(mean[..., :3], source()[..., :3], atol=4e-3)
 
 

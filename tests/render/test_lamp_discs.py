@@ -12,11 +12,11 @@ from addon.core.base.arrays import Floats, LinearRGB, LinearRGBA, Mask
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.depth.source import PixelDepth
-from addon.core.lens.clip_context import ClipContext
-from addon.core.lens.focus import Focus
-from addon.core.lens.frame import MeshedFrame, WarpedFrame, mesh_frame
-from addon.core.lens.highlights import RESTORED, HighlightSettings
-from addon.core.lens.plan import LensSettings
+from addon.core.focus.focus import Focus
+from addon.core.frame.clip_context import ClipContext
+from addon.core.frame.highlights import RESTORED, HighlightSettings
+from addon.core.frame.plan import FrameOptions
+from addon.core.frame.warped_frame import MeshedFrame, WarpedFrame, mesh_frame
 from addon.core.media.clip import encode_srgb
 from addon.core.warp.layered_mesh import FINER
 from addon.render.average import draw_mean
@@ -67,7 +67,7 @@ def meshed(near: float, focus: float, highlights: HighlightSettings = RESTORED) 
     step = Step(near)
     radius = DISC / (2 * LENS.fx * abs(1 / FAR - 1 / focus))
     clip = ClipContext(slanted_plane(LENS), lambda frame: texture(*SIZE), step)
-    lens = LensSettings(Focus(distance=focus), radius, borrow=False, highlights=highlights)
+    lens = FrameOptions(Focus(distance=focus), radius, borrow=False, highlights=highlights)
     return mesh_frame(clip, 2, lens, SIZE, source(step.near))
 
 
@@ -97,10 +97,8 @@ def test_lamps_are_hidden_as_many_views_hide_them(near: float, focus: float, lea
     few = frame.through(16)
     dark = replace(few, lamps=None)
     many = frame.through(1024, prefiltered=False)
-    lit = draw_mean(on_the_wall(many), lambda note: None) - draw_mean(
-        replace(many, lamps=None), lambda note: None
-    )
-    ours = draw_mean(few, lambda note: None) - draw_mean(dark, lambda note: None)
+    lit = draw_mean(on_the_wall(many)) - draw_mean(replace(many, lamps=None))
+    ours = draw_mean(few) - draw_mean(dark)
     found = psnr(*(encode_srgb(np.clip(part[..., :3].astype(np.float64), 0, 1)) for part in (ours, lit)))
     print(f"{found:.1f} dB, energy {ours[..., 1].sum() / lit[..., 1].sum():.4f}")
     assert found > least

@@ -191,7 +191,7 @@ def test_a_keyed_lens_is_in_the_key_of_each_frame(ready: bpy.types.Scene) -> Non
 
 def test_frames_of_two_qualities_have_other_keys(ready: bpy.types.Scene) -> None:
     keys = []
-    for quality in ("DRAFT", "NORMAL", "FINAL"):
+    for quality in ("draft", "normal", "final"):
         ready.virtual_aperture.quality = quality
         keys.append(frame_keys(ready, FRAMES)[1])
     assert len(set(keys)) == 3

@@ -15,10 +15,10 @@ import pytest
 from addon.core.base.errors import UserError
 from addon.core.base.progress import checkpoint
 from addon.core.camera.reconstruction import Intrinsics
-from addon.core.lens.focus import Focus
-from addon.core.lens.inspection import NAMES
-from addon.core.lens.plan import LensSettings
-from addon.core.lens.quality import DRAFT, FINAL, NORMAL
+from addon.core.focus.focus import Focus
+from addon.core.frame.inspection import NAMES
+from addon.core.frame.plan import FrameOptions
+from addon.core.frame.quality import DRAFT, FINAL, NORMAL
 from addon.render import preview
 from addon.render.average import render_frame
 from addon.render.preview import COARSE, FAIR, FINE, ROUGH, Picture, Preview, Wanted, make_picture
@@ -35,7 +35,7 @@ PLAIN = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
 def wanted(scene: bpy.types.Scene, tmp_path: Path) -> Wanted:
     shot = slanted_shot(tmp_path, PLAIN)
     build(scene, shot.footage, shot.reconstruction)
-    lens = LensSettings(Focus(distance=8.0), radius=0.4, method="features")
+    lens = FrameOptions(Focus(distance=8.0), radius=0.4, method="features")
     return Wanted(shot_of(scene), 2, lens, (PLAIN.width, PLAIN.height))
 
 

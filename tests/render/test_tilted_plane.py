@@ -15,16 +15,16 @@ from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
 from addon.core.depth.source import PixelDepth
 from addon.core.depth.sparse import FrameFeatures, frame_features
-from addon.core.lens.aperture_sampling import vogel_disc
-from addon.core.lens.clip_context import ClipContext
-from addon.core.lens.focus import Focus
-from addon.core.lens.frame import MeshedFrame, mesh_frame
-from addon.core.lens.inspection import blur_discs
-from addon.core.lens.plan import LensSettings
+from addon.core.focus.focus import Focus
+from addon.core.frame.clip_context import ClipContext
+from addon.core.frame.inspection import blur_discs
+from addon.core.frame.plan import FrameOptions
+from addon.core.frame.warped_frame import MeshedFrame, mesh_frame
 from addon.core.media.clip import encode_srgb
-from addon.render import cycles_views
+from addon.core.optics.aperture_sampling import vogel_disc
 from addon.render.average import draw_mean
 from addon.render.gpu_views import gpu_problem
+from sample_scenes import cycles_views
 
 from ..scenes import psnr, texture
 
@@ -164,7 +164,7 @@ def reconstruction() -> Reconstruction:
 
 def meshed(focus: Focus, method: str = "layers", has_card: bool = True) -> MeshedFrame:
     clip = ClipContext(reconstruction(), lambda frame: np.zeros((*SIZE[::-1], 3), np.uint8), Truth(has_card))
-    return mesh_frame(clip, 1, LensSettings(focus, RADIUS, 0, method, borrow=False), SIZE, source(has_card))
+    return mesh_frame(clip, 1, FrameOptions(focus, RADIUS, 0, method, borrow=False), SIZE, source(has_card))
 
 
 def error(mean: Map, true: Map) -> float:
@@ -198,7 +198,7 @@ def test_views_are_where_the_planes_homography_takes_them(focus: Focus, method: 
 def test_a_tilted_plane_is_as_good_as_those_that_are_not(has_card: bool) -> None:
     found = {}
     for focus in (UNTILTED, Focus(distance=WALL[0]), TILTED, THROUGH):
-        mean = draw_mean(meshed(focus, has_card=has_card).through(96), lambda note: None)
+        mean = draw_mean(meshed(focus, has_card=has_card).through(96))
         true = reference(focus, has_card)
         found[focus] = error(mean, true)
         print(f"{found[focus]:.2f} dB, as it was {error(source(has_card), true):.2f}: {focus}")
@@ -213,16 +213,16 @@ def test_a_tilted_plane_is_as_good_as_those_that_are_not(has_card: bool) -> None
 def test_what_is_in_the_tilted_plane_stays_sharp(method: str) -> None:
     # The wall itself: nothing is out of focus but the card, which these methods know nothing of.
     on_wall = Focus(points=(4, 12, 48), through_points=True)
-    mean = draw_mean(meshed(on_wall, method).through(16), lambda note: None)
+    mean = draw_mean(meshed(on_wall, method).through(16))
     assert error(mean, source()) > 45
-    assert error(draw_mean(meshed(UNTILTED, method).through(16), lambda note: None), source()) < 35
+    assert error(draw_mean(meshed(UNTILTED, method).through(16)), source()) < 35
 
 
 def test_cycles_draws_what_the_gpu_does() -> None:
     warped = meshed(TILTED).through(5)
     found = cycles_views.mean_of_views(warped.plan, warped.texture)
     if not gpu_problem():
-        assert error(found, draw_mean(warped, lambda note: None)) > 35
+        assert error(found, draw_mean(warped)) > 35
     assert error(found, source()) < 30
 
 
@@ -238,6 +238,6 @@ def test_discs_are_told_from_the_plane() -> None:
 
 @needs_gpu
 def test_angles_of_nothing_change_nothing() -> None:
-    plain = draw_mean(meshed(UNTILTED).through(8), lambda note: None)
+    plain = draw_mean(meshed(UNTILTED).through(8))
     level = replace(UNTILTED, tilt=0.0, swing=0.0, through_points=True)
-    np.testing.assert_array_equal(draw_mean(meshed(level).through(8), lambda note: None), plain)
+    np.testing.assert_array_equal(draw_mean(meshed(level).through(8)), plain)

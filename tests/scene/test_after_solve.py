@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from addon.core.camera.reconstruction import Intrinsics
-from addon.scene import lens, point_cloud
+from addon.scene import lens
 from addon.scene.build import build
 from addon.scene.shot import Shot
 from addon.ui import after_solve, panels, points_overlay
@@ -144,20 +144,6 @@ def test_points_are_hidden_with_their_object(default_scene: bpy.types.Scene, tmp
         bpy.context.view_layer.objects.active = settings.points
         bpy.ops.object.mode_set(mode="EDIT")
         assert not points_overlay.is_shown(bpy.context)
-
-
-def test_the_dots_of_old_files_go(scene: bpy.types.Scene, tmp_path: Path) -> None:
-    shot = slanted_shot(tmp_path, LENS)
-    settings = build(scene, shot.footage, shot.reconstruction)
-    assert not settings.points.modifiers and not bpy.data.node_groups and not bpy.data.materials
-    tree = bpy.data.node_groups.new(point_cloud.DOTS, "GeometryNodeTree")
-    material = bpy.data.materials.new(point_cloud.DOTS)
-    tree.nodes.new("GeometryNodeSetMaterial").inputs["Material"].default_value = material
-    settings.points.modifiers.new(point_cloud.DOTS, "NODES").node_group = tree
-    mine = settings.points.modifiers.new("Mine", "NODES")
-    build(scene, shot.footage, shot.reconstruction)
-    assert list(settings.points.modifiers) == [mine]
-    assert not bpy.data.node_groups and not bpy.data.materials
 
 
 def test_output_has_a_place_of_its_own(scene: bpy.types.Scene, tmp_path: Path) -> None:

@@ -11,9 +11,9 @@ import pytest
 
 from addon.core.base.errors import UserError
 from addon.core.camera.reconstruction import Intrinsics
-from addon.core.lens.focus import Focus
-from addon.core.lens.focus_place import Place
-from addon.core.lens.focus_pull import FocusMark
+from addon.core.focus.focus import Focus
+from addon.core.focus.place import Place
+from addon.core.focus.pull import FocusMark
 from addon.render.frame_keys import frame_keys
 from addon.render.output import render_sequence
 from addon.scene import focus_marks, lens
@@ -47,7 +47,7 @@ def focused(scene: bpy.types.Scene, frame: int) -> float:
     """Distance that is in focus, as a render sees it: with the evaluated scene."""
     scene.frame_set(frame)
     evaluated = bpy.context.evaluated_depsgraph_get().scene_eval
-    settings = lens.lens_settings(evaluated.virtual_aperture, lens.reconstruction_of(scene.virtual_aperture))
+    settings = lens.frame_options(evaluated.virtual_aperture, lens.reconstruction_of(scene.virtual_aperture))
     assert settings.focus.distance is not None
     return settings.focus.distance
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from addon.core.camera.reconstruction import Intrinsics
-from addon.core.lens.focus import Focus
-from addon.core.lens.focus import sharp_distances as core_sharp_distances
+from addon.core.focus.focus import Focus
+from addon.core.focus.focus import sharp_distances as core_sharp_distances
 from addon.scene import depth_of_field
 from addon.scene.build import build
 from addon.scene.exr import read

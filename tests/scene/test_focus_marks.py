@@ -11,9 +11,9 @@ import pytest
 
 from addon.core.base.errors import UserError
 from addon.core.camera.reconstruction import Intrinsics
-from addon.core.lens.focus import Focus
-from addon.core.lens.focus_place import Place
-from addon.core.lens.focus_pull import FocusMark
+from addon.core.focus.focus import Focus
+from addon.core.focus.place import Place
+from addon.core.focus.pull import FocusMark
 from addon.scene import focus_marks, lens
 from addon.scene.build import build
 from addon.scene.refocus import keep_focus, restore_focus

@@ -8,7 +8,7 @@ import bpy
 import pytest
 
 from addon.core.camera.reconstruction import Intrinsics
-from addon.scene import migration, point_cloud
+from addon.scene import migration
 from addon.scene.build import build
 from addon.scene.version import VERSION
 from addon.ui import panels
@@ -27,37 +27,33 @@ def saved(scene: bpy.types.Scene, folder: Path, version: int) -> Path:
     handler = next(h for h in bpy.app.handlers.save_pre if h.__module__ == migration.__name__)
     bpy.app.handlers.save_pre.remove(handler)
     try:
-        if version == 1:
-            tree = bpy.data.node_groups.new(point_cloud.DOTS, "GeometryNodeTree")
-            settings.points.modifiers.new(point_cloud.DOTS, "NODES").node_group = tree
-            settings.camera.data.dof.aperture_fstop = 2.8
-        else:
-            settings.version = version
+        settings.version = version
+        if version == 2:
+            settings.bl_system_properties_get(do_create=True)[migration.PSNR_OF_2] = 45.0
         bpy.ops.wm.save_as_mainfile(filepath=str(folder / "old.blend"))
     finally:
         bpy.app.handlers.save_pre.append(handler)
     return folder / "old.blend"
 
 
-def test_a_file_of_the_first_version_is_brought_up_to_date(scene: bpy.types.Scene, tmp_path: Path) -> None:
-    blend = saved(scene, tmp_path, 1)
+def test_a_file_of_version_2_keeps_its_target(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    blend = saved(scene, tmp_path, 2)
     bpy.ops.wm.open_mainfile(filepath=str(blend))
     settings = bpy.context.scene.virtual_aperture
     assert settings.version == VERSION
-    assert not settings.points.modifiers
-    across = 2 * settings.aperture_radius
-    assert settings.camera.data.dof.aperture_fstop == pytest.approx(
-        settings.camera.data.lens / 1000 / across, rel=1e-4
-    )
-    assert settings.focus_distance == 8.0
+    assert settings.target_psnr == 45.0 and settings.focus_distance == 8.0
+    settings.target_psnr = 0.0
+    bpy.ops.wm.save_mainfile()
+    bpy.ops.wm.open_mainfile(filepath=str(blend))
+    assert bpy.context.scene.virtual_aperture.target_psnr == 0.0
 
 
 def test_a_scene_that_is_appended_is_brought_up_to_date(scene: bpy.types.Scene, tmp_path: Path) -> None:
-    blend = saved(scene, tmp_path, 1)
+    blend = saved(scene, tmp_path, 2)
     bpy.ops.wm.read_homefile(app_template="", use_empty=True, use_factory_startup=True)
     bpy.ops.wm.append(directory=f"{blend}/Scene/", filename="Scene")
     settings = bpy.data.scenes[-1].virtual_aperture
-    assert settings.points is not None and settings.version == VERSION and not settings.points.modifiers
+    assert settings.points is not None and settings.version == VERSION and settings.target_psnr == 45.0
 
 
 def test_the_version_is_written_into_files(scene: bpy.types.Scene, tmp_path: Path) -> None:

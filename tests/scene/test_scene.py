@@ -15,7 +15,7 @@ from bpy_extras.object_utils import world_to_camera_view
 from mathutils import Vector
 
 from addon.core.camera.reconstruction import Intrinsics, normalise
-from addon.core.lens.focus import Focus
+from addon.core.focus.focus import Focus
 from addon.scene import store
 from addon.scene.build import build
 from addon.scene.lens import set_focus
@@ -33,12 +33,12 @@ print(json.dumps(np.asarray(camera.img_from_cam(np.array(job['local']))).tolist(
 """
 
 
-def pycolmap_projection(lens: Intrinsics, local: np.ndarray) -> np.ndarray:
+def pycolmap_projection(camera: Intrinsics, local: np.ndarray) -> np.ndarray:
     """In a process of its own: pycolmap may not share one with Blender."""
     job = {
-        "width": lens.width,
-        "height": lens.height,
-        "params": [lens.fx, lens.fy, lens.cx, lens.cy],
+        "width": camera.width,
+        "height": camera.height,
+        "params": [camera.fx, camera.fy, camera.cx, camera.cy],
         "local": local.tolist(),
     }
     done = subprocess.run(
@@ -48,7 +48,7 @@ def pycolmap_projection(lens: Intrinsics, local: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    "lens",
+    "camera",
     [
         LENS,
         replace(LENS, cx=171.3, cy=81.9),
@@ -58,17 +58,17 @@ def pycolmap_projection(lens: Intrinsics, local: np.ndarray) -> np.ndarray:
     ids=["centred", "off-centre", "tall pixels", "wide pixels"],
 )
 def test_the_blender_camera_projects_as_pycolmap_does(
-    scene: bpy.types.Scene, tmp_path: Path, lens: Intrinsics
+    scene: bpy.types.Scene, tmp_path: Path, camera: Intrinsics
 ) -> None:
-    shot = slanted_shot(tmp_path, lens, frames=(3, 4, 9))
+    shot = slanted_shot(tmp_path, camera, frames=(3, 4, 9))
     settings = build(scene, shot.footage, shot.reconstruction)
-    size = np.array([lens.width, lens.height])
+    size = np.array([camera.width, camera.height])
     for image in shot.reconstruction.images:
         scene.frame_set(image.frame)
         world = shot.reconstruction.points.xyz
         seen = np.array([world_to_camera_view(scene, settings.camera, Vector(p))[:2] for p in world])
         pixels = np.column_stack([seen[:, 0], 1 - seen[:, 1]]) * size
-        assert np.abs(pixels - pycolmap_projection(lens, image.to_camera(world))).max() < 0.01
+        assert np.abs(pixels - pycolmap_projection(camera, image.to_camera(world))).max() < 0.01
 
 
 def test_the_scene_follows_the_clip(scene: bpy.types.Scene, tmp_path: Path) -> None:

@@ -248,18 +248,18 @@ def test_the_truth_of_the_benchmark() -> None:
     )
     world = np.column_stack([(place - (32, 24)) / 50, np.ones(4)]) * z[:, None]
     world[2, 0] = -1.2
-    lens = Intrinsics(64, 48, 50.0, 50.0, 32.0, 24.0)
+    camera = Intrinsics(64, 48, 50.0, 50.0, 32.0, 24.0)
     points = np.array([0, 1, 3], np.int32)
     images = tuple(
-        Image(i + 1, turns[i], shifts[i] / 2, lens.project((world + shifts[i])[points]), points)
+        Image(i + 1, turns[i], shifts[i] / 2, camera.project((world + shifts[i])[points]), points)
         for i in range(2)
     )
-    solved = Reconstruction((lens,), images, Points(world / 2, np.zeros((4, 3), np.uint8), np.zeros(4)))
+    solved = Reconstruction((camera,), images, Points(world / 2, np.zeros((4, 3), np.uint8), np.zeros(4)))
     true = density.true_points(stage, geometry, solved)
     np.testing.assert_allclose(true.world[:2], world[:2], atol=1e-9)
     assert np.isnan(true.world[2:]).all()
     true.world[2] = world[2]
-    projected = lens.project(world + shifts[0])
+    projected = camera.project(world + shifts[0])
     there, hidden = density.seen(stage, geometry[0], true, images[0], projected)
     assert there.tolist() == [True, True, False, False]
     assert hidden.tolist() == [False, False, True, False]

@@ -131,11 +131,6 @@ CASES = {
         "ui/test_lens_presets.py::test_own_presets_are_kept_and_removed", "",
         undo="", why="Blender's own operator for presets: it writes a file, and a name that is taken is left",
     ),
-    "inspect_frame": Case(
-        "cli/test_inspect.py::test_inspecting_makes_images_and_uses_them_again",
-        "cli/test_inspect.py::test_what_goes_wrong_leaves_the_images",
-        "another shape",
-    ),
     "render_frame": Case(
         f"{UI}::test_render_frame_and_clip_write_pictures",
         f"{UI}::test_buttons_say_why_they_are_disabled",

@@ -9,9 +9,9 @@ import bpy
 import pytest
 
 from addon.core.camera.reconstruction import Intrinsics
-from addon.core.lens.focus import Focus
-from addon.core.lens.focus_place import Place
-from addon.core.lens.focus_pull import FocusMark
+from addon.core.focus.focus import Focus
+from addon.core.focus.place import Place
+from addon.core.focus.pull import FocusMark
 from addon.scene import focus_marks, lens
 from addon.scene.build import build
 from addon.scene.shot import Shot

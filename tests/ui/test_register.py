@@ -82,7 +82,7 @@ def test_timers_and_threads_end(scene: bpy.types.Scene, tmp_path: Path) -> None:
     settings = build(scene, made.footage, made.reconstruction)
     settings.focus_distance, settings.method = 8.0, "features"
     shot = shot_of(scene)
-    wanted = Wanted(shot, 1, lens.lens_settings(settings, shot.reconstruction), (160, 90))
+    wanted = Wanted(shot, 1, lens.frame_options(settings, shot.reconstruction), (160, 90))
     viewport.PREVIEW.want(wanted)
     viewport._watch()
     bpy.app.timers.register(depth_ahead._tick)

@@ -12,8 +12,8 @@ from addon.core.base.errors import UserError
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Intrinsics, Reconstruction
 from addon.core.depth.sparse import DepthSamples, frame_features
-from addon.core.lens.focus import Focus
-from addon.core.lens.plan import LensSettings
+from addon.core.focus.focus import Focus
+from addon.core.frame.plan import FrameOptions
 from addon.core.warp import content_preserving
 from addon.core.warp.content_preserving import (
     GridMeshOptions,
@@ -62,7 +62,7 @@ def test_a_plane_is_reproduced_exactly() -> None:
 def test_the_whole_way_from_a_plane_in_space_to_a_view() -> None:
     """Every vertex moves as the plane itself does, apart from what is so little blurred that it is sharp."""
     rec = slanted_plane(LENS)
-    plan = planned(rec, 1, LensSettings(Focus(distance=20.0), 0.3, 8, "grid"), SIZE)
+    plan = planned(rec, 1, FrameOptions(Focus(distance=20.0), 0.3, 8, "grid"), SIZE)
     share = plan.mesh.xy[:, 0] / 320
     found = frame_features(rec, 1, plan.canvas)
     slope = np.polyfit(found.observed[:, 0], found.inverse_depth, 1)
@@ -253,7 +253,7 @@ def test_a_coming_feature_does_not_jerk_the_grid() -> None:
     xyz = rec.points.xyz.copy()
     xyz[5] *= 0.8
     rec = replace(rec, points=replace(rec.points, xyz=xyz))
-    lens = LensSettings(Focus(distance=30.0), 0.3, 4, "grid")
+    lens = FrameOptions(Focus(distance=30.0), 0.3, 4, "grid")
     place = rec.images[20].xy[5]
 
     def depth(frame: int) -> float:

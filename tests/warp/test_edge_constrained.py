@@ -13,8 +13,8 @@ from addon.core.base.errors import UserError
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.depth.sparse import DepthSamples
-from addon.core.lens.focus import Focus
-from addon.core.lens.plan import LensSettings
+from addon.core.focus.focus import Focus
+from addon.core.frame.plan import FrameOptions
 from addon.core.warp.edge_constrained import (
     EdgeOptions,
     are_sides,
@@ -212,7 +212,7 @@ def test_too_few_features_are_refused() -> None:
 
 def test_the_plan_keeps_its_views_and_what_is_in_focus_stays() -> None:
     rec = slanted_plane(LENS)
-    lens = LensSettings(Focus(distance=7.0), 0.4, 16, "edges")
+    lens = FrameOptions(Focus(distance=7.0), 0.4, 16, "edges")
     plan = planned(rec, 1, replace(lens, method="features"), SIZE)
     edged = planned(rec, 1, lens, SIZE, picture=card())
     assert np.array_equal(edged.offsets, plan.offsets)

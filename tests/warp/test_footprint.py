@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from addon.core.base.arrays import Floats, LinearRGBA, Mask
-from addon.core.lens.aperture_sampling import centroidal_disc, vogel_disc
+from addon.core.camera.reconstruction import Intrinsics
+from addon.core.depth.source import PixelDepth
+from addon.core.optics.aperture_sampling import centroidal_disc, vogel_disc
+from addon.core.optics.thin_lens import ThinLens
 from addon.core.warp.footprint import LEVELS, Level, disc_kernel, prefilter
 from addon.core.warp.layered_depth_image import LayeredDepthImage
 from addon.core.warp.layered_mesh import FINER, layer_mesh
@@ -18,6 +22,8 @@ Y, X = np.mgrid[: SIZE[0], : SIZE[1]] + 0.5
 NEAR, FAR, RADIUS = 12.0, 2.0, 28
 COVER = np.hypot(X - 80, Y - 60) < RADIUS
 DISPARITY = np.where(COVER, NEAR, FAR)
+LENS = ThinLens(Intrinsics(SIZE[1], SIZE[0], 150.0, 150.0, 80.0, 60.0), 1.0, 0.0)
+"""Disparity at its rim is 150 times inverse depth."""
 
 
 def picture(near: Floats | float = 0.8, far: Floats | float = 0.2) -> LinearRGBA:
@@ -28,7 +34,7 @@ def picture(near: Floats | float = 0.8, far: Floats | float = 0.2) -> LinearRGBA
 
 def meshed(shown: LinearRGBA, focus: float = FAR) -> tuple[LinearRGBA, tuple[LayeredDepthImage, ...]]:
     """Texture and layers."""
-    _, texture, layers = layer_mesh(shown, DISPARITY, focus, 150.0)
+    _, texture, layers = layer_mesh(shown, PixelDepth(DISPARITY / 150), replace(LENS, focus=focus / 150))
     return texture, layers
 
 
@@ -60,7 +66,7 @@ def test_lamps_become_their_footprint_and_keep_their_energy(level: Level) -> Non
         shown = np.zeros((*SIZE, 4), np.float32)
         shown[..., 3] = 1
         shown[60 + shift, 80 + shift, :3] = 1000
-        _, texture, layers = layer_mesh(shown, np.full(SIZE, FAR), 0.0, 150.0)
+        _, texture, layers = layer_mesh(shown, PixelDepth(np.full(SIZE, FAR / 150)), LENS)
         before = texture[texture.shape[0] // 2 :, :, 0].astype(np.float64)
         prefilter(texture, layers, lambda disparity: np.full(disparity.shape, radius))
         after = texture[texture.shape[0] // 2 :, :, 0].astype(np.float64)

@@ -13,19 +13,34 @@ from addon.core.base.arrays import Floats, LinearRGB, Map, Mask
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.depth.joint_upsampling import upsampled
-from addon.core.lens.aperture_sampling import vogel_disc
-from addon.core.lens.focus import exact_registration
-from addon.core.lens.plan import FramePlan
-from addon.core.lens.thin_lens import ThinLens
+from addon.core.frame.plan import FramePlan
+from addon.core.optics.aperture_sampling import vogel_disc
+from addon.core.optics.registration import exact_registration
+from addon.core.optics.thin_lens import ThinLens
 from addon.core.warp.layered_depth_image import LayeredDepthImage, depth_peel, inpainted, split
 from addon.core.warp.layered_mesh import FINER, LayeredMeshOptions
-from addon.core.warp.layered_mesh import layer_mesh as make_mesh
 from addon.core.warp.mesh import WarpMesh
 from addon.core.warp.quadtree import QuadtreeOptions, Surfaces, triangulate
-from addon.render import cycles_views, gpu_views
+from addon.render import gpu_views
+from sample_scenes import cycles_views
 
 from .. import planes
-from ..disc_and_wall import DISC, FAR, LENS, NEAR, SHIFT, SIZE, X, Y, cover, interpolated, one, scene, wall
+from ..disc_and_wall import (
+    DISC,
+    FAR,
+    LENS,
+    NEAR,
+    SHIFT,
+    SIZE,
+    X,
+    Y,
+    cover,
+    interpolated,
+    make_mesh,
+    one,
+    scene,
+    wall,
+)
 
 
 def planned(canvas: Canvas, focus: float, mesh: WarpMesh, offsets: Floats, registration: Floats) -> FramePlan:
@@ -283,7 +298,7 @@ def test_three_surfaces_make_better_views_than_two(focus: float) -> None:
 def test_what_stands_past_the_border_is_blurred_into_the_picture(is_known: bool) -> None:
     """The disc ends two pixels left of the picture, and others tell its depth, and its colour or not."""
     left, focus = 80 + int(DISC) + 2, FAR
-    lens = Intrinsics(SIZE[1] - left, SIZE[0], 150.0, 150.0, SIZE[1] / 2 - left, SIZE[0] / 2)
+    camera = Intrinsics(SIZE[1] - left, SIZE[0], 150.0, 150.0, SIZE[1] / 2 - left, SIZE[0] / 2)
     past = np.full((SIZE[0] + 80, SIZE[1] - left + 80), np.nan)
     past[40:-40, :40] = SHIFT[:, left - 40 : left]
 
@@ -296,7 +311,7 @@ def test_what_stands_past_the_border_is_blurred_into_the_picture(is_known: bool)
         known[own] = ~near | is_known
         return colour, known & asked
 
-    offsets, canvas = vogel_disc(24), Canvas(lens)
+    offsets, canvas = vogel_disc(24), Canvas(camera)
     registration = exact_registration(canvas, offsets, focus / 150)
     seen = [cover((NEAR - FAR) * x, (NEAR - FAR) * y)[..., None] for x, y in -offsets]
     true = np.mean([c * [0.9, 0.8, 0.1] + (1 - c) * wall() for c in seen], axis=0)[:, left:]
@@ -369,9 +384,8 @@ def truth(focus: float, offsets: Floats) -> Floats:
 
 def drawn(made: FramePlan, texture: NDArray[np.float32]) -> NDArray[np.float32]:
     """(H, W, 4) the mean of its views."""
-    draw = cycles_views.mean_of_views if gpu_views.gpu_problem() else gpu_views.mean_of_views
-    mean = draw(made, texture)
-    return mean
+    gpu_views.check_gpu()
+    return gpu_views.mean_of_views(made, texture)
 
 
 def psnr(a: Floats, b: Floats) -> float:

@@ -27,10 +27,10 @@ def write_scene(folder: Path, size: tuple[int, int] = SMALL, views: int = VIEWS)
     from addon.core.media.clip import open_footage
     from addon.scene.build import build
 
-    lens = Intrinsics(width, height, 0.95 * width, 0.95 * width, width / 2, height / 2)
+    camera = Intrinsics(width, height, 0.95 * width, 0.95 * width, width / 2, height / 2)
     clip = folder / "clip"
     clip.mkdir(parents=True)
-    solve = slanted_plane(lens, FRAMES)
+    solve = slanted_plane(camera, FRAMES)
     for image in solve.images:
         cv2.imwrite(str(clip / f"clip_{image.frame:04d}.png"), _seen(solve, image)[..., ::-1])
     bpy.ops.wm.read_homefile(app_template="", use_factory_startup=True)
@@ -50,14 +50,18 @@ def write_scene(folder: Path, size: tuple[int, int] = SMALL, views: int = VIEWS)
 def _seen(solve: Reconstruction, image: Image) -> NDArray[np.uint8]:
     """(H, W, 3) RGB: the textured plane of the solve's points as a camera sees it; the first one sees the
     texture."""
-    lens = solve.cameras[0]
+    intrinsics = solve.cameras[0]
     xyz = solve.points.xyz
     normal = np.linalg.lstsq(xyz, np.ones(len(xyz)), rcond=None)[0]
-    camera = np.array([[lens.fx, 0.0, lens.cx], [0.0, lens.fy, lens.cy], [0.0, 0.0, 1.0]])
+    camera = np.array(
+        [[intrinsics.fx, 0.0, intrinsics.cx], [0.0, intrinsics.fy, intrinsics.cy], [0.0, 0.0, 1.0]]
+    )
     turn = image.rotation + np.outer(image.translation, normal)
     warp = camera @ turn @ np.linalg.inv(camera)
-    picture = texture(lens.width, lens.height)
-    seen = cv2.warpPerspective(picture, warp, (lens.width, lens.height), borderMode=cv2.BORDER_REFLECT)
+    picture = texture(intrinsics.width, intrinsics.height)
+    seen = cv2.warpPerspective(
+        picture, warp, (intrinsics.width, intrinsics.height), borderMode=cv2.BORDER_REFLECT
+    )
     return seen.astype(np.uint8)
 
 

@@ -53,10 +53,10 @@ def blend(folder: Path, registered: None) -> Path:
     from addon.core.camera.reconstruction import Intrinsics
 
     made = write_scene(folder / "busy", (640, 360))
-    lens = Intrinsics(640, 360, 608.0, 608.0, 320.0, 180.0)
+    camera = Intrinsics(640, 360, 608.0, 608.0, 320.0, 180.0)
     footage = open_footage(made.parent / "clip")
     work = default_work_dir(footage.path, made.parent)
-    keep_import(Imported(slanted_plane(lens, FRAMES), "true cameras", ()), footage, work)
+    keep_import(Imported(slanted_plane(camera, FRAMES), "true cameras", ()), footage, work)
     shutil.copy(ROOT / "sample_scenes" / "desk.mp4", made.parent)
     return made
 

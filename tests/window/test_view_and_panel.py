@@ -42,8 +42,8 @@ def blend(folder: Path, registered: None) -> Path:
     made = write_scene(folder / "wide", (640, 360))
     other = write_scene(folder / "tall", (360, 640))
     footage = open_footage(Path(shutil.copytree(other.parent / "clip", made.parent / "tall")))
-    lens = Intrinsics(360, 640, 342.0, 342.0, 180.0, 320.0)
-    solve = Imported(slanted_plane(lens, FRAMES), "true cameras", ())
+    camera = Intrinsics(360, 640, 342.0, 342.0, 180.0, 320.0)
+    solve = Imported(slanted_plane(camera, FRAMES), "true cameras", ())
     keep_import(solve, footage, default_work_dir(footage.path, made.parent))
     return made
 

@@ -28,31 +28,32 @@ class Canvas:
     distortion it is the source frame itself and nothing is resampled.
     """
 
-    lens: Intrinsics
+    camera: Intrinsics
     """The source lens at the size of the rendered frame."""
 
     @cached_property
     def pinhole(self) -> Intrinsics:
         """The padded canvas as a distortion-free lens; UserError for a lens that cannot be."""
-        if not np.all(np.isfinite(self.lens.focal) & (self.lens.focal > 0)):
+        if not np.all(np.isfinite(self.camera.focal) & (self.camera.focal > 0)):
             raise UserError(
-                f"the focal length is {self.lens.fx:g}, {self.lens.fy:g} pixels; it must be greater than zero"
+                f"the focal length is {self.camera.fx:g}, {self.camera.fy:g} pixels;"
+                " it must be greater than zero"
             )
-        plain = self.lens.without_distortion()
-        if not self.lens.is_distorted:
+        plain = self.camera.without_distortion()
+        if not self.camera.is_distorted:
             return plain
-        width, height = self.lens.width, self.lens.height
+        width, height = self.camera.width, self.camera.height
         across, down = np.linspace(0, width, 65), np.linspace(0, height, 65)
         border = np.concatenate([
             np.stack(np.meshgrid(across, [0.0, height]), axis=-1).reshape(-1, 2),
             np.stack(np.meshgrid([0.0, width], down), axis=-1).reshape(-1, 2),
         ])  # fmt: skip
-        reach = self.lens.pinhole_pixels(border)
+        reach = self.camera.pinhole_pixels(border)
         size = np.array([width, height])
         padding = np.stack([-reach.min(axis=0), reach.max(axis=0) - size])
         if np.isnan(reach).any() or self._folds(reach) or np.any(padding > MAX_PADDING * size):
             raise UserError(
-                f"the lens ({self.lens.described()}) bends the picture's border beyond what a flat picture"
+                f"the lens ({self.camera.described()}) bends the picture's border beyond what a flat picture"
                 f" can show: it folds, lies 90 degrees from the axis, or would take more than"
                 f" {1 + 2 * MAX_PADDING:g} times the side; solve the clip again, or crop or undistort it and"
                 " give a reconstruction of that"
@@ -66,39 +67,39 @@ class Canvas:
 
     def _folds(self, reach: Floats) -> bool:
         """Whether a place within the border, at pinhole pixels (n, 2), has no inverse or more than one."""
-        rays = (reach - self.lens.principal_point) / self.lens.focal
+        rays = (reach - self.camera.principal_point) / self.camera.focal
         on_the_way = np.linspace(0, 1, 33)[:, None, None] * rays
         with np.errstate(over="ignore", invalid="ignore"):
             # It is one-to-one as long as it mirrors nothing.
-            return not bool(np.all(np.linalg.det(self.lens.distort_jacobian(on_the_way)) > 0))
+            return not bool(np.all(np.linalg.det(self.camera.distort_jacobian(on_the_way)) > 0))
 
     def features_from_source(self, xy: Floats) -> Floats:
         """Source pixels (n, 2) -> canvas pixels (n, 2)."""
-        return self.lens.pinhole_pixels(xy) + (self.pinhole.principal_point - self.lens.principal_point)
+        return self.camera.pinhole_pixels(xy) + (self.pinhole.principal_point - self.camera.principal_point)
 
     def features_to_source(self, xy: Floats) -> Floats:
         """Canvas pixels (n, 2) -> source pixels (n, 2)."""
         rays = (xy - self.pinhole.principal_point) / self.pinhole.focal
-        return np.asarray(self.lens.distort(rays) * self.lens.focal + self.lens.principal_point)
+        return np.asarray(self.camera.distort(rays) * self.camera.focal + self.camera.principal_point)
 
     def from_source(self, picture: LinearRGBA) -> LinearRGBA:
         """(H, W, 4) float32 source frame -> the canvas picture, mirrored where the lens saw nothing."""
-        if not self.lens.is_distorted:
+        if not self.camera.is_distorted:
             return picture
         return _resampled(picture, self.pinhole.width, self.pinhole.height, self.features_to_source)
 
     def source_map(self) -> Map:
         """(H, W, 2) where the canvas shows the source frame's pixels, for `cv2.remap`, whose first pixel's
         centre is (0, 0)."""
-        lens = self.lens
-        grid = np.stack(np.meshgrid(np.arange(lens.width) + 0.5, np.arange(lens.height) + 0.5), axis=-1)
+        camera = self.camera
+        grid = np.stack(np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5), axis=-1)
         return np.asarray(self.features_from_source(grid) - 0.5, np.float32)
 
     def to_source(self, picture: LinearRGBA) -> LinearRGBA:
         """(h, w, 4) float32 canvas picture -> (H, W, 4) in the geometry of the source frame."""
-        if not self.lens.is_distorted:
+        if not self.camera.is_distorted:
             return picture
-        return _resampled(picture, self.lens.width, self.lens.height, self.features_from_source)
+        return _resampled(picture, self.camera.width, self.camera.height, self.features_from_source)
 
 
 def _resampled(picture: LinearRGBA, width: int, height: int, place: Callable[[Floats], Floats]) -> LinearRGBA:

@@ -140,9 +140,9 @@ class Reconstruction:
         seen = np.union1d(before.points, after.points).astype(np.int32)
         between = Image(frame, rotation, -rotation @ centre, np.zeros((0, 2)), seen, before.camera)
         local = between.to_camera(self.points.xyz[seen])
-        lens = self.cameras[before.camera]
-        xy = lens.project(local)
-        inside = (local[:, 2] > 0) & np.all((xy >= 0) & (xy <= [lens.width, lens.height]), axis=1)
+        camera = self.cameras[before.camera]
+        xy = camera.project(local)
+        inside = (local[:, 2] > 0) & np.all((xy >= 0) & (xy <= [camera.width, camera.height]), axis=1)
         return replace(between, xy=xy[inside], points=seen[inside])
 
 

@@ -108,7 +108,7 @@ class DenseDepth:
     """(h, w) float32 in [0, 1]: 0 where the depth is only that of the surroundings or the sparse points."""
     moving: Mask
     """(h, w) what moves by itself; it has the depth of where it stands."""
-    lens: Intrinsics
+    pinhole: Intrinsics
     """The pinhole that these h x w pixels are seen through."""
     past_border: Map | None = None
     """(h + 2 m, w + 2 m) inverse depth that other frames know around the picture, NaN where they do not and
@@ -199,7 +199,7 @@ class PlaneSweepStereo:
         views = [self._view(image, own, one, middle) for one in near]
         occluding = occluding_pixels(own, views, inverse, middle, options.motion)
         placed = place_movers(guide, inverse, depth.confidence, moving, occluding, options.completion)
-        return DenseDepth(depth.frame, *placed, depth.lens)
+        return DenseDepth(depth.frame, *placed, depth.pinhole)
 
     def pinhole(self, frame: int) -> Intrinsics:
         """The pinhole that a frame's depth is seen through, at the size worked at."""
@@ -231,7 +231,7 @@ class PlaneSweepStereo:
         """(h, w) what moves by itself, with the lens's distortion as the source frame has it."""
         image, _ = self._rec.image_at(frame)
         found, canvas = self.at(frame).moving, self._canvas(image)
-        if not canvas.lens.is_distorted:
+        if not canvas.camera.is_distorted:
             return found
         share = np.dstack([found.astype(np.float32)] * 4)
         return np.asarray(canvas.to_source(share)[..., 0] > 0.5)
@@ -242,9 +242,9 @@ class PlaneSweepStereo:
 
     def _canvas(self, image: Image) -> Canvas:
         """The undistorted picture of a frame at the size worked at."""
-        lens = self._rec.intrinsics(image)
-        zoom = min(1.0, self._options.long_side / max(lens.width, lens.height))
-        return Canvas(lens.scaled(max(round(lens.width * zoom), 1), max(round(lens.height * zoom), 1)))
+        camera = self._rec.intrinsics(image)
+        zoom = min(1.0, self._options.long_side / max(camera.width, camera.height))
+        return Canvas(camera.scaled(max(round(camera.width * zoom), 1), max(round(camera.height * zoom), 1)))
 
     def _picture(self, image: Image) -> Bytes:
         """(h, w, 4) RGB as shown in the canvas, and 255 where the lens saw something, less what is masked."""
@@ -253,11 +253,11 @@ class PlaneSweepStereo:
     def _shown(self, image: Image) -> Bytes:
         """The picture (h, w, 4) that `_picture` remembers."""
         canvas = self._canvas(image)
-        size = (canvas.lens.width, canvas.lens.height)
+        size = (canvas.camera.width, canvas.camera.height)
         checkpoint()
         small = cv2.resize(_displayed(self._read(image.frame)), size, interpolation=cv2.INTER_AREA)
         small = np.dstack([small, np.full(small.shape[:2], 255, np.uint8)])
-        small = _straightened(small, canvas) if canvas.lens.is_distorted else small
+        small = _straightened(small, canvas) if canvas.camera.is_distorted else small
         small[self._masked(image), 3] = MASKED
         return small
 
@@ -267,24 +267,26 @@ class PlaneSweepStereo:
         mask = self._mask(image.frame) if self._mask else None
         if mask is None:
             return np.zeros((canvas.pinhole.height, canvas.pinhole.width), bool)
-        size = (canvas.lens.width, canvas.lens.height)
+        size = (canvas.camera.width, canvas.camera.height)
         share = cv2.resize(mask.astype(np.uint8) * np.uint8(255), size, interpolation=cv2.INTER_AREA)
         shown = np.dstack([share] * 4)
-        return np.asarray((_straightened(shown, canvas) if canvas.lens.is_distorted else shown)[..., 0] > 127)
+        return np.asarray(
+            (_straightened(shown, canvas) if canvas.camera.is_distorted else shown)[..., 0] > 127
+        )
 
     def _range(self, image: Image) -> tuple[float, float]:
         """Least and largest inverse depth that anything in a frame may have."""
         local, ahead = seen_by(image, self._rec, np.arange(len(self._rec.points), dtype=np.int32))
-        lens = self._rec.intrinsics(image)
-        xy = lens.project(local)
+        camera = self._rec.intrinsics(image)
+        xy = camera.project(local)
         with np.errstate(invalid="ignore"):
-            inside = ahead & np.all((xy > 0) & (xy < [lens.width, lens.height]), axis=1)
+            inside = ahead & np.all((xy > 0) & (xy < [camera.width, camera.height]), axis=1)
         # Points that other frames saw may be hidden here, and are less certain.
         own = np.isin(np.arange(len(inside)), image.points)
         inside &= own | (np.count_nonzero(inside & own) < self._options.many_points)
         if inside.sum() < self._options.least_points:
             far = max(float(np.linalg.norm(other.centre - image.centre)) for other in self._rec.images)
-            nearest = self._options.blind_parallax * lens.width / lens.fx
+            nearest = self._options.blind_parallax * camera.width / camera.fx
             return 0.0, nearest / far if np.isfinite(far) and far > 0 else 1.0
         low, high = np.percentile(1 / local[inside, 2], [0.5, 99.5])
         spare = self._options.range_margin * max(high - low, 0.01 * high)
@@ -364,9 +366,9 @@ def _swept(
     return level, np.where(unseen, 0, unique * agreed * textured).astype(np.float32)
 
 
-def pixel_matrix(lens: Intrinsics) -> Floats:
+def pixel_matrix(camera: Intrinsics) -> Floats:
     """(3, 3) calibration matrix K of a pinhole, with OpenCV's pixel centres."""
-    return np.array([[lens.fx, 0, lens.cx - 0.5], [0, lens.fy, lens.cy - 0.5], [0, 0, 1]])
+    return np.array([[camera.fx, 0, camera.cx - 0.5], [0, camera.fy, camera.cy - 0.5], [0, 0, 1]])
 
 
 def _displayed(picture: Pixels) -> Bytes:

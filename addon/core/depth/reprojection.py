@@ -14,7 +14,7 @@ from .view_selection import relative_pose
 
 
 def in_place(
-    depth: DenseDepth, image: Image, lens: Intrinsics, here: Image, margin: int, border: int
+    depth: DenseDepth, image: Image, camera: Intrinsics, here: Image, margin: int, border: int
 ) -> tuple[Map, Map]:
     """(h + 2 m, w + 2 m) inverse depth of a frame as another one, `here` with its `lens`, has it in its
     picture and a `margin` of m pixels around; and its weight, 0 where the frame sees nothing.
@@ -26,8 +26,8 @@ def in_place(
         inverse, weight = (np.pad(part, margin) for part in (depth.inverse_depth, _weight(depth, border)))
         return inverse, weight
     wide = replace(
-        lens, width=lens.width + 2 * margin, height=lens.height + 2 * margin,
-        cx=lens.cx + margin, cy=lens.cy + margin,
+        camera, width=camera.width + 2 * margin, height=camera.height + 2 * margin,
+        cx=camera.cx + margin, cy=camera.cy + margin,
     )  # fmt: skip
     return _reprojected(depth, image, wide, here, border)
 
@@ -41,13 +41,13 @@ def _weight(depth: DenseDepth, border: int) -> Map:
 
 
 def _reprojected(
-    depth: DenseDepth, image: Image, lens: Intrinsics, here: Image, border: int
+    depth: DenseDepth, image: Image, camera: Intrinsics, here: Image, border: int
 ) -> tuple[Map, Map]:
     """(h, w) inverse depth of another frame in a frame's place, the nearest of what falls into a pixel, and
     the confidence in it, 0 where nothing does."""
     rotation, translation = relative_pose(image, here)
-    back = np.linalg.inv(pixel_matrix(depth.lens))
-    matrix, parallax = pixel_matrix(lens) @ rotation @ back, pixel_matrix(lens) @ translation
+    back = np.linalg.inv(pixel_matrix(depth.pinhole))
+    matrix, parallax = pixel_matrix(camera) @ rotation @ back, pixel_matrix(camera) @ translation
     height, width = depth.inverse_depth.shape
     x, y = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
     places = [
@@ -56,7 +56,7 @@ def _reprojected(
     ]
     ahead = np.maximum(places[2], np.float32(0.05))
     column, row = (np.rint(part / ahead).clip(-1, 1 << 20).astype(np.int32) for part in places[:2])
-    shape = (lens.height, lens.width)
+    shape = (camera.height, camera.width)
     inside = (places[2] > 0.05) & (column >= 0) & (row >= 0) & (column < shape[1]) & (row < shape[0])
     inside &= ~depth.moving
     value, weight = (depth.inverse_depth / ahead)[inside], _weight(depth, border)[inside]

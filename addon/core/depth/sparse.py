@@ -45,7 +45,7 @@ def frame_features(reconstruction: Reconstruction, frame: int, canvas: Canvas) -
     image, pose_interpolated = reconstruction.image_at(frame)
     local, ahead = seen_by(image, reconstruction, image.points)
     source = reconstruction.intrinsics(image)
-    zoom = np.array([canvas.lens.width / source.width, canvas.lens.height / source.height])
+    zoom = np.array([canvas.camera.width / source.width, canvas.camera.height / source.height])
     observed = canvas.features_from_source(image.xy * zoom)
     projected = canvas.pinhole.project(local)
     with np.errstate(over="ignore", invalid="ignore"):

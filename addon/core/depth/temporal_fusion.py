@@ -120,8 +120,8 @@ class TemporalFusion:
 
     def kept(self, frame: int) -> DenseDepth | None:
         """The depth of a frame as it is kept, None where it would have to be found; errors as `at`."""
-        lens = self._stereo.pinhole(frame)
-        kept = self._store.depth(frame, (lens.height, lens.width)) if self._store else None
+        pinhole = self._stereo.pinhole(frame)
+        kept = self._store.depth(frame, (pinhole.height, pinhole.width)) if self._store else None
         return None if kept is None else self._dense(frame, kept)
 
     @property
@@ -130,9 +130,9 @@ class TemporalFusion:
         return self._store.problem if self._store else None
 
     def _dense(self, frame: int, kept: KeptDepth) -> DenseDepth:
-        lens = self._stereo.pinhole(frame)
+        pinhole = self._stereo.pinhole(frame)
         return DenseDepth(
-            frame, kept.inverse_depth, kept.confidence, kept.moving, lens, kept.past_border
+            frame, kept.inverse_depth, kept.confidence, kept.moving, pinhole, kept.past_border
         )  # fmt: skip
 
     def _found(self, frame: int) -> DenseDepth:
@@ -181,13 +181,13 @@ class TemporalFusion:
         """(h + 2 m, w + 2 m) inverse depth of a key frame in a frame's place and past its border, and its
         weight, 0 where it sees nothing."""
         checkpoint(1.0)
-        lens, margin = self._stereo.pinhole(here.frame), self._margin(here.frame)
-        return in_place(depth, image, lens, here, margin, self._options.border)
+        pinhole, margin = self._stereo.pinhole(here.frame), self._margin(here.frame)
+        return in_place(depth, image, pinhole, here, margin, self._options.border)
 
     def _margin(self, frame: int) -> int:
         """Pixels past a frame's border of which depth is asked."""
-        lens = self._stereo.pinhole(frame)
-        return max(int(self._options.beyond * max(lens.width, lens.height)), 1)
+        pinhole = self._stereo.pinhole(frame)
+        return max(int(self._options.beyond * max(pinhole.width, pinhole.height)), 1)
 
     def _around(self, frame: int) -> list[Image]:
         """The key frames that tell a frame's depth, itself if it is one; the clip's last frame is one."""

@@ -10,7 +10,7 @@ from ..base.arrays import Floats, LinearRGBA
 from ..base.nearest_fill import nearest
 from ..camera.canvas import Canvas
 from ..camera.reconstruction import Reconstruction
-from .source import PixelDepth
+from .source import DepthSource, PixelDepth
 from .sparse import DepthSamples, frame_features
 from .user_maps import ClipFit, DepthMaps, Fitted, fit_clip, fit_depth
 
@@ -19,7 +19,7 @@ COLUMNS = 100
 
 
 @dataclass(frozen=True)
-class UserDepth:
+class UserDepth(DepthSource):
     """The user's depth maps of a clip, brought to the unit of its reconstruction."""
 
     reconstruction: Reconstruction
@@ -48,15 +48,15 @@ class UserDepth:
         if frame not in self.maps.numbers:
             return None
         values = self._fitted(frame, canvas).inverse_depth
-        lens = canvas.pinhole
-        grid = np.stack(np.meshgrid(np.arange(lens.width) + 0.5, np.arange(lens.height) + 0.5), axis=-1)
+        pinhole = canvas.pinhole
+        grid = np.stack(np.meshgrid(np.arange(pinhole.width) + 0.5, np.arange(pinhole.height) + 0.5), axis=-1)
         x, y = np.moveaxis(canvas.features_to_source(grid) / self._zoom(canvas), -1, 0)
         row, column = (
             np.clip(np.floor(at), 0, size - 1).astype(int)
             for at, size in zip((y, x), values.shape, strict=True)
         )
         whole = np.nan_to_num(nearest(values, ~np.isnan(values)))
-        return PixelDepth(np.asarray(whole[row, column]))
+        return PixelDepth(np.asarray(whole[row, column]), origin="your depth maps")
 
     def samples(self, frame: int, canvas: Canvas) -> DepthSamples | None:
         """A regular grid of samples, `COLUMNS` across the picture; None without a map."""
@@ -70,7 +70,7 @@ class UserDepth:
     def _zoom(self, canvas: Canvas) -> Floats:
         """(2,) pixels of the rendered frame a pixel of the clip, across and down."""
         clip = self.maps.footage
-        return np.array([canvas.lens.width / clip.width, canvas.lens.height / clip.height])
+        return np.array([canvas.camera.width / clip.width, canvas.camera.height / clip.height])
 
     def _fitted(self, frame: int, canvas: Canvas) -> Fitted:
         features = frame_features(self.reconstruction, frame, canvas)

@@ -57,7 +57,7 @@ def every_nth(reconstruction: Reconstruction, frame: int, step: int, span: int) 
 
 def select_source_views(
     image: Image,
-    lens: Intrinsics,
+    camera: Intrinsics,
     others: Iterable[tuple[Image, Intrinsics]],
     span: tuple[float, float],
     wanted: Sequence[float],
@@ -69,8 +69,8 @@ def select_source_views(
     1 / scene units.
     """
     share = np.linspace(0.1, 0.9, 5)
-    grid = np.stack(np.meshgrid(share * lens.width, share * lens.height), axis=-1).reshape(-1, 2)
-    rays = np.column_stack([(grid - lens.principal_point) / lens.focal, np.ones(len(grid))])
+    grid = np.stack(np.meshgrid(share * camera.width, share * camera.height), axis=-1).reshape(-1, 2)
+    rays = np.column_stack([(grid - camera.principal_point) / camera.focal, np.ones(len(grid))])
     found = [
         (other, parallax)
         for other, pinhole in others
@@ -97,7 +97,7 @@ def select_source_views(
 def _parallax(
     image: Image,
     other: Image,
-    lens: Intrinsics,
+    camera: Intrinsics,
     rays: Floats,
     span: tuple[float, float],
     options: SelectionOptions,
@@ -109,7 +109,9 @@ def _parallax(
     nearest = min(places[:, 2].min() for places in (far, near, middle))
     if not np.isfinite(nearest) or nearest < options.least_depth_ratio:
         return None
-    inside = np.all((lens.project(middle) >= 0) & (lens.project(middle) <= [lens.width, lens.height]), axis=1)
+    inside = np.all(
+        (camera.project(middle) >= 0) & (camera.project(middle) <= [camera.width, camera.height]), axis=1
+    )
     if inside.mean() < options.least_overlap:
         return None
-    return float(np.median(np.linalg.norm(lens.project(far) - lens.project(near), axis=1)))
+    return float(np.median(np.linalg.norm(camera.project(far) - camera.project(near), axis=1)))

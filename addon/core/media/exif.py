@@ -27,7 +27,7 @@ _FORMATS = {1: "B", 3: "H", 4: "I", 5: "II", 9: "i", 10: "ii"}
 
 
 @dataclass(frozen=True)
-class Lens:
+class PhotoData:
     """What was written when the photo was taken; None where nothing was."""
 
     width: int | None = None
@@ -61,13 +61,13 @@ class Lens:
         return found if found is not None and is_plausible(found, width, height) else None
 
 
-def photo_lens(path: Path) -> Lens | None:
+def photo_data(path: Path) -> PhotoData | None:
     """What a photo's file says of its lens; None where there is no EXIF, or it is damaged."""
     try:
         with open_regular(path) as file:
             data = file.read(LARGEST)
         block = _block(data)
-        return _lens(block) if block else None
+        return _photo_data(block) if block else None
     except (OSError, struct.error, ValueError):
         return None
 
@@ -94,7 +94,7 @@ def _block(data: bytes) -> bytes:
     return b""
 
 
-def _lens(block: bytes) -> Lens:
+def _photo_data(block: bytes) -> PhotoData:
     order = {b"II": "<", b"MM": ">"}.get(block[:2])
     if order is None:
         raise ValueError("no byte order")
@@ -102,7 +102,7 @@ def _lens(block: bytes) -> Lens:
     told = _entries(block, order, int(first[EXIF_IFD])) if EXIF_IFD in first else first
     resolution = told.get(RESOLUTION)
     unit = MILLIMETRES.get(int(told.get(RESOLUTION_UNIT, 2)))
-    return Lens(
+    return PhotoData(
         int(told.get(WIDTH, 0)) or None, int(told.get(HEIGHT, 0)) or None,
         told.get(FOCAL_MM) or None, told.get(EQUIVALENT) or None,
         resolution / unit if resolution and unit else None,

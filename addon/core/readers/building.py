@@ -55,16 +55,16 @@ def undistorting(pinhole: Intrinsics, a1: float, a2: float) -> tuple[Intrinsics,
         terms = _quotient(true, seen, above, below)
         k1, k2, k3, k4, k5, k6 = terms.tolist()
         if below:
-            lens = Intrinsics.from_parameters(
+            camera = Intrinsics.from_parameters(
                 "FULL_OPENCV", *size, (*place, k1, k2, 0.0, 0.0, k3, k4, k5, k6)
             )
         else:
-            lens = Intrinsics(*size, *place, k1, k2)
-        found = lens.distort(np.stack([true, np.zeros_like(true)], axis=-1))[:, 0]
+            camera = Intrinsics(*size, *place, k1, k2)
+        found = camera.distort(np.stack([true, np.zeros_like(true)], axis=-1))[:, 0]
         miss = float(np.abs(found - seen).max() * pinhole.focal.max())
         if miss <= ACCURATE:
             break
-    return (lens, miss) if miss < 1 else None
+    return (camera, miss) if miss < 1 else None
 
 
 def _quotient(true: Floats, seen: Floats, above: int, below: int) -> Floats:
@@ -151,11 +151,11 @@ def assemble(
     return Reconstruction(tuple(cameras), tuple(whole), points)
 
 
-def visible(lens: Intrinsics, image: Image, xyz: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+def visible(camera: Intrinsics, image: Image, xyz: Floats) -> tuple[Floats, NDArray[np.bool_]]:
     """Where points (k, 3) project (k, 2), and which of them lie ahead and inside the picture (k,)."""
     local = image.to_camera(xyz)
-    place = lens.project(local)
-    return place, (local[:, 2] > 0) & np.all((place >= 0) & (place <= [lens.width, lens.height]), axis=1)
+    place = camera.project(local)
+    return place, (local[:, 2] > 0) & np.all((place >= 0) & (place <= [camera.width, camera.height]), axis=1)
 
 
 def picture_size(folder: Path, names: list[str]) -> tuple[int, int] | None:

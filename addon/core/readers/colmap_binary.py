@@ -11,7 +11,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from ..base.errors import UserError
 from ..camera.distortion import PARAMETERS
 from ..camera.reconstruction import Intrinsics, Points
-from .colmap_tables import ImageRow, PointTable, Tables, contents, lens, name_of, wrong
+from .colmap_tables import ImageRow, PointTable, Tables, contents, intrinsics_of, name_of, wrong
 
 FILES = ("cameras.bin", "images.bin", "points3D.bin")
 MODELS = tuple(PARAMETERS)
@@ -81,7 +81,9 @@ def _cameras(path: Path) -> dict[int, Intrinsics]:
             raise wrong(place, f"a CAMERA_ID that no other camera has, not {key}")
         name = MODELS[model]
         layout = struct.Struct(f"<{len(PARAMETERS[name])}d")
-        cameras[key] = lens(place, name, width, height, cursor.take(layout, f"the parameters of {name}"))
+        cameras[key] = intrinsics_of(
+            place, name, width, height, cursor.take(layout, f"the parameters of {name}")
+        )
     cursor.finish()
     return cameras
 

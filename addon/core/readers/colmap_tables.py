@@ -68,7 +68,7 @@ def wrong(place: str, expected: str) -> UserError:
     return UserError(f"{place}: expected {expected}")
 
 
-def lens(place: str, model: str, width: int, height: int, values: Sequence[float]) -> Intrinsics:
+def intrinsics_of(place: str, model: str, width: int, height: int, values: Sequence[float]) -> Intrinsics:
     """`Intrinsics.from_parameters`, its errors with their place."""
     if not _usable(np.array(values, dtype=np.float64)).all():
         raise wrong(place, f"camera parameters up to {LARGEST:g}")

@@ -14,7 +14,17 @@ from numpy.typing import NDArray
 from ..base.errors import UserError
 from ..base.numbers import reals, wholes
 from ..camera.reconstruction import Floats, Intrinsics, Points
-from .colmap_tables import NO_POINT, ImageRow, Longs, PointTable, Tables, contents, lens, name_of, wrong
+from .colmap_tables import (
+    NO_POINT,
+    ImageRow,
+    Longs,
+    PointTable,
+    Tables,
+    contents,
+    intrinsics_of,
+    name_of,
+    wrong,
+)
 
 FILES = ("cameras.txt", "images.txt", "points3D.txt")
 BATCH = 50_000
@@ -79,7 +89,7 @@ def _cameras(path: Path) -> dict[int, Intrinsics]:
         if key in cameras:
             raise wrong(place, f"a CAMERA_ID that no other camera has, not {key}")
         values = _floats(place, words[4:]).tolist()
-        cameras[key] = lens(place, words[1].decode("latin-1"), width, height, values)
+        cameras[key] = intrinsics_of(place, words[1].decode("latin-1"), width, height, values)
     lines.finish("cameras", len(cameras))
     return cameras
 

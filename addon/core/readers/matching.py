@@ -240,16 +240,16 @@ def _fitted(model: Reconstruction, footage: Footage) -> tuple[Reconstruction, li
     return Reconstruction(lenses, tuple(map(fitted, model.images)), points), notes
 
 
-def _check_shape(lens: Intrinsics, footage: Footage) -> None:
-    scaled = lens.scaled(footage.width, footage.height)
-    across, down = footage.width / lens.width, footage.height / lens.height
-    squares_pixels = abs(scaled.fx / scaled.fy - 1) < SAME_ASPECT < abs(lens.fx / lens.fy - 1)
+def _check_shape(camera: Intrinsics, footage: Footage) -> None:
+    scaled = camera.scaled(footage.width, footage.height)
+    across, down = footage.width / camera.width, footage.height / camera.height
+    squares_pixels = abs(scaled.fx / scaled.fy - 1) < SAME_ASPECT < abs(camera.fx / camera.fy - 1)
     if abs(across / down - 1) < SAME_ASPECT or squares_pixels:
         return
-    turned = (lens.width > lens.height) != (footage.width > footage.height)
+    turned = (camera.width > camera.height) != (footage.width > footage.height)
     hint = " (one of them lies on its side)" if turned else ""
     raise UserError(
-        f"the model was solved from pictures of {lens.width}x{lens.height}, {footage.path.name} has"
+        f"the model was solved from pictures of {camera.width}x{camera.height}, {footage.path.name} has"
         f" {footage.width}x{footage.height}{hint}; give the footage that was solved"
     )
 

@@ -254,18 +254,18 @@ def _miss(
     misses = []
     for camera in model.cameras:
         rows = np.flatnonzero(sample.image == camera.image.frame)
-        lens, _ = _lens(header, camera, reading, size)
-        if lens is None or not len(rows):
+        intrinsics, _ = _intrinsics(header, camera, reading, size)
+        if intrinsics is None or not len(rows):
             misses.append(np.full(len(rows), np.inf))
             continue
-        place = lens.project(camera.image.to_camera(xyz[sample.point[rows]]))
+        place = intrinsics.project(camera.image.to_camera(xyz[sample.point[rows]]))
         with np.errstate(over="ignore", invalid="ignore"):
             miss = np.linalg.norm(place - sample.xy[rows] - reading.origin, axis=1)
         misses.append(np.where(np.isfinite(miss), miss, np.inf))
     return float(np.median(np.concatenate(misses)))
 
 
-def _lens(
+def _intrinsics(
     header: _Header, camera: _Camera, reading: _Convention, size: tuple[int, int]
 ) -> tuple[Intrinsics | None, float]:
     """A camera's lens under a reading and by how many pixels it misses; None where the picture would fold."""
@@ -274,12 +274,12 @@ def _lens(
     if reading.fixed and header.fixed:
         fx, _, fy, _, radial = header.fixed
     cx, cy = map(float, reading.principal_point)
-    lens = Intrinsics(*size, fx, fy, cx, cy)
+    intrinsics = Intrinsics(*size, fx, fy, cx, cy)
     if radial == 0:
-        return lens, 0.0
+        return intrinsics, 0.0
     if not reading.undistorts:
-        return replace(lens, k1=-radial), 0.0
-    return undistorting(lens, radial, 0.0) or (None, 0.0)
+        return replace(intrinsics, k1=-radial), 0.0
+    return undistorting(intrinsics, radial, 0.0) or (None, 0.0)
 
 
 def _lenses(
@@ -288,12 +288,12 @@ def _lenses(
     lenses: list[Intrinsics] = []
     worst = 0.0
     for camera in model.cameras:
-        lens, miss = _lens(header, camera, convention, size)
-        if lens is None:
+        intrinsics, miss = _intrinsics(header, camera, convention, size)
+        if intrinsics is None:
             raise text.wrong(
                 "the radial distortion of a lens, under which the picture does not fold", camera.line
             )
-        lenses.append(lens)
+        lenses.append(intrinsics)
         worst = max(worst, miss)
     notes = []
     if worst > ACCURATE:

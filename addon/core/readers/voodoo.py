@@ -61,11 +61,19 @@ def read(path: Path, size: tuple[int, int]) -> ImportedModel:
             text.back()
             break
         values = text.row(words, NUMBERS, f"the {NUMBERS} numbers of a camera")
-        lens, rotation, miss = _camera(text, values)
-        distorted |= lens.is_distorted
+        intrinsics, rotation, miss = _camera(text, values)
+        distorted |= intrinsics.is_distorted
         worst = max(worst, miss)
-        key = (lens.width, lens.height, *values[12:14].tolist(), lens.fx, lens.fy, lens.cx, lens.cy)
-        index, _ = lenses.setdefault(key, (len(lenses), lens))
+        key = (
+            intrinsics.width,
+            intrinsics.height,
+            *values[12:14].tolist(),
+            intrinsics.fx,
+            intrinsics.fy,
+            intrinsics.cx,
+            intrinsics.cy,
+        )
+        index, _ = lenses.setdefault(key, (len(lenses), intrinsics))
         pose = (rotation, -rotation @ values[:3])
         images.append(Image(len(images), *pose, np.zeros((0, 2)), np.zeros(0, dtype=np.int32), index))
         names.append(name)
@@ -73,7 +81,7 @@ def read(path: Path, size: tuple[int, int]) -> ImportedModel:
     if not images:
         raise text.ends("a line with the 28 numbers of a camera")
     xyz = _points(text)
-    cameras = [lens for _, lens in lenses.values()]
+    cameras = [camera for _, camera in lenses.values()]
     notes = [
         "the file has no 2D tracks: a frame's features are where its points project, hidden ones included"
     ]
@@ -121,13 +129,13 @@ def _camera(text: Text, values: Floats) -> tuple[Intrinsics, Floats, float]:
     centre = offset + values[16:18] / 2
     # The same lens differs in the last of its printed digits from frame to frame.
     place = np.round([fx, fy, *centre], DIGITS).tolist()
-    lens = Intrinsics.from_parameters("PINHOLE", int(width), int(height), place)
+    camera = Intrinsics.from_parameters("PINHOLE", int(width), int(height), place)
     k3, k5, focal = values[12], values[13], values[20]
     if k3 == 0 and k5 == 0:
-        return lens, rotation, 0.0
+        return camera, rotation, 0.0
     if not focal > 0:
         raise text.wrong("a focal length in mm greater than zero as number 21")
-    found = undistorting(lens, float(k3 * focal**2), float(k5 * focal**4))
+    found = undistorting(camera, float(k3 * focal**2), float(k5 * focal**4))
     if found is None:
         raise text.wrong("K3 and K5 of a lens, under which the picture does not fold, as numbers 13 and 14")
     return found[0], rotation, found[1]

@@ -29,7 +29,7 @@ from .tracks import Progress, Tracks
 
 
 @dataclass(frozen=True)
-class Lens:
+class FocalPrior:
     """What is known of the focal length before the clip has been looked at."""
 
     focal: float | None = None
@@ -119,7 +119,7 @@ class Mapped:
 
 
 def reconstruct(
-    tracks: Tracks, lens: Lens, progress: Progress, options: MappingOptions = MappingOptions()
+    tracks: Tracks, lens: FocalPrior, progress: Progress, options: MappingOptions = MappingOptions()
 ) -> Mapped:
     """Cameras and points of a clip from its tracks, normalised.
 
@@ -195,7 +195,7 @@ class _Keyframes:
     """Indices of the clip's frames."""
     start: float
     """Pixels of focal length to begin with."""
-    lens: Lens
+    lens: FocalPrior
     parallax: float
     """Pixels of a 1,000-pixel frame that no rotation explains."""
     progress: Progress

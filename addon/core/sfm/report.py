@@ -231,8 +231,8 @@ def _histogram(counts: Ints) -> list[list[int]]:
 def _coverage(reconstruction: Reconstruction) -> float:
     shares = []
     for image in reconstruction.images:
-        lens = reconstruction.intrinsics(image)
-        cell = np.floor(image.xy / [lens.width, lens.height] * GRID).astype(int)
+        camera = reconstruction.intrinsics(image)
+        cell = np.floor(image.xy / [camera.width, camera.height] * GRID).astype(int)
         inside = np.all((cell >= 0) & (cell < GRID), axis=1)
         shares.append(len(np.unique(cell[inside], axis=0)) / (GRID[0] * GRID[1]))
     return float(np.mean(shares))

@@ -189,10 +189,10 @@ class _Sights:
         close[image.points] = False
         rows = np.nonzero(close)[0].astype(np.int32)
         local, ahead = seen_by(image, reconstruction, rows)
-        lens = reconstruction.intrinsics(image)
-        place = lens.project(local)
+        camera = reconstruction.intrinsics(image)
+        place = camera.project(local)
         with np.errstate(invalid="ignore"):
-            inside = ahead & np.all((place >= 0) & (place < [lens.width, lens.height]), axis=1)
+            inside = ahead & np.all((place >= 0) & (place < [camera.width, camera.height]), axis=1)
         rows = rows[inside]
         before, after = self._last[rows], self._next[rows]
         here = self._towards(np.full(len(rows), index), rows)
@@ -221,16 +221,16 @@ def _has_neighbours(
 
     Counted in cells of the picture and of inverse depth, which takes no more time than there are points.
     """
-    lens = reconstruction.intrinsics(image)
+    camera = reconstruction.intrinsics(image)
     observed, ahead = seen_by(image, reconstruction, image.points)
     if not ahead.any():
         return np.zeros(len(rows), bool)
     local = image.to_camera(reconstruction.points.xyz[rows])
     nearest = float(np.percentile(1 / observed[ahead, 2], 98))
-    long_side = max(lens.width, lens.height)
+    long_side = max(camera.width, camera.height)
     # A point's cell and two more on each side are on average as far as the others may be.
     cell = np.array([options.neighbourhood * long_side] * 2 + [options.same_depth * nearest]) / 2.5
-    size = np.ceil(np.array([lens.width, lens.height, 1.25 * nearest]) / cell).astype(int)
+    size = np.ceil(np.array([camera.width, camera.height, 1.25 * nearest]) / cell).astype(int)
 
     def number(place: Floats, depth: Floats) -> tuple[NDArray[np.intp], ...]:
         at = np.clip(np.column_stack([place, 1 / depth]) / cell, 0, size - 1)
@@ -241,7 +241,7 @@ def _has_neighbours(
     count = np.pad(count, 2)
     for axis in range(3):
         count = sliding_window_view(count, 5, axis).sum(axis=-1)
-    return np.asarray(count[number(lens.project(local), local[:, 2])] >= options.min_neighbours)
+    return np.asarray(count[number(camera.project(local), local[:, 2])] >= options.min_neighbours)
 
 
 def _looks(
@@ -259,9 +259,9 @@ def _looks(
     patch that faces its source frame.
     """
     image = reconstruction.images[index]
-    lens = reconstruction.intrinsics(image)
+    camera = reconstruction.intrinsics(image)
     world = reconstruction.points.xyz[rows]
-    place = lens.project(image.to_camera(world))
+    place = camera.project(image.to_camera(world))
     maps = np.empty((len(rows), 2, 2))
     for each in np.unique(source):
         some = source == each
@@ -274,7 +274,7 @@ def _looks(
             pixel[:, axis] += 1
             rays = theirs.undistort((pixel - theirs.principal_point) / theirs.focal)
             beside = np.column_stack([rays, np.ones(len(rays))]) * local[:, 2:]
-            seen = lens.project(image.to_camera((beside - other.translation) @ other.rotation))
+            seen = camera.project(image.to_camera((beside - other.translation) @ other.rotation))
             maps[some, :, axis] = seen - place[some]
     return sample(gray, place * zoom - 0.5, maps, square(radius + 1))
 

@@ -27,7 +27,7 @@ from ..base.folder_lock import FolderLock
 from ..camera.focal_length import from_equivalent, is_plausible
 from ..media import picture_file
 from ..media.clip import Footage, open_footage
-from ..media.exif import photo_lens
+from ..media.exif import photo_data
 from ..media.metadata import equivalent_focal
 from ..media.video import VideoInfo
 from ..readers.colmap_export import write_model
@@ -74,10 +74,10 @@ def _solve(job: dict[str, Any]) -> None:
     check_shape(footage)
     tracks = track_features(footage, _progress, job["tracker"])
     refuse_cuts(tracks)
-    lens = incremental_mapping.Lens(**job["lens"])
+    lens = incremental_mapping.FocalPrior(**job["lens"])
     told = None if lens.focal or lens.zooms else _told(footage)
     if told:
-        lens = incremental_mapping.Lens(told, TOLD_SIGMA)
+        lens = incremental_mapping.FocalPrior(told, TOLD_SIGMA)
     mapped = incremental_mapping.reconstruct(tracks, lens, _progress)
     result = mapped.reconstruction
     (folder / "model").mkdir()
@@ -126,7 +126,7 @@ def _told(footage: Footage) -> float | None:
     if footage.is_video:
         equivalent = equivalent_focal(footage.path)
         return from_equivalent(equivalent, width, height) if equivalent else None
-    lens = photo_lens(footage.files[0])
+    lens = photo_data(footage.files[0])
     if lens is None or lens.was_cropped(width, height):
         return None
     if lens.equivalent or lens.resolution or not lens.focal_mm:

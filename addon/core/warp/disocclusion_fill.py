@@ -127,14 +127,14 @@ class DisocclusionFill:
     ) -> tuple[SourceView, Map]:
         """What another frame sees, and its colours (3, n) of the places that the target view shows; infinite
         where it does not see them."""
-        lens, options = self._rec.intrinsics(other), self._options
+        camera, options = self._rec.intrinsics(other), self._options
         picture = self._pictures.get(other.frame, lambda: self._linear(other.frame))
         checkpoint(0.5)
-        reprojection = Reprojection.between(image, canvas.pinhole, other, lens)
-        apart = options.grid * lens.fx / canvas.pinhole.fx
+        reprojection = Reprojection.between(image, canvas.pinhole, other, camera)
+        apart = options.grid * camera.fx / canvas.pinhole.fx
         nearest = _nearest(reprojection, target.occluders, apart, options)
         checkpoint(0.7)
-        hides = _hides(nearest, self._wide(other.frame), lens, options)
+        hides = _hides(nearest, self._wide(other.frame), camera, options)
         source = SourceView(other.frame, reprojection, picture, hides, np.ones(3, np.float32))
         colours = np.concatenate([source.colours(some) for some in _parts(target.places)], axis=1)
         checkpoint(0.8)
@@ -191,7 +191,7 @@ class DisocclusionFill:
         wide = self._wide(frame)
         if wide is None:
             return np.zeros(len(places), bool)
-        size = canvas.lens.width, canvas.lens.height
+        size = canvas.camera.width, canvas.camera.height
         return _within(wide, canvas.features_to_source(np.stack([places.x, places.y], axis=1)) / size)
 
     def _wide(self, frame: int) -> Mask | None:
@@ -301,11 +301,11 @@ def _nearest(reprojection: Reprojection, places: Places, apart: float, options: 
     `apart` is how many pixels of the other picture they are apart if they are as far from it: then all
     squares between are theirs.
     """
-    square, lens = options.square, reprojection.lens
-    size = -(-lens.height // square), -(-lens.width // square)
+    square, camera = options.square, reprojection.camera
+    size = -(-camera.height // square), -(-camera.width // square)
     nearest = np.zeros(size, np.float32)
     x, y, ratio = reprojection(places)
-    inside = np.flatnonzero((x >= 0) & (x < lens.width) & (y >= 0) & (y < lens.height))
+    inside = np.flatnonzero((x >= 0) & (x < camera.width) & (y >= 0) & (y < camera.height))
     x, y, ratio = x[inside], y[inside], ratio[inside]
     at = (y / square).astype(np.int32) * size[1] + (x / square).astype(np.int32)
     inverse = places.inverse[inside] / ratio
@@ -319,17 +319,19 @@ def _nearest(reprojection: Reprojection, places: Places, apart: float, options: 
     return nearest
 
 
-def _hides(nearest: Map, moving: Mask | None, lens: Intrinsics, options: FillOptions) -> Map:
+def _hides(nearest: Map, moving: Mask | None, camera: Intrinsics, options: FillOptions) -> Map:
     """(H, W) least inverse depth at which something is not hidden in each pixel of a lens, infinite where it
     moves (h, w); `nearest` (r, c) is what stands before all else in its squares."""
     square, margin = options.square, int(options.silhouette_margin)
     whole = cv2.resize(
         nearest / np.float32(1 + options.occluder_margin),
         (nearest.shape[1] * square, nearest.shape[0] * square), interpolation=cv2.INTER_NEAREST,
-    )[: lens.height, : lens.width]  # fmt: skip
+    )[: camera.height, : camera.width]  # fmt: skip
     hides = cv2.dilate(whole, np.ones((2 * margin + 1,) * 2))
     if moving is not None:
-        mask = cv2.resize(moving.astype(np.uint8), (lens.width, lens.height), interpolation=cv2.INTER_NEAREST)
+        mask = cv2.resize(
+            moving.astype(np.uint8), (camera.width, camera.height), interpolation=cv2.INTER_NEAREST
+        )
         hides[mask > 0] = np.inf
     return np.asarray(hides, np.float32)
 

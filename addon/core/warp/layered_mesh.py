@@ -9,11 +9,13 @@ from dataclasses import dataclass, field, replace
 import cv2
 import numpy as np
 
-from ..base.arrays import Floats, Ints, LinearRGBA, Map, Mask
+from ..base.arrays import Floats, Ints, LinearRGB, LinearRGBA, Map, Mask
 from ..base.limits import threads
 from ..base.progress import checkpoint, in_this_scope
 from ..base.reused_memory import ReusedMemory
-from ..depth.source import extended
+from ..depth.source import PixelDepth, extended
+from ..optics.thin_lens import ThinLens
+from .disocclusion_fill import HiddenColours
 from .layered_depth_image import Fill, LayeredDepthImage, LayerOptions, depth_peel
 from .mesh import WarpMesh
 from .quadtree import QuadtreeOptions, Surfaces, Triangles, triangulate
@@ -64,34 +66,34 @@ class LayeredMeshOptions:
 
 def layer_mesh(
     picture: LinearRGBA,
-    disparity: Floats,
-    focus: float,
-    scale: float,
-    snap: Callable[[Map], Map] = lambda shift: shift,
-    fill: Fill | None = None,
+    depth: PixelDepth,
+    thin_lens: ThinLens,
+    hidden: HiddenColours | None = None,
     options: LayeredMeshOptions = LayeredMeshOptions(),
     memory: ReusedMemory | None = None,
-    past_border: Floats | Map | None = None,
-    stretch: float = 1.0,
 ) -> tuple[WarpMesh, LinearRGBA, tuple[LayeredDepthImage, ...]]:
-    """A mesh, its texture (h, w, 4), and the layers it was made of, near ones first.
+    """The mesh of a picture seen through a thin lens, its texture (h, w, 4), and the layers, near ones first.
 
-    `picture` (H, W, 4) is the canvas picture; `disparity` (H, W) that of every pixel at the aperture's rim,
-    in pixels, and `focus` that of the focal plane; disparity over `scale` is inverse depth. `snap` moves
-    disparities (H, W), relative to the focal plane, that are drawn elsewhere than they are. `fill` tells
-    other frames' colours, on a raster that is so much larger than the picture as needs be, its middle on the
-    picture's. The texture lies in `memory`, if that is given. `past_border` (H + 2 m, W + 2 m) are the
-    disparities that other frames know around the picture, NaN where they do not: they are taken where `fill`
-    tells the colour, too. Views displace things by up to `stretch` times their disparity. Triangles are
-    ordered from far to near.
+    `picture` (H, W, 4) is what the canvas shows, linear and premultiplied; `depth` that of every pixel of it,
+    and past its border, as it is (not `ThinLens.untilted`). The lens says by how many pixels views displace
+    what; the mesh's inverse depths are its `untilted`. `hidden` tells other frames' colours for what the
+    picture does not show, so also past the border; None makes them up from beside. The texture lies in
+    `memory`, by default in its own.
+
+    Triangles are ordered from far to near (Shade et al., "Layered depth images", 1998).
     """
-    reach = options.widest * max(disparity.shape)
-    # From here on disparities are relative to the focal plane: they are exact where it matters.
-    shift = np.clip(disparity - focus, -reach, reach).astype(np.float32)
-    past = None
-    if fill is not None and past_border is not None:
-        past = np.clip(past_border - focus, -reach, reach).astype(np.float32)
-    margin = max(int(np.ceil(stretch * np.abs(shift).max())), _visible_margin(past, shift.shape)) + 2
+    reach, focus = options.widest * max(picture.shape[:2]), thin_lens.disparity_scale * thin_lens.focus
+    fill = None if hidden is None else _fill_of(hidden, picture, thin_lens)
+
+    def relative(inverse_depth: Floats | Map) -> Map:
+        # Relative to the focal plane disparities are exact where it matters.
+        disparity = thin_lens.disparity(thin_lens.untilted_raster(inverse_depth))
+        return np.clip(disparity - focus, -reach, reach).astype(np.float32)
+
+    shift = relative(depth.inverse_depth)
+    past = None if fill is None or depth.past_border is None else relative(depth.past_border)
+    seen = int(np.ceil(thin_lens.stretch * np.abs(shift).max()))
+    margin = max(seen, _visible_margin(past, shift.shape)) + 2
     checkpoint()
     wide = np.pad(picture, ((margin, margin), (margin, margin), (0, 0)), mode="symmetric")
     shift = np.pad(shift, margin, mode="edge")
@@ -110,7 +112,7 @@ def layer_mesh(
     jumps = (first, jump) if first > jump else (jump,)
     checkpoint(0.1)
     layers = depth_peel(wide, shift, jumps, fill, options.layers)
-    found = triangulated(layers, snap, options)
+    found = triangulated(layers, thin_lens.snap_displacement, options)
     surfaces = [(found[-1][0].far, found[-1][1].far, len(layers))]
     fronts, drawn = [], []
     checkpoint(0.75)
@@ -122,7 +124,7 @@ def layer_mesh(
         drawn.append(triangles.before.copy())
         drawn[-1].ravel()[triangles.cut.ravel()] = True
     checkpoint(0.8)
-    mesh = _joined(surfaces, margin, focus, scale)
+    mesh = _joined(surfaces, margin, focus, thin_lens.disparity_scale)
     pictures = [wide, *(split.back for split in layers)]
     layers = tuple(
         replace(split, front=front, margin_reprojected=margin_reprojected, drawn=covered)
@@ -133,6 +135,22 @@ def layer_mesh(
     # A pixel's middle is the middle of a texel: in the focal plane views show the frame's own pixels.
     mesh = replace(mesh, texture_xy=FINER * (mesh.texture_xy - 0.5) + 0.5)
     return mesh, _texture(pictures, fronts, drawn, memory or ReusedMemory()), layers
+
+
+def _fill_of(hidden: HiddenColours, picture: LinearRGBA, thin_lens: ThinLens) -> Fill:
+    """Hidden colours as a raster around the picture (H, W, 4) asks for them: by disparity relative to that of
+    the focal plane."""
+
+    def fill(disparity: Map, asked: Mask) -> tuple[LinearRGB, Mask]:
+        row, column = np.nonzero(asked)
+        corner = (np.array(disparity.shape) - picture.shape[:2]) // 2
+        places = np.column_stack([column - corner[1], row - corner[0]]) + 0.5
+        colour, found = np.zeros((*disparity.shape, 3), np.float32), np.zeros(disparity.shape, bool)
+        inverse = thin_lens.focus + disparity[row, column] / np.float64(thin_lens.disparity_scale)
+        colour[row, column], found[row, column] = hidden(places, thin_lens.tilted(inverse, places))
+        return colour, found
+
+    return fill
 
 
 def _visible_margin(past: Map | None, shape: tuple[int, ...]) -> int:

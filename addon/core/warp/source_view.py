@@ -51,16 +51,16 @@ class Reprojection:
     """(3, 3) homogeneous pixels of the other camera of those at infinity; if its lens is distorted, rays."""
     parallax: Map
     """(3,) what is added to those for an inverse depth of one."""
-    lens: Intrinsics
+    camera: Intrinsics
     """Of the other camera."""
 
     @classmethod
-    def between(cls, image: Image, pinhole: Intrinsics, other: Image, lens: Intrinsics) -> Reprojection:
+    def between(cls, image: Image, pinhole: Intrinsics, other: Image, camera: Intrinsics) -> Reprojection:
         """From the pinhole of an image to the lens of another."""
         rotation, translation = relative_pose(image, other)
-        there = np.eye(3) if lens.is_distorted else _matrix(lens)
+        there = np.eye(3) if camera.is_distorted else _matrix(camera)
         homography = there @ rotation @ np.linalg.inv(_matrix(pinhole))
-        return cls(homography.astype(np.float32), (there @ translation).astype(np.float32), lens)
+        return cls(homography.astype(np.float32), (there @ translation).astype(np.float32), camera)
 
     def __call__(self, places: Places) -> tuple[Map, Map, Map]:
         """(n,) x and y in pixels of the other picture, NaN behind that camera, and depth over the depth in
@@ -71,9 +71,9 @@ class Reprojection:
         )
         ahead = np.where(ratio > 0, ratio, np.float32(np.nan))
         x, y = x / ahead, y / ahead
-        if self.lens.is_distorted:
-            rays = self.lens.distort(np.stack([x, y], axis=-1).astype(np.float64))
-            x, y = (rays * self.lens.focal + self.lens.principal_point).astype(np.float32).T
+        if self.camera.is_distorted:
+            rays = self.camera.distort(np.stack([x, y], axis=-1).astype(np.float64))
+            x, y = (rays * self.camera.focal + self.camera.principal_point).astype(np.float32).T
         return x, y, ahead
 
 
@@ -110,6 +110,6 @@ class SourceView:
         return found
 
 
-def _matrix(lens: Intrinsics) -> Floats:
+def _matrix(camera: Intrinsics) -> Floats:
     """(3, 3) calibration matrix K of a pinhole."""
-    return np.array([[lens.fx, 0, lens.cx], [0, lens.fy, lens.cy], [0, 0, 1.0]])
+    return np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1.0]])

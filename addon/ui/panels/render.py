@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import bpy
 
-from ...core.lens.meshers import MESHERS
-from .. import inspect, notices, render_clip, report_list
+from ...core.frame.meshers import MESHERS
+from .. import notices, render_clip, report_list
 from ..text import wrapped
 from .panel import PRIMARY, ClosedPanel, Panel
 
@@ -66,7 +66,7 @@ class VIRTUAL_APERTURE_PT_method(ClosedPanel, bpy.types.Panel):  # noqa: N801
         layout = self.layout
         layout.use_property_split = True
         layout.use_property_decorate = False
-        layout.prop(settings, "error")
+        layout.prop(settings, "target_psnr")
         layout.prop(settings, "use_auto_views")
         if not settings.use_auto_views:
             layout.prop(settings, "views")
@@ -75,23 +75,8 @@ class VIRTUAL_APERTURE_PT_method(ClosedPanel, bpy.types.Panel):  # noqa: N801
             layout.prop(settings, name)
 
 
-class VIRTUAL_APERTURE_PT_debug(ClosedPanel, bpy.types.Panel):  # noqa: N801
-    bl_label = "Debug"
-    bl_parent_id = "VIRTUAL_APERTURE_PT_render"
-
-    def draw(self, _context: bpy.types.Context) -> None:
-        layout = self.layout
-        layout.operator(inspect.VIRTUAL_APERTURE_OT_inspect_frame.bl_idname, icon="VIEWZOOM")
-        if images := inspect.shown():
-            column = layout.column(align=True)
-            column.label(text="In the Image Editor:", icon="IMAGE_DATA")
-            for image in images.values():
-                column.label(text=image.name)
-
-
 CLASSES = (
     VIRTUAL_APERTURE_PT_render,
     VIRTUAL_APERTURE_PT_passes,
     VIRTUAL_APERTURE_PT_method,
-    VIRTUAL_APERTURE_PT_debug,
 )

@@ -1,0 +1,25 @@
+"""The feature points as a source of depth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..base.arrays import LinearRGBA
+from ..camera.canvas import Canvas
+from ..camera.reconstruction import Reconstruction
+from .source import DepthSource
+from .sparse import FrameFeatures, frame_features
+
+
+@dataclass(frozen=True)
+class SparseDepth(DepthSource):
+    """Samples for coarse meshes; points tell nothing of the pixels between them."""
+
+    reconstruction: Reconstruction
+
+    def at(self, frame: int, canvas: Canvas, picture: LinearRGBA) -> None:
+        """None."""
+
+    def samples(self, frame: int, canvas: Canvas) -> FrameFeatures:
+        """The frame's feature points."""
+        return frame_features(self.reconstruction, frame, canvas)

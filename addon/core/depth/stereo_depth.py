@@ -1,0 +1,64 @@
+"""Depth found in the clip itself, by stereo fused over time, as a source of depth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from ..base.arrays import LinearRGBA, Map
+from ..camera.canvas import Canvas
+from .joint_upsampling import upsampled
+from .multi_view_stereo import DenseDepth
+from .source import NO_PICTURE, DepthSource, PixelDepth
+from .temporal_fusion import TemporalFusion
+
+ORIGIN = "the clip's dense depth"
+
+
+@dataclass(frozen=True)
+class StereoDepth(DepthSource):
+    """Depth of every frame with a camera, found where it is not kept. Errors as of `TemporalFusion.at`."""
+
+    fusion: TemporalFusion
+    better: TemporalFusion | None = None
+    """Of a better quality: what it has kept is taken instead."""
+
+    def at(self, frame: int, canvas: Canvas, picture: LinearRGBA) -> PixelDepth:
+        """The depth of all pixels of the canvas that shows `picture` (H, W, 4); at the size that it is found
+        at where that is `NO_PICTURE`."""
+        better = self.better.kept(frame) if self.better else None
+        return whole_depth(better or self.fusion.at(frame), picture)
+
+    def kept(self, frame: int, canvas: Canvas) -> PixelDepth | None:
+        """As `at` without a picture, of a frame whose depth was found before; else None."""
+        better = self.better.kept(frame) if self.better else None
+        known = better or self.fusion.kept(frame)
+        return None if known is None else whole_depth(known)
+
+
+def whole_depth(depth: DenseDepth, picture: LinearRGBA = NO_PICTURE) -> PixelDepth:
+    """Depth found in a smaller picture for every pixel of the canvas picture (H, W, 4), along its edges; as
+    it was found where there is no picture."""
+    if not picture.size:
+        inverse = depth.inverse_depth.astype(np.float64)
+        return PixelDepth(inverse, depth.confidence, depth.moving, depth.past_border, ORIGIN)
+    size = (picture.shape[1], picture.shape[0])
+    confidence = cv2.resize(depth.confidence, size)
+    past = None if depth.past_border is None else _past_border(depth.past_border, depth.inverse_depth, size)
+    return PixelDepth(
+        upsampled(depth.inverse_depth, picture), np.asarray(confidence), depth.moving, past, ORIGIN
+    )
+
+
+def _past_border(past: Map, inside: Map, size: tuple[int, int]) -> Map:
+    """(H + 2 M, W + 2 M) of inverse depth past the border (h + 2 m, w + 2 m) of a smaller picture, `inside`
+    (h, w), around one of `size` (W, H): that of the nearest pixel."""
+    margin = (past.shape[0] - inside.shape[0]) // 2
+    beyond = int(margin * min(size[0] / inside.shape[1], size[1] / inside.shape[0]))
+    at = (
+        ((np.arange(-beyond, large + beyond) + 0.5) * small / large + margin).astype(int)
+        for large, small in zip(size[::-1], inside.shape, strict=True)
+    )
+    return np.asarray(past[np.ix_(*at)])

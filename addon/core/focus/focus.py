@@ -1,0 +1,194 @@
+"""What is in focus, and how large an aperture blurs the rest of a frame by how much."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..base.errors import UserError
+from ..camera.canvas import Canvas
+from ..camera.reconstruction import Intrinsics, Ints, Reconstruction
+from ..depth.sparse import frame_features, point_inverse_depths
+from ..optics.thin_lens import ThinLens
+
+FEWEST_IN_PLANE = 3
+"""Points in focus that make a plane."""
+COLLINEAR = 1e-3
+"""Of the extent of points in focus: a plane through points that lie closer to a line is none. By eye."""
+IN_PLANE = 1e-6
+"""Of the distance of points in focus: a camera that is closer to their plane sees it as a line. By eye."""
+
+
+@dataclass(frozen=True)
+class Focus:
+    """What is in focus: 3D points that are followed through the clip, or a constant distance."""
+
+    points: tuple[int, ...] = ()
+    distance: float | None = None
+    """Depth along the optical axis, in scene units, or infinity; used where there are no points."""
+    through_points: bool = False
+    """Whether the focal plane is tilted to go through the points, three or more, and stays with them."""
+    tilt: float = 0.0
+    """Radians by which the focal plane's upper part leans away from the camera, about its place on the
+    optical axis; not of a plane through points."""
+    swing: float = 0.0
+    """The same of its right part."""
+
+    @property
+    def is_tilted(self) -> bool:
+        """Whether the focal plane need not be parallel to the picture."""
+        return bool(self.through_points and self.points) or self.tilt != 0 or self.swing != 0
+
+    def lens(
+        self, reconstruction: Reconstruction, frame: int, pinhole: Intrinsics, radius: float
+    ) -> ThinLens:
+        """The thin lens of an aperture radius in scene units at a frame that is seen through a pinhole.
+
+        UserError as `inverse_depth`, and where the points in focus make no plane.
+        """
+        inverse = self.inverse_depth(reconstruction, frame)
+        slope = (0.0, 0.0)
+        if self.through_points and self.points:
+            inverse, slope = self._plane_through_points(reconstruction, frame, pinhole)
+        elif self.tilt or self.swing:
+            # Z = Z0 + X tan(swing) - Y tan(tilt), divided by Z Z0; y points down.
+            slope = (
+                -inverse * float(np.tan(self.swing)) / pinhole.fx,
+                inverse * float(np.tan(self.tilt)) / pinhole.fy,
+            )
+        return ThinLens.on_plane(pinhole, radius, inverse, slope)
+
+    def _plane_through_points(
+        self, reconstruction: Reconstruction, frame: int, pinhole: Intrinsics
+    ) -> tuple[float, tuple[float, float]]:
+        """Inverse depth on the optical axis and its slope a pixel, of the plane with the least sum of squared
+        distances to the points: the same one in all frames."""
+        if len(self.points) < FEWEST_IN_PLANE:
+            raise UserError(
+                f"a focal plane through points takes {FEWEST_IN_PLANE} or more; {len(self.points)} are picked"
+            )
+        xyz = reconstruction.points.xyz[check_points(reconstruction, self.points)]
+        centre = xyz.mean(axis=0)
+        _, extent, axes = np.linalg.svd(xyz - centre, full_matrices=False)
+        if not extent[1] > COLLINEAR * extent[0]:
+            raise UserError("the points in focus lie in a line; pick points that span a plane")
+        image, _ = reconstruction.image_at(frame)
+        normal, middle = image.rotation @ axes[2], image.to_camera(centre)
+        away = float(normal @ middle)
+        if not abs(away) > IN_PLANE * float(np.linalg.norm(middle)):
+            raise UserError(
+                f"frame {frame}: the camera lies in the plane of the points in focus; pick other points"
+            )
+        # normal . (x, y, 1) Z = away on the plane, for rays (x, y, 1).
+        across, down = normal[:2] / away / pinhole.focal
+        return float(normal[2] / away), (float(across), float(down))
+
+    def inverse_depth(self, reconstruction: Reconstruction, frame: int) -> float:
+        """Inverse depth of the focal plane at a frame.
+
+        Points are carried as 3D points: they need not be seen in the frame.
+        Raises UserError where nothing is picked or the picked points lie behind the camera.
+        """
+        if not self.points:
+            if self.distance is None:
+                raise UserError("nothing is in focus; pick two or more points or give a focus distance")
+            # The smallest normal number is the last whose inverse is one.
+            if not self.distance >= np.finfo(float).tiny:
+                raise UserError(f"the focus distance is {self.distance:g}; it must be greater than zero")
+            return 1.0 / float(self.distance)
+        ids = check_points(reconstruction, self.points)
+        inverse = point_inverse_depths(reconstruction, frame, ids)
+        ahead = inverse[inverse > 0]
+        if not len(ahead):
+            raise UserError(
+                f"frame {frame}: no focus point lies ahead of the camera; pick points that lie ahead there"
+            )
+        return float(ahead.mean())
+
+
+def check_points(reconstruction: Reconstruction, points: tuple[int, ...]) -> Ints:
+    """Point IDs as an array; UserError naming the first one that does not exist."""
+    ids = np.array(points, dtype=np.int64)
+    wrong = ids[(ids < 0) | (ids >= len(reconstruction.points))]
+    if len(wrong) and not len(reconstruction.points):
+        raise UserError("the reconstruction has no points to focus on; solve the clip again")
+    if len(wrong):
+        raise UserError(
+            f"there is no focus point {wrong[0]}; the points are 0 to {len(reconstruction.points) - 1}"
+        )
+    return ids.astype(np.int32)
+
+
+def radius_for_blur(reconstruction: Reconstruction, focus: Focus, frame: int, blur: float) -> float:
+    """Aperture radius in scene units that blurs the farthest background into a disc of `blur` image widths.
+
+    D = 2 R f |1/Z - 1/Zf|. The farthest background is the 2nd percentile of the frame's inverse depths
+    (single points farther away are mostly wrong). With the background itself in focus, the nearest
+    foreground takes its place. UserError where there is nothing to blur.
+    """
+    if not (np.isfinite(blur) and blur > 0):
+        raise UserError(
+            f"the blur is {blur:g}; it must be greater than zero (0.03 is 3 % of the image width)"
+        )
+    return blur / _blur_of_unit_radius(reconstruction, focus, frame)
+
+
+def blur_for_radius(reconstruction: Reconstruction, focus: Focus, frame: int, radius: float) -> float:
+    """Inverse of `radius_for_blur`: the blur disc, in image widths, of an aperture radius in scene units.
+
+    UserError where there is nothing to blur.
+    """
+    return radius * _blur_of_unit_radius(reconstruction, focus, frame)
+
+
+def largest_discs(
+    reconstruction: Reconstruction, focus: Focus, frame: int, radius: float
+) -> tuple[float, float]:
+    """Diameters of a frame's largest blur discs before and beyond the focal plane, in image widths.
+
+    Of all but the nearest and farthest 2 % of its points; 0 where none is on that side.
+    """
+    image, _ = reconstruction.image_at(frame)
+    canvas = Canvas(reconstruction.intrinsics(image))
+    features = frame_features(reconstruction, frame, canvas)
+    if not len(features.points):
+        return 0.0, 0.0
+    lens = focus.lens(reconstruction, frame, canvas.pinhole, radius)
+    plane = lens.focus
+    far, near = np.percentile(lens.untilted(features.inverse_depth, features.observed), [2, 98])
+    of_contrast = 2 * radius * canvas.camera.fx / canvas.camera.width
+    return float(of_contrast * max(near - plane, 0.0)), float(of_contrast * max(plane - far, 0.0))
+
+
+def sharp_distances(
+    reconstruction: Reconstruction, focus: Focus, frame: int, radius: float
+) -> tuple[float, float]:
+    """`ThinLens.sharp_distances` at a frame, of an aperture radius in scene units."""
+    image, _ = reconstruction.image_at(frame)
+    plain = reconstruction.intrinsics(image).without_distortion()
+    return focus.lens(reconstruction, frame, plain, radius).sharp_distances
+
+
+def _blur_of_unit_radius(reconstruction: Reconstruction, focus: Focus, frame: int) -> float:
+    image, _ = reconstruction.image_at(frame)
+    canvas = Canvas(reconstruction.intrinsics(image))
+    # First: where nothing is in focus a million points need not be looked at.
+    lens = focus.lens(reconstruction, frame, canvas.pinhole, 1.0)
+    features = frame_features(reconstruction, frame, canvas)
+    if not len(features.points):
+        raise UserError(
+            f"frame {frame} has no usable feature points to measure a blur by; pick the focus in another"
+            " frame, give the aperture's radius, or solve the clip again"
+        )
+    inverse = lens.focus
+    far, near = np.percentile(lens.untilted(features.inverse_depth, features.observed), [2, 98])
+    contrast = inverse - far
+    if contrast < 0.25 * (near - inverse):
+        contrast = near - inverse
+    if contrast <= 1e-6 * inverse:
+        raise UserError(
+            "everything in the picture lies in the focal plane, so there is nothing to blur;"
+            " focus elsewhere or give the aperture's radius"
+        )
+    return float(2 * canvas.camera.fx * contrast / canvas.camera.width)

@@ -1,0 +1,133 @@
+"""Focus that is pulled from mark to mark: eased in time, and linear in inverse depth, as blur is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from ..base.errors import UserError
+from ..camera.reconstruction import Floats, Reconstruction
+from .place import Place, shown_at
+
+
+@dataclass(frozen=True)
+class FocusMark:
+    """What is to be in focus at a frame."""
+
+    frame: int
+    places: tuple[Place, ...]
+    """One or more; of several, which may have been picked in other frames, the mean of their inverse depths
+    is in focus."""
+    smooth: bool = True
+    """Whether focus goes to this mark smoothly, else evenly in inverse depth, and all at once where it begins
+    and ends."""
+
+    @classmethod
+    def of(cls, place: Place) -> FocusMark:
+        """A place at the frame that it was picked in."""
+        return cls(place.frame, (place,))
+
+    def inverse_depths(self, reconstruction: Reconstruction, frames: Sequence[int]) -> Floats:
+        """(n,) at frames (n,), as the function of that name."""
+        found = [inverse_depths(place, reconstruction, frames) for place in self.places]
+        return np.asarray(np.mean(found, axis=0))
+
+
+def pull(
+    marks: Sequence[FocusMark], reconstruction: Reconstruction, frames: Sequence[int]
+) -> dict[int, float]:
+    """Distance of the focal plane, in the reconstruction's unit, at each of some frames.
+
+    At its own frame each mark is in focus. Between two the inverse depth goes from that of the one to that
+    of the other by the smoothstep s = t^2 (3 - 2 t) of the time t between them: it starts and stops without a
+    jolt, and blur discs grow and shrink evenly; or by t itself. Both marks are followed meanwhile; before the
+    first and after the last that one is. UserError for two marks at the same frame.
+    """
+    order = sorted(marks, key=lambda mark: mark.frame)
+    for one, other in pairwise(order):
+        if one.frame == other.frame:
+            raise UserError(f"two places are to be in focus at frame {one.frame}; give each its own frame")
+    at = np.array(frames)
+    inverse = np.zeros(len(at))
+    before = at <= order[0].frame
+    inverse[before] = order[0].inverse_depths(reconstruction, at[before].tolist())
+    for one, other in pairwise(order):
+        between = (at > one.frame) & (at <= other.frame)
+        now = at[between].tolist()
+        time = (at[between] - one.frame) / (other.frame - one.frame)
+        share = smoothstep(time) if other.smooth else time
+        from_one, to_other = (mark.inverse_depths(reconstruction, now) for mark in (one, other))
+        inverse[between] = (1 - share) * from_one + share * to_other
+    after = at > order[-1].frame
+    inverse[after] = order[-1].inverse_depths(reconstruction, at[after].tolist())
+    return dict(zip(map(int, frames), (1 / inverse).tolist(), strict=True))
+
+
+def smoothstep(time: Floats) -> Floats:
+    """Shares of any shape: 0 up to time 0, 1 from time 1 on, smooth between, with no slope at either end."""
+    held = np.clip(time, 0, 1)
+    return np.asarray(held**2 * (3 - 2 * held))
+
+
+def inverse_depths(place: Place, reconstruction: Reconstruction, frames: Sequence[int]) -> Floats:
+    """(n,) inverse depth of a place at frames (n,), greater than zero.
+
+    Where it lies behind the camera, or is lost, it is that of the nearest frame where it is not, of those and
+    the one that it was picked in.
+    """
+    if not len(frames):
+        return np.zeros(0)
+    asked = [*frames, place.frame]
+    found = np.array([_inverse_depth(place, reconstruction, frame) for frame in asked])
+    known = np.flatnonzero(found > 0)
+    if not len(known):
+        return np.full(len(frames), 1 / place.distance)
+    at = np.array(asked)
+    nearest = known[np.abs(at[known] - at[:-1, None]).argmin(axis=1)]
+    return np.asarray(found[nearest])
+
+
+def unseen(marks: Sequence[FocusMark], reconstruction: Reconstruction, frames: Sequence[int]) -> list[int]:
+    """Those of some frames at which a mark is followed that the frame does not show: none of its places.
+
+    A place is shown where a point of it is seen, where it lies within the picture, or where it could be
+    followed. Between two marks both are followed. A bare distance is shown everywhere.
+    """
+    order = sorted(marks, key=lambda mark: mark.frame)
+    at = np.array(frames)
+    hidden = np.zeros(len(at), dtype=bool)
+    for number, mark in enumerate(order):
+        low = order[number - 1].frame if number else -np.inf
+        high = order[number + 1].frame if number + 1 < len(order) else np.inf
+        for row in np.flatnonzero((at > low) & (at < high)):
+            shown = any(_is_shown(place, reconstruction, int(at[row])) for place in mark.places)
+            hidden[row] |= not shown
+    return [int(frame) for frame in at[hidden]]
+
+
+def _is_shown(place: Place, reconstruction: Reconstruction, frame: int) -> bool:
+    image, _ = reconstruction.image_at(frame)
+    if place.followed:
+        return frame in place.followed
+    if place.world is not None:
+        at = shown_at(place, reconstruction, frame)
+        return at is not None and all(0 <= each <= 1 for each in at)
+    if not place.focus.points:
+        return True
+    return any(np.isin(seen, place.focus.points).any() for seen in (image.points, image.visible))
+
+
+def _inverse_depth(place: Place, reconstruction: Reconstruction, frame: int) -> float:
+    """At a frame; 0 where the place lies behind its camera, or is lost."""
+    if place.followed:
+        return 1 / place.followed[frame] if frame in place.followed else 0.0
+    if place.world is not None:
+        depth = float(reconstruction.image_at(frame)[0].to_camera(place.world)[2])
+        return 1 / depth if depth > 0 else 0.0
+    try:
+        return place.focus.inverse_depth(reconstruction, frame)
+    except UserError:
+        return 0.0

@@ -1,0 +1,139 @@
+"""A focus carried from one reconstruction of a clip to another one of the same clip."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..camera.canvas import Canvas
+from ..camera.reconstruction import Floats, Image, Reconstruction, seen_by
+from ..depth.sparse import FrameFeatures, frame_features
+from .focus import FEWEST_IN_PLANE, Focus
+from .place import Place
+
+NEAR = 0.006
+"""Of the picture's width: how far from a point's old place a new one may be; 4 pixels of 640, by eye."""
+UNLIKE = 0.2
+"""Relative difference of inverse depths, scales brought together, above which a place close by is another
+surface, past a silhouette."""
+SAME = 0.002
+"""Of the picture's width: features of both that are closer are the same, 1.3 pixels of 640."""
+ENOUGH = 10
+"""Features found in both that tell their scales better than the medians do."""
+
+
+@dataclass(frozen=True)
+class Refocus:
+    """What becomes of a focus and of lengths."""
+
+    focus: Focus
+    """Its points are the new reconstruction's; none where their places are not seen there."""
+    frame: int
+    """Registered frame of the new reconstruction that the focus was picked in, or the nearest one."""
+    scale: float
+    """New scene units an old one: a reconstruction has no scale of its own."""
+
+
+def carry_focus(old: Reconstruction, new: Reconstruction, focus: Focus, frame: int) -> Refocus:
+    """The focus on the same places of the pictures, for a clip that was solved again.
+
+    Of each picked point the place is where it was seen, in the frame nearest to the one it was picked in.
+    Two points at least must be found again, three of a plane, or all where fewer were picked.
+    """
+    common = np.intersect1d(old.frames, new.frames)
+    if not len(common):
+        return Refocus(Focus(distance=focus.distance), int(new.frames[0]), 1.0)
+    order = common[np.argsort(np.abs(common - frame), kind="stable")]
+    nearest = int(order[0])
+    scale = depth_ratio(old, new, nearest)
+    distance = None if focus.distance is None else focus.distance * scale
+    found: list[int] = []
+    features: dict[int, FrameFeatures] = {}
+    for point in focus.points:
+        for each in map(int, order):
+            place = _place(old, each, point)
+            if place is None:
+                continue
+            if each not in features:
+                features[each] = frame_features(new, each, _canvas(new, each))
+            match = _match(features[each], new, each, place[0], place[1] / scale)
+            found += [] if match is None or match in found else [match]
+            break
+    enough = len(found) >= min(FEWEST_IN_PLANE if focus.through_points else 2, len(focus.points))
+    return Refocus(Focus(tuple(found) if enough else (), distance), nearest, scale)
+
+
+def carry_place(old: Reconstruction, new: Reconstruction, place: Place) -> Place:
+    """A place that was picked, for a clip that was solved again: on its points, where they are found again;
+    else where the picture shows it, at its depth; else at its distance."""
+    carried = carry_focus(old, new, place.focus, place.frame)
+    distance, scale = place.distance * carried.scale, carried.scale
+    if carried.focus.points:
+        focus = Focus(carried.focus.points, through_points=place.focus.through_points)
+        return replace(place, focus=focus, distance=distance)
+    focus = Focus(distance=distance)
+    if place.followed:
+        followed = {frame: away * scale for frame, away in place.followed.items()}
+        return replace(place, focus=focus, distance=distance, followed=followed)
+    if place.xy is None or (place.world is None and not place.focus.points) or place.frame not in new.frames:
+        return replace(place, focus=focus, distance=distance, world=None)
+    image, canvas = _image(new, place.frame), _canvas(new, place.frame)
+    click = np.array([place.xy]) * [canvas.camera.width, canvas.camera.height]
+    pinhole = canvas.pinhole
+    ray = (canvas.features_from_source(click)[0] - pinhole.principal_point) / pinhole.focal
+    world = image.rotation.T @ (distance * np.append(ray, 1.0) - image.translation)
+    return replace(place, focus=focus, distance=distance, world=world)
+
+
+def depth_ratio(old: Reconstruction, new: Reconstruction, frame: int) -> float:
+    """How many units of a new reconstruction one unit of the old one is, by the depths of a common frame."""
+    ones, others = (frame_features(each, frame, _canvas(each, frame)) for each in (old, new))
+    if not (len(ones.points) and len(others.points)):
+        return 1.0
+    place = _canvas(new, frame).features_to_source(others.observed)
+    ratios = []
+    for xy, inverse in zip(
+        _canvas(old, frame).features_to_source(ones.observed), ones.inverse_depth, strict=True
+    ):
+        away = np.linalg.norm(place - xy, axis=1)
+        closest = int(np.argmin(away))
+        if away[closest] < SAME * _width(new, frame):
+            ratios.append(inverse / others.inverse_depth[closest])
+    if len(ratios) >= ENOUGH:
+        return float(np.median(ratios))
+    return float(np.median(ones.inverse_depth) / np.median(others.inverse_depth))
+
+
+def _place(old: Reconstruction, frame: int, point: int) -> tuple[Floats, float] | None:
+    """(2,) pixels of the source frame where a point was tracked, and its inverse depth; else None."""
+    image = _image(old, frame)
+    row = np.flatnonzero(image.points == point)
+    local, ahead = seen_by(image, old, np.array([point], np.int32))
+    if not (len(row) and ahead[0]):
+        return None
+    return image.xy[row[0]], 1.0 / float(local[0, 2])
+
+
+def _match(
+    features: FrameFeatures, new: Reconstruction, frame: int, place: Floats, inverse_depth: float
+) -> int | None:
+    """The point of the feature nearest to a place (2,) in pixels, of those of about that inverse depth."""
+    away = np.linalg.norm(_canvas(new, frame).features_to_source(features.observed) - place, axis=1)
+    like = np.abs(features.inverse_depth - inverse_depth) < UNLIKE * inverse_depth
+    away[~like] = np.inf
+    if not len(away) or away.min() > NEAR * _width(new, frame):
+        return None
+    return int(features.points[np.argmin(away)])
+
+
+def _image(reconstruction: Reconstruction, frame: int) -> Image:
+    return reconstruction.image_at(frame)[0]
+
+
+def _canvas(reconstruction: Reconstruction, frame: int) -> Canvas:
+    return Canvas(reconstruction.intrinsics(_image(reconstruction, frame)))
+
+
+def _width(reconstruction: Reconstruction, frame: int) -> int:
+    return reconstruction.intrinsics(_image(reconstruction, frame)).width

@@ -1,0 +1,365 @@
+"""Pictures of what a frame is drawn from: depth, confidence, mesh, layers, sources, blur, focus, lamps.
+
+All are (H, W, 3) uint8 sRGB in the geometry of the source frame, but for what lies behind, which is two such
+pictures side by side.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.arrays import LinearRGBA, Mask
+from ..camera.canvas import Canvas
+from ..camera.reconstruction import Floats
+from ..media.clip import encode_srgb
+from ..optics.aperture_sampling import vogel_disc
+from ..optics.registration import exact_registration
+from ..warp.layered_depth_image import LayeredDepthImage
+from ..warp.layered_mesh import FINER
+from ..warp.mesh import WarpMesh
+from ..warp.rasterise import at_pixels
+from .plan import FramePlan
+from .warped_frame import WarpedFrame
+
+Shown = NDArray[np.uint8]
+
+NAMES = ("depth", "confidence", "wireframe", "layers", "sources", "blur", "focus", "highlights")
+"""Of all pictures, in the order in which they tell of a frame."""
+SOURCES = ("inpainted", "borrowed", "own")
+"""Where a pixel's light comes from, in the order of red, green and blue: made up from beside, or mirrored at
+the border; other frames; the frame itself."""
+SOURCE_VIEWS = 16
+"""Views that tell the shares of the sources."""
+LARGEST_TEXTURE = 4096
+"""Pixels of the longer side of a texture that only tells inside from outside."""
+DARK = 0.3
+"""Of a frame's brightness that is left beneath what is drawn over it."""
+TINT = 0.45
+"""Of the tint, in what lies behind."""
+GREEN, RED = (0.0, 0.8, 0.2), (0.95, 0.1, 0.1)
+FAR_SIDES, NEAR_SIDES = (0.35, 0.65, 1.0), (1.0, 0.6, 0.1)
+"""Colours of the sides of triangles."""
+WARM = ((1.0, 1.0, 1.0), (1.0, 0.55, 0.1), (0.55, 0.0, 0.0))
+COLD = ((1.0, 1.0, 1.0), (0.3, 0.6, 1.0), (0.0, 0.0, 0.5))
+"""In focus, half way, and where discs are largest: before the focal plane, and beyond."""
+NEARER, FARTHER = (0.1, 0.3, 1.0), (0.1, 0.8, 0.2)
+"""Tints of what lies before what is in focus, and beyond."""
+STOPS = 6.0
+"""Over white, that have the last colour in the picture of highlights: 64 times white."""
+OVER_WHITE = 1.02
+"""Linear light from which on a pixel counts as brighter than white: resampling rings by less."""
+SHARE = 99.0
+"""Per cent of the pixels that the scales of depth and blur show; the rest has their last colour."""
+BEYOND = 0.1
+"""Of the sides, past which triangles of a lens with distortion are not shown."""
+FINE = 4
+"""Binary digits of a pixel, to which lines are drawn."""
+
+
+def pictures(warped: WarpedFrame, source: LinearRGBA, shares: LinearRGBA) -> dict[str, Shown]:
+    """Every picture of a frame that there is to make, by name.
+
+    `source` (H, W, 4) is the frame, linear; `shares` (H, W, 3) what `shares_of` gives. A method without
+    confidence or without layers has no pictures of them.
+    """
+    made = {name: picture(name, warped, source, shares) for name in NAMES}
+    return {name: shown for name, shown in made.items() if shown is not None}
+
+
+def picture(
+    name: str, warped: WarpedFrame, source: LinearRGBA, shares: LinearRGBA | None = None
+) -> Shown | None:
+    """One of `pictures`, of a name in `NAMES`; None where there is none to make. Only "sources" needs the
+    shares."""
+    plan, frame = warped.plan, _encoded(source[..., :3])
+    match name:
+        case "depth":
+            return _in_source(_depth(inverse_depth(warped)), plan.canvas)
+        case "confidence" if warped.depth is not None and warped.depth.confidence is not None:
+            grey = np.repeat(_bytes(warped.depth.confidence)[..., None], 3, axis=2)
+            return _in_source(grey, plan.canvas)
+        case "wireframe":
+            return _wireframe(plan, frame, _is_far(warped))
+        case "layers" if warped.layers:
+            return _behind(warped, frame)
+        case "sources" if shares is not None:
+            return _sources(shares, frame)
+        case "blur":
+            return _in_source(_blur(blur_discs(warped)), plan.canvas)
+        case "focus":
+            return _focus(_in_source(_focus_tint(warped), plan.canvas), frame)
+        case "highlights":
+            return _over_white(source[..., :3], frame)
+    return None
+
+
+def inverse_depth(warped: WarpedFrame) -> Floats:
+    """(H, W) of the canvas's pixels, that the frame is drawn with; NaN where there is nothing."""
+    if warped.layers and warped.depth is not None:
+        return warped.depth.inverse_depth
+    mesh, pinhole = warped.plan.mesh, warped.plan.canvas.pinhole
+    inverse = warped.plan.lens.tilted(mesh.inverse_depth, mesh.xy)
+    return at_pixels(mesh.xy, inverse, mesh.triangles, (pinhole.height, pinhole.width))
+
+
+def blur_discs(warped: WarpedFrame) -> Floats:
+    """(H, W) signed diameters in pixels of the blur discs of the canvas's pixels, as `ThinLens.blur_disc`."""
+    lens = warped.plan.lens
+    return lens.blur_disc(lens.untilted_raster(inverse_depth(warped)))
+
+
+# Sources
+
+
+def source_frame(warped: WarpedFrame) -> WarpedFrame:
+    """The same mesh through fewer views, painted with where its colours come from instead of the colours.
+
+    Red, green and blue of the views' mean are the shares of `SOURCES`, premultiplied by what is covered.
+    """
+    plan = warped.plan
+    if len(plan.offsets) > SOURCE_VIEWS:
+        offsets = plan.lens.sheared_positions(plan.lens.radius * vogel_disc(SOURCE_VIEWS))
+        registration = exact_registration(plan.canvas, offsets, plan.lens.focus)
+        if warped.method == "thesis":
+            # Its positions are random and its registration is fitted: the first ones are as good as any.
+            offsets, registration = plan.offsets[:SOURCE_VIEWS], plan.registration[:SOURCE_VIEWS]
+        plan = replace(plan, offsets=offsets, registration=registration, weights=None, vignetting=0.0)
+    if warped.layers:
+        return replace(warped, plan=plan, texture=_layers_sources(warped), lamps=None)
+    mesh, texture = _plain_sources(warped)
+    return replace(warped, plan=replace(plan, mesh=mesh), texture=texture)
+
+
+def shares_of(mean: LinearRGBA, canvas: Canvas) -> LinearRGBA:
+    """(H, W, 3) share in [0, 1] of each of `SOURCES` in a source frame's pixels.
+
+    `mean` (h, w, 4) is that of the views of `source_frame`; the shares make one where it is all covered.
+    """
+    drawn = np.clip(canvas.to_source(mean), 0, 1)
+    total = drawn[..., :3].sum(axis=2)
+    # Resampling rings beside silhouettes.
+    return np.asarray(drawn[..., :3] * (drawn[..., 3] / np.maximum(total, 1e-6))[..., None], np.float32)
+
+
+def _own(canvas: Canvas) -> Mask:
+    """(h, w) pixels of the canvas that the source frame shows; the others are mirrored."""
+    pinhole = canvas.pinhole
+    if not canvas.camera.is_distorted:
+        return np.ones((pinhole.height, pinhole.width), bool)
+    grid = np.stack(np.meshgrid(np.arange(pinhole.width) + 0.5, np.arange(pinhole.height) + 0.5), axis=-1)
+    place = canvas.features_to_source(grid)
+    return np.asarray(np.all((place >= 0) & (place <= [canvas.camera.width, canvas.camera.height]), axis=2))
+
+
+def _painted(own: Mask, foreign: Mask) -> LinearRGBA:
+    """(H, W, 3) red, green or blue."""
+    return np.stack([~own & ~foreign, foreign, own & ~foreign], axis=2).astype(np.float32)
+
+
+def _layers_sources(warped: WarpedFrame) -> LinearRGBA:
+    """The sources of the texture of layers, with its alpha."""
+    texture = warped.texture
+    painted = [_painted(own, foreign) for own, foreign in _origins(warped)]
+    if texture.shape[1] != painted[0].shape[1]:
+        painted = [_finer(part) for part in painted]
+    alpha = texture[..., 3:]
+    return np.concatenate([np.concatenate(painted) * alpha, alpha], axis=2)
+
+
+def _finer(picture: LinearRGBA) -> LinearRGBA:
+    """(h, w, 3) a picture (H, W, 3) as fine as the texture, its pixels at the texture's."""
+    height, width = picture.shape[:2]
+    scale = np.array([[1 / FINER, 0, 0], [0, 1 / FINER, 0]])
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    size = FINER * width, FINER * height
+    return np.asarray(cv2.warpAffine(picture, scale, size, flags=flags, borderMode=cv2.BORDER_REPLICATE))
+
+
+def _origins(warped: WarpedFrame) -> list[tuple[Mask, Mask]]:
+    """Masks (H, W) for every surface of a mesh of layers, near ones first: what the frame shows of it itself,
+    and what other frames lent."""
+    shape, canvas, margin_reprojected = (
+        warped.layers[0].disoccluded.shape,
+        warped.plan.canvas,
+        warped.layers[0].margin_reprojected,
+    )
+    own = np.zeros(shape, bool)
+    foreign = own.copy() if margin_reprojected is None else margin_reprojected
+    own[_inner(warped.layers[0], canvas)] = _own(canvas)
+    found = [(own, foreign)]
+    for layers in warped.layers:
+        own = own & ~layers.occluded
+        foreign = np.where(layers.occluded, layers.reprojected, foreign)
+        found.append((own, foreign))
+    return found
+
+
+def _inner(layers: LayeredDepthImage, canvas: Canvas) -> tuple[slice, slice]:
+    """Where the canvas is on the layers' raster, which reaches past the border all around."""
+    rows, columns = layers.disoccluded.shape
+    size = canvas.pinhole.height, canvas.pinhole.width
+    top, left = (rows - size[0]) // 2, (columns - size[1]) // 2
+    return slice(top, top + size[0]), slice(left, left + size[1])
+
+
+def _plain_sources(warped: WarpedFrame) -> tuple[WarpMesh, LinearRGBA]:
+    """A mesh painted with the canvas picture, mirrored past the border, and the sources of a texture that
+    holds what is past the border, too."""
+    mesh, own = warped.plan.mesh, _own(warped.plan.canvas)
+    size = np.array(own.shape[::-1])
+    beyond = np.maximum(-mesh.texture_xy, mesh.texture_xy - size).max(initial=0)
+    margin = int(np.ceil(min(beyond, 1e9))) + 2
+    # A wide aperture sees far past the border: what is far out is all alike.
+    scale = min(1.0, LARGEST_TEXTURE / float((size + 2 * margin).max()))
+    wide = np.maximum(np.round(scale * (size + 2 * margin)).astype(int), 1)
+    xy = scale * (mesh.texture_xy + margin)
+    x, y = (np.floor((np.arange(n) + 0.5) / scale - margin).astype(int) for n in wide)
+    inside = ((y >= 0) & (y < size[1]))[:, None] & ((x >= 0) & (x < size[0]))
+    inside &= own[np.clip(y, 0, size[1] - 1)[:, None], np.clip(x, 0, size[0] - 1)]
+    painted = _painted(inside, np.zeros_like(inside))
+    alpha = np.ones((*inside.shape, 1), np.float32)
+    return replace(mesh, texture_xy=xy), np.concatenate([painted, alpha], axis=2)
+
+
+# Pictures
+
+
+def _depth(inverse: Floats) -> Shown:
+    """Near red, far blue, black where there is nothing."""
+    known = np.isfinite(inverse)
+    if not known.any():
+        return np.zeros((*inverse.shape, 3), np.uint8)
+    low, high = np.percentile(inverse[known], [100 - SHARE, SHARE])
+    share = np.where(known, inverse - low, 0) / (high - low if high > low else 1.0)
+    colour = cv2.applyColorMap(_bytes(share), cv2.COLORMAP_TURBO)[..., ::-1]
+    return np.where(known[..., None], colour, 0).astype(np.uint8)
+
+
+def _is_far(warped: WarpedFrame) -> Mask:
+    """(T,) triangles of the farthest surface; of one surface, all are."""
+    mesh = warped.plan.mesh
+    if not warped.layers:
+        return np.ones(len(mesh.triangles), bool)
+    return np.asarray(surface_of(warped)[mesh.triangles[:, 0]] == len(warped.layers))
+
+
+def surface_of(warped: WarpedFrame) -> NDArray[np.intp]:
+    """(V,) which surface of a mesh of layers vertices are on, 0 for the nearest."""
+    height = warped.texture.shape[0] / (len(warped.layers) + 1)
+    return np.asarray(warped.plan.mesh.texture_xy[:, 1] // height, np.intp)
+
+
+def _wireframe(plan: FramePlan, frame: Shown, far: Mask) -> Shown:
+    """The sides of the triangles over the frame (H, W, 3), those of the near surface in another colour."""
+    mesh, pinhole = plan.mesh, plan.canvas.pinhole
+    corners = mesh.xy[mesh.triangles]
+    size = np.array([pinhole.width, pinhole.height])
+    drawn = ((corners.max(axis=1) > 0) & (corners.min(axis=1) < size)).all(axis=1)
+    xy = mesh.xy
+    if plan.canvas.camera.is_distorted:
+        # Far past the border a lens's distortion means nothing.
+        known = ((xy > -BEYOND * size) & (xy < (1 + BEYOND) * size)).all(axis=1)
+        drawn &= known[mesh.triangles].all(axis=1)
+        xy = plan.canvas.features_to_source(xy)
+    fixed = np.round((np.nan_to_num(xy) - 0.5) * (1 << FINE)).astype(np.int32)
+    result = DARK * frame.astype(np.float32)
+    for rows, colour in ((drawn & far, FAR_SIDES), (drawn & ~far, NEAR_SIDES)):
+        lines = np.zeros(frame.shape[:2], np.uint8)
+        if rows.any():
+            cv2.polylines(lines, list(fixed[mesh.triangles[rows]]), True, 255, 1, cv2.LINE_AA, FINE)
+        share = lines[..., None] / np.float32(255)
+        result += share * (255 * np.array(colour, np.float32) - result)
+    return np.round(result).astype(np.uint8)
+
+
+def _behind(warped: WarpedFrame, frame: Shown) -> Shown:
+    """(H, 2 W, 3) the farthest surface where it is behind another one, over the darkened frame; the same with
+    what other frames lent green and what was made up red."""
+    layers, canvas = warped.layers, warped.plan.canvas
+    inner = _inner(layers[0], canvas)
+    behind, mixed = (
+        np.any([getattr(split, name)[inner] for split in layers], axis=0) for name in ("disoccluded", "mixed")
+    )
+    borrowed = _origins(warped)[-1][1][inner]
+    shown = _encoded(layers[-1].back[inner][..., :3])
+    colour = np.where(borrowed[..., None], GREEN, RED) * 255
+    tinted = np.round((1 - TINT) * shown + TINT * colour).astype(np.uint8)
+    both = behind | mixed
+    plain, marked = _in_source(shown, canvas), _in_source(tinted, canvas)
+    is_behind, is_both = (
+        _in_source(255 * mask.astype(np.uint8), canvas)[..., None] > 127 for mask in (behind, both)
+    )
+    dark = np.round(DARK * frame).astype(np.uint8)
+    left = np.where(is_both, plain, dark)
+    return np.concatenate([left, np.where(is_behind, marked, left)], axis=1)
+
+
+def _sources(shares: LinearRGBA, frame: Shown) -> Shown:
+    """The frame in grey where its light is its own; green what was borrowed, red what was made up."""
+    grey = cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY)[..., None] / np.float32(255)
+    own = (0.04 + 0.7 * grey**2.2) * np.array([0.45, 0.6, 1.0], np.float32)
+    light = shares[..., 2:] * own
+    light += shares[..., :1] * np.array(RED, np.float32) + shares[..., 1:2] * np.array(GREEN, np.float32)
+    return _encoded(light)
+
+
+def _blur(signed: Floats) -> Shown:
+    """Signed diameters (H, W) in colours: white in focus, warm nearer, cold beyond; black for NaN."""
+    known = np.isfinite(signed)
+    full = largest_shown(signed)
+    share = np.where(known, signed, 0) / full if full > 0 else np.zeros(signed.shape)
+    stops = [-1.0, -0.5, 0.0, 0.5, 1.0]
+    ramp = np.array([*COLD[:0:-1], *WARM])
+    colour = np.stack([np.interp(share, stops, ramp[:, n]) for n in range(3)], axis=2)
+    return np.where(known[..., None], _bytes(colour), 0).astype(np.uint8)
+
+
+def _focus_tint(warped: WarpedFrame) -> Shown:
+    """(H, W, 4) of the canvas's pixels the tint of what is out of focus, and its share: none up to the
+    acceptable circle of confusion, half at twice that, soon all of `TINT`."""
+    signed = np.nan_to_num(blur_discs(warped))
+    least = warped.plan.lens.acceptable_disc
+    share = TINT * (1 - 1 / np.maximum(np.abs(signed) / least, 1))
+    colour = np.where((signed > 0)[..., None], np.array(NEARER), np.array(FARTHER))
+    return _bytes(np.concatenate([colour, share[..., None]], axis=2))
+
+
+def _focus(tint: Shown, frame: Shown) -> Shown:
+    """The frame (H, W, 3) clear where it is in focus, blue before and green beyond, by `_focus_tint`."""
+    share = tint[..., 3:] / np.float32(255)
+    return np.asarray(np.round((1 - share) * frame + share * tint[..., :3]), np.uint8)
+
+
+def _over_white(linear: LinearRGBA, frame: Shown) -> Shown:
+    """How many stops over white a frame's pixels (H, W, 3) are, recovered or recorded, over the darkened
+    frame: blue just over it, red from `STOPS` on."""
+    peak = linear.max(axis=2)
+    colour = cv2.applyColorMap(_bytes(np.log2(np.maximum(peak, 1)) / STOPS), cv2.COLORMAP_TURBO)[..., ::-1]
+    dark = np.round(DARK * frame).astype(np.uint8)
+    return np.where((peak > OVER_WHITE)[..., None], colour, dark).astype(np.uint8)
+
+
+def largest_shown(signed: Floats) -> float:
+    """Pixels of the discs that have the last colour in the picture of blur."""
+    known = np.abs(signed[np.isfinite(signed)])
+    return float(np.percentile(known, SHARE)) if len(known) else 0.0
+
+
+def _encoded(linear: NDArray[np.floating]) -> Shown:
+    return _bytes(encode_srgb(np.clip(np.nan_to_num(linear), 0, 1)))
+
+
+def _bytes(share: NDArray[np.floating]) -> Shown:
+    return np.asarray(np.round(255 * np.clip(share, 0, 1)), np.uint8)
+
+
+def _in_source(picture: Shown, canvas: Canvas) -> Shown:
+    """A picture (h, w[, 3]) of the canvas in the source frame's geometry (H, W[, 3])."""
+    if not canvas.camera.is_distorted:
+        return picture
+    at = canvas.source_map()
+    return np.asarray(cv2.remap(picture, at, None, cv2.INTER_LINEAR), np.uint8)  # type: ignore[call-overload]

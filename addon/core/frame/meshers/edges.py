@@ -1,0 +1,19 @@
+"""The thesis's section 5.2: triangles whose sides lie along the edges of the picture."""
+
+from __future__ import annotations
+
+from ...warp.edge_constrained import edge_mesh
+from .features import snapped
+from .mesher import FrameGeometry, Mesher, Surface
+
+
+def make(geometry: FrameGeometry) -> Surface:
+    """A mesh of samples and image edges, extrapolated past the border as far as a view sees."""
+    lens, samples = geometry.lens, snapped(geometry.samples, geometry.lens)
+    margin = lens.margin(samples.inverse_depth)
+    return Surface(
+        edge_mesh(samples, geometry.canvas, margin, geometry.picture, lens.disparity_scale), geometry.picture
+    )
+
+
+MESHER = Mesher("edges", 4, "Triangles along image edges (thesis, section 5.2)", make)

@@ -1,0 +1,27 @@
+"""One coarse mesh over the samples of a frame's depth."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ...depth.sparse import DepthSamples
+from ...optics.thin_lens import ThinLens
+from ...warp.mesh import feature_mesh
+from .mesher import FrameGeometry, Mesher, Surface
+
+
+def snapped(samples: DepthSamples, lens: ThinLens) -> DepthSamples:
+    """Samples with their inverse depths moved into the focal plane where their blur cannot be seen."""
+    return replace(samples, inverse_depth=lens.snap_to_focal_plane(samples.inverse_depth))
+
+
+def make(geometry: FrameGeometry) -> Surface:
+    """Delaunay triangles of the samples, extrapolated past the border as far as a view sees."""
+    samples = snapped(geometry.samples, geometry.lens)
+    margin = geometry.lens.margin(samples.inverse_depth)
+    return Surface(feature_mesh(samples, geometry.canvas, margin), geometry.picture)
+
+
+MESHER = Mesher(
+    "features", 0, "One coarse mesh over the feature points, carried on past the border: fast", make
+)

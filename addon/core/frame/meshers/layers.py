@@ -1,0 +1,43 @@
+"""Layers: depth of every pixel, and what silhouettes hide on a surface of its own."""
+
+from __future__ import annotations
+
+from ...base.progress import stage
+from ...optics.thin_lens import ThinLens
+from ...warp.layered_mesh import LayeredMeshOptions, layer_mesh
+from .mesher import FrameGeometry, Mesher, Surface, equal_share_views
+
+FILLED = 0.25
+"""Share of the mesher's time that is over once hidden colours are found: `frame_costs`, 1920x1080."""
+
+
+def can_be_layered(lens: ThinLens, blur: float) -> bool:
+    """Whether blur discs of `blur` pixels leave anything of a frame's surfaces to be drawn by layers."""
+    return blur / 2 < LayeredMeshOptions.widest * max(lens.pinhole.width, lens.pinhole.height)
+
+
+def make(geometry: FrameGeometry) -> Surface:
+    """The mesh of the frame's layered depth image, with other frames' colours for what it does not show."""
+    assert geometry.depth is not None
+    hidden = None
+    if geometry.settings.borrow:
+        with stage("Hidden surfaces", 0.0, FILLED):
+            hidden = geometry.clip.hidden_colours(
+                geometry.frame,
+                geometry.canvas,
+                geometry.picture,
+                geometry.depth,
+                geometry.settings.highlights,
+            )
+    with stage("Mesh", FILLED, 1.0):
+        mesh, texture, layers = layer_mesh(
+            geometry.picture, geometry.depth, geometry.lens, hidden, geometry.settings.quality.mesh,
+            geometry.clip.texture_memory,
+        )  # fmt: skip
+    return Surface(mesh, texture, bool(geometry.picture[..., 3].min() > 0.999), layers)
+
+
+MESHER = Mesher(
+    "layers", 2, "Depth of every pixel; what lies behind silhouettes on a layer of its own", make,
+    equal_share_views, needs_pixel_depth=True, is_prefiltered=True, settings=("borrow",),
+)  # fmt: skip

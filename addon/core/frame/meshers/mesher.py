@@ -1,0 +1,116 @@
+"""What a mesher is given of a frame, and what it makes of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from ...base.arrays import LinearRGBA
+from ...camera.canvas import Canvas
+from ...camera.reconstruction import Floats
+from ...depth.source import PixelDepth
+from ...depth.sparse import DepthSamples
+from ...optics.aperture import ApertureSamples, aperture_samples, turned_disc
+from ...optics.aperture_sampling import vogel_disc
+from ...optics.registration import exact_registration
+from ...optics.thin_lens import ThinLens
+from ...warp.layered_depth_image import LayeredDepthImage
+from ...warp.mesh import WarpMesh
+from ..clip_context import ClipContext
+from ..plan import FrameOptions
+
+
+@dataclass(frozen=True)
+class FrameGeometry:
+    """All that is known of a frame when its mesh is made."""
+
+    clip: ClipContext
+    settings: FrameOptions
+    canvas: Canvas
+    picture: LinearRGBA
+    """(H, W, 4) what the canvas shows, linear and premultiplied."""
+    lens: ThinLens
+    samples: DepthSamples
+    """Their inverse depths are `lens.untilted`."""
+    depth: PixelDepth | None
+    """Of every pixel of the canvas, for meshers that need it; not yet `lens.untilted`."""
+
+    @property
+    def frame(self) -> int:
+        """The source frame's number."""
+        return self.samples.frame
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A warp mesh with its texture."""
+
+    mesh: WarpMesh
+    texture: LinearRGBA
+    """(h, w, 4) what is painted on the mesh, linear and premultiplied."""
+    is_whole: bool = False
+    """Whether no view may see through the mesh."""
+    layers: tuple[LayeredDepthImage, ...] = ()
+    """That the mesh was made of, near ones first."""
+
+
+@dataclass(frozen=True)
+class Views:
+    """Virtual cameras over the aperture."""
+
+    offsets: Floats
+    """(N, 2) positions in scene units along the actual camera's x (right) and y (down), as
+    `ThinLens.sheared_positions`."""
+    registration: Floats
+    """(N, 2, 3) maps from pixels of a view to pixels in register with the focal plane."""
+    weights: Floats | None = None
+    """(N,) share of the aperture's light that each has; None where all have the same."""
+    spread: float = 1.0
+    """As of `ApertureSamples`."""
+
+
+def even_views(geometry: FrameGeometry, count: int, variant: int = 0) -> Views:
+    """Views of Vogel's spiral where the aperture is round, else those of `equal_share_views`; the focal plane
+    exactly in register."""
+    if not geometry.settings.aperture.is_disc:
+        return equal_share_views(geometry, count, variant)
+    return _in_register(geometry, ApertureSamples(turned_disc(vogel_disc(count), variant)))
+
+
+def equal_share_views(geometry: FrameGeometry, count: int, variant: int = 0) -> Views:
+    """Views in the middles of equal shares of the aperture, as a prefiltered texture takes them, the focal
+    plane exactly in register; with a `variant` other ones."""
+    return _in_register(geometry, aperture_samples(geometry.settings.aperture, count, variant))
+
+
+def _in_register(geometry: FrameGeometry, samples: ApertureSamples) -> Views:
+    offsets = geometry.lens.sheared_positions(geometry.lens.radius * samples.positions)
+    registration = exact_registration(geometry.canvas, offsets, geometry.lens.focus)
+    return Views(offsets, registration, samples.weights, samples.spread)
+
+
+@dataclass(frozen=True)
+class Mesher:
+    """A way to make the warp mesh of a frame; `meshers.MESHERS` lists all of them."""
+
+    name: str
+    """On the command line and in .blend files."""
+    number: int
+    """In .blend files, where Blender keeps the number of an enumeration's item: never used twice."""
+    help: str
+    """In the interface and on the command line, one sentence without a full stop."""
+    make: Callable[[FrameGeometry], Surface]
+    views: Callable[[FrameGeometry, int, int], Views] = even_views
+    """Of a frame, so many; with another number as the last argument, other ones of the same aperture."""
+    needs_pixel_depth: bool = False
+    """Whether it takes the depth of every pixel; others take samples."""
+    is_prefiltered: bool = False
+    """Whether its texture is blurred by what one view stands for, so that fewer views do."""
+    takes_tilt: bool = True
+    """Whether the focal plane can be tilted."""
+    uses_given_depth: bool = True
+    """Whether samples of the user's depth maps take the place of feature points."""
+    fewest_focus_points: int = 0
+    """Picked points that it cannot do without."""
+    settings: tuple[str, ...] = ()
+    """Fields of `FrameOptions` that only mean something to it."""

@@ -1,0 +1,77 @@
+"""The thesis's own method, the baseline: pinned corners, random positions, fitted registration."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...base.errors import UserError
+from ...camera.canvas import Canvas
+from ...camera.reconstruction import Floats, Reconstruction, seen_by
+from ...depth.sparse import FrameFeatures, frame_features
+from ...focus.focus import Focus, check_points
+from ...optics.aperture_sampling import random_disc
+from ...warp.mesh import thesis_mesh
+from .mesher import FrameGeometry, Mesher, Surface, Views
+
+
+def make(geometry: FrameGeometry) -> Surface:
+    """Delaunay triangles of the features and the picture's corners, pinned (section 3.4)."""
+    features = frame_features(geometry.clip.reconstruction, geometry.frame, geometry.canvas)
+    return Surface(thesis_mesh(features, geometry.canvas), geometry.picture)
+
+
+def views(geometry: FrameGeometry, count: int, variant: int = 0) -> Views:
+    """Random positions (section 3.5), brought into register by the picked points (section 3.8).
+
+    They lie on a disc, whatever the aperture's shape is.
+    """
+    reconstruction, settings = geometry.clip.reconstruction, geometry.settings
+    offsets = geometry.lens.radius * random_disc(count, settings.seed + variant)
+    features = frame_features(reconstruction, geometry.frame, geometry.canvas)
+    return Views(
+        offsets, fitted_registration(reconstruction, features, geometry.canvas, offsets, settings.focus)
+    )
+
+
+def fitted_registration(
+    reconstruction: Reconstruction, features: FrameFeatures, canvas: Canvas, offsets: Floats, focus: Focus
+) -> Floats:
+    """(N, 2, 3) scalings and translations that map the focus points back by least squares.
+
+    The thesis's section 3.8. Features of the frame are used where at least two focus points are seen in
+    it; otherwise the 3D focus points are carried into the frame by projection.
+    """
+    if len(focus.points) < 2:
+        raise UserError("the thesis's method needs at least two focus points; pick four on the subject")
+    ids = check_points(reconstruction, focus.points)
+    seen = np.isin(features.points, ids)
+    if seen.sum() >= 2:
+        start, projected = features.observed[seen], features.projected[seen]
+        inverse = features.inverse_depth[seen]
+    else:
+        image, _ = reconstruction.image_at(features.frame)
+        local, ahead = seen_by(image, reconstruction, ids)
+        local = local[ahead]
+        if len(local) < 2:
+            raise UserError(
+                f"frame {features.frame} has fewer than two focus points in front of the camera;"
+                " pick more points that lie ahead there"
+            )
+        start = projected = canvas.pinhole.project(local)
+        inverse = 1.0 / local[:, 2]
+    moved = projected - (canvas.pinhole.focal * offsets)[:, None, :] * inverse[:, None]
+    centre, target = moved.mean(axis=1, keepdims=True), start.mean(axis=0)
+    spread = ((moved - centre) ** 2).sum(axis=(1, 2))
+    match = ((moved - centre) * (start - target)).sum(axis=(1, 2))
+    # Coinciding focus points determine no scale.
+    scale = np.divide(match, spread, out=np.ones_like(match), where=spread > 1e-9)
+    registration = np.zeros((len(offsets), 2, 3))
+    registration[:, 0, 0] = registration[:, 1, 1] = scale
+    registration[:, :, 2] = target - scale[:, None] * centre[:, 0]
+    return registration
+
+
+MESHER = Mesher(
+    "thesis", 1, "The 2010 baseline: pinned corners, random positions, fitted registration", make, views,
+    takes_tilt=False, uses_given_depth=False, fewest_focus_points=2, settings=("seed",),
+)  # fmt: skip

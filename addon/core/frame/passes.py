@@ -1,0 +1,48 @@
+"""What compositing asks of a frame besides its picture: depth, circle of confusion, what is in focus.
+
+All are (H, W) float32 of the sharp frame, in its own geometry: neighbouring pixels are not mixed.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from ..base.arrays import Map
+from ..camera.canvas import Canvas
+from ..camera.reconstruction import Floats
+from .inspection import inverse_depth
+from .warped_frame import WarpedFrame
+
+INFINITE = 1e10
+"""Scene units that stand for infinity, as in Blender's own Depth pass."""
+
+
+def depth(warped: WarpedFrame) -> Map:
+    """Distance along the camera's axis in scene units, `INFINITE` where nothing is known or nothing ends."""
+    inverse = _in_source(inverse_depth(warped), warped.plan.canvas)
+    far = ~(inverse > 1 / INFINITE)
+    return np.where(far, np.float32(INFINITE), 1 / np.where(far, 1, inverse)).astype(np.float32)
+
+
+def circle_of_confusion(warped: WarpedFrame) -> Map:
+    """Signed diameter of the blur disc in pixels of the drawn frame, positive before the focal plane; where
+    nothing is known, that of infinity."""
+    lens = warped.plan.lens
+    signed = lens.blur_disc(lens.untilted_raster(np.nan_to_num(inverse_depth(warped)).astype(np.float32)))
+    return _in_source(signed, warped.plan.canvas)
+
+
+def in_focus(warped: WarpedFrame) -> Map:
+    """1 where the blur disc is at most the acceptable circle of confusion, 0 from twice that on."""
+    size = np.abs(circle_of_confusion(warped)) / warped.plan.lens.acceptable_disc
+    return np.asarray(np.clip(2 - size, 0, 1), np.float32)
+
+
+def _in_source(values: Floats, canvas: Canvas) -> Map:
+    """Values (h, w) of the canvas in the source frame's geometry (H, W), each that of the nearest pixel."""
+    if not canvas.camera.is_distorted:
+        return values.astype(np.float32)
+    values, at = values.astype(np.float32), canvas.source_map()
+    taken = cv2.remap(values, at, None, cv2.INTER_NEAREST, borderMode=cv2.BORDER_REPLICATE)  # type: ignore[call-overload]
+    return np.asarray(taken, np.float32)

@@ -1,0 +1,90 @@
+"""The plan of one frame: its warp mesh and the views of the virtual cameras. Rendering only follows it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..base.options import option
+from ..camera.canvas import Canvas
+from ..camera.reconstruction import Floats
+from ..focus.focus import Focus
+from ..optics.aperture import Aperture
+from ..optics.aperture_sampling import MOST_VIEWS
+from ..optics.thin_lens import ThinLens
+from ..warp.mesh import WarpMesh
+from .highlights import RESTORED, HighlightSettings
+from .quality import NORMAL, QUALITIES, Quality
+
+
+@dataclass(frozen=True)
+class FrameOptions:
+    """What the user asks of the lens."""
+
+    focus: Focus
+    radius: float
+    """Radius of the virtual aperture in scene units."""
+    views: int = option(
+        0, "Views", "Number of virtual cameras; 0 takes as many as the largest blur disc needs",
+        least=0, most=MOST_VIEWS, soft_most=256, words={"auto": 0},
+    )  # fmt: skip
+    """Number of virtual cameras; 0 takes as many as the largest blur disc of the frame needs."""
+    method: str = option("layers", "Method", "How views are synthesized")
+    """Name of the mesher, a key of `meshers.MESHERS`."""
+    seed: int = option(0, "Seed", "Of the thesis's random positions", least=0, most=2**31 - 1)
+    """Of the random positions of the thesis's method."""
+    borrow: bool = option(
+        True, "Borrow",
+        "Take what a frame does not show, behind silhouettes and past the border, from the frames that do;"
+        " without, it is made up from beside",
+    )  # fmt: skip
+    """What a frame does not show is taken from the frames that do."""
+    target_psnr: float = option(
+        0.0, "Target PSNR",
+        "PSNR in dB that a frame is to have against infinitely many views; as many as that takes are drawn,"
+        " whatever the number of views is. 0 leaves it to that",
+        least=0.0, most=80.0, soft_most=60.0, precision=1, metavar="DB",
+    )  # fmt: skip
+    """PSNR in dB that a frame is to have against one of infinitely many views, which takes the place of the
+    number of views; 0 leaves that as it is."""
+    aperture: Aperture = field(default_factory=Aperture)
+    """Its shape."""
+    highlights: HighlightSettings = RESTORED
+    """How bright what is clipped becomes."""
+    quality: Quality = option(  # noqa: RUF009
+        NORMAL, "Quality", "What a frame may cost", choices=QUALITIES, can_be_keyed=False
+    )
+    """What the frame may cost; a number of views, or a target PSNR, is kept to whatever it says of views."""
+
+
+@dataclass(frozen=True)
+class FramePlan:
+    """Everything that the renderer needs besides the texture of the mesh."""
+
+    frame: int
+    canvas: Canvas
+    lens: ThinLens
+    mesh: WarpMesh
+    """Its inverse depths are `lens.untilted`."""
+    offsets: Floats
+    """(N, 2) virtual camera positions in scene units along the actual camera's x (right) and y (down), as
+    `ThinLens.sheared_positions`."""
+    registration: Floats
+    """(N, 2, 3) maps from pixels of a synthesized view to pixels in register with the focal plane."""
+    blur: float
+    """Diameter of the frame's largest blur disc in pixels: 99 % of its pixels (or samples) are smaller."""
+    pose_interpolated: bool
+    """Whether the frame was not registered; its camera comes from its neighbours."""
+    weights: Floats | None = None
+    """(N,) share of the aperture's light that each view has; None where all have the same."""
+    spread: float = 1.0
+    """Radius of a disc as large as the open part of the aperture, in shares of the aperture's."""
+    vignetting: float = 0.0
+    """As of `Aperture`."""
+
+    def displace(self, xy: Floats, inverse_depth: Floats) -> Floats:
+        """(N, V, 2) where the views see vertices (V, 2) of inverse depth (V,), after registration."""
+        moved = xy - (self.canvas.pinhole.focal * self.offsets)[:, None, :] * inverse_depth[:, None]
+        turned = np.einsum("nij,nvj->nvi", self.registration[:, :, :2], moved)
+        return np.asarray(turned + self.registration[:, None, :, 2])

@@ -1,0 +1,58 @@
+"""How many views a wished error takes, told by a few of them.
+
+The error of a frame is its PSNR in dB against the same frame through infinitely many views, of sRGB values
+from 0 to 1. Two sets of views differ by about what each of them misses, and how fast that falls with their
+number has been measured.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..base.arrays import LinearRGBA
+from ..media.clip import encode_srgb
+from ..optics.aperture_sampling import MAX_VIEWS
+from .warped_frame import MeshedFrame, WarpedFrame
+
+PILOT = 4
+"""Views of each of the two sets: one more ring would be dearer than what it tells. By eye."""
+MEAN_GAIN = 1.0
+"""dB that the mean of both sets is better than they differ, at least: 0.97 to 4.8, found as `FIRST_GAIN`."""
+FIRST, FIRST_GAIN, DOUBLING = 8, 5.6, 3.9
+"""A prefiltered frame of `FIRST` views is better than the two sets differ by 5.3 to 7.9 dB, and by `DOUBLING`
+more for every doubling: 9.5 to 11.8 with 16 views, 13.1 to 15.3 with 32. So a wish is met within a decibel.
+From bars, fence and walk with true depth at 16, 32 and 64 pixels, a scratch script;
+`python -m benchmarks.timings.view_error` with wishes shows that it holds."""
+PLAIN_GAIN, PLAIN_DOUBLING = 1.0, 3.0
+"""The same of plain views, from the pilot's number on: as independent random positions, the slowest."""
+
+
+def other_views(meshed: MeshedFrame, warped: WarpedFrame) -> WarpedFrame:
+    """A meshed frame, made ready for its views, through as many others, with the same texture."""
+    plan, geometry = warped.plan, meshed.geometry
+    views = meshed.mesher.views(geometry, len(plan.offsets), 1)
+    return replace(
+        warped,
+        plan=replace(plan, offsets=views.offsets, registration=views.registration, weights=views.weights),
+    )
+
+
+def difference(one: LinearRGBA, other: LinearRGBA) -> float:
+    """PSNR in dB of a picture (h, w, 4) against another, as displayed; infinite if they are equal."""
+    first, second = (encode_srgb(np.clip(picture[..., :3], 0, 1)) for picture in (one, other))
+    squared = float(np.mean((first - second) ** 2))
+    return float("inf") if squared == 0 else float(-10 * np.log10(squared))
+
+
+def views_for_error(between: float, wished: float, prefiltered: bool) -> int:
+    """Number of views for a wished error in dB, where the two sets of the pilot differ by `between` dB; 0
+    where their mean does."""
+    if between + MEAN_GAIN >= wished:
+        return 0
+    if prefiltered:
+        doublings = max(0.0, (wished - between - FIRST_GAIN) / DOUBLING)
+        return int(np.clip(np.ceil(FIRST * 2**doublings), FIRST, MAX_VIEWS))
+    doublings = (wished - between - PLAIN_GAIN) / PLAIN_DOUBLING
+    return int(np.clip(np.ceil(PILOT * 2**doublings), PILOT, MAX_VIEWS))

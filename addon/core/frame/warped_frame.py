@@ -1,0 +1,249 @@
+"""One frame made ready for its views, in the order of the data: depth, blur, number of views, mesh, views."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..base.arrays import LinearRGBA
+from ..base.errors import UserError
+from ..base.progress import stage
+from ..camera.canvas import Canvas
+from ..camera.reconstruction import Floats
+from ..depth.source import NO_PICTURE, SURE, PixelDepth
+from ..depth.sparse import frame_features
+from ..optics.aperture_sampling import LEAST_PREFILTERED, MAX_VIEWS, MIN_VIEWS, views_needed
+from ..warp.footprint import prefilter
+from ..warp.layered_depth_image import LayeredDepthImage
+from .clip_context import ClipContext
+from .lamp_discs import Lamps, without_lamps
+from .meshers import MESHERS
+from .meshers.layers import can_be_layered
+from .meshers.mesher import FrameGeometry, Mesher, Surface, Views
+from .options import check_options
+from .plan import FrameOptions, FramePlan
+
+FEWEST_SURE = 0.05
+"""Share of the picture whose depth must be known for layers: by eye."""
+TOO_LARGE = "its blur discs are too large for layers"
+TOO_UNSURE = f"the depth of less than {100 * FEWEST_SURE:g} % of its pixels can be told from the clip"
+DEEP = 0.6
+"""Share of a frame's time without its views that is over after depth, where that is to be found: half or more
+by `python -m benchmarks.timings.frame_costs`."""
+
+
+@dataclass(frozen=True)
+class WarpedFrame:
+    """Everything that a renderer needs of a frame, and how it came to be."""
+
+    plan: FramePlan
+    texture: LinearRGBA
+    """(h, w, 4) what is painted on the plan's mesh, linear and premultiplied."""
+    method: str
+    """Name of the mesher that made the mesh."""
+    why: str
+    """Why it is not the one that was asked for; empty where it is."""
+    is_whole: bool
+    """Whether no view may see through the mesh."""
+    depth: PixelDepth | None = None
+    """Of every pixel of the canvas, where it was found."""
+    layers: tuple[LayeredDepthImage, ...] = ()
+    """That the mesh was made of, near ones first."""
+    depth_seconds: float = 0.0
+    """Wall time that finding the depth took."""
+    mesh_seconds: float = 0.0
+    """Wall time that the mesh and its texture took."""
+    lamps: Lamps | None = None
+    """That are not in the texture; their light is to be added to the mean of the views."""
+
+
+def check_settings(settings: FrameOptions) -> None:
+    """UserError for an aperture, a number of views or a method that means nothing."""
+    if not (np.isfinite(settings.radius) and settings.radius > 0):
+        raise UserError(f"the aperture radius is {settings.radius:g}; it must be greater than zero")
+    check_options(settings)
+
+
+@dataclass(frozen=True)
+class MeshedFrame:
+    """A frame's mesh and texture before it is known how many views draw it."""
+
+    geometry: FrameGeometry
+    mesher: Mesher
+    surface: Surface
+    blur: float
+    """Diameter in pixels of its largest blur disc."""
+    why: str = ""
+    depth_seconds: float = 0.0
+    mesh_seconds: float = 0.0
+    lamps: Lamps | None = None
+
+    @property
+    def views(self) -> int:
+        """As many as were asked for, or as its largest blur disc needs in the quality that was."""
+        return _count(self.geometry.settings, self.blur, self.mesher.is_prefiltered)
+
+    def through(
+        self, count: int, prefiltered: bool = True, reuse: bool = False, variant: int = 0
+    ) -> WarpedFrame:
+        """The frame made ready for so many views, its texture `prefiltered` for them if its mesher says so.
+
+        `reuse` writes over the surface's texture, which saves its memory; nothing is to be made of it after.
+        With a `variant` they are other views of the same aperture.
+        """
+        began = time.perf_counter()
+        geometry, views = self.geometry, self.mesher.views(self.geometry, count, variant)
+        texture = self.surface.texture
+        if prefiltered and self.mesher.is_prefiltered:
+            spread = np.float32(views.spread)
+            texture = texture if reuse else texture.copy()
+            prefilter(texture, self.surface.layers, lambda d: spread * geometry.lens.footprint(d, count))
+        plan = FramePlan(
+            geometry.frame, geometry.canvas, geometry.lens, self.surface.mesh, views.offsets,
+            views.registration, self.blur, geometry.samples.pose_interpolated, views.weights, views.spread,
+            geometry.settings.aperture.vignetting,
+        )  # fmt: skip
+        return WarpedFrame(
+            plan, texture, self.mesher.name, self.why, self.surface.is_whole, geometry.depth,
+            self.surface.layers, self.depth_seconds, self.mesh_seconds + time.perf_counter() - began,
+            self.lamps,
+        )  # fmt: skip
+
+
+def warp_frame(
+    clip: ClipContext, frame: int, settings: FrameOptions, size: tuple[int, int], source: LinearRGBA
+) -> WarpedFrame:
+    """Warp mesh and views of a frame rendered at size (width, height), of its picture (height, width, 4).
+
+    Raises UserError where `mesh_frame` does. Passes checkpoints.
+    """
+    meshed = mesh_frame(clip, frame, settings, size, source)
+    return meshed.through(meshed.views, reuse=True)
+
+
+def mesh_frame(
+    clip: ClipContext, frame: int, settings: FrameOptions, size: tuple[int, int], source: LinearRGBA
+) -> MeshedFrame:
+    """Warp mesh of a frame rendered at size (width, height), of its picture (height, width, 4).
+
+    Raises UserError for settings that mean nothing, where the frame's geometry does not carry them, and where
+    the clip cannot be read. Passes checkpoints.
+    """
+    began = time.perf_counter()
+    geometry, mesher, why = _geometry(clip, frame, settings, size, source), MESHERS[settings.method], ""
+    if mesher.needs_pixel_depth and not can_be_layered(geometry.lens, _sampled_disc(geometry)):
+        mesher, why = MESHERS["features"], TOO_LARGE
+    depth_seconds = 0.0
+    if mesher.needs_pixel_depth:
+        started = time.perf_counter()
+        with stage("Depth", 0.0, DEEP):
+            depth = clip.depth(frame, geometry.canvas, geometry.picture, settings.quality)
+        depth_seconds = time.perf_counter() - started
+        geometry = replace(geometry, depth=depth)
+        if depth.confidence is not None and float(np.mean(depth.confidence > SURE)) < FEWEST_SURE:
+            mesher, why = MESHERS["grid"], TOO_UNSURE
+    blur = _sampled_disc(geometry)
+    if geometry.depth is not None and mesher.needs_pixel_depth:
+        lens = geometry.lens
+        blur = lens.largest_disc(lens.untilted_raster(geometry.depth.inverse_depth))
+    geometry, lamps = _without_lamps(geometry, mesher)
+    with stage("Mesh", DEEP if mesher.needs_pixel_depth else 0.0, 1.0):
+        surface = mesher.make(geometry)
+    spent = time.perf_counter() - began - depth_seconds
+    return MeshedFrame(geometry, mesher, surface, blur, why, depth_seconds, spent, lamps)
+
+
+def _without_lamps(geometry: FrameGeometry, mesher: Mesher) -> tuple[FrameGeometry, Lamps | None]:
+    """A frame whose picture has no lamps that are drawn as discs, and these; as it is where highlights are
+    off, or a mesher has no layers that tell what is before them."""
+    settings, depth, lens = geometry.settings, geometry.depth, geometry.lens
+    if (
+        not settings.highlights.gain
+        or depth is None
+        or not mesher.is_prefiltered
+        or not geometry.picture.size
+    ):
+        return geometry, None
+    displacement = lens.displacement(lens.untilted_raster(depth.inverse_depth))
+    picture, lamps = without_lamps(
+        geometry.picture, lens.snap_displacement(displacement.astype(np.float32)), settings.aperture
+    )
+    return replace(geometry, picture=picture), lamps
+
+
+def drawn_size(settings: FrameOptions, size: tuple[int, int]) -> tuple[int, int]:
+    """Size (width, height) that a frame is drawn at which is rendered at a size: a quality may draw depth of
+    every pixel smaller."""
+    return settings.quality.drawn_size(size) if MESHERS[settings.method].needs_pixel_depth else size
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """What a frame will be, as far as samples of its depth tell without its picture."""
+
+    views: int
+    """About how many virtual cameras it will have; as many as were asked for, if a number was."""
+    is_too_large: bool
+    """Whether it is to be drawn by layers and its blur discs are too large for them."""
+
+
+def forecast(clip: ClipContext, frame: int, settings: FrameOptions, size: tuple[int, int]) -> Forecast:
+    """What `warp_frame` will make of a frame; UserError as it raises, but for what only the picture tells."""
+    geometry, mesher = _geometry(clip, frame, settings, drawn_size(settings, size)), MESHERS[settings.method]
+    disc = _sampled_disc(geometry)
+    is_too_large = mesher.needs_pixel_depth and not can_be_layered(geometry.lens, disc)
+    prefiltered = mesher.is_prefiltered and not is_too_large
+    return Forecast(_count(settings, disc, prefiltered), is_too_large)
+
+
+def view_offsets(clip: ClipContext, frame: int, settings: FrameOptions, size: tuple[int, int]) -> Floats:
+    """(N, 2) positions of a frame's virtual cameras on the aperture, without its picture.
+
+    They are in scene units, x right and y down. With an automatic number there are about as many as the
+    frame will have. Raises UserError as `forecast`.
+    """
+    geometry = _geometry(clip, frame, settings, drawn_size(settings, size))
+    mesher = MESHERS[settings.method]
+    count = _count(settings, _sampled_disc(geometry), mesher.is_prefiltered)
+    views: Views = mesher.views(geometry, count, 0)
+    return geometry.lens.aperture_positions(views.offsets)
+
+
+def _geometry(
+    clip: ClipContext,
+    frame: int,
+    settings: FrameOptions,
+    size: tuple[int, int],
+    source: LinearRGBA = NO_PICTURE,
+) -> FrameGeometry:
+    """What is known of a frame before its depth is found; UserError where the lens means nothing there."""
+    check_settings(settings)
+    reconstruction = clip.reconstruction
+    image, _ = reconstruction.image_at(frame)
+    canvas = Canvas(reconstruction.intrinsics(image).scaled(*size))
+    if MESHERS[settings.method].uses_given_depth:
+        samples = clip.samples(frame, canvas)
+    else:
+        samples = frame_features(reconstruction, frame, canvas)
+    lens = settings.focus.lens(reconstruction, frame, canvas.pinhole, settings.radius)
+    if lens.is_tilted and not MESHERS[settings.method].takes_tilt:
+        raise UserError(f"the method {settings.method} has no tilted focal plane; choose another one")
+    samples = replace(samples, inverse_depth=lens.untilted(samples.inverse_depth, samples.observed))
+    lens.check(frame, samples.inverse_depth)
+    picture = canvas.from_source(source) if source.size else source
+    return FrameGeometry(clip, settings, canvas, picture, lens, samples, None)
+
+
+def _count(settings: FrameOptions, blur: float, prefiltered: bool) -> int:
+    """Number of views for a largest blur disc of so many pixels, if none is asked for."""
+    if settings.views:
+        return settings.views
+    wanted = round(settings.quality.views * views_needed(blur, prefiltered))
+    return min(max(wanted, LEAST_PREFILTERED if prefiltered else MIN_VIEWS), MAX_VIEWS)
+
+
+def _sampled_disc(geometry: FrameGeometry) -> float:
+    """Diameter in pixels of the largest blur disc of the frame's samples."""
+    return geometry.lens.largest_disc(geometry.samples.inverse_depth)

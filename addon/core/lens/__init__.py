@@ -1,1 +1,0 @@
-"""The thin lens: focus, aperture sampling, the plan of a frame's views, and reports of it."""

@@ -1,0 +1,253 @@
+"""The shape of an aperture and how much light passes where, and the virtual cameras that stand for it.
+
+Places on the aperture are in shares of its radius, x right and y down as seen in the picture. What lies
+behind the focal plane is blurred into the aperture's shape, what lies before it into the shape upside down.
+Names and units are those of Blender's `Camera.dof`, where it has them.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import cv2
+import numpy as np
+
+from ..base.arrays import Floats, Map, Mask
+from ..base.errors import UserError
+from ..base.options import check, option
+from .aperture_sampling import centroidal_disc, check_count, relaxed
+
+CELLS = 128
+"""Cells along the square around the aperture, on which it is sampled: a polygon's area is right to 0.5 %."""
+SUBSAMPLES = 4
+"""Along a cell of a raster, by which the share of it that lets light through is told."""
+FINEST = CELLS * SUBSAMPLES
+"""Places along the square at which light is asked for: no picture of an aperture tells more pixels."""
+LEAST_LIGHT = 1e-3
+"""Of the brightest place: where less passes, the aperture is closed. 8 bits hold a 255th."""
+MOST_LOST = 0.99
+"""Largest share of light that apodisation may take at the rim: nothing at all would be a smaller aperture."""
+MOST_BLADES = 16
+"""Of a polygon, as Blender's `Camera.dof.aperture_blades` has them: more are round."""
+TURN = np.pi / 4
+"""Between two variants of a disc: half of what takes four views into themselves."""
+GOLDEN = 0.7548776662466927, 0.5698402909980532
+"""Steps of the sequence that positions begin with: Roberts, "The unreasonable effectiveness of
+quasirandom sequences", 2018, in two dimensions."""
+
+
+@dataclass(frozen=True, eq=False)
+class ApertureImage:
+    """A picture as the aperture: the thesis's bokeh brush, section 5.6."""
+
+    light: Map
+    """(h, w) how much light passes, linear, not negative. Its longer side is the aperture's diameter."""
+
+    @cached_property
+    def digest(self) -> str:
+        """16 hexadecimal digits of its shape and values."""
+        told = repr(self.light.shape).encode() + np.ascontiguousarray(self.light).tobytes()
+        return hashlib.sha256(told).hexdigest()[:16]
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, ApertureImage) and self.digest == other.digest
+
+    def __hash__(self) -> int:
+        return hash(self.digest)
+
+    def __repr__(self) -> str:
+        return f"ApertureImage({self.digest})"
+
+    def at(self, x: Floats, y: Floats) -> Floats:
+        """Light at places of any shape, bilinear; none outside of the picture."""
+        height, width = self.light.shape
+        half = max(height, width) / 2
+        column, row = (x * half + (width - 1) / 2).astype(np.float32), (y * half + (height - 1) / 2)
+        found = cv2.remap(
+            self.light.astype(np.float32), column, row.astype(np.float32), cv2.INTER_LINEAR,
+            borderMode=cv2.BORDER_CONSTANT, borderValue=0,
+        )  # fmt: skip
+        return np.asarray(found, np.float64)
+
+
+@dataclass(frozen=True)
+class Aperture:
+    """How much light passes at each place of an aperture; without arguments it is a round hole."""
+
+    blades: int = option(
+        0, "Blades", "Number of blades of the aperture, at least 3; 0 is round", least=0, most=MOST_BLADES
+    )
+    """Of a polygon whose corners lie on the rim; less than 3 make it round."""
+    rotation: float = option(
+        0.0, "Rotation", "By which the blades are turned, anticlockwise as seen in the picture", unit="ANGLE"
+    )
+    """Radians, anticlockwise as seen in the picture. At 0 the middle of an edge lies to the right."""
+    roundness: float = option(
+        0.0, "Roundness", "Of the blades' edges: 0 straight, 1 a circle's arcs",
+        least=0.0, most=1.0, unit="FACTOR",
+    )  # fmt: skip
+    """Of the blades' edges: 0 for straight ones, 1 for a circle's arcs."""
+    ratio: float = option(
+        1.0, "Ratio", "By which blur discs are higher than wide, as an anamorphic lens makes them",
+        least=1.0, most=10.0, soft_most=2.0,
+    )  # fmt: skip
+    """By which it is narrower than high: an anamorphic lens's is 1.33 to 2."""
+    obstruction: float = option(
+        0.0, "Central Mirror",
+        "Radius of a mirror lens's secondary mirror, as a share of the aperture's: blur discs become rings",
+        least=0.0, most=0.95, soft_most=0.7, unit="FACTOR",
+    )  # fmt: skip
+    """Radius of the secondary mirror in its middle, as a share of the aperture's: 0 for none."""
+    apodisation: float = option(
+        0.0, "Apodisation", "Share of the light that a filter takes at the rim: blur discs with soft edges",
+        least=0.0, most=MOST_LOST, unit="FACTOR",
+    )  # fmt: skip
+    """Share of the light that a filter takes at the rim, less inwards: (1 - a)^(r^2) passes."""
+    spherical_aberration: float = option(
+        0.0, "Spherical Aberration",
+        "Above 0 blur discs are bright at the rim (soap bubbles), below it in the middle (creamy); before and"
+        " behind the focus alike",
+        least=-1.0, most=1.0,
+    )  # fmt: skip
+    """-1 to 1: light moves to the rim (soap bubbles) or to the middle (creamy): 1 + s (2 r^2 - 1) passes,
+    which keeps a disc's energy. A look: real lenses have the opposite on the other side of the focus."""
+    vignetting: float = option(
+        0.0, "Cat's Eyes",
+        "Optical vignetting: by how much of its radius the aperture is cut in the picture's corners. What is"
+        " in focus keeps its brightness",
+        least=0.0, most=1.0, unit="FACTOR",
+    )  # fmt: skip
+    """By how much of its radius the barrel's opening is shifted against the aperture in the picture's
+    corners: blur discs there are cat's eyes. In between it is linear in the distance from the middle."""
+    image: ApertureImage | None = None
+    """A picture in place of blades and roundness."""
+
+    def __post_init__(self) -> None:
+        """UserError for a shape that means nothing."""
+        check(self)
+        if self.image is None:
+            return
+        if not np.isfinite(self.image.light).all():
+            raise UserError("the picture of the aperture has pixels that are not finite (NaN or infinite)")
+        if not (self.image.light.size and self.image.light.max() > 0):
+            raise UserError("the picture of the aperture is black: no light would pass")
+        open_cells(self)
+
+    @property
+    def is_disc(self) -> bool:
+        """Whether it is the round hole with the same light everywhere."""
+        is_round = self.image is None and (self.blades < 3 or self.roundness == 1)
+        is_even = self.apodisation == self.spherical_aberration == self.obstruction == 0
+        return is_round and is_even and self.ratio == 1
+
+    def light(self, x: Floats, y: Floats) -> Floats:
+        """How much light passes at places of any shape; not negative, 1 where nothing takes any."""
+        wide = x * self.ratio
+        squared = wide**2 + y**2
+        if self.image is not None:
+            passed = self.image.at(wide, y)
+        else:
+            passed = (squared <= self._rim(wide, y) ** 2).astype(np.float64)
+        passed = passed * (squared >= self.obstruction**2)
+        passed *= (1 - self.apodisation) ** squared
+        return np.asarray(passed * np.maximum(1 + self.spherical_aberration * (2 * squared - 1), 0))
+
+    def _rim(self, x: Floats, y: Floats) -> Floats:
+        """Distance of the rim from the middle in the direction of places."""
+        if self.blades < 3:
+            return np.ones_like(x)
+        half = np.pi / self.blades
+        # From the middle of an edge; y points down.
+        angle = (np.arctan2(-y, x) - self.rotation + half) % (2 * half) - half
+        return np.asarray((1 - self.roundness) * np.cos(half) / np.cos(angle) + self.roundness)
+
+    def raster(self, size: int) -> tuple[Floats, Floats]:
+        """(size, size) mean light of the cells of the square around it, and the share of
+        each that is open."""
+        fine = size * SUBSAMPLES
+        place = (np.arange(fine) + 0.5) * 2 / fine - 1
+        light = self.light(*np.meshgrid(place, place))
+        return _cell_means(light, size), _cell_means(light > LEAST_LIGHT * light.max(), size)
+
+
+def _cell_means(values: Floats | Mask, size: int) -> Floats:
+    """(size, size) means of the cells of a raster `SUBSAMPLES` times as fine."""
+    cells = values.reshape(size, SUBSAMPLES, size, SUBSAMPLES)
+    return np.asarray(cells.mean(axis=(1, 3)), np.float64)
+
+
+@dataclass(frozen=True)
+class ApertureSamples:
+    """Virtual cameras over an aperture."""
+
+    positions: Floats
+    """(N, 2) in shares of the radius. Read-only."""
+    weights: Floats | None = None
+    """(N,) share of the aperture's light that each stands for, their sum 1; None for equal ones."""
+    spread: float = 1.0
+    """Radius of a disc as large as the open part of the aperture, in shares of the aperture's: each position
+    stands for an N-th of it."""
+
+
+@lru_cache(maxsize=64)
+def aperture_samples(aperture: Aperture, count: int, variant: int = 0) -> ApertureSamples:
+    """So many positions, each in the middle of the light of an equal share of the open aperture.
+
+    They are `relaxed`: blurred by a disc of a share's size the positions blur as the aperture does, and their
+    weighted mean is that of the light. `variant` gives other positions for the same aperture. Raises
+    UserError for a number that means nothing.
+    """
+    check_count(count)
+    if aperture.is_disc:
+        return ApertureSamples(turned_disc(centroidal_disc(count), variant))
+    cells, light, area = open_cells(aperture)
+    found, mass = relaxed(_start(cells, count, variant), cells, light, area)
+    # What was not relaxed to the end is told by shares of any size.
+    return ApertureSamples(_fixed(found), _fixed(mass / mass.sum()), float(np.sqrt(area / np.pi)))
+
+
+def turned_disc(positions: Floats, variant: int) -> Floats:
+    """Positions (N, 2) on a disc, turned about its middle; as they are for variant 0. Read-only."""
+    if not variant:
+        return positions
+    cosine, sine = np.cos(variant * TURN), np.sin(variant * TURN)
+    return _fixed(positions @ np.array([[cosine, sine], [-sine, cosine]]))
+
+
+@lru_cache(maxsize=16)
+def open_cells(aperture: Aperture) -> tuple[Floats, Floats, float]:
+    """(n, 2) middles of cells through which light passes, (n,) how much, and their area in squared radii.
+
+    UserError where no light passes.
+    """
+    light, share = aperture.raster(CELLS)
+    row, column = np.nonzero(share)
+    if not len(row):
+        raise UserError(
+            "no light passes the aperture: what its picture leaves open, its ratio and obstruction close"
+        )
+    cells = (np.column_stack([column, row]) + 0.5) * 2 / CELLS - 1
+    return _fixed(cells), _fixed(light[row, column]), float(share.sum() * (2 / CELLS) ** 2)
+
+
+def _start(cells: Floats, count: int, variant: int) -> Floats:
+    """(count, 2) first positions, evenly over the open cells (n, 2)."""
+    cell = np.full((CELLS, CELLS), False)
+    at = np.clip(((cells + 1) / 2 * CELLS).astype(int), 0, CELLS - 1)
+    cell[at[:, 1], at[:, 0]] = True
+    tried = int(np.ceil(1.5 * count * CELLS**2 / len(cells))) + 64
+    place = (0.5 + 0.37 * variant + np.outer(np.arange(tried), GOLDEN)) % 1
+    column, row = (place * CELLS).astype(int).T
+    found = place[cell[row, column]][:count]
+    if len(found) < count:
+        # Thin shapes: cells in their order, evenly.
+        return np.asarray(cells[np.linspace(0, len(cells) - 1, count).astype(int)])
+    return np.asarray(2 * found - 1)
+
+
+def _fixed(values: Floats) -> Floats:
+    """The same, read-only: it is shared by all who ask."""
+    values.flags.writeable = False
+    return values

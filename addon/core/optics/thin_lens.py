@@ -1,0 +1,223 @@
+"""The thin lens that a frame is seen through: circles of confusion, and what counts as in focus.
+
+A tilted focal plane has inverse depth F(x, y) that is linear over the picture. The shear of space that takes
+1 / Z to 1 / Z - F(x, y) + const keeps every pixel's place and what hides what, and makes that plane parallel
+to the picture. A view from (p, q) on the aperture, with the tilted plane in register, is one of the sheared
+scene from (p, q) / (1 - s), where s is the share of the way to the plane's intersection with the lens's own
+(the Scheimpflug line; `ThinLens.sheared_positions`). So whatever draws a frame knows only of planes parallel
+to the picture: it is given inverse depths `untilted`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.arrays import Map
+from ..base.errors import UserError
+from ..camera.reconstruction import Floats, Intrinsics
+
+ACCEPTABLE = 1500
+"""Picture diagonals per acceptable circle of confusion: the photographer's rule for depth of field."""
+MAX_BLUR = 16.0
+"""Picture diagonals; in a larger disc nothing is left of what it comes from. By eye."""
+MAX_RADIUS = 100.0
+"""Focus distances; with a larger aperture radius the focal plane as good as lies in the lens. By eye."""
+NEAREST_LINE = 2.0
+"""Aperture radii, at which a tilted focal plane may come to the middle of the lens; at 1 it would touch the
+aperture, and blur discs there would have no end. By eye."""
+LIFT = 2.0
+"""Times the picture's half, up to which inverse depths without a plane's tilt are positive: meshes reach past
+the border. By eye."""
+PAST_BORDER = 2.0
+"""Pixels that a mesh reaches past what any view sees, so that no view's resampling meets its end."""
+
+
+@dataclass(frozen=True)
+class ThinLens:
+    """A thin lens before the pinhole camera of a frame, focused on a plane.
+
+    Inverse depths are those of `untilted`, which changes nothing for a plane parallel to the picture.
+
+    A point at depth Z is spread over a disc of diameter 2 R f |1/Z - 1/Zf| pixels: R is the aperture radius
+    in scene units, f the focal length in pixels and Zf the distance of the focal plane in scene units.
+    """
+
+    pinhole: Intrinsics
+    """The frame's camera without distortion, of the size that is rendered."""
+    radius: float
+    """Radius of the aperture in scene units."""
+    focus: float
+    """Inverse depth of the focal plane, 1 / scene units; of a tilted one, once it is `untilted`."""
+    slope: tuple[float, float] = (0.0, 0.0)
+    """By how much the inverse depth of the focal plane grows a pixel to the right, and down: its tilt."""
+    lift: float = 0.0
+    """What is added to inverse depths that are `untilted`, so that they are positive."""
+
+    @classmethod
+    def on_plane(
+        cls, pinhole: Intrinsics, radius: float, inverse: float, slope: tuple[float, float]
+    ) -> ThinLens:
+        """A lens focused on the plane of an inverse depth on the optical axis, with the slope a pixel."""
+        if slope == (0.0, 0.0):
+            return cls(pinhole, radius, inverse)
+        centre, size = pinhole.principal_point, np.array([pinhole.width, pinhole.height])
+        half = np.maximum(centre, size - centre)
+        lift = LIFT * float(np.abs(slope) @ half)
+        return cls(pinhole, radius, inverse + lift, slope, lift)
+
+    @property
+    def is_tilted(self) -> bool:
+        """Whether the focal plane is not parallel to the picture."""
+        return self.slope != (0.0, 0.0)
+
+    def untilted[T: np.floating](self, inverse_depth: NDArray[T], xy: Floats) -> NDArray[T] | Floats:
+        """Inverse depths (n,) at pixels (n, 2) in the sheared space where the focal plane is parallel to the
+        picture."""
+        return inverse_depth - self._tilt(xy[..., 0], xy[..., 1]) if self.is_tilted else inverse_depth
+
+    def tilted(self, inverse_depth: Floats, xy: Floats) -> Floats:
+        """Inverse of `untilted`."""
+        return inverse_depth + self._tilt(xy[..., 0], xy[..., 1]) if self.is_tilted else inverse_depth
+
+    def untilted_raster[T: np.floating](self, inverse_depth: NDArray[T]) -> NDArray[T] | Floats:
+        """`untilted` of the inverse depths (H + 2 m, W + 2 m) of the picture's pixels and m around."""
+        rows, columns = inverse_depth.shape
+        top, left = (rows - self.pinhole.height) // 2, (columns - self.pinhole.width) // 2
+        across, down = np.arange(columns) + 0.5 - left, np.arange(rows) + 0.5 - top
+        return inverse_depth - self._tilt(across, down[:, None]) if self.is_tilted else inverse_depth
+
+    def _tilt(self, x: Floats, y: Floats) -> Floats:
+        """Inverse depth of the focal plane at pixels of any shape, less `focus`."""
+        centre = self.pinhole.principal_point
+        return np.asarray(self.slope[0] * (x - centre[0]) + self.slope[1] * (y - centre[1]) - self.lift)
+
+    def sheared_positions(self, positions: Floats) -> Floats:
+        """(N, 2) positions in scene units from which the sheared scene is seen as the scene is from (N, 2)
+        on the aperture, the focal plane in register."""
+        return positions / (1 - positions @ self._hinge)[:, None] if self.is_tilted else positions
+
+    def aperture_positions(self, positions: Floats) -> Floats:
+        """Inverse of `sheared_positions`."""
+        return positions / (1 + positions @ self._hinge)[:, None] if self.is_tilted else positions
+
+    @property
+    def _hinge(self) -> Floats:
+        """(2,) the inverse of the distance from the lens's middle at which the focal plane meets the plane of
+        the lens, towards there."""
+        return np.asarray(self.slope * self.pinhole.focal)
+
+    @property
+    def stretch(self) -> float:
+        """Times the aperture's radius, within which all `sheared_positions` are."""
+        return 1 / (1 - self.radius * float(np.linalg.norm(self._hinge))) if self.is_tilted else 1.0
+
+    @property
+    def acceptable_disc(self) -> float:
+        """Diameter in pixels of the acceptable circle of confusion: the picture's diagonal / `ACCEPTABLE`."""
+        return self._diagonal / ACCEPTABLE
+
+    @property
+    def sharp_distances(self) -> tuple[float, float]:
+        """Nearest and farthest distance on the optical axis in scene units, infinity included, with blur
+        discs of at most `acceptable_disc`."""
+        allowed = self.acceptable_disc / (2 * self.radius * self.pinhole.fx)
+        axis = self.focus - self.lift
+        near, far = (float(1 / edge) if edge > 0 else np.inf for edge in (axis + allowed, axis - allowed))
+        return near, far
+
+    @property
+    def disparity_scale(self) -> float:
+        """R f in scene units times pixels: disparity at the aperture's rim per unit of inverse depth."""
+        return self.radius * self.pinhole.fx
+
+    def disparity[T: np.floating](self, inverse_depth: NDArray[T]) -> NDArray[T] | Floats:
+        """Pixels (any shape) by which points of inverse depth 1 / Z move in a view from the aperture's rim:
+        R f / Z."""
+        return np.asarray(self.disparity_scale * inverse_depth)
+
+    def displacement(self, inverse_depth: Floats) -> Floats:
+        """Signed radii in pixels of the blur discs of inverse depths (any shape): their `disparity` relative
+        to the focal plane, positive before it and negative beyond."""
+        return np.asarray(self.disparity_scale * (inverse_depth - self.focus))
+
+    def blur_disc(self, inverse_depth: Floats) -> Floats:
+        """Signed diameters in pixels of the blur discs of inverse depths (any shape), positive before the
+        focal plane and negative beyond it."""
+        return 2 * self.displacement(inverse_depth)
+
+    def largest_disc(self, inverse_depth: Floats, percentile: float = 99.0) -> float:
+        """Diameter in pixels that `percentile` % of the blur discs of inverse depths are below; 0 of none."""
+        if not inverse_depth.size:
+            return 0.0
+        contrast = float(np.percentile(np.abs(inverse_depth - self.focus), percentile))
+        return 2 * float(self.radius) * self.pinhole.fx * contrast
+
+    def margin(self, inverse_depth: Floats) -> float:
+        """Pixels past the border that some view sees of a mesh with inverse depths of any shape."""
+        contrast = np.abs(inverse_depth - self.focus).max(initial=0.0)
+        return float(self.stretch * self.radius * self.pinhole.focal.max() * contrast + PAST_BORDER)
+
+    def snap_to_focal_plane(self, inverse_depth: Floats) -> Floats:
+        """Inverse depths (any shape), put into the focal plane where their blur disc is too small to be seen.
+
+        The acceptable circle of confusion is the picture's diagonal / `ACCEPTABLE`. Depths are not known
+        better than that, and resampling by fractions of a pixel would cost the subject its sharpness; in the
+        focal plane every view shows the source's own pixels. Discs of twice that size and more stay as they
+        are, those between grow linearly. Points with a disc beyond `MAX_BLUR` diagonals come back to it.
+        """
+        # A radius of almost nothing puts everything in focus: infinity does the same.
+        with np.errstate(over="ignore", divide="ignore"):
+            a_pixel = 1.0 / np.float64(2 * self.radius * self.pinhole.fx)
+            smallest, largest = a_pixel * self._diagonal * np.array([1 / ACCEPTABLE, MAX_BLUR])
+        return np.asarray(self.focus + _snapped(inverse_depth - self.focus, smallest, largest))
+
+    def snap_displacement(self, displacement: Map) -> Map:
+        """Displacements in pixels (any shape) at the aperture's rim, relative to the focal plane: what
+        `snap_to_focal_plane` does, of the blur disc's radius."""
+        smallest, largest = (np.float32(self._diagonal * share / 2) for share in (1 / ACCEPTABLE, MAX_BLUR))
+        return np.asarray(_snapped(displacement, smallest, largest))
+
+    def footprint(self, displacement: Map, views: int) -> Map:
+        """Radii in pixels of the discs over which points are spread by the share of the aperture that one of
+        so many views stands for: the blur disc's by the root of their number. Displacements in pixels (any
+        shape) at the aperture's rim, relative to the focal plane."""
+        return np.asarray(
+            np.abs(self.snap_displacement(displacement)) / np.float32(np.sqrt(views)), np.float32
+        )
+
+    def check(self, frame: int, inverse_depth: Floats) -> None:
+        """UserError naming the frame where the focal plane lies in the lens, or half of the points of inverse
+        depth (n,) have discs beyond use."""
+        if not float(self.radius) * self.focus <= MAX_RADIUS:
+            raise UserError(
+                f"frame {frame}: the focal plane at distance {1 / self.focus:g} lies in the lens,"
+                f" whose radius is {self.radius:g}; focus farther away or choose a smaller aperture"
+            )
+        if not NEAREST_LINE * self.radius * float(np.linalg.norm(self._hinge)) <= 1:
+            raise UserError(
+                f"frame {frame}: the focal plane is tilted so much that it comes within {NEAREST_LINE:g}"
+                " radii of the aperture; tilt it less, focus farther away or choose a smaller aperture"
+            )
+        usual = self.largest_disc(inverse_depth, 50.0)
+        if not usual <= MAX_BLUR * self._diagonal:
+            raise UserError(
+                f"frame {frame}: half of the picture has blur discs more than"
+                f" {usual / self.pinhole.width:.3g} pictures wide; choose a smaller aperture or a focus"
+                " farther away"
+            )
+
+    @property
+    def _diagonal(self) -> float:
+        """Of the picture, in pixels."""
+        return float(np.hypot(self.pinhole.width, self.pinhole.height))
+
+
+def _snapped[T: np.floating](contrast: NDArray[T], smallest: T, largest: T) -> NDArray[T]:
+    """Contrasts (any shape), 0 up to the smallest size, growing to themselves at twice that, cut at the
+    largest."""
+    size = np.abs(contrast)
+    kept = np.minimum(np.maximum(2 * (size - smallest), 0), np.minimum(size, largest))
+    return np.asarray(np.copysign(kept, contrast))

@@ -1,0 +1,58 @@
+"""Blender properties made from declared options (`core/base/options.py`)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+import bpy
+import numpy as np
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty
+
+from ..core.base.options import Option
+
+Update = Callable[[Any, bpy.types.Context], None]
+
+
+def property_of(option: Option, update: Update | None = None) -> Any:
+    """The Blender property that holds an option, for a class's annotations."""
+    told: dict[str, Any] = {"name": option.label, "description": option.help, "default": option.initial}
+    if update is not None:
+        told["update"] = update
+    if not option.can_be_keyed:
+        told["options"] = set()
+    if option.choices is not None:
+        items = [(key, key.title(), each.help, each.number) for key, each in option.choices.items()]
+        return EnumProperty(items=items, **told)
+    if option.kind is bool:
+        return BoolProperty(**told)
+    bounds = {
+        "min": option.least, "max": option.most, "soft_min": option.soft_least, "soft_max": option.soft_most,
+    }  # fmt: skip
+    told |= {name: value for name, value in bounds.items() if value is not None and np.isfinite(value)}
+    if option.kind is int:
+        return IntProperty(**told)
+    return FloatProperty(subtype=option.unit, precision=option.precision, **told)
+
+
+def with_options(
+    options: Mapping[str, Option], update: Update | None = None, updating: Iterable[str] | None = None
+) -> Callable[[type], type]:
+    """A class decorator that adds a property for each option by its name.
+
+    `update` is called when those named in `updating` change, by default all.
+    """
+
+    def decorate(group: type) -> type:
+        follows = set(options if updating is None else updating)
+        group.__annotations__ |= {
+            name: property_of(each, update if name in follows else None) for name, each in options.items()
+        }
+        return group
+
+    return decorate
+
+
+def values_of(group: bpy.types.PropertyGroup, options: Mapping[str, Option]) -> dict[str, Any]:
+    """What a property group holds of options, by their names; choices as identifiers."""
+    return {name: getattr(group, name) for name in options}
