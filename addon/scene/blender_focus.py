@@ -1,7 +1,7 @@
-"""Blender's own focus of the solved clip's camera: `Camera.dof`, as users and rigs set it.
+"""Blender's own depth of field of the solved clip's camera, `Camera.dof`.
 
-An object in `dof.focus_object` is in focus; so is a `dof.focus_distance` that is keyed or driven. Without
-either, that distance and the one of our settings are the same number.
+What is in focus there: an object, where one is chosen, is in focus here, too. The focus distance follows the
+one of our settings by a driver, so that Cycles renders and the viewport show it; it says nothing itself.
 """
 
 from __future__ import annotations
@@ -15,46 +15,46 @@ PATH = "dof.focus_distance"
 
 
 def distance(settings: bpy.types.PropertyGroup) -> float | None:
-    """Depth along the optical axis, in scene units, that Blender's own properties put in focus at the present
-    frame, less than zero behind the camera; None where they do not. Evaluated settings give the evaluated
-    depth."""
-    camera = _camera(settings)
-    if camera is None:
+    """Depth along the optical axis, in scene units, of the object in focus at the present frame, less than
+    zero behind the camera; None without one. Evaluated settings give the evaluated depth."""
+    camera, thing = _camera(settings), focus_object(settings)
+    if camera is None or thing is None:
         return None
-    dof = camera.data.dof
-    if dof.focus_object is not None:
-        # The root may be scaled: within it lengths are the reconstruction's.
-        return -float((camera.matrix_world.inverted_safe() @ dof.focus_object.matrix_world.translation).z)
-    if is_animated(settings):
-        return float(dof.focus_distance)
-    return None
+    # The root may be scaled: within it lengths are the reconstruction's.
+    return -float((camera.matrix_world.inverted_safe() @ thing.matrix_world.translation).z)
+
+
+def follow(settings: bpy.types.PropertyGroup) -> None:
+    """Have the camera's own focus distance follow that of the settings, unless the user animates it."""
+    camera = _camera(settings)
+    if camera is None or is_animated(settings):
+        return
+    driver = camera.data.driver_add(PATH).driver
+    driver.type = "SUM"
+    followed = driver.variables.new().targets[0]
+    followed.id_type, followed.id = "SCENE", settings.id_data
+    followed.data_path = settings.path_from_id("focus_distance")
+
+
+def is_animated(settings: bpy.types.PropertyGroup) -> bool:
+    """Whether the camera's own focus distance has keys or a driver, ours or another."""
+    from bpy_extras.anim_utils import action_get_channelbag_for_slot
+
+    camera = _camera(settings)
+    animation = None if camera is None else camera.data.animation_data
+    if animation is None:
+        return False
+    bag = (
+        action_get_channelbag_for_slot(animation.action, animation.action_slot) if animation.action else None
+    )
+    curves = [*animation.drivers, *(bag.fcurves if bag is not None else [])]
+    return any(curve.data_path == PATH for curve in curves)
 
 
 def focus_object(settings: bpy.types.PropertyGroup) -> bpy.types.Object | None:
     """The object that is in focus, if one is."""
     camera = _camera(settings)
     return None if camera is None else camera.data.dof.focus_object
-
-
-def is_animated(settings: bpy.types.PropertyGroup) -> bool:
-    """Whether the camera's own focus distance has keys or a driver."""
-    camera = _camera(settings)
-    animation = None if camera is None else camera.data.animation_data
-    if animation is None:
-        return False
-    return keys_of(settings) is not None or any(driver.data_path == PATH for driver in animation.drivers)
-
-
-def keys_of(settings: bpy.types.PropertyGroup) -> bpy.types.FCurve | None:
-    """The keys of the camera's own focus distance."""
-    from bpy_extras.anim_utils import action_get_channelbag_for_slot
-
-    camera = _camera(settings)
-    animation = None if camera is None else camera.data.animation_data
-    if animation is None or animation.action is None:
-        return None
-    bag = action_get_channelbag_for_slot(animation.action, animation.action_slot)
-    return None if bag is None else bag.fcurves.find(PATH)
 
 
 def check(settings: bpy.types.PropertyGroup) -> None:
@@ -68,41 +68,12 @@ def check(settings: bpy.types.PropertyGroup) -> None:
 
 
 def release(settings: bpy.types.PropertyGroup) -> str:
-    """Take the object out of focus, so that what is set next is; its name. UserError where the camera's own
-    distance is animated, which is the user's to delete."""
-    if is_animated(settings):
-        raise UserError(
-            f"the Focus Distance of {settings.camera.name}'s depth of field is keyed or driven, and is in"
-            " focus; delete its keys or its driver first"
-        )
+    """Take the object out of focus, so that what is set next is; its name, or an empty string."""
     thing = focus_object(settings)
     if thing is None:
         return ""
     settings.camera.data.dof.focus_object = None
     return str(thing.name)
-
-
-def show(settings: bpy.types.PropertyGroup, shown: float) -> None:
-    """Write the distance that is in focus to the camera's own property, unless that is animated."""
-    camera = _camera(settings)
-    if camera is None or not shown > 0 or is_animated(settings):
-        return
-    if not settings.marks.shown and camera.data.dof.use_dof:
-        # An older file, whose user has a depth of field of their own.
-        return
-    if camera.data.dof.focus_distance != shown:
-        camera.data.dof.focus_distance = shown
-    if settings.marks.shown != shown:
-        settings.marks.shown = shown
-
-
-def edited(settings: bpy.types.PropertyGroup) -> float | None:
-    """The camera's own distance, where the user has set it since it was shown; else None."""
-    camera = _camera(settings)
-    if camera is None or is_animated(settings) or not settings.marks.shown > 0:
-        return None
-    now = float(camera.data.dof.focus_distance)
-    return now if now != settings.marks.shown and now > 0 else None
 
 
 def _camera(settings: bpy.types.PropertyGroup) -> bpy.types.Object | None:

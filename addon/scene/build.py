@@ -17,7 +17,17 @@ from ..core.camera.reconstruction import Reconstruction, typical_distance
 from ..core.media.clip import Footage
 from ..core.media.clip_identity import identity
 from ..core.sfm.workspace import default_work_dir
-from . import aperture_cloud, camera, depth_of_field, focus_marks, lens, parts, point_cloud, store
+from . import (
+    aperture_cloud,
+    blender_focus,
+    camera,
+    depth_of_field,
+    focus_marks,
+    lens,
+    parts,
+    point_cloud,
+    store,
+)
 from .paths import relative
 from .properties import VirtualApertureSettings
 from .shot import IDENTITY, forget, reconstruction_of
@@ -52,6 +62,7 @@ def build(
     _set_up_scene(scene, footage, reconstruction)
     _set_up_objects(scene, reconstruction)
     _set_up_camera(settings.camera, reconstruction)
+    blender_focus.follow(settings)
     _set_background(settings.camera.data, footage)
     scene.camera = settings.camera
     for attribute in [a.name for a in settings.points.data.attributes if not a.is_required]:
@@ -86,6 +97,7 @@ def restore(scene: bpy.types.Scene, footage: Footage | None) -> None:
     _set_up_objects(scene, reconstruction)
     if not has_camera:
         _set_up_camera(settings.camera, reconstruction)
+        blender_focus.follow(settings)
         if footage is not None:
             _set_background(settings.camera.data, footage)
     scene.camera = scene.camera or settings.camera

@@ -1,50 +1,24 @@
-"""The F-curve of the focus distance that focus marks write, and what the user does to it.
+"""The F-curve of the focus distance, which says what is in focus where that changes; focus marks write it.
 
 Keys at marks are of the type Keyframe, those between, of what is followed or eased, of the type Generated, or
-Jitter at frames that do not show what is followed: the dope sheet has a colour for each. A mark's key that
-the user moves or deletes moves or deletes the mark; a curve edited in another way is the user's from then on.
+Jitter at frames that do not show what is followed: the dope sheet has a colour for each. A curve that was
+edited since, in whichever way, is the user's: marks write it no more until they are told to.
 """
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import bpy
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.focus.pull import FocusMark, pull
 from . import lens
 from .shot import reconstruction_of
 
-WRITTEN = "written_keys"
-"""Custom property of the marks: frames and values of the keys, one after the other, as they were written."""
 GROUP = "Focus"
 """Of the F-curve, in the dope sheet."""
-
-
-@dataclass(frozen=True)
-class Keys:
-    """The keys of a curve."""
-
-    places: NDArray[np.float32]
-    """(n, 2) frames and values."""
-    of_marks: NDArray[np.bool_]
-    """(n,) which are of a mark."""
-
-
-@dataclass(frozen=True)
-class Edit:
-    """What the user did to the keys of marks."""
-
-    moved: dict[int, tuple[int, float | None]]
-    """By frame of a mark the frame that it goes to, and the distance that it was given, if it was."""
-    removed: tuple[int, ...]
-    """Frames of marks whose keys are gone."""
-    added: dict[int, float]
-    """Distances that were keyed, by frame."""
 
 
 def write(
@@ -71,11 +45,7 @@ def write(
     for part in ("control_point", "left_handle", "right_handle"):
         keys.foreach_set(f"select_{part}", np.zeros(len(frames), dtype=bool))
     curve.update()
-    if WRITTEN in settings.marks:
-        # Blender 5.2 writes an array over one of another length in place, past its end.
-        del settings.marks[WRITTEN]
-    settings.marks[WRITTEN] = places.astype(np.float64).ravel()
-    settings.marks.written = _digest(_keys(curve))
+    settings.marks.written = _digest(curve)
     return distances
 
 
@@ -90,8 +60,6 @@ def remove(settings: bpy.types.PropertyGroup) -> None:
     """Remove the curve that marks wrote, if there is one; its action goes with its last curve."""
     curve = lens.keys_of(settings, "focus_distance")
     settings.marks.written = ""
-    if WRITTEN in settings.marks:
-        del settings.marks[WRITTEN]
     if curve is None:
         return
     shown = settings.focus_distance
@@ -102,62 +70,11 @@ def remove(settings: bpy.types.PropertyGroup) -> None:
         settings.focus_distance = shown
 
 
-def is_as_written(settings: bpy.types.PropertyGroup) -> bool:
-    """Whether the keys are those that the marks wrote; also where neither has any."""
+def is_users(settings: bpy.types.PropertyGroup) -> bool:
+    """Whether the curve is another than the marks wrote: one of the user's own, one that was edited, or none
+    where they wrote one."""
     curve = lens.keys_of(settings, "focus_distance")
-    if curve is None:
-        return not settings.marks.written
-    return bool(_digest(_keys(curve)) == settings.marks.written)
-
-
-def edit_of(settings: bpy.types.PropertyGroup) -> Edit | None:
-    """What was done to the keys of marks since they were written; None where the curve was edited in another
-    way, and is the user's."""
-    curve = lens.keys_of(settings, "focus_distance")
-    own = {mark.frame for mark in settings.marks.items}
-    if curve is None:
-        return Edit({}, tuple(own), {})
-    then, now = np.array(settings.marks[WRITTEN], np.float32).reshape(-1, 2), _keys(curve)
-    was_mark = np.isin(then[:, 0], list(own))
-    before = {int(frame): float(at) for frame, at in then[was_mark]}
-    after = [(float(frame), float(at)) for frame, at in now.places[now.of_marks]]
-    found = _matched(before, after)
-    if found.moved or found.removed or found.added:
-        return found
-    # A distance keyed between marks takes the place of a generated key.
-    ours, theirs = then[~was_mark], now.places[~now.of_marks]
-    if ours.shape == theirs.shape and (ours[:, 0] == theirs[:, 0]).all():
-        other = np.flatnonzero(ours[:, 1] != theirs[:, 1])
-        if len(other) == 1:
-            frame, at = theirs[other[0]]
-            return Edit({}, (), {int(frame): float(at)})
-    return None
-
-
-def accept(settings: bpy.types.PropertyGroup) -> None:
-    """What the curve is now is what was written."""
-    curve = lens.keys_of(settings, "focus_distance")
-    settings.marks.written = "" if curve is None else _digest(_keys(curve))
-
-
-def _matched(before: dict[int, float], after: list[tuple[float, float]]) -> Edit:
-    """Which of the keys (frame, value) are which of those that were, by frame."""
-    left = [key for key in after if before.get(round(key[0])) != key[1] or key[0] != round(key[0])]
-    gone = [frame for frame, at in before.items() if (float(frame), at) not in after]
-    moved: dict[int, tuple[int, float | None]] = {}
-    # By value, then by frame, then in order.
-    for alike in (
-        lambda frame, key: before[frame] == key[1],
-        lambda frame, key: frame == round(key[0]),
-        lambda frame, key: len(gone) == len(left),
-    ):
-        for frame in tuple(gone):
-            key = next((key for key in left if alike(frame, key)), None)
-            if key is not None:
-                moved[frame] = (round(key[0]), None if key[1] == before[frame] else key[1])
-                gone.remove(frame)
-                left.remove(key)
-    return Edit(moved, tuple(gone), {round(frame): at for frame, at in left})
+    return bool(settings.marks.written != ("" if curve is None else _digest(curve)))
 
 
 def _made(settings: bpy.types.PropertyGroup) -> bpy.types.FCurve:
@@ -170,20 +87,13 @@ def _made(settings: bpy.types.PropertyGroup) -> bpy.types.FCurve:
     return curve
 
 
-def _keys(curve: bpy.types.FCurve) -> Keys:
-    points = curve.keyframe_points
-    places = np.zeros((len(points), 2), np.float32)
-    types = np.zeros(len(points), np.int32)
-    points.foreach_get("co", places.ravel())
-    points.foreach_get("type", types)
-    kinds = _kinds()
-    return Keys(places, ~np.isin(types, [kinds["GENERATED"], kinds["JITTER"]]))
-
-
 def _kinds() -> dict[str, int]:
     kinds = bpy.types.Keyframe.bl_rna.properties["type"].enum_items
     return {kind.identifier: kind.value for kind in kinds}
 
 
-def _digest(keys: Keys) -> str:
-    return hashlib.sha256(keys.places.tobytes() + keys.of_marks.tobytes()).hexdigest()[:16]
+def _digest(curve: bpy.types.FCurve) -> str:
+    """16 hexadecimal digits of its keys' frames and values."""
+    places = np.zeros((len(curve.keyframe_points), 2), np.float32)
+    curve.keyframe_points.foreach_get("co", places.ravel())
+    return hashlib.sha256(places.tobytes()).hexdigest()[:16]

@@ -107,16 +107,10 @@ class VirtualApertureFocusMarks(bpy.types.PropertyGroup):
         description="Digest of the keys that the marks wrote; empty where they have none",
         options={"HIDDEN"},
     )
-    left: BoolProperty(
-        name="Left to the User", description="The keys were edited, and are the user's", options={"HIDDEN"}
-    )
     unseen: StringProperty(
         name="Not Seen", description="Frames that do not show what is in focus there", options={"HIDDEN"}
     )
     is_first: BoolProperty(name="First Focus", description="Nobody has picked it yet", options={"HIDDEN"})
-    shown: FloatProperty(
-        name="Shown Distance", description="As the camera's own property was told", options={"HIDDEN"}
-    )
 
 
 def places_of(mark: bpy.types.PropertyGroup) -> tuple[Place, ...]:
@@ -140,7 +134,9 @@ def put(
     """
     group = settings.marks
     with lens.writing():
-        if not add and len(group.items) < 2:
+        # Keys that the user deleted do not come back.
+        gone = focus_curve.is_users(settings) and not lens.has_keys(settings, "focus_distance")
+        if gone or (not add and len(group.items) < 2):
             group.items.clear()
         elif not len(group.items):
             _add_present(settings)
@@ -184,9 +180,14 @@ def at_frame(settings: bpy.types.PropertyGroup, frame: int) -> bpy.types.Propert
     return next((mark for mark in settings.marks.items if mark.frame == frame), None)
 
 
-def set_distance(mark: bpy.types.PropertyGroup, distance: float) -> None:
-    """Make a mark one of a bare distance, without writing the focus."""
+def on_distance(settings: bpy.types.PropertyGroup) -> None:
+    """The distance was set by hand: it takes the place of the only mark."""
+    group, distance = settings.marks, settings.focus_distance
+    if len(group.items) != 1 or not distance > 0 or lens.has_keys(settings, "focus_distance"):
+        return
+    (mark,) = group.items
     _fill(mark, [Place(Focus(distance=distance), mark.frame, distance, "a distance")])
+    group.is_first = False
 
 
 def move(settings: bpy.types.PropertyGroup, index: int, frame: int) -> None:
@@ -216,20 +217,18 @@ def clear(settings: bpy.types.PropertyGroup) -> None:
         if not are_keys_users(settings):
             focus_curve.remove(settings)
         settings.marks.items.clear()
-        settings.marks.left = settings.marks.is_first = False
+        settings.marks.is_first = False
 
 
 def are_keys_users(settings: bpy.types.PropertyGroup) -> bool:
     """Whether the focus distance has keys that no marks wrote, or that the user has edited since."""
-    if not lens.has_keys(settings, "focus_distance"):
-        return False
-    return bool(settings.marks.left) or not settings.marks.written
+    return lens.has_keys(settings, "focus_distance") and focus_curve.is_users(settings)
 
 
 def say_the_focus(settings: bpy.types.PropertyGroup) -> bool:
     """Whether the marks are what is in focus, and no script has set something else since."""
     group = settings.marks
-    if not len(group.items) or group.written or group.left:
+    if not len(group.items) or lens.has_keys(settings, "focus_distance"):
         return bool(len(group.items))
     steady, own = _steady(marks_of(settings)), lens.focus_of_settings(settings)
     if steady is None or steady.points != own.points:
@@ -240,7 +239,6 @@ def say_the_focus(settings: bpy.types.PropertyGroup) -> bool:
 def take_keys_over(settings: bpy.types.PropertyGroup) -> None:
     """Write the focus in place of keys of the user's."""
     focus_curve.remove(settings)
-    settings.marks.left = False
     write(settings)
 
 
@@ -251,7 +249,6 @@ def write(settings: bpy.types.PropertyGroup) -> None:
         return
     marks, at = sorted(marks_of(settings), key=lambda mark: mark.frame), lens.focus_of_settings(settings)
     with lens.writing():
-        settings.marks.left = False
         _sort(settings)
         hidden = unseen_of(settings, marks)
         settings.marks.unseen = " ".join(map(str, hidden))

@@ -11,7 +11,7 @@ from pathlib import Path
 import bpy
 from bpy.app.handlers import persistent
 
-from . import paths
+from . import blender_focus, paths
 from .version import VERSION
 
 PSNR_OF_2 = "error"
@@ -27,6 +27,8 @@ def migrate(scene: bpy.types.Scene) -> None:
     if held is not None and PSNR_OF_2 in held:
         settings.target_psnr = held[PSNR_OF_2]
         del held[PSNR_OF_2]
+    # It was written there at every change.
+    blender_focus.follow(settings)
     settings.version = VERSION
 
 

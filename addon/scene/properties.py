@@ -51,6 +51,11 @@ def _edited(
     return update
 
 
+def _follow_distance(settings: VirtualApertureSettings) -> None:
+    lens.on_distance(settings)
+    focus_marks.on_distance(settings)
+
+
 def _scale_changed(settings: VirtualApertureSettings, _context: bpy.types.Context) -> None:
     depth_of_field.on_scale(settings)
 
@@ -201,7 +206,7 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
         soft_max=100.0,
         default=0.0,
         precision=3,
-        update=_edited(lens.on_distance),
+        update=_edited(_follow_distance),
     )
     focus_through_points: BoolProperty(
         name="Plane Through Points",

@@ -13,7 +13,7 @@ from ..core.focus.focus import Focus
 from ..core.focus.pull import FocusMark
 from ..core.focus.transfer import carry_focus, carry_place
 from ..core.media.find_clip import is_clip
-from . import blender_focus, focus_marks, lens
+from . import focus_marks, lens
 from .shot import reconstruction_of
 
 LENGTHS = ("focus_distance", "aperture_radius")
@@ -33,8 +33,6 @@ class KeptFocus:
     metres_per_unit: float
     """0 where it is not known."""
     marks: tuple[FocusMark, ...] = ()
-    are_keys_users: bool = False
-    """Whether the marks had left the keys to the user."""
     is_first: bool = False
     """Whether nobody had picked the focus."""
 
@@ -59,7 +57,7 @@ def keep_focus(settings: bpy.types.PropertyGroup, clip: Path) -> KeptFocus | Non
         return None
     return KeptFocus(
         old, focus, settings.focus_frame, settings.focus_by, radius, scale,
-        tuple(marks), focus_marks.are_keys_users(settings), settings.marks.is_first,
+        tuple(marks), settings.marks.is_first,
     )  # fmt: skip
 
 
@@ -83,13 +81,11 @@ def restore_focus(settings: bpy.types.PropertyGroup, kept: KeptFocus, new: Recon
     settings.metres_per_unit = kept.metres_per_unit / carried.scale
     for name in LENGTHS:
         _scale_keys(lens.keys_of(settings, name), carried.scale)
-    _scale_keys(blender_focus.keys_of(settings), carried.scale)
     if kept.marks:
         carried_marks = [
             replace(mark, places=tuple(carry_place(kept.reconstruction, new, place) for place in mark.places))
             for mark in kept.marks
         ]
-        settings.marks.left = kept.are_keys_users
         focus_marks.replace_all(settings, carried_marks)
         settings.marks.is_first = kept.is_first
     if has_points or kept.by != "POINTS" or not kept.focus.points:

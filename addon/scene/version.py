@@ -7,7 +7,7 @@ import bpy
 from ..core.base.errors import UserError
 
 VERSION = 3
-"""2 had another name for the target PSNR (`migration`)."""
+"""2 had another name for the target PSNR, and wrote the focus distance into the camera (`migration`)."""
 NEWER = "this scene was made with a newer Virtual Aperture; update the extension"
 
 

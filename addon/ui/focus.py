@@ -24,8 +24,7 @@ def focus_on(
 ) -> str:
     """Put places in focus at a frame, as `focus_marks.put`; what was done, in a line.
 
-    Where the focus distance has keys of the user's, the pick is the next of them. UserError where the
-    camera's own distance is animated.
+    Where the focus distance has keys of the user's, the pick is the next of them.
     """
     released = blender_focus.release(settings)
     told = f"; {released} is no longer" if released else ""

@@ -8,7 +8,7 @@ from ..core.base.counting import counted
 from ..core.base.errors import UserError
 from ..core.focus.focus import Focus
 from ..core.focus.place import Place
-from ..scene import aperture_cloud, blender_focus, focus_marks, lens
+from ..scene import aperture_cloud, blender_focus, focus_curve, focus_marks, lens
 from ..scene.depth_of_field import length_words
 from . import thumbnails
 from .focus import focus_on
@@ -78,7 +78,7 @@ class VIRTUAL_APERTURE_OT_hold_focus(bpy.types.Operator):  # noqa: N801
     def execute(self, context: bpy.types.Context) -> Result:
         settings, frame = context.scene.virtual_aperture, context.scene.frame_current
         if blender_focus.distance(settings) is not None:
-            raise UserError("the camera's own depth of field says what is in focus; pick the focus instead")
+            raise UserError("an object is in focus; pick the focus instead")
         self.report({"INFO"}, focus_on(settings, frame, held(settings, frame), add=True))
         return {"FINISHED"}
 
@@ -197,7 +197,7 @@ class VIRTUAL_APERTURE_OT_write_focus_marks(bpy.types.Operator):  # noqa: N801
     def poll(cls, context: bpy.types.Context) -> bool:
         if not may_change(cls, context) or not has_marks(cls, context):
             return False
-        if focus_marks.are_keys_users(context.scene.virtual_aperture):
+        if focus_curve.is_users(context.scene.virtual_aperture):
             return True
         cls.poll_message_set("The keys are those of the focus marks")
         return False
@@ -233,9 +233,10 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         line = layout.row(align=True)
         line.label(text=f"Not seen in {counted(len(hidden), 'frame')}", icon="HIDE_ON")
         line.operator(VIRTUAL_APERTURE_OT_jump_to_unseen.bl_idname, text="", icon="FRAME_NEXT")
-    if lens.has_keys(settings, "focus_distance") and focus_marks.are_keys_users(settings):
+    if focus_curve.is_users(settings):
         box = layout.column(align=True)
-        box.label(text="The keys of the distance are yours", icon="INFO")
+        yours = "yours" if lens.has_keys(settings, "focus_distance") else "deleted"
+        box.label(text=f"The keys of the distance are {yours}", icon="INFO")
         box.operator(VIRTUAL_APERTURE_OT_write_focus_marks.bl_idname)
 
 

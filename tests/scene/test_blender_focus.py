@@ -131,46 +131,34 @@ def test_a_pick_takes_the_object_out(scene: bpy.types.Scene, shot: Shot, empty: 
     assert focused(scene, 5) == pytest.approx(4.0)
 
 
-def test_the_distances_are_one_number(scene: bpy.types.Scene, shot: Shot) -> None:
+def test_the_cameras_distance_follows(scene: bpy.types.Scene, shot: Shot) -> None:
     settings, dof = scene.virtual_aperture, scene.virtual_aperture.camera.data.dof
     settings.focus_distance = 6.0
     bpy.context.view_layer.update()
     assert dof.focus_distance == 6.0
-    dof.focus_distance = 8.5
+    marks = [FocusMark.of(Place(Focus(distance=d), f, d, "")) for f, d in ((2, 4.0), (6, 12.0))]
+    focus_marks.replace_all(settings, marks)
+    for frame, away in ((1, 4.0), (4, 6.0), (8, 12.0)):
+        scene.frame_set(frame)
+        assert dof.focus_distance == pytest.approx(away) == settings.focus_distance
+    # One way.
+    dof.focus_distance = 2.0
     bpy.context.view_layer.update()
-    assert settings.focus_distance == 8.5 and settings.focus_by == "DISTANCE"
-    # An edit of the camera's takes the place of what was picked.
-    focus_marks.put(settings, 1, [Place(Focus((3, 9)), 1, 7.0, "points")])
-    bpy.context.view_layer.update()
-    assert dof.focus_distance == settings.focus_distance != 8.5
-    dof.focus_distance = 5.0
-    bpy.context.view_layer.update()
-    assert [mark.distance for mark in settings.marks.items] == [5.0]
-    assert focused(scene, 4) == 5.0
+    assert settings.focus_distance == pytest.approx(12.0)
+    # A scene that is built again has one driver.
+    build(scene, shot.footage, shot.reconstruction)
+    assert len(settings.camera.data.animation_data.drivers) == 1
 
 
-def test_a_keyed_distance_of_the_camera_is_in_focus(scene: bpy.types.Scene, shot: Shot) -> None:
+def test_a_cameras_distance_that_is_animated_is_left_alone(scene: bpy.types.Scene, shot: Shot) -> None:
     settings, data = scene.virtual_aperture, scene.virtual_aperture.camera.data
-    settings.focus_distance = 3.0
+    data.driver_remove("dof.focus_distance")
     for frame, away in ((1, 4.0), (8, 9.0)):
         data.dof.focus_distance = away
         data.keyframe_insert("dof.focus_distance", frame=frame)
-    assert focused(scene, 8) == pytest.approx(9.0) and focused(scene, 1) == pytest.approx(4.0)
-    with pytest.raises(UserError, match=r"Focus Distance of .* is keyed or driven"):
-        focus_on(settings, 2, [Place(Focus(distance=4.0), 2, 4.0, "")])
-    # It stays the user's when the clip is solved again.
     build(scene, shot.footage, shot.reconstruction)
     settings.focus_distance = 3.0
-    assert focused(scene, 8) == pytest.approx(9.0)
-
-
-def test_an_older_file_keeps_its_depth_of_field(scene: bpy.types.Scene, shot: Shot) -> None:
-    settings, dof = scene.virtual_aperture, scene.virtual_aperture.camera.data.dof
-    settings.marks.shown = 0.0
-    dof.use_dof, dof.focus_distance = True, 2.5
-    settings.focus_distance = 6.0
-    bpy.context.view_layer.update()
-    assert dof.focus_distance == 2.5 and settings.focus_distance == 6.0
+    assert focused(scene, 8) == pytest.approx(3.0) and data.dof.focus_distance == pytest.approx(9.0)
 
 
 def test_a_pull_is_evaluated_for_a_render(scene: bpy.types.Scene, shot: Shot) -> None:

@@ -14,7 +14,7 @@ from addon.core.camera.reconstruction import Intrinsics
 from addon.core.focus.focus import Focus
 from addon.core.focus.place import Place
 from addon.core.focus.pull import FocusMark
-from addon.scene import focus_marks, lens
+from addon.scene import focus_curve, focus_marks, lens
 from addon.scene.build import build
 from addon.scene.refocus import keep_focus, restore_focus
 from addon.scene.shot import Shot
@@ -51,16 +51,6 @@ def keys(scene: bpy.types.Scene) -> bpy.types.FCurve | None:
 
 def key(scene: bpy.types.Scene, frame: int) -> bpy.types.Keyframe:
     return next(key for key in keys(scene).keyframe_points if key.co[0] == frame)
-
-
-def drag(scene: bpy.types.Scene, frame: int, goal: int) -> None:
-    """Move a key, as the dope sheet does: the one that is there gives way."""
-    curve = keys(scene)
-    if any(each.co[0] == goal for each in curve.keyframe_points):
-        curve.keyframe_points.remove(key(scene, goal))
-    key(scene, frame).co[0] = goal
-    curve.update()
-    update()
 
 
 def update() -> None:
@@ -119,70 +109,54 @@ def test_of_two_places_the_mean_inverse_depth(scene: bpy.types.Scene, shot: Shot
     assert [dict(place.followed) for place in kept.places] == [{4: 4.0, 5: 4.0, 6: 4.0}, {}]
 
 
-def test_a_mark_follows_its_key(scene: bpy.types.Scene, shot: Shot) -> None:
-    settings = scene.virtual_aperture
-    focus_marks.replace_all(settings, [FocusMark.of(at(3, 4.0)), FocusMark.of(at(9, 12.0))])
-    drag(scene, 3, 5)
-    assert marks(scene) == [(5, 4.0), (9, 12.0)]
-    # The curve is made anew: half way is another frame.
-    assert distance(scene, 7) == pytest.approx(6.0) and distance(scene, 4) == pytest.approx(4.0)
-    # Raised in the graph editor.
-    key(scene, 9).co[1] = 20.0
-    update()
-    assert marks(scene) == [(5, 4.0), (9, 20.0)] and distance(scene, 12) == pytest.approx(20.0)
-    # I over the distance.
-    scene.frame_set(7)
-    settings.focus_distance = 5.0
-    scene.keyframe_insert(settings.path_from_id("focus_distance"))
-    update()
-    assert marks(scene) == [(5, 4.0), (7, 5.0), (9, 20.0)]
-    # X in the dope sheet.
-    keys(scene).keyframe_points.remove(key(scene, 9))
-    update()
-    assert marks(scene) == [(5, 4.0), (7, 5.0)] and distance(scene, 12) == pytest.approx(5.0)
-    assert not settings.marks.left
-
-
-def test_marks_moved_past_each_other(scene: bpy.types.Scene, shot: Shot) -> None:
-    settings = scene.virtual_aperture
-    focus_marks.replace_all(settings, [FocusMark.of(at(3, 4.0)), FocusMark.of(at(6, 12.0))])
-    drag(scene, 3, 10)
-    assert marks(scene) == [(6, 12.0), (10, 4.0)]
-    assert [distance(scene, frame) for frame in (1, 6, 10)] == pytest.approx([12, 12, 4])
-
-
 def test_points_have_the_depth_of_the_frame_that_their_mark_goes_to(
     scene: bpy.types.Scene, shot: Shot
 ) -> None:
     place = points(shot, 2, 5, 6)
     focus_marks.replace_all(scene.virtual_aperture, [FocusMark.of(place), FocusMark.of(at(12, 30.0))])
-    drag(scene, 2, 8)
+    focus_marks.move(scene.virtual_aperture, 0, 8)
     there = 1 / place.focus.inverse_depth(shot.reconstruction, 8)
     assert there != pytest.approx(place.distance, rel=1e-4)
     assert distance(scene, 8) == pytest.approx(there, rel=1e-5)
 
 
-def test_without_its_keys_the_marks_are_gone(scene: bpy.types.Scene, shot: Shot) -> None:
+def test_deleted_keys_leave_the_distance_and_do_not_come_back(scene: bpy.types.Scene, shot: Shot) -> None:
     settings = scene.virtual_aperture
     focus_marks.replace_all(settings, [FocusMark.of(at(3, 4.0)), FocusMark.of(at(9, 12.0))])
     scene.frame_set(9)
     lens.channels_of(settings).fcurves.remove(keys(scene))
     update()
-    assert not len(settings.marks.items) and lens.is_in_focus(settings)
+    assert focus_curve.is_users(settings) and distance(scene, 3) == pytest.approx(12.0)
+    focus_marks.put(settings, 6, [at(6, 5.0)])
+    assert marks(scene) == [(6, 5.0)] and distance(scene, 3) == 5.0
+    assert not focus_curve.is_users(settings)
 
 
-def test_a_curve_that_is_edited_otherwise_is_the_users(scene: bpy.types.Scene, shot: Shot) -> None:
+@pytest.mark.parametrize("frames", [(3,), (5, 6), (9,)])
+def test_a_curve_that_is_edited_is_the_users(
+    scene: bpy.types.Scene, shot: Shot, frames: tuple[int, ...]
+) -> None:
     settings = scene.virtual_aperture
     focus_marks.replace_all(settings, [FocusMark.of(at(3, 4.0)), FocusMark.of(at(9, 12.0))])
-    for frame in (5, 6):
+    before = key(scene, frames[0]).co[1]
+    for frame in frames:
         key(scene, frame).co[1] = 9.0
     update()
-    assert settings.marks.left and focus_marks.are_keys_users(settings)
+    assert focus_marks.are_keys_users(settings)
     focus_marks.put(settings, 11, [at(11, 2.0)])
-    assert distance(scene, 5) == 9.0 and distance(scene, 11) == pytest.approx(12.0)
+    assert distance(scene, frames[0]) == 9.0 and distance(scene, 11) != pytest.approx(2.0)
     focus_marks.take_keys_over(settings)
     assert not focus_marks.are_keys_users(settings)
-    assert distance(scene, 5) != 9.0 and distance(scene, 11) == pytest.approx(2.0)
+    assert distance(scene, frames[0]) == pytest.approx(before) and distance(scene, 11) == pytest.approx(2.0)
+
+
+def test_an_edit_that_is_taken_back_leaves_the_curve_to_the_marks(scene: bpy.types.Scene, shot: Shot) -> None:
+    settings = scene.virtual_aperture
+    focus_marks.replace_all(settings, [FocusMark.of(at(3, 4.0)), FocusMark.of(at(9, 12.0))])
+    key(scene, 9).co[1] = 20.0
+    assert focus_marks.are_keys_users(settings)
+    key(scene, 9).co[1] = 12.0
+    assert not focus_marks.are_keys_users(settings)
 
 
 def test_keys_of_the_users_are_not_touched(scene: bpy.types.Scene, shot: Shot) -> None:
@@ -241,8 +215,7 @@ def test_unseen_frames_are_told_and_have_keys_of_their_own(scene: bpy.types.Scen
     assert settings.marks.unseen == "5 6"
     kinds = {int(key.co[0]): key.type for key in keys(scene).keyframe_points}
     assert [frame for frame, kind in kinds.items() if kind == "JITTER"] == [5, 6]
-    update()
-    assert len(settings.marks.items) == 2 and not settings.marks.left
+    assert len(settings.marks.items) == 2 and not focus_curve.is_users(settings)
 
 
 def test_marks_are_kept_over_a_new_solve(scene: bpy.types.Scene, shot: Shot) -> None:

@@ -27,8 +27,7 @@ class VIRTUAL_APERTURE_PT_focus(Panel, bpy.types.Panel):  # noqa: N801
         row.operator(pick_focus.VIRTUAL_APERTURE_OT_pick_focus.bl_idname, icon="EYEDROPPER")
         if settings.points is not None and settings.points.mode == "EDIT":
             layout.operator(focus.VIRTUAL_APERTURE_OT_set_focus.bl_idname, icon="PIVOT_MEDIAN")
-        thing = blender_focus.focus_object(settings)
-        by_own = thing is not None or blender_focus.is_animated(settings)
+        by_own = blender_focus.focus_object(settings) is not None
         count = len(settings.focus_points)
         by_points = count > 0 and settings.focus_by == "POINTS"
         marks = layout.column()
