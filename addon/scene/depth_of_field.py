@@ -35,7 +35,7 @@ def sensor_millimetres(settings: bpy.types.PropertyGroup) -> float:
 def f_stop(settings: bpy.types.PropertyGroup) -> float:
     """The f-stop of the aperture; 0 where the scale is not known, or no aperture is chosen."""
     across = 2 * settings.aperture_radius * settings.metres_per_unit
-    return focal_metres(settings) / across if settings.use_radius and across > 0 else 0.0
+    return focal_metres(settings) / across if across > 0 else 0.0
 
 
 def set_f_stop(settings: bpy.types.PropertyGroup, value: float) -> None:

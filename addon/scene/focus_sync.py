@@ -13,7 +13,7 @@ from . import blender_focus, lens
 @persistent
 def _on_update(scene: bpy.types.Scene, _depsgraph: bpy.types.Depsgraph | None = None) -> None:
     settings = scene.virtual_aperture
-    if settings.points is None or settings.use_radius or lens.is_writing():
+    if settings.points is None or settings.aperture_radius > 0 or lens.is_writing():
         return
     # A render's data are its own, on whichever thread.
     if threading.current_thread() is not threading.main_thread() or bpy.app.is_job_running("RENDER"):

@@ -1,10 +1,10 @@
 """The lens that the settings describe: what is in focus, and an aperture that stays as it was chosen.
 
 Blur and aperture radius say the same thing in two ways: the blur at one frame, with what is in focus there;
-the radius for the whole clip. The radius is what counts (`use_radius`): the blur is computed from it whenever
-it is read, for the present frame and focus, and editing it sets the radius. A keyed blur counts itself, at
-every frame, and so does that of old files, which hold no radius. The number that is stored is the last one
-that was wished for: it counts again where nothing is in focus, or no radius is chosen.
+the radius for the whole clip. Once it is chosen the radius is what counts: the blur is computed from it
+whenever it is read, for the present frame and focus, and editing it sets the radius. A keyed blur counts
+itself, at every frame. The blur that is stored is the last one that was wished for: it counts where nothing
+is in focus, or no radius is chosen.
 """
 
 from __future__ import annotations
@@ -111,7 +111,7 @@ def is_in_focus(settings: bpy.types.PropertyGroup) -> bool:
 
 def has_radius(settings: bpy.types.PropertyGroup) -> bool:
     """Whether the aperture's radius counts; else the blur does."""
-    return bool(settings.use_radius) and not is_keyed(settings, "blur")
+    return bool(settings.aperture_radius > 0) and not is_keyed(settings, "blur")
 
 
 def is_keyed(settings: bpy.types.PropertyGroup, name: str) -> bool:
@@ -165,7 +165,7 @@ def set_focus(settings: bpy.types.PropertyGroup, focus: Focus, frame: int) -> No
         settings.focus_through_points = focus.through_points
         settings.focus_tilt, settings.focus_swing = focus.tilt, focus.swing
         settings.focus_distance = focus.distance or _distance(settings, focus, frame)
-        if settings.follows_blur or not settings.use_radius:
+        if settings.follows_blur or not settings.aperture_radius > 0:
             _store_radius(settings, frame)
         settings.follows_blur = False
 
@@ -184,15 +184,14 @@ def reset(settings: bpy.types.PropertyGroup, frame: int) -> None:
         settings.focus_by = "POINTS"
         settings.focus_distance = 0.0
         settings.focus_frame = frame
-        settings.use_radius = settings.follows_blur = False
+        settings.aperture_radius, settings.follows_blur = 0.0, False
 
 
 def set_aperture(settings: bpy.types.PropertyGroup, radius: float, blur: float | None) -> None:
     """Choose the aperture's radius, and the blur that was wished for; without one, what the radius makes of
     the focus."""
     with writing():
-        settings.use_radius, settings.follows_blur = True, False
-        settings.aperture_radius = radius
+        settings.aperture_radius, settings.follows_blur = radius, False
         settings.blur = _blur_at(settings, settings.focus_frame) or settings.blur if blur is None else blur
 
 
@@ -216,7 +215,7 @@ def on_blur(settings: bpy.types.PropertyGroup) -> None:
 
 def on_radius(settings: bpy.types.PropertyGroup) -> None:
     """The radius was edited: the blur that it makes is what was wished for."""
-    settings.use_radius, settings.follows_blur = True, False
+    settings.follows_blur = False
     settings.blur = _blur_at(settings, _frame(settings)) or settings.blur
 
 
@@ -233,7 +232,7 @@ def on_focus(settings: bpy.types.PropertyGroup) -> None:
     follows; at another frame it is a pull, and the lens stays the same.
     """
     frame = _frame(settings)
-    chosen = settings.use_radius
+    chosen = settings.aperture_radius > 0
     if not chosen and not settings.focus_points:
         settings.follows_blur, settings.focus_frame = True, frame
     elif frame != settings.focus_frame:
@@ -249,10 +248,8 @@ def _store_radius(settings: bpy.types.PropertyGroup, frame: int) -> None:
         radius = radius_for_blur(reconstruction, focus_of(settings), at, settings.blur)
     except UserError:
         # The next focus chooses it; a render before says what is wrong.
-        settings.use_radius = False
-        return
+        radius = 0.0
     settings.aperture_radius = radius
-    settings.use_radius = True
 
 
 _last: tuple[tuple[object, ...], float | None] | None = None

@@ -11,11 +11,13 @@ from pathlib import Path
 import bpy
 from bpy.app.handlers import persistent
 
-from . import blender_focus, paths
+from . import blender_focus, lens, paths
 from .version import VERSION
 
 PSNR_OF_2 = "error"
-"""Version 2's name of the target PSNR."""
+"""Version 2's name of the target PSNR,"""
+CHOSEN_OF_2 = "use_radius"
+"""and whether the radius counted there."""
 
 
 def migrate(scene: bpy.types.Scene) -> None:
@@ -24,6 +26,9 @@ def migrate(scene: bpy.types.Scene) -> None:
     if scene.library is not None or settings.version >= VERSION:
         return
     held = settings.bl_system_properties_get()
+    if held is not None and not held.get(CHOSEN_OF_2, True):
+        with lens.writing():
+            settings.aperture_radius = 0.0
     if held is not None and PSNR_OF_2 in held:
         settings.target_psnr = held[PSNR_OF_2]
         del held[PSNR_OF_2]

@@ -248,12 +248,6 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
         get_transform=_blur_now,
         update=_edited(lens.on_blur),
     )
-    use_radius: BoolProperty(
-        name="Set Radius",
-        description="The aperture's radius is chosen and counts; without, the blur does",
-        options={"HIDDEN"},
-        update=_aperture_changed,
-    )
     follows_blur: BoolProperty(
         name="Follows Blur",
         description="The radius follows the blur while a first distance is dragged to its place",
@@ -262,10 +256,10 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
     aperture_radius: FloatProperty(
         name="Aperture Radius",
         description="Radius of the virtual aperture, in the scene's unit, which is an imported model's own:"
-        " the same throughout the clip, unless it is keyed",
+        " the same throughout the clip, unless it is keyed. 0 until a focus chooses it by the blur",
         subtype="DISTANCE",
         min=0.0,
-        default=0.1,
+        default=0.0,
         precision=4,
         update=_edited(lens.on_radius),
     )

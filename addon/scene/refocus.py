@@ -28,8 +28,8 @@ class KeptFocus:
     focus: Focus
     frame: int
     by: str
-    radius: float | None
-    """None while the blur has not chosen it."""
+    radius: float
+    """0 while the blur has not chosen it."""
     metres_per_unit: float
     """0 where it is not known."""
     marks: tuple[FocusMark, ...] = ()
@@ -49,7 +49,7 @@ def keep_focus(settings: bpy.types.PropertyGroup, clip: Path) -> KeptFocus | Non
     scale = settings.metres_per_unit
     if not focus.points and focus.distance is None and not scale:
         return None
-    radius = settings.aperture_radius if settings.use_radius else None
+    radius = settings.aperture_radius
     marks = focus_marks.marks_of(settings) if focus_marks.say_the_focus(settings) else []
     try:
         old = reconstruction_of(settings)
@@ -75,9 +75,7 @@ def restore_focus(settings: bpy.types.PropertyGroup, kept: KeptFocus, new: Recon
         settings.focus_distance = carried.focus.distance or 0.0
         has_points = bool(carried.focus.points)
         settings.focus_by = kept.by if has_points or not settings.focus_distance else "DISTANCE"
-        settings.use_radius = kept.radius is not None
-        if kept.radius is not None:
-            settings.aperture_radius = kept.radius * carried.scale
+        settings.aperture_radius = kept.radius * carried.scale
     settings.metres_per_unit = kept.metres_per_unit / carried.scale
     for name in LENGTHS:
         _scale_keys(lens.keys_of(settings, name), carried.scale)

@@ -161,7 +161,7 @@ def set_up(scene: Staged, size: tuple[int, int], views: int) -> bpy.types.Scene:
     focus = scene.focus_depth(middle, 0)
     contrast = np.abs(1 / scene.depth(middle) - 1 / focus).max()
     set_focus(settings, Focus(distance=focus), middle)
-    settings.use_radius, settings.views = True, views
+    settings.views = views
     settings.aperture_radius = DISC * size[0] / (2 * reconstruction.cameras[0].fx * contrast)
     return made
 

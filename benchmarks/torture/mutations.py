@@ -135,7 +135,7 @@ def report(one: Try) -> None:
 
 PROPERTIES = (
     "footage", "work_dir", "depth_maps", "masks", "clip_identity", "clip_name", "method", "focus_by",
-    "focus_distance", "blur", "use_radius", "aperture_radius", "views", "seed", "clip_first", "clip_last",
+    "focus_distance", "blur", "aperture_radius", "views", "seed", "clip_first", "clip_last",
     "focus_frame", "borrow", "points", "camera", "root", "aperture", "render", "mesh",
 )  # fmt: skip
 

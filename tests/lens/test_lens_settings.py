@@ -72,7 +72,7 @@ def test_picked_points_set_the_distance_that_can_be_keyed(scene, shot, settings)
     assert lens.focus_of(settings).points == PICKED
     scene.frame_set(2)
     radius = settings.aperture_radius
-    assert settings.use_radius
+    assert settings.aperture_radius > 0
     assert radius == pytest.approx(radius_for_blur(shot.reconstruction, Focus(points=PICKED), 2, 0.03))
     scene.keyframe_insert("virtual_aperture.focus_distance")
     scene.frame_set(5)
@@ -196,7 +196,7 @@ def test_a_first_key_of_the_blur_is_the_blur_that_is_shown(scene, settings) -> N
 
 def test_the_blur_waits_for_a_focus(settings, shot) -> None:
     settings.blur = 0.06
-    assert not settings.use_radius
+    assert settings.aperture_radius == 0
     lens.set_focus(settings, Focus(points=PICKED), 1)
     expected = radius_for_blur(shot.reconstruction, Focus(points=PICKED), 1, 0.06)
     assert settings.aperture_radius == pytest.approx(expected, rel=1e-5)
@@ -237,7 +237,7 @@ def test_a_new_solve_starts_from_the_blur(scene, shot, settings) -> None:
     lens.set_focus(settings, Focus(points=PICKED), 1)
     settings.aperture_radius = 5.0
     build(scene, shot.footage, shot.reconstruction)
-    assert not settings.use_radius and settings.focus_by == "POINTS"
+    assert settings.aperture_radius == 0 and settings.focus_by == "POINTS"
     assert not lens.is_in_focus(settings)
 
 

@@ -308,7 +308,6 @@ def test_distorted_lens_keeps_the_geometry_of_the_source(scene: bpy.types.Scene,
     shot = slanted_shot(tmp_path / "clip", lens)
     settings = build(scene, shot.footage, shot.reconstruction)
     set_focus(settings, Focus(distance=8.0), 1)
-    settings.use_radius = True
     settings.aperture_radius = 1e-6
     settings.views = 4
     picture = rendered(scene, tmp_path / "a.png")

@@ -67,7 +67,7 @@ def test_one_mark_of_points_needs_no_keys(scene: bpy.types.Scene, shot: Shot) ->
     settings = scene.virtual_aperture
     focus_marks.put(settings, 4, [points(shot, 4, 3, 9)])
     assert settings.focus_by == "POINTS" and [p.point for p in settings.focus_points] == [3, 9]
-    assert keys(scene) is None and settings.use_radius
+    assert keys(scene) is None and settings.aperture_radius > 0
     # The next pick takes its place.
     focus_marks.put(settings, 8, [points(shot, 8, 20)])
     assert [p.point for p in settings.focus_points] == [20] and len(settings.marks.items) == 1

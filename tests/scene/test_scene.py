@@ -172,7 +172,6 @@ def test_virtual_cameras_lie_on_the_aperture(scene: bpy.types.Scene, tmp_path: P
     settings = build(scene, shot.footage, shot.reconstruction)
     assert len(settings.aperture.data.vertices) == 0
     settings.views = 40
-    settings.use_radius = True
     set_focus(settings, Focus(points=(1, 2, 3, 4)), 1)
     settings.aperture_radius = 0.25
     places = np.array([v.co[:] for v in settings.aperture.data.vertices])

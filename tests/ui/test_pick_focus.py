@@ -165,7 +165,7 @@ def test_a_solve_puts_something_in_focus(
     settings.lens, settings.equivalent = "GIVEN", 29.42  # solved in half the time
     assert OPERATORS.solve() == {"FINISHED"}
     assert "; the nearest large thing round the middle is in focus" in capsys.readouterr().out
-    assert settings.marks.is_first and len(settings.focus_points) == 4 and settings.use_radius
+    assert settings.marks.is_first and len(settings.focus_points) == 4 and settings.aperture_radius > 0
     texts = " ".join(draw(panels.focus.VIRTUAL_APERTURE_PT_focus).texts)
     assert "In focus: the nearest large thing round the middle" in texts
     assert OPERATORS.render_frame.poll()
