@@ -30,10 +30,14 @@ def follow(settings: bpy.types.PropertyGroup) -> None:
     if camera is None or is_animated(settings):
         return
     driver = camera.data.driver_add(PATH).driver
-    driver.type = "SUM"
-    followed = driver.variables.new().targets[0]
+    distance, scale = driver.variables.new(), driver.variables.new()
+    distance.name, scale.name, scale.type = "distance", "scale", "TRANSFORMS"
+    followed = distance.targets[0]
     followed.id_type, followed.id = "SCENE", settings.id_data
     followed.data_path = settings.path_from_id("focus_distance")
+    # The root may be scaled: Blender's lengths are the scene's.
+    scale.targets[0].id, scale.targets[0].transform_type = settings.root, "SCALE_AVG"
+    driver.expression = "distance * scale"
 
 
 def is_animated(settings: bpy.types.PropertyGroup) -> bool:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from addon.core.base.errors import UserError
+from addon.core.base.options import options_of
 from addon.core.optics.aperture import Aperture, ApertureImage, ApertureSamples, aperture_samples
 from addon.core.optics.aperture_sampling import centroidal_disc
 
@@ -125,7 +126,7 @@ def mean_of(samples: ApertureSamples) -> np.ndarray:
      ("spherical_aberration", 1.5), ("vignetting", float("nan"))],
 )  # fmt: skip
 def test_shapes_that_mean_nothing_are_refused(name: str, value: float) -> None:
-    with pytest.raises(UserError, match=name.replace("_", " ")):
+    with pytest.raises(UserError, match=rf"^{options_of(Aperture)[name].phrase} cannot be .*; give a number"):
         Aperture(**{name: value})
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from addon.core.base.arrays import Floats, LinearRGB, Map
 from addon.core.base.errors import UserError
+from addon.core.base.options import check
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
 from addon.core.frame.clip_context import ClipContext, no_picture
 from addon.core.frame.highlights import RESTORED, HighlightSettings
@@ -179,8 +180,8 @@ def test_a_clip_that_clips_under_white_takes_a_lower_threshold() -> None:
 
 @pytest.mark.parametrize("settings", [{"gain": -1}, {"gain": np.nan}, {"threshold": 0}, {"threshold": 2}])
 def test_settings_that_mean_nothing_are_refused(settings: dict[str, float]) -> None:
-    with pytest.raises(UserError, match="highlights"):
-        HighlightSettings(**settings).check()
+    with pytest.raises(UserError, match=r"highlights|clipping threshold"):
+        check(HighlightSettings(**settings))
 
 
 @pytest.mark.parametrize("spread", [0.42, 0.7, 1.0])

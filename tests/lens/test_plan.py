@@ -210,7 +210,7 @@ def test_picking_on_a_slope_focuses_where_it_was_clicked() -> None:
         ({"radius": 0.0}, "aperture radius is 0; it must be greater than zero"),
         ({"radius": -1.0}, "aperture radius is -1"),
         ({"radius": float("nan")}, "aperture radius is nan"),
-        ({"views": -1}, "number of views is -1"),
+        ({"views": -1}, "views cannot be -1"),
         ({"method": "magic"}, "no method 'magic'"),
         ({"focus": Focus(distance=-2.0)}, "focus distance is -2"),
         ({"focus": Focus()}, "nothing is in focus"),

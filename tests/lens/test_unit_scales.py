@@ -107,7 +107,7 @@ def stages(scale: float, method: str = "layers") -> Stages:
     return Stages(
         features.inverse_depth * scale, swept.inverse_depth * scale, fused.inverse_depth * scale,
         warped, mesh.inverse_depth * scale,
-        draw_mean(warped, lambda note: None),
+        draw_mean(warped),
         render_frame(clip, FRAME, settings, SIZE, lambda note: None),
     )  # fmt: skip
 

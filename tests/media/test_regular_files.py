@@ -143,7 +143,7 @@ def test_a_pipe_among_the_frames_is_named(tmp_path: Path, capsys: pytest.Capture
 def test_reports_go_into_files(tmp_path: Path) -> None:
     for path in (pipe(tmp_path / "a.json"), device(tmp_path / "b.json")):
         for overwrite in (False, True):
-            with pytest.raises(UserError, match="is no file; name another one for the reports"):
+            with pytest.raises(UserError, match="is no file; name another file"):
                 run_report.check_report(path, overwrite)
 
 

@@ -152,7 +152,9 @@ def test_cycles_blurs_what_is_placed_in_the_scene_alike(
     material.node_tree.links.new(light.outputs[0], out.inputs[0])
     mesh.materials.append(material)
     scene.collection.objects.link(bpy.data.objects.new("lamp", mesh))
-    camera.data.dof.use_dof, camera.data.dof.focus_distance = True, 5.0 * scale
+    camera.data.dof.use_dof = True
+    bpy.context.view_layer.update()
+    assert camera.data.dof.focus_distance == pytest.approx(5.0 * scale)
     scene.world = None
     scene.render.engine, scene.cycles.samples, scene.cycles.use_denoising = "CYCLES", 256, False
     scene.render.image_settings.file_format = "OPEN_EXR"

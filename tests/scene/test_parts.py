@@ -201,6 +201,8 @@ def test_a_linked_scene_renders_and_is_not_changed(source: tuple[Path, bytes], t
             getattr(bpy.ops.virtual_aperture, name)(**given)
     # Made local alone, it gets objects of its own with its next solve.
     footage = shot_of(linked).footage
-    linked.make_local()
+    # It is copied, as the linked camera's driver still refers to it.
+    linked = linked.make_local()
+    assert linked.library is None
     made = build(linked, footage, slanted_plane(LENS))
     assert made.points.library is None and parts.missing(linked) == []
