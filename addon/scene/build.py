@@ -36,8 +36,6 @@ LEAST_SIDE = 4
 """Pixels; what is less, Blender takes for as many."""
 NAME = "Virtual Aperture"
 SOUND = f"{NAME} Sound"
-TEMPORARY = {"", "/tmp", tempfile.gettempdir()}
-"""Folders, without their last separator, that Blender renders into as long as nobody says where."""
 
 
 def build(
@@ -215,7 +213,8 @@ def _set_output(scene: bpy.types.Scene, footage: Footage, is_other: bool) -> Non
     of the clip that was there before (`is_other`)."""
     render = scene.render
     is_ours = bool(render.filepath) and render.filepath == scene.virtual_aperture.output
-    if render.filepath.rstrip("/\\") not in TEMPORARY and not (is_ours and is_other):
+    is_temporary = render.filepath.rstrip("/\\") in {"", "/tmp", _temporary_folder()}
+    if not is_temporary and not (is_ours and is_other):
         return
     saved = bpy.data.filepath
     folder = default_work_dir(footage.path, Path(saved).parent if saved else footage.path.parent)
@@ -228,6 +227,15 @@ def _set_output(scene: bpy.types.Scene, footage: Footage, is_other: bool) -> Non
     # What ends in a separator is a folder, in which files are named by their frames.
     render.filepath = path + ("/" if path.startswith("//") else os.sep)
     scene.virtual_aperture.output = render.filepath
+
+
+def _temporary_folder() -> str:
+    """What Blender renders into, without a last separator, as long as nobody says where; empty where no
+    folder for temporary files can be written."""
+    try:
+        return tempfile.gettempdir()
+    except OSError:
+        return ""
 
 
 def _without_files(folder: Path) -> Path:
