@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import bpy  # noqa: F401 - without it there is no imbuf
 import imbuf
 import numpy as np
 from numpy.typing import NDArray
