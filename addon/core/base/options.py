@@ -73,7 +73,7 @@ class Option:
     @property
     def phrase(self) -> str:
         """Its label within a sentence."""
-        return self.label if self.label.isupper() else self.label.lower()
+        return " ".join(word if word.isupper() else word.lower() for word in self.label.split())
 
     def check(self, value: Any) -> None:
         """UserError for a value that is beyond the bounds, no number, or none of the choices."""
