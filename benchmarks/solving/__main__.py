@@ -313,7 +313,7 @@ COLUMNS: tuple[tuple[str, Callable[[Row], str]], ...] = (
     ("disc %", lambda r: f"{r.figures['disc']:.2f}"),
     ("track px", lambda r: f"{r.figures['track_px']:.2f}"),
     ("reprojection px", lambda r: f"{r.claims['reprojection_error']:.2f}"),
-    ("GRIC", lambda r: f"{gain_of(r.message, r.claims):+.2f}"),
+    ("GRIC", lambda r: f"{gain_of(r.message, r.claims):+.2f}".replace("+nan", "")),
     ("parallax / noise / misfit", lambda r: _parallax(r.claims)),
     ("on mover %", lambda r: f"{100 * r.figures['on_mover']:.1f}"),
 )
