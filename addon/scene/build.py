@@ -5,13 +5,13 @@ from __future__ import annotations
 import contextlib
 import itertools
 import os
-import tempfile
 import uuid
 from fractions import Fraction
 from pathlib import Path
 
 import bpy
 
+from ..core.base.atomic import place_of_temporary
 from ..core.base.errors import UserError
 from ..core.camera.reconstruction import Reconstruction, typical_distance
 from ..core.media.clip import Footage
@@ -233,8 +233,8 @@ def _temporary_folder() -> str:
     """What Blender renders into, without a last separator, as long as nobody says where; empty where no
     folder for temporary files can be written."""
     try:
-        return tempfile.gettempdir()
-    except OSError:
+        return str(place_of_temporary())
+    except UserError:
         return ""
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from addon.core.base import limits
 
-from ..command_line import run
+from ..command_line import headless, run
 from ..faults import full_disk
 from ..slanted_clip import keep, video
 
@@ -47,3 +47,15 @@ def test_depth_that_cannot_be_kept_is_not_called_kept(
         (work / "depth").unlink()
     assert run("depth", work) == 0
     assert len(list(work.rglob("depth-*.npz"))) == 3
+
+
+def test_where_no_file_can_be_written_it_does_not_begin(registered: None, tmp_path: Path) -> None:
+    work = tmp_path / "work"
+    keep(video(tmp_path / "clip.mp4"), work)
+    with full_disk(0):
+        ended = headless("depth", work, environment={"PYTHONDONTWRITEBYTECODE": "1"})
+    said = [line for line in ended.stderr.splitlines() if line and "EGL" not in line]
+    assert ended.returncode == 1
+    assert said == [
+        "error: no folder for temporary files can be written; free some space, or name another by TMPDIR"
+    ]

@@ -91,7 +91,7 @@ def write_bytes(path: Path, data: bytes) -> None:
 @contextmanager
 def temporary_folder() -> Iterator[Path]:
     """A folder for temporary files, gone at the end; a killed process's by `collect_temporary`."""
-    temporary = Path(tempfile.gettempdir())
+    temporary = place_of_temporary()
     with owned(temporary, TEMPORARY) as name:
         folder = temporary / name
         folder.mkdir(mode=0o700)
@@ -103,7 +103,17 @@ def temporary_folder() -> Iterator[Path]:
 
 def collect_temporary() -> list[Path]:
     """Remove the temporary folders that dead processes of ours left; which ones."""
-    return collect_orphans(Path(tempfile.gettempdir()), TEMPORARY)
+    return collect_orphans(place_of_temporary(), TEMPORARY)
+
+
+def place_of_temporary() -> Path:
+    """The folder that holds temporary ones; UserError where none can be written."""
+    try:
+        return Path(tempfile.gettempdir())
+    except OSError:
+        raise UserError(
+            "no folder for temporary files can be written; free some space, or name another by TMPDIR"
+        ) from None
 
 
 def collect_orphans(folder: Path, prefix: str = PART) -> list[Path]:
