@@ -269,6 +269,8 @@ def test_a_hangup_ends_it_with_a_line_unless_it_is_ignored(work: Path, tmp_path:
     process = subprocess.Popen(
         [program] * bool(program) + [str(word) for word in words], cwd=tmp_path, text=True,
         stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        # The tests themselves may run under nohup.
+        preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL),
     )  # fmt: skip
     assert process.stdout is not None
     while not process.stdout.readline().startswith("rendering"):
