@@ -99,12 +99,6 @@ def views_needed(blur: float, prefiltered: bool) -> int:
     return int(np.clip(np.ceil(first * (max(blur, 0.0) / 16) ** growth), least, MAX_VIEWS))
 
 
-def check_views(count: int) -> None:
-    """UserError for a number of views that nobody can have asked for."""
-    if not 1 <= count <= MOST_VIEWS:
-        raise UserError(f"the number of views is {count}; it must be from 1 to {MOST_VIEWS}")
-
-
 def check_count(count: int) -> None:
     """UserError for a number of positions that is none."""
     if count < 1:
