@@ -20,7 +20,7 @@ from . import file_drop
 from .conftest import PICTURES
 from .program import EXTENSION, ROOT, Program
 from .screen import Screen
-from .steps import CLIP, DEPTH, SETTINGS, SOLVING, begin, ended, first_window, over, show_preferences
+from .steps import CLIP, DEPTH, MODAL, SETTINGS, begin, ended, first_window, over, show_preferences
 
 MADE = PICTURES / "pictures" / "docs"
 WIDEST, HEAVIEST = 900, 60_000
@@ -32,6 +32,7 @@ MENU = 0.6
 ROW = 26
 """Pixels from one header of a closed sub-panel to the next."""
 BUSY = f"__import__('sys').modules['{EXTENSION}.addon.render.viewport'].PREVIEW.is_busy()"
+SOLVING_DROPPED = f"'VIRTUAL_APERTURE_OT_import_clip' in {MODAL}"
 MUG, GLOBE, PLANT = (0.2, 0.85), (0.53, 0.45), (0.9, 0.45)
 """Places of the sample clip, fractions of the picture."""
 
@@ -142,7 +143,7 @@ def test_drop(program: Program, folder: Path) -> None:
     time.sleep(MENU)
     keep(program, "drop", (x - 460, y - 230, sidebar(program)[2], y + 150))
     program.screen.key("s")
-    program.wait(SOLVING)
+    program.wait(SOLVING_DROPPED)
 
 
 def test_solve(program: Program) -> None:
