@@ -85,8 +85,8 @@ CASES = {
         "no vertex is selected",
     ),
     "clear_focus": Case(
-        "lens/test_lens_settings.py::test_clearing_leaves_the_focus_at_its_distance",
-        "lens/test_lens_settings.py::test_clearing_leaves_the_focus_at_its_distance",
+        "scene/test_lens_settings.py::test_clearing_leaves_the_focus_at_its_distance",
+        "scene/test_lens_settings.py::test_clearing_leaves_the_focus_at_its_distance",
         "Nothing is picked",
     ),
     "pick_focus": Case(

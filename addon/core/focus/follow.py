@@ -22,7 +22,7 @@ Grey = NDArray[np.uint8]
 @dataclass(frozen=True)
 class FollowOptions:
     """How a place is followed. All by eye, on the tram behind the fence of the sample scene `fence` and the
-    moving card of tests/lens/test_focus_follow.py."""
+    moving card of tests/focus/test_focus_follow.py."""
 
     long_side: int = 640
     """Pixels of the longer side of the pictures in which it is followed."""
