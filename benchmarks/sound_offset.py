@@ -51,7 +51,7 @@ def main() -> None:
     addon.register()
     lines = [
         "# Sound and pictures of a varying rate", "",
-        f"Written by `python -m benchmarks.sound_offset`; {store.told()}.",
+        f"Written by `python -m benchmarks.sound_offset`; {store.provenance()}.",
         f"{options.minutes:g} minutes, 24, 30 and 60 frames a second for {options.each} s each in turn.", "",
         "| sound begins | frames of the clip, of the movie | its rate | a frame from its own time, largest |"
         " a flash from its click, largest | by the mean rate |",
@@ -91,11 +91,11 @@ def measured(folder: Path, seconds: int, turn: int, late: float) -> str:
     frames = np.abs(begins - own - np.median(offset)) * rate
     sound = np.abs(begins[lit] - own[lit] - offset) * rate
     mean = np.abs(own - np.arange(len(own)) / footage.fps)[lit] * rate
-    cells = " | ".join(map(_told, (frames, sound, mean), (rate,) * 3))
+    cells = " | ".join(map(_as_time, (frames, sound, mean), (rate,) * 3))
     return f"| {late:.2f} s | {len(own)}, {len(shown)} | {rate:g} | {cells} |"
 
 
-def _told(off: NDArray[np.float64], rate: float) -> str:
+def _as_time(off: NDArray[np.float64], rate: float) -> str:
     worst = float(off.max())
     seconds = f"{worst / rate:.1f} s" if worst > rate else f"{1000 * worst / rate:.2f} ms"
     return f"{worst:.3g} frames ({seconds})"

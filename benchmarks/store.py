@@ -55,7 +55,7 @@ def sources(*names: str) -> list[Path]:
     return found
 
 
-def told() -> str:
+def provenance() -> str:
     """Of which code and on what a figure was measured: the commit, and the number of processors."""
     git = ["git", "-C", str(ROOT)]
     commit, changed = (

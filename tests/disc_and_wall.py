@@ -107,9 +107,9 @@ def _at_places(fill: Fill, focus: float, scale: float, size: tuple[int, ...]) ->
         at = row + margin, column + margin
         shape = size[0] + 2 * margin, size[1] + 2 * margin
         shift: Map = np.zeros(shape, np.float32)
-        asked = np.zeros(shape, bool)
-        shift[at], asked[at] = scale * inverse - focus, True
-        colour, known = fill(shift, asked)
+        wanted = np.zeros(shape, bool)
+        shift[at], wanted[at] = scale * inverse - focus, True
+        colour, known = fill(shift, wanted)
         return colour[at], known[at]
 
     return hidden

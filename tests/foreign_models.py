@@ -82,11 +82,11 @@ def bundler(
         rotation, translation = FLIP @ image.rotation, FLIP @ image.translation
         lines += [row([camera.fx, camera.k1, camera.k2]), *map(row, rotation), row(translation)]
     for xyz, rgb, seen in zip(model.points.xyz, model.points.rgb, views(model), strict=True):
-        told = [
+        observations = [
             f"{image} 7 {row([x - camera.width / 2, camera.height / 2 - y])}"
             for image, x, y in seen if image not in missing
         ]  # fmt: skip
-        lines += [row(xyz), " ".join(map(str, rgb)), " ".join([str(len(told)), *told])]
+        lines += [row(xyz), " ".join(map(str, rgb)), " ".join([str(len(observations)), *observations])]
     return header + "\n".join(lines) + "\n"
 
 
@@ -99,8 +99,12 @@ def old_bundler(model: Reconstruction, version: str) -> str:
         lines.append(row([camera.fx] if version == "0.1" else [camera.fx, camera.k1, camera.k2]))
         lines += [*map(row, rotation), row(translation)]
     for xyz, rgb, seen in zip(model.points.xyz, model.points.rgb, views(model), strict=True):
-        told = [f"{image} 7" for image, _, _ in seen]
-        lines += [row(MIRROR @ xyz), " ".join(map(str, rgb)), " ".join([str(len(told)), *told])]
+        observations = [f"{image} 7" for image, _, _ in seen]
+        lines += [
+            row(MIRROR @ xyz),
+            " ".join(map(str, rgb)),
+            " ".join([str(len(observations)), *observations]),
+        ]
     return "\n".join(lines) + "\n"
 
 
@@ -108,13 +112,13 @@ def named_bundler(model: Reconstruction, names: tuple[str, ...]) -> str:
     """Version 0.4 with names, as Bundler's own readers have it."""
     lines = bundler(model, "").splitlines()
     count = len(model.images)
-    told = ["# Bundle file v0.4", lines[0] + " 0"]
+    text = ["# Bundle file v0.4", lines[0] + " 0"]
     for index in range(count):
-        told += [f"{names[index]} 96 64 80.0 3", *lines[1 + 5 * index : 6 + 5 * index]]
+        text += [f"{names[index]} 96 64 80.0 3", *lines[1 + 5 * index : 6 + 5 * index]]
     points = lines[1 + 5 * count :]
     for start in range(0, len(points), 3):
-        told += ["17", *points[start : start + 3]]
-    return "\n".join(told) + "\n"
+        text += ["17", *points[start : start + 3]]
+    return "\n".join(text) + "\n"
 
 
 def nvm(
@@ -136,8 +140,8 @@ def nvm(
         lines.append(f"{name}\t{row([camera.fx, *pose, radial])} 0")
     lines += ["", str(len(model.points))]
     for xyz, rgb, seen in zip(model.points.xyz, model.points.rgb, views(model), strict=True):
-        told = [f"{image} 7 {row([x - origin[0], y - origin[1]])}" for image, x, y in seen]
-        lines.append(" ".join([row(xyz), *map(str, rgb), str(len(told)), *told]))
+        observations = [f"{image} 7 {row([x - origin[0], y - origin[1]])}" for image, x, y in seen]
+        lines.append(" ".join([row(xyz), *map(str, rgb), str(len(observations)), *observations]))
     return header + "\n".join(lines) + tail
 
 

@@ -34,12 +34,12 @@ def knowing(name: str) -> set[str]:
     """Files of the add-on with a name among their tokens, those of panels and presets aside."""
     found = set()
     for path in ADDON.rglob("*.py"):
-        told = path.relative_to(ADDON).as_posix()
-        if told.startswith(("ui/panels/", "presets/")):
+        relative = path.relative_to(ADDON).as_posix()
+        if relative.startswith(("ui/panels/", "presets/")):
             continue
         tokens = tokenize.generate_tokens(io.StringIO(path.read_text()).readline)
         if any(token.type == tokenize.NAME and token.string == name for token in tokens):
-            found.add(told)
+            found.add(relative)
     return found
 
 

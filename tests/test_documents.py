@@ -62,8 +62,8 @@ def test_scripts_that_make_calls_are_there() -> None:
 
 
 def test_every_command_is_in_the_reference() -> None:
-    told = set(re.findall(r"^\| `(\w+) ", (ROOT / "docs" / "command_line.md").read_text(), re.M))
+    documented = set(re.findall(r"^\| `(\w+) ", (ROOT / "docs" / "command_line.md").read_text(), re.M))
     named = re.findall(
         r'\.add_parser\(\s*"(\w+)"', "".join(p.read_text() for p in (ROOT / "addon" / "cli").glob("*.py"))
     )
-    assert told == set(named)
+    assert documented == set(named)

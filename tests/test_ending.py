@@ -49,10 +49,10 @@ def test_a_run_that_is_ended_leaves_no_process(tmp_path: Path, number: signal.Si
         [sys.executable, *words], cwd=ROOT, start_new_session=True,
         stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
     )  # fmt: skip
-    while len(told := list(tmp_path.glob("*.pids"))) < 2:
+    while len(files := list(tmp_path.glob("*.pids"))) < 2:
         assert run.poll() is None
         time.sleep(0.05)
-    started = [int(each) for path in told for each in path.read_text().split()]
+    started = [int(each) for path in files for each in path.read_text().split()]
     assert all(map(is_running, started))
     # As a terminal sends it: to the whole group.
     os.killpg(run.pid, number)

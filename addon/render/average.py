@@ -129,7 +129,7 @@ def draw_shares(drawn: Drawn) -> LinearRGBA:
 
 
 def draw_mean(warped: WarpedFrame) -> LinearRGBA:
-    """The mean of a frame's views (h, w, 4) in its canvas, with its lamps' discs.
+    """The mean of a frame's views (h, w, 4) in its canvas, with its highlights' discs.
 
     UserError where no GPU context can be had.
     """
@@ -140,8 +140,8 @@ def draw_mean(warped: WarpedFrame) -> LinearRGBA:
     if warped.is_whole:
         # A gap that some view had between triangles takes the colour of the other views.
         mean /= np.maximum(mean[..., 3:], np.float32(LEAST_COVER))
-    if warped.lamps is not None:
-        mean[..., :3] += warped.lamps.light(warped.plan, warped.layers)
+    if warped.highlight_discs is not None:
+        mean[..., :3] += warped.highlight_discs.light(warped.plan, warped.layers)
     return mean
 
 

@@ -302,7 +302,7 @@ def _through_lens(wanted: Wanted, level: int) -> LinearRGBA:
     if level == ROUGH:
         lens = replace(lens, method="features", views=ROUGH_VIEWS)
     if level <= COARSE or wanted.is_playing:
-        # What other frames lend, and their lamps, take seconds to find for the first time.
+        # What other frames lend, and their highlights, take seconds to find for the first time.
         lens = replace(lens, borrow=False)
         if not context.knows_highlights(wanted.frame, lens.highlights):
             lens = replace(lens, highlights=NO_HIGHLIGHTS)

@@ -12,7 +12,7 @@ from ..core.base.errors import Remedy, UserError
 from ..core.media.find_clip import clip_exists, find_clip, is_clip
 from ..core.sfm.workspace import recorded_clip
 from .paths import absolute, own_file
-from .preferences import usual_work_dir
+from .preferences import preferred_work_dir
 
 LOOK_AGAIN = 3.0
 """Seconds until a clip that was not found is looked for again: panels ask with every redraw."""
@@ -107,13 +107,13 @@ def _found(settings: bpy.types.PropertyGroup, path: Path, at_a_glance: bool) -> 
 
 
 def work_dir(settings: bpy.types.PropertyGroup, clip: Path, chosen: str | None = None) -> Path:
-    """The working folder that is set (or `chosen`, where it is given), or a clip's usual one: in the cache
+    """The working folder that is set (or `chosen`, where it is given), or a clip's default one: in the cache
     folder of the preferences, else beside the .blend, or beside the clip while that is not saved."""
     chosen = settings.work_dir if chosen is None else chosen
     if chosen:
         return absolute(chosen, settings.id_data)
     file = own_file(settings.id_data)
-    return usual_work_dir(clip, file.parent if file is not None else clip.parent)
+    return preferred_work_dir(clip, file.parent if file is not None else clip.parent)
 
 
 def forget() -> None:

@@ -1,6 +1,6 @@
 """The aperture in terms of photography: its f-stop, and between which distances the picture is sharp.
 
-A reconstruction has no scale of its own. Where the user has told how long something is, `metres_per_unit` of
+A reconstruction has no scale of its own. Where the user has said how long something is, `metres_per_unit` of
 the settings is known, and with it the f-stop: focal length / (2 R), both in metres. Blur, radius and f-stop
 are three views of one number, of which the radius R is kept.
 """
@@ -19,7 +19,7 @@ from .shot import IDENTITY, reconstruction_of
 
 
 def focal_metres(settings: bpy.types.PropertyGroup) -> float:
-    """The camera's focal length in metres at the present frame: of the sensor where its width is told, else
+    """The camera's focal length in metres at the present frame: of the sensor where its width is given, else
     of a full frame, 36 mm wide, with the same field of view. 0 without a camera."""
     if settings.camera is None or settings.camera.type != "CAMERA":
         return 0.0
@@ -28,7 +28,7 @@ def focal_metres(settings: bpy.types.PropertyGroup) -> float:
 
 
 def sensor_millimetres(settings: bpy.types.PropertyGroup) -> float:
-    """Width of the sensor: as told, else of a full frame."""
+    """Width of the sensor: as given, else of a full frame."""
     return float(settings.sensor_mm) if settings.lens == "SENSOR" else SENSOR
 
 
@@ -46,7 +46,7 @@ def set_f_stop(settings: bpy.types.PropertyGroup, value: float) -> None:
 
 
 def on_scale(settings: bpy.types.PropertyGroup) -> None:
-    """The scale was told: Blender shows the scene's lengths in it, too."""
+    """The scale was given: Blender shows the scene's lengths in it, too."""
     if settings.metres_per_unit > 0:
         settings.id_data.unit_settings.scale_length = settings.metres_per_unit
 

@@ -2,7 +2,7 @@
 
 Keys at marks are of the type Keyframe, those between, of what is followed or eased, of the type Generated, or
 Jitter at frames that do not show what is followed: the dope sheet has a colour for each. A curve that was
-edited since, in whichever way, is the user's: marks write it no more until they are told to.
+edited since, in whichever way, is the user's: marks write it no more until the user says so.
 """
 
 from __future__ import annotations

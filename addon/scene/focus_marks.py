@@ -32,7 +32,7 @@ from . import focus_curve, lens
 from .shot import reconstruction_of
 
 FOLLOWED, FOLLOWED_FRAMES = "followed", "followed_frames"
-"""Custom properties of a place on a mover: its distances, and the frames of those."""
+"""Custom properties of a place on a moving object: its distances, and the frames of those."""
 
 
 def _rewrite(mark: VirtualApertureFocusMark, _context: bpy.types.Context) -> None:
@@ -319,7 +319,7 @@ def _fill(mark: bpy.types.PropertyGroup, places: Sequence[Place]) -> None:
     """Write places into a mark, in place of its own."""
     mark.places.clear()
     mark.distance = float(1 / np.mean([1 / place.distance for place in places]))
-    mark.name = _told(places)
+    mark.name = _name_of(places)
     if len(places) == 1 and _is_bare(places[0]):
         return
     for place in places:
@@ -353,7 +353,7 @@ def _place(kept: bpy.types.PropertyGroup) -> Place:
     return Place(focus, kept.frame, kept.distance, kept.source, world, followed, xy)
 
 
-def _told(places: Sequence[Place]) -> str:
+def _name_of(places: Sequence[Place]) -> str:
     """What a mark was found from, in a word or two."""
     if len(places) > 1:
         return counted(len(places), "place")

@@ -19,7 +19,7 @@ NAMED = 3
 def ignored(scene: bpy.types.Scene) -> tuple[str, ...]:
     """One readable line for each thing that the render ignores; none where nothing was solved.
 
-    Motion blur, volumes and the world are not told: nobody expects them of a filmed picture.
+    Motion blur, volumes and the world are not listed: nobody expects them of a filmed picture.
     """
     settings: bpy.types.PropertyGroup = scene.virtual_aperture
     if settings.points is None:

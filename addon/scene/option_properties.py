@@ -16,23 +16,23 @@ Update = Callable[[Any, bpy.types.Context], None]
 
 def property_of(option: Option, update: Update | None = None) -> Any:
     """The Blender property that holds an option, for a class's annotations."""
-    told: dict[str, Any] = {"name": option.label, "description": option.help, "default": option.initial}
+    arguments: dict[str, Any] = {"name": option.label, "description": option.help, "default": option.initial}
     if update is not None:
-        told["update"] = update
+        arguments["update"] = update
     if not option.can_be_keyed:
-        told["options"] = set()
+        arguments["options"] = set()
     if option.choices is not None:
         items = [(key, key.title(), each.help, each.number) for key, each in option.choices.items()]
-        return EnumProperty(items=items, **told)
+        return EnumProperty(items=items, **arguments)
     if option.kind is bool:
-        return BoolProperty(**told)
+        return BoolProperty(**arguments)
     bounds = {
         "min": option.least, "max": option.most, "soft_min": option.soft_least, "soft_max": option.soft_most,
     }  # fmt: skip
-    told |= {name: value for name, value in bounds.items() if value is not None and np.isfinite(value)}
+    arguments |= {name: value for name, value in bounds.items() if value is not None and np.isfinite(value)}
     if option.kind is int:
-        return IntProperty(**told)
-    return FloatProperty(subtype=option.unit, precision=option.precision, **told)
+        return IntProperty(**arguments)
+    return FloatProperty(subtype=option.unit, precision=option.precision, **arguments)
 
 
 def with_options(

@@ -23,17 +23,17 @@ def preferences() -> bpy.types.AddonPreferences | None:
     return addon.preferences if addon is not None else None
 
 
-def usual_work_dir(clip: Path, beside: Path) -> Path:
+def preferred_work_dir(clip: Path, beside: Path) -> Path:
     """The working folder of a clip for which none is set: in the cache folder, if there is one, else in the
     folder `beside`. A solve that lies there already stays in use.
 
     In the cache folder it is named after the clip's path, too: many clips have the same name.
     """
-    usual, chosen = default_work_dir(clip, beside), preferences()
-    if chosen is None or not chosen.cache_folder or (usual / STATE).exists():
-        return usual
+    default, chosen = default_work_dir(clip, beside), preferences()
+    if chosen is None or not chosen.cache_folder or (default / STATE).exists():
+        return default
     digest = hashlib.sha256(str(clip.absolute()).encode()).hexdigest()[:8]
-    return Path(bpy.path.abspath(chosen.cache_folder)) / f"{usual.stem}-{digest}{usual.suffix}"
+    return Path(bpy.path.abspath(chosen.cache_folder)) / f"{default.stem}-{digest}{default.suffix}"
 
 
 def apply() -> None:

@@ -106,8 +106,8 @@ class Shot:
 
     def masked(self, frame: int) -> Mask | None:
         """(H, W) over a frame, what the user says moves by itself; None where nothing is said."""
-        told = [source.at(frame) for source in (self.masks, self.drawn) if source is not None]
-        known = [mask for mask in told if mask is not None]
+        given = [source.at(frame) for source in (self.masks, self.drawn) if source is not None]
+        known = [mask for mask in given if mask is not None]
         return np.logical_or.reduce(known) if known else None
 
 

@@ -27,7 +27,7 @@ def focus_on(
     Where the focus distance has keys of the user's, the pick is the next of them.
     """
     released = blender_focus.release(settings)
-    told = f"; {released} is no longer" if released else ""
+    after = f"; {released} is no longer" if released else ""
     if focus_marks.are_keys_users(settings):
         inverse = float(np.mean([1 / place.distance for place in places]))
         lens.set_focus(settings, replace(lens.focus_of(settings), points=(), distance=1 / inverse), frame)
@@ -41,7 +41,7 @@ def focus_on(
         pulled = f", mark {settings.marks.active + 1} of {marks}" if marks > 1 else ""
         said = f"In focus at frame {frame}: {mark.name}, {away} away{pulled}"
     aperture_cloud.update(settings)
-    return said + told
+    return said + after
 
 
 class VIRTUAL_APERTURE_OT_set_focus(bpy.types.Operator):  # noqa: N801

@@ -173,11 +173,11 @@ class VIRTUAL_APERTURE_OT_pick_focus(bpy.types.Operator):  # noqa: N801
         glance = finder.glance(*at) if finder is not None and at is not None else None
         overlay.mouse = at
         overlay.features = [] if glance is None else glance.places.tolist()
-        overlay.text = "" if glance is None else self._told(glance)
+        overlay.text = "" if glance is None else self._glance_text(glance)
         self._show_picked()
         self._say(overlay.text)
 
-    def _told(self, glance: Glance) -> str:
+    def _glance_text(self, glance: Glance) -> str:
         if glance.distance is None:
             return "Depth is found on the click"
         return length_words(self._scene.unit_settings, glance.distance)

@@ -111,7 +111,7 @@ class Overlay:
     text: str = ""
     """and what stands beside them."""
     features: Sequence[Sequence[float]] = ()
-    """Fractions of the picture of features that the distance is told from."""
+    """Fractions of the picture of features that the distance comes from."""
     picked: Sequence[XY] = field(default_factory=list)
     """Fractions of the picture of places that are picked."""
     _handle: Any = None

@@ -23,7 +23,7 @@ def wrapped(
 
 
 def width_of(context: bpy.types.Context) -> float:
-    """Pixels across that a panel's text has; that of a usual sidebar where nothing is drawn."""
+    """Pixels across that a panel's text has; that of a default sidebar where nothing is drawn."""
     scale = context.preferences.system.ui_scale
     width = context.region.width if context.region is not None else 280 * scale
     return float(max(width - MARGIN * scale, 1))

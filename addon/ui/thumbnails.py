@@ -19,7 +19,7 @@ SIDE = 64
 PART = 0.12
 """Of the picture's width, that it shows. By eye."""
 SOON = 0.05
-"""Seconds until what panels asked for is cut out: not while they are drawn."""
+"""Seconds until the thumbnails that panels want are cut out: not while they are drawn."""
 
 _previews: Any = None
 _wanted: dict[str, tuple[str, int, float, float]] = {}

@@ -38,10 +38,10 @@ OFF = 0.05
 JUMP, BAND = 0.1, 5
 """Of that range, which makes an edge of the depth, and the pixels on either side that are counted with it."""
 DEEPER = 0.08
-"""Of the range of inverse depths, by which a pit is deeper than its rim: that of a jump in
+"""Of the range of inverse depths, by which a speckle is deeper than its rim: that of a jump in
 `FusionOptions.jump`."""
-PIT = 6
-"""Pixels of a pit at most: fewer than texture can prove."""
+SPECKLE = 6
+"""Pixels of a speckle at most: fewer than texture can prove."""
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -120,8 +120,8 @@ class Figures:
     """Of what moves,"""
     moving_wrong: float
     """and what does not and was said to, of the picture."""
-    pits: float
-    """Of at most `PIT` pixels, in 100,000 pixels of the picture."""
+    speckles: float
+    """Of at most `SPECKLE` pixels, in 100,000 pixels of the picture."""
 
 
 def measure(inverse: Floats, confidence: Floats, moving: Mask, true: Floats, moves: Mask) -> Figures:
@@ -138,13 +138,13 @@ def measure(inverse: Floats, confidence: Floats, moving: Mask, true: Floats, mov
     return Figures(
         100 * float(np.median(error[still])), 100 * float(np.percentile(error[still], 90)),
         share(off, still), share(off, edges), share(sure, still), share(off, sure),
-        share(moving, moves), 100 * float(np.mean(moving & still)), pits(inverse),
+        share(moving, moves), 100 * float(np.mean(moving & still)), speckles(inverse),
     )  # fmt: skip
 
 
-def pits(inverse: Floats) -> float:
-    """Isolated regions of at most `PIT` pixels of inverse depths (h, w) that lie deeper than all around them,
-    in 100,000 pixels.
+def speckles(inverse: Floats) -> float:
+    """Isolated regions of at most `SPECKLE` pixels of inverse depths (h, w) that lie deeper than all around
+    them, in 100,000 pixels.
 
     Deeper is by `DEEPER` than a grey closing, of 5 x 5 pixels, of the map.
     """
@@ -152,7 +152,7 @@ def pits(inverse: Floats) -> float:
     filled = cv2.morphologyEx(inverse.astype(np.float32), cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
     deep = filled - inverse > DEEPER * (high - low)
     _, _, found, _ = cv2.connectedComponentsWithStats(deep.astype(np.uint8), connectivity=8)
-    return 1e5 * int((found[1:, cv2.CC_STAT_AREA] <= PIT).sum()) / inverse.size
+    return 1e5 * int((found[1:, cv2.CC_STAT_AREA] <= SPECKLE).sum()) / inverse.size
 
 
 def near_edges(true: Floats, jump: float) -> Mask:
@@ -236,7 +236,7 @@ def row(name: str, track: str, way: str, figures: list[Figures], seconds: list[f
 
 
 HEAD = """\
-| scene | track | way | median | 90th | off | at edges | sure | off there | moving | wrongly | pits | s |
+| scene | track | way | median | 90th | off | at edges | sure | off there | moving | wrongly | speckles | s |
 |---|---|---|---|---|---|---|---|---|---|---|---|---|"""
 
 

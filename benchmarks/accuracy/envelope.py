@@ -2,9 +2,9 @@
 
 The first judged frame of a few scenes at one blur. T1 has its depth given; in T2 it is found, and a method
 that needs that of every pixel pays what it takes in the mean over consecutive frames after the first. What
-all need, tracking and solving, is not counted. The error is that of the pixels which no clipped lamp reaches:
-what a sensor clipped, no method here brings back. The cost of what is cheap is the least of a few runs.
-Writes `results/envelope.md` and `envelope.png`.
+all need, tracking and solving, is not counted. The error is that of the pixels which no clipped highlight
+reaches: what a sensor clipped, no method here brings back. The cost of what is cheap is the least of a few
+runs. Writes `results/envelope.md` and `envelope.png`.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ def main() -> None:
     (RESULTS / "envelope.md").write_text(text(curves, options.blur))
     panels = {each.title: [replace(row, psnr=_error(row)) for row in each.rows] for each in curves}
     report.draw(
-        RESULTS / "envelope.png", "Error without clipped lamps over cost (small numbers: views)", panels
+        RESULTS / "envelope.png", "Error without clipped highlights over cost (small numbers: views)", panels
     )
     print(text(curves, options.blur))
 
@@ -147,9 +147,9 @@ def text(curves: list[Curve], blur: int) -> str:
     """Markdown: a table a curve, and where ours is not the upper one."""
     lines = [
         f"# Error over cost, largest disc {blur} px", "",
-        f"`python -m benchmarks.accuracy.envelope`, {store.told()}. PSNR in dB against a real lens, of one"
-        " frame; unclipped: where no clipped lamp reaches. Draft, normal and final choose their number of"
-        " views. Ours are " + ", ".join(OURS) + ".",
+        f"`python -m benchmarks.accuracy.envelope`, {store.provenance()}. PSNR in dB against a real lens, of"
+        " one frame; unclipped: where no clipped highlight reaches. Draft, normal and final choose their"
+        " number of views. Ours are " + ", ".join(OURS) + ".",
     ]  # fmt: skip
     for each in curves:
         lines += ["", f"## {each.title}", "| method | views | PSNR | edges | in focus | unclipped | CPU s |"]

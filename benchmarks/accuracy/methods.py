@@ -97,11 +97,11 @@ def known_fill(case: BenchmarkCase, views: int) -> Answer:
     """Ours, told the colours of all that the frame hides: what it lacks then is not what nobody saw."""
     clip, surfaces = case.clip, case.layers(0)
     assert surfaces is not None
-    told = ClipWithFill(
+    filled = ClipWithFill(
         clip.reconstruction, clip.read, clip.given_depth, clip.masks,
         fill=lambda *frame: partial(_colours, surfaces),
     )  # fmt: skip
-    return _through(case, told, FrameOptions(case.focus, case.radius, views))
+    return _through(case, filled, FrameOptions(case.focus, case.radius, views))
 
 
 def _colours(

@@ -1,7 +1,7 @@
 """How far a picture is from the truth: the scores of section 7 of the design notes.
 
 Pictures are (H, W, 3) float32 linear light. Every score is taken after clipping to 0..1 and sRGB encoding,
-because that is what is looked at: an error in a lamp that is far over white is not seen.
+because that is what is looked at: an error in a highlight that is far over white is not seen.
 """
 
 from __future__ import annotations
@@ -97,16 +97,16 @@ def edge_band(inverse_depth: Floats, width: float = BAND, jump: float = JUMP) ->
 def unclipped(frame: NDArray[np.uint8], disc: Floats) -> Mask:
     """(H, W) bool: the pixels that no clipped pixel of the frame, (H, W, 3) sRGB, can reach by its blur disc.
 
-    A lamp that the camera recorded as 255 was brighter by an unknown factor, and no renderer of that frame
-    can give its disc the right brightness. `disc` is (H, W), diameters in pixels.
+    A highlight that the camera recorded as 255 was brighter by an unknown factor, and no renderer of that
+    frame can give its disc the right brightness. `disc` is (H, W), diameters in pixels.
     """
     clipped = (frame == 255).any(axis=-1)
     count, label = cv2.connectedComponents(clipped.astype(np.uint8))
     reached = clipped.copy()
-    # One lamp has one depth, so its pixels' largest disc goes for all of them.
-    for lamp in range(1, count):
-        own = (label == lamp).astype(np.uint8)
-        radius = int(np.ceil(np.abs(disc[label == lamp]).max() / 2)) + 1
+    # One highlight has one depth, so its pixels' largest disc goes for all of them.
+    for highlight in range(1, count):
+        own = (label == highlight).astype(np.uint8)
+        radius = int(np.ceil(np.abs(disc[label == highlight]).max() / 2)) + 1
         kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
         reached |= cv2.dilate(own, kernel).astype(bool)
     return np.asarray(~reached)

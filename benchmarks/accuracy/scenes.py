@@ -162,8 +162,10 @@ class Staged:
     def moves(self, frame: int) -> NDArray[np.bool_]:
         """(H, W) what moves by itself."""
         travels = [thing.travel for thing in self.stage.things]
-        movers = [i for i, path in enumerate(travels) if path is not None and np.ptp(path, axis=0).any()]
-        return np.isin(self.geometry(frame).thing, movers)
+        moving_objects = [
+            i for i, path in enumerate(travels) if path is not None and np.ptp(path, axis=0).any()
+        ]
+        return np.isin(self.geometry(frame).thing, moving_objects)
 
     def past_border(self, frame: int) -> NDArray[np.float32]:
         """From the frames that fusion has for it."""
@@ -234,7 +236,7 @@ class Staged:
 def clipped(picture: Picture) -> Picture:
     """A premultiplied picture (h, w, 4) with its colours as a camera records them: clipped, 8 bits.
 
-    A camera clips what arrives at a pixel, so a lamp that covers a third of one may still fill it.
+    A camera clips what arrives at a pixel, so a light source that covers a third of one may still fill it.
     """
     steps = np.rint(255 * encode_srgb(np.clip(picture[..., :3], 0, 1))) / 255
     return np.concatenate([decode_srgb(steps), picture[..., 3:]], axis=-1).astype(np.float32)

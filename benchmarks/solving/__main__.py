@@ -49,8 +49,9 @@ LEAST_REGISTERED = 0.98
 MOST_LENGTHS = {"known": 2.0, "unknown": 5.0}
 """Per cent of error of length ratios."""
 MOST_DISC = 5.0
-"""Per cent of the largest disc by which discs may be off where a solve says that depth is hardly told."""
-MOST_ON_MOVER = 0.05
+"""Per cent of the largest disc by which discs may be off where a solve says that depth is hardly
+observable."""
+MOST_ON_MOVING_OBJECT = 0.05
 BROKEN = "solving failed|ended with status|took longer"
 """In the message of a solve that came to nothing by itself."""
 COVERAGE = 2.0
@@ -127,7 +128,7 @@ class Clip:
     @cached_property
     def truth(self) -> Truth:
         stage, last = self.motion.stage, len(self.motion.cameras)
-        movers = [
+        moving_objects = [
             i for i, t in enumerate(stage.things) if t.travel is not None and np.ptp(t.travel, axis=0).any()
         ]
         depth: dict[int, Floats] = {}
@@ -135,7 +136,7 @@ class Clip:
         for frame in sorted({*range(1, last + 1, DEPTH_STEP), last}):
             stored = store.kept(f"motions/{self.folder.name}/geometry", f"{frame:04d}", self._geometry(frame))
             depth[frame] = stored[0].astype(np.float64)
-            moves[frame] = np.isin(stored[1], movers)
+            moves[frame] = np.isin(stored[1], moving_objects)
         return Truth(self.motion.cameras, self.motion.focals, depth, moves)
 
     def _geometry(self, frame: int) -> Callable[[], NDArray[np.float32]]:
@@ -275,15 +276,15 @@ def verdict(motion: Motion, focal: str, message: str, figures: Figures | None, c
     assumed = abs(figures.focal) if focal == "unknown" and claims["focal_held"] else 0.0
     unsure = 200 * claims["depth_sigma"] if claims["depth_sigma"] > UNSURE_DEPTH else 0.0
     if claims.get("weak_depth"):
-        # Lengths are not told, and that is said; how far discs are off is left.
+        # Lengths are not known, and that is said; how far discs are off is left.
         if not figures.disc <= MOST_DISC:
             wrong.append("discs")
     elif not figures.lengths <= MOST_LENGTHS[focal] + assumed + unsure:
         wrong.append("lengths")
     if covers(figures, claims) is False:
         wrong.append("uncertainty")
-    if figures.on_mover > MOST_ON_MOVER:
-        wrong.append("on mover")
+    if figures.on_moving_object > MOST_ON_MOVING_OBJECT:
+        wrong.append("on moving object")
     return ", ".join(wrong) or "right"
 
 
@@ -315,7 +316,7 @@ COLUMNS: tuple[tuple[str, Callable[[Row], str]], ...] = (
     ("reprojection px", lambda r: f"{r.claims['reprojection_error']:.2f}"),
     ("GRIC", lambda r: f"{gain_of(r.message, r.claims):+.2f}".replace("+nan", "")),
     ("parallax / noise / misfit", lambda r: _parallax(r.claims)),
-    ("on mover %", lambda r: f"{100 * r.figures['on_mover']:.1f}"),
+    ("on moving object %", lambda r: f"{100 * r.figures['on_moving_object']:.1f}"),
 )
 LEGEND = """
 - *points*: median / least of a frame. *grid*: share of an 8x6 grid that has points, mean over the frames.
@@ -367,15 +368,15 @@ def line(row: Row) -> str:
 def gain_of(message: str, claims: dict[str, Any]) -> float:
     """`Told.gain` by the message of a refusal or the report of a solve; NaN where it was not asked."""
     if claims:
-        told = claims.get("told")
-        return float(told["gain"]) if told else float("nan")
+        evidence = claims.get("depth_evidence")
+        return float(evidence["gain"]) if evidence else float("nan")
     found = re.search(r"GRIC (-?[\d.]+)\)", message)
     return float(found[1]) if found else float("nan")
 
 
 def _parallax(claims: dict[str, Any]) -> str:
-    told = claims.get("told")
-    return " / ".join(f"{told[k]:.2f}" for k in ("parallax", "noise", "misfit")) if told else ""
+    evidence = claims.get("depth_evidence")
+    return " / ".join(f"{evidence[k]:.2f}" for k in ("parallax", "noise", "misfit")) if evidence else ""
 
 
 def _claimed(row: Row) -> str:

@@ -93,7 +93,7 @@ class Figures:
     """Median error of inverse depth over its range in the clip (5th to 95th percentile)."""
     track_px: float
     """Median distance of an observation from where the true point is seen, in pixels: the tracker's drift."""
-    on_mover: float
+    on_moving_object: float
     """Share of the observations that are of things that move by themselves."""
     measured: int
     """Points whose true place is known."""
@@ -163,7 +163,7 @@ def measure(shot: Reconstruction, truth: Truth) -> Figures:
         inverse_depth_90=100 * _percentile(np.abs(depth.relative), 90),
         disc=100 * _percentile(np.abs(depth.of_range), 50),
         track_px=_percentile(np.linalg.norm(drift, axis=1), 50),
-        on_mover=float(places.moves.sum()) / max(int(places.known.sum()), 1),
+        on_moving_object=float(places.moves.sum()) / max(int(places.known.sum()), 1),
         measured=int(np.isfinite(places.xyz[:, 0]).sum()),
     )
 

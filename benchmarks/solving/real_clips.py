@@ -1,4 +1,4 @@
-"""Real clips: whether they are solved or refused, and how far depth is told.
+"""Real clips: whether they are solved or refused, and how much depth they show.
 
 `python -m benchmarks.solving.real_clips` solves those of the folder of real footage (`VA_DATA`) and writes
 the table `benchmarks/results/real_margins.md`; with names, only these, the other rows being kept.
@@ -34,8 +34,8 @@ def main() -> None:
             message = solve(DATA / CLIPS[name], work, None, "harris", False)
             report = {} if message else load_solve(work).report
             advice = "" if message else load_solve(work).quality.advice
-        told = report.get("told") or {}
-        rows[name] = {"outcome": message or f"solved; advice: {advice}", **told}
+        evidence = report.get("depth_evidence") or {}
+        rows[name] = {"outcome": message or f"solved; advice: {advice}", **evidence}
         print(name, rows[name], flush=True)
         STORED.write_text(json.dumps(rows, indent=1, sort_keys=True) + "\n")
     (RESULTS / "real_margins.md").write_text(table(rows))
@@ -44,7 +44,7 @@ def main() -> None:
 def table(rows: dict[str, dict[str, object]]) -> str:
     """The rows as Markdown."""
     lines = [
-        "# Depth told by real clips", "",
+        "# Depth in real clips", "",
         "*GRIC*, *parallax*, *noise* and *misfit* are as in [the table of motions](motions.md); those of a"
         " refused clip are in its message (`python -m benchmarks.solving.real_clips`).", "",
         "| clip | GRIC | parallax | noise | misfit | outcome |", "|---|---|---|---|---|---|",

@@ -171,14 +171,14 @@ def small() -> Motion:
     return _motion("small", title, boxes.stage().things, cameras)
 
 
-def mover() -> Motion:
+def moving_object() -> Motion:
     """The room of the racked focus without its nearest subject; a printed crate crosses it."""
     things = [thing for thing in rack.stage().things if thing.layer < 4]
     cameras = handheld(
         (-0.2, 0, 1.25), (0.2, 0.05, 1.22), (0.0, 4.0, 1.15), (0.05, 4.0, 1.15), FOCAL, SEED + 7, FRAMES
     )
     title = "0.4 m sideways, a crate of 30 % of the frame goes its own way"
-    return _motion("mover", title, [*things, _crate(np.random.default_rng(SEED))], cameras)
+    return _motion("moving_object", title, [*things, _crate(np.random.default_rng(SEED))], cameras)
 
 
 def _grained(rng: Generator, picture: Picture) -> Picture:
@@ -342,8 +342,8 @@ def tripod_parallax() -> Motion:
 MOTIONS: dict[str, Callable[[], Motion]] = {
     made.__name__: made
     for made in (
-        sideways, ahead, orbit, jitter, planar, weak, small, mover, rail, pan, static, textureless, cut, zoom,
-        pan_distorted, pan_distorted_parallax, pan_rolling, pan_rolling_parallax, pan_zoom, pan_zoom_parallax,
-        tripod, tripod_parallax,
+        sideways, ahead, orbit, jitter, planar, weak, small, moving_object, rail, pan, static, textureless,
+        cut, zoom, pan_distorted, pan_distorted_parallax, pan_rolling, pan_rolling_parallax, pan_zoom,
+        pan_zoom_parallax, tripod, tripod_parallax,
     )
 }  # fmt: skip

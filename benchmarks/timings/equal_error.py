@@ -42,7 +42,7 @@ def main() -> None:
     parser.add_argument("--blur", type=int, default=32, help="largest disc in px")
     parser.add_argument("--samples", nargs="+", type=int, default=[4, 16, 64], help="of Cycles, a pixel")
     options = parser.parse_args()
-    print(store.told())
+    print(store.provenance())
     print(table(options.scenes, options.blur, options.samples))
 
 

@@ -38,7 +38,7 @@ def main() -> None:
     """Print the tables, those of processors rightly on an idle machine alone: they tell wall time."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--parts", nargs="+", default=list(PARTS), choices=PARTS)
-    print(f"{store.told()}\n")
+    print(f"{store.provenance()}\n")
     for name in parser.parse_args().parts:
         print(table(name), flush=True)
 

@@ -46,8 +46,8 @@ def main() -> None:
                 began = time.perf_counter()
                 mapped, own = peaks([sys.executable, str(HEADLESS), *map(str, words)])
                 seconds = time.perf_counter() - began
-                told = f"| {width}x{height} | {method} | {mapped / MB:.0f} | {own / MB:.0f} | {seconds:.0f} |"
-                print(told, flush=True)
+                row = f"| {width}x{height} | {method} | {mapped / MB:.0f} | {own / MB:.0f} | {seconds:.0f} |"
+                print(row, flush=True)
 
 
 def peaks(command: list[str]) -> tuple[int, int]:

@@ -27,9 +27,9 @@ def whole(size: str) -> str:
     """Whole commands of every quality and of the thesis's method at a size."""
     with whole_runs.filmed("bars", whole_runs.parsed(size)) as clip:
         found = [line for line, _ in whole_runs.rows(clip, COUNTS[size], tuple(QUALITIES), True)]
-    told = f"`bars`, largest disc {DISC:g} of the width, frames of {COUNTS[size][0]} and {COUNTS[size][1]}"
+    caption = f"`bars`, largest disc {DISC:g} of the width, frames of {COUNTS[size][0]} and {COUNTS[size][1]}"
     head = whole_runs.HEADS
-    return "\n".join([told, "", head, "|" + "---|" * (head.count("|") - 1), *found, ""])
+    return "\n".join([caption, "", head, "|" + "---|" * (head.count("|") - 1), *found, ""])
 
 
 PARTS: dict[str, Callable[[], str]] = {
@@ -44,7 +44,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--parts", nargs="+", default=list(PARTS), choices=PARTS, metavar="NAME")
     for name in parser.parse_args().parts:
-        text = f"{store.told()}\n\n{PARTS[name]()}"
+        text = f"{store.provenance()}\n\n{PARTS[name]()}"
         print(f"## {name}\n{text}", flush=True)
         put(FILE, name, text)
 

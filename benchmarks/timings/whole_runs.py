@@ -162,50 +162,53 @@ def main() -> None:
         help="addon/headless.py, of other checkouts too: compared in the same run",
     )  # fmt: skip
     options = parser.parse_args()
-    print(f"{options.scene}, largest disc {DISC:g} of the width, {store.told()}")
+    print(f"{options.scene}, largest disc {DISC:g} of the width, {store.provenance()}")
     print(HEADS, "|" + "---|" * (HEADS.count("|") - 1), sep="\n")
     for size in options.sizes:
-        usual = 0.0
+        baseline = 0.0
         for program in options.programs:
             with filmed(options.scene, parsed(size), program) as clip:
-                asked = options.qualities, options.thesis
-                for line, cpu in rows(clip, options.counts, *asked, usual):
-                    usual = usual or cpu
+                requested = options.qualities, options.thesis
+                for line, cpu in rows(clip, options.counts, *requested, baseline):
+                    baseline = baseline or cpu
                     print(line, flush=True)
 
 
 def rows(
-    clip: Clip, counts: tuple[int, int], qualities: Sequence[str], thesis: bool, usual: float = 0.0
+    clip: Clip, counts: tuple[int, int], qualities: Sequence[str], thesis: bool, baseline: float = 0.0
 ) -> Iterator[tuple[str, float]]:
-    """Rows of a size, and the CPU seconds of a frame in each; they are told as a share of `usual`, or of the
-    first row's if that is 0. Normal quality comes first, without its name: older programs have no other."""
-    asked = [("normal", ())] + [(name, ("--quality", name)) for name in qualities if name != "normal"]
-    for name, words in asked:
+    """Rows of a size, and the CPU seconds of a frame in each; they are given as a share of `baseline`, or of
+    the first row's if that is 0. Normal quality comes first, without its name: older programs have no
+    other."""
+    requested = [("normal", ())] + [(name, ("--quality", name)) for name in qualities if name != "normal"]
+    for name, words in requested:
         # What normal keeps would serve a draft.
         clip.forget()
         for run, focus in (("depth to find", 1.0), ("depth kept, another focus", 0.9)):
-            told = (*clip.lens(focus=focus), *words)
+            words_of_run = (*clip.lens(focus=focus), *words)
             runs = []
             for count in dict.fromkeys((1, *counts)):
                 if focus == 1.0:
                     clip.forget()
-                runs.append(clip.run(told, count))
-            line, cpu = _row(clip, f"{name}, {run}", runs, counts, usual)
-            usual = usual or cpu
+                runs.append(clip.run(words_of_run, count))
+            line, cpu = _row(clip, f"{name}, {run}", runs, counts, baseline)
+            baseline = baseline or cpu
             yield line, cpu
     if thesis:
         for run, focus in (("first", 1.0), ("another focus", 0.9)):
-            told = (*clip.picked(focus), "--method", "thesis")
-            runs = [clip.run(told, count, JUDGED) for count in JUDGED_COUNTS]
-            yield _row(clip, f"thesis, {run}", runs, JUDGED_COUNTS, usual)
+            words_of_run = (*clip.picked(focus), "--method", "thesis")
+            runs = [clip.run(words_of_run, count, JUDGED) for count in JUDGED_COUNTS]
+            yield _row(clip, f"thesis, {run}", runs, JUDGED_COUNTS, baseline)
 
 
-def _row(clip: Clip, name: str, runs: list[Run], counts: tuple[int, int], usual: float) -> tuple[str, float]:
+def _row(
+    clip: Clip, name: str, runs: list[Run], counts: tuple[int, int], baseline: float
+) -> tuple[str, float]:
     one, few, many = runs[0], runs[-2], runs[-1]
     wall, cpu = a_frame((few, many), counts[1] - counts[0])
     line = (
         f"| {clip.size[0]}x{clip.size[1]} | {name} | {one.wall_s:.1f} | {one.cpu_s:.1f} | {wall:.2f} |"
-        f" {cpu:.2f} | {cpu / (usual or cpu):.2f} | {clip.kept_mb():.2f} | {many.peak_mb:.0f} |"
+        f" {cpu:.2f} | {cpu / (baseline or cpu):.2f} | {clip.kept_mb():.2f} | {many.peak_mb:.0f} |"
     )
     return line, cpu
 

@@ -53,8 +53,8 @@ def main() -> int:
             file.write(json.dumps(entry) + "\n")
         known.append(entry)
         bad = [kind for kind in KINDS if entry[kind]]
-        told = f"{', '.join(bad)} ({verdict.note})" if bad else "right"
-        print(f"{fault} {number}: {told}, {time.monotonic() - began:.1f} s", flush=True)
+        outcome = f"{', '.join(bad)} ({verdict.note})" if bad else "right"
+        print(f"{fault} {number}: {outcome}, {time.monotonic() - began:.1f} s", flush=True)
     text = table(known)
     print(text)
     options.table.write_text(text, encoding="utf-8")
@@ -87,8 +87,8 @@ def table(entries: Iterable[dict[str, Any]]) -> str:
         "| fault | tries | lost | crash | hang | leftover | wrong success |",
         "|---|---|---|---|---|---|---|",
     ]  # fmt: skip
-    told = {name: fault.told for name, fault in FAULTS.items() if name in rows}
-    lines += [f"| {what} | {' | '.join(map(str, rows[name]))} |" for name, what in told.items()]
+    descriptions = {name: fault.description for name, fault in FAULTS.items() if name in rows}
+    lines += [f"| {what} | {' | '.join(map(str, rows[name]))} |" for name, what in descriptions.items()]
     lines.append(f"| **all** | {' | '.join(map(str, total))} |")
     notes = [
         "", "Lost: something of the user's, or a finished frame, changed or gone, or the next run fails.",

@@ -76,8 +76,11 @@ def keeping_depth(one: Try) -> None:
     if run.status == 0 and there < FRAMES:
         one.verdict.add("wrong", f"{kind}: {there} are kept: {run.said[-300:]}")
     # Where nothing can be written at all, it does not begin.
-    told = f"the depth of {there} of {FRAMES} frames is kept", "no folder for temporary files can be written"
-    if run.status and not any(each in run.said for each in told[: 1 if there else 2]):
+    messages = (
+        f"the depth of {there} of {FRAMES} frames is kept",
+        "no folder for temporary files can be written",
+    )
+    if run.status and not any(each in run.said for each in messages[: 1 if there else 2]):
         one.verdict.add("wrong", f"{kind}: {there} are kept: {run.said[-300:]}")
     if kind == "file":
         (work / "depth").unlink()

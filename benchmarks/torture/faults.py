@@ -15,7 +15,7 @@ MANY = 1_000_000
 class Fault:
     """A kind of thing that goes wrong."""
 
-    told: str
+    description: str
     """For the table."""
     run: Callable[[Try], None]
     most: int = MANY

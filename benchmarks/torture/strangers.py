@@ -71,7 +71,7 @@ def lies(one: Try) -> None:
     elif one.dice.random() < 0.3:
         _say(work, frames=[*state["frames"], huge])
     else:
-        told = one.dice.choice(
+        changed = one.dice.choice(
             [
                 {"times": list(range(HUGE[0]))},
                 {"missing": huge},
@@ -80,7 +80,7 @@ def lies(one: Try) -> None:
                 {"fps": huge},
             ]
         )
-        _say(work, video=state["video"] | told)
+        _say(work, video=state["video"] | changed)
     run = one.run("render", work, *LENS, "--frames", FEW, "--out", out)
     expected = {name: data for name, data in one.bench.frames.items() if 3 <= int(name[:4]) <= 6}
     if run.status == 0 and contents(out.parent) != expected:
@@ -98,7 +98,7 @@ def middle(one: Try) -> None:
     work = clip.solve(video, one.folder / "work")
     out = one.folder / "out" / "####.png"
     words = ("render", work, *LENS, "--frames", FEW, "--out", out)
-    told, at = video.stat(), one.dice.randrange(LARGE)
+    state, at = video.stat(), one.dice.randrange(LARGE)
     for is_spoilt in (True, False):
         with video.open("r+b") as file:
             file.seek(at)
@@ -106,7 +106,7 @@ def middle(one: Try) -> None:
             file.seek(at)
             file.write(bytes([byte]))
         if one.dice.random() < 0.5:
-            os.utime(video, ns=(told.st_atime_ns, told.st_mtime_ns))
+            os.utime(video, ns=(state.st_atime_ns, state.st_mtime_ns))
         run = one.run(*words)
         if (run.status == 0) == is_spoilt:
             one.verdict.add("wrong" if is_spoilt else "lost", f"byte {at} of the clip: {run.said[-300:]}")
@@ -117,11 +117,11 @@ def middle(one: Try) -> None:
             one.verdict.add("wrong", f"{path.name} differs from the reference")
 
 
-def _say(work: Path, **told: Any) -> None:
+def _say(work: Path, **changed: Any) -> None:
     """Have a state tell something else, with a digest as if the solve had written it."""
     state = json.loads((work / STATE).read_text())
     del state[DIGEST]
-    write_state(work / STATE, state | told)
+    write_state(work / STATE, state | changed)
 
 
 def _bomb(path: Path) -> None:

@@ -27,7 +27,7 @@ def _unlimited(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 
 def test_threads_are_limited_here_and_in_other_processes() -> None:
-    usual = cv2.getNumThreads()
+    before = cv2.getNumThreads()
     assert limits.threads() == os.process_cpu_count()
     limits.limit_threads(1)
     assert limits.threads() == cv2.getNumThreads() == 1
@@ -35,7 +35,7 @@ def test_threads_are_limited_here_and_in_other_processes() -> None:
     said = subprocess.run([sys.executable, "-c", ask], cwd=ROOT, capture_output=True, text=True, check=True)
     assert said.stdout.split() == ["1", "1"]
     limits.limit_threads(0)
-    assert limits.threads() == os.process_cpu_count() and cv2.getNumThreads() == usual
+    assert limits.threads() == os.process_cpu_count() and cv2.getNumThreads() == before
     limits.limit_threads(10_000)
     assert limits.threads() == os.process_cpu_count()
 

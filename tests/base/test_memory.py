@@ -115,15 +115,15 @@ def test_a_video_is_not_blamed_where_memory_is_short(tmp_path: Path) -> None:
     writer.release()
     words = f"try:\n    print(video.video_info(Path({str(path)!r})).count)\n"
     words += "except Exception as error:\n    print(error)"
-    told = limited(words, 4 * 2**20)
-    assert "not enough memory" in told and "ulimit -v" in told and "convert" not in told
+    said = limited(words, 4 * 2**20)
+    assert "not enough memory" in said and "ulimit -v" in said and "convert" not in said
     assert limited(words, GB) == "6"
 
 
 def test_a_limit_is_refused_below_the_need_and_only_there() -> None:
     need = memory.Need(GB, 0, 0)
 
-    def asked(limit: int) -> Callable[[], None]:
+    def limiting(limit: int) -> Callable[[], None]:
         return lambda: resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
 
     words = "from addon.core.base import memory\nfrom addon.core.base.errors import UserError\n"
@@ -132,7 +132,7 @@ def test_a_limit_is_refused_below_the_need_and_only_there() -> None:
     said = [
         subprocess.run(
             [sys.executable, "-c", words], capture_output=True, text=True, cwd=ROOT, check=True,
-            preexec_fn=asked(limit),
+            preexec_fn=limiting(limit),
         ).stdout
         for limit in (2 * GB - 2**20, 2 * GB)
     ]  # fmt: skip

@@ -68,7 +68,7 @@ def group(registered: None) -> Iterator[bpy.types.PropertyGroup]:
         bpy.utils.unregister_class(SharpeningGroup)
 
 
-def told(*words: str) -> argparse.Namespace:
+def parsed(*words: str) -> argparse.Namespace:
     parser = Parser()
     add_options(parser, OPTIONS)
     return parser.parse_args(words)
@@ -101,8 +101,8 @@ def test_a_new_option_is_a_property(group: bpy.types.PropertyGroup) -> None:
 
 
 def test_a_new_option_is_one_of_the_command_line() -> None:
-    assert vars(told()) == dict.fromkeys(OPTIONS)
-    found = told("--sharpening-amount", "1.5", "--sharpening-turn", "90", "--sharpening-steps", "auto",
+    assert vars(parsed()) == dict.fromkeys(OPTIONS)
+    found = parsed("--sharpening-amount", "1.5", "--sharpening-turn", "90", "--sharpening-steps", "auto",
                  "--sharpening-halo", "off", "--sharpening-kernel", "box")  # fmt: skip
     assert vars(found) == {
         "sharpening_amount": 1.5, "sharpening_turn": np.pi / 2, "sharpening_steps": 0,
@@ -112,7 +112,7 @@ def test_a_new_option_is_one_of_the_command_line() -> None:
     words = [
         f"--{name.replace('_', '-')}={text_of(OPTIONS[name], value)}" for name, value in vars(found).items()
     ]
-    assert vars(told(*words)) == vars(found)
+    assert vars(parsed(*words)) == vars(found)
 
 
 @pytest.mark.parametrize(
@@ -122,7 +122,7 @@ def test_a_new_option_is_one_of_the_command_line() -> None:
 )  # fmt: skip
 def test_a_value_that_is_beyond_is_refused(words: str, why: str) -> None:
     with pytest.raises(UsageError, match=why):
-        told(f"--sharpening-{words}")
+        parsed(f"--sharpening-{words}")
 
 
 def test_the_core_checks_the_same_bounds() -> None:

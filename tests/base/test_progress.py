@@ -10,8 +10,8 @@ from addon.core.base.progress import Cancelled, checkpoint, in_this_scope, part,
 
 
 def test_nested_stages_are_shares_of_the_whole() -> None:
-    told: list[tuple[str, float]] = []
-    with reporting(lambda name, share: told.append((name, round(share, 3)))):
+    reports: list[tuple[str, float]] = []
+    with reporting(lambda name, share: reports.append((name, round(share, 3)))):
         with stage("Depth", 0.2, 0.6):
             for number in range(2):
                 with part(number, 2):
@@ -20,7 +20,7 @@ def test_nested_stages_are_shares_of_the_whole() -> None:
             checkpoint(1.0)
         checkpoint(1.0)
     depth = [("Depth", share) for share in (0.2, 0.2, 0.3, 0.4, 0.5)]
-    assert told == [*depth, ("Views", 0.6), ("Views", 1.0), ("", 1.0)]
+    assert reports == [*depth, ("Views", 0.6), ("Views", 1.0), ("", 1.0)]
 
 
 def test_without_a_scope_nothing_happens() -> None:
@@ -38,19 +38,19 @@ def test_cancelling_leaves_no_scope_behind() -> None:
 
 
 def test_threads_take_part_in_the_scope() -> None:
-    told: list[str] = []
+    reports: list[str] = []
 
     @in_this_scope
     def work(number: int) -> int:
         checkpoint()
         return number
 
-    with reporting(lambda name, share: told.append(name)):
+    with reporting(lambda name, share: reports.append(name)):
         # Made outside of the scope, so it does not take part.
         with ThreadPoolExecutor(2) as pool:
             assert list(pool.map(work, range(4))) == [0, 1, 2, 3]
-        assert told == []
+        assert reports == []
         with stage("Depth", 0, 1), ThreadPoolExecutor(2) as pool:
-            told.clear()
+            reports.clear()
             list(pool.map(in_this_scope(checkpoint), [0.5] * 4))
-    assert told == ["Depth"] * 4
+    assert reports == ["Depth"] * 4

@@ -44,26 +44,26 @@ def test_the_line_of_a_solve_never_jumps(
     monkeypatch.setattr(solve.time, "monotonic", lambda: now[0])
     line = solve._ProgressLine()
     low, high = SHARES["Solving cameras"]
-    told: list[tuple[float, float | None]] = []
+    estimates: list[tuple[float, float | None]] = []
     # Three tries of the cameras, the first two given up near their end.
     for share in (0.1, low, high - 0.01, low, high - 0.01, low, high, 0.95, 0.99):
         now[0] += 30
         line.show(Progress(f"Stage{share} 1/2", share))
         said = capsys.readouterr().out
-        told.append((now[0], float(said.split("about ")[1].split()[0]) if "left" in said else None))
-    assert sum(left is not None for _, left in told) >= 3
-    for (before, one), (after, other) in pairwise(told):
+        estimates.append((now[0], float(said.split("about ")[1].split()[0]) if "left" in said else None))
+    assert sum(left is not None for _, left in estimates) >= 3
+    for (before, one), (after, other) in pairwise(estimates):
         assert one is None or other is None or other <= 2 * max(one - (after - before), 0) + 6
 
 
 def test_the_first_frame_tells_nothing_of_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
-    now, told = [0.0], []
+    now, estimates = [0.0], []
     monkeypatch.setattr(output.time, "monotonic", lambda: now[0])
-    clock = output._Clock(5, told.append)
+    clock = output._Clock(5, estimates.append)
     for frame, seconds in ((11, 40.0), (12, 4.0), (13, 6.0), (14, 5.0), (15, 5.0)):
         now[0] += seconds
         clock.tick(frame)
-    assert told == [
+    assert estimates == [
         "frame 11: 1 of 5, 40.0 s",
         "frame 12: 2 of 5, 4.0 s a frame, 0 min 12 s left",
         "frame 13: 3 of 5, 5.0 s a frame, 0 min 10 s left",

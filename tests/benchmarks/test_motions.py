@@ -100,7 +100,7 @@ def errors(figures: Figures) -> np.ndarray:
 def test_a_perfect_solve_has_no_error(solved: Reconstruction, truth: Truth) -> None:
     figures = ground_truth.measure(solved, truth)
     assert np.abs(errors(figures)).max() < 1e-4
-    assert figures.registered == 1 and figures.on_mover == 0
+    assert figures.registered == 1 and figures.on_moving_object == 0
     assert figures.points_median == figures.points_least == figures.measured == 120
 
 
@@ -213,7 +213,7 @@ SOLVABLE = scenes.textureless()
 GOOD = Figures(
     registered=1, points_median=500, points_least=400, grid=1, rotation_median=0, rotation_max=0,
     position_path=0, position_depth=0, focal=1.0, lengths=1.5, lengths_floor=1, stretch=1, inverse_depth=0,
-    inverse_depth_90=0, disc=0, track_px=0, on_mover=0, measured=400,
+    inverse_depth_90=0, disc=0, track_px=0, on_moving_object=0, measured=400,
 )  # fmt: skip
 
 
@@ -228,7 +228,7 @@ def test_verdicts() -> None:
     )
     assert verdict("", registered=0.9, lengths=np.nan) == "frames, lengths"
     assert verdict("", focal=-2.5) == "uncertainty"
-    assert verdict("", on_mover=0.3) == "on mover"
+    assert verdict("", on_moving_object=0.3) == "on moving object"
     assert verdict("", message="no camera path") == "refused"
     assert verdict("turns", message="the solving process ended with status -11: turns") == "broken"
     assert verdict("turns") == "not refused"

@@ -46,8 +46,8 @@ def letter(tmp_path: Path) -> Path:
     return path
 
 
-def run(*told: object) -> int:
-    return run_command([str(word) for word in told])
+def run(*words: object) -> int:
+    return run_command([str(word) for word in words])
 
 
 def lens(*aperture: object) -> list[object]:
@@ -85,8 +85,8 @@ def test_words_that_are_no_shape_are_refused(
     work: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], word: str, said: str
 ) -> None:
     assert run("render", work, *lens(word), "--out", tmp_path / "o" / "####.png") == 2
-    told = capsys.readouterr().err
-    assert "--aperture" in told and said in told
+    errors = capsys.readouterr().err
+    assert "--aperture" in errors and said in errors
 
 
 def test_a_picture_that_is_not_there_is_named(

@@ -58,8 +58,8 @@ def counted(tmp_path: Path, *arguments: object) -> int:
 
 def test_a_video_is_decoded_once_to_count_its_frames(clip: Path, tmp_path: Path) -> None:
     work, out = tmp_path / "work", tmp_path / "out"
-    told = ("--work", work, "--focal", planes.FOCAL / 2)
-    assert counted(tmp_path, "run", clip, *told, *LENS, "--out", out / "a.mp4") == 2, "clip, movie"
+    camera = ("--work", work, "--focal", planes.FOCAL / 2)
+    assert counted(tmp_path, "run", clip, *camera, *LENS, "--out", out / "a.mp4") == 2, "clip, movie"
     assert counted(tmp_path, "render", work, *LENS, "--frames", 4, "--out", out / "####.png") == 0
     kept = json.loads((work / "solve.json").read_text())
     video = kept["video"]

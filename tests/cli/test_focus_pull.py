@@ -45,24 +45,24 @@ def test_marks_are_keys_of_the_distance(
     # The aperture is the first one's.
     bpy.context.scene.frame_set(2)
     assert settings.blur == pytest.approx(0.02, rel=1e-3)
-    told = distances()
+    keyed = distances()
     assert settings.focus_by == "DISTANCE" and not settings.focus_points
     curve = keys_of(settings, "focus_distance")
     assert curve is not None and len(curve.keyframe_points) == len(FRAMES)
     # The plane is nearer on the left.
-    assert told[1] < 7 < 8 < told[4]
-    assert sorted(told[1:5]) == told[1:5]
-    assert told[0] == pytest.approx(told[1], rel=0.02) and told[5] == pytest.approx(told[4], rel=0.02)
+    assert keyed[1] < 7 < 8 < keyed[4]
+    assert sorted(keyed[1:5]) == keyed[1:5]
+    assert keyed[0] == pytest.approx(keyed[1], rel=0.02) and keyed[5] == pytest.approx(keyed[4], rel=0.02)
 
 
 def test_a_pulled_frame_is_the_one_at_its_distance(work: Path, tmp_path: Path) -> None:
     lens = ("--method", "features", "--aperture-radius", 0.1, "--frames")
     out = ("--out", tmp_path / "pulled" / "####.png")
     assert run("render", work, *PULL, *lens[2:], "1-6", *out) == 0
-    told, pulled = distances(), pictures(tmp_path / "pulled")
+    keyed, pulled = distances(), pictures(tmp_path / "pulled")
     for frame in (1, 3, 4):
         out = ("--out", tmp_path / "still" / "####.png")
-        assert run("render", work, "--focus-distance", repr(told[frame - 1]), *lens, frame, *out) == 0
+        assert run("render", work, "--focus-distance", repr(keyed[frame - 1]), *lens, frame, *out) == 0
     still = pictures(tmp_path / "still")
     for name, picture in still.items():
         np.testing.assert_array_equal(picture, pulled[name])
@@ -81,18 +81,18 @@ def test_a_pulled_frame_is_the_one_at_its_distance(work: Path, tmp_path: Path) -
 def test_marks_that_make_no_pull_are_refused(
     work: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], marks: tuple[str, str], said: str
 ) -> None:
-    told = [word for mark in marks for word in ("--focus-at", mark)]
-    assert run("render", work, *told, "--method", "features", "--out", tmp_path / "####.png") == 1
+    focus = [word for mark in marks for word in ("--focus-at", mark)]
+    assert run("render", work, *focus, "--method", "features", "--out", tmp_path / "####.png") == 1
     assert said in capsys.readouterr().err
 
 
 def test_other_processes_are_told_of_every_mark() -> None:
-    told = ["render", "DIR", "--out", "o.mp4", "--focus-at"]
-    pulled = parser().parse_args([*told, "0.2,0.5@2", "--focus-at", "0.8,0.5@5"])
+    command = ["render", "DIR", "--out", "o.mp4", "--focus-at"]
+    pulled = parser().parse_args([*command, "0.2,0.5@2", "--focus-at", "0.8,0.5@5"])
     words = lens_arguments(at_frame(pulled, 9))
     assert words[:4] == ["--focus-at", "0.2,0.5@2", "--focus-at", "0.8,0.5@5"]
-    assert parser().parse_args([*told[:-1], *words]).focus_at == pulled.focus_at
-    single = parser().parse_args([*told, "0.2,0.5"])
+    assert parser().parse_args([*command[:-1], *words]).focus_at == pulled.focus_at
+    single = parser().parse_args([*command, "0.2,0.5"])
     assert lens_arguments(at_frame(single, 9))[:2] == ["--focus-at", "0.2,0.5@9"]
     assert single.focus_at == ["0.2,0.5"]
 

@@ -88,8 +88,8 @@ def test_names_in_braces_are_no_words_of_a_job(registered: None, tmp_path: Path,
     template = json.loads((job / "template.json").read_text())
     parameters = {each["name"]: each["default"] for each in template["parameterDefinitions"]}
     assert "{{" not in template["name"]
-    told = set(re.findall(r"{{(.*?)}}", json.dumps(template["steps"])))
-    assert told <= {f"Param.{name}" for name in parameters} | {"Task.Param.Frames"}
+    used = set(re.findall(r"{{(.*?)}}", json.dumps(template["steps"])))
+    assert used <= {f"Param.{name}" for name in parameters} | {"Task.Param.Frames"}
     # With the values in their places the words are the user's.
     steps = {step["name"]: step["script"]["actions"]["onRun"]["args"] for step in template["steps"]}
     values = parameters | {"Input": str(job / "input")}

@@ -39,8 +39,8 @@ def work(registered: None, shared: Shared) -> Path:
         footage = write_frames(folder / "clip", LENS, FRAMES)
         (folder / "model").mkdir()
         write_model(folder / "model", slanted_plane(LENS, FRAMES, count=400))
-        told = ("import", folder / "model", "--footage", footage, "--work", folder / "work")
-        assert run_command([str(each) for each in told]) == 0
+        words = ("import", folder / "model", "--footage", footage, "--work", folder / "work")
+        assert run_command([str(each) for each in words]) == 0
 
     return shared("hostile", fill) / "work"
 
@@ -49,11 +49,11 @@ def refusal(capfd: pytest.CaptureFixture[str], *words: object) -> str:
     """The one line with which a command is refused."""
     capfd.readouterr()
     status = run_command([str(word) for word in words])
-    told = [line for line in capfd.readouterr().err.splitlines() if "EGL" not in line]
-    assert len(told) == 1 and told[0].startswith("error: ") and "--debug" not in told[0], told
+    lines = [line for line in capfd.readouterr().err.splitlines() if "EGL" not in line]
+    assert len(lines) == 1 and lines[0].startswith("error: ") and "--debug" not in lines[0], lines
     # 2 says that the arguments were not understood.
-    assert status == (2 if told[0].endswith("--help tells what it takes") else 1)
-    return told[0]
+    assert status == (2 if lines[0].endswith("--help tells what it takes") else 1)
+    return lines[0]
 
 
 def lens(*words: str) -> tuple[str, ...]:
@@ -277,9 +277,9 @@ def test_a_hangup_ends_it_with_a_line_unless_it_is_ignored(work: Path, tmp_path:
         assert process.poll() is None
     process.send_signal(signal.SIGHUP)
     _, errors = process.communicate(timeout=300)
-    told = [line for line in errors.splitlines() if "EGL" not in line and "nohup" not in line]
+    lines = [line for line in errors.splitlines() if "EGL" not in line and "nohup" not in line]
     expected = (0, []) if program else (129, ["error: interrupted; finished frames are kept"])
-    assert (process.returncode, told) == expected
+    assert (process.returncode, lines) == expected
 
 
 @pytest.mark.long
@@ -291,7 +291,7 @@ def test_run_solves_the_whole_clip_and_renders_what_is_asked_for(
     solved = []
     monkeypatch.setattr(
         "addon.cli.solve.SolveProcess",
-        lambda *told: solved.append(SolveProcess(*told)) or solved[-1],
+        lambda *arguments: solved.append(SolveProcess(*arguments)) or solved[-1],
     )
     walk = write_walk(tmp_path / "walk")
     lens = ("--focus-distance", "9", "--method", "features", "--views", "2")

@@ -97,13 +97,13 @@ def test_inspect_writes_everything_and_overwrites_nothing(work: Path, tmp_path: 
     assert sorted(p.name for p in (tmp_path / "seen").iterdir()) == sorted(files)
     shapes = {name: cv2.imread(str(tmp_path / "seen" / f"{name}.png")).shape for name in NAMES}
     assert shapes.pop("layers") == (120, 320, 3) and set(shapes.values()) == {(120, 160, 3)}
-    told = json.loads((tmp_path / "seen" / "report.json").read_text())
-    assert (told["frame"], told["method"], told["views"]) == (5, "layers", 8)
-    assert told["sure"] > 80 and told["own"] > 80
-    assert told["borrowed"] > told["inpainted"] > 0
+    report = json.loads((tmp_path / "seen" / "report.json").read_text())
+    assert (report["frame"], report["method"], report["views"]) == (5, "layers", 8)
+    assert report["sure"] > 80 and report["own"] > 80
+    assert report["borrowed"] > report["inpainted"] > 0
     # The planes' discs: 2 R f (1/4 - 1/6) and 2 R f (1/6 - 1/10).
-    assert told["blur_largest"] == pytest.approx(2 * 0.25 * LENS.fx * (1 / 6 - 1 / 10 + 0.02), rel=0.5)
-    assert f"{told['triangles']:,} triangles" in said and "% other frames'" in said
+    assert report["blur_largest"] == pytest.approx(2 * 0.25 * LENS.fx * (1 / 6 - 1 / 10 + 0.02), rel=0.5)
+    assert f"{report['triangles']:,} triangles" in said and "% other frames'" in said
     (tmp_path / "seen" / "depth.png").unlink()
     again = here(*command)
     assert again.returncode == 1 and "pass --overwrite" in again.stderr

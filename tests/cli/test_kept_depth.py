@@ -37,10 +37,10 @@ def test_depth_that_cannot_be_kept_is_not_called_kept(
         (work / "depth").touch()
     with full_disk(min(sizes) // 2) if way == "full disk" else nullcontext():
         assert run("depth", work) == 1
-    told = capsys.readouterr()
+    captured = capsys.readouterr()
     there = len(list(work.rglob("depth-*.npz")))
-    assert f"the depth of {there} of 3 frames is kept in {work}" in told.err and said in told.err
-    assert there == (2 if way == "limit" else 0) and "the depth of 3 frames" not in told.out
+    assert f"the depth of {there} of 3 frames is kept in {work}" in captured.err and said in captured.err
+    assert there == (2 if way == "limit" else 0) and "the depth of 3 frames" not in captured.out
     # With space the same command goes on.
     monkeypatch.delenv(limits.KEPT_DEPTH, raising=False)
     if way == "a file in its place":

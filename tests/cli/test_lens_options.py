@@ -58,14 +58,14 @@ def test_a_target_psnr_takes_the_place_of_the_number_of_views(
     work: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     lens = ("--focus-distance", "6", "--blur", "0.02", "--method", "features", "--frames", "2")
-    told = ["render", str(work), *lens, "--out", str(tmp_path / "o" / "####.png"), "--target-psnr", "35"]
+    words = ["render", str(work), *lens, "--out", str(tmp_path / "o" / "####.png"), "--target-psnr", "35"]
     report = tmp_path / "report.json"
-    assert run_command([*told, "--report", str(report)]) == 0
+    assert run_command([*words, "--report", str(report)]) == 0
     assert "as many views as 35 dB take" in capsys.readouterr().out
     (frame,) = json.loads(report.read_text())["frames"]
     assert frame["views"] >= 4
     # Another PSNR is another picture.
-    assert run_command([*told[:-1], "50"]) == 1
+    assert run_command([*words[:-1], "50"]) == 1
     assert "made from something else" in capsys.readouterr().err
 
 
@@ -77,16 +77,16 @@ def test_a_quality_says_how_many_views_there_are_and_goes_to_other_processes(
     for quality in ("draft", "normal", "final"):
         report, out = tmp_path / f"{quality}.json", tmp_path / quality / "####.png"
         # What they are not told would be normal.
-        told = ["render", str(work), *lens, "--out", str(out), "--quality", quality]
-        told += ["--jobs", "1" if quality == "normal" else "2"]
-        assert run_command([*told, "--report", str(report)]) == 0
+        command = ["render", str(work), *lens, "--out", str(out), "--quality", quality]
+        command += ["--jobs", "1" if quality == "normal" else "2"]
+        assert run_command([*command, "--report", str(report)]) == 0
         (frame,) = json.loads(report.read_text())["frames"]
         counts[quality] = frame["views"]
     assert counts["draft"] < counts["normal"] < counts["final"]
-    told = ["render", str(work), *lens, "--out", str(tmp_path / "draft" / "####.png")]
-    assert run_command(told) == 1
+    command = ["render", str(work), *lens, "--out", str(tmp_path / "draft" / "####.png")]
+    assert run_command(command) == 1
     assert "made from something else" in capsys.readouterr().err
-    assert run_command([*told, "--quality", "draft"]) == 0
+    assert run_command([*command, "--quality", "draft"]) == 0
 
 
 def test_discs_before_and_behind_are_said(
@@ -142,9 +142,9 @@ def test_a_lamp_becomes_a_brighter_disc_unless_highlights_are_off(registered: No
     work = imported(tmp_path, footage)
     lens = ("--focus-distance", 5, "--blur", 0.08, "--method", "features", "--frames", 3)
     light = []
-    for number, told in enumerate([("--highlights", "off"), (), ("--highlights", "3")]):
+    for number, highlights in enumerate([("--highlights", "off"), (), ("--highlights", "3")]):
         out = tmp_path / str(number)
-        words = ["render", work, *lens, *told, "--views", 24, "--out", out / "####.png"]
+        words = ["render", work, *lens, *highlights, "--views", 24, "--out", out / "####.png"]
         assert run_command([str(each) for each in words]) == 0
         drawn = to_linear(cv2.imread(str(out / "0003.png")))[36:54, 71:89, :3]
         light.append(float(drawn.sum()))

@@ -101,11 +101,13 @@ def render_blend(words: list[str]) -> None:
     reader.add_argument("-a", action="store_true", required=True)
     for option in ("-o", "-s", "-e"):
         reader.add_argument(option, required=True)
-    told = reader.parse_args(words)
-    bpy.ops.wm.open_mainfile(filepath=str(Path(told.blend).absolute()))
+    options = reader.parse_args(words)
+    bpy.ops.wm.open_mainfile(filepath=str(Path(options.blend).absolute()))
     scene = bpy.context.scene
-    scene.render.filepath, scene.frame_start, scene.frame_end = told.o, int(told.s), int(told.e)
+    scene.render.filepath, scene.frame_start, scene.frame_end = options.o, int(options.s), int(options.e)
     bpy.ops.render.render(animation=True)
-    pattern = Path(bpy.path.abspath(told.o))
-    names = [f"{frame:0{pattern.name.count('#')}d}.png" for frame in range(int(told.s), int(told.e) + 1)]
+    pattern = Path(bpy.path.abspath(options.o))
+    names = [
+        f"{frame:0{pattern.name.count('#')}d}.png" for frame in range(int(options.s), int(options.e) + 1)
+    ]
     assert sorted(path.name for path in pattern.parent.iterdir()) == names

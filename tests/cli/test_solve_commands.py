@@ -44,7 +44,7 @@ def part(clip: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize(
-    ("told", "pixels"),
+    ("focal", "pixels"),
     [
         ((), None),
         (("--focal", "300"), 300.0),
@@ -55,7 +55,7 @@ def part(clip: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     ],
 )
 def test_a_known_lens_is_the_workers_focal_length_in_pixels(
-    clip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, told: tuple[str, ...], pixels: float | None
+    clip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, focal: tuple[str, ...], pixels: float | None
 ) -> None:
     """As its job says, which it begins and does not end."""
     work, jobs = tmp_path / "work", []
@@ -65,7 +65,7 @@ def test_a_known_lens_is_the_workers_focal_length_in_pixels(
         raise UserError("that is enough")
 
     monkeypatch.setattr(SolveProcess, "wait", wait)
-    assert run("solve", clip, "--work", work, *told) == 1
+    assert run("solve", clip, "--work", work, *focal) == 1
     (job,) = jobs
     assert job["lens"] == {"focal": pixels and pytest.approx(pixels, rel=1e-5), "zooms": False}
     assert not work.exists()

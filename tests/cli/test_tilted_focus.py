@@ -47,17 +47,17 @@ def test_the_blend_has_plane_tilt_and_swing(work: Path, tmp_path: Path) -> None:
     pulled = ("--focus-at", "0.2,0.5@2", "--focus-at", "0.8,0.5@5")
     assert run("save", work, *blend, *pulled, "--tilt", -20, "--swing", 30) == 0
     scene = bpy.context.scene
-    told = []
+    foci = []
     for frame in FRAMES:
         scene.frame_set(frame)
-        told.append(focus_of(scene.virtual_aperture))
-    assert {(each.points, each.through_points) for each in told} == {((), False)}
-    assert told[0].tilt == pytest.approx(math.radians(-20)) and told[5].swing == pytest.approx(math.pi / 6)
-    assert told[1].distance < told[4].distance
+        foci.append(focus_of(scene.virtual_aperture))
+    assert {(each.points, each.through_points) for each in foci} == {((), False)}
+    assert foci[0].tilt == pytest.approx(math.radians(-20)) and foci[5].swing == pytest.approx(math.pi / 6)
+    assert foci[1].distance < foci[4].distance
 
 
 @pytest.mark.parametrize(
-    ("told", "said"),
+    ("focus", "said"),
     [
         (("--focus-plane", 1, 20), "takes 3 or more"),
         (("--focus-plane", 1, 20, 20), "takes 3 or more"),
@@ -68,10 +68,10 @@ def test_the_blend_has_plane_tilt_and_swing(work: Path, tmp_path: Path) -> None:
     ],
 )
 def test_planes_that_are_none_are_refused(
-    work: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], told: tuple[object, ...], said: str
+    work: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], focus: tuple[object, ...], said: str
 ) -> None:
-    method = () if "thesis" in told else ("--method", "features")
-    assert run("render", work, *told, *method, "--out", tmp_path / "o" / "####.png") == 1
+    method = () if "thesis" in focus else ("--method", "features")
+    assert run("render", work, *focus, *method, "--out", tmp_path / "o" / "####.png") == 1
     assert said in capsys.readouterr().err
 
 

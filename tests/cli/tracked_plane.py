@@ -24,11 +24,11 @@ def imported(tmp_path: Path, footage: Path) -> Path:
     """The working folder of the clip with a plane's model."""
     (tmp_path / "model").mkdir()
     write_model(tmp_path / "model", slanted_plane(LENS, FRAMES, count=1500))
-    told = ("import", tmp_path / "model", "--footage", footage, "--work", tmp_path / "work")
-    assert run_command([str(each) for each in told]) == 0
+    words = ("import", tmp_path / "model", "--footage", footage, "--work", tmp_path / "work")
+    assert run_command([str(each) for each in words]) == 0
     return tmp_path / "work"
 
 
-def run(command: str, work: Path, *told: object) -> int:
+def run(command: str, work: Path, *options: object) -> int:
     """The exit status of a command about a working folder, in this process, with two views."""
-    return run_command([command, str(work), *map(str, told), "--views", "2"])
+    return run_command([command, str(work), *map(str, options), "--views", "2"])

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from addon.core.base.arrays import Floats
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Reconstruction
-from addon.core.depth.completion import CompletionOptions, place_movers
+from addon.core.depth.completion import CompletionOptions, place_moving_objects
 from addon.core.depth.multi_view_stereo import DenseDepth, PlaneSweepStereo, StereoOptions
 from addon.core.depth.view_selection import SelectionOptions, select_source_views
 
@@ -206,17 +206,17 @@ def test_a_mask_tells_what_moves(pictures: list[Picture]) -> None:
     filmed, masks = falling(pictures, before=1 / 8)
     shot = poses(CENTRES, features())
     large = {frame: np.repeat(np.repeat(mask, 2, axis=0), 2, axis=1) for frame, mask in enumerate(masks, 1)}
-    told = PlaneSweepStereo(shot, lambda n: filmed[n - 1], mask=large.get).at(MIDDLE)
+    masked = PlaneSweepStereo(shot, lambda n: filmed[n - 1], mask=large.get).at(MIDDLE)
     mask = masks[MIDDLE - 1]
-    assert told.moving[mask].all()
-    assert np.mean(told.moving & ~mask) < 0.01
-    off = error(told, truth(CENTRES[MIDDLE - 1]))
+    assert masked.moving[mask].all()
+    assert np.mean(masked.moving & ~mask) < 0.01
+    off = error(masked, truth(CENTRES[MIDDLE - 1]))
     assert np.median(off[mask]) < 0.05 and np.median(off[~mask]) < HALF_LEVEL
-    assert told.confidence[mask].max() < 0.5
+    assert masked.confidence[mask].max() < 0.5
     # What is masked in the neighbours has no part in the depth of what stands still here.
     plain = PlaneSweepStereo(shot, lambda n: pictures[n - 1]).at(MIDDLE)
     around = cv2.dilate(mask.astype(np.uint8), np.ones((31, 31))) > 0
-    assert np.mean(np.abs(told.inverse_depth - plain.inverse_depth)[around & ~mask] > 0.1 * RANGE) < 0.05
+    assert np.mean(np.abs(masked.inverse_depth - plain.inverse_depth)[around & ~mask] > 0.1 * RANGE) < 0.05
 
 
 def test_a_mask_without_parallax_and_in_a_bent_lens(pictures: list[Picture]) -> None:
@@ -243,7 +243,9 @@ def test_one_depth_for_each_thing_and_holes_that_show_what_is_behind() -> None:
     inverse[60:65, 30:40] = 0.9
     moving[30:50, 80:110] = True
     nothing = np.zeros((100, 120), bool)
-    depth, confidence, found = place_movers(guide, inverse, sure, moving, nothing, CompletionOptions())
+    depth, confidence, found = place_moving_objects(
+        guide, inverse, sure, moving, nothing, CompletionOptions()
+    )
     for thing, ground in ((np.s_[20:80, 20:60], inverse[82, 0]), (np.s_[30:50, 80:110], inverse[52, 0])):
         own = depth[thing][found[thing]]
         np.testing.assert_allclose(own, own[0])
@@ -263,7 +265,7 @@ def test_what_stands_before_a_things_foot_is_not_what_it_stands_on() -> None:
     inverse[60:, 35:75] = 0.9
     moving[76:, 35:75] = False
     nothing = np.zeros((100, 120), bool)
-    depth, _, found = place_movers(guide, inverse, sure, moving, nothing, CompletionOptions())
+    depth, _, found = place_moving_objects(guide, inverse, sure, moving, nothing, CompletionOptions())
     np.testing.assert_allclose(depth[found], ground, atol=0.03)
 
 

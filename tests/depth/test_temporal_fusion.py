@@ -13,7 +13,7 @@ from addon.core.base.arrays import Floats, Map, Mask
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.depth.depth_store import FINEST, SUREST, DepthStore
 from addon.core.depth.multi_view_stereo import DenseDepth, PlaneSweepStereo
-from addon.core.depth.temporal_fusion import FusionOptions, TemporalFusion, fused, sharpened, without_pits
+from addon.core.depth.temporal_fusion import FusionOptions, TemporalFusion, fused, sharpened, without_speckles
 
 from .. import planes
 from ..planes import CENTRES, LENS, MIDDLE, RANGE, clip, features, poses, truth
@@ -25,7 +25,7 @@ Y, X = np.mgrid[: SHAPE[0], : SHAPE[1]]
 
 
 @dataclass
-class Told:
+class Given:
     """Depth of single frames that was made by hand."""
 
     frames: dict[int, DenseDepth]
@@ -57,10 +57,10 @@ def depth(frame: int, inverse: object, confidence: object, moving: Mask | None =
 def steady(made: list[DenseDepth], frame: int, grey: Map | None = None) -> DenseDepth:
     """Of cameras that all stand at one place."""
     still = poses(np.zeros((len(made), 3)))
-    told = Told({one.frame: one for one in made})
+    stereo = Given({one.frame: one for one in made})
     if grey is not None:
-        told.grey = grey
-    return TemporalFusion(still, told).at(frame)  # type: ignore[arg-type]
+        stereo.grey = grey
+    return TemporalFusion(still, stereo).at(frame)  # type: ignore[arg-type]
 
 
 # Many frames
@@ -228,7 +228,7 @@ def test_frames_are_brought_into_place() -> None:
     frames = {
         n: depth(n, truth(centre), 0.0 if n == MIDDLE else 0.9) for n, centre in enumerate(CENTRES, start=1)
     }
-    found = TemporalFusion(shot, Told(frames)).at(MIDDLE)  # type: ignore[arg-type]
+    found = TemporalFusion(shot, Given(frames)).at(MIDDLE)  # type: ignore[arg-type]
     off = np.abs(found.inverse_depth - truth(CENTRES[MIDDLE - 1])) / RANGE
     # No frame says anything of the first and last rows.
     off = off[OPTIONS.border : -OPTIONS.border]
@@ -240,7 +240,7 @@ def test_past_the_border_depth_is_that_of_the_frames_that_see_it() -> None:
     """The near plane has just left the picture, and the frames before show it."""
     centres, frame = np.column_stack([np.linspace(2.6, 4.9, 13), np.zeros((13, 2))]), 9
     frames = {n: depth(n, truth(centre), 0.9) for n, centre in enumerate(centres, start=1)}
-    past = TemporalFusion(poses(centres), Told(frames)).at(frame).past_border  # type: ignore[arg-type]
+    past = TemporalFusion(poses(centres), Given(frames)).at(frame).past_border  # type: ignore[arg-type]
     assert past is not None
     margin = (past.shape[0] - LENS.height) // 2
     assert past.shape == (LENS.height + 2 * margin, LENS.width + 2 * margin)
@@ -353,8 +353,8 @@ def test_every_frame_is_swept_itself_once_where_that_is_asked_for() -> None:
     assert single.swept == [3, 5, 7, 9, 11, 13, 8]
     single.swept.clear()
     # A key frame's own depth counts once.
-    usual = counted()[1].at(9)
-    np.testing.assert_array_equal(every.at(9).inverse_depth, usual.inverse_depth)
+    default = counted()[1].at(9)
+    np.testing.assert_array_equal(every.at(9).inverse_depth, default.inverse_depth)
 
 
 def test_kept_depth_is_the_same_and_not_found_again(tmp_path: Path) -> None:
@@ -389,7 +389,7 @@ def test_holes_of_a_few_pixels_are_closed_and_larger_ones_stay() -> None:
     inverse = np.full((40, 60), NEAR, np.float32)
     inverse[10, 10] = inverse[20, 20:26] = inverse[30:32, 30:33] = WALL
     inverse[5:8, 40:43] = inverse[10:, 50:] = WALL
-    found = without_pits(inverse, 0.005)
+    found = without_speckles(inverse, 0.005)
     wanted = np.full((40, 60), NEAR, np.float32)
     wanted[5:8, 40:43] = wanted[10:, 50:] = WALL
     np.testing.assert_array_equal(found, wanted)

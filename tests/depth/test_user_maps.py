@@ -98,8 +98,8 @@ def fit_all(
 ) -> dict[int, Fitted]:
     """As a caller does."""
     seen = {frame: features(depths[frame], frame, noise, outliers) for frame in maps.frames}
-    usual = fit_clip(maps, lambda frame: seen[frame])
-    return {frame: fit_depth(maps.read(frame), *seen[frame], usual) for frame in maps.frames}
+    prior = fit_clip(maps, lambda frame: seen[frame])
+    return {frame: fit_depth(maps.read(frame), *seen[frame], prior) for frame in maps.frames}
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -181,11 +181,11 @@ def test_a_frame_that_knows_little_stays_near_the_clip(
     assert 40 < wall.sum() < 150
     few = xy[:3], inverse[:3]
     seen[frame] = xy[wall], inverse[wall]
-    usual = fit_clip(maps, lambda frame: seen[frame])
+    prior = fit_clip(maps, lambda frame: seen[frame])
     known = np.isfinite(depth)
     errors = {}
     for name, (places, values) in {"wall": seen[frame], "three": few, "none": (xy[:0], inverse[:0])}.items():
-        fitted = fit_depth(maps.read(frame), places, values, usual)
+        fitted = fit_depth(maps.read(frame), places, values, prior)
         errors[name] = np.abs(fitted.inverse_depth[known] * depth[known] - 1)
         assert errors[name].max() < 0.02
     print({name: f"median {np.median(e):.1e}, largest {e.max():.1e}" for name, e in errors.items()})
@@ -316,12 +316,12 @@ def test_maps_that_explain_nothing_are_refused(
     seen = {frame: features(depths[frame], frame, 0.005, 0.1) for frame in FRAMES}
     cv2.imwrite(str(folder / "d0015.png"), bad)
     # One bad frame does not spoil the clip, and is named.
-    usual = fit_clip(open_depth(folder, clip), lambda frame: seen[frame])
-    good = fit_depth(open_depth(folder, clip).read(8), *seen[8], usual)
+    prior = fit_clip(open_depth(folder, clip), lambda frame: seen[frame])
+    good = fit_depth(open_depth(folder, clip).read(8), *seen[8], prior)
     assert good.residual < 0.01
     assert good.explained > 0.5
     with pytest.raises(UserError, match=r"of frame 15 \(d0015\.png\) does not fit .*by \d+\.\d %, one depth"):
-        fit_depth(open_depth(folder, clip).read(15), *seen[15], usual)
+        fit_depth(open_depth(folder, clip).read(15), *seen[15], prior)
     for frame in FRAMES:
         cv2.imwrite(str(folder / f"d{frame:04d}.png"), bad)
     if wrong == "noise":

@@ -63,10 +63,10 @@ class TrueDepth:
     """What `ClipContext.stereo` is asked for."""
 
     clip: Filmed
-    asked: int = 0
+    requests: int = 0
 
     def at(self, frame: int) -> DenseDepth:
-        self.asked += 1
+        self.requests += 1
         return shown(frame, self.clip.has_post, self.clip.gone)[1]
 
 
@@ -105,23 +105,23 @@ def test_a_mover_is_followed_as_it_comes_nearer(has_post: bool) -> None:
         # In the frame of the pick it is seen, and the post passes over all of the place.
         hidden = [not shown(f, True)[1].moving[90, int(160 + 280 * card(f)[1] / card(f)[0])] for f in FRAMES]
         assert not hidden[PICKED - 1] and not hidden[-2] and sum(hidden) > 2
-    told = followed(clip)
-    assert min(told) <= FRAMES[2] and max(told) >= FRAMES[-3]
-    for frame, distance in told.items():
+    distances = followed(clip)
+    assert min(distances) <= FRAMES[2] and max(distances) >= FRAMES[-3]
+    for frame, distance in distances.items():
         # What was hidden is interpolated in inverse depth.
         assert distance == pytest.approx(card(frame)[0], rel=0.02 if has_post else 0.01)
     # Depth is dear: every third frame's has to do.
-    assert clip.stereo.asked < 0.6 * len(FRAMES)
+    assert clip.stereo.requests < 0.6 * len(FRAMES)
 
 
 def test_what_is_lost_keeps_its_last_distance() -> None:
     clip = filmed(gone=15)
-    told = followed(clip)
-    assert 13 <= max(told) < 15
-    place = Place(Focus(distance=card(PICKED)[0]), PICKED, card(PICKED)[0], "a mover", followed=told)
+    distances = followed(clip)
+    assert 13 <= max(distances) < 15
+    place = Place(Focus(distance=card(PICKED)[0]), PICKED, card(PICKED)[0], "a mover", followed=distances)
     inverse = inverse_depths(place, clip.reconstruction, FRAMES)
     assert 1 / inverse[PICKED - 1] == pytest.approx(card(PICKED)[0], rel=0.01)
-    assert (inverse[max(told) - 1 :] == inverse[-1]).all()
+    assert (inverse[max(distances) - 1 :] == inverse[-1]).all()
 
 
 def test_a_pick_on_a_mover_is_followed_and_can_be_pulled_to() -> None:
@@ -132,7 +132,7 @@ def test_a_pick_on_a_mover_is_followed_and_can_be_pulled_to() -> None:
     assert found.followed[5] == pytest.approx(card(5)[0], rel=0.01)
     wall = clip.places(3).find(0.95, 0.5)
     assert wall.distance == pytest.approx(WALL, rel=1e-3)
-    told = pull([FocusMark.of(wall), FocusMark.of(found)], clip.reconstruction, FRAMES)
-    assert told[2] == pytest.approx(WALL, rel=1e-3)
+    pulled = pull([FocusMark.of(wall), FocusMark.of(found)], clip.reconstruction, FRAMES)
+    assert pulled[2] == pytest.approx(WALL, rel=1e-3)
     for frame in FRAMES[PICKED - 1 : -2]:
-        assert told[frame] == pytest.approx(card(frame)[0], rel=0.01)
+        assert pulled[frame] == pytest.approx(card(frame)[0], rel=0.01)

@@ -46,8 +46,8 @@ def test_a_place_without_points_has_its_dense_depth(shot: Shot) -> None:
     assert "dense depth" in found.source
     # It is followed as a place that stands still.
     frames = range(1, len(CENTRES) + 1)
-    told = 1 / inverse_depths(found, shot.reconstruction, frames)
-    assert told == pytest.approx(PLANE - CENTRES[:, 2], rel=0.02)
+    distances = 1 / inverse_depths(found, shot.reconstruction, frames)
+    assert distances == pytest.approx(PLANE - CENTRES[:, 2], rel=0.02)
 
 
 def test_a_place_amid_points_is_theirs() -> None:
@@ -84,10 +84,10 @@ def test_the_command_line_says_how_far_and_follows(
     said = capsys.readouterr().out
     assert "in focus: " in said and f" away at frame {FRAME}, from the clip's dense depth" in said
     scene = bpy.context.scene
-    told = []
+    distances = []
     for frame in (1, FRAME, len(CENTRES)):
         scene.frame_set(frame)
-        told.append(scene.virtual_aperture.focus_distance)
+        distances.append(scene.virtual_aperture.focus_distance)
     true = PLANE - CENTRES[[0, FRAME - 1, -1], 2]
     # Whatever a unit is.
-    np.testing.assert_allclose(np.array(told) / told[1], true / true[1], rtol=0.01)
+    np.testing.assert_allclose(np.array(distances) / distances[1], true / true[1], rtol=0.01)

@@ -49,13 +49,13 @@ NEAR, FAR = at_points(3, 0, 1), at_points(9, 2, 3)
 
 
 def test_it_holds_before_and_after_and_is_eased_in_inverse_depth() -> None:
-    told = pull([FAR, NEAR], walk(), FRAMES)
-    assert list(told) == list(FRAMES)
-    assert [told[frame] for frame in (1, 2, 3)] == pytest.approx([4.0] * 3)
-    assert [told[frame] for frame in (9, 10, 11)] == pytest.approx([12.0] * 3)
+    distances = pull([FAR, NEAR], walk(), FRAMES)
+    assert list(distances) == list(FRAMES)
+    assert [distances[frame] for frame in (1, 2, 3)] == pytest.approx([4.0] * 3)
+    assert [distances[frame] for frame in (9, 10, 11)] == pytest.approx([12.0] * 3)
     # Half way in time it is half way in inverse depth.
-    assert told[6] == pytest.approx(6.0)
-    inverse = np.array([1 / told[frame] for frame in range(3, 10)])
+    assert distances[6] == pytest.approx(6.0)
+    inverse = np.array([1 / distances[frame] for frame in range(3, 10)])
     steps = -np.diff(inverse)
     assert (steps > 0).all() and steps == pytest.approx(steps[::-1])
     # It starts and stops without a jolt.
@@ -69,17 +69,17 @@ def test_a_smoothstep_has_no_slope_at_its_ends() -> None:
 
 
 def test_three_places_are_met_one_after_the_other() -> None:
-    told = pull([NEAR, FAR, at_distance(11, 5.0)], walk(), FRAMES)
-    assert [told[frame] for frame in (3, 9, 11)] == pytest.approx([4.0, 12.0, 5.0])
-    assert 5 < told[10] < 12
+    distances = pull([NEAR, FAR, at_distance(11, 5.0)], walk(), FRAMES)
+    assert [distances[frame] for frame in (3, 9, 11)] == pytest.approx([4.0, 12.0, 5.0])
+    assert 5 < distances[10] < 12
 
 
 def test_both_places_are_followed_while_the_camera_moves() -> None:
     speed = 0.1
-    told = pull([NEAR, FAR], walk(speed, unregistered=(2, 7)), FRAMES)
+    distances = pull([NEAR, FAR], walk(speed, unregistered=(2, 7)), FRAMES)
     near, far = (np.array([depth - speed * (frame - 1) for frame in FRAMES]) for depth in (4.0, 12.0))
     share = smoothstep((np.array(FRAMES) - 3) / 6)
-    assert list(told.values()) == pytest.approx(1 / ((1 - share) / near + share / far))
+    assert list(distances.values()) == pytest.approx(1 / ((1 - share) / near + share / far))
 
 
 def test_a_place_in_the_world_is_followed_as_points_are() -> None:
@@ -89,11 +89,11 @@ def test_a_place_in_the_world_is_followed_as_points_are() -> None:
 
 def test_behind_the_camera_a_place_keeps_its_last_distance() -> None:
     # The point is passed after frame 2.
-    told = pull([at_points(1, 4), at_distance(11, 5.0)], walk(1.0), FRAMES)
-    assert told[1] == pytest.approx(1.15) and told[2] == pytest.approx(0.15 / (1 - smoothstep(
+    distances = pull([at_points(1, 4), at_distance(11, 5.0)], walk(1.0), FRAMES)
+    assert distances[1] == pytest.approx(1.15) and distances[2] == pytest.approx(0.15 / (1 - smoothstep(
         np.array(0.1)) * (1 - 0.15 / 5)))  # fmt: skip
     share = float(smoothstep(np.array(0.5)))
-    assert 1 / told[6] == pytest.approx((1 - share) / 0.15 + share / 5)
+    assert 1 / distances[6] == pytest.approx((1 - share) / 0.15 + share / 5)
 
 
 def test_points_that_no_frame_shows_for_a_while_are_carried() -> None:
@@ -106,8 +106,8 @@ def test_points_that_no_frame_shows_for_a_while_are_carried() -> None:
 
 
 def test_an_even_pull_is_linear_in_inverse_depth() -> None:
-    told = pull_marks([FocusMark.of(NEAR), FocusMark(9, (FAR,), smooth=False)], walk(), FRAMES)
-    inverse = np.array([1 / told[frame] for frame in range(3, 10)])
+    distances = pull_marks([FocusMark.of(NEAR), FocusMark(9, (FAR,), smooth=False)], walk(), FRAMES)
+    inverse = np.array([1 / distances[frame] for frame in range(3, 10)])
     assert np.diff(inverse) == pytest.approx(np.full(6, (1 / 12 - 1 / 4) / 6))
 
 
@@ -117,9 +117,9 @@ def test_of_several_places_the_mean_inverse_depth_is_in_focus() -> None:
 
 
 def test_a_mark_may_lie_at_another_frame_than_it_was_picked_in() -> None:
-    told = pull_marks([FocusMark(1, (NEAR,)), FocusMark(2, (FAR,))], walk(0.1), FRAMES)
-    assert told[1] == pytest.approx(4.0)
-    assert told[11] == pytest.approx(12 - 0.1 * 10)
+    distances = pull_marks([FocusMark(1, (NEAR,)), FocusMark(2, (FAR,))], walk(0.1), FRAMES)
+    assert distances[1] == pytest.approx(4.0)
+    assert distances[11] == pytest.approx(12 - 0.1 * 10)
 
 
 def test_frames_that_do_not_show_a_mark_are_told() -> None:
@@ -142,6 +142,6 @@ def test_three_marks_make_the_pull_of_the_scene_rack() -> None:
         place = stage.focus[number]
         distance = float(stage.focus_depth[number])
         marks.append(Place(Focus(distance=distance), int(cameras.frames[number]), distance, "", place))
-    told = pull(marks, cameras, cameras.frames.tolist())
+    distances = pull(marks, cameras, cameras.frames.tolist())
     # Its path is eased in the middle camera, not in each: that is 0.02 px of discs of 32.
-    assert list(told.values()) == pytest.approx(stage.focus_depth.tolist(), rel=1e-3)
+    assert list(distances.values()) == pytest.approx(stage.focus_depth.tolist(), rel=1e-3)

@@ -43,15 +43,15 @@ def warped(shot: Shot) -> WarpedFrame:
 
 
 def test_every_stage_passes_many_checkpoints_and_goes_on(folder: Path) -> None:
-    told: list[tuple[str, float]] = []
-    with reporting(lambda stage, share: told.append((stage, share))):
+    reports: list[tuple[str, float]] = []
+    with reporting(lambda stage, share: reports.append((stage, share))):
         warped(fresh(folder))
-    count = Counter(stage for stage, _ in told)
+    count = Counter(stage for stage, _ in reports)
     # At 320x240; rows and levels, and so checkpoints, grow with the picture.
     assert count["Depth"] > 1000 and count["Hidden surfaces"] > 10 and count["Mesh"] > 100, count
-    shares = [share for _, share in told]
+    shares = [share for _, share in reports]
     assert min(shares) >= 0 and max(shares) <= 1
-    middles = [share for stage, share in told if stage == "Depth"]
+    middles = [share for stage, share in reports if stage == "Depth"]
     assert len({round(share, 2) for share in middles}) > 10
 
 

@@ -31,10 +31,10 @@ class ByHand:
     """Depth that was made by hand."""
 
     confidence: NDArray[np.float32]
-    asked: list[int] = field(default_factory=list)
+    requested: list[int] = field(default_factory=list)
 
     def at(self, frame: int, canvas: Canvas, picture: LinearRGBA) -> PixelDepth:
-        self.asked.append(frame)
+        self.requested.append(frame)
         assert picture.shape[:2] == (canvas.pinhole.height, canvas.pinhole.width) == SIZE[::-1]
         inverse = np.where(np.arange(SIZE[0]) < SIZE[0] / 2, 1 / FOCUS, 1 / 12)
         return PixelDepth(np.tile(inverse, (SIZE[1], 1)), self.confidence)
@@ -68,7 +68,7 @@ def test_layers_are_the_default(borrow: bool) -> None:
     assert FrameOptions(Focus(distance=FOCUS), 0.5).method == "layers"
     made, depth = warped(sure_in(1.0), borrow=borrow)
     assert (made.method, made.why) == ("layers", "") and made.is_whole
-    assert depth.asked == [2] and made.plan.frame == 2
+    assert depth.requested == [2] and made.plan.frame == 2
     assert made.layers and made.layers[0].disoccluded.any()
     assert (made.layers[0].margin_reprojected is not None) == borrow
     assert made.depth is not None and made.depth.inverse_depth.shape == (90, 160)
@@ -82,11 +82,11 @@ def test_where_hardly_anything_is_sure_one_grid_is_drawn_and_the_reason_given() 
     made, _ = warped(sure_in(0.5 * FEWEST_SURE))
     assert made.method == "grid" and f"less than {100 * FEWEST_SURE:g} %" in made.why
     assert not made.layers and made.depth is not None
-    asked, _ = warped(sure_in(1.0), method="grid")
-    assert (asked.method, asked.why) == ("grid", "")
-    np.testing.assert_array_equal(made.plan.mesh.xy, asked.plan.mesh.xy)
-    np.testing.assert_array_equal(made.plan.mesh.inverse_depth, asked.plan.mesh.inverse_depth)
-    np.testing.assert_array_equal(made.texture, asked.texture)
+    chosen, _ = warped(sure_in(1.0), method="grid")
+    assert (chosen.method, chosen.why) == ("grid", "")
+    np.testing.assert_array_equal(made.plan.mesh.xy, chosen.plan.mesh.xy)
+    np.testing.assert_array_equal(made.plan.mesh.inverse_depth, chosen.plan.mesh.inverse_depth)
+    np.testing.assert_array_equal(made.texture, chosen.texture)
     # A little more is enough.
     assert warped(sure_in(2 * FEWEST_SURE))[0].method == "layers"
 
@@ -94,10 +94,10 @@ def test_where_hardly_anything_is_sure_one_grid_is_drawn_and_the_reason_given() 
 def test_discs_that_leave_nothing_take_the_features_and_say_so() -> None:
     made, depth = warped(sure_in(1.0), radius=20.0)
     assert made.method == "features" and "too large for layers" in made.why
-    assert not depth.asked and made.depth is None
-    asked, _ = warped(sure_in(1.0), radius=20.0, method="features")
-    assert (asked.method, asked.why) == ("features", "")
-    np.testing.assert_array_equal(made.plan.mesh.triangles, asked.plan.mesh.triangles)
+    assert not depth.requested and made.depth is None
+    chosen, _ = warped(sure_in(1.0), radius=20.0, method="features")
+    assert (chosen.method, chosen.why) == ("features", "")
+    np.testing.assert_array_equal(made.plan.mesh.triangles, chosen.plan.mesh.triangles)
 
 
 @pytest.mark.parametrize("method", ["features", "thesis", "grid", "edges"])
@@ -107,7 +107,7 @@ def test_a_method_that_is_asked_for_is_used(method: str) -> None:
     depth = ByHand(sure_in(0))
     made = warp_frame(clip(depth), 2, lens, SIZE, SOURCE)
     assert (made.method, made.why) == (method, "")
-    assert not made.layers and not depth.asked
+    assert not made.layers and not depth.requested
     np.testing.assert_array_equal(made.texture, SOURCE)
 
 

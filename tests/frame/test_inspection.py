@@ -64,8 +64,8 @@ def shares_of(warped: WarpedFrame, source: LinearRGBA | None = None) -> LinearRG
 def lends(what: Callable[[Floats], Mask]) -> Fill:
     """Other frames' colours where `what` says so of the pixels asked for."""
 
-    def fill(shift: Floats, asked: Mask) -> tuple[LinearRGB, Mask]:
-        return np.full((*shift.shape, 3), 0.5, np.float32), asked & what(shift)
+    def fill(shift: Floats, wanted: Mask) -> tuple[LinearRGB, Mask]:
+        return np.full((*shift.shape, 3), 0.5, np.float32), wanted & what(shift)
 
     return fill
 

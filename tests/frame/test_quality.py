@@ -112,10 +112,10 @@ def test_a_draft_takes_depth_that_is_kept_of_normal_and_nothing_else_does(
     shape = pinhole.height, pinhole.width
     strange = np.full(shape, 0.5, np.float32)
     strange[0] = 0.25
-    told = KeptDepth.of(strange, np.ones(shape, np.float32), np.zeros(shape, bool))
+    found = KeptDepth.of(strange, np.ones(shape, np.float32), np.zeros(shape, bool))
     stores = {each.name: DepthStore(tmp_path, lambda each=each: each.name) for each in QUALITIES.values()}  # type: ignore[misc]
-    stores["normal"].keep_depth(frame, told)
-    kept = ClipContext(bare.reconstruction, bare.read, store=lambda asked: stores[asked.name]).depth(
+    stores["normal"].keep_depth(frame, found)
+    kept = ClipContext(bare.reconstruction, bare.read, store=lambda quality: stores[quality.name]).depth(
         frame, canvas, SOURCE, quality
     )
     is_kept = bool(np.isclose(np.median(kept.inverse_depth), 0.5, atol=1e-3))

@@ -97,7 +97,7 @@ def test_a_clip_is_read_for_its_identity_once(
     set_up(scene, write_video(tmp_path / "desk.mp4"))
     read = []
     before = digest._digest
-    monkeypatch.setattr(digest, "_digest", lambda *told: read.append(told) or before(*told))
+    monkeypatch.setattr(digest, "_digest", lambda *paths: read.append(paths) or before(*paths))
     digest._known.clear()
     for _ in range(5):
         shot_of(scene)

@@ -11,7 +11,7 @@ import pytest
 
 from addon.core.media.clip import open_footage
 from addon.core.media.exif import photo_data
-from addon.core.sfm.worker import _told
+from addon.core.sfm.worker import _metadata_focal
 
 SIZE = (768, 576)
 TAKEN = (3072, 2304)
@@ -20,15 +20,15 @@ FOCAL = FOCAL_MM / SENSOR_MM * SIZE[0]
 """Pixels of the file."""
 
 
-def exif(order: str = "<", **told: float) -> bytes:
+def exif(order: str = "<", **fields: float) -> bytes:
     """A TIFF structure whose EXIF directory holds these tags."""
     tags = {
         "focal_mm": (0x920A, 5), "width": (0xA002, 4), "height": (0xA003, 4), "resolution": (0xA20E, 5),
         "unit": (0xA210, 3), "equivalent": (0xA405, 3),
     }  # fmt: skip
     start, entries, values = 26, b"", b""
-    after = start + 2 + 12 * len(told) + 4
-    for name, value in sorted(told.items(), key=lambda item: tags[item[0]]):
+    after = start + 2 + 12 * len(fields) + 4
+    for name, value in sorted(fields.items(), key=lambda item: tags[item[0]]):
         tag, kind = tags[name]
         if kind == 5:
             content = struct.pack(f"{order}I", after + len(values))
@@ -38,7 +38,7 @@ def exif(order: str = "<", **told: float) -> bytes:
         entries += struct.pack(f"{order}HHI", tag, kind, 1) + content
     head = (b"II*\0" if order == "<" else b"MM\0*") + struct.pack(f"{order}I", 8)
     first = struct.pack(f"{order}HHHII", 1, 0x8769, 4, 1, start) + bytes(4)
-    return head + first + struct.pack(f"{order}H", len(told)) + entries + bytes(4) + values
+    return head + first + struct.pack(f"{order}H", len(fields)) + entries + bytes(4) + values
 
 
 def photo(folder: Path, block: bytes, size: tuple[int, int] = SIZE, suffix: str = ".jpg") -> Path:
@@ -56,8 +56,8 @@ def photo(folder: Path, block: bytes, size: tuple[int, int] = SIZE, suffix: str 
     return folder
 
 
-def told(folder: Path) -> float | None:
-    return _told(open_footage(folder))
+def focal_of(folder: Path) -> float | None:
+    return _metadata_focal(open_footage(folder))
 
 
 RESOLUTION = TAKEN[0] / SENSOR_MM * 25.4
@@ -67,23 +67,23 @@ FULL = {"focal_mm": FOCAL_MM, "width": TAKEN[0], "height": TAKEN[1], "resolution
 @pytest.mark.parametrize("order", ["<", ">"])
 def test_a_reduced_photo_has_a_reduced_focal_length(tmp_path: Path, order: str) -> None:
     # It was four times as long.
-    assert told(photo(tmp_path / "p", exif(order, **FULL))) == pytest.approx(FOCAL, rel=1e-3)
+    assert focal_of(photo(tmp_path / "p", exif(order, **FULL))) == pytest.approx(FOCAL, rel=1e-3)
 
 
 def test_a_photo_as_it_was_taken(tmp_path: Path) -> None:
     size = (TAKEN[0] // 8, TAKEN[1] // 8)
     block = exif(**FULL | {"width": size[0], "height": size[1], "resolution": RESOLUTION / 8})
-    found = told(photo(tmp_path / "p", block, size))
+    found = focal_of(photo(tmp_path / "p", block, size))
     assert found == pytest.approx(FOCAL_MM / SENSOR_MM * size[0], rel=1e-3)
 
 
 def test_one_on_its_side_is_the_same(tmp_path: Path) -> None:
-    found = told(photo(tmp_path / "p", exif(**FULL), SIZE[::-1]))
+    found = focal_of(photo(tmp_path / "p", exif(**FULL), SIZE[::-1]))
     assert found == pytest.approx(FOCAL, rel=1e-3)
 
 
 def test_an_equivalent_needs_no_sizes(tmp_path: Path) -> None:
-    found = told(photo(tmp_path / "p", exif(focal_mm=FOCAL_MM, equivalent=35)))
+    found = focal_of(photo(tmp_path / "p", exif(focal_mm=FOCAL_MM, equivalent=35)))
     assert found == pytest.approx(35 / np.hypot(36, 24) * np.hypot(*SIZE), rel=1e-6)
 
 
@@ -102,7 +102,7 @@ def test_an_equivalent_needs_no_sizes(tmp_path: Path) -> None:
 def test_what_contradicts_the_picture_is_not_believed(
     tmp_path: Path, more: dict[str, float], size: tuple[int, int]
 ) -> None:
-    assert told(photo(tmp_path / "p", exif(**FULL | more), size)) is None
+    assert focal_of(photo(tmp_path / "p", exif(**FULL | more), size)) is None
 
 
 def test_a_png_may_have_it_too(tmp_path: Path) -> None:
@@ -111,11 +111,11 @@ def test_a_png_may_have_it_too(tmp_path: Path) -> None:
 
 
 def test_without_or_damaged_it_tells_nothing(tmp_path: Path) -> None:
-    assert told(photo(tmp_path / "a", b"", suffix=".png")) is None
+    assert focal_of(photo(tmp_path / "a", b"", suffix=".png")) is None
     block = exif(**FULL)
     for number, cut in enumerate(range(0, len(block), 3)):
         # Whatever is cut off: no error, and never a length that is wrong.
-        found = told(photo(tmp_path / f"c{number}", block[:cut]))
+        found = focal_of(photo(tmp_path / f"c{number}", block[:cut]))
         assert found is None or found == pytest.approx(FOCAL, rel=1e-3)
     loose = b"II*\0" + struct.pack("<I", 0xFFFFFF00)
-    assert told(photo(tmp_path / "b", loose)) is None
+    assert focal_of(photo(tmp_path / "b", loose)) is None

@@ -198,7 +198,7 @@ def composited(scene: bpy.types.Scene, mask: bpy.types.Mask, size: tuple[int, in
 def test_a_drawn_mask_is_what_the_compositor_makes_of_it(
     scene: bpy.types.Scene, tmp_path: Path, size: tuple[int, int]
 ) -> None:
-    mask = bpy.data.masks.new("mover")
+    mask = bpy.data.masks.new("moving")
     ring(mask, (0.4, 0.5), 0.2, "MERGE_ADD")
     ring(mask, (0.6, 0.45), 0.15, "ADD")
     ring(mask, (0.45, 0.5), 0.08, "SUBTRACT")
@@ -224,7 +224,7 @@ def test_a_drawn_mask_is_what_the_compositor_makes_of_it(
 
 
 def test_drawing_leaves_the_users_scene_alone(scene: bpy.types.Scene) -> None:
-    mask = bpy.data.masks.new("mover")
+    mask = bpy.data.masks.new("moving")
     ring(mask, (0.4, 0.5), 0.2, "MERGE_ADD")
     key(mask, 3, 0.0)
     key(mask, 5, 0.1)
@@ -236,7 +236,7 @@ def test_drawing_leaves_the_users_scene_alone(scene: bpy.types.Scene) -> None:
 
 
 def test_layers_that_are_hidden_inverted_or_open(scene: bpy.types.Scene) -> None:
-    mask = bpy.data.masks.new("mover")
+    mask = bpy.data.masks.new("moving")
     ring(mask, (0.5, 0.5), 0.2, "MERGE_ADD")
     size = (64, 64)
 
@@ -260,7 +260,7 @@ def test_layers_that_are_hidden_inverted_or_open(scene: bpy.types.Scene) -> None
 
 
 def test_a_mask_that_was_redrawn_is_taken_again(scene: bpy.types.Scene) -> None:
-    mask = bpy.data.masks.new("mover")
+    mask = bpy.data.masks.new("moving")
     ring(mask, (0.5, 0.5), 0.2, "MERGE_ADD")
     scene.frame_set(1)
     drawn = drawn_mask(mask, (1,), (64, 48))
@@ -280,7 +280,7 @@ def test_a_shot_has_both_masks(scene: bpy.types.Scene, tmp_path: Path) -> None:
     settings = build(scene, shot.footage, shot.reconstruction)
     assert shot_of(scene).masked(4) is None
     settings.masks = str(write_masks(tmp_path / "masks", (4, 5)))
-    settings.mask = bpy.data.masks.new("mover")
+    settings.mask = bpy.data.masks.new("moving")
     ring(settings.mask, (0.85, 0.2), 0.1, "MERGE_ADD")
     both = shot_of(scene)
     drawn = drawn_mask(settings.mask, FRAMES, (WIDTH, HEIGHT)).at(3)

@@ -92,9 +92,9 @@ def test_only_files_are_read(
     tmp_path: Path, make: Callable[[Path], Path], said: str, name: str, read: Callable[[Path], object]
 ) -> None:
     path = make(tmp_path / name)
-    with pytest.raises(UserError, match=rf"{name} cannot be read: {said}") as told:
+    with pytest.raises(UserError, match=rf"{name} cannot be read: {said}") as raised:
         read(path)
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(raised.value)
 
 
 @pytest.mark.parametrize("make", [pipe, device])
@@ -163,11 +163,11 @@ def work(tmp_path: Path) -> Path:
     return tmp_path / "work"
 
 
-def say(work: Path, **told: object) -> None:
+def say(work: Path, **changed: object) -> None:
     """Have a state tell something else, with a digest as if the solve had written it."""
     state = json.loads((work / "solve.json").read_text())
     del state["digest"]
-    write_state(work / "solve.json", state | told)
+    write_state(work / "solve.json", state | changed)
 
 
 @pytest.mark.parametrize(("make", "said"), KINDS)
@@ -188,8 +188,8 @@ def test_a_strangers_solve_of_no_file_is_refused(
 def test_a_count_or_a_size_that_the_clip_does_not_have_is_not_believed(
     work: Path, lie: dict[str, Any]
 ) -> None:
-    told = json.loads((work / "solve.json").read_text())["video"]
-    say(work, video=told | lie)
+    video = json.loads((work / "solve.json").read_text())["video"]
+    say(work, video=video | lie)
     footage = load_solve(work).open_clip()
     assert (footage.frames, footage.width, footage.height) == ((1, 2, 3), LENS.width, LENS.height)
 
@@ -236,10 +236,10 @@ def test_packed_zeros_are_not_unpacked(work: Path, monkeypatch: pytest.MonkeyPat
     say(work, model={})
     unpacked = []
     before = zipfile.ZipFile.read
-    monkeypatch.setattr(zipfile.ZipFile, "read", lambda *told: unpacked.append(told) or before(*told))
-    with pytest.raises(UserError, match=r"visible\.npz is damaged") as told:
+    monkeypatch.setattr(zipfile.ZipFile, "read", lambda *names: unpacked.append(names) or before(*names))
+    with pytest.raises(UserError, match=r"visible\.npz is damaged") as raised:
         load_solve(work)
-    assert not unpacked and "\n" not in str(told.value)
+    assert not unpacked and "\n" not in str(raised.value)
 
 
 @pytest.mark.parametrize(
@@ -295,7 +295,7 @@ def test_kept_depth_of_another_size_than_the_frame_is_not_decoded(
     np.savez(path, **parts)
     sizes = []
     decode = cv2.imdecode
-    monkeypatch.setattr(cv2, "imdecode", lambda *told: sizes.append(decode(*told)) or sizes[-1])
+    monkeypatch.setattr(cv2, "imdecode", lambda *arguments: sizes.append(decode(*arguments)) or sizes[-1])
     assert store.depth(1, shape) is None
     assert max(each.size for each in sizes) <= 9 * 40 * 40
 

@@ -41,10 +41,10 @@ ROOT = Path(__file__).resolve().parents[2]
 
 def exchange(path: Path) -> None:
     """Other contents of the same size and time under the same name."""
-    told, data = path.stat(), bytearray(path.read_bytes())
+    state, data = path.stat(), bytearray(path.read_bytes())
     data[len(data) // 2] ^= 0xFF
     path.write_bytes(data)
-    os.utime(path, ns=(told.st_atime_ns, told.st_mtime_ns))
+    os.utime(path, ns=(state.st_atime_ns, state.st_mtime_ns))
 
 
 @pytest.mark.parametrize("kind", ["video", "frames"])
@@ -70,9 +70,9 @@ def test_an_exchanged_clip_is_refused_by_every_command(
         said = capsys.readouterr().err
         assert f"the clip {clip} is not the one that was solved" in said and "--again" in said
     assert sorted(p.name for p in tmp_path.iterdir()) == sorted([clip.name, "work"])
-    with pytest.raises(UserError, match="is not the clip any more that was solved") as told:
+    with pytest.raises(UserError, match="is not the clip any more that was solved") as raised:
         is_solved(work, open_footage(clip), {})
-    assert Remedy.AGAIN in told.value.remedies
+    assert Remedy.AGAIN in raised.value.remedies
     check_replaceable(work, open_footage(clip))
     changed.write_bytes(good)
     assert load_solve(work).footage == clip
@@ -142,11 +142,11 @@ def large(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], Pa
 def spoil(clip: Path, at: int, keep_time: bool = False) -> None:
     """Another byte in a video, or in the second picture of a sequence."""
     path = clip / "1.exr" if clip.is_dir() else clip
-    told, data = path.stat(), bytearray(path.read_bytes())
+    state, data = path.stat(), bytearray(path.read_bytes())
     data[at] ^= 0xFF
     path.write_bytes(data)
     if keep_time:
-        os.utime(path, ns=(told.st_atime_ns, told.st_mtime_ns))
+        os.utime(path, ns=(state.st_atime_ns, state.st_mtime_ns))
 
 
 @pytest.mark.parametrize("kind", ["video", "frames"])
@@ -266,9 +266,9 @@ def test_a_damaged_state_is_told_and_replaced(tmp_path: Path, text: str, said: s
         lambda: is_solved(work, open_footage(clip), {}),
     )
     for call in calls:
-        with pytest.raises(UserError, match=said) as told:
+        with pytest.raises(UserError, match=said) as raised:
             call()
-        assert str(work / "solve.json") in str(told.value) and Remedy.AGAIN in told.value.remedies
+        assert str(work / "solve.json") in str(raised.value) and Remedy.AGAIN in raised.value.remedies
     process = SolveProcess(clip, work, again=True)
     assert not process.finished
     process.cancel()
@@ -282,9 +282,11 @@ def test_a_damaged_report_is_told(tmp_path: Path) -> None:
     state = json.loads((work / "solve.json").read_text())
     frames = json.dumps(state | {"frames": state["frames"][1:]})
     (work / "solve.json").write_text(frames)
-    with pytest.raises(UserError, match=r"solve\.json is damaged \(it is not what the solve wrote\)") as told:
+    with pytest.raises(
+        UserError, match=r"solve\.json is damaged \(it is not what the solve wrote\)"
+    ) as raised:
         load_solve(work)
-    assert Remedy.AGAIN in told.value.remedies
+    assert Remedy.AGAIN in raised.value.remedies
     # Older ones have no digest.
     del state["digest"]
     (work / "solve.json").write_text(json.dumps(state | {"report": {"explained": "all"}}))
@@ -301,9 +303,9 @@ def test_an_altered_model_is_told(tmp_path: Path) -> None:
     words[5] = repr(float(words[5]) + 0.5)
     lines[2] = " ".join(words)
     images.write_text("\n".join(lines) + "\n")
-    with pytest.raises(UserError, match=r"images\.txt is not what the solve wrote") as told:
+    with pytest.raises(UserError, match=r"images\.txt is not what the solve wrote") as raised:
         load_solve(work)
-    assert told.value.remedies == (Remedy.AGAIN,)
+    assert raised.value.remedies == (Remedy.AGAIN,)
     images.unlink()
     with pytest.raises(UserError, match=r"images\.txt is gone"):
         load_solve(work)
@@ -421,10 +423,10 @@ def test_two_clips_race_into_one_folder(tmp_path: Path) -> None:
         )
         for clip in clips
     ]  # fmt: skip
-    told = [process.communicate(timeout=120)[1] for process in both]
+    errors = [process.communicate(timeout=120)[1] for process in both]
     assert sorted(process.returncode for process in both) == [0, 1]
     won = 0 if both[0].returncode == 0 else 1
-    assert "is being solved into" in told[1 - won] or "name another folder" in told[1 - won]
+    assert "is being solved into" in errors[1 - won] or "name another folder" in errors[1 - won]
     assert load_solve(tmp_path / "work").footage == clips[won]
 
 

@@ -610,19 +610,19 @@ def changed(text: str, line: int, words: str, word: int | None = None) -> str:
     return "\n".join(lines)
 
 
-def in_bundle(line: int, words: str, told: str, word: int | None = None) -> tuple[str, str, str]:
+def in_bundle(line: int, words: str, expected: str, word: int | None = None) -> tuple[str, str, str]:
     """Suffix and text of a bundle.out with a change, and what is told of it; `changed` has the words."""
-    return "out", changed(BUNDLE, line, words, word), told
+    return "out", changed(BUNDLE, line, words, word), expected
 
 
-def in_nvm(line: int, words: str, told: str, word: int | None = None) -> tuple[str, str, str]:
+def in_nvm(line: int, words: str, expected: str, word: int | None = None) -> tuple[str, str, str]:
     """The same of a VisualSFM file."""
-    return "nvm", changed(MATCHES, line, words, word), told
+    return "nvm", changed(MATCHES, line, words, word), expected
 
 
-def in_voodoo(line: int, words: str, told: str, word: int | None = None) -> tuple[str, str, str]:
+def in_voodoo(line: int, words: str, expected: str, word: int | None = None) -> tuple[str, str, str]:
     """The same of a Voodoo export."""
-    return "txt", changed(EXPORT, line, words, word), told
+    return "txt", changed(EXPORT, line, words, word), expected
 
 
 DAMAGE = {

@@ -162,14 +162,14 @@ def test_a_job_that_solves_first_gives_what_one_machine_gives(desk: Path, tmp_pa
 
 
 def test_bundles_are_refused_before_anything_is_written(work: Path, tmp_path: Path) -> None:
-    for words, told in (
+    for words, message in (
         (("--out", work), "exists"),
         (("--out", tmp_path / "b", "--movie", "a.png"), "no name of a movie"),
         (("--out", tmp_path / "b", "--chunk", 0), "--chunk: 0 is not from 1 to"),
         (("--out", tmp_path / "b", "--frames", "900-901"), "no frames"),
     ):
         ended = here("farm", work, *LENS, *words)
-        assert ended.returncode in (1, 2) and told in ended.stderr and "Traceback" not in ended.stderr
+        assert ended.returncode in (1, 2) and message in ended.stderr and "Traceback" not in ended.stderr
         assert not list(tmp_path.iterdir())
 
 
@@ -239,9 +239,9 @@ def test_a_process_that_dies_after_its_last_frame_is_done(monkeypatch: pytest.Mo
         "print(f'frame {n}: 1 of 1, 0.0 s a frame, 0 min 00 s left', flush=True); os.abort()"
     )
     monkeypatch.setattr(child, "launcher", lambda: [sys.executable, "-c", script])
-    told: list[int] = []
-    jobs.render_side_by_side([4, 5], 2, lambda frames, _: [str(frames[0])], told.append, print)
-    assert sorted(told) == [4, 5]
+    finished: list[int] = []
+    jobs.render_side_by_side([4, 5], 2, lambda frames, _: [str(frames[0])], finished.append, print)
+    assert sorted(finished) == [4, 5]
 
 
 def test_shares_are_neighbours_and_as_equal_as_can_be() -> None:
@@ -268,8 +268,12 @@ def test_join_takes_only_frames_that_are_whole_and_of_one_lens(work: Path, tmp_p
     (frames / "000011.png").write_bytes(cv2.imencode(".png", np.zeros((54, 96, 3)))[1].tobytes())
     damaged = here(*words, *LENS)
     assert damaged.returncode == 1 and not out.exists()
-    for told in ("frame 7 is cut off or damaged", "frame 9 is missing", "frame 11 was not rendered by this"):
-        assert told in damaged.stderr
+    for message in (
+        "frame 7 is cut off or damaged",
+        "frame 9 is missing",
+        "frame 11 was not rendered by this",
+    ):
+        assert message in damaged.stderr
 
 
 OPEN = (

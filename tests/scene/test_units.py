@@ -58,7 +58,7 @@ def imported(model: Reconstruction, footage: Path, work: Path) -> Path:
 def lens_on_the_command_line(work: Path, focus: float, radius: float) -> np.ndarray:
     """(H, W, 4) frame 2 through a lens told in numbers."""
     blend = work.with_suffix(".blend")
-    told = (
+    words = (
         "--overwrite",
         "--focus-distance",
         focus,
@@ -69,7 +69,7 @@ def lens_on_the_command_line(work: Path, focus: float, radius: float) -> np.ndar
         "--method",
         "features",
     )
-    assert run_command(["save", str(work), "--blend", str(blend), *map(str, told)]) == 0
+    assert run_command(["save", str(work), "--blend", str(blend), *map(str, words)]) == 0
     scene = bpy.context.scene
     shot = shot_of(scene)
     lens = frame_options(scene.virtual_aperture, shot.reconstruction)

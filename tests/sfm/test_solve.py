@@ -307,9 +307,9 @@ def test_what_frames_show_besides_is_kept_and_its_damage_told(work: Path) -> Non
         assert not len(np.intersect1d(image.points, image.visible))
     assert f"and {int(np.median([len(each) for each in added]))} that others saw" in solve.quality.text({})
     (work / "model" / "visible.npz").write_bytes(b"PK\3\4")
-    with pytest.raises(UserError, match=r"visible\.npz is not what the solve wrote") as told:
+    with pytest.raises(UserError, match=r"visible\.npz is not what the solve wrote") as raised:
         load_solve(work)
-    assert told.value.remedies == (Remedy.AGAIN,)
+    assert raised.value.remedies == (Remedy.AGAIN,)
     # Older solves do not tell what they wrote.
     state = json.loads((work / "solve.json").read_text())
     (work / "solve.json").write_text(

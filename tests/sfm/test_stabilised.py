@@ -74,8 +74,8 @@ def test_shifted_pictures_are_refused() -> None:
 @pytest.mark.parametrize("turn", [0.0, 0.05, 0.2])
 def test_a_camera_is_not_taken_for_shifts(turn: float) -> None:
     refuse_shifted(made(turn), KEYS, *OPTIONS)
-    told = compare(made(turn), KEYS, *OPTIONS)
-    assert told is not None and told.solved > 0.9 and told.order > 0.8
+    compared = compare(made(turn), KEYS, *OPTIONS)
+    assert compared is not None and compared.solved > 0.9 and compared.order > 0.8
 
 
 def test_depths_in_another_order_than_the_motion_are_refused() -> None:
@@ -83,8 +83,8 @@ def test_depths_in_another_order_than_the_motion_are_refused() -> None:
     order = np.random.default_rng(0).permutation(POINTS)
     # Each point at another's depth, where the first frame saw it; the cameras as good as stand still.
     shot.xyz *= (shot.xyz[order, 2] / shot.xyz[:, 2])[:, None]
-    told = compare(shot, KEYS, *OPTIONS)
-    assert told is not None and told.order < 0.3
+    compared = compare(shot, KEYS, *OPTIONS)
+    assert compared is not None and compared.order < 0.3
     with pytest.raises(UserError):
         refuse_shifted(shot, KEYS, *OPTIONS)
 
@@ -98,6 +98,6 @@ def test_a_stabilised_clip_never_ends_as_a_success(tmp_path: Path) -> None:
 
 def test_a_solve_tells_its_advice(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     clip = planes.write_clip(tmp_path / "clip", planes.sideways(10))
-    told = ("solve", clip, "--work", tmp_path / "work", "--focal", planes.FOCAL)
-    assert run_command([str(each) for each in told]) == 0
+    compared = ("solve", clip, "--work", tmp_path / "work", "--focal", planes.FOCAL)
+    assert run_command([str(each) for each in compared]) == 0
     assert capsys.readouterr().out.splitlines()[-1].startswith("advice: ")

@@ -67,14 +67,14 @@ class Filmed:
             place = ideal / bent
         return np.asarray(place + SIZE / 2)
 
-    def told(self) -> stationary.Told:
+    def depth_evidence(self) -> stationary.DepthEvidence:
         """Of what a solver makes of it that begins with the true cameras, and takes them for pinholes."""
         made = solution.empty(self.tracks, FOCAL, solution.SolutionOptions(max_error=30))
         made.focal[:], made.rotation[:], made.translation[:] = self.focal, self.rotation, self.translation
         solution.triangulate(made)
         bundle, seen, posed, kept = self_calibration.as_bundle(made, self_calibration.CalibrationOptions())
         self_calibration.put_back(made, adjust(bundle, seen, 1.0).bundle, posed, kept)
-        depth = stationary.told(made)
+        depth = stationary.depth_evidence(made)
         assert depth is not None
         print(depth, f"uncertainty {depth.uncertainty:.2f}")
         return depth
@@ -91,18 +91,18 @@ def test_a_pan_through_any_lens_tells_no_depth(lens: dict[str, float]) -> None:
     # A solve of a pan has some path, or it would have no points.
     pan = Filmed(**lens)
     pan.translation = Filmed(path=0.05).translation
-    assert pan.told().gain < -0.1
+    assert pan.depth_evidence().gain < -0.1
 
 
 @pytest.mark.parametrize("lens", LENSES.values(), ids=LENSES)
 def test_one_per_cent_of_parallax_is_beyond_any_lens(lens: dict[str, float]) -> None:
     # Path over depth, from the nearest to the farthest: 1 % of the width.
-    assert Filmed(path=0.013, **lens).told().gain > 0.3
+    assert Filmed(path=0.013, **lens).depth_evidence().gain > 0.3
 
 
 def test_a_plane_before_a_moving_camera_is_no_pan() -> None:
     # Homographies explain it; those of a camera that turns do not.
-    assert Filmed(path=0.6, plane=True, degrees=4.0).told().gain > 0.3
+    assert Filmed(path=0.6, plane=True, degrees=4.0).depth_evidence().gain > 0.3
 
 
 @pytest.mark.parametrize(("weak", "advice"), [(None, ""), (0.3, "by 30 %"), (1.2, "hardly tells depth")])

@@ -216,9 +216,9 @@ def test_cuts_are_where_no_track_lives_on_and_the_picture_changes() -> None:
     index = np.array([0, 1, 2, 3, 4, 4, 5, 6, 6], np.int32)
     track = np.array([0, 0, 1, 1, 2, 3, 2, 2, 3], np.int32)
 
-    def made(likeness: list[float]) -> Tracks:
+    def made(correlations: list[float]) -> Tracks:
         colours = np.zeros((4, 3), np.uint8)
-        return Tracks(tuple(range(7)), 9, 9, index, track, np.zeros((9, 2)), colours, np.array(likeness))
+        return Tracks(tuple(range(7)), 9, 9, index, track, np.zeros((9, 2)), colours, np.array(correlations))
 
     assert cuts(made([])) == (2, 4)
     assert cuts(made([1, 1, 0.1, 1, 0.9, 1, 0.1])) == (2,)
@@ -228,7 +228,7 @@ def test_cuts_are_where_no_track_lives_on_and_the_picture_changes() -> None:
     assert cuts(faded) == (3,)
 
 
-def test_likeness_is_that_of_the_same_scene_shifted_and_lit_otherwise() -> None:
+def test_correlation_is_that_of_the_same_scene_shifted_and_lit_otherwise() -> None:
     wide = cv2.GaussianBlur(planes.texture(1280, 480, 5), (0, 0), 3)
     a, b = wide[:, :640], wide[:, 250:890]
     assert correlation(thumbnail(a), thumbnail(b)) > 0.8
@@ -264,7 +264,7 @@ def test_a_point_that_jumps_by_itself_is_a_stray() -> None:
     )
 
 
-def test_parallax_pans_planes_and_movers_are_no_strays() -> None:
+def test_parallax_pans_planes_and_moving_objects_are_no_strays() -> None:
     before = grid()
     flat = np.column_stack([(before - np.array(planes.SIZE) / 2) / planes.FOCAL, np.ones(len(before))])
     still, moved = np.zeros(3), np.array([0.3, 0.1, 0])

@@ -203,11 +203,11 @@ def test_points_at_a_wrong_depth_or_none_are_left_out(footage: Footage, world: N
 def test_points_that_are_poorly_known_are_left_out(footage: Footage, world: NDArray[np.float64]) -> None:
     reconstruction = lost_at_random(world)
     error = np.where(np.arange(len(world)) % 3 == 0, 0.9, 0.3)
-    told = replace(reconstruction, points=replace(reconstruction.points, error=error))
-    points = np.concatenate([each.points for each in visible_points(told, footage).values()])
+    measured = replace(reconstruction, points=replace(reconstruction.points, error=error))
+    points = np.concatenate([each.points for each in visible_points(measured, footage).values()])
     assert len(points) > 300
     assert (points % 3 > 0).all()
-    assert (told.views_per_point[points] >= visibility.VisibilityOptions.min_views).all()
+    assert (measured.views_per_point[points] >= visibility.VisibilityOptions.min_views).all()
 
 
 def test_what_is_found_counts_among_a_frames_features(world: NDArray[np.float64]) -> None:

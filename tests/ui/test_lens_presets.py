@@ -65,8 +65,8 @@ def test_a_preset_sets_the_lens_and_nothing_else(settings: bpy.types.PropertyGro
     changed = {name for name in before if before[name] != after[name]}
     assert changed <= {"highlights", *AMOUNT}
     # Every part of the shape is told, so that nothing is left of the lens before.
-    told = set(re.findall(r"^shape\.(\w+) =", file.read_text(), re.MULTILINE))
-    assert told == values(settings.shape).keys() - {"rna_type", "name"}
+    stored = set(re.findall(r"^shape\.(\w+) =", file.read_text(), re.MULTILINE))
+    assert stored == values(settings.shape).keys() - {"rna_type", "name"}
     if size := SIZE.fullmatch(file.name):
         focal, stop = float(size[1]), float(size[2])
         far = 10.0 if "Mirror" in file.name else 2.0

@@ -59,6 +59,6 @@ def test_a_clip_with_a_cut_says_in_each_interface_how_to_take_a_part(
     assert run_command(["solve", str(clip), "--work", str(work)]) == 1
     assert capsys.readouterr().err.strip().endswith("frames: 1-6, 7-12 (--frames A-B)")
     scene.virtual_aperture.footage, scene.virtual_aperture.work_dir = str(clip), str(work)
-    with pytest.raises(RuntimeError, match=r"frames: 1-6, 7-12 \(cut the clip to them") as told:
+    with pytest.raises(RuntimeError, match=r"frames: 1-6, 7-12 \(cut the clip to them") as raised:
         bpy.ops.virtual_aperture.solve()
-    assert "--" not in str(told.value)
+    assert "--" not in str(raised.value)

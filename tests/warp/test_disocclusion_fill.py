@@ -42,7 +42,9 @@ def view(frame: int) -> NDArray[np.uint8]:
     return WALL[:, frame * STEP : frame * STEP + WIDTH].copy()
 
 
-def asked(read: object, places: NDArray[np.float64], inverse: float, shown: NDArray[np.float64]) -> tuple:  # type: ignore[type-arg]
+def colours_at(
+    read: object, places: NDArray[np.float64], inverse: float, shown: NDArray[np.float64]
+) -> tuple:  # type: ignore[type-arg]
     disocclusion = DisocclusionFill(shot(), read)  # type: ignore[arg-type]
     picture = to_linear(view(MIDDLE))
     reprojected = disocclusion.reprojected(MIDDLE, Canvas(LENS), picture, shown)
@@ -61,7 +63,7 @@ def truth(places: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def test_what_lies_past_the_border_is_taken_from_the_next_frames() -> None:
-    colour, known = asked(view, BESIDE, 1 / DEPTH, FLAT)
+    colour, known = colours_at(view, BESIDE, 1 / DEPTH, FLAT)
     assert known.mean() > 0.98
     np.testing.assert_allclose(colour[known], truth(BESIDE)[known], atol=2e-3)
 
@@ -74,7 +76,7 @@ def test_frames_may_be_darker() -> None:
         encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
         return np.round(255 * encoded).astype(np.uint8)
 
-    colour, known = asked(read, BESIDE, 1 / DEPTH, FLAT)
+    colour, known = colours_at(read, BESIDE, 1 / DEPTH, FLAT)
     assert known.mean() > 0.95
     assert np.median(np.abs(colour[known] / truth(BESIDE)[known] - 1)) < 0.02
 
@@ -83,9 +85,9 @@ def test_what_something_nearer_hides_in_them_is_not_taken() -> None:
     # A board as wide as the frame stands so near that every other frame sees it before these places, too.
     near = np.full((HEIGHT, WIDTH), 1.05 / DEPTH)
     inside = np.array([[WIDTH / 2, HEIGHT / 2], [WIDTH / 2 + 5, HEIGHT / 2]])
-    _, known = asked(view, inside, 0.9 / DEPTH, near)
+    _, known = colours_at(view, inside, 0.9 / DEPTH, near)
     assert not known.any()
-    _, known = asked(view, inside, 1 / DEPTH, FLAT)
+    _, known = colours_at(view, inside, 1 / DEPTH, FLAT)
     assert known.all()
 
 
@@ -93,28 +95,28 @@ def test_what_frames_disagree_on_is_not_taken() -> None:
     noise = {
         n: np.random.default_rng(n).integers(30, 220, (HEIGHT, WIDTH, 3), np.uint8) for n in range(FRAMES + 1)
     }
-    _, known = asked(lambda frame: noise[frame], BESIDE, 1 / DEPTH, FLAT)
+    _, known = colours_at(lambda frame: noise[frame], BESIDE, 1 / DEPTH, FLAT)
     # Only what a single frame sees has nobody to disagree.
     assert known.mean() < 0.5
 
 
 @pytest.mark.parametrize("count", [0, 1])
 def test_few_places_and_no_other_frames(count: int) -> None:
-    colour, known = asked(view, BESIDE[:count], 1 / DEPTH, FLAT)
+    colour, known = colours_at(view, BESIDE[:count], 1 / DEPTH, FLAT)
     assert colour.shape == (count, 3) and known.shape == (count,)
     alone = Reconstruction((LENS,), shot().images[MIDDLE - 1 : MIDDLE], shot().points)
     reprojected = DisocclusionFill(alone, view).reprojected(
         MIDDLE, Canvas(LENS), to_linear(view(MIDDLE)), FLAT
     )
-    told = reprojected.colours(BESIDE[:1], np.array([1 / DEPTH]))
-    assert not told[1].any()
+    reprojections = reprojected.colours(BESIDE[:1], np.array([1 / DEPTH]))
+    assert not reprojections[1].any()
 
 
 def test_pictures_of_another_size_than_the_lens() -> None:
     def read(frame: int) -> NDArray[np.uint8]:
         return np.repeat(np.repeat(view(frame), 2, axis=0), 2, axis=1)
 
-    colour, known = asked(read, BESIDE, 1 / DEPTH, FLAT)
+    colour, known = colours_at(read, BESIDE, 1 / DEPTH, FLAT)
     assert known.mean() > 0.95
     assert np.median(np.abs(colour[known] / truth(BESIDE)[known] - 1)) < 0.02
 
@@ -139,8 +141,8 @@ def behind(moving: object) -> tuple[NDArray[np.float32], NDArray[np.bool_], NDAr
     shown = np.where(crossing(MIDDLE), 2 / DEPTH, FLAT)
     disocclusion = DisocclusionFill(shot(), crossed, moving)  # type: ignore[arg-type]
     reprojected = disocclusion.reprojected(MIDDLE, Canvas(LENS), to_linear(crossed(MIDDLE)), shown)
-    told = reprojected.colours(places, np.full(len(places), 1 / DEPTH))
-    return *told, truth(places)
+    reprojections = reprojected.colours(places, np.full(len(places), 1 / DEPTH))
+    return *reprojections, truth(places)
 
 
 def test_what_moves_is_not_taken() -> None:
@@ -167,23 +169,23 @@ def test_what_stands_before_a_place_in_most_frames_is_no_ghost() -> None:
         return picture
 
     picture, inverse = to_linear(view(MIDDLE)), np.full(len(BESIDE), 1 / DEPTH)
-    told = [
+    reprojections = [
         DisocclusionFill(shot(), read, moving)
         .reprojected(MIDDLE, Canvas(LENS), picture, FLAT)
         .colours(BESIDE, inverse)
         for moving in (None, mask)
     ]
-    off = [np.abs(colour[known] - truth(BESIDE)[known]).max() for colour, known in told]
+    off = [np.abs(colour[known] - truth(BESIDE)[known]).max() for colour, known in reprojections]
     assert off[0] > 0.1 and off[1] < 2e-3
-    assert told[1][1].mean() > 0.98
+    assert reprojections[1][1].mean() > 0.98
 
 
 def test_frames_of_which_nothing_is_said_are_taken_whole() -> None:
-    plain = asked(view, BESIDE, 1 / DEPTH, FLAT)
+    plain = colours_at(view, BESIDE, 1 / DEPTH, FLAT)
     disocclusion = DisocclusionFill(shot(), view, lambda frame: None)
     reprojected = disocclusion.reprojected(MIDDLE, Canvas(LENS), to_linear(view(MIDDLE)), FLAT)
-    told = reprojected.colours(BESIDE, np.full(len(BESIDE), 1 / DEPTH))
-    for one, other in zip(plain, told, strict=True):
+    reprojections = reprojected.colours(BESIDE, np.full(len(BESIDE), 1 / DEPTH))
+    for one, other in zip(plain, reprojections, strict=True):
         np.testing.assert_array_equal(one, other)
 
 

@@ -183,8 +183,8 @@ def test_pieces_are_split_until_they_are_sides() -> None:
 
 def test_sides_are_known_in_either_direction() -> None:
     triangles = np.array([[0, 1, 2], [2, 1, 3]], np.int32)
-    asked = np.array([[0, 1], [2, 1], [1, 2], [3, 1], [0, 3]], np.int32)
-    assert are_sides(asked, triangles).tolist() == [True, True, True, True, False]
+    sides = np.array([[0, 1], [2, 1], [1, 2], [3, 1], [0, 3]], np.int32)
+    assert are_sides(sides, triangles).tolist() == [True, True, True, True, False]
     assert are_sides(np.zeros((0, 2), np.int32), triangles).shape == (0,)
 
 

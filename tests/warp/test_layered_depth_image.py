@@ -174,8 +174,8 @@ def test_what_is_behind_is_carried_on_as_far_as_the_aperture_sees() -> None:
 
 
 def test_other_frames_colours_are_taken_where_there_are_any() -> None:
-    def fill(shift: Floats, asked: Mask) -> tuple[LinearRGB, Mask]:
-        assert shift.shape == SIZE and asked.any()
+    def fill(shift: Floats, wanted: Mask) -> tuple[LinearRGB, Mask]:
+        assert shift.shape == SIZE and wanted.any()
         return wall().astype(np.float32), X < 80
 
     found = split(scene(), SHIFT, 1.0, 1.0, fill)
@@ -185,17 +185,17 @@ def test_other_frames_colours_are_taken_where_there_are_any() -> None:
 
 
 def test_what_other_frames_see_beside_a_silhouette_tells_its_pixels_shares() -> None:
-    def fill(shift: Floats, asked: Mask) -> tuple[LinearRGB, Mask]:
+    def fill(shift: Floats, wanted: Mask) -> tuple[LinearRGB, Mask]:
         return wall().astype(np.float32), np.ones(SIZE, bool)
 
-    def misled(shift: Floats, asked: Mask) -> tuple[LinearRGB, Mask]:
+    def misled(shift: Floats, wanted: Mask) -> tuple[LinearRGB, Mask]:
         return np.full((*SIZE, 3), 5, np.float32), np.ones(SIZE, bool)
 
-    guessed, told, wrong = (split(scene(), SHIFT, 1.0, 1.0, how) for how in (None, fill, misled))
-    off = [np.abs(found.front[..., 3] - cover())[found.mixed] for found in (guessed, told, wrong)]
+    guessed, filled, wrong = (split(scene(), SHIFT, 1.0, 1.0, how) for how in (None, fill, misled))
+    off = [np.abs(found.front[..., 3] - cover())[found.mixed] for found in (guessed, filled, wrong)]
     print("share of a silhouette's pixel, mean error", *(f"{part.mean():.3f}" for part in off))
     assert off[1].mean() < 0.5 * off[0].mean()
-    np.testing.assert_allclose(told.back[told.mixed][:, :3], wall()[told.mixed], atol=1e-3)
+    np.testing.assert_allclose(filled.back[filled.mixed][:, :3], wall()[filled.mixed], atol=1e-3)
     # Colours that cannot be there are not believed, but where the pixel may be the disc's alone.
     assert off[2].mean() < 1.2 * off[0].mean()
 
@@ -255,14 +255,14 @@ def test_where_silhouettes_cross_three_surfaces_are_kept_apart() -> None:
     assert second.mixed[beside & (np.abs(Y - GABLE) < 1)].all()
 
 
-def hidden_colours(focus: float, shift: Map, asked: Mask) -> tuple[LinearRGB, Mask]:
+def hidden_colours(focus: float, shift: Map, wanted: Mask) -> tuple[LinearRGB, Mask]:
     """The colours of what is behind the disc, by its depth."""
     margin = (shift.shape[0] - SIZE[0]) // 2
     inner = slice(margin, margin + SIZE[0]), slice(margin, margin + SIZE[1])
     colour, known = np.zeros((*shift.shape, 3), np.float32), np.zeros(shift.shape, bool)
     colour[inner] = np.where((shift[inner] + focus > (MIDDLE + FAR) / 2)[..., None], stones(X, Y), wall())
     known[inner] = True
-    return colour, known & asked
+    return colour, known & wanted
 
 
 @pytest.mark.parametrize("focus", [NEAR, FAR])
@@ -302,23 +302,23 @@ def test_what_stands_past_the_border_is_blurred_into_the_picture(is_known: bool)
     past = np.full((SIZE[0] + 80, SIZE[1] - left + 80), np.nan)
     past[40:-40, :40] = SHIFT[:, left - 40 : left]
 
-    def fill(shift: Map, asked: Mask) -> tuple[LinearRGB, Mask]:
+    def fill(shift: Map, wanted: Mask) -> tuple[LinearRGB, Mask]:
         margin = (shift.shape[0] - SIZE[0]) // 2
         own = slice(margin, margin + SIZE[0]), slice(0, margin)
         colour, known = np.zeros((*shift.shape, 3), np.float32), np.zeros(shift.shape, bool)
         near = shift[own] + focus > 5
         colour[own] = np.where(near[..., None], [0.9, 0.8, 0.1], wall()[:, left - margin : left])
         known[own] = ~near | is_known
-        return colour, known & asked
+        return colour, known & wanted
 
     offsets, canvas = vogel_disc(24), Canvas(camera)
     registration = exact_registration(canvas, offsets, focus / 150)
     seen = [cover((NEAR - FAR) * x, (NEAR - FAR) * y)[..., None] for x, y in -offsets]
     true = np.mean([c * [0.9, 0.8, 0.1] + (1 - c) * wall() for c in seen], axis=0)[:, left:]
     scores = []
-    for told in (past, None):
+    for known_past in (past, None):
         mesh, texture, _ = make_mesh(
-            scene()[:, left:], SHIFT[:, left:], focus, 150.0, fill=fill, past_border=told
+            scene()[:, left:], SHIFT[:, left:], focus, 150.0, fill=fill, past_border=known_past
         )
         view = drawn(planned(canvas, focus, mesh, offsets, registration), texture)
         scores.append(psnr(view[:, :6, :3].astype(np.float64), true[:, :6]))

@@ -121,15 +121,15 @@ class Source:
                 return True
         return False
 
-    def _tell(self, asked: _Request) -> None:
-        window, where = c_ulong(asked.requestor), c_ulong(asked.property)
+    def _tell(self, request: _Request) -> None:
+        window, where = c_ulong(request.requestor), c_ulong(request.property)
         self._x.XChangeProperty(
-            self._display, window, where, c_ulong(asked.target), 8, 0, self._uris, len(self._uris)
+            self._display, window, where, c_ulong(request.target), 8, 0, self._uris, len(self._uris)
         )
         event = _Event()
         event.notify = _Notify(
-            SELECTION_NOTIFY, 0, 1, self._display, asked.requestor, asked.selection, asked.target,
-            asked.property, asked.time,
+            SELECTION_NOTIFY, 0, 1, self._display, request.requestor, request.selection, request.target,
+            request.property, request.time,
         )  # fmt: skip
         self._x.XSendEvent(self._display, window, 0, c_long(0), byref(event))
         self._x.XFlush(self._display)

@@ -273,11 +273,11 @@ class Program:
         before = self.ask("len(log)")
         self.screen.key(*(keys or ("F12",)))
         self.wait(f"[w for w, _ in log[{before}:] if w == 'idle']", seconds)
-        told: list[str] = self.ask(f"[w for w, _ in log[{before}:]]")
+        written: list[str] = self.ask(f"[w for w, _ in log[{before}:]]")
         # What the job reported is shown when its operator ends, which is at the next event.
         self.screen.nudge()
         self.settle()
-        return told
+        return written
 
     def tell_time(self, seconds: float, what: str) -> None:
         """Print, and keep beside the pictures, how long something took: the machine's other work is in it, so

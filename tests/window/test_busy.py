@@ -73,7 +73,7 @@ def program(small_screen: Screen, resources: Path, blend: Path) -> Iterator[Prog
 
 
 @contextmanager
-def told(program: Program, what: str) -> Iterator[None]:
+def timed(program: Program, what: str) -> Iterator[None]:
     """Tell how often the viewport was drawn meanwhile, and its longest wait for that."""
     began = program.ask("time.time()")
     yield
@@ -102,7 +102,7 @@ def esc(program: Program, ended: str, what: str) -> None:
 
 
 def test_at_rest(program: Program) -> None:
-    with told(program, "at rest"):
+    with timed(program, "at rest"):
         time.sleep(SECONDS)
 
 
@@ -111,7 +111,7 @@ def test_while_a_clip_is_solved(program: Program, blend: Path) -> None:
     program.ask(f"{SETTINGS}.footage = {str(blend.parent / 'desk.mp4')!r}")
     call(program, "solve")
     program.wait(f"{SOLVING} is not None")
-    with told(program, "solve"):
+    with timed(program, "solve"):
         time.sleep(SECONDS)
     program.shot("solving")
     assert program.ask(f"{SOLVING} is not None"), "over before ESC"
@@ -124,7 +124,7 @@ def test_while_depth_is_found(program: Program, blend: Path) -> None:
     program.show_sidebar("Virtual Aperture")
     call(program, "find_depth")
     program.wait(f"{DEPTH} is not None and {DEPTH}.child is not None")
-    with told(program, "depth"):
+    with timed(program, "depth"):
         time.sleep(SECONDS)
     program.shot("depth")
     program.ask("bpy.ops.virtual_aperture.pause_depth()")
@@ -133,14 +133,14 @@ def test_while_depth_is_found(program: Program, blend: Path) -> None:
 def test_while_the_preview_refines(program: Program) -> None:
     call(program, "preview")
     program.screen.move(*program.middle("VIEW_3D"))
-    with told(program, "preview, first picture and its depth"):
+    with timed(program, "preview, first picture and its depth"):
         time.sleep(SECONDS)
     program.wait(f"not {PREVIEW}.is_busy()", 120)
-    with told(program, "preview, focus pulled"):
+    with timed(program, "preview, focus pulled"):
         for step in range(20):
             program.ask(f"{SETTINGS}.focus_distance = {5.0 + 0.3 * step}")
             time.sleep(0.1)
-    with told(program, "preview, refined"):
+    with timed(program, "preview, refined"):
         time.sleep(SECONDS)
     program.shot("preview")
     call(program, "preview")
@@ -152,7 +152,7 @@ def test_while_a_frame_is_rendered(program: Program) -> None:
     program.settle()
     program.screen.key("F12")
     program.wait("bpy.app.is_job_running('RENDER')")
-    with told(program, "render"):
+    with timed(program, "render"):
         time.sleep(SECONDS)
     program.shot("rendering")
     assert program.ask("bpy.app.is_job_running('RENDER')"), "over before ESC"

@@ -135,7 +135,7 @@ def test_what_fails_while_drawing_is_said_and_written_nowhere(
     heard = program.ask("len(messages())")
     program.ask(FAILING)
     try:
-        told = program.render(key, seconds=180)
+        report = program.render(key, seconds=180)
     finally:
         program.ask("views.view_rows = kept; None")
     shot = f"{opened[1]}_{key.replace('+', '_')}_failed"
@@ -145,7 +145,7 @@ def test_what_fails_while_drawing_is_said_and_written_nowhere(
     program.shot(f"{shot}_viewport")
     assert said, "nothing is said"
     assert not any("Traceback" in line for line in said)
-    assert "write" not in told
+    assert "write" not in report
     assert not out.exists() or not list(out.iterdir()), "a file was written"
     # The next one is right again.
     program.ask("bpy.context.scene.virtual_aperture.views = 16")

@@ -72,9 +72,9 @@ def watch(program: Program) -> None:
 def shown(program: Program, what: str, seconds: float = 120.0) -> None:
     """Wait for the best picture; tell after how many seconds there was a first and the best one."""
     program.wait(f"bpy.seen and not {PREVIEW}.is_busy()", seconds)
-    told, began = program.ask("bpy.seen"), program.ask("bpy.wanted[-1][0]")
-    program.tell_time(told[0][0] - began, f"{what}, first picture")
-    program.tell_time(told[-1][0] - began, f"{what}, best picture")
+    pictures, began = program.ask("bpy.seen"), program.ask("bpy.wanted[-1][0]")
+    program.tell_time(pictures[0][0] - began, f"{what}, first picture")
+    program.tell_time(pictures[-1][0] - began, f"{what}, best picture")
     program.settle()
     assert program.ask(f"list({PREVIEW}._problems.values())") == []
 

@@ -266,9 +266,9 @@ def test_save(program: Program, project: Path) -> None:
 
 def test_f12_with_default_preferences(program: Program, project: Path, resources: Path) -> None:
     first_window(program)
-    told = program.render(seconds=180)
+    report = program.render(seconds=180)
     program.shot("f12")
-    assert "complete" in told
+    assert "complete" in report
     picture = rendered(program, "f12")
     frame = program.ask("bpy.context.scene.frame_current")
     headless(resources, "-b", str(project / "desk.blend"), "-o", f"{project}/alone/####", "-f", str(frame))

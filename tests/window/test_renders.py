@@ -60,7 +60,7 @@ def program(small_screen: Screen, resources: Path, blend: Path) -> Iterator[Prog
     made.close()
 
 
-def likeness(shot: np.ndarray, picture: np.ndarray) -> float:
+def similarity(shot: np.ndarray, picture: np.ndarray) -> float:
     """Correlation, at most 1, of a rendered picture (linear light) with the best place on the screen, 1:1."""
     display = np.clip(encode_srgb(picture[..., :3]) * 255, 0, 255).astype(np.uint8)
     return float(cv2.matchTemplate(shot, display, cv2.TM_CCOEFF_NORMED).max())
@@ -80,17 +80,17 @@ def test_ten_renders_are_the_headless_ones(
             program.settle()
         program.ask(f"bpy.context.scene.frame_set({frame})")
         program.ask(f"_state.update(redraws={REDRAWS})")
-        told = program.render()
+        report = program.render()
         file = program.pictures / f"{mode}_{n}.exr"
         file.unlink(missing_ok=True)
         if problem := program.ask(f"save_result({str(file)!r})"):
             wrong.append(f"render {n}, frame {frame}: {problem}")
         elif not np.array_equal(picture := read_exr(file), expected[frame]):
             away = float(np.abs(picture - expected[frame]).max())
-            wrong.append(f"render {n}, frame {frame}: differs by up to {away:g}, {told}")
+            wrong.append(f"render {n}, frame {frame}: differs by up to {away:g}, {report}")
         if n in (0, COUNT - 1):
             program.settle()
-            seen = likeness(program.shot(f"{mode}_{n}"), expected[frame])
+            seen = similarity(program.shot(f"{mode}_{n}"), expected[frame])
             if mode != "NONE" and seen < 0.98:
                 wrong.append(f"render {n}, frame {frame}: the screen shows nothing like it: {seen:.2f}")
     assert not wrong, "\n".join(wrong)

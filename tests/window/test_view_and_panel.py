@@ -101,7 +101,7 @@ def test_the_field_of_the_blur_in_a_pull(program: Program) -> None:
     assert program.ask(f"{SETTINGS}.aperture_radius") == pytest.approx(radius * 0.05 / now, rel=1e-4)
 
 
-def told(program: Program, name: str) -> tuple[str, int, np.ndarray]:
+def message(program: Program, name: str) -> tuple[str, int, np.ndarray]:
     """The message over the viewport, in how many lines it stands, and what the screen shows of its ground."""
     program.settle()
     said = program.ask(f"[s.said for s in {VIEWPORT}._in_regions.values() if s.said]")
@@ -130,7 +130,7 @@ def test_a_message_of_the_preview_has_a_dark_ground(program: Program) -> None:
             "space = view('VIEW_3D')['area'].spaces.active\n"
             f"space.overlay.show_overlays, space.region_3d.view_perspective = {overlays}, 'PERSP'\n"
         )
-        said, lines, ground = told(program, f"message_{overlays}")
+        said, lines, ground = message(program, f"message_{overlays}")
         assert said.startswith("Look through the solved camera") and lines == 1
         assert np.percentile(ground, 60) < 40 and ground.max() > 240
     # A long one is in lines, and dark over the clip, which Blender shows meanwhile.
@@ -138,7 +138,7 @@ def test_a_message_of_the_preview_has_a_dark_ground(program: Program) -> None:
         "space.overlay.show_overlays, space.region_3d.view_perspective = True, 'CAMERA'\n"
         f"{SETTINGS}.depth_maps = '//' + 12 * 'nowhere/' + 'maps'\n"
     )
-    said, lines, ground = told(program, "long_message")
+    said, lines, ground = message(program, "long_message")
     assert "maps" in said and lines > 1
     assert np.percentile(ground, 60) < 80 and ground.max() > 240
     program.ask(f"{SETTINGS}.depth_maps = ''")

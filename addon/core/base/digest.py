@@ -108,11 +108,11 @@ class Files:
 
     def key(self, kind: str) -> str:
         """32 hexadecimal digits of what the system tells: others once a file is changed."""
-        told = [kind]
+        parts = [kind]
         for path, state in zip(self._paths, self._states, strict=True):
             times = state.st_mtime_ns, state.st_ctime_ns
-            told.append(f"{path.absolute()}\n{state.st_size} {times} {state.st_ino}")
-        return hashlib.sha256("\n".join(told).encode(errors="surrogateescape")).hexdigest()[:32]
+            parts.append(f"{path.absolute()}\n{state.st_size} {times} {state.st_ino}")
+        return hashlib.sha256("\n".join(parts).encode(errors="surrogateescape")).hexdigest()[:32]
 
     def _is_settled(self, now: float) -> bool:
         """Whether a change from `now` (seconds) on gives each file another time than it has."""

@@ -51,12 +51,12 @@ def read_arrays(path: Path, names: tuple[str, ...], most: int) -> dict[str, NDAr
 
 def _array(data: bytes) -> NDArray[np.generic]:
     """An array of numbers of an .npy file's bytes; ValueError where it claims another size than it has."""
-    told = _HEADER.match(data)
-    if told is None:
+    header = _HEADER.match(data)
+    if header is None:
         raise ValueError("it does not begin as an array of numbers does")
-    dtype, is_fortran = np.dtype(told["dtype"].decode()), told["fortran"] == b"True"
-    shape = [int(side) for side in re.findall(rb"\d+", told["shape"])]
-    left = data[told.end() :]
+    dtype, is_fortran = np.dtype(header["dtype"].decode()), header["fortran"] == b"True"
+    shape = [int(side) for side in re.findall(rb"\d+", header["shape"])]
+    left = data[header.end() :]
     # In Python's own numbers, which do not overflow.
     if math.prod(shape) * dtype.itemsize != len(left):
         raise ValueError("it has another size than it says")

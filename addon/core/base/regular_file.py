@@ -62,10 +62,12 @@ def is_regular(path: Path) -> bool:
     return True
 
 
-def _checked(told: os.stat_result, path: Path) -> os.stat_result:
-    if stat.S_ISDIR(told.st_mode):
+def _checked(state: os.stat_result, path: Path) -> os.stat_result:
+    if stat.S_ISDIR(state.st_mode):
         raise OSError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
-    if not stat.S_ISREG(told.st_mode):
-        kind = next((name for is_kind, name in _KINDS if is_kind(told.st_mode)), "it is a device, not a file")
+    if not stat.S_ISREG(state.st_mode):
+        kind = next(
+            (name for is_kind, name in _KINDS if is_kind(state.st_mode)), "it is a device, not a file"
+        )
         raise OSError(errno.EINVAL, kind, str(path))
-    return told
+    return state

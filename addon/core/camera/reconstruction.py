@@ -92,22 +92,22 @@ class Reconstruction:
         seen = np.concatenate([i.points for i in self.images]) if self.images else np.zeros(0, int)
         return np.bincount(seen, minlength=len(self.points)).astype(np.int32)
 
-    def usual_depth(self, image: Image) -> float:
+    def median_depth(self, image: Image) -> float:
         """Median depth of the points that a frame sees and that lie ahead; 0 where none do.
 
         Remembered for registered frames: a pull asks for it in every frame and for every mark.
         """
-        known = self._usual_depths.get(image.frame)
+        known = self._median_depths.get(image.frame)
         if known is not None and known[0] is image:
             return known[1]
         depths = image.to_camera(self.points.xyz[image.points])[:, 2]
         depths = depths[np.isfinite(depths) & (depths > 0)]
-        usual = float(np.median(depths)) if len(depths) else 0.0
-        self._usual_depths[image.frame] = image, usual
-        return usual
+        median = float(np.median(depths)) if len(depths) else 0.0
+        self._median_depths[image.frame] = image, median
+        return median
 
     @cached_property
-    def _usual_depths(self) -> dict[int, tuple[Image, float]]:
+    def _median_depths(self) -> dict[int, tuple[Image, float]]:
         """By frame; the image that it is of, as one between registered frames is made anew each time."""
         return {}
 
@@ -289,5 +289,5 @@ def seen_by(image: Image, reconstruction: Reconstruction, points: Ints) -> tuple
     """
     local = image.to_camera(reconstruction.points.xyz[points])
     # The smallest normal number is the last whose inverse is one.
-    nearest = max(NEAREST * reconstruction.usual_depth(image), float(np.finfo(float).tiny))
+    nearest = max(NEAREST * reconstruction.median_depth(image), float(np.finfo(float).tiny))
     return local, np.all(np.isfinite(local), axis=1) & (local[:, 2] > nearest)

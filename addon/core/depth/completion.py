@@ -12,7 +12,7 @@ from ..base.arrays import Floats, Map, Mask
 
 @dataclass(frozen=True)
 class CompletionOptions:
-    """Edge-aware interpolation, the sparse prior, and the placing of movers. Set by eye, then judged
+    """Edge-aware interpolation, the sparse prior, and the placing of moving objects. Set by eye, then judged
     together on the scenes with true depth by `python -m benchmarks.accuracy.dense_depth`."""
 
     smoother_lambda: float = 400.0
@@ -20,7 +20,7 @@ class CompletionOptions:
     smoother_sigma: float = 6.0
     """Grey levels at which that smoother stops. By eye."""
     least_weight: float = 1e-6
-    """Weight, against 1 for a known pixel, of the usual depth where nothing known reaches. By eye."""
+    """Weight, against 1 for a known pixel, of the default depth where nothing known reaches. By eye."""
     prior_cost: float = 3.0
     """Grey levels by which levels far from a feature's own depth cost more. By eye."""
     prior_reach: float = 4.0
@@ -32,45 +32,45 @@ class CompletionOptions:
     filter_sigma_space: float = 3.0
     """Pixels: standard deviation of that bilateral filter in the picture. By eye."""
     foot_offset: int = 4
-    """Pixels below a mover at which what it stands on is seen. By eye."""
+    """Pixels below a moving object at which what it stands on is seen. By eye."""
     foot_share: float = 0.1
-    """Share of a mover's height, from its lowest pixel, that is its foot. By eye."""
+    """Share of a moving object's height, from its lowest pixel, that is its foot. By eye."""
     ground_percentile: float = 10.0
-    """Percentile of the inverse depths seen below a mover's foot that it stands on: what is nearer stands
-    before it. With 50 the bench's fence has 30.9 instead of 33.6 dB at 32 px, from the video alone."""
+    """Percentile of the inverse depths seen below a moving object's foot that it stands on: what is nearer
+    stands before it. With 50 the bench's fence has 30.9 instead of 33.6 dB at 32 px, from the video alone."""
     ring_inner: int = 5
-    """Pixels around a mover that may be the mover itself. By eye."""
+    """Pixels around a moving object that may be the object itself. By eye."""
     ring_outer: int = 12
-    """Pixels around a mover within which things are beside it. By eye."""
+    """Pixels around a moving object within which things are beside it. By eye."""
     ring_bins: int = 24
-    """Classes of inverse depth in the ring around a mover. By eye."""
+    """Classes of inverse depth in the ring around a moving object. By eye."""
     class_pixels: int = 20
     """Pixels that a class in the ring must have to count. By eye."""
     class_share: float = 0.05
     """Share of the ring that a class must have to count. By eye."""
     occluded_share: float = 0.3
-    """Share of a class's pixels that the mover hides in some neighbour, if it stands before them; of what
-    stands before the mover it is less, by errors of its depth. By eye."""
-    mover_confidence: float = 0.25
-    """Confidence, 0 to 1, in the depth of a mover, which is only that of where it stands. By eye."""
+    """Share of a class's pixels that the object hides in some neighbour, if it stands before them; of what
+    stands before the object it is less, by errors of its depth. By eye."""
+    moving_confidence: float = 0.25
+    """Confidence, 0 to 1, in the depth of a moving object, which is only that of where it stands. By eye."""
 
 
-def interpolate(guide: Map, value: Map, weight: Map, usual: float, options: CompletionOptions) -> Map:
+def interpolate(guide: Map, value: Map, weight: Map, default: float, options: CompletionOptions) -> Map:
     """(h, w) values interpolated from where their weight (h, w) is high, along the surfaces of a picture (h,
-    w) in grey levels; `usual` where no weight reaches.
+    w) in grey levels; `default` where no weight reaches.
 
     Min et al., "Fast global image smoothing based on weighted least squares", 2014, of weight * value over
     that of weight.
     """
     picture = np.clip(guide, 0, 255).astype(np.uint8)
-    scale = abs(usual) or 1.0
+    scale = abs(default) or 1.0
     above, below = (
         cv2.ximgproc.fastGlobalSmootherFilter(
             picture, np.ascontiguousarray(part, np.float32), options.smoother_lambda, options.smoother_sigma
         )
-        for part in (weight * (value / scale - usual / scale), weight)
+        for part in (weight * (value / scale - default / scale), weight)
     )
-    return np.asarray(usual + scale * above / (np.maximum(below, 0) + options.least_weight), np.float32)
+    return np.asarray(default + scale * above / (np.maximum(below, 0) + options.least_weight), np.float32)
 
 
 def splat(xy: Floats, value: Floats, shape: tuple[int, int]) -> tuple[Map, Map]:
@@ -107,57 +107,60 @@ def smooth(level: Map, options: CompletionOptions) -> Map:
     return np.asarray(cv2.medianBlur(filtered, 3), np.float32)
 
 
-def place_movers(
+def place_moving_objects(
     guide: Map, inverse: Map, confidence: Map, moving: Mask, occluding: Mask, options: CompletionOptions
 ) -> tuple[Map, Map, Mask]:
-    """Inverse depth and confidence (h, w) with each mover upright where it stands; and what moves (h, w).
+    """Inverse depth and confidence (h, w) with each moving object upright where it stands; and what moves (h,
+    w).
 
-    Each connected mover gets one depth, so that it is not torn: that of what is seen at its lowest pixels, or
-    nearer, before everything beside it that it hides from a neighbour, which `occluding` (h, w) tells. One
-    that neither touches nor hides anything has the depth of what is around it, interpolated along `guide`
-    (h, w), the picture in grey levels. Holes in a mover that seem nearer than itself are parts of it.
+    Each connected moving object gets one depth, so that it is not torn: that of what is seen at its lowest
+    pixels, or nearer, before everything beside it that it hides from a neighbour, which `occluding` (h, w)
+    tells. One that neither touches nor hides anything has the depth of what is around it, interpolated along
+    `guide` (h, w), the picture in grey levels. Holes in a moving object that seem nearer than itself are
+    parts of it.
     """
     inverse, confidence, moving = inverse.copy(), confidence.copy(), moving.copy()
     weight = np.where(moving, 0, confidence + np.float32(options.least_weight)).astype(np.float32)
     around = interpolate(guide, inverse, weight, float(np.median(inverse)), options)
-    sure = ~moving & (confidence > options.mover_confidence)
+    sure = ~moving & (confidence > options.moving_confidence)
     number, labels, stats, _ = cv2.connectedComponentsWithStats(moving.astype(np.uint8), connectivity=8)
     ring = options.ring_outer
     for label in range(1, number):
-        # Nothing farther than the ring beside a mover plays a part.
+        # Nothing farther than the ring beside a moving object plays a part.
         left, top, width, height, _ = stats[label]
         part = np.s_[max(top - ring, 0) : top + height + ring, max(left - ring, 0) : left + width + ring]
-        mover = labels[part] == label
+        moving_object = labels[part] == label
         bounds = (
-            _ground(mover, sure[part], inverse[part], options),
-            _occluded(mover, sure[part], occluding[part], inverse[part], options),
+            _ground(moving_object, sure[part], inverse[part], options),
+            _occluded(moving_object, sure[part], occluding[part], inverse[part], options),
         )
         known = [one for one in bounds if one is not None]
-        depth = max(known) if known else float(np.median(around[part][mover]))
-        mover |= _without_holes(mover) & ((inverse[part] >= depth) | ~sure[part])
-        inverse[part][mover], moving[part][mover] = depth, True
-    confidence[moving] = np.minimum(confidence[moving], options.mover_confidence)
+        depth = max(known) if known else float(np.median(around[part][moving_object]))
+        moving_object |= _without_holes(moving_object) & ((inverse[part] >= depth) | ~sure[part])
+        inverse[part][moving_object], moving[part][moving_object] = depth, True
+    confidence[moving] = np.minimum(confidence[moving], options.moving_confidence)
     return inverse, confidence, moving
 
 
-def _ground(mover: Mask, sure: Mask, inverse: Map, options: CompletionOptions) -> float | None:
-    """The inverse depth that is seen below the lowest pixels of a mover (h, w), None if too little is."""
-    rows = np.nonzero(mover.any(axis=1))[0]
+def _ground(moving_object: Mask, sure: Mask, inverse: Map, options: CompletionOptions) -> float | None:
+    """The inverse depth that is seen below the lowest pixels of a moving object (h, w), None if too little
+    is."""
+    rows = np.nonzero(moving_object.any(axis=1))[0]
     foot = rows[-1] - round(options.foot_share * len(rows))
-    below = np.zeros_like(mover)
-    below[options.foot_offset :] = mover[: -options.foot_offset]
+    below = np.zeros_like(moving_object)
+    below[options.foot_offset :] = moving_object[: -options.foot_offset]
     below[:foot] = False
-    found = inverse[below & ~mover & sure]
+    found = inverse[below & ~moving_object & sure]
     enough = len(found) >= options.foot_offset
     return float(np.percentile(found, options.ground_percentile)) if enough else None
 
 
 def _occluded(
-    mover: Mask, sure: Mask, occluding: Mask, inverse: Map, options: CompletionOptions
+    moving_object: Mask, sure: Mask, occluding: Mask, inverse: Map, options: CompletionOptions
 ) -> float | None:
-    """The inverse depth of the nearest of what is beside a mover (h, w) and hidden by it in a neighbour, or
-    None."""
-    away = cv2.distanceTransform((~_without_holes(mover)).astype(np.uint8), cv2.DIST_L2, 5)
+    """The inverse depth of the nearest of what is beside a moving object (h, w) and hidden by it in a
+    neighbour, or None."""
+    away = cv2.distanceTransform((~_without_holes(moving_object)).astype(np.uint8), cv2.DIST_L2, 5)
     beside = (away > options.ring_inner) & (away <= options.ring_outer) & sure
     if np.count_nonzero(beside) < options.class_pixels:
         return None
@@ -175,8 +178,8 @@ def _occluded(
     return float(np.median(values[(values >= low) & (values <= high)]))
 
 
-def _without_holes(mover: Mask) -> Mask:
-    """A mover (h, w) with its holes filled."""
-    outside = np.pad((~mover).astype(np.uint8), 1, constant_values=1)
+def _without_holes(moving_object: Mask) -> Mask:
+    """A moving object (h, w) with its holes filled."""
+    outside = np.pad((~moving_object).astype(np.uint8), 1, constant_values=1)
     cv2.floodFill(outside, None, (0, 0), 2)  # type: ignore[call-overload]
     return np.asarray(outside[1:-1, 1:-1] != 2)

@@ -40,9 +40,10 @@ class MotionOptions:
     occluding_window: int = 5
     """Pixels across the window over which that mismatch is taken. By eye."""
     least_side: int = 48
-    """Pixels of the shorter side below which optical flow is not asked: OpenCV's fails on small pictures."""
+    """Pixels of the shorter side below which optical flow is not computed: OpenCV's fails on small
+    pictures."""
     least_area: float = 0.001
-    """Share of the picture; a smaller mover is an accident. By eye."""
+    """Share of the picture; a smaller moving object is noise. By eye."""
 
 
 def moving_pixels(

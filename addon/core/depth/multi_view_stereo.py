@@ -19,7 +19,7 @@ from ..camera.canvas import Canvas
 from ..camera.reconstruction import Image, Intrinsics, Reconstruction, seen_by
 from ..media.clip import encode_srgb
 from ..media.picture_file import Pixels
-from .completion import CompletionOptions, add_sparse_prior, interpolate, place_movers, smooth, splat
+from .completion import CompletionOptions, add_sparse_prior, interpolate, place_moving_objects, smooth, splat
 from .depth_store import DepthStore
 from .motion_segmentation import MASKED, MotionOptions, moving_pixels, occluding_pixels
 from .plane_sweep import SweepOptions, View, best_levels, semiglobal, small_picture, sweep
@@ -87,7 +87,7 @@ class StereoOptions:
     sweep: SweepOptions = field(default_factory=SweepOptions)
     """Matching cost and semiglobal matching."""
     completion: CompletionOptions = field(default_factory=CompletionOptions)
-    """Sparse points, smooth surfaces and the depth of movers."""
+    """Sparse points, smooth surfaces and the depth of moving objects."""
     motion: MotionOptions = field(default_factory=MotionOptions)
     """What moves by itself."""
 
@@ -131,7 +131,7 @@ class PlaneSweepStereo:
         self._rec, self._read, self._options, self._mask = reconstruction, read, options, mask
         self._store = store
         self._pictures = LRUCache[Bytes](options.kept_pictures)
-        self._movers = LRUCache[Mask](options.kept_pictures)
+        self._moving_masks = LRUCache[Mask](options.kept_pictures)
 
     def at(self, frame: int) -> DenseDepth:
         """The depth of a frame.
@@ -153,11 +153,11 @@ class PlaneSweepStereo:
         count[masked] = 0
         near = self._neighbours(image, (low, high), options.depth_parallaxes)
         widest = max((one.parallax for one in near), default=0.0)
-        usual = float(np.median(features.inverse_depth)) if len(features.points) else middle
-        sparse = np.maximum(interpolate(guide, known, count, usual, completion), 0)
+        median = float(np.median(features.inverse_depth)) if len(features.points) else middle
+        sparse = np.maximum(interpolate(guide, known, count, median, completion), 0)
         if widest < options.least_parallax:
             nothing = np.zeros(shape, np.float32)
-            placed = place_movers(guide, sparse, nothing, masked, np.zeros(shape, bool), completion)
+            placed = place_moving_objects(guide, sparse, nothing, masked, np.zeros(shape, bool), completion)
             return DenseDepth(frame, *placed, canvas.pinhole)
         levels = np.linspace(low, high, int(np.clip(np.ceil(widest / options.level_step), *options.levels)))
         views = [self._view(image, own, one, middle) for one in near]
@@ -173,16 +173,16 @@ class PlaneSweepStereo:
                 inverse = share * inverse + (1 - share) * sparse
         checkpoint(0.8)
         found = DenseDepth(frame, inverse, confidence, masked, canvas.pinhole)
-        return self._with_movers(image, found, (low, high))
+        return self._with_moving_objects(image, found, (low, high))
 
-    def with_movers(self, frame: int, inverse: Map, confidence: Map) -> DenseDepth:
+    def with_moving_objects(self, frame: int, inverse: Map, confidence: Map) -> DenseDepth:
         """Depth (h, w) of a frame that was found from others, with its confidence (h, w), and what moves by
         itself in it; errors as `at`."""
         image, _ = self._rec.image_at(frame)
         found = DenseDepth(frame, inverse, confidence, self._masked(image), self.pinhole(frame))
-        return self._with_movers(image, found, self._range(image))
+        return self._with_moving_objects(image, found, self._range(image))
 
-    def _with_movers(self, image: Image, depth: DenseDepth, span: tuple[float, float]) -> DenseDepth:
+    def _with_moving_objects(self, image: Image, depth: DenseDepth, span: tuple[float, float]) -> DenseDepth:
         """Depth with what moves besides what is masked, placed where it stands; `span` is the least and the
         largest inverse depth, in 1 / scene units."""
         options, own = self._options, self._picture(image)
@@ -198,7 +198,7 @@ class PlaneSweepStereo:
         near = self._neighbours(image, span, options.depth_parallaxes)
         views = [self._view(image, own, one, middle) for one in near]
         occluding = occluding_pixels(own, views, inverse, middle, options.motion)
-        placed = place_movers(guide, inverse, depth.confidence, moving, occluding, options.completion)
+        placed = place_moving_objects(guide, inverse, depth.confidence, moving, occluding, options.completion)
         return DenseDepth(depth.frame, *placed, depth.pinhole)
 
     def pinhole(self, frame: int) -> Intrinsics:
@@ -223,9 +223,9 @@ class PlaneSweepStereo:
     def moving(self, frame: int) -> Mask:
         """(h, w) what moves by itself, over the source frame at the size worked at; remembered."""
         if self._store is None:
-            return self._movers.get(frame, lambda: self._moving(frame))
+            return self._moving_masks.get(frame, lambda: self._moving(frame))
         store = self._store
-        return self._movers.get(frame, lambda: store.moving(frame, lambda: self._moving(frame)))
+        return self._moving_masks.get(frame, lambda: store.moving(frame, lambda: self._moving(frame)))
 
     def _moving(self, frame: int) -> Mask:
         """(h, w) what moves by itself, with the lens's distortion as the source frame has it."""

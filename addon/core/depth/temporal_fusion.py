@@ -72,7 +72,7 @@ class FusionOptions:
     """Lambda of the smoother along the surfaces found, which a level stops. By eye."""
     jump: float = 4.0
     """Levels within `ramp` pixels that make a jump of a ramp. By eye."""
-    largest_pit: int = 6
+    largest_speckle: int = 6
     """Pixels of a hole in a surface that are too few for their texture to prove it. By eye."""
     ramp: int = 2
     """Pixels within which such a jump is one. By eye."""
@@ -90,7 +90,7 @@ class FusionOptions:
     border: int = 4
     """Pixels at the border that know too little around them. By eye."""
     beyond: float = 0.1
-    """Of the long side, by which depth is asked past the border: a disc of a fifth of it reaches so far."""
+    """Of the long side, to which depth is found past the border: a disc of a fifth of it reaches so far."""
 
 
 class TemporalFusion:
@@ -167,13 +167,13 @@ class TemporalFusion:
         checkpoint(1.0)
         inverse = sharpened(_smoothed(inverse, level, options), level, disputed, options)
         if own is None:
-            found = self._stereo.with_movers(frame, inverse, confidence)
+            found = self._stereo.with_moving_objects(frame, inverse, confidence)
         else:
             inverse = np.where(own.moving, own.inverse_depth, inverse)
             confidence = np.where(own.moving, own.confidence, confidence)
             found = replace(own, inverse_depth=inverse, confidence=confidence)
         # What was filled may have changed the range.
-        inverse = without_pits(found.inverse_depth, level_of(found.inverse_depth, options), options)
+        inverse = without_speckles(found.inverse_depth, level_of(found.inverse_depth, options), options)
         past = past_border(stack, inverse, level, options)
         return replace(found, inverse_depth=inverse, past_border=past)
 
@@ -185,7 +185,7 @@ class TemporalFusion:
         return in_place(depth, image, pinhole, here, margin, self._options.border)
 
     def _margin(self, frame: int) -> int:
-        """Pixels past a frame's border of which depth is asked."""
+        """Pixels past a frame's border to which depth is found."""
         pinhole = self._stereo.pinhole(frame)
         return max(int(self._options.beyond * max(pinhole.width, pinhole.height)), 1)
 
@@ -348,8 +348,8 @@ def _extrapolated(
 
     Min et al., "Fast global image smoothing based on weighted least squares", 2014.
     """
-    usual = float(np.median(inverse)) or 1.0
-    nearness = np.maximum(inverse / usual, options.least_nearness)
+    median = float(np.median(inverse)) or 1.0
+    nearness = np.maximum(inverse / median, options.least_nearness)
     weight = np.clip((confidence - options.unsure) / (1 - options.unsure), 0, 1) ** 2
     weight *= np.minimum(1 / nearness, options.behind_ratio) ** behind
     above, below = (
@@ -358,7 +358,7 @@ def _extrapolated(
         )
         for part in (weight * (nearness - 1), weight)
     )
-    return np.asarray(usual * (1 + above / (np.maximum(below, 0) + 1e-7)), np.float32)
+    return np.asarray(median * (1 + above / (np.maximum(below, 0) + 1e-7)), np.float32)
 
 
 def _smoothed(inverse: Map, level: float, options: FusionOptions) -> Map:
@@ -398,10 +398,10 @@ def sharpened(
     return np.where(ramp | loose, nearer, inverse).astype(np.float32)
 
 
-def without_pits(inverse: Map, level: float, options: FusionOptions = FusionOptions()) -> Map:
+def without_speckles(inverse: Map, level: float, options: FusionOptions = FusionOptions()) -> Map:
     """Inverse depth (h, w) without holes of a few pixels in a surface: they take the depth of their rims."""
     rim = cv2.morphologyEx(inverse, cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
     deep = rim - inverse > options.jump * level
     _, label, found, _ = cv2.connectedComponentsWithStats(deep.astype(np.uint8), connectivity=8)
-    is_pit = deep & (found[:, cv2.CC_STAT_AREA] <= options.largest_pit)[label]
-    return np.where(is_pit, rim, inverse).astype(np.float32)
+    is_speckle = deep & (found[:, cv2.CC_STAT_AREA] <= options.largest_speckle)[label]
+    return np.where(is_speckle, rim, inverse).astype(np.float32)

@@ -49,7 +49,8 @@ SCORED = 600
 REACH = 4.0
 """Times the residual's scale: what is farther off is wrong. By eye."""
 TIGHTEST = 0.005
-"""Of the usual inverse depth: how far scale and shift of a frame may always stray from the clip's. By eye."""
+"""Of the clip's median inverse depth: how far scale and shift of a frame may always stray from the clip's. By
+eye."""
 
 
 @dataclass(frozen=True)
@@ -117,7 +118,7 @@ class ClipFit:
     span: float
     """Stored values from the 5th to the 95th percentile."""
     unit: float
-    """The clip's usual inverse depth: lines are fitted to inverse depth / unit, or to its inverse."""
+    """The clip's median inverse depth: lines are fitted to inverse depth / unit, or to its inverse."""
     nearest: float
     """The largest inverse depth of a feature."""
     line: Floats
@@ -140,7 +141,7 @@ class Fitted:
     shift: float
     """z or 1 / z, in the reconstruction's unit, of the stored value 0."""
     residual: float
-    """Median distance of the features from the map, as a share of the clip's usual inverse depth."""
+    """Median distance of the features from the map, as a share of the clip's median inverse depth."""
     explained: float
     """Share of the features' deviation from the best single depth that the map explains, up to 1."""
     inverse_depth: Floats
@@ -296,12 +297,12 @@ def _fit_clip(kind: str, seen: list[tuple[int, Floats, Floats]]) -> tuple[ClipFi
 
 
 def _with_clip_prior(u: Floats, y: Floats, clip: ClipFit) -> Floats:
-    """(2,) slope and offset from a frame's points and the clip's usual ones, each by its certainty."""
+    """(2,) slope and offset from a frame's points and the clip's prior, each by its certainty."""
     if len(u) < MIN_POINTS:
         return clip.line
     own, information = _line(clip.kind, u, y)
-    usual = np.diag(1 / np.maximum(clip.spread, TIGHTEST) ** 2)
-    return np.asarray(np.linalg.solve(information + usual, information @ own + usual @ clip.line))
+    prior = np.diag(1 / np.maximum(clip.spread, TIGHTEST) ** 2)
+    return np.asarray(np.linalg.solve(information + prior, information @ own + prior @ clip.line))
 
 
 def _line(kind: str, u: Floats, y: Floats) -> tuple[Floats, Floats]:
@@ -347,8 +348,8 @@ def _inverse(kind: str, line: Floats, u: Floats) -> Floats:
 
 def _cap(y: Floats) -> float:
     """What a point at most counts for. A median would not: half of all points may lie on one wall."""
-    usual = float(np.median(y))
-    return max(CAP * float(np.median(np.abs(y - usual))), LEAST_CAP * usual)
+    median = float(np.median(y))
+    return max(CAP * float(np.median(np.abs(y - median))), LEAST_CAP * median)
 
 
 def _missed(kind: str, line: Floats, u: Floats, y: Floats) -> tuple[float, float, float]:

@@ -27,7 +27,7 @@ class FollowOptions:
     long_side: int = 640
     """Pixels of the longer side of the pictures in which it is followed."""
     radius: float = 0.02
-    """Of that, around the place: the mover's pixels within are followed as well, and vote."""
+    """Of that, around the place: the moving object's pixels within are followed as well, and vote."""
     step: int = 4
     """Pixels between those."""
     agree: float = 1.0
@@ -37,11 +37,11 @@ class FollowOptions:
     jerk: float = 2.0
     """Pixels,"""
     jerk_share: float = 0.4
-    """or share of the last step, by which a step may differ from it and still be the mover's own."""
+    """or share of the last step, by which a step may differ from it and still be the object's own."""
     longest_hidden: int = 12
     """Frames that it may be hidden, going on as it went, before it is lost."""
     alike: float = 0.15
-    """Relative difference of inverse depths of the same mover, `every` frames apart."""
+    """Relative difference of inverse depths of the same moving object, `every` frames apart."""
     every: int = 3
     """Frames between two whose depth is asked for: those between are interpolated."""
     smooth: int = 3
@@ -50,7 +50,7 @@ class FollowOptions:
 
 @dataclass(frozen=True)
 class _Clip:
-    """What is asked of a clip."""
+    """What following needs of a clip."""
 
     reconstruction: Reconstruction
     depth: DepthSource
@@ -69,8 +69,8 @@ def follow(
     """Distances by registered frame of what is at a place (2,) in pixels of a source frame, where it has this
     inverse depth there and moves by itself; of none but that frame where it cannot be followed.
 
-    From frame to frame flow moves pixels of the mover around the place; where they are, the depth of what
-    moves is asked for. Before and after it is lost nothing is told. Passes checkpoints; UserError as
+    From frame to frame flow moves pixels of the object around the place; where they are, the depth of what
+    moves is read. There are no depths before and after it is lost. Passes checkpoints; UserError as
     `DepthSource.at`. `read` gives a frame's picture (H, W, 3 or 4).
     """
     clip = _Clip(reconstruction, depth, read)
@@ -111,11 +111,11 @@ def _one_way(
         if not ((points[0] >= 0) & (points[0] < now.shape[::-1])).all():
             break
         if not hidden and (number % options.every == 0 or frame == way[-1]):
-            depth = _depth_of_mover(clip, frame, points, options)
+            depth = _depth_of_object(clip, frame, points, options)
             if depth is not None:
                 seen_at.append((number, frame, depth))
         before = now
-    return _of_one_mover(seen_at, start_depth, options)
+    return _of_one_object(seen_at, start_depth, options)
 
 
 def _step(there: Floats, back: Floats, points: Floats, options: FollowOptions) -> Floats | None:
@@ -139,7 +139,7 @@ def _at(flow: Floats, points: Floats) -> Floats:
 def _pixels_around(
     clip: _Clip, frame: int, place: Floats, inverse_depth: float, options: FollowOptions
 ) -> Floats:
-    """(n, 2) small pixels of the mover around a place (2,) in source pixels, that one first."""
+    """(n, 2) small pixels of the moving object around a place (2,) in source pixels, that one first."""
     image, _ = clip.reconstruction.image_at(frame)
     camera = clip.reconstruction.intrinsics(image)
     zoom = _zoom(camera.width, camera.height, options)
@@ -153,32 +153,32 @@ def _pixels_around(
     return np.asarray(around[same])
 
 
-def _depth_of_mover(clip: _Clip, frame: int, points: Floats, options: FollowOptions) -> float | None:
+def _depth_of_object(clip: _Clip, frame: int, points: Floats, options: FollowOptions) -> float | None:
     """Median inverse depth of what moves at small pixels (n, 2) of a frame; None where too little does."""
     inverse, moving = _seen(clip, frame, points, options)
     enough = moving.sum() >= max(options.least * len(points), 1)
     return float(np.median(inverse[moving])) if enough else None
 
 
-def _of_one_mover(
+def _of_one_object(
     seen_at: Sequence[tuple[int, int, float]], start_depth: float, options: FollowOptions
 ) -> dict[int, float]:
-    """By frame the inverse depths, each with how many frames it is away, that are the same mover's.
+    """By frame the inverse depths, each with how many frames it is away, that are the same object's.
 
-    They are like the last one. After a while without any the mover may have come nearer: one that two next
+    They are like the last one. After a while without any the object may have come nearer: one that two next
     to each other agree about counts, too.
     """
-    found, last, told = dict[int, float](), start_depth, 0
+    found, last, accepted = dict[int, float](), start_depth, 0
     unsure: tuple[int, float] | None = None
     for number, frame, depth in seen_at:
         if abs(depth - last) < options.alike * last:
             found[frame] = last = depth
-            told, unsure = number, None
-        elif number - told > options.every:
-            alike = options.alike * (number - told) / options.every
+            accepted, unsure = number, None
+        elif number - accepted > options.every:
+            alike = options.alike * (number - accepted) / options.every
             if unsure is not None and abs(depth - unsure[1]) < options.alike * unsure[1]:
                 found[unsure[0]], found[frame] = unsure[1], depth
-                last, told, unsure = depth, number, None
+                last, accepted, unsure = depth, number, None
             elif abs(depth - last) < alike * last:
                 unsure = frame, depth
     return found

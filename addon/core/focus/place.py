@@ -48,13 +48,13 @@ class Place:
 
 @dataclass(frozen=True)
 class Glance:
-    """What can be told of a place at once, while the mouse moves."""
+    """What is known of a place at once, while the mouse moves."""
 
     distance: float | None
     """Depth along the optical axis, in the reconstruction's unit; None where it would have to be found."""
     places: Floats
-    """(n, 2) fractions of the picture at which the features are seen that it was told from; none where depth
-    of the pixel told it."""
+    """(n, 2) fractions of the picture at which the features are seen that the depth comes from; none
+    where it is the depth of the pixel."""
 
 
 class PlaceFinder:
@@ -99,8 +99,8 @@ class PlaceFinder:
         points, away = self._points(x, y)
         known = self._known_depth(x, y) if self._use_known else None
         if points is not None and not self._is_other(points, known):
-            told = ", ".join(map(str, points.points))
-            source = f"points {told}, within {away:.0f} px of the place"
+            numbers = ", ".join(map(str, points.points))
+            source = f"points {numbers}, within {away:.0f} px of the place"
             return Place(points, frame, 1 / self._inverse_depth(points), source, xy=(x, y))
         if points is not None:
             beside = "the points around lie on something else"
@@ -129,12 +129,12 @@ class PlaceFinder:
             at = np.array([x * canvas.camera.width, y * canvas.camera.height])
             followed = follow(self._rec, self._depth, self._read, frame, at, inverse)
             first, last = min(followed), max(followed)
-            told = (
+            followed_text = (
                 f"and is followed from frame {first} to {last}" if last > first else "and cannot be followed"
             )
             # With the others: one depth alone may be off.
             distance = followed[frame]
-            where = f"{source}; it moves by itself {told}"
+            where = f"{source}; it moves by itself {followed_text}"
             return Place(Focus(distance=distance), frame, distance, where, followed=followed, xy=(x, y))
         pinhole = canvas.pinhole
         ray = np.append((click - pinhole.principal_point) / pinhole.focal, 1.0)

@@ -80,12 +80,12 @@ def inverse_depths(place: Place, reconstruction: Reconstruction, frames: Sequenc
     """
     if not len(frames):
         return np.zeros(0)
-    asked = [*frames, place.frame]
-    found = np.array([_inverse_depth(place, reconstruction, frame) for frame in asked])
+    sampled = [*frames, place.frame]
+    found = np.array([_inverse_depth(place, reconstruction, frame) for frame in sampled])
     known = np.flatnonzero(found > 0)
     if not len(known):
         return np.full(len(frames), 1 / place.distance)
-    at = np.array(asked)
+    at = np.array(sampled)
     nearest = known[np.abs(at[known] - at[:-1, None]).argmin(axis=1)]
     return np.asarray(found[nearest])
 

@@ -65,7 +65,7 @@ class ClipContext:
         return TemporalFusion(self.reconstruction, single_frame, store, quality.fusion)
 
     @cached_property
-    def _movers(self) -> PlaneSweepStereo:
+    def _motion(self) -> PlaneSweepStereo:
         """What moves by itself, found coarsely, and the same in every quality."""
         store = self.store(NORMAL) if self.store else None
         return PlaneSweepStereo(self.reconstruction, self.read, COARSE, self.masks, store)
@@ -150,7 +150,7 @@ class ClipContext:
         if highlights not in self._disocclusion:
             self._disocclusion.clear()
             self._disocclusion[highlights] = DisocclusionFill(
-                self.reconstruction, lambda other: self.picture(other, highlights), self._movers.moving
+                self.reconstruction, lambda other: self.picture(other, highlights), self._motion.moving
             )
         fill = self._disocclusion[highlights]
         found = fill.reprojected(frame, canvas, picture, depth.inverse_depth, depth.moving, depth.past_border)

@@ -32,7 +32,7 @@ def sharp_frame(warped: WarpedFrame) -> WarpedFrame | None:
         share = np.clip((BLURRED - disc) / (BLURRED - SHARP), 0, 1).astype(np.float32)
         part[..., 0] = alpha * np.repeat(np.repeat(share, finer, axis=0), finer, axis=1)
         part[..., 3] = alpha
-    return replace(warped, texture=painted.reshape(warped.texture.shape), lamps=None)
+    return replace(warped, texture=painted.reshape(warped.texture.shape), highlight_discs=None)
 
 
 def enlarged(picture: LinearRGBA, small: LinearRGBA, source: LinearRGBA, share: Map | None) -> LinearRGBA:

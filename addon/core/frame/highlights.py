@@ -1,8 +1,10 @@
-"""What was clipped in the frames of a clip, made as bright as it was: one lamp is as bright in every frame.
+"""What was clipped in the frames of a clip, made as bright as it was: one light source is as bright in every
+frame.
 
-What one frame's rim tells of a lamp depends on how the lamp lies on the pixels. So a lamp is looked for in
-other frames, along its epipolar line, and what they tell is averaged, a frame's weight falling linearly with
-its distance in time: then nothing flickers. The same frames are asked as for hidden colours, and remembered.
+What one frame's rim tells of a light source depends on how the light source lies on the pixels. So a light
+source is looked for in other frames, along its epipolar line, and what they tell is averaged, a frame's
+weight falling linearly with its distance in time: then nothing flickers. The same frames are used as for
+hidden colours, and remembered.
 """
 
 from __future__ import annotations
@@ -22,21 +24,23 @@ from ..media.picture_file import Pixels
 from ..warp.highlights import Highlight, colour_of, highlights
 
 STEP, LEAST_FRAMES = 8, 8
-"""Every so many-th registered frame is asked, of a short clip more, as for hidden colours (`FillOptions`)."""
+"""Every so many-th registered frame is a source, of a short clip more, as for hidden colours
+(`FillOptions`)."""
 SPAN = 16
-"""Registered frames before and after, up to which frames are asked. By eye."""
+"""Registered frames before and after, up to which frames are sources. By eye."""
 KEPT = 64 << 20
-"""Bytes of highlights of frames that are remembered: at 1920x1080 about as many frames as are asked."""
+"""Bytes of frames' highlights that are kept: at 1920x1080 those of about as many frames as are sources."""
 OBJECT = 200
 """Bytes of an array beside its values, about."""
 NEAREST = 1.2
-"""Of the largest inverse depth of a frame's features, what a lamp may have. By eye."""
+"""Of the largest inverse depth of a frame's features, what a light source may have. By eye."""
 MOST_PARALLAX = 0.05
-"""Of the long side, that a lamp may move by, besides by the camera's turn, where no feature tells depth."""
+"""Of the long side, that a light source may move by, besides by the camera's turn, where no feature tells
+depth."""
 BESIDE = 0.004
-"""Of the long side, that a lamp may be beside its epipolar line: 2.6 of 640 pixels. By eye."""
+"""Of the long side, that a light source may be beside its epipolar line: 2.6 of 640 pixels. By eye."""
 ALIKE = 1.1
-"""Logarithm of the ratio of two blobs' areas that may be one lamp: a factor of three. By eye."""
+"""Logarithm of the ratio of two blobs' areas that may be one light source: a factor of three. By eye."""
 UNLIKE = 4.0
 """Pixels beside the line that count as much as a ratio of areas of e. By eye."""
 
@@ -50,23 +54,23 @@ class HighlightSettings:
 
     gain: float = option(
         1.0, "Highlights",
-        "How much of the light that clipping took from lamps and glints is given back, so that they become"
-        " bright discs: 1 is all that is estimated, 0 leaves the clip as it is. Pictures of floats keep what"
-        " they have",
+        "How much of the light that clipping took from point lights and reflections is given back, so that"
+        " they become bright discs: 1 is all that is estimated, 0 leaves the clip as it is. Float pictures"
+        " keep what they have",
         name="highlights", least=0.0, most=MOST_GAIN, soft_most=4.0, words={"off": 0.0}, precision=2,
     )  # fmt: skip
     """Of the light that clipping took, how much is given back; 0 leaves pictures as they are."""
     threshold: float = option(
         0.97, "Clipping Threshold",
         "Linear light, 1 being white, from which on a pixel of the clip counts as clipped. Lower it for a"
-        " clip whose lamps were recorded as grey",
+        " clip whose highlights were recorded as grey",
         name="highlight_threshold", least=0.1, most=1.0,
     )  # fmt: skip
     """Linear light, 1 being white, from which on a pixel of a picture of integers counts as clipped."""
 
 
 RESTORED = HighlightSettings()
-"""What is done where nothing else is asked."""
+"""What is done by default."""
 
 
 class ClipHighlights:
@@ -88,9 +92,9 @@ class ClipHighlights:
         own = self._highlights(frame, picture)
         if not own:
             return picture
-        told = self._told(frame, own)
+        estimates = self._estimates(frame, own)
         result = picture.copy()
-        for one, (evidence, rim) in zip(own, told, strict=True):
+        for one, (evidence, rim) in zip(own, estimates, strict=True):
             (row, column), (height, width) = one.corner, one.clipped.shape
             patch = result[row : row + height, column : column + width, :3]
             lost = np.maximum(one.light(evidence, colour_of(rim)) - patch, 0)
@@ -100,11 +104,11 @@ class ClipHighlights:
         return result
 
     def knows(self, frame: int) -> bool:
-        """Whether the highlights of a frame, and of those that it asks, are remembered."""
+        """Whether the highlights of a frame, and of its source frames, are remembered."""
         here, _ = self._rec.image_at(frame)
-        return frame in self._found and all(other.frame in self._found for other, _ in self._asked(here))
+        return frame in self._found and all(other.frame in self._found for other, _ in self._neighbours(here))
 
-    def _asked(self, here: Image) -> list[tuple[Image, float]]:
+    def _neighbours(self, here: Image) -> list[tuple[Image, float]]:
         """The frames around one that tell of its highlights, and how much each counts, more than zero."""
         step = stride(self._rec, STEP, LEAST_FRAMES)
         around = [
@@ -120,11 +124,11 @@ class ClipHighlights:
 
         return self._found.get(frame, make)
 
-    def _told(self, frame: int, own: list[Highlight]) -> list[tuple[Floats, Floats]]:
-        """Evidence (r,) and light of the rim (3,) of a frame's highlights, of all frames that are asked."""
+    def _estimates(self, frame: int, own: list[Highlight]) -> list[tuple[Floats, Floats]]:
+        """Evidence (r,) and light of the rim (3,) of a frame's highlights, from all source frames."""
         here, _ = self._rec.image_at(frame)
         sums = [(np.zeros_like(one.evidence), np.zeros(3), 0.0) for one in own]
-        for other, weight in self._asked(here):
+        for other, weight in self._neighbours(here):
             for mine, match in self._matches(here, own, other, self._highlights(other.frame)):
                 evidence, rim, total = sums[mine]
                 sums[mine] = (

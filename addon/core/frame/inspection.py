@@ -1,4 +1,4 @@
-"""Pictures of what a frame is drawn from: depth, confidence, mesh, layers, sources, blur, focus, lamps.
+"""Pictures of what a frame is drawn from: depth, confidence, mesh, layers, sources, blur, focus, highlights.
 
 All are (H, W, 3) uint8 sRGB in the geometry of the source frame, but for what lies behind, which is two such
 pictures side by side.
@@ -129,7 +129,7 @@ def source_frame(warped: WarpedFrame) -> WarpedFrame:
             offsets, registration = plan.offsets[:SOURCE_VIEWS], plan.registration[:SOURCE_VIEWS]
         plan = replace(plan, offsets=offsets, registration=registration, weights=None, vignetting=0.0)
     if warped.layers:
-        return replace(warped, plan=plan, texture=_layers_sources(warped), lamps=None)
+        return replace(warped, plan=plan, texture=_layers_sources(warped), highlight_discs=None)
     mesh, texture = _plain_sources(warped)
     return replace(warped, plan=replace(plan, mesh=mesh), texture=texture)
 

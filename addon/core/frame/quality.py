@@ -51,7 +51,7 @@ FINAL = Quality(
     "final", 2, "Twice the views, and depth is searched anew in every frame",
     views=2.0, fusion=FusionOptions(most_unseen=-1.0),
 )  # fmt: skip
-"""From the video alone at 32 pixels fence, with a mover that neighbours see badly, has 33.64 instead of 33.00
-dB, 31.82 instead of 31.11 at edges (a scratch script); bars and walk have as much as before. Twice normal's
-time to find depth."""
+"""From the video alone at 32 pixels fence, with a moving object that neighbours see badly, has 33.64 instead
+of 33.00 dB, 31.82 instead of 31.11 at edges (a scratch script); bars and walk have as much as before. Twice
+normal's time to find depth."""
 QUALITIES = {quality.name: quality for quality in (DRAFT, NORMAL, FINAL)}

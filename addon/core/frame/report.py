@@ -145,9 +145,9 @@ def mesh_error(warped: WarpedFrame) -> tuple[Floats, Floats]:
         if number < len(layers):
             shift = layers[number].front_disparity
             covered &= ~layers[number].is_far
-        asked = seen & covered
-        wanted = plan.lens.snap_displacement(shift[asked])
-        off.append(np.abs(drawn[asked] - wanted))
+        measured = seen & covered
+        wanted = plan.lens.snap_displacement(shift[measured])
+        off.append(np.abs(drawn[measured] - wanted))
         allowed.append(LayeredMeshOptions.error + LayeredMeshOptions.relative_error * np.abs(wanted))
         if number < len(layers):
             # A silhouette's pixels show both.

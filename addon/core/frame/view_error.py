@@ -1,4 +1,4 @@
-"""How many views a wished error takes, told by a few of them.
+"""How many views a target error takes, estimated from a few of them.
 
 The error of a frame is its PSNR in dB against the same frame through infinitely many views, of sRGB values
 from 0 to 1. Two sets of views differ by about what each of them misses, and how fast that falls with their

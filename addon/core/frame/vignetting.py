@@ -14,7 +14,7 @@ from ..base.arrays import Floats, Map
 from .plan import FramePlan
 
 STEP = 16
-"""Pixels between two places at which the light that is left is told: linear in between, it is right to a
+"""Pixels between two places at which the light that is left is computed: linear in between, it is right to a
 thousandth (test)."""
 LEAST_LEFT = 0.05
 """Share of the light that must be left at a pixel for its colour to be made whole."""

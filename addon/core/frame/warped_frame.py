@@ -18,7 +18,7 @@ from ..optics.aperture_sampling import LEAST_PREFILTERED, MAX_VIEWS, MIN_VIEWS, 
 from ..warp.footprint import prefilter
 from ..warp.layered_depth_image import LayeredDepthImage
 from .clip_context import ClipContext
-from .lamp_discs import Lamps, without_lamps
+from .highlight_discs import HighlightDiscs, without_small_highlights
 from .meshers import MESHERS
 from .meshers.layers import can_be_layered
 from .meshers.mesher import FrameGeometry, Mesher, Surface, Views
@@ -55,7 +55,7 @@ class WarpedFrame:
     """Wall time that finding the depth took."""
     mesh_seconds: float = 0.0
     """Wall time that the mesh and its texture took."""
-    lamps: Lamps | None = None
+    highlight_discs: HighlightDiscs | None = None
     """That are not in the texture; their light is to be added to the mean of the views."""
 
 
@@ -78,7 +78,7 @@ class MeshedFrame:
     why: str = ""
     depth_seconds: float = 0.0
     mesh_seconds: float = 0.0
-    lamps: Lamps | None = None
+    highlight_discs: HighlightDiscs | None = None
 
     @property
     def views(self) -> int:
@@ -108,7 +108,7 @@ class MeshedFrame:
         return WarpedFrame(
             plan, texture, self.mesher.name, self.why, self.surface.is_whole, geometry.depth,
             self.surface.layers, self.depth_seconds, self.mesh_seconds + time.perf_counter() - began,
-            self.lamps,
+            self.highlight_discs,
         )  # fmt: skip
 
 
@@ -148,16 +148,18 @@ def mesh_frame(
     if geometry.depth is not None and mesher.needs_pixel_depth:
         lens = geometry.lens
         blur = lens.largest_disc(lens.untilted_raster(geometry.depth.inverse_depth))
-    geometry, lamps = _without_lamps(geometry, mesher)
+    geometry, highlights = _without_small_highlights(geometry, mesher)
     with stage("Mesh", DEEP if mesher.needs_pixel_depth else 0.0, 1.0):
         surface = mesher.make(geometry)
     spent = time.perf_counter() - began - depth_seconds
-    return MeshedFrame(geometry, mesher, surface, blur, why, depth_seconds, spent, lamps)
+    return MeshedFrame(geometry, mesher, surface, blur, why, depth_seconds, spent, highlights)
 
 
-def _without_lamps(geometry: FrameGeometry, mesher: Mesher) -> tuple[FrameGeometry, Lamps | None]:
-    """A frame whose picture has no lamps that are drawn as discs, and these; as it is where highlights are
-    off, or a mesher has no layers that tell what is before them."""
+def _without_small_highlights(
+    geometry: FrameGeometry, mesher: Mesher
+) -> tuple[FrameGeometry, HighlightDiscs | None]:
+    """A frame whose picture has no highlights that are drawn as discs, and these; as it is where highlights
+    are off, or a mesher has no layers that tell what is before them."""
     settings, depth, lens = geometry.settings, geometry.depth, geometry.lens
     if (
         not settings.highlights.gain
@@ -167,10 +169,10 @@ def _without_lamps(geometry: FrameGeometry, mesher: Mesher) -> tuple[FrameGeomet
     ):
         return geometry, None
     displacement = lens.displacement(lens.untilted_raster(depth.inverse_depth))
-    picture, lamps = without_lamps(
+    picture, highlights = without_small_highlights(
         geometry.picture, lens.snap_displacement(displacement.astype(np.float32)), settings.aperture
     )
-    return replace(geometry, picture=picture), lamps
+    return replace(geometry, picture=picture), highlights
 
 
 def drawn_size(settings: FrameOptions, size: tuple[int, int]) -> tuple[int, int]:

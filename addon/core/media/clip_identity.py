@@ -64,8 +64,8 @@ def _oldest(path: Path) -> str:
     """The identity of the oldest solves. Raises OSError."""
     if clip_files(path) != [path]:
         # In the order of their frame numbers.
-        told = [f"{image.name}\n{image.stat().st_size}\n" for image in open_footage(path).files]
-        return hashlib.sha256("".join(told).encode()).hexdigest()
+        entries = [f"{image.name}\n{image.stat().st_size}\n" for image in open_footage(path).files]
+        return hashlib.sha256("".join(entries).encode()).hexdigest()
     with open_regular(path) as file:
         size = path.stat().st_size
         digest = hashlib.sha256(str(size).encode() + file.read(1 << 20))

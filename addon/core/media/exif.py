@@ -43,8 +43,8 @@ class PhotoData:
         """Whether a file of this size shows a part of what the lens saw; turned by 90 degrees it does not."""
         if not (self.width and self.height):
             return False
-        own, told = max(width, height) / min(width, height), max(self.width, self.height)
-        return abs(own * min(self.width, self.height) / told - 1) > ASPECT
+        own, long_side = max(width, height) / min(width, height), max(self.width, self.height)
+        return abs(own * min(self.width, self.height) / long_side - 1) > ASPECT
 
     def focal(self, width: int, height: int) -> float | None:
         """Focal length in pixels of a file of this size; None where nothing tells it, or it contradicts the
@@ -99,12 +99,12 @@ def _photo_data(block: bytes) -> PhotoData:
     if order is None:
         raise ValueError("no byte order")
     first = _entries(block, order, struct.unpack_from(f"{order}I", block, 4)[0])
-    told = _entries(block, order, int(first[EXIF_IFD])) if EXIF_IFD in first else first
-    resolution = told.get(RESOLUTION)
-    unit = MILLIMETRES.get(int(told.get(RESOLUTION_UNIT, 2)))
+    tags = _entries(block, order, int(first[EXIF_IFD])) if EXIF_IFD in first else first
+    resolution = tags.get(RESOLUTION)
+    unit = MILLIMETRES.get(int(tags.get(RESOLUTION_UNIT, 2)))
     return PhotoData(
-        int(told.get(WIDTH, 0)) or None, int(told.get(HEIGHT, 0)) or None,
-        told.get(FOCAL_MM) or None, told.get(EQUIVALENT) or None,
+        int(tags.get(WIDTH, 0)) or None, int(tags.get(HEIGHT, 0)) or None,
+        tags.get(FOCAL_MM) or None, tags.get(EQUIVALENT) or None,
         resolution / unit if resolution and unit else None,
     )  # fmt: skip
 

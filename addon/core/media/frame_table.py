@@ -27,7 +27,7 @@ _WHOLE = ("matroska", "mov")
 _HIDES = ("vp8", "vp9")
 """Codecs some of whose packets are never shown, only referred to."""
 NEAR = 0.6
-"""Of the usual time between frames: a broken packet nearer than that to a frame that is shown is this frame.
+"""Of the median time between frames: a broken packet nearer than that to a frame that is shown is this frame.
 Over a half, which is where a field lies."""
 SHORT = 0.1
 """Seconds by which a container may promise more than it holds: some count a packet of sound more, ASF its
@@ -166,8 +166,8 @@ def _decode(found: _Pass, packet: Packet[VideoStream]) -> None:
 
 
 def _table(container: InputContainer, stream: VideoStream, found: _Pass, sound: float | None) -> FrameTable:
-    told = [rate for rate in (stream.guessed_rate, stream.average_rate) if rate and 0 < rate < 1000]
-    rates = tuple(map(_fraction, told)) or (DEFAULT_RATE,)
+    plausible = [rate for rate in (stream.guessed_rate, stream.average_rate) if rate and 0 < rate < 1000]
+    rates = tuple(map(_fraction, plausible)) or (DEFAULT_RATE,)
     known = [time for time in found.frames if time is not None]
     is_timed = len(known) == len(found.frames) and bool(np.all(np.diff(known) > 0))
     tick = _fraction(stream.time_base) if stream.time_base else 1 / rates[0]

@@ -36,9 +36,9 @@ from .picture_file import Pixels
 MISSING = 0.02
 """Share of a clip's frames that may be missing at its end, with a word, before it is refused as truncated."""
 LATE = 1.5
-"""Of the usual time between frames: with one frame less between two, they are twice as far apart."""
+"""Of the median time between frames: with one frame less between two, they are twice as far apart."""
 GAPS = 0.1
-"""Share of a clip's frames up to which what comes late is told of; with more, the rate is what varies."""
+"""Share of a clip's frames up to which late frames are reported; with more, the rate is what varies."""
 NAMED = 20
 """Such frames that are named; one recorder leaves out hundreds."""
 
@@ -58,7 +58,7 @@ class VideoInfo:
     times: tuple[int, ...]
     """When each frame is shown, in ticks, increasing."""
     is_timed: bool
-    """Whether the file told the times; else they are the rate's."""
+    """Whether the file holds the times; else they are the rate's."""
     keys: tuple[int, ...]
     """Numbers of the frames at which decoding may begin; only 1 where seeking is not exact."""
     sound: float | None

@@ -22,9 +22,9 @@ from .aperture_sampling import centroidal_disc, check_count, relaxed
 CELLS = 128
 """Cells along the square around the aperture, on which it is sampled: a polygon's area is right to 0.5 %."""
 SUBSAMPLES = 4
-"""Along a cell of a raster, by which the share of it that lets light through is told."""
+"""Along a cell of a raster, by which the share of it that lets light through is sampled."""
 FINEST = CELLS * SUBSAMPLES
-"""Places along the square at which light is asked for: no picture of an aperture tells more pixels."""
+"""Places along the square at which light is sampled: no picture of an aperture tells more pixels."""
 LEAST_LIGHT = 1e-3
 """Of the brightest place: where less passes, the aperture is closed. 8 bits hold a 255th."""
 MOST_LOST = 0.99
@@ -48,8 +48,8 @@ class ApertureImage:
     @cached_property
     def digest(self) -> str:
         """16 hexadecimal digits of its shape and values."""
-        told = repr(self.light.shape).encode() + np.ascontiguousarray(self.light).tobytes()
-        return hashlib.sha256(told).hexdigest()[:16]
+        content = repr(self.light.shape).encode() + np.ascontiguousarray(self.light).tobytes()
+        return hashlib.sha256(content).hexdigest()[:16]
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, ApertureImage) and self.digest == other.digest
@@ -204,7 +204,7 @@ def aperture_samples(aperture: Aperture, count: int, variant: int = 0) -> Apertu
         return ApertureSamples(turned_disc(centroidal_disc(count), variant))
     cells, light, area = open_cells(aperture)
     found, mass = relaxed(_start(cells, count, variant), cells, light, area)
-    # What was not relaxed to the end is told by shares of any size.
+    # What was not relaxed to the end is reached by shares of any size.
     return ApertureSamples(_fixed(found), _fixed(mass / mass.sum()), float(np.sqrt(area / np.pi)))
 
 

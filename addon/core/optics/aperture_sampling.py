@@ -10,9 +10,10 @@ from ..base.errors import UserError
 from ..camera.reconstruction import Floats
 
 MIN_VIEWS, MAX_VIEWS = 16, 512
-"""Bounds of the automatic number of views: fewer show as copies of lamps, more are not told apart. By eye."""
+"""Bounds of the automatic number of views: fewer show as copies of highlights, more are not told apart. By
+eye."""
 LEAST_PREFILTERED = 8
-"""Of the automatic number with a prefiltered texture, where lamps have no copies. By eye."""
+"""Of the automatic number with a prefiltered texture, where highlights have no copies. By eye."""
 MOST_VIEWS = 4096
 """Views that can be asked for: eight times those that are not told apart from more. By eye."""
 
@@ -22,10 +23,10 @@ RELAXATIONS = 60
 """Of Lloyd's iteration: thrice as many change the blur of 4 to 48 positions by less than 0.1 dB of its error,
 by a scratch script that weighs all spatial frequencies alike."""
 FEW_RELAXATIONS = 8
-"""Of more positions, up to `MAX_VIEWS`: 256 blur lamps with 52.4 dB, 51.0 after four, 43.7 as Vogel has them
-(`tests/render/test_aperture_shapes.py`)."""
+"""Of more positions, up to `MAX_VIEWS`: 256 blur highlights with 52.4 dB, 51.0 after four, 43.7 as Vogel has
+them (`tests/render/test_aperture_shapes.py`)."""
 SAMPLES = 8192
-"""Of the disc, by which a share's middle is told: at least 64 a share."""
+"""Of the disc, by which a share's middle is found: at least 64 a share."""
 
 
 def random_disc(count: int, seed: int) -> Floats:

@@ -201,11 +201,11 @@ class ThinLens:
                 f"frame {frame}: the focal plane is tilted so much that it comes within {NEAREST_LINE:g}"
                 " radii of the aperture; tilt it less, focus farther away or choose a smaller aperture"
             )
-        usual = self.largest_disc(inverse_depth, 50.0)
-        if not usual <= MAX_BLUR * self._diagonal:
+        disc = self.largest_disc(inverse_depth, 50.0)
+        if not disc <= MAX_BLUR * self._diagonal:
             raise UserError(
                 f"frame {frame}: half of the picture has blur discs more than"
-                f" {usual / self.pinhole.width:.3g} pictures wide; choose a smaller aperture or a focus"
+                f" {disc / self.pinhole.width:.3g} pictures wide; choose a smaller aperture or a focus"
                 " farther away"
             )
 

@@ -148,7 +148,7 @@ def _stream(text: Text, version: str) -> _Stream:
         try:
             return _Stream(numbers, layout, cameras, _starts(numbers, layout, cameras, points), [])
         except UserError as error:
-            # Of a file without a header, what the usual version expected is the most telling.
+            # Of a file without a header, what the common version expected is the most telling.
             problem = problem or error
     assert problem is not None
     raise problem

@@ -60,11 +60,12 @@ def refuse_cuts(tracks: Tracks) -> None:
         )
 
 
-def only_turns(told: str) -> UserError:
-    """The refusal of a clip whose pictures agree with a camera that does not leave its place, as `told`."""
+def only_turns(measured: str) -> UserError:
+    """The refusal of a clip whose pictures agree with a camera that does not leave its place, as `measured`
+    says."""
     return UserError(
-        f"the camera only turns in this clip ({told}): too little parallax; move the camera sideways while"
-        " filming"
+        f"the camera only turns in this clip ({measured}): too little parallax; move the camera sideways"
+        " while filming"
     )
 
 

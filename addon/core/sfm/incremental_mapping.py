@@ -24,7 +24,7 @@ from .self_calibration import CalibrationOptions
 from .small_motion import SmallMotionOptions
 from .solution import Solution, SolutionOptions
 from .stabilised import ShiftOptions, refuse_shifted
-from .stationary import StationaryOptions, Told, told
+from .stationary import DepthEvidence, StationaryOptions, depth_evidence
 from .tracks import Progress, Tracks
 
 
@@ -72,7 +72,7 @@ class MappingOptions:
     where a thing of 30 % of the picture that goes its own way leaves 0.58 to 0.63 and the solve is right, and
     0.47 to 0.55 of shifted ones."""
     min_growth: float = 1.05
-    """Ratio of the picture's scales over a clip below which it is not asked whether the lens zooms."""
+    """Ratio of the picture's scales over a clip below which it is not tested whether the lens zooms."""
     min_zoom_gain: float = 1.1
     """Factor by which the score of a zoom that nobody announced must exceed that of one focal length."""
     keyframes: KeyframeOptions = field(default_factory=KeyframeOptions)
@@ -112,7 +112,7 @@ class Mapped:
     """Numbers of lasting tracks that do not."""
     zooms: bool
     """Solved with a focal length a frame."""
-    told: Told | None
+    depth_evidence: DepthEvidence | None
     """How much depth the clip tells; None where too few tracks could be compared."""
     weak_depth: float | None
     """Share of the range of depths to which one is known where the clip hardly tells it; else None."""
@@ -130,7 +130,7 @@ def reconstruct(
     start = lens.focal or options.start_focal * max(tracks.width, tracks.height)
     found, ratio = _Keyframes(keys, start, lens, parallax, progress, options).zoom_or_not(tracks)
     best = found.solution
-    depth = told(best, options.stationary)
+    depth = depth_evidence(best, options.stationary)
     weak, sigma = None, found.focal_sigma
     if depth is not None and depth.gain <= 0:
         raise only_turns(
@@ -230,7 +230,7 @@ class _Keyframes:
         if self.parallax >= self.options.min_parallax:
             keep(self._by_pairs(tracks, focal), "pairs")
             if found and found[0].explained < good:
-                # It may have fastened upon what moves: what it explains is taken away, and the rest asked.
+                # It may have fastened upon what moves: what it explains is taken away, and the rest tried.
                 keep(self._by_pairs(_without(tracks, found[0].solution), focal, tracks), "pairs")
             if found and self.lens.free and max(found, key=lambda each: each.score).explained < good:
                 # Or it began with too short a lens and holds a flat background for all there is.

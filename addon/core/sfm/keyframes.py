@@ -62,8 +62,8 @@ def keyframe_features(
     in the last adjustment.
     """
     features = [tracks.in_frame(index) for index in keys]
-    usual = float(np.median([len(ids) for ids, _ in features]))
-    kept = np.random.default_rng(0).random(tracks.count) < options.features / max(usual, 1.0)
+    median = float(np.median([len(ids) for ids, _ in features]))
+    kept = np.random.default_rng(0).random(tracks.count) < options.features / max(median, 1.0)
     return [(ids[kept[ids]], xy[kept[ids]]) for ids, xy in features]
 
 

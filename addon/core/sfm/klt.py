@@ -54,7 +54,7 @@ class KLTOptions:
     min_strength: float = 1e-12
     """Eigenvalue or response of a corner at least, whatever the frame: a plain one has none."""
     harris_k: float = 0.04
-    """Weight of the squared trace in Harris's response, the usual one."""
+    """Weight of the squared trace in Harris's response, as he chose it."""
     min_found: float = 0.5
     """Share of the points that should be found again; else the picture has jumped, flashed, or been cut."""
     min_left: float = 0.1

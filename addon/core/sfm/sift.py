@@ -25,7 +25,7 @@ class SIFTOptions:
     """Keypoints and how they are matched. By eye where a field names no paper."""
 
     contrast: float = 0.01
-    """Contrast of a keypoint at least, of 1; a quarter of the usual: weak regions must have some."""
+    """Contrast of a keypoint at least, of 1; a quarter of OpenCV's default: weak regions must have some."""
     per_cell: int = 3
     """Keypoints in each cell of the frame, at most, that are matched."""
     max_ratio: float = 0.8
@@ -89,11 +89,11 @@ class Detector:
     def __init__(self, options: SIFTOptions = SIFTOptions()) -> None:
         self._options = options
         self._sift = make_sift(options.contrast)
-        self._usual = 0.0
+        self._last_count = 0.0
 
     def __call__(self, gray: Gray, points: Places) -> Places:
         """New points (k, 2) of a frame (H, W) beside those there are (n, 2); none while there are enough."""
-        if len(points) > self._options.renew * self._usual:
+        if len(points) > self._options.renew * self._last_count:
             return np.zeros((0, 2), np.float32)
         found = keypoints(self._sift, gray, described=False)
         column, row = np.clip(np.rint(found.places).astype(int), 0, np.array(gray.shape[::-1]) - 1).T
@@ -102,7 +102,7 @@ class Detector:
         strength[row[weakest_first], column[weakest_first]] = found.response[weakest_first]
         which[row[weakest_first], column[weakest_first]] = weakest_first
         column, row = best_of_cells(strength, 0.0, points, self._options.grid.cells).T
-        self._usual = float(len(points) + len(column))
+        self._last_count = float(len(points) + len(column))
         return np.asarray(found.places[which[row, column]], np.float32)
 
 

@@ -143,7 +143,7 @@ def register_frames(solution: Solution, progress: Progress) -> None:
 def triangulate(solution: Solution) -> None:
     """Points for tracks that have none: where their rays come closest, by least squares."""
     tracks = solution.tracks
-    # What was dropped with another pose or focal length is asked again.
+    # What was dropped with another pose or focal length is tried again.
     solution.used = np.ones(len(tracks.xy), bool)
     posed = np.isfinite(solution.translation[:, 0])
     wanted = np.isnan(solution.xyz[:, 0]) & (
@@ -189,8 +189,8 @@ def drop_shallow(solution: Solution) -> float:
     towards /= np.linalg.norm(towards, axis=1, keepdims=True)
     angle = outermost_angles(towards, tracks.track[used], tracks.count)
     placed = np.isfinite(solution.xyz[:, 0]) & np.isfinite(angle)
-    usual = float(np.median(angle[placed])) if placed.any() else 0.0
-    solution.xyz[~(angle >= min(solution.options.min_angle, usual / 3))] = np.nan
+    median = float(np.median(angle[placed])) if placed.any() else 0.0
+    solution.xyz[~(angle >= min(solution.options.min_angle, median / 3))] = np.nan
     solution.used &= np.isfinite(solution.xyz[tracks.track, 0])
     kept = angle[np.isfinite(solution.xyz[:, 0])]
     return float(np.median(kept)) if len(kept) else 0.0

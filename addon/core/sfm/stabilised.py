@@ -77,9 +77,9 @@ def fit_shifts(
     error = np.zeros(len(xy))
     for _ in range(options.rounds):
         move, shift = _slopes(depth[point], xy - at[point], weight, frame, frames)
-        told = move[frame]
-        depth, at = _common_slope(told, xy - shift[frame], _weight(error, loss), point, points)
-        miss = xy - at[point] - depth[point, None] * told - shift[frame]
+        displacement = move[frame]
+        depth, at = _common_slope(displacement, xy - shift[frame], _weight(error, loss), point, points)
+        miss = xy - at[point] - depth[point, None] * displacement - shift[frame]
         error = np.linalg.norm(miss, axis=1)
         weight = _weight(error, loss)
     return Shifted(depth, error)

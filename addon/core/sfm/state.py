@@ -69,7 +69,7 @@ def is_state_file(path: Path) -> bool:
 
 
 def write_state(path: Path, state: dict[str, Any]) -> None:
-    """Write `solve.json` with its own digest, durably: what is changed in it later is told.
+    """Write `solve.json` with its own digest, durably: a later change is noticed.
 
     Raises OSError.
     """

@@ -1,4 +1,4 @@
-"""Whether a clip tells depth: what a camera that stays in its place leaves unexplained, against the noise.
+"""Whether a clip shows depth: what a camera that stays in its place leaves unexplained, against the noise.
 
 A pan through a lens that distorts, zooms or is read row by row is solved with small errors as a scene of made
 up depths. So both cameras have all of these, the one that turns and the one that moves. A homography a frame
@@ -23,7 +23,7 @@ from .tracks import Tracks
 
 @dataclass(frozen=True)
 class StationaryOptions:
-    """What is compared, and when depth counts as told. Lengths are in pixels of a 1,000-pixel frame."""
+    """What is compared, and when depth counts as observable. Lengths are in pixels of a 1,000-pixel frame."""
 
     compared: CalibrationOptions = field(
         default_factory=lambda: CalibrationOptions(longest=300, longest_in_frame=12)
@@ -37,7 +37,7 @@ class StationaryOptions:
     """Relative change of the focal length from a keyframe to the next that costs as much as an observation
     that is off by `loss`. By eye, and wide: the pictures decide."""
     telling: float = 90.0
-    """Percentile of the tracks by their parallax that is told: something near that fills a tenth of the
+    """Percentile of the tracks by their parallax that is reported: something near that fills a tenth of the
     picture before a far background tells depth."""
     adjustment: AdjustmentOptions = field(default_factory=lambda: AdjustmentOptions(settled=1e-5))
     """When the cameras that are compared fit well enough."""
@@ -47,8 +47,8 @@ class StationaryOptions:
 
 
 @dataclass(frozen=True)
-class Told:
-    """How much depth a clip tells. Lengths are in pixels of a 1,000-pixel frame, of the `telling` percentile
+class DepthEvidence:
+    """How much depth a clip shows. Lengths are in pixels of a 1,000-pixel frame, of the `telling` percentile
     of the tracks."""
 
     parallax: float
@@ -60,8 +60,9 @@ class Told:
     """What the solve's pinhole leaves."""
     gain: float
     """By how much the geometric robust information criterion of the camera that turns is above that of the
-    one that moves, per observation; negative where turning is the better explanation, and depth is not told.
-    Pans have -0.2 to -0.4; a hand that trembles by 5 mm has 0.2, whatever its many frames have of noise."""
+    one that moves, per observation; negative where turning is the better explanation, and depth is not
+    observable. Pans have -0.2 to -0.4; a hand that trembles by 5 mm has 0.2, whatever its many frames have of
+    noise."""
 
     @property
     def uncertainty(self) -> float:
@@ -69,8 +70,8 @@ class Told:
         return float(np.sqrt(max(self.misfit**2 - self.noise**2, 0.0))) / max(self.parallax, 1e-9)
 
 
-def told(made: Solution, options: StationaryOptions = StationaryOptions()) -> Told | None:
-    """How much depth the tracks tell that a solve of the keyframes agrees with; None for too few of them."""
+def depth_evidence(made: Solution, options: StationaryOptions = StationaryOptions()) -> DepthEvidence | None:
+    """How much depth the tracks show that a solve of the keyframes agrees with; None for too few of them."""
     bundle, seen, posed, kept = as_bundle(made, options.compared)
     if len(kept) < options.min_tracks:
         return None
@@ -97,7 +98,7 @@ def told(made: Solution, options: StationaryOptions = StationaryOptions()) -> To
 
 def _compared(
     cameras: tuple[Bundle, Bundle, Bundle], span: LongTracks, long_side: int, options: StationaryOptions
-) -> Told:
+) -> DepthEvidence:
     """Of what the one that turns, the one that moves and the solve leave of the same tracks.
 
     `long_side` is the picture's, in pixels, and stands for what is behind a camera.
@@ -112,11 +113,11 @@ def _compared(
     parallax, noise, misfit = (
         float(np.percentile(each, options.telling)) for each in (beyond, moved, solved)
     )
-    return Told(parallax, noise, misfit, _gain(errors[0], errors[1], tracks, span.frames))
+    return DepthEvidence(parallax, noise, misfit, _gain(errors[0], errors[1], tracks, span.frames))
 
 
 def _gain(turned: Floats, moved: Floats, tracks: int, frames: int) -> float:
-    """As `Told.gain`, of errors (m,) in pixels.
+    """As `DepthEvidence.gain`, of errors (m,) in pixels.
 
     A track's data have two dimensions a frame; its structure has two in a turning camera, three in a moving
     one; a turning camera has four parameters a frame, a moving one seven, and both the lens's.

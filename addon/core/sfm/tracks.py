@@ -40,7 +40,7 @@ class TrackingOptions:
     """Pixels of the longer side; larger frames are shrunk for tracking."""
     short_side: int = 16
     """Pixels of the other side, at least, once shrunk: less has no room for features and what is around."""
-    min_likeness: float = 0.35
+    min_correlation: float = 0.35
     """Correlation of a frame with the one before, shifted to fit, below which it shows something else."""
     thumbnail: int = 64
     """Width in pixels at which frames are compared."""
@@ -68,7 +68,7 @@ class Tracks:
     """(m, 2) pixels of the source frame, first pixel centre at (0.5, 0.5)."""
     rgb: NDArray[np.uint8]
     """(count, 3) sRGB colour where the track begins."""
-    likeness: Floats = field(default_factory=lambda: np.zeros(0))
+    correlations: Floats = field(default_factory=lambda: np.zeros(0))
     """(F,) correlation of each frame with the one before, shifted to fit; empty where it is not known."""
 
     @property
@@ -147,7 +147,7 @@ def run(
     numbers: list[NDArray[np.int64]] = []
     places: list[NDArray[np.float32]] = []
     colours: list[NDArray[np.uint8]] = []
-    likeness = np.ones(len(footage.frames))
+    correlations = np.ones(len(footage.frames))
     before: NDArray[np.float32] | None = None
     born = 0
     for done, frame in enumerate(footage.frames):
@@ -161,7 +161,7 @@ def run(
         numbers.append(number.astype(np.int32))
         places.append(place)
         small = thumbnail(gray, options.thumbnail)
-        likeness[done] = 1.0 if before is None else correlation(before, small, options.min_overlap)
+        correlations[done] = 1.0 if before is None else correlation(before, small, options.min_overlap)
         before = small
     # The shrunk size is rounded, so that its two scales differ a little.
     scale = np.array([footage.width / gray.shape[1], footage.height / gray.shape[0]])
@@ -169,7 +169,7 @@ def run(
     index = np.repeat(np.arange(len(numbers)), [len(n) for n in numbers]).astype(np.int32)
     return Tracks(
         footage.frames, footage.width, footage.height, index, np.concatenate(numbers), xy,
-        np.concatenate(colours), likeness,
+        np.concatenate(colours), correlations,
     )  # fmt: skip
 
 
@@ -188,7 +188,9 @@ def cuts(tracks: Tracks, options: TrackingOptions = TrackingOptions()) -> tuple[
     # Tracks that began before each frame and end in it or after it.
     across = np.concatenate([[0], np.cumsum(born)[:-1]]) - np.cumsum(died)
     seen = np.bincount(tracks.frame_index, minlength=frames) > 0
-    unlike = tracks.likeness < options.min_likeness if len(tracks.likeness) else np.ones(frames, bool)
+    unlike = (
+        tracks.correlations < options.min_correlation if len(tracks.correlations) else np.ones(frames, bool)
+    )
     cut = seen & unlike & (across == 0) & (np.cumsum(seen) > 1)
     return tuple(np.nonzero(cut)[0].tolist())
 

@@ -92,19 +92,19 @@ def visible_points(
     """
     images = reconstruction.images
     wanted = None if frames is None else set(frames)
-    asked = np.array([wanted is None or image.frame in wanted for image in images], bool)
+    requested = np.array([wanted is None or image.frame in wanted for image in images], bool)
     search = _Search(reconstruction, options)
     for index, image in enumerate(images):
         progress("Looking for points", index, len(images))
-        if asked[max(index - options.reach, 0) : index + options.reach + 1].any():
-            search.see(index, *_softened(footage.read(image.frame), options), bool(asked[index]))
+        if requested[max(index - options.reach, 0) : index + options.reach + 1].any():
+            search.see(index, *_softened(footage.read(image.frame), options), bool(requested[index]))
         search.sights.passed(index)
-    return {images[index].frame: search.found(int(index)) for index in np.nonzero(asked)[0]}
+    return {images[index].frame: search.found(int(index)) for index in np.nonzero(requested)[0]}
 
 
 @dataclass(frozen=True)
 class _Waiting:
-    """Candidates of an earlier frame that can be told only when a later one is seen."""
+    """Candidates of an earlier frame that can be decided only when a later one is seen."""
 
     index: int
     points: Ints
@@ -123,13 +123,14 @@ class _Search:
         self._accepted: dict[int, list[Ints]] = {}
         self._counts: dict[int, tuple[int, int]] = {}
 
-    def see(self, index: int, gray: Picture, zoom: Floats, asked: bool) -> None:
-        """Keep a frame's own patches, look for candidates in it if asked to, and tell those it decides."""
+    def see(self, index: int, gray: Picture, zoom: Floats, requested: bool) -> None:
+        """Keep a frame's own patches, look for candidates in it if `requested`, and decide those it
+        decides."""
         image = self._reconstruction.images[index]
         upright = np.tile(np.eye(2), (len(image.points), 1, 1))
         patch = square(self._options.radius)
         self._patches[image.points] = sample(gray, image.xy * zoom - 0.5, upright, patch)
-        if asked:
+        if requested:
             rows, source = self.sights.candidates(index)
             near = _has_neighbours(self._reconstruction, image, rows, self._options)
             self._counts[index], self._accepted[index] = (len(rows), int(np.sum(~near))), []
@@ -148,7 +149,7 @@ class _Search:
         self._accepted[waiting.index].append(waiting.points[good])
 
     def found(self, index: int) -> Visible:
-        """What came of a frame that was asked for, after all are seen."""
+        """The points of a requested frame, after all are seen."""
         points = np.sort(np.concatenate(self._accepted[index]))
         candidates, hidden = self._counts[index]
         return Visible(points, candidates, hidden, candidates - hidden - len(points))
@@ -171,8 +172,8 @@ class _Sights:
         self._last, self._next = np.full(count, -1), np.full(count, len(images))
         error = reconstruction.points.error
         self._good = reconstruction.views_per_point >= options.min_views
-        usual = np.median(error[self._good]) if self._good.any() else 0.0
-        self._good &= error <= options.max_error_ratio * usual
+        median = np.median(error[self._good]) if self._good.any() else 0.0
+        self._good &= error <= options.max_error_ratio * median
         np.minimum.at(self._next, points, index)
         self._centres = np.array([image.centre for image in images])
 
@@ -291,10 +292,14 @@ def _alike(patches: NDArray[np.floating], looks: Picture, options: VisibilityOpt
     parts = _parts(options.radius)
     mean, expected = seen @ parts, known @ parts
     spread = np.sqrt(np.maximum(seen**2 @ parts - mean**2, FLAT**2))
-    usual = np.sqrt(np.maximum(known**2 @ parts - expected**2, FLAT**2))
+    contrast = np.sqrt(np.maximum(known**2 @ parts - expected**2, FLAT**2))
     both = (seen * known) @ parts - mean * expected
-    good = both / (spread * usual) > np.array([options.min_correlation] + [options.min_half_correlation] * 4)
-    good &= (spread < options.max_contrast_ratio * usual) & (usual < options.max_contrast_ratio * spread)
+    good = both / (spread * contrast) > np.array(
+        [options.min_correlation] + [options.min_half_correlation] * 4
+    )
+    good &= (spread < options.max_contrast_ratio * contrast) & (
+        contrast < options.max_contrast_ratio * spread
+    )
     return np.asarray(good.any(axis=(1, 2)))
 
 

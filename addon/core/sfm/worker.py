@@ -36,7 +36,7 @@ from .tracks import check_shape, track_features
 from .visibility import visible_points
 from .workspace import keep_visible
 
-TOLD_SIGMA = 0.1
+METADATA_SIGMA = 0.1
 """Relative standard deviation of what files say of the lens: video is cropped more than photos are."""
 ZOOMED = "the picture agrees with a lens that zooms; if it does not, give its focal length"
 PATIENCE = 5.0
@@ -75,9 +75,9 @@ def _solve(job: dict[str, Any]) -> None:
     tracks = track_features(footage, _progress, job["tracker"])
     refuse_cuts(tracks)
     lens = incremental_mapping.FocalPrior(**job["lens"])
-    told = None if lens.focal or lens.zooms else _told(footage)
-    if told:
-        lens = incremental_mapping.FocalPrior(told, TOLD_SIGMA)
+    metadata_focal = None if lens.focal or lens.zooms else _metadata_focal(footage)
+    if metadata_focal:
+        lens = incremental_mapping.FocalPrior(metadata_focal, METADATA_SIGMA)
     mapped = incremental_mapping.reconstruct(tracks, lens, _progress)
     result = mapped.reconstruction
     (folder / "model").mkdir()
@@ -102,14 +102,14 @@ def _solve(job: dict[str, Any]) -> None:
         "focal": result.cameras[0].fx,
         "focal_sigma": mapped.focal_sigma,
         "focal_held": not mapped.focal_from_clip,
-        "focal_from": _focal_source(job["lens"], told, mapped.focal_from_clip),
+        "focal_from": _focal_source(job["lens"], metadata_focal, mapped.focal_from_clip),
         "method": mapped.method,
         "tracker": job["tracker"],
         "explained": mapped.explained,
         "moving_tracks": len(mapped.moving),
         "notes": [*footage.notes, *([] if mapped.zooms == lens.zooms else [ZOOMED])],
         "parallax": mapped.parallax,
-        "told": asdict(mapped.told) if mapped.told else None,
+        "depth_evidence": asdict(mapped.depth_evidence) if mapped.depth_evidence else None,
         "weak_depth": mapped.weak_depth,
         "triangulation_angle": mapped.angle,
         "size": [footage.width, footage.height],
@@ -120,7 +120,7 @@ def _solve(job: dict[str, Any]) -> None:
     (folder / "report.json").write_text(json.dumps(report), encoding="utf-8")
 
 
-def _told(footage: Footage) -> float | None:
+def _metadata_focal(footage: Footage) -> float | None:
     """The focal length in pixels that the files say they were taken with, if it agrees with the pictures."""
     width, height = footage.width, footage.height
     if footage.is_video:
@@ -142,9 +142,9 @@ def _told(footage: Footage) -> float | None:
     return focal if camera.has_prior_focal_length and is_plausible(focal, width, height) else None
 
 
-def _focal_source(lens: dict[str, Any], told: float | None, from_clip: bool) -> str:
+def _focal_source(lens: dict[str, Any], metadata_focal: float | None, from_clip: bool) -> str:
     """As `solve_report.Report.focal_from`."""
-    return "clip" if from_clip else "given" if lens["focal"] else "metadata" if told else "guess"
+    return "clip" if from_clip else "given" if lens["focal"] else "metadata" if metadata_focal else "guess"
 
 
 def _end_with_parent(folder: Path) -> None:

@@ -142,7 +142,7 @@ def _with_visible(model: Path) -> Reconstruction:
     reconstruction = read_model(model)
     frames, points = reconstruction.frames, len(reconstruction.points)
     try:
-        # No frame shows a point twice; each is told by two numbers of eight bytes.
+        # No frame shows a point twice; each is stored as two numbers of eight bytes.
         kept = read_arrays(model / VISIBLE, ("frame", "point"), 16 * len(frames) * points)
         frame, point = (kept[name].astype(np.int64, casting="safe") for name in ("frame", "point"))
         is_known = frame.ndim == 1 and frame.shape == point.shape

@@ -69,7 +69,7 @@ class BilateralGrid:
         return cls(share, low, high, size, cell, first, step, options.unlike)
 
     def cells(self, places: Places) -> Indices:
-        """(n,) indices of the cells that places are in, which are asked for."""
+        """(n,) indices of the cells that places are in."""
         return _cells(places, (self.first, self.step, self.cell), self.share.shape)
 
     def alike(self, cells: Indices) -> Floats:
@@ -78,7 +78,7 @@ class BilateralGrid:
 
     def shows(self, places: Places, cells: Indices, root: Map) -> Mask:
         """(n,) whether square roots (3, n) of linear colours are among those around places in cells (n,), or
-        brighter, as lamps are; also where there are none or the frame ends."""
+        brighter, as highlights are; also where there are none or the frame ends."""
         low, high = (bound.reshape(3, -1)[:, cells] for bound in (self.low, self.high))
         inside = (places.x >= 0) & (places.x <= self.size[0]) & (places.y >= 0) & (places.y <= self.size[1])
         inside &= np.isfinite(low[0])

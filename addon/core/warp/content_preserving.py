@@ -50,7 +50,7 @@ class GridMeshOptions:
     tallest: float = 4
     """Ratio of height to width above which cells are larger, or there would be thousands of rows. By eye."""
     outlier_neighbours: int = 8
-    """Features around one that are asked whether it can be right. By eye."""
+    """Features around one that it is compared with. By eye."""
 
 
 def grid_mesh(
@@ -102,21 +102,21 @@ def allowed(
 
 def outliers(xy: Floats, inverse_depth: Floats, neighbours: int) -> Mask:
     """(n,) features at (n, 2) with inverse depths (n,) that differ from all `neighbours` around them by more
-    than the whole frame's usual range.
+    than the whole frame's range, 2nd to 98th percentile.
 
-    Nothing less is an error for sure: weights by how far a feature is off the membrane, as usual against
-    outliers, drew things in front into the background and cost a decibel in two scenes of three.
+    Nothing less is an error for sure: weights by how far a feature is off the membrane, the common way
+    against outliers, drew things in front into the background and cost a decibel in two scenes of three.
     """
     result = np.zeros(len(xy), bool)
     if len(xy) <= neighbours:
         return result
     low, high = np.percentile(inverse_depth, [2, 98])
-    asked = np.nonzero((inverse_depth < low) | (inverse_depth > high))[0]
-    off = ((xy[asked, None] - xy) ** 2).sum(axis=2)
-    off[np.arange(len(asked)), asked] = np.inf
+    suspects = np.nonzero((inverse_depth < low) | (inverse_depth > high))[0]
+    off = ((xy[suspects, None] - xy) ** 2).sum(axis=2)
+    off[np.arange(len(suspects)), suspects] = np.inf
     near = np.argpartition(off, neighbours - 1, axis=1)[:, :neighbours]
-    away = np.abs(inverse_depth[near] - inverse_depth[asked, None]).min(axis=1)
-    result[asked] = away > high - low
+    away = np.abs(inverse_depth[near] - inverse_depth[suspects, None]).min(axis=1)
+    result[suspects] = away > high - low
     return result
 
 

@@ -34,16 +34,16 @@ right to a thousandth."""
 
 @dataclass(frozen=True)
 class FillOptions:
-    """Which frames are asked for colours, and when they are believed."""
+    """Which frames are sources of colours, and when they are believed."""
 
     step: int = 8
-    """Every so many-th registered frame is asked, the same ones for frames that follow each other: then
+    """Every so many-th registered frame is a source, the same ones for frames that follow each other: then
     colours are, too. By `python -m benchmarks.accuracy`: bars have 32.32 dB, with every fourth 32.28."""
     span: int = 32
-    """Registered frames before and after, up to which frames are asked. By eye."""
+    """Registered frames before and after, up to which frames are sources. By eye."""
     least_frames: int = 8
-    """Frames of a short clip that are asked, even if that needs a smaller step: the shop gains 0.9 dB at 5 m
-    (`python -m benchmarks.accuracy.shop_table`)."""
+    """Frames of a short clip that are sources, even if that needs a smaller step: the shop gains 0.9 dB at 5
+    m (`python -m benchmarks.accuracy.shop_table`)."""
     kept_pictures: int = 12
     """Pictures that are remembered, so that each is read once: those of both sides and four more."""
     longest_side: int = 1920
@@ -62,7 +62,7 @@ class FillOptions:
     """Pixels beside something nearer that may show it in part: mixed pixels."""
     gains: tuple[float, float] = (0.5, 2.0)
     """Least and largest ratio of exposures between frames: a stop. By eye."""
-    mover_margin: float = 0.004
+    moving_margin: float = 0.004
     """Of the long side, by which what moves is taken to be wider than it was found. By eye."""
     agreement: float = 0.06
     """Difference of colours (square root of linear light) that frames may disagree by. By eye."""
@@ -74,7 +74,7 @@ class FillOptions:
 
 
 class DisocclusionFill:
-    """Other frames' colours for the frames of a clip, asked in order."""
+    """Other frames' colours for the frames of a clip, which come in order."""
 
     def __init__(
         self,
@@ -202,7 +202,7 @@ class DisocclusionFill:
         """A mask (h, w) and a little more; None where nothing is in it."""
         if mask is None or not mask.any():
             return None
-        around = 2 * int(np.ceil(self._options.mover_margin * max(mask.shape))) + 1
+        around = 2 * int(np.ceil(self._options.moving_margin * max(mask.shape))) + 1
         return np.asarray(cv2.dilate(mask.astype(np.uint8), np.ones((around, around))) > 0)
 
     def _linear(self, frame: int) -> LinearRGB:
@@ -221,7 +221,7 @@ class ReprojectedColours:
     """What other frames see of what one does not show."""
 
     sources: tuple[SourceView, ...]
-    """The frames that are asked."""
+    """The source frames."""
     surroundings: BilateralGrid
     """What the frame itself shows, and how often the others see the same."""
     options: FillOptions
@@ -238,14 +238,14 @@ class ReprojectedColours:
         colours, known = np.zeros((len(places), 3), np.float32), np.zeros(len(places), bool)
         if not self.sources:
             return colours, known
-        asked = Places.of(places, inverse)
+        wanted = Places.of(places, inverse)
         for first in range(0, len(places), CHUNK):
             checkpoint()
             some = slice(first, first + CHUNK)
-            colours[some], known[some] = self._told(asked.among(some))
+            colours[some], known[some] = self._consensus(wanted.among(some))
         return colours, known
 
-    def _told(self, places: Places) -> tuple[LinearRGB, Mask]:
+    def _consensus(self, places: Places) -> tuple[LinearRGB, Mask]:
         """Colours (n, 3) of some places, and which (n,) are known."""
         found = [source.colours(places) for source in self.sources]
         known = np.sum([np.isfinite(colour[0]) for colour in found], axis=0)
@@ -254,12 +254,12 @@ class ReprojectedColours:
         agree = np.sum([_differ(np.sqrt(one), root) < self.options.agreement for one in found], axis=0)
         around = self.surroundings
         sound = (known > 0) & (2 * agree >= known)
-        told = np.flatnonzero(sound)
-        cells = around.cells(places.among(told))
-        sound[told] = around.alike(cells) >= self.options.least_seen
+        supported = np.flatnonzero(sound)
+        cells = around.cells(places.among(supported))
+        sound[supported] = around.alike(cells) >= self.options.least_seen
         # One frame alone has nobody to agree with.
-        single = known[told] == 1
-        alone = told[single]
+        single = known[supported] == 1
+        alone = supported[single]
         sound[alone] &= around.shows(places.among(alone), cells[single], root[:, alone])
         return middle, sound
 

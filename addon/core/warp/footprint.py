@@ -25,7 +25,7 @@ from .layered_depth_image import LayeredDepthImage
 TILE = 128
 """Texels across a tile, a multiple of all `Level.shrink`: each is blurred only as widely as it needs."""
 SUBSAMPLES = 32
-"""Along a texel, by which a disc's rim is told: its area is right to 0.3 %."""
+"""Along a texel, by which a disc's rim is sampled: its area is right to 0.3 %."""
 BISECTIONS = 16
 """By which a disc's radius is found, to a 50,000th."""
 WIDEST = 256.0

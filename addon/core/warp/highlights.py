@@ -1,12 +1,13 @@
-"""How bright the small clipped things of one picture are: lamps, glints, specular edges.
+"""How bright the small clipped things of one picture are: light sources, glints, specular edges.
 
-A camera records nothing over white, so a lamp's blur disc comes out as dim as a sheet of paper's. How bright
-the lamp was can be read from its rim: pixels that it covers in part are not clipped, and the brighter it is,
-the wider its point spread reaches at the level where the camera clips and the steeper the picture falls off
-there. A model of the lamp (its outline drawn in by some distance, one radiance, blurred by the point spread
-that the picture's sharpest edges show, clipped) is compared to the pixels for every pair of distance and
-radiance. What it gives is the *energy*: the clipped pixels of a lamp are more than the lamp, so their count
-times its radiance is too much. Where the rim says little, the radiance is near a prior (`PRIOR`).
+A camera records nothing over white, so a light source's blur disc comes out as dim as a sheet of paper's. How
+bright the light source was can be read from its rim: pixels that it covers in part are not clipped, and the
+brighter it is, the wider its point spread reaches at the level where the camera clips and the steeper the
+picture falls off there. A model of the light source (its outline drawn in by some distance, one radiance,
+blurred by the point spread that the picture's sharpest edges show, clipped) is compared to the pixels for
+every pair of distance and radiance. What it gives is the *energy*: the clipped pixels of a light source are
+more than the light source, so their count times its radiance is too much. Where the rim says little, the
+radiance is near a prior (`PRIOR`).
 
 Masia et al., "Evaluation of reverse tone mapping through varying exposure conditions", 2009, compare what
 brightens clipped areas by rules of thumb; Banterle et al., "Inverse tone mapping", 2006, spread it from the
@@ -25,19 +26,21 @@ from ..base.arrays import Floats, LinearRGBA, Map, Mask
 from ..base.progress import checkpoint
 
 RADIANCES: Floats = np.geomspace(1.0, 1000.0, 28)
-"""Radiances of a lamp that are compared, times white: a ratio of 1.29 apart."""
+"""Radiances of a light source that are compared, times white: a ratio of 1.29 apart."""
 PRIOR = (4.0, 1.0)
-"""Median radiance of a lamp, times white, and the spread of its logarithm, where its rim tells nothing."""
+"""Median radiance of a light source, times white, and the spread of its logarithm, where its rim tells
+nothing."""
 PAINT = 0.5
 """Probability that a blob is no brighter than it was recorded, before its rim is looked at. Of 0, 0.5, 0.9
 and 0.99: bars, foreground and rack have 33.6, 34.9, 37.6 dB with 0.5 and 33.1, 33.4, 34.8 with 0.99."""
 MISFIT = 0.2
 """Square root of linear light by which the model is off beside noise, OUTLIER what a pixel may be off by
 before it counts less. Of 0.1, 0.15, 0.2, 0.3 and of 0.05, 0.1, 0.15, 0.2, 1 the best over bars, foreground
-and rack (32 px, true depth): smaller ones trust rims of few samples, or a cord beside a lamp, too much."""
+and rack (32 px, true depth): smaller ones trust rims of few samples, or a cord beside a light source, too
+much."""
 OUTLIER = 0.2
 FINER = 4
-"""Parts of a pixel that outlines are told by."""
+"""Parts of a pixel that outlines are sampled by."""
 STEP = 0.125
 """Pixels from one distance to the next by which an outline is drawn in."""
 DISTANCES = (-0.75, 3.0)
@@ -55,7 +58,7 @@ compression."""
 PAD = 5
 """Pixels around a blob in which its surroundings are looked at."""
 EDGE_CONTRAST = 0.15
-"""Linear light between both sides of an edge by which the point spread may be told."""
+"""Linear light between both sides of an edge by which the point spread may be measured."""
 EDGE_SHARE = 85.0
 """Percentile of edges, by sharpness, that counts as sharp: 0.42 px on bars, whose true filter has 0.42."""
 FEWEST_EDGES = 100
@@ -64,8 +67,8 @@ SPREAD = 0.5
 SPREADS = (0.38, 1.5)
 """Least and largest one that is believed."""
 THICKNESS = (0.02, 0.04)
-"""Of the long side: up to the first, a blob's thickness is a lamp's; from the second on it is a sky, a wall
-or a window. By eye."""
+"""Of the long side: up to the first, a blob's thickness is a light source's; from the second on it is a sky,
+a wall or a window. By eye."""
 LENGTH = (0.1, 0.2)
 """The same of its length. By eye."""
 AMONG = (0.0, 0.25)
@@ -74,8 +77,8 @@ between leaves. By eye."""
 AROUND = 0.02
 """Of the long side, how far these surroundings reach. By eye."""
 GROUND = (0.4, 0.8)
-"""Linear light of what is around a blob: beside the first it may be a lamp, beside the second it is noise on
-something white. By eye."""
+"""Linear light of what is around a blob: beside the first it may be a light source, beside the second it is
+noise on something white. By eye."""
 FLAT = (0.012, 0.022)
 """Linear light over the threshold, mean of a blob's pixels: from the second on they are clipped but for
 noise, up to the first they are paint that is nearly white, as in walk and fence (else 0.7, 0.3 dB less)."""
@@ -92,7 +95,7 @@ class Highlight:
     area: int
     """Clipped pixels."""
     weight: float
-    """0 to 1, how sure it is a lamp and not a piece of a large clipped area."""
+    """0 to 1, how sure it is a light source and not a piece of a large clipped area."""
     clipped: Mask
     """(h, w) its pixels in the patch."""
     ground: Map
@@ -115,8 +118,8 @@ class Highlight:
     def light(self, evidence: Floats, colour: Floats) -> Map:
         """(h, w, 3) linear light of the patch without clipping, with evidence (r,) of the radiance and colour
         (3,), largest 1."""
-        told = np.exp(evidence + _prior() - (evidence + _prior()).max())
-        radiance = float(np.exp((told * np.log(RADIANCES)).sum() / told.sum()))
+        posterior = np.exp(evidence + _prior() - (evidence + _prior()).max())
+        radiance = float(np.exp((posterior * np.log(RADIANCES)).sum() / posterior.sum()))
         # The outline that goes with it: between the radiances that were tried, of which it is a mean.
         place = float(np.interp(np.log(radiance), np.log(RADIANCES), np.arange(len(RADIANCES))))
         low, share = int(place), place - int(place)
@@ -164,10 +167,10 @@ def highlights(picture: LinearRGBA, threshold: float) -> list[Highlight]:
         )
         own = label[part] == number
         centre = (centres[number, 0] + 0.5) / peak.shape[1], (centres[number, 1] + 0.5) / peak.shape[0]
-        told = _highlight(picture[part][..., :3], own, (clipped[part] > 0) & ~own, spread)
-        if told is None:
+        fitted = _highlight(picture[part][..., :3], own, (clipped[part] > 0) & ~own, spread)
+        if fitted is None:
             continue
-        ground, core, rim, coverage, likelihood = told
+        ground, core, rim, coverage, likelihood = fitted
         sure = float(weight[number] * _falling(float(np.median(ground[own].max(axis=-1))), *GROUND))
         if sure > 0:
             corner = part[0].start, part[1].start
@@ -223,7 +226,7 @@ def _highlight(
     beside = (away > 0) & (away <= 1.5) & (clear > 1.5)
     root = np.sqrt(np.maximum(light, 0))
     texture = float(np.mean((root[ring] - np.sqrt(ground[ring])) ** 2))
-    # What the surroundings are made of is no light of the lamp's: as much of it as may be is white.
+    # What the surroundings are made of is not the light source's: as much of it as may be is white.
     unsure = float(np.std(light[ring] - ground[ring])) * np.sqrt(beside.sum())
     rim = np.maximum((light[beside] - ground[beside]).sum(axis=0, dtype=np.float64), 0) + unsure
     inside = _inside(light.max(axis=2), own, beside, ground.max(axis=2))
@@ -259,21 +262,21 @@ def _highlight(
 
 
 def _bright(radiance: Floats, colour: Floats, core: Floats) -> Map:
-    """(r, 3) linear light of a lamp of radiances (r,) and a colour (3,), which a camera recorded as `core`
-    (3,): a channel that it did not clip is known, one that it clipped is no darker than that."""
-    told = np.maximum(radiance[:, None] * colour, core)
-    return np.where(core < UNCLIPPED * core.max(), core, told).astype(np.float32)
+    """(r, 3) linear light of a light source of radiances (r,) and a colour (3,), which a camera recorded as
+    `core` (3,): a channel that it did not clip is known, one that it clipped is no darker than that."""
+    expected = np.maximum(radiance[:, None] * colour, core)
+    return np.where(core < UNCLIPPED * core.max(), core, expected).astype(np.float32)
 
 
 def _ground(light: Map, ring: Mask) -> Map:
     """(h, w, 3) what is behind a blob, from the pixels around it: the nearest ones count most."""
     known = ring[..., None] * np.concatenate([light, np.ones_like(light[..., :1])], axis=2)
-    told: Map = np.zeros_like(known)
+    blurred: Map = np.zeros_like(known)
     for weight, reach in ((1.0, NEAR), (1e-2, 3 * NEAR), (1e-4, 9 * NEAR)):
-        told += np.float32(weight) * cv2.GaussianBlur(
+        blurred += np.float32(weight) * cv2.GaussianBlur(
             known, (0, 0), reach, borderType=cv2.BORDER_CONSTANT
         )  # fmt: skip
-    return np.asarray(np.maximum(told[..., :3] / np.maximum(told[..., 3:], 1e-20), 0), np.float32)
+    return np.asarray(np.maximum(blurred[..., :3] / np.maximum(blurred[..., 3:], 1e-20), 0), np.float32)
 
 
 def _inside(peak: Map, own: Mask, beside: Mask, ground: Map) -> Map:
@@ -305,10 +308,10 @@ def _inside(peak: Map, own: Mask, beside: Mask, ground: Map) -> Map:
 
 def _prior() -> Floats:
     """(r,) logarithm of how likely a radiance is before its rim is looked at."""
-    lamp = np.exp(-((np.log(RADIANCES / PRIOR[0]) / PRIOR[1]) ** 2) / 2)
+    light = np.exp(-((np.log(RADIANCES / PRIOR[0]) / PRIOR[1]) ** 2) / 2)
     paint = np.zeros(len(RADIANCES))
     paint[0] = 1
-    return np.asarray(np.log(PAINT * paint + (1 - PAINT) * lamp / lamp.sum()))
+    return np.asarray(np.log(PAINT * paint + (1 - PAINT) * light / light.sum()))
 
 
 def _falling[T: (float, Floats, Map)](value: T, low: float, high: float) -> T:

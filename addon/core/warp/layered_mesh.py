@@ -48,9 +48,9 @@ class LayeredMeshOptions:
     jump_bounds: tuple[float, float] = (1.0, 3.0)
     """Pixels: least and largest such displacement, whatever the blur is. By eye."""
     first_jump: float = 0.5
-    """Of the usual largest blur's radius, by which neighbours are cut first, so that three surfaces can meet.
-    By `python -m benchmarks.accuracy`: fence has 35.1 instead of 33.8 dB (32 px, true depth), walk 42.1
-    instead of 41.6, with 3.6 instead of 13.0 % of the grid's triangles."""
+    """Of the largest blur's radius, outliers left out, by which neighbours are cut first, so that three
+    surfaces can meet. By `python -m benchmarks.accuracy`: fence has 35.1 instead of 33.8 dB (32 px, true
+    depth), walk 42.1 instead of 41.6, with 3.6 instead of 13.0 % of the grid's triangles."""
     largest_texture: int = 8_000_000
     """Texels; a texture that would be larger stays as coarse as the frame, as from about 1280x720 on. Once it
     is prefiltered, that costs 0.04 to 0.16 dB at 640x360 (bars, walk, fence, blocks, 32 px, 16 views) and
@@ -107,8 +107,8 @@ def layer_mesh(
     largest = float(own.max())
     jump = float(np.clip(options.jump * largest, *options.jump_bounds))
     # A few wrong depths must not say what is large.
-    usual = float(np.percentile(own[::4, ::4], 99.9))
-    first = options.first_jump * usual
+    typical_largest = float(np.percentile(own[::4, ::4], 99.9))
+    first = options.first_jump * typical_largest
     jumps = (first, jump) if first > jump else (jump,)
     checkpoint(0.1)
     layers = depth_peel(wide, shift, jumps, fill, options.layers)
@@ -141,8 +141,8 @@ def _fill_of(hidden: HiddenColours, picture: LinearRGBA, thin_lens: ThinLens) ->
     """Hidden colours as a raster around the picture (H, W, 4) asks for them: by disparity relative to that of
     the focal plane."""
 
-    def fill(disparity: Map, asked: Mask) -> tuple[LinearRGB, Mask]:
-        row, column = np.nonzero(asked)
+    def fill(disparity: Map, wanted: Mask) -> tuple[LinearRGB, Mask]:
+        row, column = np.nonzero(wanted)
         corner = (np.array(disparity.shape) - picture.shape[:2]) // 2
         places = np.column_stack([column - corner[1], row - corner[0]]) + 0.5
         colour, found = np.zeros((*disparity.shape, 3), np.float32), np.zeros(disparity.shape, bool)
@@ -174,15 +174,15 @@ def _fill_margin(wide: LinearRGBA, shift: Map, margin: int, past: Map | None, fi
 
     Where they know disparity, `past` (h, w) in the same middle, but no colour at it, what was there stays.
     """
-    asked = np.ones(shift.shape, bool)
-    asked[margin:-margin, margin:-margin] = False
+    border = np.ones(shift.shape, bool)
+    border[margin:-margin, margin:-margin] = False
     known = np.zeros(shift.shape, bool)
     if past is not None:
         inside = shift[margin:-margin, margin:-margin]
-        told = extended(np.full_like(inside, np.nan), past, margin)
-        colour, known = fill(told, ~np.isnan(told))
-        wide[known, :3], shift[known] = colour[known], told[known]
-    colour, rest = fill(shift, asked & ~known)
+        outer = extended(np.full_like(inside, np.nan), past, margin)
+        colour, known = fill(outer, ~np.isnan(outer))
+        wide[known, :3], shift[known] = colour[known], outer[known]
+    colour, rest = fill(shift, border & ~known)
     wide[rest, :3] = colour[rest]
     return known | rest
 
@@ -195,7 +195,7 @@ def triangulated(
     """The surfaces of each layered depth image where `snap` draws them, and their triangles; disparities
     are relative to the focal plane."""
     error = options.error + options.relative_error * np.abs(layers[-1].back_disparity)
-    asked = []
+    jobs = []
     for split in layers:
         checkpoint(0.55)
         made = Surfaces(
@@ -203,14 +203,14 @@ def triangulated(
             split.mixed, split.is_far, split.disoccluded,
         )  # fmt: skip
         # Snapping can double what neighbours differ by.
-        asked.append((made, 2 * split.jump, error, options.quadtree))
+        jobs.append((made, 2 * split.jump, error, options.quadtree))
         # What is left is a guess here, or cannot be seen.
         error = error.copy()
         error[split.occluded & ~split.disoccluded] = np.inf
         error[split.disoccluded] *= np.float32(options.quadtree.disoccluded_error)
     with ThreadPoolExecutor(threads()) as pool:
-        found = list(pool.map(in_this_scope(triangulate), *zip(*asked, strict=True)))
-    return [(made, triangles) for (made, *_), triangles in zip(asked, found, strict=True)]
+        found = list(pool.map(in_this_scope(triangulate), *zip(*jobs, strict=True)))
+    return [(made, triangles) for (made, *_), triangles in zip(jobs, found, strict=True)]
 
 
 def _texture(
@@ -229,13 +229,13 @@ def _texture(
         around = np.ones((2 * SPARE + 1, 2 * SPARE + 1), np.uint8)
         wanted |= cv2.dilate(mask.astype(np.uint8), around) > 0
         spans.append(_spans(wanted))
-    asked = [
+    jobs = [
         (picture, part, span)
         for picture, part, each in zip(pictures, texture, spans, strict=True)
         for span in each
     ]
     with ThreadPoolExecutor(threads()) as pool:
-        list(pool.map(in_this_scope(_refine), *zip(*asked, strict=True)))
+        list(pool.map(in_this_scope(_refine), *zip(*jobs, strict=True)))
     texture[-1, ..., 3] = 1
     checkpoint(0.9)
     for part, behind, front, each in zip(texture[:-1], texture[1:], fronts, spans[:-1], strict=True):

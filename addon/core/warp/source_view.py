@@ -79,7 +79,7 @@ class Reprojection:
 
 @dataclass(frozen=True)
 class SourceView:
-    """A frame that is asked for colours."""
+    """A source frame of colours."""
 
     frame: int
     """Its number."""

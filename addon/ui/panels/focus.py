@@ -52,8 +52,8 @@ def _draw_points(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup, 
     picked = layout.row()
     text = picked.row()
     text.active = by_points
-    told = f"{counted(len(settings.focus_points), 'point')}, picked at frame {settings.focus_frame}"
-    text.label(text=told, icon="PINNED")
+    summary = f"{counted(len(settings.focus_points), 'point')}, picked at frame {settings.focus_frame}"
+    text.label(text=summary, icon="PINNED")
     picked.operator(focus.VIRTUAL_APERTURE_OT_clear_focus.bl_idname, text="", icon="X")
 
 

@@ -73,7 +73,7 @@ class VIRTUAL_APERTURE_PT_shape(ClosedPanel, bpy.types.Panel):  # noqa: N801
         row.prop(shape, "roundness")
         for name in ("ratio", "obstruction", "apodisation"):
             layout.prop(shape, name)
-        # Its whole name is cut off in a sidebar of the usual width.
+        # Its whole name is cut off in a sidebar of the default width.
         layout.prop(shape, "spherical_aberration", text="Aberration")
         for name in ("vignetting", "image"):
             layout.prop(shape, name)

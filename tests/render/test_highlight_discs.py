@@ -1,4 +1,5 @@
-"""Lamps drawn as discs against many views of the same layers: what hides them, in either order of depth."""
+"""Highlights drawn as discs against many views of the same layers: what hides them, in either order of
+depth."""
 
 from __future__ import annotations
 
@@ -29,7 +30,7 @@ SIZE = (240, 160)
 LENS = Intrinsics(*SIZE, 200.0, 200.0, 120.0, 80.0)
 FAR = 8.0
 DISC = 24
-"""Pixels of the lamps' discs."""
+"""Pixels of the highlights' discs."""
 
 
 class Step:
@@ -47,7 +48,7 @@ class Step:
         return None
 
 
-def lamps() -> LinearRGB:
+def highlights() -> LinearRGB:
     """(H, W, 3) linear light of some, a part of whose discs what is before the wall hides. They are as smooth
     as a texture that is interpolated can show."""
     light = np.zeros((SIZE[1], SIZE[0], 3), np.float32)
@@ -57,9 +58,9 @@ def lamps() -> LinearRGB:
 
 
 def source(near: Mask) -> LinearRGBA:
-    """(H, W, 4) linear: a grey wall with lamps, and what is before it."""
+    """(H, W, 4) linear: a grey wall with highlights, and what is before it."""
     picture = np.ones((SIZE[1], SIZE[0], 4), np.float32)
-    picture[..., :3] = np.where(near[..., None], 0.2, 0.05 + lamps())
+    picture[..., :3] = np.where(near[..., None], 0.2, 0.05 + highlights())
     return picture
 
 
@@ -72,18 +73,18 @@ def meshed(near: float, focus: float, highlights: HighlightSettings = RESTORED) 
 
 
 def on_the_wall(warped: WarpedFrame) -> WarpedFrame:
-    """The frame with its lamps on the farthest surface of its texture: whole behind what is before it, and
-    none made up there."""
+    """The frame with its highlights on the farthest surface of its texture: whole behind what is before it,
+    and none made up there."""
     parts = warped.texture.copy().reshape(len(warped.layers) + 1, -1, warped.texture.shape[1], 4)
     height, width = warped.layers[0].is_far.shape
-    light = np.where(Step(1.0).near[..., None], 0, lamps())
+    light = np.where(Step(1.0).near[..., None], 0, highlights())
     row, column = (height - SIZE[1]) // 2, (width - SIZE[0]) // 2
     wide = cv2.copyMakeBorder(light, row, row, column, column, cv2.BORDER_CONSTANT)
     # A texel in two is a pixel, what is between them is linear.
     finer = np.diag([1 / FINER, 1 / FINER, 1])[:2]
     size = FINER * width, FINER * height
     parts[-1, ..., :3] += cv2.warpAffine(wide, finer, size, flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP)
-    return replace(warped, texture=parts.reshape(warped.texture.shape), lamps=None)
+    return replace(warped, texture=parts.reshape(warped.texture.shape), highlight_discs=None)
 
 
 @needs_gpu
@@ -91,13 +92,13 @@ def on_the_wall(warped: WarpedFrame) -> WarpedFrame:
     ("near", "focus", "least"), [(4.0, 4.0, 50.0), (5.0, 4.0, 48.0), (3.0, 4.0, 45.0), (4.0, 16.0, 40.0)],
     ids=["in focus", "between", "before the focal plane", "all before it"],
 )  # fmt: skip
-def test_lamps_are_hidden_as_many_views_hide_them(near: float, focus: float, least: float) -> None:
+def test_highlights_are_hidden_as_many_views_hide_them(near: float, focus: float, least: float) -> None:
     frame = meshed(near, focus)
-    # All else alike: the same views of the same texture, without lamps and with them.
+    # All else alike: the same views of the same texture, without highlights and with them.
     few = frame.through(16)
-    dark = replace(few, lamps=None)
+    dark = replace(few, highlight_discs=None)
     many = frame.through(1024, prefiltered=False)
-    lit = draw_mean(on_the_wall(many)) - draw_mean(replace(many, lamps=None))
+    lit = draw_mean(on_the_wall(many)) - draw_mean(replace(many, highlight_discs=None))
     ours = draw_mean(few) - draw_mean(dark)
     found = psnr(*(encode_srgb(np.clip(part[..., :3].astype(np.float64), 0, 1)) for part in (ours, lit)))
     print(f"{found:.1f} dB, energy {ours[..., 1].sum() / lit[..., 1].sum():.4f}")

@@ -1,9 +1,9 @@
-"""Lamps of known radiance, clipped by the camera: `python -m benchmarks.accuracy.lamp_radiance`.
+"""Lamps of known radiance, clipped by the camera: `python -m benchmarks.accuracy.highlight_radiance`.
 
 A plane with a texture and round lamps is recorded as a clip is (point spread, pixels, noise, 8 bits) by a
 camera that moves sideways. The radiance of what is clipped is estimated in several ways, and the plane is
 blurred by a disc, which is what a lens does to a plane. Scores are PSNR of that as displayed, and the energy
-of lamps over the true one: its median, and the root of the mean square of its logarithm.
+of light sources over the true one: its median, and the root of the mean square of its logarithm.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ PACE = 0.37
 """Pixels from one frame to the next."""
 LAMPS = (8, 5)
 RADII = (0.5, 0.8, 1.2, 2.0, 3.0)
-"""Pixels, a row of lamps each."""
+"""Pixels, a row of light sources each."""
 FINER = 8
 """Parts of a pixel that lamps are drawn by."""
 SPREAD = 0.45

@@ -1,12 +1,12 @@
-"""Lamps that are much smaller than their blur discs, drawn as discs of the aperture's shape and energy.
+"""Highlights that are much smaller than their blur discs, drawn as discs of the aperture's shape and energy.
 
-Few views draw such a lamp as a pattern of petals, as each shows it at a place of its own. So its light is
-taken out of the picture before that is painted on a mesh (`without_lamps`), and the disc is added to the mean
-of the views (`Lamps.light`), at a cost that does not depend on their number: Potmesil and Chakravarty,
-"Synthetic image generation with a lens and aperture camera model", 1982, spread every pixel like that. What
-stands before a lamp clips its disc as it clips the views: along the way from the lamp to a place of the
-aperture, surfaces are looked for as in Policarpo, Oliveira and Comba, "Real-time relief mapping on arbitrary
-polygonal surfaces", 2005.
+Few views draw such a highlight as a pattern of copies, as each shows it at a place of its own. So its light
+is taken out of the picture before that is painted on a mesh (`without_small_highlights`), and the disc is
+added to the mean of the views (`HighlightDiscs.light`), at a cost that does not depend on their number:
+Potmesil and Chakravarty, "Synthetic image generation with a lens and aperture camera model", 1982, spread
+every pixel like that. What stands before a highlight clips its disc as it clips the views: along the way from
+the highlight to a place of the aperture, surfaces are looked for as in Policarpo, Oliveira and Comba,
+"Real-time relief mapping on arbitrary polygonal surfaces", 2005.
 """
 
 from __future__ import annotations
@@ -26,37 +26,38 @@ from .plan import FramePlan
 from .vignetting import LEAST_LEFT, barrel_shift, light_left
 
 WHITE = 1.02
-"""Linear light over which a pixel is a lamp's, 1 being white: resampling rings by less."""
+"""Linear light over which a pixel is a highlight's, 1 being white: resampling rings by less."""
 BRIGHT = 1.5
-"""Linear light that the brightest pixel of a lamp has at least: less shows no petals. By eye."""
+"""Linear light that the brightest pixel of a highlight has at least: copies of less do not show. By eye."""
 WIDER = 1.0
-"""Times that a disc is at least as wide as its lamp. Of 4, 1.5, 1, 0.5 and 0.2: bars (32 px, true depth) has
-33.7, 34.3, 35.2, 35.2 and 35.2 dB."""
+"""Times that a disc is at least as wide as its highlight. Of 4, 1.5, 1, 0.5 and 0.2: bars (32 px, true depth)
+has 33.7, 34.3, 35.2, 35.2 and 35.2 dB."""
 MOST = 400
-"""Lamps, those of the most light, that are drawn so: 341 with discs of 24 pixels take 0.5 to 0.8 CPU s
+"""Highlights, those of the most light, that are drawn so: 341 with discs of 24 pixels take 0.5 to 0.8 CPU s
 (a scratch script)."""
 RIM = 3
 """Pixels around what is over white that light is taken from, too: the reach of optics and of resampling."""
 FINEST = 8
 """Parts of a pixel by which radii of discs differ: a brightness that is right to 0.8 % at 16 pixels."""
 NEARER = 1.0
-"""Pixels of displacement, at least, that a surface is nearer by than a lamp which it hides: less is the noise
-of depth, and the jump at which surfaces are cut."""
+"""Pixels of displacement, at least, that a surface is nearer by than a highlight which it hides: less is the
+noise of depth, and the jump at which surfaces are cut."""
 PARTS = 8
-"""Parts across and down, at most, that a lamp is cut in where something may hide some of it. Of 1, 4, 6, 8
-and 16: bars (32 px, true depth) has 34.4, 35.2, 35.3, 35.35 and 35.36 dB."""
+"""Parts across and down, at most, that a highlight is cut in where something may hide some of it. Of 1, 4, 6,
+8 and 16: bars (32 px, true depth) has 34.4, 35.2, 35.3, 35.35 and 35.36 dB."""
 WIDTHS = 0.0, 1.0, 2.0, 4.0, 8.0
-"""Pixels over which what hides a part of a lamp is blurred, as the part is no point: the next smaller."""
+"""Pixels over which what hides a part of a highlight is blurred, as the part is no point: the next
+smaller."""
 LOOKED_AT = 1 << 20
 """Places that are looked at at once, so that arrays of them take tens of megabytes."""
 LONGEST = 1 << 10
-"""Places in a row of what OpenCV is asked for."""
+"""Places in a row of the maps that OpenCV gets."""
 OUTSIDE = 1.15
-"""Radii of the aperture to which what hides a lamp is looked for: discs are wider by the lamp."""
+"""Radii of the aperture to which what hides a highlight is looked for: discs are wider by the highlight."""
 
 
 @dataclass(frozen=True)
-class Lamp:
+class SmallHighlight:
     """One of them, in a picture of the canvas."""
 
     corner: tuple[int, int]
@@ -78,8 +79,8 @@ class Lamp:
             ]
         )
 
-    def parts(self) -> list[Lamp]:
-        """The same light as smaller lamps, at most `PARTS` by `PARTS` and a pixel wide at least."""
+    def parts(self) -> list[SmallHighlight]:
+        """The same light as smaller highlights, at most `PARTS` by `PARTS` and a pixel wide at least."""
         size = -(-max(self.light.shape[:2]) // PARTS)
         corners = [
             (row, column)
@@ -87,20 +88,20 @@ class Lamp:
             for column in range(0, self.light.shape[1], size)
         ]
         found = (
-            Lamp(
+            SmallHighlight(
                 (self.corner[0] + row, self.corner[1] + column),
                 self.light[row : row + size, column : column + size], self.displacement,
             )
             for row, column in corners
         )  # fmt: skip
-        return [lamp for lamp in found if lamp.light.any()]
+        return [one for one in found if one.light.any()]
 
 
 @dataclass(frozen=True)
-class Lamps:
-    """The lamps of a frame, and the aperture that their light comes through."""
+class HighlightDiscs:
+    """The highlights of a frame, and the aperture that their light comes through."""
 
-    found: tuple[Lamp, ...]
+    found: tuple[SmallHighlight, ...]
     aperture: Aperture
 
     def light(self, plan: FramePlan, layers: tuple[LayeredDepthImage, ...]) -> LinearRGB:
@@ -109,11 +110,11 @@ class Lamps:
         height, width = plan.canvas.pinhole.height, plan.canvas.pinhole.width
         total: LinearRGB = np.zeros((height, width, 3), np.float32)
         before = _Surfaces(layers, plan.lens, (height, width))
-        # What hides a lamp covers another part of the disc of each of its places.
-        pieces = [part for lamp in self.found for part in (lamp.parts() if before.may_hide(lamp) else [lamp])]
-        for lamp in pieces:
+        # What hides a highlight covers another part of the disc of each of its places.
+        pieces = [part for one in self.found for part in (one.parts() if before.may_hide(one) else [one])]
+        for one in pieces:
             checkpoint()
-            disc, (row, column) = self._disc(lamp, plan, before)
+            disc, (row, column) = self._disc(one, plan, before)
             top, left = max(0, -row), max(0, -column)
             part = disc[top : max(0, height - row), left : max(0, width - column)]
             if part.size:
@@ -122,25 +123,27 @@ class Lamps:
             total /= np.maximum(light_left(plan), np.float32(LEAST_LEFT))[..., None]
         return total
 
-    def _disc(self, lamp: Lamp, plan: FramePlan, before: _Surfaces) -> tuple[LinearRGB, tuple[int, int]]:
-        """The light (h, w, 3) of a lamp's disc as far as it arrives, and the row and column where it begins,
-        which may be outside of the canvas."""
+    def _disc(
+        self, one: SmallHighlight, plan: FramePlan, before: _Surfaces
+    ) -> tuple[LinearRGB, tuple[int, int]]:
+        """The light (h, w, 3) of a highlight's disc as far as it arrives, and the row and column where it
+        begins, which may be outside of the canvas."""
         pinhole = plan.canvas.pinhole
-        radius = np.round(FINEST * lamp.displacement * pinhole.focal / pinhole.fx) / FINEST
+        radius = np.round(FINEST * one.displacement * pinhole.focal / pinhole.fx) / FINEST
         kernel = _kernel(self.aperture, float(radius[0]), float(radius[1]))
-        place = lamp.place
+        place = one.place
         reach = [n // 2 for n in kernel.shape]
         if plan.vignetting:
             kernel = kernel * _within_barrel(plan, place, radius, reach)
-        padded = np.pad(lamp.light, ((reach[0],) * 2, (reach[1],) * 2, (0, 0)))
+        padded = np.pad(one.light, ((reach[0],) * 2, (reach[1],) * 2, (0, 0)))
         # OpenCV correlates: for it the kernel is turned round.
         disc = cv2.filter2D(padded, -1, kernel[::-1, ::-1], borderType=cv2.BORDER_CONSTANT)
-        row, column = lamp.corner[0] - reach[0], lamp.corner[1] - reach[1]
+        row, column = one.corner[0] - reach[0], one.corner[1] - reach[1]
         x = np.arange(disc.shape[1]) + column + 0.5
         y = np.arange(disc.shape[0]) + row + 0.5
         # A view at the share p of the aperture sees it at place - displacement p.
         across, down = np.meshgrid((place[0] - x) / radius[0], (place[1] - y) / radius[1])
-        passed = before.transmittance(place, lamp.displacement, max(lamp.light.shape[:2]), across, down)
+        passed = before.transmittance(place, one.displacement, max(one.light.shape[:2]), across, down)
         return np.maximum(disc, 0) * passed[..., None].astype(np.float32), (row, column)
 
 
@@ -190,15 +193,16 @@ class _Surfaces:
         self._corner = np.array([(n - own) // 2 for n, own in zip(self._nearest.shape, size, strict=True)])
         self._focal = lens.pinhole.focal / lens.pinhole.fx
 
-    def may_hide(self, lamp: Lamp) -> bool:
-        """Whether anything near enough to a lamp is nearer than it."""
-        return len(self._steps(lamp.place, lamp.displacement)) > 0
+    def may_hide(self, one: SmallHighlight) -> bool:
+        """Whether anything near enough to a highlight is nearer than it."""
+        return len(self._steps(one.place, one.displacement)) > 0
 
     def transmittance(
         self, place: Floats, displacement: float, width: float, across: Floats, down: Floats
     ) -> Floats:
-        """(h, w) share of the light that comes from a lamp to places of the aperture, `across` and `down`
-        (h, w) in shares of its radius. The lamp is at a place (2,), of a displacement and a width in pixels.
+        """(h, w) share of the light that comes from a highlight to places of the aperture, `across` and
+        `down` (h, w) in shares of its radius. The highlight is at a place (2,), of a displacement and a width
+        in pixels.
         """
         steps = self._steps(place, displacement)
         if not len(steps):
@@ -209,9 +213,10 @@ class _Surfaces:
         return np.concatenate(passed).reshape(across.shape)
 
     def _along(self, place: Floats, displacement: float, width: float, way: Floats, steps: Floats) -> Floats:
-        """(n,) share of the light that passes from a lamp on ways (n, 2), which are pixels of the frame for
-        each pixel of displacement that a surface is nearer by; whatever is nearer by `steps` (s,) is met."""
-        # What is nearer by t is before the lamp, seen from p, if it is seen at place + t p by the frame.
+        """(n,) share of the light that passes from a highlight on ways (n, 2), which are pixels of the frame
+        for each pixel of displacement that a surface is nearer by; whatever is nearer by `steps` (s,) is
+        met."""
+        # What is nearer by t is before the highlight, seen from p, if it is seen at place + t p by the frame.
         along = (self._on_raster(place) + steps[:, None, None] * way).astype(np.float32)
         passed = np.ones(len(way))
         for disparity, alpha, jump in self._surfaces:
@@ -224,7 +229,7 @@ class _Surfaces:
             before, behind = over[step, which], over[step + 1, which]
             share = (before / (before - behind))[:, None]
             met = along[step, which] + share * (along[step + 1, which] - along[step, which])
-            # From one side of the lamp to the other, another place of it is before the same pixel.
+            # From one side of the highlight to the other, another place of it is before the same pixel.
             blur = width * np.abs(1 + (steps[step] + share[:, 0]) / displacement)
             left = np.ones(len(way))
             for level, values in enumerate(alpha):
@@ -238,8 +243,8 @@ class _Surfaces:
         return np.asarray(place + self._corner[::-1] - 0.5)
 
     def _steps(self, place: Floats, displacement: float) -> Floats:
-        """(n,) by how much nearer surfaces are, in pixels of displacement, that may hide a lamp at a place
-        (2,) in pixels: whole numbers, rising, around what there is."""
+        """(n,) by how much nearer surfaces are, in pixels of displacement, that may hide a highlight at a
+        place (2,) in pixels: whole numbers, rising, around what there is."""
         x0, y0 = self._on_raster(place)
         farthest = OUTSIDE * max(0.0, float(self._nearest.max()) - displacement)
         if farthest < self._least:
@@ -274,11 +279,11 @@ def _sampled(values: Map, at: Map, interpolation: int) -> Map:
     return np.asarray(found).ravel()[:count].reshape(at.shape[:-1])
 
 
-def without_lamps(
+def without_small_highlights(
     picture: LinearRGBA, displacement: Map, aperture: Aperture
-) -> tuple[LinearRGBA, Lamps | None]:
-    """A picture (H, W, 4) without the light of its lamps, which is that of small things over white whose
-    discs are `WIDER`, and these lamps; the same picture and None where it has none.
+) -> tuple[LinearRGBA, HighlightDiscs | None]:
+    """A picture (H, W, 4) without the light of its highlights, which is that of small things over white whose
+    discs are `WIDER`, and these highlights; the same picture and None where it has none.
 
     `displacement` (H, W) is that of its pixels at the aperture's rim in pixels, relative to the focal plane.
     """
@@ -290,28 +295,28 @@ def without_lamps(
     brightest, energy = np.zeros(count, np.float32), np.bincount(label.ravel(), peak.ravel(), count)
     np.maximum.at(brightest, label.ravel(), peak.ravel())
     size = stats[:, cv2.CC_STAT_WIDTH : cv2.CC_STAT_HEIGHT + 1].max(axis=1)
-    asked = np.flatnonzero((brightest > BRIGHT) & (np.arange(count) > 0))
+    candidates = np.flatnonzero((brightest > BRIGHT) & (np.arange(count) > 0))
     shift = np.zeros(count)
-    for number in asked:
+    for number in candidates:
         part = _around(stats[number], 0)
         shift[number] = np.median(displacement[part][label[part] == number])
-    asked = asked[2 * np.abs(shift[asked]) >= WIDER * size[asked]]
-    asked = asked[np.argsort(-energy[asked])][:MOST]
-    if not len(asked):
+    candidates = candidates[2 * np.abs(shift[candidates]) >= WIDER * size[candidates]]
+    candidates = candidates[np.argsort(-energy[candidates])][:MOST]
+    if not len(candidates):
         return picture, None
-    own = _nearest_of(label, np.isin(label, asked), displacement, shift)
+    own = _nearest_of(label, np.isin(label, candidates), displacement, shift)
     ground = inpainted(np.ascontiguousarray(picture[..., :3]), own == 0)
     light = np.where((own > 0)[..., None], np.maximum(picture[..., :3] - ground, 0), 0)
     rest = picture.copy()
     rest[..., :3] -= light
     found = []
-    for number in asked:
+    for number in candidates:
         part = _around(stats[number], RIM)
-        found.append(Lamp(
+        found.append(SmallHighlight(
             (part[0].start, part[1].start), light[part] * (own[part] == number)[..., None],
             float(shift[number]),
         ))  # fmt: skip
-    return rest, Lamps(tuple(lamp for lamp in found if lamp.light.any()), aperture)
+    return rest, HighlightDiscs(tuple(one for one in found if one.light.any()), aperture)
 
 
 def _around(stats: Ints, reach: int) -> tuple[slice, slice]:
@@ -320,14 +325,15 @@ def _around(stats: Ints, reach: int) -> tuple[slice, slice]:
     return slice(max(0, y - reach), y + height + reach), slice(max(0, x - reach), x + width + reach)
 
 
-def _nearest_of(label: Ints, lamps: Mask, displacement: Map, shift: Floats) -> Ints:
-    """(H, W) the label of the lamp that a pixel's light may be of, 0 of none: the lamps' own pixels (H, W),
-    and the `RIM` around them that is as far away, by `displacement` (H, W) and that of labels (n,)."""
+def _nearest_of(label: Ints, highlights: Mask, displacement: Map, shift: Floats) -> Ints:
+    """(H, W) the label of the highlight that a pixel's light may be of, 0 of none: the highlights' own pixels
+    (H, W), and the `RIM` around them that is as far away, by `displacement` (H, W) and that of labels
+    (n,)."""
     distance, nearest = cv2.distanceTransformWithLabels(
-        (~lamps).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
+        (~highlights).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
     )
     renamed = np.zeros(int(nearest.max()) + 1, np.int32)
-    renamed[nearest[lamps]] = label[lamps]
+    renamed[nearest[highlights]] = label[highlights]
     own = np.where(distance <= RIM, renamed[nearest], 0)
     beside = np.abs(displacement - shift[own]) > np.maximum(NEARER, np.abs(shift[own]) / 8)
-    return np.where(lamps | ((label == 0) & ~beside), own, 0)
+    return np.where(highlights | ((label == 0) & ~beside), own, 0)

@@ -1,4 +1,5 @@
-"""Lamps drawn as discs: their energy, their shape, what hides them, and when pictures stay as they are."""
+"""Highlights drawn as discs: their energy, their shape, what hides them, and when pictures stay as they
+are."""
 
 from __future__ import annotations
 
@@ -14,8 +15,8 @@ from addon.core.camera.reconstruction import Intrinsics
 from addon.core.depth.source import PixelDepth
 from addon.core.focus.focus import Focus
 from addon.core.frame.clip_context import ClipContext
+from addon.core.frame.highlight_discs import BRIGHT, MOST, without_small_highlights
 from addon.core.frame.highlights import HighlightSettings
-from addon.core.frame.lamp_discs import BRIGHT, MOST, without_lamps
 from addon.core.frame.plan import FrameOptions
 from addon.core.frame.warped_frame import WarpedFrame, mesh_frame
 from addon.core.optics.aperture import Aperture
@@ -49,8 +50,8 @@ def dark(light: float = 0.05) -> LinearRGBA:
     return picture
 
 
-def with_lamp(picture: LinearRGBA, x: int, y: int, light: float = 40.0) -> LinearRGBA:
-    """A picture with a lamp two pixels wide."""
+def with_highlight(picture: LinearRGBA, x: int, y: int, light: float = 40.0) -> LinearRGBA:
+    """A picture with a highlight two pixels wide."""
     picture = picture.copy()
     picture[y : y + 2, x : x + 2, :3] += light * np.array([1.0, 0.8, 0.5], np.float32)
     return picture
@@ -68,8 +69,8 @@ def drawn(
 
 
 def discs(warped: WarpedFrame) -> Map:
-    assert warped.lamps is not None
-    return warped.lamps.light(warped.plan, warped.layers)
+    assert warped.highlight_discs is not None
+    return warped.highlight_discs.light(warped.plan, warped.layers)
 
 
 def flat(distance: float = FAR) -> Floats:
@@ -78,8 +79,10 @@ def flat(distance: float = FAR) -> Floats:
 
 @pytest.mark.parametrize("shape", [{}, {"blades": 5}, {"obstruction": 0.5}, {"ratio": 1.6}], ids=str)
 @pytest.mark.parametrize("distance", [FAR, 8 / 3], ids=["behind", "before"])
-def test_a_lamp_in_the_open_keeps_its_energy_and_its_place(shape: dict[str, float], distance: float) -> None:
-    warped = drawn(with_lamp(dark(), 101, 71), flat(distance), **shape)
+def test_a_highlight_in_the_open_keeps_its_energy_and_its_place(
+    shape: dict[str, float], distance: float
+) -> None:
+    warped = drawn(with_highlight(dark(), 101, 71), flat(distance), **shape)
     light = discs(warped)
     # Four pixels over a ground that stays.
     np.testing.assert_allclose(light.sum(axis=(0, 1)), 4 * 40 * np.array([1, 0.8, 0.5]), rtol=1e-3)
@@ -91,12 +94,12 @@ def test_a_lamp_in_the_open_keeps_its_energy_and_its_place(shape: dict[str, floa
 
 
 def test_the_light_does_not_depend_on_the_number_of_views() -> None:
-    picture = with_lamp(dark(), 101, 71)
+    picture = with_highlight(dark(), 101, 71)
     np.testing.assert_array_equal(discs(drawn(picture, flat(), 8)), discs(drawn(picture, flat(), 64)))
 
 
 def test_a_disc_is_round_and_even() -> None:
-    light = discs(drawn(with_lamp(dark(), 119, 79), flat()))[..., 0]
+    light = discs(drawn(with_highlight(dark(), 119, 79), flat()))[..., 0]
     row, column = np.mgrid[: SIZE[1], : SIZE[0]] + 0.5
     away = np.hypot(row - 80, column - 120)
     inner = light[away < 12 - 3]
@@ -112,22 +115,22 @@ def straight(near: float, edge: int) -> Floats:
 
 
 @pytest.mark.parametrize("near", [FOCUS, 5.5, 3.0, 2.0])
-def test_a_lamp_is_clipped_by_what_is_nearer(near: float) -> None:
-    """From p the edge is beside the lamp at (s_edge - s_lamp) p, whatever is in focus."""
+def test_a_highlight_is_clipped_by_what_is_nearer(near: float) -> None:
+    """From p the edge is beside the highlight at (s_edge - s_highlight) p, whatever is in focus."""
     edge, middle = 110, 102.0
-    picture = with_lamp(dark(), 101, 71)
+    picture = with_highlight(dark(), 101, 71)
     picture[:, edge:, :3] = 0.4
     inverse = straight(near, edge)
     lit, whole = (
         discs(drawn(picture, inverse))[..., 0],
-        discs(drawn(with_lamp(dark(), 101, 71), flat()))[..., 0],
+        discs(drawn(with_highlight(dark(), 101, 71), flat()))[..., 0],
     )
     apart = RADIUS * 200 * (1 / near - 1 / FAR)
     # Places of the aperture from which the edge hides it, and where its light would be seen from there.
     least = (edge - middle) / apart
     first = middle + 12 * least
     column = np.broadcast_to(np.arange(SIZE[0]) + 0.5, lit.shape)
-    # A lamp two pixels wide: shadows of near edges are soft by as much.
+    # A highlight two pixels wide: shadows of near edges are soft by as much.
     np.testing.assert_allclose(lit[column < first - 2.5], whole[column < first - 2.5], atol=3e-4)
     assert lit[column > first + 2.5].max(initial=0) < 0.02 * whole.max()
     share = lit.sum() / whole.sum()
@@ -136,21 +139,21 @@ def test_a_lamp_is_clipped_by_what_is_nearer(near: float) -> None:
     assert share == pytest.approx(told, abs=0.03)
 
 
-def test_nothing_that_is_farther_or_as_far_hides_a_lamp() -> None:
+def test_nothing_that_is_farther_or_as_far_hides_a_highlight() -> None:
     rng = np.random.default_rng(3)
     inverse = flat() * (1 + 0.004 * rng.standard_normal(SIZE[::-1]))
     inverse[:, 110:] = 1 / 20.0
     inverse[70:76, 98:106] = 1 / FAR
-    light = discs(drawn(with_lamp(dark(), 101, 71), inverse))
+    light = discs(drawn(with_highlight(dark(), 101, 71), inverse))
     assert light[..., 0].sum() == pytest.approx(160, rel=5e-3)
 
 
 @pytest.mark.parametrize(
     "change",
     [
-        lambda: (with_lamp(dark(), 101, 71), flat(), 0.0),
-        lambda: (with_lamp(dark(), 101, 71), flat(FOCUS), 1.0),
-        lambda: (with_lamp(dark(), 101, 71, 0.9), flat(), 1.0),
+        lambda: (with_highlight(dark(), 101, 71), flat(), 0.0),
+        lambda: (with_highlight(dark(), 101, 71), flat(FOCUS), 1.0),
+        lambda: (with_highlight(dark(), 101, 71, 0.9), flat(), 1.0),
         lambda: (cv2.rectangle(dark(), (60, 40), (100, 100), (9.0, 9.0, 9.0, 1.0), -1), flat(), 1.0),
     ],
     ids=["highlights off", "in focus", "not over white", "wider than its disc"],
@@ -158,7 +161,7 @@ def test_nothing_that_is_farther_or_as_far_hides_a_lamp() -> None:
 def test_everything_else_stays_in_the_texture(change: Callable[[], tuple[LinearRGBA, Floats, float]]) -> None:
     picture, inverse, gain = change()
     warped = drawn(picture, inverse, gain=gain)
-    assert warped.lamps is None
+    assert warped.highlight_discs is None
 
 
 def test_light_is_moved_not_lost() -> None:
@@ -166,24 +169,24 @@ def test_light_is_moved_not_lost() -> None:
     picture = dark()
     picture[..., :3] += 0.3 * rng.random((SIZE[1], SIZE[0], 3), np.float32)
     for x, y in rng.integers(5, 150, (30, 2)):
-        picture = with_lamp(picture, x, y, 2 * BRIGHT)
-    rest, lamps = without_lamps(picture, np.full(SIZE[::-1], -12, np.float32), Aperture())
-    assert lamps is not None
+        picture = with_highlight(picture, x, y, 2 * BRIGHT)
+    rest, highlights = without_small_highlights(picture, np.full(SIZE[::-1], -12, np.float32), Aperture())
+    assert highlights is not None
     total = rest.copy()
-    for lamp in lamps.found:
-        row, column = lamp.corner
-        total[row:, column:, :3][: lamp.light.shape[0], : lamp.light.shape[1]] += lamp.light
+    for highlight in highlights.found:
+        row, column = highlight.corner
+        total[row:, column:, :3][: highlight.light.shape[0], : highlight.light.shape[1]] += highlight.light
     np.testing.assert_allclose(total, picture, atol=1e-5)
     assert rest.min() >= 0
     assert rest[..., :3].max() < BRIGHT
 
 
-def test_of_too_many_lamps_the_brightest_are_drawn() -> None:
+def test_of_too_many_highlights_the_brightest_are_drawn() -> None:
     picture = dark()
     picture[2:158:5, 2:238:5, :3] = np.linspace(5, 6, 32 * 48)[:, None].reshape(32, 48, 1)
-    rest, lamps = without_lamps(picture, np.full(SIZE[::-1], -12, np.float32), Aperture())
-    assert lamps is not None
-    assert len(lamps.found) == MOST
+    rest, highlights = without_small_highlights(picture, np.full(SIZE[::-1], -12, np.float32), Aperture())
+    assert highlights is not None
+    assert len(highlights.found) == MOST
     left = rest[..., 0][rest[..., 0] > BRIGHT]
     assert len(left) == 32 * 48 - MOST
     # In the picture they become brighter with every one, row by row.
