@@ -9,7 +9,7 @@ import pytest
 
 from addon.core.base.errors import UserError
 from addon.core.media.clip import FrameRange
-from addon.core.sfm.process import Progress, SolveProcess
+from addon.core.sfm.process import SolveProcess, SolveProgress
 from addon.core.sfm.workspace import Solve, load_solve
 
 
@@ -19,7 +19,7 @@ def solve(
     again: bool = False,
     frames: FrameRange | None = None,
     focal: float | None = None,
-    steps: list[Progress] | None = None,
+    steps: list[SolveProgress] | None = None,
 ) -> Solve:
     """Solve in a worker process; its progress is added to `steps`. UserError for a refusal."""
     process = SolveProcess(clip, work, frames=frames, focal=focal, again=again)
@@ -30,7 +30,7 @@ def solve(
     return load_solve(work)
 
 
-def begun(process: SolveProcess) -> list[Progress]:
+def begun(process: SolveProcess) -> list[SolveProgress]:
     """The first that the worker says; fails after a minute."""
     end = time.monotonic() + 60
     while not (said := process.poll()):

@@ -21,9 +21,10 @@ from ..core.media.copying import copy_clip, copy_file, copy_pictures
 from ..core.media.masks import open_masks
 from ..core.sfm.state import STATE, read_state, write_state
 from ..core.sfm.workspace import load_solve
-from ..render import child, movie_file, output
+from ..render import movie_file, output
 from ..render.frame_keys import frame_keys
 from ..render.frame_size import written_size
+from ..render.launcher import launcher
 from ..render.quiet import quiet
 from . import NAME
 from .aperture import copy_image
@@ -264,4 +265,4 @@ def _job(
 
 def _program() -> list[str]:
     """The program that a farm's machines start, and the words before a command's name."""
-    return ["blender", "--command", NAME] if bpy.app.binary_path else child.launcher()
+    return ["blender", "--command", NAME] if bpy.app.binary_path else launcher()

@@ -17,14 +17,16 @@ from ..core.base import memory, streams
 from ..core.base.atomic import collect_temporary, temporary_folder
 from ..core.base.counting import counted, ranges
 from ..core.base.errors import UserError, Words
+from ..core.base.messages import Failure, Result, Warned, send, speak
 from ..core.base.streams import say, say_to
 from ..core.media.clip import FrameRange
 from ..core.sfm.state import STATE
 from ..core.sfm.workspace import Solve, default_work_dir, load_solve
-from ..render import child, engine, jobs, movie_file, movie_folder, output
+from ..render import engine, jobs, movie_file, movie_folder, output
 from ..render.frame_keys import run_key
 from ..render.frame_size import render_size
 from ..render.gpu_views import check_gpu, check_memory
+from ..render.launcher import CHILD
 from ..render.quiet import quiet
 from ..render.run_report import RunReport, check_report
 from ..scene import properties
@@ -69,7 +71,7 @@ def parser() -> argparse.ArgumentParser:
         help="frames as join takes them: every one of the range, even sizes",
     )
     # For processes that others started to render a share.
-    two.add_argument("--end-with-input", action="store_true", help=argparse.SUPPRESS)
+    two.add_argument(CHILD, action="store_true", help=argparse.SUPPRESS)
     _add_output(two)
     two.set_defaults(command=render)
 
@@ -82,7 +84,7 @@ def parser() -> argparse.ArgumentParser:
     solve.add_solve_frames(three)
     add_lens(three, required=True)
     _add_output(three)
-    three.set_defaults(command=run, for_movie=False, end_with_input=False, words=SOLVED_WORDS)
+    three.set_defaults(command=run, for_movie=False, child=False, words=SOLVED_WORDS)
 
     save.add_command(commands, common)
     farm.add_commands(commands, common)
@@ -103,7 +105,7 @@ def _add_output(command: argparse.ArgumentParser) -> None:
 
 def _check_output(options: argparse.Namespace) -> None:
     output.check_output(options.out.absolute(), options.overwrite)
-    if not options.end_with_input:
+    if not options.child:
         movie_folder.check_not_kept(options.out.absolute().parent)
     if options.report:
         check_report(options.report, options.overwrite)
@@ -120,8 +122,6 @@ def _check_apart(options: argparse.Namespace, clip: Path) -> None:
 
 def render(options: argparse.Namespace) -> None:
     """`render DIR ... --out OUT`"""
-    if options.end_with_input:
-        child.end_with_input()
     _check_output(options)
     check_numbers(options)
     with output.claimed(options.out.absolute()):
@@ -200,10 +200,12 @@ def _render(solved: Solve, options: argparse.Namespace) -> None:
         else:
             output.render_sequence(scene, frames, out, options.overwrite, report, draw)
     if repaired := shot_of(scene).repaired:
-        say(
+        text = (
             f"{sum(repaired.values())} pixels of {len(repaired)} frames were not finite (NaN or infinite) and"
             f" were filled from around: {ranges(sorted(repaired))}"
         )
+        say(text)
+        send(Warned(text))
     if summary := run_report.summary(frames):
         say(summary)
     if lacking := run_report.lacks(frames):
@@ -291,17 +293,23 @@ def run_command(arguments: list[str]) -> int:
         collect_temporary()
         options = parser().parse_args(arguments)
         words = options.words
+        if getattr(options, "child", False):
+            speak()
         options.command(options)
         _check_interrupted()
         streams.check()
+        send(Result())
     except SystemExit:
         # argparse's way to end after --help.
         streams.flush()
     except (Exception, KeyboardInterrupt) as error:
         if debug and not _signal:
             raise
-        streams.complain(_message(error, words))
-        return 128 + _signal if _signal else 2 if isinstance(error, UsageError) else 1
+        text = _message(error, words)
+        status = 128 + _signal if _signal else 2 if isinstance(error, UsageError) else 1
+        send(Failure(text, status))
+        streams.complain(text)
+        return status
     finally:
         for number, handler in before.items():
             if handler is not None:  # one of Blender's own cannot be put back

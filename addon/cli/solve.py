@@ -14,6 +14,7 @@ import bpy
 from ..core.base.atomic import PART, collect_orphans, owned
 from ..core.base.counting import counted
 from ..core.base.errors import UserError, Words
+from ..core.base.messages import Progress, send
 from ..core.base.streams import say
 from ..core.base.time_left import TimeLeft
 from ..core.camera.focal_length import Focal, from_equivalent, from_field_of_view, from_sensor
@@ -21,10 +22,10 @@ from ..core.media.clip import Footage, FrameRange, open_footage
 from ..core.readers import read_reconstruction
 from ..core.readers.colmap_export import export_model
 from ..core.readers.matching import Imported
-from ..core.sfm.process import Progress, SolveProcess
+from ..core.sfm.process import SolveProcess, SolveProgress
 from ..core.sfm.tracks import TRACKERS
 from ..core.sfm.workspace import Solve, check_replaceable, holds_solve, keep_import, load_solve
-from ..render import child
+from ..render.launcher import CHILD
 from ..scene.movieclip import read_movie_clip
 from ..scene.shot import Shot
 from .options import real
@@ -64,7 +65,7 @@ def add_commands(
     five = commands.add_parser("depth", parents=[common], help="find all frames' depth, ahead of renders")
     five.add_argument("work", type=path, metavar="DIR", help="folder that keeps the solve")
     # For the panel, which finds depth in the background.
-    five.add_argument("--end-with-input", action="store_true", help=argparse.SUPPRESS)
+    five.add_argument(CHILD, action="store_true", help=argparse.SUPPRESS)
     five.set_defaults(command=depth)
 
     four = commands.add_parser("export", parents=[common], help="write a solve as a COLMAP text model")
@@ -128,8 +129,6 @@ def solve(options: argparse.Namespace) -> None:
 
 def depth(options: argparse.Namespace) -> None:
     """`depth DIR`"""
-    if options.end_with_input:
-        child.end_with_input()
     if problem := keep_depth(load_solve(options.work.absolute())):
         raise problem
 
@@ -150,6 +149,7 @@ def keep_depth(solved: Solve) -> UserError | None:
             kept = f"the depth of {there} of {counted(count, 'frame')} is kept in {solved.work_dir}"
             return UserError(f"{kept}, that of frame {frame} cannot be: {why}", *why.remedies)
         say(f"depth of frame {frame}: {number} of {count}")
+        send(Progress("depth", number, count, frame))
     say(f"the depth of {counted(count, 'frame')} is kept in {solved.work_dir}")
     return None
 
@@ -273,7 +273,7 @@ class _ProgressLine:
         self._left = TimeLeft(self._shown)
         self._stage = ""
 
-    def show(self, step: Progress) -> None:
+    def show(self, step: SolveProgress) -> None:
         now = time.monotonic()
         stage = step.text.rsplit(" ", 1)[0]
         left = self._left.at(now, step.share)

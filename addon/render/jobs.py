@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import itertools
 import queue
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from ..core.base.child import Child, end
 from ..core.base.counting import ranges
 from ..core.base.errors import UserError
-from .child import Child, end
+from ..core.base.messages import Message, Progress, Warned
+from .launcher import start
 
 TRIES = 2
 """How often a share is begun before its frames are given up."""
-_FRAME = re.compile(r"frame (-?\d+): \d+ of \d+")
 
 Command = Callable[[Sequence[int], int], list[str]]
 """Arguments of the command line that render frames as the share of this number."""
@@ -45,13 +45,13 @@ def render_side_by_side(
     note: Callable[[str], None],
 ) -> None:
     """Render frames in `count` processes; `done` is told of each frame, in whichever order, and `note` of
-    what a process says that the user should know.
+    what a process warns of.
 
     A process that fails is started once more for what it had left. UserError naming the frames that are not
     done at the end. Whatever is raised here, Ctrl-C included, ends all of them; where this process is killed
     they end by themselves.
     """
-    told: queue.Queue[tuple[_Share, str | None]] = queue.Queue()
+    told: queue.Queue[tuple[_Share, Message | None]] = queue.Queue()
     running = [_Share(number, todo) for number, todo in enumerate(shares(frames, count))]
     failed: list[_Share] = []
     try:
@@ -59,16 +59,16 @@ def render_side_by_side(
             _start(share, command, told)
         left = len(running)
         while left:
-            share, line = told.get()
-            if line is not None:
-                if (match := _FRAME.match(line)) and int(match[1]) in share.todo:
-                    share.todo.remove(int(match[1]))
-                    done(int(match[1]))
-                elif "not finite" in line:
-                    note(line.strip())
+            share, message = told.get()
+            if isinstance(message, Progress) and message.frame in share.todo:
+                share.todo.remove(message.frame)
+                done(message.frame)
+            elif isinstance(message, Warned):
+                note(message.text)
+            if message is not None:
                 continue
             assert share.child is not None
-            if share.child.process.wait() == 0 or not share.todo:
+            if share.child.failure is None or not share.todo:
                 left -= 1
             elif share.tries < TRIES:
                 _start(share, command, told)
@@ -79,10 +79,11 @@ def render_side_by_side(
         end([share.child for share in running if share.child is not None])
     if failed:
         lost = sorted(frame for share in failed for frame in share.todo)
-        reasons = {share.child.reason for share in failed if share.child is not None}
-        raise UserError(f"frames {ranges(lost)} could not be rendered: {'; '.join(sorted(reasons))}")
+        failures = [share.child.failure for share in failed if share.child is not None]
+        reasons = sorted({failure.text for failure in failures if failure is not None})
+        raise UserError(f"frames {ranges(lost)} could not be rendered: {'; '.join(reasons)}")
 
 
-def _start(share: _Share, command: Command, told: queue.Queue[tuple[_Share, str | None]]) -> None:
+def _start(share: _Share, command: Command, told: queue.Queue[tuple[_Share, Message | None]]) -> None:
     share.tries += 1
-    share.child = Child(command(share.todo, share.number), lambda line: told.put((share, line)))
+    share.child = start(command(share.todo, share.number), lambda message: told.put((share, message)))

@@ -16,6 +16,7 @@ from ..core.base.counting import counted, ranges
 from ..core.base.errors import Remedy, UserError
 from ..core.base.file_names import check_file, checked_name, leads_nowhere
 from ..core.base.folder_lock import OutputLock
+from ..core.base.messages import Progress, send
 from ..core.frame.warped_frame import forecast
 from ..core.media.clip import Footage, is_pattern
 from ..core.media.picture_file import PICTURES
@@ -312,6 +313,7 @@ class _Clock:
 
     def tick(self, frame: int) -> None:
         self._done += 1
+        send(Progress("frames", self._done, self._total, frame))
         now = time.monotonic()
         line = f"frame {frame}: {self._done} of {self._total}"
         if self._done == 1:

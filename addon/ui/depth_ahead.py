@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import queue
-import re
 import threading
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,15 +11,16 @@ from pathlib import Path
 import bpy
 from bpy.app.handlers import persistent
 
+from ..core.base.child import Child, end
 from ..core.base.errors import UserError
+from ..core.base.messages import Message, Progress
 from ..core.sfm.state import STATE
-from ..render.child import Child, end
+from ..render.launcher import start
 from ..scene.clip import footage_path, work_dir
 from . import redraw
 
 LOOK = 0.5
 """Seconds between two looks at the process."""
-_STEP = re.compile(r"depth of frame -?\d+: (\d+) of (\d+)")
 
 
 @dataclass
@@ -28,7 +28,7 @@ class DepthAhead:
     """The process that finds the depth of a solved clip's frames and keeps it in its working folder."""
 
     work: Path
-    lines: queue.SimpleQueue[str | None] = field(default_factory=queue.SimpleQueue)
+    messages: queue.SimpleQueue[Message | None] = field(default_factory=queue.SimpleQueue)
     done: int = 0
     total: int = 0
     """Frames; 0 until the process has told."""
@@ -42,16 +42,16 @@ class DepthAhead:
         heard = False
         while self.child is not None:
             try:
-                line = self.lines.get_nowait()
+                message = self.messages.get_nowait()
             except queue.Empty:
                 break
             heard = True
-            if line is None:
-                if self.child.process.wait() != 0:
-                    self.problem = self.child.reason
+            if message is None:
+                failure = self.child.failure
+                self.problem = failure.text if failure is not None else ""
                 self.child = None
-            elif step := _STEP.match(line):
-                self.done, self.total = int(step[1]), int(step[2])
+            elif isinstance(message, Progress):
+                self.done, self.total = message.done, message.total
         return heard
 
 
@@ -65,7 +65,7 @@ def begin(work: Path) -> None:
     global _ahead
     stop()
     made = DepthAhead(work)
-    made.child = Child(["depth", str(work)], made.lines.put, yielding=True)
+    made.child = start(["depth", str(work)], made.messages.put, yielding=True)
     _ahead = made
     _remember(work, True)
     if not bpy.app.timers.is_registered(_tick):

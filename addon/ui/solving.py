@@ -6,7 +6,7 @@ import threading
 from collections.abc import Callable
 
 from ..core.base.progress import Cancelled, reporting
-from ..core.sfm.process import Progress, SolveProcess
+from ..core.sfm.process import SolveProcess, SolveProgress
 
 
 class Solving:
@@ -17,7 +17,7 @@ class Solving:
         """`begin` makes the process; it must not touch Blender's data."""
         self.process: SolveProcess | None = None
         self.ended = False
-        self.step = Progress("Reading the clip", 0.0)
+        self.step = SolveProgress("Reading the clip", 0.0)
         """How far it is."""
         self._error: BaseException | None = None
         self._cancelled = threading.Event()
@@ -40,7 +40,7 @@ class Solving:
         """Whether the folder holds the solve."""
         return self.process is not None and self.process.finished
 
-    def poll(self) -> list[Progress]:
+    def poll(self) -> list[SolveProgress]:
         """As `SolveProcess.poll`; also raises what opening the clip raised."""
         if self._opening.is_alive():
             return [self.step]

@@ -19,8 +19,9 @@ import numpy as np
 import pytest
 
 from addon.core.base.errors import UserError
+from addon.core.base.messages import Progress, encode
 from addon.core.media.copying import copy_file
-from addon.render import child, jobs
+from addon.render import jobs, launcher
 from benchmarks.torture import clip
 from benchmarks.torture.bench import contents, file_limit
 
@@ -234,11 +235,9 @@ def test_frames_that_no_process_can_render_are_named(work: Path, tmp_path: Path)
 
 
 def test_a_process_that_dies_after_its_last_frame_is_done(monkeypatch: pytest.MonkeyPatch) -> None:
-    script = (
-        "import os, sys; n = int(sys.argv[1]);"
-        "print(f'frame {n}: 1 of 1, 0.0 s a frame, 0 min 00 s left', flush=True); os.abort()"
-    )
-    monkeypatch.setattr(child, "launcher", lambda: [sys.executable, "-c", script])
+    line = encode(Progress("frames", 1, 1, 4)).replace("4", "{n}")
+    script = f"import os, sys; n = sys.argv[1]; print({line!r}.replace('{{n}}', n), flush=True); os.abort()"
+    monkeypatch.setattr(launcher, "launcher", lambda: [sys.executable, "-c", script])
     finished: list[int] = []
     jobs.render_side_by_side([4, 5], 2, lambda frames, _: [str(frames[0])], finished.append, print)
     assert sorted(finished) == [4, 5]

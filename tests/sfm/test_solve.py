@@ -17,7 +17,7 @@ import pytest
 from addon.core.base.errors import Remedy, UserError
 from addon.core.media.clip import FrameRange
 from addon.core.readers.colmap_export import read_model
-from addon.core.sfm.process import Progress, SolveProcess
+from addon.core.sfm.process import SolveProcess, SolveProgress
 from addon.core.sfm.workspace import Solve, default_work_dir, load_solve
 
 from .. import planes
@@ -30,12 +30,12 @@ def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def steps() -> list[Progress]:
+def steps() -> list[SolveProgress]:
     return []
 
 
 @pytest.fixture(scope="module")
-def solved(clip: Path, steps: list[Progress], tmp_path_factory: pytest.TempPathFactory) -> Solve:
+def solved(clip: Path, steps: list[SolveProgress], tmp_path_factory: pytest.TempPathFactory) -> Solve:
     return solve(clip, tmp_path_factory.mktemp("solves") / "deep" / "walk", steps=steps)
 
 
@@ -94,7 +94,7 @@ def test_observations_fit_the_points(solved: Solve) -> None:
         assert error.max() < 2 and np.median(error) < 0.5
 
 
-def test_progress_goes_forward_to_the_end(solved: Solve, steps: list[Progress]) -> None:
+def test_progress_goes_forward_to_the_end(solved: Solve, steps: list[SolveProgress]) -> None:
     assert len(steps) > 10
     shares = [step.share for step in steps]
     assert min(shares) >= 0 and max(shares) <= 1 and shares[-1] > 0.8
@@ -218,9 +218,9 @@ def test_a_failed_solve_keeps_the_old_one(clip: Path, work: Path) -> None:
 def test_a_worker_that_dies_is_told_in_one_line(clip: Path, tmp_path: Path) -> None:
     process = SolveProcess(clip, tmp_path / "work")
     begun(process)
-    assert process._process is not None
-    process._process.kill()
-    with pytest.raises(UserError, match="solving process ended") as error:
+    assert process._child is not None
+    process._child.process.kill()
+    with pytest.raises(UserError, match="the solving process was ended by SIGKILL") as error:
         process.wait()
     assert "\n" not in str(error.value)
     assert not (tmp_path / "work").exists()
@@ -232,7 +232,7 @@ def test_the_worker_ends_with_its_parent(clip: Path, tmp_path: Path) -> None:
         "p = SolveProcess(Path(sys.argv[1]), Path(sys.argv[2]))\n"
         "import time; end = time.monotonic() + 60\n"
         "while not p.poll() and time.monotonic() < end: time.sleep(0.01)\n"
-        "print(p._process.pid, flush=True); os._exit(0)"
+        "print(p._child.process.pid, flush=True); os._exit(0)"
     )
     root = Path(__file__).resolve().parents[2]
     child = subprocess.run(

@@ -5,17 +5,16 @@ from __future__ import annotations
 import json
 import os
 import queue
-import subprocess
 import sys
-import threading
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from ..base import priority
 from ..base.atomic import collect_temporary
+from ..base.child import Child, end
 from ..base.errors import Remedy, UserError
+from ..base.messages import Failure, Message, Progress
 from ..camera.focal_length import Focal, in_pixels
 from ..media.clip import FrameRange, open_footage
 from ..media.clip_identity import identity
@@ -38,10 +37,12 @@ SHARES = {
 
 END = 0.3
 """Seconds that the worker has to end by itself: it has nothing to clean up, and who cancels waits."""
+LOOK = 0.05
+"""Seconds between two looks at the worker."""
 
 
 @dataclass(frozen=True)
-class Progress:
+class SolveProgress:
     """How far a solve is."""
 
     text: str
@@ -70,9 +71,8 @@ class SolveProcess:
         """With `yielding` other programs go first, such as the interface that waits for it."""
         self.work_dir = work_dir
         self._yields = yielding
-        self._process: subprocess.Popen[str] | None = None
-        self._lines: queue.Queue[str] = queue.Queue()
-        self._listener: threading.Thread | None = None
+        self._child: Child | None = None
+        self._messages: queue.SimpleQueue[Message | None] = queue.SimpleQueue()
         self._staging: Staging | None = None
         self.finished = False
         collect_temporary()
@@ -118,77 +118,40 @@ class SolveProcess:
             "lens": {name: self._options[name] for name in ("focal", "zooms")},
         }
         (folder / "job.json").write_text(json.dumps(job), encoding="utf-8")
-        with (folder / "log.txt").open("w", encoding="utf-8") as log:
-            lowered = priority.CREATION_FLAGS if self._yields else 0
-            self._process = subprocess.Popen(
-                # -P: a folder called "addon" in the current directory must not be taken for ours.
-                [_python(), "-P", "-m", "addon.core.sfm.worker", str(folder / "job.json")],
-                env=_environment(), stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=log, text=True,
-                encoding="utf-8", creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0) | lowered,
-            )  # fmt: skip
-        if self._yields:
-            priority.let_others_go_first(self._process)
-        self._listener = threading.Thread(target=self._listen, args=(self._process,), daemon=True)
-        self._listener.start()
+        # -P: a folder called "addon" in the current directory must not be taken for ours.
+        command = [_python(), "-P", "-m", "addon.core.sfm.worker", str(folder / "job.json")]
+        self._child = Child(command, self._messages.put, self._yields, _environment(), "solving process")
 
-    def _listen(self, process: subprocess.Popen[str]) -> None:
-        # Windows cannot wait on a pipe with a timeout; a thread that only reads lines can.
-        assert process.stdout is not None
-        for line in process.stdout:
-            self._lines.put(line)
-
-    def poll(self) -> list[Progress]:
+    def poll(self) -> list[SolveProgress]:
         """What happened since the last call; `finished` is set at the end. UserError if the solve failed."""
-        steps: list[Progress] = []
-        if self.finished or self._process is None:
-            return steps
-        ended = self._process.poll()
-        if ended is not None and self._listener is not None:
-            # The thread may still hold the last lines.
-            self._listener.join()
-        while True:
+        steps: list[SolveProgress] = []
+        while self._child is not None and not self.finished:
             try:
-                message = json.loads(self._lines.get_nowait())
+                message = self._messages.get_nowait()
             except queue.Empty:
                 break
-            except ValueError:
-                continue
-            if "error" in message:
-                self.cancel()
-                raise UserError(message["error"], *map(Remedy, message["remedies"])) from _bug(message)
-            if "ok" in message:
-                self._process.wait()
+            if isinstance(message, Progress):
+                steps.append(_progress(message))
+            elif message is None or isinstance(message, Failure):
+                failure = message or self._child.failure
+                if failure is not None:
+                    self.cancel()
+                    raise failure.error
                 self._keep()
-                return steps
-            if "stage" in message:
-                steps.append(_progress(**message))
-        if ended is not None and not self.finished:
-            assert self._staging is not None
-            log = self._staging.folder / "log.txt"
-            last = log.read_text("utf-8", errors="replace").strip().splitlines()
-            self.cancel()
-            reason = last[-1] if last else "no message"
-            raise UserError(f"the solving process ended with status {ended}: {reason}")
         return steps
 
-    def wait(self, report: Callable[[Progress], None] = lambda _: None) -> None:
+    def wait(self, report: Callable[[SolveProgress], None] = lambda _: None) -> None:
         """Poll to the end."""
         while not self.finished:
             for step in self.poll():
                 report(step)
-            if self._listener is not None:
-                self._listener.join(0.05)
+            if self._child is not None:
+                self._child.wait(LOOK)
 
     def cancel(self) -> None:
         """End the worker and leave the folder as it was; harmless after the end."""
-        process = self._process
-        if process is not None and process.poll() is None:
-            process.terminate()
-            try:
-                process.wait(END)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
+        if self._child is not None:
+            end([self._child], END)
         self._clean()
 
     def _keep(self) -> None:
@@ -201,12 +164,6 @@ class SolveProcess:
         self.finished = True
 
     def _clean(self) -> None:
-        if self._process is not None and self._process.poll() is not None:
-            if self._listener is not None:
-                self._listener.join()
-            for pipe in (self._process.stdin, self._process.stdout):
-                if pipe is not None:
-                    pipe.close()
         if self._staging is not None:
             self._staging.discard()
             self._staging = None
@@ -226,15 +183,10 @@ def _refuse_import(work_dir: Path) -> None:
         )
 
 
-def _bug(message: dict[str, Any]) -> Exception | None:
-    """The worker's traceback, for whoever asks for it."""
-    return RuntimeError(message["traceback"]) if "traceback" in message else None
-
-
-def _progress(stage: str, done: int, total: int) -> Progress:
-    low, high = SHARES.get(stage, (0.0, 1.0))
-    share = low + (high - low) * done / max(total, 1)
-    return Progress(f"{stage} {done}/{total}" if total > 1 else stage, share)
+def _progress(told: Progress) -> SolveProgress:
+    low, high = SHARES.get(told.stage, (0.0, 1.0))
+    share = low + (high - low) * told.done / max(told.total, 1)
+    return SolveProgress(f"{told.stage} {told.done}/{told.total}" if told.total > 1 else told.stage, share)
 
 
 def _python() -> str:
@@ -254,4 +206,4 @@ def _environment() -> dict[str, str]:
     # and the wheels on the path that Blender made for them.
     above = Path(__file__).resolve().parents[3]
     paths = [str(above), *(p for p in sys.path if p)]
-    return os.environ | {"PYTHONPATH": os.pathsep.join(paths), "PYTHONUNBUFFERED": "1"}
+    return os.environ | {"PYTHONPATH": os.pathsep.join(paths)}

@@ -1,8 +1,4 @@
-"""The solving worker: `python -m addon.core.sfm.worker JOB.json`, one JSON object a line on its output.
-
-`{"stage": ..., "done": ..., "total": ...}` while it works, then `{"ok": true}`, or
-`{"error": ..., "remedies": [...]}`.
-"""
+"""The solving worker: `python -m addon.core.sfm.worker JOB.json`, a child as `base.messages` has it."""
 
 from __future__ import annotations
 
@@ -12,7 +8,6 @@ import os
 import shutil
 import signal
 import sys
-import threading
 import time
 import traceback
 from dataclasses import asdict
@@ -24,6 +19,7 @@ from numpy.typing import NDArray
 
 from ..base.errors import UserError
 from ..base.folder_lock import FolderLock
+from ..base.messages import Failure, Progress, Result, send, speak
 from ..camera.focal_length import from_equivalent, is_plausible
 from ..media import picture_file
 from ..media.clip import Footage, open_footage
@@ -48,17 +44,17 @@ MOVING = "moving.npz"
 def main(job_path: str) -> int:
     """Solve the job's clip into its folder; 0, or 1 after saying what went wrong."""
     job = json.loads(Path(job_path).read_text(encoding="utf-8"))
-    threading.Thread(target=_end_with_parent, args=(Path(job["folder"]),), daemon=True).start()
+    speak(lambda: _end_alone(Path(job["folder"])))
     try:
         _solve(job)
     except UserError as error:
-        _say({"error": str(error), "remedies": error.remedies})
+        send(Failure(str(error), remedies=error.remedies))
         return 1
     except Exception as error:  # the parent shows it: a worker must never die silently
         text = f"solving failed: {type(error).__name__}: {error}"
-        _say({"error": text, "remedies": (), "traceback": traceback.format_exc()})
+        send(Failure(text, traceback=traceback.format_exc()))
         return 1
-    _say({"ok": True})
+    send(Result())
     return 0
 
 
@@ -147,9 +143,8 @@ def _focal_source(lens: dict[str, Any], metadata_focal: float | None, from_clip:
     return "clip" if from_clip else "given" if lens["focal"] else "metadata" if metadata_focal else "guess"
 
 
-def _end_with_parent(folder: Path) -> None:
-    # Standard input closes when whoever started us is gone; then nobody wants the result.
-    os.read(0, 1)
+def _end_alone(folder: Path) -> None:
+    """Remove what there is of the solve and end: whoever started us is gone, and nobody wants the result."""
     # The solve goes on beside us and may put a file into a folder that is being emptied.
     while folder.exists():
         shutil.rmtree(folder, ignore_errors=True)
@@ -165,15 +160,7 @@ def _end_with_parent(folder: Path) -> None:
 
 
 def _progress(stage: str, done: int, total: int) -> None:
-    _say({"stage": stage, "done": done, "total": total})
-
-
-def _say(message: dict[str, object]) -> None:
-    try:
-        print(json.dumps(message), flush=True)
-    except BrokenPipeError:
-        # Nobody listens any more: `_end_with_parent` is about to clean up and end the process.
-        threading.Event().wait()
+    send(Progress(stage, done, total))
 
 
 def _exr(path: Path) -> NDArray[np.float32]:

@@ -1,0 +1,120 @@
+"""What a process of ours tells the one that started it: one message a line, as JSON, on its standard output.
+
+>>> decode(encode(Progress("depth", 3, 118)))
+Progress(stage='depth', done=3, total=118, frame=None)
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from typing import TextIO
+
+from .errors import Remedy, UserError
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a stage of the work is."""
+
+    stage: str
+    done: int
+    total: int
+    """Steps of the stage."""
+    frame: int | None = None
+    """The number of the frame that is whole now, where each step is a frame."""
+
+
+@dataclass(frozen=True)
+class Warned:
+    """Something that the user should know of work that goes on."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Result:
+    """All that was asked for is done: whole and in its place."""
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Why the work was not done."""
+
+    text: str
+    """One line for the user."""
+    code: int = 1
+    """The exit status that goes with it."""
+    remedies: tuple[Remedy, ...] = ()
+    traceback: str = ""
+    """Of a bug; empty for what the user can act on."""
+
+    @property
+    def error(self) -> UserError:
+        """The same as an error; a bug's traceback is its cause."""
+        error = UserError(self.text, *self.remedies)
+        error.__cause__ = RuntimeError(self.traceback) if self.traceback else None
+        return error
+
+
+Message = Progress | Warned | Result | Failure
+_KINDS: dict[str, type[Message]] = {
+    "progress": Progress, "warning": Warned, "result": Result, "error": Failure,
+}  # fmt: skip
+_NAMES = {kind: name for name, kind in _KINDS.items()}
+
+
+def encode(message: Message) -> str:
+    """A message as a line of JSON, without the line's end."""
+    return json.dumps({"message": _NAMES[type(message)], **asdict(message)})
+
+
+def decode(line: str) -> Message | None:
+    """The message of a line; None for a line that is none, such as what a library prints."""
+    try:
+        held = json.loads(line)
+        kind = _KINDS[held.pop("message")]
+        if kind is Failure:
+            held["remedies"] = tuple(map(Remedy, held["remedies"]))
+        return kind(**held)
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        return None
+
+
+_parent: TextIO | None = None
+"""Where messages go; None in a process that people started."""
+
+
+def speak(when_alone: Callable[[], object] = lambda: os.kill(os.getpid(), signal.SIGTERM)) -> None:
+    """From now on be the child of whoever started this process, as `Child` does.
+
+    Standard output is for messages alone: what else is written to it goes nowhere. `when_alone` is called on
+    a thread when standard input closes, as it does when the parent has ended; by default SIGTERM is sent.
+    """
+    global _parent
+    sys.stdout.flush()
+    _parent = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 1)
+    os.close(nowhere)
+
+    def watch() -> None:
+        while os.read(0, 1):
+            pass
+        when_alone()
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+def send(message: Message) -> None:
+    """Tell the parent; nothing where people started this process, or the parent is gone."""
+    if _parent is not None:
+        with contextlib.suppress(OSError):
+            _parent.write(f"{encode(message)}\n")
+            _parent.flush()

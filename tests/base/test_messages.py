@@ -1,0 +1,125 @@
+"""Messages of one process to another."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from queue import SimpleQueue
+
+import pytest
+
+from addon.core.base.child import Child, end
+from addon.core.base.errors import Remedy, UserError
+from addon.core.base.messages import Failure, Message, Progress, Result, Warned, decode, encode, send
+
+ROOT = Path(__file__).resolve().parents[2]
+SPEAK = "import os, sys; from addon.core.base.messages import *; speak();"
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        Progress("depth", 3, 118), Progress("frames", 1, 2, -7), Warned("a \"quote\"\nand a line"), Result(),
+        Failure("no", 2, (Remedy.WORK_DIR, Remedy.AGAIN), "Traceback: \u00e9"),
+    ],
+)  # fmt: skip
+def test_a_message_is_one_line_that_is_read_as_it_was(message: Message) -> None:
+    line = encode(message)
+    assert "\n" not in line and decode(line + "\n") == message
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["", "frame 3: 1 of 2, 0.5 s", "3", "null", "[]", "{}", '{"message": "other"}', '{"message": "warning"}',
+     '{"message": []}', '{"message": "result", "more": 1}',
+     '{"message": "error", "text": "a", "code": 1, "remedies": ["none"], "traceback": ""}', "[" * 100_000],
+)  # fmt: skip
+def test_what_is_no_message_is_none(line: str) -> None:
+    assert decode(line) is None
+
+
+def test_a_failure_is_the_error_that_it_was() -> None:
+    error = Failure("no solve", remedies=(Remedy.SOLVE,), traceback="Traceback").error
+    assert isinstance(error, UserError) and str(error) == "no solve" and error.remedies == (Remedy.SOLVE,)
+    assert str(error.__cause__) == "Traceback" and Failure("no").error.__cause__ is None
+
+
+def test_a_process_that_people_started_sends_nothing(capfd: pytest.CaptureFixture[str]) -> None:
+    send(Result())
+    assert capfd.readouterr().out == ""
+
+
+def heard(script: str) -> tuple[Child, list[Message]]:
+    """A process that runs a script, and what it said until it ended."""
+    queue: SimpleQueue[Message | None] = SimpleQueue()
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    child = Child([sys.executable, "-c", SPEAK + script], queue.put, environment=environment)
+    messages = list(iter(queue.get, None))
+    return child, [message for message in messages if message is not None]
+
+
+def test_only_messages_are_heard_whatever_is_printed() -> None:
+    child, messages = heard(
+        "print('frame 1: 1 of 2'); os.write(1, b'{\"message\": \"result\"}\\n'); send(Progress('a', 1, 2));"
+        "os.system('echo x'); send(Result())"
+    )
+    assert messages == [Progress("a", 1, 2), Result()] and child.failure is None
+
+
+def test_a_process_that_did_not_say_that_it_is_done_has_failed() -> None:
+    child, _ = heard("")
+    assert child.failure == Failure("the process ended with status 0", 0)
+    child, _ = heard("sys.stderr.write('one\\nerror: two\\n'); os._exit(7)")
+    assert child.failure == Failure("the process ended with status 7 (two)", 7)
+    child, messages = heard("send(Failure('no', 2)); os._exit(2)")
+    assert messages == [Failure("no", 2)] and child.failure == messages[0]
+    child, _ = heard(f"os.kill(os.getpid(), {int(signal.SIGKILL)})")
+    assert child.failure is not None and "was ended by SIGKILL" in child.failure.text
+
+
+def test_a_process_that_dies_after_it_was_done_has_done_its_work() -> None:
+    child, _ = heard("send(Result()); os.abort()")
+    assert child.failure is None
+
+
+def test_a_process_that_does_not_listen_is_killed() -> None:
+    queue: SimpleQueue[Message | None] = SimpleQueue()
+    script = (
+        "import signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN); send(Result()); time.sleep(60)"
+    )
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    child = Child([sys.executable, "-c", SPEAK + script], queue.put, environment=environment)
+    assert queue.get() == Result()
+    end([child], 0.2)
+    assert child.process.returncode == -signal.SIGKILL
+    end([child])
+
+
+def test_a_process_ends_with_the_one_that_started_it() -> None:
+    inner = SPEAK + "import time; print(os.getpid(), file=sys.stderr, flush=True); time.sleep(60)"
+    outer = (
+        "import os, sys, time; from addon.core.base.child import Child;"
+        f"child = Child([sys.executable, '-c', {inner!r}], print);\n"
+        "while not child._complaints: time.sleep(0.01)\n"
+        "print(child._complaints[0], flush=True); os.kill(os.getpid(), 9)"
+    )
+    ended = subprocess.run(
+        [sys.executable, "-c", outer], stdout=subprocess.PIPE, text=True, check=False,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+    )  # fmt: skip
+    assert ended.returncode == -signal.SIGKILL
+    # The pipe is closed by the last of both.
+    number = int(ended.stdout)
+    with pytest.raises(ProcessLookupError):
+        for _ in range(2000):
+            os.kill(number, 0)
+            time.sleep(0.01)
+
+
+def test_a_program_that_is_not_there_is_told() -> None:
+    with pytest.raises(UserError, match="the solver cannot be started: No such file"):
+        Child(["/is/not/there"], print, name="solver")
