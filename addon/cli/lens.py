@@ -122,13 +122,13 @@ def lens_arguments(options: argparse.Namespace, **others: list[str] | None) -> l
             values = value if isinstance(value, list) else [value]
             # A path is another process's, in whichever folder.
             declared = FRAME_OPTIONS.get(name)
-            told = [
+            texts = [
                 str(each.absolute()) if isinstance(each, Path) else text_of(declared, each) if declared
                 else str(each) for each in values
             ]  # fmt: skip
             # One word, because of two the second may begin with a minus, as -1e-05 does.
             option = f"--{name.replace('_', '-')}"
-            words += [option, *told] if isinstance(value, list) else [f"{option}={told[0]}"]
+            words += [option, *texts] if isinstance(value, list) else [f"{option}={texts[0]}"]
     return words
 
 

@@ -106,9 +106,9 @@ def add_options(command: argparse.ArgumentParser, options: Mapping[str, Option])
     for name, each in options.items():
         choices = each.choices or {}
         meanings = (f"{key}: {choice.help}" for key, choice in choices.items())
-        told = "; ".join([each.help, *meanings, f"default: {text_of(each, each.initial)}"])
+        help_text = "; ".join([each.help, *meanings, f"default: {text_of(each, each.initial)}"])
         value = [] if each.kind is bool else [each.metavar or ("N" if each.kind is int else "X")]
         command.add_argument(
             f"--{name.replace('_', '-')}", dest=name, type=value_type(each), choices=list(choices) or None,
-            metavar=None if choices else "|".join([*value, *_words(each)]), help=told.replace("%", "%%"),
+            metavar=None if choices else "|".join([*value, *_words(each)]), help=help_text.replace("%", "%%"),
         )  # fmt: skip

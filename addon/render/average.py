@@ -86,7 +86,7 @@ def render_frame(
 
 
 def _sharp_share(warped: WarpedFrame) -> Map | None:
-    """(h, w) share of its sharpness that each pixel of a frame drawn smaller keeps, if that can be told."""
+    """(h, w) share of its sharpness that each pixel of a frame drawn smaller keeps, if that is known."""
     sharp = sharp_frame(warped)
     if sharp is None:
         return None

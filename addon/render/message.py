@@ -69,16 +69,16 @@ def ground(text: str, free: Rectangle, scale: float) -> tuple[list[str], Rectang
     """The lines of a message, and left, bottom, right, top of their ground: in the middle of the lower border
     of what is free, where Blender writes nothing itself."""
     left, bottom, right, _ = free
-    told = lines(text, WIDEST * (right - left), scale, breaks=True)
-    half = max(blf.dimensions(FONT, line)[0] for line in told) / 2 + PADDING * scale
+    wrapped = lines(text, WIDEST * (right - left), scale, breaks=True)
+    half = max(blf.dimensions(FONT, line)[0] for line in wrapped) / 2 + PADDING * scale
     middle, lower = (left + right) / 2, bottom + PADDING * scale
-    height = (len(told) * SPACING + PADDING) * scale
-    return told, (middle - half, lower, middle + half, lower + height)
+    height = (len(wrapped) * SPACING + PADDING) * scale
+    return wrapped, (middle - half, lower, middle + half, lower + height)
 
 
 def draw(text: str, area: bpy.types.Area, region: bpy.types.Region, scale: float) -> None:
     """Draw a message, which must hold a word, where the GPU draws into the region's pixels."""
-    told, (left, bottom, right, top) = ground(text, free_part(area, region), scale)
+    wrapped, (left, bottom, right, top) = ground(text, free_part(area, region), scale)
     corners = np.array([[left, bottom], [right, bottom], [right, top], [left, top]], np.float32)
     shader: Any = gpu.shader.from_builtin("UNIFORM_COLOR")
     gpu.state.blend_set("ALPHA")
@@ -87,6 +87,6 @@ def draw(text: str, area: bpy.types.Area, region: bpy.types.Region, scale: float
     batch_for_shader(shader, "TRI_FAN", {"pos": corners}).draw(shader)
     gpu.state.blend_set("NONE")
     blf.color(FONT, *LIGHT)
-    for number, line in enumerate(told, 1):
+    for number, line in enumerate(wrapped, 1):
         blf.position(FONT, left + PADDING * scale, top - number * SPACING * scale, 0)
         blf.draw(FONT, line)

@@ -57,7 +57,7 @@ class Shown:
     """Left, bottom, width and height of the camera's frame in the region, in pixels; None where it is not
     seen."""
     said: str = ""
-    """What is told over it."""
+    """The message over it."""
 
 
 _in_regions: WeakValueDictionary[int, Shown] = WeakValueDictionary()
@@ -134,7 +134,7 @@ def _draw_picture(shown: Shown, encoded: bool = False) -> None:
 
 
 def _draw_over() -> None:
-    """Draw the picture of a viewport once more, over Blender's overlays, and what is to be told over it."""
+    """Draw the picture of a viewport once more, over Blender's overlays, and the message over it."""
     context = bpy.context
     shown, space = _in_regions.get(context.region.as_pointer()), context.space_data
     is_engine = context.scene.render.engine == "VIRTUAL_APERTURE" and space.shading.type == "RENDERED"
@@ -213,7 +213,7 @@ def _state(wanted: Wanted, picture: Picture | None) -> str:
 
 
 _version = -1
-_told = 0.0
+_shown_at = 0.0
 
 
 def _watch() -> None:
@@ -223,10 +223,10 @@ def _watch() -> None:
 
 def _tick() -> float | None:
     """A timer's turn: viewports are drawn again when there is something new; None when all is done."""
-    global _version, _told
+    global _version, _shown_at
     now, version = time.monotonic(), PREVIEW.version
-    if version != _version or (PREVIEW.finds_depth and now - _told > TELL):
-        _version, _told = version, now
+    if version != _version or (PREVIEW.finds_depth and now - _shown_at > TELL):
+        _version, _shown_at = version, now
         redraw()
     return LOOK if PREVIEW.is_busy() else None
 

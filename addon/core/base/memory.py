@@ -1,8 +1,10 @@
 """Hard limits of this process's memory, and what is known to need more than they allow.
 
-Blender, Mesa, FFmpeg and OpenBLAS do not look whether they were given the memory that they asked for: where a
-limit is met they crash. What they need at least was measured, so that a limit below it is told ahead. Only
-the standard library is imported here: the first check comes before Blender and NumPy are loaded.
+Recognising a shortage after the fact is not enough: Blender, Mesa, FFmpeg and OpenBLAS do not check whether
+they were given the memory that they asked for, and crash or are killed where a limit is met, so that no line
+of ours is reached. Hence what they need at least was measured, and a limit below it is refused ahead, as a
+farm's containers and `ulimit -v` set them. Only the standard library is imported here: the first check comes
+before Blender and NumPy are loaded.
 """
 
 from __future__ import annotations
@@ -82,13 +84,13 @@ def check(what: str, need: Need, pixels: int = 0) -> None:
     limit, needed = address_limit(), need.address_space() + A_PIXEL * pixels
     if limit is not None and limit < needed:
         raise UserError(
-            f"{what} takes at least {_told(needed)} of address space, and this process may have"
-            f" {_told(limit)}: raise the limit (ulimit -v){_smaller(limit >= need.address_space())}"
+            f"{what} takes at least {_gib(needed)} of address space, and this process may have"
+            f" {_gib(limit)}: raise the limit (ulimit -v){_smaller(limit >= need.address_space())}"
         )
     limit, needed = memory_limit(), need.own + A_PIXEL * pixels
     if limit is not None and limit < needed:
         raise UserError(
-            f"{what} takes at least {_told(needed)} of memory, and its container leaves {_told(limit)}: raise"
+            f"{what} takes at least {_gib(needed)} of memory, and its container leaves {_gib(limit)}: raise"
             f" the container's limit, or run less beside{_smaller(limit >= need.own)}"
         )
 
@@ -110,8 +112,8 @@ def is_shortage(error: BaseException) -> bool:
 
 
 def shortage(what: str) -> UserError:
-    """What the user is told where memory ran out: `what` could not be done."""
-    limits = [f"{_told(limit)}, {word}" for limit, word in _limits() if limit is not None]
+    """The error for the user where memory ran out: `what` could not be done."""
+    limits = [f"{_gib(limit)}, {word}" for limit, word in _limits() if limit is not None]
     allowed = f" (it may have {' and '.join(limits)})" if limits else ""
     return UserError(
         f"{what}: there is not enough memory for this process{allowed}; raise the limit, run less beside, or"
@@ -202,5 +204,5 @@ def _smaller(helps: bool) -> str:
     return ", or make the picture smaller" if helps else ""
 
 
-def _told(size: int) -> str:
+def _gib(size: int) -> str:
     return f"{max(size, 0) / 2**30:.2f} GiB"
