@@ -15,9 +15,9 @@ from . import blender_focus, lens, paths
 from .version import VERSION
 
 PSNR_OF_2 = "error"
-"""Version 2's name of the target PSNR,"""
+"""Name of the target PSNR in version 2."""
 CHOSEN_OF_2 = "use_radius"
-"""and whether the radius counted there."""
+"""Name in version 2 of whether the radius counted."""
 
 
 def migrate(scene: bpy.types.Scene) -> None:

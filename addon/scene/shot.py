@@ -49,9 +49,9 @@ class Shot:
     depth: UserDepth | None = None
     """The user's depth maps."""
     masks: Masks | None = None
-    """The user's pictures of what moves by itself,"""
+    """The user's pictures of what moves by itself."""
     drawn: DrawnMask | None = None
-    """and what is drawn in Blender; either is enough."""
+    """The mask that is drawn in Blender; either is enough."""
     work: Path | None = None
     """The folder that keeps the solve, if there is one: depth is kept there, too."""
 

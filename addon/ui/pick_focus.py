@@ -183,7 +183,7 @@ class VIRTUAL_APERTURE_OT_pick_focus(bpy.types.Operator):  # noqa: N801
         return length_words(self._scene.unit_settings, glance.distance)
 
     def _current_finder(self) -> PlaceFinder | None:
-        """That of the frame that is shown now; None where it has no camera of its own."""
+        """The finder of the frame that is shown now; None where it has no camera of its own."""
         frame = self._scene.frame_current
         if self._finder is None or self._finder.frame != frame:
             try:

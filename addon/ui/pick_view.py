@@ -107,9 +107,9 @@ class Overlay:
     view: CameraView
     scene: bpy.types.Scene
     mouse: XY | None = None
-    """Fractions of the picture,"""
+    """Fractions of the picture."""
     text: str = ""
-    """and what stands beside them."""
+    """What stands beside the mouse."""
     features: Sequence[Sequence[float]] = ()
     """Fractions of the picture of features that the distance comes from."""
     picked: Sequence[XY] = field(default_factory=list)

@@ -56,10 +56,10 @@ command (here `report`) ended well on the torture's clip of 96 x 54 pixels, with
 with two; limits 2 to 12 MB apart were tried, of address space and of a control group. Below it Blender
 crashed, a library had the last word, or the system ended it."""
 DRAWING = Need(1876 * MB, 244 * MB, 190 * MB)
-"""As above, of `render` with Mesa's software OpenGL and a mask. The method of features needs 28 MB less of
-address space; of memory it is features' own need."""
+"""The least for `render`, found as `PROGRAM` was, with Mesa's software OpenGL and a mask. The method of
+features needs 28 MB less of address space; of memory it is features' own need."""
 MOVIE = Need(1944 * MB, 260 * MB, 196 * MB)
-"""As above, of `render` into an .mp4, whose encoder's threads come last."""
+"""The least for `render` into an .mp4, found as `PROGRAM` was, whose encoder's threads come last."""
 A_PIXEL = 115
 """Bytes for each pixel of a larger picture, of address space and of memory alike, by the method of features:
 `python -m benchmarks.timings.memory_peaks` gives 126 to 140 from 1920x1080 to 7680x4320, layers take 159 to

@@ -70,7 +70,7 @@ class Stage(Protocol):
         """(..., 2, 2) derivative at rays (..., 2)."""
 
     def undistort(self, rays: Floats) -> Floats:
-        """Inverse of `distort`; NaN where there is none."""
+        """Rays (..., 2) that `distort` moves to rays (..., 2); NaN where there are none."""
 
 
 class Radial(ABC):
@@ -78,11 +78,11 @@ class Radial(ABC):
 
     @abstractmethod
     def scale(self, square: Floats) -> tuple[Floats, Floats]:
-        """Factor and its derivative by the squared radius."""
+        """Factor (...) at squared radii (...), and its derivative (...) by the squared radius."""
 
     @abstractmethod
     def inverse_scale(self, square: Floats) -> Floats:
-        """Factor back, from the squared radius after distortion; NaN where no ray ahead gets there."""
+        """Factor (...) back, at squared radii (...) after distortion; NaN where no ray ahead gets there."""
 
     def distort(self, rays: Floats) -> Floats:
         return np.asarray(rays * self.scale(_square(rays))[0][..., None])
@@ -210,7 +210,8 @@ class Brown:
         return np.stack(rows, axis=-2)
 
     def undistort(self, rays: Floats) -> Floats:
-        """By Newton's method, to about 1e-12; NaN where it ends nowhere: past a fold no ray is seen."""
+        """Rays (..., 2) by Newton's method, to about 1e-12; NaN where it does not converge: past a fold no
+        ray is seen."""
         guess = np.array(rays, dtype=np.float64)
         for _ in range(20):
             residual = rays - self.distort(guess)

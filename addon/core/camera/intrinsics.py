@@ -115,6 +115,7 @@ class Intrinsics:
 
     @property
     def is_distorted(self) -> bool:
+        """Whether the camera is more than a pinhole."""
         return bool(self._stages)
 
     @property
@@ -128,7 +129,7 @@ class Intrinsics:
         return np.array([self.cx, self.cy])
 
     def scaled(self, width: int, height: int) -> Intrinsics:
-        """The same lens on a picture resampled to width x height pixels."""
+        """This camera with its picture resampled to width x height pixels."""
         sx, sy = width / self.width, height / self.height
         return replace(
             self, width=width, height=height,
@@ -136,6 +137,7 @@ class Intrinsics:
         )  # fmt: skip
 
     def without_distortion(self) -> Intrinsics:
+        """The pinhole of the same size in pixels, focal lengths and principal point."""
         return Intrinsics(self.width, self.height, self.fx, self.fy, self.cx, self.cy)
 
     def described(self) -> str:

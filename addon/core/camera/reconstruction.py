@@ -112,6 +112,7 @@ class Reconstruction:
         return {}
 
     def intrinsics(self, image: Image) -> Intrinsics:
+        """The camera of an image, in pixels of the clip."""
         return self.cameras[image.camera]
 
     def image_at(self, frame: int) -> tuple[Image, bool]:

@@ -82,7 +82,7 @@ class View:
         return np.asarray(cv2.warpPerspective(self.picture, matrix, (width, height), flags=flags), np.uint8)
 
     def shrunk(self, times: int) -> View:
-        """The same in pictures so many times smaller."""
+        """This view with a picture so many times smaller."""
         small = small_picture(self.picture, times)
         down = _scaling(small.shape[1] / self.picture.shape[1], small.shape[0] / self.picture.shape[0])
         up = np.linalg.inv(down)
@@ -92,8 +92,8 @@ class View:
         )  # fmt: skip
 
     def exposed_as(self, reference: Bytes, inverse: float, least_gain: float) -> View:
-        """The same as bright as the frame (h, w, 4), in the median of what both see at one inverse depth; as
-        it is where it differs by less than `least_gain`."""
+        """This view made as bright as the frame (h, w, 4), in the median of what both see at one inverse
+        depth; unchanged where it differs by less than `least_gain`."""
         seen = self.warped(inverse, reference.shape[1], reference.shape[0])
         ratio = np.ones(1)
         here, there = (small_picture(picture, 8) for picture in (reference, seen))

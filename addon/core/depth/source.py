@@ -100,16 +100,16 @@ class FirstKnown(DepthSource):
     sources: tuple[DepthSource, ...]
 
     def at(self, frame: int, canvas: Canvas, picture: LinearRGBA) -> PixelDepth | None:
-        """As `DepthSource.at`."""
+        """The depth of all pixels of the canvas (H, W) that the first source knows, else None."""
         found = (source.at(frame, canvas, picture) for source in self.sources)
         return next((depth for depth in found if depth is not None), None)
 
     def kept(self, frame: int, canvas: Canvas) -> PixelDepth | None:
-        """As `DepthSource.kept`."""
+        """What the first source knows that need not compute anything for it, else None."""
         found = (source.kept(frame, canvas) for source in self.sources)
         return next((depth for depth in found if depth is not None), None)
 
     def samples(self, frame: int, canvas: Canvas) -> DepthSamples | None:
-        """As `DepthSource.samples`."""
+        """The samples of the first source that has any, else None."""
         found = (source.samples(frame, canvas) for source in self.sources)
         return next((samples for samples in found if samples is not None), None)

@@ -40,7 +40,7 @@ class UserDepth(DepthSource):
         return cls(reconstruction, maps, fit_clip(maps, features))
 
     def at(self, frame: int, canvas: Canvas, picture: LinearRGBA) -> PixelDepth | None:
-        """The depth of all pixels of the canvas, unknown ones like the nearest known; None without a map.
+        """Depth (H, W) of all pixels of the canvas, unknown ones like the nearest known; None without a map.
 
         UserError where the map cannot be read or does not fit the frame's points. `picture` is not looked at:
         what the user gave is not bent to the picture's edges.

@@ -33,7 +33,7 @@ class Focus:
     """Radians by which the focal plane's upper part leans away from the camera, about its place on the
     optical axis; not of a plane through points."""
     swing: float = 0.0
-    """The same of its right part."""
+    """Radians by which the focal plane's right part leans away from the camera, as `tilt`."""
 
     @property
     def is_tilted(self) -> bool:
@@ -108,7 +108,7 @@ class Focus:
 
 
 def check_points(reconstruction: Reconstruction, points: tuple[int, ...]) -> Ints:
-    """Point IDs as an array; UserError naming the first one that does not exist."""
+    """Point IDs (n,); UserError naming the first one that does not exist."""
     ids = np.array(points, dtype=np.int64)
     wrong = ids[(ids < 0) | (ids >= len(reconstruction.points))]
     if len(wrong) and not len(reconstruction.points):

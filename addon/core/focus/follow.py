@@ -27,7 +27,8 @@ class FollowOptions:
     long_side: int = 640
     """Pixels of the longer side of the pictures in which it is followed."""
     radius: float = 0.02
-    """Of that, around the place: the moving object's pixels within are followed as well, and vote."""
+    """Share of that size, around the place: the moving object's pixels within are followed as well, and
+    vote."""
     step: int = 4
     """Pixels between those."""
     agree: float = 1.0
@@ -37,7 +38,7 @@ class FollowOptions:
     jerk: float = 2.0
     """Pixels,"""
     jerk_share: float = 0.4
-    """or share of the last step, by which a step may differ from it and still be the object's own."""
+    """Share of the last step by which a step may differ from it and still be the object's own."""
     longest_hidden: int = 12
     """Frames that it may be hidden, going on as it went, before it is lost."""
     alike: float = 0.15

@@ -91,7 +91,7 @@ def inverse_depths(place: Place, reconstruction: Reconstruction, frames: Sequenc
 
 
 def unseen(marks: Sequence[FocusMark], reconstruction: Reconstruction, frames: Sequence[int]) -> list[int]:
-    """Those of some frames at which a mark is followed that the frame does not show: none of its places.
+    """The frames, of those given, that do not show any place of the mark that is followed there.
 
     A place is shown where a point of it is seen, where it lies within the picture, or where it could be
     followed. Between two marks both are followed. A bare distance is shown everywhere.

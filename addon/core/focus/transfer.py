@@ -28,7 +28,7 @@ class Refocus:
     """What becomes of a focus and of lengths."""
 
     focus: Focus
-    """Its points are the new reconstruction's; none where their places are not seen there."""
+    """Focus with point IDs of the new reconstruction; none where their places are not seen there."""
     frame: int
     """Registered frame of the new reconstruction that the focus was picked in, or the nearest one."""
     scale: float

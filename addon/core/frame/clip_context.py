@@ -29,7 +29,17 @@ from .quality import NORMAL, Quality
 
 @dataclass(frozen=True)
 class ClipContext:
-    """A solved clip, with what is computed from several of its frames made once and kept."""
+    """A solved clip, with what is computed from several of its frames made once and kept.
+
+    Pictures are (H, W, 4) float32, linear and premultiplied; lengths are in the reconstruction's unit.
+    UserError where a frame, a map or a mask cannot be read.
+
+    >>> clip = ClipContext(reconstruction, footage.read)
+    >>> picture = clip.picture(2, HighlightSettings())
+    >>> depth = clip.depth(2, clip.canvas(2), picture)
+    >>> depth.inverse_depth.shape == picture.shape[:2]
+    True
+    """
 
     reconstruction: Reconstruction
     read: Callable[[int], Pixels]

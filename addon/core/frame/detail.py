@@ -17,7 +17,7 @@ frequency, the middle of what was lost, by the disc's transform 2 J1(x) / x."""
 
 
 def sharp_frame(warped: WarpedFrame) -> WarpedFrame | None:
-    """The same mesh and views, painted with the share of its sharpness that each texel keeps instead of its
+    """A frame's mesh and views, painted with the share of its sharpness that each texel keeps instead of its
     colours: red of the views' mean is the share that each pixel keeps. None of a frame without layers."""
     if not warped.layers:
         return None

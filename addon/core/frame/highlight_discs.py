@@ -80,7 +80,7 @@ class SmallHighlight:
         )
 
     def parts(self) -> list[SmallHighlight]:
-        """The same light as smaller highlights, at most `PARTS` by `PARTS` and a pixel wide at least."""
+        """This highlight's light as smaller ones, at most `PARTS` by `PARTS` and a pixel wide at least."""
         size = -(-max(self.light.shape[:2]) // PARTS)
         corners = [
             (row, column)

@@ -73,8 +73,8 @@ def pictures(warped: WarpedFrame, source: LinearRGBA, shares: LinearRGBA) -> dic
 def picture(
     name: str, warped: WarpedFrame, source: LinearRGBA, shares: LinearRGBA | None = None
 ) -> Shown | None:
-    """One of `pictures`, of a name in `NAMES`; None where there is none to make. Only "sources" needs the
-    shares."""
+    """One of `pictures` (H, W, 3), of a name in `NAMES`; None where there is none to make. Only "sources"
+    needs the shares."""
     plan, frame = warped.plan, _encoded(source[..., :3])
     match name:
         case "depth":
@@ -116,7 +116,7 @@ def blur_discs(warped: WarpedFrame) -> Floats:
 
 
 def source_frame(warped: WarpedFrame) -> WarpedFrame:
-    """The same mesh through fewer views, painted with where its colours come from instead of the colours.
+    """A frame's mesh through fewer views, painted with where its colours come from instead of the colours.
 
     Red, green and blue of the views' mean are the shares of `SOURCES`, premultiplied by what is covered.
     """
@@ -344,7 +344,7 @@ def _over_white(linear: LinearRGBA, frame: Shown) -> Shown:
 
 
 def largest_shown(signed: Floats) -> float:
-    """Pixels of the discs that have the last colour in the picture of blur."""
+    """Diameter in pixels of the discs (h, w) that the last colour in the picture of blur stands for."""
     known = np.abs(signed[np.isfinite(signed)])
     return float(np.percentile(known, SHARE)) if len(known) else 0.0
 

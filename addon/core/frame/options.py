@@ -15,10 +15,10 @@ FRAME_OPTIONS: dict[str, Option] = {
     **{name: replace(each, name=name) for name, each in options_of(FrameOptions).items()},
     **{each.name: each for each in options_of(HighlightSettings).values()},
 }
-"""Those of a frame that stand beside each other."""
+"""Options of a frame that stand beside each other."""
 FRAME_OPTIONS["method"] = replace(FRAME_OPTIONS["method"], choices=MESHERS)
 APERTURE_OPTIONS: dict[str, Option] = options_of(Aperture)
-"""Those of the aperture's shape, which stand in a group of their own."""
+"""Options of the aperture's shape, which stand in a group of their own."""
 
 
 def frame_values(values: dict[str, Any]) -> dict[str, Any]:

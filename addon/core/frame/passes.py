@@ -19,22 +19,23 @@ INFINITE = 1e10
 
 
 def depth(warped: WarpedFrame) -> Map:
-    """Distance along the camera's axis in scene units, `INFINITE` where nothing is known or nothing ends."""
+    """(H, W) distance along the camera's axis in scene units, `INFINITE` where nothing is known or nothing
+    ends."""
     inverse = _in_source(inverse_depth(warped), warped.plan.canvas)
     far = ~(inverse > 1 / INFINITE)
     return np.where(far, np.float32(INFINITE), 1 / np.where(far, 1, inverse)).astype(np.float32)
 
 
 def circle_of_confusion(warped: WarpedFrame) -> Map:
-    """Signed diameter of the blur disc in pixels of the drawn frame, positive before the focal plane; where
-    nothing is known, that of infinity."""
+    """(H, W) signed diameter of the blur disc in pixels of the drawn frame, positive before the focal plane;
+    where nothing is known, that of infinity."""
     lens = warped.plan.lens
     signed = lens.blur_disc(lens.untilted_raster(np.nan_to_num(inverse_depth(warped)).astype(np.float32)))
     return _in_source(signed, warped.plan.canvas)
 
 
 def in_focus(warped: WarpedFrame) -> Map:
-    """1 where the blur disc is at most the acceptable circle of confusion, 0 from twice that on."""
+    """(H, W) 1 where the blur disc is at most the acceptable circle of confusion, 0 from twice that on."""
     size = np.abs(circle_of_confusion(warped)) / warped.plan.lens.acceptable_disc
     return np.asarray(np.clip(2 - size, 0, 1), np.float32)
 

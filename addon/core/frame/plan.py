@@ -49,7 +49,7 @@ class FrameOptions:
     """PSNR in dB that a frame is to have against one of infinitely many views, which takes the place of the
     number of views; 0 leaves that as it is."""
     aperture: Aperture = field(default_factory=Aperture)
-    """Its shape."""
+    """The aperture's shape."""
     highlights: HighlightSettings = RESTORED
     """How bright what is clipped becomes."""
     quality: Quality = option(  # noqa: RUF009
@@ -66,7 +66,7 @@ class FramePlan:
     canvas: Canvas
     lens: ThinLens
     mesh: WarpMesh
-    """Its inverse depths are `lens.untilted`."""
+    """Mesh whose inverse depths are `lens.untilted`."""
     offsets: Floats
     """(N, 2) virtual camera positions in scene units along the actual camera's x (right) and y (down), as
     `ThinLens.sheared_positions`."""

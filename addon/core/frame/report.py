@@ -28,7 +28,7 @@ class FrameReport:
     frame: int
     method: str
     why: str
-    """It was this method."""
+    """Why it was drawn with `method`."""
     carried: bool
     """The frame was not registered."""
     sure: float | None
@@ -42,18 +42,18 @@ class FrameReport:
     how much more (a share); `quadtree.AT_SILHOUETTES` times that where depth jumps."""
     error_mean: float | None
     error_largest: float | None
-    """Pixels by which the outermost view does."""
+    """Pixels by which the outermost view sees the mesh beside its place."""
     within_bound: float | None
-    """Share of the pixels where it keeps the bound."""
+    """Share of the pixels where the outermost view keeps the `bound`."""
     own: float
     borrowed: float
     inpainted: float
     """Shares of the light of all pixels: the frame's own, other frames', made up or mirrored."""
     blur_median: float
     blur_largest: float
-    """Diameters of the blur discs in pixels,"""
+    """Diameters of the blur discs in pixels."""
     blur_shown: float
-    """and that of the last colour in the picture of them."""
+    """Diameter in pixels that the last colour in the picture of blur stands for."""
     depth_seconds: float
     mesh_seconds: float
     draw_seconds: float
@@ -95,6 +95,7 @@ class Used:
 
     @classmethod
     def of(cls, warped: WarpedFrame) -> Used:
+        """Which method a frame was drawn with, and why."""
         why = ASKED
         if warped.layers:
             why = GIVEN if _confidence(warped) is None else SURE_ENOUGH

@@ -26,7 +26,8 @@ more for every doubling: 9.5 to 11.8 with 16 views, 13.1 to 15.3 with 32. So a w
 From bars, fence and walk with true depth at 16, 32 and 64 pixels, a scratch script;
 `python -m benchmarks.timings.view_error` with wishes shows that it holds."""
 PLAIN_GAIN, PLAIN_DOUBLING = 1.0, 3.0
-"""The same of plain views, from the pilot's number on: as independent random positions, the slowest."""
+"""Gain and gain a doubling in dB of plain views, as of prefiltered ones above, from the pilot's number on: as
+independent random positions, the slowest."""
 
 
 def other_views(meshed: MeshedFrame, warped: WarpedFrame) -> WarpedFrame:

@@ -56,6 +56,7 @@ class FrameRange:
         return cls(first, first if last is None else last, 1 if step is None else step)
 
     def of(self, frames: Iterable[int]) -> tuple[int, ...]:
+        """The frames of the range, of those given, in their order."""
         return tuple(f for f in frames if self.first <= f <= self.last and (f - self.first) % self.step == 0)
 
 
@@ -81,6 +82,7 @@ class Footage:
 
     @property
     def is_video(self) -> bool:
+        """Whether it is one file, rather than a picture for each frame."""
         return not self.files
 
     @property
@@ -228,14 +230,14 @@ def to_gray8(picture: Pixels) -> NDArray[np.uint8]:
 
 
 def encode_srgb(linear: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Linear light in [0, 1] -> display values in [0, 1] (IEC 61966-2-1)."""
+    """Linear light of any shape in [0, 1] -> display values in [0, 1] (IEC 61966-2-1)."""
     return np.where(
         linear <= 0.0031308, linear * 12.92, 1.055 * np.maximum(linear, 0.0031308) ** (1 / 2.4) - 0.055
     )
 
 
 def decode_srgb(encoded: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Display values in [0, 1] -> linear light in [0, 1] (IEC 61966-2-1)."""
+    """Display values of any shape in [0, 1] -> linear light in [0, 1] (IEC 61966-2-1)."""
     return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
 
 

@@ -68,13 +68,13 @@ class _Pass:
     packets: list[int | None] = field(default_factory=list)
     """Times of the packets that are to be shown."""
     count: int = 0
-    """Of all packets with pictures in them."""
+    """Number of packets with pictures in them."""
     frames: list[int | None] = field(default_factory=list)
-    """Times of the frames, as they are shown,"""
+    """Times of the frames, in the order in which they are shown."""
     keys: list[int] = field(default_factory=list)
-    """where among them those are that need no other,"""
+    """Places in `frames` of key frames, which need no other frame."""
     corrupt: set[int] = field(default_factory=set)
-    """and those that the decoder calls damaged."""
+    """Places in `frames` of those that the decoder calls damaged."""
     broken: list[tuple[int | None, int]] = field(default_factory=list)
     """Of packets that could not be decoded, or are not whole: time, and how many frames were shown before."""
     promised: int = 0

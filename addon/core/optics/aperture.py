@@ -61,7 +61,7 @@ class ApertureImage:
         return f"ApertureImage({self.digest})"
 
     def at(self, x: Floats, y: Floats) -> Floats:
-        """Light at places of any shape, bilinear; none outside of the picture."""
+        """Light (...) at places x and y (...), bilinear; none outside of the picture."""
         height, width = self.light.shape
         half = max(height, width) / 2
         column, row = (x * half + (width - 1) / 2).astype(np.float32), (y * half + (height - 1) / 2)
@@ -143,7 +143,8 @@ class Aperture:
         return is_round and is_even and self.ratio == 1
 
     def light(self, x: Floats, y: Floats) -> Floats:
-        """How much light passes at places of any shape; not negative, 1 where nothing takes any."""
+        """How much light (...) passes at places x and y (...), in shares of the radius; not negative, 1 where
+        nothing takes any."""
         wide = x * self.ratio
         squared = wide**2 + y**2
         if self.image is not None:
@@ -193,7 +194,8 @@ class ApertureSamples:
 
 @lru_cache(maxsize=64)
 def aperture_samples(aperture: Aperture, count: int, variant: int = 0) -> ApertureSamples:
-    """So many positions, each in the middle of the light of an equal share of the open aperture.
+    """Positions (count, 2) in shares of the aperture's radius, each in the middle of the light of an equal
+    share of the open aperture.
 
     They are `relaxed`: blurred by a disc of a share's size the positions blur as the aperture does, and their
     weighted mean is that of the light. `variant` gives other positions for the same aperture. Raises
@@ -248,6 +250,6 @@ def _start(cells: Floats, count: int, variant: int) -> Floats:
 
 
 def _fixed(values: Floats) -> Floats:
-    """The same, read-only: it is shared by all who ask."""
+    """The array made read-only, as caches share it."""
     values.flags.writeable = False
     return values

@@ -43,6 +43,10 @@ class ThinLens:
 
     A point at depth Z is spread over a disc of diameter 2 R f |1/Z - 1/Zf| pixels: R is the aperture radius
     in scene units, f the focal length in pixels and Zf the distance of the focal plane in scene units.
+
+    >>> lens = ThinLens(Intrinsics(1920, 1080, 1600, 1600, 960, 540), radius=0.1, focus=1 / 5)
+    >>> lens.blur_disc(1 / np.array([4.0, 5.0, 10.0, np.inf])).round(3).tolist()
+    [16.0, 0.0, -32.0, -64.0]
     """
 
     pinhole: Intrinsics
@@ -79,7 +83,8 @@ class ThinLens:
         return inverse_depth - self._tilt(xy[..., 0], xy[..., 1]) if self.is_tilted else inverse_depth
 
     def tilted(self, inverse_depth: Floats, xy: Floats) -> Floats:
-        """Inverse of `untilted`."""
+        """Inverse depths (n,) at pixels (n, 2) of the scene, from those of the sheared space: `untilted`
+        back."""
         return inverse_depth + self._tilt(xy[..., 0], xy[..., 1]) if self.is_tilted else inverse_depth
 
     def untilted_raster[T: np.floating](self, inverse_depth: NDArray[T]) -> NDArray[T] | Floats:
@@ -100,7 +105,7 @@ class ThinLens:
         return positions / (1 - positions @ self._hinge)[:, None] if self.is_tilted else positions
 
     def aperture_positions(self, positions: Floats) -> Floats:
-        """Inverse of `sheared_positions`."""
+        """(N, 2) positions on the aperture in scene units, from `sheared_positions` (N, 2)."""
         return positions / (1 + positions @ self._hinge)[:, None] if self.is_tilted else positions
 
     @property
@@ -149,7 +154,8 @@ class ThinLens:
         return 2 * self.displacement(inverse_depth)
 
     def largest_disc(self, inverse_depth: Floats, percentile: float = 99.0) -> float:
-        """Diameter in pixels that `percentile` % of the blur discs of inverse depths are below; 0 of none."""
+        """Diameter in pixels that `percentile` % of the blur discs of inverse depths (any shape) are below; 0
+        of none."""
         if not inverse_depth.size:
             return 0.0
         contrast = float(np.percentile(np.abs(inverse_depth - self.focus), percentile))

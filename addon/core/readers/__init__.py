@@ -13,12 +13,24 @@ from .matching import Imported, match
 
 
 class Reader(Protocol):
-    """What a module that reads a format has."""
+    """What a module that reads a format has; `read_reconstruction` finds the one for a file.
+
+    >>> imported = read_reconstruction(folder, footage)
+    >>> imported.format, imported.reconstruction.frames.tolist()
+    ('COLMAP text', [1, 2, 3])
+    """
 
     FORMAT: str
+    """The format's name for people."""
 
-    def recognises(self, path: Path) -> bool: ...
-    def read(self, path: Path, size: tuple[int, int]) -> ImportedModel: ...
+    def recognises(self, path: Path) -> bool:
+        """Whether a file or folder looks like the format; False where it cannot be read."""
+
+    def read(self, path: Path, size: tuple[int, int]) -> ImportedModel:
+        """The model of a file or folder, of pictures of a size (width, height) in pixels where it names none.
+
+        Raises UserError that names the place in the file that is not what was expected.
+        """
 
 
 READERS: tuple[Reader, ...] = (colmap, bundler, nvm, voodoo)

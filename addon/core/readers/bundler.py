@@ -51,6 +51,7 @@ class Layout:
 
     @property
     def is_mirrored(self) -> bool:
+        """Whether the model is mirrored in z, as before version 0.3."""
         return self.version < "0.3"
 
 
@@ -63,6 +64,7 @@ LAYOUTS = {
 
 
 def recognises(path: Path) -> bool:
+    """Whether a file is a bundle file, by its suffix or first line; False where it cannot be read."""
     try:
         with open_regular(path) as file:
             start = file.read(200).removeprefix(b"\xef\xbb\xbf").lstrip()
@@ -234,7 +236,7 @@ def _cameras(stream: _Stream, size: tuple[int, int]) -> tuple[list[Intrinsics], 
 def _projected(
     lenses: list[Intrinsics], images: list[Image], xyz: Floats, views: Observations
 ) -> Observations:
-    """The same views, at the places where the points project; none that are behind or outside."""
+    """The views, moved to the places where the points project; none that are behind or outside."""
     xy = np.full((len(views.image), 2), np.nan)
     for image in images:
         rows = np.flatnonzero(views.image == image.frame)

@@ -36,9 +36,11 @@ class Cursor:
             raise UserError(f"{path}, byte 0: expected binary data, not text; name it {path.stem}.txt")
 
     def place(self, at: int | None = None) -> str:
+        """The file and a byte, for errors; by default the next byte."""
         return f"{self.path}, byte {self.at if at is None else at}"
 
     def take(self, layout: struct.Struct, what: str) -> tuple[int | float, ...]:
+        """The next values; UserError where the file ends before them."""
         self.need(layout.size, what)
         values = layout.unpack_from(self.data, self.at)
         self.at += layout.size
@@ -54,6 +56,7 @@ class Cursor:
         return number
 
     def need(self, size: int, what: str) -> None:
+        """UserError where the file ends within the next `size` bytes."""
         if len(self.data) - self.at < size:
             raise wrong(self.place(), f"{what}, but the file ends")
 

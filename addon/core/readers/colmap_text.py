@@ -67,6 +67,7 @@ class Lines(Iterator[tuple[int, bytes]]):
                 yield number, line
 
     def place(self, number: int) -> str:
+        """The file and a line, for errors."""
         return f"{self.path}, line {number}"
 
     def finish(self, what: str, count: int) -> None:

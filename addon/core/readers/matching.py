@@ -220,7 +220,7 @@ def _some(names: list[str]) -> str:
 
 
 def _fitted(model: Reconstruction, footage: Footage) -> tuple[Reconstruction, list[str]]:
-    """The same model on pictures of the clip's size, with only those lenses that are used."""
+    """A model brought to pictures of the clip's size, with only those lenses that are used."""
     used = sorted({image.camera for image in model.images})
     places = {camera: place for place, camera in enumerate(used)}
     size = np.array([footage.width, footage.height])

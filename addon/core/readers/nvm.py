@@ -36,6 +36,7 @@ SAMPLE = 20_000
 
 
 def recognises(path: Path) -> bool:
+    """Whether a file is an .nvm, by its suffix or first line; False where it cannot be read."""
     try:
         with open_regular(path) as file:
             start = file.read(64).removeprefix(b"\xef\xbb\xbf").lstrip()

@@ -131,9 +131,11 @@ class Text:
         return int(word)
 
     def wrong(self, expected: str, line: int | None = None) -> UserError:
+        """The error for a line, by default the one read last, that is not what was expected."""
         return UserError(f"{self.path}, line {self.line if line is None else line}: expected {expected}")
 
     def ends(self, expected: str) -> UserError:
+        """The error for a text that ends before what was expected."""
         return UserError(f"{self.path} ends at line {self.line}: expected {expected}; it may be truncated")
 
     def _values(self, piece: bytes) -> Floats:
@@ -197,6 +199,7 @@ class Numbers:
         return int(self.lines[np.searchsorted(self.ends, index, side="right")])
 
     def wrong(self, index: int, expected: str) -> UserError:
+        """The error for a number of an index that is not what was expected."""
         if index >= len(self.values):
             return self.text.ends(expected)
         return self.text.wrong(f"{expected}, not {self.values[index]:g}", self.line(index))

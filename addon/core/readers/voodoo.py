@@ -30,6 +30,7 @@ DIGITS = 6
 
 
 def recognises(path: Path) -> bool:
+    """Whether a file is Voodoo's export, by its first line; False where it cannot be read."""
     try:
         with open_regular(path) as file:
             start = file.read(1000).removeprefix(b"\xef\xbb\xbf").lstrip()

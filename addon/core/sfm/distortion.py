@@ -71,5 +71,5 @@ class Distortion:
 
 
 def undistorted(half_diagonal: float, speed: Floats) -> Distortion:
-    """A pinhole that reads at once; the arguments are as in `Distortion`."""
+    """A pinhole that reads all rows at once; `speed` (F, 3) and the half diagonal are as in `Distortion`."""
     return Distortion(np.zeros(len(SIGMA)), half_diagonal, speed)

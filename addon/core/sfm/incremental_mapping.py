@@ -37,7 +37,7 @@ class FocalPrior:
     sigma: float = 0.0
     """Relative standard deviation of `focal`; 0 holds it."""
     zooms: bool = False
-    """It changes over the clip."""
+    """Whether the focal length changes over the clip."""
 
     @property
     def free(self) -> bool:

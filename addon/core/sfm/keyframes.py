@@ -70,7 +70,8 @@ def keyframe_features(
 def map_keyframes(
     tracks: Tracks, features: list[tuple[Ints, Floats]], focal: float, progress: Progress
 ) -> pycolmap.Reconstruction | None:
-    """The best model of the keyframes that have these features; image i + 1 is keyframe i."""
+    """The best model of the keyframes with features of IDs (n,) at places (n, 2) in pixels; image i + 1 is
+    keyframe i."""
     keys = len(features)
     with temporary_folder() as folder:
         database = folder / "database.db"

@@ -154,7 +154,7 @@ class TwoScales:
         self._taken = np.zeros((0, 2), np.float32)
 
     def step(self, gray: Gray) -> tuple[Numbers, Places]:
-        """As `KLTTracker.step`."""
+        """IDs (n,) and places (n, 2) in pixels of the points that a frame (h, w) shows, from both scales."""
         number, place = self._fine.step(gray)
         size = tuple(max(side // self._options.coarse_scale, 1) for side in gray.shape[::-1])
         zoom = np.array(gray.shape[::-1]) / size
@@ -198,7 +198,7 @@ def _tracked(before: Gray, points: _Points, after: Gray, options: KLTOptions) ->
 def _found(
     points: _Points, places: Places, kept: Mask, before: Gray, after: Gray, options: KLTOptions
 ) -> _Points:
-    """Those of the points that were kept, at their places in `after`, without what went elsewhere."""
+    """The points that were kept (n,), at their places in `after`, without those that went elsewhere."""
     found = points.kept(kept)
     old, last = found.places, found.moves
     found.places, good = found.patches.refined(after.astype(np.float32), places, options.template)

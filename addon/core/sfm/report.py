@@ -71,6 +71,7 @@ class Report:
     """What to set to follow the advice."""
 
     def as_dict(self) -> dict[str, Any]:
+        """All fields, as they are written to JSON."""
         return asdict(self)
 
     def advised(self, words: Words) -> str:

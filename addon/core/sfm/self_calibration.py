@@ -58,7 +58,8 @@ def refine_focal_length(
 
 
 def as_bundle(made: Solution, options: CalibrationOptions) -> tuple[Bundle, Observations, Ints, Ints]:
-    """The keyframes and the best of their points for an adjustment; with the frames and tracks they are."""
+    """The keyframes and the best of their points for an adjustment; frames (k,) and tracks (p,) that they
+    are."""
     tracks = made.tracks
     posed = np.nonzero(np.isfinite(made.translation[:, 0]))[0].astype(np.int32)
     rows = np.nonzero(made.used)[0]
@@ -78,7 +79,8 @@ def as_bundle(made: Solution, options: CalibrationOptions) -> tuple[Bundle, Obse
 
 
 def put_back(made: Solution, bundle: Bundle, posed: Ints, kept: Ints) -> None:
-    """An adjusted bundle of `as_bundle` into the solve; other points are forgotten. Focal lengths stay."""
+    """Write an adjusted bundle of `as_bundle`, of frames (k,) and tracks (p,), into the solve; other points
+    are forgotten. Focal lengths stay."""
     made.rotation[posed], made.translation[posed] = bundle.rotation, bundle.translation
     made.xyz[:] = np.nan
     made.xyz[kept] = bundle.world
@@ -121,7 +123,7 @@ def _growth(a: Floats, b: Floats) -> float:
 
 
 def zoomed(tracks: Tracks, ratio: Floats) -> Tracks:
-    """The tracks as a lens that does not zoom would have seen them."""
+    """The tracks as a lens that does not zoom would have seen them; `ratio` is (F,) focal lengths."""
     if np.all(ratio == 1):
         return tracks
     centre = np.array([tracks.width, tracks.height]) / 2
@@ -131,7 +133,8 @@ def zoomed(tracks: Tracks, ratio: Floats) -> Tracks:
 def refine_zoom(
     made: Solution, tracks: Tracks, ratio: Floats, options: CalibrationOptions = CalibrationOptions()
 ) -> None:
-    """From a solution of tracks whose zoom was taken out to one of `tracks`, with a focal length a frame."""
+    """Turn a solution of tracks whose zoom, `ratio` (F,), was taken out into one of `tracks`, with a focal
+    length a frame."""
     made.tracks = tracks
     made.focal = made.focal * ratio
     bundle, seen, posed, kept = as_bundle(made, options)

@@ -61,6 +61,7 @@ class Keypoints(Rows):
 
     @classmethod
     def none(cls) -> Keypoints:
+        """No keypoints."""
         return cls(np.zeros((0, 2), np.float32), np.zeros(0, np.float32), np.zeros((0, 128), np.float32))
 
 
@@ -112,15 +113,15 @@ class _Known(Rows):
 
     numbers: Numbers
     places: Places
-    """(n, 2) where they were last seen,"""
+    """(n, 2) where the points were last seen, in pixels."""
     seen: Numbers
-    """(n,) in which frame that was,"""
+    """(n,) frame in which they were last seen."""
     views: Numbers
-    """(n,) how often they have been seen,"""
+    """(n,) how often they have been seen."""
     looks: Descriptors
-    """(n, 128) what they looked like, and"""
+    """(n, 128) SIFT descriptors where they were last seen."""
     patches: Patches
-    """what they looked like at first."""
+    """What they looked like at first."""
 
 
 class Matcher:
@@ -220,7 +221,7 @@ def epipolar(before: Places, after: Places, options: SIFTOptions = SIFTOptions()
 
 
 def strongest_of_cells(found: Keypoints, cell: int, count: int) -> NDArray[np.intp]:
-    """Rows of the `count` strongest keypoints of each cell, `cell` pixels wide."""
+    """Rows (n,) of the `count` strongest keypoints of each cell, `cell` pixels wide."""
     column, row = (found.places // cell).astype(int).T
     number = row * (column.max(initial=0) + 1) + column
     order = np.lexsort([-found.response, number])

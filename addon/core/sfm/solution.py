@@ -50,10 +50,12 @@ class Solution:
 
     @property
     def centre(self) -> Floats:
+        """(2,) middle of the picture in pixels."""
         return np.array([self.tracks.width, self.tracks.height]) / 2
 
     @property
     def max_error(self) -> float:
+        """Pixels by which an observation may be off."""
         return self.options.max_error * max(self.tracks.width, self.tracks.height) / 1000
 
     def rays(self) -> tuple[Floats, Floats]:

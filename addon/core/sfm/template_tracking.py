@@ -64,11 +64,11 @@ class Rows:
     """Arrays with a row for each of the same n things."""
 
     def kept(self, rows: Mask | NDArray[np.integer]) -> Self:
-        """Those of a mask (n,), or of row numbers in their order."""
+        """The rows of a mask (n,), or of row numbers (k,) in their order."""
         return self._made(lambda value: value.kept(rows) if isinstance(value, Rows) else value[rows])
 
     def joined(self, other: Self) -> Self:
-        """These, then the other's."""
+        """These rows, then the other's."""
         rest = (getattr(other, field.name) for field in fields(self))
         return self._made(
             lambda value: (

@@ -73,6 +73,7 @@ class Tracks:
 
     @property
     def count(self) -> int:
+        """Number of tracks."""
         return len(self.rgb)
 
     def in_frame(self, index: int) -> tuple[Ints, Floats]:

@@ -73,9 +73,9 @@ class Visible:
     candidates: int
     """Points that project into the frame and were not observed there."""
     hidden: int
-    """Those of them that were rejected because no point around lies at their depth."""
+    """Candidates that were rejected because no point around lies at their depth."""
     unlike: int
-    """And those that do not look as they do elsewhere."""
+    """Candidates that were rejected because they do not look as they do elsewhere."""
 
 
 def visible_points(

@@ -70,7 +70,7 @@ THICKNESS = (0.02, 0.04)
 """Of the long side: up to the first, a blob's thickness is a light source's; from the second on it is a sky,
 a wall or a window. By eye."""
 LENGTH = (0.1, 0.2)
-"""The same of its length. By eye."""
+"""Of the long side: as `THICKNESS`, of a blob's length. By eye."""
 AMONG = (0.0, 0.25)
 """Share of large clipped areas in the surroundings, from none to so much that a blob is a piece of them: sky
 between leaves. By eye."""

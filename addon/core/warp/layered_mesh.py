@@ -192,8 +192,8 @@ def triangulated(
     snap: Callable[[Map], Map],
     options: LayeredMeshOptions,
 ) -> list[tuple[Surfaces, Triangles]]:
-    """The surfaces of each layered depth image where `snap` draws them, and their triangles; disparities
-    are relative to the focal plane."""
+    """The surfaces (h, w) of each layered depth image where `snap` draws them, and their triangles;
+    disparities in pixels are relative to the focal plane."""
     error = options.error + options.relative_error * np.abs(layers[-1].back_disparity)
     jobs = []
     for split in layers:

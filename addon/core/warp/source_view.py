@@ -38,7 +38,7 @@ class Places:
         return len(self.x)
 
     def among(self, which: slice | Mask | Indices) -> Places:
-        """Some of them."""
+        """The places of a mask (n,), a slice or row numbers (k,)."""
         return Places(self.x[which], self.y[which], self.inverse[which])
 
 
@@ -82,7 +82,7 @@ class SourceView:
     """A source frame of colours."""
 
     frame: int
-    """Its number."""
+    """Number of the source frame."""
     reprojection: Reprojection
     """Where it sees what the frame that asks sees."""
     picture: LinearRGB

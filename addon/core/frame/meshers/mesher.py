@@ -31,7 +31,7 @@ class FrameGeometry:
     """(H, W, 4) what the canvas shows, linear and premultiplied."""
     lens: ThinLens
     samples: DepthSamples
-    """Their inverse depths are `lens.untilted`."""
+    """Places of known inverse depth, `lens.untilted`."""
     depth: PixelDepth | None
     """Of every pixel of the canvas, for meshers that need it; not yet `lens.untilted`."""
 
@@ -91,7 +91,13 @@ def _in_register(geometry: FrameGeometry, samples: ApertureSamples) -> Views:
 
 @dataclass(frozen=True)
 class Mesher:
-    """A way to make the warp mesh of a frame; `meshers.MESHERS` lists all of them."""
+    """A way to make the warp mesh of a frame; `meshers.MESHERS` lists all of them.
+
+    >>> def make(geometry):
+    ...     margin = geometry.lens.margin(geometry.samples.inverse_depth)
+    ...     return Surface(feature_mesh(geometry.samples, geometry.canvas, margin), geometry.picture)
+    >>> plain = Mesher("plain", 99, "Triangles of the samples as they are", make)
+    """
 
     name: str
     """On the command line and in .blend files."""
