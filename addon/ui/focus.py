@@ -16,7 +16,7 @@ from ..scene import aperture_cloud, blender_focus, focus_marks, lens
 from ..scene.depth_of_field import length_words
 from ..scene.point_cloud import ID_ATTRIBUTE
 from ..scene.shot import reconstruction_of
-from .operators import Result, has_points, may_change, reported
+from .operators import Result, has_points, is_met, may_change, reported
 
 
 def focus_on(
@@ -90,13 +90,9 @@ class VIRTUAL_APERTURE_OT_clear_focus(bpy.types.Operator):  # noqa: N801
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if not may_change(cls, context):
-            return False
         settings = context.scene.virtual_aperture
-        if len(settings.focus_points) or len(settings.marks.items):
-            return True
-        cls.poll_message_set("Nothing is picked")
-        return False
+        is_picked = len(settings.focus_points) or len(settings.marks.items)
+        return may_change(cls, context) and is_met(cls, is_picked, "Nothing is picked")
 
     def execute(self, context: bpy.types.Context) -> Result:
         settings = context.scene.virtual_aperture

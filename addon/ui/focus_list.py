@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import bpy
 
 from ..core.base.counting import counted
@@ -12,7 +14,7 @@ from ..scene import aperture_cloud, blender_focus, focus_curve, focus_marks, len
 from ..scene.depth_of_field import length_words
 from . import thumbnails
 from .focus import focus_on
-from .operators import Result, has_focus, has_solve, may_change, reported
+from .operators import Result, has_focus, has_solve, is_met, may_change, reported
 from .report_list import next_of
 
 FRAME, NAME = 0.16, 0.7
@@ -22,13 +24,29 @@ as wide as Blender opens it, frame and distance are whole, and the name has the 
 
 def has_marks(cls: type[bpy.types.Operator], context: bpy.types.Context) -> bool:
     """Poll: there is a focus mark, and the keys are the marks'."""
-    if not has_solve(cls, context):
-        return False
-    settings = context.scene.virtual_aperture
-    if not len(settings.marks.items):
-        cls.poll_message_set("There is no focus mark: Pick Focus makes one")
-        return False
-    return True
+    marks = context.scene.virtual_aperture.marks.items
+    return has_solve(cls, context) and is_met(cls, len(marks), "There is no focus mark: Pick Focus makes one")
+
+
+class ChangesMarks:
+    """An operator that changes the focus marks, of which there is one at least."""
+
+    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return may_change(cls, context) and has_marks(cls, context)
+
+    @reported
+    def execute(self: Any, context: bpy.types.Context) -> Result:
+        said = self.change(context.scene.virtual_aperture, context.scene.frame_current)
+        aperture_cloud.update(context.scene.virtual_aperture)
+        self.report({"INFO"}, said)
+        return {"FINISHED"}
+
+    def change(self, settings: bpy.types.PropertyGroup, frame: int) -> str:
+        """Change the marks; what was done, in a line. UserError where that cannot be."""
+        raise NotImplementedError
 
 
 class VIRTUAL_APERTURE_UL_focus_marks(bpy.types.UIList):  # noqa: N801
@@ -66,13 +84,13 @@ class VIRTUAL_APERTURE_OT_hold_focus(bpy.types.Operator):  # noqa: N801
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if not may_change(cls, context) or not has_focus(cls, context):
-            return False
         settings, frame = context.scene.virtual_aperture, context.scene.frame_current
-        if focus_marks.at_frame(settings, frame) is not None:
-            cls.poll_message_set(f"A focus mark is at frame {frame} already")
-            return False
-        return True
+        is_free, message = focus_marks.at_frame(settings, frame) is None, f"A focus mark is at frame {frame}"
+        return (
+            may_change(cls, context)
+            and has_focus(cls, context)
+            and is_met(cls, is_free, f"{message} already")
+        )
 
     @reported
     def execute(self, context: bpy.types.Context) -> Result:
@@ -94,47 +112,28 @@ def held(settings: bpy.types.PropertyGroup, frame: int) -> list[Place]:
     return [Place(Focus(distance=distance), frame, distance, "a distance")]
 
 
-class VIRTUAL_APERTURE_OT_remove_focus_mark(bpy.types.Operator):  # noqa: N801
+class VIRTUAL_APERTURE_OT_remove_focus_mark(ChangesMarks, bpy.types.Operator):  # noqa: N801
     """Remove the active focus mark; without any the focus stays at its distance"""
 
     bl_idname = "virtual_aperture.remove_focus_mark"
     bl_label = "Remove Focus Mark"
-    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return may_change(cls, context) and has_marks(cls, context)
-
-    @reported
-    def execute(self, context: bpy.types.Context) -> Result:
-        settings = context.scene.virtual_aperture
-        index = settings.marks.active
-        frame = settings.marks.items[index].frame
-        focus_marks.remove(settings, index)
-        aperture_cloud.update(settings)
-        self.report({"INFO"}, f"The focus mark of frame {frame} is removed")
-        return {"FINISHED"}
+    def change(self, settings: bpy.types.PropertyGroup, _frame: int) -> str:
+        before = settings.marks.items[settings.marks.active].frame
+        focus_marks.remove(settings, settings.marks.active)
+        return f"The focus mark of frame {before} is removed"
 
 
-class VIRTUAL_APERTURE_OT_move_focus_mark(bpy.types.Operator):  # noqa: N801
+class VIRTUAL_APERTURE_OT_move_focus_mark(ChangesMarks, bpy.types.Operator):  # noqa: N801
     """Move the active focus mark to the current frame"""
 
     bl_idname = "virtual_aperture.move_focus_mark"
     bl_label = "Move Focus Mark Here"
-    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return may_change(cls, context) and has_marks(cls, context)
-
-    @reported
-    def execute(self, context: bpy.types.Context) -> Result:
-        settings, frame = context.scene.virtual_aperture, context.scene.frame_current
+    def change(self, settings: bpy.types.PropertyGroup, frame: int) -> str:
         before = settings.marks.items[settings.marks.active].frame
         focus_marks.move(settings, settings.marks.active, frame)
-        aperture_cloud.update(settings)
-        self.report({"INFO"}, f"The focus mark of frame {before} is at frame {frame}")
-        return {"FINISHED"}
+        return f"The focus mark of frame {before} is at frame {frame}"
 
 
 class VIRTUAL_APERTURE_OT_jump_to_focus_mark(bpy.types.Operator):  # noqa: N801
@@ -167,12 +166,8 @@ class VIRTUAL_APERTURE_OT_jump_to_unseen(bpy.types.Operator):  # noqa: N801
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if not has_marks(cls, context):
-            return False
-        if context.scene.virtual_aperture.marks.unseen:
-            return True
-        cls.poll_message_set("All frames show what is in focus")
-        return False
+        unseen = context.scene.virtual_aperture.marks.unseen
+        return has_marks(cls, context) and is_met(cls, unseen, "All frames show what is in focus")
 
     def execute(self, context: bpy.types.Context) -> Result:
         scene = context.scene
@@ -186,29 +181,20 @@ def unseen_frames(settings: bpy.types.PropertyGroup) -> list[int]:
     return [int(frame) for frame in settings.marks.unseen.split()]
 
 
-class VIRTUAL_APERTURE_OT_write_focus_marks(bpy.types.Operator):  # noqa: N801
+class VIRTUAL_APERTURE_OT_write_focus_marks(ChangesMarks, bpy.types.Operator):  # noqa: N801
     """Replace the keys of the focus distance by those of the focus marks: what was edited in them is lost"""
 
     bl_idname = "virtual_aperture.write_focus_marks"
     bl_label = "Key by Focus Marks Again"
-    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if not may_change(cls, context) or not has_marks(cls, context):
-            return False
-        if focus_curve.is_users(context.scene.virtual_aperture):
-            return True
-        cls.poll_message_set("The keys are those of the focus marks")
-        return False
+        is_users = focus_curve.is_users(context.scene.virtual_aperture)
+        return super().poll(context) and is_met(cls, is_users, "The keys are those of the focus marks")
 
-    @reported
-    def execute(self, context: bpy.types.Context) -> Result:
-        settings = context.scene.virtual_aperture
+    def change(self, settings: bpy.types.PropertyGroup, _frame: int) -> str:
         focus_marks.take_keys_over(settings)
-        aperture_cloud.update(settings)
-        self.report({"INFO"}, f"The focus is that of {counted(len(settings.marks.items), 'mark')} again")
-        return {"FINISHED"}
+        return f"The focus is that of {counted(len(settings.marks.items), 'mark')} again"
 
 
 def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:

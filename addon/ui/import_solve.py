@@ -15,7 +15,16 @@ from ..core.sfm.workspace import check_replaceable, holds_solve, keep_import
 from ..scene.clip import footage_path, work_dir
 from ..scene.movieclip import read_movie_clip
 from . import depth_ahead
-from .operators import Result, build_scene, has_clip, may_change, report_hidden, reported, solved_words
+from .operators import (
+    Result,
+    build_scene,
+    has_clip,
+    is_met,
+    may_change,
+    report_hidden,
+    reported,
+    solved_words,
+)
 
 
 class Import:
@@ -155,12 +164,8 @@ class VIRTUAL_APERTURE_OT_import_movie_clip(Import, bpy.types.Operator):  # noqa
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if not may_change(cls, context) or not has_clip(cls, context):
-            return False
-        if solved_clips():
-            return True
-        cls.poll_message_set("No movie clip of this file is solved: track one in the Movie Clip Editor first")
-        return False
+        message = "No movie clip of this file is solved: track one in the Movie Clip Editor first"
+        return may_change(cls, context) and has_clip(cls, context) and is_met(cls, solved_clips(), message)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
         if self.again:

@@ -27,6 +27,8 @@ from .solving import Solving
 
 Result = set[str]
 
+NO_CAMERA = "The camera was deleted: Restore Objects, on top, brings it back"
+
 LOOK = 0.1
 """Seconds between two looks at the solving process."""
 
@@ -54,31 +56,28 @@ def sentence(text: str) -> str:
     return text[0].upper() + text[1:]
 
 
+def is_met(cls: Any, condition: object, message: str) -> bool:
+    """Poll: a condition holds; else `message` is what the button says of it."""
+    if not condition:
+        cls.poll_message_set(message)
+    return bool(condition)
+
+
 def has_clip(cls: Any, context: bpy.types.Context) -> bool:
     """Poll: a clip is chosen."""
-    if context.scene.virtual_aperture.footage:
-        return True
-    cls.poll_message_set("Choose a clip first")
-    return False
+    return is_met(cls, context.scene.virtual_aperture.footage, "Choose a clip first")
 
 
 def has_solve(cls: Any, context: bpy.types.Context) -> bool:
     """Poll: the scene holds a solved clip."""
-    if context.scene.virtual_aperture.points is not None:
-        return True
-    cls.poll_message_set("Solve the clip first")
-    return False
+    return is_met(cls, context.scene.virtual_aperture.points is not None, "Solve the clip first")
 
 
 def has_focus(cls: Any, context: bpy.types.Context) -> bool:
     """Poll: the scene holds a solved clip and something is in focus."""
     settings = context.scene.virtual_aperture
-    if not has_solve(cls, context):
-        return False
-    if is_in_focus(settings):
-        return True
-    cls.poll_message_set("Pick what is to be sharp first: Pick Focus")
-    return False
+    message = "Pick what is to be sharp first: Pick Focus"
+    return has_solve(cls, context) and is_met(cls, is_in_focus(settings), message)
 
 
 def has_points(cls: Any, context: bpy.types.Context, to_do: str) -> bool:
@@ -315,10 +314,8 @@ class VIRTUAL_APERTURE_OT_solve(Solves, bpy.types.Operator):  # noqa: N801
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if running_solve() is not None:
-            cls.poll_message_set("A clip is being solved; ESC cancels it")
-            return False
-        return may_change(cls, context) and has_clip(cls, context)
+        is_idle = is_met(cls, running_solve() is None, "A clip is being solved; ESC cancels it")
+        return is_idle and may_change(cls, context) and has_clip(cls, context)
 
     def solved_clip(self, settings: Any) -> tuple[Path, str]:
         return footage_path(settings), settings.work_dir

@@ -16,7 +16,7 @@ from ..scene.depth_of_field import length_words
 from ..scene.remedy_words import WORDS
 from ..scene.shot import shot_of
 from .focus import focus_on
-from .operators import Result, has_solve, may_change, reported
+from .operators import Result, has_solve, is_met, may_change, reported
 from .pick_view import XY, CameraView, Overlay
 
 AT_ONCE = 0.05
@@ -94,10 +94,9 @@ class VIRTUAL_APERTURE_OT_pick_focus(bpy.types.Operator):  # noqa: N801
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if VIRTUAL_APERTURE_OT_pick_focus._running:
-            cls.poll_message_set("The focus is being picked: click on the camera's picture")
-            return False
-        return may_change(cls, context) and has_solve(cls, context)
+        is_idle = not VIRTUAL_APERTURE_OT_pick_focus._running
+        message = "The focus is being picked: click on the camera's picture"
+        return is_met(cls, is_idle, message) and may_change(cls, context) and has_solve(cls, context)
 
     @reported
     def execute(self, context: bpy.types.Context) -> Result:

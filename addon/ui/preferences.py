@@ -14,7 +14,7 @@ from ..scene import preferences
 from ..scene.clip import footage_path, work_dir
 from ..scene.shot import KEPT_DEPTH
 from . import depth_ahead
-from .operators import Result, has_clip, reported
+from .operators import Result, has_clip, is_met, reported
 
 LOOK_AGAIN = 3.0
 """Seconds until the size of the kept depth is looked up again: panels ask with every redraw."""
@@ -70,12 +70,8 @@ class VIRTUAL_APERTURE_OT_delete_depth(bpy.types.Operator):  # noqa: N801
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if not has_clip(cls, context):
-            return False
-        if shown_size(context.scene.virtual_aperture):
-            return True
-        cls.poll_message_set("No depth is kept for this clip")
-        return False
+        settings = context.scene.virtual_aperture
+        return has_clip(cls, context) and is_met(cls, shown_size(settings), "No depth is kept for this clip")
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
         folder = depth_folder(context.scene.virtual_aperture)

@@ -9,7 +9,7 @@ import bpy
 from ..render.engine import VirtualApertureEngine
 from ..render.viewport import PREVIEW
 from ..scene import parts
-from .operators import Result, has_solve
+from .operators import NO_CAMERA, Result, has_solve, is_met
 
 
 class VIRTUAL_APERTURE_OT_preview(bpy.types.Operator):  # noqa: N801
@@ -24,15 +24,10 @@ class VIRTUAL_APERTURE_OT_preview(bpy.types.Operator):  # noqa: N801
         if is_shown(context):
             # Whatever became of the scene: it can be ended.
             return True
-        if not has_solve(cls, context):
-            return False
-        if not parts.is_in(context.scene, context.scene.virtual_aperture.camera):
-            cls.poll_message_set("The camera was deleted: Restore Objects, on top, brings it back")
-            return False
-        if viewport_of(context) is not None:
-            return True
-        cls.poll_message_set("There is no 3D viewport in this window")
-        return False
+        is_there = parts.is_in(context.scene, context.scene.virtual_aperture.camera)
+        has_camera = has_solve(cls, context) and is_met(cls, is_there, NO_CAMERA)
+        has_view = viewport_of(context) is not None
+        return has_camera and is_met(cls, has_view, "There is no 3D viewport in this window")
 
     def execute(self, context: bpy.types.Context) -> Result:
         space = viewport_of(context)

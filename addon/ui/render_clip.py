@@ -10,18 +10,14 @@ from ..scene import parts
 from ..scene.clip import solved_clip_path
 from ..scene.lens import frame_options
 from ..scene.shot import reconstruction_of
-from .operators import Result, has_focus, refused, reported
+from .operators import NO_CAMERA, Result, has_focus, is_met, refused, reported
 
 
 def can_render(cls: Any, context: bpy.types.Context) -> bool:
     """Poll: something is in focus and the scene has a camera, without which Blender renders nothing."""
-    if not has_focus(cls, context):
-        return False
     scene = context.scene
-    if any(parts.is_in(scene, camera) for camera in (scene.camera, scene.virtual_aperture.camera)):
-        return True
-    cls.poll_message_set("The camera was deleted: Restore Objects, on top, brings it back")
-    return False
+    is_there = any(parts.is_in(scene, camera) for camera in (scene.camera, scene.virtual_aperture.camera))
+    return has_focus(cls, context) and is_met(cls, is_there, NO_CAMERA)
 
 
 def prepare_render(scene: bpy.types.Scene) -> None:

@@ -9,7 +9,7 @@ from ..core.media.clip import Footage, open_footage
 from ..scene import parts
 from ..scene.build import restore
 from ..scene.clip import footage_path, solved_clip_path, work_dir
-from .operators import Result, build_scene, is_kept, may_change, reported
+from .operators import Result, build_scene, is_kept, is_met, may_change, reported
 
 
 class VIRTUAL_APERTURE_OT_restore_objects(bpy.types.Operator):  # noqa: N801
@@ -21,12 +21,8 @@ class VIRTUAL_APERTURE_OT_restore_objects(bpy.types.Operator):  # noqa: N801
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if not may_change(cls, context):
-            return False
-        if parts.missing(context.scene):
-            return True
-        cls.poll_message_set("No object of the solve is missing")
-        return False
+        message = "No object of the solve is missing"
+        return may_change(cls, context) and is_met(cls, parts.missing(context.scene), message)
 
     @reported
     def execute(self, context: bpy.types.Context) -> Result:

@@ -9,7 +9,7 @@ from ...scene import blender_focus
 from .. import focus, focus_list, lens_presets, pick_focus
 from ..text import wrapped
 from .lens import draw_amount
-from .panel import PRIMARY, ClosedPanel, Panel
+from .panel import PRIMARY, ClosedPanel, Panel, split
 
 
 class VIRTUAL_APERTURE_PT_focus(Panel, bpy.types.Panel):  # noqa: N801
@@ -20,8 +20,7 @@ class VIRTUAL_APERTURE_PT_focus(Panel, bpy.types.Panel):  # noqa: N801
 
     def draw(self, context: bpy.types.Context) -> None:
         settings = context.scene.virtual_aperture
-        layout = self.layout
-        layout.use_property_split = True
+        layout = split(self.layout, with_keys=True)
         row = layout.row()
         row.scale_y = PRIMARY
         row.operator(pick_focus.VIRTUAL_APERTURE_OT_pick_focus.bl_idname, icon="EYEDROPPER")
@@ -63,8 +62,7 @@ class VIRTUAL_APERTURE_PT_tilt(ClosedPanel, bpy.types.Panel):  # noqa: N801
 
     def draw(self, context: bpy.types.Context) -> None:
         settings = context.scene.virtual_aperture
-        layout = self.layout
-        layout.use_property_split = True
+        layout = split(self.layout, with_keys=True)
         by_points = len(settings.focus_points) > 0 and settings.focus_by == "POINTS"
         column = layout.column(align=True)
         if by_points:

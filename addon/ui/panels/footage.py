@@ -9,7 +9,7 @@ import bpy
 from ...scene import lens
 from .. import choose_clip, import_solve, notices, operators, preferences
 from ..text import wrapped
-from .panel import PRIMARY, ClosedPanel, Panel
+from .panel import PRIMARY, ClosedPanel, Panel, split
 
 
 def next_step(context: bpy.types.Context) -> str:
@@ -71,9 +71,7 @@ class VIRTUAL_APERTURE_PT_files(ClosedPanel, bpy.types.Panel):  # noqa: N801
 
     def draw(self, context: bpy.types.Context) -> None:
         settings = context.scene.virtual_aperture
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
+        layout = split(self.layout)
         layout.prop(settings, "footage")
         layout.prop(settings, "work_dir")
         if settings.footage and (size := preferences.shown_size(settings)):

@@ -7,7 +7,7 @@ import bpy
 from ...scene import depth_of_field, lens
 from .. import set_scale
 from ..text import wrapped
-from .panel import ClosedPanel
+from .panel import ClosedPanel, split
 
 PROPERTY_NAME = 0.4
 """Share of a panel's width that the names of properties have, as Blender splits it."""
@@ -37,9 +37,7 @@ class VIRTUAL_APERTURE_PT_scale(ClosedPanel, bpy.types.Panel):  # noqa: N801
 
     def draw(self, context: bpy.types.Context) -> None:
         settings = context.scene.virtual_aperture
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
+        layout = split(self.layout)
         if not settings.metres_per_unit:
             wrapped(
                 layout,
@@ -62,8 +60,7 @@ class VIRTUAL_APERTURE_PT_shape(ClosedPanel, bpy.types.Panel):  # noqa: N801
 
     def draw(self, context: bpy.types.Context) -> None:
         shape = context.scene.virtual_aperture.shape
-        layout = self.layout
-        layout.use_property_split = True
+        layout = split(self.layout, with_keys=True)
         column = layout.column()
         column.active = not shape.image
         column.prop(shape, "blades")
@@ -85,8 +82,7 @@ class VIRTUAL_APERTURE_PT_highlights(ClosedPanel, bpy.types.Panel):  # noqa: N80
 
     def draw(self, context: bpy.types.Context) -> None:
         settings = context.scene.virtual_aperture
-        layout = self.layout
-        layout.use_property_split = True
+        layout = split(self.layout, with_keys=True)
         column = layout.column(align=True)
         column.prop(settings, "highlights")
         row = column.row()

@@ -24,6 +24,13 @@ class Panel:
         return not version.is_newer(context.scene.virtual_aperture)
 
 
+def split(layout: bpy.types.UILayout, with_keys: bool = False) -> bpy.types.UILayout:
+    """A panel's layout with names beside properties, and `with_keys` the buttons that key them."""
+    layout.use_property_split = True
+    layout.use_property_decorate = with_keys
+    return layout
+
+
 class ClosedPanel(Panel):
     """One that is not for everybody: closed to begin with."""
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 
 from .. import preview
-from .panel import Panel
+from .panel import Panel, split
 
 
 class VIRTUAL_APERTURE_PT_preview(Panel, bpy.types.Panel):  # noqa: N801
@@ -13,9 +13,7 @@ class VIRTUAL_APERTURE_PT_preview(Panel, bpy.types.Panel):  # noqa: N801
 
     def draw(self, context: bpy.types.Context) -> None:
         settings = context.scene.virtual_aperture
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
+        layout = split(self.layout)
         is_shown = preview.is_shown(context)
         layout.operator(
             preview.VIRTUAL_APERTURE_OT_preview.bl_idname,

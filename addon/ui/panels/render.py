@@ -7,7 +7,7 @@ import bpy
 from ...core.frame.meshers import MESHERS
 from .. import notices, render_clip, report_list
 from ..text import wrapped
-from .panel import PRIMARY, ClosedPanel, Panel
+from .panel import PRIMARY, ClosedPanel, Panel, split
 
 
 class VIRTUAL_APERTURE_PT_render(Panel, bpy.types.Panel):  # noqa: N801
@@ -15,9 +15,7 @@ class VIRTUAL_APERTURE_PT_render(Panel, bpy.types.Panel):  # noqa: N801
 
     def draw(self, context: bpy.types.Context) -> None:
         scene = context.scene
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
+        layout = split(self.layout)
         column = layout.column(align=True)
         column.prop(scene, "frame_start", text="Frame Start")
         column.prop(scene, "frame_end", text="End")
@@ -48,9 +46,7 @@ class VIRTUAL_APERTURE_PT_passes(ClosedPanel, bpy.types.Panel):  # noqa: N801
     bl_parent_id = "VIRTUAL_APERTURE_PT_render"
 
     def draw(self, context: bpy.types.Context) -> None:
-        layer, layout = context.view_layer, self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
+        layer, layout = context.view_layer, split(self.layout)
         column = layout.column(heading="Sharp Frame")
         column.prop(layer, "use_pass_z", text="Depth")
         column.prop(layer.virtual_aperture_passes, "use_circle_of_confusion")
@@ -63,9 +59,7 @@ class VIRTUAL_APERTURE_PT_method(ClosedPanel, bpy.types.Panel):  # noqa: N801
 
     def draw(self, context: bpy.types.Context) -> None:
         settings = context.scene.virtual_aperture
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
+        layout = split(self.layout)
         layout.prop(settings, "target_psnr")
         layout.prop(settings, "use_auto_views")
         if not settings.use_auto_views:

@@ -7,7 +7,7 @@ import bpy
 from ...scene import masks
 from .. import after_solve, depth_ahead, operators
 from ..text import wrapped
-from .panel import PRIMARY, ClosedPanel, Panel
+from .panel import PRIMARY, ClosedPanel, Panel, split
 
 
 class VIRTUAL_APERTURE_PT_solve(Panel, bpy.types.Panel):  # noqa: N801
@@ -15,9 +15,7 @@ class VIRTUAL_APERTURE_PT_solve(Panel, bpy.types.Panel):  # noqa: N801
 
     def draw(self, context: bpy.types.Context) -> None:
         settings = context.scene.virtual_aperture
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
+        layout = split(self.layout)
         running = operators.running_solve()
         if running is not None:
             layout.progress(factor=running.step.share, text=f"{running.step.text} (ESC cancels)")
@@ -60,9 +58,7 @@ class VIRTUAL_APERTURE_PT_depth(ClosedPanel, bpy.types.Panel):  # noqa: N801
 
     def draw(self, context: bpy.types.Context) -> None:
         settings = context.scene.virtual_aperture
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
+        layout = split(self.layout)
         layout.prop(settings, "masks")
         layout.prop(settings, "mask")
         if settings.mask is not None and masks.follows_tracks(settings.mask):
