@@ -24,7 +24,7 @@ from ..core.readers.colmap_export import export_model
 from ..core.readers.matching import Imported
 from ..core.sfm.process import SolveProcess, SolveProgress
 from ..core.sfm.tracks import TRACKERS
-from ..core.sfm.workspace import Solve, check_replaceable, holds_solve, keep_import, load_solve
+from ..core.sfm.workspace import Solve, keep_import, load_solve
 from ..render.launcher import CHILD
 from ..scene.movieclip import read_movie_clip
 from ..scene.shot import Shot
@@ -187,17 +187,11 @@ def import_model(options: argparse.Namespace) -> None:
     """`import MODEL --footage FOOTAGE --work DIR`"""
     work: Path = options.work.absolute()
     footage = open_footage(options.footage)
-    if options.again:
-        check_replaceable(work, footage)
-    elif holds_solve(work, footage):
-        raise UserError(
-            f"{work} holds a solve of this clip already; name another folder, or replace it with --again"
-        )
     if options.model.suffix.lower() == ".blend":
         found = _from_blend(options.model, options.clip, footage)
     else:
         found = read_reconstruction(options.model, footage)
-    keep_import(found, footage, work)
+    keep_import(found, footage, work, options.again)
     solved = load_solve(work, footage.path)
     say(f"{found.format}: {solved.summary}")
     for note in found.notes:

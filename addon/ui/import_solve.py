@@ -11,7 +11,7 @@ from ..core.base.errors import UserError
 from ..core.media.clip import Footage, open_footage
 from ..core.readers import read_reconstruction
 from ..core.readers.matching import Imported
-from ..core.sfm.workspace import check_replaceable, holds_solve, keep_import
+from ..core.sfm.workspace import SolveThereError, keep_import
 from ..scene.clip import footage_path, work_dir
 from ..scene.movieclip import read_movie_clip
 from . import depth_ahead
@@ -54,15 +54,14 @@ class Import:
         settings = context.scene.virtual_aperture
         footage, folder = open_footage(footage_path(settings)), work_dir(settings, footage_path(settings))
         found = self.read(footage)
-        if self.again:
-            check_replaceable(folder, footage)
-        elif holds_solve(folder, footage):
+        try:
+            keep_import(found, footage, folder, self.again)
+        except SolveThereError:
             if not self._asks:
-                raise UserError(f"{folder} holds a solve of this clip already; to replace it pass again=True")
+                raise
             self.ask()
             return {"CANCELLED"}
         depth_ahead.stop()
-        keep_import(found, footage, folder)
         solve, refocus = build_scene(context.scene, footage, folder)
         depth_ahead.begin_after_solve(folder)
         report_hidden(self, context.scene)

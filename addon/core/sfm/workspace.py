@@ -180,10 +180,8 @@ def is_solved(work_dir: Path, footage: Footage, options: dict[str, Any]) -> bool
     return same and tuple(state["frames"]) == footage.frames and (work_dir / MODEL).is_dir()
 
 
-def holds_solve(work_dir: Path, footage: Footage) -> bool:
-    """Whether the folder holds a solve of the clip, of whichever frames and whosever; UserError where it
-    holds something else."""
-    return _state_of(work_dir, footage) is not None and (work_dir / MODEL).is_dir()
+class SolveThereError(UserError):
+    """The folder holds a solve of the clip already."""
 
 
 def check_replaceable(work_dir: Path, footage: Footage) -> None:
@@ -204,9 +202,18 @@ def imported_from(work_dir: Path) -> str | None:
     return None if state is None else state.get("imported")
 
 
-def keep_import(found: Imported, footage: Footage, work_dir: Path) -> None:
-    """Keep another program's solve, in its own unit, as if it were our own; UserError where the folder holds
-    something else, or is being solved into."""
+def keep_import(found: Imported, footage: Footage, work_dir: Path, again: bool = False) -> None:
+    """Keep another program's solve, in its own unit, as if it were our own.
+
+    UserError where the folder holds something else, or is being solved into; SolveThereError where it holds a
+    solve of the clip, of whichever frames and whosever, that is not to be replaced `again`.
+    """
+    if not again and _state_of(work_dir, footage) is not None and (work_dir / MODEL).is_dir():
+        raise SolveThereError(
+            f"{work_dir} holds a solve of this clip already; name another folder, or replace it",
+            Remedy.WORK_DIR,
+            Remedy.AGAIN,
+        )
     clip_identity = identity(footage.path)
     reconstruction = upright(found.reconstruction)
     staging = Staging(work_dir)
