@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from addon.core.base.arrays import LinearRGBA
-    from addon.core.camera.reconstruction import Floats
+    from addon.core.base.arrays import Floats, LinearRGBA
     from addon.core.frame.plan import FramePlan
 
 SENSOR = 36.0

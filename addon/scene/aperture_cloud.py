@@ -8,8 +8,8 @@ from contextlib import contextmanager
 import bpy
 import numpy as np
 
+from ..core.base.arrays import Floats
 from ..core.base.errors import UserError
-from ..core.camera.reconstruction import Floats
 from ..core.frame.clip_context import ClipContext, no_picture
 from ..core.frame.warped_frame import view_offsets
 from . import depth_of_field

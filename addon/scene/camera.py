@@ -8,7 +8,8 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from ..core.camera.reconstruction import Floats, Image, Intrinsics, Reconstruction, quaternion_from_matrix
+from ..core.base.arrays import Floats
+from ..core.camera.reconstruction import Image, Intrinsics, Reconstruction, quaternion_from_matrix
 
 SENSOR = 36.0
 """Millimetres of the horizontal sensor, Blender's own default."""

@@ -9,9 +9,7 @@ import bpy
 import cv2
 import numpy as np
 
-from ..core.base.arrays import LinearRGBA
-from ..core.camera.reconstruction import Floats
-from ..core.media.masks import Mask
+from ..core.base.arrays import Floats, LinearRGBA, Mask
 from . import main_thread
 
 CURVE = 16

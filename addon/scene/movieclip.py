@@ -13,10 +13,11 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.base.arrays import Floats, Ints
 from ..core.base.counting import counted
 from ..core.base.errors import UserError
 from ..core.camera import distortion
-from ..core.camera.reconstruction import Floats, Image, Intrinsics, Ints, Points, Reconstruction
+from ..core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
 from ..core.media.clip import Footage, describe
 from ..core.readers.matching import ONLY_TURNS, Imported, at_one_place
 from .camera import FLIP

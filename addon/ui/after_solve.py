@@ -8,7 +8,8 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..core.camera.reconstruction import Floats, Reconstruction
+from ..core.base.arrays import Floats
+from ..core.camera.reconstruction import Reconstruction
 from ..render.message import free_part
 from ..render.viewport import frame_in_region
 

@@ -12,7 +12,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.camera.reconstruction import Floats
+from ..core.base.arrays import Floats
 from ..scene.point_cloud import ID_ATTRIBUTE
 from ..scene.shot import IDENTITY
 from .preview import is_shown as is_shown_through_lens

@@ -15,7 +15,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from addon.core.camera.reconstruction import Floats, Reconstruction
+from addon.core.base.arrays import Floats
+from addon.core.camera.reconstruction import Reconstruction
 from addon.core.focus.focus import Focus
 from addon.core.focus.picking import pick
 from addon.core.media.clip import open_footage

@@ -14,7 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from addon.core.camera.reconstruction import Floats, Image, Ints, Reconstruction
+from addon.core.base.arrays import Floats, Ints
+from addon.core.camera.reconstruction import Image, Reconstruction
 from addon.core.sfm.visibility import visible_points
 from addon.render.quiet import quiet
 from sample_scenes import truth

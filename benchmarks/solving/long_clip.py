@@ -17,8 +17,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from addon.core.base.arrays import Floats
 from addon.core.base.errors import UserError
-from addon.core.camera.reconstruction import Floats, Reconstruction
+from addon.core.camera.reconstruction import Reconstruction
 from addon.core.sfm.process import SolveProcess
 from addon.core.sfm.workspace import load_solve
 

@@ -9,9 +9,8 @@ from functools import cache, partial
 import cv2
 import numpy as np
 
-from addon.core.base.arrays import LinearRGBA
+from addon.core.base.arrays import Floats, LinearRGBA
 from addon.core.camera.reconstruction import (
-    Floats,
     Image,
     Reconstruction,
     matrix_from_quaternion,

@@ -9,16 +9,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from addon.core.base.arrays import LinearRGBA
+from addon.core.base.arrays import Floats, LinearRGBA
 from addon.core.camera.canvas import Canvas
-from addon.core.camera.reconstruction import (
-    Floats,
-    Image,
-    Intrinsics,
-    Points,
-    Reconstruction,
-    rotation_matrix,
-)
+from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction, rotation_matrix
 from addon.core.frame.plan import FramePlan
 from addon.core.optics.registration import exact_registration
 from addon.core.optics.thin_lens import ThinLens

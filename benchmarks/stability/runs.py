@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from addon.core.base.arrays import LinearRGBA
-from addon.core.camera.reconstruction import Floats, Reconstruction
+from addon.core.base.arrays import Floats, LinearRGBA
+from addon.core.camera.reconstruction import Reconstruction
 from addon.core.focus.focus import Focus, radius_for_blur
 from addon.core.frame.clip_context import ClipContext, no_picture
 from addon.core.frame.plan import FrameOptions, FramePlan

@@ -11,8 +11,9 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from addon.core.base.arrays import Floats
 from addon.core.camera.canvas import Canvas
-from addon.core.camera.reconstruction import Floats, Intrinsics, Reconstruction
+from addon.core.camera.reconstruction import Intrinsics, Reconstruction
 from addon.core.depth.sparse import FrameFeatures, frame_features
 from addon.core.focus.focus import Focus
 from addon.core.focus.picking import pick

@@ -13,7 +13,7 @@ from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from scipy.spatial import ConvexHull
 
-from addon.core.camera.reconstruction import Floats, Ints
+from addon.core.base.arrays import Floats, Ints
 from addon.core.sfm.workspace import Solve
 from sample_scenes.stage import Edge
 

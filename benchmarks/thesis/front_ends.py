@@ -11,9 +11,9 @@ from collections.abc import Callable
 import cv2
 import numpy as np
 
-from addon.core.camera.reconstruction import Ints
+from addon.core.base.arrays import Bytes, Ints
 from addon.core.media.clip import Footage
-from addon.core.sfm.klt import Gray, KLTOptions, Numbers, Places, follow
+from addon.core.sfm.klt import KLTOptions, Numbers, Places, follow
 from addon.core.sfm.sift import Keypoints, epipolar, keypoints, make_sift, matched
 from addon.core.sfm.tracks import Tracks, run, track_features
 
@@ -28,7 +28,7 @@ LIFE = 3
 def harris_klt(footage: Footage) -> Tracks:
     """Harris corners, followed by Lucas and Kanade's flow with a check there and back."""
 
-    def detect(gray: Gray, free: Gray) -> Places:
+    def detect(gray: Bytes, free: Bytes) -> Places:
         found = cv2.goodFeaturesToTrack(
             gray, 0, QUALITY, APART, mask=free, useHarrisDetector=True, k=KLTOptions.harris_k
         )
@@ -75,13 +75,13 @@ def registered(tracks: Tracks) -> Ints:
 class _Followed:
     """Points followed from frame to frame, with new ones where there are none."""
 
-    def __init__(self, detect: Callable[[Gray, Gray], Places]) -> None:
+    def __init__(self, detect: Callable[[Bytes, Bytes], Places]) -> None:
         self._detect = detect
-        self._before: Gray | None = None
+        self._before: Bytes | None = None
         self._numbers, self._places = np.zeros(0, np.int64), np.zeros((0, 2), np.float32)
         self._born = 0
 
-    def step(self, gray: Gray) -> tuple[Numbers, Places]:
+    def step(self, gray: Bytes) -> tuple[Numbers, Places]:
         if self._before is not None:
             self._places, kept = follow(self._before, gray, self._places)
             self._numbers = self._numbers[kept]
@@ -101,7 +101,7 @@ class _Matched:
         self._before, self._numbers = Keypoints.none(), np.zeros(0, np.int64)
         self._born = 0
 
-    def step(self, gray: Gray) -> tuple[Numbers, Places]:
+    def step(self, gray: Bytes) -> tuple[Numbers, Places]:
         found = keypoints(self._sift, gray)
         old, new = matched(self._before.descriptors, found.descriptors)
         fits = epipolar(self._before.places[old], found.places[new])
@@ -115,7 +115,7 @@ class _Matched:
         return self._numbers, self._before.places
 
 
-def _free(gray: Gray, points: Places) -> Gray:
+def _free(gray: Bytes, points: Places) -> Bytes:
     """(H, W) 255 where no point is within `APART` pixels, else 0."""
     taken = np.full(gray.shape, 255, np.uint8)
     column, row = np.rint(points).astype(int).T

@@ -10,7 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from addon.core.camera.reconstruction import Floats, Ints, Reconstruction
+from addon.core.base.arrays import Floats, Ints
+from addon.core.camera.reconstruction import Reconstruction
 from addon.core.media.clip import Footage, to_gray8
 from addon.core.sfm.tracks import follow
 from sample_scenes.stage import Edge, Stage

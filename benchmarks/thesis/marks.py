@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from addon.core.camera.reconstruction import Floats, Ints
+from addon.core.base.arrays import Floats, Ints
 from addon.core.media.clip import encode_srgb
 
 Picture = NDArray[np.uint8]

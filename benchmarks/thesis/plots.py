@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Plot
 from numpy.typing import NDArray
 
-from addon.core.camera.reconstruction import Ints
+from addon.core.base.arrays import Ints
 from addon.core.media.clip import Footage, open_footage
 
 from .clips import Clip

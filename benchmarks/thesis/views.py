@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from addon.core.camera.reconstruction import Floats
+from addon.core.base.arrays import Floats
 from addon.core.depth.sparse import frame_features
 from addon.core.focus.focus import Focus, radius_for_blur
 from addon.core.frame.meshers.thesis import fitted_registration

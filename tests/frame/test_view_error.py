@@ -8,9 +8,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from addon.core.base.arrays import LinearRGBA
+from addon.core.base.arrays import Floats, LinearRGBA
 from addon.core.camera.canvas import Canvas
-from addon.core.camera.reconstruction import Floats, Intrinsics
+from addon.core.camera.reconstruction import Intrinsics
 from addon.core.depth.source import PixelDepth
 from addon.core.focus.focus import Focus
 from addon.core.frame.clip_context import ClipContext

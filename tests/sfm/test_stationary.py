@@ -8,7 +8,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from addon.core.camera.reconstruction import Floats, rotation_matrix, rotation_vector
+from addon.core.base.arrays import Floats
+from addon.core.camera.reconstruction import rotation_matrix, rotation_vector
 from addon.core.sfm import self_calibration, solution, stationary
 from addon.core.sfm.bundle_adjustment import adjust
 from addon.core.sfm.report import report

@@ -12,8 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Floats as Floats
-from ..base.arrays import Ints as Ints
+from ..base.arrays import Floats, Ints
 from ..base.errors import UserError
 from .intrinsics import Intrinsics as Intrinsics
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..base.arrays import Floats, Ints
 from ..camera.canvas import Canvas
-from ..camera.reconstruction import Floats, Ints, Reconstruction
+from ..camera.reconstruction import Reconstruction
 from ..depth.sparse import frame_features
 from .focus import Focus
 from .picking import pick_features

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..base.arrays import Ints
 from ..base.errors import UserError
 from ..camera.canvas import Canvas
-from ..camera.reconstruction import Intrinsics, Ints, Reconstruction
+from ..camera.reconstruction import Intrinsics, Reconstruction
 from ..depth.sparse import frame_features, point_inverse_depths
 from ..optics.thin_lens import ThinLens
 

@@ -9,14 +9,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import Bytes, Floats
 from ..base.progress import checkpoint
 from ..camera.canvas import Canvas
-from ..camera.reconstruction import Floats, Reconstruction
+from ..camera.reconstruction import Reconstruction
 from ..depth.source import NO_PICTURE, DepthSource
 from ..media.clip import to_gray8
 from ..media.picture_file import Pixels
-
-Grey = NDArray[np.uint8]
 
 
 @dataclass(frozen=True)
@@ -208,7 +207,7 @@ def _seen(
     return inverse, moving & (inverse > 0)
 
 
-def _grey(clip: _Clip, frame: int, options: FollowOptions) -> Grey:
+def _grey(clip: _Clip, frame: int, options: FollowOptions) -> Bytes:
     """(h, w) a frame, small."""
     picture = to_gray8(clip.read(frame))
     zoom = _zoom(picture.shape[1], picture.shape[0], options)

@@ -7,9 +7,10 @@ from itertools import combinations
 
 import numpy as np
 
+from ..base.arrays import Floats, Ints
 from ..base.errors import UserError
 from ..camera.canvas import Canvas
-from ..camera.reconstruction import Floats, Ints, Reconstruction
+from ..camera.reconstruction import Reconstruction
 from ..depth.sparse import FrameFeatures, frame_features
 from .focus import Focus
 

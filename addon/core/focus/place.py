@@ -8,9 +8,10 @@ from functools import cached_property
 
 import numpy as np
 
+from ..base.arrays import Floats
 from ..base.errors import UserError
 from ..camera.canvas import Canvas
-from ..camera.reconstruction import Floats, Reconstruction
+from ..camera.reconstruction import Reconstruction
 from ..depth.source import NO_PICTURE, SURE, DepthSource, PixelDepth
 from ..depth.sparse import FrameFeatures, frame_features
 from ..media.picture_file import Pixels

@@ -8,8 +8,9 @@ from itertools import pairwise
 
 import numpy as np
 
+from ..base.arrays import Floats
 from ..base.errors import UserError
-from ..camera.reconstruction import Floats, Reconstruction
+from ..camera.reconstruction import Reconstruction
 from .place import Place, shown_at
 
 

@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..base.arrays import Floats
 from ..camera.canvas import Canvas
-from ..camera.reconstruction import Floats, Image, Reconstruction, seen_by
+from ..camera.reconstruction import Image, Reconstruction, seen_by
 from ..depth.sparse import FrameFeatures, frame_features
 from .focus import FEWEST_IN_PLANE, Focus
 from .place import Place

@@ -12,9 +12,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import LinearRGBA, Mask
+from ..base.arrays import Floats, LinearRGBA, Mask
 from ..camera.canvas import Canvas
-from ..camera.reconstruction import Floats
 from ..media.clip import encode_srgb
 from ..optics.aperture_sampling import vogel_disc
 from ..optics.registration import exact_registration

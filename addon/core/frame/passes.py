@@ -8,9 +8,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from ..base.arrays import Map
+from ..base.arrays import Floats, Map
 from ..camera.canvas import Canvas
-from ..camera.reconstruction import Floats
 from .inspection import inverse_depth
 from .warped_frame import WarpedFrame
 

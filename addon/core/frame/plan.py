@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..base.arrays import Floats
 from ..base.options import option
 from ..camera.canvas import Canvas
-from ..camera.reconstruction import Floats
 from ..focus.focus import Focus
 from ..optics.aperture import Aperture
 from ..optics.aperture_sampling import MOST_VIEWS

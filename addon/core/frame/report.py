@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from ..base.arrays import LinearRGBA, Map
+from ..base.arrays import Floats, LinearRGBA, Map
 from ..base.counting import counted, ranges
-from ..camera.reconstruction import Floats
 from ..depth.source import SURE
 from ..warp.layered_mesh import LayeredMeshOptions
 from ..warp.rasterise import at_pixels

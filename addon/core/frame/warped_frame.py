@@ -7,11 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..base.arrays import LinearRGBA
+from ..base.arrays import Floats, LinearRGBA
 from ..base.errors import UserError
 from ..base.progress import stage
 from ..camera.canvas import Canvas
-from ..camera.reconstruction import Floats
 from ..depth.source import NO_PICTURE, SURE, PixelDepth
 from ..depth.sparse import frame_features
 from ..optics.aperture_sampling import LEAST_PREFILTERED, MAX_VIEWS, MIN_VIEWS, views_needed

@@ -10,12 +10,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import Mask
 from ..base.errors import UserError
 from .clip import Footage, open_footage
 from .picture_file import PICTURES, Pixels
 from .side_files import check_aspect, match_frames
-
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

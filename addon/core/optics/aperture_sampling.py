@@ -6,8 +6,8 @@ from functools import lru_cache
 
 import numpy as np
 
+from ..base.arrays import Floats
 from ..base.errors import UserError
-from ..camera.reconstruction import Floats
 
 MIN_VIEWS, MAX_VIEWS = 16, 512
 """Bounds of the automatic number of views: fewer show as copies of highlights, more are not told apart. By

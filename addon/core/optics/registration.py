@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..base.arrays import Floats
 from ..camera.canvas import Canvas
-from ..camera.reconstruction import Floats
 
 
 def exact_registration(canvas: Canvas, offsets: Floats, inverse_depth: float) -> Floats:

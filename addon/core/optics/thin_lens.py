@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Map
+from ..base.arrays import Floats, Map
 from ..base.errors import UserError
-from ..camera.reconstruction import Floats, Intrinsics
+from ..camera.reconstruction import Intrinsics
 
 ACCEPTABLE = 1500
 """Picture diagonals per acceptable circle of confusion: the photographer's rule for depth of field."""

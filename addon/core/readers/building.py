@@ -9,9 +9,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import Floats
 from ..base.errors import UserError
 from ..base.numbers import LARGEST
-from ..camera.reconstruction import Floats, Image, Intrinsics, Points, Reconstruction
+from ..camera.reconstruction import Image, Intrinsics, Points, Reconstruction
 from ..media.picture_file import PICTURES
 from .parsing import Numbers
 

@@ -15,10 +15,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import Floats
 from ..base.counting import counted
 from ..base.errors import UserError
 from ..base.regular_file import open_regular
-from ..camera.reconstruction import Floats, Image, Intrinsics
+from ..camera.reconstruction import Image, Intrinsics
 from .building import (
     Observations,
     assemble,

@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import Floats
 from ..base.errors import UserError
 from ..base.numbers import LARGEST
 from ..base.regular_file import read_regular
-from ..camera.reconstruction import Floats, Image, Intrinsics, Points, Reconstruction, matrix_from_quaternion
+from ..camera.reconstruction import Image, Intrinsics, Points, Reconstruction, matrix_from_quaternion
 
 Longs = NDArray[np.int64]
 

@@ -11,9 +11,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import Floats
 from ..base.errors import UserError
 from ..base.numbers import reals, wholes
-from ..camera.reconstruction import Floats, Intrinsics, Points
+from ..camera.reconstruction import Intrinsics, Points
 from .colmap_tables import (
     NO_POINT,
     ImageRow,

@@ -14,9 +14,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import Floats
 from ..base.errors import UserError
 from ..base.regular_file import open_regular
-from ..camera.reconstruction import Floats, Image, Intrinsics, matrix_from_quaternion
+from ..camera.reconstruction import Image, Intrinsics, matrix_from_quaternion
 from .building import (
     ACCURATE,
     Observations,

@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import Floats
 from ..base.errors import UserError
 from ..base.numbers import LARGEST, reals
 from ..base.regular_file import read_regular
-from ..camera.reconstruction import Floats
 
 SPACE = np.isin(np.arange(256), list(b" \t\n\r\v\f"))
 """Which bytes separate words."""

@@ -14,8 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
+from ..base.arrays import Floats
 from ..base.regular_file import open_regular
-from ..camera.reconstruction import Floats, Image, Intrinsics, Points, Reconstruction
+from ..camera.reconstruction import Image, Intrinsics, Points, Reconstruction
 from .building import ACCURATE, rotation_from, undistorting, visible
 from .imported_model import ImportedModel
 from .parsing import Text

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..camera.reconstruction import Floats, Ints
+from ..base.arrays import Floats, Ints
 from .distortion import SIGMA, Distortion
 
 

@@ -7,8 +7,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from ..base.arrays import Floats
 from ..base.errors import Remedy, UserError
-from ..camera.reconstruction import Floats
 from .tracks import Tracks, cuts
 
 

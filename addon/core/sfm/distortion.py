@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..camera.reconstruction import Floats, Ints
+from ..base.arrays import Floats, Ints
 
 SIGMA = np.array([0.03, 0.03, 0.1, 0.05, 0.5, 0.5])
 """Standard deviations of `Distortion.parameters` before any picture is seen. By eye, and wide."""

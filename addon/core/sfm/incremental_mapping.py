@@ -15,8 +15,9 @@ import cv2
 import numpy as np
 import pycolmap
 
+from ..base.arrays import Floats, Ints
 from ..base.errors import Remedy, UserError
-from ..camera.reconstruction import Floats, Ints, Reconstruction, normalise
+from ..camera.reconstruction import Reconstruction, normalise
 from . import self_calibration, small_motion, solution
 from .degeneracy import DegeneracyOptions, check_motion, only_turns
 from .keyframes import KeyframeOptions, adjust, keyframe_features, keyframes, map_keyframes

@@ -10,8 +10,8 @@ import cv2  # noqa: F401
 import numpy as np
 import pycolmap
 
+from ..base.arrays import Floats, Ints
 from ..base.atomic import temporary_folder
-from ..camera.reconstruction import Floats, Ints
 from .solution import Solution, triangulate
 from .tracks import Progress, Tracks
 

@@ -13,13 +13,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from .template_tracking import Mask, Patches, Rows, TemplateOptions
+from ..base.arrays import Bytes, Mask
+from .template_tracking import Patches, Rows, TemplateOptions
 
-Gray = NDArray[np.uint8]
 Places = NDArray[np.float32]
 Numbers = NDArray[np.int64]
 
-Detector = Callable[[Gray, Places], Places]
+Detector = Callable[[Bytes, Places], Places]
 
 
 @dataclass(frozen=True)
@@ -102,11 +102,11 @@ class KLTTracker:
         """`detect` finds new points (k, 2) in a frame (H, W) beside those there are (n, 2)."""
         self._detect, self._options = detect, options
         self._born = 0
-        self._before: Gray | None = None
+        self._before: Bytes | None = None
         self._points = _Points.new(0, np.zeros((0, 2), np.float32))
-        self._lost: tuple[Gray, _Points, int] | None = None
+        self._lost: tuple[Bytes, _Points, int] | None = None
 
-    def step(self, gray: Gray) -> tuple[Numbers, Places]:
+    def step(self, gray: Bytes) -> tuple[Numbers, Places]:
         """Track numbers (n,), ascending, and places (n, 2) in the next frame (H, W)."""
         if self._before is not None:
             self._follow(self._before, gray)
@@ -127,7 +127,7 @@ class KLTTracker:
         self._before, self._lost = None, None
         self._points = _Points.new(self._born, np.zeros((0, 2), np.float32))
 
-    def _follow(self, before: Gray, gray: Gray) -> None:
+    def _follow(self, before: Bytes, gray: Bytes) -> None:
         old, self._points = self._points, _tracked(before, self._points, gray, self._options)
         if len(self._points) < self._options.min_left * len(old):
             self._points = self._points.kept(np.zeros(len(self._points), bool))
@@ -153,7 +153,7 @@ class TwoScales:
         self._names = [np.zeros(0, np.int64), np.zeros(0, np.int64)]
         self._taken = np.zeros((0, 2), np.float32)
 
-    def step(self, gray: Gray) -> tuple[Numbers, Places]:
+    def step(self, gray: Bytes) -> tuple[Numbers, Places]:
         """IDs (n,) and places (n, 2) in pixels of the points that a frame (h, w) shows, from both scales."""
         number, place = self._fine.step(gray)
         size = tuple(max(side // self._options.coarse_scale, 1) for side in gray.shape[::-1])
@@ -168,7 +168,7 @@ class TwoScales:
         order = np.argsort(numbers)
         return numbers[order], places[order]
 
-    def _weak(self, gray: Gray, points: Places) -> Places:
+    def _weak(self, gray: Bytes, points: Places) -> Places:
         points = np.concatenate([points, self._taken])
         options, strength = self._options, cv2.cornerMinEigenVal(gray, 3)
         return _corners(gray, points, strength, options.coarse_quality, options.coarse_cells, options)
@@ -183,7 +183,7 @@ class TwoScales:
         return np.asarray(names[numbers])
 
 
-def _tracked(before: Gray, points: _Points, after: Gray, options: KLTOptions) -> _Points:
+def _tracked(before: Bytes, points: _Points, after: Bytes, options: KLTOptions) -> _Points:
     """The points of one frame that are found again in another, there."""
     found = _found(points, *follow(before, after, points.places, None, options), before, after, options)
     if len(found) >= options.min_found * len(points):
@@ -196,7 +196,7 @@ def _tracked(before: Gray, points: _Points, after: Gray, options: KLTOptions) ->
 
 
 def _found(
-    points: _Points, places: Places, kept: Mask, before: Gray, after: Gray, options: KLTOptions
+    points: _Points, places: Places, kept: Mask, before: Bytes, after: Bytes, options: KLTOptions
 ) -> _Points:
     """The points that were kept (n,), at their places in `after`, without those that went elsewhere."""
     found = points.kept(kept)
@@ -209,8 +209,8 @@ def _found(
 
 
 def follow(
-    before: Gray,
-    after: Gray,
+    before: Bytes,
+    after: Bytes,
     points: Places,
     guess: tuple[float, float] | None = None,
     options: KLTOptions = KLTOptions(),
@@ -272,7 +272,7 @@ def neighbour_consistency(
     return np.partition(apart, 1, axis=1)[:, 1] < allowed, other.sum(axis=1) >= grid.min_neighbours
 
 
-def same_brightness(gray: Gray, other: Gray) -> Gray:
+def same_brightness(gray: Bytes, other: Bytes) -> Bytes:
     """A picture with the histogram of another: its own tones in the other's shades."""
     counts = [np.bincount(p.ravel(), minlength=256) / p.size for p in (gray, other)]
     # The middle of each step: what is clipped to one tone gets the middle one of what it was.
@@ -281,7 +281,7 @@ def same_brightness(gray: Gray, other: Gray) -> Gray:
     return np.asarray(cv2.LUT(gray, shades), np.uint8)
 
 
-def shift(before: Gray, after: Gray) -> tuple[float, float]:
+def shift(before: Bytes, after: Bytes) -> tuple[float, float]:
     """How far the picture as a whole has moved, in pixels along x and y (phase correlation)."""
     size = (max(before.shape[1] // 4, 2), max(before.shape[0] // 4, 2))
     a, b = (cv2.resize(p, size, interpolation=cv2.INTER_AREA).astype(np.float32) for p in (before, after))
@@ -289,12 +289,12 @@ def shift(before: Gray, after: Gray) -> tuple[float, float]:
     return x * before.shape[1] / size[0], y * before.shape[0] / size[1]
 
 
-def cell_size(picture: Gray | Places, cells: int) -> int:
+def cell_size(picture: Bytes | Places, cells: int) -> int:
     """Pixels a side of the cells of a picture (H, W) whose long side has so many."""
     return int(np.ceil(max(picture.shape) / cells))
 
 
-def new_corners(gray: Gray, points: Places, options: KLTOptions = KLTOptions()) -> Places:
+def new_corners(gray: Bytes, points: Places, options: KLTOptions = KLTOptions()) -> Places:
     """Corners (k, 2) for the cells of the frame that hold no point: borders and weak regions included.
 
     The strongest corner of each empty cell, if it is a corner at all. Shi and Tomasi, "Good features to
@@ -304,14 +304,14 @@ def new_corners(gray: Gray, points: Places, options: KLTOptions = KLTOptions()) 
     return _corners(gray, points, strength, options.quality, options.grid.cells, options)
 
 
-def new_harris(gray: Gray, points: Places, options: KLTOptions = KLTOptions()) -> Places:
+def new_harris(gray: Bytes, points: Places, options: KLTOptions = KLTOptions()) -> Places:
     """As `new_corners`, by Harris's response (Harris and Stephens, 1988), which goes with its square."""
     strength = cv2.cornerHarris(gray, 3, 3, options.harris_k)
     return _corners(gray, points, strength, options.quality**2, options.grid.cells, options)
 
 
 def _corners(
-    gray: Gray, points: Places, strength: Places, quality: float, cells: int, options: KLTOptions
+    gray: Bytes, points: Places, strength: Places, quality: float, cells: int, options: KLTOptions
 ) -> Places:
     least = max(quality * float(strength.max()), options.min_strength)
     edge = options.border

@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from ..base.arrays import Floats, Ints
 from ..base.counting import ranges
 from ..base.errors import Remedy, Words, with_words
-from ..camera.reconstruction import Floats, Ints, Reconstruction, outermost_angles
+from ..camera.reconstruction import Reconstruction, outermost_angles
 
 WEAK = 30
 """Feature points; a frame with fewer has a mesh that knows little."""

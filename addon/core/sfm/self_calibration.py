@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..camera.reconstruction import Floats, Ints
+from ..base.arrays import Floats, Ints
 from .bundle_adjustment import AdjustmentOptions, Bundle, Observations, adjust
 from .small_motion import SmallMotionOptions, agreement, select_observations
 from .solution import Solution

@@ -13,9 +13,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..camera.reconstruction import Ints
-from .klt import CellOptions, Gray, Numbers, Places, best_of_cells, cell_size, neighbour_consistency
-from .template_tracking import Mask, Patches, Rows, TemplateOptions
+from ..base.arrays import Bytes, Ints, Mask
+from .klt import CellOptions, Numbers, Places, best_of_cells, cell_size, neighbour_consistency
+from .template_tracking import Patches, Rows, TemplateOptions
 
 Descriptors = NDArray[np.float32]
 
@@ -70,7 +70,7 @@ def make_sift(contrast: float = 0.04) -> cv2.SIFT:
     return cv2.SIFT.create(contrastThreshold=contrast, enable_precise_upscale=True)
 
 
-def keypoints(sift: cv2.SIFT, gray: Gray, mask: Gray | None = None, described: bool = True) -> Keypoints:
+def keypoints(sift: cv2.SIFT, gray: Bytes, mask: Bytes | None = None, described: bool = True) -> Keypoints:
     """The keypoints of a frame (H, W), where a mask of the same shape is not zero."""
     if described:
         found, descriptors = sift.detectAndCompute(gray, mask)
@@ -92,7 +92,7 @@ class Detector:
         self._sift = make_sift(options.contrast)
         self._last_count = 0.0
 
-    def __call__(self, gray: Gray, points: Places) -> Places:
+    def __call__(self, gray: Bytes, points: Places) -> Places:
         """New points (k, 2) of a frame (H, W) beside those there are (n, 2); none while there are enough."""
         if len(points) > self._options.renew * self._last_count:
             return np.zeros((0, 2), np.float32)
@@ -144,7 +144,7 @@ class Matcher:
             found.descriptors, Patches.unknown(count),
         )  # fmt: skip
 
-    def step(self, gray: Gray) -> tuple[Numbers, Places]:
+    def step(self, gray: Bytes) -> tuple[Numbers, Places]:
         """Track numbers (n,), ascending, and places (n, 2) in the next frame (H, W)."""
         found = keypoints(self._sift, gray)
         options, cell = self._options, cell_size(gray, self._options.grid.cells)

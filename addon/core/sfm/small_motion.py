@@ -14,7 +14,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..camera.reconstruction import Floats, Ints
+from ..base.arrays import Floats, Ints
 from .bundle_adjustment import Adjusted, Bundle, Observations, adjust
 from .degeneracy import kabsch
 from .tracks import Tracks

@@ -6,12 +6,10 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from ..camera.reconstruction import Floats, Image, Intrinsics, Ints, Points, Reconstruction, outermost_angles
+from ..base.arrays import Floats, Ints, Mask
+from ..camera.reconstruction import Image, Intrinsics, Points, Reconstruction, outermost_angles
 from .tracks import Progress, Tracks
-
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..base.arrays import Floats, Ints
 from ..base.errors import Remedy, UserError
-from ..camera.reconstruction import Floats, Ints
 from .bundle_adjustment import Observations
 from .small_motion import SmallMotionOptions, long_tracks
 from .solution import Solution

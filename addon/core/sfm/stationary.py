@@ -12,7 +12,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..camera.reconstruction import Floats, rotation_vector
+from ..base.arrays import Floats
+from ..camera.reconstruction import rotation_vector
 from .bundle_adjustment import Adjusted, AdjustmentOptions, Bundle, adjust
 from .distortion import SIGMA, undistorted
 from .self_calibration import CalibrationOptions, as_bundle

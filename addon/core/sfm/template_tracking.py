@@ -16,10 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..camera.reconstruction import Floats
-
-Picture = NDArray[np.float32]
-Mask = NDArray[np.bool_]
+from ..base.arrays import Floats, Map, Mask
 
 RADIUS = 6
 """Pixels from a patch's middle to its border."""
@@ -29,7 +26,7 @@ BLOCK = 1 << 14
 """Patches that are sampled at once: OpenCV takes no picture with more rows than 15 bits count."""
 
 
-def square(radius: int) -> Picture:
+def square(radius: int) -> Map:
     """(3, p) of 1, u, v at the p pixels of a square patch, row by row; its middle is (0, 0)."""
     axis = np.arange(-radius, radius + 1, dtype=np.float32)
     u, v = (side.ravel() for side in np.meshgrid(axis, axis))
@@ -86,11 +83,11 @@ class Patches(Rows):
 
     known: Mask
     """(n,) false for a point whose patch has not been seen whole yet."""
-    patch: Picture
+    patch: Map
     """(n, p) of mean 0 and variance 1 under `WEIGHT`."""
-    slope: Picture
+    slope: Map
     """(n, 2, p) its derivatives along x and y."""
-    inverse: Picture
+    inverse: Map
     """(n, 6, 6) of the normal equations, weighted."""
     map: Floats
     """(n, 2, 2) from the patch to the last frame seen."""
@@ -105,7 +102,7 @@ class Patches(Rows):
             np.tile(np.eye(2), (count, 1, 1)),
         )  # fmt: skip
 
-    def learn(self, gray: Picture, places: Picture) -> None:
+    def learn(self, gray: Map, places: Map) -> None:
         """Take the patches that are not known yet from a frame (H, W) with the points at (n, 2)."""
         rows = np.nonzero(~self.known)[0]
         rows = rows[_inside(gray, places[rows], np.tile(np.eye(2), (len(rows), 1, 1)))]
@@ -130,8 +127,8 @@ class Patches(Rows):
         self.map[rows], self.known[rows] = np.eye(2), True
 
     def refined(
-        self, gray: Picture, places: Picture, options: TemplateOptions = TemplateOptions()
-    ) -> tuple[Picture, Mask]:
+        self, gray: Map, places: Map, options: TemplateOptions = TemplateOptions()
+    ) -> tuple[Map, Mask]:
         """Places (n, 2), near given ones, where a frame (H, W) fits the patches best; (n,) which are alike.
 
         A point whose patch is not known, or not whole in this frame, stays where it is and counts as alike.
@@ -165,7 +162,7 @@ class Patches(Rows):
         return moved, alike
 
 
-def sample(gray: Picture, places: NDArray[np.floating], maps: Floats, basis: Picture = BASIS) -> Picture:
+def sample(gray: Map, places: NDArray[np.floating], maps: Floats, basis: Map = BASIS) -> Map:
     """(n, p) the patches around places (n, 2) of a picture (H, W), seen through affine maps (n, 2, 2).
 
     `basis` is the `square` of one patch. Past the picture's border its last pixel goes on.
@@ -179,14 +176,14 @@ def sample(gray: Picture, places: NDArray[np.floating], maps: Floats, basis: Pic
     return np.asarray(seen[0] if len(seen) == 1 else np.concatenate([none, *seen]), np.float32)
 
 
-def _normalised(patch: Picture) -> tuple[Picture, Picture]:
+def _normalised(patch: Map) -> tuple[Map, Map]:
     """Patches (n, p) with mean 0 and variance 1, and the standard deviations (n,) that they had."""
     centred = patch - (patch @ WEIGHT)[:, None]
     spread = np.sqrt(centred**2 @ WEIGHT) + np.float32(1e-3)
     return centred / spread[:, None], spread
 
 
-def _inside(gray: Picture, places: Picture, maps: Floats) -> Mask:
+def _inside(gray: Map, places: Map, maps: Floats) -> Mask:
     """(n,) which patches lie in the picture as a whole."""
     reach = RADIUS * np.abs(maps).sum(axis=2) + 1
     size = np.array(gray.shape[::-1]) - 1

@@ -15,9 +15,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import Bytes, Floats, Ints
 from ..base.counting import counted
 from ..base.errors import UserError
-from ..camera.reconstruction import Floats, Ints
 from ..media.clip import Footage, to_gray8
 from .klt import KLTOptions, TwoScales, follow, new_corners, new_harris
 from .sift import Detector, Matcher, SIFTOptions
@@ -28,7 +28,6 @@ TRACKERS = ("harris", "corners", "sift-klt", "sift")
 """All but the last follow points by optical flow, and differ in which. The first is the default: of 28 solves
 with known truth 28 were right with it, 27 with the second, 24 with the others (`make bench-solve`)."""
 
-Gray = NDArray[np.uint8]
 Progress = Callable[[str, int, int], None]
 
 
@@ -92,7 +91,7 @@ class Tracks:
 class Tracker(Protocol):
     """Sees the frames of a clip one after the other."""
 
-    def step(self, gray: Gray) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+    def step(self, gray: Bytes) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
         """Track numbers (n,), ascending, those of new tracks following on the old ones', and places (n, 2).
 
         Places are OpenCV's, the first pixel's middle at (0, 0).
@@ -196,7 +195,7 @@ def cuts(tracks: Tracks, options: TrackingOptions = TrackingOptions()) -> tuple[
     return tuple(np.nonzero(cut)[0].tolist())
 
 
-def thumbnail(gray: Gray, width: int = TrackingOptions.thumbnail) -> NDArray[np.float32]:
+def thumbnail(gray: Bytes, width: int = TrackingOptions.thumbnail) -> NDArray[np.float32]:
     """A frame (H, W) made `width` pixels wide, its slow changes of brightness taken out."""
     size = (width, max(round(width * gray.shape[0] / gray.shape[1]), 1))
     small = cv2.resize(gray, size, interpolation=cv2.INTER_AREA).astype(np.float32)

@@ -17,10 +17,11 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from ..camera.reconstruction import Floats, Image, Ints, Reconstruction, seen_by
+from ..base.arrays import Floats, Ints, Map, Mask
+from ..camera.reconstruction import Image, Reconstruction, seen_by
 from ..media.clip import Footage, to_gray8
 from ..media.picture_file import Pixels
-from .template_tracking import Mask, Picture, sample, square
+from .template_tracking import sample, square
 from .tracks import Progress, TrackingOptions
 
 FLAT = 0.5
@@ -108,7 +109,7 @@ class _Waiting:
 
     index: int
     points: Ints
-    looks: Picture
+    looks: Map
 
 
 class _Search:
@@ -123,7 +124,7 @@ class _Search:
         self._accepted: dict[int, list[Ints]] = {}
         self._counts: dict[int, tuple[int, int]] = {}
 
-    def see(self, index: int, gray: Picture, zoom: Floats, requested: bool) -> None:
+    def see(self, index: int, gray: Map, zoom: Floats, requested: bool) -> None:
         """Keep a frame's own patches, look for candidates in it if `requested`, and decide those it
         decides."""
         image = self._reconstruction.images[index]
@@ -250,10 +251,10 @@ def _looks(
     index: int,
     rows: Ints,
     source: Ints,
-    gray: Picture,
+    gray: Map,
     zoom: Floats,
     radius: int,
-) -> Picture:
+) -> Map:
     """(n, q) what a frame shows around points, turned and scaled as their source frames (n,) see them.
 
     A pixel wider on each side than the patches that they are compared with. Each point is taken for a small
@@ -280,7 +281,7 @@ def _looks(
     return sample(gray, place * zoom - 0.5, maps, square(radius + 1))
 
 
-def _alike(patches: NDArray[np.floating], looks: Picture, options: VisibilityOptions) -> Mask:
+def _alike(patches: NDArray[np.floating], looks: Map, options: VisibilityOptions) -> Mask:
     """(n,) which patches (n, p) are found in looks (n, q), a pixel wider on each side, at any whole shift.
 
     As a whole, or one half of them very well: beside a silhouette the other half is of something else.
@@ -303,14 +304,14 @@ def _alike(patches: NDArray[np.floating], looks: Picture, options: VisibilityOpt
     return np.asarray(good.any(axis=(1, 2)))
 
 
-def _parts(radius: int) -> Picture:
+def _parts(radius: int) -> Map:
     """(p, 5) weights of a patch's pixels, of sum 1: the whole, and its four halves with the middle line."""
     _, u, v = square(radius)
     inside = np.stack([np.ones_like(u), u <= 0, u >= 0, v <= 0, v >= 0], axis=1)
     return np.asarray(inside / inside.sum(axis=0), np.float32)
 
 
-def _softened(picture: Pixels, options: VisibilityOptions) -> tuple[Picture, Floats]:
+def _softened(picture: Pixels, options: VisibilityOptions) -> tuple[Map, Floats]:
     """A frame in grey, at most `long_side` long, blurred by `soften` pixels; its scale (2,)."""
     gray = to_gray8(picture)
     zoom = min(1.0, options.long_side / max(gray.shape))

@@ -16,11 +16,12 @@ from typing import Any
 import numpy as np
 
 from ..base import atomic
+from ..base.arrays import Ints
 from ..base.counting import counted
 from ..base.errors import Remedy, UserError
 from ..base.file_names import checked_name
 from ..base.npz import read_arrays
-from ..camera.reconstruction import Ints, Reconstruction, upright
+from ..camera.reconstruction import Reconstruction, upright
 from ..media.clip import Footage, FrameRange, open_footage
 from ..media.clip_identity import identity
 from ..media.find_clip import clip_exists

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from ...base.arrays import LinearRGBA
+from ...base.arrays import Floats, LinearRGBA
 from ...camera.canvas import Canvas
-from ...camera.reconstruction import Floats
 from ...depth.source import PixelDepth
 from ...depth.sparse import DepthSamples
 from ...optics.aperture import ApertureSamples, aperture_samples, turned_disc

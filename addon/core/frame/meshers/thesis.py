@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...base.arrays import Floats
 from ...base.errors import UserError
 from ...camera.canvas import Canvas
-from ...camera.reconstruction import Floats, Reconstruction, seen_by
+from ...camera.reconstruction import Reconstruction, seen_by
 from ...depth.sparse import FrameFeatures, frame_features
 from ...focus.focus import Focus, check_points
 from ...optics.aperture_sampling import random_disc
