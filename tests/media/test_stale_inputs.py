@@ -19,7 +19,6 @@ from addon.core.base import atomic, digest, file_lock, folder_lock
 from addon.core.base.errors import Remedy, UserError
 from addon.core.base.processes import process_table
 from addon.core.camera.reconstruction import Intrinsics
-from addon.core.media import clip_identity
 from addon.core.media.clip import open_footage
 from addon.core.media.clip_identity import identity, is_same_clip
 from addon.core.media.copying import copy_file
@@ -92,16 +91,15 @@ def test_the_projects_own_copy_wins_if_it_is_the_one(tmp_path: Path) -> None:
         load_solve(second / "work")
 
 
-def test_identities_of_older_solves_are_known(tmp_path: Path) -> None:
+def test_a_clip_is_known_by_what_is_in_it(tmp_path: Path) -> None:
     for clip in (video(tmp_path / "clip.mp4"), write_frames(tmp_path / "frames", LENS)):
-        old = clip_identity._oldest(clip)
-        assert len(old) == 64 and is_same_clip(clip, old) and is_same_clip(clip, identity(clip))
-    # The old way saw the names and sizes of a sequence; the new one sees what is in it.
+        assert is_same_clip(clip, identity(clip))
     frames = tmp_path / "frames"
-    old, new = clip_identity._oldest(frames), identity(frames)
+    known = identity(frames)
+    assert identity(frames / "clip_####.png") == known
+    # Of the same name, size and times.
     exchange(frames / "clip_0003.png")
-    assert is_clip(frames, old) and not is_clip(frames, new)
-    assert identity(frames / "clip_####.png") == identity(frames)
+    assert not is_clip(frames, known)
 
 
 def read_bytes(monkeypatch: pytest.MonkeyPatch) -> list[int]:
@@ -221,17 +219,6 @@ def test_what_was_just_written_is_read_again_by_the_next_process(
 ) -> None:
     identity(large(kind))
     assert not (tmp_path / "cache").exists()
-
-
-@pytest.mark.parametrize("kind", ["video", "frames"])
-def test_identities_of_large_clips_by_older_versions_are_known(
-    large: Callable[[str], Path], kind: str
-) -> None:
-    clip = large(kind)
-    older = f"2:{identity(clip).split(':')[1]}"
-    assert is_same_clip(clip, older)
-    spoil(clip, 0)
-    assert not is_same_clip(clip, older)
 
 
 def test_a_copy_that_differs_in_the_middle_is_not_taken_for_the_original(

@@ -131,9 +131,7 @@ class TemporalFusion:
 
     def _dense(self, frame: int, kept: KeptDepth) -> DenseDepth:
         pinhole = self._stereo.pinhole(frame)
-        return DenseDepth(
-            frame, kept.inverse_depth, kept.confidence, kept.moving, pinhole, kept.past_border
-        )  # fmt: skip
+        return DenseDepth(frame, kept.inverse_depth, kept.confidence, kept.moving, pinhole, kept.past_border)
 
     def _found(self, frame: int) -> DenseDepth:
         """The depth of a frame from the key frames around it.
@@ -199,7 +197,6 @@ class TemporalFusion:
         return [images[number] for number in sorted(near)]
 
     def _single_frame(self, frame: int) -> DenseDepth:
-        """A frame's own depth, remembered."""
         return self._kept.get(frame, lambda: self._stereo.at(frame))
 
 
@@ -284,9 +281,8 @@ def _suppress_outliers(
     )
     rim = _extrapolated(picture, inverse, confidence, options.hole_lambda, 0.0, options)
     with np.errstate(over="ignore"):
-        as_surroundings, as_rim = (
-            np.exp(-(((inverse - around) / outlier) ** 2)) for around in (surroundings, rim)
-        )
+        off = ((inverse - np.stack([surroundings, rim])) / outlier) ** 2
+    as_surroundings, as_rim = np.exp(-off)
     kept = confidence * (free + (1 - free) * as_surroundings)
     in_hole = _in_hole(own, options.outlier_window, options)
     return np.asarray(np.maximum(kept, options.sure * in_hole * as_rim), np.float32)
@@ -296,9 +292,8 @@ def _in_hole(own: Map, window: float, options: FusionOptions) -> Map:
     """(h, w) how far each pixel has such with depths of their own on most sides, within a window (of the long
     side)."""
     low, high = options.hole_share
-    return np.asarray(
-        np.clip((_mean_around(own, window, options.border) - low) / (high - low), 0, 1), np.float32
-    )
+    share = (_mean_around(own, window, options.border) - low) / (high - low)
+    return np.asarray(np.clip(share, 0, 1), np.float32)
 
 
 def _mean_around(values: Map, window: float, border: int) -> Map:
@@ -368,9 +363,8 @@ def _smoothed(inverse: Map, level: float, options: FusionOptions) -> Map:
         return inverse
     scale = min(4 / level, 255 / (high - low))
     guide = ((inverse - low) * scale).astype(np.uint8)
-    return np.asarray(
-        cv2.ximgproc.fastGlobalSmootherFilter(guide, inverse, options.even_lambda, scale * level), np.float32
-    )
+    smooth = cv2.ximgproc.fastGlobalSmootherFilter(guide, inverse, options.even_lambda, scale * level)
+    return np.asarray(smooth, np.float32)
 
 
 def sharpened(
