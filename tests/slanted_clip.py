@@ -56,6 +56,6 @@ def video(path: Path, seed: int = 0) -> Path:
     return path
 
 
-def keep(clip: Path, work: Path, camera: Intrinsics = LENS) -> None:
+def keep(clip: Path, work: Path, camera: Intrinsics = LENS, again: bool = False) -> None:
     """Keep the truth as the imported solve of a clip of the slanted plane."""
-    keep_import(Imported(slanted_plane(camera), "COLMAP text", ()), open_footage(clip), work)
+    keep_import(Imported(slanted_plane(camera), "COLMAP text", ()), open_footage(clip), work, again)

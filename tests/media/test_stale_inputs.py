@@ -251,6 +251,7 @@ def test_a_damaged_state_is_told_and_replaced(tmp_path: Path, text: str, said: s
         lambda: load_solve(work),
         lambda: SolveProcess(clip, work),
         lambda: is_solved(work, open_footage(clip), {}),
+        lambda: keep(clip, work),
     )
     for call in calls:
         with pytest.raises(UserError, match=said) as raised:
@@ -259,7 +260,7 @@ def test_a_damaged_state_is_told_and_replaced(tmp_path: Path, text: str, said: s
     process = SolveProcess(clip, work, again=True)
     assert not process.finished
     process.cancel()
-    keep(clip, work)
+    keep(clip, work, again=True)
     assert len(load_solve(work).frames) == 3
 
 
