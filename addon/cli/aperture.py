@@ -8,14 +8,11 @@ from pathlib import Path
 
 from ..core.base.options import Option
 from ..core.frame.options import APERTURE_OPTIONS
-from ..core.media.copying import copy_file
 from ..scene.properties import VirtualApertureSettings
 from .options import value_type
 from .paths import path
 
 IMAGE = "image"
-FOLDER = "aperture"
-"""Beside a .blend or in a farm's bundle, for a copy of the aperture's picture."""
 
 
 def _bounds(option: Option) -> str:
@@ -56,15 +53,20 @@ def set_shape(settings: VirtualApertureSettings, words: list[str] | None) -> Non
     assert settings.shape.aperture is not None
 
 
-def copy_image(words: list[str] | None, folder: Path) -> tuple[list[str], Path | None]:
-    """The words of `--aperture` with the picture's copy in a folder, and that copy, if there is a picture."""
-    pairs, copy = _pairs(words), None
-    for place, (key, value) in enumerate(pairs):
-        if key == IMAGE:
-            copy = folder / FOLDER / Path(value).name
-            copy_file(Path(value), copy)
-            pairs[place] = key, str(copy)
-    return [f"{key}={value}" for key, value in pairs], copy
+def image_of(words: list[str] | None) -> Path | None:
+    """The picture that the words of `--aperture` name, if they name one."""
+    return next((Path(value) for key, value in reversed(_pairs(words)) if key == IMAGE), None)
+
+
+def with_image(words: list[str], image: Path) -> list[str]:
+    """The words of `--aperture` with another picture."""
+    return [*(word for word in words if not word.startswith(f"{IMAGE}=")), f"{IMAGE}={image.as_posix()}"]
+
+
+def placed(words: list[str], folder: Path) -> list[str]:
+    """The words of `--aperture` with the path of a picture as seen from a folder."""
+    image = image_of(words)
+    return words if image is None else with_image(words, folder / image)
 
 
 def _pairs(words: list[str] | None) -> list[tuple[str, str]]:

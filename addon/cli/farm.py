@@ -6,6 +6,7 @@ import argparse
 import contextlib
 import json
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +16,8 @@ from ..core.base import atomic
 from ..core.base.counting import counted
 from ..core.base.errors import UserError
 from ..core.base.streams import say
-from ..core.depth.user_maps import open_depth
-from ..core.media.clip import Footage, FrameRange, open_footage
-from ..core.media.copying import copy_clip, copy_file, copy_pictures
-from ..core.media.masks import open_masks
+from ..core.media.clip import FrameRange, open_footage
+from ..core.media.copying import copy_clip, copy_file
 from ..core.sfm.state import STATE, read_state, write_state
 from ..core.sfm.workspace import load_solve
 from ..render import movie_file, output
@@ -26,24 +25,27 @@ from ..render.frame_keys import frame_keys
 from ..render.frame_size import written_size
 from ..render.launcher import launcher
 from ..render.quiet import quiet
+from ..scene.build import move_clip
+from ..scene.shot import reconstruction_of
 from . import NAME
-from .aperture import copy_image
+from .aperture import image_of, with_image
+from .blend import is_blend, open_blend, write_blend
 from .lens import (
     add_lens,
-    at_frame,
+    add_work,
+    check_lens,
     check_numbers,
+    given_lens,
     has_focus,
-    lens_arguments,
     movie_frames,
-    pinned,
     say_lens,
     scene_of,
     set_lens,
-    wanted_frames,
+    write_lens,
 )
 from .options import whole
 from .paths import path
-from .save import DEPTH, MASKS
+from .save import copied, copy_beside
 from .solve import add_footage, add_solve_frames, solve_arguments
 from .words import SOLVED_WORDS
 
@@ -52,6 +54,8 @@ VERSION = "jobtemplate-2023-09"
 CHUNKS = 1024
 """The most values that Open Job Description lets a task parameter list."""
 FRAMES = "frames/######.png"
+BLEND, LENS = "scene.blend", "lens.json"
+"""Files of the bundle: the scene that is rendered, and the options of the lens until there is one."""
 
 
 def add_commands(
@@ -75,7 +79,7 @@ def add_commands(
     two.description = (
         "With the focus and all else as for render, frames made with other settings are refused."
     )
-    two.add_argument("work", type=path, metavar="DIR", help="folder that keeps the solve")
+    add_work(two)
     two.add_argument(
         "--rendered", type=path, required=True, metavar="DIR/####.png", help="frames of render --for-movie"
     )
@@ -94,17 +98,18 @@ def join(options: argparse.Namespace) -> None:
         raise UserError(f"{out.name} is no movie; end it in {', '.join(movie_file.MOVIES)}")
     if rendered.suffix.lower() != ".png" or "#" not in rendered.name:
         raise UserError(f"{rendered.name} must be a pattern like ####.png, as render writes with --for-movie")
-    check_numbers(options)
-    solved = load_solve(options.work)
-    scene, settings, _ = scene_of(solved)
-    frames = movie_frames(solved, options.frames)
+    check_lens(options, required=False)
+    solved = None if is_blend(options.work) else load_solve(options.work)
+    scene, settings, footage = open_blend(options.work) if solved is None else scene_of(solved)
+    frames = movie_frames(footage, options.frames)
     files = {frame: rendered.with_name(output.numbered(rendered.name, frame)) for frame in frames}
     output.crop_to_even(scene.render)
     keys = None
-    if has_focus(options):
+    if solved is not None and has_focus(options):
         # As render --for-movie, whichever part of it.
         set_lens(settings, solved, options)
-        say_lens(settings, solved.reconstruction, frames)
+    if solved is None or has_focus(options):
+        say_lens(settings, reconstruction_of(settings), frames)
         keys = frame_keys(scene, frames)
     output.check_frames(files, written_size(scene.render), keys)
     silent = contextlib.nullcontext(1) if options.debug else quiet(1)
@@ -127,33 +132,73 @@ def farm(options: argparse.Namespace) -> None:
     output.check_folder(out.parent)
     check_numbers(options)
     source: Path = options.footage.absolute()
-    is_solved = (source / STATE).is_file()
-    folder = out / "input"
-    if is_solved:
-        solved = load_solve(source)
-        footage = solved.open_clip(solved.frames)
-        # What the lens asks for is wrong now or never.
-        _scene, settings, _ = scene_of(solved)
-        frames = movie_frames(solved, options.frames)
-        set_lens(settings, solved, options, frames)
-        say_lens(settings, solved.reconstruction, frames)
-        words = pinned(options, settings, depth=None, mask=None, aperture=None)
-        clip = copy_clip(solved.open_clip(), folder)
-        _copy_solve(source, folder / "solve", clip)
+    folder, texts = out / "input", _Texts()
+    before = [texts.literal(word) for word in _program()[1:]]
+    first = []
+    if (source / STATE).is_file():
+        frames = _copy_scene(source, options, folder)
+        blend = f"{{{{Param.Input}}}}/{BLEND}"
     else:
-        footage = open_footage(source, options.solve_frames)
-        wanted = wanted_frames(footage, options.frames)
-        frames = list(open_footage(source, FrameRange(wanted[0], wanted[-1])).frames)
-        clip = copy_clip(open_footage(source), folder)
-        words = lens_arguments(at_frame(options, frames[0]), depth=None, mask=None, aperture=None)
-    texts = _Texts()
-    lens = words + _pictures(options, footage, folder, texts)
-    name = _in_bundle(clip, folder, texts)
-    job = _job(options, _chunks(frames, options.chunk), lens, None if is_solved else name, texts)
+        frames, clip = _copy_clip(source, options, folder)
+        blend, work = f"{{{{Param.Output}}}}/{BLEND}", "{{Param.Output}}/solve"
+        name = f"{{{{Param.Input}}}}/{texts.literal(clip.relative_to(folder).as_posix())}"
+        lens = f"{{{{Param.Input}}}}/{LENS}"
+        # The folder keeps the solve, and a second run of an equal step takes it.
+        solved = ["solve", name, "--work", work, *solve_arguments(options)]
+        saved = ["save", work, "--lens", lens, "--blend", blend, "--no-copy", "--overwrite"]
+        saved += ["--frames", f"{frames[0]}-{frames[-1]}"]
+        first = [_step("Solve", [*before, *solved]), _step("Scene", [*before, *saved], "Solve")]
+    chunks = _chunks(frames, options.chunk)
+    rendered = f"{{{{Param.Output}}}}/{FRAMES}"
+    drawn = ["render", blend, "--for-movie", "--frames", "{{Task.Param.Frames}}", "--out", rendered]
+    joined = ["join", blend, "--rendered", rendered, "--frames", f"{frames[0]}-{frames[-1]}", "--overwrite"]
+    joined += ["--out", f"{{{{Param.Output}}}}/{texts.literal(options.movie)}"]
+    steps = [
+        *first,
+        _step("Render", [*before, *drawn], "Scene" if first else "", chunks),
+        _step("Join", [*before, *joined], "Render"),
+    ]
+    job = _job(source.stem, steps, texts)
     atomic.write_bytes(out / TEMPLATE, (json.dumps(job, indent=1) + "\n").encode())
-    tasks = counted(len(job["steps"][-2]["parameterSpace"]["taskParameterDefinitions"][0]["range"]), "task")
-    say(f"wrote {options.out}: {counted(len(frames), 'frame')} in {tasks}")
+    say(f"wrote {options.out}: {counted(len(frames), 'frame')} in {counted(len(chunks), 'task')}")
     say(f"run it here: openjd run {out / TEMPLATE} --step Join --run-dependencies")
+
+
+def _copy_scene(source: Path, options: argparse.Namespace, folder: Path) -> list[int]:
+    """Write the .blend of a solve and all that it needs into a folder; the frames to be rendered."""
+    solved = load_solve(source)
+    scene, settings, footage = scene_of(solved)
+    frames = movie_frames(footage, options.frames)
+    scene.frame_start, scene.frame_end = frames[0], frames[-1]
+    # What the lens asks for is wrong now or never.
+    set_lens(settings, solved, options, frames)
+    say_lens(settings, solved.reconstruction, frames)
+    clip = copy_clip(solved.open_clip(), folder)
+    _copy_solve(source, folder / "solve", clip)
+    copy_beside(settings, footage, folder)
+    move_clip(scene, open_footage(clip, footage.frames))
+    # Depth that a machine finds is kept there for the others.
+    settings.work_dir = str(folder / "solve")
+    scene.render.filepath = "//render/"
+    write_blend(folder / BLEND)
+    return frames
+
+
+def _copy_clip(source: Path, options: argparse.Namespace, folder: Path) -> tuple[list[int], Path]:
+    """Copy a clip that the job is to solve into a folder, with the lens and the user's pictures; the frames
+    that are to be rendered, and the clip's copy."""
+    footage = open_footage(source, options.solve_frames)
+    frames = movie_frames(footage, options.frames)
+    clip = copy_clip(open_footage(source), folder)
+    lens = given_lens(options)
+    depth, masks, image = copied(folder, footage, options.depth, options.mask, image_of(options.aperture))
+    for name, copy in (("depth", depth), ("mask", masks)):
+        if copy is not None:
+            lens[name] = copy.relative_to(folder)
+    if image is not None:
+        lens["aperture"] = with_image(options.aperture, image.relative_to(folder))
+    write_lens(folder / LENS, lens)
+    return frames, clip
 
 
 def _copy_solve(source: Path, target: Path, clip: Path) -> None:
@@ -185,27 +230,6 @@ class _Texts:
         return f"{{{{Param.{name}}}}}"
 
 
-def _pictures(options: argparse.Namespace, footage: Footage, folder: Path, texts: _Texts) -> list[str]:
-    """Copy the user's depth maps, masks and aperture's picture into the bundle; the words that lead there."""
-    words = []
-    if options.depth:
-        maps = open_depth(options.depth.absolute(), footage).maps
-        words += ["--depth", _in_bundle(copy_pictures(maps, folder / DEPTH), folder, texts)]
-    if options.mask:
-        pictures = open_masks(options.mask.absolute(), footage).pictures
-        words += ["--mask", _in_bundle(copy_pictures(pictures, folder / MASKS), folder, texts)]
-    if options.aperture:
-        shape, copy = copy_image(options.aperture, folder)
-        place = _in_bundle(copy, folder, texts) if copy else ""
-        words += ["--aperture", *(word.replace(str(copy), place) if copy else word for word in shape)]
-    return words
-
-
-def _in_bundle(path: Path, folder: Path, texts: _Texts) -> str:
-    """The path of what lies in the input folder, for the machine that runs the job."""
-    return f"{{{{Param.Input}}}}/{texts.literal(path.relative_to(folder).as_posix())}"
-
-
 def _chunks(frames: list[int], size: int) -> list[str]:
     """Ranges of frames, as `--frames` takes them."""
     least = -(-len(frames) // CHUNKS)
@@ -215,38 +239,25 @@ def _chunks(frames: list[int], size: int) -> list[str]:
     return [f"{part[0]}-{part[-1]}" for part in parts]
 
 
-def _job(
-    options: argparse.Namespace, chunks: list[str], lens: list[str], clip: str | None, texts: _Texts
-) -> dict[str, Any]:
-    """The template. `clip` is the path of one that is to be solved first."""
-    program, *before = (texts.literal(word) if at else word for at, word in enumerate(_program()))
-    work = "{{Param.Output}}/solve" if clip else "{{Param.Input}}/solve"
+def _step(name: str, words: list[str], after: str = "", frames: Sequence[str] = ()) -> dict[str, Any]:
+    """A step of the template: a command once another step is done, or for each of some ranges of frames."""
+    space = {"taskParameterDefinitions": [{"name": "Frames", "type": "STRING", "range": list(frames)}]}
+    return {
+        "name": name,
+        **({"dependencies": [{"dependsOn": after}]} if after else {}),
+        **({"parameterSpace": space} if frames else {}),
+        "script": {"actions": {"onRun": {"command": "{{Param.Program}}", "args": words}}},
+    }
 
-    def step(name: str, words: list[str], after: str = "", **others: Any) -> dict[str, Any]:
-        run = {"command": "{{Param.Program}}", "args": [*before, *words]}
-        dependencies = {"dependencies": [{"dependsOn": after}]} if after else {}
-        return {"name": name, **dependencies, **others, "script": {"actions": {"onRun": run}}}
 
-    steps = []
-    if clip:
-        # The folder keeps the solve, and a second run of an equal step takes it.
-        words = ["solve", clip, "--work", work, *solve_arguments(options)]
-        steps.append(step("Solve", words))
-    rendered = f"{{{{Param.Output}}}}/{FRAMES}"
-    words = ["render", work, *lens, "--for-movie", "--frames", "{{Task.Param.Frames}}", "--out", rendered]
-    space = {"taskParameterDefinitions": [{"name": "Frames", "type": "STRING", "range": chunks}]}
-    steps.append(step("Render", words, "Solve" if clip else "", parameterSpace=space))
-    words = ["join", work, *lens, "--rendered", rendered, "--overwrite"]
-    words += ["--frames", str(options.frames)] if options.frames else []
-    steps.append(
-        step("Join", [*words, "--out", f"{{{{Param.Output}}}}/{texts.literal(options.movie)}"], "Render")
-    )
+def _job(name: str, steps: list[dict[str, Any]], texts: _Texts) -> dict[str, Any]:
+    """The template."""
     return {
         "specificationVersion": VERSION,
-        "name": re.sub(r"([{}])\1+", r"\1", f"Virtual Aperture {options.footage.stem}")[:128],
+        "name": re.sub(r"([{}])\1+", r"\1", f"Virtual Aperture {name}")[:128],
         "parameterDefinitions": [
             {
-                "name": "Program", "type": "STRING", "default": program,
+                "name": "Program", "type": "STRING", "default": _program()[0],
                 "description": "Blender with the extension Virtual Aperture installed and enabled",
             },
             {

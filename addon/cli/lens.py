@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import argparse
+import json
 import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import bpy
 import numpy as np
 
-from ..core.base import numbers
+from ..core.base import atomic, numbers
 from ..core.base.errors import UserError
+from ..core.base.regular_file import read_regular
 from ..core.base.streams import say
 from ..core.camera.reconstruction import Reconstruction
 from ..core.depth.user_maps import open_depth
@@ -28,7 +31,7 @@ from ..core.focus.place import Place
 from ..core.focus.pull import FocusMark
 from ..core.frame.meshers import MESHERS
 from ..core.frame.options import FRAME_OPTIONS
-from ..core.media.clip import Footage, FrameRange
+from ..core.media.clip import Footage, FrameRange, open_footage
 from ..core.media.masks import open_masks
 from ..core.sfm.workspace import Solve
 from ..scene import aperture_cloud, focus_marks
@@ -36,8 +39,9 @@ from ..scene.build import build
 from ..scene.lens import frame_options, set_aperture, set_focus
 from ..scene.properties import VirtualApertureSettings
 from ..scene.shot import shot_of
-from .aperture import add_aperture, set_shape
-from .options import add_options, real, text_of, whole
+from .aperture import add_aperture, placed, set_shape
+from .blend import is_blend
+from .options import Parser, UsageError, add_options, real, whole
 from .paths import path
 
 DEFAULT_BLUR = 0.03
@@ -88,48 +92,70 @@ def add_lens(command: argparse.ArgumentParser, required: bool) -> None:
     add_aperture(command)
 
 
-LENS = (
-    "focus_at", "focus_point", "focus_plane", "focus_distance", "tilt", "swing", "blur", "aperture_radius",
-    "depth", "mask", *FRAME_OPTIONS, "aperture",
-)  # fmt: skip
-"""What the options of `add_lens` are kept as."""
-REPEATED = ("focus_at",)
-"""Those that are given once for each of their values."""
+def add_work(command: argparse.ArgumentParser) -> None:
+    """The argument of a command that takes a solve, or a .blend of one."""
+    command.add_argument(
+        "work", type=path, metavar="DIR|FILE.blend",
+        help="folder that keeps the solve, or a .blend of save or farm, which has the lens",
+    )  # fmt: skip
 
 
-def pinned(
-    options: argparse.Namespace, settings: VirtualApertureSettings, **others: list[str] | None
-) -> list[str]:
-    """`lens_arguments` once the lens is set: a place to focus on is in this frame, whichever are rendered."""
-    return lens_arguments(at_frame(options, settings.focus_frame), **others)
+def lens_defaults() -> dict[str, Any]:
+    """The options of `add_lens` as they are where none is given."""
+    command = Parser()
+    add_lens(command, required=False)
+    return vars(command.parse_args([]))
 
 
-def at_frame(options: argparse.Namespace, frame: int) -> argparse.Namespace:
-    """The options with a place to focus on that names its frame: this one, where it named none."""
-    if not options.focus_at or "@" in options.focus_at[0]:
-        return options
-    return argparse.Namespace(**vars(options) | {"focus_at": [f"{options.focus_at[0]}@{frame}"]})
+def given_lens(options: argparse.Namespace) -> dict[str, Any]:
+    """Those of the options of `add_lens` that were given."""
+    return {
+        name: value
+        for name, default in lens_defaults().items()
+        if (value := getattr(options, name)) != default
+    }
 
 
-def lens_arguments(options: argparse.Namespace, **others: list[str] | None) -> list[str]:
-    """The options of `add_lens` as words for another process's command line; `others` replace some."""
-    words = []
-    for name in LENS:
-        value = others[name] if name in others else getattr(options, name)
-        if value is not None and name in REPEATED:
-            words += [word for each in value for word in (f"--{name.replace('_', '-')}", each)]
-        elif value is not None:
-            values = value if isinstance(value, list) else [value]
-            # A path is another process's, in whichever folder.
-            declared = FRAME_OPTIONS.get(name)
-            texts = [
-                str(each.absolute()) if isinstance(each, Path) else text_of(declared, each) if declared
-                else str(each) for each in values
-            ]  # fmt: skip
-            # One word, because of two the second may begin with a minus, as -1e-05 does.
-            option = f"--{name.replace('_', '-')}"
-            words += [option, *texts] if isinstance(value, list) else [f"{option}={texts[0]}"]
-    return words
+def check_lens(options: argparse.Namespace, required: bool) -> None:
+    """UsageError for a lens beside a .blend, which has its own, and for none, where one is `required`, beside
+    a folder that keeps a solve; UserError as `check_numbers`."""
+    given = [f"--{name.replace('_', '-')}" for name in given_lens(options)]
+    if given and is_blend(options.work):
+        raise UsageError(
+            f"{options.work.name} has a lens of its own, so leave {', '.join(given)} out; --help tells what"
+            " it takes"
+        )
+    if required and not has_focus(options) and not is_blend(options.work):
+        raise UsageError(
+            "one of --focus-at, --focus-point, --focus-plane and --focus-distance is needed; --help tells"
+            " what it takes"
+        )
+    check_numbers(options)
+
+
+def write_lens(file: Path, given: dict[str, Any]) -> None:
+    """Write options of `add_lens` for `read_lens`; paths are as seen from the file's folder."""
+    text = json.dumps(given, indent=1, default=lambda path: path.as_posix())
+    atomic.write_bytes(file, f"{text}\n".encode())
+
+
+def read_lens(file: Path, options: argparse.Namespace) -> None:
+    """Take options of `add_lens` from a file; UserError where it holds anything else."""
+    try:
+        held = json.loads(read_regular(file))
+    except (OSError, ValueError, RecursionError) as error:
+        raise UserError(f"{file} cannot be read as JSON: {error}") from None
+    known = lens_defaults()
+    for name, value in held.items() if isinstance(held, dict) else [("it", held)]:
+        try:
+            if name not in known:
+                raise UserError("there is no such option")
+            if name in FRAME_OPTIONS:
+                FRAME_OPTIONS[name].check(value)
+        except (UserError, TypeError) as error:
+            raise UserError(f"{file}: {name} cannot be {value!r}: {error}") from None
+        setattr(options, name, file.absolute().parent / value if name in ("depth", "mask") else value)
+    options.aperture = options.aperture and placed(options.aperture, file.absolute().parent)
 
 
 def has_focus(options: argparse.Namespace) -> bool:
@@ -158,13 +184,19 @@ def wanted_frames(footage: Footage, frames: FrameRange | None) -> tuple[int, ...
     return wanted
 
 
-def movie_frames(solved: Solve, frames: FrameRange | None) -> list[int]:
+def movie_frames(footage: Footage, frames: FrameRange | None) -> list[int]:
     """The frames that a movie of those asked for shows: every one of the range.
 
-    Those that the solve left out get their camera from their neighbours.
+    Those that the solve left out, which is of the frames of `footage`, get their camera from their
+    neighbours.
     """
-    wanted = wanted_frames(solved.open_clip(solved.frames), frames)
-    return list(solved.open_clip(FrameRange(wanted[0], wanted[-1])).frames)
+    wanted = wanted_frames(footage, frames)
+    return all_frames(footage, FrameRange(wanted[0], wanted[-1]))
+
+
+def all_frames(footage: Footage, frames: FrameRange | None) -> list[int]:
+    """Frames of the whole clip, also those that were not solved; UserError where there are none."""
+    return list(open_footage(footage.path, frames, info=footage.video).frames)
 
 
 def check_numbers(options: argparse.Namespace) -> None:

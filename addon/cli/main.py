@@ -30,13 +30,17 @@ from ..render.launcher import CHILD
 from ..render.quiet import quiet
 from ..render.run_report import RunReport, check_report
 from ..scene import properties
+from ..scene.paths import absolute
 from ..scene.shot import shot_of
 from . import farm, inspect, save, solve
+from .blend import is_blend, open_blend, write_blend
 from .lens import (
     add_lens,
+    add_work,
+    all_frames,
+    check_lens,
     check_numbers,
     movie_frames,
-    pinned,
     say_lens,
     scene_of,
     set_lens,
@@ -62,8 +66,8 @@ def parser() -> argparse.ArgumentParser:
 
     solve.add_commands(commands, common)
     two = commands.add_parser("render", parents=[common], help="render a solved clip with depth of field")
-    two.add_argument("work", type=path, metavar="DIR", help="folder that keeps the solve")
-    add_lens(two, required=True)
+    add_work(two)
+    add_lens(two, required=False)
     two.add_argument("--frames", type=FrameRange.parse, metavar="A-B[:STEP]", help="frames to render")
     two.add_argument(
         "--for-movie",
@@ -112,28 +116,27 @@ def _check_output(options: argparse.Namespace) -> None:
         output.check_folder(options.report.absolute().parent)
 
 
-def _check_apart(options: argparse.Namespace, clip: Path) -> None:
+def _check_apart(options: argparse.Namespace, *sources: Path | None) -> None:
     """UserError for output that would replace, or lie among, what it is made from."""
     out = options.out.absolute()
-    sources = [source for source in (clip, options.mask, options.depth) if source is not None]
     written = [out, movie_folder.folder_of(out)] if out.suffix.lower() in movie_file.MOVIES else [out.parent]
-    output.check_apart([*written, *([options.report] if options.report else [])], sources)
+    output.check_apart([*written, *([options.report] if options.report else [])], filter(None, sources))
 
 
 def render(options: argparse.Namespace) -> None:
-    """`render DIR ... --out OUT`"""
+    """`render DIR ... --out OUT` or `render FILE.blend --out OUT`"""
     _check_output(options)
-    check_numbers(options)
+    check_lens(options, required=True)
     with output.claimed(options.out.absolute()):
         _check_output(options)
-        _render(load_solve(options.work), options)
+        _render(None if is_blend(options.work) else load_solve(options.work), options)
 
 
 def run(options: argparse.Namespace) -> None:
     """`run FOOTAGE ... --out OUT`"""
     _check_output(options)
     check_numbers(options)
-    _check_apart(options, options.footage)
+    _check_apart(options, options.footage, options.mask, options.depth)
     work = options.work or default_work_dir(options.footage, options.out.absolute().parent)
     if options.report and options.report.absolute() == work.absolute() / STATE:
         raise UserError(f"{options.report} is where the solve will be kept; name another file")
@@ -144,9 +147,11 @@ def run(options: argparse.Namespace) -> None:
         _render(solved, options)
 
 
-def _render(solved: Solve, options: argparse.Namespace) -> None:
-    _check_apart(options, solved.footage)
-    scene, settings, footage = scene_of(solved)
+def _render(solved: Solve | None, options: argparse.Namespace) -> None:
+    """Render the solve with the lens of the options, or else the .blend."""
+    scene, settings, footage = open_blend(options.work) if solved is None else scene_of(solved)
+    pictures = (settings.depth_maps, settings.masks) if solved is None else (options.depth, options.mask)
+    _check_apart(options, footage.path, *(absolute(str(path)) for path in pictures if path))
     _check_interrupted()
     for note in footage.notes:
         say(f"note: {note}")
@@ -154,15 +159,17 @@ def _render(solved: Solve, options: argparse.Namespace) -> None:
     is_movie = out.suffix.lower() in movie_file.MOVIES
     if options.for_movie:
         # A share of those that a movie shows.
-        frames = list(solved.open_clip(options.frames).frames)
+        frames = all_frames(footage, options.frames)
         output.crop_to_even(scene.render)
     elif is_movie:
-        frames = movie_frames(solved, options.frames)
+        frames = movie_frames(footage, options.frames)
     else:
         frames = list(wanted_frames(footage, options.frames))
-    # A share of a farm's job focuses as the whole does.
-    set_lens(settings, solved, options, () if options.for_movie else frames)
-    say_lens(settings, solved.reconstruction, frames)
+    if solved is not None:
+        # A share of a farm's job focuses as the whole does.
+        set_lens(settings, solved, options, () if options.for_movie else frames)
+    reconstruction = shot_of(scene).reconstruction
+    say_lens(settings, reconstruction, frames)
     check_memory(render_size(scene.render), is_movie)
     planned = output.plan_all(scene, frames)
     least, most = planned.views
@@ -177,7 +184,7 @@ def _render(solved: Solve, options: argparse.Namespace) -> None:
             f" ({ranges(planned.coarse)}), drawn by features, one coarse mesh, instead; a smaller blur or"
             " aperture keeps layers"
         )
-    unregistered = [f for f in frames if f not in solved.reconstruction.frames]
+    unregistered = [f for f in frames if f not in reconstruction.frames]
     if unregistered:
         missing = f"{counted(len(unregistered), 'frame')} not registered"
         say(f"{missing}; neighbours lend their cameras: {ranges(unregistered)}")
@@ -193,8 +200,7 @@ def _render(solved: Solve, options: argparse.Namespace) -> None:
             say_to(descriptor, text)
             _check_interrupted()
 
-        lens = pinned(options, settings)
-        draw = None if options.jobs == 1 else _side_by_side(solved, options, lens, run_report, report)
+        draw = None if options.jobs == 1 else _side_by_side(options, run_report, report)
         if is_movie:
             output.render_movie(scene, frames, out, report, draw)
         else:
@@ -213,20 +219,20 @@ def _render(solved: Solve, options: argparse.Namespace) -> None:
     say(f"wrote {options.out}")
 
 
-def _side_by_side(
-    solved: Solve, options: argparse.Namespace, lens: list[str], run_report: RunReport, report: output.Report
-) -> output.Draw:
-    """Have frames drawn by `--jobs` processes of this command line, which get the lens as words."""
+def _side_by_side(options: argparse.Namespace, run_report: RunReport, report: output.Report) -> output.Draw:
+    """Have frames drawn by `--jobs` processes of this command line, which get the scene as a .blend."""
     is_movie = options.for_movie or options.out.suffix.lower() in movie_file.MOVIES
     step = options.frames.step if options.frames and not is_movie else 1
 
     def draw(todo: list[int], out: Path, done: Callable[[int], None]) -> None:
         with temporary_folder() as scratch:
+            blend = scratch / "scene.blend"
+            write_blend(blend)
             reports = [scratch / f"{number}.json" for number in range(options.jobs)]
 
             def command(frames: Sequence[int], number: int) -> list[str]:
-                words = ["render", str(solved.work_dir.absolute()), *lens]
-                words += ["--frames", f"{frames[0]}-{frames[-1]}:{step}", "--out", str(out)]
+                words = ["render", str(blend), "--out", str(out)]
+                words += ["--frames", f"{frames[0]}-{frames[-1]}:{step}"]
                 words += ["--for-movie"] * is_movie + ["--overwrite"] * (is_movie or options.overwrite)
                 return words + (["--report", str(reports[number])] if options.report else [])
 

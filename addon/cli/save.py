@@ -6,33 +6,38 @@ import argparse
 import zipfile
 from pathlib import Path
 
-import bpy
-
 from ..core.base import atomic
 from ..core.base.errors import Remedy, UserError
 from ..core.base.file_names import check_file
 from ..core.base.streams import say
 from ..core.depth.user_maps import open_depth
-from ..core.media.clip import Footage, open_footage
+from ..core.media.clip import Footage, FrameRange, open_footage
 from ..core.media.copying import copy_clip, copy_file, copy_pictures
 from ..core.media.masks import open_masks
 from ..core.sfm.workspace import load_solve
 from ..render.output import check_folder, set_still
-from ..render.quiet import quiet
 from ..scene.build import move_clip
 from ..scene.paths import absolute
 from ..scene.properties import VirtualApertureSettings
-from .aperture import FOLDER as APERTURE
-from .lens import add_lens, check_numbers, has_focus, say_lens, scene_of, set_lens
+from .blend import write_blend
+from .lens import (
+    add_lens,
+    check_numbers,
+    has_focus,
+    movie_frames,
+    read_lens,
+    say_lens,
+    scene_of,
+    set_lens,
+)
+from .options import UsageError
 from .paths import path
 
-MASKS, DEPTH = "masks", "depth"
+MASKS, DEPTH, APERTURE = "masks", "depth", "aperture"
 """Folders beside the .blend, or within a farm's bundle, for copies of the user's pictures."""
 
 MOST_NAMED = 5
 """Of files and folders beside a .blend; of more the first and the last are told. By eye: a line."""
-ENDS = b"ENDB", b"\xb1\xea\x92\x8f"
-"""What ends a .blend: its last block, or, where it is compressed, the number of Zstandard's seek table."""
 
 
 def add_command(
@@ -50,6 +55,12 @@ def add_command(
     one.add_argument(
         "--overwrite", action="store_true", help="replace the .blend, and the .zip, if it exists"
     )
+    one.add_argument("--frames", type=FrameRange.parse, metavar="A-B", help="frames that it renders")
+    one.add_argument(
+        "--no-copy", action="store_true", help="let it read the clip, pictures and solve where they lie"
+    )
+    # Of a farm's job.
+    one.add_argument("--lens", type=path, metavar="FILE.json", help=argparse.SUPPRESS)
     add_lens(one, required=False)
     one.set_defaults(command=save)
 
@@ -59,28 +70,40 @@ def save(options: argparse.Namespace) -> None:
     blend: Path = options.blend.absolute()
     if blend.suffix.lower() != ".blend":
         raise UserError(f"{blend.name} must end in .blend")
+    if options.pack and options.no_copy:
+        raise UsageError(
+            "--pack copies what the .blend needs, --no-copy does not; --help tells what it takes"
+        )
     packed = blend.with_suffix(".zip")
     for file in (blend, packed) if options.pack else (blend,):
         check_file(file)
         if file.exists() and not options.overwrite:
             raise UserError(f"{file} exists; name another file, or overwrite it", Remedy.OVERWRITE)
     check_folder(blend.parent)
+    if options.lens is not None:
+        read_lens(options.lens, options)
     check_numbers(options)
     solved = load_solve(options.work)
     scene, settings, footage = scene_of(solved)
+    frames = movie_frames(footage, options.frames)
+    scene.frame_start, scene.frame_end = frames[0], frames[-1]
     if has_focus(options):
-        set_lens(settings, solved, options)
-        say_lens(settings, solved.reconstruction)
+        set_lens(settings, solved, options, frames)
+        say_lens(settings, solved.reconstruction, frames)
     set_still(scene, ".png", footage)
+    scene.render.filepath = "//render/"
     atomic.collect_orphans(blend.parent)
+    if options.no_copy:
+        write_blend(blend)
+        say(f"saved {blend}; it reads the clip {footage.path} and the solve in {solved.work_dir}")
+        return
     # The whole clip: it is recognised by it.
     clip = copy_clip(open_footage(footage.path), blend.parent)
     pictures = copy_beside(settings, footage, blend.parent)
     move_clip(scene, open_footage(clip, footage.frames))
     # The solve is in the .blend; another machine does not have this folder.
     settings.work_dir = ""
-    scene.render.filepath = "//render/"
-    _write(blend)
+    write_blend(blend)
     parts = [clip, *pictures]
     home = blend.parent.resolve()
     beside = (file for path in parts for file in (_files(path) if _real(path) == home else [path]))
@@ -93,37 +116,28 @@ def save(options: argparse.Namespace) -> None:
     say(f"saved {blend}; send it together with {names} beside it")
 
 
+def copied(
+    folder: Path, footage: Footage, depth: Path | None, masks: Path | None, image: Path | None
+) -> tuple[Path | None, Path | None, Path | None]:
+    """Copies in a folder of the user's depth maps and masks of a clip and of the aperture's picture; None for
+    what there is none of."""
+    if image is not None:
+        copy_file(image, folder / APERTURE / image.name)
+    return (
+        copy_pictures(open_depth(depth, footage).maps, folder / DEPTH) if depth is not None else None,
+        copy_pictures(open_masks(masks, footage).pictures, folder / MASKS) if masks is not None else None,
+        folder / APERTURE / image.name if image is not None else None,
+    )
+
+
 def copy_beside(settings: VirtualApertureSettings, footage: Footage, folder: Path) -> list[Path]:
-    """Copy the user's depth maps and masks into a folder and let the settings lead there; their new paths."""
-    copies = []
-    if settings.depth_maps:
-        maps = open_depth(Path(settings.depth_maps), footage).maps
-        copies.append(copy_pictures(maps, folder / DEPTH))
-        settings.depth_maps = str(copies[-1])
-    if settings.masks:
-        pictures = open_masks(Path(settings.masks), footage).pictures
-        copies.append(copy_pictures(pictures, folder / MASKS))
-        settings.masks = str(copies[-1])
-    if settings.shape.image:
-        picture = absolute(settings.shape.image)
-        copies.append(folder / APERTURE / picture.name)
-        copy_file(picture, copies[-1])
-        settings.shape.image = str(copies[-1])
-    return copies
-
-
-def _write(blend: Path) -> None:
-    with atomic.staged(blend) as part:
-        try:
-            with quiet(1):
-                bpy.ops.wm.save_as_mainfile(filepath=str(part), check_existing=False)
-        except RuntimeError as error:
-            raise UserError(f"{blend} cannot be written: {str(error).strip()}") from None
-        finally:
-            part.with_name(part.name + "1").unlink(missing_ok=True)
-        # Blender does not always notice that it could not write on.
-        if not any(end in part.read_bytes()[-64:] for end in ENDS):
-            raise UserError(f"{blend} could not be written as a whole; is the disk full?")
+    """Copy the user's depth maps, masks and aperture into a folder and let the settings lead there; their
+    new paths."""
+    held = settings.depth_maps, settings.masks, settings.shape.image
+    copies = copied(folder, footage, *(absolute(path) if path else None for path in held))
+    new = [str(path) if path is not None else "" for path in copies]
+    settings.depth_maps, settings.masks, settings.shape.image = new
+    return [path for path in copies if path is not None]
 
 
 def _pack(packed: Path, blend: Path, parts: list[Path]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import itertools
+import math
 import os
 import uuid
 from fractions import Fraction
@@ -72,6 +73,7 @@ def build(
     is_other = settings.clip_identity not in ("", identity(footage.path))
     settings.clip_identity, settings.clip_name = identity(footage.path), footage.path.name
     settings.clip_first, settings.clip_last = footage.frames[0], footage.frames[-1]
+    settings.clip_step = math.gcd(*(frame - footage.frames[0] for frame in footage.frames)) or 1
     settings.clip_notes = "\n".join(footage.notes)
     depth_of_field.forget_scale(settings)
     focus_marks.clear(settings)

@@ -178,6 +178,12 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
     clip_last: IntProperty(
         name="Last Frame", description="Of the frames that were solved", options={"HIDDEN"}
     )
+    clip_step: IntProperty(
+        name="Frame Step",
+        description="From one frame that was solved to the next",
+        default=1,
+        options={"HIDDEN"},
+    )
     focus_by: EnumProperty(
         name="Focus By",
         description="What the focal plane follows",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import bpy
@@ -10,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from addon.cli.aperture import copy_image, set_shape
+from addon.cli.aperture import set_shape
 from addon.cli.main import run_command
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.optics.aperture import Aperture
@@ -121,13 +120,24 @@ def test_the_picture_goes_with_the_blend(work: Path, letter: Path, tmp_path: Pat
 def test_the_picture_goes_with_a_farm_s_job(work: Path, letter: Path, tmp_path: Path) -> None:
     out = tmp_path / "job"
     assert run("farm", work, *lens("ratio=2", f"image={letter}"), "--out", out) == 0
-    (template,) = out.glob("*.json")
-    words = json.loads(template.read_text())["steps"][0]["script"]["actions"]["onRun"]["args"]
-    at = words.index("--aperture")
-    assert words[at + 1 : at + 3] == ["ratio=2", f"image={{{{Param.Input}}}}/aperture/{letter.name}"]
+    assert "ratio" not in (out / "template.json").read_text()
     assert next(out.rglob(letter.name)).read_bytes() == letter.read_bytes()
+    bpy.ops.wm.open_mainfile(filepath=str(out / "input" / "scene.blend"))
+    shape = bpy.context.scene.virtual_aperture.shape
+    assert shape.image == f"//aperture/{letter.name}"
+    assert shape.aperture.ratio == 2 and shape.aperture.image is not None
 
 
-def test_words_without_a_picture_stay_as_they_are(tmp_path: Path) -> None:
-    assert copy_image(["blades=5", "ratio=1.5"], tmp_path) == (["blades=5", "ratio=1.5"], None)
-    assert copy_image(None, tmp_path) == ([], None)
+def test_the_picture_waits_for_a_solve(work: Path, letter: Path, tmp_path: Path) -> None:
+    out = tmp_path / "job"
+    words = lens("image=/is/not/there.png", "ratio=2", f"image={letter}")
+    assert run("farm", tmp_path / "clip", *words, "--out", out) == 0
+    assert (out / "input" / "aperture" / letter.name).read_bytes() == letter.read_bytes()
+    blend = tmp_path / "a.blend"
+    letter.unlink()
+    words = ["--lens", out / "input" / "lens.json", "--no-copy", "--blend", blend]
+    assert run("save", work, *words) == 0
+    bpy.ops.wm.open_mainfile(filepath=str(blend))
+    shape = bpy.context.scene.virtual_aperture.shape
+    assert shape.image == f"//job/input/aperture/{letter.name}"
+    assert shape.aperture.ratio == 2 and shape.aperture.image is not None

@@ -9,8 +9,6 @@ import cv2
 import numpy as np
 import pytest
 
-from addon.cli.lens import at_frame, lens_arguments
-from addon.cli.main import parser
 from addon.render import output
 from addon.scene.lens import keys_of
 
@@ -84,17 +82,6 @@ def test_marks_that_make_no_pull_are_refused(
     focus = [word for mark in marks for word in ("--focus-at", mark)]
     assert run("render", work, *focus, "--method", "features", "--out", tmp_path / "####.png") == 1
     assert said in capsys.readouterr().err
-
-
-def test_other_processes_are_told_of_every_mark() -> None:
-    command = ["render", "DIR", "--out", "o.mp4", "--focus-at"]
-    pulled = parser().parse_args([*command, "0.2,0.5@2", "--focus-at", "0.8,0.5@5"])
-    words = lens_arguments(at_frame(pulled, 9))
-    assert words[:4] == ["--focus-at", "0.2,0.5@2", "--focus-at", "0.8,0.5@5"]
-    assert parser().parse_args([*command[:-1], *words]).focus_at == pulled.focus_at
-    single = parser().parse_args([*command, "0.2,0.5"])
-    assert lens_arguments(at_frame(single, 9))[:2] == ["--focus-at", "0.2,0.5@9"]
-    assert single.focus_at == ["0.2,0.5"]
 
 
 def test_processes_side_by_side_pull_as_one_does(work: Path, tmp_path: Path) -> None:

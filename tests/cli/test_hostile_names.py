@@ -98,7 +98,12 @@ def test_names_in_braces_are_no_words_of_a_job(registered: None, tmp_path: Path,
         return [re.sub(r"{{Param\.(\w+)}}", lambda found: values[found[1]], word) for word in steps[step]]
 
     assert "output/{{Task.Param.Frames}}.mp4" in filled("Join")
-    assert str(job / "input" / "masks" / "{{m}}_#.png") in filled("Render")
+    if solved:
+        bpy.ops.wm.open_mainfile(filepath=str(job / "input" / "scene.blend"))
+        assert bpy.context.scene.virtual_aperture.masks == "//masks/{{m}}_#.png"
+    else:
+        assert json.loads((job / "input" / "lens.json").read_text())["mask"] == "masks/{{m}}_#.png"
+    assert (job / "input" / "masks" / "{{m}}_1.png").exists()
     assert steps["Render"].count("{{Task.Param.Frames}}") == 1
     if not solved:
         (place,) = (word for word in filled("Solve") if word.endswith(".mp4"))

@@ -11,21 +11,26 @@ import subprocess
 import sys
 import time
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import bpy
 import cv2
 import numpy as np
 import pytest
 
 from addon.core.base.errors import UserError
 from addon.core.base.messages import Progress, encode
+from addon.core.media.clip import FrameRange, open_footage
 from addon.core.media.copying import copy_file
+from addon.core.readers.matching import Imported
+from addon.core.sfm.workspace import keep_import
 from addon.render import jobs, launcher
 from benchmarks.torture import clip
 from benchmarks.torture.bench import contents, file_limit
 
-from ..command_line import HEADLESS, done, here
+from ..command_line import HEADLESS, done, headless, here
 from ..movies import frames_of_sound
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -35,11 +40,13 @@ COUNT = 48
 pytestmark = pytest.mark.usefixtures("registered")
 
 
-def start(*arguments: object) -> subprocess.Popen[str]:
-    """A command in a session of its own, to be ended."""
+def start(*arguments: object, temporary: Path) -> subprocess.Popen[str]:
+    """A command in a session of its own, to be ended, with its folder for temporary files."""
+    temporary.mkdir()
     return subprocess.Popen(
         [sys.executable, str(HEADLESS), *map(str, arguments)], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-        text=True, env=os.environ | {"PYTHONUNBUFFERED": "1"}, start_new_session=True,
+        text=True, env=os.environ | {"PYTHONUNBUFFERED": "1", "TMPDIR": str(temporary)},
+        start_new_session=True,
     )  # fmt: skip
 
 
@@ -87,7 +94,8 @@ def test_a_job_on_two_workers_one_of_which_is_killed(work: Path, tmp_path: Path)
     bundle = tmp_path / "elsewhere" / "a job"
     bundle.parent.mkdir()
     (tmp_path / "job").rename(bundle)
-    assert str(work.parent) not in (bundle / "template.json").read_text()
+    template = (bundle / "template.json").read_text()
+    assert str(work.parent) not in template and "--blur" not in template and "--focus" not in template
     steps = tasks(json.loads((bundle / "template.json").read_text()), bundle)
     assert list(steps) == ["Render", "Join"] and len(steps["Render"]) == 4
 
@@ -134,9 +142,14 @@ def test_a_job_that_solves_first(work: Path, tmp_path: Path) -> None:
     done("farm", source, "--fov", 60, *LENS, *chunks, "--out", tmp_path / "job")
     job = json.loads((tmp_path / "job" / "template.json").read_text())
     steps = tasks(job, tmp_path / "job")
-    assert [len(each) for each in steps.values()] == [1, 3, 1]
+    assert {name: len(each) for name, each in steps.items()} == {
+        "Solve": 1,
+        "Scene": 1,
+        "Render": 3,
+        "Join": 1,
+    }
     assert [step.get("dependencies") for step in job["steps"]] == [
-        None, [{"dependsOn": "Solve"}], [{"dependsOn": "Render"}],
+        None, [{"dependsOn": "Solve"}], [{"dependsOn": "Scene"}], [{"dependsOn": "Render"}],
     ]  # fmt: skip
     words = " ".join(steps["Solve"][0])
     assert f"solve {tmp_path / 'job' / 'input' / 'clip.mp4'}" in words
@@ -188,6 +201,106 @@ def test_jobs_give_what_one_process_gives(work: Path, tmp_path: Path) -> None:
     assert [entry["frame"] for entry in entries] == [3, 12, 21, 30]
 
 
+def test_jobs_render_the_frames_of_a_solve_with_a_step(work: Path, tmp_path: Path) -> None:
+    """Also where frames are there already, so that those that are left are no range."""
+    every = tmp_path / "work"
+    footage = open_footage(work.parent / "clip" / "clip.mp4", FrameRange(2, 20, 3))
+    model = clip.truth(range(1, COUNT + 1))
+    images = tuple(image for image in model.images if image.frame in footage.frames)
+    keep_import(Imported(replace(model, images=images), "truth", ()), footage, every)
+    out = tmp_path / "o" / "######.png"
+    words = ("render", every, *LENS, "--out", out)
+    done(*words, "--frames", "8-8")
+    done(*words, "--jobs", 2)
+    assert [int(path.stem) for path in sorted(out.parent.iterdir())] == [2, 5, 8, 11, 14, 17, 20]
+    two = contents(out.parent)
+    shutil.rmtree(out.parent)
+    done(*words)
+    assert contents(out.parent) == two
+
+
+def test_what_a_process_warns_of_is_said(work: Path, tmp_path: Path) -> None:
+    project = tmp_path / "project"
+    clip.write_floats(project / "clip", 4)
+    picture = cv2.imread(str(project / "clip" / "0003.tif"), cv2.IMREAD_UNCHANGED)
+    picture[5, 7] = np.nan
+    cv2.imwrite(str(project / "clip" / "0003.tif"), picture)
+    mine = clip.solve(project / "clip", project / "work")
+    said = done("render", mine, *LENS, "--out", tmp_path / "o" / "####.png", "--jobs", 2)
+    assert said.count("1 pixels of 1 frames were not finite") == 1 and "filled from around: 3" in said
+
+
+def test_a_blend_that_was_saved_is_rendered_with_its_lens(work: Path, tmp_path: Path) -> None:
+    blend, out = tmp_path / "sent" / "a.blend", tmp_path / "o" / "######.png"
+    done("save", work, *LENS, "--frames", "3-9", "--blend", blend)
+    # What the file says of other things has no part in the frames.
+    bpy.ops.wm.open_mainfile(filepath=str(blend))
+    scene = bpy.context.scene
+    assert (scene.frame_start, scene.frame_end) == (3, 9)
+    scene.render.engine, scene.view_settings.view_transform = "BLENDER_EEVEE", "AgX"
+    scene.view_settings.exposure, scene.render.use_border, scene.render.border_max_x = 2.0, True, 0.5
+    bpy.ops.wm.save_mainfile()
+    done("render", blend, "--frames", "3-4", "--out", out)
+    reference = contents(work.parent / "frames")
+    names = "000003.png", "000004.png"
+    assert contents(out.parent) == {name: reference[name] for name in names}
+    done("render", blend, "--frames", "1-48", "--out", tmp_path / "a.mp4", "--jobs", 2)
+    assert (tmp_path / "a.mp4").read_bytes() == (work.parent / "one.mp4").read_bytes()
+
+
+def test_a_blend_that_reads_what_it_needs_where_it_lies(work: Path, tmp_path: Path) -> None:
+    blend = tmp_path / "sent" / "a.blend"
+    assert "it reads the clip" in done("save", work, *LENS, "--no-copy", "--blend", blend)
+    assert contents(blend.parent).keys() == {"a.blend"}
+    blend = blend.rename(tmp_path / "sent" / "b.blend")
+    done("render", blend, "--frames", "7-7", "--out", tmp_path / "o" / "######.png")
+    assert contents(tmp_path / "o") == {"000007.png": contents(work.parent / "frames")["000007.png"]}
+
+
+def test_a_blend_that_cannot_be_rendered_is_refused(work: Path, tmp_path: Path) -> None:
+    blend, out = tmp_path / "a.blend", tmp_path / "o" / "####.png"
+    done("save", work, *LENS, "--no-copy", "--blend", blend)
+    empty, broken = tmp_path / "empty.blend", tmp_path / "broken.blend"
+    broken.write_bytes(b"no blend")
+    bpy.ops.wm.read_homefile(app_template="", use_empty=True, use_factory_startup=True)
+    bpy.ops.wm.save_as_mainfile(filepath=str(empty))
+    for words, status, why in (
+        (("render", blend, "--blur", "0.1", "--seed", "3"), 2, "leave --blur, --seed out"),
+        (("render", work), 2, "one of --focus-at"),
+        (("render", tmp_path / "none.blend"), 1, "none.blend is not there"),
+        (("render", broken), 1, "broken.blend cannot be opened"),
+        (("render", empty), 1, "no solved clip"),
+        (("join", empty, "--rendered", tmp_path / "####.png"), 1, "no solved clip"),
+    ):
+        ended = here(*words, "--out", tmp_path / "a.mp4" if words[0] == "join" else out)
+        assert ended.returncode == status and why in ended.stderr, ended.stderr
+        assert ended.stderr.startswith("error: ") and ended.stderr.count("\n") == 1
+        assert not out.parent.exists()
+    packed = here("save", work, "--no-copy", "--pack", "--blend", tmp_path / "b.blend")
+    assert packed.returncode == 2 and "--no-copy" in packed.stderr
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("{", "cannot be read as JSON"),
+        ("[]", "it cannot be []"),
+        ('{"blurr": 1}', "blurr cannot be 1: there is no such option"),
+        ('{"views": 5000}', "views cannot be 5000; give a number from 0 to 4096"),
+        ('{"views": "many"}', "views cannot be 'many'"),
+        ('{"focus_distance": 7, "blur": 0.9}', "at most 0.5 can be drawn"),
+    ],
+)
+def test_a_lens_of_a_job_that_was_edited_wrongly_is_refused(
+    work: Path, tmp_path: Path, text: str, why: str
+) -> None:
+    file = tmp_path / "lens.json"
+    file.write_text(text)
+    ended = here("save", work, "--lens", file, "--no-copy", "--blend", tmp_path / "a.blend")
+    assert ended.returncode == 1 and why in ended.stderr, ended.stderr
+    assert ended.stderr.count("\n") == 1 and not (tmp_path / "a.blend").exists()
+
+
 def children(process: int) -> list[int]:
     return [int(each) for each in Path(f"/proc/{process}/task/{process}/children").read_text().split()]
 
@@ -196,7 +309,8 @@ def children(process: int) -> list[int]:
 @pytest.mark.parametrize("ended", ["child", "Ctrl-C", "SIGTERM", "SIGKILL"])
 def test_jobs_that_are_ended(work: Path, tmp_path: Path, ended: str) -> None:
     out = tmp_path / "o" / "######.png"
-    process = start("render", work, *LENS, "--out", out, "--jobs", 2)
+    temporary = tmp_path / "tmp"
+    process = start("render", work, *LENS, "--out", out, "--jobs", 2, temporary=temporary)
     while len(list(tmp_path.glob("o/0*.png"))) < 2:
         assert process.poll() is None
         time.sleep(0.01)
@@ -217,6 +331,10 @@ def test_jobs_that_are_ended(work: Path, tmp_path: Path, ended: str) -> None:
             time.sleep(0.05)
         done("render", work, *LENS, "--out", out)
     assert contents(out.parent) == contents(work.parent / "frames")
+    if ended == "SIGKILL":
+        assert list(temporary.glob("virtual-aperture-*/scene.blend"))
+        headless("report", work, environment={"TMPDIR": str(temporary)})
+    assert not list(temporary.glob("virtual-aperture-*"))
 
 
 def test_frames_that_no_process_can_render_are_named(work: Path, tmp_path: Path) -> None:

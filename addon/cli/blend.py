@@ -1,0 +1,66 @@
+"""Scenes as .blend files: what other processes, and other machines, are sent to render."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+
+from ..core.base import atomic
+from ..core.base.errors import UserError
+from ..core.media.clip import Footage, FrameRange, open_footage
+from ..render.quiet import quiet
+from ..scene.properties import VirtualApertureSettings
+from ..scene.shot import forget, shot_of
+
+ENDS = b"ENDB", b"\xb1\xea\x92\x8f"
+"""What ends a .blend: its last block, or, where it is compressed, the number of Zstandard's seek table."""
+
+
+def is_blend(path: Path) -> bool:
+    """Whether a path is that of a .blend, and not of a working folder."""
+    return path.suffix.lower() == ".blend" and not path.is_dir()
+
+
+def write_blend(blend: Path) -> None:
+    """Write what is open as a .blend, whole or not at all; its paths are relative. UserError where it cannot
+    be written."""
+    with atomic.staged(blend) as part:
+        try:
+            with quiet(1):
+                bpy.ops.wm.save_as_mainfile(filepath=str(part), check_existing=False, copy=True)
+        except RuntimeError as error:
+            raise UserError(f"{blend} cannot be written: {str(error).strip()}") from None
+        finally:
+            part.with_name(part.name + "1").unlink(missing_ok=True)
+        # Blender does not always notice that it could not write on.
+        if not part.is_file() or not any(end in part.read_bytes()[-64:] for end in ENDS):
+            raise UserError(f"{blend} could not be written as a whole; is the disk full?")
+
+
+def open_blend(blend: Path) -> tuple[bpy.types.Scene, VirtualApertureSettings, Footage]:
+    """The scene of a .blend, to have the clip's frames rendered, and those of the clip that were solved.
+
+    What frames have no key of is as in a fresh scene: the compositor, the sequencer, the border and the view
+    transform have no part in them. UserError where it cannot be opened or holds no solved clip.
+    """
+    if not blend.is_file():
+        raise UserError(f"{blend} is not there; name a .blend that save or farm wrote")
+    try:
+        with quiet(1):
+            bpy.ops.wm.open_mainfile(filepath=str(blend.absolute()), load_ui=False, use_scripts=False)
+    except RuntimeError as error:
+        raise UserError(f"{blend} cannot be opened: {str(error).strip().splitlines()[0]}") from None
+    forget()
+    scene = bpy.context.scene
+    settings: VirtualApertureSettings = scene.virtual_aperture
+    clip = shot_of(scene).footage
+    solved = FrameRange(settings.clip_first, settings.clip_last, max(settings.clip_step, 1))
+    # Older versions kept no range.
+    frames = solved.of(clip.frames) or clip.frames
+    render, view = scene.render, scene.view_settings
+    render.engine = "VIRTUAL_APERTURE"
+    render.use_compositing = render.use_sequencer = render.use_border = False
+    view.view_transform, view.look, view.exposure, view.gamma = "Standard", "None", 0.0, 1.0
+    view.use_curve_mapping = False
+    return scene, settings, open_footage(clip.path, frames, info=clip.video)
