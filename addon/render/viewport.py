@@ -22,6 +22,7 @@ from bpy_extras.view3d_utils import location_3d_to_region_2d
 from gpu_extras.batch import batch_for_shader
 
 from ..core.base.errors import UserError
+from ..scene import redraw
 from ..scene.lens import frame_options
 from ..scene.remedy_words import WORDS
 from ..scene.shot import shot_of
@@ -227,16 +228,8 @@ def _tick() -> float | None:
     now, version = time.monotonic(), PREVIEW.version
     if version != _version or (PREVIEW.finds_depth and now - _shown_at > TELL):
         _version, _shown_at = version, now
-        redraw()
+        redraw.viewports("RENDERED")
     return LOOK if PREVIEW.is_busy() else None
-
-
-def redraw() -> None:
-    """Have all viewports in Rendered shading drawn again."""
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D" and area.spaces.active.shading.type == "RENDERED":
-                area.tag_redraw()
 
 
 def end() -> None:

@@ -17,6 +17,7 @@ import gpu
 
 from ..core.base.arrays import LinearRGBA
 from ..core.base.progress import Cancelled, checkpoint
+from . import redraw
 
 Steps = Generator[int, None, LinearRGBA]
 """Yields how many views are drawn, returns their mean. Between two steps another window's GPU context may
@@ -85,9 +86,8 @@ def _tick() -> float:
             return IDLE
     if not _has_gpu_context():
         # As after a window was closed: the next redraw makes another one's context the active one.
-        for window in bpy.context.window_manager.windows:
-            for area in window.screen.areas:
-                area.tag_redraw()
+        for area in redraw.areas():
+            area.tag_redraw()
         return IDLE
     job, until = _current, time.monotonic() + SLICE
     try:

@@ -16,7 +16,7 @@ from bpy.props import (
 )
 
 from ..core.frame.options import FRAME_OPTIONS
-from . import aperture_cloud, depth_of_field, focus_marks, lens
+from . import aperture_cloud, depth_of_field, focus_marks, lens, redraw
 from .aperture_shape import VirtualApertureShape
 from .focus_marks import VirtualApertureFocusMarks, VirtualApertureFocusPoint
 from .option_properties import with_options
@@ -29,11 +29,8 @@ def _aperture_changed(settings: VirtualApertureSettings, _context: bpy.types.Con
     aperture_cloud.update(settings)
 
 
-def _redraw_viewports(_settings: VirtualApertureSettings, context: bpy.types.Context) -> None:
-    for window in context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                area.tag_redraw()
+def _redraw_viewports(_settings: VirtualApertureSettings, _context: bpy.types.Context) -> None:
+    redraw.viewports()
 
 
 def _edited(

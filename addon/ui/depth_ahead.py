@@ -16,8 +16,8 @@ from ..core.base.errors import UserError
 from ..core.base.messages import Message, Progress
 from ..core.sfm.state import STATE
 from ..render.launcher import start
+from ..scene import redraw
 from ..scene.clip import footage_path, work_dir
-from . import redraw
 
 LOOK = 0.5
 """Seconds between two looks at the process."""

@@ -16,13 +16,13 @@ from ..core.media.clip import Footage
 from ..core.sfm.process import SolveProcess
 from ..core.sfm.state import STATE
 from ..core.sfm.workspace import Solve, imported_from, load_solve
-from ..scene import aperture_cloud, focus_marks, parts, version
+from ..scene import aperture_cloud, focus_marks, parts, redraw, version
 from ..scene.build import build
 from ..scene.clip import footage_path, work_dir
 from ..scene.lens import focal_of, is_in_focus
 from ..scene.refocus import keep_focus, restore_focus
 from ..scene.remedy_words import WORDS
-from . import after_solve, depth_ahead, redraw
+from . import after_solve, depth_ahead
 from .solving import Solving
 
 Result = set[str]

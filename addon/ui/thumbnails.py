@@ -12,6 +12,7 @@ import numpy as np
 
 from ..core.base.errors import UserError
 from ..core.media.clip import encode_srgb, to_linear
+from ..scene import redraw
 from ..scene.shot import shot_of
 
 SIDE = 64
@@ -52,10 +53,7 @@ def _cut_out() -> float | None:
             pixels = _pixels(scene, frame, x, y)
             preview.image_size = (SIDE, SIDE)
             preview.image_pixels_float.foreach_set(pixels)
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                area.tag_redraw()
+    redraw.viewports()
     return SOON if _wanted else None
 
 
