@@ -8,7 +8,7 @@ import pytest
 
 from addon.cli import solve
 from addon.core.base.time_left import TimeLeft
-from addon.core.sfm.process import SHARES, Progress
+from addon.core.sfm.process import SHARES, SolveProgress
 from addon.render import output
 
 
@@ -48,7 +48,7 @@ def test_the_line_of_a_solve_never_jumps(
     # Three tries of the cameras, the first two given up near their end.
     for share in (0.1, low, high - 0.01, low, high - 0.01, low, high, 0.95, 0.99):
         now[0] += 30
-        line.show(Progress(f"Stage{share} 1/2", share))
+        line.show(SolveProgress(f"Stage{share} 1/2", share))
         said = capsys.readouterr().out
         estimates.append((now[0], float(said.split("about ")[1].split()[0]) if "left" in said else None))
     assert sum(left is not None for _, left in estimates) >= 3

@@ -10,7 +10,7 @@ import pytest
 
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.readers.matching import Imported
-from addon.core.sfm.process import Progress
+from addon.core.sfm.process import SolveProgress
 from addon.core.sfm.workspace import keep_import
 from addon.ui import depth_ahead, panels
 from addon.ui.operators import build_scene
@@ -38,7 +38,7 @@ def chosen(settings: Settings, _folder: Path) -> None:
 def solving(settings: Settings, folder: Path) -> None:
     chosen(settings, folder)
     running = bpy.types.VIRTUAL_APERTURE_OT_solve._running = Solving(lambda: None)  # type: ignore[arg-type]
-    running.step = Progress("Registered 3 of 12 frames", 0.25)
+    running.step = SolveProgress("Registered 3 of 12 frames", 0.25)
 
 
 def solved(_settings: Settings, _folder: Path) -> None:
