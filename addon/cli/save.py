@@ -124,7 +124,7 @@ def copied(
     if image is not None:
         copy_file(image, folder / APERTURE / image.name)
     return (
-        copy_pictures(open_depth(depth, footage).maps, folder / DEPTH) if depth is not None else None,
+        copy_pictures(open_depth(depth, footage).pictures, folder / DEPTH) if depth is not None else None,
         copy_pictures(open_masks(masks, footage).pictures, folder / MASKS) if masks is not None else None,
         folder / APERTURE / image.name if image is not None else None,
     )

@@ -51,4 +51,4 @@ def _with_lens(scene: bpy.types.Scene, key: str, frame: int) -> str:
 def _depth_digest(shot: Shot) -> tuple[str, list[float]] | None:
     if shot.depth is None:
         return None
-    return clip_digest(shot.depth.maps.maps.path), shot.depth.fit.line.tolist()
+    return clip_digest(shot.depth.maps.pictures.path), shot.depth.fit.line.tolist()

@@ -6,10 +6,9 @@ from collections.abc import Sequence
 
 import bpy
 import numpy as np
-from mathutils import Matrix
 
 from ..core.base.arrays import Floats
-from ..core.camera.reconstruction import Image, Intrinsics, Reconstruction, quaternion_from_matrix
+from ..core.camera.reconstruction import Intrinsics, Reconstruction, quaternion_from_matrix
 
 SENSOR = 36.0
 """Millimetres of the horizontal sensor, Blender's own default."""
@@ -39,14 +38,6 @@ def set_pixel_aspect(render: bpy.types.RenderSettings, camera: Intrinsics) -> No
     """Non-square pixels: the shorter focal length belongs to the longer pixel side."""
     render.pixel_aspect_x = max(camera.fy / camera.fx, 1.0)
     render.pixel_aspect_y = max(camera.fx / camera.fy, 1.0)
-
-
-def camera_matrix(image: Image) -> Matrix:
-    """`matrix_world` of an image's camera under an untransformed root."""
-    matrix = np.eye(4)
-    matrix[:3, :3] = image.rotation.T @ FLIP
-    matrix[:3, 3] = image.centre
-    return Matrix(matrix.tolist())
 
 
 def animate(camera: bpy.types.Object, reconstruction: Reconstruction) -> None:

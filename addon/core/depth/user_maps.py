@@ -7,7 +7,7 @@ depth networks and sensors write them. The feature points of the reconstruction 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 from ..base.arrays import Floats
 from ..base.counting import counted
 from ..base.errors import UserError
-from ..media.clip import Footage, describe, open_footage
-from ..media.picture_file import Pixels
-from ..media.side_files import check_aspect, match_frames
+from ..media.clip import Footage, describe
+from ..media.side_files import SideFiles
 
 KINDS = ("depth", "inverse")
 """What a map may hold of a stored value d: z = a d + b, or 1 / z = a d + b."""
@@ -77,33 +76,22 @@ class DepthMap:
 
 
 @dataclass(frozen=True)
-class DepthMaps:
+class DepthMaps(SideFiles):
     """The depth maps of a clip."""
 
-    footage: Footage
-    """The clip."""
-    maps: Footage
-    """The maps, which are read as a clip of their own."""
-    numbers: dict[int, int]
-    """The clip's frame -> the map's; frames without a map are missing."""
-    notes: tuple[str, ...] = ()
-    """What the user should know."""
-
-    @property
-    def frames(self) -> tuple[int, ...]:
-        """The clip's frames that have a map."""
-        return tuple(self.numbers)
+    KIND = "depth map"
 
     def read(self, frame: int) -> DepthMap:
         """The map of one of the clip's frames; UserError where there is none or it holds no depth."""
         if frame not in self.numbers:
             raise UserError(
-                f"frame {frame} has no depth map in {self.maps.path.name}; there are maps for"
+                f"frame {frame} has no depth map in {self.pictures.path.name}; there are maps for"
                 f" {describe(self.frames)}"
             )
         number = self.numbers[frame]
-        name = self.maps.file(number).name if self.maps.files else f"frame {number} of {self.maps.path.name}"
-        values = _values(_read(self.maps, number), name)
+        maps = self.pictures
+        name = maps.file(number).name if maps.files else f"frame {number} of {maps.path.name}"
+        values = _values(self.stored(frame), name)
         return DepthMap(frame, name, values, self.footage.width, self.footage.height)
 
 
@@ -160,26 +148,11 @@ def open_depth(path: Path, footage: Footage) -> DepthMaps:
     `side_files.match_frames` tells whose they are. Raises UserError where there are no maps or none fits a
     frame.
     """
-    try:
-        maps = open_footage(path)
-    except UserError as error:
-        raise UserError(f"depth maps: {error}") from error
-    numbers, notes = match_frames(maps, footage, "depth map")
-    missing = len(footage.frames) - len(numbers)
-    if missing:
-        notes.append(f"{missing} of {len(footage.frames)} frames without a depth map")
-    first = _read(maps, numbers[next(iter(numbers))])
-    if first.dtype == np.uint8:
-        notes.append("the depth maps have 8 bits, 256 steps from near to far; 16-bit PNG or EXR is smoother")
-    notes += check_aspect(maps, footage, "depth map")
-    return DepthMaps(footage, maps, numbers, tuple(notes))
-
-
-def _read(maps: Footage, number: int) -> Pixels:
-    try:
-        return maps.read(number)
-    except UserError as error:
-        raise UserError(f"depth maps: {error}") from error
+    maps = DepthMaps.of(path, footage)
+    if maps.stored(maps.frames[0]).dtype != np.uint8:
+        return maps
+    note = "the depth maps have 8 bits, 256 steps from near to far; 16-bit PNG or EXR is smoother"
+    return replace(maps, notes=(*maps.notes, note))
 
 
 def fit_clip(maps: DepthMaps, features: Callable[[int], tuple[Floats, Floats]]) -> ClipFit:
@@ -196,15 +169,15 @@ def fit_clip(maps: DepthMaps, features: Callable[[int], tuple[Floats, Floats]]) 
             seen.append((frame, stored, inverse))
     if not seen:
         raise UserError(
-            f"the depth maps in {maps.maps.path.name} know fewer than {MIN_POINTS} feature points a frame;"
-            " check that they are this clip's and not empty"
+            f"the depth maps in {maps.pictures.path.name} know fewer than {MIN_POINTS} feature points a"
+            " frame; check that they are this clip's and not empty"
         )
     found = [_fit_clip(kind, seen) for kind in KINDS]
     fit, misses = min(found, key=lambda one: float(np.median(one[1][:, 0] / one[1][:, 1])))
     shares = misses[:, 0] / misses[:, 1]
     if np.median(shares) > EXPLAINS:
         worst = int(np.argmax(shares))
-        raise _refusal(seen[worst][0], maps.maps.path.name, *misses[worst])
+        raise _refusal(seen[worst][0], maps.pictures.path.name, *misses[worst])
     return fit
 
 

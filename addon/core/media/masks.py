@@ -12,28 +12,17 @@ from numpy.typing import NDArray
 
 from ..base.arrays import Mask
 from ..base.errors import UserError
-from .clip import Footage, open_footage
+from .clip import Footage
 from .picture_file import PICTURES, Pixels
-from .side_files import check_aspect, match_frames
+from .side_files import SideFiles
 
 
 @dataclass(frozen=True)
-class Masks:
+class Masks(SideFiles):
     """The masks of a clip."""
 
-    footage: Footage
-    """The clip."""
-    pictures: Footage
-    """The masks, which are read as a clip of their own."""
-    numbers: dict[int, int]
-    """The clip's frame -> the mask's; frames without a mask are missing."""
-    notes: tuple[str, ...] = ()
-    """What the user should know."""
-
-    @property
-    def frames(self) -> tuple[int, ...]:
-        """The clip's frames that have a mask."""
-        return tuple(self.numbers)
+    KIND = "mask"
+    WITHOUT = "; there, what moves is only found"
 
     def at(self, frame: int) -> Mask | None:
         """(H, W) over the clip's picture, True where it moves by itself; None for a frame without a mask.
@@ -42,10 +31,7 @@ class Masks:
         """
         if frame not in self.numbers:
             return None
-        try:
-            picture = self.pictures.read(self.numbers[frame])
-        except UserError as error:
-            raise UserError(f"masks: {error}") from error
+        picture = self.stored(frame)
         shrinks = picture.shape[1] > self.footage.width
         how = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
         size = (self.footage.width, self.footage.height)
@@ -58,18 +44,7 @@ def open_masks(path: Path, footage: Footage) -> Masks:
     White moves by itself, black stands still; a transparent pixel is black. `side_files.match_frames` tells
     whose they are. Raises UserError where there is no mask or none fits a frame.
     """
-    try:
-        pictures = open_footage(_pattern(path))
-    except UserError as error:
-        raise UserError(f"masks: {error}") from error
-    numbers, notes = match_frames(pictures, footage, "mask")
-    missing = len(footage.frames) - len(numbers)
-    if missing:
-        notes.append(
-            f"{missing} of {len(footage.frames)} frames without a mask; there, what moves is only found"
-        )
-    notes += check_aspect(pictures, footage, "mask")
-    return Masks(footage, pictures, numbers, tuple(notes))
+    return Masks.of(_pattern(path), footage)
 
 
 def _pattern(path: Path) -> Path:

@@ -2,11 +2,63 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar, Self
+
 from ..base.errors import UserError
-from .clip import Footage, describe
+from .clip import Footage, describe, open_footage
+from .picture_file import Pixels
 
 STRETCH = 0.02
-"""By which their shape may differ from the clip's before the user is told."""
+"""By which their shape may differ from the clip's before a note says so."""
+
+
+@dataclass(frozen=True)
+class SideFiles:
+    """Pictures beside a clip, one for each frame or for some."""
+
+    KIND: ClassVar[str]
+    """What one of them is called."""
+    WITHOUT: ClassVar[str] = ""
+    """What becomes of frames without one, at the end of the note that counts them."""
+
+    footage: Footage
+    """The clip."""
+    pictures: Footage
+    """The pictures beside it, which are read as a clip of their own."""
+    numbers: dict[int, int]
+    """The clip's frame -> the picture's; frames without a picture are missing."""
+    notes: tuple[str, ...] = ()
+    """What the user should know."""
+
+    @classmethod
+    def of(cls, path: Path, footage: Footage) -> Self:
+        """The pictures of a clip in a folder, or of a pattern; UserError where there are none or none fits a
+        frame."""
+        try:
+            pictures = open_footage(path)
+        except UserError as error:
+            raise UserError(f"{cls.KIND}s: {error}") from error
+        numbers, notes = match_frames(pictures, footage, cls.KIND)
+        count = len(footage.frames)
+        if missing := count - len(numbers):
+            notes.append(f"{missing} of {count} frames without a {cls.KIND}{cls.WITHOUT}")
+        notes += check_aspect(pictures, footage, cls.KIND)
+        return cls(footage, pictures, numbers, tuple(notes))
+
+    @property
+    def frames(self) -> tuple[int, ...]:
+        """The clip's frames that have a picture."""
+        return tuple(self.numbers)
+
+    def stored(self, frame: int) -> Pixels:
+        """The picture (H, W, 3 or 4) of one of `frames`, as `Footage.read`; UserError naming the file where
+        it cannot be read."""
+        try:
+            return self.pictures.read(self.numbers[frame])
+        except UserError as error:
+            raise UserError(f"{self.KIND}s: {error}") from error
 
 
 def match_frames(pictures: Footage, clip: Footage, kind: str) -> tuple[dict[int, int], list[str]]:
