@@ -11,13 +11,14 @@ JOBS ?= 2
 SOLVES := $(if $(MOTIONS),--motions $(MOTIONS)) $(if $(TRACKERS),--trackers $(TRACKERS)) $(if $(FOCAL),--focal $(FOCAL))
 BENCH := $(if $(SCENES),--scenes $(SCENES)) $(if $(TRACK),--track $(TRACK)) $(if $(BLURS),--blurs $(BLURS))
 
-.PHONY: help setup demo test test-fast test-all test-window pictures torture sample bench bench-speed bench-full bench-solve bench-stability figures lint zip clean
+.PHONY: help setup demo test test-fast test-all test-window test-window-short pictures torture sample bench bench-speed bench-full bench-solve bench-stability figures lint zip clean
 help:
 	@echo "make demo    render the sample clip with depth of field and say where the video is"
 	@echo "make test    run the tests of the add-on"
 	@echo "make test-fast  those that need neither Blender nor a solve nor another process"
 	@echo "make test-all  and long solves, real data and the benchmarks' own"
 	@echo "make test-window  drive a real Blender on a virtual screen with mouse and keys (BLENDER=PROGRAM); BACKEND=vulkan: a part of them"
+	@echo "make test-window-short  the same without two walks of many minutes through a whole clip"
 	@echo "make pictures  take the documentation's pictures in a real Blender (BLENDER=PROGRAM), into docs/pictures/"
 	@echo "make torture  kills, full disks, races and damaged files for hours; resumes (TRIES=100 FAULTS=\"movie jobs\")"
 	@echo "make sample SCENE=bars  a scene of the benchmark: .blend, clip and true cameras, into sample/"
@@ -58,9 +59,13 @@ DRAWING := tests/window/test_renders.py tests/window/test_view_and_panel.py test
 	tests/window/test_off_and_on.py tests/window/test_file_drop.py
 WINDOW_TESTS := $(if $(BACKEND),$(DRAWING),tests/window)
 
-test-window: setup
+# Walks of many minutes, through a real clip and for the documentation's pictures.
+WALKS := tests/window/test_in_the_hands.py tests/window/test_pictures.py
+test-window-short: WINDOW_TESTS := $(if $(BACKEND),$(DRAWING),tests/window $(WALKS:%=--ignore=%))
+
+test-window test-window-short: setup
 	@command -v "$${BLENDER:-blender}" >/dev/null \
-	  || { echo "make test-window: no Blender program; set BLENDER to one, or put blender on the path" >&2; exit 1; }
+	  || { echo "make $@: no Blender program; set BLENDER to one, or put blender on the path" >&2; exit 1; }
 	@$(PYTHON) tools/build_zip.py
 	@BACKEND=$(BACKEND) $(PYTHON) -m pytest $(WINDOW_TESTS)
 
