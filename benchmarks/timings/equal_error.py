@@ -1,4 +1,4 @@
-"""Cost and views at equal error on the same mesh: `python -m benchmarks.timings.equal_error`.
+"""Cost and views at equal error on the same mesh: a part of `python -m benchmarks.timings.speed`.
 
 The layered mesh of a scene's first judged frame with its true depth. Cycles' thin lens draws the unfiltered
 texture with a number of samples; what it misses of a converged picture of its own is half of what two seeds
@@ -8,7 +8,6 @@ prefilter; the mesh is made before. Errors are PSNR in dB of sRGB values, over t
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -21,7 +20,6 @@ from addon.core.frame.warped_frame import MeshedFrame, WarpedFrame
 from addon.core.optics.aperture_sampling import random_disc, vogel_disc
 from addon.core.optics.registration import exact_registration
 
-from .. import store
 from ..accuracy.methods import thin_lens
 from ..accuracy.scenes import Picture
 from ..cost import measured
@@ -33,17 +31,6 @@ SEEDS = 4
 """Of random positions, whose squared errors are averaged."""
 RANDOM = 64
 """Random views whose error is measured; that of others is as one over their number."""
-
-
-def main() -> None:
-    """Print both tables."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--scenes", nargs="+", default=["bars", "walk"])
-    parser.add_argument("--blur", type=int, default=32, help="largest disc in px")
-    parser.add_argument("--samples", nargs="+", type=int, default=[4, 16, 64], help="of Cycles, a pixel")
-    options = parser.parse_args()
-    print(store.provenance())
-    print(table(options.scenes, options.blur, options.samples))
 
 
 def table(scenes: list[str], blur: int, samples: list[int]) -> str:
@@ -119,7 +106,3 @@ def _prefiltered(meshed: MeshedFrame, count: int) -> Picture:
 
 def _squared(one: Picture, other: Picture) -> float:
     return float(10 ** (-difference(one, other) / 10))
-
-
-if __name__ == "__main__":
-    main()

@@ -55,7 +55,7 @@ STAGES: tuple[tuple[object, str, str], ...] = (
     (ClipContext, "picture", "read, highlights"),
     (lens_frame, "_geometry", "read"),
     (ClipContext, "depth", "depth, kept, for every pixel"),
-    (PlaneSweepStereo, "_moving", "movers"),
+    (PlaneSweepStereo, "_moving", "moving objects"),
     (ClipContext, "hidden_colours", "hidden colours, other frames"),
     (ReprojectedColours, "colours", "hidden colours, places"),
     (layered_mesh, "layer_mesh", "mesh, rest"),

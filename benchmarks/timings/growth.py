@@ -1,4 +1,4 @@
-"""How the cost of a frame grows: `python -m benchmarks.timings.growth`.
+"""How the cost of a frame grows: parts of `python -m benchmarks.timings.speed`.
 
 Whole commands on the bars scene with its true cameras, each in a process of its own; a frame costs what more
 frames cost more (`whole_runs`). One thing grows at a time: pixels, blur, frames, feature points, processors.
@@ -7,7 +7,6 @@ Largest disc 0.05 of the width, 640x360 and normal quality where nothing else is
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
@@ -15,7 +14,6 @@ import numpy as np
 
 from addon.core.camera.reconstruction import Reconstruction
 
-from .. import store
 from .whole_runs import JUDGED, Clip, Run, a_frame, filmed
 
 SIZE = (640, 360)
@@ -28,19 +26,10 @@ COUNT = 3
 """Judged frames, of which alone features are known: too few to tell one's cost from that of starting."""
 CORES = (1, 2)
 PREDICTED = (8, 16)
-"""Numbers of processors that Amdahl's law is asked about."""
+"""Numbers of processors that Amdahl's law predicts for."""
 SCENE = "bars"
 FEW, MANY = 1, 4
-"""Frames of the two runs that a frame's cost is told by."""
-
-
-def main() -> None:
-    """Print the tables, those of processors rightly on an idle machine alone: they tell wall time."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--parts", nargs="+", default=list(PARTS), choices=PARTS)
-    print(f"{store.provenance()}\n")
-    for name in parser.parse_args().parts:
-        print(table(name), flush=True)
+"""Frames of the two runs that a frame's cost is found by."""
 
 
 def table(name: str) -> str:
@@ -92,7 +81,7 @@ def points() -> Iterator[str]:
         with filmed(SCENE, SIZE) as clip:
             clip.__dict__["reconstruction"] = thinned(clip.reconstruction, most)
             words = (*clip.lens(), "--method", "features")
-            runs = [clip.run(asked, COUNT, JUDGED) for asked in (clip.lens(), words)]
+            runs = [clip.run(each, COUNT, JUDGED) for each in (clip.lens(), words)]
         yield f"| {most} | {runs[0].cpu_s:.1f} | {runs[1].cpu_s:.1f} |"
 
 
@@ -106,6 +95,7 @@ def thinned(reconstruction: Reconstruction, most: int) -> Reconstruction:
 
 
 def cores() -> Iterator[str]:
+    """Wall times, which are right on an idle machine alone."""
     own = " | ".join(f"{n} processors: a frame, s | CPU s" for n in CORES)
     others = " | ".join(f"{n}: times as fast as 1" for n in PREDICTED)
     yield f"| run | {own} | share that runs side by side | {others} |"
@@ -136,7 +126,3 @@ def _both(
 PARTS: dict[str, Callable[[], Iterator[str]]] = {
     "pixels": pixels, "blur": blur, "frames": frames, "points": points, "cores": cores,
 }  # fmt: skip
-
-
-if __name__ == "__main__":
-    main()

@@ -1,9 +1,10 @@
 """What the interface waits for: python -m benchmarks.timings.interface [BLEND ...]
 
 Times of a preview's pictures by level, of frames that follow each other, with depth kept; of an import by its
-number of points, and of a move of the eyedropper among them. Of each the median and the least, because the
-machine's other work is in it. Without a .blend that holds a solved clip, whose working folder keeps depth
-(`headless.py solve CLIP --work DIR --depth`, then `save`), only the points are timed.
+number of points, and of a move of the eyedropper among them; and of one view on this machine's GPU, from the
+difference between N and 2 N views. Of each the median and the least, because the machine's other work is in
+it. Without a .blend that holds a solved clip, whose working folder keeps depth
+(`headless.py solve CLIP --work DIR --depth`, then `save`), only points and views are timed.
 """
 
 from __future__ import annotations
@@ -20,18 +21,24 @@ import numpy as np
 
 import addon
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
+from addon.core.focus.focus import Focus
 from addon.core.frame.clip_context import ClipContext, no_picture
 from addon.core.media.clip import open_footage
+from addon.render import gpu_views
 from addon.render.preview import COARSE, FAIR, FINE, ROUGH, Wanted, make_picture
 from addon.scene.build import build
 from addon.scene.lens import frame_options
 from addon.scene.shot import shot_of
 from addon.ui.points_overlay import places_and_colours
 
+from ..stability.runs import planned
+
 COUNTS = (10_000, 100_000, 1_000_000)
 FRAMES = 6
 """Of a clip, that are shown one after the other."""
 MOVES = 200
+SIZES = ((640, 360), (884, 1080), (1920, 1080), (3840, 2160))
+FEATURES, VIEWS = 1500, 64
 LEVELS = {ROUGH: "from the feature points", COARSE: "coarse", FAIR: "draft", FINE: "best"}
 
 
@@ -63,12 +70,12 @@ def preview_table(file: Path) -> None:
         print(f"| {size[0]}x{size[1]} | " + " | ".join(cells) + " |")
 
 
-def cloud(count: int) -> Reconstruction:
-    """Random points before one of two cameras, that both see."""
-    camera = Intrinsics(640, 360, 544.0, 544.0, 320.0, 180.0)
+def cloud(count: int, width: int = 640, height: int = 360) -> Reconstruction:
+    """Random points of a plane that recedes to the right from 5 to 12, which two cameras see."""
+    camera = Intrinsics(width, height, 0.85 * width, 0.85 * width, width / 2, height / 2)
     rng = np.random.default_rng(0)
     xy = rng.uniform([0, 0], [camera.width, camera.height], (count, 2))
-    depth = rng.uniform(5, 12, count)
+    depth = 5 + 7 * xy[:, 0] / width
     xyz = np.column_stack([(xy - camera.principal_point) / camera.focal, np.ones(count)]) * depth[:, None]
     numbers = np.arange(count, dtype=np.int32)
     images = []
@@ -99,6 +106,32 @@ def points_table() -> None:
             print(f"| {count:,} | {built:.2f} | {colours} | {moves} |")
 
 
+def views_table() -> None:
+    """Print what a frame takes (upload, views, sum, download) and what one more view takes."""
+    if problem := gpu_views.gpu_problem():
+        raise SystemExit(f"no GPU context: {problem}")
+    import gpu
+
+    print(f"\n{gpu.platform.renderer_get()}, {gpu.platform.backend_type_get()}, {FEATURES} points\n")
+    print(f"| picture | {VIEWS} views, ms | one more, ms |\n|---|---|---|")
+    # A largest disc of 0.02 of the width.
+    radius = 0.02 / (2 * 0.85 * (1 / 5 - 1 / 8))
+    for width, height in SIZES:
+        picture = np.random.default_rng(1).random((height, width, 4), dtype=np.float32)
+        reconstruction = cloud(FEATURES, width, height)
+        seconds = []
+        for count in (VIEWS, 2 * VIEWS):
+            plan = planned(reconstruction, Focus(distance=8.0), radius=radius, views=count)
+            runs = []
+            for _ in range(3):
+                began = time.perf_counter()
+                gpu_views.mean_of_views(plan, picture)
+                runs.append(time.perf_counter() - began)
+            seconds.append(min(runs))
+        more = (seconds[1] - seconds[0]) / VIEWS
+        print(f"| {width}x{height} | {1e3 * seconds[0]:.1f} | {1e3 * more:.3f} |", flush=True)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -109,6 +142,7 @@ def main() -> None:
     for file in options.blends:
         preview_table(file)
     points_table()
+    views_table()
 
 
 if __name__ == "__main__":

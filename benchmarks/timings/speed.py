@@ -19,7 +19,7 @@ from .frame_costs import DISC, SIZES
 
 FILE = Path(__file__).parents[1] / "results" / "speed.md"
 COUNTS = {"640x360": (2, 8), "1920x1080": (1, 3)}
-"""Frames of the two runs that a frame's cost is told by, at each size."""
+"""Frames of the two runs that a frame's cost is found by, at each size."""
 TITLE = "# What it costs"
 
 
