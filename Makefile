@@ -59,15 +59,17 @@ DRAWING := tests/window/test_renders.py tests/window/test_view_and_panel.py test
 	tests/window/test_off_and_on.py tests/window/test_file_drop.py
 WINDOW_TESTS := $(if $(BACKEND),$(DRAWING),tests/window)
 
-# Walks of many minutes, through a real clip and for the documentation's pictures.
-WALKS := tests/window/test_in_the_hands.py tests/window/test_pictures.py
-test-window-short: WINDOW_TESTS := $(if $(BACKEND),$(DRAWING),tests/window $(WALKS:%=--ignore=%))
-
-test-window test-window-short: setup
+test-window: setup
 	@command -v "$${BLENDER:-blender}" >/dev/null \
-	  || { echo "make $@: no Blender program; set BLENDER to one, or put blender on the path" >&2; exit 1; }
+	  || { echo "make test-window: no Blender program; set BLENDER to one, or put blender on the path" >&2; exit 1; }
 	@$(PYTHON) tools/build_zip.py
 	@BACKEND=$(BACKEND) $(PYTHON) -m pytest $(WINDOW_TESTS)
+
+# Walks of many minutes, through a real clip and for the documentation's pictures.
+WALKS := tests/window/test_in_the_hands.py tests/window/test_pictures.py
+
+test-window-short:
+	@$(MAKE) --no-print-directory test-window WINDOW_TESTS="tests/window $(WALKS:%=--ignore=%)"
 
 pictures: setup
 	@$(PYTHON) tools/build_zip.py
