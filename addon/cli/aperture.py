@@ -49,7 +49,7 @@ def set_shape(settings: VirtualApertureSettings, words: list[str] | None) -> Non
     """Write the words of `--aperture` into the settings; UserError for a shape that means nothing."""
     for key, value in _pairs(words):
         setattr(settings.shape, key, value if key == IMAGE else value_type(APERTURE_OPTIONS[key])(value))
-    # A picture that cannot be read is told now.
+    # A picture that cannot be read is refused now.
     assert settings.shape.aperture is not None
 
 

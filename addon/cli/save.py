@@ -37,7 +37,7 @@ MASKS, DEPTH, APERTURE = "masks", "depth", "aperture"
 """Folders beside the .blend, or within a farm's bundle, for copies of the user's pictures."""
 
 MOST_NAMED = 5
-"""Of files and folders beside a .blend; of more the first and the last are told. By eye: a line."""
+"""Of files and folders beside a .blend; of more the first and the last are named. By eye: a line."""
 
 
 def add_command(

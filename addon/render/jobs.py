@@ -32,7 +32,7 @@ class _Share:
 
     number: int
     todo: list[int]
-    """Those that it has not told to be done."""
+    """Those that it has not said to be done."""
     tries: int = 0
     child: Child | None = None
 
@@ -44,22 +44,22 @@ def render_side_by_side(
     done: Callable[[int], None],
     note: Callable[[str], None],
 ) -> None:
-    """Render frames in `count` processes; `done` is told of each frame, in whichever order, and `note` of
+    """Render frames in `count` processes; `done` is called with each frame, in whichever order, and `note` of
     what a process warns of.
 
     A process that fails is started once more for what it had left. UserError naming the frames that are not
     done at the end. Whatever is raised here, Ctrl-C included, ends all of them; where this process is killed
     they end by themselves.
     """
-    told: queue.Queue[tuple[_Share, Message | None]] = queue.Queue()
+    events: queue.Queue[tuple[_Share, Message | None]] = queue.Queue()
     running = [_Share(number, todo) for number, todo in enumerate(shares(frames, count))]
     failed: list[_Share] = []
     try:
         for share in running:
-            _start(share, command, told)
+            _start(share, command, events)
         left = len(running)
         while left:
-            share, message = told.get()
+            share, message = events.get()
             if isinstance(message, Progress) and message.frame in share.todo:
                 share.todo.remove(message.frame)
                 done(message.frame)
@@ -71,7 +71,7 @@ def render_side_by_side(
             if share.child.failure is None or not share.todo:
                 left -= 1
             elif share.tries < TRIES:
-                _start(share, command, told)
+                _start(share, command, events)
             else:
                 failed.append(share)
                 left -= 1
@@ -84,6 +84,6 @@ def render_side_by_side(
         raise UserError(f"frames {ranges(lost)} could not be rendered: {'; '.join(reasons)}")
 
 
-def _start(share: _Share, command: Command, told: queue.Queue[tuple[_Share, Message | None]]) -> None:
+def _start(share: _Share, command: Command, events: queue.Queue[tuple[_Share, Message | None]]) -> None:
     share.tries += 1
-    share.child = start(command(share.todo, share.number), lambda message: told.put((share, message)))
+    share.child = start(command(share.todo, share.number), lambda message: events.put((share, message)))

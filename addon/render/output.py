@@ -162,11 +162,11 @@ def check_frames(files: dict[int, Path], size: tuple[int, int], keys: dict[int, 
         if problem:
             problems.setdefault(problem.replace("was not written", "is missing"), []).append(frame)
     if problems:
-        told = "; ".join(
+        listed = "; ".join(
             f"{'frame' if len(which) == 1 else 'each of frames'} {ranges(which)} {problem}"
             for problem, which in problems.items()
         )
-        raise UserError(f"{told} in {next(iter(files.values())).parent}; render what is not right again")
+        raise UserError(f"{listed} in {next(iter(files.values())).parent}; render what is not right again")
 
 
 def _strangeness(path: Path, key: str | None) -> str:
@@ -211,10 +211,10 @@ _Stamp = tuple[int, int, int]
 def _stamp(path: Path) -> _Stamp | None:
     """Inode, size and time of a file; None where there is none."""
     try:
-        told = path.stat()
+        state = path.stat()
     except FileNotFoundError:
         return None
-    return told.st_ino, told.st_size, told.st_mtime_ns
+    return state.st_ino, state.st_size, state.st_mtime_ns
 
 
 def _is_made_meanwhile(frame: int, target: Path, key: str, stamp: _Stamp | None) -> bool:

@@ -12,7 +12,15 @@ from ..core.media.picture_file import PICTURES
 from .operators import Result, may_change, reported
 
 
-class VIRTUAL_APERTURE_OT_choose_clip(bpy.types.Operator):  # noqa: N801
+class ShowsClips:
+    """A file browser that shows videos, pictures and folders."""
+
+    filter_movie: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
+    filter_image: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
+    filter_folder: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
+
+
+class VIRTUAL_APERTURE_OT_choose_clip(ShowsClips, bpy.types.Operator):  # noqa: N801
     """Choose a video, a picture of a sequence (which means all of it) or a folder of pictures"""
 
     bl_idname = "virtual_aperture.choose_clip"
@@ -25,9 +33,6 @@ class VIRTUAL_APERTURE_OT_choose_clip(bpy.types.Operator):  # noqa: N801
         subtype="FILE_PATH",
         options={"SKIP_SAVE"},
     )
-    filter_movie: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
-    filter_image: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
-    filter_folder: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

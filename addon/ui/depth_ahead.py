@@ -31,7 +31,7 @@ class DepthAhead:
     messages: queue.SimpleQueue[Message | None] = field(default_factory=queue.SimpleQueue)
     done: int = 0
     total: int = 0
-    """Frames; 0 until the process has told."""
+    """Frames; 0 until the process has said it."""
     problem: str = ""
     """Why it failed."""
     child: Child | None = None
@@ -73,7 +73,7 @@ def begin(work: Path) -> None:
 
 
 def begin_after_solve(work: Path) -> None:
-    """`begin` where somebody sits before a window; what cannot be started is told by the panel."""
+    """`begin` where somebody sits before a window; the panel says what cannot be started."""
     global _ahead
     if bpy.app.background:
         return

@@ -25,7 +25,7 @@ MODELS = (".bin", ".txt", ".out", ".nvm")
 """Endings of the models that other programs write."""
 
 
-class VIRTUAL_APERTURE_OT_import_clip(operators.Solves, bpy.types.Operator):  # noqa: N801
+class VIRTUAL_APERTURE_OT_import_clip(choose_clip.ShowsClips, operators.Solves, bpy.types.Operator):  # noqa: N801
     """Choose a video, a picture of a sequence (which means all of it) or a folder of pictures, and solve it;
     a solve of it that is kept is loaded"""
 
@@ -39,9 +39,6 @@ class VIRTUAL_APERTURE_OT_import_clip(operators.Solves, bpy.types.Operator):  # 
         subtype="FILE_PATH",
         options={"SKIP_SAVE"},
     )
-    filter_movie: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
-    filter_image: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
-    filter_folder: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
 
     sure: bpy.props.BoolProperty(
         name="Do Not Ask", description="The user was asked", options={"SKIP_SAVE", "HIDDEN"}

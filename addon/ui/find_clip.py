@@ -11,10 +11,11 @@ from ..core.media.clip import is_pattern, open_footage
 from ..core.media.find_clip import is_clip
 from ..scene.build import move_clip
 from ..scene.paths import absolute
+from .choose_clip import ShowsClips
 from .operators import Result, has_solve, may_change, reported
 
 
-class VIRTUAL_APERTURE_OT_find_clip(bpy.types.Operator):  # noqa: N801
+class VIRTUAL_APERTURE_OT_find_clip(ShowsClips, bpy.types.Operator):  # noqa: N801
     """Show where the solved clip lies now; the solve, the focus and the background stay as they are"""
 
     bl_idname = "virtual_aperture.find_clip"
@@ -25,9 +26,6 @@ class VIRTUAL_APERTURE_OT_find_clip(bpy.types.Operator):  # noqa: N801
         name="Clip", description="The video, or a picture of the sequence", subtype="FILE_PATH",
         options={"SKIP_SAVE"},
     )  # fmt: skip
-    filter_movie: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
-    filter_image: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
-    filter_folder: bpy.props.BoolProperty(default=True, options={"HIDDEN", "SKIP_SAVE"})
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

@@ -135,8 +135,8 @@ def test_a_highlight_is_clipped_by_what_is_nearer(near: float) -> None:
     assert lit[column > first + 2.5].max(initial=0) < 0.02 * whole.max()
     share = lit.sum() / whole.sum()
     seen = np.clip(least, -1, 1)
-    told = 1 - (np.arccos(seen) - seen * np.sqrt(1 - seen**2)) / np.pi
-    assert share == pytest.approx(told, abs=0.03)
+    covered = 1 - (np.arccos(seen) - seen * np.sqrt(1 - seen**2)) / np.pi
+    assert share == pytest.approx(covered, abs=0.03)
 
 
 def test_nothing_that_is_farther_or_as_far_hides_a_highlight() -> None:

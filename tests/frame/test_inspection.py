@@ -360,11 +360,11 @@ def test_where_nothing_is_coarse_there_is_no_error() -> None:
 
 def test_a_run_in_one_line() -> None:
     report = frame_report(disc_and_wall(), np.zeros((*SIZE, 3), np.float32), 0.0)
-    used = [Used(n, "layers", "as asked") for n in range(1, 8)] + [
+    used = [Used(n, "layers", "as chosen") for n in range(1, 8)] + [
         Used(n, "grid", "little is sure") for n in (8, 9, 12)
     ]
     text = summary(used, [replace(report, own=80.0, borrowed=15.0, inpainted=5.0)] * 3)
-    assert "7 frames drawn by layers: as asked" in text
+    assert "7 frames drawn by layers: as chosen" in text
     assert "3 frames (8-9, 12) drawn by grid: little is sure" in text
     assert "80.0 %" in text and "15.0 %" in text and "5.0 %" in text and "nothing" not in text
     assert summary([]) == ""

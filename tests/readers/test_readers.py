@@ -492,7 +492,7 @@ def test_images_are_found_by_name_or_number(names: tuple[str, ...]) -> None:
 def test_a_videos_frames_are_found_by_number() -> None:
     imported = match(known(("frame_000004.png", "frame_000002.png")), foreign.video())
     assert order(imported) == [(2, 1), (4, 0)]
-    assert any("told by the number" in note for note in imported.notes)
+    assert any("matched by the number" in note for note in imported.notes)
     imported = match(known(("frame_0.png", "frame_3.png")), foreign.video())
     assert order(imported) == [(1, 0), (4, 1)]
     assert any("from 0" in note for note in imported.notes)

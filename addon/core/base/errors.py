@@ -30,7 +30,7 @@ Words = Mapping[Remedy, str]
 
 
 class UserError(Exception):
-    """Something the user can act on, told in one line: what is wrong, where, and what to do.
+    """Something the user can act on, in one line: what is wrong, where, and what to do.
 
     The command line prints the message and ends with a non-zero status; operators report it. The message
     names no interface's controls: `remedies` tell which ones help.

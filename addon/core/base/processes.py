@@ -1,4 +1,4 @@
-"""Which processes a number can be asked of: those of one start of one kernel, in one namespace."""
+"""Which processes a number means: those of one start of one kernel, in one namespace."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pathlib import Path
 
 PROC = Path("/proc")
 UNKNOWN = "0" * 12
-"""Instead of a table's digits, where it cannot be told from others."""
+"""Instead of a table's digits, where it cannot be told apart from others."""
 
 
 @cache
@@ -33,7 +33,7 @@ def process_table() -> str:
 
 
 def is_gone(table: str, pid: int) -> bool:
-    """Whether a process has ended for certain: only one of this process's own table can be asked about."""
+    """Whether a process has ended for certain: only one of this process's own table is known."""
     if UNKNOWN in (table, process_table()) or table != process_table():
         return False
     return pid != os.getpid() and not _is_alive(pid)
@@ -46,7 +46,7 @@ def _is_alive(pid: int) -> bool:
         return False
     except PermissionError:
         return True
-    # One that has ended, and that whoever started it has not asked about, still has its number. What is
+    # One that has ended, and that whoever started it has not waited for, still has its number. What is
     # mounted may be the table of another namespace.
     with contextlib.suppress(OSError, IndexError):
         if (PROC / "self").readlink() == Path(str(os.getpid())):

@@ -16,7 +16,7 @@ from ..warp.rasterise import at_pixels
 from .inspection import SOURCES, blur_discs, largest_shown, surface_of
 from .warped_frame import WarpedFrame
 
-ASKED, SURE_ENOUGH, GIVEN = "as asked", "its depth is sure enough", "its depth is given"
+CHOSEN, SURE_ENOUGH, GIVEN = "as chosen", "its depth is sure enough", "its depth is given"
 """Why a frame got the method that was asked for: layers need depth."""
 
 
@@ -95,7 +95,7 @@ class Used:
     @classmethod
     def of(cls, warped: WarpedFrame) -> Used:
         """Which method a frame was drawn with, and why."""
-        why = ASKED
+        why = CHOSEN
         if warped.layers:
             why = GIVEN if _confidence(warped) is None else SURE_ENOUGH
         return cls(warped.plan.frame, warped.method, warped.why or why)

@@ -27,7 +27,7 @@ from .plan import FrameOptions, FramePlan
 FEWEST_SURE = 0.05
 """Share of the picture whose depth must be known for layers: by eye."""
 TOO_LARGE = "its blur discs are too large for layers"
-TOO_UNSURE = f"the depth of less than {100 * FEWEST_SURE:g} % of its pixels can be told from the clip"
+TOO_UNSURE = f"the depth of less than {100 * FEWEST_SURE:g} % of its pixels can be found in the clip"
 DEEP = 0.6
 """Share of a frame's time without its views that is over after depth, where that is to be found: half or more
 by `python -m benchmarks.timings.frame_costs`."""

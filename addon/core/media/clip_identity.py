@@ -11,8 +11,8 @@ from .clip import clip_files
 SMALL = "2:"
 """Begins the identity of a small clip, by all of its bytes."""
 WHOLE = "3:"
-"""Begins the identity of a large clip: of its samples, by which another one is told at a glance, and of all
-of its bytes."""
+"""Begins the identity of a large clip: of its samples, by which another one is recognised at a glance, and of
+all of its bytes."""
 
 
 def identity(path: Path) -> str:

@@ -55,7 +55,7 @@ class _Pairing:
 def match(model: ImportedModel, footage: Footage) -> Imported:
     """Give the images of a foreign model the clip's frame numbers, and its lenses the clip's size.
 
-    Raises UserError where no image can be told to be a frame, where several could be the same one, and where
+    Raises UserError where no image is known to be a frame, where several could be the same one, and where
     the model was solved from pictures of another shape.
     """
     pairing = _pair(model, footage)
@@ -119,9 +119,9 @@ def _no_match(model: ImportedModel, footage: Footage) -> str:
     clip = f"{footage.path.name} has {describe(footage.frames)}"
     if not any(model.names):
         return (
-            f"the {model.format} model has {counted(count, 'camera')} without names, and {clip}: which is"
-            " which cannot be told; give the footage that was solved, or for Bundler put list.txt beside the"
-            " model"
+            f"the {model.format} model has {counted(count, 'camera')} without names, and {clip}: which"
+            " picture each is of is not known; give the footage that was solved, or for Bundler put list.txt"
+            " beside the model"
         )
     if footage.files:
         clip += f" ({_some([file.name for file in footage.files])})"
@@ -162,7 +162,7 @@ def _by_number(named: dict[int, Parts], footage: Footage) -> _Pairing:
     folder = (*folder[:-1], "") if footage.is_video or not footage.path.is_dir() else (*folder, "")
     wanted = [(frame, str(frame), folder) for frame in footage.frames]
     plain = _chosen(named, wanted, _number)
-    plain.note = "images are told by the number in their names: they are the clip's frames of that number"
+    plain.note = "images are matched by the number in their names: they are the clip's frames of that number"
     if not any(_number(parts) == "0" for parts in named.values()):
         return plain
     moved = _chosen(named, [(frame, str(frame - 1), folder) for frame in footage.frames], _number)

@@ -183,10 +183,10 @@ def _refuse_import(work_dir: Path) -> None:
         )
 
 
-def _progress(told: Progress) -> SolveProgress:
-    low, high = SHARES.get(told.stage, (0.0, 1.0))
-    share = low + (high - low) * told.done / max(told.total, 1)
-    return SolveProgress(f"{told.stage} {told.done}/{told.total}" if told.total > 1 else told.stage, share)
+def _progress(sent: Progress) -> SolveProgress:
+    low, high = SHARES.get(sent.stage, (0.0, 1.0))
+    share = low + (high - low) * sent.done / max(sent.total, 1)
+    return SolveProgress(f"{sent.stage} {sent.done}/{sent.total}" if sent.total > 1 else sent.stage, share)
 
 
 def _python() -> str:
