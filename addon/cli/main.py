@@ -313,7 +313,11 @@ def run_command(arguments: list[str]) -> int:
             raise
         text = _message(error, words)
         status = 128 + _signal if _signal else 2 if isinstance(error, UsageError) else 1
-        send(Failure(text, status))
+        if isinstance(error, UserError) and not _signal:
+            # The parent has its own words for what helps.
+            send(Failure(str(error), status, error.remedies))
+        else:
+            send(Failure(text, status))
         streams.complain(text)
         return status
     finally:

@@ -79,9 +79,12 @@ def render_side_by_side(
         end([share.child for share in running if share.child is not None])
     if failed:
         lost = sorted(frame for share in failed for frame in share.todo)
-        failures = [share.child.failure for share in failed if share.child is not None]
-        reasons = sorted({failure.text for failure in failures if failure is not None})
-        raise UserError(f"frames {ranges(lost)} could not be rendered: {'; '.join(reasons)}")
+        whys = [share.child.failure for share in failed if share.child is not None]
+        reasons = sorted({why.text for why in whys if why is not None})
+        remedies = {remedy for why in whys if why is not None for remedy in why.remedies}
+        raise UserError(
+            f"frames {ranges(lost)} could not be rendered: {'; '.join(reasons)}", *sorted(remedies)
+        )
 
 
 def _start(share: _Share, command: Command, events: queue.Queue[tuple[_Share, Message | None]]) -> None:

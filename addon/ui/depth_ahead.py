@@ -18,6 +18,7 @@ from ..core.sfm.state import STATE
 from ..render.launcher import start
 from ..scene import redraw
 from ..scene.clip import footage_path, work_dir
+from ..scene.remedy_words import WORDS
 
 LOOK = 0.5
 """Seconds between two looks at the process."""
@@ -48,7 +49,7 @@ class DepthAhead:
             heard = True
             if message is None:
                 failure = self.child.failure
-                self.problem = failure.text if failure is not None else ""
+                self.problem = failure.error.worded(WORDS) if failure is not None else ""
                 self.child = None
             elif isinstance(message, Progress):
                 self.done, self.total = message.done, message.total
@@ -80,7 +81,7 @@ def begin_after_solve(work: Path) -> None:
     try:
         begin(work)
     except UserError as error:
-        _ahead = DepthAhead(work, problem=str(error))
+        _ahead = DepthAhead(work, problem=error.worded(WORDS))
 
 
 def stop() -> None:

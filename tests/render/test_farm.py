@@ -230,6 +230,39 @@ def test_what_a_process_warns_of_is_said(work: Path, tmp_path: Path) -> None:
     assert said.count("1 pixels of 1 frames were not finite") == 1 and "filled from around: 3" in said
 
 
+def test_a_lens_with_everything_gives_the_same_frames_wherever_it_is_sent(tmp_path: Path) -> None:
+    """To processes side by side, to a farm, and to a farm that solves first."""
+    shot = clip.write_video(tmp_path / "clip", 6)
+    mine, whole = clip.solve(shot, tmp_path / "work"), ("--for-movie", "--frames", "1-6")
+    clip.write_masks(tmp_path / "masks", 6)
+    clip.write_depth(tmp_path / "depth", 6)
+    cv2.imwrite(str(tmp_path / "iris.png"), np.tri(32, dtype=np.uint8) * 255)
+    lens = (
+        "--focus-at", "0.3,0.5@2", "--focus-at", "0.7,0.4@5", "--blur", "0.06", "--tilt", "4",
+        "--swing=-1e-05", "--quality", "draft", "--highlights", "2", "--highlight-threshold", "0.9", "--borrow", "off",
+        "--aperture", "ratio=1.5", "rotation=15", f"image={tmp_path / 'iris.png'}", "--seed", "3",
+        "--mask", tmp_path / "masks", "--depth", tmp_path / "depth",
+    )  # fmt: skip
+    done("render", mine, *lens, *whole, "--out", tmp_path / "one" / "####.png")
+    done("render", mine, *lens, *whole, "--out", tmp_path / "jobs" / "####.png", "--jobs", 2)
+    done("farm", mine, *lens, "--out", tmp_path / "job")
+    done("farm", shot, *lens, "--out", tmp_path / "later")
+    told = tmp_path / "later" / "input" / "lens.json"
+    done("save", mine, "--lens", told, "--no-copy", "--frames", "1-6", "--blend", tmp_path / "later.blend")
+    for name in ("masks", "depth"):
+        shutil.rmtree(tmp_path / name)
+    (tmp_path / "iris.png").unlink()
+    for name, blend in (
+        ("farm", tmp_path / "job" / "input" / "scene.blend"),
+        ("solved", tmp_path / "later.blend"),
+    ):
+        done("render", blend, *whole, "--out", tmp_path / name / "####.png")
+    one = contents(tmp_path / "one")
+    assert len(one) == 6
+    for name in ("jobs", "farm", "solved"):
+        assert contents(tmp_path / name) == one, name
+
+
 def test_a_blend_that_was_saved_is_rendered_with_its_lens(work: Path, tmp_path: Path) -> None:
     blend, out = tmp_path / "sent" / "a.blend", tmp_path / "o" / "######.png"
     done("save", work, *LENS, "--frames", "3-9", "--blend", blend)

@@ -120,6 +120,8 @@ def test_a_solve_that_is_damaged_is_told_by_its_file(scene: bpy.types.Scene, wor
     assert found is not None
     until(lambda: found.child is None)
     assert "solve.json" in found.problem
+    # In the words of the panel, not of the command that found it.
+    assert "Solve Again" in found.problem and "--" not in found.problem
 
 
 def test_another_file_ends_it(scene: bpy.types.Scene, work: Path) -> None:
