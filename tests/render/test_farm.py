@@ -239,9 +239,9 @@ def test_a_lens_with_everything_gives_the_same_frames_wherever_it_is_sent(tmp_pa
     cv2.imwrite(str(tmp_path / "iris.png"), np.tri(32, dtype=np.uint8) * 255)
     lens = (
         "--focus-at", "0.3,0.5@2", "--focus-at", "0.7,0.4@5", "--blur", "0.06", "--tilt", "4",
-        "--swing=-1e-05", "--quality", "draft", "--highlights", "2", "--highlight-threshold", "0.9", "--borrow", "off",
+        "--swing=-1e-05", "--quality", "draft", "--highlights", "2", "--highlight-threshold", "0.9",
         "--aperture", "ratio=1.5", "rotation=15", f"image={tmp_path / 'iris.png'}", "--seed", "3",
-        "--mask", tmp_path / "masks", "--depth", tmp_path / "depth",
+        "--mask", tmp_path / "masks", "--depth", tmp_path / "depth", "--borrow", "off",
     )  # fmt: skip
     done("render", mine, *lens, *whole, "--out", tmp_path / "one" / "####.png")
     done("render", mine, *lens, *whole, "--out", tmp_path / "jobs" / "####.png", "--jobs", 2)
