@@ -124,7 +124,7 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
     )
     focal_mm: FloatProperty(
         name="Focal Length",
-        description="What is written on the lens",
+        description="Focal length as written on the lens",
         subtype="DISTANCE_CAMERA",
         min=0.1,
         soft_max=400.0,
@@ -148,15 +148,15 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
     )
     masks: StringProperty(
         name="Masks",
-        description="Folder of pictures, or one of them: white moves by itself. Empty: found from the clip",
+        description="Folder of masks, or one of them: white marks moving objects. Empty: found in the clip",
         subtype="FILE_PATH",
         options={"PATH_SUPPORTS_BLEND_RELATIVE"},
     )
     mask: PointerProperty(
         type=bpy.types.Mask,
         name="Mask",
-        description="Drawn in the Image or Movie Clip Editor around what moves by itself; feather and tracks"
-        " are ignored",
+        description="Drawn in the Image or Movie Clip Editor around moving objects; feather and tracks are"
+        " ignored",
     )
     root: PointerProperty(type=bpy.types.Object, name="Root")
     camera: PointerProperty(type=bpy.types.Object, name="Camera")
@@ -219,8 +219,8 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
     )
     focus_tilt: FloatProperty(
         name="Tilt",
-        description="By how much the focal plane's upper part leans away from the camera, about its place on"
-        " the optical axis",
+        description="How far the top of the focal plane leans away from the camera, around the point where it"
+        " crosses the optical axis",
         subtype="ANGLE",
         min=-MOST_TILT,
         max=MOST_TILT,
@@ -229,8 +229,8 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
     )
     focus_swing: FloatProperty(
         name="Swing",
-        description="By how much the focal plane's right part leans away from the camera, about its place on"
-        " the optical axis",
+        description="How far the right side of the focal plane leans away from the camera, around the point"
+        " where it crosses the optical axis",
         subtype="ANGLE",
         min=-MOST_TILT,
         max=MOST_TILT,
@@ -268,7 +268,7 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
     )
     metres_per_unit: FloatProperty(
         name="Metres per Unit",
-        description="How long a unit of the scene is, which the f-stop takes; Blender shows lengths in it,"
+        description="Length of a unit of the scene, which f-stops need; Blender shows lengths in metres then,"
         " too. 0 where it is not known: a solve has a unit of its own",
         min=0.0,
         soft_max=10.0,
@@ -279,9 +279,9 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
     )
     f_stop: FloatProperty(
         name="F-Stop",
-        description="Focal length over the aperture's diameter: the blur in terms of photography. Without a"
-        " known sensor it is that of a full frame, 36 mm wide. 0 where Metres per Unit is not known: then"
-        " setting it changes nothing. Key the radius instead",
+        description="Focal length divided by the aperture's diameter, as on a lens. Without a known"
+        " sensor it is that of a full frame, 36 mm wide. 0 where Metres per Unit is not known: then setting"
+        " it changes nothing. Key the radius instead",
         get=depth_of_field.f_stop,
         set=depth_of_field.set_f_stop,
         min=0.0,

@@ -36,14 +36,14 @@ class FrameOptions:
     """Of the random positions of the thesis's method."""
     borrow: bool = option(
         True, "Borrow",
-        "Take what a frame does not show, behind silhouettes and past the border, from the frames that do;"
-        " without, it is made up from beside",
+        "Fill what a frame does not show, behind silhouettes and past the border, from other frames that do;"
+        " when off, it is made up from its surroundings",
     )  # fmt: skip
     """What a frame does not show is taken from the frames that do."""
     target_psnr: float = option(
         0.0, "Target PSNR",
-        "PSNR in dB that a frame is to have against infinitely many views; as many as that takes are drawn,"
-        " whatever the number of views is. 0 leaves it to that",
+        "Render as many views as a frame needs for this PSNR in dB against infinitely many, whatever the"
+        " number of views is. 0 takes the number of views",
         least=0.0, most=80.0, soft_most=60.0, precision=1, metavar="DB",
     )  # fmt: skip
     """PSNR in dB that a frame is to have against one of infinitely many views, which takes the place of the

@@ -77,20 +77,20 @@ class Aperture:
     """How much light passes at each place of an aperture; without arguments it is a round hole."""
 
     blades: int = option(
-        0, "Blades", "Number of blades of the aperture, at least 3; 0 is round", least=0, most=MOST_BLADES
+        0, "Blades", "Number of aperture blades, 3 or more; 0 is a round aperture", least=0, most=MOST_BLADES
     )
     """Of a polygon whose corners lie on the rim; less than 3 make it round."""
     rotation: float = option(
-        0.0, "Rotation", "By which the blades are turned, anticlockwise as seen in the picture", unit="ANGLE"
+        0.0, "Rotation", "Angle of the blades, anticlockwise as seen in the picture", unit="ANGLE"
     )
     """Radians, anticlockwise as seen in the picture. At 0 the middle of an edge lies to the right."""
     roundness: float = option(
-        0.0, "Roundness", "Of the blades' edges: 0 straight, 1 a circle's arcs",
+        0.0, "Roundness", "Curvature of the blades' edges: 0 is straight, 1 a full circle",
         least=0.0, most=1.0, unit="FACTOR",
     )  # fmt: skip
     """Of the blades' edges: 0 for straight ones, 1 for a circle's arcs."""
     ratio: float = option(
-        1.0, "Ratio", "By which blur discs are higher than wide, as an anamorphic lens makes them",
+        1.0, "Ratio", "How much taller than wide blur discs are, as with an anamorphic lens",
         least=1.0, most=10.0, soft_most=2.0,
     )  # fmt: skip
     """By which it is narrower than high: an anamorphic lens's is 1.33 to 2."""
@@ -107,16 +107,16 @@ class Aperture:
     """Share of the light that a filter takes at the rim, less inwards: (1 - a)^(r^2) passes."""
     spherical_aberration: float = option(
         0.0, "Spherical Aberration",
-        "Above 0 blur discs are bright at the rim (soap bubbles), below it in the middle (creamy); before and"
-        " behind the focus alike",
+        "Above 0 blur discs are bright at the rim (soap-bubble bokeh), below 0 in the middle (creamy"
+        " bokeh), in front of the focus and behind it alike",
         least=-1.0, most=1.0,
     )  # fmt: skip
     """-1 to 1: light moves to the rim (soap bubbles) or to the middle (creamy): 1 + s (2 r^2 - 1) passes,
     which keeps a disc's energy. A look: real lenses have the opposite on the other side of the focus."""
     vignetting: float = option(
         0.0, "Cat's Eyes",
-        "Optical vignetting: by how much of its radius the aperture is cut in the picture's corners. What is"
-        " in focus keeps its brightness",
+        "Optical vignetting: how much of their radius blur discs lose in the picture's corners. What is in"
+        " focus keeps its brightness",
         least=0.0, most=1.0, unit="FACTOR",
     )  # fmt: skip
     """By how much of its radius the barrel's opening is shifted against the aperture in the picture's

@@ -42,7 +42,7 @@ class VIRTUAL_APERTURE_PT_scale(ClosedPanel, bpy.types.Panel):  # noqa: N801
             wrapped(
                 layout,
                 context,
-                "An f-stop takes the scene's scale: tell the distance of two vertices",
+                "F-stops need the scene's scale: give the distance between two vertices",
                 icon="INFO",
             )
         layout.operator(set_scale.VIRTUAL_APERTURE_OT_set_scale.bl_idname, icon="DRIVER_DISTANCE")
