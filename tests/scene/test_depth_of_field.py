@@ -120,7 +120,7 @@ def test_panels_show_the_f_stop_where_there_is_one(scene: bpy.types.Scene, tmp_p
     settings = shot(scene, tmp_path)
     lens = panels.lens.VIRTUAL_APERTURE_PT_scale
     assert "f_stop" not in draw(panels.focus.VIRTUAL_APERTURE_PT_focus).props
-    assert "tell the distance of two" in " ".join(draw(lens).texts)
+    assert "give the distance between two" in " ".join(draw(lens).texts)
     settings.metres_per_unit = 0.25
     assert {"blur", "f_stop", "aperture_radius"} <= set(draw(panels.focus.VIRTUAL_APERTURE_PT_focus).props)
     assert "full-frame equivalent" in " ".join(draw(lens).texts)
