@@ -48,7 +48,7 @@ From `python -m benchmarks.timings.frame_costs`, with 24 views on 2 cores, where
 def render_frame(
     clip: ClipContext,
     frame: int,
-    lens: FrameOptions,
+    options: FrameOptions,
     size: tuple[int, int],
     note: Callable[[str], None],
     on_frame: OnFrame | None = None,
@@ -60,12 +60,12 @@ def render_frame(
     """
     gpu_views.check_memory(size)
     with stage("Reading", 0.0, READ):
-        picture = resized(clip.picture(frame, lens.highlights), size)
-        small = drawn_size(lens, size)
+        picture = resized(clip.picture(frame, options.highlights), size)
+        small = drawn_size(options, size)
         source = resized(picture, small)
     with stage("Mesh", READ, WARPED):
-        meshed = mesh_frame(clip, frame, lens, small, source)
-        warped = None if lens.target_psnr else meshed.through(meshed.views, reuse=True)
+        meshed = mesh_frame(clip, frame, options, small, source)
+        warped = None if options.target_psnr else meshed.through(meshed.views, reuse=True)
     if meshed.geometry.samples.pose_interpolated:
         note(f"Frame {frame} was not registered: its camera is carried over from its neighbours")
     if meshed.why:
@@ -73,7 +73,7 @@ def render_frame(
     began = time.perf_counter()
     with stage("Views", WARPED, 1.0):
         if warped is None:
-            warped, mean = draw_to_error(meshed, lens.target_psnr)
+            warped, mean = draw_to_error(meshed, options.target_psnr)
         else:
             mean = draw_mean(warped)
     checkpoint(1.0)

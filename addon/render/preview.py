@@ -61,7 +61,7 @@ class Wanted:
     shot: Shot
     frame: int
     """Of the clip."""
-    lens: FrameOptions
+    options: FrameOptions
     size: tuple[int, int]
     """Width and height in pixels, of the clip's shape."""
     shows: str = ""
@@ -74,14 +74,14 @@ class Wanted:
     @cached_property
     def key(self) -> Key:
         """What decides of the picture's content, but for its size."""
-        return id(self.shot), self.frame, self.shows, self.with_clip, repr(self.lens)
+        return id(self.shot), self.frame, self.shows, self.with_clip, repr(self.options)
 
     @property
     def best(self) -> int:
         """The best level that is worth its time."""
         if self.shows:
             return FAIR
-        return FAIR if self.is_playing or self.lens.quality == DRAFT else FINE
+        return FAIR if self.is_playing or self.options.quality == DRAFT else FINE
 
 
 @dataclass(frozen=True)
@@ -296,31 +296,31 @@ def _rough(wanted: Wanted) -> LinearRGBA:
 
 
 def _through_lens(wanted: Wanted, level: int) -> LinearRGBA:
-    context, lens, size = wanted.shot.context, wanted.lens, wanted.size
+    context, options, size = wanted.shot.context, wanted.options, wanted.size
     if level <= FAIR:
-        lens = replace(lens, quality=DRAFT, target_psnr=0.0)
+        options = replace(options, quality=DRAFT, target_psnr=0.0)
     if level == ROUGH:
-        lens = replace(lens, method="features", views=ROUGH_VIEWS)
+        options = replace(options, method="features", views=ROUGH_VIEWS)
     if level <= COARSE or wanted.is_playing:
         # What other frames lend, and their highlights, take seconds to find for the first time.
-        lens = replace(lens, borrow=False)
-        if not context.knows_highlights(wanted.frame, lens.highlights):
-            lens = replace(lens, highlights=NO_HIGHLIGHTS)
+        options = replace(options, borrow=False)
+        if not context.knows_highlights(wanted.frame, options.highlights):
+            options = replace(options, highlights=NO_HIGHLIGHTS)
     if level <= COARSE:
         size = _coarse(size)
-    elif lens.quality == FINAL:
-        lens = replace(lens, quality=NORMAL)
-    return render_frame(context, wanted.frame, lens, size, lambda note: None)
+    elif options.quality == FINAL:
+        options = replace(options, quality=NORMAL)
+    return render_frame(context, wanted.frame, options, size, lambda note: None)
 
 
 def _inspected(wanted: Wanted) -> LinearRGBA:
     """(h, w, 4) what a frame is drawn from, of `Wanted.shows`."""
     context, size = wanted.shot.context, wanted.size
-    lens = replace(wanted.lens, quality=NORMAL, target_psnr=0.0, highlights=NO_HIGHLIGHTS)
+    options = replace(wanted.options, quality=NORMAL, target_psnr=0.0, highlights=NO_HIGHLIGHTS)
     with stage("Reading", 0.0, READ):
-        source = resized(context.picture(wanted.frame, lens.highlights), size)
+        source = resized(context.picture(wanted.frame, options.highlights), size)
     with stage("Mesh", READ, WARPED):
-        warped = mesh_frame(context, wanted.frame, lens, size, source).through(SOURCE_VIEWS)
+        warped = mesh_frame(context, wanted.frame, options, size, source).through(SOURCE_VIEWS)
     shares = draw_shares(Drawn(warped, source, 0.0)) if wanted.shows == "sources" else None
     shown = inspected(wanted.shows, warped, source, shares)
     return source if shown is None else to_linear(shown)
@@ -334,4 +334,4 @@ def _coarse(size: tuple[int, int]) -> tuple[int, int]:
 def _has_depth(wanted: Wanted) -> bool:
     """Whether a frame can be drawn without finding its depth first."""
     context = wanted.shot.context
-    return not MESHERS[wanted.lens.method].needs_pixel_depth or context.has_depth(wanted.frame, DRAFT)
+    return not MESHERS[wanted.options.method].needs_pixel_depth or context.has_depth(wanted.frame, DRAFT)

@@ -98,7 +98,7 @@ def test_better_pictures_follow(previews: Previews, wanted: Wanted) -> None:
 def test_the_feature_points_are_enough_to_begin_with(previews: Previews, wanted: Wanted) -> None:
     maker = Maker()
     shown = previews(maker)
-    layers = replace(wanted, lens=replace(wanted.lens, method="layers"))
+    layers = replace(wanted, options=replace(wanted.options, method="layers"))
     shown.want(layers)
     eventually(lambda: not shown.is_busy())
     assert maker.made == [(2, ROUGH), (2, COARSE), (2, FAIR), (2, FINE)]
@@ -192,16 +192,16 @@ def test_pictures_are_forgotten_at_a_limit(
 def test_the_best_picture_is_what_is_rendered(wanted: Wanted) -> None:
     assert wanted.best == FINE
     fine = make_picture(wanted, FINE)
-    rendered = render_frame(wanted.shot.context, 2, wanted.lens, wanted.size, lambda note: None)
+    rendered = render_frame(wanted.shot.context, 2, wanted.options, wanted.size, lambda note: None)
     assert np.array_equal(fine.linear, rendered.astype(np.float16))
     # Final's depth is not searched for a look.
-    final = replace(wanted, lens=replace(wanted.lens, quality=FINAL))
+    final = replace(wanted, options=replace(wanted.options, quality=FINAL))
     assert np.array_equal(make_picture(final, FINE).linear, fine.linear)
-    assert replace(wanted, lens=replace(wanted.lens, quality=DRAFT)).best == FAIR
+    assert replace(wanted, options=replace(wanted.options, quality=DRAFT)).best == FAIR
 
 
 def test_coarse_pictures_are_like_the_best_one(wanted: Wanted) -> None:
-    large = replace(wanted, size=(640, 360), lens=replace(wanted.lens, quality=NORMAL))
+    large = replace(wanted, size=(640, 360), options=replace(wanted.options, quality=NORMAL))
     fine, coarse = make_picture(large, FINE), make_picture(large, COARSE)
     assert max(coarse.linear.shape) <= preview.COARSE_SIDE
     means = [picture.linear.astype(float).mean(axis=(0, 1)) for picture in (fine, coarse)]
@@ -226,7 +226,7 @@ def test_what_a_frame_is_drawn_from(wanted: Wanted, name: str) -> None:
 
 
 def test_a_clip_without_a_focus_is_shown_as_it_was_shot(wanted: Wanted) -> None:
-    nothing = replace(wanted, lens=replace(wanted.lens, focus=Focus()))
+    nothing = replace(wanted, options=replace(wanted.options, focus=Focus()))
     rough = make_picture(nothing, ROUGH)
     assert rough.linear.shape[:2] == (90, 160)
     with pytest.raises(UserError):

@@ -120,7 +120,7 @@ class Mapped:
 
 
 def reconstruct(
-    tracks: Tracks, lens: FocalPrior, progress: Progress, options: MappingOptions = MappingOptions()
+    tracks: Tracks, prior: FocalPrior, progress: Progress, options: MappingOptions = MappingOptions()
 ) -> Mapped:
     """Cameras and points of a clip from its tracks, normalised.
 
@@ -128,8 +128,8 @@ def reconstruct(
     """
     parallax = check_motion(tracks, options.degeneracy)
     keys = keyframes(tracks, options.keyframes)
-    start = lens.focal or options.start_focal * max(tracks.width, tracks.height)
-    found, ratio = _Keyframes(keys, start, lens, parallax, progress, options).zoom_or_not(tracks)
+    start = prior.focal or options.start_focal * max(tracks.width, tracks.height)
+    found, ratio = _Keyframes(keys, start, prior, parallax, progress, options).zoom_or_not(tracks)
     best = found.solution
     depth = depth_evidence(best, options.stationary)
     weak, sigma = None, found.focal_sigma
@@ -140,7 +140,7 @@ def reconstruct(
         )
     if depth is not None and depth.uncertainty >= options.stationary.weak:
         # A lens that is taken for depth is taken for a focal length, too.
-        weak, sigma = depth.uncertainty, max(sigma, lens.sigma if lens.focal else options.start_sigma)
+        weak, sigma = depth.uncertainty, max(sigma, prior.sigma if prior.focal else options.start_sigma)
     refuse_shifted(best, keys, options.shifts, options.small_motion)
     if ratio is not None:
         self_calibration.refine_zoom(best, tracks, ratio, options.calibration)
@@ -196,7 +196,7 @@ class _Keyframes:
     """Indices of the clip's frames."""
     start: float
     """Pixels of focal length to begin with."""
-    lens: FocalPrior
+    prior: FocalPrior
     parallax: float
     """Pixels of a 1,000-pixel frame that no rotation explains."""
     progress: Progress
@@ -207,8 +207,8 @@ class _Keyframes:
 
         A focal length that changes unannounced leaves much unexplained; one that was given does not change.
         """
-        found = None if self.lens.zooms else self._solution(tracks)
-        if found is not None and (not self.lens.free or found.explained >= self.options.good_explained):
+        found = None if self.prior.zooms else self._solution(tracks)
+        if found is not None and (not self.prior.free or found.explained >= self.options.good_explained):
             return found, None
         ratio = self_calibration.zoom_ratios(tracks)
         if found is not None and ratio.max() < self.options.min_growth * ratio.min():
@@ -233,7 +233,7 @@ class _Keyframes:
             if found and found[0].explained < good:
                 # It may have fastened upon what moves: what it explains is taken away, and the rest tried.
                 keep(self._by_pairs(_without(tracks, found[0].solution), focal, tracks), "pairs")
-            if found and self.lens.free and max(found, key=lambda each: each.score).explained < good:
+            if found and self.prior.free and max(found, key=lambda each: each.score).explained < good:
                 # Or it began with too short a lens and holds a flat background for all there is.
                 keep(self._by_pairs(tracks, self.options.longer_focal * focal), "pairs")
         if not found or max(each.explained for each in found) < good:
@@ -260,7 +260,7 @@ class _Keyframes:
         """A solution of the keyframes with its focal length refined, and how much of the clip it explains."""
         solution.triangulate(made)
         solution.drop_bad(made)
-        known = self.lens.sigma if self.lens.focal else self.options.start_sigma
+        known = self.prior.sigma if self.prior.focal else self.options.start_sigma
         sigma, from_clip = self_calibration.refine_focal_length(
             made, self.start, known, self.options.calibration
         )

@@ -70,11 +70,11 @@ def _solve(job: dict[str, Any]) -> None:
     check_shape(footage)
     tracks = track_features(footage, _progress, job["tracker"])
     refuse_cuts(tracks)
-    lens = incremental_mapping.FocalPrior(**job["lens"])
-    metadata_focal = None if lens.focal or lens.zooms else _metadata_focal(footage)
+    prior = incremental_mapping.FocalPrior(**job["lens"])
+    metadata_focal = None if prior.focal or prior.zooms else _metadata_focal(footage)
     if metadata_focal:
-        lens = incremental_mapping.FocalPrior(metadata_focal, METADATA_SIGMA)
-    mapped = incremental_mapping.reconstruct(tracks, lens, _progress)
+        prior = incremental_mapping.FocalPrior(metadata_focal, METADATA_SIGMA)
+    mapped = incremental_mapping.reconstruct(tracks, prior, _progress)
     result = mapped.reconstruction
     (folder / "model").mkdir()
     write_model(folder / "model", result)
@@ -103,7 +103,7 @@ def _solve(job: dict[str, Any]) -> None:
         "tracker": job["tracker"],
         "explained": mapped.explained,
         "moving_tracks": len(mapped.moving),
-        "notes": [*footage.notes, *([] if mapped.zooms == lens.zooms else [ZOOMED])],
+        "notes": [*footage.notes, *([] if mapped.zooms == prior.zooms else [ZOOMED])],
         "parallax": mapped.parallax,
         "depth_evidence": asdict(mapped.depth_evidence) if mapped.depth_evidence else None,
         "weak_depth": mapped.weak_depth,
