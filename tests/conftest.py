@@ -45,7 +45,7 @@ DATA_FIXTURES = {"data", "duck"}
 
 def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line("markers", "data: needs real footage; given to tests by their fixtures")
-    config.addinivalue_line("markers", "long: a solve or a clip of tens of seconds, for `make test-all`")
+    config.addinivalue_line("markers", "long: more than some ten seconds, for `make test-all`")
     config.pluginmanager.register(ending)
 
 

@@ -97,6 +97,7 @@ def test_exr_is_written(work: Path, tmp_path: Path) -> None:
     assert read(tmp_path / "e" / "f_0005.exr").shape == (54, 96, 4)
 
 
+@pytest.mark.long
 def test_gaps_and_odd_sizes_go_through(tmp_path: Path) -> None:
     shot = tmp_path / "shot"
     shot.mkdir()

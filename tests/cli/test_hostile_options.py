@@ -263,7 +263,7 @@ def test_help_ends_well_where_nobody_listens(tmp_path: Path) -> None:
     assert (done.returncode, done.stderr) == (0, "")
 
 
-@pytest.mark.parametrize("program", ["", "nohup"])
+@pytest.mark.parametrize("program", ["", pytest.param("nohup", marks=pytest.mark.long)])
 def test_a_hangup_ends_it_with_a_line_unless_it_is_ignored(work: Path, tmp_path: Path, program: str) -> None:
     words = [sys.executable, HEADLESS, "render", work, *FOCUS[:-1], "1024", "--out", "o/####.png"]
     process = subprocess.Popen(

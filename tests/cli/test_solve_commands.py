@@ -71,6 +71,7 @@ def test_a_known_lens_is_the_workers_focal_length_in_pixels(
     assert not work.exists()
 
 
+@pytest.mark.long
 def test_a_given_focal_length_is_held(solved: Solve) -> None:
     assert solved.reconstruction.cameras[0].fx == pytest.approx(planes.FOCAL, abs=0.1)
     assert solved.quality.focal_from == "given"

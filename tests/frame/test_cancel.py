@@ -55,6 +55,7 @@ def test_every_stage_passes_many_checkpoints_and_goes_on(folder: Path) -> None:
     assert len({round(share, 2) for share in middles}) > 10
 
 
+@pytest.mark.long
 def test_what_was_cancelled_anywhere_is_drawn_right_afterwards(small: Path) -> None:
     first = warped(fresh(small))
     total = 0

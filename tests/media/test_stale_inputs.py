@@ -396,6 +396,7 @@ def test_two_clips_do_not_share_a_folder_where_no_locks_are_known(
     assert listed(work / "model") == first and load_solve(work).footage == clip
 
 
+@pytest.mark.long
 def test_two_clips_race_into_one_folder(tmp_path: Path) -> None:
     script = (
         "import sys; from pathlib import Path; from addon.core.sfm.process import SolveProcess\n"
@@ -510,6 +511,7 @@ def test_save_takes_no_other_file_for_the_clip(tmp_path: Path, capsys: pytest.Ca
     assert [p.name for p in sent.iterdir()] == ["clip.mp4"]
 
 
+@pytest.mark.long
 def test_same_clip_same_model(tmp_path: Path) -> None:
     clip = planes.write_clip(tmp_path / "walk", planes.sideways(12))
     models = []

@@ -339,7 +339,9 @@ def children(process: int) -> list[int]:
 
 
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="children are found in /proc")
-@pytest.mark.parametrize("ended", ["child", "Ctrl-C", "SIGTERM", "SIGKILL"])
+@pytest.mark.parametrize(
+    "ended", ["child", "Ctrl-C", pytest.param("SIGTERM", marks=pytest.mark.long), "SIGKILL"]
+)
 def test_jobs_that_are_ended(work: Path, tmp_path: Path, ended: str) -> None:
     out = tmp_path / "o" / "######.png"
     temporary = tmp_path / "tmp"
@@ -434,7 +436,7 @@ OPEN = (
 )
 
 
-@pytest.mark.parametrize("packed", [False, True])
+@pytest.mark.parametrize("packed", [False, pytest.param(True, marks=pytest.mark.long)])
 def test_a_project_is_rendered_alike_in_two_other_places(work: Path, tmp_path: Path, packed: bool) -> None:
     home = tmp_path / "home"
     clip.write_masks(home / "my masks", COUNT)

@@ -77,8 +77,8 @@ def thin_lens(
     "camera",
     [
         LENS,
-        replace(LENS, cx=91.5, cy=38.25),
-        replace(LENS, fy=161.0, cx=71.0),
+        pytest.param(replace(LENS, cx=91.5, cy=38.25), marks=pytest.mark.long),
+        pytest.param(replace(LENS, fy=161.0, cx=71.0), marks=pytest.mark.long),
     ],
     ids=["centred", "off-centre", "non-square"],
 )
@@ -108,10 +108,10 @@ ROUND: dict[float, np.ndarray] = {}
 @pytest.mark.parametrize(
     "shape",
     [
-        Aperture(blades=3, rotation=0.3),
+        pytest.param(Aperture(blades=3, rotation=0.3), marks=pytest.mark.long),
         Aperture(blades=5, rotation=-0.2),
-        Aperture(ratio=1.8),
-        Aperture(blades=6, rotation=0.1, ratio=1.4),
+        pytest.param(Aperture(ratio=1.8), marks=pytest.mark.long),
+        pytest.param(Aperture(blades=6, rotation=0.1, ratio=1.4), marks=pytest.mark.long),
     ],
     ids=["triangle", "pentagon", "anamorphic", "squeezed hexagon"],
 )

@@ -158,6 +158,7 @@ def test_another_clips_focus_is_not_kept(scene: bpy.types.Scene, tmp_path: Path,
     assert keep_focus(settings, tmp_path / "one") is None
 
 
+@pytest.mark.long
 def test_solving_again_keeps_the_focus_and_one_at_a_time(scene: bpy.types.Scene, tmp_path: Path) -> None:
     clip = planes.write_clip(tmp_path / "walk", planes.sideways(12))
     settings = scene.virtual_aperture

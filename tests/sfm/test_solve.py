@@ -107,6 +107,7 @@ def test_only_the_result_is_kept(solved: Solve) -> None:
     assert solved.report["size"] == list(planes.SIZE)
 
 
+@pytest.mark.long
 def test_the_focal_length_is_found_where_the_picture_tells_it(tmp_path: Path) -> None:
     true = 0.6 * planes.SIZE[0]
     found = solve(planes.write_clip(tmp_path / "wide", planes.sideways(16, true)), tmp_path / "work")
@@ -124,6 +125,7 @@ def test_a_given_focal_length_is_held(clip: Path, tmp_path: Path) -> None:
     another.cancel()
 
 
+@pytest.mark.long
 def test_the_focal_length_of_straight_ahead_motion_is_not_believed(tmp_path: Path) -> None:
     ahead = [planes.view(np.array([0.0, 0.0, z]), np.zeros(3)) for z in np.linspace(0, 1.5, 16)]
     solved = solve(planes.write_clip(tmp_path / "ahead", ahead), tmp_path / "work")
@@ -372,6 +374,7 @@ def test_the_duck(duck: Path) -> None:
     assert read_model(duck / "model").frames.tolist() == shot.frames.tolist()
 
 
+@pytest.mark.long
 def test_frames_blurred_by_the_cameras_motion(tmp_path: Path) -> None:
     # The shutter is open all the time: fifteen frames of seven pictures each.
     many = planes.sideways(15 * 7)
@@ -401,6 +404,7 @@ def test_a_zoom_that_nobody_announced_is_followed(tmp_path: Path) -> None:
     assert any("zooms" in note for note in solved.quality.notes)
 
 
+@pytest.mark.long
 def test_a_pan_through_a_lens_that_distorts_is_refused(tmp_path: Path) -> None:
     # Corners nearer to the middle by 8 %, as a wide phone's; solved as a pinhole's it has made up depths.
     y, x = np.mgrid[: planes.SIZE[1], : planes.SIZE[0]].astype(np.float32)

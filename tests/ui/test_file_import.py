@@ -80,6 +80,7 @@ def test_only_a_focus_of_another_clip_is_lost(scene: bpy.types.Scene, tmp_path: 
     assert not file_import.loses_focus(settings, shot.footage.path)
 
 
+@pytest.mark.long
 def test_the_folder_of_another_clip_is_left(scene: bpy.types.Scene, tmp_path: Path) -> None:
     work = choose_clip(scene, tmp_path)
     bpy.ops.virtual_aperture.import_solve(filepath=str(write_model(tmp_path / "model")))
