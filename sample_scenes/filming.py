@@ -94,7 +94,9 @@ def main() -> None:
     arguments = parser.parse_args()
     stage = load(arguments.scene)
     scene = save_blend(stage, arguments.out / f"{stage.name}.blend", arguments.samples)
-    write_model(arguments.out / "cameras", true_cameras(stage.cameras))
+    cameras = arguments.out / "cameras"
+    cameras.mkdir(exist_ok=True)
+    write_model(cameras, true_cameras(stage.cameras))
     if not arguments.blend_only:
         film(stage, scene, arguments.out / "clip", arguments.samples)
     print(f"{stage.name}: {stage.title}; see {arguments.out}")

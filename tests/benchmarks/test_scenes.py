@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import hashlib
+import subprocess
+import sys
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
+from pathlib import Path
 
 import bpy
 import numpy as np
@@ -223,3 +226,10 @@ def test_walk_is_straight_ahead() -> None:
     step = cameras.rotation[0] @ (cameras.centres[-1] - cameras.centres[0])
     assert step[2] == pytest.approx(0.9, abs=0.02)
     assert np.hypot(*step[:2]) < 0.1 * step[2]
+
+
+def test_a_sample_is_written_into_a_folder_that_is_not_there(tmp_path: Path) -> None:
+    out = tmp_path / "sample" / "plain"
+    subprocess.run([sys.executable, filming.__file__, "plain", "--blend-only", "--out", out], check=True)
+    assert (out / "plain.blend").exists()
+    assert (out / "cameras" / "cameras.txt").exists()
