@@ -56,6 +56,7 @@ def counted(tmp_path: Path, *arguments: object) -> int:
     return len((hook / "counted.txt").read_text().splitlines())
 
 
+@pytest.mark.long
 def test_a_video_is_decoded_once_to_count_its_frames(clip: Path, tmp_path: Path) -> None:
     work, out = tmp_path / "work", tmp_path / "out"
     camera = ("--work", work, "--focal", planes.FOCAL / 2)

@@ -7,6 +7,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from addon.core.base.arrays import Floats, Map, Mask
@@ -266,6 +267,7 @@ def test_past_the_border_nothing_is_known_that_no_frame_saw() -> None:
 # A clip
 
 
+@pytest.mark.long
 def test_a_clips_depth_is_steadier_than_that_of_its_frames() -> None:
     pictures, shot = clip(CENTRES), poses(CENTRES, features())
     single = PlaneSweepStereo(shot, lambda frame: pictures[frame - 1])

@@ -186,6 +186,7 @@ def rendered(blend: Path, out: Path) -> tuple[np.ndarray | None, str]:
     return cv2.imread(str(out)), done.stdout + done.stderr
 
 
+@pytest.mark.long
 def test_a_moved_project_renders_the_same_picture(scene: bpy.types.Scene, tmp_path: Path) -> None:
     settings = set_up(scene, write_video(tmp_path / "a" / "desk.mp4"))
     settings.work_dir = str(tmp_path / "a" / "work")

@@ -302,6 +302,7 @@ def test_an_altered_model_is_told(tmp_path: Path) -> None:
     assert run("import", work / "model", "--footage", clip, "--work", tmp_path / "own") == 0
 
 
+@pytest.mark.long
 def test_a_clip_that_changes_while_it_is_solved_is_not_kept(tmp_path: Path) -> None:
     clip = planes.write_clip(tmp_path / "walk", planes.sideways(12))
     process = SolveProcess(clip, tmp_path / "work", focal=planes.FOCAL)

@@ -87,6 +87,7 @@ def words_of(task: list[str]) -> list[str]:
     return task[task.index(str(HEADLESS)) + 1 :]
 
 
+@pytest.mark.long
 def test_a_job_on_two_workers_one_of_which_is_killed(work: Path, tmp_path: Path) -> None:
     said = done("farm", work, *LENS, "--chunk", 12, "--out", tmp_path / "job")
     assert "48 frames in 4 tasks" in said

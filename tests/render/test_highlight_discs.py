@@ -89,7 +89,10 @@ def on_the_wall(warped: WarpedFrame) -> WarpedFrame:
 
 @needs_gpu
 @pytest.mark.parametrize(
-    ("near", "focus", "least"), [(4.0, 4.0, 50.0), (5.0, 4.0, 48.0), (3.0, 4.0, 45.0), (4.0, 16.0, 40.0)],
+    ("near", "focus", "least"), [
+        (4.0, 4.0, 50.0), (5.0, 4.0, 48.0), pytest.param(3.0, 4.0, 45.0, marks=pytest.mark.long),
+        pytest.param(4.0, 16.0, 40.0, marks=pytest.mark.long),
+    ],
     ids=["in focus", "between", "before the focal plane", "all before it"],
 )  # fmt: skip
 def test_highlights_are_hidden_as_many_views_hide_them(near: float, focus: float, least: float) -> None:

@@ -159,6 +159,7 @@ def test_another_clips_folder_is_refused(work: Path, tmp_path: Path) -> None:
     assert snapshot(work) == before
 
 
+@pytest.mark.long
 def test_another_clip_in_the_same_folder_is_another_clip(clip: Path, tmp_path: Path) -> None:
     both = Path(shutil.copytree(clip, tmp_path / "both"))
     for path in sorted(both.glob("shot_*")):

@@ -96,6 +96,7 @@ def test_a_stabilised_clip_never_ends_as_a_success(tmp_path: Path) -> None:
     assert "rectified or stabilised" in said or "agrees with one scene" in said
 
 
+@pytest.mark.long
 def test_a_solve_tells_its_advice(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     clip = planes.write_clip(tmp_path / "clip", planes.sideways(10))
     compared = ("solve", clip, "--work", tmp_path / "work", "--focal", planes.FOCAL)

@@ -85,9 +85,16 @@ LENSES = {
     "pinhole": {}, "3 % of distortion": {"distortion": 0.03}, "20 ms of rolling shutter": {"readout": 0.48},
     "slow zoom": {"zoom": 0.1}, "all three": {"distortion": 0.03, "readout": 0.48, "zoom": 0.1},
 }  # fmt: skip
+EACH_LENS = pytest.mark.parametrize(
+    "lens",
+    [
+        pytest.param(lens, id=name, marks=[] if name in ("pinhole", "all three") else pytest.mark.long)
+        for name, lens in LENSES.items()
+    ],
+)
 
 
-@pytest.mark.parametrize("lens", LENSES.values(), ids=LENSES)
+@EACH_LENS
 def test_a_pan_through_any_lens_tells_no_depth(lens: dict[str, float]) -> None:
     # A solve of a pan has some path, or it would have no points.
     pan = Filmed(**lens)
@@ -95,7 +102,7 @@ def test_a_pan_through_any_lens_tells_no_depth(lens: dict[str, float]) -> None:
     assert pan.depth_evidence().gain < -0.1
 
 
-@pytest.mark.parametrize("lens", LENSES.values(), ids=LENSES)
+@EACH_LENS
 def test_one_per_cent_of_parallax_is_beyond_any_lens(lens: dict[str, float]) -> None:
     # Path over depth, from the nearest to the farthest: 1 % of the width.
     assert Filmed(path=0.013, **lens).depth_evidence().gain > 0.3

@@ -21,6 +21,8 @@ from .. import planes
 Pictures = list[NDArray[np.uint8]]
 NONE = np.zeros((0, 2), np.float32)
 FLOWING = TRACKERS[:3]
+WITH_LONG = [*FLOWING, pytest.param(TRACKERS[-1], marks=pytest.mark.long)]
+"""SIFT takes several seconds of each clip."""
 
 
 def tracked(folder: Path, tracker: str = TRACKERS[0]) -> Tracks:
@@ -81,7 +83,7 @@ def test_tracks_follow_the_motion(tmp_path: Path, tracker: str) -> None:
     assert np.mean(error < 0.5) > 0.97
 
 
-@pytest.mark.parametrize("tracker", TRACKERS)
+@pytest.mark.parametrize("tracker", WITH_LONG)
 def test_observations_are_sorted_and_numbered(tmp_path: Path, tracker: str) -> None:
     tracks = tracked(planes.write_clip(tmp_path / "clip", shifted(4, (3.0, 0.0))), tracker)
     assert (np.diff(tracks.frame_index) >= 0).all()
@@ -91,7 +93,7 @@ def test_observations_are_sorted_and_numbered(tmp_path: Path, tracker: str) -> N
     assert (tracks.xy >= 0).all() and (tracks.xy <= planes.SIZE).all()
 
 
-@pytest.mark.parametrize("tracker", TRACKERS)
+@pytest.mark.parametrize("tracker", WITH_LONG)
 def test_the_whole_frame_is_covered_and_stays_covered(tmp_path: Path, tracker: str) -> None:
     tracks = tracked(planes.write_clip(tmp_path / "clip", shifted(12, (8.0, 0.0))), tracker)
     for index in (0, 11):
@@ -136,7 +138,7 @@ def test_a_plain_picture_has_no_corners(detect: klt.Detector) -> None:
     assert len(detect(np.full((240, 320), 90, np.uint8), NONE)) == 0
 
 
-@pytest.mark.parametrize("tracker", TRACKERS)
+@pytest.mark.parametrize("tracker", WITH_LONG)
 def test_plain_clips_have_no_tracks(tmp_path: Path, tracker: str) -> None:
     tracks = tracked(
         planes.write_clip(tmp_path / "clip", [np.full((240, 320, 3), 90, np.uint8)] * 4), tracker
@@ -144,7 +146,7 @@ def test_plain_clips_have_no_tracks(tmp_path: Path, tracker: str) -> None:
     assert (tracks.count, len(tracks.xy), cuts(tracks)) == (0, 0, ())
 
 
-@pytest.mark.parametrize("tracker", [*FLOWING, pytest.param(TRACKERS[-1], marks=pytest.mark.long)])
+@pytest.mark.parametrize("tracker", WITH_LONG)
 def test_long_tracks_do_not_creep(tmp_path: Path, tracker: str) -> None:
     clip, to = zoomed(30, 1.01)
     tracks = tracked(planes.write_clip(tmp_path / "clip", clip), tracker)
@@ -177,7 +179,7 @@ def ends(tracks: Tracks, to: Callable[[int], NDArray]) -> tuple[NDArray, NDArray
 # Cuts, flashes, pans
 
 
-@pytest.mark.parametrize("tracker", TRACKERS)
+@pytest.mark.parametrize("tracker", WITH_LONG)
 def test_no_track_lives_through_a_cut(tmp_path: Path, tracker: str) -> None:
     clip = shifted(4, (2.0, 0.0)) + shifted(5, (-1.0, 1.0), seed=9)
     tracks = tracked(planes.write_clip(tmp_path / "clip", clip), tracker)
@@ -186,7 +188,7 @@ def test_no_track_lives_through_a_cut(tmp_path: Path, tracker: str) -> None:
     assert cuts(tracks) == (4,)
 
 
-@pytest.mark.parametrize("tracker", TRACKERS)
+@pytest.mark.parametrize("tracker", WITH_LONG)
 @pytest.mark.parametrize("flash", ["bright", "white"])
 def test_a_flash_is_no_cut(tmp_path: Path, tracker: str, flash: str) -> None:
     clip = shifted(8, (2.0, 0.0))
@@ -201,7 +203,7 @@ def test_a_flash_is_no_cut(tmp_path: Path, tracker: str, flash: str) -> None:
     assert np.mean(np.linalg.norm(end[b] - start[a] - (6, 0), axis=1) < 0.5) > 0.95
 
 
-@pytest.mark.parametrize("tracker", TRACKERS)
+@pytest.mark.parametrize("tracker", WITH_LONG)
 def test_a_fast_pan_is_no_cut(tmp_path: Path, tracker: str) -> None:
     # A third of the picture in each frame.
     pattern = rgb(planes.texture(960, 240, 2))
