@@ -238,6 +238,7 @@ def headless(words: str, folder: Path) -> subprocess.CompletedProcess[str]:
 RENDER = " ".join(("$VA render WORK", *FOCUS, "--frames 2-3 --out o/####.png"))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "shell",
     ["RENDER >&-", "RENDER 2>&-", "RENDER <&- >&- 2>&-", "RENDER | head -1; exit ${PIPESTATUS[0]}",

@@ -77,6 +77,7 @@ def test_a_given_focal_length_is_held(solved: Solve) -> None:
     assert solved.quality.focal_from == "given"
 
 
+@pytest.mark.long
 def test_depth_that_is_found_ahead_is_what_renders_read(
     registered: None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -206,6 +206,7 @@ def test_cancelling_again_keeps_the_old_solve(work: Path, clip: Path) -> None:
     assert SolveProcess(clip, work).finished
 
 
+@pytest.mark.long
 def test_solving_again_replaces_the_solve(work: Path, clip: Path) -> None:
     (work / "model" / "points3D.txt").write_text("")
     again = solve(clip, work, again=True, focal=planes.FOCAL, frames=FrameRange(1, 8))
