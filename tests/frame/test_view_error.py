@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -18,10 +17,10 @@ from addon.core.frame.plan import FrameOptions
 from addon.core.frame.view_error import FIRST, PILOT, difference, other_views, views_for_error
 from addon.core.frame.warped_frame import MeshedFrame, WarpedFrame, mesh_frame
 from addon.core.media.clip import encode_srgb, to_linear
-from addon.core.optics.aperture_sampling import MAX_VIEWS, views_needed, vogel_disc
-from addon.core.optics.registration import exact_registration
+from addon.core.optics.aperture_sampling import MAX_VIEWS, views_needed
 from addon.render.average import draw_mean, draw_to_error
 from addon.render.gpu_views import gpu_problem
+from benchmarks.timings.view_error import plain
 
 from ..scenes import psnr, slanted_plane, texture
 
@@ -45,17 +44,8 @@ class Step:
 
 def meshed(method: str = "layers", radius: float = 0.5) -> MeshedFrame:
     clip = ClipContext(slanted_plane(LENS, near=4.0, far=16.0), lambda frame: texture(*SIZE), Step())
-    lens = FrameOptions(Focus(distance=6.0), radius, method=method, borrow=False)
-    return mesh_frame(clip, 2, lens, SIZE, SOURCE)
-
-
-def plain(frame: MeshedFrame, count: int) -> WarpedFrame:
-    """Views of Vogel's spiral, and the texture as it is."""
-    warped = frame.through(count, prefiltered=False)
-    plan = warped.plan
-    offsets = plan.lens.radius * vogel_disc(count)
-    registration = exact_registration(plan.canvas, offsets, plan.lens.focus)
-    return replace(warped, plan=replace(plan, offsets=offsets, registration=registration))
+    options = FrameOptions(Focus(distance=6.0), radius, method=method, borrow=False)
+    return mesh_frame(clip, 2, options, SIZE, SOURCE)
 
 
 def shown(warped: WarpedFrame) -> Floats:
