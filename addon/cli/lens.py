@@ -140,7 +140,8 @@ def write_lens(file: Path, given: dict[str, Any]) -> None:
 
 
 def read_lens(file: Path, options: argparse.Namespace) -> None:
-    """Take options of `add_lens` from a file; UserError where it holds anything else."""
+    """Take options of `add_lens` from a file that `write_lens` wrote, or people edited; UserError naming the
+    file where it holds anything else, and as `check_numbers`."""
     try:
         held = json.loads(read_regular(file))
     except (OSError, ValueError, RecursionError) as error:
@@ -152,10 +153,14 @@ def read_lens(file: Path, options: argparse.Namespace) -> None:
                 raise UserError("there is no such option")
             if name in FRAME_OPTIONS:
                 FRAME_OPTIONS[name].check(value)
+            setattr(options, name, file.absolute().parent / value if name in ("depth", "mask") else value)
         except (UserError, TypeError) as error:
             raise UserError(f"{file}: {name} cannot be {value!r}: {error}") from None
-        setattr(options, name, file.absolute().parent / value if name in ("depth", "mask") else value)
-    options.aperture = options.aperture and placed(options.aperture, file.absolute().parent)
+    try:
+        options.aperture = options.aperture and placed(options.aperture, file.absolute().parent)
+        check_numbers(options)
+    except (TypeError, AttributeError) as error:
+        raise UserError(f"{file} has a value of a wrong kind: {error}") from None
 
 
 def has_focus(options: argparse.Namespace) -> bool:

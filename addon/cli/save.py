@@ -80,9 +80,10 @@ def save(options: argparse.Namespace) -> None:
         if file.exists() and not options.overwrite:
             raise UserError(f"{file} exists; name another file, or overwrite it", Remedy.OVERWRITE)
     check_folder(blend.parent)
-    if options.lens is not None:
+    if options.lens is None:
+        check_numbers(options)
+    else:
         read_lens(options.lens, options)
-    check_numbers(options)
     solved = load_solve(options.work)
     scene, settings, footage = scene_of(solved)
     frames = movie_frames(footage, options.frames)

@@ -323,6 +323,9 @@ def test_a_blend_that_cannot_be_rendered_is_refused(work: Path, tmp_path: Path) 
         ('{"views": 5000}', "views cannot be 5000; give a number from 0 to 4096"),
         ('{"views": "many"}', "views cannot be 'many'"),
         ('{"focus_distance": 7, "blur": 0.9}', "at most 0.5 can be drawn"),
+        ('{"focus_distance": 7, "depth": null}', "depth cannot be None"),
+        ('{"focus_distance": "six"}', "lens.json has a value of a wrong kind"),
+        ('{"focus_distance": 7, "aperture": 3}', "lens.json has a value of a wrong kind"),
     ],
 )
 def test_a_lens_of_a_job_that_was_edited_wrongly_is_refused(
