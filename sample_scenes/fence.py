@@ -30,10 +30,10 @@ HOUSE = np.array([0.06, 3.2, 1.13])
 def stage() -> Stage:
     """A fence at 1.3 m, the tram at 3 m, a bird house at 3.2 m, a hedge at 7 m, cabins at 9 to 10 m."""
     cameras = handheld((-0.07, 0, 1.10), (0.07, 0.01, 1.11), (0.0, 3.2, 0.95), (0.02, 3.2, 0.95), FOCAL, SEED)
-    far, hedge, bed, tram, fence = np.random.default_rng(SEED).spawn(5)
+    behind, green, bed, tram, fence = np.random.default_rng(SEED).spawn(5)
     travel = np.zeros((FRAMES, 3))
     travel[:, 0] = np.linspace(*WAY, FRAMES)
-    things = (*_far(far), *_hedge(hedge), *_bed(bed), *_tram(tram, travel), *_fence(fence))
+    things = (*far(behind), *hedge(green), *_bed(bed), *_tram(tram, travel), *_fence(fence))
     focus = HOUSE - [-0.045, 0, -0.13]
     return Stage(
         "fence", "a tram that passes behind a fence", cameras, things,
@@ -41,7 +41,7 @@ def stage() -> Stage:
     )  # fmt: skip
 
 
-def _lengthwise(shape: Shape) -> Shape:
+def lengthwise(shape: Shape) -> Shape:
     """Rods and leaves with the texture's height along them."""
     return Shape(shape.vertices, shape.faces, shape.uv[..., ::-1])
 
@@ -53,13 +53,13 @@ def _gabled(width: float, depth: float, height: float) -> Shape:
     return Shape(shape.vertices * narrow, shape.faces, shape.uv)
 
 
-def _bush(rng: Generator, size: tuple[float, float, float], count: int, length: float) -> Shape:
+def bush(rng: Generator, size: tuple[float, float, float], count: int, length: float) -> Shape:
     """Leaves all over a ball of the given half axes about the origin, pointing outwards."""
     ends = rng.normal(size=(count, 3))
     ends /= np.linalg.norm(ends, axis=1, keepdims=True)
     leaves = []
     for x, y, z in ends:
-        blade = _lengthwise(leaf(length * rng.uniform(0.7, 1.3), 0.5 * length, 0.1 * length, 0.3 * length))
+        blade = lengthwise(leaf(length * rng.uniform(0.7, 1.3), 0.5 * length, 0.1 * length, 0.3 * length))
         turned = blade.turned(rng.uniform(-60, 60), "x").turned(-np.degrees(np.arcsin(z)) * 0.7, "y")
         turned = turned.turned(np.degrees(np.arctan2(y, x)))
         leaves.append(turned.moved(*(np.array([x, y, z]) * size * rng.uniform(0.8, 1.0))))
@@ -161,7 +161,7 @@ def _bird_house_front(rng: Generator, shape: tuple[int, int]) -> Picture:
 # Behind
 
 
-def _far(rng: Generator) -> list[Prop]:
+def far(rng: Generator) -> list[Prop]:
     """The lawn, and cabins of an allotment garden."""
     lawn = cobbles(rng, (320, 320), 4, *GREENS)
     tiles = cobbles(rng, (96, 160), 7, (0.40, 0.16, 0.10), (0.62, 0.30, 0.20), (0.74, 0.44, 0.30))
@@ -177,7 +177,7 @@ def _far(rng: Generator) -> list[Prop]:
     return props
 
 
-def _hedge(rng: Generator) -> list[Prop]:
+def hedge(rng: Generator) -> list[Prop]:
     """A clipped hedge with bumps, a small tree above it, roses before it."""
     rows, columns = 14, 80
     x = np.broadcast_to(np.linspace(-5.5, 5.5, columns), (rows, columns))
@@ -187,12 +187,12 @@ def _hedge(rng: Generator) -> list[Prop]:
     z = np.minimum(turn / 0.7, 1.0) * 1.32 + np.where(turn > 0.6, 0.18, 0.0) * bumps
     front = sheet(np.stack([x, y, z], axis=-1))
     sprigs = [
-        _bush(rng, (0.16, 0.10, 0.10), 14, 0.14).moved(a, 7.15, rng.uniform(1.22, 1.36))
+        bush(rng, (0.16, 0.10, 0.10), 14, 0.14).moved(a, 7.15, rng.uniform(1.22, 1.36))
         for a in np.linspace(-5, 5, 34)
     ]
-    crown = _bush(rng, (1.0, 0.6, 0.8), 420, 0.26).moved(-2.75, 8.0, 2.5)
-    trunk = _lengthwise(tube(np.linspace((-2.75, 8.0, 0.5), (-2.7, 8.0, 2.4), 8), 0.07, 12))
-    shrub = _bush(rng, (0.75, 0.5, 0.55), 280, 0.2).moved(3.1, 7.6, 1.75)
+    crown = bush(rng, (1.0, 0.6, 0.8), 420, 0.26).moved(-2.75, 8.0, 2.5)
+    trunk = lengthwise(tube(np.linspace((-2.75, 8.0, 0.5), (-2.7, 8.0, 2.4), 8), 0.07, 12))
+    shrub = bush(rng, (0.75, 0.5, 0.55), 280, 0.2).moved(3.1, 7.6, 1.75)
     roses = [
         sphere(0.055, 12).moved(*place) for place in rng.uniform((-4, 6.7, 0.35), (4, 6.8, 1.2), (46, 3))
     ]
@@ -218,13 +218,11 @@ def _bed(rng: Generator) -> list[Prop]:
     gravel = cobbles(rng, (112, 704), 5, *STONES)
     sleepers = [box((0.035, 0.24, 0.012)).moved(x, TRAM[1], BED) for x in np.arange(-2.4, 2.41, 0.11)]
     path = np.linspace((-2.5, 0, 0), (2.5, 0, 0), 12)
-    rails = [
-        _lengthwise(tube(path, 0.008, 6)).moved(0, TRAM[1] + side, BED + 0.018) for side in (-0.08, 0.08)
-    ]
+    rails = [lengthwise(tube(path, 0.008, 6)).moved(0, TRAM[1] + side, BED + 0.018) for side in (-0.08, 0.08)]
     steel = textures.speckled(rng, (640, 8), (0.22, 0.20, 0.19), (0.70, 0.66, 0.62))
     timber = textures.wood(rng, (64, 64), 3, (0.20, 0.13, 0.09), (0.50, 0.36, 0.24))
     flowers = [
-        _bush(rng, (0.09, 0.05, 0.07), 34, 0.05).moved(x, 3.27, BED + rng.uniform(0.03, 0.10))
+        bush(rng, (0.09, 0.05, 0.07), 34, 0.05).moved(x, 3.27, BED + rng.uniform(0.03, 0.10))
         for x in (-1.55, -1.2, -0.66, -0.42, -0.2, 0.32, 0.55, 0.8, 1.35, 1.6)
     ]
     blossoms = [
@@ -248,7 +246,7 @@ def _bird_house(rng: Generator) -> list[Prop]:
     x, y, z = HOUSE
     boards = textures.wood(rng, (128, 96), 4, (0.36, 0.22, 0.13), (0.66, 0.46, 0.30))
     shingles = cobbles(rng, (96, 128), 9, (0.42, 0.16, 0.12), (0.66, 0.30, 0.20), (0.76, 0.50, 0.34))
-    pole = _lengthwise(tube(np.linspace((x, y + 0.11, BED), (x, y + 0.11, z), 8), 0.02, 12))
+    pole = lengthwise(tube(np.linspace((x, y + 0.11, BED), (x, y + 0.11, z), 8), 0.02, 12))
     perch = tube(np.linspace((0, 0, 0), (0, -0.07, 0), 4), 0.006, 8, up=(0, 0, 1)).moved(x, y, z + 0.085)
     # Two slabs of roof lean against each other over the front's upper corners.
     slabs = [
@@ -277,7 +275,7 @@ def _gnome(rng: Generator) -> list[Prop]:
     x, y = -0.62, 3.24
     face = textures.speckled(rng, (48, 96), (0.78, 0.52, 0.40), (0.92, 0.70, 0.58))
     felt = textures.cloth(rng, (96, 128), (0.66, 0.12, 0.10), (0.88, 0.60, 0.30))
-    beard = _lengthwise(leaf(0.14, 0.13, 0.0, 0.0)).turned(90, "y").turned(90).moved(0, -0.09, 0.27)
+    beard = lengthwise(leaf(0.14, 0.13, 0.0, 0.0)).turned(90, "y").turned(90).moved(0, -0.09, 0.27)
     white = textures.ramp(textures.noise(rng, (64, 48), (4, 24), 3), (0.58, 0.56, 0.52), (0.95, 0.93, 0.88))
     return [
         Prop(
@@ -315,7 +313,7 @@ def _tram(rng: Generator, travel: Floats) -> list[Prop]:
     )
     skirt = join([box((0.24, 0.02, 0.05)).moved(side, -0.10, 0.045) for side in (-0.23, 0.23)])
     bow = np.array([(-0.10, 0, 0.45), (0.0, 0, 0.50), (-0.08, 0, 0.565), (0.0, 0, 0.60)])
-    arms = [_lengthwise(tube(np.linspace(bow[n], bow[n + 1], 4), 0.005, 8)) for n in range(3)]
+    arms = [lengthwise(tube(np.linspace(bow[n], bow[n + 1], 4), 0.005, 8)) for n in range(3)]
     arms.append(tube(np.linspace((0.0, -0.09, 0.60), (0.0, 0.09, 0.60), 4), 0.006, 8, up=(0, 0, 1)))
     slate = cobbles(rng, (48, 256), 6, (0.22, 0.24, 0.26), (0.46, 0.48, 0.50))
     parts = (
@@ -354,9 +352,9 @@ def _fence(rng: Generator) -> list[Prop]:
         around = 11 * height_along
         stem = [x + 0.026 * np.sin(around), FENCE - 0.016 - 0.004 * np.cos(around), height_along]
         coil = np.stack(stem, axis=1)
-        vines.append(_lengthwise(tube(coil, 0.003, 6)))
+        vines.append(lengthwise(tube(coil, 0.003, 6)))
         for foot in coil[::2]:
-            blade = _lengthwise(leaf(rng.uniform(0.03, 0.05), 0.026, 0.008, 0.02)).turned(
+            blade = lengthwise(leaf(rng.uniform(0.03, 0.05), 0.026, 0.008, 0.02)).turned(
                 rng.uniform(40, 80), "x"
             )
             leaves.append(

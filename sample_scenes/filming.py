@@ -22,7 +22,12 @@ from addon.core.readers.colmap_export import write_model
 from . import staging, truth
 from .stage import Cameras, Stage
 
-STAGES = ("bars", "foreground", "slope", "rack", "fence", "walk", "boxes", "blocks", "plain", "porch")
+SUBJECTS = ("stroller", "oncoming", "pause", "beast", "crossing")
+"""Stages of people and animals that move."""
+STAGES = (
+    *("bars", "foreground", "slope", "rack", "fence", "walk", "boxes", "blocks", "plain", "porch"),
+    *SUBJECTS,
+)
 
 
 def load(name: str) -> Stage:

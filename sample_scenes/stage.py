@@ -35,6 +35,23 @@ class Prop:
     """Things of one layer hide each other little; a higher layer stands before a lower one."""
     travel: Floats | None = None
     """(N, 3) how far the thing has moved in each frame; None stands still."""
+    turn: Floats | None = None
+    """(N, 3, 3) rotation about the world's origin in each frame, before it travels; None does not turn.
+
+    The shape of what turns stands about its joint, as if that were the origin.
+    """
+    subject: str = ""
+    """Of which person, animal or vehicle it is a part; nobody's if empty."""
+
+    @property
+    def moves(self) -> bool:
+        """Whether it has another pose in one frame than in another."""
+        return any(path is not None and np.ptp(path, axis=0).any() for path in (self.travel, self.turn))
+
+    def pose(self, index: int) -> tuple[Floats, Floats]:
+        """Rotation (3, 3) and shift (3,) that place the shape in a frame, counted from 0."""
+        turn = np.eye(3) if self.turn is None else self.turn[index]
+        return turn, np.zeros(3) if self.travel is None else self.travel[index]
 
 
 @dataclass(frozen=True)
@@ -103,6 +120,11 @@ class Stage:
     sun: tuple[float, float, float] = (-0.45, -0.6, 0.66)
     """Direction to the light."""
     edges: tuple[Edge, ...] = ()
+
+    @property
+    def subjects(self) -> tuple[str, ...]:
+        """Their names, in the order of their first parts."""
+        return tuple(dict.fromkeys(thing.subject for thing in self.things if thing.subject))
 
     @property
     def focus_depth(self) -> Floats:

@@ -22,8 +22,8 @@ def build(stage: Stage, samples: int = 64) -> bpy.types.Scene:
     for number, prop in enumerate(stage.things, start=1):
         thing = add(scene, prop, _lit_material(prop))
         thing.pass_index = number
-        if prop.travel is not None:
-            _move(thing, prop)
+        if prop.travel is not None or prop.turn is not None:
+            _move(thing, prop, len(stage.cameras))
     _add_sun(scene, stage)
     add_camera(scene, stage.cameras)
     scene.frame_start, scene.frame_end = 1, len(stage.cameras)
@@ -99,13 +99,15 @@ def _lit_material(prop: Prop) -> bpy.types.Material:
     return material
 
 
-def _move(thing: bpy.types.Object, prop: Prop) -> None:
-    assert prop.travel is not None
+def _move(thing: bpy.types.Object, prop: Prop, frames: int) -> None:
     # A shadow would move over things that stand still, which no motion field tells.
     thing.visible_shadow = False
-    for frame, place in enumerate(prop.travel, start=1):
-        thing.location = place
-        thing.keyframe_insert("location", frame=frame)
+    thing.rotation_mode = "QUATERNION"
+    for index in range(frames):
+        turn, thing.location = prop.pose(index)
+        thing.rotation_quaternion = Matrix(turn.tolist()).to_quaternion()
+        thing.keyframe_insert("location", frame=index + 1)
+        thing.keyframe_insert("rotation_quaternion", frame=index + 1)
 
 
 def _add_sun(scene: bpy.types.Scene, stage: Stage) -> None:

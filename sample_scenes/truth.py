@@ -146,7 +146,7 @@ def motion(
     local = rays * np.where(far, 1.0, here.depth)[..., None]
     # A direction has no place: only the turn of the camera moves it.
     world = (local - np.where(far[..., None], 0.0, sized.translation[index])) @ sized.rotation[index]
-    world += _travelled(stage, here.thing, index)
+    world = _moved(stage, here.thing, world, index)
     seen = world @ sized.rotation[index + 1].T + np.where(far[..., None], 0.0, sized.translation[index + 1])
     place = sized.focal * seen[..., :2] / seen[..., 2:] + np.array([width, height]) / 2
     column, row = np.floor(place).astype(int).transpose(2, 0, 1)
@@ -157,11 +157,16 @@ def motion(
     return place - np.stack([across, down], axis=-1), inside & same
 
 
-def _travelled(stage: Stage, thing: NDArray[np.int32], index: int) -> Floats:
-    """(H, W, 3) how far each pixel's thing moves by itself from one frame to the next, in the world."""
-    still = np.zeros(3)
-    steps = [still if t.travel is None else t.travel[index + 1] - t.travel[index] for t in stage.things]
-    return np.asarray(np.array([*steps, still])[thing])
+def _moved(stage: Stage, thing: NDArray[np.int32], world: Floats, index: int) -> Floats:
+    """(H, W, 3) where each pixel's world point, on its thing, is in the next frame."""
+    turns, shifts = [], []
+    for prop in stage.things:
+        (turn, place), (next_turn, next_place) = prop.pose(index), prop.pose(index + 1)
+        turns.append(next_turn @ turn.T)
+        shifts.append(next_place - turns[-1] @ place)
+    # The last is the air's, whose index is -1.
+    turned = np.einsum("hwij,hwj->hwi", np.array([*turns, np.eye(3)])[thing], world)
+    return np.asarray(turned + np.array([*shifts, np.zeros(3)])[thing])
 
 
 @contextmanager

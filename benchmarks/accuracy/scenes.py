@@ -161,11 +161,14 @@ class Staged:
 
     def moves(self, frame: int) -> NDArray[np.bool_]:
         """(H, W) what moves by itself."""
-        travels = [thing.travel for thing in self.stage.things]
-        moving_objects = [
-            i for i, path in enumerate(travels) if path is not None and np.ptp(path, axis=0).any()
-        ]
+        moving_objects = [i for i, thing in enumerate(self.stage.things) if thing.moves]
         return np.isin(self.geometry(frame).thing, moving_objects)
+
+    def subject(self, frame: int, *names: str) -> NDArray[np.bool_]:
+        """(H, W) whose centre shows one of the named subjects; any subject where none is named."""
+        wanted = names or self.stage.subjects
+        parts = [i for i, thing in enumerate(self.stage.things) if thing.subject in wanted]
+        return np.isin(self.geometry(frame).thing, parts)
 
     def past_border(self, frame: int) -> NDArray[np.float32]:
         """From the frames that fusion has for it."""

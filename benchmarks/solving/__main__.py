@@ -128,9 +128,7 @@ class Clip:
     @cached_property
     def truth(self) -> Truth:
         stage, last = self.motion.stage, len(self.motion.cameras)
-        moving_objects = [
-            i for i, t in enumerate(stage.things) if t.travel is not None and np.ptp(t.travel, axis=0).any()
-        ]
+        moving_objects = [i for i, thing in enumerate(stage.things) if thing.moves]
         depth: dict[int, Floats] = {}
         moves: dict[int, Mask] = {}
         for frame in sorted({*range(1, last + 1, DEPTH_STEP), last}):
