@@ -115,7 +115,7 @@ class VIRTUAL_APERTURE_OT_pick_focus(bpy.types.Operator):  # noqa: N801
             # There only the mesh can be undone.
             bpy.ops.object.mode_set(mode="OBJECT")
         self._context: ClipContext = shot_of(scene).context
-        self._finder = self._context.places(scene.frame_current, use_known=True)
+        self._finder = self._context.places(scene.frame_current)
         self._view, self._scene = CameraView.of(context), scene
         self._overlay = Overlay(self._view, scene)
         mark = self._mark()
@@ -186,7 +186,7 @@ class VIRTUAL_APERTURE_OT_pick_focus(bpy.types.Operator):  # noqa: N801
         frame = self._scene.frame_current
         if self._finder is None or self._finder.frame != frame:
             try:
-                self._finder = self._context.places(frame, use_known=True)
+                self._finder = self._context.places(frame)
             except UserError:
                 self._finder = None
         return self._finder

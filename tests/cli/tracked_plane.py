@@ -9,21 +9,22 @@ import pytest
 from addon.cli.main import run_command
 from addon.core.readers.colmap_export import write_model
 
-from ..scenes import LENS, slanted_plane, write_frames
+from ..scenes import LENS, slanted_plane, write_plane
 
 FRAMES = tuple(range(1, 7))
+PLANE = slanted_plane(LENS, FRAMES, count=1500)
 
 
 @pytest.fixture
 def work(registered: None, tmp_path: Path) -> Path:
     """The working folder of a clip of the slanted plane."""
-    return imported(tmp_path, write_frames(tmp_path / "clip", LENS, FRAMES))
+    return imported(tmp_path, write_plane(tmp_path / "clip", PLANE))
 
 
 def imported(tmp_path: Path, footage: Path) -> Path:
     """The working folder of the clip with a plane's model."""
     (tmp_path / "model").mkdir()
-    write_model(tmp_path / "model", slanted_plane(LENS, FRAMES, count=1500))
+    write_model(tmp_path / "model", PLANE)
     words = ("import", tmp_path / "model", "--footage", footage, "--work", tmp_path / "work")
     assert run_command([str(each) for each in words]) == 0
     return tmp_path / "work"

@@ -15,6 +15,7 @@ from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Reconstruction
 from addon.core.depth.completion import CompletionOptions, place_moving_objects
 from addon.core.depth.multi_view_stereo import DenseDepth, PlaneSweepStereo, StereoOptions
+from addon.core.depth.source import SURE
 from addon.core.depth.view_selection import SelectionOptions, select_source_views
 
 from .. import planes
@@ -253,6 +254,25 @@ def test_one_depth_for_each_thing_and_holes_that_show_what_is_behind() -> None:
     assert not found[40:50, 30:40].any() and found[60:65, 30:40].all()
     np.testing.assert_array_equal(depth[~found], inverse[~found])
     assert confidence[found].max() <= 0.25
+
+
+@pytest.mark.parametrize("stands", [True, False], ids=["stands on the ground", "hovers"])
+def test_all_of_a_moving_object_is_as_sure_as_where_it_is(stands: bool) -> None:
+    """Stereo matches nothing on it, or something else; either says nothing of where it is."""
+    guide, sure = np.full((100, 120), 90, np.float32), np.ones((100, 120), np.float32)
+    inverse = np.tile(np.linspace(0.1, 0.4, 100, dtype=np.float32)[:, None], (1, 120))
+    moving = np.zeros((100, 120), bool)
+    moving[20:80, 20:60] = True
+    sure[20:50, 20:60] = 0
+    if not stands:
+        sure[78:90, 15:65] = 0
+    nothing = np.zeros((100, 120), bool)
+    _, confidence, found = place_moving_objects(guide, inverse, sure, moving, nothing, CompletionOptions())
+    assert np.ptp(confidence[found]) == 0 and SURE < confidence[found].max() <= 0.25
+    # Nothing at all is sure.
+    unsure = np.zeros_like(sure)
+    _, confidence, _ = place_moving_objects(guide, inverse, unsure, moving, nothing, CompletionOptions())
+    assert not confidence.any()
 
 
 def test_what_stands_before_a_things_foot_is_not_what_it_stands_on() -> None:

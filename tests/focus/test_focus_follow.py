@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import cv2
@@ -67,7 +67,13 @@ class TrueDepth:
 
     def at(self, frame: int) -> DenseDepth:
         self.requests += 1
-        return shown(frame, self.clip.has_post, self.clip.gone)[1]
+        found = shown(frame, self.clip.has_post, self.clip.gone)[1]
+        if self.clip.is_sure:
+            return found
+        return replace(found, confidence=np.where(found.moving, 0, found.confidence).astype(np.float32))
+
+    def kept(self, frame: int) -> DenseDepth | None:
+        return None
 
 
 @dataclass(frozen=True)
@@ -76,6 +82,8 @@ class Filmed(ClipContext):
 
     has_post: bool = False
     gone: int = 99
+    is_sure: bool = True
+    """Whether what moves has any confidence."""
 
     @cached_property
     def stereo(self) -> TrueDepth:  # type: ignore[override]
@@ -124,8 +132,9 @@ def test_what_is_lost_keeps_its_last_distance() -> None:
     assert (inverse[max(distances) - 1 :] == inverse[-1]).all()
 
 
-def test_a_pick_on_a_mover_is_followed_and_can_be_pulled_to() -> None:
-    clip = filmed()
+@pytest.mark.parametrize("is_sure", [True, False], ids=["sure", "unsure"])
+def test_a_pick_on_a_mover_is_followed_and_can_be_pulled_to(is_sure: bool) -> None:
+    clip = replace(filmed(), is_sure=is_sure)
     depth, right = card(PICKED)
     found = clip.places(PICKED).find((160 + 280 * right / depth) / SIZE[0], 0.5)
     assert "it moves by itself and is followed from frame" in found.source
@@ -136,3 +145,17 @@ def test_a_pick_on_a_mover_is_followed_and_can_be_pulled_to() -> None:
     assert pulled[2] == pytest.approx(WALL, rel=1e-3)
     for frame in FRAMES[PICKED - 1 : -2]:
         assert pulled[frame] == pytest.approx(card(frame)[0], rel=0.01)
+
+
+def test_points_around_a_mover_are_not_what_is_picked() -> None:
+    """Features on the wall a few pixels beside the card, as beside a face."""
+    clip, (depth, right) = filmed(), card(PICKED)
+    centre = np.array([right, 0.0]) * LENS.fx / depth + LENS.principal_point
+    around = np.linspace(0, 2 * np.pi, 12, endpoint=False)
+    xy = centre + 18 * np.column_stack([np.cos(around), np.sin(around)])
+    wall = np.column_stack([(xy - LENS.principal_point) * WALL / LENS.fx, np.full(12, WALL)])
+    points = Points(wall, np.zeros((12, 3), np.uint8), np.zeros(12))
+    images = tuple(Image(f, np.eye(3), np.zeros(3), xy, np.arange(12, dtype=np.int32)) for f in FRAMES)
+    clip = replace(clip, reconstruction=Reconstruction((LENS,), images, points))
+    found = clip.places(PICKED).find(*centre / SIZE)
+    assert found.distance == pytest.approx(depth, rel=0.01) and not found.focus.points

@@ -9,15 +9,18 @@ import numpy as np
 import pytest
 
 from addon.cli.main import run_command
+from addon.core.base.arrays import Floats
 from addon.core.base.errors import UserError
+from addon.core.depth.depth_store import DepthStore
 from addon.core.focus.place import NEAR
 from addon.core.focus.pull import inverse_depths
+from addon.core.frame.clip_context import ClipContext
 from addon.core.media.clip import open_footage
 from addon.core.readers.colmap_export import write_model
 from addon.scene.shot import Shot
 
 from .. import planes
-from ..planes import HEIGHT, STEPS, WIDTH, clip, features, poses
+from ..planes import HEIGHT, LENS, PLANES, STEPS, WIDTH, clip, features, poses
 
 CENTRES = np.column_stack([STEPS, 0.1 * STEPS**2, STEPS])
 """To the side, and ahead as far."""
@@ -50,15 +53,46 @@ def test_a_place_without_points_has_its_dense_depth(shot: Shot) -> None:
     assert distances == pytest.approx(PLANE - CENTRES[:, 2], rel=0.02)
 
 
-def test_a_place_amid_points_is_theirs() -> None:
-    rng = np.random.default_rng(0)
-    xyz = np.column_stack([rng.uniform(0.6, 1.5, 80), rng.uniform(-1, 1, 80), np.full(80, 4.0)])
-    found = Shot(None, poses(CENTRES, xyz)).context.places(FRAME).find(*BESIDE)  # type: ignore[arg-type]
+def test_a_place_amid_points_on_its_surface_is_theirs(footage: Path) -> None:
+    found = Shot(open_footage(footage), poses(CENTRES, near_plane())).context.places(FRAME).find(*BESIDE)
     assert len(found.focus.points) == 4
     assert found.distance == pytest.approx(4.0, rel=1e-6)
     assert found.source.startswith("points ") and "px of the place" in found.source
     assert float(found.source.split("within ")[1].split()[0]) <= NEAR * WIDTH
     assert found.world is None and not found.followed
+
+
+def test_a_place_amid_points_on_another_surface_is_not_theirs(footage: Path) -> None:
+    """Its own surface has no points near; around it those of the wall behind are seen, past its edge."""
+    edge = LENS.fx * PLANES[4.0][0] / 4 + LENS.cx
+    click = ((edge + 6) / WIDTH, 0.5)
+    rng = np.random.default_rng(0)
+    xy = np.array([edge, HEIGHT / 2]) + np.column_stack([rng.uniform(-8, -2, 40), rng.uniform(-8, 8, 40)])
+    wall = np.column_stack([(xy - [LENS.cx, LENS.cy]) * 10 / LENS.fx, np.full(40, 10.0)])
+    xyz = np.concatenate([features()[::3], wall])
+    xyz = xyz[(xyz[:, 2] != 4) | (np.abs(xyz[:, 0] - PLANES[4.0][0]) > 0.4)]
+    context = Shot(open_footage(footage), poses(CENTRES, xyz)).context
+    found = context.places(FRAME).find(*click)
+    assert found.distance == pytest.approx(4.0, rel=0.03) and not found.focus.points
+    assert "the points around lie on something else" in found.source
+
+
+def test_a_glance_finds_nothing_and_then_tells_the_same_as_a_click(footage: Path, tmp_path: Path) -> None:
+    stores = {"store": lambda _: DepthStore(tmp_path, lambda: "key")}
+    shot = Shot(open_footage(footage), poses(CENTRES, near_plane()))
+    context = ClipContext(shot.reconstruction, shot.read, **stores)
+    finder = context.places(FRAME)
+    assert finder.glance(*BESIDE).distance is None
+    found = finder.find(*BESIDE)
+    for again in (finder, context.places(FRAME)):
+        glance = again.glance(*BESIDE)
+        assert glance.distance == pytest.approx(found.distance) and len(glance.places) == 4
+
+
+def near_plane() -> Floats:
+    """Points on the nearest plane alone."""
+    rng = np.random.default_rng(0)
+    return np.column_stack([rng.uniform(0.6, 1.5, 80), rng.uniform(-1, 1, 80), np.full(80, 4.0)])
 
 
 def test_where_nothing_is_known_it_is_refused(tmp_path: Path) -> None:

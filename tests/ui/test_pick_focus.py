@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -12,6 +11,7 @@ from addon.core.camera.reconstruction import Intrinsics
 from addon.core.focus.focus import Focus
 from addon.core.focus.place import Place
 from addon.core.focus.pull import FocusMark
+from addon.core.media.clip import open_footage
 from addon.scene import focus_marks, lens
 from addon.scene.build import build
 from addon.scene.shot import Shot
@@ -20,7 +20,7 @@ from addon.ui.focus_list import VIRTUAL_APERTURE_UL_focus_marks
 
 from .. import planes
 from ..recorder import Recorder, draw
-from ..scenes import slanted_plane, slanted_shot
+from ..scenes import slanted_plane, slanted_shot, write_plane
 
 LENS = Intrinsics(320, 180, 280.0, 280.0, 160.0, 90.0)
 FRAMES = tuple(range(1, 9))
@@ -30,8 +30,8 @@ OPERATORS = bpy.ops.virtual_aperture
 @pytest.fixture
 def shot(scene: bpy.types.Scene, tmp_path: Path) -> Shot:
     """The plane with so many points that four are near every place."""
-    made = slanted_shot(tmp_path / "clip", LENS, FRAMES)
-    made = replace(made, reconstruction=slanted_plane(LENS, FRAMES, count=1500))
+    plane = slanted_plane(LENS, FRAMES, count=1500)
+    made = Shot(open_footage(write_plane(tmp_path / "clip", plane)), plane)
     build(scene, made.footage, made.reconstruction)
     return made
 

@@ -53,6 +53,8 @@ class CompletionOptions:
     stands before the object it is less, by errors of its depth. By eye."""
     moving_confidence: float = 0.25
     """Confidence, 0 to 1, in the depth of a moving object, which is only that of where it stands. By eye."""
+    hovering_confidence: float = 0.15
+    """Confidence in that of one which neither touches nor hides anything, whatever is around. By eye."""
 
 
 def interpolate(guide: Map, value: Map, weight: Map, default: float, options: CompletionOptions) -> Map:
@@ -117,7 +119,8 @@ def place_moving_objects(
     pixels, or nearer, before everything beside it that it hides from a neighbour, which `occluding` (h, w)
     tells. One that neither touches nor hides anything has the depth of what is around it, interpolated along
     `guide` (h, w), the picture in grey levels. Holes in a moving object that seem nearer than itself are
-    parts of it.
+    parts of it. All of it is as sure as where it stands, whatever was matched within; where nothing around
+    is sure, not at all.
     """
     inverse, confidence, moving = inverse.copy(), confidence.copy(), moving.copy()
     weight = np.where(moving, 0, confidence + np.float32(options.least_weight)).astype(np.float32)
@@ -137,8 +140,9 @@ def place_moving_objects(
         known = [one for one in bounds if one is not None]
         depth = max(known) if known else float(np.median(around[part][moving_object]))
         moving_object |= _without_holes(moving_object) & ((inverse[part] >= depth) | ~sure[part])
+        sureness = options.moving_confidence if known else options.hovering_confidence * sure.any()
         inverse[part][moving_object], moving[part][moving_object] = depth, True
-    confidence[moving] = np.minimum(confidence[moving], options.moving_confidence)
+        confidence[part][moving_object] = sureness
     return inverse, confidence, moving
 
 

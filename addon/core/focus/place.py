@@ -1,4 +1,5 @@
-"""What is in focus at a place of the picture: the feature points there, or the dense depth where none are."""
+"""What is in focus at a place of the picture: the surface that the pixel shows, through feature points on it
+where they are."""
 
 from __future__ import annotations
 
@@ -24,9 +25,12 @@ NEAR = 0.06
 clip with holes cut into its points: so near, nine picks of ten are within a tenth of the range of inverse
 depths from the dense depth; at 0.1 one of four is not, at 0.2 every second one."""
 
+SAME = 0.05
+"""Of the range of a frame's inverse depths, up to which the mean of the points around a pixel may be off what
+that shows: about a twentieth of the largest blur. By eye."""
 OTHER = 0.1
-"""Relative difference of inverse depths from which on points around a pixel are not on what it shows. By eye,
-at silhouettes of the sample clip."""
+"""Of that range, from which on one of those points is on something else. By eye, at silhouettes of the sample
+clip. Not of the depth itself: that is nearly the same for all that is far away."""
 
 
 @dataclass(frozen=True)
@@ -58,12 +62,27 @@ class Glance:
     where it is the depth of the pixel."""
 
 
-class PlaceFinder:
-    """Places of one registered frame; its features and the depth that is known of it are read once.
+@dataclass(frozen=True)
+class _Pixel:
+    """What a depth source tells of the pixel at a place."""
 
-    `use_known` lets depth of the pixel that need not be found, where it is sure, count before features around
-    that lie on something else. The result then depends on what was found before.
-    """
+    inverse_depth: float
+    confidence: float
+    moves: bool
+
+    @property
+    def is_sure(self) -> bool:
+        """Whether its depth comes before that of points."""
+        return self.inverse_depth > 0 and self.confidence > SURE
+
+    @property
+    def is_known(self) -> bool:
+        """Whether its depth may be put in focus: what moves by itself is drawn there, sure or not."""
+        return self.inverse_depth > 0 and (self.moves or self.confidence > SURE)
+
+
+class PlaceFinder:
+    """Places of one registered frame; its features and its depth are read once."""
 
     def __init__(
         self,
@@ -71,76 +90,77 @@ class PlaceFinder:
         depth: DepthSource,
         read: Callable[[int], Pixels],
         frame: int,
-        use_known: bool = False,
     ) -> None:
         """`read` gives a frame's picture (H, W, 3 or 4), by which what moves is followed. UserError for a
         frame without a camera of its own."""
         self.frame = frame
-        self._rec, self._depth, self._read, self._use_known = reconstruction, depth, read, use_known
+        self._rec, self._depth, self._read = reconstruction, depth, read
         check_place(self._rec, frame, 0.5, 0.5)
         self._image, _ = self._rec.image_at(frame)
         self._canvas = Canvas(self._rec.intrinsics(self._image))
 
     def glance(self, x: float, y: float) -> Glance:
         """What is known of fractions x, y of the picture without finding anything."""
-        known = self._known_depth(x, y) if self._use_known else None
+        nothing = np.zeros((0, 2))
+        if self._known is None:
+            return Glance(None, nothing)
+        pixel = self._pixel(self._known, x, y)
         points, _ = self._points(x, y)
-        if points is not None and not self._is_other(points, known):
+        if points is not None and (not pixel.is_sure or self._is_on(pixel, points)):
             return Glance(1 / self._inverse_depth(points), self._seen_at(points))
-        return Glance(1 / known if known else None, np.zeros((0, 2)))
+        return Glance(1 / pixel.inverse_depth if pixel.is_known else None, nothing)
 
     def find(self, x: float, y: float) -> Place:
-        """What is in focus at fractions x, y of the picture (0, 0 = top left).
+        """What is in focus at fractions x, y of the picture (0, 0 = top left), its depth found if need be.
 
-        The points around, where four are near (`NEAR`); else the depth of the very pixel. Raises UserError
-        where nothing is known of the place, and outside of the picture.
+        The surface that the very pixel shows: through the four points around that are near (`NEAR`) and on
+        it, else by the pixel's own depth. Where that is not sure, the points that are near come first. Raises
+        UserError where nothing is known of the place, and outside of the picture.
         """
         check_place(self._rec, self.frame, x, y)
-        canvas, frame = self._canvas, self.frame
+        if self._known is None:
+            self._known = self._depth.at(self.frame, self._canvas, NO_PICTURE)
+        known = self._known
+        pixel = _Pixel(0.0, 0.0, False) if known is None else self._pixel(known, x, y)
         points, away = self._points(x, y)
-        known = self._known_depth(x, y) if self._use_known else None
-        if points is not None and not self._is_other(points, known):
+        if points is not None and (not pixel.is_sure or self._is_on(pixel, points)):
             numbers = ", ".join(map(str, points.points))
             source = f"points {numbers}, within {away:.0f} px of the place"
-            return Place(points, frame, 1 / self._inverse_depth(points), source, xy=(x, y))
-        if points is not None:
-            beside = "the points around lie on something else"
-        else:
-            beside = f"no four points are within {NEAR * canvas.camera.width:.0f} px of the place"
-        click = self._click(x, y)
-        found = self._depth.at(frame, canvas, NO_PICTURE)
-        inverse, confidence, moves, source = 0.0, 0.0, False, ""
-        if found is not None:
-            at_click = found.at_places(click[None], canvas)
-            inverse, confidence, moves = float(at_click[0][0]), float(at_click[1][0]), bool(at_click[2][0])
-            sure = "" if found.confidence is None else f", {100 * confidence:.0f} % sure"
-            source = f"{found.origin}{sure}; {beside}"
-        if not confidence > SURE:
-            inverse = 0.0
-        if not inverse > 0:
+            return Place(points, self.frame, 1 / self._inverse_depth(points), source, xy=(x, y))
+        origin = "nothing else" if known is None else known.origin
+        if not pixel.is_known:
             nearest = f"its points are {away:.0f} px away" if np.isfinite(away) else "it has no points"
-            unsure = found.origin if found is not None else "nothing else"
             raise UserError(
-                f"nothing is known of the depth at {x:g},{y:g} of frame {frame}: {nearest}, and {unsure} is"
-                " not sure there; focus on a place with texture at the same distance, or give points or a"
+                f"nothing is known of the depth at {x:g},{y:g} of frame {self.frame}: {nearest}, and {origin}"
+                " is not sure there; focus on a place with texture at the same distance, or give points or a"
                 " distance"
             )
-        distance = 1 / inverse
-        if moves:
-            at = np.array([x * canvas.camera.width, y * canvas.camera.height])
-            followed = follow(self._rec, self._depth, self._read, frame, at, inverse)
-            first, last = min(followed), max(followed)
-            followed_text = (
-                f"and is followed from frame {first} to {last}" if last > first else "and cannot be followed"
-            )
-            # With the others: one depth alone may be off.
-            distance = followed[frame]
-            where = f"{source}; it moves by itself {followed_text}"
-            return Place(Focus(distance=distance), frame, distance, where, followed=followed, xy=(x, y))
-        pinhole = canvas.pinhole
-        ray = np.append((click - pinhole.principal_point) / pinhole.focal, 1.0)
+        if known is not None and known.confidence is not None:
+            origin += f", {100 * pixel.confidence:.0f} % sure"
+        if pixel.moves:
+            return self._followed(x, y, pixel.inverse_depth, origin)
+        width = self._canvas.camera.width
+        beside = (
+            f"no four points are within {NEAR * width:.0f} px of the place"
+            if points is None
+            else "the points around lie on something else"
+        )
+        pinhole, distance = self._canvas.pinhole, 1 / pixel.inverse_depth
+        ray = np.append((self._click(x, y) - pinhole.principal_point) / pinhole.focal, 1.0)
         world = self._image.rotation.T @ (distance * ray - self._image.translation)
-        return Place(Focus(distance=distance), frame, distance, source, world, xy=(x, y))
+        focus = Focus(distance=distance)
+        return Place(focus, self.frame, distance, f"{origin}; {beside}", world, xy=(x, y))
+
+    def _followed(self, x: float, y: float, inverse: float, origin: str) -> Place:
+        """A place on what moves by itself, of an inverse depth, through the frames that show it."""
+        at = np.array([x * self._canvas.camera.width, y * self._canvas.camera.height])
+        followed = follow(self._rec, self._depth, self._read, self.frame, at, inverse)
+        first, last = min(followed), max(followed)
+        how_far = f"is followed from frame {first} to {last}" if last > first else "cannot be followed"
+        # With the others: one depth alone may be off.
+        distance = followed[self.frame]
+        source = f"{origin}; it moves by itself and {how_far}"
+        return Place(Focus(distance=distance), self.frame, distance, source, followed=followed, xy=(x, y))
 
     @cached_property
     def _features(self) -> FrameFeatures:
@@ -149,6 +169,11 @@ class PlaceFinder:
     @cached_property
     def _known(self) -> PixelDepth | None:
         return self._depth.kept(self.frame, self._canvas)
+
+    def _pixel(self, depth: PixelDepth, x: float, y: float) -> _Pixel:
+        """What is told of the pixel at fractions x, y of the picture."""
+        (inverse,), (confidence,), (moves,) = depth.at_places(self._click(x, y)[None], self._canvas)
+        return _Pixel(float(inverse), float(confidence), bool(moves))
 
     def _click(self, x: float, y: float) -> Floats:
         """(2,) pixels of the canvas."""
@@ -175,19 +200,21 @@ class PlaceFinder:
         observed = self._features.observed[np.isin(self._features.points, focus.points)]
         return np.asarray(self._canvas.features_to_source(observed) / [camera.width, camera.height])
 
+    def _is_on(self, pixel: _Pixel, points: Focus) -> bool:
+        """Whether points lie on the surface that a pixel of known depth shows, none across a silhouette."""
+        inverse = self._features.inverse_depth[np.isin(self._features.points, points.points)]
+        off = (inverse - pixel.inverse_depth) / self._range
+        return not pixel.moves and bool(abs(off.mean()) <= SAME and np.abs(off).max() <= OTHER)
+
+    @cached_property
+    def _range(self) -> float:
+        """From the 1st to the 99th percentile of the inverse depths that are known."""
+        assert self._known is not None
+        low, high = np.percentile(self._known.inverse_depth, [1, 99])
+        return max(float(high - low), float(np.finfo(float).tiny))
+
     def _inverse_depth(self, focus: Focus) -> float:
         return focus.inverse_depth(self._rec, self.frame)
-
-    def _is_other(self, points: Focus, known: float | None) -> bool:
-        """Whether depth that is known of the pixel says that points around it are on something else."""
-        return known is not None and abs(self._inverse_depth(points) - known) > OTHER * known
-
-    def _known_depth(self, x: float, y: float) -> float | None:
-        """Inverse depth of a place that need not be found; None where it is not sure."""
-        if self._known is None:
-            return None
-        (inverse,), (confidence,), _ = self._known.at_places(self._click(x, y)[None], self._canvas)
-        return float(inverse) if confidence > SURE and inverse > 0 else None
 
 
 def shown_at(place: Place, reconstruction: Reconstruction, frame: int) -> tuple[float, float] | None:

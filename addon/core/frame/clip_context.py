@@ -127,9 +127,9 @@ class ClipContext:
         image, _ = self.reconstruction.image_at(frame)
         return Canvas(self.reconstruction.intrinsics(image))
 
-    def places(self, frame: int, use_known: bool = False) -> PlaceFinder:
+    def places(self, frame: int) -> PlaceFinder:
         """What finds the focus at places of a registered frame; see `PlaceFinder`."""
-        return PlaceFinder(self.reconstruction, self.depth_source(), self.read, frame, use_known)
+        return PlaceFinder(self.reconstruction, self.depth_source(), self.read, frame)
 
     @cached_property
     def texture_memory(self) -> ReusedMemory:
