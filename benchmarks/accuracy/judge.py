@@ -18,10 +18,14 @@ from ..cost import Cost, measured
 from . import metrics
 from .cases import FromVideo, GroundTruth
 from .cases import track as track_of
+from .mask_metrics import outline_band
 from .methods import METHODS, Answer
 from .scenes import Picture, Scene, Truth
 
-JUDGES = [f"benchmarks/accuracy/{name}.py" for name in ("judge", "metrics", "cases", "methods", "scenes")]
+JUDGES = [
+    f"benchmarks/accuracy/{name}.py"
+    for name in ("judge", "metrics", "mask_metrics", "cases", "methods", "scenes")
+]
 # Read when the code is: a run of hours must not sign its rows with what was edited meanwhile.
 CODE = {
     (name, track): store.digest(
@@ -59,6 +63,9 @@ class Row:
     """What the truth's own noise makes of that."""
     warped: float | None = None
     """The same along the true motion."""
+    subject_psnr: float | None = None
+    """Around the outlines of subjects that move: the pixels of `mask_metrics.outline_band`."""
+    subject_rm: float | None = None
     triangles: int = 0
     cpu_s: float | None = None
     """Processor seconds a frame, all threads; reading, solving and truth are not in it."""
@@ -115,6 +122,9 @@ class Judge:
         truths = [self._cropped(truth.picture) for truth in self.truths]
         warped = self._warped(pictures, truths)
 
+        subjects = [self.scene.subject(frame) for frame in self.frames]
+        bands = [self._cropped(outline_band(mask)) for mask in subjects if mask is not None]
+
         def score(masks: list[metrics.Mask]) -> float | None:
             scores = map(metrics.psnr, pictures, truths, [self._cropped(mask) for mask in masks])
             return _mean(list(scores))
@@ -132,6 +142,8 @@ class Judge:
             flip=_mean(list(map(metrics.flip, pictures, truths))),
             rm=_mean([metrics.rm(pictures, truths)]), rm_floor=self._rm_floor,
             warped=warped,
+            subject_psnr=_mean(list(map(metrics.psnr, pictures, truths, bands))),
+            subject_rm=_mean([metrics.rm(pictures, truths, bands)]) if bands else None,
             triangles=round(np.mean([a.triangles for a in answers])),
             cpu_s=_mean([c.cpu_s for c in costs]), wall_s=_mean([c.wall_s for c in costs]),
             peak_mb=_mean([max(c.peak_mb for c in costs)]),

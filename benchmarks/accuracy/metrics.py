@@ -117,17 +117,21 @@ def in_focus(disc: Floats) -> Mask:
     return np.abs(disc) < SHARP
 
 
-def rm(pictures: Sequence[Picture], truths: Sequence[Picture]) -> float:
+def rm(pictures: Sequence[Picture], truths: Sequence[Picture], where: Sequence[Mask] | None = None) -> float:
     """Temporal error of a clip without motion: mean |(P[t+1] - P[t]) - (G[t+1] - G[t])| of encoded values.
 
-    A steady error costs nothing, flicker costs its height. NaN for fewer than two frames; raises ValueError
-    if the clips differ in length or size.
+    A steady error costs nothing, flicker costs its height. With `where`, (H, W) bool for each frame, pixels
+    count that are in that of either frame. NaN for fewer than two frames, or where nothing counts; raises
+    ValueError if the clips differ in length or size.
     """
     errors = _errors(pictures, truths)
-    if len(errors) < 2:
-        return float("nan")
-    changes = [np.abs(after - before).mean() for before, after in pairwise(errors)]
-    return float(np.mean(changes))
+    masks = where or [np.ones(error.shape[:2], bool) for error in errors]
+    changes = [
+        np.abs(after - before)[one | other].mean()
+        for (before, after), (one, other) in zip(pairwise(errors), pairwise(masks), strict=True)
+        if (one | other).any()
+    ]
+    return float(np.mean(changes)) if changes else float("nan")
 
 
 def warped_error(

@@ -18,7 +18,10 @@ from .judge import Row
 
 matplotlib.use("Agg")
 
-COLUMNS = (
+type Column = tuple[str, str, str]
+"""Its head, the field of `Row`, and how that is written."""
+
+COLUMNS: tuple[Column, ...] = (
     ("PSNR", "psnr", "{:.2f}"),
     ("edges", "edge_psnr", "{:.2f}"),
     ("in focus", "in_focus_psnr", "{:.2f}"),
@@ -27,11 +30,15 @@ COLUMNS = (
     ("FLIP", "flip", "{:.4f}"),
     ("RM", "rm", "{:.4f}"),
     ("warped", "warped", "{:.4f}"),
+    ("subject", "subject_psnr", "{:.2f}"),
+    ("subject RM", "subject_rm", "{:.4f}"),
     ("triangles", "triangles", "{:d}"),
     ("CPU s", "cpu_s", "{:.2f}"),
     ("wall s", "wall_s", "{:.2f}"),
     ("MB", "peak_mb", "{:.0f}"),
 )
+STILL_COLUMNS = tuple(column for column in COLUMNS if not column[1].startswith("subject"))
+"""Of scenes without a subject that moves."""
 OURS, VARIANTS, BLENDER = "#D55E00", "#B07800", "#0072B2"
 STYLES = {
     "no blur": ("0.4", "x"), "thesis": ("black", "v"), "layers": (OURS, "o"), "draft": (OURS, "*"),
@@ -122,7 +129,8 @@ def line(row: Row) -> str:
 
 def table(scene: str, rows: list[Row]) -> str:
     """The rows of one scene as Markdown, the best PSNR of each track and blur in bold."""
-    heads = ["method", "views", *(head for head, _, _ in COLUMNS)]
+    columns = COLUMNS if any(row.subject_psnr is not None for row in rows) else STILL_COLUMNS
+    heads = ["method", "views", *(head for head, _, _ in columns)]
     lines = [f"# {scene}", ""]
     for track in sorted({row.track for row in rows}):
         for blur in sorted({row.blur_px for row in rows if row.track == track}):
@@ -134,16 +142,16 @@ def table(scene: str, rows: list[Row]) -> str:
                 f"## {track}, largest disc {blur} px, {own[0].frames} frames;"
                 f" the truth's noise: {ceiling:.1f} dB seed against seed{flicker}", "",
                 "| " + " | ".join(heads) + " |", "|" + "---|" * len(heads),
-                *(_line(row, max((r.psnr or 0) for r in own)) for row in own), "",
+                *(_line(row, max((r.psnr or 0) for r in own), columns) for row in own), "",
             ]  # fmt: skip
     return "\n".join(lines)
 
 
-def _line(row: Row, best: float) -> str:
+def _line(row: Row, best: float, columns: tuple[Column, ...]) -> str:
     cells = [row.method, str(row.views or "")]
     if row.psnr is None:
-        return "| " + " | ".join([*cells, row.note, *[""] * (len(COLUMNS) - 1)]) + " |"
-    for _, name, form in COLUMNS:
+        return "| " + " | ".join([*cells, row.note, *[""] * (len(columns) - 1)]) + " |"
+    for _, name, form in columns:
         value = getattr(row, name)
         cell = "" if value is None else form.format(value)
         if name == "psnr":

@@ -70,6 +70,9 @@ class Scene(Protocol):
     def depth(self, frame: int) -> Floats:
         """(H, W) true depth, inf for infinitely far."""
 
+    def subject(self, frame: int) -> NDArray[np.bool_] | None:
+        """(H, W) whose centre shows a person, animal or vehicle that moves; None in a scene without one."""
+
     def past_border(self, frame: int) -> NDArray[np.float32] | None:
         """What is `PixelDepth.past_border`, true as far as frames around see it; None where no border is
         judged."""
@@ -164,9 +167,11 @@ class Staged:
         moving_objects = [i for i, thing in enumerate(self.stage.things) if thing.moves]
         return np.isin(self.geometry(frame).thing, moving_objects)
 
-    def subject(self, frame: int, *names: str) -> NDArray[np.bool_]:
-        """(H, W) whose centre shows one of the named subjects; any subject where none is named."""
-        wanted = names or self.stage.subjects
+    def subject(self, frame: int, name: str = "") -> NDArray[np.bool_] | None:
+        """Of all subjects, or of the named one alone."""
+        if not self.stage.subjects:
+            return None
+        wanted = (name,) if name else self.stage.subjects
         parts = [i for i, thing in enumerate(self.stage.things) if thing.subject in wanted]
         return np.isin(self.geometry(frame).thing, parts)
 

@@ -109,6 +109,9 @@ class Shop:
     def depth(self, frame: int) -> Floats:
         return store.kept("shop-depth", f"{self.key}-{frame:04d}", lambda: self._swept(frame))
 
+    def subject(self, frame: int) -> None:
+        """Nothing moves."""
+
     def past_border(self, frame: int) -> None:
         """None: what is judged ends before it."""
 

@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import cached_property
+from pathlib import Path
 
 import bpy
 import cv2
 import numpy as np
 import pytest
 
+from addon.core.frame.clip_context import ClipContext
+from addon.core.media.clip import open_footage, to_linear
+from benchmarks import store
+from benchmarks.accuracy import metrics, report, subjects
+from benchmarks.accuracy.cases import GroundTruth, TrueDepth
+from benchmarks.accuracy.judge import Judge, Row
+from benchmarks.accuracy.mask_metrics import outline_band
+from benchmarks.accuracy.scenes import Staged
 from sample_scenes import figure, filming, staging, truth
 from sample_scenes.shapes import box
 from sample_scenes.stage import Cameras, Floats, Prop, Stage
@@ -151,3 +161,96 @@ def test_one_who_crosses_hides_the_other(built: list[bpy.types.Scene]) -> None:
 def test_bones_that_are_too_short_are_refused() -> None:
     with pytest.raises(ValueError, match="do not reach"):
         figure.knee(np.zeros((1, 2)), np.array([[0.0, -1.0]]), 0.4, 0.4, 1)
+
+
+# Judged
+
+
+class Tiny(Staged):
+    """Eight frames of two people who cross, at 96x54 pixels."""
+
+    @cached_property
+    def stage(self) -> Stage:
+        made = filming.load("crossing")
+        some = slice(18, 26)
+        cameras = made.cameras.resized(96, 54)
+        cameras = replace(cameras, rotation=cameras.rotation[some], translation=cameras.translation[some])
+        things = (
+            replace(
+                thing,
+                travel=None if thing.travel is None else thing.travel[some],
+                turn=None if thing.turn is None else thing.turn[some],
+            )
+            for thing in made.things
+        )
+        return replace(made, cameras=cameras, things=tuple(things), focus=made.focus[some])
+
+
+@pytest.fixture(scope="module")
+def tiny(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Tiny]:
+    patch = pytest.MonkeyPatch()
+    patch.setattr(store, "FOLDER", tmp_path_factory.mktemp("bench"))
+    before = bpy.context.window.scene
+    scene = Tiny("crossing", noise=0.05)
+    yield scene
+    patch.undo()
+    bpy.context.window.scene = before
+    bpy.data.scenes.remove(scene.scene)
+
+
+def test_subjects_are_told_apart(tiny: Tiny) -> None:
+    both, near, far = (tiny.subject(3, name) for name in ("", "near", "far"))
+    assert both is not None and near is not None and far is not None
+    np.testing.assert_array_equal(both, near | far)
+    assert not (near & far).any()
+    assert near.sum() > far.sum() > 0
+    # A foot that is set down moves in none of so few frames.
+    assert not (tiny.moves(3) & ~both).any()
+
+
+def test_the_benchmark_scores_the_subjects_band(tiny: Tiny) -> None:
+    judged = Judge(tiny, 6, count=2)
+    row = judged.row("T1", GroundTruth(tiny), "no blur", 0)
+    pictures = [to_linear(tiny.frame(frame))[..., :3] for frame in judged.frames]
+    truths = [truth.picture for truth in judged.truths]
+    bands = [outline_band(tiny.subject(frame)) for frame in judged.frames]
+    assert row.subject_psnr == pytest.approx(np.mean(list(map(metrics.psnr, pictures, truths, bands))))
+    assert row.subject_rm == pytest.approx(metrics.rm(pictures, truths, bands))
+
+
+def test_only_scenes_with_subjects_have_columns_for_them() -> None:
+    row = Row("bars", "T1", "layers", 8, 32, 3, "", 40.0, psnr=30.0, cpu_s=1.0)
+    assert "subject" not in report.table("bars", [row])
+    shown = report.table("stroller", [replace(row, scene="stroller", subject_psnr=28.5, subject_rm=0.01)])
+    assert "| subject | subject RM |" in shown
+    assert "| 28.50 | 0.0100 |" in shown
+
+
+def given(tiny: Tiny, subject: str = "") -> subjects.Given:
+    """The clip with its true cameras and depth."""
+    clip = ClipContext(tiny.cameras, open_footage(tiny.clip()).read, TrueDepth(tiny))
+    return subjects.Given(tiny, clip, subject)
+
+
+def test_the_true_masks_are_right(tiny: Tiny, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    truth_itself = subjects.Method(lambda given: given.truth, each=True)
+    monkeypatch.setitem(subjects.METHODS, "truth", truth_itself)
+    score = subjects.judge(given(tiny, "near"), "truth", range(1, 5), tmp_path)
+    assert (score.iou, score.least_iou, score.good, score.fair) == (1, 1, 1, 1)
+    assert (score.boundary_f, score.least_boundary_f, score.boiling) == (1, 1, 0)
+    assert (score.torn, score.off_depth) == (0, 0)
+    assert len(list(tmp_path.iterdir())) == 4
+    assert "| crossing | near | truth | 4 | 1.000 |" in subjects.table([score])
+
+
+def test_masks_of_any_size_are_judged_in_the_frame(tiny: Tiny, monkeypatch: pytest.MonkeyPatch) -> None:
+    def halved(given: subjects.Given) -> Callable[[int], np.ndarray]:
+        return lambda frame: given.truth(frame)[::2, ::2]
+
+    monkeypatch.setitem(subjects.METHODS, "halved", subjects.Method(halved))
+    assert 0.75 < subjects.judge(given(tiny), "halved", range(1, 3)).iou < 1
+
+
+def test_nothing_moves_in_depth_that_is_given(tiny: Tiny) -> None:
+    score = subjects.judge(given(tiny), "moving", range(1, 3))
+    assert (score.iou, score.boundary_f, score.good, score.torn) == (0, 0, 0, 0)
