@@ -71,7 +71,7 @@ class Given:
         """
         mask = self.scene.subject(frame, self.subject)
         assert mask is not None
-        return cv2.medianBlur(mask.astype(np.uint8), 3) > 0
+        return np.asarray(cv2.medianBlur(mask.astype(np.uint8), 3) > 0)
 
     def stroke(self, frame: int, places: int = 5) -> Floats:
         """(n, 2) places of a stroke from head to foot, in shares of the picture: see `stroke`."""
