@@ -104,6 +104,26 @@ def geometry(scene: bpy.types.Scene, frame: int) -> Geometry:
     return Geometry(depth, np.where(hit, np.rint(seen[..., 1]) - 1, -1).astype(np.int32))
 
 
+def matte(scene: bpy.types.Scene, stage: Stage, frame: int, subject: str, samples: int) -> Picture:
+    """(H, W) how much of every pixel a subject covers, 0 to 1, less what hides it; all subjects if empty.
+
+    Sampled as the pictures are, so that it is also their mix of subject and background.
+    """
+    wanted = (subject,) if subject else stage.subjects
+    owners = ("", *(thing.subject for thing in stage.things))
+    others = [thing for thing in scene.objects if thing.pass_index and owners[thing.pass_index] not in wanted]
+    for thing in others:
+        thing.is_holdout = True
+    try:
+        with _settings(scene, samples, 0):
+            scene.render.film_transparent = True
+            return _render(scene, frame)[..., 3]
+    finally:
+        scene.render.film_transparent = False
+        for thing in others:
+            thing.is_holdout = False
+
+
 def layer(
     scene: bpy.types.Scene, stage: Stage, frame: int, number: int, margin: int, samples: int
 ) -> tuple[Picture, Floats]:

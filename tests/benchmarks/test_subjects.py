@@ -208,6 +208,19 @@ def test_subjects_are_told_apart(tiny: Tiny) -> None:
     assert not (tiny.moves(3) & ~both).any()
 
 
+def test_mattes_are_shares_of_pixels(tiny: Tiny) -> None:
+    before = truth.pinhole(tiny.scene, 3, 64)
+    both, near, far = (truth.matte(tiny.scene, tiny.stage, 3, name, 64) for name in ("", "near", "far"))
+    np.testing.assert_allclose(both, near + far, atol=0.02)
+    mask = tiny.subject(3)
+    assert mask is not None
+    away = ~outline_band(mask, 2)
+    np.testing.assert_allclose(both[away], mask[away], atol=0.1)
+    assert 0.05 < ((both > 0.1) & (both < 0.9)).sum() / mask.sum() < 1.5
+    assert both.sum() == pytest.approx(mask.sum(), rel=0.05)
+    np.testing.assert_array_equal(truth.pinhole(tiny.scene, 3, 64), before)
+
+
 def test_the_benchmark_scores_the_subjects_band(tiny: Tiny) -> None:
     judged = Judge(tiny, 6, count=2)
     row = judged.row("T1", GroundTruth(tiny), "no blur", 0)
