@@ -86,7 +86,7 @@ def add_lens(command: argparse.ArgumentParser, required: bool) -> None:
         "--mask",
         type=path,
         metavar="DIR",
-        help="your own masks of what moves by itself: pictures, white moves",
+        help="your own mattes of what moves by itself: pictures, white or opaque moves, gray in part",
     )
     add_options(command, FRAME_OPTIONS)
     add_aperture(command)

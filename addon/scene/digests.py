@@ -23,11 +23,12 @@ def reconstruction_digest(reconstruction: Reconstruction) -> str:
 
 
 def drawn_digest(drawn: DrawnMask) -> str:
-    """64 hexadecimal digits of the outlines of a mask that is drawn in Blender, over all frames."""
+    """64 hexadecimal digits of outlines and feathers of a mask that is drawn in Blender, over all frames."""
     digest = hashlib.sha256()
     for frame, layers in sorted(drawn.layers.items()):
         for layer in layers:
-            digest.update(repr((frame, layer.alpha, layer.blend, layer.is_inverted, layer.overlaps)).encode())
-            for outline in layer.outlines:
+            own = layer.falloff, layer.alpha, layer.blend, layer.is_inverted, layer.overlaps
+            digest.update(repr((frame, own)).encode())
+            for outline in (*layer.outlines, *layer.feathers):
                 digest.update(np.ascontiguousarray(outline).tobytes())
     return digest.hexdigest()

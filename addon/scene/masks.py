@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import bpy
 import cv2
 import numpy as np
 
-from ..core.base.arrays import Floats, LinearRGBA, Mask
+from ..core.base.arrays import Floats, Map
+from ..core.base.nearest_fill import of_nearest
 from . import main_thread
 
 CURVE = 16
 """Straight pieces that a curve between two points is drawn with."""
 SHIFT = 4
 """Bits of a pixel's fraction that OpenCV draws with."""
+FINER = 4
+"""Times as fine as the picture outlines are drawn."""
 
 
 @dataclass(frozen=True)
@@ -24,6 +27,10 @@ class Layer:
 
     outlines: tuple[Floats, ...]
     """(n, 2) each, closed: 0 to 1 over the longer side of the picture, the shorter centred; y is up."""
+    feathers: tuple[Floats, ...]
+    """(n,) of each outline, the width of its feather there, in the same unit."""
+    falloff: str
+    """How opacity falls over the feather: Blender's name of it."""
     alpha: float
     blend: str
     is_inverted: bool
@@ -41,8 +48,9 @@ class DrawnMask:
     layers: dict[int, tuple[Layer, ...]]
     """Of each frame."""
 
-    def at(self, frame: int) -> Mask | None:
-        """(H, W) over the clip's picture, True where it moves by itself; None for a frame that is unknown."""
+    def at(self, frame: int) -> Map | None:
+        """(H, W) over the clip's picture, the opacity in [0, 1] of what moves by itself; None for a frame
+        that is unknown."""
         return None if frame not in self.layers else raster(self.layers[frame], self.size)
 
     def is_still(self, mask: bpy.types.Mask, frame: int) -> bool:
@@ -53,7 +61,7 @@ class DrawnMask:
 
 
 def drawn_mask(mask: bpy.types.Mask, frames: Iterable[int], size: tuple[int, int]) -> DrawnMask:
-    """The mask at all frames of a clip of size (width, height), with its shape keys; feather is ignored.
+    """The mask at all frames of a clip of size (width, height), with its shape keys and its feather.
 
     Points that follow a track stay where they were drawn. The frames are evaluated in a scene made for that,
     on the main thread, and the user's own scene stays at its frame.
@@ -80,8 +88,8 @@ def layers_of(mask: bpy.types.Mask) -> tuple[Layer, ...]:
     """What a mask shows at the frame that it is evaluated at."""
     return tuple(
         Layer(
-            tuple(_outline(spline) for spline in layer.splines if spline.use_fill and len(spline.points) > 1),
-            layer.alpha, layer.blend, layer.invert, layer.use_fill_overlap,
+            *_outlines([each for each in layer.splines if each.use_fill and len(each.points) > 1]),
+            layer.falloff, layer.alpha, layer.blend, layer.invert, layer.use_fill_overlap,
         )
         for layer in mask.layers
         if not layer.hide_render
@@ -92,6 +100,26 @@ def follows_tracks(mask: bpy.types.Mask) -> bool:
     """Whether points of the mask have tracks for parents, which are ignored."""
     points = (point for layer in mask.layers for spline in layer.splines for point in spline.points)
     return any(point.parent.id is not None for point in points)
+
+
+def _outlines(splines: Sequence[bpy.types.MaskSpline]) -> tuple[tuple[Floats, ...], tuple[Floats, ...]]:
+    return tuple(map(_outline, splines)), tuple(map(_feather, splines))
+
+
+def _feather(spline: bpy.types.MaskSpline) -> Floats:
+    """(n,) the feather's width along the curve of a spline: from point to point, and over those between."""
+    t, found = np.linspace(0, 1, CURVE, endpoint=False), []
+    weights = [point.weight for point in spline.points]
+    for number, (point, weight) in enumerate(zip(spline.points, weights, strict=True)):
+        between = sorted((each.u, each.weight) for each in point.feather_points)
+        u, width = zip((0.0, weight), *between, (1.0, weights[(number + 1) % len(weights)]), strict=True)
+        piece = np.clip(np.searchsorted(u, t, side="right") - 1, 0, len(u) - 2)
+        start, end = np.array(u)[piece], np.array(u)[piece + 1]
+        share = (t - start) / np.maximum(end - start, 1e-9)
+        if spline.weight_interpolation == "EASE":
+            share = share**2 * (3 - 2 * share)
+        found.append(np.array(width)[piece] * (1 - share) + np.array(width)[piece + 1] * share)
+    return np.concatenate(found)
 
 
 def _outline(spline: bpy.types.MaskSpline) -> Floats:
@@ -110,32 +138,80 @@ def _outline(spline: bpy.types.MaskSpline) -> Floats:
     return np.asarray(np.einsum("kt,pkc->ptc", weights, corners).reshape(-1, 2))
 
 
-def raster(layers: Iterable[Layer], size: tuple[int, int]) -> Mask:
-    """(H, W) bool of layers over each other as Blender mixes them, for a picture of size (width, height)."""
+def raster(layers: Iterable[Layer], size: tuple[int, int]) -> Map:
+    """(H, W) opacity in [0, 1] of layers over each other as Blender mixes them, for a picture of size (width,
+    height)."""
     value = np.zeros(size[::-1], np.float32)
     for layer in layers:
         inside = _filled(layer, size)
         own = inside if layer.blend == "REPLACE" else inside * np.float32(layer.alpha)
         own = 1 - own if layer.is_inverted else own
         value = np.clip(_mixed(value, own, layer), 0, 1)
-    return np.asarray(value > 0.5)
+    return np.asarray(value, np.float32)
 
 
-def _filled(layer: Layer, size: tuple[int, int]) -> LinearRGBA:
-    """(H, W) 1 inside the outlines."""
+def _filled(layer: Layer, size: tuple[int, int]) -> Map:
+    """(H, W) in [0, 1]: 1 inside the outlines, the share of a pixel on them, and what the feather leaves
+    outside."""
     width, height = size
-    longer = max(size)
-    scale = longer * np.array([1.0, -1.0])
-    centre = np.array([width, height]) / 2
-    # OpenCV counts from the centre of the first pixel.
-    places = [np.rint(((o - 0.5) * scale + centre - 0.5) * 2**SHIFT).astype(np.int32) for o in layer.outlines]
-    inside = np.zeros((height, width), np.uint8)
-    for group in [[one] for one in places] if layer.overlaps else [places] if places else []:
-        cv2.fillPoly(inside, group, 1, shift=SHIFT)
-    return inside.astype(np.float32)
+    # An outline is drawn finer, and its pixels counted. OpenCV counts from the centre of the first pixel.
+    scale = max(size) * np.array([1.0, -1.0])
+    places = [(o - 0.5) * scale + np.array([width, height]) / 2 for o in layer.outlines]
+    drawn = [np.rint((FINER * each - 0.5) * 2**SHIFT).astype(np.int32) for each in places]
+    inside = np.zeros((FINER * height, FINER * width), np.uint8)
+    for group in [[one] for one in drawn] if layer.overlaps else [drawn] if drawn else []:
+        cv2.fillPoly(inside, group, 255, shift=SHIFT)
+    found: Map = cv2.resize(inside, size, interpolation=cv2.INTER_AREA) / np.float32(255)
+    for outline, feather in zip(places, layer.feathers, strict=True):
+        # To the left of an outline: of one that is drawn counterclockwise it lies within, where all is 1.
+        (x, y), (to_x, to_y) = outline.T, np.roll(outline, -1, axis=0).T
+        is_clockwise = np.sum(x * to_y - to_x * y) > 0
+        if is_clockwise and (feather > 0).any():
+            found = np.maximum(found, _feathered(outline, max(size) * feather, layer.falloff, size))
+    return found
 
 
-def _mixed(value: LinearRGBA, own: LinearRGBA, layer: Layer) -> LinearRGBA:
+def _feathered(outline: Floats, feather: Floats, falloff: str, size: tuple[int, int]) -> Map:
+    """(H, W) in [0, 1], 1 at an outline (n, 2) in pixels, 0 where its feather (n,), in pixels, ends."""
+    after = np.roll(np.column_stack([outline, feather]), -1, axis=0)
+    before = np.column_stack([outline, feather])
+    # Two places a pixel: the distance to the outline is that to the nearest.
+    steps = int(np.ceil(2 * np.abs(after - before)[:, :2].max(initial=0.5)))
+    share = (np.arange(steps) / steps)[:, None, None]
+    along = ((1 - share) * before + share * after).reshape(-1, 3)
+    margin = 1 + int(np.ceil(feather.max()))
+    column, row = np.floor(along[:, :2]).astype(int).T + margin
+    shape = size[1] + 2 * margin, size[0] + 2 * margin
+    seen = (column >= 0) & (row >= 0) & (column < shape[1]) & (row < shape[0])
+    if not seen.any():
+        return np.zeros(size[::-1], np.float32)
+    values, seeds = np.zeros((*shape, 3), np.float32), np.zeros(shape, bool)
+    values[row[seen], column[seen]], seeds[row[seen], column[seen]] = along[seen], True
+    nearest = of_nearest(values, seeds)[0][margin:-margin, margin:-margin]
+    x, y = np.meshgrid(np.arange(size[0]) + 0.5, np.arange(size[1]) + 0.5)
+    away = np.hypot(x - nearest[..., 0], y - nearest[..., 1])
+    left = np.clip(1 - away / np.maximum(nearest[..., 2], 1e-6), 0, 1)
+    return np.asarray(_fallen(left, falloff), np.float32)
+
+
+def _fallen(left: Floats, falloff: str) -> Floats:
+    """(H, W) opacity over a feather, of which so much (H, W) is left, from 1 at the outline to 0: Blender's
+    falloffs."""
+    match falloff:
+        case "SMOOTH":
+            return left**2 * (3 - 2 * left)
+        case "SPHERE":
+            return np.sqrt(left * (2 - left))
+        case "ROOT":
+            return np.sqrt(left)
+        case "INVERSE_SQUARE":
+            return left * (2 - left)
+        case "SHARP":
+            return left**2
+    return left
+
+
+def _mixed(value: Map, own: Map, layer: Layer) -> Map:
     """Blender's mixing of a layer with those below it, before it is clipped to 0 and 1."""
     match layer.blend:
         case "ADD":
@@ -160,11 +236,13 @@ def _mixed(value: LinearRGBA, own: LinearRGBA, layer: Layer) -> LinearRGBA:
 def _same(one: tuple[Layer, ...], other: tuple[Layer, ...]) -> bool:
     def plain(layer: Layer) -> tuple[object, ...]:
         shapes = [len(outline) for outline in layer.outlines]
-        return shapes, layer.alpha, layer.blend, layer.is_inverted, layer.overlaps
+        return shapes, layer.falloff, layer.alpha, layer.blend, layer.is_inverted, layer.overlaps
 
     if [plain(layer) for layer in one] != [plain(layer) for layer in other]:
         return False
     pairs = (
-        (a, b) for x, y in zip(one, other, strict=True) for a, b in zip(x.outlines, y.outlines, strict=True)
+        (a, b)
+        for x, y in zip(one, other, strict=True)
+        for a, b in zip((*x.outlines, *x.feathers), (*y.outlines, *y.feathers), strict=True)
     )
     return all(np.allclose(a, b, rtol=0, atol=1e-6) for a, b in pairs)

@@ -148,14 +148,15 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
     )
     masks: StringProperty(
         name="Masks",
-        description="Folder of masks, or one of them: white marks moving objects. Empty: found in the clip",
+        description="Folder of mattes, or one of them: white or opaque moves, gray in part. Empty: found in"
+        " the clip",
         subtype="FILE_PATH",
         options={"PATH_SUPPORTS_BLEND_RELATIVE"},
     )
     mask: PointerProperty(
         type=bpy.types.Mask,
         name="Mask",
-        description="Drawn in the Image or Movie Clip Editor around moving objects; feather and tracks are"
+        description="Drawn in the Image or Movie Clip Editor around moving objects, with feather; tracks are"
         " ignored",
     )
     root: PointerProperty(type=bpy.types.Object, name="Root")

@@ -10,7 +10,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ..core.base.arrays import Mask
+from ..core.base.arrays import Map
 from ..core.base.errors import UserError
 from ..core.base.lru_cache import LRUCache
 from ..core.camera.reconstruction import Reconstruction
@@ -33,7 +33,7 @@ from .paths import absolute
 
 KEPT_DEPTH = "depth"
 """Folder of a working folder where depth is kept."""
-DEPTHS = 3
+DEPTHS = 4
 """Version of the way that depth is found: counted up when the same options give another depth."""
 IDENTITY = "virtual_aperture_identity"
 REMEMBERED = 256 << 20
@@ -104,11 +104,12 @@ class Shot:
     def _pictures(self) -> LRUCache[Pixels]:
         return LRUCache(REMEMBERED, lambda picture: picture.nbytes)
 
-    def masked(self, frame: int) -> Mask | None:
-        """(H, W) over a frame, what the user says moves by itself; None where nothing is said."""
+    def masked(self, frame: int) -> Map | None:
+        """(H, W) over a frame, the opacity in [0, 1] of what the user says moves by itself; None where
+        nothing is said."""
         given = [source.at(frame) for source in (self.masks, self.drawn) if source is not None]
         known = [mask for mask in given if mask is not None]
-        return np.logical_or.reduce(known) if known else None
+        return np.maximum.reduce(known) if known else None
 
 
 _last: tuple[tuple[str, ...], Shot] | None = None

@@ -12,6 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from addon.cli.main import parser
+from addon.core.base.arrays import Map
 from addon.core.base.errors import UserError
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.media.clip import Footage, open_footage
@@ -85,7 +86,7 @@ def test_any_size(clip: Footage, tmp_path: Path, size: tuple[int, int]) -> None:
         cv2.imwrite(str(tmp_path / "m" / f"{frame}.png"), white_box(size))
     found = open_masks(tmp_path / "m", clip).at(4)
     assert found is not None and found.shape == TRUE.shape
-    assert (found & TRUE).sum() > 0.9 * (found | TRUE).sum()
+    assert ((found > 0.5) & TRUE).sum() > 0.9 * ((found > 0.5) | TRUE).sum()
 
 
 def test_another_shape_is_said(clip: Footage, tmp_path: Path) -> None:
@@ -111,7 +112,30 @@ def test_every_kind_of_picture(clip: Footage, tmp_path: Path) -> None:
             assert cv2.imwrite(str(tmp_path / name / f"{frame}.{suffix}"), picture)
         found = open_masks(tmp_path / name, clip).at(4)
         assert found is not None, name
-        np.testing.assert_array_equal(found, TRUE, err_msg=name)
+        np.testing.assert_allclose(found, TRUE, atol=0.03 if suffix == "jpg" else 0, err_msg=name)
+
+
+def test_what_is_between_white_and_black_is_opacity(clip: Footage, tmp_path: Path) -> None:
+    ramp = np.tile(np.linspace(0, 255, WIDTH).round().astype(np.uint8), (HEIGHT, 1))
+    cut_out = np.random.default_rng(1).integers(0, 255, (HEIGHT, WIDTH, 3), np.uint8)
+    linear = (ramp / 255).astype(np.float32)
+    kinds: dict[str, tuple[str, NDArray[np.generic]]] = {
+        "grey": ("png", ramp),
+        "a cut-out": ("png", np.dstack([cut_out, ramp])),
+        "float": ("tif", linear),
+        "a premultiplied cut-out": (
+            "tif",
+            np.dstack([linear[..., None] * 0.2 * np.ones(3, np.float32), linear]),
+        ),
+        "opaque": ("png", np.dstack([ramp, ramp, ramp, np.full_like(ramp, 255)])),
+    }
+    for name, (suffix, picture) in kinds.items():
+        (tmp_path / name).mkdir()
+        for frame in FRAMES:
+            assert cv2.imwrite(str(tmp_path / name / f"{frame}.{suffix}"), picture)
+        found = open_masks(tmp_path / name, clip).at(4)
+        assert found is not None and found.dtype == np.float32, name
+        np.testing.assert_allclose(found, ramp / 255, atol=1e-3, err_msg=name)
 
 
 def test_exr(scene: bpy.types.Scene, clip: Footage, tmp_path: Path) -> None:
@@ -174,12 +198,13 @@ def key(mask: bpy.types.Mask, frame: int, shift: float) -> None:
     area.type = kind
 
 
-def composited(scene: bpy.types.Scene, mask: bpy.types.Mask, size: tuple[int, int], path: Path) -> Bytes:
-    """(H, W) 0 or 1: the same by Blender's own compositor."""
+def composited(scene: bpy.types.Scene, mask: bpy.types.Mask, size: tuple[int, int], path: Path) -> Map:
+    """(H, W) the same by Blender's own compositor."""
     tree = bpy.data.node_groups.new("mask", "CompositorNodeTree")
     tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
     node, out = tree.nodes.new("CompositorNodeMask"), tree.nodes.new("NodeGroupOutput")
     node.mask = mask
+    node.inputs["Feather"].default_value = True
     tree.links.new(node.outputs[0], out.inputs[0])
     scene.compositing_node_group = tree
     if scene.camera is None:
@@ -191,7 +216,7 @@ def composited(scene: bpy.types.Scene, mask: bpy.types.Mask, size: tuple[int, in
     render.image_settings.file_format, render.image_settings.color_depth = "OPEN_EXR", "32"
     with quiet(1), quiet(2):
         picture = render_to_array(scene, path)
-    return np.asarray(picture[..., 0] > 0.5, np.uint8)
+    return np.asarray(picture[..., 0])
 
 
 @pytest.mark.parametrize("size", [(192, 108), (108, 192)], ids=["wide", "tall"])
@@ -209,9 +234,10 @@ def test_a_drawn_mask_is_what_the_compositor_makes_of_it(
     edge = np.ones((3, 3), np.uint8)
     for frame in FRAMES:
         scene.frame_set(frame)
-        true = composited(scene, mask, size, tmp_path / f"{frame}.exr")
+        true = (composited(scene, mask, size, tmp_path / f"{frame}.exr") > 0.5).astype(np.uint8)
         found = drawn.at(frame)
         assert found is not None and 0.05 < found.mean() < 0.5
+        found = found > 0.5
         # The same but for the pixels on the outline.
         inside, outside = cv2.erode(true, edge) > 0, cv2.dilate(true, edge) == 0
         assert found[inside].all() and not found[outside].any()
@@ -219,8 +245,33 @@ def test_a_drawn_mask_is_what_the_compositor_makes_of_it(
     one, other = drawn.at(3), drawn.at(5)
     assert one is not None and other is not None
     shift = round(0.1 * max(size))
-    moved, other = one[:, :-shift], other[:, shift:]
+    moved, other = one[:, :-shift] > 0.5, other[:, shift:] > 0.5
     assert (moved & other).sum() > 0.95 * (moved | other).sum()
+
+
+@pytest.mark.parametrize("falloff", ["SMOOTH", "SPHERE", "ROOT", "INVERSE_SQUARE", "SHARP", "LINEAR"])
+def test_feather_is_what_the_compositor_makes_of_it(
+    scene: bpy.types.Scene, tmp_path: Path, falloff: str
+) -> None:
+    mask, size = bpy.data.masks.new("moving"), (192, 108)
+    ring(mask, (0.45, 0.5), 0.15, "MERGE_ADD", count=9)
+    layer = mask.layers[0]
+    layer.falloff = falloff
+    points = layer.splines[0].points
+    for number, (point, place) in enumerate(zip(points, [tuple(each.co) for each in points], strict=True)):
+        point.weight = 0.03 + 0.05 * (number % 3 == 0)
+        # Clockwise, or the feather lies within.
+        points[-number].co = place
+    scene.frame_set(1)
+    true, found = composited(scene, mask, size, tmp_path / "a.exr"), drawn_mask(mask, (1,), size).at(1)
+    assert found is not None
+    fraction = (true > 0.02) & (true < 0.98)
+    assert fraction.mean() > 0.08
+    off = np.abs(found - true)
+    print(falloff, off[fraction].mean(), np.quantile(off[fraction], 0.95), np.mean(off[~fraction] > 0.1))
+    assert off[fraction].mean() < 0.04 and np.quantile(off[fraction], 0.95) < 0.15
+    # Steep falloffs end in a step, which is a pixel off where the feather's width changes.
+    assert np.mean(off[~fraction] > 0.1) < 0.005
 
 
 def test_drawing_leaves_the_users_scene_alone(scene: bpy.types.Scene) -> None:
@@ -240,18 +291,18 @@ def test_layers_that_are_hidden_inverted_or_open(scene: bpy.types.Scene) -> None
     ring(mask, (0.5, 0.5), 0.2, "MERGE_ADD")
     size = (64, 64)
 
-    def shown() -> NDArray[np.bool_]:
+    def shown() -> Map:
         found = drawn_mask(mask, (1,), size).at(1)
         assert found is not None
         return found
 
     plain = shown()
     mask.layers[0].invert = True
-    np.testing.assert_array_equal(shown(), ~plain)
+    np.testing.assert_allclose(shown(), 1 - plain, atol=1e-6)
     mask.layers[0].invert, mask.layers[0].hide_render = False, True
     assert not shown().any()
     mask.layers[0].hide_render, mask.layers[0].alpha = False, 0.4
-    assert not shown().any()
+    np.testing.assert_allclose(shown(), 0.4 * plain, atol=1e-6)
     mask.layers[0].alpha = 1.0
     mask.layers[0].splines[0].use_fill = False
     assert not shown().any()
@@ -287,7 +338,7 @@ def test_a_shot_has_both_masks(scene: bpy.types.Scene, tmp_path: Path) -> None:
     alone, together = both.masked(3), both.masked(4)
     assert drawn is not None and drawn.any() and alone is not None and together is not None
     np.testing.assert_array_equal(alone, drawn)
-    np.testing.assert_array_equal(together, drawn | TRUE)
+    np.testing.assert_array_equal(together, np.maximum(drawn, TRUE))
     assert shot_of(scene) is both
     # What the user says moves is not lent and has no part in depth.
     assert both.context.stereo.at(4).moving[TRUE].mean() > 0.95

@@ -23,11 +23,13 @@ from .completion import CompletionOptions, add_sparse_prior, interpolate, place_
 from .depth_store import DepthStore
 from .motion_segmentation import MASKED, MotionOptions, moving_pixels, occluding_pixels
 from .plane_sweep import SweepOptions, View, best_levels, semiglobal, small_picture, sweep
+from .source import FAINTEST
 from .sparse import frame_features
 from .view_selection import Neighbour, SelectionOptions, relative_pose, select_source_views
 
-Moving = Callable[[int], Mask | None]
-"""(h, w), at any size, what moves by itself in a source frame; None where nothing is known of it."""
+Moving = Callable[[int], Map | Mask | None]
+"""(h, w), at any size, the opacity in [0, 1] of what moves by itself in a source frame; None where nothing is
+known of it."""
 
 
 @dataclass(frozen=True)
@@ -262,17 +264,17 @@ class PlaneSweepStereo:
         return small
 
     def _masked(self, image: Image) -> Mask:
-        """(h, w) of the canvas, what is known to move by itself."""
+        """(h, w) of the canvas, what is known to move by itself, be it ever so little of a pixel: none of its
+        colour is to be taken for what lies behind."""
         canvas = self._canvas(image)
         mask = self._mask(image.frame) if self._mask else None
         if mask is None:
             return np.zeros((canvas.pinhole.height, canvas.pinhole.width), bool)
         size = (canvas.camera.width, canvas.camera.height)
-        share = cv2.resize(mask.astype(np.uint8) * np.uint8(255), size, interpolation=cv2.INTER_AREA)
+        share = cv2.resize(np.asarray(255 * mask, np.uint8), size, interpolation=cv2.INTER_AREA)
         shown = np.dstack([share] * 4)
-        return np.asarray(
-            (_straightened(shown, canvas) if canvas.camera.is_distorted else shown)[..., 0] > 127
-        )
+        shown = _straightened(shown, canvas) if canvas.camera.is_distorted else shown
+        return np.asarray(shown[..., 0] > 255 * FAINTEST)
 
     def _range(self, image: Image) -> tuple[float, float]:
         """Least and largest inverse depth that anything in a frame may have."""

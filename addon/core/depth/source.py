@@ -14,6 +14,8 @@ from .sparse import DepthSamples
 
 SURE = 0.1
 """Confidence in [0, 1] from which on a pixel's depth is known: by eye."""
+FAINTEST = 0.04
+"""Opacity up to which a matte says nothing: about what JPEG leaves around white things. By eye."""
 NO_PICTURE: LinearRGBA = np.zeros((0, 0, 4), np.float32)
 """Instead of a picture, where only the geometry is asked for."""
 
@@ -33,6 +35,9 @@ class PixelDepth:
     within it; None where nothing was looked for."""
     origin: str = "depth that is given"
     """Where it comes from, for people."""
+    opacity: Map | None = None
+    """(H, W) in [0, 1] of what a matte says moves by itself, as which all above `FAINTEST` has the depth of
+    that: how much of a pixel it covers, before what lies behind; None without a matte."""
 
     def at_places(self, places: Floats, canvas: Canvas) -> tuple[Floats, Floats, Mask]:
         """Inverse depth (n,), confidence (n,) in [0, 1] and whether it moves by itself (n,), of the pixels

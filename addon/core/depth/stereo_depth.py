@@ -10,7 +10,8 @@ import numpy as np
 from ..base.arrays import LinearRGBA, Map
 from ..camera.canvas import Canvas
 from .joint_upsampling import upsampled
-from .multi_view_stereo import DenseDepth
+from .matte import opacity_over, outlined
+from .multi_view_stereo import DenseDepth, Moving
 from .source import NO_PICTURE, DepthSource, PixelDepth
 from .temporal_fusion import TemporalFusion
 
@@ -24,12 +25,16 @@ class StereoDepth(DepthSource):
     fusion: TemporalFusion
     better: TemporalFusion | None = None
     """Of a better quality: what it has kept is taken instead."""
+    masks: Moving | None = None
+    """The opacity of what is said to move by itself."""
 
     def at(self, frame: int, canvas: Canvas, picture: LinearRGBA) -> PixelDepth:
         """The depth of all pixels of the canvas that shows `picture` (H, W, 4); at the size that it is found
         at where that is `NO_PICTURE`."""
         better = self.better.kept(frame) if self.better else None
-        return whole_depth(better or self.fusion.at(frame), picture)
+        mask = self.masks(frame) if self.masks and picture.size else None
+        opacity = None if mask is None else opacity_over(canvas, mask)
+        return whole_depth(better or self.fusion.at(frame), picture, opacity)
 
     def kept(self, frame: int, canvas: Canvas) -> PixelDepth | None:
         """As `at` without a picture, of a frame whose depth was found before; else None."""
@@ -38,18 +43,21 @@ class StereoDepth(DepthSource):
         return None if known is None else whole_depth(known)
 
 
-def whole_depth(depth: DenseDepth, picture: LinearRGBA = NO_PICTURE) -> PixelDepth:
-    """Depth found in a smaller picture for every pixel of the canvas picture (H, W, 4), along its edges; as
-    it was found where there is no picture."""
+def whole_depth(
+    depth: DenseDepth, picture: LinearRGBA = NO_PICTURE, opacity: Map | None = None
+) -> PixelDepth:
+    """Depth found in a smaller picture for every pixel of the canvas picture (H, W, 4), along its edges, and
+    along the outline of a matte (H, W) where there is one; as it was found where there is no picture."""
     if not picture.size:
         inverse = depth.inverse_depth.astype(np.float64)
         return PixelDepth(inverse, depth.confidence, depth.moving, depth.past_border, ORIGIN)
     size = (picture.shape[1], picture.shape[0])
     confidence = cv2.resize(depth.confidence, size)
     past = None if depth.past_border is None else _past_border(depth.past_border, depth.inverse_depth, size)
-    return PixelDepth(
-        upsampled(depth.inverse_depth, picture), np.asarray(confidence), depth.moving, past, ORIGIN
-    )
+    inverse = upsampled(depth.inverse_depth, picture)
+    if opacity is not None:
+        inverse = outlined(inverse, depth.inverse_depth, depth.moving, opacity)
+    return PixelDepth(inverse, np.asarray(confidence), depth.moving, past, ORIGIN, opacity)
 
 
 def _past_border(past: Map, inside: Map, size: tuple[int, int]) -> Map:

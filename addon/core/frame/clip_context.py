@@ -47,7 +47,7 @@ class ClipContext:
     given_depth: DepthSource | None = None
     """Depth that need not be found: the user's maps, or the truth of a benchmark."""
     masks: Moving | None = None
-    """What is said to move by itself, (h, w) of a source frame at any size."""
+    """The opacity in [0, 1] of what is said to move by itself, (h, w) of a source frame at any size."""
     store: Callable[[Quality], DepthStore] | None = None
     """Where what does not depend on the lens is kept, by the quality that it is found in."""
 
@@ -115,7 +115,7 @@ class ClipContext:
         feature points. Picking, following and drawing ask it and nothing else."""
         given = () if self.given_depth is None else (self.given_depth,)
         better = self.stereo_of(quality.better) if quality.better else None
-        stereo = StereoDepth(self.stereo_of(quality), better)
+        stereo = StereoDepth(self.stereo_of(quality), better, self.masks)
         return FirstKnown((*given, stereo, SparseDepth(self.reconstruction)))
 
     def has_depth(self, frame: int, quality: Quality) -> bool:

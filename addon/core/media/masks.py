@@ -8,9 +8,8 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from ..base.arrays import Mask
+from ..base.arrays import Map
 from ..base.errors import UserError
 from .clip import Footage
 from .picture_file import PICTURES, Pixels
@@ -24,8 +23,9 @@ class Masks(SideFiles):
     KIND = "mask"
     WITHOUT = "; there, what moves is only found"
 
-    def at(self, frame: int) -> Mask | None:
-        """(H, W) over the clip's picture, True where it moves by itself; None for a frame without a mask.
+    def at(self, frame: int) -> Map | None:
+        """(H, W) over the clip's picture, the opacity in [0, 1] of what moves by itself; None for a frame
+        without a mask.
 
         UserError naming the file if it cannot be read.
         """
@@ -35,14 +35,16 @@ class Masks(SideFiles):
         shrinks = picture.shape[1] > self.footage.width
         how = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
         size = (self.footage.width, self.footage.height)
-        return np.asarray(cv2.resize(_white(picture), size, interpolation=how) > 0.5)
+        return np.asarray(np.clip(cv2.resize(_opacity(picture), size, interpolation=how), 0, 1), np.float32)
 
 
 def open_masks(path: Path, footage: Footage) -> Masks:
     """Find the masks of a clip: a folder, a pattern such as `mask_####.png`, or one picture of a sequence.
 
-    White moves by itself, black stands still; a transparent pixel is black. `side_files.match_frames` tells
-    whose they are. Raises UserError where there is no mask or none fits a frame.
+    White moves by itself, black stands still, and what is between is that share of both. Of a picture that is
+    transparent somewhere its alpha is the mask, whatever its colours are: a cut-out.
+    `side_files.match_frames` tells whose they are. Raises UserError where there is no mask or none fits a
+    frame.
     """
     return Masks.of(_pattern(path), footage)
 
@@ -60,12 +62,10 @@ def _pattern(path: Path) -> Path:
     return path.with_name(f"{before}{'#' * len(number)}{after}{path.suffix}")
 
 
-def _white(picture: Pixels) -> NDArray[np.float32]:
-    """(h, w) how white a picture (h, w, 3 or 4) as stored is, from 0 to 1."""
+def _opacity(picture: Pixels) -> Map:
+    """(h, w) in [0, 1] what a picture (h, w, 3 or 4) as stored says: its alpha, or where that is 1 everywhere
+    how white it is."""
     top = {"uint8": 255, "uint16": 65535}.get(picture.dtype.name, 1)
-    share = np.asarray(picture, np.float32) / np.float32(top)
-    white = share[..., :3].mean(axis=2)
-    if picture.shape[2] == 4 and top > 1:
-        # EXR is premultiplied in the file.
-        white *= share[..., 3]
-    return np.asarray(np.nan_to_num(white), np.float32)
+    share = np.nan_to_num(np.asarray(picture, np.float32) / np.float32(top))
+    has_alpha = picture.shape[2] == 4 and share[..., 3].min(initial=1) < 1
+    return np.asarray(share[..., 3] if has_alpha else share[..., :3].mean(axis=2), np.float32)

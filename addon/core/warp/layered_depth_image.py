@@ -17,7 +17,8 @@ import numpy as np
 from ..base.arrays import LinearRGB, LinearRGBA, Map, Mask
 from ..base.nearest_fill import of_nearest
 from ..base.progress import checkpoint
-from .matting import MattingOptions, Surfaces, matted, surfaces_beside, with_reprojected
+from ..depth.source import FAINTEST
+from .matting import MattingOptions, Surfaces, behind, matted, parted, surfaces_beside, with_reprojected
 
 Fill = Callable[[Map, Mask], tuple[LinearRGB, Mask]]
 """Colours (H, W, 3) of a surface of disparities (H, W) where a mask (H, W) asks for them, and where (H, W)
@@ -81,16 +82,18 @@ def depth_peel(
     jumps: tuple[float, ...],
     fill: Fill | None = None,
     options: LayerOptions = LayerOptions(),
+    opacity: Map | None = None,
 ) -> tuple[LayeredDepthImage, ...]:
     """Split a picture (H, W, 4) with disparities (H, W) where they jump by more than the first of `jumps`,
     in pixels, which fall, then what is left without the near surfaces at the next: where a silhouette crosses
-    another one there are three surfaces. Splits that find nothing are left out, but for the last.
+    another one there are three surfaces. Splits that find nothing are left out, but for the last. `opacity`
+    (H, W) in [0, 1] is that of what is in front where a matte tells it, NaN elsewhere.
 
     Everitt, "Interactive order-independent transparency", 2001, peels surfaces off in the same order.
     """
     found: list[LayeredDepthImage] = []
     for jump in jumps:
-        layers = split(picture, disparity, jump, min(jumps), fill, options)
+        layers = split(picture, disparity, jump, min(jumps), fill, options, opacity)
         if layers.mixed.any() or (jump == jumps[-1] and not found):
             found.append(layers)
             picture, disparity = layers.back, layers.back_disparity
@@ -104,11 +107,13 @@ def split(
     least: float,
     fill: Fill | None = None,
     options: LayerOptions = LayerOptions(),
+    opacity: Map | None = None,
 ) -> LayeredDepthImage:
     """Split a picture (H, W, 4) with disparities (H, W) in two where they jump by more than `jump` pixels.
 
     Jumps of more than `least` end what is extrapolated behind the same surface: they are left for later.
-    `fill` tells other frames' colours of what is disoccluded.
+    `fill` tells other frames' colours of what is disoccluded. `opacity` as of `depth_peel`: where it is a
+    fraction it is alpha, and both surfaces are seen through each other.
     """
     disparity = _without_ramps(disparity, jump)
     near_side, far_side = _silhouettes(disparity, jump)
@@ -120,20 +125,34 @@ def split(
     if least < jump:
         others = _without_specks(_silhouettes(disparity, least)[0] & ~mixed, options.least_silhouette)
     away = _distance_along_surface(disparity, others, jump)
-    beyond = _extrapolated(disparity, surfaces, jump, least, away, options)
+    matte = None if opacity is None else _matte(opacity, disparity, surfaces, jump)
+    sheer = np.zeros_like(mixed) if matte is None else matte < 1
+    beyond = _extrapolated(disparity, surfaces, jump, least, away, sheer, options)
+    sheer &= beyond.occluded | mixed
     checkpoint(0.4)
     colour = picture[..., :3].copy()
     reprojected = np.zeros(disparity.shape, bool)
     if fill is not None:
         seen, known = fill(beyond.far, beyond.disoccluded | mixed)
         surfaces = with_reprojected(surfaces, picture[mixed, :3], seen[mixed], known[mixed], options.matting)
-        reprojected = known & beyond.disoccluded
+        reprojected = known & (beyond.disoccluded | sheer)
         colour[reprojected] = seen[reprojected]
     checkpoint(0.5)
     front, front_disparity = picture.copy(), disparity.copy()
-    alpha, front[mixed, :3], colour[mixed] = matted(picture[mixed, :3], surfaces, options.matting)
+    alpha, front[mixed, :3], beside = matted(picture[mixed, :3], surfaces, options.matting)
+    colour[mixed] = np.where((sheer & reprojected)[mixed, None], colour[mixed], beside)
     front[mixed, 3], front_disparity[mixed] = alpha, surfaces.near_disparity
-    colour = inpainted(colour, ~beyond.occluded | reprojected)
+    known = ~(beyond.occluded | sheer) | reprojected
+    if opacity is not None and matte is not None and sheer.any():
+        # Of what is seen through, the pixel itself tells the colour behind.
+        through = sheer & ~reprojected & (matte < options.matting.most_through)
+        near = inpainted(picture[..., :3], opacity >= 1 - FAINTEST)
+        colour[through] = behind(picture[through, :3], matte[through], near[through])
+        known |= through
+    colour = inpainted(colour, known)
+    if matte is not None:
+        front[sheer, 3] = matte[sheer]
+        front[sheer, :3], colour[sheer] = parted(picture[sheer, :3], matte[sheer], colour[sheer])
     checkpoint(0.5)
     opaque = np.ones((*disparity.shape, 1), np.float32)
     return LayeredDepthImage(
@@ -141,6 +160,20 @@ def split(
         np.concatenate([colour, opaque], axis=2), beyond.far, beyond.disoccluded, reprojected,
         beyond.occluded, jump,
     )  # fmt: skip
+
+
+def _matte(opacity: Map, disparity: Map, surfaces: Surfaces, jump: float) -> Map:
+    """(H, W) alpha of the near surface by a matte's opacity (H, W): where that is a fraction, and in the
+    pixels beside; NaN elsewhere, and where the near surface is not what the matte is of."""
+    covered = opacity > FAINTEST
+    if not covered.any():
+        return np.full(opacity.shape, np.nan, np.float32)
+    fraction = covered & (opacity < 1 - FAINTEST)
+    around = cv2.dilate(fraction.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
+    near = disparity.copy()
+    near[surfaces.row, surfaces.column] = surfaces.near_disparity
+    own, _ = of_nearest(disparity, covered)
+    return np.where(around & (np.abs(near - own) <= jump), opacity, np.float32(np.nan))
 
 
 def _without_ramps(disparity: Map, jump: float) -> Map:
@@ -198,9 +231,16 @@ def _distance_along_surface(disparity: Map, others: Mask, jump: float) -> Map:
 
 
 def _extrapolated(
-    disparity: Map, surfaces: Surfaces, jump: float, least: float, away: Map, options: LayerOptions
+    disparity: Map,
+    surfaces: Surfaces,
+    jump: float,
+    least: float,
+    away: Map,
+    sheer: Mask,
+    options: LayerOptions,
 ) -> _Extrapolated:
-    """The surfaces of the nearest silhouette at each pixel; `away` (H, W) is how far the others are."""
+    """The surfaces of the nearest silhouette at each pixel; `away` (H, W) is how far the others are, and
+    behind what is `sheer` (H, W) the far surface is seen however far the silhouette is."""
     seeds = np.zeros(disparity.shape, bool)
     near, far = disparity.copy(), disparity.copy()
     if not len(surfaces.row):
@@ -211,12 +251,15 @@ def _extrapolated(
     before, behind = both[..., 0], both[..., 1]
     checkpoint(0.4)
     gap, reach = disparity - behind, options.extrapolation
-    occluded = ~seeds & (gap > jump) & (distance <= np.minimum(gap + 2 + reach, away))
+    occluded = distance <= np.minimum(gap + 2 + reach, away)
+    if sheer.any():
+        occluded |= cv2.distanceTransform((~sheer).astype(np.uint8), cv2.DIST_L2, 5) <= reach
+    occluded &= ~seeds & (gap > jump)
     is_far = ~seeds & ~occluded & (gap <= jump) & (before - disparity > jump) & (distance <= reach)
     far = np.where(occluded, behind, far)
     is_far &= ~_beside(disparity, occluded, jump)
     checkpoint(0.4)
-    disoccluded = occluded & (distance <= gap + 2)
+    disoccluded = occluded & ((distance <= gap + 2) | sheer)
     far = _smoothed(far, occluded | seeds, occluded, jump)
     if least < jump:
         far = np.where(occluded, _rising(far, disparity, occluded, seeds, jump, options.rise * least), far)

@@ -111,7 +111,10 @@ def layer_mesh(
     first = options.first_jump * typical_largest
     jumps = (first, jump) if first > jump else (jump,)
     checkpoint(0.1)
-    layers = depth_peel(wide, shift, jumps, fill, options.layers)
+    opacity = depth.opacity
+    if opacity is not None:
+        opacity = np.pad(opacity, margin, constant_values=np.nan)
+    layers = depth_peel(wide, shift, jumps, fill, options.layers, opacity)
     found = triangulated(layers, thin_lens.snap_displacement, options)
     surfaces = [(found[-1][0].far, found[-1][1].far, len(layers))]
     fronts, drawn = [], []

@@ -31,6 +31,8 @@ class MattingOptions:
     """Distance of colours (linear light) by which what other frames saw may explain a mixed pixel worse than
     what is beside it. By eye; with other frames' colours blocks go from 77 to 80 % of the gap closed to the
     oracle at edges (32 px, true depth)."""
+    most_through: float = 0.5
+    """Alpha of a given matte from which on a pixel tells nothing of the colour behind it. By eye."""
     least_contrast: float = 0.02
     """Distance of two colours (linear light) from which on they tell a mixed pixel's alpha. By eye."""
 
@@ -133,10 +135,24 @@ def matted(
     spread = options.variance_weight * (surfaces.near_variance + surfaces.far_variance)
     trust = length / (length + options.least_contrast**2 + spread)
     alpha = np.clip(trust * alpha + (1 - trust) * surfaces.alpha, 0, 1) * surfaces.exists
+    opaque = np.asarray(alpha, np.float32)
+    return opaque, *parted(colour, opaque, far)
+
+
+def behind(colour: LinearRGB, alpha: Map, near: LinearRGB) -> LinearRGB:
+    """The colour (n, 3) of the far surface in n pixels (n, 3) that a near one of a colour (n, 3) covers by
+    alpha (n,), below 1."""
+    share = alpha[:, None]
+    return np.asarray(np.maximum(colour - share * near, 0) / (1 - share), np.float32)
+
+
+def parted(colour: LinearRGB, alpha: Map, far: Floats | LinearRGB) -> tuple[LinearRGB, LinearRGB]:
+    """The premultiplied colour (n, 3) of the near surface, of alpha (n,) in n pixels (n, 3), and the colour
+    (n, 3) of the far one, which is expected to be `far` (n, 3): together they are the pixel as it was."""
     front = np.maximum(colour - (1 - alpha)[:, None] * far, 0)
     # Where the pixel is darker than the far surface's share alone, that is darker there, too.
     far = np.minimum(far, colour / np.maximum(1 - alpha, 1e-6)[:, None])
-    return alpha.astype(np.float32), front.astype(np.float32), far.astype(np.float32)
+    return front.astype(np.float32), far.astype(np.float32)
 
 
 def _thin(
