@@ -47,7 +47,8 @@ def whole_depth(
     depth: DenseDepth, picture: LinearRGBA = NO_PICTURE, opacity: Map | None = None
 ) -> PixelDepth:
     """Depth found in a smaller picture for every pixel of the canvas picture (H, W, 4), along its edges, and
-    along the outline of a matte (H, W) where there is one; as it was found where there is no picture."""
+    what moves along its outline, which is that of a matte (H, W) where there is one; as it was found where
+    there is no picture."""
     if not picture.size:
         inverse = depth.inverse_depth.astype(np.float64)
         return PixelDepth(inverse, depth.confidence, depth.moving, depth.past_border, ORIGIN)
@@ -55,8 +56,7 @@ def whole_depth(
     confidence = cv2.resize(depth.confidence, size)
     past = None if depth.past_border is None else _past_border(depth.past_border, depth.inverse_depth, size)
     inverse = upsampled(depth.inverse_depth, picture)
-    if opacity is not None:
-        inverse = outlined(inverse, depth.inverse_depth, depth.moving, opacity)
+    inverse = outlined(inverse, depth.inverse_depth, depth.moving, picture, opacity)
     return PixelDepth(inverse, np.asarray(confidence), depth.moving, past, ORIGIN, opacity)
 
 
