@@ -12,7 +12,7 @@ ROOT = Path(__file__).resolve().parents[1]
 ADDON = ROOT / "addon"
 FLOORS = ("core", "scene", "render", "ui", "cli")
 """Folders of the add-on, the lowest first: each may import those before it."""
-ROOMS = ("base", "camera", "optics", "media", "readers", "depth", "sfm", "warp", "focus", "frame")
+ROOMS = ("base", "camera", "optics", "media", "readers", "depth", "subjects", "sfm", "warp", "focus", "frame")
 """Folders of the core, the lowest first."""
 BLENDER = {"bpy", "bmesh", "blf", "gpu", "gpu_extras", "imbuf", "mathutils"}
 WORKER = {"incremental_mapping", "keyframes", "worker"}

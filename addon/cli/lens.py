@@ -39,11 +39,15 @@ from ..scene.build import build
 from ..scene.lens import frame_options, set_aperture, set_focus
 from ..scene.properties import VirtualApertureSettings
 from ..scene.shot import shot_of
+from ..scene.subjects import set_marked
 from .aperture import add_aperture, placed, set_shape
 from .blend import is_blend
 from .options import Parser, UsageError, add_options, real, whole
 from .paths import path
+from .subjects import add_subjects, focused_subjects, subjects_of
 
+NEEDED = "focus_is_needed"
+"""Attribute of parsed options: whether a focus must be given."""
 DEFAULT_BLUR = 0.03
 MOST_BLUR = 0.5
 """Image widths; larger discs are more than layers can be made for (`LayeredMeshOptions.widest` on either
@@ -52,7 +56,8 @@ side)."""
 
 def add_lens(command: argparse.ArgumentParser, required: bool) -> None:
     """Focus, blur, depth and method; a focus must be given where it is `required`."""
-    focus = command.add_mutually_exclusive_group(required=required)
+    command.set_defaults(**{NEEDED: required})
+    focus = command.add_mutually_exclusive_group()
     focus.add_argument(
         "--focus-at", metavar="X,Y[@FRAME]", action="append",
         help="place in the picture, 0,0 top left, 1,1 bottom right; more than once, each with its frame, it"
@@ -88,6 +93,7 @@ def add_lens(command: argparse.ArgumentParser, required: bool) -> None:
         metavar="DIR",
         help="your own mattes of what moves by itself: pictures, white or opaque moves, gray in part",
     )
+    add_subjects(command)
     add_options(command, FRAME_OPTIONS)
     add_aperture(command)
 
@@ -104,7 +110,7 @@ def lens_defaults() -> dict[str, Any]:
     """The options of `add_lens` as they are where none is given."""
     command = Parser()
     add_lens(command, required=False)
-    return vars(command.parse_args([]))
+    return {name: value for name, value in vars(command.parse_args([])).items() if name != NEEDED}
 
 
 def given_lens(options: argparse.Namespace) -> dict[str, Any]:
@@ -125,11 +131,8 @@ def check_lens(options: argparse.Namespace, required: bool) -> None:
             f"{options.work.name} has a lens of its own, so leave {', '.join(given)} out; --help tells what"
             " it takes"
         )
-    if required and not has_focus(options) and not is_blend(options.work):
-        raise UsageError(
-            "one of --focus-at, --focus-point, --focus-plane and --focus-distance is needed; --help tells"
-            " what it takes"
-        )
+    if not is_blend(options.work):
+        setattr(options, NEEDED, required)
     check_numbers(options)
 
 
@@ -165,7 +168,7 @@ def read_lens(file: Path, options: argparse.Namespace) -> None:
 
 def has_focus(options: argparse.Namespace) -> bool:
     """Whether the options tell what is in focus."""
-    places = (options.focus_at, options.focus_point, options.focus_plane)
+    places = (options.focus_at, options.focus_point, options.focus_plane, options.focus_subject)
     return any(places) or options.focus_distance is not None
 
 
@@ -205,7 +208,13 @@ def all_frames(footage: Footage, frames: FrameRange | None) -> list[int]:
 
 
 def check_numbers(options: argparse.Namespace) -> None:
-    """What can be refused before an hour of solving."""
+    """What can be refused before an hour of solving: UserError, and UsageError where a focus is needed and
+    none is given."""
+    if getattr(options, NEEDED) and not has_focus(options):
+        raise UsageError(
+            "one of --focus-at, --focus-point, --focus-plane, --focus-distance and --focus-subject is needed;"
+            " --help tells what it takes"
+        )
     for name, value in (("blur", options.blur), ("aperture radius", options.aperture_radius)):
         if value is not None and not value > 0:
             raise UserError(f"the {name} is {value:g}; it must be greater than zero")
@@ -219,21 +228,32 @@ def check_numbers(options: argparse.Namespace) -> None:
         raise UserError("give the number of views or the target PSNR, not both")
     if options.focus_distance is not None and not options.focus_distance > 0:
         raise UserError(f"the focus distance is {options.focus_distance:g}; it must be greater than zero")
-    _check_places([_place(text) for text in options.focus_at or ()])
+    _check_places(_focus_places(options))
     _check_tilt(options)
 
 
-def _check_places(places: Sequence[tuple[float, float, int | None]]) -> None:
-    """UserError for places that are not in the picture, and for several that do not tell their frames."""
-    for x, y, _ in places:
+def _focus_places(options: argparse.Namespace) -> list[tuple[str, int | None]]:
+    """What is to be in focus, in words, and the frames; UserError for what is not understood, for places that
+    are not in the picture, and for a subject beside points or a distance."""
+    found = list[tuple[str, int | None]]()
+    for x, y, frame in map(_place, options.focus_at or ()):
         if not (0 <= x <= 1 and 0 <= y <= 1):
             raise UserError(f"focus at {x:g},{y:g} is outside the picture; both must be between 0 and 1")
-    frames = [frame for _, _, frame in places]
+        found.append((f"{x:g},{y:g}", frame))
+    subjects = focused_subjects(options)
+    if subjects and (options.focus_point or options.focus_plane or options.focus_distance is not None):
+        raise UsageError("--focus-subject goes with --focus-at alone, not with points or a distance")
+    return found + [(f"subject {name}", frame) for name, frame in subjects]
+
+
+def _check_places(places: Sequence[tuple[str, int | None]]) -> None:
+    """UserError for several places that do not tell their frames, each its own."""
+    frames = [frame for _, frame in places]
     if len(frames) > 1 and None in frames:
-        x, y, _ = places[frames.index(None)]
+        place = places[frames.index(None)][0]
         raise UserError(
-            f"focus at {x:g},{y:g} has no frame; a pull takes X,Y@FRAME for each of its places, such as"
-            f" {x:g},{y:g}@12"
+            f"focus at {place} has no frame; a pull takes X,Y@FRAME or NAME@FRAME for each of its places,"
+            f" such as {place.removeprefix('subject ')}@12"
         )
     if twice := sorted({frame for frame in frames if frame is not None and frames.count(frame) > 1}):
         raise UserError(f"two places are to be in focus at frame {twice[0]}; give each its own frame")
@@ -264,6 +284,8 @@ def set_lens(
     """
     reconstruction = solved.reconstruction
     _set_clip_files(settings, solved, options)
+    at = _registered(reconstruction, frames)
+    set_marked(settings, subjects_of(options, at))
     focus, frame, places = _chosen_focus(settings, reconstruction, options, frames)
     focus = replace(focus, tilt=math.radians(options.tilt), swing=math.radians(options.swing))
     method = options.method or settings.method
@@ -303,13 +325,15 @@ def _chosen_focus(
         focus = Focus(points=tuple(points), through_points=bool(options.focus_plane))
         check_points(reconstruction, focus.points)
         return focus, own, []
-    if not options.focus_at:
+    if not options.focus_at and not options.focus_subject:
         return Focus(distance=options.focus_distance), own, []
     shot = shot_of(settings.id_data)
     found = []
-    for x, y, frame in map(_place, options.focus_at):
-        at = _registered(reconstruction, frames) if frame is None else frame
-        found.append(shot.context.places(at).find(x, y))
+    first = _registered(reconstruction, frames)
+    for x, y, frame in map(_place, options.focus_at or ()):
+        found.append(shot.context.places(first if frame is None else frame).find(x, y))
+    for name, frame in focused_subjects(options):
+        found.append(shot.context.subject_place(name, first if frame is None else frame))
     found.sort(key=lambda place: place.frame)
     for place in found:
         say(f"in focus: {place.distance:.4g} away at frame {place.frame}, from {place.source}")

@@ -77,6 +77,8 @@ def build(
     settings.clip_notes = "\n".join(footage.notes)
     depth_of_field.forget_scale(settings)
     focus_marks.clear(settings)
+    if is_other:
+        settings.subjects.items.clear()
     lens.reset(settings, int(reconstruction.frames[0]))
     aperture_cloud.update(settings)
     _set_output(scene, footage, is_other)

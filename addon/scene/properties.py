@@ -16,10 +16,11 @@ from bpy.props import (
 )
 
 from ..core.frame.options import FRAME_OPTIONS
-from . import aperture_cloud, depth_of_field, focus_marks, lens, redraw
+from . import aperture_cloud, depth_of_field, focus_marks, lens, redraw, subjects
 from .aperture_shape import VirtualApertureShape
 from .focus_marks import VirtualApertureFocusMarks, VirtualApertureFocusPoint
 from .option_properties import with_options
+from .subjects import VirtualApertureSubjects
 
 MOST_TILT = 1.57
 """Radians, a little less than a right angle, at which the focal plane holds the optical axis."""
@@ -158,6 +159,9 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
         name="Mask",
         description="Drawn in the Image or Movie Clip Editor around moving objects, with feather; tracks are"
         " ignored",
+    )
+    subjects: PointerProperty(
+        type=VirtualApertureSubjects, name="Subjects", description="What is marked to move by itself"
     )
     root: PointerProperty(type=bpy.types.Object, name="Root")
     camera: PointerProperty(type=bpy.types.Object, name="Camera")
@@ -348,7 +352,13 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
     )
 
 
-CLASSES = (VirtualApertureName, *focus_marks.CLASSES, VirtualApertureShape, VirtualApertureSettings)
+CLASSES = (
+    VirtualApertureName,
+    *focus_marks.CLASSES,
+    *subjects.CLASSES,
+    VirtualApertureShape,
+    VirtualApertureSettings,
+)
 
 
 def register() -> None:

@@ -15,7 +15,6 @@ from ..core.base.errors import UserError
 from ..core.base.lru_cache import LRUCache
 from ..core.camera.reconstruction import Reconstruction
 from ..core.depth.depth_store import DepthStore
-from ..core.depth.multi_view_stereo import COARSE
 from ..core.depth.user_depth import UserDepth
 from ..core.depth.user_maps import open_depth
 from ..core.frame.clip_context import ClipContext
@@ -25,7 +24,9 @@ from ..core.media.clip_identity import clip_digest, identity
 from ..core.media.masks import Masks, open_masks
 from ..core.media.picture_file import Pixels
 from ..core.sfm.state import STATE
-from . import store, version
+from ..core.subjects.found import SubjectOptions
+from ..core.subjects.marked import CarryOptions, MarkedSubject
+from . import store, subjects, version
 from .clip import solved_clip_path, work_dir
 from .digests import drawn_digest, reconstruction_digest
 from .masks import DrawnMask, drawn_mask
@@ -33,7 +34,7 @@ from .paths import absolute
 
 KEPT_DEPTH = "depth"
 """Folder of a working folder where depth is kept."""
-DEPTHS = 4
+DEPTHS = 5
 """Version of the way that depth is found: counted up when the same options give another depth."""
 IDENTITY = "virtual_aperture_identity"
 REMEMBERED = 256 << 20
@@ -52,6 +53,8 @@ class Shot:
     """The user's pictures of what moves by itself."""
     drawn: DrawnMask | None = None
     """The mask that is drawn in Blender; either is enough."""
+    subjects: tuple[MarkedSubject, ...] = ()
+    """Subjects that the user has marked by strokes."""
     work: Path | None = None
     """The folder that keeps the solve, if there is one: depth is kept there, too."""
 
@@ -60,8 +63,9 @@ class Shot:
         """The clip as the core's stages see it."""
         masks = self.masked if self.masks or self.drawn else None
         return ClipContext(
-            self.reconstruction, self.read, self.depth, masks, self._store if self.work else None
-        )
+            self.reconstruction, self.read, self.depth, masks, self._store if self.work else None,
+            self.subjects,
+        )  # fmt: skip
 
     def frame_at(self, frame: int) -> int:
         """The clip's frame for a scene frame: in a gap, and past the ends, the nearest one before."""
@@ -78,8 +82,9 @@ class Shot:
         masks = self.masks and clip_digest(self.masks.pictures.path), self.drawn and drawn_digest(self.drawn)
         # As the solve knows its clip: known already, where all bytes of a sequence would have to be read.
         clip = identity(self.footage.path), self._reconstruction_digest
-        options = quality.stereo, COARSE, quality.fusion
-        return hashlib.sha256(repr((DEPTHS, clip, masks, options)).encode()).hexdigest()[:16]
+        said = *masks, *(each.key for each in self.subjects)
+        options = quality.stereo, quality.fusion, SubjectOptions(), CarryOptions()
+        return hashlib.sha256(repr((DEPTHS, clip, said, options)).encode()).hexdigest()[:16]
 
     @cached_property
     def _reconstruction_digest(self) -> str:
@@ -128,7 +133,11 @@ def shot_of(scene: bpy.types.Scene) -> Shot:
         str(absolute(p, scene)) if p else "" for p in (settings.depth_maps, settings.masks)
     )
     drawn = settings.mask
-    key = (str(mesh.get(IDENTITY)), str(path), depth_path, masks_path, drawn.name_full if drawn else "")
+    marked = subjects.marked_of(settings)
+    strokes = repr(marked)
+    key = (
+        str(mesh.get(IDENTITY)), str(path), depth_path, masks_path, drawn.name_full if drawn else "", strokes,
+    )  # fmt: skip
     if _last is None or _last[0] != key or _was_redrawn(_last[1], drawn, scene.frame_current):
         reconstruction, footage = store.read(mesh), open_footage(path)
         depth = UserDepth.of(open_depth(Path(depth_path), footage), reconstruction) if depth_path else None
@@ -137,7 +146,7 @@ def shot_of(scene: bpy.types.Scene) -> Shot:
         shapes = drawn_mask(drawn, footage.frames, size) if drawn else None
         work = work_dir(settings, path)
         kept = work if (work / STATE).exists() else None
-        _last = (key, Shot(footage, reconstruction, depth, masks, shapes, kept))
+        _last = (key, Shot(footage, reconstruction, depth, masks, shapes, marked, kept))
     return _last[1]
 
 

@@ -20,6 +20,7 @@ from addon.core.camera.canvas import Canvas
 from addon.core.depth.source import PixelDepth
 from addon.core.frame.clip_context import ClipContext
 from addon.core.frame.highlights import RESTORED
+from addon.core.subjects.marked import MarkedSubject, Stroke
 from sample_scenes import filming
 
 from .. import store
@@ -126,7 +127,24 @@ def moving(given: Given) -> Callable[[int], Mask]:
     return mask
 
 
-METHODS = {"moving": Method(moving)}
+def automatic(given: Given) -> Callable[[int], Mask]:
+    """What is found without a word of the user's, before depth: `ClipContext.subjects`."""
+    return given.clip.subjects.mask
+
+
+def by_stroke(given: Given) -> Callable[[int], Mask]:
+    """What one stroke in the middle of the clip marks, carried both ways: `ClipContext.carried`."""
+    frames = given.clip.reconstruction.frames
+    middle = int(frames[len(frames) // 2])
+    places = tuple((float(x), float(y)) for x, y in given.stroke(middle))
+    return given.clip.carried(MarkedSubject(given.subject, (Stroke(middle, places),))).mask
+
+
+METHODS = {
+    "moving": Method(moving),
+    "automatic": Method(automatic),
+    "stroke": Method(by_stroke, each=True),
+}
 
 
 def stroke(mask: Mask, places: int) -> Floats:

@@ -9,7 +9,7 @@ from functools import cached_property
 import cv2
 import numpy as np
 
-from ..base.arrays import Floats, LinearRGBA, Map
+from ..base.arrays import Floats, LinearRGBA, Map, Mask
 from ..base.errors import UserError
 from .reconstruction import Intrinsics
 
@@ -72,6 +72,13 @@ class Canvas:
         with np.errstate(over="ignore", invalid="ignore"):
             # It is one-to-one as long as it mirrors nothing.
             return not bool(np.all(np.linalg.det(self.camera.distort_jacobian(on_the_way)) > 0))
+
+    def mask_to_source(self, mask: Mask) -> Mask:
+        """A mask (h, w) of the canvas as the source frame (H, W) has it, with its distortion."""
+        if not self.camera.is_distorted:
+            return mask
+        share = np.dstack([mask.astype(np.float32)] * 4)
+        return np.asarray(self.to_source(share)[..., 0] > 0.5)
 
     def features_from_source(self, xy: Floats) -> Floats:
         """Source pixels (n, 2) -> canvas pixels (n, 2)."""

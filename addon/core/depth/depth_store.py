@@ -2,7 +2,8 @@
 
 FOLDER/KEY/depth-000123.npz    a frame's inverse depth in 12 bits, its confidence in 4, what moves in it, and
                                inverse depth past its border
-FOLDER/KEY/moving-000123.npz   what moves in a frame, where only that was asked for
+FOLDER/KEY/moving-000123.npz   what moves in a frame
+FOLDER/KEY/moving-SUBJECT-000123.npz   the part of it that a marked subject has
 
 KEY stands for everything that they depend on. A file that is damaged, or of another size, is not there.
 """
@@ -161,14 +162,16 @@ class DepthStore:
             },
         )
 
-    def moving(self, frame: int, make: Callable[[], Mask]) -> Mask:
-        """(h, w) what moves in a frame: as it is kept, else made and kept."""
-        kept = self._read(f"moving-{frame:06d}", ("moving",))
+    def moving(self, frame: int, make: Callable[[], Mask], subject: str = "") -> Mask:
+        """(h, w) what moves in a frame, or what a subject of that key has of it: as it is kept, else made and
+        kept."""
+        name = f"moving-{subject}-{frame:06d}" if subject else f"moving-{frame:06d}"
+        kept = self._read(name, ("moving",))
         found = None if kept is None else _decoded(kept["moving"], LONGEST_SIDE)
         if found is not None:
             return np.asarray(np.asarray(found, np.uint8) > 0)
         mask = make()
-        self._write(f"moving-{frame:06d}", {"moving": _encoded(mask.astype(np.uint8))})
+        self._write(name, {"moving": _encoded(mask.astype(np.uint8))})
         return mask
 
     def _read(self, name: str, parts: tuple[str, ...]) -> dict[str, NDArray[np.generic]] | None:

@@ -20,7 +20,6 @@ from ..camera.reconstruction import Image, Intrinsics, Reconstruction, seen_by
 from ..media.clip import encode_srgb
 from ..media.picture_file import Pixels
 from .completion import CompletionOptions, add_sparse_prior, interpolate, place_moving_objects, smooth, splat
-from .depth_store import DepthStore
 from .motion_segmentation import MASKED, MotionOptions, moving_pixels, occluding_pixels
 from .plane_sweep import SweepOptions, View, best_levels, semiglobal, small_picture, sweep
 from .source import FAINTEST
@@ -126,14 +125,13 @@ class PlaneSweepStereo:
         read: Callable[[int], Pixels],
         options: StereoOptions = StereoOptions(),
         mask: Moving | None = None,
-        store: DepthStore | None = None,
+        finds_motion: bool = True,
     ) -> None:
-        """`read` gives a frame's picture as `Footage.read` does; `mask` what is known to move by itself: more
-        may be found. `store` keeps what moves."""
+        """`read` gives a frame's picture as `Footage.read` does; `mask` what is known to move by itself;
+        where `finds_motion`, more may be found."""
         self._rec, self._read, self._options, self._mask = reconstruction, read, options, mask
-        self._store = store
+        self._finds_motion = finds_motion
         self._pictures = LRUCache[Bytes](options.kept_pictures)
-        self._moving_masks = LRUCache[Mask](options.kept_pictures)
 
     def at(self, frame: int) -> DenseDepth:
         """The depth of a frame.
@@ -189,7 +187,7 @@ class PlaneSweepStereo:
         largest inverse depth, in 1 / scene units."""
         options, own = self._options, self._picture(image)
         middle, moving, inverse = sum(span) / 2, depth.moving, depth.inverse_depth
-        if min(moving.shape) >= options.motion.least_side:
+        if self._finds_motion and min(moving.shape) >= options.motion.least_side:
             close = self._neighbours(image, span, options.motion_parallaxes)
             closest = [self._view(image, own, one, middle) for one in close]
             moving = moving | moving_pixels(own, closest, inverse, middle, options.motion)
@@ -205,7 +203,11 @@ class PlaneSweepStereo:
 
     def pinhole(self, frame: int) -> Intrinsics:
         """The pinhole that a frame's depth is seen through, at the size worked at."""
-        return self._canvas(self._rec.image_at(frame)[0]).pinhole
+        return self.canvas(frame).pinhole
+
+    def canvas(self, frame: int) -> Canvas:
+        """The undistorted picture of a frame at the size worked at."""
+        return self._canvas(self._rec.image_at(frame)[0])
 
     def prefetch(self, frames: list[int]) -> None:
         """Read what the depth of frames is found from, in the order of the clip: a video that is read to and
@@ -221,22 +223,6 @@ class PlaneSweepStereo:
         for _, image in sorted(wanted.items()):
             checkpoint()
             self._picture(image)
-
-    def moving(self, frame: int) -> Mask:
-        """(h, w) what moves by itself, over the source frame at the size worked at; remembered."""
-        if self._store is None:
-            return self._moving_masks.get(frame, lambda: self._moving(frame))
-        store = self._store
-        return self._moving_masks.get(frame, lambda: store.moving(frame, lambda: self._moving(frame)))
-
-    def _moving(self, frame: int) -> Mask:
-        """(h, w) what moves by itself, with the lens's distortion as the source frame has it."""
-        image, _ = self._rec.image_at(frame)
-        found, canvas = self.at(frame).moving, self._canvas(image)
-        if not canvas.camera.is_distorted:
-            return found
-        share = np.dstack([found.astype(np.float32)] * 4)
-        return np.asarray(canvas.to_source(share)[..., 0] > 0.5)
 
     def picture(self, frame: int) -> Bytes:
         """(h, w, 3) sRGB of a frame, as its depth is over it."""

@@ -4,27 +4,36 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
+import cv2
 import numpy as np
 
-from ..base.arrays import LinearRGBA
+from ..base.arrays import LinearRGBA, Mask
+from ..base.errors import UserError
+from ..base.lru_cache import LRUCache
 from ..base.reused_memory import ReusedMemory
 from ..camera.canvas import Canvas
 from ..camera.reconstruction import Reconstruction
 from ..depth.depth_store import DepthStore
-from ..depth.multi_view_stereo import COARSE, Moving, PlaneSweepStereo, StereoOptions
-from ..depth.source import DepthSource, FirstKnown, PixelDepth
+from ..depth.multi_view_stereo import Moving, PlaneSweepStereo, StereoOptions
+from ..depth.source import FAINTEST, DepthSource, FirstKnown, PixelDepth
 from ..depth.sparse import DepthSamples
 from ..depth.sparse_depth import SparseDepth
 from ..depth.stereo_depth import StereoDepth
 from ..depth.temporal_fusion import FusionOptions, TemporalFusion
-from ..focus.place import PlaceFinder
+from ..focus.place import Place, PlaceFinder
+from ..focus.subject import subject_place
 from ..media.clip import to_linear
 from ..media.picture_file import Pixels
+from ..subjects.found import FoundSubjects
+from ..subjects.marked import CarriedSubject, MarkedSubject
 from ..warp.disocclusion_fill import DisocclusionFill, HiddenColours
 from .highlights import RESTORED, ClipHighlights, HighlightSettings
 from .quality import NORMAL, Quality
+
+KEPT_MASKS = 64
+"""Masks of what moves that are remembered: of the frames around one, from which hidden colours come."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +59,8 @@ class ClipContext:
     """The opacity in [0, 1] of what is said to move by itself, (h, w) of a source frame at any size."""
     store: Callable[[Quality], DepthStore] | None = None
     """Where what does not depend on the lens is kept, by the quality that it is found in."""
+    marked: tuple[MarkedSubject, ...] = ()
+    """Subjects that the user has marked by strokes."""
 
     @cached_property
     def stereo(self) -> TemporalFusion:
@@ -70,15 +81,78 @@ class ClipContext:
         return {}
 
     def _stereo(self, quality: Quality) -> TemporalFusion:
-        store = self.store(quality) if self.store else None
-        single_frame = PlaneSweepStereo(self.reconstruction, self.read, quality.stereo, self.masks)
+        store = self._store_of(quality)
+        single_frame = PlaneSweepStereo(
+            self.reconstruction, self.read, quality.stereo, self.moving, finds_motion=False
+        )
         return TemporalFusion(self.reconstruction, single_frame, store, quality.fusion)
 
+    def moving(self, frame: int) -> Mask:
+        """(h, w) what moves by itself in a frame, over the source frame at any size: the subjects that are
+        found, those that are marked, and what masks say. It is the same in every quality. Errors as of
+        `FoundSubjects.mask`."""
+        return self._moving.get(frame, lambda: self._all_moving(frame))
+
+    def subject(self, name: str, frame: int) -> Mask:
+        """(h, w) a marked subject in a frame, over the source frame at any size; UserError for a name that no
+        subject has, else as of `FoundSubjects.mask`."""
+        marked = next((each for each in self.marked if each.name == name), None)
+        if marked is None:
+            names = ", ".join(each.name for each in self.marked) or "none"
+            raise UserError(f"no subject has the name {name!r}; there are: {names}")
+        return self._marked_mask(marked, frame)
+
+    def _all_moving(self, frame: int) -> Mask:
+        store, subjects = self._mask_store, self.subjects
+        found = store.moving(frame, lambda: subjects.mask(frame)) if store else subjects.mask(frame)
+        for each in self.marked:
+            found = found | self._marked_mask(each, frame)
+        said = self.masks(frame) if self.masks else None
+        if said is None:
+            return found
+        larger = cv2.resize(found.astype(np.uint8), said.shape[1::-1], interpolation=cv2.INTER_LINEAR)
+        return np.asarray((said > FAINTEST) | (larger > 0))
+
+    def _marked_mask(self, marked: MarkedSubject, frame: int) -> Mask:
+        carried, store = self.carried(marked), self._mask_store
+        if store is None:
+            return carried.mask(frame)
+        return store.moving(frame, lambda: carried.mask(frame), marked.key)
+
+    def carried(self, marked: MarkedSubject) -> CarriedSubject:
+        """A marked subject in the frames of the clip; what was carried is remembered."""
+        if marked.key not in self._carried:
+            self._carried[marked.key] = CarriedSubject(self.subjects, marked.strokes)
+        return self._carried[marked.key]
+
     @cached_property
-    def _motion(self) -> PlaneSweepStereo:
-        """What moves by itself, found coarsely, and the same in every quality."""
-        store = self.store(NORMAL) if self.store else None
-        return PlaneSweepStereo(self.reconstruction, self.read, COARSE, self.masks, store)
+    def subjects(self) -> FoundSubjects:
+        """What contradicts the static scene."""
+        return FoundSubjects(self.reconstruction, self.read, self.masks)
+
+    @cached_property
+    def _carried(self) -> dict[str, CarriedSubject]:
+        return {}
+
+    @cached_property
+    def _moving(self) -> LRUCache[Mask]:
+        return LRUCache(KEPT_MASKS)
+
+    @cached_property
+    def _mask_store(self) -> DepthStore | None:
+        return self._store_of(NORMAL)
+
+    def _store_of(self, quality: Quality) -> DepthStore | None:
+        """The one store of a quality: each counts what it writes."""
+        if self.store is None:
+            return None
+        if quality not in self._stores:
+            self._stores[quality] = self.store(quality)
+        return self._stores[quality]
+
+    @cached_property
+    def _stores(self) -> dict[Quality, DepthStore]:
+        return {}
 
     @cached_property
     def _clip_highlights(self) -> dict[float, ClipHighlights]:
@@ -131,6 +205,12 @@ class ClipContext:
         """What finds the focus at places of a registered frame; see `PlaceFinder`."""
         return PlaceFinder(self.reconstruction, self.depth_source(), self.read, frame)
 
+    def subject_place(self, name: str, frame: int) -> Place:
+        """A marked subject as a place in focus, followed through the clip; errors as of `subject`."""
+        return subject_place(
+            self.reconstruction, self.depth_source(), partial(self.subject, name), frame, name
+        )
+
     @cached_property
     def texture_memory(self) -> ReusedMemory:
         """Where the textures of frames lie, one after the other."""
@@ -160,7 +240,7 @@ class ClipContext:
         if highlights not in self._disocclusion:
             self._disocclusion.clear()
             self._disocclusion[highlights] = DisocclusionFill(
-                self.reconstruction, lambda other: self.picture(other, highlights), self._motion.moving
+                self.reconstruction, lambda other: self.picture(other, highlights), self.moving
             )
         fill = self._disocclusion[highlights]
         found = fill.reprojected(frame, canvas, picture, depth.inverse_depth, depth.moving, depth.past_border)

@@ -1,0 +1,86 @@
+"""Subjects on the command line: strokes that mark them, and focus on one."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from collections.abc import Sequence
+
+from ..core.base import numbers
+from ..core.base.errors import UserError
+from ..core.subjects.marked import MarkedSubject, Stroke
+from ..scene.subjects import DEFAULT_NAME
+from .options import UsageError
+
+EXAMPLE = "0.44,0.26 0.45,0.5 0.44,0.8@30"
+
+
+def add_subjects(command: argparse.ArgumentParser) -> None:
+    """The options that mark subjects, and put one in focus."""
+    command.add_argument(
+        "--subject", metavar="[NAME=]X,Y", nargs="+", action="append",
+        help=f"a stroke over what moves, such as {EXAMPLE}: places in the picture, and behind the last one a"
+        " frame; more than once for more strokes, with NAME= before the first place for more subjects",
+    )  # fmt: skip
+    command.add_argument(
+        "--focus-subject", metavar="[NAME][@FRAME]", nargs="?", const="", action="append",
+        help="keep a marked subject in focus; with frames, also beside --focus-at, it is one end of a pull",
+    )  # fmt: skip
+
+
+def subjects_of(options: argparse.Namespace, frame: int) -> tuple[MarkedSubject, ...]:
+    """The subjects that strokes mark; one that names no frame is in `frame`. UserError for a stroke that is
+    not understood."""
+    strokes = dict[str, list[Stroke]]()
+    for words in options.subject or ():
+        name, stroke = _stroke(words, frame)
+        strokes.setdefault(name, []).append(stroke)
+    return tuple(MarkedSubject(name, tuple(each)) for name, each in strokes.items())
+
+
+def focused_subjects(options: argparse.Namespace) -> list[tuple[str, int | None]]:
+    """Names of the subjects in focus, and the frames at which they are, where these are given; UserError for
+    what is not understood, or names a subject that no stroke marks."""
+    marked = [subject.name for subject in subjects_of(options, 0)]
+    found = []
+    for text in options.focus_subject or ():
+        name, at, frame = text.rpartition("@") if "@" in text else (text, "", "")
+        try:
+            number = numbers.whole(frame) if at else None
+        except ValueError:
+            raise UserError(
+                f"the subject {text!r} is not understood; write NAME, NAME@FRAME or @FRAME"
+            ) from None
+        name = name or (marked[0] if marked else DEFAULT_NAME)
+        if name not in marked:
+            raise UsageError(
+                f"no stroke marks a subject {name!r} that could be in focus; mark it with --subject, such as"
+                f" --subject {'' if name == DEFAULT_NAME else f'{name}='}{EXAMPLE}"
+            )
+        found.append((name, number))
+    return found
+
+
+def _stroke(words: Sequence[str], frame: int) -> tuple[str, Stroke]:
+    """The name of a subject, and a stroke, from places such as "NAME=X,Y", "X,Y" and "X,Y@FRAME"."""
+    text = " ".join(words)
+    name, named, rest = text.partition("=")
+    line, at, number = (rest if named else text).partition("@")
+    try:
+        places = tuple(_place(word) for word in line.split())
+        found = numbers.whole(number) if at else frame
+    except ValueError:
+        raise UserError(f"the stroke {text!r} is not understood; write places such as {EXAMPLE}") from None
+    if not places:
+        raise UserError(f"the stroke {text!r} has no places; write places such as {EXAMPLE}")
+    return (name.strip() if named else DEFAULT_NAME) or DEFAULT_NAME, Stroke(found, places)
+
+
+def _place(word: str) -> tuple[float, float]:
+    """Fractions of the picture; ValueError for anything else."""
+    if not re.fullmatch(r"[^,]+,[^,]+", word):
+        raise ValueError(word)
+    x, y = map(numbers.real, word.split(","))
+    if not (0 <= x <= 1 and 0 <= y <= 1):
+        raise UserError(f"the stroke's place {word} is outside the picture; both must be between 0 and 1")
+    return x, y

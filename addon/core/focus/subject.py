@@ -1,0 +1,82 @@
+"""A whole subject in focus: its distance in every frame that shows it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+import cv2
+import numpy as np
+
+from ..base.arrays import Mask
+from ..base.errors import UserError
+from ..base.progress import checkpoint
+from ..camera.canvas import Canvas
+from ..camera.reconstruction import Reconstruction
+from ..depth.source import NO_PICTURE, DepthSource
+from .focus import Focus
+from .place import Place
+
+EVERY = 3
+"""Frames between two whose depth is asked for; those between are interpolated, in inverse depth."""
+LEAST_PIXELS = 12
+"""Pixels of a subject that tell its depth."""
+SMOOTH = 3
+"""Depths, `EVERY` frames apart, of which the median is taken."""
+
+
+def subject_place(
+    reconstruction: Reconstruction,
+    depth: DepthSource,
+    mask: Callable[[int], Mask],
+    frame: int,
+    name: str,
+) -> Place:
+    """A subject as a place that is followed: the median of its pixels' inverse depths, in every frame.
+
+    `mask` gives the subject (h, w) over a source frame at any size. Between frames that show it, and where it
+    is hidden, distances are interpolated in inverse depth. UserError where no frame shows it, else as of
+    `DepthSource.at`.
+    """
+    frames = [int(each) for each in reconstruction.frames]
+    if frame not in frames:
+        raise UserError(f"frame {frame} has no camera of its own; choose another one for the subject {name}")
+    asked = sorted({*frames[::EVERY], frames[-1], frame})
+    found = dict(_inverse_depths(reconstruction, depth, mask, asked))
+    if not found:
+        raise UserError(f"no frame shows the subject {name}; mark it by a stroke where it is seen")
+    known = sorted(found)
+    inverse = _medians(np.array([found[each] for each in known]))
+    followed = dict(zip(frames, (1 / np.interp(frames, known, inverse)).tolist(), strict=True))
+    source = f"the subject {name}, seen from frame {known[0]} to {known[-1]}"
+    return Place(Focus(distance=followed[frame]), frame, followed[frame], source, followed=followed)
+
+
+def _inverse_depths(
+    reconstruction: Reconstruction, depth: DepthSource, mask: Callable[[int], Mask], frames: Iterable[int]
+) -> Iterable[tuple[int, float]]:
+    """Frames that show a subject, and the median inverse depth of its pixels there, in 1 / scene units."""
+    for frame in frames:
+        checkpoint()
+        shown = mask(frame)
+        if np.count_nonzero(shown) < LEAST_PIXELS:
+            continue
+        image, _ = reconstruction.image_at(frame)
+        canvas = Canvas(reconstruction.intrinsics(image))
+        # Its outline may be of what is behind it.
+        inner = cv2.erode(shown.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+        rows, columns = np.nonzero(inner if np.count_nonzero(inner) >= LEAST_PIXELS else shown)
+        size = np.array([canvas.camera.width, canvas.camera.height]) / np.array(shown.shape[::-1])
+        places = canvas.features_from_source((np.column_stack([columns, rows]) + 0.5) * size)
+        known = depth.at(frame, canvas, NO_PICTURE)
+        if known is None:
+            continue
+        inverse = float(np.median(known.at_places(places, canvas)[0]))
+        if inverse > 0:
+            yield frame, inverse
+
+
+def _medians(values: np.ndarray) -> np.ndarray:
+    """(n,) the running median of `SMOOTH` values (n,)."""
+    half = SMOOTH // 2
+    wide = np.pad(values, half, mode="edge")
+    return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(wide, SMOOTH), axis=1))

@@ -1,0 +1,100 @@
+"""Optical flow from frame to frame of a clip, and what frames around know brought into a frame's place."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+
+from ..base.arrays import Bytes, Map
+from ..base.lru_cache import LRUCache
+from ..base.progress import checkpoint
+
+KEPT = 24
+"""Flows that are remembered: of twelve frames to the next one and back."""
+AGREE = 1.5
+"""Pixels by which flow there and back may miss where it began. By eye."""
+
+
+@dataclass(frozen=True)
+class ClipFlow:
+    """Dense optical flow between consecutive registered frames, as pictures of one size show them."""
+
+    frames: tuple[int, ...]
+    """Registered frames, ascending."""
+    picture: Callable[[int], Bytes]
+    """A frame's picture (h, w, 3), display-encoded RGB."""
+    _flows: LRUCache[Map] = field(default_factory=lambda: LRUCache[Map](KEPT), repr=False, compare=False)
+
+    def step(self, frame: int, way: int) -> Map:
+        """(h, w, 2) pixels from each pixel of a frame to its place in the frame after (`way` 1) or before it
+        (-1), by dense inverse search (Kroeger et al., "Fast optical flow using dense inverse search", 2016).
+        """
+        at = self.frames.index(frame)
+        other = self.frames[at + way]
+        key = 2 * at + (way > 0)
+
+        def found() -> Map:
+            checkpoint()
+            grey = [cv2.cvtColor(self.picture(one), cv2.COLOR_RGB2GRAY) for one in (frame, other)]
+            search = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
+            return np.asarray(search.calc(*grey, None), np.float32)  # type: ignore[call-overload]
+
+        return self._flows.get(key, found)
+
+    def there(self, frame: int, way: int) -> tuple[Map, Map]:
+        """(h, w, 2) the place in the next frame that way of every pixel, and (h, w) in [0, 1] how far flow
+        back from there returns to it."""
+        flow = self.step(frame, way)
+        other = self.frames[self.frames.index(frame) + way]
+        place = flow + grid(flow.shape[:2])
+        back = warped(self.step(other, -way), place)
+        miss = cv2.magnitude(*cv2.split(flow + back))
+        slack = AGREE + 0.05 * cv2.magnitude(*cv2.split(flow))
+        inside = ((place >= 0) & (place <= np.array(flow.shape[1::-1]) - 1)).all(axis=2)
+        return place, np.asarray(np.exp(-((miss / slack) ** 2)) * inside, np.float32)
+
+
+def grid(shape: tuple[int, ...]) -> Map:
+    """(h, w, 2) every pixel's own place."""
+    x, y = np.meshgrid(np.arange(shape[1], dtype=np.float32), np.arange(shape[0], dtype=np.float32))
+    return np.asarray(cv2.merge([x, y]))
+
+
+def warped(values: Map, place: Map) -> Map:
+    """Values (h, w) or (h, w, c) at places (h, w, 2), bilinear; at the border those there."""
+    found = cv2.remap(values, place, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)  # type: ignore[call-overload]
+    return np.asarray(found, np.float32)
+
+
+def brought_together(
+    flow: ClipFlow, frame: int, known: Callable[[int], tuple[Map, Map]], reach: int, fade: float
+) -> tuple[Map, Map]:
+    """(h, w) what a frame knows of each of its pixels, where that is little with what up to `reach` frames
+    before and after know of it, and the weight of that, at most 1.
+
+    The mean of all, whatever each knows, has ghosts of limbs where flow is wrong: 0.83 instead of 0.91 of
+    intersection over union on the bench's stroller.
+
+    `known` gives a frame's values (h, w) and their weights (h, w) in [0, 1]; a frame counts `fade` times as
+    much as the one nearer to `frame`, and where flow there and back disagrees, less.
+    """
+    value, weight = known(frame)
+    total, above = np.full_like(weight, 1e-6), np.zeros_like(weight)
+    at = flow.frames.index(frame)
+    for way in (-1, 1):
+        place, sure = grid(value.shape), np.ones_like(value)
+        for step in range(1, reach + 1):
+            if not 0 <= at + way * step < len(flow.frames):
+                break
+            there, agrees = flow.there(flow.frames[at + way * (step - 1)], way)
+            sure = np.float32(fade) * sure * warped(agrees, place)
+            place = warped(there, place)
+            other, its = (warped(one, place) for one in known(flow.frames[at + way * step]))
+            total += sure * its
+            above += sure * its * other
+    rest = (1 - weight) * np.minimum(total, 1)
+    both = np.maximum(weight + rest, np.float32(1e-6))
+    return (weight * value + rest * above / total) / both, weight + rest

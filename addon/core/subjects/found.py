@@ -1,0 +1,120 @@
+"""Subjects of a clip that are found by themselves: what contradicts the static scene around."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import cv2
+import numpy as np
+
+from ..base.arrays import Bytes, Map, Mask
+from ..base.lru_cache import LRUCache
+from ..base.progress import checkpoint
+from ..camera.reconstruction import Reconstruction
+from ..depth.multi_view_stereo import Moving
+from ..media.picture_file import Pixels
+from .flow import ClipFlow, brought_together
+from .segmentation import SegmentationOptions, components, contradiction, log_odds, segmented
+from .static_plate import PlateOptions, StaticPlate
+
+KEPT_EVIDENCE = 16
+"""Frames whose evidence is remembered: those around one, and some more."""
+
+
+@dataclass(frozen=True)
+class SubjectOptions:
+    """How subjects are found."""
+
+    plate: PlateOptions = field(default_factory=PlateOptions)
+    """The static scene that they contradict."""
+    segmentation: SegmentationOptions = field(default_factory=SegmentationOptions)
+    """What belongs to them."""
+    passes: int = 2
+    """Times that what moves in source frames is found with what was found before left out. By eye: with one,
+    parts of a dog that walks along the view stay in its own plate."""
+    likely: float = 0.3
+    """Probability from which on what its neighbours say to move in a source frame is left out. By eye."""
+    grown: int = 7
+    """Pixels across the dilation of what is left out of plates: its outline is no background. By eye."""
+    reach: int = 2
+    """Frames before and after whose evidence counts. By eye."""
+    fade: float = 0.7
+    """Times as much that evidence counts for each frame that it is away. By eye."""
+
+
+@dataclass(frozen=True)
+class FoundSubjects:
+    """What moves by itself in the frames of a clip, whole; asked for in order it is found faster.
+
+    Depends on nothing but the clip, so that each frame is the same whichever was asked for before. Errors as
+    of `PlaneSweepStereo.at`.
+    """
+
+    reconstruction: Reconstruction
+    read: Callable[[int], Pixels]
+    """A frame's picture (H, W, 3 or 4) as `Footage.read` gives it."""
+    masks: Moving | None = None
+    """What is known to move by itself, (h, w) of a source frame at any size."""
+    options: SubjectOptions = field(default_factory=SubjectOptions)
+    _evidence: LRUCache[tuple[Map, Map]] = field(
+        default_factory=lambda: LRUCache[tuple[Map, Map]](KEPT_EVIDENCE), repr=False, compare=False
+    )
+
+    def mask(self, frame: int) -> Mask:
+        """(h, w) what moves by itself, over the source frame with its distortion, at the size worked at."""
+        odds, weight = self.evidence(frame)
+        options = self.options.segmentation
+        found = components(segmented(self.picture(frame), odds, weight, options), odds, weight, options)
+        return self.plates.canvas(frame).mask_to_source(found)
+
+    def picture(self, frame: int) -> Bytes:
+        """(h, w, 3) a frame's undistorted picture at the size worked at, display-encoded RGB."""
+        return self.plates.picture(frame)
+
+    def evidence(self, frame: int) -> tuple[Map, Map]:
+        """(h, w) log-odds that a pixel of the undistorted picture is a subject's, and the weight of that in
+        [0, 1], by the static scene and the frames around."""
+        return brought_together(self.flow, frame, self._single_frame, self.options.reach, self.options.fade)
+
+    @cached_property
+    def plates(self) -> StaticPlate:
+        """The static scene."""
+        return StaticPlate(self.reconstruction, self.read, self.masks, self.options.plate)
+
+    @cached_property
+    def flow(self) -> ClipFlow:
+        """Optical flow at the size worked at."""
+        return ClipFlow(tuple(int(frame) for frame in self.reconstruction.frames), self.picture)
+
+    def _single_frame(self, frame: int) -> tuple[Map, Map]:
+        """The evidence of one frame alone."""
+        return self._evidence.get(frame, lambda: self._contradiction(frame, self._left_out))
+
+    def _contradiction(self, frame: int, left_out: Mapping[int, Mask]) -> tuple[Map, Map]:
+        checkpoint()
+        options = self.options.segmentation
+        share, weight = contradiction(self.picture(frame), self.plates.plate(frame, left_out), options)
+        return log_odds(share, options), weight
+
+    @cached_property
+    def _left_out(self) -> dict[int, Mask]:
+        """(h, w) by source frame: what moves in it, a little wider, and is no part of the static scene."""
+        options = self.options
+        hinted = {frame: self._grown(self.plates.moving(frame)) for frame in self.plates.sources}
+        left_out = hinted
+        for _ in range(options.passes):
+            found = {}
+            for frame in hinted:
+                odds, weight = self._contradiction(frame, left_out)
+                probability = segmented(self.picture(frame), odds, weight, options.segmentation)
+                own = self._grown(components(probability, odds, weight, options.segmentation))
+                found[frame] = own | (hinted[frame] & (probability > options.likely))
+            left_out = found
+        return left_out
+
+    def _grown(self, mask: Mask) -> Mask:
+        around = np.ones((self.options.grown,) * 2, np.uint8)
+        closed = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_CLOSE, around)
+        return np.asarray(cv2.dilate(closed, around) > 0)

@@ -1,0 +1,319 @@
+"""A subject that the user marks by strokes: cut out where they are, and carried through the clip."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import cv2
+import numpy as np
+
+from ..base.arrays import Bytes, Map, Mask
+from ..base.progress import checkpoint
+from .flow import warped
+from .found import FoundSubjects
+from .segmentation import ColourModel, SegmentationOptions, logistic, segmented, smoothed
+
+
+@dataclass(frozen=True)
+class Stroke:
+    """A line over a subject in one frame, or over what does not belong to it."""
+
+    frame: int
+    """Number of the source frame."""
+    places: tuple[tuple[float, float], ...]
+    """Corners of the line, fractions of the picture, (0, 0) top left; a single one is a click."""
+    adds: bool = True
+    """Whether what is under it belongs to the subject."""
+
+
+@dataclass(frozen=True)
+class MarkedSubject:
+    """A subject as the user marks it."""
+
+    name: str
+    strokes: tuple[Stroke, ...]
+
+    @property
+    def key(self) -> str:
+        """16 hexadecimal digits that tell strokes from others, whatever the subject's name."""
+        return hashlib.sha256(repr(self.strokes).encode()).hexdigest()[:16]
+
+
+@dataclass(frozen=True)
+class CarryOptions:
+    """How a marked subject is cut out, and carried from frame to frame."""
+
+    width: float = 0.01
+    """Width of a stroke, as share of the long side."""
+    around: float = 0.5
+    """Of the larger side of the strokes' bounding box, beyond which is background; see `least_around`."""
+    least_around: float = 0.12
+    """Share of the long side around strokes that may be the subject at least. By eye."""
+    iterations: int = 5
+    """Of GrabCut in the frame with the stroke. By eye."""
+    moves: tuple[float, float] = (0.2, 0.6)
+    """Share of a subject that contradicts the static scene up to which what agrees with that scene may be the
+    subject, and from which on it is not. By eye."""
+    band: float = 0.012
+    """Share of the long side, on either side of the carried outline, in which the outline may lie. By eye."""
+    leap: float = 0.06
+    """Share of the long side beyond the carried outline that a limb may reach in a frame, where it
+    contradicts the static scene. By eye."""
+    carried: float = 3.0
+    """Log-odds of a pixel well within what flow carries; well outside with minus. By eye."""
+    carried_moving: float = 0.7
+    """The same of a subject that contradicts the static scene, which flow often confuses with it. By eye."""
+    colour: float = 1.8
+    """Log-odds that colours alone may add. By eye."""
+    lost: float = 0.15
+    """Share of the area that it had, with less of which it is hidden. By eye."""
+    whole: float = 0.8
+    """Share of the area that it had, from which on it is seen whole. By eye."""
+    unsure: float = 0.75
+    """Intersection over union with what was carried, below which a frame is unsure. By eye."""
+
+
+@dataclass(frozen=True)
+class Cut:
+    """A subject in one frame."""
+
+    share: Bytes
+    """(h, w) probability in 255ths, over the undistorted picture at the size worked at."""
+    sure: float
+    """In [0, 1]: intersection over union with what was carried there; 1 in a frame with a stroke."""
+
+
+@dataclass(frozen=True)
+class _Track:
+    """What is carried from a frame with strokes one way."""
+
+    cuts: list[Cut]
+    area: float
+    """Pixels, where it was last seen whole."""
+    velocity: tuple[float, float]
+    """Pixels a frame of its middle, when it was last seen whole."""
+    whole: Bytes
+    """(h, w) as `Cut.share`, where it was last seen whole."""
+    number: int = 0
+    """Of that one among the cuts."""
+
+
+@dataclass(frozen=True)
+class CarriedSubject:
+    """A subject in the frames of a clip, by strokes in some of them.
+
+    From each frame with strokes it is carried both ways; between two such frames what comes from either side
+    counts the more the nearer that is (Bai et al., "Video SnapCut", 2009, carries colours and shape, too).
+    Errors as of `FoundSubjects.mask`.
+    """
+
+    found: FoundSubjects
+    strokes: tuple[Stroke, ...]
+    options: CarryOptions = field(default_factory=CarryOptions)
+    _tracks: dict[tuple[int, int], _Track] = field(default_factory=dict, repr=False, compare=False)
+    _marked: dict[int, Cut] = field(default_factory=dict, repr=False, compare=False)
+
+    @property
+    def marked_frames(self) -> list[int]:
+        """Frames with strokes that add, ascending."""
+        return sorted({stroke.frame for stroke in self.strokes if stroke.adds})
+
+    def mask(self, frame: int) -> Mask:
+        """(h, w) the subject, over the source frame with its distortion, at the size worked at."""
+        return self.found.plates.canvas(frame).mask_to_source(self.cut(frame).share > 127)
+
+    def cut(self, frame: int) -> Cut:
+        """The subject in a frame, carried there as far as that was not done before."""
+        marked = self.marked_frames
+        if frame in marked:
+            return self._at_strokes(frame)
+        before = max((each for each in marked if each < frame), default=None)
+        after = min((each for each in marked if each > frame), default=None)
+        ways = [self._carried(start, frame) for start in (before, after) if start is not None]
+        if before is None or after is None:
+            return ways[0]
+        near = (frame - before) / (after - before)
+        share = cv2.addWeighted(ways[0].share, 1 - near, ways[1].share, near, 0)
+        both = (ways[0].share > 127, ways[1].share > 127)
+        return Cut(np.asarray(share, np.uint8), max(min(way.sure for way in ways), _overlap(*both)))
+
+    def _at_strokes(self, frame: int) -> Cut:
+        if frame not in self._marked:
+            evidence, segmentation = self.found.evidence(frame), self.found.options.segmentation
+            mine = self._rasters(frame, [stroke for stroke in self.strokes if stroke.frame == frame])
+            share = cut_out(self.found.picture(frame), mine, evidence, self.options, segmentation)
+            self._marked[frame] = Cut(_bytes(share), 1.0)
+        return self._marked[frame]
+
+    def _rasters(self, frame: int, strokes: Sequence[Stroke]) -> tuple[Mask, Mask]:
+        """(h, w) what strokes over a frame add, and what they take away."""
+        canvas = self.found.plates.canvas(frame)
+        size = np.array([canvas.camera.width, canvas.camera.height])
+        shape = self.found.picture(frame).shape[:2]
+        rasters = np.zeros((2, *shape), np.uint8)
+        width = max(round(self.options.width * max(shape)), 1)
+        for stroke in strokes:
+            at = canvas.features_from_source(np.array(stroke.places) * size) - 0.5
+            line = np.rint(at * 16).astype(np.int32)[:, None]
+            cv2.polylines(rasters[0 if stroke.adds else 1], [line], False, 1, width, shift=4)
+        return rasters[0] > 0, rasters[1] > 0
+
+    def _carried(self, start: int, frame: int) -> Cut:
+        """The subject carried from a frame with strokes to another one."""
+        frames = self.found.flow.frames
+        first, last = frames.index(start), frames.index(frame)
+        way = 1 if last > first else -1
+        key = (start, way)
+        if key not in self._tracks:
+            cut = self._at_strokes(start)
+            self._tracks[key] = _Track([cut], float(np.count_nonzero(cut.share > 127)), (0.0, 0.0), cut.share)
+        while len(self._tracks[key].cuts) <= abs(last - first):
+            checkpoint()
+            at = first + way * len(self._tracks[key].cuts)
+            self._tracks[key] = self._further(self._tracks[key], frames[at], way)
+        return self._tracks[key].cuts[abs(last - first)]
+
+    def _further(self, track: _Track, frame: int, way: int) -> _Track:
+        """A track with the next frame of its way."""
+        before, options = track.cuts[-1].share, self.options
+        ago = next(n for n, cut in enumerate(reversed(track.cuts)) if cut.share.any())
+        if ago:
+            # What was seen of it last may have been its rest beside what hides it.
+            x, y = np.array(track.velocity) * (len(track.cuts) - track.number)
+            prior = cv2.warpAffine(track.whole, np.array([[1, 0, x], [0, 1, y]]), before.shape[::-1])
+        else:
+            place, _ = self.found.flow.there(frame, -way)
+            prior = np.asarray(warped(before.astype(np.float32), place), np.uint8)
+        cut = self._cut(frame, np.asarray(prior), ago)
+        seen, area = cut.share > 127, track.area
+        if np.count_nonzero(seen) < options.lost * area:
+            # What is left of it would be carried as if it were all.
+            return replace(track, cuts=[*track.cuts, Cut(np.zeros_like(before), 0.0)])
+        if np.count_nonzero(seen) < options.whole * area:
+            # Its middle moves as it gets hidden, or comes out.
+            return replace(track, cuts=[*track.cuts, cut])
+        now = track.velocity if ago else _shift(before > 127, seen)
+        velocity = tuple(0.7 * old + 0.3 * new for old, new in zip(track.velocity, now, strict=True))
+        if not any(track.velocity):
+            velocity = now
+        area = 0.8 * area + 0.2 * float(np.count_nonzero(seen))
+        return _Track([*track.cuts, cut], area, (velocity[0], velocity[1]), cut.share, len(track.cuts))
+
+    def _cut(self, frame: int, prior: Bytes, hidden: int) -> Cut:
+        """The subject in a frame in which it is expected at a prior (h, w) of 255; `hidden` for so many
+        frames before, so that only what contradicts the static scene there can be it."""
+        options, picture = self.options, self.found.picture(frame)
+        long_side, there = max(picture.shape), prior > 127
+        inwards = cv2.distanceTransform(there.astype(np.uint8), cv2.DIST_L2, 5)
+        outwards = cv2.distanceTransform((~there).astype(np.uint8), cv2.DIST_L2, 5)
+        odds, weight = self.found.evidence(frame)
+        trust = 1.0 if hidden else self._moves(there, odds, weight)
+        most = (1 - trust) * options.carried + trust * options.carried_moving
+        carried = np.clip((inwards - outwards) / (options.band * long_side), -1, 1) * most
+        if hidden:
+            carried = np.where(there, 0, -options.carried_moving)
+        carried[outwards > options.leap * long_side] = -3 * options.carried
+        told = weight * np.where(odds > 0, odds, np.float32(trust) * odds)
+        colours = self._colours.odds(picture, options.colour)
+        total = np.asarray(told + carried + colours, np.float32)
+        segmentation = self.found.options.segmentation
+        share = logistic(smoothed(picture, total, segmentation.near_lambda, segmentation))
+        kept = _touching(share > 0.5, there)
+        share = np.where(kept | (share <= 0.5), share, 0)
+        return Cut(_bytes(share), _overlap(share > 0.5, there))
+
+    def _moves(self, there: Mask, odds: Map, weight: Map) -> float:
+        """In [0, 1] how surely a subject (h, w) contradicts the static scene, wherever it is seen."""
+        low, high = self.options.moves
+        known = float(weight[there].sum())
+        share = float((weight * (odds > 0.5))[there].sum()) / max(known, 1.0)
+        return float(np.clip((share - low) / (high - low), 0, 1))
+
+    @property
+    def _colours(self) -> ColourModel:
+        """Of the frames with strokes."""
+        models = [
+            ColourModel.of(
+                self.found.picture(frame),
+                np.asarray(self._at_strokes(frame).share / 255, np.float32),
+                self.found.options.segmentation,
+            )
+            for frame in self.marked_frames
+        ]
+        return ColourModel.mean(models)
+
+
+def cut_out(
+    picture: Bytes,
+    strokes: tuple[Mask, Mask],
+    evidence: tuple[Map, Map] | None,
+    options: CarryOptions,
+    segmentation: SegmentationOptions,
+) -> Map:
+    """(h, w) probability of what strokes that add and take away (h, w) mark in a picture (h, w, 3) of
+    display-encoded RGB.
+
+    `evidence` is log-odds (h, w) that a pixel contradicts the static scene and their weights (h, w), where
+    they are known. If they say that what is under the strokes moves, they tell its outline; else its colours
+    do (Rother et al., "GrabCut", 2004).
+    """
+    adds, takes = strokes
+    marked = np.where(adds, np.float32(1), 0) - np.where(takes, np.float32(1), 0)
+    if evidence is not None:
+        odds, weight = evidence
+        known = float((weight > 0.3)[adds].sum())
+        moves = float((weight * odds > 0.5)[adds].sum()) > options.moves[1] * max(known, 1.0)
+        if moves:
+            odds = np.where(marked != 0, 3 * options.carried * marked, odds).astype(np.float32)
+            weight = np.maximum(weight, np.abs(marked))
+            share = segmented(picture, odds, weight, segmentation)
+            return np.where(_touching(share > 0.5, adds) & ~takes, share, 0).astype(np.float32)
+    return (_by_colour(picture, adds, takes, options) & ~takes).astype(np.float32)
+
+
+def _by_colour(picture: Bytes, adds: Mask, takes: Mask, options: CarryOptions) -> Mask:
+    """(h, w) what is like the pixels that are added (h, w), near them, and unlike others."""
+    row, column = np.nonzero(adds)
+    if not len(row):
+        return adds
+    reach = max(options.around * max(np.ptp(row), np.ptp(column)), options.least_around * max(adds.shape))
+    away = cv2.distanceTransform((~adds).astype(np.uint8), cv2.DIST_L2, 5)
+    trimap = np.where(away <= reach, np.uint8(cv2.GC_PR_BGD), np.uint8(cv2.GC_BGD))
+    trimap[adds], trimap[takes] = cv2.GC_FGD, cv2.GC_BGD
+    if not (trimap != cv2.GC_FGD).any():
+        return adds
+    checkpoint()
+    cv2.setRNGSeed(0)
+    models = np.zeros((1, 65)), np.zeros((1, 65))
+    bgr = np.ascontiguousarray(picture[..., ::-1])
+    cv2.grabCut(bgr, trimap, None, *models, options.iterations, cv2.GC_INIT_WITH_MASK)  # type: ignore[call-overload]
+    mask = (trimap == cv2.GC_FGD) | (trimap == cv2.GC_PR_FGD)
+    return _touching(cv2.medianBlur(mask.astype(np.uint8), 3) > 0, adds) | adds
+
+
+def _touching(mask: Mask, those: Mask) -> Mask:
+    """Connected parts of a mask (h, w) that share a pixel with another one (h, w)."""
+    number, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=8)
+    kept = np.zeros(number, bool)
+    kept[labels[those & mask]] = True
+    kept[0] = False
+    return np.asarray(kept[labels])
+
+
+def _bytes(share: Map) -> Bytes:
+    return np.rint(255 * share).astype(np.uint8)
+
+
+def _overlap(one: Mask, other: Mask) -> float:
+    """Intersection over union of two masks (h, w); 1 of two that are empty."""
+    union = np.count_nonzero(one | other)
+    return np.count_nonzero(one & other) / union if union else 1.0
+
+
+def _shift(before: Mask, now: Mask) -> tuple[float, float]:
+    """Pixels from the middle of a mask (h, w) to that of the next one."""
+    middles = [np.argwhere(mask).mean(axis=0) if mask.any() else np.zeros(2) for mask in (before, now)]
+    down, across = middles[1] - middles[0]
+    return float(across), float(down)

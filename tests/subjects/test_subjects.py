@@ -1,0 +1,132 @@
+"""Subjects that move by themselves: found, marked by strokes, carried, and in focus."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from addon.core.base.arrays import Bytes
+from addon.core.base.errors import UserError
+from addon.core.subjects.marked import MarkedSubject, Stroke
+from addon.core.subjects.static_plate import _sorted
+
+from ..scenes import texture
+from . import walls
+from .walls import FRAMES, HEIGHT, WIDTH, disc, filmed, overlap, place
+
+SOME = (FRAMES[0], 9, 16, 22, FRAMES[-1])
+
+
+@pytest.fixture(scope="module")
+def clip() -> walls.Filmed:
+    return filmed(walls.with_disc)
+
+
+def stroke(frame: int, adds: bool = True) -> Stroke:
+    x, y = place(frame)
+    return Stroke(frame, (((x - 8) / WIDTH, y / HEIGHT), ((x + 8) / WIDTH, y / HEIGHT)), adds)
+
+
+def test_what_moves_is_found_whole_in_every_frame(clip: walls.Filmed) -> None:
+    assert min(overlap(clip.moving(frame), disc(frame)) for frame in SOME) > 0.85
+
+
+def test_a_frame_is_the_same_whichever_was_asked_for_before(clip: walls.Filmed) -> None:
+    other = filmed(walls.with_disc)
+    for frame in reversed(SOME):
+        np.testing.assert_array_equal(other.moving(frame), clip.moving(frame))
+
+
+@pytest.mark.parametrize("shown", [walls.still, walls.with_shadow], ids=["nothing", "a shadow"])
+def test_what_stands_still_is_no_subject(shown: object) -> None:
+    found = filmed(shown)  # type: ignore[arg-type]
+    assert all(not found.moving(frame).any() for frame in SOME)
+
+
+def test_the_static_scene_is_seen_behind_what_moves(clip: walls.Filmed) -> None:
+    plates = clip.subjects.plates
+    for frame in SOME[1:-1]:
+        plate, there = plates.plate(frame, clip.subjects._left_out), disc(frame)
+        off = cv2.absdiff(plate.colour, walls.still(frame)).max(axis=2)
+        assert np.median(off[there]) < 12 and np.median(plate.count[there]) > 2
+
+
+def test_a_stroke_marks_what_moves_and_is_carried_both_ways(clip: walls.Filmed) -> None:
+    carried = clip.carried(MarkedSubject("disc", (stroke(16),)))
+    for frame in SOME:
+        cut = carried.cut(frame)
+        assert overlap(cut.share > 127, disc(frame)) > 0.85 and cut.sure > 0.7
+    assert carried.cut(16).sure == 1
+
+
+def thing(frame: int) -> Bytes:
+    """The frame with a red thing that stands still before the far wall."""
+    picture = walls.still(frame)
+    picture[at_thing(frame)] = (190, 40, 30)
+    return picture
+
+
+def at_thing(frame: int) -> np.ndarray:
+    left = round(90 - walls.camera(frame) * walls.LENS.fx / walls.FAR)
+    mask = np.zeros((HEIGHT, WIDTH), bool)
+    mask[40:90, left : left + 26] = True
+    return mask
+
+
+def test_a_stroke_marks_what_stands_still_throughout() -> None:
+    clip = filmed(thing)
+    assert not clip.moving(16).any()
+    line = Stroke(16, ((95 / WIDTH, 50 / HEIGHT), (110 / WIDTH, 80 / HEIGHT)))
+    carried = clip.carried(MarkedSubject("thing", (line,)))
+    assert min(overlap(carried.cut(frame).share > 127, at_thing(frame)) for frame in SOME) > 0.85
+    # What a stroke takes away of it stays away.
+    away = Stroke(16, ((90 / WIDTH, 82 / HEIGHT), (115 / WIDTH, 86 / HEIGHT)), False)
+    cut = clip.carried(MarkedSubject("thing", (line, away))).cut(16).share > 127
+    assert not cut[83:85, 98:106].any() and cut[50:70, 92:112].mean() > 0.9
+
+
+def behind_a_post(frame: int) -> Bytes:
+    """The frame with the disc, and before it a post that hides it for some frames."""
+    picture, own = walls.with_disc(frame), texture(80, HEIGHT, 7)
+    left = round(95 - walls.camera(frame) * walls.LENS.fx / walls.NEAR)
+    picture[:, left : left + 80] = own // 2
+    return picture
+
+
+def test_a_subject_is_found_again_after_it_was_hidden() -> None:
+    clip = filmed(behind_a_post)
+    carried = clip.carried(MarkedSubject("disc", (stroke(8),)))
+    hidden, after = 18, 30
+    assert not (carried.cut(hidden).share > 127).any()
+    assert overlap(carried.cut(after).share > 127, disc(after)) > 0.7
+
+
+def test_strokes_in_two_frames_meet_in_the_middle(clip: walls.Filmed) -> None:
+    both = clip.carried(MarkedSubject("disc", (stroke(5), stroke(27))))
+    one, other = (clip.carried(MarkedSubject("disc", (stroke(n),))) for n in (5, 27))
+    for frame, near in ((8, one), (24, other)):
+        difference = cv2.absdiff(both.cut(frame).share, near.cut(frame).share)
+        assert difference.mean() < 3
+    assert overlap(both.cut(16).share > 127, disc(16)) > 0.85
+
+
+def test_a_marked_subject_is_in_focus_as_it_moves(clip: walls.Filmed) -> None:
+    marked = replace(clip, marked=(MarkedSubject("disc", (stroke(16),)),))
+    found = marked.subject_place("disc", 16)
+    assert set(found.followed) == set(FRAMES)
+    canvas = marked.canvas(16)
+    depth = marked.depth_source().at(16, canvas, np.zeros((0, 0, 4), np.float32))
+    assert depth is not None
+    own = depth.inverse_depth[marked.subject("disc", 16)]
+    assert np.median(own) == pytest.approx(1 / found.distance, rel=0.1)
+    with pytest.raises(UserError, match="no subject has the name 'cat'; there are: disc"):
+        marked.subject("cat", 16)
+
+
+@pytest.mark.parametrize("count", range(1, 14))
+def test_values_are_sorted_through_a_stack(count: int) -> None:
+    stack = list(np.random.default_rng(count).integers(0, 256, (count, 3, 5, 3), dtype=np.uint8))
+    np.testing.assert_array_equal(_sorted(stack), np.sort(np.stack(stack), axis=0))
