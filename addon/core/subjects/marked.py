@@ -264,9 +264,10 @@ def cut_out(
     if evidence is not None:
         odds, weight = evidence
         known = float((weight > 0.3)[adds].sum())
-        moves = float((weight * odds > 0.5)[adds].sum()) > options.moves[1] * max(known, 1.0)
+        # Lines cross gaps between legs.
+        moves = float((weight * odds > 0.5)[adds].sum()) > np.mean(options.moves) * max(known, 1.0)
         if moves:
-            odds = np.where(marked != 0, 3 * options.carried * marked, odds).astype(np.float32)
+            odds = np.asarray(odds + options.carried * marked, np.float32)
             weight = np.maximum(weight, np.abs(marked))
             share = segmented(picture, odds, weight, segmentation)
             return np.where(_touching(share > 0.5, adds) & ~takes, share, 0).astype(np.float32)
