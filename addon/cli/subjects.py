@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import re
 from collections.abc import Sequence
 
 from ..core.base import numbers
 from ..core.base.errors import UserError
-from ..core.subjects.marked import MarkedSubject, Stroke
+from ..core.subjects.marked import MarkedSubject, Stroke, places_of
 from ..scene.subjects import DEFAULT_NAME
 from .options import UsageError
 
@@ -67,20 +66,10 @@ def _stroke(words: Sequence[str], frame: int) -> tuple[str, Stroke]:
     name, named, rest = text.partition("=")
     line, at, number = (rest if named else text).partition("@")
     try:
-        places = tuple(_place(word) for word in line.split())
+        places = places_of(line.split())
         found = numbers.whole(number) if at else frame
     except ValueError:
         raise UserError(f"the stroke {text!r} is not understood; write places such as {EXAMPLE}") from None
     if not places:
         raise UserError(f"the stroke {text!r} has no places; write places such as {EXAMPLE}")
     return (name.strip() if named else DEFAULT_NAME) or DEFAULT_NAME, Stroke(found, places)
-
-
-def _place(word: str) -> tuple[float, float]:
-    """Fractions of the picture; ValueError for anything else."""
-    if not re.fullmatch(r"[^,]+,[^,]+", word):
-        raise ValueError(word)
-    x, y = map(numbers.real, word.split(","))
-    if not (0 <= x <= 1 and 0 <= y <= 1):
-        raise UserError(f"the stroke's place {word} is outside the picture; both must be between 0 and 1")
-    return x, y

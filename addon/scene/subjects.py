@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from itertools import count
 
 import bpy
 from bpy.props import (
@@ -14,6 +15,7 @@ from bpy.props import (
 )
 
 from ..core.subjects.marked import MarkedSubject, Stroke
+from . import redraw
 
 DEFAULT_NAME = "Subject"
 
@@ -38,10 +40,23 @@ class VirtualApertureStroke(bpy.types.PropertyGroup):
     places: CollectionProperty(type=VirtualApertureStrokePlace)
 
 
+def _renamed(subject: bpy.types.PropertyGroup, _context: bpy.types.Context) -> None:
+    """Names tell subjects from each other."""
+    items = subject.id_data.virtual_aperture.subjects.items
+    others = {each.name for each in items if each != subject}
+    if subject.name in others or not subject.name:
+        subject.name = _free(subject.name or DEFAULT_NAME, others)
+
+
+def _free(name: str, taken: Collection[str]) -> str:
+    """A name, with a number behind it where it is taken."""
+    return next(each for n in count(1) if (each := name if n == 1 else f"{name} {n}") not in taken)
+
+
 class VirtualApertureSubject(bpy.types.PropertyGroup):
     """Something that moves by itself, as the user marks it."""
 
-    name: StringProperty(name="Name", description="Name of the subject", default=DEFAULT_NAME)
+    name: StringProperty(name="Name", description="Name of the subject", update=_renamed)
     strokes: CollectionProperty(type=VirtualApertureStroke)
     unsure: StringProperty(
         name="Unsure Frames", description="Frames in which a stroke would help", options={"HIDDEN"}
@@ -57,19 +72,27 @@ class VirtualApertureSubjects(bpy.types.PropertyGroup):
 
 def marked_of(settings: bpy.types.PropertyGroup) -> tuple[MarkedSubject, ...]:
     """The subjects as the core takes them; those without a stroke that adds are left out."""
-    found = (
-        MarkedSubject(
-            each.name,
-            tuple(
-                Stroke(
-                    stroke.frame, tuple((float(p.xy[0]), float(p.xy[1])) for p in stroke.places), stroke.adds
-                )
-                for stroke in each.strokes
-            ),
-        )
-        for each in settings.subjects.items
-    )
+    found = (MarkedSubject(each.name, strokes_of(each)) for each in settings.subjects.items)
     return tuple(each for each in found if any(stroke.adds for stroke in each.strokes))
+
+
+def strokes_of(subject: bpy.types.PropertyGroup) -> tuple[Stroke, ...]:
+    """The strokes of a subject as the core takes them."""
+    return tuple(
+        Stroke(stroke.frame, tuple((float(p.xy[0]), float(p.xy[1])) for p in stroke.places), stroke.adds)
+        for stroke in subject.strokes
+    )
+
+
+def active(settings: bpy.types.PropertyGroup) -> bpy.types.PropertyGroup | None:
+    """The subject that strokes are added to."""
+    group = settings.subjects
+    return group.items[group.active] if group.active < len(group.items) else None
+
+
+def free_name(settings: bpy.types.PropertyGroup) -> str:
+    """The name of a new subject."""
+    return _free(DEFAULT_NAME, {each.name for each in settings.subjects.items})
 
 
 def set_marked(settings: bpy.types.PropertyGroup, subjects: Sequence[MarkedSubject]) -> None:
@@ -91,6 +114,30 @@ def add_strokes(settings: bpy.types.PropertyGroup, name: str, strokes: Sequence[
         kept.frame, kept.adds = stroke.frame, stroke.adds
         for place in stroke.places:
             kept.places.add().xy = place
+
+
+def set_strokes(settings: bpy.types.PropertyGroup, name: str, strokes: Sequence[Stroke]) -> None:
+    """Write strokes of a subject in place of its own; as `add_strokes`."""
+    for each in settings.subjects.items:
+        if each.name == name:
+            each.strokes.clear()
+            each.unsure = ""
+    add_strokes(settings, name, strokes)
+    _changed(settings)
+
+
+def remove(settings: bpy.types.PropertyGroup, index: int) -> None:
+    """Mark a subject no more."""
+    group = settings.subjects
+    group.items.remove(index)
+    group.active = max(min(group.active, len(group.items) - 1), 0)
+    _changed(settings)
+
+
+def _changed(settings: bpy.types.PropertyGroup) -> None:
+    """Viewports show the frame again: what moves in it is other."""
+    settings.id_data.update_tag()
+    redraw.viewports()
 
 
 CLASSES = (

@@ -20,6 +20,7 @@ from . import (
     operators,
     panels,
     pick_focus,
+    pick_subject,
     points_overlay,
     preferences,
     preview,
@@ -27,6 +28,7 @@ from . import (
     report_list,
     restore,
     set_scale,
+    subjects,
     thumbnails,
 )
 
@@ -42,6 +44,8 @@ CLASSES = (
     *focus.CLASSES,
     *focus_list.CLASSES,
     *pick_focus.CLASSES,
+    *pick_subject.CLASSES,
+    *subjects.CLASSES,
     *import_solve.CLASSES,
     *file_import.CLASSES,
     *lens_presets.CLASSES,

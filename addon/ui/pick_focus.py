@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import threading
+from functools import partial
 
 import bpy
 
 from ..core.base.errors import UserError
-from ..core.base.progress import Cancelled, reporting
 from ..core.focus.place import Glance, Place, PlaceFinder, shown_at
 from ..core.frame.clip_context import ClipContext
-from ..render.viewport import PREVIEW
 from ..scene import aperture_cloud, focus_marks
 from ..scene.depth_of_field import length_words
 from ..scene.remedy_words import WORDS
@@ -18,6 +16,7 @@ from ..scene.shot import shot_of
 from .focus import focus_on
 from .operators import Result, has_solve, is_met, may_change, reported
 from .pick_view import XY, CameraView, Overlay
+from .work import Work
 
 AT_ONCE = 0.05
 """Seconds in which most places are found: so long a click waits."""
@@ -26,41 +25,6 @@ LOOK = 0.05
 CLOSE = 25.0
 """Pixels, at a resolution scale of 1, from a click within which a picked place is meant."""
 KEYS = "Click: Set    Shift Click: Add Place    Ctrl Click: Remove Place    Enter: Confirm    ESC: Cancel"
-
-
-class Finding:
-    """A place that is looked for in a thread: where its depth must be found first, that takes seconds."""
-
-    def __init__(self, finder: PlaceFinder, at: XY, keeps_on: bool) -> None:
-        """`keeps_on`: more places may be picked after it."""
-        self.keeps_on, self.stage = keeps_on, ""
-        self.place: Place | None = None
-        self.error: BaseException | None = None
-        self._cancelled = threading.Event()
-        self._thread = threading.Thread(target=self._find, args=(finder, at), daemon=True)
-        self._thread.start()
-
-    def ended(self, wait: float = 0.0) -> bool:
-        """Whether it is found, or cannot be, after so many seconds at most."""
-        self._thread.join(wait)
-        return not self._thread.is_alive()
-
-    def cancel(self) -> None:
-        """Find it no more."""
-        self._cancelled.set()
-
-    def _find(self, finder: PlaceFinder, at: XY) -> None:
-        try:
-            # Both would take all processors, and the same memory.
-            with PREVIEW.paused(), reporting(self._on_progress):
-                self.place = finder.find(*at)
-        except BaseException as error:  # told where it is waited for
-            self.error = error
-
-    def _on_progress(self, stage: str, share: float) -> None:
-        if self._cancelled.is_set():
-            raise Cancelled
-        self.stage = f"{100 * share:.0f} %" if share else stage
 
 
 class VIRTUAL_APERTURE_OT_pick_focus(bpy.types.Operator):  # noqa: N801
@@ -89,7 +53,10 @@ class VIRTUAL_APERTURE_OT_pick_focus(bpy.types.Operator):  # noqa: N801
     _running = False
     """Of the class: one is under way."""
     _timer: bpy.types.Timer | None = None
-    _finding: Finding | None = None
+    _finding: Work[Place] | None = None
+    """A place that is looked for: where its depth must be found first, that takes seconds."""
+    _keeps_on = False
+    """More places may be picked after it."""
     _finder: PlaceFinder | None = None
 
     @classmethod
@@ -204,7 +171,7 @@ class VIRTUAL_APERTURE_OT_pick_focus(bpy.types.Operator):  # noqa: N801
             self._say(f"Frame {self._scene.frame_current} has no camera of its own; pick in another frame")
             return {"RUNNING_MODAL"}
         self._overlay.mouse = at
-        self._finding = Finding(finder, at, event.shift)
+        self._finding, self._keeps_on = Work(partial(finder.find, *at)), event.shift
         if self._finding.ended(AT_ONCE):
             return self._found(context)
         self._timer = context.window_manager.event_timer_add(LOOK, window=context.window)
@@ -230,15 +197,13 @@ class VIRTUAL_APERTURE_OT_pick_focus(bpy.types.Operator):  # noqa: N801
             self._overlay.text = "Nothing is known of the depth here"
             self._say(text[0].upper() + text[1:])
             return {"RUNNING_MODAL"}
-        if finding.error is not None:
-            raise finding.error
-        assert finding.place is not None
-        if finding.keeps_on:
-            self._places.append(finding.place)
+        place = finding.result()
+        if self._keeps_on:
+            self._places.append(place)
             self._show_picked()
             self._say("")
             return {"RUNNING_MODAL"}
-        self._places = [finding.place]
+        self._places = [place]
         return self._confirm(context)
 
     def _remove(self, at: XY) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ..core.base.arrays import Floats
 from ..core.base.errors import UserError
 from ..render.viewport import frame_in_region
 
@@ -133,13 +134,13 @@ class Overlay:
             return
         scale = bpy.context.preferences.system.ui_scale
         for place in self.view.pixels(self.scene, self.features):
-            _circle(place, FEATURE * scale, GREEN, scale)
+            line(ring(place, FEATURE * scale), GREEN, scale)
         for place in self.view.pixels(self.scene, self.picked):
-            _circle(place, PICKED * scale, GREEN, 2 * scale)
+            line(ring(place, PICKED * scale), GREEN, 2 * scale)
         if self.mouse is None:
             return
         (place,) = self.view.pixels(self.scene, [self.mouse]) or [(0.0, 0.0)]
-        _circle(place, RING * scale, WHITE, 1.5 * scale)
+        line(ring(place, RING * scale), WHITE, 1.5 * scale)
         _text(self.text, place, self.view.right_border(), scale)
 
 
@@ -150,20 +151,25 @@ def _drawer(overlay: Overlay) -> Callable[[], None]:
     return draw
 
 
-def _circle(middle: XY, radius: float, colour: tuple[float, ...], width: float) -> None:
-    """A circle with a dark rim, that shows on any picture."""
+def ring(middle: XY, radius: float) -> Floats:
+    """(n, 2) a closed circle in pixels."""
+    turn = np.linspace(0, 2 * np.pi, SEGMENTS + 1)
+    return np.column_stack([np.cos(turn), np.sin(turn)]) * radius + middle
+
+
+def line(places: Sequence[Sequence[float]] | Floats, colour: tuple[float, ...], width: float) -> None:
+    """A line through pixels (n, 2) of the region with a dark rim, that shows on any picture."""
     import gpu
     from gpu_extras.batch import batch_for_shader
 
-    turn = np.linspace(0, 2 * np.pi, SEGMENTS + 1)
-    ring = np.column_stack([np.cos(turn), np.sin(turn), np.zeros(len(turn))]) * radius + [*middle, 0]
+    corners = np.pad(np.asarray(places, np.float32), ((0, 0), (0, 1)))
     shader = gpu.shader.from_builtin("POLYLINE_UNIFORM_COLOR")
-    batch = batch_for_shader(shader, "LINE_STRIP", {"pos": ring.astype(np.float32)})
+    batch = batch_for_shader(shader, "LINE_STRIP", {"pos": corners})
     gpu.state.blend_set("ALPHA")
     shader.bind()
     shader.uniform_float("viewportSize", gpu.state.viewport_get()[2:])
-    for line, drawn in ((width + 2, SHADE), (width, colour)):
-        shader.uniform_float("lineWidth", line)
+    for wide, drawn in ((width + 2, SHADE), (width, colour)):
+        shader.uniform_float("lineWidth", wide)
         shader.uniform_float("color", drawn)
         batch.draw(shader)
     gpu.state.blend_set("NONE")

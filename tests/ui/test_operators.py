@@ -38,6 +38,7 @@ class Case:
 
 UI = "ui/test_ui.py"
 PICK = "ui/test_pick_focus.py"
+SUBJECT = "ui/test_pick_subject.py"
 CASES = {
     "choose_clip": Case(
         "scene/test_after_solve.py::test_a_picture_means_its_sequence",
@@ -93,6 +94,26 @@ CASES = {
         f"{PICK}::test_a_pick_is_in_focus",
         f"{PICK}::test_a_pick_is_refused",
         "has no camera to pick a focus in",
+    ),
+    "pick_subject": Case(
+        f"{SUBJECT}::test_strokes_mark_a_subject",
+        f"{SUBJECT}::test_a_stroke_is_refused",
+        "frame 40 has no camera of its own",
+    ),
+    "focus_subject": Case(
+        f"{SUBJECT}::test_a_subject_is_carried_and_in_focus",
+        f"{SUBJECT}::test_a_stroke_is_refused",
+        "No subject is marked",
+    ),
+    "carry_subject": Case(
+        f"{SUBJECT}::test_a_subject_is_carried_and_in_focus",
+        f"{SUBJECT}::test_a_stroke_is_refused",
+        "No subject is marked",
+    ),
+    "remove_subject": Case(
+        f"{SUBJECT}::test_names_tell_subjects_from_each_other",
+        f"{SUBJECT}::test_a_stroke_is_refused",
+        "No subject is marked",
     ),
     "hold_focus": Case(
         f"{PICK}::test_the_list_is_edited", f"{PICK}::test_the_list_is_edited", "is at frame 3 already"

@@ -58,6 +58,11 @@ def with_scale(settings: Settings, folder: Path) -> None:
     settings.focus_distance, settings.metres_per_unit = 8.0, 0.3
 
 
+def marked(settings: Settings, _folder: Path) -> None:
+    bpy.ops.virtual_aperture.pick_subject(places="0.5,0.5 0.5,0.6")
+    settings.subjects.items[0].unsure = "2"
+
+
 def moved(settings: Settings, folder: Path) -> None:
     (folder / "clip").rename(folder / "clip2")
 
@@ -103,6 +108,7 @@ STATES: list[tuple[str, Callable[[Settings, Path], None], str]] = [
     ("in Edit Mode", in_edit_mode, "Select vertices on what is to be sharp"),
     ("in focus", focused, "Ready to render"),
     ("with a scale", with_scale, "full-frame equivalent"),
+    ("with a subject", marked, "Unsure in 1 frame"),
     ("clip moved", moved, "show where it is with Find Clip"),
     ("wrong clip", wrong, "the clip chosen is other"),
     ("solving the other clip", solving_the_wrong_one, "Reading the clip (ESC cancels)"),
@@ -138,7 +144,7 @@ def test_panels_draw(
     assert said in texts
     # Nobody is told to solve what is being solved.
     assert make is not solving_the_wrong_one or "the clip chosen is" not in texts
-    ready = (solved, focused, with_scale, finding, paused, failed)
+    ready = (solved, focused, with_scale, marked, finding, paused, failed)
     assert ("Ready to render" in texts) == (make in ready)
     for name in {name for each in shown for name in each.operators}:
         group, operator = name.split(".")

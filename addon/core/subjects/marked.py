@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
 
+from ..base import numbers
 from ..base.arrays import Bytes, Map, Mask
+from ..base.errors import UserError
 from ..base.progress import checkpoint
 from .flow import warped
 from .found import FoundSubjects
@@ -26,6 +29,28 @@ class Stroke:
     """Corners of the line, fractions of the picture, (0, 0) top left; a single one is a click."""
     adds: bool = True
     """Whether what is under it belongs to the subject."""
+
+
+def places_of(words: Sequence[str]) -> tuple[tuple[float, float], ...]:
+    """Corners of a stroke from words such as "0.44,0.26"; ValueError for anything else, UserError for a place
+    that is outside of the picture."""
+    return tuple(map(_place, words))
+
+
+def _place(word: str) -> tuple[float, float]:
+    if not re.fullmatch(r"[^,]+,[^,]+", word):
+        raise ValueError(word)
+    x, y = map(numbers.real, word.split(","))
+    if not (0 <= x <= 1 and 0 <= y <= 1):
+        raise UserError(f"the stroke's place {word} is outside the picture; both must be between 0 and 1")
+    return x, y
+
+
+def with_stroke(strokes: Sequence[Stroke], stroke: Stroke, extend: bool = False) -> tuple[Stroke, ...]:
+    """Strokes with one more. One that adds takes the place of those in its frame, unless it is to `extend`
+    them."""
+    anew = stroke.adds and not extend
+    return (*(each for each in strokes if not (anew and each.frame == stroke.frame)), stroke)
 
 
 @dataclass(frozen=True)
@@ -124,6 +149,13 @@ class CarriedSubject:
         """(h, w) the subject, over the source frame with its distortion, at the size worked at."""
         return self.found.plates.canvas(frame).mask_to_source(self.cut(frame).share > 127)
 
+    def glimpse(self, frame: int) -> Mask:
+        """(h, w) as `mask`, of the strokes in a frame and its colours alone: in a fraction of a second, where
+        the static scene may take many. Empty in a frame without strokes that add."""
+        segmentation = self.found.options.segmentation
+        share = cut_out(self.found.picture(frame), self._strokes_in(frame), None, self.options, segmentation)
+        return self.found.plates.canvas(frame).mask_to_source(share > 0.5)
+
     def cut(self, frame: int) -> Cut:
         """The subject in a frame, carried there as far as that was not done before."""
         marked = self.marked_frames
@@ -142,19 +174,19 @@ class CarriedSubject:
     def _at_strokes(self, frame: int) -> Cut:
         if frame not in self._marked:
             evidence, segmentation = self.found.evidence(frame), self.found.options.segmentation
-            mine = self._rasters(frame, [stroke for stroke in self.strokes if stroke.frame == frame])
+            mine = self._strokes_in(frame)
             share = cut_out(self.found.picture(frame), mine, evidence, self.options, segmentation)
             self._marked[frame] = Cut(_bytes(share), 1.0)
         return self._marked[frame]
 
-    def _rasters(self, frame: int, strokes: Sequence[Stroke]) -> tuple[Mask, Mask]:
-        """(h, w) what strokes over a frame add, and what they take away."""
+    def _strokes_in(self, frame: int) -> tuple[Mask, Mask]:
+        """(h, w) what the strokes in a frame add, and what they take away."""
         canvas = self.found.plates.canvas(frame)
         size = np.array([canvas.camera.width, canvas.camera.height])
         shape = self.found.picture(frame).shape[:2]
         rasters = np.zeros((2, *shape), np.uint8)
         width = max(round(self.options.width * max(shape)), 1)
-        for stroke in strokes:
+        for stroke in (each for each in self.strokes if each.frame == frame):
             at = canvas.features_from_source(np.array(stroke.places) * size) - 0.5
             line = np.rint(at * 16).astype(np.int32)[:, None]
             cv2.polylines(rasters[0 if stroke.adds else 1], [line], False, 1, width, shift=4)

@@ -6,7 +6,7 @@ import bpy
 
 from ...core.base.counting import counted
 from ...scene import blender_focus
-from .. import focus, focus_list, lens_presets, pick_focus
+from .. import focus, focus_list, lens_presets, pick_focus, subjects
 from ..text import wrapped
 from .lens import draw_amount
 from .panel import PRIMARY, ClosedPanel, Panel, split
@@ -56,6 +56,14 @@ def _draw_points(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup, 
     picked.operator(focus.VIRTUAL_APERTURE_OT_clear_focus.bl_idname, text="", icon="X")
 
 
+class VIRTUAL_APERTURE_PT_subjects(ClosedPanel, bpy.types.Panel):  # noqa: N801
+    bl_label = "Subjects"
+    bl_parent_id = "VIRTUAL_APERTURE_PT_focus"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        subjects.draw(split(self.layout), context)
+
+
 class VIRTUAL_APERTURE_PT_tilt(ClosedPanel, bpy.types.Panel):  # noqa: N801
     bl_label = "Tilted Focal Plane"
     bl_parent_id = "VIRTUAL_APERTURE_PT_focus"
@@ -72,4 +80,4 @@ class VIRTUAL_APERTURE_PT_tilt(ClosedPanel, bpy.types.Panel):  # noqa: N801
             column.prop(settings, "focus_swing")
 
 
-CLASSES = (VIRTUAL_APERTURE_PT_focus, VIRTUAL_APERTURE_PT_tilt)
+CLASSES = (VIRTUAL_APERTURE_PT_focus, VIRTUAL_APERTURE_PT_subjects, VIRTUAL_APERTURE_PT_tilt)

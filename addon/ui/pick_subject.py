@@ -1,0 +1,276 @@
+"""Marking a subject by strokes over the camera's picture: the whole of it lights up."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..core.base.arrays import Mask
+from ..core.base.errors import UserError
+from ..core.base.progress import Cancelled
+from ..core.subjects.marked import CarriedSubject, MarkedSubject, Stroke, places_of, with_stroke
+from ..scene import redraw, subjects
+from ..scene.remedy_words import WORDS
+from ..scene.shot import reconstruction_of, shot_of
+from .operators import Result, has_solve, is_met, may_change, reported
+from .pick_view import CameraView
+from .subject_view import SubjectOverlay
+from .work import LOOK, Work
+
+EXAMPLE = "0.44,0.26 0.45,0.5"
+APART = 0.004
+"""Share of the picture between two corners of a stroke."""
+KEYS = (
+    "Drag: Mark    Shift Drag: Extend    Ctrl Drag: Take Away    Enter, Right Click: Confirm"
+    "    ESC: Take Back the Last Stroke"
+)
+
+
+class LitUp:
+    """What of a subject is known in a frame: first by its colours, then by what moves."""
+
+    def __init__(self, carried: CarriedSubject, frame: int) -> None:
+        self.carried, self.frame = carried, frame
+        self.mask: Mask | None = None
+
+    def __call__(self) -> Mask:
+        if self.frame in self.carried.marked_frames:
+            self.mask = self.carried.glimpse(self.frame)
+        self.mask = self.carried.mask(self.frame)
+        return self.mask
+
+
+class VIRTUAL_APERTURE_OT_pick_subject(bpy.types.Operator):  # noqa: N801
+    """Draw a stroke over what moves by itself, or click on it: the whole of it lights up, and is marked in
+    all frames. Shift extends it, Ctrl takes away"""
+
+    bl_idname = "virtual_aperture.pick_subject"
+    bl_label = "Pick Subject"
+    # Not REGISTER: there is nothing to redo without the mouse.
+    bl_options = {"UNDO"}  # noqa: RUF012
+
+    new: bpy.props.BoolProperty(
+        name="New Subject", description="Mark another subject, not the active one", options={"SKIP_SAVE"}
+    )
+    places: bpy.props.StringProperty(
+        name="Places",
+        description=f"Corners of the stroke in shares of the picture from its top left, such as {EXAMPLE}",
+        options={"SKIP_SAVE"},
+    )
+    extend: bpy.props.BoolProperty(
+        name="Extend",
+        description="Leave the strokes that the subject has in the current frame",
+        options={"SKIP_SAVE"},
+    )
+    take_away: bpy.props.BoolProperty(
+        name="Take Away", description="What is under the stroke is not the subject's", options={"SKIP_SAVE"}
+    )
+
+    _running = False
+    """Of the class: one is under way."""
+    _timer: bpy.types.Timer | None = None
+    _work: Work[Mask] | None = None
+    _lit: LitUp | None = None
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        is_idle = not VIRTUAL_APERTURE_OT_pick_subject._running
+        message = "A subject is being picked: draw a stroke over the camera's picture"
+        return is_met(cls, is_idle, message) and may_change(cls, context) and has_solve(cls, context)
+
+    @reported
+    def execute(self, context: bpy.types.Context) -> Result:
+        scene, settings = context.scene, context.scene.virtual_aperture
+        frame = scene.frame_current
+        try:
+            places = places_of(self.places.split())
+        except ValueError:
+            places = ()
+        if not places:
+            raise UserError(f"the stroke {self.places!r} is not understood; give places such as {EXAMPLE}")
+        if frame not in reconstruction_of(settings).frames:
+            raise UserError(f"frame {frame} has no camera of its own; draw the stroke in another frame")
+        name, strokes = self._subject(settings)
+        made = with_stroke(strokes, Stroke(frame, places, not self.take_away), self.extend)
+        self._check(made)
+        subjects.set_strokes(settings, name, made)
+        redraw.panels()
+        self.report({"INFO"}, f"{name} is marked at frame {frame}")
+        return {"FINISHED"}
+
+    def _subject(self, settings: bpy.types.PropertyGroup) -> tuple[str, tuple[Stroke, ...]]:
+        """Name and strokes of the subject that is picked."""
+        active = None if self.new else subjects.active(settings)
+        if active is None:
+            return subjects.free_name(settings), ()
+        return active.name, subjects.strokes_of(active)
+
+    def _check(self, strokes: tuple[Stroke, ...]) -> None:
+        if not any(stroke.adds for stroke in strokes):
+            raise UserError("nothing is marked that a stroke could take away from; mark the subject first")
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> Result:
+        return self.execute(context) if bpy.app.background else self._begin(context)
+
+    @reported
+    def _begin(self, context: bpy.types.Context) -> Result:
+        scene, settings = context.scene, context.scene.virtual_aperture
+        if settings.points.mode == "EDIT":
+            # There only the mesh can be undone.
+            bpy.ops.object.mode_set(mode="OBJECT")
+        self._context = shot_of(scene).context
+        self._view, self._scene = CameraView.of(context), scene
+        self._name, strokes = self._subject(settings)
+        self._steps = [strokes]
+        """The subject's strokes: as they were, and after each that was drawn."""
+        self._overlay = SubjectOverlay(self._view, scene)
+        self._is_drawing, self._extends = False, False
+        self._overlay.begin()
+        self._light_up()
+        context.window.cursor_modal_set("PAINT_BRUSH")
+        self._timer = context.window_manager.event_timer_add(LOOK, window=context.window)
+        context.window_manager.modal_handler_add(self)
+        VIRTUAL_APERTURE_OT_pick_subject._running = True
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
+        try:
+            return self._modal(context, event)
+        except UserError as error:
+            self._end(context)
+            self.report({"ERROR"}, error.worded(WORDS))
+            return {"CANCELLED"}
+        except Exception:
+            # Else the cursor would stay, and the next one be refused.
+            self._end(context)
+            raise
+
+    def _modal(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
+        is_press = event.value == "PRESS"
+        if event.type == "TIMER":
+            self._look()
+        elif self._is_drawing:
+            return self._draw(event)
+        elif (event.type == "ESC" or (event.type == "Z" and event.ctrl)) and is_press:
+            return self._take_back(context, ends=event.type == "ESC")
+        elif event.type in {"RET", "NUMPAD_ENTER", "RIGHTMOUSE"} and is_press:
+            return self._confirm(context)
+        elif event.type == "LEFTMOUSE" and is_press and self._view.holds(event):
+            self._press(event)
+            return {"RUNNING_MODAL"}
+        elif event.type == "MOUSEMOVE":
+            self._overlay.mouse = self._view.place(self._scene, event) if self._view.holds(event) else None
+            self._view.area.tag_redraw()
+        # The view may be moved, and another frame shown.
+        return {"PASS_THROUGH"}
+
+    def cancel(self, context: bpy.types.Context) -> None:
+        """Called by Blender when another file is loaded meanwhile."""
+        self._end(context)
+
+    def _press(self, event: bpy.types.Event) -> None:
+        at = self._view.place(self._scene, event)
+        frame = self._scene.frame_current
+        if not self._view.is_through_camera() or at is None:
+            self._say("Draw over the camera's picture: Numpad 0 looks through the camera")
+        elif frame not in self._context.reconstruction.frames:
+            self._say(f"Frame {frame} has no camera of its own; draw in another frame")
+        elif event.ctrl and not any(stroke.adds for stroke in self._steps[-1]):
+            self._say("Nothing is marked yet that a stroke could take away from")
+        else:
+            self._is_drawing, self._extends = True, event.shift
+            self._overlay.line, self._overlay.takes = [at], event.ctrl
+
+    def _draw(self, event: bpy.types.Event) -> Result:
+        overlay = self._overlay
+        at = self._view.place(self._scene, event)
+        if event.type == "ESC":
+            self._is_drawing, overlay.line = False, []
+        elif event.type == "LEFTMOUSE" and event.value == "RELEASE":
+            self._is_drawing = False
+            stroke = Stroke(self._scene.frame_current, tuple(overlay.line), not overlay.takes)
+            self._steps.append(with_stroke(self._steps[-1], stroke, self._extends))
+            overlay.line = []
+            self._light_up()
+        elif event.type == "MOUSEMOVE" and at is not None:
+            (x, y), overlay.mouse = overlay.line[-1], at
+            if max(abs(at[0] - x), abs(at[1] - y)) > APART:
+                overlay.line = [*overlay.line, at]
+        self._view.area.tag_redraw()
+        return {"RUNNING_MODAL"}
+
+    def _take_back(self, context: bpy.types.Context, ends: bool) -> Result:
+        """Forget the last stroke; without any, `ends` leaves all as it was."""
+        if len(self._steps) > 1:
+            self._steps.pop()
+            self._light_up()
+        elif ends:
+            self._end(context)
+            return {"CANCELLED"}
+        return {"RUNNING_MODAL"}
+
+    def _light_up(self) -> None:
+        """Find the subject in the frame that is shown now."""
+        if self._work is not None:
+            self._work.cancel()
+        frame, strokes = self._scene.frame_current, self._steps[-1]
+        self._lit, self._frame = None, frame
+        self._overlay.strokes = [stroke for stroke in strokes if stroke.frame == frame]
+        if not any(each.adds for each in strokes) or frame not in self._context.reconstruction.frames:
+            self._overlay.light_up(None)
+            self._say("")
+            return
+        self._lit = LitUp(self._context.carried(MarkedSubject(self._name, strokes)), frame)
+        self._work = Work(self._lit, after=self._work)
+        self._say("")
+
+    def _look(self) -> None:
+        """Show what the work has found meanwhile; UserError where it cannot go on."""
+        if self._frame != self._scene.frame_current and not self._is_drawing:
+            self._overlay.light_up(None)
+            self._light_up()
+        if self._lit is None or self._work is None:
+            return
+        if self._lit.mask is not None and self._lit.mask is not self._overlay.mask:
+            self._overlay.light_up(self._lit.mask)
+        if not self._work.ended():
+            self._say(f"Finding {self._name} {self._work.stage}")
+            return
+        self._lit = None
+        self._say("")
+        if not isinstance(self._work.error, Cancelled):
+            self._overlay.light_up(self._work.result())
+
+    def _confirm(self, context: bpy.types.Context) -> Result:
+        """Write the strokes, each as one step of undo."""
+        self._end(context)
+        settings, drawn = self._scene.virtual_aperture, self._steps[1:]
+        if not drawn:
+            return {"CANCELLED"}
+        for number, strokes in enumerate(drawn):
+            subjects.set_strokes(settings, self._name, strokes)
+            if number + 1 < len(drawn):
+                bpy.ops.ed.undo_push(message=self.bl_label)
+        redraw.panels()
+        frames = sorted({stroke.frame for stroke in drawn[-1]})
+        self.report({"INFO"}, f"{self._name} is marked at frame {', '.join(map(str, frames))}")
+        return {"FINISHED"}
+
+    def _say(self, text: str) -> None:
+        """A line in the header of the view, with what keys do."""
+        self._view.area.header_text_set("    ".join(each for each in (text, KEYS) if each))
+        self._view.area.tag_redraw()
+
+    def _end(self, context: bpy.types.Context) -> None:
+        VIRTUAL_APERTURE_OT_pick_subject._running = False
+        if self._work is not None:
+            self._work.cancel()
+        if self._timer is not None:
+            context.window_manager.event_timer_remove(self._timer)
+            self._timer = None
+        self._overlay.end()
+        self._view.area.header_text_set(None)
+        if context.window is not None:
+            context.window.cursor_modal_restore()
+
+
+CLASSES = (VIRTUAL_APERTURE_OT_pick_subject,)

@@ -1,0 +1,208 @@
+"""Operators that mark subjects by strokes, carry them, and put them in focus."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+from addon.core.base.progress import Cancelled, checkpoint
+from addon.core.camera.reconstruction import Intrinsics
+from addon.core.media.clip import open_footage
+from addon.core.subjects.marked import MarkedSubject, Stroke, with_stroke
+from addon.scene import subjects
+from addon.scene.build import build
+from addon.scene.shot import shot_of
+from addon.ui import panels
+from addon.ui.pick_subject import LitUp
+from addon.ui.subject_view import INSIDE, OUTLINE, tinted
+from addon.ui.subjects import VIRTUAL_APERTURE_UL_subjects
+from addon.ui.work import Work
+
+from .. import planes
+from ..recorder import Recorder, draw
+from ..scenes import slanted_shot
+from ..subjects import walls
+
+LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
+OPERATORS = bpy.ops.virtual_aperture
+FRAME = 16
+
+
+@pytest.fixture
+def settings(scene: bpy.types.Scene, tmp_path: Path) -> bpy.types.PropertyGroup:
+    """A solved clip in which nothing moves."""
+    shot = slanted_shot(tmp_path / "clip", LENS)
+    return build(scene, shot.footage, shot.reconstruction)
+
+
+def strokes(settings: bpy.types.PropertyGroup) -> dict[str, list[tuple[int, int, bool]]]:
+    """By subject: frame, number of places and kind of each stroke."""
+    return {
+        each.name: [(stroke.frame, len(stroke.places), stroke.adds) for stroke in each.strokes]
+        for each in settings.subjects.items
+    }
+
+
+def test_strokes_mark_a_subject(scene: bpy.types.Scene, settings: bpy.types.PropertyGroup) -> None:
+    scene.frame_set(1)
+    assert OPERATORS.pick_subject(places="0.2,0.3 0.4,0.5") == {"FINISHED"}
+    assert OPERATORS.pick_subject(places="0.1,0.1", take_away=True) == {"FINISHED"}
+    scene.frame_set(3)
+    assert OPERATORS.pick_subject(places="0.25,0.75") == {"FINISHED"}
+    assert strokes(settings) == {"Subject": [(1, 2, True), (1, 1, False), (3, 1, True)]}
+    # One more takes the place of those in its frame, but where it extends them.
+    assert OPERATORS.pick_subject(places="0.5,0.5", extend=True) == {"FINISHED"}
+    assert len(strokes(settings)["Subject"]) == 4
+    assert OPERATORS.pick_subject(places="0.75,0.5") == {"FINISHED"}
+    assert strokes(settings)["Subject"] == [(1, 2, True), (1, 1, False), (3, 1, True)]
+    assert OPERATORS.pick_subject(places="0.5,0.5", new=True) == {"FINISHED"}
+    assert strokes(settings)["Subject 2"] == [(3, 1, True)] and settings.subjects.active == 1
+    marked = shot_of(scene).context.marked
+    assert [each.name for each in marked] == ["Subject", "Subject 2"]
+    assert marked[0].strokes[2] == Stroke(3, ((0.75, 0.5),))
+
+
+def test_a_stroke_is_refused(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    with pytest.raises(RuntimeError, match="Solve the clip first"):
+        OPERATORS.pick_subject(places="0.5,0.5")
+    shot = slanted_shot(tmp_path / "clip", LENS)
+    settings = build(scene, shot.footage, shot.reconstruction)
+    scene.frame_set(1)
+    for places in ("", "0.5", "0.5,x"):
+        with pytest.raises(RuntimeError, match="is not understood; give places such as"):
+            OPERATORS.pick_subject(places=places)
+    with pytest.raises(RuntimeError, match="is outside the picture"):
+        OPERATORS.pick_subject(places="0.5,1.5")
+    with pytest.raises(RuntimeError, match="nothing is marked that a stroke could take away from"):
+        OPERATORS.pick_subject(places="0.5,0.5", take_away=True)
+    scene.frame_set(40)
+    with pytest.raises(RuntimeError, match="frame 40 has no camera of its own"):
+        OPERATORS.pick_subject(places="0.5,0.5")
+    assert not len(settings.subjects.items)
+    for operator in (OPERATORS.focus_subject, OPERATORS.carry_subject, OPERATORS.remove_subject):
+        with pytest.raises(RuntimeError, match="No subject is marked: Pick Subject marks one"):
+            operator()
+
+
+def test_subjects_are_saved(
+    scene: bpy.types.Scene, settings: bpy.types.PropertyGroup, tmp_path: Path
+) -> None:
+    scene.frame_set(2)
+    OPERATORS.pick_subject(places="0.25,0.5 0.5,0.75")
+    OPERATORS.pick_subject(places="0.125,0.125", take_away=True)
+    before = subjects.marked_of(settings)
+    file = str(tmp_path / "scene.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=file)
+    OPERATORS.remove_subject()
+    bpy.ops.wm.open_mainfile(filepath=file)
+    assert subjects.marked_of(bpy.context.scene.virtual_aperture) == before
+
+
+def test_names_tell_subjects_from_each_other(
+    scene: bpy.types.Scene, settings: bpy.types.PropertyGroup, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scene.frame_set(1)
+    for _ in range(3):
+        OPERATORS.pick_subject(places="0.5,0.5", new=True)
+    settings.subjects.items[2].name = "Subject"
+    settings.subjects.items[1].name = ""
+    assert list(strokes(settings)) == ["Subject", "Subject 2", "Subject 3"]
+    assert OPERATORS.remove_subject() == {"FINISHED"}
+    assert "Subject 3 is no subject any more" in capsys.readouterr().out
+    assert settings.subjects.active == 1 and subjects.free_name(settings) == "Subject 3"
+
+
+def test_the_panel_lists_subjects(scene: bpy.types.Scene, settings: bpy.types.PropertyGroup) -> None:
+    panel = panels.focus.VIRTUAL_APERTURE_PT_subjects
+    assert draw(panel).operators == ["virtual_aperture.pick_subject"]
+    OPERATORS.pick_subject(places="0.5,0.5 0.6,0.6")
+    settings.subjects.items[0].unsure = "2 3"
+    shown = draw(panel)
+    assert "Unsure in 2 frames" in shown.texts and "virtual_aperture.jump_to_frame" in shown.operators
+    row = Recorder()
+    VIRTUAL_APERTURE_UL_subjects.draw_item(
+        None, bpy.context, row, settings.subjects, settings.subjects.items[0], 0, settings.subjects, "active"
+    )
+    assert row.texts == ["1 stroke"] and row.props == ["name"]
+    # A stroke makes what was said of it stale.
+    OPERATORS.pick_subject(places="0.5,0.5", extend=True)
+    assert not settings.subjects.items[0].unsure
+
+
+def test_a_subject_is_carried_and_in_focus(
+    scene: bpy.types.Scene, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    clip = walls.filmed(walls.with_disc)
+    pictures = [walls.with_disc(frame)[..., ::-1] for frame in walls.FRAMES]
+    footage = open_footage(planes.write_clip(tmp_path / "walls", pictures))
+    settings = build(scene, footage, clip.reconstruction)
+    scene.frame_set(FRAME)
+    x, y = walls.place(FRAME)
+    places = " ".join(f"{(x + dx) / walls.WIDTH},{y / walls.HEIGHT}" for dx in (-8, 8))
+    assert OPERATORS.pick_subject(places=places) == {"FINISHED"}
+    assert OPERATORS.carry_subject() == {"FINISHED"}
+    said = capsys.readouterr().out
+    unsure = settings.subjects.items[0].unsure.split()
+    assert "Subject is" in said and (f"unsure in {len(unsure)} frame" in said) == bool(unsure)
+    found = shot_of(scene).context.subject("Subject", 9)
+    assert walls.overlap(found, walls.disc(9)) > 0.85
+    assert OPERATORS.focus_subject() == {"FINISHED"}
+    (mark,) = settings.marks.items
+    assert mark.frame == FRAME and "Subject" in mark.places[0].source
+    followed = [settings.marks.items[0].places[0].distance]
+    assert np.isfinite(followed).all() and "In focus at frame 16" in capsys.readouterr().out
+
+
+def test_a_subject_lights_up_by_its_colours_first() -> None:
+    """Before the static scene is known, which takes many times as long."""
+    clip = walls.filmed(walls.with_disc)
+    x, y = walls.place(FRAME)
+    line = tuple(((x + dx) / walls.WIDTH, (y + dy) / walls.HEIGHT) for dx, dy in ((-12, -8), (12, 8)))
+    carried = clip.carried(MarkedSubject("disc", (Stroke(FRAME, line),)))
+    first = carried.glimpse(FRAME)
+    assert "_left_out" not in carried.found.__dict__
+    assert first[round(y), round(x)] and first.mean() < 0.5
+    assert not carried.glimpse(FRAME + 1).any()
+    lit = LitUp(carried, FRAME)
+    work = Work(lit)
+    assert work.ended(60) and work.result() is lit.mask
+    assert walls.overlap(work.result(), walls.disc(FRAME)) > 0.85
+
+
+def test_work_that_is_cancelled_ends_before_the_next_begins() -> None:
+    entered, log = threading.Event(), []
+
+    def endless() -> None:
+        try:
+            while True:
+                entered.set()
+                checkpoint()
+        finally:
+            log.append("ended")
+
+    first = Work(endless)
+    assert entered.wait(60)
+    second = Work(lambda: log.append("next"), after=first)
+    first.cancel()
+    assert second.ended(60) and log == ["ended", "next"]
+    with pytest.raises(Cancelled):
+        first.result()
+
+
+def test_a_stroke_that_takes_away_leaves_the_others() -> None:
+    adds, takes = Stroke(1, ((0.5, 0.5),)), Stroke(1, ((0.1, 0.1),), False)
+    other = Stroke(2, ((0.5, 0.5),))
+    assert with_stroke((adds, other), takes) == (adds, other, takes)
+    assert with_stroke((adds, takes, other), adds) == (other, adds)
+    assert with_stroke((adds, takes), adds, extend=True) == (adds, takes, adds)
+
+
+def test_the_outline_of_what_is_lit_up_is_strongest() -> None:
+    mask = np.zeros((9, 9), bool)
+    mask[2:7, 2:7] = True
+    alpha = tinted(mask)[..., 3]
+    assert alpha[0, 0] == 0 and alpha[4, 4] == np.float32(INSIDE) and alpha[2, 4] == OUTLINE
