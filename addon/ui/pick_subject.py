@@ -182,21 +182,29 @@ class VIRTUAL_APERTURE_OT_pick_subject(bpy.types.Operator):  # noqa: N801
 
     def _draw(self, event: bpy.types.Event) -> Result:
         overlay = self._overlay
-        at = self._view.place(self._scene, event)
         if event.type == "ESC":
             self._is_drawing, overlay.line = False, []
+        # Those between come where the window was busy.
+        elif event.type in {"MOUSEMOVE", "INBETWEEN_MOUSEMOVE"}:
+            self._follow(event)
         elif event.type == "LEFTMOUSE" and event.value == "RELEASE":
             self._is_drawing = False
+            self._follow(event)
             stroke = Stroke(self._scene.frame_current, tuple(overlay.line), not overlay.takes)
             self._steps.append(with_stroke(self._steps[-1], stroke, self._extends))
             overlay.line = []
             self._light_up()
-        elif event.type == "MOUSEMOVE" and at is not None:
-            (x, y), overlay.mouse = overlay.line[-1], at
-            if max(abs(at[0] - x), abs(at[1] - y)) > APART:
-                overlay.line = [*overlay.line, at]
         self._view.area.tag_redraw()
         return {"RUNNING_MODAL"}
+
+    def _follow(self, event: bpy.types.Event) -> None:
+        """Draw the stroke on to where the mouse is."""
+        overlay, at = self._overlay, self._view.place(self._scene, event)
+        if at is None:
+            return
+        (x, y), overlay.mouse = overlay.line[-1], at
+        if max(abs(at[0] - x), abs(at[1] - y)) > APART:
+            overlay.line = [*overlay.line, at]
 
     def _take_back(self, context: bpy.types.Context, ends: bool) -> Result:
         """Forget the last stroke; without any, `ends` leaves all as it was."""

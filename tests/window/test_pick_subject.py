@@ -110,7 +110,7 @@ def test_enter_confirms_and_undo_takes_a_stroke_back(program: Program) -> None:
     program.screen.key("Return")
     ended(program)
     (frame, adds, places), (_, takes, _) = program.ask(STROKES)
-    assert (frame, adds, takes) == (1, True, False) and places > 2
+    assert (frame, adds, takes) == (1, True, False) and places >= 2
     program.shot("confirmed")
     program.screen.key("ctrl+z")
     program.wait(f"len({STROKES}) == 1")
