@@ -25,11 +25,12 @@ import numpy as np
 
 import addon
 from addon.core.camera.reconstruction import Reconstruction
-from addon.core.depth.multi_view_stereo import DenseDepth, PlaneSweepStereo
+from addon.core.depth.multi_view_stereo import DenseDepth
 from addon.core.focus.focus import Focus
 from addon.core.frame import warped_frame as lens_frame
 from addon.core.frame.clip_context import ClipContext
 from addon.core.media.clip import Footage, open_footage
+from addon.core.subjects.found import FoundSubjects
 from addon.core.warp import layered_mesh
 from addon.core.warp.disocclusion_fill import ReprojectedColours
 from addon.render import average, engine, gpu_views, output
@@ -55,7 +56,7 @@ STAGES: tuple[tuple[object, str, str], ...] = (
     (ClipContext, "picture", "read, highlights"),
     (lens_frame, "_geometry", "read"),
     (ClipContext, "depth", "depth, kept, for every pixel"),
-    (PlaneSweepStereo, "_moving", "moving objects"),
+    (FoundSubjects, "mask", "moving objects"),
     (ClipContext, "hidden_colours", "hidden colours, other frames"),
     (ReprojectedColours, "colours", "hidden colours, places"),
     (layered_mesh, "layer_mesh", "mesh, rest"),

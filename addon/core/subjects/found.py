@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 
 import cv2
 import numpy as np
@@ -17,10 +17,12 @@ from ..depth.multi_view_stereo import Moving
 from ..media.picture_file import Pixels
 from .flow import ClipFlow, brought_together
 from .segmentation import SegmentationOptions, components, contradiction, log_odds, segmented
-from .static_plate import PlateOptions, StaticPlate
+from .static_plate import LeftOut, PlateOptions, StaticPlate
 
 KEPT_EVIDENCE = 16
 """Frames whose evidence is remembered: those around one, and some more."""
+KEPT_SOURCES = 64
+"""Source frames of which it is remembered what moves in them: more than any frame needs."""
 
 
 @dataclass(frozen=True)
@@ -90,29 +92,37 @@ class FoundSubjects:
 
     def _single_frame(self, frame: int) -> tuple[Map, Map]:
         """The evidence of one frame alone."""
-        return self._evidence.get(frame, lambda: self._contradiction(frame, self._left_out))
+        left_out = partial(self._left_out, self.options.passes)
+        return self._evidence.get(frame, lambda: self._contradiction(frame, left_out))
 
-    def _contradiction(self, frame: int, left_out: Mapping[int, Mask]) -> tuple[Map, Map]:
+    def _contradiction(self, frame: int, left_out: LeftOut) -> tuple[Map, Map]:
         checkpoint()
         options = self.options.segmentation
         share, weight = contradiction(self.picture(frame), self.plates.plate(frame, left_out), options)
         return log_odds(share, options), weight
 
-    @cached_property
-    def _left_out(self) -> dict[int, Mask]:
-        """(h, w) by source frame: what moves in it, a little wider, and is no part of the static scene."""
+    def _left_out(self, passes: int, frame: int) -> Mask:
+        """(h, w) what moves in a source frame after some passes, a little wider: no part of the static scene.
+
+        Each pass leaves out of the frames around what the one before has found in them; without any it is
+        what a frame's own neighbours tell. Only what a frame needs is found, as a clip may be long.
+        """
+        return self._passes[passes].get(frame, lambda: self._found_in_pass(passes, frame))
+
+    def _found_in_pass(self, passes: int, frame: int) -> Mask:
+        hinted = self._grown(self.plates.moving(frame)) if passes == 0 else self._left_out(0, frame)
+        if passes == 0:
+            return hinted
         options = self.options
-        hinted = {frame: self._grown(self.plates.moving(frame)) for frame in self.plates.sources}
-        left_out = hinted
-        for _ in range(options.passes):
-            found = {}
-            for frame in hinted:
-                odds, weight = self._contradiction(frame, left_out)
-                probability = segmented(self.picture(frame), odds, weight, options.segmentation)
-                own = self._grown(components(probability, odds, weight, options.segmentation))
-                found[frame] = own | (hinted[frame] & (probability > options.likely))
-            left_out = found
-        return left_out
+        odds, weight = self._contradiction(frame, partial(self._left_out, passes - 1))
+        probability = segmented(self.picture(frame), odds, weight, options.segmentation)
+        own = self._grown(components(probability, odds, weight, options.segmentation))
+        return own | (hinted & (probability > options.likely))
+
+    @cached_property
+    def _passes(self) -> list[LRUCache[Mask]]:
+        """What was found in source frames, by passes."""
+        return [LRUCache(KEPT_SOURCES) for _ in range(self.options.passes + 1)]
 
     def _grown(self, mask: Mask) -> Mask:
         around = np.ones((self.options.grown,) * 2, np.uint8)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import cv2
@@ -26,8 +26,12 @@ from ..depth.temporal_fusion import fused, level_of
 from ..depth.view_selection import relative_pose, stride
 from ..media.picture_file import Pixels
 
-NOTHING: Mapping[int, Mask] = {}
-"""Nothing is known to move in any frame."""
+LeftOut = Callable[[int], Mask | None]
+"""What moves in a source frame, (h, w) of the plate's size, None where nothing is known to."""
+
+
+def nothing(_frame: int) -> None:
+    """Nothing is known to move in any frame."""
 
 
 @dataclass(frozen=True)
@@ -87,8 +91,8 @@ class StaticPlate:
         step = stride(self.reconstruction, self.options.step, self.options.least_frames)
         for name, value in (
             ("_sweep", sweep), ("_shown", shown), ("_step", step),
-            ("_depths", LRUCache[DenseDepth](4 * self.options.sides + 2)),
-            ("_levels", LRUCache[float](4 * self.options.sides + 2)),
+            ("_depths", LRUCache[DenseDepth](8 * self.options.sides)),
+            ("_levels", LRUCache[float](8 * self.options.sides)),
         ):  # fmt: skip
             object.__setattr__(self, name, value)
 
@@ -119,7 +123,7 @@ class StaticPlate:
             cv2.resize(found, (pinhole.width, pinhole.height), interpolation=cv2.INTER_NEAREST) > 0
         )
 
-    def inverse_depth(self, frame: int, moving: Mapping[int, Mask] = NOTHING) -> Map:
+    def inverse_depth(self, frame: int, moving: LeftOut = nothing) -> Map:
         """(h, w) inverse depth of what stands still in a frame, also behind what moves, in 1 / scene units.
 
         `moving` (h, w) by source frame is left out.
@@ -128,7 +132,7 @@ class StaticPlate:
         small, stack = self._sweep.pinhole(frame), []
         for image in self._around(frame):
             checkpoint()
-            depth = self._without(self._depth(image.frame), moving.get(image.frame))
+            depth = self._without(self._depth(image.frame), moving(image.frame))
             inverse, weight = in_place(depth, image, small, here, 0, 4)
             # What moves in the frame itself hides what its plate shall show.
             stack.append((inverse, np.where(depth.moving, 0, weight) if image is here else weight))
@@ -140,14 +144,14 @@ class StaticPlate:
             cv2.resize(_inpainted(inverse, unseen), (pinhole.width, pinhole.height)), np.float32
         )
 
-    def plate(self, frame: int, moving: Mapping[int, Mask] = NOTHING) -> Plate:
+    def plate(self, frame: int, moving: LeftOut = nothing) -> Plate:
         """The plate (h, w) of a frame, without what is `moving` (h, w) by source frame."""
         here, _ = self.reconstruction.image_at(frame)
         inverse, own = self.inverse_depth(frame, moving), self.picture(frame)
         seen = [
             warped for image in self._around(frame)
             if abs(image.frame - frame) >= self.options.apart
-            and (warped := self._seen_by(image, here, inverse, own, moving.get(image.frame))) is not None
+            and (warped := self._seen_by(image, here, inverse, own, moving(image.frame))) is not None
         ]  # fmt: skip
         if not seen:
             return Plate(own, own, own, np.zeros(own.shape[:2], np.uint8))
