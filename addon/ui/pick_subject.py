@@ -150,8 +150,11 @@ class VIRTUAL_APERTURE_OT_pick_subject(bpy.types.Operator):  # noqa: N801
             self._look()
         elif self._is_drawing:
             return self._draw(event)
-        elif (event.type == "ESC" or (event.type == "Z" and event.ctrl)) and is_press:
-            return self._take_back(context, ends=event.type == "ESC")
+        elif event.type == "ESC" and is_press:
+            return self._take_back(context)
+        elif event.type == "Z" and event.ctrl:
+            # An undo of Blender's own would pull the scene from under the strokes.
+            return {"RUNNING_MODAL"} if not is_press or event.shift else self._take_back(context, ends=False)
         elif event.type in {"RET", "NUMPAD_ENTER", "RIGHTMOUSE"} and is_press:
             return self._confirm(context)
         elif event.type == "LEFTMOUSE" and is_press and self._view.holds(event):
@@ -206,7 +209,7 @@ class VIRTUAL_APERTURE_OT_pick_subject(bpy.types.Operator):  # noqa: N801
         if max(abs(at[0] - x), abs(at[1] - y)) > APART:
             overlay.line = [*overlay.line, at]
 
-    def _take_back(self, context: bpy.types.Context, ends: bool) -> Result:
+    def _take_back(self, context: bpy.types.Context, ends: bool = True) -> Result:
         """Forget the last stroke; without any, `ends` leaves all as it was."""
         if len(self._steps) > 1:
             self._steps.pop()

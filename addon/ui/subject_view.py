@@ -17,7 +17,7 @@ from .pick_view import GREEN, RING, WHITE, XY, Overlay, line, ring
 
 TINT = (0.15, 0.75, 1.0)
 """Linear RGB of what is lit up: it stands out from skin, leaves and asphalt."""
-INSIDE, OUTLINE = 0.4, 1.0
+INSIDE, OUTLINE = 0.5, 1.0
 """Opacities. By eye."""
 RED = (1.0, 0.3, 0.25, 1.0)
 STROKE = 2.5
