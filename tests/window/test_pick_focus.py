@@ -19,17 +19,21 @@ POINTS = f"[entry.point for entry in {SETTINGS}.focus_points]"
 KEYS = f"__import__('sys').modules['{EXTENSION}.addon.scene.lens'].keys_of({SETTINGS}, 'focus_distance')"
 GLOBE, FLOOR = (0.53, 0.45), (0.35, 0.67)
 """Places of the sample clip's first frame, fractions of the picture: the globe is nearer."""
+PICKED_IN = (1, 25)
+"""Frames in which places are picked."""
 
 pytestmark = pytest.mark.usefixtures("in_order")
 
 
 @pytest.fixture(scope="module")
 def blend(folder: Path, registered: None, desk: Path, desk_work: Path) -> Path:
-    """The sample clip, solved, in a .blend."""
+    """The sample clip, solved, in a .blend; the depth of two frames is kept, as after *Find Depth*."""
     import bpy
 
+    from addon.core.depth.source import NO_PICTURE
     from addon.core.sfm.workspace import load_solve
     from addon.scene.build import build
+    from addon.scene.shot import shot_of
 
     made = folder / "pick"
     made.mkdir()
@@ -39,8 +43,12 @@ def blend(folder: Path, registered: None, desk: Path, desk_work: Path) -> Path:
     solved = load_solve(desk_work, clip)
     settings = build(bpy.context.scene, solved.open_clip(solved.frames), solved.reconstruction)
     settings.footage = "//desk.mp4"
+    settings.work_dir = str(shutil.copytree(desk_work, made / "work"))
     file = made / "scene.blend"
     bpy.ops.wm.save_as_mainfile(filepath=str(file))
+    context = shot_of(bpy.context.scene).context
+    for frame in PICKED_IN:
+        context.depth_source().at(frame, context.canvas(frame), NO_PICTURE)
     return file
 
 
