@@ -10,7 +10,7 @@ import argparse
 import contextlib
 import json
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from sample_scenes import filming
@@ -38,6 +38,7 @@ class Plan:
     noise: float
     """Of the truth: Cycles samples every pixel until its error is about this."""
     quick: bool
+    methods: tuple[str, ...] = tuple(METHODS)
 
 
 QUICK = Plan("quick", (("bars", "T1"), ("bars", "T2"), ("slope", "T1")), (16,), 0.02, True)
@@ -50,14 +51,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--full", action="store_true", help="everything, resumed where it was stopped")
     parser.add_argument("--scenes", nargs="*", default=[], choices=SCENES, help="only these")
-    parser.add_argument("--track", choices=("T1", "T2"), help="only true geometry, or only video")
+    parser.add_argument(
+        "--track", choices=report.TRACKS, help="only true geometry, video, or that with mattes"
+    )
+    parser.add_argument("--methods", nargs="*", default=list(METHODS), choices=METHODS, help="only these")
     parser.add_argument("--blurs", nargs="*", default=[], type=int, help="only these largest discs, in px")
     parser.add_argument("--report", action="store_true", help="write tables and plots again, run nothing")
     arguments = parser.parse_args()
-    plan = FULL if arguments.full else QUICK
+    plan = replace(FULL if arguments.full else QUICK, methods=tuple(arguments.methods))
     parts = plan.parts
     if arguments.scenes:
-        parts = tuple((s, t) for s in arguments.scenes for t in ("T1", "T2"))
+        parts = tuple((s, t) for s in arguments.scenes for t in tracks_of(s))
     parts = tuple(part for part in parts if arguments.track in (None, part[1]))
     rows = load(plan)
     if not arguments.report:
@@ -66,6 +70,11 @@ def main() -> None:
             for name in dict.fromkeys(scene for scene, _ in parts):
                 run_scene(plan, name, tuple(t for s, t in parts if s == name), blur, rows)
     print(report.write(RESULTS, plan.kind, list(rows.values())))
+
+
+def tracks_of(scene: str) -> tuple[str, ...]:
+    """Those that a scene is judged on: with mattes where it has subjects."""
+    return tuple(report.TRACKS) if scene in filming.SUBJECTS else ("T1", "T2")
 
 
 def run_scene(plan: Plan, name: str, tracks: tuple[str, ...], wanted: int, rows: Rows) -> None:
@@ -84,7 +93,7 @@ def run_track(plan: Plan, judge: Judge, track: str, rows: Rows) -> None:
     wanted = [
         (name, views)
         for name, method in METHODS.items()
-        if track in method.tracks
+        if name in plan.methods and track in method.tracks
         for views in (method.quick if plan.quick else method.views)
     ]
     stale = [

@@ -1,4 +1,5 @@
-"""What a method is given for one frame: by the truth (track T1), or found from the video alone (T2)."""
+"""What a method is given for one frame: by the truth (track T1), found from the video alone (T2), or from
+the video with true mattes of what moves (T3)."""
 
 from __future__ import annotations
 
@@ -10,6 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from addon.core.base.errors import UserError
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Image, Points, Reconstruction
 from addon.core.depth.source import DepthSource, PixelDepth
@@ -169,14 +171,18 @@ class GroundTruth:
 
 
 class FromVideo:
-    """T2: cameras and points solved from the clip. The user's two inputs are set as a user would.
+    """T2, or T3 with mattes: cameras and points solved from the clip. The user's two inputs are set as a user
+    would.
 
     The focus is picked in the picture where the subject is seen, on the first frame that is judged. A solve
     has no scale, so the amount of blur is set by eye: one radius for the clip, with which the features'
     discs have the true size in the median.
     """
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, mattes: bool = False) -> None:
+        """UserError for the mattes of a scene in which no subject moves."""
+        if mattes and scene.matte(scene.judged(scene.blurs[0])[0]) is None:
+            raise UserError("no person, animal or vehicle moves in this scene")
         self.scene = scene
         footage = scene.clip()
         code = store.digest(store.sources(*store.SOLVER))
@@ -184,7 +190,8 @@ class FromVideo:
         SolveProcess(footage, work).wait()
         solve = load_solve(work)
         self.reconstruction, self.report = solve.reconstruction, solve.report
-        self.clip = ClipContext(self.reconstruction, open_footage(footage).read)
+        masks = scene.matte if mattes else None
+        self.clip = ClipContext(self.reconstruction, open_footage(footage).read, masks=masks)
 
     def case(self, frame: int, blur: int) -> BenchmarkCase:
         """One of the judged frames of the scene through a lens whose largest disc is about `blur` pixels."""
@@ -257,5 +264,5 @@ def weighted_median(values: Floats, weights: Floats) -> float:
 
 
 def track(name: str, scene: Scene) -> GroundTruth | FromVideo:
-    """The track T1 or T2 of a scene."""
-    return GroundTruth(scene) if name == "T1" else FromVideo(scene)
+    """The track T1, T2 or T3 of a scene; UserError where it has none."""
+    return GroundTruth(scene) if name == "T1" else FromVideo(scene, mattes=name == "T3")

@@ -178,7 +178,12 @@ METHODS = {
     "no blur": Method(no_blur, (0,), (0,), ()),
     "thesis": Method(thesis, (4, 16, 64, 256), (16, 64, 256), PRODUCT),
     "layers": Method(
-        partial(by_mesher, "layers"), (4, 8, 12, 16, 24, 32, 64, 256), (16, 64), PRODUCT, depth=NORMAL
+        partial(by_mesher, "layers"),
+        (4, 8, 12, 16, 24, 32, 64, 256),
+        (16, 64),
+        PRODUCT,
+        ("T1", "T2", "T3"),
+        depth=NORMAL,
     ),
     "draft": Method(partial(of_quality, DRAFT), (0,), (0,), PRODUCT, depth=DRAFT),
     "normal": Method(partial(of_quality, NORMAL), (0,), (0,), PRODUCT, depth=NORMAL),

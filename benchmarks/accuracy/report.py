@@ -49,7 +49,10 @@ STYLES = {
     "scatter": ("#A0508A", "X"), "oracle": ("#00775A", "^"),
 }  # fmt: skip
 """Colours and markers, after Okabe and Ito (2008), whose lighter ones are darkened to be read as text."""
-TRACKS = {"T1": "T1: true depth and cameras", "T2": "T2: from the video alone"}
+TRACKS = {
+    "T1": "T1: true depth and cameras", "T2": "T2: from the video alone",
+    "T3": "T3: from the video, true mattes",
+}  # fmt: skip
 PLACES = ((1, 0), (0, 1), (0, -1), (-1, 0), (1, 1), (-1, 1), (1, -1), (-1, -1))
 
 type Label = tuple[float, float, str, str, float]

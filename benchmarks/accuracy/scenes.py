@@ -73,6 +73,9 @@ class Scene(Protocol):
     def subject(self, frame: int) -> NDArray[np.bool_] | None:
         """(H, W) whose centre shows a person, animal or vehicle that moves; None in a scene without one."""
 
+    def matte(self, frame: int) -> NDArray[np.float32] | None:
+        """(H, W) in [0, 1] how much of every pixel those cover; where no frame is judged, 0 or 1."""
+
     def past_border(self, frame: int) -> NDArray[np.float32] | None:
         """What is `PixelDepth.past_border`, true as far as frames around see it; None where no border is
         judged."""
@@ -174,6 +177,17 @@ class Staged:
         wanted = (name,) if name else self.stage.subjects
         parts = [i for i, thing in enumerate(self.stage.things) if thing.subject in wanted]
         return np.isin(self.geometry(frame).thing, parts)
+
+    def matte(self, frame: int) -> NDArray[np.float32] | None:
+        """In frames that are not judged only depth is asked of it, and a true one takes many seconds."""
+        subject = self.subject(frame)
+        if subject is None or frame not in self.judged(self.blurs[0]):
+            return None if subject is None else subject.astype(np.float32)
+
+        def make() -> Picture:
+            return truth.matte(self.scene, self.stage, frame, "", FILM_SAMPLES)
+
+        return store.kept(self.folder, f"matte-{frame:04d}", make)
 
     def past_border(self, frame: int) -> NDArray[np.float32]:
         """From the frames that fusion has for it."""

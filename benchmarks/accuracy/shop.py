@@ -112,6 +112,9 @@ class Shop:
     def subject(self, frame: int) -> None:
         """Nothing moves."""
 
+    def matte(self, frame: int) -> None:
+        """As `subject`."""
+
     def past_border(self, frame: int) -> None:
         """None: what is judged ends before it."""
 

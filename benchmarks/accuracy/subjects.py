@@ -1,6 +1,7 @@
 """Masks and depth of subjects that move, against the truth, as the product finds them from the video alone.
 
-`python -m benchmarks.accuracy.subjects [--scenes ...] [--methods ...] [--frames A-B] [--pictures FOLDER]`.
+`python -m benchmarks.accuracy.subjects [--scenes ...] [--methods ...] [--frames A-B] [--depth-every N]
+[--pictures FOLDER]`.
 A method is a line in `METHODS`. What its scores are, `mask_metrics` and `Score` define.
 """
 
@@ -8,8 +9,8 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
-from functools import lru_cache
+from dataclasses import dataclass, fields, replace
+from functools import lru_cache, partial
 from pathlib import Path
 
 import cv2
@@ -74,6 +75,14 @@ class Given:
         assert mask is not None
         return np.asarray(cv2.medianBlur(mask.astype(np.uint8), 3) > 0)
 
+    def marked(self) -> Given:
+        """The same with one stroke on the subject, in the middle of the clip, as a user would draw it."""
+        frames = self.clip.reconstruction.frames
+        middle = int(frames[len(frames) // 2])
+        places = tuple((float(x), float(y)) for x, y in self.stroke(middle))
+        mark = MarkedSubject(self.subject, (Stroke(middle, places),))
+        return replace(self, clip=replace(self.clip, marked=(mark,)))
+
     def stroke(self, frame: int, places: int = 5) -> Floats:
         """(n, 2) places of a stroke from head to foot, in shares of the picture: see `stroke`."""
         return stroke(self.truth(frame), places)
@@ -87,6 +96,8 @@ class Method:
     """What gives the mask of a frame, (h, w) at any size over the canvas."""
     each: bool = False
     """Whether it knows one subject from another."""
+    marks: bool = False
+    """Whether the user marks the subject, which depth then knows too."""
 
 
 @dataclass(frozen=True)
@@ -133,17 +144,14 @@ def automatic(given: Given) -> Callable[[int], Mask]:
 
 
 def by_stroke(given: Given) -> Callable[[int], Mask]:
-    """What one stroke in the middle of the clip marks, carried both ways: `ClipContext.carried`."""
-    frames = given.clip.reconstruction.frames
-    middle = int(frames[len(frames) // 2])
-    places = tuple((float(x), float(y)) for x, y in given.stroke(middle))
-    return given.clip.carried(MarkedSubject(given.subject, (Stroke(middle, places),))).mask
+    """What one stroke marks, carried both ways: `ClipContext.subject` of `Given.marked`."""
+    return partial(given.clip.subject, given.subject)
 
 
 METHODS = {
     "moving": Method(moving),
     "automatic": Method(automatic),
-    "stroke": Method(by_stroke, each=True),
+    "stroke": Method(by_stroke, each=True, marks=True),
 }
 
 
@@ -192,8 +200,12 @@ def other_depth(inverse: Floats, true_depth: Floats, subject: Mask, moves: Mask)
     return bool(largest >= PART * count), np.count_nonzero(off) / count
 
 
-def judge(given: Given, name: str, frames: Sequence[int], pictures: Path | None = None) -> Score:
-    """One method on one subject over consecutive frames."""
+def judge(
+    given: Given, name: str, frames: Sequence[int], pictures: Path | None = None, depth_every: int = 1
+) -> Score:
+    """One method on one subject over consecutive frames; its depth, which takes most of the time, in every so
+    many of them."""
+    given = given.marked() if METHODS[name].marks else given
     of_frame = METHODS[name].masks(given)
     truths = [given.truth(frame) for frame in frames]
     masks, depths, seconds = [], [], 0.0
@@ -202,7 +214,8 @@ def judge(given: Given, name: str, frames: Sequence[int], pictures: Path | None 
         found = of_frame(frame)
         seconds += (cpu_seconds() - start) / len(frames)
         masks.append(in_frame(found, given, frame))
-        depths.append(_other_depth(given, frame))
+        if (frame - frames[0]) % depth_every == 0:
+            depths.append(_other_depth(given, frame))
     overlap = np.array([mask_metrics.iou(*each) for each in zip(masks, truths, strict=True)])
     boundary = [mask_metrics.boundary_f(*each) for each in zip(masks, truths, strict=True)]
     motions = [given.scene.motion(frame)[0] for frame in frames[:-1]]
@@ -244,11 +257,13 @@ def table(scores: Sequence[Score]) -> str:
     return "\n".join([*lines, ""])
 
 
-def run(scene: Staged, methods: Sequence[str], frames: Sequence[int], pictures: Path | None) -> list[Score]:
+def run(
+    scene: Staged, methods: Sequence[str], frames: Sequence[int], pictures: Path | None, depth_every: int
+) -> list[Score]:
     """Every method on a scene, on each of its subjects where it knows them apart."""
     clip = FromVideo(scene).clip
     return [
-        judge(Given(scene, clip, subject), name, frames, pictures)
+        judge(Given(scene, clip, subject), name, frames, pictures, depth_every)
         for name in methods
         for subject in (scene.stage.subjects if METHODS[name].each else ("",))
     ]
@@ -259,13 +274,15 @@ def main() -> None:
     parser.add_argument("--scenes", nargs="*", default=filming.SUBJECTS, choices=filming.SUBJECTS)
     parser.add_argument("--methods", nargs="*", default=list(METHODS), choices=METHODS)
     parser.add_argument("--frames", default="", help="only these, as in 20-39")
+    parser.add_argument("--depth-every", type=int, default=1, help="judge depth in every so many frames only")
     parser.add_argument("--pictures", type=Path, help="folder for the masks over the frames")
     arguments = parser.parse_args()
     scores = []
     for name in arguments.scenes:
         scene = Staged(name, 0.02)
         first, last = map(int, (arguments.frames or f"1-{len(scene.stage.cameras)}").split("-"))
-        scores += run(scene, arguments.methods, range(first, last + 1), arguments.pictures)
+        frames = range(first, last + 1)
+        scores += run(scene, arguments.methods, frames, arguments.pictures, arguments.depth_every)
         print(table(scores), flush=True)
     print(store.provenance())
 

@@ -20,7 +20,7 @@ from benchmarks import cost, store
 from benchmarks.accuracy import __main__ as bench
 from benchmarks.accuracy import judge, oracle, report
 from benchmarks.accuracy.cases import FromVideo, GroundTruth, robust_line, weighted_median
-from benchmarks.accuracy.judge import Judge, Row
+from benchmarks.accuracy.judge import Judge, Row, given_by
 from benchmarks.accuracy.methods import METHODS, with_layers
 from benchmarks.accuracy.scenes import Staged, clipped
 from sample_scenes import filming
@@ -177,6 +177,18 @@ def test_a_run_resumes_and_repeats_what_has_changed(
     stale[key] = replace(stale[key], inputs="other code")
     bench.run_track(plan, Judge(tiny, BLUR), "T1", stale)
     assert runs == ["scatter"]
+
+
+def test_a_run_may_be_of_some_methods(tiny: Tiny, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bench, "RESULTS", tmp_path)
+    rows: bench.Rows = {}
+    bench.run_track(replace(bench.QUICK, methods=("scatter",)), Judge(tiny, BLUR), "T1", rows)
+    assert [key[2] for key in rows] == ["scatter"]
+
+
+def test_only_scenes_with_subjects_have_mattes_given(tiny: Tiny) -> None:
+    assert given_by("T3", tiny) == "no person, animal or vehicle moves in this scene"
+    assert bench.tracks_of("stroller") == ("T1", "T2", "T3") and bench.tracks_of("bars") == ("T1", "T2")
 
 
 def test_tables_and_plots_tell_every_row(rows: dict[tuple[str, int], Row], tmp_path: Path) -> None:

@@ -221,6 +221,15 @@ def test_mattes_are_shares_of_pixels(tiny: Tiny) -> None:
     np.testing.assert_array_equal(truth.pinhole(tiny.scene, 3, 64), before)
 
 
+def test_the_matte_is_soft_where_it_is_judged(tiny: Tiny) -> None:
+    mattes = {frame: tiny.matte(frame) for frame in (1, *tiny.judged(6))}
+    np.testing.assert_array_equal(mattes.pop(1), tiny.subject(1))
+    for frame, matte in mattes.items():
+        assert matte is not None
+        np.testing.assert_allclose(matte, truth.matte(tiny.scene, tiny.stage, frame, "", 16), atol=1e-6)
+        assert ((matte > 0.1) & (matte < 0.9)).any()
+
+
 def test_the_benchmark_scores_the_subjects_band(tiny: Tiny) -> None:
     judged = Judge(tiny, 6, count=2)
     row = judged.row("T1", GroundTruth(tiny), "no blur", 0)
@@ -254,6 +263,16 @@ def test_the_true_masks_are_right(tiny: Tiny, monkeypatch: pytest.MonkeyPatch, t
     assert (score.torn, score.off_depth) == (0, 0)
     assert len(list(tmp_path.iterdir())) == 4
     assert "| crossing | near | truth | 4 | 1.000 |" in subjects.table([score])
+
+
+def test_depth_knows_the_subject_that_a_stroke_marks(tiny: Tiny) -> None:
+    near = given(tiny, "near")
+    (mark,) = near.marked().clip.marked
+    (stroke,) = mark.strokes
+    assert mark.name == "near" and stroke.frame == 5 and stroke.adds
+    column, row = (np.array(stroke.places) * (96, 54)).astype(int).T
+    assert len(column) >= 3 and near.truth(5)[row, column].all()
+    assert near.clip.marked == ()
 
 
 def test_masks_of_any_size_are_judged_in_the_frame(tiny: Tiny, monkeypatch: pytest.MonkeyPatch) -> None:
