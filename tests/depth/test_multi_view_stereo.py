@@ -13,9 +13,7 @@ from numpy.typing import NDArray
 from addon.core.base.arrays import Floats
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Reconstruction
-from addon.core.depth.completion import CompletionOptions, place_moving_objects
 from addon.core.depth.multi_view_stereo import DenseDepth, PlaneSweepStereo, StereoOptions
-from addon.core.depth.source import SURE
 from addon.core.depth.view_selection import SelectionOptions, select_source_views
 
 from .. import planes
@@ -231,62 +229,6 @@ def test_a_mask_without_parallax_and_in_a_bent_lens(pictures: list[Picture]) -> 
     back = depth.canvas(MIDDLE).mask_to_source(depth.at(MIDDLE).moving)
     assert back.shape == mask.shape
     assert (back & mask).sum() > 0.9 * (back | mask).sum()
-
-
-def test_one_depth_for_each_thing_and_holes_that_show_what_is_behind() -> None:
-    guide, sure = np.full((100, 120), 90, np.float32), np.ones((100, 120), np.float32)
-    inverse = np.tile(np.linspace(0.1, 0.4, 100, dtype=np.float32)[:, None], (1, 120))
-    moving = np.zeros((100, 120), bool)
-    moving[20:80, 20:60] = True
-    moving[40:50, 30:40] = False
-    moving[60:65, 30:40] = False
-    # The ground rises towards the camera: through the upper hole it is seen, the lower one seems nearer.
-    inverse[60:65, 30:40] = 0.9
-    moving[30:50, 80:110] = True
-    nothing = np.zeros((100, 120), bool)
-    depth, confidence, found = place_moving_objects(
-        guide, inverse, sure, moving, nothing, CompletionOptions()
-    )
-    for thing, ground in ((np.s_[20:80, 20:60], inverse[82, 0]), (np.s_[30:50, 80:110], inverse[52, 0])):
-        own = depth[thing][found[thing]]
-        np.testing.assert_allclose(own, own[0])
-        assert abs(own[0] - ground) < 0.02
-    assert not found[40:50, 30:40].any() and found[60:65, 30:40].all()
-    np.testing.assert_array_equal(depth[~found], inverse[~found])
-    assert confidence[found].max() <= 0.25
-
-
-@pytest.mark.parametrize("stands", [True, False], ids=["stands on the ground", "hovers"])
-def test_all_of_a_moving_object_is_as_sure_as_where_it_is(stands: bool) -> None:
-    """Stereo matches nothing on it, or something else; either says nothing of where it is."""
-    guide, sure = np.full((100, 120), 90, np.float32), np.ones((100, 120), np.float32)
-    inverse = np.tile(np.linspace(0.1, 0.4, 100, dtype=np.float32)[:, None], (1, 120))
-    moving = np.zeros((100, 120), bool)
-    moving[20:80, 20:60] = True
-    sure[20:50, 20:60] = 0
-    if not stands:
-        sure[78:90, 15:65] = 0
-    nothing = np.zeros((100, 120), bool)
-    _, confidence, found = place_moving_objects(guide, inverse, sure, moving, nothing, CompletionOptions())
-    assert np.ptp(confidence[found]) == 0 and SURE < confidence[found].max() <= 0.25
-    # Nothing at all is sure.
-    unsure = np.zeros_like(sure)
-    _, confidence, _ = place_moving_objects(guide, inverse, unsure, moving, nothing, CompletionOptions())
-    assert not confidence.any()
-
-
-def test_what_stands_before_a_things_foot_is_not_what_it_stands_on() -> None:
-    """A post before half of its foot, as pickets before a tram: the ground is seen beside the post."""
-    guide, sure = np.full((100, 120), 90, np.float32), np.ones((100, 120), np.float32)
-    inverse = np.tile(np.linspace(0.1, 0.4, 100, dtype=np.float32)[:, None], (1, 120))
-    moving = np.zeros((100, 120), bool)
-    moving[20:80, 20:60] = True
-    ground = inverse[80, 0]
-    inverse[60:, 35:75] = 0.9
-    moving[76:, 35:75] = False
-    nothing = np.zeros((100, 120), bool)
-    depth, _, found = place_moving_objects(guide, inverse, sure, moving, nothing, CompletionOptions())
-    np.testing.assert_allclose(depth[found], ground, atol=0.03)
 
 
 def test_neighbours_are_chosen_by_baseline_and_not_by_count() -> None:

@@ -6,8 +6,9 @@ each pixel's inverse depth; pixels whose motion contradicts it move by themselve
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -19,8 +20,10 @@ from ..camera.canvas import Canvas
 from ..camera.reconstruction import Image, Intrinsics, Reconstruction, seen_by
 from ..media.clip import encode_srgb
 from ..media.picture_file import Pixels
-from .completion import CompletionOptions, add_sparse_prior, interpolate, place_moving_objects, smooth, splat
+from .completion import CompletionOptions, add_sparse_prior, interpolate, smooth, splat
 from .motion_segmentation import MASKED, MotionOptions, moving_pixels, occluding_pixels
+from .moving_objects import MovingObjectOptions, place_moving_objects
+from .object_tracks import ClipObjects
 from .plane_sweep import SweepOptions, View, best_levels, semiglobal, small_picture, sweep
 from .source import FAINTEST
 from .sparse import frame_features
@@ -88,9 +91,11 @@ class StereoOptions:
     sweep: SweepOptions = field(default_factory=SweepOptions)
     """Matching cost and semiglobal matching."""
     completion: CompletionOptions = field(default_factory=CompletionOptions)
-    """Sparse points, smooth surfaces and the depth of moving objects."""
+    """Sparse points and smooth surfaces."""
     motion: MotionOptions = field(default_factory=MotionOptions)
     """What moves by itself."""
+    objects: MovingObjectOptions = field(default_factory=MovingObjectOptions)
+    """The depth of that."""
 
 
 COARSE = StereoOptions(long_side=320)
@@ -126,15 +131,22 @@ class PlaneSweepStereo:
         options: StereoOptions = StereoOptions(),
         mask: Moving | None = None,
         finds_motion: bool = True,
+        subjects: Sequence[Callable[[int], Mask]] = (),
     ) -> None:
-        """`read` gives a frame's picture as `Footage.read` does; `mask` what is known to move by itself;
-        where `finds_motion`, more may be found."""
+        """`read` gives a frame's picture as `Footage.read` does; `mask` what is known to move by itself, of
+        which each of `subjects` is one thing; where `finds_motion`, more may be found."""
         self._rec, self._read, self._options, self._mask = reconstruction, read, options, mask
-        self._finds_motion = finds_motion
+        self._finds_motion, self._subjects = finds_motion, subjects
         self._pictures = LRUCache[Bytes](options.kept_pictures)
 
     def at(self, frame: int) -> DenseDepth:
-        """The depth of a frame.
+        """The depth of a frame, by itself; errors as `matched`."""
+        found = self.matched(frame)
+        image, _ = self._rec.image_at(frame)
+        return self._placed(image, found, self._range(image))
+
+    def matched(self, frame: int) -> DenseDepth:
+        """The depth of what stands still in a frame, and what moves; the depth of that is nowhere sure.
 
         UserError where the frame or a neighbour cannot be read, no frame is registered, or its lens bends
         more than a flat picture can show.
@@ -156,9 +168,7 @@ class PlaneSweepStereo:
         median = float(np.median(features.inverse_depth)) if len(features.points) else middle
         sparse = np.maximum(interpolate(guide, known, count, median, completion), 0)
         if widest < options.least_parallax:
-            nothing = np.zeros(shape, np.float32)
-            placed = place_moving_objects(guide, sparse, nothing, masked, np.zeros(shape, bool), completion)
-            return DenseDepth(frame, *placed, canvas.pinhole)
+            return DenseDepth(frame, sparse, np.zeros(shape, np.float32), masked, canvas.pinhole)
         levels = np.linspace(low, high, int(np.clip(np.ceil(widest / options.level_step), *options.levels)))
         views = [self._view(image, own, one, middle) for one in near]
         level, confidence = _swept(own, views, levels, guide, known, count, options)
@@ -173,33 +183,51 @@ class PlaneSweepStereo:
                 inverse = share * inverse + (1 - share) * sparse
         checkpoint(0.8)
         found = DenseDepth(frame, inverse, confidence, masked, canvas.pinhole)
-        return self._with_moving_objects(image, found, (low, high))
+        return self._with_motion(image, found, middle)
 
     def with_moving_objects(self, frame: int, inverse: Map, confidence: Map) -> DenseDepth:
         """Depth (h, w) of a frame that was found from others, with its confidence (h, w), and what moves by
-        itself in it; errors as `at`."""
+        itself in it, placed where it stands; errors as `matched`."""
         image, _ = self._rec.image_at(frame)
+        span = self._range(image)
         found = DenseDepth(frame, inverse, confidence, self._masked(image), self.pinhole(frame))
-        return self._with_moving_objects(image, found, self._range(image))
+        return self._placed(image, self._with_motion(image, found, sum(span) / 2), span)
 
-    def _with_moving_objects(self, image: Image, depth: DenseDepth, span: tuple[float, float]) -> DenseDepth:
-        """Depth with what moves besides what is masked, placed where it stands; `span` is the least and the
-        largest inverse depth, in 1 / scene units."""
-        options, own = self._options, self._picture(image)
-        middle, moving, inverse = sum(span) / 2, depth.moving, depth.inverse_depth
+    def _with_motion(self, image: Image, depth: DenseDepth, middle: float) -> DenseDepth:
+        """Depth with what moves besides what is masked; `middle` is an inverse depth in 1 / scene units."""
+        options, moving = self._options, depth.moving
         if self._finds_motion and min(moving.shape) >= options.motion.least_side:
-            close = self._neighbours(image, span, options.motion_parallaxes)
+            own = self._picture(image)
+            close = self._neighbours(image, self._range(image), options.motion_parallaxes)
             closest = [self._view(image, own, one, middle) for one in close]
-            moving = moving | moving_pixels(own, closest, inverse, middle, options.motion)
+            moving = moving | moving_pixels(own, closest, depth.inverse_depth, middle, options.motion)
+        return replace(depth, moving=moving, confidence=np.where(moving, np.float32(0), depth.confidence))
+
+    def _placed(self, image: Image, depth: DenseDepth, span: tuple[float, float]) -> DenseDepth:
+        """Depth with what moves where it stands; `span` is the least and the largest inverse depth."""
         checkpoint(0.9)
-        if not moving.any():
-            return replace(depth, moving=moving)
+        if not depth.moving.any():
+            return depth
+        options, own, middle = self._options, self._picture(image), sum(span) / 2
         guide = cv2.cvtColor(own[..., :3], cv2.COLOR_RGB2GRAY).astype(np.float32)
         near = self._neighbours(image, span, options.depth_parallaxes)
         views = [self._view(image, own, one, middle) for one in near]
-        occluding = occluding_pixels(own, views, inverse, middle, options.motion)
-        placed = place_moving_objects(guide, inverse, depth.confidence, moving, occluding, options.completion)
+        occluding = occluding_pixels(own, views, depth.inverse_depth, middle, options.motion)
+        placed = place_moving_objects(
+            guide, depth.inverse_depth, depth.confidence, self._objects.of(image, depth.moving), occluding,
+            depth.pinhole, options.completion, options.objects,
+        )  # fmt: skip
         return DenseDepth(depth.frame, *placed, depth.pinhole)
+
+    @cached_property
+    def _objects(self) -> ClipObjects:
+        """What moves, thing by thing."""
+        subjects = [
+            lambda image, each=each: self._on_canvas(image, each(image.frame)) for each in self._subjects
+        ]
+        return ClipObjects(
+            self._rec.images, lambda image: self._canvas(image).pinhole, self._masked, subjects
+        )
 
     def pinhole(self, frame: int) -> Intrinsics:
         """The pinhole that a frame's depth is seen through, at the size worked at."""
@@ -250,10 +278,13 @@ class PlaneSweepStereo:
         return small
 
     def _masked(self, image: Image) -> Mask:
-        """(h, w) of the canvas, what is known to move by itself, be it ever so little of a pixel: none of its
-        colour is to be taken for what lies behind."""
+        """(h, w) of the canvas, what is known to move by itself."""
+        return self._on_canvas(image, self._mask(image.frame) if self._mask else None)
+
+    def _on_canvas(self, image: Image, mask: Map | Mask | None) -> Mask:
+        """(h, w) of the canvas, what a mask (H, W) over the source frame shows, be it ever so little of a
+        pixel: none of its colour is to be taken for what lies behind."""
         canvas = self._canvas(image)
-        mask = self._mask(image.frame) if self._mask else None
         if mask is None:
             return np.zeros((canvas.pinhole.height, canvas.pinhole.width), bool)
         size = (canvas.camera.width, canvas.camera.height)

@@ -164,12 +164,7 @@ class TemporalFusion:
         inverse, disputed = _filled(picture, inverse, confidence, level, options)
         checkpoint(1.0)
         inverse = sharpened(_smoothed(inverse, level, options), level, disputed, options)
-        if own is None:
-            found = self._stereo.with_moving_objects(frame, inverse, confidence)
-        else:
-            inverse = np.where(own.moving, own.inverse_depth, inverse)
-            confidence = np.where(own.moving, own.confidence, confidence)
-            found = replace(own, inverse_depth=inverse, confidence=confidence)
+        found = self._stereo.with_moving_objects(frame, inverse, confidence)
         # What was filled may have changed the range.
         inverse = without_speckles(found.inverse_depth, level_of(found.inverse_depth, options), options)
         past = past_border(stack, inverse, level, options)
@@ -197,7 +192,7 @@ class TemporalFusion:
         return [images[number] for number in sorted(near)]
 
     def _single_frame(self, frame: int) -> DenseDepth:
-        return self._kept.get(frame, lambda: self._stereo.at(frame))
+        return self._kept.get(frame, lambda: self._stereo.matched(frame))
 
 
 def fused(

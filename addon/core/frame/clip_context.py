@@ -82,8 +82,9 @@ class ClipContext:
 
     def _stereo(self, quality: Quality) -> TemporalFusion:
         store = self._store_of(quality)
+        subjects = [partial(self._marked_mask, each) for each in self.marked]
         single_frame = PlaneSweepStereo(
-            self.reconstruction, self.read, quality.stereo, self.moving, finds_motion=False
+            self.reconstruction, self.read, quality.stereo, self.moving, finds_motion=False, subjects=subjects
         )
         return TemporalFusion(self.reconstruction, single_frame, store, quality.fusion)
 

@@ -1,0 +1,205 @@
+"""Where a moving object stands: the ground around it, and the line along which it touches that.
+
+Coordinates are those of a pinhole camera: x right, y down, z forward, in scene units; a ray is (x / z, y / z,
+1).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from ..base.arrays import Floats, Map, Mask
+from ..camera.intrinsics import Intrinsics
+
+
+@dataclass(frozen=True)
+class ContactOptions:
+    """What counts as ground, and as a line of contact with it. By eye on scenes with true depth, but where
+    another reason is told."""
+
+    beside: float = 0.5
+    """Of an object's larger side, around its lowest part in which ground is looked for."""
+    above: float = 0.15
+    """The same upwards: ground behind feet."""
+    below: float = 0.3
+    """The same downwards."""
+    gap: int = 3
+    """Pixels around what moves whose depth may be a mixture."""
+    tolerance: float = 0.03
+    """Share of its inverse depth by which a pixel of the ground may leave the plane."""
+    tries: int = 64
+    """Samples of RANSAC: with half of the pixels on the plane, all fail once in 5,000 objects."""
+    least_pixels: int = 60
+    """Pixels that tell a plane."""
+    least_share: float = 0.5
+    """Share of the pixels there that must lie on the plane."""
+    least_rise: float = 0.5
+    """Cosine between the plane's normal and the picture's vertical from which on it is a ground, 60 degrees:
+    a wall or a hedge behind is none."""
+    steepest: float = 1.0
+    """Depth over width of a line of contact, 45 degrees: what hovers, as a paw that is lifted, seems to be on
+    the ground far behind. With 1.7 an animal's depth is off by up to 0.3, from single frames, with this by
+    0.02."""
+    least_width: float = 0.5
+    """Share of an object's width along which it must touch the ground for its sides to be at different
+    depths."""
+    border: int = 3
+    """Pixels from the picture's lower border within which an object may go on beyond."""
+
+
+@dataclass(frozen=True)
+class Plane:
+    """A plane in a camera's space: `normal` @ X = 1."""
+
+    normal: Floats
+    """(3,) in 1 / scene units; away from the camera."""
+
+    def inverse_depth(self, rays: Floats) -> Floats:
+        """1 / z (...) where rays (..., 3) meet it; not positive where they do not."""
+        return np.asarray(rays @ self.normal)
+
+    def seen_from(self, rotation: Floats, translation: Floats) -> Plane | None:
+        """In the space of another camera, whose X is rotation (3, 3) @ X + translation (3,); None if that
+        lies in it."""
+        turned = rotation @ self.normal
+        distance = 1 + turned @ translation
+        return Plane(turned / distance) if distance > 1e-6 else None
+
+    def directions(self, column: float) -> tuple[Floats, Floats, Floats]:
+        """Unit vectors (3,) off the plane towards the camera, along it away from the camera in a column x / z
+        of the picture, and along it across that, to the right."""
+        up = -self.normal / np.linalg.norm(self.normal)
+        ray = np.array([column, 0.0, 1.0])
+        forward = ray - (ray @ up) * up
+        forward = forward / np.linalg.norm(forward)
+        return up, forward, np.cross(forward, up)
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Where an object touches the ground."""
+
+    place: Floats
+    """(3,) the nearest of that, in the camera's space."""
+    column: float
+    """x / z of the middle of the object."""
+    slope: float
+    """Of the line of contact: distance along the ground away from the camera, in that column, over that to
+    the right."""
+
+    def inverse_depth(self, slope: float, ground: Plane) -> float:
+        """1 / z of the ground below the middle of the object, on a line through the place with a slope."""
+        _, forward, right = ground.directions(self.column)
+        along = right + slope * forward
+        x, _, z = self.place
+        share = (self.column * z - x) / (along[0] - self.column * along[2])
+        return float(1 / (z + share * along[2]))
+
+
+def rays_of(pinhole: Intrinsics, xy: Floats) -> Floats:
+    """(..., 3) rays of places (..., 2) in pixels."""
+    at = (xy - pinhole.principal_point) / pinhole.focal
+    return np.concatenate([at, np.ones((*at.shape[:-1], 1))], axis=-1)
+
+
+def ground_below(
+    mask: Mask, inverse: Map, known: Mask, pinhole: Intrinsics, options: ContactOptions
+) -> Plane | None:
+    """The plane of the ground around the lowest part of an object (h, w), of inverse depths (h, w) where they
+    are `known` (h, w); None where nothing there is a ground.
+
+    RANSAC (Fischler and Bolles, 1981) and least squares over what agrees: a plane's inverse depth is linear
+    in the picture.
+    """
+    rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
+    side, bottom = max(np.ptp(rows), np.ptp(columns)) + 1, rows[-1]
+    top, end = (
+        max(bottom - int(options.above * side), 0),
+        bottom + int(options.below * side) + options.gap + 2,
+    )
+    left = max(columns[0] - int(options.beside * side), 0)
+    part = np.s_[top:end, left : columns[-1] + int(options.beside * side)]
+    row, column = np.nonzero(known[part])
+    if len(row) < options.least_pixels:
+        return None
+    rays = rays_of(pinhole, np.column_stack([column + left + 0.5, row + top + 0.5]))
+    values = inverse[part][row, column].astype(np.float64)
+    random = np.random.default_rng(0)
+    chosen = random.integers(len(rays), size=(options.tries, 3))
+    samples = rays[chosen]
+    flat = np.abs(np.linalg.det(samples)) > 1e-9
+    if not flat.any():
+        return None
+    normals = np.linalg.solve(samples[flat], values[chosen][flat][..., None])[..., 0]
+    few = random.integers(len(rays), size=min(len(rays), 1500))
+    agree = _agree(rays[few] @ normals.T, values[few, None], options)
+    # What stands upright behind may be the larger part.
+    agree = np.where([_is_ground(normal, options) for normal in normals], agree.mean(axis=0), 0)
+    best = normals[int(agree.argmax())]
+    for _ in range(2):
+        inside = _agree(rays @ best, values, options)
+        if np.count_nonzero(inside) < options.least_pixels:
+            return None
+        best = np.linalg.lstsq(rays[inside], values[inside], rcond=None)[0]
+    enough = _agree(rays @ best, values, options).mean() >= options.least_share
+    return Plane(best) if enough and _is_ground(best, options) else None
+
+
+def _agree(plane: Floats, values: Floats, options: ContactOptions) -> Mask:
+    """Whether inverse depths are those of a plane there."""
+    return np.abs(plane - values) <= options.tolerance * values
+
+
+def _is_ground(normal: Floats, options: ContactOptions) -> bool:
+    return bool(normal[1] > options.least_rise * np.linalg.norm(normal))
+
+
+def contact(mask: Mask, ground: Plane, pinhole: Intrinsics, options: ContactOptions) -> Contact | None:
+    """Where an object (h, w) touches the ground; None where that is not in the picture.
+
+    Its outline's lower convex hull touches the ground at its corners, and goes along it between them: at
+    wheels, paws, feet. Beside those that can be one side of it, the hull leads up to what hovers.
+    """
+    columns = np.flatnonzero(mask.any(axis=0))
+    height = mask.shape[0]
+    bottoms = height - np.argmax(mask[::-1, columns], axis=0)
+    if not len(columns) or bottoms.max() >= height - options.border:
+        return None
+    outline = np.column_stack([columns + 0.5, bottoms]).astype(np.float32)
+    hull = cv2.convexHull(outline).reshape(-1, 2).astype(np.float64)
+    hull = hull[np.argsort(hull[:, 0], kind="stable")]
+    chord = np.interp(hull[:, 0], hull[[0, -1], 0], hull[[0, -1], 1])
+    rays = rays_of(pinhole, hull[hull[:, 1] >= chord - 1e-6])
+    inverse = ground.inverse_depth(rays)
+    if inverse.max() <= 0:
+        return None
+    # Rays above the horizon meet no ground.
+    seen = inverse > 1e-3 * inverse.max()
+    places = rays[seen] / inverse[seen, None]
+    nearest = int(inverse[seen].argmax())
+    column = float(rays_of(pinhole, np.array([columns.mean() + 0.5, 0.0]))[0])
+    _, forward, right = ground.directions(column)
+    across, along = places @ right, places @ forward
+    gentle = np.abs(np.diff(along)) <= options.steepest * np.abs(np.diff(across))
+    first = nearest - int(np.argmin(np.append(gentle[:nearest][::-1], False)))
+    last = nearest + int(np.argmin(np.append(gentle[nearest:], False)))
+    own = rays[seen][[first, last], 0]
+    width = np.ptp(rays_of(pinhole, outline[[0, -1]].astype(np.float64))[:, 0])
+    if np.ptp(own) < options.least_width * width or first == last:
+        return Contact(places[nearest], column, 0.0)
+    slope = (along[last] - along[first]) / (across[last] - across[first])
+    return Contact(places[nearest], column, float(slope))
+
+
+def upright(base: float, column: float, slope: float, ground: Plane, rays: Floats) -> Floats:
+    """(...) inverse depth along rays (..., 3) of a plane that stands upright on the ground, where that has
+    the inverse depth `base` below a column x / z; it goes along the ground with a slope as
+    `Contact.slope`."""
+    normal = ground.normal
+    foot = np.array([column, (base - normal[0] * column - normal[2]) / normal[1], 1.0])
+    up, forward, right = ground.directions(column)
+    facing = np.cross(up, right + slope * forward)
+    return np.asarray(rays @ facing * (base / (facing @ foot)))
