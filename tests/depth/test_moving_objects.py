@@ -13,7 +13,7 @@ from addon.core.base.arrays import Floats, Map, Mask
 from addon.core.camera.intrinsics import Intrinsics
 from addon.core.depth.completion import CompletionOptions
 from addon.core.depth.ground_contact import ContactOptions, Plane, ground_below, rays_of
-from addon.core.depth.moving_objects import MovingObjectOptions, place_moving_objects
+from addon.core.depth.moving_objects import MovingObjectOptions, place_moving_objects, standing_depth
 from addon.core.depth.object_tracks import MovingObject, OverlapTrack, Sighting, separated
 from addon.core.depth.source import SURE
 
@@ -125,6 +125,14 @@ def test_a_wall_that_hides_the_feet_is_no_ground() -> None:
     body = card([(-0.3, 4.0), (0.3, 4.0)], height=1.7)[0] & ~low
     known = ~cv2.dilate(body.astype(np.uint8), np.ones((7, 7), np.uint8)).astype(bool) & low
     assert ground_below(body, inverse, known, CAMERA, ContactOptions()) is None
+
+
+def test_where_a_thing_stands_is_told_by_what_stands_still_alone() -> None:
+    mask, _ = card([(-0.4, 3.0), (0.4, 3.0)], height=1.7)
+    found = standing_depth(MovingObject(mask), street(), CAMERA, MovingObjectOptions())
+    assert found == pytest.approx(1 / 3, rel=0.02)
+    wall = np.full_like(street(), 1 / WALL)
+    assert standing_depth(MovingObject(mask), wall, CAMERA, MovingObjectOptions()) is None
 
 
 def test_subjects_that_touch_stand_each_where_it_does() -> None:

@@ -9,8 +9,11 @@ import cv2
 import numpy as np
 import pytest
 
-from addon.core.base.arrays import Bytes
+from addon.core.base.arrays import Bytes, LinearRGBA
 from addon.core.base.errors import UserError
+from addon.core.camera.canvas import Canvas
+from addon.core.depth.source import DepthSource, PixelDepth
+from addon.core.focus.subject import subject_place
 from addon.core.subjects.marked import MarkedSubject, Stroke
 from addon.core.subjects.static_plate import _sorted
 
@@ -125,6 +128,18 @@ def test_a_marked_subject_is_in_focus_as_it_moves(clip: walls.Filmed) -> None:
     assert np.median(own) == pytest.approx(1 / found.distance, rel=0.1)
     with pytest.raises(UserError, match="no subject has the name 'cat'; there are: disc"):
         marked.subject("cat", 16)
+
+
+def test_where_a_subject_stands_the_depth_of_all_pixels_is_not_asked_for(clip: walls.Filmed) -> None:
+    class Unasked(DepthSource):
+        """Would take ten times as long."""
+
+        def at(self, frame: int, canvas: Canvas, picture: LinearRGBA) -> PixelDepth | None:
+            raise AssertionError(frame)
+
+    inverse = {frame: 0.2 + 0.001 * frame for frame in FRAMES}
+    found = subject_place(clip.reconstruction, Unasked(), disc, 16, "disc", inverse.get)
+    assert {frame: 1 / each for frame, each in found.followed.items()} == pytest.approx(inverse, rel=0.01)
 
 
 @pytest.mark.parametrize("count", range(1, 14))

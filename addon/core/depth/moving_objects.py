@@ -154,6 +154,19 @@ def _placed(moving_object: MovingObject, around: Surroundings, options: MovingOb
     return np.full(mask.shape, max(known)) if known else None
 
 
+def standing_depth(
+    moving_object: MovingObject, inverse: Map, pinhole: Intrinsics, options: MovingObjectOptions
+) -> float | None:
+    """The median inverse depth of an object that stands on the ground, by that (h, w) of what stands still,
+    without regard to what it hides; None where it is not seen to stand on anything."""
+    gap = np.ones((2 * options.contact.gap + 1,) * 2, np.uint8)
+    sure, apart = ~moving_object.mask, cv2.dilate(moving_object.mask.astype(np.uint8), gap) == 0
+    around = Surroundings(inverse, sure, apart, np.zeros_like(sure), pinhole)
+    ground = ground_below(moving_object.mask, inverse, apart, pinhole, options.contact)
+    found = None if ground is None else _standing(moving_object, ground, around, options)
+    return None if found is None else float(np.median(found[moving_object.mask]))
+
+
 def _part(mask: Mask, beside: int) -> tuple[slice, slice]:
     """Where an object (h, w) is, and so many pixels beside: nothing farther plays a part."""
     rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))

@@ -223,7 +223,7 @@ class PlaneSweepStereo:
     def _objects(self) -> ClipObjects:
         """What moves, thing by thing."""
         subjects = [
-            lambda image, each=each: self._on_canvas(image, each(image.frame)) for each in self._subjects
+            lambda image, each=each: self.on_canvas(image, each(image.frame)) for each in self._subjects
         ]
         return ClipObjects(
             self._rec.images, lambda image: self._canvas(image).pinhole, self._masked, subjects
@@ -279,9 +279,9 @@ class PlaneSweepStereo:
 
     def _masked(self, image: Image) -> Mask:
         """(h, w) of the canvas, what is known to move by itself."""
-        return self._on_canvas(image, self._mask(image.frame) if self._mask else None)
+        return self.on_canvas(image, self._mask(image.frame) if self._mask else None)
 
-    def _on_canvas(self, image: Image, mask: Map | Mask | None) -> Mask:
+    def on_canvas(self, image: Image, mask: Map | Mask | None) -> Mask:
         """(h, w) of the canvas, what a mask (H, W) over the source frame shows, be it ever so little of a
         pixel: none of its colour is to be taken for what lies behind."""
         canvas = self._canvas(image)

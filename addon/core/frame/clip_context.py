@@ -208,9 +208,11 @@ class ClipContext:
 
     def subject_place(self, name: str, frame: int) -> Place:
         """A marked subject as a place in focus, followed through the clip; errors as of `subject`."""
-        return subject_place(
-            self.reconstruction, self.depth_source(), partial(self.subject, name), frame, name
-        )
+        mask = partial(self.subject, name)
+        source = self.reconstruction, self.depth_source(), mask, frame, name
+        if self.given_depth is not None:
+            return subject_place(*source)
+        return subject_place(*source, partial(self.subjects.standing, mask))
 
     @cached_property
     def texture_memory(self) -> ReusedMemory:

@@ -12,8 +12,10 @@ import numpy as np
 from ..base.arrays import Bytes, Map, Mask
 from ..base.lru_cache import LRUCache
 from ..base.progress import checkpoint
-from ..camera.reconstruction import Reconstruction
+from ..camera.reconstruction import Image, Reconstruction
+from ..depth.moving_objects import MovingObjectOptions, standing_depth
 from ..depth.multi_view_stereo import Moving
+from ..depth.object_tracks import ClipObjects
 from ..media.picture_file import Pixels
 from .flow import ClipFlow, brought_together
 from .segmentation import SegmentationOptions, components, contradiction, log_odds, segmented
@@ -33,6 +35,8 @@ class SubjectOptions:
     """The static scene that they contradict."""
     segmentation: SegmentationOptions = field(default_factory=SegmentationOptions)
     """What belongs to them."""
+    objects: MovingObjectOptions = field(default_factory=MovingObjectOptions)
+    """Where they stand."""
     passes: int = 2
     """Times that what moves in source frames is found with what was found before left out. By eye: with one,
     parts of a dog that walks along the view stay in its own plate."""
@@ -79,6 +83,32 @@ class FoundSubjects:
         """(h, w) log-odds that a pixel of the undistorted picture is a subject's, and the weight of that in
         [0, 1], by the static scene and the frames around."""
         return brought_together(self.flow, frame, self._single_frame, self.options.reach, self.options.fade)
+
+    def standing(self, subject: Callable[[int], Mask], frame: int) -> float | None:
+        """The median inverse depth, in 1 / scene units, of a subject (h, w) over source frames at any size,
+        where it stands on the ground; None where it is not seen to, or not seen.
+
+        By the coarse depth that plates are made from: in a tenth of the time that all pixels' depth takes.
+        """
+        plates = self.plates
+        image, _ = self.reconstruction.image_at(frame)
+
+        def shown(other: Image) -> Mask:
+            return plates.on_canvas(other, subject(other.frame))
+
+        def left_out(other: int) -> Mask:
+            there, _ = self.reconstruction.image_at(other)
+            return self._left_out(self.options.passes, other) | self._grown(shown(there))
+
+        mask = shown(image)
+        if not mask.any():
+            return None
+        inverse = plates.inverse_depth(frame, left_out)
+        clip = ClipObjects(
+            self.reconstruction.images, lambda other: plates.canvas(other.frame).pinhole, shown, [shown]
+        )
+        (found,) = (each for each in clip.of(image, mask) if each.mask.any())
+        return standing_depth(found, inverse, plates.canvas(frame).pinhole, self.options.objects)
 
     @cached_property
     def plates(self) -> StaticPlate:

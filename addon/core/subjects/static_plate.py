@@ -106,6 +106,10 @@ class StaticPlate:
         """What a frame's plate is over: its undistorted picture."""
         return self._shown.canvas(frame)
 
+    def on_canvas(self, image: Image, mask: Map | Mask | None) -> Mask:
+        """(h, w) at the plate's size, where a mask over a source frame at any size shows anything."""
+        return self._shown.on_canvas(image, mask)
+
     def picture(self, frame: int) -> Bytes:
         """(h, w, 3) a frame's undistorted picture at the plate's size, display-encoded RGB."""
         return self._shown.picture(frame)
