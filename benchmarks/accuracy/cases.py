@@ -217,10 +217,13 @@ class FromVideo:
         wanted = [1 / scene.focus_depth(frame, blur) for frame in scene.judged(blur)]
         camera = scene.cameras.intrinsics(scene.cameras.image_at(first)[0])
         off = 2 * scene.radius(blur) * camera.fx * (1 / scene.depth(first)[row, column] - np.array(wanted))
-        if np.abs(off).max() < ON_SURFACE:
+        subject = scene.subject(first)
+        # The solve has no points on what moves.
+        moves = subject is not None and subject[row, column]
+        if np.abs(off).max() < ON_SURFACE and not moves:
             height, width = scene.depth(first).shape
             return pick(self.reconstruction, first, x / width, y / height)
-        # Between two subjects: the distance that the solve gives to the wanted depth, by its own points.
+        # Else, as between two subjects: the distance that the solve gives to the wanted depth, by its points.
         features, true = self._features(frame)
         slope, offset = robust_line(1 / true, features.inverse_depth)
         return Focus(distance=float(1 / (slope / scene.focus_depth(frame, blur) + offset)))

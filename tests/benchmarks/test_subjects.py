@@ -16,7 +16,7 @@ from addon.core.frame.clip_context import ClipContext
 from addon.core.media.clip import open_footage, to_linear
 from benchmarks import store
 from benchmarks.accuracy import metrics, report, subjects
-from benchmarks.accuracy.cases import GroundTruth, TrueDepth
+from benchmarks.accuracy.cases import FromVideo, GroundTruth, TrueDepth
 from benchmarks.accuracy.judge import Judge, Row
 from benchmarks.accuracy.mask_metrics import outline_band
 from benchmarks.accuracy.scenes import Staged
@@ -228,6 +228,21 @@ def test_the_matte_is_soft_where_it_is_judged(tiny: Tiny) -> None:
         assert matte is not None
         np.testing.assert_allclose(matte, truth.matte(tiny.scene, tiny.stage, frame, "", 16), atol=1e-6)
         assert ((matte > 0.1) & (matte < 0.9)).any()
+
+
+def test_focus_is_on_a_subject_that_the_solve_has_no_points_on(tiny: Tiny) -> None:
+    frame = tiny.judged(6)[0]
+    true = GroundTruth(tiny).reconstruction(tiny.judged(6))
+    images = []
+    for image in true.images:
+        column, row = image.xy.astype(int).T
+        still = ~tiny.subject(image.frame)[row, column]
+        images.append(replace(image, xy=image.xy[still], points=image.points[still]))
+    solved = object.__new__(FromVideo)
+    solved.scene, solved.reconstruction = tiny, replace(true, images=tuple(images))
+    wanted = tiny.focus_depth(frame, 6)
+    assert solved._focus(frame, 6).inverse_depth(solved.reconstruction, frame) == pytest.approx(1 / wanted)
+    assert solved._radius(6) == pytest.approx(tiny.radius(6))
 
 
 def test_the_benchmark_scores_the_subjects_band(tiny: Tiny) -> None:
