@@ -26,16 +26,16 @@ KEYS = (
 
 
 class LitUp:
-    """What of a subject is known in a frame: first by its colours, then by what moves."""
+    """What of a subject is known in a frame: see `CarriedSubject.looks`."""
 
     def __init__(self, carried: CarriedSubject, frame: int) -> None:
         self.carried, self.frame = carried, frame
         self.mask: Mask | None = None
 
     def __call__(self) -> Mask:
-        if self.frame in self.carried.marked_frames:
-            self.mask = self.carried.glimpse(self.frame)
-        self.mask = self.carried.mask(self.frame)
+        for look in self.carried.looks(self.frame):
+            self.mask = look
+        assert self.mask is not None
         return self.mask
 
 

@@ -15,7 +15,8 @@ from addon.core.camera.canvas import Canvas
 from addon.core.depth.source import DepthSource, PixelDepth
 from addon.core.focus.subject import subject_place
 from addon.core.subjects.marked import MarkedSubject, Stroke
-from addon.core.subjects.static_plate import _sorted
+from addon.core.subjects.segmentation import SegmentationOptions, contradiction
+from addon.core.subjects.static_plate import Plate, _sorted
 
 from ..scenes import texture
 from . import walls
@@ -64,6 +65,69 @@ def test_a_stroke_marks_what_moves_and_is_carried_both_ways(clip: walls.Filmed) 
         cut = carried.cut(frame)
         assert overlap(cut.share > 127, disc(frame)) > 0.85 and cut.sure > 0.7
     assert carried.cut(16).sure == 1
+
+
+def in_colours_of_the_wall(frame: int) -> Bytes:
+    """The frame with a disc of which one in three pixels, by chance, looks as what is behind it."""
+    alike = np.random.default_rng(frame).random((HEIGHT, WIDTH, 1)) < 0.35
+    return np.where(alike, walls.still(frame), walls.with_disc(frame)).astype(np.uint8)
+
+
+def test_what_has_colours_of_the_background_is_found_whole() -> None:
+    clip = filmed(in_colours_of_the_wall)
+    assert min(overlap(clip.moving(frame), disc(frame)) for frame in SOME) > 0.85
+
+
+def test_one_source_frame_tells_what_is_the_same_only() -> None:
+    """What else it shows may be what moves."""
+    scene = texture(60, 40, 1)
+    picture = scene.copy()
+    picture[:, 30:] = 255 - picture[:, 30:]
+    seen = np.full(scene.shape[:2], 1, np.uint8)
+    odds, weight = contradiction(picture, Plate(scene, scene, scene, seen), SegmentationOptions())
+    same, other = np.s_[8:-8, 8:22], np.s_[8:-8, 38:-8]
+    assert (odds[same] < 0).all() and weight[same].min() > 0.2
+    assert np.median(odds[other]) > 0 and not weight[other][odds[other] > 0].any()
+
+
+PAUSES = (8, 25)
+
+
+def when(frame: int) -> int:
+    """The frame in which the disc is where one that pauses is."""
+    first, last = PAUSES
+    return frame if frame < first else first if frame < last else frame - last + first
+
+
+def pausing(frame: int) -> Bytes:
+    """The frame with the disc, which stands still for half of the clip."""
+    picture, at = walls.still(frame), pausing_disc(frame)
+    row, column = np.nonzero(at)
+    x, y = pausing_place(frame)
+    own = texture(60, 60, 3)
+    picture[row, column] = own[row - round(y) + 30, column - round(x) + 30]
+    return picture
+
+
+def pausing_place(frame: int) -> tuple[float, float]:
+    x, y = place(when(frame))
+    moved = walls.camera(frame) - walls.camera(when(frame))
+    return x - moved * walls.LENS.fx / walls.FAR, y
+
+
+def pausing_disc(frame: int) -> np.ndarray:
+    x, y = pausing_place(frame)
+    across, down = np.meshgrid(np.arange(WIDTH) - x, np.arange(HEIGHT) - y)
+    return np.asarray(np.hypot(across, down) < 20)
+
+
+def test_a_subject_that_pauses_is_no_part_of_the_static_scene() -> None:
+    """Else the ground that it uncovers is taken along before and after."""
+    x, y = pausing_place(16)
+    corners = ((-12, -10), (12, -10), (-12, 0), (12, 0), (-12, 10), (12, 10))
+    line = Stroke(16, tuple(((x + dx) / WIDTH, (y + dy) / HEIGHT) for dx, dy in corners))
+    carried = filmed(pausing).carried(MarkedSubject("disc", (line,)))
+    assert min(overlap(carried.cut(frame).share > 127, pausing_disc(frame)) for frame in SOME) > 0.75
 
 
 def thing(frame: int) -> Bytes:

@@ -164,7 +164,7 @@ def test_a_subject_lights_up_by_its_colours_first() -> None:
     line = tuple(((x + dx) / walls.WIDTH, (y + dy) / walls.HEIGHT) for dx, dy in ((-12, -8), (12, 8)))
     carried = clip.carried(MarkedSubject("disc", (Stroke(FRAME, line),)))
     first = carried.glimpse(FRAME)
-    assert FRAME not in carried.found._evidence
+    assert FRAME not in carried.found.evidence._single
     assert first[round(y), round(x)] and first.mean() < 0.5
     assert not carried.glimpse(FRAME + 1).any()
     lit = LitUp(carried, FRAME)

@@ -18,7 +18,7 @@ from ..depth.multi_view_stereo import Moving
 from ..depth.object_tracks import ClipObjects
 from ..media.picture_file import Pixels
 from .flow import ClipFlow, brought_together
-from .segmentation import SegmentationOptions, components, contradiction, log_odds, segmented
+from .segmentation import SegmentationOptions, components, contradiction, segmented
 from .static_plate import LeftOut, PlateOptions, StaticPlate
 
 KEPT_EVIDENCE = 16
@@ -51,6 +51,34 @@ class SubjectOptions:
 
 
 @dataclass(frozen=True)
+class Evidence:
+    """What tells a clip's subjects from its static scene. Errors as of `PlaneSweepStereo.at`."""
+
+    plates: StaticPlate
+    flow: ClipFlow
+    options: SubjectOptions
+    left_out: LeftOut
+    """What moves in a source frame, and is left out of the static scene."""
+    _single: LRUCache[tuple[Map, Map]] = field(
+        default_factory=lambda: LRUCache[tuple[Map, Map]](KEPT_EVIDENCE), repr=False, compare=False
+    )
+
+    def at(self, frame: int) -> tuple[Map, Map]:
+        """(h, w) log-odds that a pixel of the undistorted picture is a subject's, and the weight of that in
+        [0, 1], by the static scene and the frames around."""
+        return brought_together(self.flow, frame, self._remembered, self.options.reach, self.options.fade)
+
+    def of_frame(self, frame: int) -> tuple[Map, Map]:
+        """The evidence of one frame alone."""
+        checkpoint()
+        plate = self.plates.plate(frame, self.left_out)
+        return contradiction(self.plates.picture(frame), plate, self.options.segmentation)
+
+    def _remembered(self, frame: int) -> tuple[Map, Map]:
+        return self._single.get(frame, lambda: self.of_frame(frame))
+
+
+@dataclass(frozen=True)
 class FoundSubjects:
     """What moves by itself in the frames of a clip, whole; asked for in order it is found faster.
 
@@ -64,13 +92,10 @@ class FoundSubjects:
     masks: Moving | None = None
     """What is known to move by itself, (h, w) of a source frame at any size."""
     options: SubjectOptions = field(default_factory=SubjectOptions)
-    _evidence: LRUCache[tuple[Map, Map]] = field(
-        default_factory=lambda: LRUCache[tuple[Map, Map]](KEPT_EVIDENCE), repr=False, compare=False
-    )
 
     def mask(self, frame: int) -> Mask:
         """(h, w) what moves by itself, over the source frame with its distortion, at the size worked at."""
-        odds, weight = self.evidence(frame)
+        odds, weight = self.evidence.at(frame)
         options = self.options.segmentation
         found = components(segmented(self.picture(frame), odds, weight, options), odds, weight, options)
         return self.plates.canvas(frame).mask_to_source(found)
@@ -79,10 +104,19 @@ class FoundSubjects:
         """(h, w, 3) a frame's undistorted picture at the size worked at, display-encoded RGB."""
         return self.plates.picture(frame)
 
-    def evidence(self, frame: int) -> tuple[Map, Map]:
-        """(h, w) log-odds that a pixel of the undistorted picture is a subject's, and the weight of that in
-        [0, 1], by the static scene and the frames around."""
-        return brought_together(self.flow, frame, self._single_frame, self.options.reach, self.options.fade)
+    @cached_property
+    def evidence(self) -> Evidence:
+        """What tells them."""
+        return self._evidence(partial(self._left_out, self.options.passes))
+
+    def evidence_without(self, subject: Callable[[int], Mask]) -> Evidence:
+        """The same with a `subject` (h, w) of source frames left out of the static scene, besides what is
+        found."""
+        found = partial(self._left_out, self.options.passes)
+        return self._evidence(lambda frame: found(frame) | self._grown(subject(frame)))
+
+    def _evidence(self, left_out: LeftOut) -> Evidence:
+        return Evidence(self.plates, self.flow, self.options, left_out)
 
     def standing(self, subject: Callable[[int], Mask], frame: int) -> float | None:
         """The median inverse depth, in 1 / scene units, of a subject (h, w) over source frames at any size,
@@ -120,17 +154,6 @@ class FoundSubjects:
         """Optical flow at the size worked at."""
         return ClipFlow(tuple(int(frame) for frame in self.reconstruction.frames), self.picture)
 
-    def _single_frame(self, frame: int) -> tuple[Map, Map]:
-        """The evidence of one frame alone."""
-        left_out = partial(self._left_out, self.options.passes)
-        return self._evidence.get(frame, lambda: self._contradiction(frame, left_out))
-
-    def _contradiction(self, frame: int, left_out: LeftOut) -> tuple[Map, Map]:
-        checkpoint()
-        options = self.options.segmentation
-        share, weight = contradiction(self.picture(frame), self.plates.plate(frame, left_out), options)
-        return log_odds(share, options), weight
-
     def _left_out(self, passes: int, frame: int) -> Mask:
         """(h, w) what moves in a source frame after some passes, a little wider: no part of the static scene.
 
@@ -144,7 +167,7 @@ class FoundSubjects:
         if passes == 0:
             return hinted
         options = self.options
-        odds, weight = self._contradiction(frame, partial(self._left_out, passes - 1))
+        odds, weight = self._evidence(partial(self._left_out, passes - 1)).of_frame(frame)
         probability = segmented(self.picture(frame), odds, weight, options.segmentation)
         own = self._grown(components(probability, odds, weight, options.segmentation))
         return own | (hinted & (probability > options.likely))

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -15,7 +16,7 @@ from ..base.arrays import Bytes, Map, Mask
 from ..base.errors import UserError
 from ..base.progress import checkpoint
 from .flow import warped
-from .found import FoundSubjects
+from .found import Evidence, FoundSubjects
 from .segmentation import ColourModel, SegmentationOptions, logistic, segmented, smoothed
 
 
@@ -90,6 +91,8 @@ class CarryOptions:
     """Log-odds of a pixel well within what flow carries; well outside with minus. By eye."""
     carried_moving: float = 0.7
     """The same of a subject that contradicts the static scene, which flow often confuses with it. By eye."""
+    told: float = 1.5
+    """Times as much that evidence of the static scene counts as where subjects are found. By eye."""
     colour: float = 1.8
     """Log-odds that colours alone may add. By eye."""
     lost: float = 0.15
@@ -131,12 +134,16 @@ class CarriedSubject:
 
     From each frame with strokes it is carried both ways; between two such frames what comes from either side
     counts the more the nearer that is (Bai et al., "Video SnapCut", 2009, carries colours and shape, too).
-    Errors as of `FoundSubjects.mask`.
+    Then it is carried once more, with what was found left out of the static scene: what pauses, or walks
+    towards the camera, is seen in one place so long that it is taken for static there. Errors as of
+    `FoundSubjects.mask`.
     """
 
     found: FoundSubjects
     strokes: tuple[Stroke, ...]
     options: CarryOptions = field(default_factory=CarryOptions)
+    passes: int = 2
+    """Times that it is carried."""
     _tracks: dict[tuple[int, int], _Track] = field(default_factory=dict, repr=False, compare=False)
     _marked: dict[int, Cut] = field(default_factory=dict, repr=False, compare=False)
 
@@ -148,6 +155,14 @@ class CarriedSubject:
     def mask(self, frame: int) -> Mask:
         """(h, w) the subject, over the source frame with its distortion, at the size worked at."""
         return self.found.plates.canvas(frame).mask_to_source(self.cut(frame).share > 127)
+
+    def looks(self, frame: int) -> Iterator[Mask]:
+        """(h, w) as `mask`, as soon as something of it is known: by colours, then of each pass."""
+        if frame in self.marked_frames:
+            yield self.glimpse(frame)
+        if self.before is not None:
+            yield self.before.mask(frame)
+        yield self.mask(frame)
 
     def glimpse(self, frame: int) -> Mask:
         """(h, w) as `mask`, of the strokes in a frame and its colours alone: in a fraction of a second, where
@@ -171,9 +186,22 @@ class CarriedSubject:
         both = (ways[0].share > 127, ways[1].share > 127)
         return Cut(np.asarray(share, np.uint8), max(min(way.sure for way in ways), _overlap(*both)))
 
+    @cached_property
+    def before(self) -> CarriedSubject | None:
+        """The pass before."""
+        passes = self.passes - 1
+        return CarriedSubject(self.found, self.strokes, self.options, passes) if passes else None
+
+    @cached_property
+    def _evidence(self) -> Evidence:
+        before = self.before
+        if before is None:
+            return self.found.evidence
+        return self.found.evidence_without(lambda frame: before.cut(frame).share > 127)
+
     def _at_strokes(self, frame: int) -> Cut:
         if frame not in self._marked:
-            evidence, segmentation = self.found.evidence(frame), self.found.options.segmentation
+            evidence, segmentation = self._evidence.at(frame), self.found.options.segmentation
             mine = self._strokes_in(frame)
             share = cut_out(self.found.picture(frame), mine, evidence, self.options, segmentation)
             self._marked[frame] = Cut(_bytes(share), 1.0)
@@ -240,14 +268,14 @@ class CarriedSubject:
         long_side, there = max(picture.shape), prior > 127
         inwards = cv2.distanceTransform(there.astype(np.uint8), cv2.DIST_L2, 5)
         outwards = cv2.distanceTransform((~there).astype(np.uint8), cv2.DIST_L2, 5)
-        odds, weight = self.found.evidence(frame)
+        odds, weight = self._evidence.at(frame)
         trust = 1.0 if hidden else self._moves(there, odds, weight)
         most = (1 - trust) * options.carried + trust * options.carried_moving
         carried = np.clip((inwards - outwards) / (options.band * long_side), -1, 1) * most
         if hidden:
             carried = np.where(there, 0, -options.carried_moving)
         carried[outwards > options.leap * long_side] = -3 * options.carried
-        told = weight * np.where(odds > 0, odds, np.float32(trust) * odds)
+        told = options.told * weight * np.where(odds > 0, odds, np.float32(trust) * odds)
         colours = self._colours.odds(picture, options.colour)
         total = np.asarray(told + carried + colours, np.float32)
         segmentation = self.found.options.segmentation
@@ -263,7 +291,7 @@ class CarriedSubject:
         share = float((weight * (odds > 0.5))[there].sum()) / max(known, 1.0)
         return float(np.clip((share - low) / (high - low), 0, 1))
 
-    @property
+    @cached_property
     def _colours(self) -> ColourModel:
         """Of the frames with strokes."""
         models = [

@@ -20,6 +20,9 @@ class SegmentationOptions:
     """Grey levels, of three channels together, by which a pixel may leave the static scene. By eye."""
     spread: float = 0.7
     """Times the distance of the quartiles of the source frames that counts as noise. By eye."""
+    doubtful: float = 80.0
+    """Grey levels, of three channels together, between the quartiles of the source frames at which they tell
+    little of what agrees with them. Of 40 to 150, it found most of who pauses, and no less of others."""
     misplaced: tuple[float, float] = (0.15, 1.2)
     """Pixels by which the static scene is misplaced, at least and at most. By eye."""
     deviations: float = 3.0
@@ -34,6 +37,9 @@ class SegmentationOptions:
     """Log-odds of a pixel that contradicts the static scene wholly. By eye."""
     agrees: float = -2.0
     """Log-odds of a pixel that agrees with the static scene. By eye."""
+    chance: int = 5
+    """Pixels across the window most of which contradict the static scene around one that agrees with it by
+    chance: half of a sweater's pixels before a hedge do. Of 7, outlines are wider."""
     colour: float = 1.0
     """Log-odds that colours alone may add. By eye."""
     bins: int = 24
@@ -61,11 +67,12 @@ class SegmentationOptions:
 
 
 def contradiction(picture: Bytes, plate: Plate, options: SegmentationOptions) -> tuple[Map, Map]:
-    """(h, w) in [0, 1] how far a frame (h, w, 3) contradicts its plate, and (h, w) the weight of that.
+    """(h, w) log-odds that a pixel of a frame (h, w, 3) is a subject's, as far as it contradicts its plate,
+    and (h, w) the weight of that in [0, 1].
 
     Differences count against what noise, the spread of the source frames, and errors of the plate's place
     explain; the first and the last are found from the frame. A shadow is the static scene times one factor,
-    and no contradiction.
+    and no contradiction. A pixel amid others that contradict does so, too.
     """
     off = summed(cv2.absdiff(picture, plate.colour))
     spread = summed(cv2.subtract(plate.high, plate.low))
@@ -73,12 +80,16 @@ def contradiction(picture: Bytes, plate: Plate, options: SegmentationOptions) ->
     known = plate.count > 1
     noise, misplaced = _errors(off[known], slope[known], options)
     variance = noise**2 + (options.spread * spread) ** 2 + (misplaced * slope) ** 2
-    share = off**2 / (off**2 + options.deviations**2 * variance)
+    differs = np.asarray(off**2 / (off**2 + options.deviations**2 * variance), np.float32)
     shadow = _shadow(picture, plate, options)
-    share *= 1 - shadow
-    weight = np.minimum(plate.count / np.float32(3), 1).astype(np.float32)
-    weight[~known] = 0
-    return np.asarray(share, np.float32), np.asarray(weight * (1 - np.float32(0.7) * shadow), np.float32)
+    share = np.rint(255 * differs * (1 - shadow)).astype(np.uint8)
+    odds = _log_odds(np.maximum(share, cv2.medianBlur(share, options.chance)) / np.float32(255), options)
+    weight = np.minimum(plate.count / np.float32(3), 1)
+    # What a single source frame shows may be what moves: it tells of what is the same, and of nothing else.
+    weight[(plate.count == 1) & (odds > 0)] = 0
+    # What source frames show in two ways may be a subject that paused there: agreeing with it tells little.
+    weight = np.where(odds < 0, weight * np.exp(-((spread / options.doubtful) ** 2)), weight)
+    return odds, np.asarray(weight * (1 - np.float32(0.7) * shadow * _certain(differs)), np.float32)
 
 
 def _slope(picture: Bytes) -> Map:
@@ -114,10 +125,14 @@ def _shadow(picture: Bytes, plate: Plate, options: SegmentationOptions) -> Map:
     return np.where(inside, likely, 0).astype(np.float32)
 
 
-def log_odds(share: Map, options: SegmentationOptions) -> Map:
+def _log_odds(share: Map, options: SegmentationOptions) -> Map:
     """(h, w) log-odds that a pixel is a subject's, of how far it contradicts the static scene (h, w)."""
-    odds = options.agrees + (options.contradicts - options.agrees) * np.clip(1.25 * share - 0.125, 0, 1)
-    return np.asarray(odds, np.float32)
+    return np.asarray(options.agrees + (options.contradicts - options.agrees) * _certain(share), np.float32)
+
+
+def _certain(share: Map) -> Map:
+    """Shares (h, w) in [0, 1] of which those near the ends count as 0 or 1."""
+    return np.asarray(np.clip(1.25 * share - 0.125, 0, 1), np.float32)
 
 
 def propagated(picture: Bytes, odds: Map, weight: Map, options: SegmentationOptions) -> Map:
