@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
 
@@ -24,8 +25,8 @@ from ..core.media.clip_identity import clip_digest, identity
 from ..core.media.masks import Masks, open_masks
 from ..core.media.picture_file import Pixels
 from ..core.sfm.state import STATE
-from ..core.subjects.found import SubjectOptions
-from ..core.subjects.marked import CarryOptions, MarkedSubject
+from ..core.subjects.found import FoundSubjects, SubjectOptions
+from ..core.subjects.marked import CarryOptions, ClipSubjects, MarkedSubject
 from . import store, subjects, version
 from .clip import solved_clip_path, work_dir
 from .digests import drawn_digest, reconstruction_digest
@@ -39,6 +40,38 @@ DEPTHS = 6
 IDENTITY = "virtual_aperture_identity"
 REMEMBERED = 256 << 20
 """Bytes of pictures as they were read."""
+
+
+@dataclass(frozen=True)
+class Filmed:
+    """A clip's pictures, and what the user says moves in them."""
+
+    footage: Footage
+    masks: Masks | None = None
+    drawn: DrawnMask | None = None
+    repaired: dict[int, int] = field(default_factory=dict, compare=False)
+    """Of the frames read so far, those with pixels that were not finite numbers, and how many."""
+    _pictures: LRUCache[Pixels] = field(
+        default_factory=lambda: LRUCache[Pixels](REMEMBERED, lambda picture: picture.nbytes),
+        repr=False, compare=False,
+    )  # fmt: skip
+
+    def read(self, frame: int) -> Pixels:
+        """A frame's picture, remembered: depth, what moves and what is lent ask for the same ones."""
+        return self._pictures.get(frame, lambda: self._finite(frame))
+
+    def _finite(self, frame: int) -> Pixels:
+        picture, count = finite(self.footage.read(frame))
+        if count:
+            self.repaired[frame] = count
+        return picture
+
+    def masked(self, frame: int) -> Map | None:
+        """(H, W) over a frame, the opacity in [0, 1] of what the user says moves by itself; None where
+        nothing is said."""
+        given = [source.at(frame) for source in (self.masks, self.drawn) if source is not None]
+        known = [mask for mask in given if mask is not None]
+        return np.maximum.reduce(known) if known else None
 
 
 @dataclass(frozen=True)
@@ -58,14 +91,33 @@ class Shot:
     work: Path | None = None
     """The folder that keeps the solve, if there is one: depth is kept there, too."""
 
+    filmed: Filmed | None = field(default=None, repr=False, compare=False)
+    found: ClipSubjects | None = field(default=None, repr=False, compare=False)
+    """What another shot of the same clip and masks has read and found: strokes do not change it."""
+
     @cached_property
     def context(self) -> ClipContext:
         """The clip as the core's stages see it."""
-        masks = self.masked if self.masks or self.drawn else None
         return ClipContext(
-            self.reconstruction, self.read, self.depth, masks, self._store if self.work else None,
-            self.subjects,
+            self.reconstruction, self.read, self.depth, self._masks, self._store if self.work else None,
+            self.subjects, self._found,
         )  # fmt: skip
+
+    def with_subjects(self, marked: tuple[MarkedSubject, ...]) -> Shot:
+        """The shot with others marked."""
+        return replace(self, subjects=marked, filmed=self._filmed, found=self._found)
+
+    @cached_property
+    def _filmed(self) -> Filmed:
+        return self.filmed or Filmed(self.footage, self.masks, self.drawn)
+
+    @cached_property
+    def _found(self) -> ClipSubjects:
+        return self.found or ClipSubjects(FoundSubjects(self.reconstruction, self.read, self._masks))
+
+    @property
+    def _masks(self) -> Callable[[int], Map | None] | None:
+        return self._filmed.masked if self.masks or self.drawn else None
 
     def frame_at(self, frame: int) -> int:
         """The clip's frame for a scene frame: in a gap, and past the ends, the nearest one before."""
@@ -90,31 +142,20 @@ class Shot:
     def _reconstruction_digest(self) -> str:
         return reconstruction_digest(self.reconstruction)
 
-    def read(self, frame: int) -> Pixels:
-        """A frame's picture, remembered: depth, what moves and what is lent ask for the same ones."""
-        return self._pictures.get(frame, lambda: self._finite(frame))
+    @property
+    def read(self) -> Callable[[int], Pixels]:
+        """As `Filmed.read`."""
+        return self._filmed.read
 
-    def _finite(self, frame: int) -> Pixels:
-        picture, count = finite(self.footage.read(frame))
-        if count:
-            self.repaired[frame] = count
-        return picture
-
-    @cached_property
+    @property
     def repaired(self) -> dict[int, int]:
-        """Of the frames read so far, those with pixels that were not finite numbers, and how many."""
-        return {}
+        """As `Filmed.repaired`."""
+        return self._filmed.repaired
 
-    @cached_property
-    def _pictures(self) -> LRUCache[Pixels]:
-        return LRUCache(REMEMBERED, lambda picture: picture.nbytes)
-
-    def masked(self, frame: int) -> Map | None:
-        """(H, W) over a frame, the opacity in [0, 1] of what the user says moves by itself; None where
-        nothing is said."""
-        given = [source.at(frame) for source in (self.masks, self.drawn) if source is not None]
-        known = [mask for mask in given if mask is not None]
-        return np.maximum.reduce(known) if known else None
+    @property
+    def masked(self) -> Callable[[int], Map | None]:
+        """As `Filmed.masked`."""
+        return self._filmed.masked
 
 
 _last: tuple[tuple[str, ...], Shot] | None = None
@@ -134,9 +175,8 @@ def shot_of(scene: bpy.types.Scene) -> Shot:
     )
     drawn = settings.mask
     marked = subjects.marked_of(settings)
-    strokes = repr(marked)
     key = (
-        str(mesh.get(IDENTITY)), str(path), depth_path, masks_path, drawn.name_full if drawn else "", strokes,
+        str(mesh.get(IDENTITY)), str(path), depth_path, masks_path, drawn.name_full if drawn else "",
     )  # fmt: skip
     if _last is None or _last[0] != key or _was_redrawn(_last[1], drawn, scene.frame_current):
         reconstruction, footage = store.read(mesh), open_footage(path)
@@ -147,6 +187,8 @@ def shot_of(scene: bpy.types.Scene) -> Shot:
         work = work_dir(settings, path)
         kept = work if (work / STATE).exists() else None
         _last = (key, Shot(footage, reconstruction, depth, masks, shapes, marked, kept))
+    elif _last[1].subjects != marked:
+        _last = (key, _last[1].with_subjects(marked))
     return _last[1]
 
 

@@ -173,6 +173,25 @@ def test_a_subject_lights_up_by_its_colours_first() -> None:
     assert walls.overlap(work.result(), walls.disc(FRAME)) > 0.85
 
 
+def test_a_stroke_leaves_what_is_known_of_the_clip(
+    scene: bpy.types.Scene, settings: bpy.types.PropertyGroup, tmp_path: Path
+) -> None:
+    """The static scene, pictures that were read, and subjects whose strokes are the same."""
+    scene.frame_set(1)
+    OPERATORS.pick_subject(places="0.2,0.3 0.4,0.5")
+    before = shot_of(scene)
+    carried, picture = before.context.carried(before.subjects[0]), before.read(2)
+    OPERATORS.pick_subject(places="0.7,0.7", new=True)
+    after = shot_of(scene)
+    assert len(after.context.marked) == 2 and after is not before
+    assert after.context.subjects is before.context.subjects
+    assert after.context.carried(after.subjects[0]) is carried and after.read(2) is picture
+    # Masks are left out of the static scene.
+    black = np.zeros((LENS.height, LENS.width, 3), np.uint8)
+    settings.masks = str(planes.write_clip(tmp_path / "masks", [black] * len(after.footage.frames)))
+    assert shot_of(scene).context.subjects is not after.context.subjects
+
+
 def test_work_that_is_cancelled_ends_before_the_next_begins() -> None:
     entered, log = threading.Event(), []
 

@@ -27,7 +27,7 @@ from ..focus.subject import subject_place
 from ..media.clip import to_linear
 from ..media.picture_file import Pixels
 from ..subjects.found import FoundSubjects
-from ..subjects.marked import CarriedSubject, MarkedSubject
+from ..subjects.marked import CarriedSubject, ClipSubjects, MarkedSubject
 from ..warp.disocclusion_fill import DisocclusionFill, HiddenColours
 from .highlights import RESTORED, ClipHighlights, HighlightSettings
 from .quality import NORMAL, Quality
@@ -61,6 +61,8 @@ class ClipContext:
     """Where what does not depend on the lens is kept, by the quality that it is found in."""
     marked: tuple[MarkedSubject, ...] = ()
     """Subjects that the user has marked by strokes."""
+    known_subjects: ClipSubjects | None = None
+    """Those that another context of the clip and masks knows already."""
 
     @cached_property
     def stereo(self) -> TemporalFusion:
@@ -122,18 +124,16 @@ class ClipContext:
 
     def carried(self, marked: MarkedSubject) -> CarriedSubject:
         """A marked subject in the frames of the clip; what was carried is remembered."""
-        if marked.key not in self._carried:
-            self._carried[marked.key] = CarriedSubject(self.subjects, marked.strokes)
-        return self._carried[marked.key]
+        return self._subjects.carried(marked)
 
-    @cached_property
+    @property
     def subjects(self) -> FoundSubjects:
         """What contradicts the static scene."""
-        return FoundSubjects(self.reconstruction, self.read, self.masks)
+        return self._subjects.found
 
     @cached_property
-    def _carried(self) -> dict[str, CarriedSubject]:
-        return {}
+    def _subjects(self) -> ClipSubjects:
+        return self.known_subjects or ClipSubjects(FoundSubjects(self.reconstruction, self.read, self.masks))
 
     @cached_property
     def _moving(self) -> LRUCache[Mask]:

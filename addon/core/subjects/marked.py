@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
+from collections import OrderedDict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -18,6 +19,10 @@ from ..base.progress import checkpoint
 from .flow import warped
 from .found import Evidence, FoundSubjects
 from .segmentation import ColourModel, SegmentationOptions, logistic, segmented, smoothed
+
+KEPT_SUBJECTS = 12
+"""Marked subjects that are remembered: a clip's, and those before the last strokes."""
+
 
 GLIMPSE, GLIMPSE_ITERATIONS = 2, 2
 """Times smaller that a frame is for a first look, and iterations of GrabCut: a tenth of the time."""
@@ -314,6 +319,22 @@ class CarriedSubject:
             for frame in self.marked_frames
         ]
         return ColourModel.mean(models)
+
+
+@dataclass(frozen=True)
+class ClipSubjects:
+    """Subjects of a clip, whatever is marked."""
+
+    found: FoundSubjects
+    _carried: OrderedDict[str, CarriedSubject] = field(default_factory=OrderedDict, repr=False, compare=False)
+
+    def carried(self, marked: MarkedSubject) -> CarriedSubject:
+        """A marked subject in the frames of the clip; the last `KEPT_SUBJECTS` are remembered."""
+        carried = self._carried.setdefault(marked.key, CarriedSubject(self.found, marked.strokes))
+        self._carried.move_to_end(marked.key)
+        while len(self._carried) > KEPT_SUBJECTS:
+            self._carried.popitem(last=False)
+        return carried
 
 
 def cut_out(
