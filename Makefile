@@ -5,11 +5,11 @@ PLATFORM ?= linux-x64
 # Test processes side by side; each has a Blender of its own.
 JOBS ?= 2
 
-# A part of the benchmark: make bench SCENES="bars slope" TRACK=T1 BLURS="16 32"
+# A part of the benchmark: make bench SCENES="bars slope" TRACK=T1 BLURS="16 32" METHODS=layers
 # A part of the costs: make bench-speed PARTS="'growth with blur' 'equal error'"
 # A part of the solve benchmark: make bench-solve MOTIONS="ahead mover" TRACKERS=corners FOCAL=unknown
 SOLVES := $(if $(MOTIONS),--motions $(MOTIONS)) $(if $(TRACKERS),--trackers $(TRACKERS)) $(if $(FOCAL),--focal $(FOCAL))
-BENCH := $(if $(SCENES),--scenes $(SCENES)) $(if $(TRACK),--track $(TRACK)) $(if $(BLURS),--blurs $(BLURS))
+BENCH := $(if $(SCENES),--scenes $(SCENES)) $(if $(TRACK),--track $(TRACK)) $(if $(BLURS),--blurs $(BLURS)) $(if $(METHODS),--methods $(METHODS))
 
 .PHONY: help setup demo test test-fast test-all test-window test-window-short pictures torture sample bench bench-speed bench-full bench-solve bench-stability figures lint zip clean
 help:
@@ -18,7 +18,7 @@ help:
 	@echo "make test-fast  those that need neither Blender nor a solve nor another process"
 	@echo "make test-all  and long solves, real data and the benchmarks' own"
 	@echo "make test-window  drive a real Blender on a virtual screen with mouse and keys (BLENDER=PROGRAM); BACKEND=vulkan: a part of them"
-	@echo "make test-window-short  the same without two walks of many minutes through a whole clip"
+	@echo "make test-window-short  the same without three walks of many minutes through whole clips"
 	@echo "make pictures  take the documentation's pictures in a real Blender (BLENDER=PROGRAM), into docs/pictures/"
 	@echo "make torture  kills, full disks, races and damaged files for hours; resumes (TRIES=100 FAULTS=\"movie jobs\")"
 	@echo "make sample SCENE=bars  a scene of the benchmark: .blend, clip and true cameras, into sample/"
@@ -65,8 +65,8 @@ test-window: setup
 	@$(PYTHON) tools/build_zip.py
 	@BACKEND=$(BACKEND) $(PYTHON) -m pytest $(WINDOW_TESTS)
 
-# Walks of many minutes, through a real clip and for the documentation's pictures.
-WALKS := tests/window/test_in_the_hands.py tests/window/test_pictures.py
+# Walks of many minutes, through a real clip, through that of a walker, and for the documentation's pictures.
+WALKS := tests/window/test_in_the_hands.py tests/window/test_pictures.py tests/window/test_walker_in_the_hands.py
 
 test-window-short:
 	@$(MAKE) --no-print-directory test-window WINDOW_TESTS="tests/window $(WALKS:%=--ignore=%)"

@@ -6,6 +6,7 @@ import os
 import shutil
 import subprocess
 import time
+from itertools import pairwise
 from pathlib import Path
 
 import cv2
@@ -70,14 +71,15 @@ class Screen:
         time.sleep(0.15)
         self._xdotool("click", "--repeat", "2", "--delay", "60", "1")
 
-    def drag(self, start: tuple[float, float], end: tuple[float, float]) -> None:
-        """With the left button, in small steps."""
-        self.move(*start)
+    def drag(self, *places: tuple[float, float]) -> None:
+        """With the left button from place to place, in small steps."""
+        self.move(*places[0])
         time.sleep(0.15)
         self._xdotool("mousedown", "1")
-        for n in range(1, 11):
-            self.move(*(a + (b - a) * n / 10 for a, b in zip(start, end, strict=True)))
-            time.sleep(0.02)
+        for start, end in pairwise(places):
+            for n in range(1, 11):
+                self.move(*(a + (b - a) * n / 10 for a, b in zip(start, end, strict=True)))
+                time.sleep(0.02)
         self._xdotool("mouseup", "1")
 
     def key(self, *names: str) -> float:
