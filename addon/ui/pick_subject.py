@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from functools import partial
+from typing import Any
+
 import bpy
 
 from ..core.base.arrays import Mask
@@ -68,7 +71,7 @@ class VIRTUAL_APERTURE_OT_pick_subject(bpy.types.Operator):  # noqa: N801
     _running = False
     """Of the class: one is under way."""
     _timer: bpy.types.Timer | None = None
-    _work: Work[Mask] | None = None
+    _work: Work[Any] | None = None
     _lit: LitUp | None = None
 
     @classmethod
@@ -226,13 +229,16 @@ class VIRTUAL_APERTURE_OT_pick_subject(bpy.types.Operator):  # noqa: N801
         frame, strokes = self._scene.frame_current, self._steps[-1]
         self._lit, self._frame = None, frame
         self._overlay.strokes = [stroke for stroke in strokes if stroke.frame == frame]
-        if not any(each.adds for each in strokes) or frame not in self._context.reconstruction.frames:
+        self._say("")
+        is_registered = frame in self._context.reconstruction.frames
+        if not any(each.adds for each in strokes) or not is_registered:
             self._overlay.light_up(None)
-            self._say("")
+            if is_registered:
+                # What a stroke will ask for, while it is drawn.
+                self._work = Work(partial(self._context.subjects.evidence.at, frame), after=self._work)
             return
         self._lit = LitUp(self._context.carried(MarkedSubject(self._name, strokes)), frame)
         self._work = Work(self._lit, after=self._work)
-        self._say("")
 
     def _look(self) -> None:
         """Show what the work has found meanwhile; UserError where it cannot go on."""
