@@ -135,6 +135,20 @@ def test_where_a_thing_stands_is_told_by_what_stands_still_alone() -> None:
     assert standing_depth(MovingObject(mask), wall, CAMERA, MovingObjectOptions()) is None
 
 
+def test_a_thing_whose_depth_is_known_is_upright_there() -> None:
+    """As focus follows it, whatever one frame tells."""
+    mask, true = card([(-0.4, 3.0), (0.4, 3.0)], lifted=0.3, height=1.4)
+    depth, _, _ = placed(street(), [MovingObject(mask, inverse_depth=1 / 3)])
+    assert np.median(depth[mask]) == pytest.approx(1 / 3) and off(depth, true, mask) < 0.02
+
+
+def test_two_feet_tell_nothing_of_the_sides_of_who_is_tall() -> None:
+    left, right = card([(-0.3, 3.0), (-0.1, 3.0)], height=1.6), card([(0.1, 3.25), (0.3, 3.25)], height=1.6)
+    mask = left[0] | right[0]
+    depth, _, _ = placed(street(), separated_as_one(mask))
+    assert np.ptp(depth[mask]) < 0.02
+
+
 def test_subjects_that_touch_stand_each_where_it_does() -> None:
     near, far = card([(-0.6, 2.5), (0.0, 2.5)], height=1.6), card([(-0.1, 4.0), (0.8, 4.0)], height=1.9)
     behind = far[0] & ~near[0]
@@ -167,6 +181,10 @@ def test_a_thing_is_followed_until_it_meets_another() -> None:
     track = OverlapTrack(alone[0], lambda steps: alone[steps] | other if 0 <= steps < 6 else None)
     np.testing.assert_array_equal(track.at(3), alone[3])
     assert track.at(5) is None and track.at(-1) is None
+
+
+def separated_as_one(mask: Mask) -> list[MovingObject]:
+    return [MovingObject(told) for told in separated(mask, [mask])[0]]
 
 
 def ramp() -> Map:

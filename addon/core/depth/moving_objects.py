@@ -39,6 +39,9 @@ class MovingObjectOptions:
     """Share of an object's height that must be seen in both. By eye."""
     scales: tuple[float, float, int] = (0.4, 3.0, 61)
     """Least and largest ratio of those sizes, and how many between are tried: 3 % apart."""
+    wide: tuple[float, float] = (0.7, 1.0)
+    """Width over height up to which an object faces the camera, and from which on it stands as its contact
+    does: the two feet of a person, one of them lifted or lost, tell nothing of that. By eye."""
     lean: float = 1.5
     """Times the depth of the contact that anything of an object is nearer or farther, at most: seen from
     above, an upright plane leads to the camera. By eye."""
@@ -146,12 +149,17 @@ def _placed(moving_object: MovingObject, around: Surroundings, options: MovingOb
         beside = beside & ~_on(ground, around, options)[part]
     hidden = _occluded(mask[part], beside, around.occluding[part], around.inverse[part], options)
     standing = None if ground is None else _standing(moving_object, ground, around, options)
+    if (known := moving_object.inverse_depth) is not None:
+        # Followed over more frames than these, and what is in focus.
+        return (
+            np.full(mask.shape, known) if standing is None else standing * (known / np.median(standing[mask]))
+        )
     if standing is not None:
         middle = float(np.median(standing[mask]))
         return standing * max((hidden or 0.0) / middle, 1.0)
     bounds = (hidden, _ground(mask[part], around.sure[part], around.inverse[part], options))
-    known = [one for one in bounds if one is not None]
-    return np.full(mask.shape, max(known)) if known else None
+    told = [one for one in bounds if one is not None]
+    return np.full(mask.shape, max(told)) if told else None
 
 
 def standing_depth(
@@ -190,7 +198,7 @@ def _standing(
     found = _contacts([own, *(each for each in near if each is not None)], ground, options)
     column = _column(own)
     if found:
-        slope = float(np.median([touch.slope for _, _, touch in found]))
+        slope = _wide(own.mask, options) * float(np.median([touch.slope for _, _, touch in found]))
         bases = [touch.inverse_depth(slope, plane) for _, plane, touch in found]
         base = _at_zero(np.array([sighting.after for sighting, _, _ in found], float), np.array(bases))
     else:
@@ -217,6 +225,13 @@ def _contacts(
         if plane is not None and touch is not None:
             found.append((each, plane, touch))
     return found
+
+
+def _wide(mask: Mask, options: MovingObjectOptions) -> float:
+    """How far an object (h, w) has sides at different depths, in [0, 1]."""
+    tall, wide = (np.count_nonzero(mask.any(axis=axis)) for axis in (1, 0))
+    low, high = options.wide
+    return float(np.clip((wide / tall - low) / (high - low), 0, 1))
 
 
 def _column(sighting: Sighting) -> float:

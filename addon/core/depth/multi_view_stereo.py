@@ -23,7 +23,7 @@ from ..media.picture_file import Pixels
 from .completion import CompletionOptions, add_sparse_prior, interpolate, smooth, splat
 from .motion_segmentation import MASKED, MotionOptions, moving_pixels, occluding_pixels
 from .moving_objects import MovingObjectOptions, place_moving_objects
-from .object_tracks import ClipObjects
+from .object_tracks import ClipObjects, Subject
 from .plane_sweep import SweepOptions, View, best_levels, semiglobal, small_picture, sweep
 from .source import FAINTEST
 from .sparse import frame_features
@@ -131,12 +131,20 @@ class PlaneSweepStereo:
         options: StereoOptions = StereoOptions(),
         mask: Moving | None = None,
         finds_motion: bool = True,
-        subjects: Sequence[Callable[[int], Mask]] = (),
+        subjects: Sequence[Subject] = (),
+        unmatched: Moving | None = None,
+        unseen: Moving | None = None,
     ) -> None:
         """`read` gives a frame's picture as `Footage.read` does; `mask` what is known to move by itself, of
-        which each of `subjects` is one thing; where `finds_motion`, more may be found."""
+        which each of `subjects` is one thing; where `finds_motion`, more may be found.
+
+        `mask` is asked for of frames whose objects are placed and of some around; where it takes long to
+        find, `unmatched` may tell less of it in frames that are swept, and `unseen` in their many source
+        views.
+        """
         self._rec, self._read, self._options, self._mask = reconstruction, read, options, mask
         self._finds_motion, self._subjects = finds_motion, subjects
+        self._unmatched, self._unseen = unmatched or mask, unseen or mask
         self._pictures = LRUCache[Bytes](options.kept_pictures)
 
     def at(self, frame: int) -> DenseDepth:
@@ -153,7 +161,9 @@ class PlaneSweepStereo:
         """
         options, completion = self._options, self._options.completion
         image, _ = self._rec.image_at(frame)
-        canvas, own = self._canvas(image), self._picture(image)
+        masked = self.on_canvas(image, self._unmatched(frame) if self._unmatched else None)
+        canvas, own = self._canvas(image), self._picture(image).copy()
+        own[masked, 3] = np.minimum(own[masked, 3], MASKED)
         shape = (own.shape[0], own.shape[1])
         guide = cv2.cvtColor(own[..., :3], cv2.COLOR_RGB2GRAY).astype(np.float32)
         features = frame_features(self._rec, frame, canvas)
@@ -161,7 +171,6 @@ class PlaneSweepStereo:
         high = self._nearest(image, own, low, high)
         middle = (low + high) / 2
         known, count = splat(features.observed, features.inverse_depth, shape)
-        masked = self._masked(image)
         count[masked] = 0
         near = self._neighbours(image, (low, high), options.depth_parallaxes)
         widest = max((one.parallax for one in near), default=0.0)
@@ -223,11 +232,12 @@ class PlaneSweepStereo:
     def _objects(self) -> ClipObjects:
         """What moves, thing by thing."""
         subjects = [
-            lambda image, each=each: self.on_canvas(image, each(image.frame)) for each in self._subjects
+            lambda image, each=each: self.on_canvas(image, each.mask(image.frame)) for each in self._subjects
         ]
         return ClipObjects(
-            self._rec.images, lambda image: self._canvas(image).pinhole, self._masked, subjects
-        )
+            self._rec.images, lambda image: self._canvas(image).pinhole, self._masked, subjects,
+            lambda number, frame: self._subjects[number].inverse_depth(frame),
+        )  # fmt: skip
 
     def pinhole(self, frame: int) -> Intrinsics:
         """The pinhole that a frame's depth is seen through, at the size worked at."""
@@ -274,7 +284,7 @@ class PlaneSweepStereo:
         small = cv2.resize(_displayed(self._read(image.frame)), size, interpolation=cv2.INTER_AREA)
         small = np.dstack([small, np.full(small.shape[:2], 255, np.uint8)])
         small = _straightened(small, canvas) if canvas.camera.is_distorted else small
-        small[self._masked(image), 3] = MASKED
+        small[self.on_canvas(image, self._unseen(image.frame) if self._unseen else None), 3] = MASKED
         return small
 
     def _masked(self, image: Image) -> Mask:

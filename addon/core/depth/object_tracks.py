@@ -49,6 +49,8 @@ class MovingObject:
     """(h, w) in the frame whose depth is wanted."""
     around: Callable[[int], Sighting | None] = lambda steps: None
     """It so many times `STEP` registered frames after that one; None where it is not known."""
+    inverse_depth: float | None = None
+    """The median of its pixels', in 1 / scene units, where that is known."""
 
 
 @dataclass(frozen=True)
@@ -110,6 +112,16 @@ def connected(mask: Mask) -> Ints:
 
 
 @dataclass(frozen=True)
+class Subject:
+    """One thing that is told apart from others."""
+
+    mask: Callable[[int], Mask]
+    """(h, w) by source frame, at any size."""
+    inverse_depth: Callable[[int], float | None] = lambda frame: None
+    """The median of its pixels', in 1 / scene units, by source frame, where that is known."""
+
+
+@dataclass(frozen=True)
 class ClipObjects:
     """What moves in a clip, thing by thing. Masks (h, w) are over a frame's undistorted picture."""
 
@@ -121,6 +133,8 @@ class ClipObjects:
     """All that is known to move in a frame."""
     subjects: Sequence[Callable[[Image], Mask]] = ()
     """Each of those that are told apart."""
+    inverse_depth: Callable[[int, int], float | None] = lambda subject, frame: None
+    """That of a subject, by its number, in a frame, where it is known."""
 
     def of(self, image: Image, moving: Mask) -> list[MovingObject]:
         """What moves (h, w) in a frame."""
@@ -128,7 +142,10 @@ class ClipObjects:
         frame = _Frame(self, image, first)
         told, parts = separated(moving, [subject(image) for subject in self.subjects])
         return [
-            *(MovingObject(mask, partial(frame.subject, n)) for n, mask in enumerate(told)),
+            *(
+                MovingObject(mask, partial(frame.subject, n), self.inverse_depth(n, image.frame))
+                for n, mask in enumerate(told)
+            ),
             *(
                 MovingObject(mask, partial(frame.followed, OverlapTrack(mask, frame.moving)))
                 for mask in parts

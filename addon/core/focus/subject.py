@@ -42,13 +42,15 @@ def subject_place(
     frames = [int(each) for each in reconstruction.frames]
     if frame not in frames:
         raise UserError(f"frame {frame} has no camera of its own; choose another one for the subject {name}")
-    asked = sorted({*frames[::EVERY], frames[-1], frame})
-    found = dict(_inverse_depths(reconstruction, depth, mask, standing, asked))
+    found = {each: inverse for each in frames if (inverse := standing(each)) is not None}
+    if not found:
+        asked = sorted({*frames[::EVERY], frames[-1], frame})
+        found = _smooth(dict(_inverse_depths(reconstruction, depth, mask, asked)))
     if not found:
         raise UserError(f"no frame shows the subject {name}; mark it by a stroke where it is seen")
     known = sorted(found)
-    inverse = _medians(np.array([found[each] for each in known]))
-    followed = dict(zip(frames, (1 / np.interp(frames, known, inverse)).tolist(), strict=True))
+    values = [found[each] for each in known]
+    followed = dict(zip(frames, (1 / np.interp(frames, known, values)).tolist(), strict=True))
     source = f"the subject {name}, seen from frame {known[0]} to {known[-1]}"
     return Place(Focus(distance=followed[frame]), frame, followed[frame], source, followed=followed)
 
@@ -57,7 +59,6 @@ def _inverse_depths(
     reconstruction: Reconstruction,
     depth: DepthSource,
     mask: Callable[[int], Mask],
-    standing: Callable[[int], float | None],
     frames: Iterable[int],
 ) -> Iterable[tuple[int, float]]:
     """Frames that show a subject, and the median inverse depth of its pixels there, in 1 / scene units."""
@@ -65,9 +66,6 @@ def _inverse_depths(
         checkpoint()
         shown = mask(frame)
         if np.count_nonzero(shown) < LEAST_PIXELS:
-            continue
-        if (quick := standing(frame)) is not None:
-            yield frame, quick
             continue
         image, _ = reconstruction.image_at(frame)
         canvas = Canvas(reconstruction.intrinsics(image))
@@ -84,8 +82,8 @@ def _inverse_depths(
             yield frame, inverse
 
 
-def _medians(values: np.ndarray) -> np.ndarray:
-    """(n,) the running median of `SMOOTH` values (n,)."""
-    half = SMOOTH // 2
-    wide = np.pad(values, half, mode="edge")
-    return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(wide, SMOOTH), axis=1))
+def _smooth(found: dict[int, float]) -> dict[int, float]:
+    """The running median of `SMOOTH` values, by ascending frames."""
+    wide = np.pad(list(found.values()), SMOOTH // 2, mode="edge") if found else np.zeros(SMOOTH - 1)
+    medians = np.median(np.lib.stride_tricks.sliding_window_view(wide, SMOOTH), axis=1)
+    return dict(zip(found, medians.tolist(), strict=True))

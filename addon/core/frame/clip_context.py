@@ -17,6 +17,7 @@ from ..camera.canvas import Canvas
 from ..camera.reconstruction import Reconstruction
 from ..depth.depth_store import DepthStore
 from ..depth.multi_view_stereo import Moving, PlaneSweepStereo, StereoOptions
+from ..depth.object_tracks import Subject
 from ..depth.source import FAINTEST, DepthSource, FirstKnown, PixelDepth
 from ..depth.sparse import DepthSamples
 from ..depth.sparse_depth import SparseDepth
@@ -28,6 +29,7 @@ from ..media.clip import to_linear
 from ..media.picture_file import Pixels
 from ..subjects.found import FoundSubjects
 from ..subjects.marked import CarriedSubject, ClipSubjects, MarkedSubject
+from ..subjects.standing import StandingTrack
 from ..warp.disocclusion_fill import DisocclusionFill, HiddenColours
 from .highlights import RESTORED, ClipHighlights, HighlightSettings
 from .quality import NORMAL, Quality
@@ -84,10 +86,11 @@ class ClipContext:
 
     def _stereo(self, quality: Quality) -> TemporalFusion:
         store = self._store_of(quality)
-        subjects = [partial(self._marked_mask, each) for each in self.marked]
+        subjects = [Subject(partial(self._marked_mask, each), self._standing(each)) for each in self.marked]
         single_frame = PlaneSweepStereo(
-            self.reconstruction, self.read, quality.stereo, self.moving, finds_motion=False, subjects=subjects
-        )
+            self.reconstruction, self.read, quality.stereo, self.moving, finds_motion=False,
+            subjects=subjects, unmatched=self.left_out, unseen=self.masks or _nothing,
+        )  # fmt: skip
         return TemporalFusion(self.reconstruction, single_frame, store, quality.fusion)
 
     def moving(self, frame: int) -> Mask:
@@ -95,6 +98,11 @@ class ClipContext:
         found, those that are marked, and what masks say. It is the same in every quality. Errors as of
         `FoundSubjects.mask`."""
         return self._moving.get(frame, lambda: self._all_moving(frame))
+
+    def left_out(self, frame: int) -> Mask:
+        """(h, w) as `moving`, of frames that others take depth and colours from: by their own evidence alone,
+        so that one frame does not ask for dozens."""
+        return self._left_out.get(frame, lambda: self._with_said(frame, self.subjects.mask_alone(frame)))
 
     def subject(self, name: str, frame: int) -> Mask:
         """(h, w) a marked subject in a frame, over the source frame at any size; UserError for a name that no
@@ -108,6 +116,10 @@ class ClipContext:
     def _all_moving(self, frame: int) -> Mask:
         store, subjects = self._mask_store, self.subjects
         found = store.moving(frame, lambda: subjects.mask(frame)) if store else subjects.mask(frame)
+        return self._with_said(frame, found)
+
+    def _with_said(self, frame: int, found: Mask) -> Mask:
+        """(h, w) what was found to move in a frame (h, w), what is marked, and what masks say."""
         for each in self.marked:
             found = found | self._marked_mask(each, frame)
         said = self.masks(frame) if self.masks else None
@@ -137,6 +149,10 @@ class ClipContext:
 
     @cached_property
     def _moving(self) -> LRUCache[Mask]:
+        return LRUCache(KEPT_MASKS)
+
+    @cached_property
+    def _left_out(self) -> LRUCache[Mask]:
         return LRUCache(KEPT_MASKS)
 
     @cached_property
@@ -209,10 +225,24 @@ class ClipContext:
     def subject_place(self, name: str, frame: int) -> Place:
         """A marked subject as a place in focus, followed through the clip; errors as of `subject`."""
         mask = partial(self.subject, name)
+        mask(frame)
         source = self.reconstruction, self.depth_source(), mask, frame, name
         if self.given_depth is not None:
             return subject_place(*source)
-        return subject_place(*source, partial(self.subjects.standing, mask))
+        (marked,) = (each for each in self.marked if each.name == name)
+        return subject_place(*source, self._standing(marked))
+
+    def _standing(self, marked: MarkedSubject) -> Callable[[int], float | None]:
+        """The inverse depth of a marked subject by frame, where it stands on the ground."""
+        if marked.key not in self._tracks:
+            frames = tuple(int(frame) for frame in self.reconstruction.frames)
+            alone = partial(self.subjects.standing, partial(self._marked_mask, marked))
+            self._tracks[marked.key] = StandingTrack(frames, alone)
+        return self._tracks[marked.key].inverse_depth
+
+    @cached_property
+    def _tracks(self) -> dict[str, StandingTrack]:
+        return {}
 
     @cached_property
     def texture_memory(self) -> ReusedMemory:
@@ -243,7 +273,7 @@ class ClipContext:
         if highlights not in self._disocclusion:
             self._disocclusion.clear()
             self._disocclusion[highlights] = DisocclusionFill(
-                self.reconstruction, lambda other: self.picture(other, highlights), self.moving
+                self.reconstruction, lambda other: self.picture(other, highlights), self.left_out
             )
         fill = self._disocclusion[highlights]
         found = fill.reprojected(frame, canvas, picture, depth.inverse_depth, depth.moving, depth.past_border)
@@ -254,6 +284,10 @@ class ClipContext:
         found = self.depth_source().samples(frame, canvas)
         assert found is not None  # Feature points come last.
         return found
+
+
+def _nothing(frame: int) -> None:
+    """A mask of which nothing is known."""
 
 
 def no_picture(frame: int) -> Pixels:
