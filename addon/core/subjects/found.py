@@ -66,7 +66,7 @@ class Evidence:
     def at(self, frame: int) -> tuple[Map, Map]:
         """(h, w) log-odds that a pixel of the undistorted picture is a subject's, and the weight of that in
         [0, 1], by the static scene and the frames around."""
-        return brought_together(self.flow, frame, self._remembered, self.options.reach, self.options.fade)
+        return brought_together(self.flow, frame, self.alone, self.options.reach, self.options.fade)
 
     def of_frame(self, frame: int) -> tuple[Map, Map]:
         """The evidence of one frame alone."""
@@ -74,7 +74,8 @@ class Evidence:
         plate = self.plates.plate(frame, self.left_out)
         return contradiction(self.plates.picture(frame), plate, self.options.segmentation)
 
-    def _remembered(self, frame: int) -> tuple[Map, Map]:
+    def alone(self, frame: int) -> tuple[Map, Map]:
+        """What `of_frame` tells, remembered."""
         return self._single.get(frame, lambda: self.of_frame(frame))
 
 
@@ -103,7 +104,7 @@ class FoundSubjects:
     def mask_alone(self, frame: int) -> Mask:
         """(h, w) as `mask`, by the evidence of the frame itself: parts of an outline can be missing. In a
         fifth of the time, where the frames around are not asked for."""
-        options, (odds, weight) = self.options.segmentation, self._single_frame(frame)
+        options, (odds, weight) = self.options.segmentation, self.evidence.alone(frame)
         found = components(segmented(self.picture(frame), odds, weight, options), odds, weight, options)
         return self.plates.canvas(frame).mask_to_source(found)
 
