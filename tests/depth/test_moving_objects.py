@@ -131,8 +131,14 @@ def test_where_a_thing_stands_is_told_by_what_stands_still_alone() -> None:
     mask, _ = card([(-0.4, 3.0), (0.4, 3.0)], height=1.7)
     found = standing_depth(MovingObject(mask), street(), CAMERA, MovingObjectOptions())
     assert found == pytest.approx(1 / 3, rel=0.02)
+    # Where there is no ground, it is what is below.
     wall = np.full_like(street(), 1 / WALL)
-    assert standing_depth(MovingObject(mask), wall, CAMERA, MovingObjectOptions()) is None
+    found = standing_depth(MovingObject(mask), wall, CAMERA, MovingObjectOptions())
+    assert found == pytest.approx(1 / WALL, rel=0.02)
+    beneath = mask.copy()
+    beneath[-1] = True
+    beneath[mask.argmax(axis=0).max() :, mask.any(axis=0)] = True
+    assert standing_depth(MovingObject(beneath), wall, CAMERA, MovingObjectOptions()) is None
 
 
 def test_a_thing_whose_depth_is_known_is_upright_there() -> None:

@@ -128,7 +128,7 @@ class FoundSubjects:
 
     def standing(self, subject: Callable[[int], Mask], frame: int) -> float | None:
         """The median inverse depth, in 1 / scene units, of a subject (h, w) over source frames at any size,
-        where it stands on the ground; None where it is not seen to, or not seen.
+        where it stands, as `standing_depth`; None where that is not told, or it is not seen.
 
         By the coarse depth that plates are made from: in a tenth of the time that all pixels' depth takes.
         """

@@ -20,7 +20,7 @@ NEARER = 70.0
 
 @dataclass(frozen=True)
 class StandingTrack:
-    """The inverse depth, in 1 / scene units, of a subject that stands on the ground, through a clip.
+    """The inverse depth, in 1 / scene units, of a subject where it stands, through a clip.
 
     A line through the frames around, looked at `EVERY` few frames and interpolated between: continuous, and
     the same whichever frame was asked for before.
