@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache, partial
 from pathlib import Path
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -83,6 +84,10 @@ class Given:
         mark = MarkedSubject(self.subject, (Stroke(middle, places),))
         return replace(self, clip=replace(self.clip, marked=(mark,)))
 
+    def with_mattes(self) -> Given:
+        """The same with the true mattes of all that moves."""
+        return replace(self, clip=replace(self.clip, masks=self.scene.matte))
+
     def stroke(self, frame: int, places: int = 5) -> Floats:
         """(n, 2) places of a stroke from head to foot, in shares of the picture: see `stroke`."""
         return stroke(self.truth(frame), places)
@@ -98,6 +103,8 @@ class Method:
     """Whether it knows one subject from another."""
     marks: bool = False
     """Whether the user marks the subject, which depth then knows too."""
+    mattes: bool = False
+    """Whether the user gives its true mattes."""
 
 
 @dataclass(frozen=True)
@@ -124,6 +131,10 @@ class Score:
     depth that the product draws with."""
     off_depth: float
     """Mean share of the subject's pixels that do."""
+    nearer: float
+    """Mean share by which the subject's inverse depth, its median, is more than the true one."""
+    unsteady: float
+    """Standard deviation of how that changes from one frame that is judged to the next."""
     cpu_s: float
     """Processor seconds a frame of the masks, with the depth that they need."""
 
@@ -143,6 +154,11 @@ def automatic(given: Given) -> Callable[[int], Mask]:
     return given.clip.subjects.mask
 
 
+def true_mattes(given: Given) -> Callable[[int], Mask]:
+    """What there is in truth, by which depth is found: as a user's masks are taken."""
+    return given.truth
+
+
 def by_stroke(given: Given) -> Callable[[int], Mask]:
     """What one stroke marks, carried both ways: `ClipContext.subject` of `Given.marked`."""
     return partial(given.clip.subject, given.subject)
@@ -152,6 +168,7 @@ METHODS = {
     "moving": Method(moving),
     "automatic": Method(automatic),
     "stroke": Method(by_stroke, each=True, marks=True),
+    "mattes": Method(true_mattes, mattes=True),
 }
 
 
@@ -180,8 +197,19 @@ def in_frame(mask: Mask, given: Given, frame: int) -> Mask:
     return np.asarray(mask[row, column].reshape(camera.height, camera.width))
 
 
-def other_depth(inverse: Floats, true_depth: Floats, subject: Mask, moves: Mask) -> tuple[bool, float]:
-    """Whether a part of a subject lies on another depth than it has, and the share of its pixels that do.
+class DepthScore(NamedTuple):
+    """How the depth of a subject in one frame is."""
+
+    torn: bool
+    """Whether a part of it lies on another depth than it has."""
+    off: float
+    """Share of its pixels that do."""
+    nearer: float
+    """Share by which its inverse depth, the median, is more than the true one."""
+
+
+def other_depth(inverse: Floats, true_depth: Floats, subject: Mask, moves: Mask) -> DepthScore:
+    """The score of a subject's depth.
 
     `inverse` (H, W) is found, in its own unit; what stands still tells how that goes with the true depth
     (H, W). Judged are the subject's pixels further than `INNER` from its outline; a part is `PART` of them
@@ -190,14 +218,16 @@ def other_depth(inverse: Floats, true_depth: Floats, subject: Mask, moves: Mask)
     inner = subject & ~mask_metrics.outline_band(subject, INNER)
     count = np.count_nonzero(inner)
     if not count:
-        return False, 0.0
+        return DepthScore(False, 0.0, 0.0)
     still = ~moves & np.isfinite(true_depth)
     slope, offset = robust_line(1 / true_depth[still][::7], inverse[still][::7])
     with np.errstate(divide="ignore", invalid="ignore"):
-        off = inner & (np.abs((inverse - offset) / slope * true_depth - 1) > OTHER_DEPTH)
+        nearer = (inverse - offset) / slope * true_depth - 1
+        off = inner & (np.abs(nearer) > OTHER_DEPTH)
     _, _, stats, _ = cv2.connectedComponentsWithStats(off.astype(np.uint8), connectivity=4)
     largest = stats[1:, cv2.CC_STAT_AREA].max(initial=0)
-    return bool(largest >= PART * count), np.count_nonzero(off) / count
+    share = np.count_nonzero(off) / count
+    return DepthScore(bool(largest >= PART * count), share, float(np.median(nearer[inner])))
 
 
 def judge(
@@ -205,8 +235,9 @@ def judge(
 ) -> Score:
     """One method on one subject over consecutive frames; its depth, which takes most of the time, in every so
     many of them."""
-    given = given.marked() if METHODS[name].marks else given
-    of_frame = METHODS[name].masks(given)
+    method = METHODS[name]
+    given = given.marked() if method.marks else given.with_mattes() if method.mattes else given
+    of_frame = method.masks(given)
     truths = [given.truth(frame) for frame in frames]
     masks, depths, seconds = [], [], 0.0
     for frame in frames:
@@ -227,11 +258,13 @@ def judge(
         float(overlap.mean()), float(overlap.min()),
         float(np.mean(overlap >= GOOD)), float(np.mean(overlap >= FAIR)),
         float(np.mean(boundary)), min(boundary), mask_metrics.boiling(masks, truths, motions),
-        float(np.mean([torn for torn, _ in depths])), float(np.mean([share for _, share in depths])), seconds,
+        float(np.mean([depth.torn for depth in depths])), float(np.mean([depth.off for depth in depths])),
+        float(np.mean([depth.nearer for depth in depths])),
+        float(np.std(np.diff([depth.nearer for depth in depths]))) if len(depths) > 1 else 0.0, seconds,
     )  # fmt: skip
 
 
-def _other_depth(given: Given, frame: int) -> tuple[bool, float]:
+def _other_depth(given: Given, frame: int) -> DepthScore:
     true = given.scene.depth(frame)
     found, _, _ = given.depth(frame).at_places(given.pixels(frame), given.canvas(frame))
     return other_depth(found.reshape(true.shape), true, given.truth(frame), given.scene.moves(frame))
