@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -12,6 +13,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
+PATIENCE = 60
+"""Seconds until a run that was told to end is told once more: some thirty times what it takes."""
 DEAF = """
 import os, signal, subprocess, sys
 from pathlib import Path
@@ -54,7 +57,12 @@ def test_a_run_that_is_ended_leaves_no_process(tmp_path: Path, number: signal.Si
         time.sleep(0.05)
     started = [int(each) for path in files for each in path.read_text().split()]
     assert all(map(is_running, started))
-    # As a terminal sends it: to the whole group.
-    os.killpg(run.pid, number)
-    assert run.wait() == pytest.ExitCode.INTERRUPTED
+    # As a terminal sends it: to the whole group. Who sees no end of it presses again: Python drops an
+    # exception that a signal raises in a destructor (seen once, on a machine that had more to do).
+    for _ in range(3):
+        os.killpg(run.pid, number)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            run.wait(PATIENCE)
+            break
+    assert run.poll() == pytest.ExitCode.INTERRUPTED
     assert not [process for process in started if is_running(process)]

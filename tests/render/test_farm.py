@@ -31,7 +31,7 @@ from benchmarks.torture import clip
 from benchmarks.torture.bench import contents, file_limit
 
 from ..command_line import HEADLESS, done, headless, here
-from ..movies import content, frames_of_sound
+from ..movies import assert_same, frames_of_sound
 
 ROOT = Path(__file__).resolve().parents[2]
 LENS = ("--focus-distance", "7", "--blur", "0.05", "--method", "features", "--views", "4")
@@ -121,7 +121,7 @@ def test_a_job_on_two_workers_one_of_which_is_killed(work: Path, tmp_path: Path)
     done(*words_of(steps["Join"][0]))
     assert contents(frames) == contents(work.parent / "frames")
     movie = bundle / "output" / "movie.mp4"
-    assert content(movie) == content(work.parent / "one.mp4")
+    assert_same(movie, work.parent / "one.mp4")
     assert frames_of_sound(movie) > COUNT / 2
 
 
@@ -172,7 +172,7 @@ def test_a_job_that_solves_first_gives_what_one_machine_gives(desk: Path, tmp_pa
     done("render", work, *lens, "--out", tmp_path / "one.mp4")
     output = tmp_path / "job" / "output"
     assert contents(output / "frames") == contents(tmp_path / "frames")
-    assert content(output / "movie.mp4") == content(tmp_path / "one.mp4")
+    assert_same(output / "movie.mp4", tmp_path / "one.mp4")
     assert frames_of_sound(output / "movie.mp4") > 18
 
 
@@ -191,7 +191,7 @@ def test_bundles_are_refused_before_anything_is_written(work: Path, tmp_path: Pa
 def test_jobs_give_what_one_process_gives(work: Path, tmp_path: Path) -> None:
     out = tmp_path / "a.mp4"
     said = done("render", work, *LENS, "--out", out, "--jobs", 2)
-    assert content(out) == content(work.parent / "one.mp4")
+    assert_same(out, work.parent / "one.mp4")
     assert "48 of 48" in said and contents(tmp_path).keys() == {"a.mp4"}
     done("render", work, *LENS, "--frames", "3-30:9", "--jobs", 2, "--out", tmp_path / "s" / "######.png",
          "--report", tmp_path / "r.json")  # fmt: skip
@@ -279,7 +279,7 @@ def test_a_blend_that_was_saved_is_rendered_with_its_lens(work: Path, tmp_path: 
     names = "000003.png", "000004.png"
     assert contents(out.parent) == {name: reference[name] for name in names}
     done("render", blend, "--frames", "1-48", "--out", tmp_path / "a.mp4", "--jobs", 2)
-    assert content(tmp_path / "a.mp4") == content(work.parent / "one.mp4")
+    assert_same(tmp_path / "a.mp4", work.parent / "one.mp4")
 
 
 def test_a_blend_that_reads_what_it_needs_where_it_lies(work: Path, tmp_path: Path) -> None:
@@ -411,7 +411,7 @@ def test_join_takes_only_frames_that_are_whole_and_of_one_lens(work: Path, tmp_p
     shutil.copytree(work.parent / "frames", frames)
     words = ("join", work, "--rendered", frames / "######.png", "--out", out)
     done(*words, *LENS)
-    assert content(out) == content(work.parent / "one.mp4")
+    assert_same(out, work.parent / "one.mp4")
     again = here(*words, *LENS)
     assert again.returncode == 1 and "exists" in again.stderr
     out.unlink()
