@@ -84,10 +84,36 @@ def test_one_source_frame_tells_what_is_the_same_only() -> None:
     picture = scene.copy()
     picture[:, 30:] = 255 - picture[:, 30:]
     seen = np.full(scene.shape[:2], 1, np.uint8)
-    odds, weight = contradiction(picture, Plate(scene, scene, scene, seen), SegmentationOptions())
+    plate = Plate(scene, scene, scene, seen, np.zeros_like(seen, bool))
+    odds, weight = contradiction(picture, plate, SegmentationOptions())
     same, other = np.s_[8:-8, 8:22], np.s_[8:-8, 38:-8]
     assert (odds[same] < 0).all() and weight[same].min() > 0.2
     assert np.median(odds[other]) > 0 and not weight[other][odds[other] > 0].any()
+
+
+def test_a_silhouette_that_is_a_pixel_off_is_no_subject() -> None:
+    """What has colours of neither side is one there, too."""
+    scene = np.full((40, 60, 3), 40, np.uint8)
+    scene[:, 30:] = 200, 180, 60
+    picture = np.roll(scene, 1, axis=1)
+    picture[:, 0] = 40
+    picture[:10, 26:34] = 20, 20, 250
+    seen, near = np.full(scene.shape[:2], 9, np.uint8), np.zeros(scene.shape[:2], bool)
+    near[:, 28:32] = True
+    plate, options = Plate(scene, scene, scene, seen, near), SegmentationOptions(misplaced=(0.1, 0.1))
+    odds, _ = contradiction(picture, plate, options)
+    assert odds[14:, 28:32].max() < 0 < odds[2:8, 28:32].min()
+    without, _ = contradiction(picture, replace(plate, silhouette=np.zeros_like(near)), options)
+    assert without[14:, 30].min() > 0
+
+
+def test_silhouettes_of_the_static_scene_are_where_its_depth_jumps(clip: walls.Filmed) -> None:
+    plates = clip.subjects.plates
+    silhouette = plates.plate(16).silhouette
+    edge = round(walls.EDGE * len(silhouette) / walls.HEIGHT)
+    away = np.ones(len(silhouette), bool)
+    away[edge - 8 : edge + 8] = False
+    assert silhouette[edge - 3 : edge + 3].any(axis=0).mean() > 0.9 and silhouette[away].mean() < 0.05
 
 
 PAUSES = (8, 25)

@@ -25,6 +25,9 @@ class SegmentationOptions:
     little of what agrees with them. Of 40 to 150, it found most of who pauses, and no less of others."""
     misplaced: tuple[float, float] = (0.15, 1.2)
     """Pixels by which the static scene is misplaced, at least and at most. By eye."""
+    beside: int = 3
+    """Pixels across the window whose colours the static scene may have at its silhouettes. Of 3, 5 and 7, the
+    bench's tram behind pickets has 0.93, 0.88 and 0.82 of intersection over union, and 0.81 without."""
     deviations: float = 3.0
     """Standard deviations at which a pixel contradicts as much as it agrees. By eye."""
     shadow_range: tuple[float, float] = (0.35, 2.9)
@@ -75,6 +78,8 @@ def contradiction(picture: Bytes, plate: Plate, options: SegmentationOptions) ->
     and no contradiction. A pixel amid others that contradict does so, too.
     """
     off = summed(cv2.absdiff(picture, plate.colour))
+    # A pixel off, such a place has the colours of the other side.
+    off = np.where(plate.silhouette, _outside(picture, plate.colour, options.beside), off)
     spread = summed(cv2.subtract(plate.high, plate.low))
     slope = _slope(plate.colour)
     known = plate.count > 1
@@ -90,6 +95,14 @@ def contradiction(picture: Bytes, plate: Plate, options: SegmentationOptions) ->
     # What source frames show in two ways may be a subject that paused there: agreeing with it tells little.
     weight = np.where(odds < 0, weight * np.exp(-((spread / options.doubtful) ** 2)), weight)
     return odds, np.asarray(weight * (1 - np.float32(0.7) * shadow * _certain(differs)), np.float32)
+
+
+def _outside(picture: Bytes, colour: Bytes, across: int) -> Map:
+    """(h, w) grey levels, of all channels together, by which a picture (h, w, 3) leaves the colours (h, w, 3)
+    in a window of so many pixels."""
+    window = np.ones((across, across), np.uint8)
+    above = cv2.subtract(picture, cv2.dilate(colour, window))
+    return summed(cv2.add(above, cv2.subtract(cv2.erode(colour, window), picture)))
 
 
 def _slope(picture: Bytes) -> Map:

@@ -53,6 +53,12 @@ class PlateOptions:
     """Frames by which a source frame is apart at least: nearer, what moves has hardly moved. By eye."""
     nearer: float = 2.0
     """Levels of depth by which what is nearer hides a place in a source frame. By eye."""
+    silhouette: int = 5
+    """Pixels across the window in which a jump of depth is a silhouette. By eye."""
+    jump: float = 0.6
+    """Share of the range of inverse depth that such a jump is, at least. Of 0.04 to 0.6, all of which keep
+    pickets of the bench's fence apart from the tram behind them (0.93 to 0.95 of intersection over union,
+    0.81 without), it takes least from subjects of other scenes: 0.005 of two who cross."""
     gain_step: int = 3
     """Pixels between those whose brightness is compared with the frame's."""
     least_share: float = 0.02
@@ -71,6 +77,8 @@ class Plate:
     """(h, w, 3) upper quartile of the source frames."""
     count: Bytes
     """(h, w) how many source frames see the place; 0 where nothing is known of it."""
+    silhouette: Mask
+    """(h, w) where its depth jumps nearby: which side of that a pixel lies on is known less well."""
 
 
 @dataclass(frozen=True)
@@ -158,7 +166,8 @@ class StaticPlate:
             and (warped := self._seen_by(image, here, inverse, own, moving(image.frame))) is not None
         ]  # fmt: skip
         if not seen:
-            return Plate(own, own, own, np.zeros(own.shape[:2], np.uint8))
+            unknown = np.zeros(own.shape[:2], np.uint8)
+            return Plate(own, own, own, unknown, unknown > 0)
         count = np.sum([inside for _, inside in seen], axis=0, dtype=np.uint8)
         # What a source frame does not see is sorted behind all that it does.
         ranked = _sorted([np.where(inside[..., None], colour, np.uint8(255)) for colour, inside in seen])
@@ -166,7 +175,13 @@ class StaticPlate:
         low, middle, high = (
             np.take_along_axis(ranked, (share * last // 4)[None, ..., None], axis=0)[0] for share in (1, 2, 3)
         )
-        return Plate(middle, low, high, count)
+        return Plate(middle, low, high, count, self._silhouette(inverse))
+
+    def _silhouette(self, inverse: Map) -> Mask:
+        """(h, w) where inverse depth (h, w) jumps nearby."""
+        window = np.ones((self.options.silhouette,) * 2, np.uint8)
+        jump = cv2.morphologyEx(inverse, cv2.MORPH_GRADIENT, window)
+        return np.asarray(jump > self.options.jump * (inverse.max() - inverse.min()))
 
     def _depth(self, frame: int) -> DenseDepth:
         return self._depths.get(frame, lambda: self._sweep.at(frame))
