@@ -1,5 +1,5 @@
 """What a method is given for one frame: by the truth (track T1), found from the video alone (T2), or from
-the video with true mattes of what moves (T3)."""
+the video with true mattes of what moves (T3), or a stroke on it (T4)."""
 
 from __future__ import annotations
 
@@ -25,6 +25,7 @@ from addon.core.media.clip import open_footage, to_gray8, to_linear
 from addon.core.sfm.process import SolveProcess
 from addon.core.sfm.tracks import new_corners
 from addon.core.sfm.workspace import load_solve
+from addon.core.subjects.marked import MarkedSubject, Stroke
 from addon.core.warp.disocclusion_fill import HiddenColours
 
 from .. import store
@@ -171,17 +172,17 @@ class GroundTruth:
 
 
 class FromVideo:
-    """T2, or T3 with mattes: cameras and points solved from the clip. The user's two inputs are set as a user
-    would.
+    """T2, T3 with mattes, or T4 with a stroke on each subject in the middle frame: cameras and points solved
+    from the clip. The user's two inputs are set as a user would.
 
     The focus is picked in the picture where the subject is seen, on the first frame that is judged. A solve
     has no scale, so the amount of blur is set by eye: one radius for the clip, with which the features'
     discs have the true size in the median.
     """
 
-    def __init__(self, scene: Scene, mattes: bool = False) -> None:
-        """UserError for the mattes of a scene in which no subject moves."""
-        if mattes and scene.matte(scene.judged(scene.blurs[0])[0]) is None:
+    def __init__(self, scene: Scene, mattes: bool = False, strokes: bool = False) -> None:
+        """UserError for the mattes and strokes of a scene in which no subject moves."""
+        if (mattes or strokes) and scene.matte(scene.judged(scene.blurs[0])[0]) is None:
             raise UserError("no person, animal or vehicle moves in this scene")
         self.scene = scene
         footage = scene.clip()
@@ -191,7 +192,14 @@ class FromVideo:
         solve = load_solve(work)
         self.reconstruction, self.report = solve.reconstruction, solve.report
         masks = scene.matte if mattes else None
-        self.clip = ClipContext(self.reconstruction, open_footage(footage).read, masks=masks)
+        middle = int(self.reconstruction.frames[len(self.reconstruction.frames) // 2])
+        marked = [
+            MarkedSubject(name, (Stroke(middle, tuple((float(x), float(y)) for x, y in places)),))
+            for name, places in (scene.strokes(middle) if strokes else {}).items()
+        ]
+        self.clip = ClipContext(
+            self.reconstruction, open_footage(footage).read, masks=masks, marked=tuple(marked)
+        )
 
     def case(self, frame: int, blur: int) -> BenchmarkCase:
         """One of the judged frames of the scene through a lens whose largest disc is about `blur` pixels."""
@@ -267,5 +275,5 @@ def weighted_median(values: Floats, weights: Floats) -> float:
 
 
 def track(name: str, scene: Scene) -> GroundTruth | FromVideo:
-    """The track T1, T2 or T3 of a scene; UserError where it has none."""
-    return GroundTruth(scene) if name == "T1" else FromVideo(scene, mattes=name == "T3")
+    """The track T1, T2, T3 or T4 of a scene; UserError where it has none."""
+    return GroundTruth(scene) if name == "T1" else FromVideo(scene, name == "T3", name == "T4")

@@ -182,7 +182,7 @@ METHODS = {
         (4, 8, 12, 16, 24, 32, 64, 256),
         (16, 64),
         PRODUCT,
-        ("T1", "T2", "T3"),
+        ("T1", "T2", "T3", "T4"),
         depth=NORMAL,
     ),
     "draft": Method(partial(of_quality, DRAFT), (0,), (0,), PRODUCT, depth=DRAFT),

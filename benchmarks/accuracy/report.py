@@ -51,7 +51,7 @@ STYLES = {
 """Colours and markers, after Okabe and Ito (2008), whose lighter ones are darkened to be read as text."""
 TRACKS = {
     "T1": "T1: true depth and cameras", "T2": "T2: from the video alone",
-    "T3": "T3: from the video, true mattes",
+    "T3": "T3: from the video, true mattes", "T4": "T4: from the video, one stroke on each subject",
 }  # fmt: skip
 PLACES = ((1, 0), (0, 1), (0, -1), (-1, 0), (1, 1), (-1, 1), (1, -1), (-1, -1))
 

@@ -23,6 +23,7 @@ from sample_scenes.stage import Stage
 
 from .. import store
 from . import oracle
+from .mask_metrics import stroke
 
 Picture = NDArray[np.float32]
 Floats = NDArray[np.float64]
@@ -75,6 +76,9 @@ class Scene(Protocol):
 
     def matte(self, frame: int) -> NDArray[np.float32] | None:
         """(H, W) in [0, 1] how much of every pixel those cover; where no frame is judged, 0 or 1."""
+
+    def strokes(self, frame: int) -> dict[str, Floats]:
+        """(n, 2) by subject, places of a stroke over it, from head to foot, in shares of the picture."""
 
     def past_border(self, frame: int) -> NDArray[np.float32] | None:
         """What is `PixelDepth.past_border`, true as far as frames around see it; None where no border is
@@ -188,6 +192,10 @@ class Staged:
             return truth.matte(self.scene, self.stage, frame, "", FILM_SAMPLES)
 
         return store.kept(self.folder, f"matte-{frame:04d}", make)
+
+    def strokes(self, frame: int) -> dict[str, Floats]:
+        masks = {name: self.subject(frame, name) for name in self.stage.subjects}
+        return {name: stroke(mask, 5) for name, mask in masks.items() if mask is not None and mask.any()}
 
     def past_border(self, frame: int) -> NDArray[np.float32]:
         """From the frames that fusion has for it."""

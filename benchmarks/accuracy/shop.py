@@ -115,6 +115,10 @@ class Shop:
     def matte(self, frame: int) -> None:
         """As `subject`."""
 
+    def strokes(self, frame: int) -> dict[str, Floats]:
+        """None: as `subject`."""
+        return {}
+
     def past_border(self, frame: int) -> None:
         """None: what is judged ends before it."""
 

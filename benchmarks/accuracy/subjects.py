@@ -89,8 +89,8 @@ class Given:
         return replace(self, clip=replace(self.clip, masks=self.scene.matte))
 
     def stroke(self, frame: int, places: int = 5) -> Floats:
-        """(n, 2) places of a stroke from head to foot, in shares of the picture: see `stroke`."""
-        return stroke(self.truth(frame), places)
+        """(n, 2) places of a stroke from head to foot, in shares of the picture."""
+        return mask_metrics.stroke(self.truth(frame), places)
 
 
 @dataclass(frozen=True)
@@ -170,22 +170,6 @@ METHODS = {
     "stroke": Method(by_stroke, each=True, marks=True),
     "mattes": Method(true_mattes, mattes=True),
 }
-
-
-def stroke(mask: Mask, places: int) -> Floats:
-    """(n, 2) what a user would touch: of bands of even height, top to bottom, the innermost pixel of each.
-
-    In shares of the picture's size, right and down; bands that have no pixel are left out.
-    """
-    deep = cv2.distanceTransform(np.pad(mask, 1).astype(np.uint8), cv2.DIST_L2, 5)[1:-1, 1:-1]
-    rows = np.flatnonzero(mask.any(axis=1))
-    found = []
-    for band in np.array_split(np.arange(rows[0], rows[-1] + 1), places) if len(rows) else ():
-        own = deep[band[0] : band[-1] + 1] if len(band) else np.zeros((1, 1))
-        if own.any():
-            row, column = np.unravel_index(int(own.argmax()), own.shape)
-            found.append(((column + 0.5) / mask.shape[1], (band[0] + row + 0.5) / mask.shape[0]))
-    return np.array(found).reshape(-1, 2)
 
 
 def in_frame(mask: Mask, given: Given, frame: int) -> Mask:

@@ -188,7 +188,8 @@ def test_a_run_may_be_of_some_methods(tiny: Tiny, tmp_path: Path, monkeypatch: p
 
 def test_only_scenes_with_subjects_have_mattes_given(tiny: Tiny) -> None:
     assert given_by("T3", tiny) == "no person, animal or vehicle moves in this scene"
-    assert bench.tracks_of("stroller") == ("T1", "T2", "T3") and bench.tracks_of("bars") == ("T1", "T2")
+    assert given_by("T4", tiny) == given_by("T3", tiny)
+    assert bench.tracks_of("stroller") == ("T1", "T2", "T3", "T4") and bench.tracks_of("bars") == ("T1", "T2")
 
 
 def test_tables_and_plots_tell_every_row(rows: dict[tuple[str, int], Row], tmp_path: Path) -> None:

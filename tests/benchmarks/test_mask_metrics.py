@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from benchmarks.accuracy import mask_metrics, metrics
-from benchmarks.accuracy.subjects import OTHER_DEPTH, other_depth, stroke
+from benchmarks.accuracy.mask_metrics import stroke
+from benchmarks.accuracy.subjects import OTHER_DEPTH, DepthScore, other_depth
 
 STILL = np.zeros((60, 80, 2))
 
@@ -119,7 +120,7 @@ def test_flicker_counts_within_the_masks() -> None:
 # Depth
 
 
-def depths(found_at: float, part: np.ndarray) -> tuple[bool, float]:
+def depths(found_at: float, part: np.ndarray) -> DepthScore:
     """A wall that recedes from 5 to 10 m and a disc at 4 m before it, `part` of which is found elsewhere.
 
     What is found has another unit.
@@ -134,23 +135,25 @@ def depths(found_at: float, part: np.ndarray) -> tuple[bool, float]:
 def test_a_part_that_lies_on_the_wall_is_torn() -> None:
     lower = np.zeros((60, 80), bool)
     lower[38:] = True
-    torn, share = depths(7.0, lower)
+    torn, share, nearer = depths(7.0, lower)
     inner = disc() & ~mask_metrics.outline_band(disc(), 2)
     assert torn
     assert share == pytest.approx((inner & lower).sum() / inner.sum())
-    assert depths(4.0, lower) == (False, 0.0)
+    assert nearer == pytest.approx(0, abs=1e-6)
+    assert depths(4.0, lower) == pytest.approx((False, 0, 0))
 
 
 def test_relief_and_single_pixels_are_not_torn() -> None:
     everything = np.ones((60, 80), bool)
-    assert depths(4.0 / (1 + 0.9 * OTHER_DEPTH), everything) == (False, 0.0)
-    assert depths(4.0 / (1 + 1.1 * OTHER_DEPTH), everything) == (True, 1.0)
+    for times, torn in ((0.9, False), (1.1, True)):
+        nearer = times * OTHER_DEPTH
+        assert depths(4.0 / (1 + nearer), everything) == pytest.approx((torn, float(torn), nearer))
     dots = np.zeros((60, 80), bool)
     dots[30, 30:50:4] = True
-    torn, share = depths(7.0, dots)
+    torn, share, _ = depths(7.0, dots)
     assert not torn
     assert share > 0
-    assert other_depth(np.ones((60, 80)), np.ones((60, 80)), NOTHING, NOTHING) == (False, 0.0)
+    assert other_depth(np.ones((60, 80)), np.ones((60, 80)), NOTHING, NOTHING) == (False, 0, 0)
 
 
 def test_a_stroke_is_within_the_subject() -> None:
