@@ -113,7 +113,10 @@ class Shot:
 
     @cached_property
     def _found(self) -> ClipSubjects:
-        return self.found or ClipSubjects(FoundSubjects(self.reconstruction, self.read, self._masks))
+        store = DepthStore(self.work / KEPT_DEPTH, self._subject_key) if self.work else None
+        return self.found or ClipSubjects(
+            FoundSubjects(self.reconstruction, self.read, self._masks, store=store)
+        )
 
     @property
     def _masks(self) -> Callable[[int], Map | None] | None:
@@ -131,12 +134,18 @@ class Shot:
     def _depth_key(self, quality: Quality) -> str:
         """16 hexadecimal digits of all that the depth found in the clip in a quality depends on, as its files
         are now."""
+        marked = tuple(each.key for each in self.subjects)
+        return self._key(marked, quality.stereo, quality.fusion, SubjectOptions(), CarryOptions())
+
+    def _subject_key(self) -> str:
+        """The same of what moves by itself, whatever is marked."""
+        return self._key(SubjectOptions())
+
+    def _key(self, *options: object) -> str:
         masks = self.masks and clip_digest(self.masks.pictures.path), self.drawn and drawn_digest(self.drawn)
         # As the solve knows its clip: known already, where all bytes of a sequence would have to be read.
         clip = identity(self.footage.path), self._reconstruction_digest
-        said = *masks, *(each.key for each in self.subjects)
-        options = quality.stereo, quality.fusion, SubjectOptions(), CarryOptions()
-        return hashlib.sha256(repr((DEPTHS, clip, said, options)).encode()).hexdigest()[:16]
+        return hashlib.sha256(repr((DEPTHS, clip, masks, options)).encode()).hexdigest()[:16]
 
     @cached_property
     def _reconstruction_digest(self) -> str:

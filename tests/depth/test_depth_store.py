@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import os
+import time
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from addon.core.base.errors import UserError
+from addon.core.base.file_lock import FileLock
+from addon.core.depth import depth_store
 from addon.core.depth.depth_store import FINEST, SUREST, DepthStore, KeptDepth
 
 SHAPE = (30, 40)
@@ -61,6 +66,48 @@ def test_what_moves_is_made_once(tmp_path: Path) -> None:
     for _ in range(2):
         np.testing.assert_array_equal(DepthStore(tmp_path, lambda: "a").moving(3, make), mask)
     assert len(made) == 1
+
+
+def test_several_share_what_is_to_be_made(tmp_path: Path) -> None:
+    made, frames = list[int](), range(12)
+
+    def make(frame: int) -> np.ndarray:
+        made.append(frame)
+        time.sleep(0.02)
+        return np.full((4, 6), frame % 2 > 0)
+
+    def work(_: int) -> dict[int, np.ndarray]:
+        return DepthStore(tmp_path, lambda: "a").masks(frames, "alone", make)
+
+    with ThreadPoolExecutor(3) as pool:
+        answers = list(pool.map(work, range(3)))
+    assert sorted(made) == list(frames)
+    for answer in answers:
+        assert all(np.all(answer[frame] == frame % 2) for frame in frames)
+    assert not list(tmp_path.rglob("*.lock"))
+
+
+def test_what_another_holds_for_too_long_is_made_all_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(depth_store, "PATIENCE", 0.1)
+    store = DepthStore(tmp_path, lambda: "a")
+    (tmp_path / "a").mkdir()
+    with FileLock(tmp_path / "a" / "alone-000002.lock", UserError):
+        found = store.masks([1, 2], "alone", lambda frame: some().moving)
+    assert sorted(found) == [1, 2]
+
+
+def test_what_frames_are_found_from_goes_first(tmp_path: Path) -> None:
+    kept, key = some(), "a"
+    DepthStore(tmp_path, lambda: key).keep_depth(1, kept, "single")
+    size = next(tmp_path.rglob("single-*.npz")).stat().st_size
+    store = DepthStore(tmp_path, lambda: key, most=size + size // 2)
+    store.keep_depth(2, kept, "coarse")
+    assert store.problem is not None
+    store.keep_depth(1, kept)
+    assert store.problem is None
+    assert [path.name for path in tmp_path.rglob("*.npz")] == ["depth-000001.npz"]
 
 
 @pytest.mark.parametrize("damage", ["empty", "cut", "noise", "other"])

@@ -36,13 +36,14 @@ class FileLock:
     whatever file is. A file system that knows no locks is used without.
     """
 
-    def __init__(self, path: Path, refused: Callable[[str], UserError]) -> None:
-        """`refused` makes the error for who has it, as " by process 4"; OSError where none can be made."""
+    def __init__(self, path: Path, refused: Callable[[str], UserError], patience: float = PATIENCE) -> None:
+        """`refused` makes the error for who has it, as " by process 4", for so many seconds; OSError where
+        none can be made."""
         self._path = path
         self._file: int | None = None
         self.is_locked = False
         """Whether the system keeps others out."""
-        until = time.monotonic() + PATIENCE
+        until = time.monotonic() + patience
         while self._file is None:
             file = os.open(self._path, os.O_RDWR | os.O_CREAT, 0o666)
             try:

@@ -22,6 +22,11 @@ class LRUCache[V]:
     def __contains__(self, frame: int) -> bool:
         return frame in self._kept
 
+    def known(self, frame: int) -> V | None:
+        """A frame's value, None where it is not kept."""
+        with self._lock:
+            return self._kept.get(frame)
+
     def get(self, frame: int, make: Callable[[], V]) -> V:
         """A frame's value, made if need be."""
         with self._lock:

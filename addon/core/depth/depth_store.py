@@ -4,15 +4,22 @@ FOLDER/KEY/depth-000123.npz    a frame's inverse depth in 12 bits, its confidenc
                                inverse depth past its border
 FOLDER/KEY/moving-000123.npz   what moves in a frame
 FOLDER/KEY/moving-SUBJECT-000123.npz   the part of it that a marked subject has
+FOLDER/KEY/single-000123.npz, coarse-000123.npz   a key frame's depth by itself, and that of a source frame of
+                               the static scene, before others are fused with it
+FOLDER/KEY/alone-000123.npz, alone-PASS-000123.npz   what moves in a frame by its own evidence
 
 KEY stands for everything that they depend on. A file that is damaged, or of another size, is not there.
+Processes that work on the same clip share what is kept: each takes what no other is making (`made`).
 """
 
 from __future__ import annotations
 
 import contextlib
 import io
-from collections.abc import Callable
+import math
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,7 +30,9 @@ from numpy.typing import NDArray
 from ..base import atomic, limits
 from ..base.arrays import Bytes, Map, Mask
 from ..base.errors import Remedy, UserError
+from ..base.file_lock import FileLock
 from ..base.npz import read_arrays
+from ..base.progress import checkpoint
 
 FINEST = 4095
 """Steps from a frame's least inverse depth to its largest: 0.02 pixels where a disc has 96. With 65535 a
@@ -38,6 +47,13 @@ PNG = b"\x89PNG\r\n\x1a\n"
 """Begins a PNG, whose width and height stand at its 17th byte (ISO/IEC 15948)."""
 LONGEST_SIDE = 16384
 """Pixels of a mask at most, as of any picture that is drawn."""
+KINDS = "depth", "moving", "single", "coarse", "alone"
+"""What the names of files begin with; all others go where there is no room for the first."""
+RECOUNT = 10.0
+"""Seconds after which files are counted again, which other processes write, too."""
+PAUSE, PATIENCE = 0.03, 60.0
+"""Seconds between two looks whether another process has made what is needed, and until it is made here
+instead: that one may be stopped. By eye."""
 SUREST = 15
 """Steps of confidence from 0 to 1: it is compared with thresholds that were set by eye."""
 
@@ -123,13 +139,13 @@ class DepthStore:
         """
         self._key, self._key_now = key(), key
         self._folder, self._most = folder / self._key, most or limits.most_kept_depth()
-        self._taken = -1
+        self._taken, self._counted = 0, -math.inf
         self.problem: UserError | None = None
         """Why the last thing that was to be kept is not; None where it is."""
 
-    def depth(self, frame: int, shape: tuple[int, int]) -> KeptDepth | None:
-        """A frame's depth (h, w) of that shape, None where it is not kept."""
-        kept = self._read(f"depth-{frame:06d}", (*MAPS, "range", "past_range"))
+    def depth(self, frame: int, shape: tuple[int, int], kind: str = "depth") -> KeptDepth | None:
+        """A frame's depth (h, w) of that shape and one of `KINDS`, None where it is not kept."""
+        kept = self._read(f"{kind}-{frame:06d}", (*MAPS, "range", "past_range"))
         if kept is None:
             return None
         maps = {name: _decoded(kept[name], 3 * max(shape)) for name in MAPS}
@@ -148,10 +164,10 @@ class DepthStore:
         sure, moving = (np.asarray(found[name], np.uint8) for name in ("confidence", "moving"))
         return KeptDepth(inverse, sure, moving > 0, beyond)
 
-    def keep_depth(self, frame: int, depth: KeptDepth) -> None:
-        """Keep a frame's depth."""
+    def keep_depth(self, frame: int, depth: KeptDepth, kind: str = "depth") -> None:
+        """Keep a frame's depth, of one of `KINDS`."""
         self._write(
-            f"depth-{frame:06d}",
+            f"{kind}-{frame:06d}",
             {
                 "inverse": _encoded(depth.inverse.steps),
                 "confidence": _encoded(depth.sure),
@@ -162,17 +178,77 @@ class DepthStore:
             },
         )
 
-    def moving(self, frame: int, make: Callable[[], Mask], subject: str = "") -> Mask:
-        """(h, w) what moves in a frame, or what a subject of that key has of it: as it is kept, else made and
-        kept."""
-        name = f"moving-{subject}-{frame:06d}" if subject else f"moving-{frame:06d}"
-        kept = self._read(name, ("moving",))
-        found = None if kept is None else _decoded(kept["moving"], LONGEST_SIDE)
-        if found is not None:
-            return np.asarray(np.asarray(found, np.uint8) > 0)
-        mask = make()
-        self._write(name, {"moving": _encoded(mask.astype(np.uint8))})
-        return mask
+    def moving(self, frame: int, make: Callable[[], Mask], kind: str = "moving") -> Mask:
+        """(h, w) as `masks`, of one frame."""
+        return self.masks([frame], kind, lambda frame: make())[frame]
+
+    def masks(self, frames: Sequence[int], kind: str, make: Callable[[int], Mask]) -> dict[int, Mask]:
+        """(h, w) what moves in frames, of one of `KINDS` and whatever else its name is to tell: as it is
+        kept, else made and kept; see `made`."""
+
+        def name(frame: int) -> str:
+            return f"{kind}-{frame:06d}"
+
+        def read(frame: int) -> Mask | None:
+            kept = self._read(name(frame), ("moving",))
+            found = None if kept is None else _decoded(kept["moving"], LONGEST_SIDE)
+            return None if found is None else np.asarray(np.asarray(found, np.uint8) > 0)
+
+        def made(frame: int) -> Mask:
+            mask = make(frame)
+            self._write(name(frame), {"moving": _encoded(mask.astype(np.uint8))})
+            return mask
+
+        return self.made(frames, name, read, made)
+
+    def made[R](
+        self,
+        frames: Sequence[int],
+        name: Callable[[int], str],
+        read: Callable[[int], R | None],
+        make: Callable[[int], R],
+    ) -> dict[int, R]:
+        """Something of each frame: as it is kept, which `read` tells, else by `make`, which keeps it.
+
+        Of several, what another process is making is waited for, after everything else, so that they share
+        the work. A single one is made at once: they share what it is made from.
+        """
+        found, left = dict[int, R](), list(frames)
+        until = time.monotonic() + PATIENCE
+        while left:
+            waiting = []
+            for frame in left:
+                there = read(frame)
+                if there is None:
+                    with self._claimed(name(frame)) if len(frames) > 1 else nullcontext(True) as is_mine:
+                        if not is_mine and time.monotonic() < until:
+                            waiting.append(frame)
+                            continue
+                        # Who had it may just have kept it.
+                        there = read(frame) if len(frames) > 1 else None
+                        there = make(frame) if there is None else there
+                    until = time.monotonic() + PATIENCE
+                found[frame] = there
+            if waiting == left:
+                checkpoint()
+                time.sleep(PAUSE)
+            left = waiting
+        return found
+
+    @contextlib.contextmanager
+    def _claimed(self, name: str) -> Iterator[bool]:
+        """Keep other processes from making a file meanwhile; whether none of them is at it. Where that cannot
+        be told each makes its own."""
+        try:
+            self._folder.mkdir(parents=True, exist_ok=True)
+            lock = FileLock(self._folder / f"{name}.lock", UserError, patience=0)
+        except UserError:
+            yield False
+        except OSError:
+            yield True
+        else:
+            with lock:
+                yield True
 
     def _read(self, name: str, parts: tuple[str, ...]) -> dict[str, NDArray[np.generic]] | None:
         path = self._folder / f"{name}.npz"
@@ -190,7 +266,7 @@ class DepthStore:
         try:
             if self._key_now() != self._key:
                 raise UserError("the clip, its solve or its masks have changed meanwhile")
-            if not self._has_room(data.tell()):
+            if not self._has_room(data.tell(), name.startswith(KINDS[0])):
                 raise UserError(
                     f"no more than {self._most} bytes of depth are kept for a clip; allow more",
                     Remedy.KEPT_DEPTH,
@@ -203,15 +279,20 @@ class DepthStore:
             # Without the traceback, which holds all that was to be written.
             self.problem = UserError(str(error), *error.remedies)
 
-    def _has_room(self, more: int) -> bool:
-        """Whether so many bytes more are no more than the most, once other keys' files are removed for them,
-        the oldest first."""
-        if self._taken < 0:
-            atomic.collect_orphans(self._folder)
+    def _has_room(self, more: int, goes_first: bool) -> bool:
+        """Whether so many bytes more are no more than the most; for what `goes_first` once other keys' files
+        are removed for it, the oldest first, and then own ones of what depth is found from."""
+        if time.monotonic() > self._counted + RECOUNT:
+            if self._counted < 0:
+                atomic.collect_orphans(self._folder)
+            self._counted = time.monotonic()
             self._taken = sum(_size(folder) for folder in _folders(self._folder.parent))
-        for folder in sorted(_folders(self._folder.parent), key=lambda one: one.stat().st_mtime):
-            if self._taken + more > self._most and folder != self._folder:
-                self._taken -= _delete(folder)
+        if goes_first:
+            for folder in sorted(_folders(self._folder.parent), key=_written):
+                if self._taken + more > self._most and folder != self._folder:
+                    self._taken -= _delete(folder)
+            if self._taken + more > self._most:
+                self._taken -= _delete(self._folder, KINDS[1:])
         return self._taken + more <= self._most
 
 
@@ -250,21 +331,35 @@ def _folders(folder: Path) -> list[Path]:
     return [path for path in folder.iterdir() if path.is_dir()] if folder.is_dir() else []
 
 
-def _kept_files(folder: Path) -> list[Path]:
-    return [*folder.glob("depth-*.npz"), *folder.glob("moving-*.npz")]
+def _kept_files(folder: Path, kinds: Sequence[str] = KINDS) -> list[Path]:
+    return [path for kind in kinds for path in folder.glob(f"{kind}-*.npz")]
 
 
-def _delete(folder: Path) -> int:
-    """Delete a key's files; how many bytes that frees."""
+def _delete(folder: Path, kinds: Sequence[str] = KINDS) -> int:
+    """Delete a key's files of some kinds; how many bytes that frees."""
     freed = 0
-    for path in _kept_files(folder):
-        freed += path.stat().st_size
-        path.unlink(missing_ok=True)
+    for path in _kept_files(folder, kinds):
+        # Another process may have been first.
+        with contextlib.suppress(FileNotFoundError):
+            freed += path.stat().st_size
+            path.unlink()
     # Whatever else lies there is not ours.
     with contextlib.suppress(OSError):
         folder.rmdir()
     return freed
 
 
+def _written(folder: Path) -> float:
+    """When a folder was written to; 0 where it is gone."""
+    try:
+        return folder.stat().st_mtime
+    except FileNotFoundError:
+        return 0.0
+
+
 def _size(folder: Path) -> int:
-    return sum(path.stat().st_size for path in _kept_files(folder))
+    size = 0
+    for path in _kept_files(folder):
+        with contextlib.suppress(FileNotFoundError):
+            size += path.stat().st_size
+    return size

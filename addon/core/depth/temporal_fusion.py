@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from contextlib import nullcontext
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import cv2
 import numpy as np
@@ -13,9 +14,10 @@ from ..base.errors import UserError
 from ..base.lru_cache import LRUCache
 from ..base.progress import checkpoint, part
 from ..camera.reconstruction import Image, Reconstruction
-from .depth_store import DepthStore, KeptDepth
+from .depth_store import DepthStore
 from .multi_view_stereo import DenseDepth, PlaneSweepStereo
 from .reprojection import in_place
+from .shared_depth import found_once, kept_depth
 from .source import extended
 from .view_selection import stride
 
@@ -109,29 +111,16 @@ class TemporalFusion:
 
     def at(self, frame: int) -> DenseDepth:
         """The depth of a frame as it is kept, else found; errors as `PlaneSweepStereo.at`."""
-        there = self.kept(frame)
-        if there is not None:
-            return there
-        found = self._found(frame)
-        kept = KeptDepth.of(found.inverse_depth, found.confidence, found.moving, found.past_border)
-        if self._store:
-            self._store.keep_depth(frame, kept)
-        return self._dense(frame, kept)
+        return found_once(self._store, "depth", [frame], self._stereo.pinhole, self._found)[frame]
 
     def kept(self, frame: int) -> DenseDepth | None:
         """The depth of a frame as it is kept, None where it would have to be found; errors as `at`."""
-        pinhole = self._stereo.pinhole(frame)
-        kept = self._store.depth(frame, (pinhole.height, pinhole.width)) if self._store else None
-        return None if kept is None else self._dense(frame, kept)
+        return kept_depth(self._store, "depth", frame, self._stereo.pinhole)
 
     @property
     def not_kept(self) -> UserError | None:
         """Why the last depth that was found is not kept; None where it is, or nothing is to be."""
         return self._store.problem if self._store else None
-
-    def _dense(self, frame: int, kept: KeptDepth) -> DenseDepth:
-        pinhole = self._stereo.pinhole(frame)
-        return DenseDepth(frame, kept.inverse_depth, kept.confidence, kept.moving, pinhole, kept.past_border)
 
     def _found(self, frame: int) -> DenseDepth:
         """The depth of a frame from the key frames around it.
@@ -141,19 +130,13 @@ class TemporalFusion:
         """
         image, _ = self._rec.image_at(frame)
         options, keys = self._options, self._around(frame)
-        # What is remembered takes no time.
-        new = [key.frame for key in keys if key.frame not in self._kept]
-        self._stereo.prefetch(new)
-        depths = []
-        for key in keys:
-            with part(new.index(key.frame), len(new)) if key.frame in new else nullcontext():
-                depths.append(self._single_frame(key.frame))
+        depths = self._single_frames([key.frame for key in keys])
         own = next((depth for depth in depths if depth.frame == image.frame), None)
         stack = [self._in_place(depth, key, image) for depth, key in zip(depths, keys, strict=True)]
         inner = (slice(self._margin(frame), -self._margin(frame)),) * 2
         unseen = np.mean(np.maximum.reduce([weight[inner] for _, weight in stack]) <= 0)
         if own is None and unseen > options.most_unseen:
-            own = self._single_frame(image.frame)
+            (own,) = self._single_frames([image.frame])
             stack.append(self._in_place(own, image, image))
         inverses, weights = (np.stack([each[inner] for each in part]) for part in zip(*stack, strict=True))
         inverse, confidence, level = fused(inverses, weights, options)
@@ -191,8 +174,22 @@ class TemporalFusion:
         near = {*range(0, last, step), last} & {*range(at - span, at + span + 1)}
         return [images[number] for number in sorted(near)]
 
-    def _single_frame(self, frame: int) -> DenseDepth:
-        return self._kept.get(frame, lambda: self._stereo.matched(frame))
+    def _single_frames(self, frames: Sequence[int]) -> list[DenseDepth]:
+        """The depth of frames by themselves."""
+        # What is remembered takes no time.
+        there = {frame: depth for frame in frames if (depth := self._kept.known(frame)) is not None}
+        new = [frame for frame in frames if frame not in there]
+        pinhole = self._stereo.pinhole
+        self._stereo.prefetch(
+            [frame for frame in new if kept_depth(self._store, "single", frame, pinhole) is None]
+        )
+
+        def find(frame: int) -> DenseDepth:
+            with part(new.index(frame), len(new)):
+                return self._stereo.matched(frame)
+
+        there |= found_once(self._store, "single", new, pinhole, find)
+        return [self._kept.get(frame, partial(there.__getitem__, frame)) for frame in frames]
 
 
 def fused(

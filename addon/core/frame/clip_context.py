@@ -114,9 +114,7 @@ class ClipContext:
         return self._marked_mask(marked, frame)
 
     def _all_moving(self, frame: int) -> Mask:
-        store, subjects = self._mask_store, self.subjects
-        found = store.moving(frame, lambda: subjects.mask(frame)) if store else subjects.mask(frame)
-        return self._with_said(frame, found)
+        return self._with_said(frame, self.subjects.mask(frame))
 
     def _with_said(self, frame: int, found: Mask) -> Mask:
         """(h, w) what was found to move in a frame (h, w), what is marked, and what masks say."""
@@ -132,7 +130,7 @@ class ClipContext:
         carried, store = self.carried(marked), self._mask_store
         if store is None:
             return carried.mask(frame)
-        return store.moving(frame, lambda: carried.mask(frame), marked.key)
+        return store.moving(frame, lambda: carried.mask(frame), f"moving-{marked.key}")
 
     def carried(self, marked: MarkedSubject) -> CarriedSubject:
         """A marked subject in the frames of the clip; what was carried is remembered."""

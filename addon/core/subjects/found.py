@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
@@ -13,6 +13,7 @@ from ..base.arrays import Bytes, Map, Mask
 from ..base.lru_cache import LRUCache
 from ..base.progress import checkpoint
 from ..camera.reconstruction import Image, Reconstruction
+from ..depth.depth_store import DepthStore
 from ..depth.moving_objects import MovingObjectOptions, standing_depth
 from ..depth.multi_view_stereo import Moving
 from ..depth.object_tracks import ClipObjects
@@ -59,6 +60,8 @@ class Evidence:
     options: SubjectOptions
     left_out: LeftOut
     """What moves in a source frame, and is left out of the static scene."""
+    find_left_out: Callable[[Sequence[int]], object]
+    """Has that be found for source frames."""
     _single: LRUCache[tuple[Map, Map]] = field(
         default_factory=lambda: LRUCache[tuple[Map, Map]](KEPT_EVIDENCE), repr=False, compare=False
     )
@@ -71,6 +74,9 @@ class Evidence:
     def of_frame(self, frame: int) -> tuple[Map, Map]:
         """The evidence of one frame alone."""
         checkpoint()
+        sources = self.plates.around(frame)
+        self.plates.find_depth(sources)
+        self.find_left_out(sources)
         plate = self.plates.plate(frame, self.left_out)
         return contradiction(self.plates.picture(frame), plate, self.options.segmentation)
 
@@ -93,18 +99,24 @@ class FoundSubjects:
     masks: Moving | None = None
     """What is known to move by itself, (h, w) of a source frame at any size."""
     options: SubjectOptions = field(default_factory=SubjectOptions)
+    store: DepthStore | None = None
+    """Where what is found is kept."""
 
     def mask(self, frame: int) -> Mask:
         """(h, w) what moves by itself, over the source frame with its distortion, at the size worked at."""
-        odds, weight = self.evidence.at(frame)
-        options = self.options.segmentation
-        found = components(segmented(self.picture(frame), odds, weight, options), odds, weight, options)
-        return self.plates.canvas(frame).mask_to_source(found)
+        return self._kept(frame, "moving", lambda: self._outlined(frame, *self.evidence.at(frame)))
 
     def mask_alone(self, frame: int) -> Mask:
         """(h, w) as `mask`, by the evidence of the frame itself: parts of an outline can be missing. In a
         fifth of the time, where the frames around are not asked for."""
-        options, (odds, weight) = self.options.segmentation, self.evidence.alone(frame)
+        return self._kept(frame, "alone", lambda: self._outlined(frame, *self.evidence.alone(frame)))
+
+    def _kept(self, frame: int, kind: str, find: Callable[[], Mask]) -> Mask:
+        return find() if self.store is None else self.store.moving(frame, find, kind)
+
+    def _outlined(self, frame: int, odds: Map, weight: Map) -> Mask:
+        """(h, w) subjects over a source frame, of log-odds (h, w) with their weights (h, w)."""
+        options = self.options.segmentation
         found = components(segmented(self.picture(frame), odds, weight, options), odds, weight, options)
         return self.plates.canvas(frame).mask_to_source(found)
 
@@ -115,16 +127,21 @@ class FoundSubjects:
     @cached_property
     def evidence(self) -> Evidence:
         """What tells them."""
-        return self._evidence(partial(self._left_out, self.options.passes))
+        return self._after(self.options.passes)
 
     def evidence_without(self, subject: Callable[[int], Mask]) -> Evidence:
         """The same with a `subject` (h, w) of source frames left out of the static scene, besides what is
         found."""
         found = partial(self._left_out, self.options.passes)
-        return self._evidence(lambda frame: found(frame) | self._grown(subject(frame)))
+        return replace(
+            self._after(self.options.passes),
+            left_out=lambda frame: found(frame) | self._grown(subject(frame)),
+        )
 
-    def _evidence(self, left_out: LeftOut) -> Evidence:
-        return Evidence(self.plates, self.flow, self.options, left_out)
+    def _after(self, passes: int) -> Evidence:
+        """The evidence after so many passes over source frames."""
+        left_out, find = (partial(each, passes) for each in (self._left_out, self._find_left_out))
+        return Evidence(self.plates, self.flow, self.options, left_out, find)
 
     def standing(self, subject: Callable[[int], Mask], frame: int) -> float | None:
         """The median inverse depth, in 1 / scene units, of a subject (h, w) over source frames at any size,
@@ -156,7 +173,7 @@ class FoundSubjects:
     @cached_property
     def plates(self) -> StaticPlate:
         """The static scene."""
-        return StaticPlate(self.reconstruction, self.read, self.masks, self.options.plate)
+        return StaticPlate(self.reconstruction, self.read, self.masks, self.options.plate, self.store)
 
     @cached_property
     def flow(self) -> ClipFlow:
@@ -169,14 +186,26 @@ class FoundSubjects:
         Each pass leaves out of the frames around what the one before has found in them; without any it is
         what a frame's own neighbours tell. Only what a frame needs is found, as a clip may be long.
         """
-        return self._passes[passes].get(frame, lambda: self._found_in_pass(passes, frame))
+        return self._passes[passes].get(frame, lambda: self._of_pass(passes, [frame])[frame])
+
+    def _find_left_out(self, passes: int, frames: Sequence[int]) -> None:
+        """Have `_left_out` be known for frames, each that no other process is at first."""
+        new = [frame for frame in frames if frame not in self._passes[passes]]
+        for frame, mask in self._of_pass(passes, new).items():
+            self._passes[passes].get(frame, partial(np.asarray, mask))
+
+    def _of_pass(self, passes: int, frames: Sequence[int]) -> dict[int, Mask]:
+        find = partial(self._found_in_pass, passes)
+        if self.store is None or not passes:
+            return {frame: find(frame) for frame in frames}
+        return self.store.masks(frames, f"alone-{passes}", find)
 
     def _found_in_pass(self, passes: int, frame: int) -> Mask:
         hinted = self._grown(self.plates.moving(frame)) if passes == 0 else self._left_out(0, frame)
         if passes == 0:
             return hinted
         options = self.options
-        odds, weight = self._evidence(partial(self._left_out, passes - 1)).of_frame(frame)
+        odds, weight = self._after(passes - 1).of_frame(frame)
         probability = segmented(self.picture(frame), odds, weight, options.segmentation)
         own = self._grown(components(probability, odds, weight, options.segmentation))
         return own | (hinted & (probability > options.likely))

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import cv2
 import numpy as np
@@ -13,6 +14,7 @@ from ..base.lru_cache import LRUCache
 from ..base.progress import checkpoint
 from ..camera.canvas import Canvas
 from ..camera.reconstruction import Image, Reconstruction
+from ..depth.depth_store import DepthStore
 from ..depth.multi_view_stereo import (
     COARSE,
     DenseDepth,
@@ -22,12 +24,17 @@ from ..depth.multi_view_stereo import (
     pixel_matrix,
 )
 from ..depth.reprojection import in_place
+from ..depth.shared_depth import found_once
 from ..depth.temporal_fusion import fused, level_of
 from ..depth.view_selection import relative_pose, stride
 from ..media.picture_file import Pixels
 
 LeftOut = Callable[[int], Mask | None]
 """What moves in a source frame, (h, w) of the plate's size, None where nothing is known to."""
+
+
+def _given(depth: DenseDepth) -> DenseDepth:
+    return depth
 
 
 def nothing(_frame: int) -> None:
@@ -91,6 +98,8 @@ class StaticPlate:
     masks: Moving | None = None
     """What is known to move by itself, (h, w) of a source frame at any size."""
     options: PlateOptions = field(default_factory=PlateOptions)
+    store: DepthStore | None = None
+    """Where the depth of source frames is kept."""
 
     def __post_init__(self) -> None:
         wide = replace(self.options.depth, long_side=self.options.long_side)
@@ -184,7 +193,20 @@ class StaticPlate:
         return np.asarray(jump > self.options.jump * (inverse.max() - inverse.min()))
 
     def _depth(self, frame: int) -> DenseDepth:
-        return self._depths.get(frame, lambda: self._sweep.at(frame))
+        return self._depths.get(frame, lambda: self._coarse([frame])[frame])
+
+    def find_depth(self, frames: Sequence[int]) -> None:
+        """Find the depth of source frames, each that no other process is at first."""
+        new = [frame for frame in frames if frame not in self._depths]
+        for frame, depth in self._coarse(new).items():
+            self._depths.get(frame, partial(_given, depth))
+
+    def _coarse(self, frames: Sequence[int]) -> dict[int, DenseDepth]:
+        return found_once(self.store, "coarse", frames, self._sweep.pinhole, self._sweep.at)
+
+    def around(self, frame: int) -> list[int]:
+        """The source frames of a frame."""
+        return [image.frame for image in self._around(frame)]
 
     def _around(self, frame: int) -> list[Image]:
         """The source frames of a frame."""
