@@ -21,6 +21,7 @@ from ..core.media.copying import copy_clip, copy_file
 from ..core.sfm.state import STATE, read_state, write_state
 from ..core.sfm.workspace import load_solve
 from ..render import movie_file, output
+from ..render.blend_file import write_blend
 from ..render.frame_keys import frame_keys
 from ..render.frame_size import written_size
 from ..render.launcher import launcher
@@ -29,7 +30,7 @@ from ..scene.build import move_clip
 from ..scene.shot import reconstruction_of
 from . import NAME
 from .aperture import image_of, with_image
-from .blend import is_blend, open_blend, write_blend
+from .blend import is_blend, open_blend
 from .lens import (
     add_lens,
     add_work,

@@ -44,7 +44,7 @@ from .aperture import add_aperture, placed, set_shape
 from .blend import is_blend
 from .options import Parser, UsageError, add_options, real, whole
 from .paths import path
-from .subjects import add_subjects, focused_subjects, subjects_of
+from .subjects import add_focus_subject, add_subjects, focused_subjects, subjects_of
 
 NEEDED = "focus_is_needed"
 """Attribute of parsed options: whether a focus must be given."""
@@ -87,6 +87,14 @@ def add_lens(command: argparse.ArgumentParser, required: bool) -> None:
     command.add_argument(
         "--depth", type=path, metavar="DIR", help="your own depth maps: EXR or 16-bit PNG, any scale and kind"
     )
+    add_moving(command)
+    add_focus_subject(command)
+    add_options(command, FRAME_OPTIONS)
+    add_aperture(command)
+
+
+def add_moving(command: argparse.ArgumentParser) -> None:
+    """What the user says moves by itself, which depth depends on."""
     command.add_argument(
         "--mask",
         type=path,
@@ -94,8 +102,6 @@ def add_lens(command: argparse.ArgumentParser, required: bool) -> None:
         help="your own mattes of what moves by itself: pictures, white or opaque moves, gray in part",
     )
     add_subjects(command)
-    add_options(command, FRAME_OPTIONS)
-    add_aperture(command)
 
 
 def add_work(command: argparse.ArgumentParser) -> None:
@@ -283,9 +289,8 @@ def set_lens(
     options name one.
     """
     reconstruction = solved.reconstruction
-    _set_clip_files(settings, solved, options)
-    at = _registered(reconstruction, frames)
-    set_marked(settings, subjects_of(options, at))
+    _set_depth_maps(settings, solved, options)
+    set_moving(settings, solved, options, frames)
     focus, frame, places = _chosen_focus(settings, reconstruction, options, frames)
     focus = replace(focus, tilt=math.radians(options.tilt), swing=math.radians(options.swing))
     method = options.method or settings.method
@@ -343,13 +348,24 @@ def _chosen_focus(
     return Focus(distance=found[0].distance), found[0].frame, found
 
 
-def _set_clip_files(settings: VirtualApertureSettings, solved: Solve, options: argparse.Namespace) -> None:
-    """The user's depth maps and masks of the clip, and what is to be said of them."""
+def _set_depth_maps(settings: VirtualApertureSettings, solved: Solve, options: argparse.Namespace) -> None:
+    """The user's depth maps of the clip, and what is to be said of them."""
     if options.depth:
         maps = open_depth(options.depth.absolute(), solved.open_clip(solved.frames))
         for note in maps.notes:
             say(f"note: {note}")
         settings.depth_maps = str(options.depth.absolute())
+
+
+def set_moving(
+    settings: VirtualApertureSettings,
+    solved: Solve,
+    options: argparse.Namespace,
+    frames: Sequence[int] = (),
+) -> None:
+    """Write what the options of `add_moving` say into the settings, `frames` as of `set_lens`, and say what
+    is to be said of masks; UserError for strokes that are not understood and masks that cannot be read."""
+    set_marked(settings, subjects_of(options, _registered(solved.reconstruction, frames)))
     if options.mask:
         masks = open_masks(options.mask.absolute(), solved.open_clip(solved.frames))
         for note in masks.notes:

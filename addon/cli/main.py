@@ -23,6 +23,7 @@ from ..core.media.clip import FrameRange
 from ..core.sfm.state import STATE
 from ..core.sfm.workspace import Solve, default_work_dir, load_solve
 from ..render import engine, jobs, movie_file, movie_folder, output
+from ..render.blend_file import write_blend
 from ..render.frame_keys import run_key
 from ..render.frame_size import render_size
 from ..render.gpu_views import check_gpu, check_memory
@@ -32,8 +33,8 @@ from ..render.run_report import RunReport, check_report
 from ..scene import properties
 from ..scene.paths import absolute
 from ..scene.shot import shot_of
-from . import farm, inspect, save, solve
-from .blend import is_blend, open_blend, write_blend
+from . import depth, farm, inspect, save, solve
+from .blend import is_blend, open_blend
 from .lens import (
     add_lens,
     add_work,
@@ -46,12 +47,10 @@ from .lens import (
     set_lens,
     wanted_frames,
 )
-from .options import Parser, UsageError, whole
+from .options import Parser, UsageError
 from .paths import path
+from .processes import add_jobs, processes
 from .words import SOLVED_WORDS, WORDS
-
-MOST_JOBS = 1000
-"""Processes that can be asked for: no machine has so many processors to itself."""
 
 
 def parser() -> argparse.ArgumentParser:
@@ -65,6 +64,7 @@ def parser() -> argparse.ArgumentParser:
     commands = top.add_subparsers(required=True, metavar="COMMAND")
 
     solve.add_commands(commands, common)
+    depth.add_command(commands, common)
     two = commands.add_parser("render", parents=[common], help="render a solved clip with depth of field")
     add_work(two)
     add_lens(two, required=False)
@@ -99,9 +99,7 @@ def parser() -> argparse.ArgumentParser:
 def _add_output(command: argparse.ArgumentParser) -> None:
     command.add_argument("--out", type=path, required=True, metavar="FILE.mp4|DIR/####.png|DIR/####.exr")
     command.add_argument("--overwrite", action="store_true", help="replace output that exists")
-    command.add_argument(
-        "--jobs", type=whole(1, MOST_JOBS), default=1, metavar="N", help="processes that render side by side"
-    )
+    add_jobs(command)
     command.add_argument(
         "--report", type=path, metavar="FILE.json", help="method, mesh, error, sources and time of each frame"
     )
@@ -194,13 +192,14 @@ def _render(solved: Solve | None, options: argparse.Namespace) -> None:
         options.report.absolute() if options.report else None, run_key(scene), options.overwrite
     )
     silent = contextlib.nullcontext(1) if options.debug else quiet(1)
+    side_by_side = processes(options, len(frames), shot_of(scene))
     with silent as descriptor, engine.watched(run_report.on_frame):
 
         def report(text: str) -> None:
             say_to(descriptor, text)
             _check_interrupted()
 
-        draw = None if options.jobs == 1 else _side_by_side(options, run_report, report)
+        draw = None if side_by_side == 1 else _side_by_side(options, side_by_side, run_report, report)
         if is_movie:
             output.render_movie(scene, frames, out, report, draw)
         else:
@@ -219,8 +218,10 @@ def _render(solved: Solve | None, options: argparse.Namespace) -> None:
     say(f"wrote {options.out}")
 
 
-def _side_by_side(options: argparse.Namespace, run_report: RunReport, report: output.Report) -> output.Draw:
-    """Have frames drawn by `--jobs` processes of this command line, which get the scene as a .blend."""
+def _side_by_side(
+    options: argparse.Namespace, count: int, run_report: RunReport, report: output.Report
+) -> output.Draw:
+    """Have frames drawn by `count` processes of this command line, which get the scene as a .blend."""
     is_movie = options.for_movie or options.out.suffix.lower() in movie_file.MOVIES
     step = options.frames.step if options.frames and not is_movie else 1
 
@@ -228,16 +229,16 @@ def _side_by_side(options: argparse.Namespace, run_report: RunReport, report: ou
         with temporary_folder() as scratch:
             blend = scratch / "scene.blend"
             write_blend(blend)
-            reports = [scratch / f"{number}.json" for number in range(options.jobs)]
+            reports = [scratch / f"{number}.json" for number in range(count)]
 
             def command(frames: Sequence[int], number: int) -> list[str]:
-                words = ["render", str(blend), "--out", str(out)]
+                words = ["render", str(blend), "--jobs", "1", "--out", str(out)]
                 words += ["--frames", f"{frames[0]}-{frames[-1]}:{step}"]
                 words += ["--for-movie"] * is_movie + ["--overwrite"] * (is_movie or options.overwrite)
                 return words + (["--report", str(reports[number])] if options.report else [])
 
             try:
-                jobs.render_side_by_side(todo, options.jobs, command, done, report)
+                jobs.render_side_by_side(todo, count, command, done, report)
             finally:
                 for path in reports:
                     run_report.take_over(path)

@@ -15,11 +15,11 @@ from ..core.media.clip import Footage, FrameRange, open_footage
 from ..core.media.copying import copy_clip, copy_file, copy_pictures
 from ..core.media.masks import open_masks
 from ..core.sfm.workspace import load_solve
+from ..render.blend_file import write_blend
 from ..render.output import check_folder, set_still
 from ..scene.build import move_clip
 from ..scene.paths import absolute
 from ..scene.properties import VirtualApertureSettings
-from .blend import write_blend
 from .lens import (
     add_lens,
     check_numbers,

@@ -12,9 +12,7 @@ from pathlib import Path
 import bpy
 
 from ..core.base.atomic import PART, collect_orphans, owned
-from ..core.base.counting import counted
 from ..core.base.errors import UserError, Words
-from ..core.base.messages import Progress, send
 from ..core.base.streams import say
 from ..core.base.time_left import TimeLeft
 from ..core.camera.focal_length import Focal, from_equivalent, from_field_of_view, from_sensor
@@ -25,9 +23,8 @@ from ..core.readers.matching import Imported
 from ..core.sfm.process import SolveProcess, SolveProgress
 from ..core.sfm.tracks import TRACKERS
 from ..core.sfm.workspace import Solve, keep_import, load_solve
-from ..render.launcher import CHILD
 from ..scene.movieclip import read_movie_clip
-from ..scene.shot import Shot
+from .depth import depth_of_solve
 from .options import real
 from .paths import path
 
@@ -35,7 +32,7 @@ from .paths import path
 def add_commands(
     commands: argparse._SubParsersAction[argparse.ArgumentParser], common: argparse.ArgumentParser
 ) -> None:
-    """`solve`, `report`, `import`, `depth` and `export`; each sets `command` to the function that runs it."""
+    """`solve`, `report`, `import` and `export`; each sets `command` to the function that runs it."""
     one = commands.add_parser("solve", parents=[common], help="find cameras and points of a clip")
     add_footage(one)
     one.add_argument("--work", type=path, required=True, metavar="DIR", help="folder that keeps the solve")
@@ -61,12 +58,6 @@ def add_commands(
     three.add_argument("--clip", metavar="NAME", help="which movie clip of the .blend")
     three.add_argument("--again", action="store_true", help="replace a solve of this clip in the folder")
     three.set_defaults(command=import_model)
-
-    five = commands.add_parser("depth", parents=[common], help="find all frames' depth, ahead of renders")
-    five.add_argument("work", type=path, metavar="DIR", help="folder that keeps the solve")
-    # For the panel, which finds depth in the background.
-    five.add_argument(CHILD, action="store_true", help=argparse.SUPPRESS)
-    five.set_defaults(command=depth)
 
     four = commands.add_parser("export", parents=[common], help="write a solve as a COLMAP text model")
     four.add_argument("work", type=path, metavar="DIR", help="folder that keeps the solve")
@@ -123,35 +114,8 @@ def solve(options: argparse.Namespace) -> None:
     """`solve FOOTAGE --work DIR [--depth]`"""
     solved = solve_clip(options, options.work)
     say_quality(solved, options.words)
-    if options.depth and (problem := keep_depth(solved)):
+    if options.depth and (problem := depth_of_solve(solved)):
         say(f"note: {problem.worded(options.words)}")
-
-
-def depth(options: argparse.Namespace) -> None:
-    """`depth DIR`"""
-    if problem := keep_depth(load_solve(options.work.absolute())):
-        raise problem
-
-
-def keep_depth(solved: Solve) -> UserError | None:
-    """Find the depth of a clip's frames without masks and keep it beside the solve: renders read it there.
-
-    Ends at a frame whose depth cannot be kept, and returns what is kept and why that is not.
-    """
-    footage = solved.open_clip()
-    stereo = Shot(footage, solved.reconstruction, work=solved.work_dir).context.stereo
-    count = len(footage.frames)
-    for number, frame in enumerate(footage.frames, 1):
-        stereo.at(frame)
-        if stereo.kept(frame) is None:
-            there = sum(stereo.kept(each) is not None for each in footage.frames)
-            why = stereo.not_kept or UserError("what was written cannot be read back")
-            kept = f"the depth of {there} of {counted(count, 'frame')} is kept in {solved.work_dir}"
-            return UserError(f"{kept}, that of frame {frame} cannot be: {why}", *why.remedies)
-        say(f"depth of frame {frame}: {number} of {count}")
-        send(Progress("depth", number, count, frame))
-    say(f"the depth of {counted(count, 'frame')} is kept in {solved.work_dir}")
-    return None
 
 
 def say_quality(solved: Solve, words: Words) -> None:

@@ -15,12 +15,16 @@ EXAMPLE = "0.44,0.26 0.45,0.5 0.44,0.8@30"
 
 
 def add_subjects(command: argparse.ArgumentParser) -> None:
-    """The options that mark subjects, and put one in focus."""
+    """The option that marks subjects."""
     command.add_argument(
         "--subject", metavar="[NAME=]X,Y", nargs="+", action="append",
         help=f"a stroke over what moves, such as {EXAMPLE}: places in the picture, and behind the last one a"
         " frame; more than once for more strokes, with NAME= before the first place for more subjects",
     )  # fmt: skip
+
+
+def add_focus_subject(command: argparse.ArgumentParser) -> None:
+    """The option that puts one in focus."""
     command.add_argument(
         "--focus-subject", metavar="[NAME][@FRAME]", nargs="?", const="", action="append",
         help="keep a marked subject in focus; with frames, also beside --focus-at, it is one end of a pull",

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import bpy
@@ -24,6 +25,9 @@ def launcher() -> list[str]:
     return [sys.executable, str(HEADLESS)]
 
 
-def start(arguments: Sequence[str], hear: Hear, yielding: bool = False) -> Child:
-    """Start a command of this command line; arguments and errors as of `Child`."""
-    return Child([*launcher(), *arguments, CHILD], hear, yielding)
+def start(
+    arguments: Sequence[str], hear: Hear, yielding: bool = False, environment: Mapping[str, str] | None = None
+) -> Child:
+    """Start a command of this command line, with more in its environment; arguments and errors as of
+    `Child`."""
+    return Child([*launcher(), *arguments, CHILD], hear, yielding, {**os.environ, **(environment or {})})

@@ -15,10 +15,12 @@ from ..core.base.child import Child, end
 from ..core.base.errors import UserError
 from ..core.base.messages import Message, Progress
 from ..core.sfm.state import STATE
+from ..render.blend_file import write_blend
 from ..render.launcher import start
 from ..scene import redraw
 from ..scene.clip import footage_path, work_dir
 from ..scene.remedy_words import WORDS
+from ..scene.subjects import marked_of
 
 LOOK = 0.5
 """Seconds between two looks at the process."""
@@ -57,7 +59,7 @@ class DepthAhead:
 
 
 _ahead: DepthAhead | None = None
-"""The one of this Blender: it takes all cores, so there are not two."""
+"""The one of this Blender: it takes as many processes as fit, so there are not two."""
 
 
 def begin(work: Path) -> None:
@@ -66,11 +68,23 @@ def begin(work: Path) -> None:
     global _ahead
     stop()
     made = DepthAhead(work)
-    made.child = start(["depth", str(work)], made.messages.put, yielding=True)
+    made.child = start(["depth", str(_opened(work))], made.messages.put, yielding=True)
     _ahead = made
     _remember(work, True)
     if not bpy.app.timers.is_registered(_tick):
         bpy.app.timers.register(_tick, first_interval=LOOK)
+
+
+def _opened(work: Path) -> Path:
+    """What the process opens: the working folder, or a copy of the file where the user says what moves."""
+    settings = bpy.context.scene.virtual_aperture
+    if not settings.footage or _folder(settings) != work or settings.points is None:
+        return work
+    if not (settings.masks or settings.mask or marked_of(settings)):
+        return work
+    blend = Path(bpy.app.tempdir) / "virtual-aperture-depth.blend"
+    write_blend(blend)
+    return blend
 
 
 def begin_after_solve(work: Path) -> None:

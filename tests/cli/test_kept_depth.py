@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from addon.core.base import limits
+from addon.core.depth.depth_store import delete_kept
 
 from ..command_line import headless, run
 from ..faults import full_disk
@@ -26,13 +27,11 @@ def test_depth_that_cannot_be_kept_is_not_called_kept(
     kept = sorted((work / "depth").rglob("depth-*.npz"))
     sizes = [path.stat().st_size for path in kept]
     if way == "limit":
-        most = sum(sizes) + sum(path.stat().st_size for path in work.rglob("moving-*.npz")) - sizes[-1] // 2
+        most = sum(sizes) - sizes[-1] // 2
         monkeypatch.setenv(limits.KEPT_DEPTH, str(most))
         said = f"no more than {most} bytes of depth are kept for a clip; allow more (VIRTUAL_APERTURE_KEPT_DE"
-    for path in [*work.rglob("depth-*.npz"), *work.rglob("moving-*.npz")]:
-        path.unlink()
+    delete_kept(work / "depth")
     if way == "a file in its place":
-        kept[0].parent.rmdir()
         (work / "depth").rmdir()
         (work / "depth").touch()
     with full_disk(min(sizes) // 2) if way == "full disk" else nullcontext():
@@ -59,3 +58,30 @@ def test_where_no_file_can_be_written_it_does_not_begin(registered: None, tmp_pa
     assert said == [
         "error: no folder for temporary files can be written; free some space, or name another by TMPDIR"
     ]
+
+
+def test_processes_share_a_clip_and_keep_what_one_does(registered: None, tmp_path: Path) -> None:
+    pictures = []
+    for jobs in (1, 2):
+        work = tmp_path / f"work {jobs}"
+        keep(video(tmp_path / f"{jobs}.mp4"), work)
+        assert "the depth of 3 frames is kept" in headless("depth", work, "--jobs", jobs).stdout
+        pictures.append({path.name: path.read_bytes() for path in work.rglob("depth-*.npz")})
+    assert pictures[0] == pictures[1] and len(pictures[0]) == 3
+
+
+def test_depth_is_found_with_what_is_marked_and_of_what_is_asked_for(
+    registered: None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    work, blend = tmp_path / "work", tmp_path / "a.blend"
+    keep(video(tmp_path / "clip.mp4"), work)
+    marked = ("--subject", "0.3,0.3", "0.4,0.6@2")
+    assert run("depth", work, "--frames", "2-3", *marked) == 0
+    assert "depth of frame 3: 2 of 2" in capsys.readouterr().out
+    found = sorted(work.rglob("depth-*.npz"))
+    assert [path.name for path in found] == ["depth-000002.npz", "depth-000003.npz"]
+    # A .blend has its strokes with it.
+    assert run("save", work, "--blend", blend, "--no-copy", "--focus-distance", "5", *marked) == 0
+    assert run("depth", blend) == 0
+    assert [path.parent for path in work.rglob("depth-*.npz")] == [found[0].parent] * 3
+    assert run("depth", blend, *marked) == 2

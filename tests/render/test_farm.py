@@ -387,7 +387,7 @@ def test_frames_that_no_process_can_render_are_named(work: Path, tmp_path: Path)
     words = ("render", mine, *LENS[:-4], "--views", 4, "--mask", masks, "--frames", "38-41")
     ended = here(*words, "--out", out, "--jobs", 2)
     said = ended.stdout + ended.stderr
-    assert ended.returncode == 1 and "frames 40-41 could not be rendered" in said and "0040.png" in said
+    assert ended.returncode == 1 and "frames 40-41 could not be finished" in said and "0040.png" in said
     assert "wrote" not in said and "Traceback" not in said
 
 

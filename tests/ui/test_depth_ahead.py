@@ -12,7 +12,9 @@ import pytest
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.readers.matching import Imported
 from addon.core.sfm.workspace import keep_import
+from addon.core.subjects.marked import MarkedSubject, Stroke
 from addon.scene.shot import shot_of
+from addon.scene.subjects import set_marked
 from addon.ui import depth_ahead, panels
 from addon.ui.operators import build_scene
 
@@ -62,6 +64,18 @@ def test_what_is_found_in_the_background_is_what_the_scene_reads(scene: bpy.type
     assert len(before) == 3
     shot_of(scene).context.stereo.at(2)
     assert kept(work) == before
+
+
+def test_it_knows_what_is_marked(scene: bpy.types.Scene, work: Path) -> None:
+    stroke = Stroke(2, ((0.3, 0.3), (0.4, 0.6)))
+    set_marked(scene.virtual_aperture, (MarkedSubject("cat", (stroke,)),))
+    bpy.ops.virtual_aperture.find_depth()
+    found = depth_ahead.of(scene.virtual_aperture)
+    assert found is not None
+    until(lambda: found.child is None)
+    assert not found.problem
+    stereo = shot_of(scene).context.stereo
+    assert all(stereo.kept(frame) is not None for frame in (1, 2, 3))
 
 
 def test_pausing_ends_the_process_and_finding_goes_on_later(scene: bpy.types.Scene, work: Path) -> None:

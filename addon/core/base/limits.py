@@ -15,6 +15,9 @@ THREADS = "VIRTUAL_APERTURE_THREADS"
 KEPT_DEPTH = "VIRTUAL_APERTURE_KEPT_DEPTH"
 OPENCV_THREADS = "OPENCV_FOR_THREADS_NUM"
 """OpenCV's own, which it reads when it is loaded."""
+ONE_THREAD = {THREADS: "1", OPENCV_THREADS: "1", "LP_NUM_THREADS": "1"}
+"""The environment of processes that share a machine's processors: two threads within a frame take a sixth
+more processor time and gain a twentieth of the time. The last is Mesa's software renderer's."""
 MOST_KEPT_DEPTH = 8 << 30
 """Bytes, where nothing else is said: about an hour of video at 640x360, twelve minutes of a phone's. By
 eye."""

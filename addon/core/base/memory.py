@@ -9,6 +9,7 @@ before Blender and NumPy are loaded.
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import errno
 import os
@@ -119,6 +120,27 @@ def shortage(what: str) -> UserError:
         f"{what}: there is not enough memory for this process{allowed}; raise the limit, run less beside, or"
         " make the picture smaller"
     )
+
+
+def free() -> int:
+    """Bytes of memory that are free for more processes: of the machine, and by its control groups; half of
+    what the machine has where it does not tell what is free."""
+    limit = memory_limit()
+    return min(_machine_free(), limit if limit is not None else NO_LIMIT)
+
+
+def _machine_free() -> int:
+    if sys.platform == "linux":
+        with contextlib.suppress(OSError, ValueError):
+            return 1024 * _number(PROC / "meminfo", "MemAvailable:")
+    if sys.platform == "win32":
+        status = (ctypes.c_uint64 * 8)()
+        # MEMORYSTATUSEX: its own length in 32 bits, then the load, the whole and the free memory.
+        ctypes.cast(status, ctypes.POINTER(ctypes.c_uint32))[0] = ctypes.sizeof(status)
+        if ctypes.windll.kernel32.GlobalMemoryStatusEx(ctypes.byref(status)):
+            return int(status[2])
+        return 0
+    return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // 2
 
 
 def _limits() -> Iterator[tuple[int | None, str]]:

@@ -1,0 +1,128 @@
+"""Depth of a clip, found ahead of renders and kept beside its solve."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Sequence
+
+import bpy
+
+from ..core.base.atomic import temporary_folder
+from ..core.base.counting import counted
+from ..core.base.errors import UserError
+from ..core.base.messages import Progress, send
+from ..core.base.streams import say
+from ..core.media.clip import FrameRange
+from ..core.sfm.workspace import Solve, load_solve
+from ..render import jobs
+from ..render.blend_file import write_blend
+from ..render.launcher import CHILD
+from ..scene.shot import Shot, shot_of
+from .blend import is_blend, open_blend
+from .lens import add_moving, add_work, scene_of, set_moving, wanted_frames
+from .options import UsageError
+from .processes import add_jobs, processes
+
+
+def add_command(
+    commands: argparse._SubParsersAction[argparse.ArgumentParser], common: argparse.ArgumentParser
+) -> None:
+    """`depth DIR`."""
+    command = commands.add_parser("depth", parents=[common], help="find frames' depth, ahead of renders")
+    add_work(command)
+    command.add_argument(
+        "--frames", type=FrameRange.parse, metavar="A-B[:STEP]", help="those whose depth is found (all)"
+    )
+    add_moving(command)
+    add_jobs(command)
+    # For the panel, which finds depth in the background.
+    command.add_argument(CHILD, action="store_true", help=argparse.SUPPRESS)
+    command.set_defaults(command=depth)
+
+
+def depth(options: argparse.Namespace) -> None:
+    """`depth DIR` or `depth FILE.blend`"""
+    if is_blend(options.work):
+        if options.mask or options.subject:
+            raise UsageError(f"{options.work.name} has masks and strokes of its own")
+        scene, _, footage = open_blend(options.work)
+        problem = keep_depth(scene, wanted_frames(footage, options.frames), options)
+    else:
+        problem = depth_of_solve(load_solve(options.work.absolute()), options)
+    if problem:
+        raise problem
+
+
+WHOLE = argparse.Namespace(mask=None, subject=None, frames=None, jobs=None)
+"""Options that say nothing."""
+
+
+def depth_of_solve(solved: Solve, options: argparse.Namespace = WHOLE) -> UserError | None:
+    """`keep_depth` of a solve, with what the options say that moves."""
+    scene, settings, footage = scene_of(solved)
+    set_moving(settings, solved, options)
+    return keep_depth(scene, wanted_frames(footage, options.frames), options)
+
+
+def keep_depth(
+    scene: bpy.types.Scene, frames: Sequence[int], options: argparse.Namespace
+) -> UserError | None:
+    """Find the depth of frames of a scene's clip and keep it beside the solve: renders read it there.
+
+    Ends at a frame whose depth cannot be kept, and returns what is kept and why that is not.
+    """
+    shot = shot_of(scene)
+    count = processes(options, len(frames), shot)
+    clock = _Said(len(frames))
+    problem = (
+        _one_by_one(shot, frames, clock.tick)
+        if count == 1
+        else _side_by_side(frames, count, options, clock.tick)
+    )
+    if problem is None:
+        say(f"the depth of {counted(len(frames), 'frame')} is kept in {shot.work}")
+        return None
+    there = sum(shot.context.stereo.kept(each) is not None for each in frames)
+    kept = f"the depth of {there} of {counted(len(frames), 'frame')} is kept in {shot.work}"
+    return UserError(f"{kept}, {problem}", *problem.remedies)
+
+
+def _one_by_one(shot: Shot, frames: Sequence[int], done: Callable[[int], None]) -> UserError | None:
+    stereo = shot.context.stereo
+    for frame in frames:
+        stereo.at(frame)
+        if stereo.kept(frame) is None:
+            why = stereo.not_kept or UserError("what was written cannot be read back")
+            return UserError(f"that of frame {frame} cannot be: {why}", *why.remedies)
+        done(frame)
+    return None
+
+
+def _side_by_side(
+    frames: Sequence[int], count: int, options: argparse.Namespace, done: Callable[[int], None]
+) -> UserError | None:
+    step = options.frames.step if options.frames else 1
+    with temporary_folder() as scratch:
+        blend = scratch / "scene.blend"
+        write_blend(blend)
+
+        def command(share: Sequence[int], number: int) -> list[str]:
+            return ["depth", str(blend), "--jobs", "1", "--frames", f"{share[0]}-{share[-1]}:{step}"]
+
+        try:
+            jobs.render_side_by_side(frames, count, command, done, say)
+        except UserError as error:
+            return error
+    return None
+
+
+class _Said:
+    """Progress, said frame by frame."""
+
+    def __init__(self, count: int) -> None:
+        self._count, self._done = count, 0
+
+    def tick(self, frame: int) -> None:
+        self._done += 1
+        say(f"depth of frame {frame}: {self._done} of {self._count}")
+        send(Progress("depth", self._done, self._count, frame))

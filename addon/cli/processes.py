@@ -1,0 +1,28 @@
+"""How many processes a command takes."""
+
+from __future__ import annotations
+
+import argparse
+
+from ..render import jobs
+from ..scene.shot import Shot
+from .options import whole
+
+MOST_JOBS = 1000
+"""Processes that can be asked for: no machine has so many processors to itself."""
+
+
+def add_jobs(command: argparse.ArgumentParser) -> None:
+    """`--jobs`."""
+    command.add_argument(
+        "--jobs", type=whole(1, MOST_JOBS), metavar="N",
+        help="processes that work side by side (as many as processors and free memory allow)",
+    )  # fmt: skip
+
+
+def processes(options: argparse.Namespace, frames: int, shot: Shot) -> int:
+    """How many processes take a share of so many frames each: those that are asked for, or else as many as
+    fit and are worth their start."""
+    if options.jobs:
+        return int(options.jobs)
+    return max(1, min(frames // jobs.LEAST_SHARE, jobs.fitting(shot.footage.width * shot.footage.height)))
