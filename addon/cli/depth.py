@@ -53,7 +53,7 @@ def depth(options: argparse.Namespace) -> None:
         raise problem
 
 
-WHOLE = argparse.Namespace(mask=None, subject=None, frames=None, jobs=None)
+WHOLE = argparse.Namespace(mask=None, subject=None, frames=None, jobs=None, child=False)
 """Options that say nothing."""
 
 
@@ -82,9 +82,12 @@ def keep_depth(
     if problem is None:
         say(f"the depth of {counted(len(frames), 'frame')} is kept in {shot.work}")
         return None
+    if options.child:
+        # Whoever started it counts the frames of all its processes.
+        return problem
     there = sum(shot.context.stereo.kept(each) is not None for each in frames)
     kept = f"the depth of {there} of {counted(len(frames), 'frame')} is kept in {shot.work}"
-    return UserError(f"{kept}, {problem}", *problem.remedies)
+    return UserError(f"{kept}; {problem}", *problem.remedies)
 
 
 def _one_by_one(shot: Shot, frames: Sequence[int], done: Callable[[int], None]) -> UserError | None:
@@ -93,7 +96,7 @@ def _one_by_one(shot: Shot, frames: Sequence[int], done: Callable[[int], None]) 
         stereo.at(frame)
         if stereo.kept(frame) is None:
             why = stereo.not_kept or UserError("what was written cannot be read back")
-            return UserError(f"that of frame {frame} cannot be: {why}", *why.remedies)
+            return UserError(f"the depth of frame {frame} cannot be kept: {why}", *why.remedies)
         done(frame)
     return None
 

@@ -20,7 +20,7 @@ def test_depth_that_cannot_be_kept_is_not_called_kept(
     registered: None, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch,
     way: str,
 ) -> None:  # fmt: skip
-    work, said = tmp_path / "work", "that of frame 1 cannot be"
+    work, said = tmp_path / "work", "the depth of frame 1 cannot be kept"
     keep(video(tmp_path / "clip.mp4"), work)
     assert run("depth", work) == 0
     assert "the depth of 3 frames is kept in" in capsys.readouterr().out
