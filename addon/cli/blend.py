@@ -18,8 +18,11 @@ def is_blend(path: Path) -> bool:
     return path.suffix.lower() == ".blend" and not path.is_dir()
 
 
-def open_blend(blend: Path) -> tuple[bpy.types.Scene, VirtualApertureSettings, Footage]:
-    """The scene of a .blend, to have the clip's frames rendered, and those of the clip that were solved.
+def open_blend(
+    blend: Path, name: str = "", scripts: bool = False
+) -> tuple[bpy.types.Scene, VirtualApertureSettings, Footage]:
+    """The scene of a .blend, or its scene of that name, to have the clip's frames rendered, and those of the
+    clip that were solved; its own scripts run where `scripts` says so.
 
     What frames have no key of is as in a fresh scene: the compositor, the sequencer, the border and the view
     transform have no part in them. UserError where it cannot be opened or holds no solved clip.
@@ -28,11 +31,11 @@ def open_blend(blend: Path) -> tuple[bpy.types.Scene, VirtualApertureSettings, F
         raise UserError(f"{blend} is not there; name a .blend that save or farm wrote")
     try:
         with quiet(1):
-            bpy.ops.wm.open_mainfile(filepath=str(blend.absolute()), load_ui=False, use_scripts=False)
+            bpy.ops.wm.open_mainfile(filepath=str(blend.absolute()), load_ui=False, use_scripts=scripts)
     except RuntimeError as error:
         raise UserError(f"{blend} cannot be opened: {str(error).strip().splitlines()[0]}") from None
     forget()
-    scene = bpy.context.scene
+    scene = bpy.data.scenes[name] if name else bpy.context.scene
     settings: VirtualApertureSettings = scene.virtual_aperture
     clip = shot_of(scene).footage
     solved = FrameRange(settings.clip_first, settings.clip_last, max(settings.clip_step, 1))

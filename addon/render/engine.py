@@ -7,7 +7,7 @@ import time
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import bpy
 import cv2
@@ -27,6 +27,7 @@ from ..scene.shot import Shot, shot_of
 from . import frame_notes
 from .average import Drawn, OnFrame, render_frame
 from .frame_size import render_size
+from .frames_ahead import frame_ahead
 from .gpu_views import egl_problem
 from .viewport import PREVIEW, Shown, draw, update
 
@@ -50,6 +51,10 @@ class RenderWatch:
     """Called with each frame that is drawn, on the thread that draws."""
     error: BaseException | None = None
     """The exception of the last render that failed."""
+    pictures: dict[str, LinearRGBA] = field(default_factory=dict)
+    """(H, W, 4), and (H, W, 1) of passes besides Combined, that were drawn last, by name."""
+    notes: list[str] = field(default_factory=list)
+    """What was said of frames."""
     is_drawn: bool = False
     """Whether a render got as far as its picture. An exception that comes before our code can hear of it,
     as a signal does while Blender prepares a frame, leaves a black frame and no error."""
@@ -168,7 +173,14 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
         def note(text: str) -> None:
             self.report({"INFO"}, text)
             frame_notes.add(scene, frame, text)
+            self.watch.notes.append(text)
 
+        if self.is_animation and self.watch.on_frame is None:
+            drawn = frame_ahead(scene, size[0] * size[1])
+            if drawn is not None:
+                for text in drawn.notes:
+                    note(text)
+                return drawn.pictures
         pictures["Combined"] = render_frame(shot.context, frame, lens, size, note, on_frame)
         return pictures
 
@@ -199,6 +211,7 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
             part = np.ascontiguousarray(picture[::-1][bottom:top, left:right], dtype=np.float32)
             result.layers[0].passes[name].rect.foreach_set(part.reshape(-1))
         self.end_result(result)
+        self.watch.pictures |= pictures
         self.watch.is_drawn = True
 
 

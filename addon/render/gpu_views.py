@@ -171,7 +171,7 @@ def mean_of_views(plan: FramePlan, picture: LinearRGBA) -> LinearRGBA:
     return mean
 
 
-def _drawing(plan: FramePlan, picture: LinearRGBA) -> Steps:
+def _drawing(plan: FramePlan, picture: LinearRGBA) -> Steps[LinearRGBA]:
     """Draw the views one by one; everything on the GPU is made, used and freed by the thread that steps.
 
     Every window has a GPU context of its own, and between two steps another one may become the active one.

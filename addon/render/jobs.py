@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import os
 import queue
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -29,10 +28,10 @@ Command = Callable[[Sequence[int], int], list[str]]
 
 
 def fitting(pixels: int) -> int:
-    """How many processes work well side by side, by processors and free memory, on pictures of so many
-    pixels; at least 1."""
+    """How many processes work well side by side, by processors, or the threads that the user allows, and free
+    memory, on pictures of so many pixels; at least 1."""
     room = memory.free() // (PROCESS + A_PIXEL * pixels)
-    return max(1, min(os.process_cpu_count() or 1, room))
+    return max(1, min(limits.threads(), room))
 
 
 def shares(frames: Sequence[int], count: int) -> list[list[int]]:

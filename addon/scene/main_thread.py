@@ -1,4 +1,4 @@
-"""Drawing on Blender's main thread, in slices, while a render thread waits for the result.
+"""Work on Blender's main thread, in slices, while a render thread waits for the result.
 
 With a window open, a render thread that holds the GPU stops the main thread at its next redraw: the
 interface would freeze and never see ESC. So the main thread itself draws, a little between its own events.
@@ -9,19 +9,20 @@ from __future__ import annotations
 import queue
 import threading
 import time
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from dataclasses import dataclass, field
+from typing import Any
 
 import bpy
 import gpu
 
-from ..core.base.arrays import LinearRGBA
 from ..core.base.progress import Cancelled, checkpoint
 from . import redraw
 
-Steps = Generator[int, None, LinearRGBA]
-"""Yields how many views are drawn, returns their mean. Between two steps another window's GPU context may
-become the active one: nothing that belongs to a context (framebuffers) may be kept from one to the next."""
+type Steps[T] = Generator[int, None, T]
+"""Yields how many steps are done, returns what they make. Between two of them another window's GPU context
+may become the active one: nothing that belongs to a context (framebuffers) may be kept from one to the
+next."""
 
 SLICE = 0.04
 """Seconds of drawing between two looks at the interface's events."""
@@ -30,22 +31,33 @@ IDLE = 0.02
 
 
 @dataclass
-class _Job:
-    """One frame's drawing, shared by the two threads."""
+class _Job[T]:
+    """One frame's drawing, or what else is done, shared by the two threads."""
 
-    steps: Steps
+    steps: Steps[T]
     done: int = 0
-    picture: LinearRGBA | None = None
+    made: list[T] = field(default_factory=list)
+    """What the steps return, once they have."""
     error: Exception | None = None
     is_cancelled: bool = False
     ended: threading.Event = field(default_factory=threading.Event)
 
 
-_waiting: queue.SimpleQueue[_Job] = queue.SimpleQueue()
-_current: _Job | None = None
+_waiting: queue.SimpleQueue[_Job[Any]] = queue.SimpleQueue()
+_current: _Job[Any] | None = None
 
 
-def draw(steps: Steps, total: int) -> LinearRGBA:
+def call[T](function: Callable[[], T]) -> T:
+    """What a function returns on the main thread; raises what it raises, and Cancelled."""
+
+    def steps() -> Steps[T]:
+        yield 0
+        return function()
+
+    return draw(steps(), 1)
+
+
+def draw[T](steps: Steps[T], total: int) -> T:
     """Run the steps to their end, with a checkpoint between them; raises what they raise, and Cancelled."""
     if bpy.app.background or threading.current_thread() is threading.main_thread():
         return _draw_here(steps, total)
@@ -60,18 +72,18 @@ def draw(steps: Steps, total: int) -> LinearRGBA:
         raise
     if job.error is not None:
         raise job.error
-    if job.picture is None:
+    if not job.made:
         raise Cancelled
-    return job.picture
+    return job.made[0]
 
 
-def _draw_here(steps: Steps, total: int) -> LinearRGBA:
+def _draw_here[T](steps: Steps[T], total: int) -> T:
     try:
         while True:
             checkpoint(next(steps) / total)
     except StopIteration as end:
-        picture: LinearRGBA = end.value
-        return picture
+        made: T = end.value
+        return made
     finally:
         steps.close()
 
@@ -99,7 +111,7 @@ def _tick() -> float:
         else:
             return 0.0
     except StopIteration as end:
-        job.picture = end.value
+        job.made.append(end.value)
     except Exception as error:  # raised again in the thread that waits
         job.error = error
     _current = None

@@ -66,9 +66,10 @@ def drawn_mask(mask: bpy.types.Mask, frames: Iterable[int], size: tuple[int, int
     Points that follow a track stay where they were drawn. The frames are evaluated in a scene made for that,
     on the main thread, and the user's own scene stays at its frame.
     """
-    wanted, found = list(frames), dict[int, tuple[Layer, ...]]()
+    wanted = list(frames)
 
-    def steps() -> main_thread.Steps:
+    def steps() -> main_thread.Steps[dict[int, tuple[Layer, ...]]]:
+        found = dict[int, tuple[Layer, ...]]()
         scene = bpy.data.scenes.new("Virtual Aperture Mask")
         try:
             for frame in wanted:
@@ -78,10 +79,9 @@ def drawn_mask(mask: bpy.types.Mask, frames: Iterable[int], size: tuple[int, int
                 yield len(found)
         finally:
             bpy.data.scenes.remove(scene)
-        return np.zeros((0, 0, 4), np.float32)
+        return found
 
-    main_thread.draw(steps(), len(wanted))
-    return DrawnMask(mask.name, size, found)
+    return DrawnMask(mask.name, size, main_thread.draw(steps(), len(wanted)))
 
 
 def layers_of(mask: bpy.types.Mask) -> tuple[Layer, ...]:

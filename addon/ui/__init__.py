@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..render import background, engine, frame_notes, viewport
+from ..render import background, engine, frame_notes, frames_ahead, viewport
 from ..scene import clip, exr, focus_sync, main_thread, migration, passes, paths, properties, shot
 from ..scene import preferences as user_preferences
 from . import (
@@ -74,6 +74,7 @@ def register() -> None:
     thumbnails.register()
     background.register()
     frame_notes.register()
+    frames_ahead.register()
     viewport.register()
     depth_ahead.register()
     main_thread.start()
@@ -83,6 +84,7 @@ def unregister() -> None:
     """Undo `register` in reverse order, end what is under way, and close the open clip."""
     operators.end_solve()
     viewport.unregister()
+    frames_ahead.unregister()
     frame_notes.unregister()
     main_thread.stop()
     depth_ahead.unregister()

@@ -43,12 +43,12 @@ def ticked(job: _Job) -> _Job:
 
 def test_a_drawing_is_finished_in_slices() -> None:
     job = ticked(_Job(steps(5000, closed := [])))
-    assert job.picture is PICTURE and job.done == 4999 and closed == [True]
+    assert job.made == [PICTURE] and job.done == 4999 and closed == [True]
 
 
 def test_an_error_is_handed_to_the_thread_that_waits() -> None:
     job = ticked(_Job(steps(3, [], ValueError("lost"))))
-    assert job.picture is None and str(job.error) == "lost"
+    assert not job.made and str(job.error) == "lost"
 
 
 def test_a_cancelled_drawing_lets_go_of_the_gpu() -> None:
@@ -58,7 +58,7 @@ def test_a_cancelled_drawing_lets_go_of_the_gpu() -> None:
     assert job.done > 0 and not job.ended.is_set()
     job.is_cancelled = True
     main_thread._tick()
-    assert job.ended.is_set() and closed == [True] and job.picture is None
+    assert job.ended.is_set() and closed == [True] and not job.made
     assert main_thread._tick() == main_thread.IDLE
 
 
@@ -95,4 +95,4 @@ def test_a_drawing_waits_for_a_gpu_context(monkeypatch: pytest.MonkeyPatch) -> N
     assert not job.ended.is_set() and closed == []
     monkeypatch.undo()
     main_thread._tick()
-    assert job.ended.is_set() and job.picture is PICTURE
+    assert job.ended.is_set() and job.made == [PICTURE]

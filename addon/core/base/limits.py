@@ -26,7 +26,12 @@ eye."""
 def threads() -> int:
     """How many threads work side by side: as many as processors, or fewer where the user says so."""
     processors = os.process_cpu_count() or 1
-    return min(processors, _number(THREADS) or processors)
+    return min(processors, chosen_threads() or processors)
+
+
+def chosen_threads() -> int:
+    """The most that the user lets work side by side; 0 where that is not said."""
+    return _number(THREADS)
 
 
 def limit_threads(most: int) -> None:
