@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
@@ -18,9 +19,11 @@ VIEWS = 192
 """So many that drawing them takes several turns of the main thread."""
 
 
-def write_scene(folder: Path, size: tuple[int, int] = SMALL, views: int = VIEWS) -> Path:
-    """A .blend with a solved clip of five frames, in focus at a distance, our engine and EXR output; the clip
-    beside it."""
+def write_scene(
+    folder: Path, size: tuple[int, int] = SMALL, views: int = VIEWS, frames: Sequence[int] = FRAMES
+) -> Path:
+    """A .blend with a solved clip of these frames, in focus at a distance, our engine and EXR output; the
+    clip beside it."""
     width, height = size
     import bpy
 
@@ -30,7 +33,7 @@ def write_scene(folder: Path, size: tuple[int, int] = SMALL, views: int = VIEWS)
     camera = Intrinsics(width, height, 0.95 * width, 0.95 * width, width / 2, height / 2)
     clip = folder / "clip"
     clip.mkdir(parents=True)
-    solve = slanted_plane(camera, FRAMES)
+    solve = slanted_plane(camera, frames)
     for image in solve.images:
         cv2.imwrite(str(clip / f"clip_{image.frame:04d}.png"), _seen(solve, image)[..., ::-1])
     bpy.ops.wm.read_homefile(app_template="", use_factory_startup=True)

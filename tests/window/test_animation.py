@@ -1,0 +1,81 @@
+"""Ctrl F12 of a clip that is long enough for several processes: the headless frames, to the bit."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from .clips import SMALL, read_exr, write_scene
+from .conftest import PICTURES
+from .program import EXTENSION, Program, headless
+from .screen import Screen
+
+FRAMES = tuple(range(1, 17))
+AHEAD = f"__import__('sys').modules['{EXTENSION}.addon.render.frames_ahead']._ahead"
+
+
+@pytest.fixture(scope="module")
+def blend(folder: Path, registered: None) -> Path:
+    return write_scene(folder / "animation", SMALL, 64, FRAMES)
+
+
+@pytest.fixture(scope="module")
+def program(small_screen: Screen, resources: Path, blend: Path) -> Iterator[Program]:
+    made = Program(small_screen, resources, PICTURES / "animation")
+    made.screen.move(*made.middle("VIEW_3D"))
+    made.screen.key("Escape")
+    made.ask(f"bpy.ops.wm.open_mainfile(filepath={str(blend)!r}); None")
+    # However few the machine has.
+    made.ask("sys.modules['os'].process_cpu_count = lambda: 2; None")
+    made.settle()
+    yield made
+    made.close()
+
+
+def started(program: Program) -> None:
+    """Ctrl F12, until other processes draw, too."""
+    program.screen.move(*program.middle("VIEW_3D"))
+    program.settle()
+    program.screen.key("ctrl+F12")
+    program.wait(f"{AHEAD} is not None", 60)
+
+
+def test_the_frames_are_the_headless_ones(program: Program, blend: Path, resources: Path) -> None:
+    # With a range of fewer frames no others are worth their start.
+    for first, last in ((1, 7), (8, 14), (15, 16)):
+        one = blend.parent / "headless"
+        headless(resources, "-b", str(blend), "-o", f"{one}/####", "-s", str(first), "-e", str(last), "-a")
+    before = program.ask("len(log)")
+    began = time.monotonic()
+    started(program)
+    program.shot("started")
+    program.wait(f"[w for w, _ in log[{before}:] if w == 'idle']", 300)
+    program.tell_time(time.monotonic() - began, "16 frames")
+    program.shot("ended")
+    program.close_window()
+    assert program.ask(f"{AHEAD} is None")
+    out = blend.parent / "frames"
+    for frame in FRAMES:
+        seen, expected = (read_exr(folder / f"{frame:04d}.exr") for folder in (out, one))
+        assert expected[..., :3].std() > 0.05
+        assert np.array_equal(seen, expected), frame
+
+
+def test_esc_ends_all_processes(program: Program, blend: Path) -> None:
+    shutil.rmtree(blend.parent / "frames")
+    before = program.ask("len(log)")
+    started(program)
+    program.ask(f"globals().update(children=list({AHEAD}.children), shared={AHEAD}.shared.folder); None")
+    program.wait(f"[w for w, _ in log[{before}:] if w == 'write']", 120)
+    sent = program.screen.key("Escape")
+    program.wait(f"[w for w, _ in log[{before}:] if w == 'idle']", 60)
+    ended = program.ask(f"next(at for what, at in log[{before}:] if what == 'idle')")
+    program.tell_time(ended - sent, "ESC in an animation of several processes")
+    program.wait("all(child.process.poll() is not None for child in children)", 15)
+    program.wait("not shared.exists()", 5)
+    program.close_window()
