@@ -6,7 +6,7 @@ import threading
 import time
 import traceback
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 
 import bpy
@@ -29,6 +29,7 @@ from .average import Drawn, OnFrame, render_frame
 from .frame_size import render_size
 from .frames_ahead import frame_ahead
 from .gpu_views import egl_problem
+from .preview import FIRST, Wanted, has_depth, make_picture
 from .viewport import PREVIEW, Shown, draw, update
 
 VALUES: dict[str, Callable[[WarpedFrame], Map]] = {
@@ -126,8 +127,9 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
             with PREVIEW.paused(), reporting(self._on_progress):
                 checkpoint()
                 warn_of_ignored(self, depsgraph.scene)
-                layer = depsgraph.view_layer_eval
-                pictures = self._frame(scene, render_size(scene.render), passes.wanted(layer))
+                layer, size = depsgraph.view_layer_eval, render_size(scene.render)
+                with self._first_look(scene, size, layer.name):
+                    pictures = self._frame(scene, size, passes.wanted(layer))
                 self._hand_over(pictures, scene.render, layer.name)
         except Cancelled:
             return
@@ -184,6 +186,28 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
         pictures["Combined"] = render_frame(shot.context, frame, lens, size, note, on_frame)
         return pictures
 
+    @contextmanager
+    def _first_look(self, scene: bpy.types.Scene, size: tuple[int, int], layer: str) -> Iterator[None]:
+        """Where somebody looks, and depth must be found, show a first look at the frame meanwhile."""
+        shown = None
+        if not (bpy.app.background or self.is_animation):
+            shot = shot_of(scene)
+            check_shape(shot, size)
+            lens = frame_options(scene.virtual_aperture, shot.reconstruction)
+            wanted = Wanted(shot, shot.frame_at(scene.frame_current), lens, size)
+            # What is wrong with the frame is said when it is drawn itself.
+            with suppress(UserError):
+                if not has_depth(wanted):
+                    look = make_picture(wanted, FIRST).linear.astype(np.float32)
+                    shown = self._begin({"Combined": look}, scene.render, layer)
+                    self.update_result(shown)
+                    self._title += " | First look, from this frame alone; finding depth"
+        try:
+            yield
+        finally:
+            if shown is not None:
+                self.end_result(shown, cancel=True, do_merge_results=False)
+
     def _on_progress(self, stage_name: str, share: float) -> None:
         if self.test_break():
             raise Cancelled
@@ -197,22 +221,28 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
     def _hand_over(
         self, pictures: dict[str, LinearRGBA], render: bpy.types.RenderSettings, layer: str
     ) -> None:
+        for name in pictures:
+            if name not in ("Combined", passes.DEPTH):
+                self.add_pass(name, 1, CHANNEL[name], layer=layer)
+        self.end_result(self._begin(pictures, render, layer))
+        self.watch.pictures |= pictures
+        self.watch.is_drawn = True
+
+    def _begin(
+        self, pictures: dict[str, LinearRGBA], render: bpy.types.RenderSettings, layer: str
+    ) -> bpy.types.RenderResult:
+        """Begin a result with pictures (H, W, n) by the names of their passes."""
         height, width = pictures["Combined"].shape[:2]
         left, bottom, right, top = 0, 0, width, height
         if render.use_border:
             left, right = (round(x * width) for x in (render.border_min_x, render.border_max_x))
             bottom, top = (round(y * height) for y in (render.border_min_y, render.border_max_y))
-        for name in pictures:
-            if name not in ("Combined", passes.DEPTH):
-                self.add_pass(name, 1, CHANNEL[name], layer=layer)
         result = self.begin_result(0, 0, right - left, top - bottom, layer=layer)
         for name, picture in pictures.items():
             # Blender's first row is the bottom one.
             part = np.ascontiguousarray(picture[::-1][bottom:top, left:right], dtype=np.float32)
             result.layers[0].passes[name].rect.foreach_set(part.reshape(-1))
-        self.end_result(result)
-        self.watch.pictures |= pictures
-        self.watch.is_drawn = True
+        return result
 
 
 def frame_title(scene: bpy.types.Scene, is_animation: bool) -> str:

@@ -29,7 +29,7 @@ from ..core.frame.inspection import SOURCE_VIEWS
 from ..core.frame.inspection import picture as inspected
 from ..core.frame.meshers import MESHERS
 from ..core.frame.plan import FrameOptions
-from ..core.frame.quality import DRAFT, FINAL, NORMAL
+from ..core.frame.quality import DRAFT, FINAL, FIRST_LOOK, NORMAL
 from ..core.frame.warped_frame import mesh_frame
 from ..core.media.clip import to_linear
 from ..scene.remedy_words import WORDS
@@ -49,9 +49,10 @@ QUICK = 0.25
 ROUGH_VIEWS = 16
 """Views of a picture from the feature points: by eye, of 240 pixels. It takes 0.08 s."""
 NO_HIGHLIGHTS = HighlightSettings(gain=0.0)
-ROUGH, COARSE, FAIR, FINE = range(4)
-"""How good a picture is: small, from the feature points, while depth is being found; a small draft; a draft
-at the preview's size; the same in the scene's quality, normal at most."""
+ROUGH, FIRST, COARSE, FAIR, FINE = range(5)
+"""How good a picture is: small, from the feature points, and a first look from the frame's own neighbours,
+while depth is being found; a small draft; a draft at the preview's size; the same in the scene's quality,
+normal at most."""
 
 
 @dataclass(frozen=True)
@@ -223,12 +224,12 @@ class Preview:
     def _make(self, wanted: Wanted, level: int) -> None:
         began = time.monotonic()
         try:
-            has_depth = _has_depth(wanted)
-            if level == ROUGH and has_depth:
+            is_known = has_depth(wanted)
+            if level <= FIRST and (is_known or (wanted.shows and level == FIRST)):
                 level = COARSE
             if level == COARSE and (self._draft_seconds < QUICK or wanted.shows):
                 level = FAIR
-            self._level, self.finds_depth = level, level > ROUGH and not has_depth
+            self._level, self.finds_depth = level, level > ROUGH and not is_known
             with reporting(lambda name, share: self._on_progress(wanted, name, share)):
                 picture = self._make_picture(wanted, level)
         except Cancelled:
@@ -298,7 +299,8 @@ def _rough(wanted: Wanted) -> LinearRGBA:
 def _through_lens(wanted: Wanted, level: int) -> LinearRGBA:
     context, options, size = wanted.shot.context, wanted.options, wanted.size
     if level <= FAIR:
-        options = replace(options, quality=DRAFT, target_psnr=0.0)
+        quality = FIRST_LOOK if level == FIRST else DRAFT
+        options = replace(options, quality=quality, target_psnr=0.0)
     if level == ROUGH:
         options = replace(options, method="features", views=ROUGH_VIEWS)
     if level <= COARSE or wanted.is_playing:
@@ -306,7 +308,7 @@ def _through_lens(wanted: Wanted, level: int) -> LinearRGBA:
         options = replace(options, borrow=False)
         if not context.knows_highlights(wanted.frame, options.highlights):
             options = replace(options, highlights=NO_HIGHLIGHTS)
-    if level <= COARSE:
+    if level in (ROUGH, COARSE):
         size = _coarse(size)
     elif options.quality == FINAL:
         options = replace(options, quality=NORMAL)
@@ -331,7 +333,7 @@ def _coarse(size: tuple[int, int]) -> tuple[int, int]:
     return -(-size[0] // smaller), -(-size[1] // smaller)
 
 
-def _has_depth(wanted: Wanted) -> bool:
+def has_depth(wanted: Wanted) -> bool:
     """Whether a frame can be drawn without finding its depth first."""
     context = wanted.shot.context
     return not MESHERS[wanted.options.method].needs_pixel_depth or context.has_depth(wanted.frame, DRAFT)

@@ -28,7 +28,7 @@ from ..scene.remedy_words import WORDS
 from ..scene.shot import shot_of
 from . import message
 from .gpu_views import upload
-from .preview import COARSE, FAIR, FINE, ROUGH, Half, Picture, Preview, Wanted
+from .preview import COARSE, FAIR, FINE, FIRST, ROUGH, Half, Picture, Preview, Wanted
 
 LOOK = 0.02
 """Seconds between two looks for a better picture, while one is being made."""
@@ -37,7 +37,13 @@ TELL = 0.25
 ROOM = 0.9
 """Of the camera frame's width in the viewport, in pixels, that a picture must have: by eye, one that is a
 little enlarged is as sharp as it was, and costs less."""
-LEVELS = {ROUGH: "from the feature points", COARSE: "coarse", FAIR: "draft", FINE: ""}
+LEVELS = {
+    ROUGH: "from the feature points",
+    FIRST: "from this frame alone",
+    COARSE: "coarse",
+    FAIR: "draft",
+    FINE: "",
+}
 """What is said of a picture that is not the best one."""
 
 PREVIEW = Preview()

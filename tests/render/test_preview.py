@@ -21,7 +21,7 @@ from addon.core.frame.plan import FrameOptions
 from addon.core.frame.quality import DRAFT, FINAL, NORMAL
 from addon.render import preview
 from addon.render.average import render_frame
-from addon.render.preview import COARSE, FAIR, FINE, ROUGH, Picture, Preview, Wanted, make_picture
+from addon.render.preview import COARSE, FAIR, FINE, FIRST, ROUGH, Picture, Preview, Wanted, make_picture
 from addon.scene.build import build
 from addon.scene.shot import shot_of
 
@@ -101,7 +101,7 @@ def test_the_feature_points_are_enough_to_begin_with(previews: Previews, wanted:
     layers = replace(wanted, options=replace(wanted.options, method="layers"))
     shown.want(layers)
     eventually(lambda: not shown.is_busy())
-    assert maker.made == [(2, ROUGH), (2, COARSE), (2, FAIR), (2, FINE)]
+    assert maker.made == [(2, ROUGH), (2, FIRST), (2, COARSE), (2, FAIR), (2, FINE)]
     rough, fine = make_picture(layers, ROUGH), make_picture(wanted, FINE)
     means = [picture.linear.astype(float).mean(axis=(0, 1)) for picture in (rough, fine)]
     assert np.allclose(*means, atol=0.01)

@@ -1,4 +1,4 @@
-"""Ctrl F12 of a clip that is long enough for several processes: the headless frames, to the bit."""
+"""A clip that is long enough for several processes: the headless frames, to the bit, and a first look."""
 
 from __future__ import annotations
 
@@ -79,3 +79,27 @@ def test_esc_ends_all_processes(program: Program, blend: Path) -> None:
     program.wait("all(child.process.poll() is not None for child in children)", 15)
     program.wait("not shared.exists()", 5)
     program.close_window()
+
+
+def test_a_first_look_is_seen_while_depth_is_found(program: Program, folder: Path) -> None:
+    # Depth takes some seconds.
+    blend = write_scene(folder / "look", (640, 360), 32, FRAMES)
+    program.ask(f"bpy.ops.wm.open_mainfile(filepath={str(blend)!r}); None")
+    program.screen.move(*program.middle("VIEW_3D"))
+    program.settle()
+    before = program.ask("len(log)")
+    began = program.screen.key("F12")
+    while not is_colourful(program.shot("first_look")):
+        assert not program.ask(f"[w for w, _ in log[{before}:] if w == 'idle']"), "nothing was seen before"
+    program.tell_time(time.time() - began, "first look")
+    assert program.ask("bpy.app.is_job_running('RENDER')")
+    program.screen.key("Escape")
+    program.wait(f"[w for w, _ in log[{before}:] if w == 'idle']", 60)
+    program.close_window()
+
+
+def is_colourful(shot: np.ndarray) -> bool:
+    """Whether something is seen in the middle of the screen but Blender's own grays."""
+    height, width = shot.shape[:2]
+    middle = shot[height // 3 : 2 * height // 3, width // 3 : 2 * width // 3].astype(int)
+    return float(np.ptp(middle, axis=2).mean()) > 10

@@ -85,6 +85,11 @@ class ClipContext:
         return {}
 
     def _stereo(self, quality: Quality) -> TemporalFusion:
+        if not quality.finds_subjects:
+            alone = PlaneSweepStereo(
+                self.reconstruction, self.read, quality.stereo, self.masks, finds_motion=False
+            )
+            return TemporalFusion(self.reconstruction, alone, options=quality.fusion)
         store = self._store_of(quality)
         subjects = [Subject(partial(self._marked_mask, each), self._standing(each)) for each in self.marked]
         single_frame = PlaneSweepStereo(

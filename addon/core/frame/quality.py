@@ -3,9 +3,9 @@ CPU seconds (`python -m benchmarks.accuracy.envelope`)."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
-from ..depth.multi_view_stereo import StereoOptions
+from ..depth.multi_view_stereo import COARSE, StereoOptions
 from ..depth.temporal_fusion import FusionOptions
 from ..warp.layered_mesh import LayeredMeshOptions
 
@@ -32,6 +32,8 @@ class Quality:
     """How layers are triangulated and painted."""
     better: Quality | None = None
     """Whose depth is taken instead where it is kept already."""
+    finds_subjects: bool = True
+    """Whether what moves by itself is looked for, and depth is kept."""
 
     def drawn_size(self, size: tuple[int, int]) -> tuple[int, int]:
         """Size (width, height) that a frame of a size is drawn at."""
@@ -47,6 +49,11 @@ DRAFT = Quality(
 """A quarter of normal's time to draw, and a third with depth to find (`python -m benchmarks.timings.speed`),
 for 0.7, 2.6 and 1.4 dB on bars, fence and walk with true depth at 32 pixels (`python -m
 benchmarks.accuracy.envelope`; fence by a scratch script)."""
+FIRST_LOOK = replace(
+    DRAFT, name="first look", help="From the frame's own neighbours alone, to be seen while depth is found",
+    stereo=COARSE, fusion=FusionOptions(step=1, sides=0), finds_subjects=False,
+)  # fmt: skip
+"""No choice of the user's: what is seen before a frame's depth is known."""
 FINAL = Quality(
     "final", 2, "Twice the views, and depth is searched anew in every frame",
     views=2.0, fusion=FusionOptions(most_unseen=-1.0),
