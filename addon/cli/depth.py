@@ -8,12 +8,13 @@ from collections.abc import Callable, Sequence
 import bpy
 
 from ..core.base.atomic import temporary_folder
-from ..core.base.counting import counted
+from ..core.base.counting import counted, ranges
 from ..core.base.errors import UserError
-from ..core.base.messages import Progress, send
+from ..core.base.messages import Progress, Warned, send
 from ..core.base.streams import say
 from ..core.media.clip import FrameRange
 from ..core.sfm.workspace import Solve, load_solve
+from ..core.subjects.steadiness import jumps
 from ..render import jobs
 from ..render.blend_file import write_blend
 from ..render.launcher import CHILD
@@ -53,6 +54,10 @@ def depth(options: argparse.Namespace) -> None:
         raise problem
 
 
+FEWEST_JUMPS = 3
+"""Frames in which what moves jumps that are worth a word: it may come into view, and leave. By eye."""
+WORDED = " (--subject X,Y)"
+"""What this interface calls that."""
 WHOLE = argparse.Namespace(mask=None, subject=None, frames=None, jobs=None, child=False)
 """Options that say nothing."""
 
@@ -81,6 +86,8 @@ def keep_depth(
     )
     if problem is None:
         say(f"the depth of {counted(len(frames), 'frame')} is kept in {shot.work}")
+        if not (options.child and options.jobs):
+            _say_jumps(shot, frames)
         return None
     if options.child:
         # Whoever started it counts the frames of all its processes.
@@ -88,6 +95,20 @@ def keep_depth(
     there = sum(shot.context.stereo.kept(each) is not None for each in frames)
     kept = f"the depth of {there} of {counted(len(frames), 'frame')} is kept in {shot.work}"
     return UserError(f"{kept}; {problem}", *problem.remedies)
+
+
+def _say_jumps(shot: Shot, frames: Sequence[int]) -> None:
+    """Say in which frames what moves is found otherwise than before, where nobody has said what moves."""
+    if shot.subjects or shot.masks or shot.drawn:
+        return
+    kept = (shot.context.stereo.kept(frame) for frame in frames)
+    found = [frames[number] for number in jumps(depth.moving for depth in kept if depth is not None)]
+    if len(found) < FEWEST_JUMPS:
+        return
+    where = f"{counted(len(found), 'frame')} ({ranges(found)})"
+    text = f"what moves is unsure in {where}, where it jumps: mark it by a stroke"
+    say(f"note: {text}{WORDED}")
+    send(Warned(text))
 
 
 def _one_by_one(shot: Shot, frames: Sequence[int], done: Callable[[int], None]) -> UserError | None:

@@ -13,7 +13,7 @@ from bpy.app.handlers import persistent
 
 from ..core.base.child import Child, end
 from ..core.base.errors import UserError
-from ..core.base.messages import Message, Progress
+from ..core.base.messages import Message, Progress, Warned
 from ..core.sfm.state import STATE
 from ..render.blend_file import write_blend
 from ..render.launcher import start
@@ -37,6 +37,8 @@ class DepthAhead:
     """Frames; 0 until the process has said it."""
     problem: str = ""
     """Why it failed."""
+    warning: str = ""
+    """What it said that the user should know."""
     child: Child | None = None
     """None once it has ended."""
 
@@ -55,6 +57,8 @@ class DepthAhead:
                 self.child = None
             elif isinstance(message, Progress):
                 self.done, self.total = message.done, message.total
+            elif isinstance(message, Warned):
+                self.warning = message.text
         return heard
 
 

@@ -5,8 +5,11 @@ from __future__ import annotations
 from contextlib import nullcontext
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 
+from addon.cli import depth
 from addon.core.base import limits
 from addon.core.depth.depth_store import delete_kept
 
@@ -85,3 +88,24 @@ def test_depth_is_found_with_what_is_marked_and_of_what_is_asked_for(
     assert run("depth", blend) == 0
     assert [path.parent for path in work.rglob("depth-*.npz")] == [found[0].parent] * 3
     assert run("depth", blend, *marked) == 2
+
+
+def test_what_moves_by_jumps_is_told(
+    registered: None, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    work = tmp_path / "work"
+    keep(video(tmp_path / "clip.mp4"), work)
+    assert run("depth", work) == 0
+    assert "unsure" not in capsys.readouterr().out
+    for number, path in enumerate(sorted((work / "depth").rglob("depth-*.npz"))):
+        with np.load(path) as kept:
+            parts = dict(kept)
+        moving = np.zeros_like(cv2.imdecode(parts["moving"], cv2.IMREAD_UNCHANGED))
+        # Now an arm, now a leg.
+        moving[(slice(4, 8), slice(10, 40)) if number % 2 else (slice(2, 32), slice(12, 16))] = 1
+        parts["moving"] = cv2.imencode(".png", moving)[1]
+        np.savez(path, **parts)
+    monkeypatch.setattr(depth, "FEWEST_JUMPS", 2)
+    assert run("depth", work) == 0
+    said = "what moves is unsure in 2 frames (2-3), where it jumps: mark it by a stroke (--subject X,Y)"
+    assert said in capsys.readouterr().out

@@ -84,6 +84,13 @@ def failed(_settings: Settings, folder: Path) -> None:
     depth_ahead._ahead = depth_ahead.DepthAhead(folder / "work", problem="no space is left")
 
 
+def unsure(settings: Settings, folder: Path) -> None:
+    finding(settings, folder)
+    assert depth_ahead._ahead is not None
+    depth_ahead._ahead.child = None
+    depth_ahead._ahead.warning = "what moves is unsure in 3 frames"
+
+
 def without(name: str) -> Callable[[Settings, Path], None]:
     def state(settings: Settings, _folder: Path) -> None:
         bpy.data.objects.remove(getattr(settings, name))
@@ -115,6 +122,7 @@ STATES: list[tuple[str, Callable[[Settings, Path], None], str]] = [
     ("depth under way", finding, "Depth: 1 of 3 frames"),
     ("depth paused", paused, "Ready to render"),
     ("depth failed", failed, "Depth was not found: no space is left"),
+    ("a subject unsure", unsure, "What moves is unsure in 3 frames"),
     ("camera deleted", without("camera"), "Not in this scene any more: camera"),
     ("points deleted", without("points"), "Not in this scene any more: point cloud"),
     ("root deleted", without("root"), "Not in this scene any more: root"),
@@ -144,7 +152,7 @@ def test_panels_draw(
     assert said in texts
     # Nobody is told to solve what is being solved.
     assert make is not solving_the_wrong_one or "the clip chosen is" not in texts
-    ready = (solved, focused, with_scale, marked, finding, paused, failed)
+    ready = (solved, focused, with_scale, marked, finding, paused, failed, unsure)
     assert ("Ready to render" in texts) == (make in ready)
     for name in {name for each in shown for name in each.operators}:
         group, operator = name.split(".")

@@ -6,6 +6,7 @@ import bpy
 
 from ...scene import masks
 from .. import after_solve, depth_ahead, operators
+from ..pick_subject import VIRTUAL_APERTURE_OT_pick_subject
 from ..text import wrapped
 from .panel import PRIMARY, ClosedPanel, Panel, split
 
@@ -48,6 +49,9 @@ def _draw_solve(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     depth_ahead.draw(box, settings)
     if (found := depth_ahead.of(settings)) is not None and found.problem:
         wrapped(box, context, f"Depth was not found: {found.problem}", icon="ERROR")
+    elif found is not None and found.warning and not len(settings.subjects.items):
+        wrapped(box, context, found.warning[:1].upper() + found.warning[1:], icon="QUESTION")
+        box.operator(VIRTUAL_APERTURE_OT_pick_subject.bl_idname, icon="BRUSH_DATA")
     if names := after_solve.still_hidden(context.scene):
         wrapped(box, context, after_solve.hidden_words(names), icon="HIDE_ON")
 
