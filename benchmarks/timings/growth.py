@@ -25,8 +25,10 @@ POINTS = (50, 200, 800)
 COUNT = 3
 """Judged frames, of which alone features are known: too few to tell one's cost from that of starting."""
 CORES = (1, 2)
-PREDICTED = (8, 16)
-"""Numbers of processors that Amdahl's law predicts for."""
+JOBS = (1, 2, 4, 8)
+"""Processes on all processors: what it costs that they overlap."""
+LONG = 24
+"""Frames that are worth several processes."""
 SCENE = "bars"
 FEW, MANY = 1, 4
 """Frames of the two runs that a frame's cost is found by."""
@@ -68,7 +70,7 @@ def frames() -> Iterator[str]:
     with filmed(SCENE, SIZE) as clip:
         for count in FRAMES:
             clip.forget()
-            run = clip.run(clip.lens(), count, 1)
+            run = clip.run((*clip.lens(), "--jobs", 1), count, 1)
             more = "-" if before is None else f"{a_frame((before[1], run), count - before[0])[1]:.2f}"
             yield f"| {count} | {run.cpu_s:.1f} | {more} | {run.peak_mb:.0f} |"
             before = count, run
@@ -96,30 +98,30 @@ def thinned(reconstruction: Reconstruction, most: int) -> Reconstruction:
 
 def cores() -> Iterator[str]:
     """Wall times, which are right on an idle machine alone."""
-    own = " | ".join(f"{n} processors: a frame, s | CPU s" for n in CORES)
-    others = " | ".join(f"{n}: times as fast as 1" for n in PREDICTED)
-    yield f"| run | {own} | share that runs side by side | {others} |"
-    yield "|" + "---|" * (2 * len(CORES) + 2 + len(PREDICTED))
+    yield "| 24 frames on | depth to find, s | CPU s | times as fast | kept, s | CPU s | times as fast |"
+    yield "|---|---|---|---|---|---|---|"
     with filmed(SCENE, SIZE) as clip:
-        pairs = [_both(clip, clip.lens(), count) for count in CORES]
-    for name, runs in zip(("depth to find", "depth kept"), zip(*pairs, strict=True), strict=True):
-        costs = [a_frame(pair, MANY - FEW) for pair in runs]
-        one, two = (wall for wall, _ in costs)
-        share = float(np.clip((1 - two / one) / (1 - CORES[0] / CORES[1]), 0, 1))
-        cells = " | ".join(f"{wall:.2f} | {cpu:.2f}" for wall, cpu in costs)
-        faster = " | ".join(f"{1 / (1 - share + share / n):.1f}" for n in PREDICTED)
-        yield f"| {name} | {cells} | {100 * share:.0f} % | {faster} |"
+        words = [(f"{count} processors", count, ()) for count in CORES]
+        words += [(f"all processors, `--jobs {jobs}`", 0, ("--jobs", jobs)) for jobs in JOBS]
+        first: list[Run] = []
+        for name, count, jobs in words:
+            clip.forget()
+            runs = [clip.run((*clip.lens(), *jobs), LONG, cores=count) for _ in ("found", "kept")]
+            first = first or runs
+            cells = [
+                f"{run.wall_s:.1f} | {run.cpu_s:.1f} | {one.wall_s / run.wall_s:.2f}"
+                for run, one in zip(runs, first, strict=True)
+            ]
+            yield f"| {name} | {' | '.join(cells)} |"
 
 
-def _both(
-    clip: Clip, lens: tuple[object, ...], processors: int = 0
-) -> tuple[tuple[Run, Run], tuple[Run, Run]]:
+def _both(clip: Clip, lens: tuple[object, ...]) -> tuple[tuple[Run, Run], tuple[Run, Run]]:
     """Runs of a few and of more frames, with the depth to find and with it kept."""
     found = []
     for count in (FEW, MANY):
         clip.forget()
-        found.append(clip.run(lens, count, cores=processors))
-    kept = [clip.run(lens, count, cores=processors) for count in (FEW, MANY)]
+        found.append(clip.run(lens, count))
+    kept = [clip.run(lens, count) for count in (FEW, MANY)]
     return (found[0], found[1]), (kept[0], kept[1])
 
 

@@ -25,7 +25,7 @@ from addon.core.focus.focus import Focus
 from addon.core.frame.clip_context import ClipContext, no_picture
 from addon.core.media.clip import open_footage
 from addon.render import gpu_views
-from addon.render.preview import COARSE, FAIR, FINE, ROUGH, Wanted, make_picture
+from addon.render.preview import COARSE, FAIR, FINE, FIRST, ROUGH, Wanted, make_picture
 from addon.scene.build import build
 from addon.scene.lens import frame_options
 from addon.scene.shot import shot_of
@@ -39,7 +39,9 @@ FRAMES = 6
 MOVES = 200
 SIZES = ((640, 360), (884, 1080), (1920, 1080), (3840, 2160))
 FEATURES, VIEWS = 1500, 64
-LEVELS = {ROUGH: "from the feature points", COARSE: "coarse", FAIR: "draft", FINE: "best"}
+LEVELS = {
+    ROUGH: "from the feature points", FIRST: "first look", COARSE: "coarse", FAIR: "draft", FINE: "best",
+}  # fmt: skip
 
 
 def timed(call: Callable[..., object], arguments: Iterable[tuple[object, ...]]) -> str:

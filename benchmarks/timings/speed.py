@@ -14,7 +14,7 @@ from pathlib import Path
 from addon.core.frame.quality import QUALITIES
 
 from .. import store
-from . import equal_error, growth, whole_runs
+from . import equal_error, first_picture, growth, whole_runs
 from .frame_costs import DISC, SIZES
 
 FILE = Path(__file__).parents[1] / "results" / "speed.md"
@@ -32,8 +32,14 @@ def whole(size: str) -> str:
     return "\n".join([caption, "", head, "|" + "---|" * (head.count("|") - 1), *found, ""])
 
 
+def first(size: str) -> str:
+    """How soon a first picture is seen at a size."""
+    return first_picture.table(whole_runs.parsed(size))
+
+
 PARTS: dict[str, Callable[[], str]] = {
     **{f"whole runs, {size}": partial(whole, size) for size in SIZES},
+    **{f"first picture, {size}": partial(first, size) for size in SIZES},
     **{f"growth with {name}": partial(growth.table, name) for name in growth.PARTS},
     "equal error": partial(equal_error.table, ["bars", "walk"], 32, [4, 16, 64]),
 }
