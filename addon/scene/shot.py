@@ -35,7 +35,7 @@ from .paths import absolute
 
 KEPT_DEPTH = "depth"
 """Folder of a working folder where depth is kept."""
-DEPTHS = 8
+DEPTHS = 9
 """Version of the way that depth is found: counted up when the same options give another depth."""
 IDENTITY = "virtual_aperture_identity"
 REMEMBERED = 256 << 20

@@ -70,6 +70,22 @@ def test_silhouettes_lie_where_the_picture_has_them(found: DenseDepth) -> None:
     assert np.mean(np.abs(first - left) > 3) < 0.1 and np.mean(np.abs(last - right) > 3) < 0.1
 
 
+def test_bars_of_a_few_pixels_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Textured ones of 3, 4 and 6 pixels before a plane."""
+    thin, apart = [round(width * 4 / planes.FOCAL * planes.TEXELS) for width in (3, 4, 6)], 0.8
+    bars = {4 + 0.01 * n: (apart * (n - 1), apart * (n - 1) + w / planes.TEXELS) for n, w in enumerate(thin)}
+    monkeypatch.setattr(planes, "PLANES", {10.0: (-30.0, 30.0), **bars})
+    pictures = clip(CENTRES)
+    near = dense(poses(CENTRES), pictures).inverse_depth > (1 / 4 + 1 / 10) / 2
+    for depth, edges in bars.items():
+        column = int(WIDTH / 2 + planes.FOCAL * np.mean(edges) / depth)
+        shown = near[10:-10, column - 1 : column + 2]
+        assert np.mean(shown.any(axis=1)) > 0.95
+        # Nothing far around them is taken for them.
+        around = near[10:-10, column - 15 : column + 16]
+        assert np.median(around.sum(axis=1)) < planes.FOCAL * np.ptp(edges) / depth + 4
+
+
 def test_first_and_last_frame_have_neighbours_on_one_side_only(pictures: list[Picture]) -> None:
     for frame in (1, len(pictures)):
         result = dense(poses(CENTRES, features()), pictures, frame)

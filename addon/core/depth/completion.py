@@ -12,7 +12,7 @@ from ..base.arrays import Floats, Map
 
 @dataclass(frozen=True)
 class CompletionOptions:
-    """Edge-aware interpolation and the sparse prior. Set by eye, then judged
+    """Edge-aware interpolation and smooth surfaces. Set by eye, then judged
     together on the scenes with true depth by `python -m benchmarks.accuracy.dense_depth`."""
 
     smoother_lambda: float = 400.0
@@ -21,10 +21,6 @@ class CompletionOptions:
     """Grey levels at which that smoother stops. By eye."""
     least_weight: float = 1e-6
     """Weight, against 1 for a known pixel, of the default depth where nothing known reaches. By eye."""
-    prior_cost: float = 3.0
-    """Grey levels by which levels far from a feature's own depth cost more. By eye."""
-    prior_reach: float = 4.0
-    """Levels from a feature's own from which on all others cost the same. By eye."""
     filter_window: int = 9
     """Pixels across the bilateral filter that smooths surfaces. By eye."""
     filter_sigma_level: float = 1.5
@@ -61,17 +57,6 @@ def splat(xy: Floats, value: Floats, shape: tuple[int, int]) -> tuple[Map, Map]:
     total = np.bincount(flat, weights=value[inside], minlength=height * width)
     mean = total / np.maximum(count, 1)
     return mean.reshape(shape).astype(np.float32), count.reshape(shape).astype(np.float32)
-
-
-def add_sparse_prior(costs: Map, known: Map, count: Map, levels: Floats, options: CompletionOptions) -> None:
-    """Prefer in costs (k, h, w), at inverse depths `levels` (k,), those known (h, w) from features where
-    their count (h, w) is not zero, and in the pixels beside."""
-    row, column = np.nonzero(cv2.dilate(count, np.ones((3, 3))))
-    total, number = (cv2.boxFilter(part, -1, (3, 3), normalize=False) for part in (known * count, count))
-    off = np.abs(levels[:, None] - (total / np.maximum(number, 1))[row, column]) / (levels[1] - levels[0])
-    costs[:, row, column] += (options.prior_cost * np.minimum(off / options.prior_reach, 1)).astype(
-        np.float32
-    )
 
 
 def smooth(level: Map, options: CompletionOptions) -> Map:

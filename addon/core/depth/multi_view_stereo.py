@@ -20,11 +20,12 @@ from ..camera.canvas import Canvas
 from ..camera.reconstruction import Image, Intrinsics, Reconstruction, seen_by
 from ..media.clip import encode_srgb
 from ..media.picture_file import Pixels
-from .completion import CompletionOptions, add_sparse_prior, interpolate, smooth, splat
+from .completion import CompletionOptions, interpolate, smooth, splat
+from .matching import Features, MatchingOptions, matched_levels
 from .motion_segmentation import MASKED, MotionOptions, moving_pixels, occluding_pixels
 from .moving_objects import MovingObjectOptions, place_moving_objects
 from .object_tracks import ClipObjects, Subject
-from .plane_sweep import SweepOptions, View, best_levels, semiglobal, small_picture, sweep
+from .plane_sweep import View, small_picture
 from .source import FAINTEST
 from .sparse import frame_features
 from .view_selection import Neighbour, SelectionOptions, relative_pose, select_source_views
@@ -76,22 +77,12 @@ class StereoOptions:
     """Points of the frame's own that tell its range without those of other frames. By eye."""
     blind_parallax: float = 0.3
     """Of the width, that the nearest thing moves in the farthest frame where no points are. By eye."""
-    rival_margin: float = 3.0
-    """Summed cost in grey levels: a level within so much of the best one is its rival. By eye."""
-    rival_share: float = 0.2
-    """Share of levels that are rivals with which the best one means nothing. By eye."""
-    texture_window: int = 9
-    """Pixels across the window in which the best level must beat the mean one. By eye."""
-    least_texture: float = 0.4
-    """Grey levels by which the best level must beat the mean there to tell anything. By eye."""
-    no_match: float = 0.875
-    """Of the truncated mismatch, at which nothing was found at all. By eye."""
     selection: SelectionOptions = field(default_factory=SelectionOptions)
     """How the neighbours are chosen."""
-    sweep: SweepOptions = field(default_factory=SweepOptions)
-    """Matching cost and semiglobal matching."""
+    matching: MatchingOptions = field(default_factory=MatchingOptions)
+    """How a pixel's depth level is chosen and trusted."""
     completion: CompletionOptions = field(default_factory=CompletionOptions)
-    """Sparse points and smooth surfaces."""
+    """Depth where there are only sparse points, and smooth surfaces."""
     motion: MotionOptions = field(default_factory=MotionOptions)
     """What moves by itself."""
     objects: MovingObjectOptions = field(default_factory=MovingObjectOptions)
@@ -180,7 +171,7 @@ class PlaneSweepStereo:
             return DenseDepth(frame, sparse, np.zeros(shape, np.float32), masked, canvas.pinhole)
         levels = np.linspace(low, high, int(np.clip(np.ceil(widest / options.level_step), *options.levels)))
         views = [self._view(image, own, one, middle) for one in near]
-        level, confidence = _swept(own, views, levels, guide, known, count, options)
+        level, confidence = matched_levels(own, views, levels, Features(known, count), options.matching)
         inverse = low + (levels[1] - levels[0]) * smooth(level, completion)
         inverse = np.maximum(inverse, 0).astype(np.float32)
         if widest < options.sure_parallax:
@@ -332,9 +323,8 @@ class PlaneSweepStereo:
         levels = np.linspace(low, options.probe_reach * high, options.probe_levels)
         views = [self._view(image, own, one, (low + high) / 2).shrunk(options.probe_zoom) for one in near]
         small = small_picture(own, options.probe_zoom)
-        guide = cv2.cvtColor(small[..., :3], cv2.COLOR_RGB2GRAY).astype(np.float32)
-        none = np.zeros_like(guide)
-        level, confidence = _swept(small, views, levels, guide, none, none, options)
+        none = Features.none(small.shape)
+        level, confidence = matched_levels(small, views, levels, none, options.matching)
         nearer = low + (levels[1] - levels[0]) * level[confidence > 0.5]
         if np.count_nonzero(nearer > high) < options.probe_share * level.size:
             return high
@@ -358,41 +348,7 @@ class PlaneSweepStereo:
         # The planes that are swept face the frame: their normal is its viewing direction.
         parallax = np.outer(translation, [0.0, 0.0, 1.0])
         view = View(self._picture(near.image), there @ rotation @ back, there @ parallax @ back, near.side)
-        return view.exposed_as(own, middle, self._options.sweep.least_gain)
-
-
-def _swept(
-    own: Bytes,
-    views: list[View],
-    levels: Floats,
-    guide: Map,
-    known: Map,
-    count: Map,
-    options: StereoOptions,
-) -> tuple[Map, Map]:
-    """(h, w) level, with its fraction, and the confidence in it, before what the parallax says of it.
-
-    Of a frame (h, w, 4) and its grey levels (h, w), at inverse depths `levels` (k,), with those `known` (h,
-    w) of features, of which each pixel has a count (h, w).
-    """
-    costs = sweep(own, views, levels, guide, options.sweep)
-    unseen = own[..., 3] < 255
-    # What lies past the lens's picture continues what lies within.
-    costs[:, unseen] = 0
-    checkpoint(0.5)
-    texture = cv2.blur(costs.mean(axis=0) - costs.min(axis=0), (options.texture_window,) * 2)
-    checkpoint(0.5)
-    add_sparse_prior(costs, known, count, levels, options.completion)
-    sums = semiglobal(costs, guide, options.sweep)
-    checkpoint(0.7)
-    best, level = best_levels(sums)
-    checkpoint(0.7)
-    rivals = np.count_nonzero(sums < sums.min(axis=0) + np.float32(options.rival_margin), axis=0)
-    unique = np.clip(1.2 - rivals / (options.rival_share * len(levels)), 0, 1)
-    at = np.take_along_axis(costs, best[None], axis=0)[0]
-    agreed = np.clip(2 - 2 * at / (options.no_match * options.sweep.truncation), 0, 1)
-    textured = np.clip(texture / options.least_texture - 0.5, 0, 1)
-    return level, np.where(unseen, 0, unique * agreed * textured).astype(np.float32)
+        return view.exposed_as(own, middle, self._options.matching.sweep.least_gain)
 
 
 def pixel_matrix(camera: Intrinsics) -> Floats:

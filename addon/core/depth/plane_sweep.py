@@ -1,35 +1,32 @@
 """Plane sweep with known cameras: the inverse depth at which a frame's neighbours agree with it.
 
-Collins, "A space-sweep approach to true multi-image matching", 1996; regularised by semiglobal matching.
+Collins, "A space-sweep approach to true multi-image matching", 1996.
 """
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 
-from ..base.arrays import Bytes, Floats, Indices, Map, Mask
+from ..base.arrays import Bytes, Floats, Map
 from ..base.limits import threads
 from ..base.progress import checkpoint, in_this_scope
+from .semiglobal import STEPS, Costs
 
-NARROWEST = 128
-"""Columns that a thread sums costs along, at least: with 160 of them it takes 1.9 times the processor time
-that they take with all 640, by a scratch script."""
-CHECKED = 4
-"""Rows of costs between two checkpoints: 5 ms at 960x540 pixels and 64 levels, on an idle machine."""
+UNSEEN = 65535
+"""Cost of a level at which no neighbour sees the place, until all were looked at."""
 
 
 @dataclass(frozen=True)
 class SweepOptions:
-    """Matching cost and regularisation. Set by eye, then judged together on the scenes with true depth by
-    `python -m benchmarks.accuracy.dense_depth`."""
+    """Matching cost. Set by eye, then judged together on the scenes with true depth by `python -m
+    benchmarks.accuracy.dense_depth`."""
 
-    truncation: float = 8.0
+    truncation: int = 8
     """Grey levels: differences are cut there, as a larger one is another surface. By eye."""
     least_depth_ratio: float = 0.05
     """A plane whose depth shrinks below this share on the way to a neighbour is left out for it. By eye."""
@@ -37,12 +34,6 @@ class SweepOptions:
     """Pixels: radius of the guided filter that gathers costs. By eye."""
     guide_epsilon: float = 30.0
     """Squared grey levels that count as one surface in that guided filter. By eye."""
-    p1: float = 0.6
-    """Grey levels: semiglobal matching's cost of a change of depth by one level. By eye."""
-    p2: float = 10.0
-    """Grey levels: semiglobal matching's cost of a larger change where the picture has no edge. By eye."""
-    p2_halved_at: float = 8.0
-    """Grey levels between neighbouring pixels at which a larger change of depth costs half. By eye."""
     far_preference: float = 0.1
     """Grey levels by which the farthest is preferred to the nearest: what is plain is often sky. By eye."""
     least_gain: float = 0.01
@@ -76,10 +67,11 @@ class View:
         corners = np.array([[0, 0, 1], [width, 0, 1], [0, height, 1], [width, height, 1.0]])
         return bool((corners @ self.homography(inverse)[2]).min() > least_depth_ratio)
 
-    def warped(self, inverse: float, width: int, height: int) -> Bytes:
+    def warped(self, inverse: float, width: int, height: int, into: Bytes | None = None) -> Bytes:
         """(height, width, 4) what it sees of a plane facing the frame at one inverse depth."""
         matrix, flags = self.homography(inverse), cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-        return np.asarray(cv2.warpPerspective(self.picture, matrix, (width, height), flags=flags), np.uint8)
+        seen = cv2.warpPerspective(self.picture, matrix, (width, height), into, flags)
+        return np.asarray(seen, np.uint8)
 
     def shrunk(self, times: int) -> View:
         """This view with a picture so many times smaller."""
@@ -119,135 +111,85 @@ def _scaling(across: float, down: float) -> Floats:
     return np.array([[across, 0, (across - 1) / 2], [0, down, (down - 1) / 2], [0, 0, 1.0]])
 
 
-def sweep(reference: Bytes, views: Sequence[View], levels: Floats, guide: Map, options: SweepOptions) -> Map:
-    """(k, h, w) float32 mismatch in grey levels of a frame (h, w, 4) at inverse depths (k,); `guide` (h, w)
-    is the frame in grey levels.
+def sweep(
+    reference: Bytes, views: Sequence[View], levels: Floats, guide: Map, options: SweepOptions
+) -> Costs:
+    """(h, k, w) mismatch of a frame (h, w, 4) at inverse depths (k,), in `STEPS` of a grey level; `guide` (h,
+    w) is the frame in grey levels.
 
     Means over the neighbours of each side, gathered by a guided filter, and the better side counts: a surface
     at a silhouette is hidden from one side only (Kang, Szeliski and Chai, "Handling occlusions in dense
     multi-view stereo", 2001; Hosni et al., "Fast cost-volume filtering", 2013).
     """
-    costs = np.empty((len(levels), *reference.shape[:2]), np.float32)
-    sides = [[view for view in views if view.side == side] for side in sorted({v.side for v in views})]
-
+    height, width = guide.shape
+    costs = np.empty((height, len(levels), width), np.uint16)
     # What is found does not depend on their number.
     workers = threads()
 
     @in_this_scope
     def fill(first: int) -> None:
         filtering = cv2.ximgproc.createGuidedFilter(guide, options.guide_radius, options.guide_epsilon)
+        room = np.empty((2, *reference.shape), np.uint8)
         for k in range(first, len(levels), workers):
             checkpoint(k / len(levels))
-            parts = [_mean_mismatch(reference, side, levels[k], options) for side in sides]
-            costs[k] = np.minimum.reduce([filtering.filter(cost) for cost, _ in parts])
-            costs[k][~np.logical_or.reduce([seen for _, seen in parts])] = np.inf
+            costs[:, k] = _mismatch(reference, views, float(levels[k]), filtering.filter, room, options)
 
     with ThreadPoolExecutor(workers) as pool:
         list(pool.map(fill, range(workers)))
-    costs += np.linspace(0, options.far_preference, len(levels), dtype=np.float32)[:, None, None]
-    # A depth at which no neighbour sees the place has nothing for it, and nothing against it.
-    best = costs.min(axis=0)
-    np.copyto(costs, np.where(np.isfinite(best), best, 0), where=np.isinf(costs))
-    return costs
+    preferred = np.linspace(0, STEPS * options.far_preference, len(levels))
+    return _finished(costs, np.rint(preferred).astype(np.uint16))
 
 
-def _mean_mismatch(
-    reference: Bytes, views: Sequence[View], inverse: float, options: SweepOptions
-) -> tuple[Map, Mask]:
-    """(h, w) grey levels, mean over the neighbours that see a place, and whether one sees all around."""
+def _mismatch(
+    reference: Bytes,
+    views: Sequence[View],
+    inverse: float,
+    gather: Callable[[Map], Map],
+    room: Bytes,
+    options: SweepOptions,
+) -> Costs:
+    """(h, w) gathered mismatch of a frame (h, w, 4) at one inverse depth with the neighbours of the better
+    side, `UNSEEN` where none sees all around; `room` (2, h, w, 4) is written to."""
     height, width = reference.shape[:2]
-    mean = np.array([[1, 1, 1, 0]], np.float32) / 3
-    total = np.full((height, width), 1e-3 * options.truncation, np.float32)
-    count = np.full((height, width), 1e-3, np.float32)
-    for view in views:
-        if not view.sees_plane(inverse, width, height, options.least_depth_ratio):
-            continue
-        seen = view.warped(inverse, width, height)
-        off = cv2.transform(cv2.absdiff(reference, seen), mean)
-        cost = cv2.min(off, options.truncation)  # type: ignore[call-overload]
-        valid = cv2.compare(cv2.extractChannel(seen, 3), 254, cv2.CMP_GE)  # type: ignore[call-overload]
-        cv2.accumulate(cost, total, mask=valid)
-        cv2.add(count, 1.0, dst=count, mask=valid)  # type: ignore[call-overload]
+    best, hidden = None, None
     # A guided filter averages twice over its radius.
-    window = np.ones((4 * options.guide_radius + 1,) * 2)
-    seen_by_one = cv2.erode((count > 0.5).astype(np.uint8), window, borderValue=1)
-    return np.asarray(total / count, np.float32), seen_by_one > 0
+    window = np.ones((4 * options.guide_radius + 1,) * 2, np.uint8)
+    for side in sorted({view.side for view in views}):
+        total = np.zeros((height, width), np.uint8)
+        count = np.zeros_like(total)
+        for view in views:
+            ahead = view.sees_plane(inverse, width, height, options.least_depth_ratio)
+            if view.side != side or not ahead:
+                continue
+            seen = view.warped(inverse, width, height, room[0])
+            off = cv2.cvtColor(cv2.absdiff(reference, seen, dst=room[1]), cv2.COLOR_RGBA2GRAY)
+            valid = cv2.compare(cv2.extractChannel(seen, 3), 254, cv2.CMP_GE)  # type: ignore[call-overload]
+            cv2.add(total, cv2.min(off, options.truncation), dst=total, mask=valid)  # type: ignore[call-overload]
+            cv2.add(count, 1, dst=count, mask=valid)  # type: ignore[call-overload]
+        unseen = cv2.compare(count, 0, cv2.CMP_EQ)  # type: ignore[call-overload]
+        cv2.add(total, options.truncation, dst=total, mask=unseen)  # type: ignore[call-overload]
+        mean = cv2.divide(total, cv2.max(count, 1), scale=STEPS, dtype=cv2.CV_32F)  # type: ignore[call-overload]
+        cost = gather(np.asarray(mean, np.float32))
+        best = cost if best is None else cv2.min(best, cost)
+        around = cv2.dilate(unseen, window, borderValue=0)
+        hidden = around if hidden is None else cv2.bitwise_and(hidden, around)
+    # What overshoots below nothing is nothing.
+    found = np.asarray(cv2.add(best, 0, dtype=cv2.CV_16U), np.uint16)  # type: ignore[call-overload]
+    found[np.asarray(hidden) > 0] = UNSEEN
+    return found
 
 
-def semiglobal(costs: Map, guide: Map, options: SweepOptions) -> Map:
-    """(k, h, w) costs summed along the rows and columns of the picture, (h, w) grey levels, both ways.
+def _finished(costs: Costs, preferred: Costs) -> Costs:
+    """Costs (h, k, w), the least of a pixel in place of `UNSEEN`, and to each level (k,) what it costs more
+    than the farthest.
 
-    Hirschmueller, "Stereo processing by semiglobal matching and mutual information", 2008.
+    A depth at which no neighbour sees the place has nothing for it, and nothing against it.
     """
-    upright = np.empty((len(costs), *guide.T.shape), np.float32)
-    down, across = np.empty_like(costs), np.empty_like(upright)
-    ways = [
-        (part[..., columns], light[:, columns], options, total[..., columns])
-        for part, light, total in ((costs, guide, down), (upright, guide.T, across))
-        for columns in _blocks(light.shape[1])
-    ]
-    with ThreadPoolExecutor(threads()) as pool:
-        # OpenCV does one level at a time faster than numpy all, and in all threads.
-        list(pool.map(in_this_scope(_transpose), costs, upright))
-        list(pool.map(in_this_scope(_both_ways), *zip(*ways, strict=True)))
-        list(pool.map(in_this_scope(_add_transposed), down, across))
-    return down
-
-
-def _blocks(width: int) -> list[slice]:
-    """Columns of so many, for half of the threads each: the others do the rows meanwhile."""
-    count = max(1, min(-(-threads() // 2), width // NARROWEST))
-    edges = [width * n // count for n in range(count + 1)]
-    return [slice(a, b) for a, b in itertools.pairwise(edges)]
-
-
-def _transpose(plane: Map, into: Map) -> None:
-    """Write a plane (h, w) into another (w, h)."""
-    checkpoint()
-    cv2.transpose(plane, into)
-
-
-def _add_transposed(plane: Map, other: Map) -> None:
-    """Add to a plane (h, w) another (w, h)."""
-    checkpoint()
-    cv2.add(plane, cv2.transpose(other), dst=plane)
-
-
-def _both_ways(costs: Map, guide: Map, options: SweepOptions, total: Map) -> None:
-    """Costs (k, h, w) summed along the columns of a grey picture (h, w), downwards and upwards, into `total`
-    (k, h, w)."""
-    p1 = np.float32(options.p1)
-    p2 = options.p2 / (1 + np.abs(np.diff(guide, axis=0)) / options.p2_halved_at)
-    p2 = np.maximum(p2, 1.1 * options.p1).astype(np.float32)
-    last = costs.shape[1] - 1
-    for rows in (range(last + 1), range(last, -1, -1)):
-        path = np.zeros_like(costs[:, 0])
-        before = rows[0]
-        for row in rows:
-            if row % CHECKED == 0:
-                checkpoint()
-            lowest = path.min(axis=0)
-            best = np.minimum(path, lowest + p2[min(row, before, last - 1)])
-            np.minimum(best[1:], path[:-1] + p1, out=best[1:])
-            np.minimum(best[:-1], path[1:] + p1, out=best[:-1])
-            best -= lowest
-            best += costs[:, row]
-            if rows.step > 0:
-                # Nothing is in it yet.
-                total[:, row] = best
-            else:
-                total[:, row] += best
-            path, before = best, row
-
-
-def best_levels(costs: Map) -> tuple[Indices, Map]:
-    """(h, w) best level of costs (k, h, w), but for the first and the last, and the same with its fraction.
-
-    Of costs that are sums of differences the minimum is a corner: two lines of opposite slopes meet there
-    (Shimizu and Okutomi, "Precise sub-pixel estimation on area-based matching", 2001).
-    """
-    best = np.clip(costs.argmin(axis=0), 1, len(costs) - 2)
-    before, at, after = (np.take_along_axis(costs, (best + k)[None], axis=0)[0] for k in (-1, 0, 1))
-    rise = np.maximum(before, after) - at
-    step = np.divide(before - after, 2 * rise, out=np.zeros_like(rise), where=rise > 1e-6)
-    return best, (best + np.clip(step, -1, 1)).astype(np.float32)
+    for row in costs:
+        unseen = row == UNSEEN
+        row += preferred[:, None]
+        if unseen.any():
+            row[unseen] = UNSEEN
+            best = row.min(axis=0)
+            np.copyto(row, np.where(best == UNSEEN, np.uint16(0), best), where=unseen)
+    return costs
