@@ -123,6 +123,9 @@ def sweep(
     """
     height, width = guide.shape
     costs = np.empty((height, len(levels), width), np.uint16)
+    # Every level of every pixel: levels around what half of the size tells, with neighbours' and second best
+    # ones, took 0.7 of the time, and lost bars of 2 to 6 pixels and 0.2 to 0.3 dB of walk. A window that
+    # gathers costs wants one level for all of its pixels.
     # What is found does not depend on their number.
     workers = threads()
 
