@@ -37,6 +37,8 @@ KEPT_DEPTH = "depth"
 """Folder of a working folder where depth is kept."""
 DEPTHS = 9
 """Version of the way that depth is found: counted up when the same options give another depth."""
+HIGHLIGHTS = 1
+"""Version of the way that highlights are found, in the same way."""
 IDENTITY = "virtual_aperture_identity"
 REMEMBERED = 256 << 20
 """Bytes of pictures as they were read."""
@@ -100,7 +102,7 @@ class Shot:
         """The clip as the core's stages see it."""
         return ClipContext(
             self.reconstruction, self.read, self.depth, self._masks, self._store if self.work else None,
-            self.subjects, self._found,
+            self.subjects, self._found, self._kept(self._highlight_key),
         )  # fmt: skip
 
     def with_subjects(self, marked: tuple[MarkedSubject, ...]) -> Shot:
@@ -113,7 +115,7 @@ class Shot:
 
     @cached_property
     def _found(self) -> ClipSubjects:
-        store = DepthStore(self.work / KEPT_DEPTH, self._subject_key) if self.work else None
+        store = self._kept(self._subject_key)
         return self.found or ClipSubjects(
             FoundSubjects(self.reconstruction, self.read, self._masks, store=store)
         )
@@ -128,24 +130,37 @@ class Shot:
         return int(frames[max(0, int(np.searchsorted(frames, frame, side="right")) - 1)])
 
     def _store(self, quality: Quality) -> DepthStore:
-        assert self.work is not None
-        return DepthStore(self.work / KEPT_DEPTH, partial(self._depth_key, quality))
+        store = self._kept(partial(self._depth_key, quality))
+        assert store is not None
+        return store
+
+    def _kept(self, key: Callable[[], str]) -> DepthStore | None:
+        """What is kept under a key; None where there is no working folder."""
+        return DepthStore(self.work / KEPT_DEPTH, key) if self.work else None
 
     def _depth_key(self, quality: Quality) -> str:
         """16 hexadecimal digits of all that the depth found in the clip in a quality depends on, as its files
         are now."""
         marked = tuple(each.key for each in self.subjects)
-        return self._key(marked, quality.stereo, quality.fusion, SubjectOptions(), CarryOptions())
+        options = marked, quality.stereo, quality.fusion, SubjectOptions(), CarryOptions()
+        return self._key(DEPTHS, self._mask_digests, options)
 
     def _subject_key(self) -> str:
         """The same of what moves by itself, whatever is marked."""
-        return self._key(SubjectOptions())
+        return self._key(DEPTHS, self._mask_digests, (SubjectOptions(),))
 
-    def _key(self, *options: object) -> str:
-        masks = self.masks and clip_digest(self.masks.pictures.path), self.drawn and drawn_digest(self.drawn)
+    def _highlight_key(self) -> str:
+        """The same of highlights, whatever moves."""
+        return self._key("highlights", HIGHLIGHTS)
+
+    @property
+    def _mask_digests(self) -> tuple[object, ...]:
+        return self.masks and clip_digest(self.masks.pictures.path), self.drawn and drawn_digest(self.drawn)
+
+    def _key(self, *things: object) -> str:
         # As the solve knows its clip: known already, where all bytes of a sequence would have to be read.
         clip = identity(self.footage.path), self._reconstruction_digest
-        return hashlib.sha256(repr((DEPTHS, clip, masks, options)).encode()).hexdigest()[:16]
+        return hashlib.sha256(repr((clip, *things)).encode()).hexdigest()[:16]
 
     @cached_property
     def _reconstruction_digest(self) -> str:

@@ -22,8 +22,9 @@ from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstr
 from addon.core.frame.clip_context import ClipContext
 from addon.core.frame.highlights import HighlightSettings
 from addon.core.media.clip import encode_srgb, to_linear
+from addon.core.warp.clipped_blobs import clipped_blobs, point_spread
 from addon.core.warp.footprint import disc_kernel
-from addon.core.warp.highlights import colour_of, highlights, point_spread
+from addon.core.warp.highlights import colour_of
 
 from . import metrics
 
@@ -133,12 +134,12 @@ def _fixed(gain: float) -> Estimator:
 def _by_area(_clip: Clip, seen: LinearRGBA) -> LinearRGBA:
     """A point's blob of area A at a spread s has the energy 2 pi s^2 exp(A / (2 pi s^2))."""
     found, squared = seen.copy(), point_spread(seen) ** 2
-    for one in highlights(seen, HighlightSettings.threshold):
-        (row, column), (height, width) = one.corner, one.clipped.shape
-        energy = 2 * np.pi * squared * np.exp(min(one.area / (2 * np.pi * squared), 30.0))
-        radiance = np.clip(energy / one.area, 1, 1000)
-        patch = found[row : row + height, column : column + width, :3]
-        patch[one.clipped] = np.maximum(patch[one.clipped], radiance * colour_of(one.rim))
+    blobs, flat = clipped_blobs(seen, HighlightSettings.threshold), found.reshape(-1, found.shape[2])
+    energy = 2 * np.pi * squared * np.exp(np.minimum(blobs.area / (2 * np.pi * squared), 30.0))
+    radiance = np.clip(energy / blobs.area, 1, 1000)[:, None]
+    for some in blobs.patches:
+        pixel, light = some.pixel[some.seen], radiance[some.number] * colour_of(some.rim)
+        flat[pixel, :3] = np.maximum(flat[pixel, :3], light[np.nonzero(some.seen)[0]])
     return found
 
 

@@ -14,7 +14,7 @@ from addon.core.frame.clip_context import ClipContext, no_picture
 from addon.core.frame.highlights import RESTORED, HighlightSettings
 from addon.core.media.clip import decode_srgb, encode_srgb, to_linear
 from addon.core.media.picture_file import Pixels
-from addon.core.warp.highlights import highlights, point_spread
+from addon.core.warp.clipped_blobs import clipped_blobs, point_spread
 
 SIZE = 320, 180
 FINER = 8
@@ -129,8 +129,8 @@ def test_a_lamp_becomes_a_window_without_a_jump() -> None:
     weights = []
     for radius in np.arange(2.5, 7.5, 0.125):
         light = painted(np.array([100.3, 80.6]), radius, np.full(3, 6.0))
-        found = highlights(to_linear(recorded(light)), THRESHOLD)
-        weights.append(found[0].weight if found else 0.0)
+        found = clipped_blobs(to_linear(recorded(light)), THRESHOLD)
+        weights.append(found.weight[0] if len(found) else 0.0)
     assert weights[0] == 1
     assert weights[-1] == 0
     assert np.abs(np.diff(weights)).max() < 0.3
@@ -195,7 +195,7 @@ def test_sharp_edges_tell_the_point_spread(spread: float) -> None:
 
 def test_a_picture_without_clipped_pixels_has_no_highlights() -> None:
     picture = to_linear(recorded(painted(np.array([100.3, 80.6]), 3.0, 0.9 * WARM)))
-    assert highlights(picture, THRESHOLD) == []
+    assert not len(clipped_blobs(picture, THRESHOLD))
     # Nor are other frames read for it.
     clip = ClipContext(
         sideways(3), lambda frame: recorded(0 * picture[..., :3]) if frame == 2 else no_picture(frame)

@@ -47,7 +47,7 @@ PNG = b"\x89PNG\r\n\x1a\n"
 """Begins a PNG, whose width and height stand at its 17th byte (ISO/IEC 15948)."""
 LONGEST_SIDE = 16384
 """Pixels of a mask at most, as of any picture that is drawn."""
-KINDS = "depth", "moving", "single", "coarse", "alone"
+KINDS = "depth", "moving", "single", "coarse", "alone", "lost", "lamps"
 """What the names of files begin with; all others go where there is no room for the first."""
 RECOUNT = 10.0
 """Seconds after which files are counted again, which other processes write, too."""
@@ -145,10 +145,10 @@ class DepthStore:
 
     def depth(self, frame: int, shape: tuple[int, int], kind: str = "depth") -> KeptDepth | None:
         """A frame's depth (h, w) of that shape and one of `KINDS`, None where it is not kept."""
-        kept = self._read(f"{kind}-{frame:06d}", (*MAPS, "range", "past_range"))
+        kept = self.read(f"{kind}-{frame:06d}", (*MAPS, "range", "past_range"))
         if kept is None:
             return None
-        maps = {name: _decoded(kept[name], 3 * max(shape)) for name in MAPS}
+        maps = {name: decoded(kept[name], 3 * max(shape)) for name in MAPS}
         found = {name: one for name, one in maps.items() if one is not None and one.dtype == MAPS[name]}
         if set(found) != set(MAPS) or any(kept[name].shape != (2,) for name in ("range", "past_range")):
             return None
@@ -166,13 +166,13 @@ class DepthStore:
 
     def keep_depth(self, frame: int, depth: KeptDepth, kind: str = "depth") -> None:
         """Keep a frame's depth, of one of `KINDS`."""
-        self._write(
+        self.write(
             f"{kind}-{frame:06d}",
             {
-                "inverse": _encoded(depth.inverse.steps),
-                "confidence": _encoded(depth.sure),
-                "moving": _encoded(depth.moving.astype(np.uint8)),
-                "past": _encoded(depth.past.steps),
+                "inverse": encoded(depth.inverse.steps),
+                "confidence": encoded(depth.sure),
+                "moving": encoded(depth.moving.astype(np.uint8)),
+                "past": encoded(depth.past.steps),
                 "range": np.array([depth.inverse.low, depth.inverse.step]),
                 "past_range": np.array([depth.past.low, depth.past.step]),
             },
@@ -190,13 +190,13 @@ class DepthStore:
             return f"{kind}-{frame:06d}"
 
         def read(frame: int) -> Mask | None:
-            kept = self._read(name(frame), ("moving",))
-            found = None if kept is None else _decoded(kept["moving"], LONGEST_SIDE)
+            kept = self.read(name(frame), ("moving",))
+            found = None if kept is None else decoded(kept["moving"], LONGEST_SIDE)
             return None if found is None else np.asarray(np.asarray(found, np.uint8) > 0)
 
         def made(frame: int) -> Mask:
             mask = make(frame)
-            self._write(name(frame), {"moving": _encoded(mask.astype(np.uint8))})
+            self.write(name(frame), {"moving": encoded(mask.astype(np.uint8))})
             return mask
 
         return self.made(frames, name, read, made)
@@ -250,7 +250,13 @@ class DepthStore:
             with lock:
                 yield True
 
-    def _read(self, name: str, parts: tuple[str, ...]) -> dict[str, NDArray[np.generic]] | None:
+    def is_kept(self, name: str) -> bool:
+        """Whether there is a file of a name, which begins as one of `KINDS`; it may be damaged."""
+        return (self._folder / f"{name}.npz").exists()
+
+    def read(self, name: str, parts: tuple[str, ...]) -> dict[str, NDArray[np.generic]] | None:
+        """The arrays of these names in the file of a name, which begins as one of `KINDS`; None where it is
+        not there, or damaged."""
         path = self._folder / f"{name}.npz"
         try:
             # It is not compressed once more.
@@ -258,7 +264,8 @@ class DepthStore:
         except (OSError, ValueError):
             return None
 
-    def _write(self, name: str, parts: dict[str, NDArray[np.generic]]) -> None:
+    def write(self, name: str, parts: dict[str, NDArray[np.generic]]) -> None:
+        """Keep arrays by name in the file of a name, which begins as one of `KINDS`."""
         data = io.BytesIO()
         np.savez(data, allow_pickle=False, **parts)
         # It is only kept for later: a frame that is asked for must not fail of it.
@@ -310,14 +317,14 @@ def delete_kept(folder: Path) -> int:
     return freed
 
 
-def _encoded(plane: Bytes | NDArray[np.uint16]) -> Bytes:
+def encoded(plane: Bytes | NDArray[np.uint16]) -> Bytes:
     """A plane (h, w) as a PNG file's bytes (n,)."""
     # A fifth of the time of level 6, for a sixth more bytes.
     how = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE]
     return np.asarray(cv2.imencode(".png", plane, how)[1], np.uint8)
 
 
-def _decoded(data: NDArray[np.generic], longest: int) -> NDArray[np.generic] | None:
+def decoded(data: NDArray[np.generic], longest: int) -> NDArray[np.generic] | None:
     """A PNG's plane (h, w); None where it is damaged, or a side longer than it can be."""
     sides = np.frombuffer(data.tobytes()[16:24], ">u4")
     if data.tobytes()[:8] != PNG or len(sides) < 2 or sides.max() > longest:

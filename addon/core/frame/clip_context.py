@@ -65,6 +65,8 @@ class ClipContext:
     """Subjects that the user has marked by strokes."""
     known_subjects: ClipSubjects | None = None
     """Those that another context of the clip and masks knows already."""
+    highlight_store: DepthStore | None = None
+    """Where highlights are kept, which depend on neither quality nor masks."""
 
     @cached_property
     def stereo(self) -> TemporalFusion:
@@ -194,15 +196,18 @@ class ClipContext:
         linear = to_linear(stored)
         if stored.dtype == np.float32 or not highlights.gain:
             return linear
-        of_clip = self._clip_highlights.setdefault(
-            highlights.threshold, ClipHighlights(self.reconstruction, self.read, highlights.threshold)
-        )
-        return of_clip.restored(frame, linear, highlights.gain)
+        return self._highlights_of(highlights.threshold).restored(frame, linear, highlights.gain)
 
     def knows_highlights(self, frame: int, highlights: HighlightSettings) -> bool:
-        """Whether `picture` of a frame only reads it: what it takes from other frames is remembered."""
-        of_clip = self._clip_highlights.get(highlights.threshold)
-        return not highlights.gain or (of_clip is not None and of_clip.knows(frame))
+        """Whether `picture` of a frame only reads it: what clipping took from it is remembered or kept."""
+        return not highlights.gain or self._highlights_of(highlights.threshold).knows(frame)
+
+    def _highlights_of(self, threshold: float) -> ClipHighlights:
+        if threshold not in self._clip_highlights:
+            self._clip_highlights[threshold] = ClipHighlights(
+                self.reconstruction, self.read, threshold, self.highlight_store
+            )
+        return self._clip_highlights[threshold]
 
     def depth_source(self, quality: Quality = NORMAL) -> DepthSource:
         """What tells the depth of frames in a quality: what is given, else stereo; for coarse meshes else the

@@ -4,24 +4,28 @@ frame.
 What one frame's rim tells of a light source depends on how the light source lies on the pixels. So a light
 source is looked for in other frames, along its epipolar line, and what they tell is averaged, a frame's
 weight falling linearly with its distance in time: then nothing flickers. The same frames are used as for
-hidden colours, and remembered.
+hidden colours. Nothing of it depends on the lens: it is kept beside depth (`kept_highlights`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
-from ..base.arrays import Floats, LinearRGBA
+from ..base.arrays import Floats, Indices, LinearRGBA
 from ..base.lru_cache import LRUCache
 from ..base.options import option
 from ..camera.reconstruction import Image, Intrinsics, Reconstruction
+from ..depth.depth_store import DepthStore
 from ..depth.view_selection import every_nth, relative_pose, stride
 from ..media.clip import to_linear
 from ..media.picture_file import Pixels
-from ..warp.highlights import Highlight, colour_of, highlights
+from ..warp.clipped_blobs import Blobs, clipped_blobs
+from ..warp.highlights import RADIANCES, Lamps, LostLight, Told, lamps, lost_light
+from . import kept_highlights as kept
 
 STEP, LEAST_FRAMES = 8, 8
 """Every so many-th registered frame is a source, of a short clip more, as for hidden colours
@@ -29,9 +33,7 @@ STEP, LEAST_FRAMES = 8, 8
 SPAN = 16
 """Registered frames before and after, up to which frames are sources. By eye."""
 KEPT = 64 << 20
-"""Bytes of frames' highlights that are kept: at 1920x1080 those of about as many frames as are sources."""
-OBJECT = 200
-"""Bytes of an array beside its values, about."""
+"""Bytes of frames' highlights that are remembered, and of the light that they lost."""
 NEAREST = 1.2
 """Of the largest inverse depth of a frame's features, what a light source may have. By eye."""
 MOST_PARALLAX = 0.05
@@ -77,11 +79,16 @@ class ClipHighlights:
     """The highlights of a clip's frames, at one threshold."""
 
     def __init__(
-        self, reconstruction: Reconstruction, read: Callable[[int], Pixels], threshold: float
+        self,
+        reconstruction: Reconstruction,
+        read: Callable[[int], Pixels],
+        threshold: float,
+        store: DepthStore | None = None,
     ) -> None:
-        """`read` gives a frame's picture as `Footage.read` does."""
-        self._rec, self._read, self._threshold = reconstruction, read, threshold
-        self._found = LRUCache[list[Highlight]](KEPT, _bytes)
+        """`read` gives a frame's picture as `Footage.read` does; what is found is kept in a store."""
+        self._rec, self._read, self._threshold, self._store = reconstruction, read, threshold, store
+        self._found = LRUCache[Lamps](KEPT, kept.size)
+        self._lost = LRUCache[LostLight](KEPT, kept.size)
 
     def restored(self, frame: int, picture: LinearRGBA, gain: float) -> LinearRGBA:
         """A frame's picture (H, W, 4), linear, with `gain` of the light that clipping took.
@@ -89,24 +96,30 @@ class ClipHighlights:
         Only clipped channels of clipped pixels become brighter. UserError where another frame cannot be read.
         Passes checkpoints.
         """
-        own = self._highlights(frame, picture)
-        if not own:
+        lost = self._lost.get(frame, lambda: self._lost_light(frame, picture))
+        if not len(lost.pixel):
             return picture
-        estimates = self._estimates(frame, own)
         result = picture.copy()
-        for one, (evidence, rim) in zip(own, estimates, strict=True):
-            (row, column), (height, width) = one.corner, one.clipped.shape
-            patch = result[row : row + height, column : column + width, :3]
-            lost = np.maximum(one.light(evidence, colour_of(rim)) - patch, 0)
-            lost[~one.clipped] = 0
-            lost[patch < self._threshold] = 0
-            patch += np.float32(gain * one.weight) * lost
+        result.reshape(-1, 4)[lost.pixel, :3] += np.float32(gain) * lost.light
         return result
 
     def knows(self, frame: int) -> bool:
-        """Whether the highlights of a frame, and of its source frames, are remembered."""
-        here, _ = self._rec.image_at(frame)
-        return frame in self._found and all(other.frame in self._found for other, _ in self._neighbours(here))
+        """Whether the light that clipping took from a frame is remembered or kept."""
+        return frame in self._lost or (
+            self._store is not None and self._store.is_kept(kept.named(kept.LOST, frame, self._threshold))
+        )
+
+    def _lost_light(self, frame: int, picture: LinearRGBA) -> LostLight:
+        """Of a frame's picture (H, W, 4): as it is kept, else found, and the same either way."""
+        name, shape = kept.named(kept.LOST, frame, self._threshold), picture.shape[:2]
+        found = kept.read_lost(self._store, name, shape) if self._store else None
+        if found is None:
+            blobs = clipped_blobs(picture, self._threshold)
+            told = self._told(frame, blobs)
+            found = kept.rounded(lost_light(blobs, self._threshold, told))
+            if self._store:
+                kept.keep_lost(self._store, name, found, shape)
+        return found
 
     def _neighbours(self, here: Image) -> list[tuple[Image, float]]:
         """The frames around one that tell of its highlights, and how much each counts, more than zero."""
@@ -117,61 +130,62 @@ class ClipHighlights:
         ]
         return [(other, weight) for other, weight in around if weight > 0]
 
-    def _highlights(self, frame: int, picture: LinearRGBA | None = None) -> list[Highlight]:
-        def make() -> list[Highlight]:
-            seen = to_linear(self._read(frame)) if picture is None else picture
-            return highlights(seen, self._threshold)
+    def _lamps(self, frames: list[int]) -> dict[int, Lamps]:
+        """The highlights of frames: as they are remembered or kept, else found. What another process is
+        finding is left to it."""
 
-        return self._found.get(frame, make)
+        def find(frame: int) -> Lamps:
+            return lamps(clipped_blobs(to_linear(self._read(frame)), self._threshold))
 
-    def _estimates(self, frame: int, own: list[Highlight]) -> list[tuple[Floats, Floats]]:
-        """Evidence (r,) and light of the rim (3,) of a frame's highlights, from all source frames."""
+        def name(frame: int) -> str:
+            return kept.named(kept.LAMPS, frame, self._threshold)
+
+        known = {frame: one for frame in frames if (one := self._found.known(frame)) is not None}
+        left = [frame for frame in frames if frame not in known]
+        made = kept.lamps_of(self._store, left, name, find)
+        for frame in left:
+            self._found.get(frame, partial(made.__getitem__, frame))
+        return known | made
+
+    def _told(self, frame: int, own: Blobs) -> Told:
+        """What other frames tell of a frame's blobs."""
+        total, evidence, rim = (
+            np.zeros(len(own)),
+            np.zeros((len(own), len(RADIANCES))),
+            np.zeros((len(own), 3)),
+        )
+        if not len(own):
+            return total, evidence, rim
         here, _ = self._rec.image_at(frame)
-        sums = [(np.zeros_like(one.evidence), np.zeros(3), 0.0) for one in own]
-        for other, weight in self._neighbours(here):
-            for mine, match in self._matches(here, own, other, self._highlights(other.frame)):
-                evidence, rim, total = sums[mine]
-                sums[mine] = (
-                    evidence + weight * match.evidence,
-                    rim + weight * match.rim / match.rim.max(initial=1e-3),
-                    total + weight,
-                )  # fmt: skip
-        found = []
-        for one, (evidence, rim, total) in zip(own, sums, strict=True):
-            # The more others tell, the less the frame itself counts: what it alone says flickers.
-            share = 1 / (1 + total)
-            whole = total + share
-            found.append((
-                (evidence + share * one.evidence) / whole,
-                (rim + share * one.rim / one.rim.max(initial=1e-3)) / whole,
-            ))  # fmt: skip
-        return found
+        around = self._neighbours(here)
+        theirs = self._lamps([other.frame for other, _ in around])
+        for other, weight in around:
+            found = theirs[other.frame]
+            mine, match = self._matches(here, own, other, found)
+            total[mine] += weight
+            evidence[mine] += weight * found.evidence[match]
+            rim[mine] += weight * found.rim[match]
+        return total, evidence, rim
 
-    def _matches(
-        self, here: Image, own: list[Highlight], other: Image, theirs: list[Highlight]
-    ) -> list[tuple[int, Highlight]]:
-        """Which of a frame's highlights, by number, are which of another's: both each other's best."""
-        if not theirs:
-            return []
+    def _matches(self, here: Image, own: Blobs, other: Image, theirs: Lamps) -> tuple[Indices, Indices]:
+        """Which of a frame's highlights, by number (m,), are which of another's (m,): both each other's
+        best."""
         camera, there = self._rec.intrinsics(here), self._rec.intrinsics(other)
-        far, near = self._segments(here, _pixels(own, camera), other)
-        place = _pixels(theirs, there)
-        along = near - far
-        length = np.maximum((along**2).sum(axis=1), 1e-12)
-        share = np.einsum("mtc,mc->mt", place[None] - far[:, None], along) / length[:, None]
-        closest = far[:, None] + np.clip(share, 0, 1)[..., None] * along[:, None]
-        beside = np.linalg.norm(place[None] - closest, axis=2)
-        area = np.log([one.area for one in own])[:, None] - np.log([one.area for one in theirs])[None]
-        area += 2 * np.log(there.fx / camera.fx)
-        cost = beside + UNLIKE * np.abs(area)
+        size = (np.array([each.width, each.height]) for each in (camera, there))
+        xy, place = (each * pixels for each, pixels in zip((own.centre, theirs.centre), size, strict=True))
+        far, near = self._segments(here, xy, other)
         reach = BESIDE * max(there.width, there.height)
-        cost[~((beside <= reach) & (np.abs(area) <= ALIKE))] = np.inf
-        best, back = cost.argmin(axis=1), cost.argmin(axis=0)
-        return [
-            (mine, theirs[best[mine]])
-            for mine in range(len(own))
-            if back[best[mine]] == mine and np.isfinite(cost[mine, best[mine]])
-        ]
+        mine, match = _near_segments(far, near, place, reach)
+        along, to = near[mine] - far[mine], place[match] - far[mine]
+        share = np.clip((to * along).sum(axis=1) / np.maximum((along**2).sum(axis=1), 1e-12), 0, 1)
+        beside = np.linalg.norm(to - share[:, None] * along, axis=1)
+        area = np.abs(np.log(own.area[mine] / theirs.area[match]) + 2 * np.log(there.fx / camera.fx))
+        good = (beside <= reach) & (area <= ALIKE)
+        mine, match, cost = mine[good], match[good], (beside + UNLIKE * area)[good]
+        order = np.lexsort((match, mine, cost))
+        best, back = (order[np.unique(each[order], return_index=True)[1]] for each in (mine, match))
+        both = np.intersect1d(best, back)
+        return mine[both], match[both]
 
     def _segments(self, here: Image, xy: Floats, other: Image) -> tuple[Floats, Floats]:
         """Where another frame sees places (n, 2) of a frame if they are at infinity, and if they are as near
@@ -201,9 +215,18 @@ class ClipHighlights:
         )
 
 
-def _pixels(found: list[Highlight], camera: Intrinsics) -> Floats:
-    """(n, 2) where a lens sees highlights, in its pixels."""
-    return np.array([one.centre for one in found]) * [camera.width, camera.height]
+def _near_segments(far: Floats, near: Floats, place: Floats, reach: float) -> tuple[Indices, Indices]:
+    """Which of segments (n, 2) to (n, 2), and which of places (m, 2), may be nearer than `reach`: all pairs
+    (p,) that are as near in x or in y, whichever makes fewer."""
+    low, high = np.minimum(far, near) - reach, np.maximum(far, near) + reach
+    axis = int(np.argmin(np.nansum(high - low, axis=0)))
+    order = np.argsort(place[:, axis], kind="stable")
+    # Places that are not numbers come last, and are among none.
+    first, last = (np.searchsorted(place[order, axis], bound[:, axis]) for bound in (low, high))
+    count = np.where(np.isnan(low + high).any(axis=1), 0, np.maximum(last - first, 0))
+    mine = np.repeat(np.arange(len(far)), count)
+    step = np.arange(len(mine)) - np.repeat(np.cumsum(count) - count, count)
+    return mine, order[np.repeat(first, count) + step]
 
 
 def _rays(camera: Intrinsics, xy: Floats) -> Floats:
@@ -216,8 +239,3 @@ def _pace(reconstruction: Reconstruction) -> float:
     """Frames from one registered frame to the next."""
     frames = reconstruction.frames
     return float(frames[-1] - frames[0]) / max(len(frames) - 1, 1)
-
-
-def _bytes(found: list[Highlight]) -> int:
-    parts = [(one.coverage, one.ground, one.clipped, one.likelihood) for one in found]
-    return 1 + sum(array.nbytes + OBJECT for arrays in parts for array in arrays)

@@ -16,16 +16,18 @@ brightest pixels. Neither keeps energy.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from math import erf
+from functools import lru_cache
 
 import cv2
 import numpy as np
 
-from ..base.arrays import Floats, LinearRGBA, Map, Mask
+from ..base.arrays import Floats, Indices, Map, Mask
 from ..base.progress import checkpoint
+from .clipped_blobs import PAD, Blobs, Patches, gaussian
 
-RADIANCES: Floats = np.geomspace(1.0, 1000.0, 28)
+RADIANCES: Floats = np.geomspace(1.0, 1000.0, 14)
 """Radiances of a light source that are compared, times white: a ratio of 1.29 apart."""
 PRIOR = (4.0, 1.0)
 """Median radiance of a light source, times white, and the spread of its logarithm, where its rim tells
@@ -46,280 +48,279 @@ STEP = 0.125
 DISTANCES = (-0.75, 3.0)
 """Pixels: least and largest distance that an outline is drawn in by. A point of 1,000 times white is clipped
 as far as 1.6 pixels with a spread of 0.42."""
+REACH = 4.0
+"""Spreads, to which an outline is drawn in at most: of an edge of 1,000 times white a camera clips 3.1."""
 SMOOTHED = 0.8
 """Pixels, standard deviation, by which an outline is smoothed. Of 0.5 and 0.8 the better one in bars."""
 ROUND = 0.85
 """Share of an outline and of the ellipse with its moments that both have, from which on it is that."""
-NEAR = 1.5
-"""Pixels, standard deviation, within which what is around a blob tells what is behind it. By eye."""
 UNCLIPPED = 0.9
 """Of a blob's brightest channel, under which another one in its middle is not clipped. By eye: noise and
 compression."""
-PAD = 5
-"""Pixels around a blob in which its surroundings are looked at."""
-EDGE_CONTRAST = 0.15
-"""Linear light between both sides of an edge by which the point spread may be measured."""
-EDGE_SHARE = 85.0
-"""Percentile of edges, by sharpness, that counts as sharp: 0.42 px on bars, whose true filter has 0.42."""
-FEWEST_EDGES = 100
-SPREAD = 0.5
-"""Pixels, standard deviation: the point spread of a picture of fewer edges, about a pixel's own."""
-SPREADS = (0.38, 1.5)
-"""Least and largest one that is believed."""
-THICKNESS = (0.02, 0.04)
-"""Of the long side: up to the first, a blob's thickness is a light source's; from the second on it is a sky,
-a wall or a window. By eye."""
-LENGTH = (0.1, 0.2)
-"""Of the long side: as `THICKNESS`, of a blob's length. By eye."""
-AMONG = (0.0, 0.25)
-"""Share of large clipped areas in the surroundings, from none to so much that a blob is a piece of them: sky
-between leaves. By eye."""
-AROUND = 0.02
-"""Of the long side, how far these surroundings reach. By eye."""
-GROUND = (0.4, 0.8)
-"""Linear light of what is around a blob: beside the first it may be a light source, beside the second it is
-noise on something white. By eye."""
-FLAT = (0.012, 0.022)
-"""Linear light over the threshold, mean of a blob's pixels: from the second on they are clipped but for
-noise, up to the first they are paint that is nearly white, as in walk and fence (else 0.7, 0.3 dB less)."""
+IMPOSSIBLE = -1e9
+"""Logarithm of a likelihood that counts as none."""
+AT_ONCE = 1 << 18
+"""Places at FINER times the pixels, by all distances, that are looked at at once, so that they stay in a
+processor's cache."""
 
 
 @dataclass(frozen=True)
-class Highlight:
-    """A small clipped blob of a picture, and what its rim tells of its radiance."""
+class Lamps:
+    """What the rims of a picture's blobs tell of them, n in all: as much as other frames need to know."""
 
-    corner: tuple[int, int]
-    """Row and column of its patch in the picture."""
-    centre: tuple[float, float]
-    """x and y as shares of the picture's width and height."""
-    area: int
-    """Clipped pixels."""
-    weight: float
-    """0 to 1, how sure it is a light source and not a piece of a large clipped area."""
-    clipped: Mask
-    """(h, w) its pixels in the patch."""
-    ground: Map
-    """(h, w, 3) linear colour behind it, as what is around lets expect."""
-    core: Floats
-    """(3,) linear colour that its clipped pixels were recorded with, the median."""
-    rim: Floats
-    """(3,) linear light of its rim, sum of what is over the ground: its colour."""
-    coverage: Map
-    """(d, h, w) how much of its radiance arrives at each pixel, by distance that the outline is drawn in."""
-    likelihood: Floats
-    """(d, r) logarithm, by that distance and radiance."""
+    centre: Map
+    """(n, 2) x and y as shares of the picture's width and height."""
+    area: Map
+    """(n,) clipped pixels."""
+    evidence: Map
+    """(n, r) logarithm of the likelihood of each of `RADIANCES`, over the largest one."""
+    rim: Map
+    """(n, 3) linear light of its rim over the ground, summed, and over its largest channel: its colour."""
 
-    @property
-    def evidence(self) -> Floats:
-        """(r,) logarithm of the likelihood of each of `RADIANCES`, whatever the outline is."""
-        most = self.likelihood.max()
-        return np.asarray(np.log(np.exp(self.likelihood - most).mean(axis=0) + 1e-300) + most)
-
-    def light(self, evidence: Floats, colour: Floats) -> Map:
-        """(h, w, 3) linear light of the patch without clipping, with evidence (r,) of the radiance and colour
-        (3,), largest 1."""
-        posterior = np.exp(evidence + _prior() - (evidence + _prior()).max())
-        radiance = float(np.exp((posterior * np.log(RADIANCES)).sum() / posterior.sum()))
-        # The outline that goes with it: between the radiances that were tried, of which it is a mean.
-        place = float(np.interp(np.log(radiance), np.log(RADIANCES), np.arange(len(RADIANCES))))
-        low, share = int(place), place - int(place)
-        high = min(low + 1, len(RADIANCES) - 1)
-        given = (1 - share) * self.likelihood[:, low] + share * self.likelihood[:, high]
-        outline = np.exp(given - given.max())
-        covered = np.einsum("d,dhw->hw", outline / outline.sum(), self.coverage)
-        over = np.maximum(_bright(np.array([radiance]), colour, self.core) - self.ground, 0)
-        return np.asarray(self.ground + covered[..., None] * over, np.float32)
+    def __len__(self) -> int:
+        return len(self.area)
 
 
-def highlights(picture: LinearRGBA, threshold: float) -> list[Highlight]:
-    """The small clipped blobs of a picture (H, W, 3 or 4), linear: connected pixels of which a channel has
-    `threshold` of white or more. Those of no weight are left out. Passes checkpoints."""
-    peak = np.ascontiguousarray(picture[..., :3].max(axis=2))
-    clipped = (peak >= threshold).astype(np.uint8)
-    if not clipped.any():
-        return []
-    long_side = max(peak.shape)
-    count, label, stats, centres = cv2.connectedComponentsWithStats(clipped, connectivity=8)
-    inner = cv2.distanceTransform(np.pad(clipped, 1), cv2.DIST_L2, 5)[1:-1, 1:-1]
-    thickness = np.zeros(count, np.float32)
-    np.maximum.at(thickness, label.ravel(), 2 * inner.ravel())
-    level = np.bincount(label.ravel(), np.minimum(peak, 1).ravel(), count)
-    thickness[0] = 0
-    reach = 2 * round(AROUND * long_side) + 1
-    large = (thickness > THICKNESS[1] * long_side)[label].astype(np.float32)
-    among = cv2.boxFilter(large, -1, (reach, reach))[tuple(np.clip(centres.astype(int), 0, None).T[::-1])]
-    flat = (min(threshold + each, 1 - 1e-3 / (1 + n)) for n, each in enumerate(FLAT))
-    weight = (
-        _falling(thickness / long_side, *THICKNESS)
-        * _falling(stats[:, cv2.CC_STAT_WIDTH : cv2.CC_STAT_HEIGHT + 1].max(axis=1) / long_side, *LENGTH)
-        * _falling(among, *AMONG)
-        * (1 - _falling(level / np.maximum(stats[:, cv2.CC_STAT_AREA], 1), *flat))
-    )
-    weight[0] = 0
-    spread = point_spread(picture) if weight.any() else SPREAD
-    found = []
-    for number in np.flatnonzero(weight > 0):
-        checkpoint()
-        x, y, width, height, area = (int(n) for n in stats[number])
-        part = (
-            slice(max(0, y - PAD), y + height + PAD),
-            slice(max(0, x - PAD), x + width + PAD),
-        )
-        own = label[part] == number
-        centre = (centres[number, 0] + 0.5) / peak.shape[1], (centres[number, 1] + 0.5) / peak.shape[0]
-        fitted = _highlight(picture[part][..., :3], own, (clipped[part] > 0) & ~own, spread)
-        if fitted is None:
-            continue
-        ground, core, rim, coverage, likelihood = fitted
-        sure = float(weight[number] * _falling(float(np.median(ground[own].max(axis=-1))), *GROUND))
-        if sure > 0:
-            corner = part[0].start, part[1].start
-            found.append(Highlight(corner, centre, area, sure, own, ground, core, rim, coverage, likelihood))
-    return found
+@dataclass(frozen=True)
+class LostLight:
+    """The light that clipping took from a picture."""
+
+    pixel: Indices
+    """(k,) counted along the picture's rows, rising."""
+    light: Map
+    """(k, 3) linear, what they are to have more."""
 
 
-def point_spread(picture: LinearRGBA) -> float:
-    """Standard deviation in pixels of a Gaussian that is as sharp as the picture's (H, W, 3 or 4) sharpest
-    edges: the largest step from a pixel to the next, as a share of the contrast over seven."""
-    grey = np.ascontiguousarray(picture[..., :3].max(axis=2))
-    near_clipped = cv2.dilate((grey > 0.9).astype(np.uint8), np.ones((9, 9), np.uint8)) > 0
-    sharpness = []
-    for light, off in ((grey, near_clipped), (grey.T, near_clipped.T)):
-        light = np.ascontiguousarray(light)
-        step = np.abs(np.diff(light, axis=1))
-        along = np.ones((1, 7), np.uint8)
-        contrast = (cv2.dilate(light, along) - cv2.erode(light, along))[:, :-1]
-        peaks = step >= cv2.dilate(step, np.ones((1, 3), np.uint8))
-        used = peaks & (contrast > EDGE_CONTRAST) & ~off[:, :-1]
-        sharpness.append(step[used] / contrast[used])
-    found = np.concatenate(sharpness)
-    if len(found) < FEWEST_EDGES:
-        return SPREAD
-    # A pixel's step over the edge: the share of a Gaussian within half a pixel.
-    spreads = np.linspace(*SPREADS, 113)
-    steps = np.array([2 * _normal(0.5 / s) - 1 for s in spreads])
-    return float(np.interp(-np.percentile(found, EDGE_SHARE), -steps, spreads))
+Told = tuple[Floats, Floats, Floats]
+"""Sums over other frames of their weight (n,), and of weight times evidence (n, r) and rim (n, 3)."""
+
+
+def lamps(blobs: Blobs) -> Lamps:
+    """What the rims of blobs tell. Passes checkpoints."""
+    evidence = np.zeros((len(blobs), len(RADIANCES)), np.float32)
+    rim = np.zeros((len(blobs), 3), np.float32)
+    for some, outlines in _modelled(blobs):
+        evidence[some.number], rim[some.number] = outlines.evidence, _hue(some.rim)
+    return Lamps(blobs.centre.astype(np.float32), blobs.area.astype(np.float32), evidence, rim)
+
+
+def lost_light(blobs: Blobs, threshold: float, told: Told) -> LostLight:
+    """What clipping took from blobs' pixels of `threshold` or more, with what other frames have `told`.
+    Passes checkpoints."""
+    pixels, found = [np.zeros(0, np.intp)], [np.zeros((0, 3), np.float32)]
+    for some, outlines in _modelled(blobs):
+        total, evidence, rim = (each[some.number] for each in told)
+        # The more others tell, the less the frame itself counts: what it alone says flickers.
+        share = 1 / (1 + total)[:, None]
+        whole = total[:, None] + share
+        evidence = (evidence + share * outlines.evidence) / whole
+        rim = (rim + share * _hue(some.rim)) / whole
+        lost = outlines.light(evidence, colour_of(rim), some.ground) - some.light
+        lost *= (some.seen[:, None] & (some.light >= threshold)) * blobs.weight[some.number, None, None, None]
+        pixels.append(some.pixel[some.seen])
+        found.append(np.moveaxis(np.maximum(lost, 0), 1, -1)[some.seen])
+    order = np.argsort(np.concatenate(pixels))
+    return LostLight(np.concatenate(pixels)[order], np.concatenate(found).astype(np.float32)[order])
+
+
+def _hue(rim: Floats) -> Floats:
+    """(k, 3) rims' light (k, 3), largest 1; 0 of a rim without light."""
+    return np.asarray(rim / np.maximum(rim.max(axis=1, keepdims=True), 1e-3))
 
 
 def colour_of(rim: Floats) -> Floats:
-    """(3,) colour, largest 1, of a rim's light (3,); white of a rim without light."""
-    return np.asarray((rim + 0.02) / (rim.max() + 0.02))
+    """(n, 3) colours, largest 1, of rims' light (n, 3); white of a rim without light."""
+    return np.asarray((rim + 0.02) / (rim.max(axis=-1, keepdims=True) + 0.02))
 
 
-def _highlight(
-    light: Map, own: Mask, other: Mask, spread: float
-) -> tuple[Map, Floats, Floats, Map, Floats] | None:
-    """Ground, core, rim, coverage and likelihood of `Highlight`, of a patch (h, w, 3) where `own` is clipped
-    and `other` pixels are clipped, too; None where nothing is around it."""
-    away = cv2.distanceTransform((~own).astype(np.uint8), cv2.DIST_L2, 5)
-    clear = np.full(own.shape, np.inf, np.float32)
-    if other.any():
-        clear = cv2.distanceTransform((~other).astype(np.uint8), cv2.DIST_L2, 5)
-    ring = (away > 1.5) & (away <= 4.6) & (clear > 2.3)
-    if not ring.any():
-        ring = (away > 1.5) & ~other
-    if not ring.any():
-        return None
-    ground = _ground(light, ring)
-    if np.median(ground[own].max(axis=-1)) >= GROUND[1]:
-        return None
-    beside = (away > 0) & (away <= 1.5) & (clear > 1.5)
-    root = np.sqrt(np.maximum(light, 0))
-    texture = float(np.mean((root[ring] - np.sqrt(ground[ring])) ** 2))
-    # What the surroundings are made of is not the light source's: as much of it as may be is white.
-    unsure = float(np.std(light[ring] - ground[ring])) * np.sqrt(beside.sum())
-    rim = np.maximum((light[beside] - ground[beside]).sum(axis=0, dtype=np.float64), 0) + unsure
-    inside = _inside(light.max(axis=2), own, beside, ground.max(axis=2))
-    deepest = float(np.clip(inside.max() - 0.1, 0, DISTANCES[1]))
-    distances = np.arange(DISTANCES[0], deepest + 1e-6, STEP)
-    drawn = np.clip(0.5 + FINER * (inside - distances[:, None, None]), 0, 1).astype(np.float32)
+@dataclass(frozen=True)
+class _Outlines:
+    """Models of k blobs in patches (h, w), by d distances that their outlines are drawn in by."""
+
+    coverage: Map
+    """(k, d, h, w) how much of its radiance arrives at each pixel."""
+    likelihood: Floats
+    """(k, d, r) logarithm, by that distance and radiance; `IMPOSSIBLE` of more than is inside."""
+    core: Floats
+    """(k, 3) as `Patches.core`."""
+
+    @property
+    def evidence(self) -> Floats:
+        """(k, r) as `Lamps.evidence`: whatever the outline is."""
+        most = self.likelihood.max(axis=(1, 2), keepdims=True)
+        mean = np.log(np.exp(self.likelihood - most).sum(axis=1) + 1e-300)
+        return np.asarray(mean - mean.max(axis=1, keepdims=True))
+
+    def light(self, evidence: Floats, colour: Floats, ground: Map) -> Map:
+        """(k, 3, h, w) linear light of the patches without clipping, with evidence (k, r) of the radiance and
+        colours (k, 3), largest 1, over the ground (k, 3, h, w)."""
+        posterior = evidence + _prior()
+        posterior = np.exp(posterior - posterior.max(axis=1, keepdims=True))
+        place = posterior @ np.log(RADIANCES) / posterior.sum(axis=1)
+        radiance = np.exp(place)
+        # The outline that goes with it: between the radiances that were tried, of which it is a mean.
+        place = np.interp(place, np.log(RADIANCES), np.arange(len(RADIANCES)))
+        low = np.minimum(place.astype(int), len(RADIANCES) - 2)
+        share, each = (place - low)[:, None], np.arange(len(low))
+        given = (1 - share) * self.likelihood[each, :, low] + share * self.likelihood[each, :, low + 1]
+        outline = np.exp(given - given.max(axis=1, keepdims=True))
+        outline = (outline / outline.sum(axis=1, keepdims=True)).astype(np.float32)
+        flat = self.coverage.reshape(*self.coverage.shape[:2], -1)
+        covered = (outline[:, None] @ flat).reshape(-1, 1, *ground.shape[2:])
+        over = np.maximum(_bright(radiance[:, None], colour, self.core)[..., None, None] - ground, 0)
+        return np.asarray(ground + covered * over)
+
+
+def _modelled(blobs: Blobs) -> Iterator[tuple[Patches, _Outlines]]:
+    """The blobs of a picture, some at a time, and their models."""
     # A pixel's own square is a part of the spread: a twelfth of its variance.
-    optics = FINER * np.sqrt(max(spread**2 - 1 / 12, 0.01))
-    coverage = np.stack([
-        cv2.resize(
-            cv2.GaussianBlur(mask, (0, 0), optics), own.shape[::-1], interpolation=cv2.INTER_AREA
-        )
-        for mask in drawn
+    optics = FINER * float(np.sqrt(max(blobs.spread**2 - 1 / 12, 0.01)))
+    for patches in blobs.patches:
+        inside = _inside(patches)
+        deepest = np.clip(inside.max(axis=(1, 2)) - 0.1, 0, min(REACH * blobs.spread, DISTANCES[1]))
+        count = ((deepest - DISTANCES[0]) / STEP + 1e-6).astype(int) + 1
+        # Those of as many distances together.
+        order = np.argsort(count, kind="stable")
+        most = max(1, AT_ONCE // (int(count.max()) * inside[0].size))
+        for first in range(0, len(order), most):
+            checkpoint()
+            which = order[first : first + most]
+            some = patches.among(which)
+            yield some, _outlines(some, inside[which], count[which], optics)
+
+
+def _outlines(patches: Patches, inside: Map, steps: Indices, optics: float) -> _Outlines:
+    """The models of k blobs whose outline places (k, FINER h, FINER w) are `inside` of by so many pixels,
+    each drawn in by so many `steps` (k,); optics blur by so many parts of a pixel."""
+    distances = (DISTANCES[0] + STEP * np.arange(steps.max())).astype(np.float32)
+    drawn = FINER * inside[:, None] + (0.5 - FINER * distances[:, None, None])
+    np.clip(drawn, 0, 1, out=drawn)
+    down, across = (_shrunk(n, optics) for n in patches.light.shape[2:])
+    # Whole patches in one product.
+    rows = drawn.reshape(-1, drawn.shape[-1]) @ across.T
+    coverage = down @ rows.reshape(*drawn.shape[:3], -1)
+    bright = _bright(RADIANCES[:, None, None], colour_of(patches.rim), patches.core)
+    root = np.sqrt(np.maximum(patches.light, 0))
+    misfit = np.stack([
+        _misfit(coverage[one][:, mask], bright[:, one], patches.ground[one][:, mask], root[one][:, mask])
+        for one, mask in enumerate(patches.used)
     ])  # fmt: skip
-    used = (away <= 3) & (clear > 1.5)
-    seen, behind = root[used], ground[used]
-    core = np.median(light[own].astype(np.float64), axis=0)
-    bright = _bright(RADIANCES, colour_of(rim), core)
-    over = np.maximum(bright[:, None] - behind, 0)
-    white = np.float32(core.max())
+    likelihood = -misfit / (2 * (MISFIT**2 + patches.texture[:, None, None]))
+    likelihood[np.arange(len(distances)) >= steps[:, None]] = IMPOSSIBLE
+    return _Outlines(coverage, likelihood, patches.core)
+
+
+def _misfit(coverage: Map, bright: Map, ground: Map, root: Map) -> Floats:
+    """(d, r) how far a model is off, of light sources that are `bright` (r, 3) and reach p pixels in shares
+    (d, p), before what is `ground` (3, p), where square roots of light (3, p) were recorded; white is the
+    brightest channel of the first one."""
+    # Over the outlier's square root of light, so that nothing is to be scaled later.
+    scale = np.float32(1 / OUTLIER**2)
+    white = scale * bright[0].max()
+    over = scale * np.maximum(bright[:, :, None] - ground, 0).reshape(len(bright), -1)
     # In one array, and by functions that NumPy has vector instructions for: log1p has none.
-    off = coverage[:, used][:, None, :, None] * over
-    off += behind
-    np.sqrt(np.minimum(off, white, out=off), out=off)
-    off -= np.minimum(seen, np.sqrt(white))
-    off *= off
+    off = np.concatenate([coverage] * 3, axis=1)[:, None] * over
+    off += scale * ground.ravel()
+    np.minimum(off, white, out=off)
+    np.sqrt(off, out=off)
+    off -= np.minimum(np.float32(1 / OUTLIER) * root.ravel(), np.sqrt(white))
     # Cauchy's likelihood: a pixel that shows something else, such as a cord, does not decide alone.
-    off *= np.float32(1 / OUTLIER**2)
+    off *= off
     off += 1
-    np.log(off, out=off)
-    misfit = OUTLIER**2 * off.reshape(*off.shape[:2], -1).sum(axis=2).astype(np.float64)
-    return ground, core, rim, coverage, -misfit / (2 * (MISFIT**2 + texture))
+    # Of 16 factors of 26 at most, a float holds the product: one logarithm in place of 16.
+    for _ in range(4):
+        half, rest = divmod(off.shape[-1], 2)
+        if rest:
+            off[..., 0] *= off[..., -1]
+        off[..., :half] *= off[..., half : 2 * half]
+        off = off[..., :half]
+    return np.asarray(OUTLIER**2 * np.log(off).sum(axis=-1, dtype=np.float64))
 
 
 def _bright(radiance: Floats, colour: Floats, core: Floats) -> Map:
-    """(r, 3) linear light of a light source of radiances (r,) and a colour (3,), which a camera recorded as
-    `core` (3,): a channel that it did not clip is known, one that it clipped is no darker than that."""
-    expected = np.maximum(radiance[:, None] * colour, core)
-    return np.where(core < UNCLIPPED * core.max(), core, expected).astype(np.float32)
+    """(..., 3) linear light of light sources of radiances and colours (..., 3), which a camera recorded as
+    `core` (..., 3): a channel that it did not clip is known, one that it clipped is no darker than that."""
+    expected = np.maximum(radiance * colour, core)
+    is_known = core < UNCLIPPED * core.max(axis=-1, keepdims=True)
+    return np.where(is_known, core, expected).astype(np.float32)
 
 
-def _ground(light: Map, ring: Mask) -> Map:
-    """(h, w, 3) what is behind a blob, from the pixels around it: the nearest ones count most."""
-    known = ring[..., None] * np.concatenate([light, np.ones_like(light[..., :1])], axis=2)
-    blurred: Map = np.zeros_like(known)
-    for weight, reach in ((1.0, NEAR), (1e-2, 3 * NEAR), (1e-4, 9 * NEAR)):
-        blurred += np.float32(weight) * cv2.GaussianBlur(
-            known, (0, 0), reach, borderType=cv2.BORDER_CONSTANT
-        )  # fmt: skip
-    return np.asarray(np.maximum(blurred[..., :3] / np.maximum(blurred[..., 3:], 1e-20), 0), np.float32)
+def _inside(patches: Patches) -> Map:
+    """(k, FINER h, FINER w) how many pixels inside of the outlines of blobs in patches (h, w) places are,
+    negative outside: right from -1 on.
 
-
-def _inside(peak: Map, own: Mask, beside: Mask, ground: Map) -> Map:
-    """(FINER h, FINER w) how many pixels inside of the outline of a blob (h, w) places are, negative outside.
-
-    The outline is that of its pixels and half of those beside it, smoothed, or its ellipse.
+    An outline is that of a blob's pixels and half of those beside it, smoothed, or its ellipse.
     """
+    peak, ground = patches.light.max(axis=1), patches.ground.max(axis=1)
     share = np.clip((peak - ground) / np.maximum(1 - ground, 0.05), 0, 1)
-    soft = np.where(own, 1.0, np.where(beside, 0.5 * share, 0)).astype(np.float32)
-    size = FINER * own.shape[1], FINER * own.shape[0]
-    soft = cv2.GaussianBlur(cv2.resize(soft, size, interpolation=cv2.INTER_NEAREST), (0, 0), FINER * SMOOTHED)
-    mask = soft > 0.5 * min(1.0, float(soft.max()))
-    row, column = np.nonzero(mask)
-    place = np.stack([column, row]).astype(np.float64)
-    spread = np.cov(place) + np.eye(2) / 12
-    y, x = np.mgrid[: size[1], : size[0]]
-    from_centre = np.stack([x - place[0].mean(), y - place[1].mean()], axis=-1)
-    slope = from_centre @ np.linalg.inv(4 * spread)
-    radius = np.sqrt(np.einsum("hwi,hwi->hw", from_centre, slope))
+    soft = np.where(patches.own, 1.0, np.where(patches.beside, 0.5 * share, 0)).astype(np.float32)
+    down, across = (_smoother(n) for n in peak.shape[1:])
+    soft = down @ (soft.reshape(-1, soft.shape[-1]) @ across.T).reshape(*soft.shape[:2], -1)
+    outline = soft > 0.5 * np.minimum(1, soft.max(axis=(1, 2), keepdims=True))
+    found, is_round = _ellipses(outline)
+    if not is_round.all():
+        found[~is_round] = _signed_distances(outline[~is_round])
+    return found
+
+
+def _ellipses(outline: Mask) -> tuple[Map, Mask]:
+    """(k, h, w) parts of a pixel that places are inside of the ellipses with the moments of outlines
+    (k, h, w), in pixels, and which outlines (k,) are that."""
+    height, width = outline.shape[1:]
+    shape = outline.astype(np.float32)
+    # Around the middle of the patch, so that the products of floats are exact.
+    y, x = (np.arange(n, dtype=np.float32) - n // 2 for n in (height, width))
+    across, down = shape.sum(axis=1, dtype=np.float64), shape.sum(axis=2, dtype=np.float64)
+    count = across.sum(axis=1)
+    mean_x, mean_y = across @ x / count, down @ y / count
+    left = np.maximum(count - 1, 1)
+    xx, yy = across @ x**2 - count * mean_x**2, down @ y**2 - count * mean_y**2
+    xy = ((shape @ x).astype(np.float64) * y).sum(axis=1) - count * mean_x * mean_y
+    spread = np.stack([xx, xy, xy, yy], axis=1).reshape(-1, 2, 2) / left[:, None, None] + np.eye(2) / 12
+    inverse = np.linalg.inv(4 * spread).astype(np.float32)
+    a, b, c = (inverse[:, i, j, None, None] for i, j in ((0, 0), (0, 1), (1, 1)))
+    dx = (x[None, None] - mean_x[:, None, None]).astype(np.float32)
+    dy = (y[None, :, None] - mean_y[:, None, None]).astype(np.float32)
+    along, beside = a * dx + b * dy, b * dx + c * dy
+    radius = np.sqrt(along * dx + beside * dy)
     ellipse = radius <= 1
-    if (ellipse & mask).sum() > ROUND * (ellipse | mask).sum():
-        # To first order: how much is missing to 1 over how fast that grows.
-        steep = np.maximum(np.linalg.norm(slope, axis=-1), 1e-6) / np.maximum(radius, 1e-6)
-        narrow = 2 * np.sqrt(np.linalg.eigvalsh(spread)[0])
-        return np.asarray(np.minimum((1 - radius) / np.maximum(steep, 1e-6), narrow) / FINER, np.float32)
-    within, beyond = (cv2.distanceTransform(part.astype(np.uint8), cv2.DIST_L2, 5) for part in (mask, ~mask))
-    return np.asarray((within - beyond) / FINER, np.float32)
+    both, either = ((part).sum(axis=(1, 2)) for part in (ellipse & outline, ellipse | outline))
+    # To first order: how much is missing to 1 over how fast that grows.
+    steep = np.maximum(np.sqrt(along**2 + beside**2), 1e-6) / np.maximum(radius, 1e-6)
+    narrow = 2 * np.sqrt(np.linalg.eigvalsh(spread)[:, :1, None])
+    found = np.minimum((1 - radius) / np.maximum(steep, 1e-6), narrow) / FINER
+    return np.asarray(found, np.float32), np.asarray(both > ROUND * either)
 
 
+def _signed_distances(outline: Mask) -> Map:
+    """(k, h, w) parts of a pixel that places are inside of outlines (k, h, w), in pixels."""
+    around = FINER * PAD
+    # Below each other, so far apart that none sees the next.
+    stack = np.pad(outline, ((0, 0), (around, around), (0, 0)))
+    flat = stack.reshape(-1, stack.shape[2]).astype(np.uint8)
+    within, beyond = (cv2.distanceTransform(part, cv2.DIST_L2, 5) for part in (flat, 1 - flat))
+    found = (within - beyond).reshape(stack.shape)[:, around:-around] / FINER
+    return np.asarray(found, np.float32)
+
+
+@lru_cache(maxsize=256)
+def _smoother(size: int) -> Map:
+    """(FINER n, n) matrix that makes n pixels in a row finer and smooths them."""
+    finer = np.repeat(np.eye(size), FINER, axis=0)
+    return np.asarray(gaussian(FINER * size, FINER * SMOOTHED) @ finer, np.float32)
+
+
+@lru_cache(maxsize=256)
+def _shrunk(size: int, optics: float) -> Map:
+    """(n, FINER n) matrix that blurs a row by optics, in parts of a pixel, and makes n pixels of it."""
+    pixels = np.repeat(np.eye(size), FINER, axis=1) / FINER
+    return np.asarray(pixels @ gaussian(FINER * size, optics), np.float32)
+
+
+@lru_cache
 def _prior() -> Floats:
     """(r,) logarithm of how likely a radiance is before its rim is looked at."""
     light = np.exp(-((np.log(RADIANCES / PRIOR[0]) / PRIOR[1]) ** 2) / 2)
     paint = np.zeros(len(RADIANCES))
     paint[0] = 1
     return np.asarray(np.log(PAINT * paint + (1 - PAINT) * light / light.sum()))
-
-
-def _falling[T: (float, Floats, Map)](value: T, low: float, high: float) -> T:
-    """1 up to `low`, 0 from `high` on, without a kink (smoothstep)."""
-    share = np.clip((value - low) / (high - low), 0, 1)
-    return 1 - share * share * (3 - 2 * share)  # type: ignore[return-value, no-any-return]
-
-
-def _normal(x: float) -> float:
-    """Share of a normal distribution under x standard deviations."""
-    return (1 + erf(x / 2**0.5)) / 2

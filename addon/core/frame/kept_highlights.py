@@ -1,0 +1,102 @@
+"""What is kept of the highlights of a clip's frames, beside their depth: the light that clipping took, and
+what rims tell other frames. Both are the same whether they were just found or are read again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..depth.depth_store import LONGEST_SIDE, DepthStore, decoded, encoded
+from ..warp.highlights import RADIANCES, Lamps, LostLight
+
+LOST, LAMPS = "lost", "lamps"
+"""Kinds of files."""
+FINE = 3
+"""Bits of a half float that are rounded away: light is right to 0.4 %."""
+BRIGHTEST = 60000.0
+"""Linear light that a half float holds."""
+ROW = 1024
+"""Pixels side by side in the picture that light is kept as."""
+
+
+def named(kind: str, frame: int, threshold: float) -> str:
+    """The name of a frame's file of a kind, at a threshold."""
+    return f"{kind}-{threshold:.6g}-{frame:06d}"
+
+
+def size(found: Lamps | LostLight) -> int:
+    """Bytes that it takes in memory."""
+    arrays = (value for value in vars(found).values() if isinstance(value, np.ndarray))
+    return 1 + sum(array.nbytes for array in arrays)
+
+
+def rounded(lost: LostLight) -> LostLight:
+    """As it is kept."""
+    return LostLight(lost.pixel, _light(_steps(lost.light)))
+
+
+def keep_lost(store: DepthStore, name: str, lost: LostLight, shape: tuple[int, int]) -> None:
+    """Keep what `rounded` made, of a picture of a shape (h, w)."""
+    mask = np.zeros(shape, np.uint8)
+    mask.ravel()[lost.pixel] = 1
+    steps = _steps(lost.light).T.ravel()
+    rows = np.zeros((max(1, -(-len(steps) // ROW)), ROW), np.uint16)
+    rows.ravel()[: len(steps)] = steps
+    store.write(name, {"where": encoded(mask), "light": encoded(rows)})
+
+
+def read_lost(store: DepthStore, name: str, shape: tuple[int, int]) -> LostLight | None:
+    """What was kept of a picture of a shape (h, w); None where it is not, or damaged."""
+    parts = store.read(name, ("where", "light"))
+    mask, rows = (None, None) if parts is None else (decoded(part, LONGEST_SIDE) for part in parts.values())
+    if mask is None or rows is None or mask.shape != shape or rows.dtype != np.uint16:
+        return None
+    pixel = np.flatnonzero(mask)
+    if not 3 * len(pixel) <= rows.size < 3 * len(pixel) + 2 * ROW:
+        return None
+    light = _light(rows.ravel()[: 3 * len(pixel)].reshape(3, -1).T)
+    return LostLight(pixel, light) if np.isfinite(light).all() and (light >= 0).all() else None
+
+
+def lamps_of(
+    store: DepthStore | None,
+    frames: Sequence[int],
+    name: Callable[[int], str],
+    find: Callable[[int], Lamps],
+) -> dict[int, Lamps]:
+    """What rims tell in frames: as it is kept, else by `find`, and kept. What another process is finding is
+    left to it: see `DepthStore.made`."""
+    if store is None:
+        return {frame: find(frame) for frame in frames}
+
+    def read(frame: int) -> Lamps | None:
+        parts = store.read(name(frame), ("centre", "area", "evidence", "rim"))
+        if parts is None:
+            return None
+        shapes = [part.shape for part in parts.values()]
+        count = parts["area"].size
+        if shapes != [(count, 2), (count,), (count, len(RADIANCES)), (count, 3)]:
+            return None
+        found = Lamps(*(np.asarray(part, np.float32) for part in parts.values()))
+        return found if all(np.isfinite(part).all() for part in vars(found).values()) else None
+
+    def made(frame: int) -> Lamps:
+        found = find(frame)
+        store.write(name(frame), dict(vars(found)))
+        return found
+
+    return store.made(frames, name, read, made)
+
+
+def _steps(light: NDArray[np.float32]) -> NDArray[np.uint16]:
+    """(k, 3) light (k, 3) as half floats without their last bits."""
+    half = np.minimum(light, BRIGHTEST).astype(np.float16).view(np.uint16)
+    return np.asarray((half + (1 << (FINE - 1))) >> FINE, np.uint16)
+
+
+def _light(steps: NDArray[np.generic]) -> NDArray[np.float32]:
+    """(k, 3) light from its steps (k, 3)."""
+    return (np.asarray(steps, np.uint16) << FINE).astype(np.uint16).view(np.float16).astype(np.float32)
