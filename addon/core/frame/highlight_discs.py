@@ -110,41 +110,59 @@ class HighlightDiscs:
         height, width = plan.canvas.pinhole.height, plan.canvas.pinhole.width
         total: LinearRGB = np.zeros((height, width, 3), np.float32)
         before = _Surfaces(layers, plan.lens, (height, width))
-        # What hides a highlight covers another part of the disc of each of its places.
-        pieces = [part for one in self.found for part in (one.parts() if before.may_hide(one) else [one])]
-        for one in pieces:
+        for one in self.found:
             checkpoint()
-            disc, (row, column) = self._disc(one, plan, before)
-            top, left = max(0, -row), max(0, -column)
-            part = disc[top : max(0, height - row), left : max(0, width - column)]
-            if part.size:
-                total[row + top :, column + left :][: part.shape[0], : part.shape[1]] += part
+            for disc, (row, column) in self._discs(one, plan, before):
+                top, left = max(0, -row), max(0, -column)
+                part = disc[top : max(0, height - row), left : max(0, width - column)]
+                if part.size:
+                    total[row + top :, column + left :][: part.shape[0], : part.shape[1]] += part
         if plan.vignetting:
             total /= np.maximum(light_left(plan), np.float32(LEAST_LEFT))[..., None]
         return total
 
-    def _disc(
+    def _discs(
         self, one: SmallHighlight, plan: FramePlan, before: _Surfaces
-    ) -> tuple[LinearRGB, tuple[int, int]]:
-        """The light (h, w, 3) of a highlight's disc as far as it arrives, and the row and column where it
-        begins, which may be outside of the canvas."""
+    ) -> list[tuple[LinearRGB, tuple[int, int]]]:
+        """The light (h, w, 3) of the discs of a highlight's parts as far as it arrives, and the rows and
+        columns where they begin, which may be outside of the canvas."""
         pinhole = plan.canvas.pinhole
         radius = np.round(FINEST * one.displacement * pinhole.focal / pinhole.fx) / FINEST
+        steps = before.steps(one)
+        # What hides a highlight covers another part of the disc of each of its places.
+        parts = one.parts() if len(steps) else [one]
+        found = [self._disc(part, plan, radius) for part in parts]
+        if not len(steps):
+            return found
+        places, widths, ways, lit = [], [], [], []
+        for part, (disc, (row, column)) in zip(parts, found, strict=True):
+            lit.append(disc.any(axis=2))
+            y, x = np.nonzero(lit[-1])
+            place = part.place
+            # A view at the share p of the aperture sees it at place - displacement p.
+            ways.append((place - np.column_stack([x + column + 0.5, y + row + 0.5])) / radius)
+            places.append(np.broadcast_to(place, ways[-1].shape))
+            widths.append(np.full(len(y), float(max(part.light.shape[:2]))))
+        joined = (np.concatenate(each) for each in (places, widths, ways))
+        passed = before.transmittance(one.displacement, steps, *joined).astype(np.float32)
+        ends = np.cumsum([len(each) for each in ways])[:-1]
+        for (disc, _), mask, share in zip(found, lit, np.split(passed, ends), strict=True):
+            disc[mask] *= share[:, None]
+        return found
+
+    def _disc(
+        self, one: SmallHighlight, plan: FramePlan, radius: Floats
+    ) -> tuple[LinearRGB, tuple[int, int]]:
+        """The light (h, w, 3) of a highlight's disc of radii (2,) in pixels with nothing before it, and the
+        row and column where it begins."""
         kernel = _kernel(self.aperture, float(radius[0]), float(radius[1]))
-        place = one.place
         reach = [n // 2 for n in kernel.shape]
         if plan.vignetting:
-            kernel = kernel * _within_barrel(plan, place, radius, reach)
+            kernel = kernel * _within_barrel(plan, one.place, radius, reach)
         padded = np.pad(one.light, ((reach[0],) * 2, (reach[1],) * 2, (0, 0)))
         # OpenCV correlates: for it the kernel is turned round.
         disc = cv2.filter2D(padded, -1, kernel[::-1, ::-1], borderType=cv2.BORDER_CONSTANT)
-        row, column = one.corner[0] - reach[0], one.corner[1] - reach[1]
-        x = np.arange(disc.shape[1]) + column + 0.5
-        y = np.arange(disc.shape[0]) + row + 0.5
-        # A view at the share p of the aperture sees it at place - displacement p.
-        across, down = np.meshgrid((place[0] - x) / radius[0], (place[1] - y) / radius[1])
-        passed = before.transmittance(place, one.displacement, max(one.light.shape[:2]), across, down)
-        return np.maximum(disc, 0) * passed[..., None].astype(np.float32), (row, column)
+        return np.maximum(disc, 0), (one.corner[0] - reach[0], one.corner[1] - reach[1])
 
 
 @lru_cache(maxsize=256)
@@ -187,37 +205,35 @@ class _Surfaces:
             beside = cv2.dilate(past.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
             shown.append((own, np.where(beside & ~one.drawn, 0, one.front[..., 3]), one.jump))
         shown.append((layers[-1].back_disparity, np.ones_like(shown[0][1]), layers[-1].jump))
-        self._surfaces = [(lens.snap_displacement(d), _blurred(a), j) for d, a, j in shown]
-        self._nearest = np.max([np.where(a[0] > 0, d, -np.inf) for d, a, _ in self._surfaces], axis=0)
+        self._surfaces = [(lens.snap_displacement(d), _Blurred(a), j) for d, a, j in shown]
+        self._nearest = np.max(
+            [np.where(a.sharp > 0, d, -np.inf) for d, a, _ in self._surfaces], axis=0
+        )  # fmt: skip
         self._least = max(NEARER, layers[-1].jump)
         self._corner = np.array([(n - own) // 2 for n, own in zip(self._nearest.shape, size, strict=True)])
         self._focal = lens.pinhole.focal / lens.pinhole.fx
 
-    def may_hide(self, one: SmallHighlight) -> bool:
-        """Whether anything near enough to a highlight is nearer than it."""
-        return len(self._steps(one.place, one.displacement)) > 0
-
     def transmittance(
-        self, place: Floats, displacement: float, width: float, across: Floats, down: Floats
+        self, displacement: float, steps: Floats, places: Floats, widths: Floats, ways: Floats
     ) -> Floats:
-        """(h, w) share of the light that comes from a highlight to places of the aperture, `across` and
-        `down` (h, w) in shares of its radius. The highlight is at a place (2,), of a displacement and a width
-        in pixels.
+        """(n,) share of the light that comes from places (n, 2) of a highlight, in pixels, to places of the
+        aperture (n, 2) in shares of its radius: from parts as many pixels (n,) wide, of one displacement in
+        pixels, past what is nearer by `steps` (s,).
         """
-        steps = self._steps(place, displacement)
-        if not len(steps):
-            return np.ones(across.shape)
-        way = np.stack([self._focal[0] * across.ravel(), self._focal[1] * down.ravel()], axis=1)
+        way = ways * self._focal
         count = -(-len(steps) * len(way) // LOOKED_AT)
-        passed = [self._along(place, displacement, width, some, steps) for some in np.array_split(way, count)]
-        return np.concatenate(passed).reshape(across.shape)
+        some = np.array_split(np.arange(len(way)), count)
+        return np.concatenate(
+            [self._along(displacement, steps, places[each], widths[each], way[each]) for each in some]
+        )
 
-    def _along(self, place: Floats, displacement: float, width: float, way: Floats, steps: Floats) -> Floats:
-        """(n,) share of the light that passes from a highlight on ways (n, 2), which are pixels of the frame
-        for each pixel of displacement that a surface is nearer by; whatever is nearer by `steps` (s,) is
-        met."""
+    def _along(
+        self, displacement: float, steps: Floats, places: Floats, widths: Floats, way: Floats
+    ) -> Floats:
+        """(n,) share of the light that passes on ways (n, 2), which are pixels of the frame for each pixel of
+        displacement that a surface is nearer by; else as of `transmittance`."""
         # What is nearer by t is before the highlight, seen from p, if it is seen at place + t p by the frame.
-        along = (self._on_raster(place) + steps[:, None, None] * way).astype(np.float32)
+        along = (self._on_raster(places) + steps[:, None, None] * way).astype(np.float32)
         passed = np.ones(len(way))
         for disparity, alpha, jump in self._surfaces:
             at = _sampled(disparity, along, cv2.INTER_NEAREST)
@@ -226,43 +242,59 @@ class _Surfaces:
             crossed = (over[:-1] > 0) & (over[1:] <= 0) & (np.abs(np.diff(at, axis=0)) <= jump)
             crossed &= np.diff(steps)[:, None] <= 1
             step, which = np.nonzero(crossed)
+            if not len(step):
+                continue
             before, behind = over[step, which], over[step + 1, which]
             share = (before / (before - behind))[:, None]
             met = along[step, which] + share * (along[step + 1, which] - along[step, which])
             # From one side of the highlight to the other, another place of it is before the same pixel.
-            blur = width * np.abs(1 + (steps[step] + share[:, 0]) / displacement)
+            blur = widths[which] * np.abs(1 + (steps[step] + share[:, 0]) / displacement)
+            levels = np.searchsorted(WIDTHS, blur, "right") - 1
             left = np.ones(len(way))
-            for level, values in enumerate(alpha):
-                some = np.searchsorted(WIDTHS, blur, "right") == level + 1
-                np.minimum.at(left, which[some], 1 - _sampled(values, met[some], cv2.INTER_LINEAR))
+            for level in np.unique(levels):
+                some = levels == level
+                values = _sampled(alpha.by(int(level)), met[some], cv2.INTER_LINEAR)
+                np.minimum.at(left, which[some], 1 - values)
             passed *= left
         return passed
 
-    def _on_raster(self, place: Floats) -> Floats:
-        """(2,) column and row of a place in pixels, a pixel's middle being a whole number."""
-        return np.asarray(place + self._corner[::-1] - 0.5)
+    def _on_raster(self, places: Floats) -> Floats:
+        """(..., 2) columns and rows of places in pixels, a pixel's middle being a whole number."""
+        return np.asarray(places + self._corner[::-1] - 0.5)
 
-    def _steps(self, place: Floats, displacement: float) -> Floats:
-        """(n,) by how much nearer surfaces are, in pixels of displacement, that may hide a highlight at a
-        place (2,) in pixels: whole numbers, rising, around what there is."""
-        x0, y0 = self._on_raster(place)
-        farthest = OUTSIDE * max(0.0, float(self._nearest.max()) - displacement)
+    def steps(self, one: SmallHighlight) -> Floats:
+        """(n,) by how much nearer surfaces are, in pixels of displacement, that may hide some of a highlight:
+        whole numbers, rising, around what there is; none where nothing is near enough."""
+        farthest = OUTSIDE * max(0.0, float(self._nearest.max()) - one.displacement)
         if farthest < self._least:
             return np.zeros(0)
-        low = [max(0, int(n - farthest)) for n in (y0, x0)]
-        part = self._nearest[low[0] : int(y0 + farthest) + 2, low[1] : int(x0 + farthest) + 2]
-        row, column = np.ogrid[: part.shape[0], : part.shape[1]]
+        wide = max(one.light.shape[:2]) / 2
+        x0, y0 = self._on_raster(one.place)
+        low = [max(0, int(n - wide - farthest)) for n in (y0, x0)]
+        high = [int(n + wide + farthest) + 2 for n in (y0, x0)]
+        part = self._nearest[low[0] : high[0], low[1] : high[1]]
+        nearer = part - one.displacement
+        row, column = np.nonzero(nearer >= self._least)
+        nearer = nearer[row, column]
         away = np.hypot(row + low[0] - y0, column + low[1] - x0)
-        nearer = part - displacement
-        nearer = nearer[(nearer >= self._least) & (OUTSIDE * nearer >= away - 1)]
+        nearer = nearer[OUTSIDE * nearer >= away - wide - 1]
         whole = np.unique(np.floor(nearer).astype(int))
         return np.unique(np.concatenate([whole - 1, whole, whole + 1, whole + 2])).astype(np.float64)
 
 
-def _blurred(alpha: Map) -> list[Map]:
-    """Opacities (H, W), blurred by each of `WIDTHS`."""
-    wider = (cv2.GaussianBlur(alpha, (0, 0), width / np.sqrt(12)) for width in WIDTHS[1:])
-    return [np.ascontiguousarray(alpha), *(np.asarray(each, np.float32) for each in wider)]
+class _Blurred:
+    """Opacities (H, W), blurred by each of `WIDTHS` when that is asked for."""
+
+    def __init__(self, alpha: Map) -> None:
+        self.sharp = np.ascontiguousarray(alpha)
+        self._wider = {0: self.sharp}
+
+    def by(self, level: int) -> Map:
+        """(H, W) blurred by one of `WIDTHS`."""
+        if level not in self._wider:
+            blurred = cv2.GaussianBlur(self.sharp, (0, 0), WIDTHS[level] / np.sqrt(12))
+            self._wider[level] = np.asarray(blurred, np.float32)
+        return self._wider[level]
 
 
 def _sampled(values: Map, at: Map, interpolation: int) -> Map:
