@@ -21,6 +21,7 @@ from ..base.arrays import Floats, Ints, LinearRGB, LinearRGBA, Map, Mask
 from ..base.progress import checkpoint
 from ..optics.aperture import SUBSAMPLES, Aperture
 from ..optics.thin_lens import ThinLens
+from ..warp.clipped_blobs import brightest
 from ..warp.layered_depth_image import LayeredDepthImage, inpainted
 from .plan import FramePlan
 from .vignetting import LEAST_LEFT, barrel_shift, light_left
@@ -136,7 +137,7 @@ class HighlightDiscs:
             return found
         places, widths, ways, lit = [], [], [], []
         for part, (disc, (row, column)) in zip(parts, found, strict=True):
-            lit.append(disc.any(axis=2))
+            lit.append(brightest(disc) > 0)
             y, x = np.nonzero(lit[-1])
             place = part.place
             # A view at the share p of the aperture sees it at place - displacement p.
@@ -319,15 +320,16 @@ def without_small_highlights(
 
     `displacement` (H, W) is that of its pixels at the aperture's rim in pixels, relative to the focal plane.
     """
-    peak = picture[..., :3].max(axis=2)
-    over = (peak > WHITE).astype(np.uint8)
+    peak = brightest(picture)
+    over = peak > WHITE
     if not (peak > BRIGHT).any():
         return picture, None
-    count, label, stats, _ = cv2.connectedComponentsWithStats(over, connectivity=8)
-    brightest, energy = np.zeros(count, np.float32), np.bincount(label.ravel(), peak.ravel(), count)
-    np.maximum.at(brightest, label.ravel(), peak.ravel())
+    count, label, stats, _ = cv2.connectedComponentsWithStats(over.astype(np.uint8), connectivity=8)
+    of, values = label[over], peak[over]
+    most, energy = np.zeros(count, np.float32), np.bincount(of, values, count)
+    np.maximum.at(most, of, values)
     size = stats[:, cv2.CC_STAT_WIDTH : cv2.CC_STAT_HEIGHT + 1].max(axis=1)
-    candidates = np.flatnonzero((brightest > BRIGHT) & (np.arange(count) > 0))
+    candidates = np.flatnonzero(most > BRIGHT)
     shift = np.zeros(count)
     for number in candidates:
         part = _around(stats[number], 0)

@@ -110,7 +110,7 @@ class Patches:
 def clipped_blobs(picture: LinearRGBA, threshold: float) -> Blobs:
     """The small clipped blobs of a picture (H, W, 3 or 4), linear: connected pixels of which a channel has
     `threshold` of white or more, at most `MOST`. Those of no weight are left out. Passes checkpoints."""
-    peak = np.ascontiguousarray(picture[..., :3].max(axis=2))
+    peak = brightest(picture)
     clipped = peak >= threshold
     if not clipped.any():
         return Blobs(np.zeros((0, 2)), np.zeros(0), np.zeros(0), SPREAD, ())
@@ -254,10 +254,16 @@ def _medians(values: Map, among: Mask) -> Floats:
     return np.asarray((low.astype(np.float64) + high) / 2)
 
 
+def brightest(picture: LinearRGBA) -> Map:
+    """(H, W) the largest of three channels of a picture (H, W, 3 or 4)."""
+    # NumPy takes ten times as long over so short an axis.
+    return np.maximum(np.maximum(picture[..., 0], picture[..., 1]), picture[..., 2])
+
+
 def point_spread(picture: LinearRGBA) -> float:
     """Standard deviation in pixels of a Gaussian that is as sharp as the picture's (H, W, 3 or 4) sharpest
     edges: the largest step from a pixel to the next, as a share of the contrast over seven."""
-    grey = np.ascontiguousarray(picture[..., :3].max(axis=2))
+    grey = brightest(picture)
     near_clipped = cv2.dilate((grey > 0.9).astype(np.uint8), np.ones((9, 9), np.uint8)) > 0
     sharpness = []
     for light, off in ((grey, near_clipped), (grey.T, near_clipped.T)):

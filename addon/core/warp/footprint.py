@@ -10,19 +10,19 @@ footprint of a texture is Heckbert's, "Fundamentals of texture mapping and image
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache, partial
+from itertools import pairwise
 
 import cv2
 import numpy as np
 
 from ..base.arrays import Floats, LinearRGBA, Map, Mask
-from ..base.limits import threads
-from ..base.progress import checkpoint, in_this_scope
+from ..base.progress import checkpoint
+from ..base.side_by_side import side_by_side
 from .layered_depth_image import LayeredDepthImage
 
-TILE = 128
+TILE = 64
 """Texels across a tile, a multiple of all `Level.shrink`: each is blurred only as widely as it needs."""
 SUBSAMPLES = 32
 """Along a texel, by which a disc's rim is sampled: its area is right to 0.3 %."""
@@ -113,8 +113,7 @@ def _filter(
     rows, columns = (range(0, finer * n, TILE) for n in radius.shape)
     places = [(row, column) for row in rows for column in columns]
     work = partial(_tile, part, spare, finer, radius, kept, buried)
-    with ThreadPoolExecutor(threads()) as pool:
-        blurred = list(pool.map(in_this_scope(work), places))
+    blurred = side_by_side(work, places)
     for (row, column), is_blurred in zip(places, blurred, strict=True):
         if is_blurred:
             tile = slice(row, row + TILE), slice(column, column + TILE)
@@ -131,12 +130,12 @@ def _tile(
     place: tuple[int, int],
 ) -> bool:
     """Blur the texels of one tile into `result`, as `_filter` describes; False where it stays as it is."""
-    own = _finer(radius[tuple(slice(n // finer, (n + TILE) // finer) for n in place)], finer)
-    own = np.minimum(finer * own, WIDEST)
-    widest, least = float(own.max()), float(own.min())
+    own = radius[tuple(slice(n // finer, (n + TILE) // finer) for n in place)]
+    widest, least = (min(finer * float(n), WIDEST) for n in (own.max(), own.min()))
     if widest == 0:
         return False
     checkpoint(0.95)
+    own = np.minimum(finer * _finer(own, finer), WIDEST)
     radii = [level.radius for level in LEVELS]
     first = min(int(np.searchsorted(radii, least, "right")) - 1, len(LEVELS) - 2)
     used = LEVELS[first : max(int(np.searchsorted(radii, widest)), first + 1) + 1]
@@ -145,29 +144,20 @@ def _tile(
     margin = step * int(np.ceil(used[-1].radius / step) + 2)
     around = _around(part, finer, kept, buried, place, (own.shape[0], own.shape[1]), margin)
     inner = slice(margin, margin + own.shape[0]), slice(margin, margin + own.shape[1])
-    tile = np.zeros((*own.shape, 4), np.float32)
-    for number, level in enumerate(used):
-        share = _share(own, [one.radius for one in used], number)
-        if share.any():
-            tile += cv2.merge([share] * 4) * _blurred(around, level)[inner]
     rows, columns = (slice(n, n + size) for n, size in zip(place, own.shape, strict=True))
-    sharp = own == 0
-    tile[sharp] = part[rows, columns][sharp]
-    result[rows, columns] = tile
+    tile = result[rows, columns]
+    tile[:] = _blurred(around, used[0])[inner]
+    squared = own * own
+    for below, level in pairwise(used):
+        # Variances add up, and are as the square of the radius: linear in that from one to the next.
+        share = (squared - below.radius**2) / (level.radius**2 - below.radius**2)
+        more = _blurred(around, level)[inner] - tile
+        more *= cv2.merge([np.clip(share, 0, 1, out=share)] * 4)
+        tile += more
+    if least == 0:
+        sharp = own == 0
+        tile[sharp] = part[rows, columns][sharp]
     return True
-
-
-def _share(own: Map, radii: list[float], number: int) -> Map:
-    """(h, w) share that the blur by one of several rising radii has in those by own radii (h, w).
-
-    Variances add up, and are as the square of the radius: linear in that from one to the next.
-    """
-    share, squared = np.ones_like(own), own**2
-    for other in (number - 1, number + 1):
-        if 0 <= other < len(radii):
-            away, here = radii[other] ** 2, radii[number] ** 2
-            np.minimum(share, (squared - away) / (here - away), out=share)
-    return np.asarray(np.maximum(share, 0))
 
 
 def _around(
@@ -186,8 +176,9 @@ def _around(
     pixels = tuple(slice(a // finer, -(-b // finer)) for a, b in zip(low, high, strict=True))
     cut = tuple(slice(a % finer, a % finer + b - a) for a, b in zip(low, high, strict=True))
     found = part[texels]
-    if kept is not None:
-        found = found * _finer(kept[pixels].astype(np.float32), finer)[cut][..., None]
+    if kept is not None and not kept[pixels].all():
+        mask = _finer(kept[pixels].view(np.uint8), finer)[cut]
+        found = cv2.copyTo(found, np.ascontiguousarray(mask))
     for other, mask in buried:
         if mask[pixels].any():
             hidden = _finer(mask[pixels].astype(np.float32), finer)[cut] > 0

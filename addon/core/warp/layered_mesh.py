@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
 
 from ..base.arrays import Floats, Ints, LinearRGB, LinearRGBA, Map, Mask
-from ..base.limits import threads
-from ..base.progress import checkpoint, in_this_scope
+from ..base.progress import checkpoint
 from ..base.reused_memory import ReusedMemory
+from ..base.side_by_side import side_by_side
 from ..depth.source import PixelDepth, extended
 from ..optics.thin_lens import ThinLens
 from .disocclusion_fill import HiddenColours
@@ -211,8 +210,7 @@ def triangulated(
         error = error.copy()
         error[split.occluded & ~split.disoccluded] = np.inf
         error[split.disoccluded] *= np.float32(options.quadtree.disoccluded_error)
-    with ThreadPoolExecutor(threads()) as pool:
-        found = list(pool.map(in_this_scope(triangulate), *zip(*jobs, strict=True)))
+    found = side_by_side(lambda job: triangulate(*job), jobs)
     return [(made, triangles) for (made, *_), triangles in zip(jobs, found, strict=True)]
 
 
@@ -237,8 +235,7 @@ def _texture(
         for picture, part, each in zip(pictures, texture, spans, strict=True)
         for span in each
     ]
-    with ThreadPoolExecutor(threads()) as pool:
-        list(pool.map(in_this_scope(_refine), *zip(*jobs, strict=True)))
+    side_by_side(lambda job: _refine(*job), jobs)
     texture[-1, ..., 3] = 1
     checkpoint(0.9)
     for part, behind, front, each in zip(texture[:-1], texture[1:], fronts, spans[:-1], strict=True):
