@@ -49,6 +49,8 @@ PARTS = 8
 WIDTHS = 0.0, 1.0, 2.0, 4.0, 8.0
 """Pixels over which what hides a part of a highlight is blurred, as the part is no point: the next
 smaller."""
+CHANNELS = 126
+"""Of a picture that OpenCV 5 filters: 128 at most."""
 LOOKED_AT = 1 << 20
 """Places that are looked at at once, so that arrays of them take tens of megabytes."""
 LONGEST = 1 << 10
@@ -71,31 +73,27 @@ class SmallHighlight:
     @property
     def place(self) -> Floats:
         """(2,) x and y of the middle of its light, in pixels."""
-        energy = self.light.sum(axis=2, dtype=np.float64)
-        row, column = np.mgrid[: energy.shape[0], : energy.shape[1]]
-        return np.array(
-            [
-                (axis * energy).sum() / energy.sum() + first + 0.5
-                for axis, first in zip((column, row), self.corner[::-1], strict=True)
-            ]
-        )
+        return np.asarray(_middles(self.light[None])[0] + self.corner[::-1])
 
-    def parts(self) -> list[SmallHighlight]:
-        """This highlight's light as smaller ones, at most `PARTS` by `PARTS` and a pixel wide at least."""
-        size = -(-max(self.light.shape[:2]) // PARTS)
-        corners = [
-            (row, column)
-            for row in range(0, self.light.shape[0], size)
-            for column in range(0, self.light.shape[1], size)
-        ]
-        found = (
-            SmallHighlight(
-                (self.corner[0] + row, self.corner[1] + column),
-                self.light[row : row + size, column : column + size], self.displacement,
-            )
-            for row, column in corners
-        )  # fmt: skip
-        return [one for one in found if one.light.any()]
+    def parts(self, most: int) -> tuple[LinearRGB, Ints]:
+        """Its light in parts (n, s, s, 3), at most `most` by `most` and a pixel wide at least, and their
+        first rows and columns (n, 2) in the picture."""
+        size = -(-max(self.light.shape[:2]) // most)
+        count = [-(-side // size) for side in self.light.shape[:2]]
+        spare = [(0, n * size - side) for n, side in zip(count, self.light.shape[:2], strict=True)]
+        cells = np.pad(self.light, (*spare, (0, 0))).reshape(count[0], size, count[1], size, 3)
+        found = cells.swapaxes(1, 2).reshape(-1, size, size, 3)
+        corner = np.indices(count).reshape(2, -1).T * size + self.corner
+        lit = found.any(axis=(1, 2, 3))
+        return found[lit], corner[lit].astype(np.int32)
+
+
+def _middles(light: LinearRGB) -> Floats:
+    """(n, 2) x and y of the middle of the light of patches (n, h, w, 3), in pixels from their corners."""
+    energy = light.sum(axis=3, dtype=np.float64)
+    total = energy.sum(axis=(1, 2))
+    x, y = (energy.sum(axis=axis) @ (np.arange(energy.shape[3 - axis]) + 0.5) for axis in (1, 2))
+    return np.stack([x, y], axis=1) / total[:, None]
 
 
 @dataclass(frozen=True)
@@ -113,7 +111,8 @@ class HighlightDiscs:
         before = _Surfaces(layers, plan.lens, (height, width))
         for one in self.found:
             checkpoint()
-            for disc, (row, column) in self._discs(one, plan, before):
+            discs, corners = self._discs(one, plan, before)
+            for disc, (row, column) in zip(discs, corners.tolist(), strict=True):
                 top, left = max(0, -row), max(0, -column)
                 part = disc[top : max(0, height - row), left : max(0, width - column)]
                 if part.size:
@@ -122,48 +121,48 @@ class HighlightDiscs:
             total /= np.maximum(light_left(plan), np.float32(LEAST_LEFT))[..., None]
         return total
 
-    def _discs(
-        self, one: SmallHighlight, plan: FramePlan, before: _Surfaces
-    ) -> list[tuple[LinearRGB, tuple[int, int]]]:
-        """The light (h, w, 3) of the discs of a highlight's parts as far as it arrives, and the rows and
-        columns where they begin, which may be outside of the canvas."""
+    def _discs(self, one: SmallHighlight, plan: FramePlan, before: _Surfaces) -> tuple[LinearRGB, Ints]:
+        """The light (n, h, w, 3) of the discs of a highlight's parts as far as it arrives, and the rows and
+        columns (n, 2) where they begin, which may be outside of the canvas."""
         pinhole = plan.canvas.pinhole
         radius = np.round(FINEST * one.displacement * pinhole.focal / pinhole.fx) / FINEST
-        steps = before.steps(one)
-        # What hides a highlight covers another part of the disc of each of its places.
-        parts = one.parts() if len(steps) else [one]
-        found = [self._disc(part, plan, radius) for part in parts]
-        if not len(steps):
-            return found
-        places, widths, ways, lit = [], [], [], []
-        for part, (disc, (row, column)) in zip(parts, found, strict=True):
-            lit.append(brightest(disc) > 0)
-            y, x = np.nonzero(lit[-1])
-            place = part.place
-            # A view at the share p of the aperture sees it at place - displacement p.
-            ways.append((place - np.column_stack([x + column + 0.5, y + row + 0.5])) / radius)
-            places.append(np.broadcast_to(place, ways[-1].shape))
-            widths.append(np.full(len(y), float(max(part.light.shape[:2]))))
-        joined = (np.concatenate(each) for each in (places, widths, ways))
-        passed = before.transmittance(one.displacement, steps, *joined).astype(np.float32)
-        ends = np.cumsum([len(each) for each in ways])[:-1]
-        for (disc, _), mask, share in zip(found, lit, np.split(passed, ends), strict=True):
-            disc[mask] *= share[:, None]
-        return found
-
-    def _disc(
-        self, one: SmallHighlight, plan: FramePlan, radius: Floats
-    ) -> tuple[LinearRGB, tuple[int, int]]:
-        """The light (h, w, 3) of a highlight's disc of radii (2,) in pixels with nothing before it, and the
-        row and column where it begins."""
         kernel = _kernel(self.aperture, float(radius[0]), float(radius[1]))
         reach = [n // 2 for n in kernel.shape]
-        if plan.vignetting:
-            kernel = kernel * _within_barrel(plan, one.place, radius, reach)
-        padded = np.pad(one.light, ((reach[0],) * 2, (reach[1],) * 2, (0, 0)))
-        # OpenCV correlates: for it the kernel is turned round.
-        disc = cv2.filter2D(padded, -1, kernel[::-1, ::-1], borderType=cv2.BORDER_CONSTANT)
-        return np.maximum(disc, 0), (one.corner[0] - reach[0], one.corner[1] - reach[1])
+        steps = before.steps(one)
+        # What hides a highlight covers another part of the disc of each of its places.
+        light, corner = one.parts(PARTS if len(steps) else 1)
+        # To OpenCV parts are channels, of which it takes so many.
+        discs = np.concatenate([_filtered(some, kernel, reach) for some in _few(light)])
+        begin = corner - np.array(reach, np.int32)
+        if not (len(steps) or plan.vignetting):
+            return discs, begin
+        number, row, column = np.nonzero(brightest(discs) > 0)
+        place = (_middles(light) + corner[:, ::-1])[number]
+        # A view at the share p of the aperture sees it at place - displacement p.
+        seen: Floats = np.stack([column, row], axis=1) + begin[number, ::-1] + np.float64(0.5)
+        ways: Floats = (place - seen) / radius
+        passed = _within_barrel(plan, seen, ways, radius)
+        if len(steps):
+            widths = np.full(len(ways), float(light.shape[1]))
+            passed = passed * before.transmittance(one.displacement, steps, place, widths, ways)
+        discs[number, row, column] *= passed.astype(np.float32)[:, None]
+        return discs, begin
+
+
+def _few(light: LinearRGB) -> list[LinearRGB]:
+    """Patches (n, h, w, 3), so many at a time that they are channels of a picture to OpenCV."""
+    return [light[first : first + CHANNELS // 3] for first in range(0, len(light), CHANNELS // 3)]
+
+
+def _filtered(light: LinearRGB, kernel: Map, reach: list[int]) -> LinearRGB:
+    """(n, h, w, 3) patches of light (n, s, s, 3), each pixel spread by a kernel that reaches so many pixels
+    down and across."""
+    count, size = light.shape[:2]
+    wide = np.zeros((size + 2 * reach[0], size + 2 * reach[1], 3 * count), np.float32)
+    wide[reach[0] :, reach[1] :][:size, :size] = np.moveaxis(light, 0, 2).reshape(size, size, -1)
+    # OpenCV correlates: for it the kernel is turned round.
+    found = cv2.filter2D(wide, -1, kernel[::-1, ::-1], borderType=cv2.BORDER_CONSTANT)
+    return np.ascontiguousarray(np.moveaxis(np.maximum(found, 0).reshape(*wide.shape[:2], count, 3), 2, 0))
 
 
 @lru_cache(maxsize=256)
@@ -177,19 +176,15 @@ def _kernel(aperture: Aperture, across: float, down: float) -> Map:
     return np.asarray(cells / cells.sum(), np.float32)
 
 
-def _within_barrel(plan: FramePlan, place: Floats, radius: Floats, reach: list[int]) -> Map:
-    """(h, w) share of the light that a plan's barrel lets through to each pixel around the middle of a disc
-    at a place (2,), as many down and across as `reach`; radii (2,) in pixels, as `_kernel` takes them."""
-    shift, middle = barrel_shift(plan), plan.canvas.pinhole.principal_point
-    beside = [np.arange(-n, n + 1) for n in reach[::-1]]
-    x, y = (
-        shift * (here + step - centre) - step / r
-        for here, step, centre, r in zip(place, beside, middle, radius, strict=True)
-    )
+def _within_barrel(plan: FramePlan, seen: Floats, ways: Floats, radius: Floats) -> Floats:
+    """(n,) share of the light that a plan's barrel lets through to pixels (n, 2) of a disc from places of the
+    aperture (n, 2) in shares of its radius; radii (2,) of the disc in pixels, as `_kernel` takes them."""
+    if not plan.vignetting:
+        return np.ones(len(seen))
+    away = barrel_shift(plan) * (seen - plan.canvas.pinhole.principal_point) + ways
     # Its edge is a pixel wide.
     soft = 0.5 / np.abs(radius).min()
-    share = (1 + soft - np.hypot(x[None, :], y[:, None])) / (2 * soft)
-    return np.asarray(np.clip(share, 0, 1), np.float32)
+    return np.asarray(np.clip((1 + soft - np.linalg.norm(away, axis=1)) / (2 * soft), 0, 1))
 
 
 class _Surfaces:

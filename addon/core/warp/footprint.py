@@ -16,6 +16,7 @@ from itertools import pairwise
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from ..base.arrays import Floats, LinearRGBA, Map, Mask
 from ..base.progress import checkpoint
@@ -177,8 +178,8 @@ def _around(
     cut = tuple(slice(a % finer, a % finer + b - a) for a, b in zip(low, high, strict=True))
     found = part[texels]
     if kept is not None and not kept[pixels].all():
-        mask = _finer(kept[pixels].view(np.uint8), finer)[cut]
-        found = cv2.copyTo(found, np.ascontiguousarray(mask))
+        shown = _finer(kept[pixels].astype(np.uint8), finer)[cut]
+        found = np.asarray(cv2.copyTo(found, np.ascontiguousarray(shown)), np.float32)
     for other, mask in buried:
         if mask[pixels].any():
             hidden = _finer(mask[pixels].astype(np.float32), finer)[cut] > 0
@@ -191,7 +192,7 @@ def _around(
     return np.asarray(found, np.float32)
 
 
-def _finer(values: Map, finer: int) -> Map:
+def _finer[T: np.generic](values: NDArray[T], finer: int) -> NDArray[T]:
     """(h, w) values of pixels (H, W) at the texels of a texture so many times as fine."""
     return np.asarray(np.repeat(np.repeat(values, finer, axis=0), finer, axis=1))
 

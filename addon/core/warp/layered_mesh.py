@@ -196,7 +196,7 @@ def triangulated(
 ) -> list[tuple[Surfaces, Triangles]]:
     """The surfaces (h, w) of each layered depth image where `snap` draws them, and their triangles;
     disparities in pixels are relative to the focal plane."""
-    error = options.error + options.relative_error * np.abs(layers[-1].back_disparity)
+    error: Map = np.asarray(options.error + options.relative_error * np.abs(layers[-1].back_disparity))
     jobs = []
     for split in layers:
         checkpoint(0.55)
