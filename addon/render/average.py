@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from ..core.base.arrays import Floats, LinearRGBA, Map
+from ..core.base.arrays import Floats, LinearRGBA, Map, in_channels
 from ..core.base.progress import checkpoint, stage
 from ..core.frame.clip_context import ClipContext
 from ..core.frame.detail import enlarged, sharp_frame
@@ -136,10 +136,10 @@ def draw_mean(warped: WarpedFrame) -> LinearRGBA:
     gpu_views.check_gpu()
     mean = gpu_views.mean_of_views(warped.plan, warped.texture)
     if warped.plan.vignetting:
-        mean /= np.maximum(light_left(warped.plan), np.float32(LEAST_LEFT))[..., None]
+        mean /= in_channels(np.maximum(light_left(warped.plan), np.float32(LEAST_LEFT)), 4)
     if warped.is_whole:
         # A gap that some view had between triangles takes the colour of the other views.
-        mean /= np.maximum(mean[..., 3:], np.float32(LEAST_COVER))
+        mean /= in_channels(np.maximum(mean[..., 3], np.float32(LEAST_COVER)), 4)
     if warped.highlight_discs is not None:
         mean[..., :3] += warped.highlight_discs.light(warped.plan, warped.layers)
     return mean

@@ -334,10 +334,10 @@ def without_small_highlights(
     if not len(candidates):
         return picture, None
     own = _nearest_of(label, np.isin(label, candidates), displacement, shift)
-    ground = inpainted(np.ascontiguousarray(picture[..., :3]), own == 0)
-    light = np.where((own > 0)[..., None], np.maximum(picture[..., :3] - ground, 0), 0)
-    rest = picture.copy()
-    rest[..., :3] -= light
+    colour = np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGBA2RGB), np.float32)
+    light, rest, lit = np.zeros_like(colour), picture.copy(), own > 0
+    light[lit] = np.maximum(colour[lit] - inpainted(colour, ~lit)[lit], 0)
+    rest[lit, :3] -= light[lit]
     found = []
     for number in candidates:
         part = _around(stats[number], RIM)

@@ -201,13 +201,14 @@ def to_linear(picture: Pixels) -> NDArray[np.float32]:
     Integers are sRGB encoded (IEC 61966-2-1), floats linear already. EXR is premultiplied in the file.
     """
     if picture.dtype == np.float32:
-        colour = np.asarray(picture[..., :3], dtype=np.float32)
+        colour = np.ascontiguousarray(picture[..., :3], dtype=np.float32)
     else:
         top = 255 if picture.dtype == np.uint8 else 65535
         table = decode_srgb(np.arange(top + 1) / top).astype(np.float32)
-        colour = table[picture[..., :3]]
-    out = np.ones((*picture.shape[:2], 4), dtype=np.float32)
-    out[..., :3] = colour
+        whole = np.ascontiguousarray(picture[..., :3])
+        # OpenCV's has 256 entries, and takes a quarter of the time.
+        colour = np.asarray(cv2.LUT(whole, table), np.float32) if top == 255 else table[whole]
+    out = np.asarray(cv2.cvtColor(colour, cv2.COLOR_RGB2RGBA), np.float32)
     if picture.shape[2] == 4:
         if picture.dtype == np.float32:
             out[..., 3] = picture[..., 3]

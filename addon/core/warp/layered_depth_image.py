@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import cv2
 import numpy as np
 
-from ..base.arrays import LinearRGB, LinearRGBA, Map, Mask
+from ..base.arrays import LinearRGB, LinearRGBA, Map, Mask, in_channels
 from ..base.nearest_fill import of_nearest
 from ..base.progress import checkpoint
 from ..depth.source import FAINTEST
@@ -130,7 +130,7 @@ def split(
     beyond = _extrapolated(disparity, surfaces, jump, least, away, sheer, options)
     sheer &= beyond.occluded | mixed
     checkpoint(0.4)
-    colour = picture[..., :3].copy()
+    colour = _colour(picture)
     reprojected = np.zeros(disparity.shape, bool)
     if fill is not None:
         seen, known = fill(beyond.far, beyond.disoccluded | mixed)
@@ -146,7 +146,7 @@ def split(
     if opacity is not None and matte is not None and sheer.any():
         # Of what is seen through, the pixel itself tells the colour behind.
         through = sheer & ~reprojected & (matte < options.matting.most_through)
-        near = inpainted(picture[..., :3], opacity >= 1 - FAINTEST)
+        near = inpainted(_colour(picture), opacity >= 1 - FAINTEST)
         colour[through] = behind(picture[through, :3], matte[through], near[through])
         known |= through
     colour = inpainted(colour, known)
@@ -154,10 +154,10 @@ def split(
         front[sheer, 3] = matte[sheer]
         front[sheer, :3], colour[sheer] = parted(picture[sheer, :3], matte[sheer], colour[sheer])
     checkpoint(0.5)
-    opaque = np.ones((*disparity.shape, 1), np.float32)
+    back = np.asarray(cv2.cvtColor(colour, cv2.COLOR_RGB2RGBA), np.float32)
     return LayeredDepthImage(
         front, front_disparity, beyond.near, beyond.is_far, mixed,
-        np.concatenate([colour, opaque], axis=2), beyond.far, beyond.disoccluded, reprojected,
+        back, beyond.far, beyond.disoccluded, reprojected,
         beyond.occluded, jump,
     )  # fmt: skip
 
@@ -301,6 +301,11 @@ def _smoothed(disparity: Map, among: Mask, changed: Mask, jump: float) -> Map:
     return np.where(changed & (np.abs(mean - disparity) < jump), mean, disparity)
 
 
+def _colour(picture: LinearRGBA) -> LinearRGB:
+    """(H, W, 3) a picture (H, W, 4) without its alpha."""
+    return np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGBA2RGB), np.float32)
+
+
 def inpainted(colour: LinearRGB, known: Mask) -> LinearRGB:
     """(H, W, 3) colours where they are known (H, W), elsewhere smoothly filled: push and pull.
 
@@ -316,13 +321,13 @@ def inpainted(colour: LinearRGB, known: Mask) -> LinearRGB:
         size = tuple(-(-n // 2) for n in levels[-1][1].shape[::-1])
         levels.append(tuple(cv2.resize(part, size, interpolation=cv2.INTER_AREA) for part in levels[-1]))
     total, weight = levels[-1]
-    result = np.asarray(total / np.maximum(weight, 1e-9)[..., None], np.float32)
+    result = total / in_channels(np.maximum(weight, 1e-9), 3)
     for total, weight in reversed(levels[1:-1]):
         checkpoint(0.5)
         up = _resized(result, weight.shape)
-        sure = np.minimum(weight, 1)[..., None]
-        own = np.where(weight[..., None] > 0, total / np.maximum(weight, 1e-9)[..., None], up)
-        result = np.asarray(own * sure + up * (1 - sure), np.float32)
+        sure = in_channels(np.minimum(weight, 1), 3)
+        own = np.where(sure > 0, total / in_channels(np.maximum(weight, 1e-9), 3), up)
+        result = own * sure + up * (1 - sure)
     return np.asarray(cv2.copyTo(colour, mask, _resized(result, known.shape)), np.float32)
 
 

@@ -182,7 +182,8 @@ def _split(raster: Surfaces, whole: Mask, error: Map, options: QuadtreeOptions) 
     doubled = _any((raster.near != raster.far) & ~raster.is_far)
     silhouette = ~whole
     checkpoint(0.6)
-    changes = _range(raster.own)
+    low, high = (_of_corners(raster.own, combine) for combine in (np.minimum, np.maximum))
+    changes = high - low
     checkpoint(0.6)
     steep = (changes > error) & (_bent(raster.own) > options.bend * changes)
     of_near = (~raster.is_far).astype(np.float32) / np.float32(options.silhouette_error)
@@ -190,7 +191,7 @@ def _split(raster: Surfaces, whole: Mask, error: Map, options: QuadtreeOptions) 
     of_far[raster.is_far | raster.mixed] = 1 / options.silhouette_error
     for level in range(1, options.coarsest + 1):
         checkpoint(0.6)
-        error = _halved(error, np.minimum)
+        error, low, high = _halved(error, np.minimum), _halved(low, np.minimum), _halved(high, np.maximum)
         silhouette, doubled, steep = (_halved(one, np.logical_or) for one in (silhouette, doubled, steep))
         near = split[-1]
         # A cell beside one that is split twice would differ from its neighbours by two levels.
@@ -201,7 +202,8 @@ def _split(raster: Surfaces, whole: Mask, error: Map, options: QuadtreeOptions) 
         one = ~silhouette & ~doubled
         if level > options.coarsest_at_silhouettes:
             needed |= silhouette
-        rough = np.nonzero(one & ~needed)
+        # Triangles between the corners miss no more than the whole range.
+        rough = np.nonzero(one & ~needed & (high - low > error))
         allowed = np.where(steep, options.silhouette_error, 1)[rough] * error[rough]
         needed[rough] = _worst(raster.own, None, rough, level) > allowed
         checkpoint(0.6)
