@@ -142,25 +142,24 @@ class Shot:
         """16 hexadecimal digits of all that the depth found in the clip in a quality depends on, as its files
         are now."""
         marked = tuple(each.key for each in self.subjects)
-        options = marked, quality.stereo, quality.fusion, SubjectOptions(), CarryOptions()
-        return self._key(DEPTHS, self._mask_digests, options)
+        return self._key(marked, quality.stereo, quality.fusion, SubjectOptions(), CarryOptions())
 
     def _subject_key(self) -> str:
         """The same of what moves by itself, whatever is marked."""
-        return self._key(DEPTHS, self._mask_digests, (SubjectOptions(),))
+        return self._key(SubjectOptions())
 
     def _highlight_key(self) -> str:
         """The same of highlights, whatever moves."""
-        return self._key("highlights", HIGHLIGHTS)
+        return _digest("highlights", HIGHLIGHTS, self._clip_digests)
+
+    def _key(self, *options: object) -> str:
+        masks = self.masks and clip_digest(self.masks.pictures.path), self.drawn and drawn_digest(self.drawn)
+        return _digest(DEPTHS, self._clip_digests, masks, options)
 
     @property
-    def _mask_digests(self) -> tuple[object, ...]:
-        return self.masks and clip_digest(self.masks.pictures.path), self.drawn and drawn_digest(self.drawn)
-
-    def _key(self, *things: object) -> str:
+    def _clip_digests(self) -> tuple[str, str]:
         # As the solve knows its clip: known already, where all bytes of a sequence would have to be read.
-        clip = identity(self.footage.path), self._reconstruction_digest
-        return hashlib.sha256(repr((clip, *things)).encode()).hexdigest()[:16]
+        return identity(self.footage.path), self._reconstruction_digest
 
     @cached_property
     def _reconstruction_digest(self) -> str:
@@ -180,6 +179,10 @@ class Shot:
     def masked(self) -> Callable[[int], Map | None]:
         """As `Filmed.masked`."""
         return self._filmed.masked
+
+
+def _digest(*things: object) -> str:
+    return hashlib.sha256(repr(things).encode()).hexdigest()[:16]
 
 
 _last: tuple[tuple[str, ...], Shot] | None = None
