@@ -14,8 +14,6 @@ from ..warp.highlights import RADIANCES, Lamps, LostLight
 
 LOST, LAMPS = "lost", "lamps"
 """Kinds of files."""
-FINE = 3
-"""Bits of a half float that are rounded away: light is right to 0.4 %."""
 BRIGHTEST = 60000.0
 """Linear light that a half float holds."""
 ROW = 1024
@@ -35,16 +33,16 @@ def size(found: Lamps | LostLight) -> int:
 
 def rounded(lost: LostLight) -> LostLight:
     """As it is kept."""
-    return LostLight(lost.pixel, _light(_steps(lost.light)))
+    return LostLight(lost.pixel, _halves(lost.light).astype(np.float32))
 
 
 def keep_lost(store: DepthStore, name: str, lost: LostLight, shape: tuple[int, int]) -> None:
     """Keep what `rounded` made, of a picture of a shape (h, w)."""
     mask = np.zeros(shape, np.uint8)
     mask.ravel()[lost.pixel] = 1
-    steps = _steps(lost.light).T.ravel()
-    rows = np.zeros((max(1, -(-len(steps) // ROW)), ROW), np.uint16)
-    rows.ravel()[: len(steps)] = steps
+    bits = _halves(lost.light).T.ravel().view(np.uint16)
+    rows = np.zeros((max(1, -(-len(bits) // ROW)), ROW), np.uint16)
+    rows.ravel()[: len(bits)] = bits
     store.write(name, {"where": encoded(mask), "light": encoded(rows)})
 
 
@@ -57,7 +55,8 @@ def read_lost(store: DepthStore, name: str, shape: tuple[int, int]) -> LostLight
     pixel = np.flatnonzero(mask)
     if not 3 * len(pixel) <= rows.size < 3 * len(pixel) + 2 * ROW:
         return None
-    light = _light(rows.ravel()[: 3 * len(pixel)].reshape(3, -1).T)
+    bits = np.asarray(rows, np.uint16).ravel()[: 3 * len(pixel)].reshape(3, -1)
+    light = bits.view(np.float16).T.astype(np.float32)
     return LostLight(pixel, light) if np.isfinite(light).all() and (light >= 0).all() else None
 
 
@@ -91,12 +90,6 @@ def lamps_of(
     return store.made(frames, name, read, made)
 
 
-def _steps(light: NDArray[np.float32]) -> NDArray[np.uint16]:
-    """(k, 3) light (k, 3) as half floats without their last bits."""
-    half = np.minimum(light, BRIGHTEST).astype(np.float16).view(np.uint16)
-    return np.asarray((half + (1 << (FINE - 1))) >> FINE, np.uint16)
-
-
-def _light(steps: NDArray[np.generic]) -> NDArray[np.float32]:
-    """(k, 3) light from its steps (k, 3)."""
-    return (np.asarray(steps, np.uint16) << FINE).astype(np.uint16).view(np.float16).astype(np.float32)
+def _halves(light: NDArray[np.float32]) -> NDArray[np.float16]:
+    """(k, 3) light (k, 3) as half floats, right to 0.05 %."""
+    return np.ascontiguousarray(np.minimum(light, BRIGHTEST).astype(np.float16))
