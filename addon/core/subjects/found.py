@@ -62,6 +62,10 @@ class Evidence:
     """What moves in a source frame, and is left out of the static scene."""
     find_left_out: Callable[[Sequence[int]], object]
     """Has that be found for source frames."""
+    tells: Callable[[int, int], bool] = lambda frame, source: True
+    """Whether a source frame tells the colours of a frame's static scene."""
+    otherwise: LeftOut | None = None
+    """What is left out of a source frame that does not; `left_out` if None."""
     _single: LRUCache[tuple[Map, Map]] = field(
         default_factory=lambda: LRUCache[tuple[Map, Map]](KEPT_EVIDENCE), repr=False, compare=False
     )
@@ -77,7 +81,10 @@ class Evidence:
         sources = self.plates.around(frame)
         self.plates.find_depth(sources)
         self.find_left_out(sources)
-        plate = self.plates.plate(frame, self.left_out)
+        tells, otherwise = partial(self.tells, frame), self.otherwise or self.left_out
+        plate = self.plates.plate(
+            frame, lambda source: (self.left_out if tells(source) else otherwise)(source), tells
+        )
         return contradiction(self.plates.picture(frame), plate, self.options.segmentation)
 
     def alone(self, frame: int) -> tuple[Map, Map]:
@@ -129,13 +136,17 @@ class FoundSubjects:
         """What tells them."""
         return self._after(self.options.passes)
 
-    def evidence_without(self, subject: Callable[[int], Mask]) -> Evidence:
+    def evidence_without(
+        self, subject: Callable[[int], Mask], tells: Callable[[int, int], bool] = lambda frame, source: True
+    ) -> Evidence:
         """The same with a `subject` (h, w) of source frames left out of the static scene, besides what is
-        found."""
+        found, and its colours from those source frames alone that `tells` (frame, source) says are to."""
         found = partial(self._left_out, self.options.passes)
         return replace(
             self._after(self.options.passes),
             left_out=lambda frame: found(frame) | self._grown(subject(frame)),
+            tells=tells,
+            otherwise=found,
         )
 
     def _after(self, passes: int) -> Evidence:

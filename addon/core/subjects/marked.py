@@ -107,6 +107,9 @@ class CarryOptions:
     """Share of the area that it had, with less of which it is hidden. By eye."""
     whole: float = 0.8
     """Share of the area that it had, from which on it is seen whole. By eye."""
+    island: float = 0.03
+    """Share of the largest part of it, with less of which a part that does not contradict the static scene
+    is dropped: what flow sticks to when the subject leaves it. By eye."""
     unsure: float = 0.75
     """Intersection over union with what was carried, below which a frame is unsure. By eye."""
 
@@ -154,6 +157,8 @@ class CarriedSubject:
     """Times that it is carried."""
     _tracks: dict[tuple[int, int], _Track] = field(default_factory=dict, repr=False, compare=False)
     _marked: dict[int, Cut] = field(default_factory=dict, repr=False, compare=False)
+    _blending: dict[int, bool] = field(default_factory=dict, repr=False, compare=False)
+    _on_the_way: dict[int, Evidence] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def marked_frames(self) -> list[int]:
@@ -208,16 +213,50 @@ class CarriedSubject:
         passes = self.passes - 1
         return CarriedSubject(self.found, self.strokes, self.options, passes) if passes else None
 
+    def _evidence(self, start: int) -> Evidence:
+        """What tells the subject carried from a frame with strokes."""
+        if self.before is not None:
+            return self._evidence_after
+        return self._evidence_on_the_way(start) if self._blends_in(start) else self.found.evidence
+
+    def _blends_in(self, start: int) -> bool:
+        """Whether what is under a frame's strokes hardly contradicts the static scene, of which it is taken
+        for a part then: it pauses, or walks along the view."""
+        if start not in self._blending:
+            adds, _ = self._strokes_in(start)
+            evidence = self.found.evidence.at(start)
+            self._blending[start] = not _contradicts(adds, evidence, self.options)
+        return self._blending[start]
+
     @cached_property
-    def _evidence(self) -> Evidence:
+    def _evidence_after(self) -> Evidence:
+        """With what the pass before has found left out."""
         before = self.before
-        if before is None:
-            return self.found.evidence
+        assert before is not None
         return self.found.evidence_without(lambda frame: before.cut(frame).share > 127)
+
+    def _evidence_on_the_way(self, start: int) -> Evidence:
+        """By those source frames alone that lie nearer to a frame with strokes, to which it was carried
+        before: no other is known to be free of it."""
+        if start not in self._on_the_way:
+            numbers = {frame: number for number, frame in enumerate(self.found.flow.frames)}
+
+            def far(frame: int) -> int:
+                return abs(numbers[frame] - numbers[start])
+
+            def tells(frame: int, source: int) -> bool:
+                # A frame asks for the evidence of those around, too.
+                return far(source) < far(frame) - self.found.options.reach
+
+            self._on_the_way[start] = self.found.evidence_without(
+                lambda source: self._carried(start, source).share > 127, tells
+            )
+        return self._on_the_way[start]
 
     def _at_strokes(self, frame: int) -> Cut:
         if frame not in self._marked:
-            evidence, segmentation = self._evidence.at(frame), self.found.options.segmentation
+            own = self.found.evidence if self.before is None else self._evidence_after
+            evidence, segmentation = own.at(frame), self.found.options.segmentation
             mine = self._strokes_in(frame)
             share = cut_out(self.found.picture(frame), mine, evidence, self.options, segmentation)
             self._marked[frame] = Cut(_bytes(share), 1.0)
@@ -242,16 +281,18 @@ class CarriedSubject:
         first, last = frames.index(start), frames.index(frame)
         way = 1 if last > first else -1
         key = (start, way)
+        if start == frame:
+            return self._at_strokes(start)
         if key not in self._tracks:
             cut = self._at_strokes(start)
             self._tracks[key] = _Track([cut], float(np.count_nonzero(cut.share > 127)), (0.0, 0.0), cut.share)
         while len(self._tracks[key].cuts) <= abs(last - first):
             checkpoint()
             at = first + way * len(self._tracks[key].cuts)
-            self._tracks[key] = self._further(self._tracks[key], frames[at], way)
+            self._tracks[key] = self._further(start, self._tracks[key], frames[at], way)
         return self._tracks[key].cuts[abs(last - first)]
 
-    def _further(self, track: _Track, frame: int, way: int) -> _Track:
+    def _further(self, start: int, track: _Track, frame: int, way: int) -> _Track:
         """A track with the next frame of its way."""
         before, options = track.cuts[-1].share, self.options
         ago = next(n for n, cut in enumerate(reversed(track.cuts)) if cut.share.any())
@@ -262,7 +303,7 @@ class CarriedSubject:
         else:
             place, _ = self.found.flow.there(frame, -way)
             prior = np.asarray(warped(before.astype(np.float32), place), np.uint8)
-        cut = self._cut(frame, np.asarray(prior), ago)
+        cut = self._cut(start, frame, np.asarray(prior), ago)
         seen, area = cut.share > 127, track.area
         if np.count_nonzero(seen) < options.lost * area:
             # What is left of it would be carried as if it were all.
@@ -277,26 +318,28 @@ class CarriedSubject:
         area = 0.8 * area + 0.2 * float(np.count_nonzero(seen))
         return _Track([*track.cuts, cut], area, (velocity[0], velocity[1]), cut.share, len(track.cuts))
 
-    def _cut(self, frame: int, prior: Bytes, hidden: int) -> Cut:
+    def _cut(self, start: int, frame: int, prior: Bytes, hidden: int) -> Cut:
         """The subject in a frame in which it is expected at a prior (h, w) of 255; `hidden` for so many
         frames before, so that only what contradicts the static scene there can be it."""
         options, picture = self.options, self.found.picture(frame)
         long_side, there = max(picture.shape), prior > 127
         inwards = cv2.distanceTransform(there.astype(np.uint8), cv2.DIST_L2, 5)
         outwards = cv2.distanceTransform((~there).astype(np.uint8), cv2.DIST_L2, 5)
-        odds, weight = self._evidence.at(frame)
+        odds, weight = self._evidence(start).at(frame)
         trust = 1.0 if hidden else self._moves(there, odds, weight)
         most = (1 - trust) * options.carried + trust * options.carried_moving
         carried = np.clip((inwards - outwards) / (options.band * long_side), -1, 1) * most
         if hidden:
             carried = np.where(there, 0, -options.carried_moving)
         carried[outwards > options.leap * long_side] = -3 * options.carried
-        told = options.told * weight * np.where(odds > 0, odds, np.float32(trust) * odds)
+        # What is left out of the static scene does not agree with it by being a part of it.
+        agrees = 1.0 if self.before is not None or self._blends_in(start) else trust
+        told = options.told * weight * np.where(odds > 0, odds, np.float32(agrees) * odds)
         colours = self._colours.odds(picture, options.colour)
         total = np.asarray(told + carried + colours, np.float32)
         segmentation = self.found.options.segmentation
         share = logistic(smoothed(picture, total, segmentation.near_lambda, segmentation))
-        kept = _touching(share > 0.5, there)
+        kept = _whole(share > 0.5, there, told, options.island)
         share = np.where(kept | (share <= 0.5), share, 0)
         return Cut(_bytes(share), _overlap(share > 0.5, there))
 
@@ -355,15 +398,21 @@ def cut_out(
     marked = np.where(adds, np.float32(1), 0) - np.where(takes, np.float32(1), 0)
     if evidence is not None:
         odds, weight = evidence
-        known = float((weight > 0.3)[adds].sum())
-        # Lines cross gaps between legs.
-        moves = float((weight * odds > 0.5)[adds].sum()) > np.mean(options.moves) * max(known, 1.0)
-        if moves:
+        if _contradicts(adds, evidence, options):
             odds = np.asarray(odds + options.carried * marked, np.float32)
             weight = np.maximum(weight, np.abs(marked))
             share = segmented(picture, odds, weight, segmentation)
             return np.where(_touching(share > 0.5, adds) & ~takes, share, 0).astype(np.float32)
     return (_by_colour(picture, adds, takes, options) & ~takes).astype(np.float32)
+
+
+def _contradicts(adds: Mask, evidence: tuple[Map, Map], options: CarryOptions) -> bool:
+    """Whether what is under strokes (h, w) contradicts the static scene, by its log-odds (h, w) and their
+    weights (h, w)."""
+    odds, weight = evidence
+    known = float((weight > 0.3)[adds].sum())
+    # Lines cross gaps between legs.
+    return float((weight * odds > 0.5)[adds].sum()) > float(np.mean(options.moves)) * max(known, 1.0)
 
 
 def _by_colour(picture: Bytes, adds: Mask, takes: Mask, options: CarryOptions) -> Mask:
@@ -391,6 +440,20 @@ def _touching(mask: Mask, those: Mask) -> Mask:
     number, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=8)
     kept = np.zeros(number, bool)
     kept[labels[those & mask]] = True
+    kept[0] = False
+    return np.asarray(kept[labels])
+
+
+def _whole(mask: Mask, there: Mask, told: Map, island: float) -> Mask:
+    """Connected parts of a mask (h, w) that share a pixel with another one (h, w) where it was expected, and
+    are no islands: less than that share of the largest, of which log-odds (h, w) do not tell that they
+    contradict the static scene."""
+    number, labels, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
+    expected = np.bincount(labels[there], minlength=number) > 0
+    area = stats[:, cv2.CC_STAT_AREA] * expected
+    area[0] = 0
+    contradicts = np.bincount(labels.ravel(), told.ravel(), number) > area
+    kept = (area > island * area.max()) | (contradicts & expected)
     kept[0] = False
     return np.asarray(kept[labels])
 
