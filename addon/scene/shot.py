@@ -26,7 +26,8 @@ from ..core.media.masks import Masks, open_masks
 from ..core.media.picture_file import Pixels
 from ..core.sfm.state import STATE
 from ..core.subjects.found import FoundSubjects, SubjectOptions
-from ..core.subjects.marked import CarryOptions, ClipSubjects, MarkedSubject
+from ..core.subjects.marked import ClipSubjects, MarkedSubject
+from ..core.subjects.stroke_cut import CarryOptions
 from . import store, subjects, version
 from .clip import solved_clip_path, work_dir
 from .digests import drawn_digest, reconstruction_digest

@@ -13,7 +13,7 @@ from ..core.base.errors import UserError
 from ..core.base.progress import part
 from ..core.focus.place import Place
 from ..core.frame.clip_context import ClipContext
-from ..core.subjects.marked import CarryOptions
+from ..core.subjects.stroke_cut import CarryOptions
 from ..scene import redraw, subjects
 from ..scene.shot import shot_of
 from .focus import focus_on

@@ -18,7 +18,9 @@ from ..base.errors import UserError
 from ..base.progress import checkpoint
 from .flow import warped
 from .found import Evidence, FoundSubjects
-from .segmentation import ColourModel, SegmentationOptions, logistic, segmented, smoothed
+from .parts import of_its_colours, without_islands
+from .segmentation import ColourModel, logistic, smoothed
+from .stroke_cut import CarryOptions, contradicts, cut_out
 
 KEPT_SUBJECTS = 12
 """Marked subjects that are remembered: a clip's, and those before the last strokes."""
@@ -26,6 +28,10 @@ KEPT_SUBJECTS = 12
 
 GLIMPSE, GLIMPSE_ITERATIONS = 2, 2
 """Times smaller that a frame is for a first look, and iterations of GrabCut: a tenth of the time."""
+
+
+RIM = 5
+"""Pixels across what is no more than the rim of something that moves. By eye."""
 
 
 @dataclass(frozen=True)
@@ -76,45 +82,6 @@ class MarkedSubject:
 
 
 @dataclass(frozen=True)
-class CarryOptions:
-    """How a marked subject is cut out, and carried from frame to frame."""
-
-    width: float = 0.01
-    """Width of a stroke, as share of the long side."""
-    around: float = 0.5
-    """Of the larger side of the strokes' bounding box, beyond which is background; see `least_around`."""
-    least_around: float = 0.12
-    """Share of the long side around strokes that may be the subject at least. By eye."""
-    iterations: int = 5
-    """Of GrabCut in the frame with the stroke. By eye."""
-    moves: tuple[float, float] = (0.2, 0.6)
-    """Share of a subject that contradicts the static scene up to which what agrees with that scene may be the
-    subject, and from which on it is not. By eye."""
-    band: float = 0.012
-    """Share of the long side, on either side of the carried outline, in which the outline may lie. By eye."""
-    leap: float = 0.06
-    """Share of the long side beyond the carried outline that a limb may reach in a frame, where it
-    contradicts the static scene. By eye."""
-    carried: float = 3.0
-    """Log-odds of a pixel well within what flow carries; well outside with minus. By eye."""
-    carried_moving: float = 0.7
-    """The same of a subject that contradicts the static scene, which flow often confuses with it. By eye."""
-    told: float = 1.5
-    """Times as much that evidence of the static scene counts as where subjects are found. By eye."""
-    colour: float = 1.8
-    """Log-odds that colours alone may add. By eye."""
-    lost: float = 0.15
-    """Share of the area that it had, with less of which it is hidden. By eye."""
-    whole: float = 0.8
-    """Share of the area that it had, from which on it is seen whole. By eye."""
-    island: float = 0.03
-    """Share of the largest part of it, with less of which a part that does not contradict the static scene
-    is dropped: what flow sticks to when the subject leaves it. By eye."""
-    unsure: float = 0.75
-    """Intersection over union with what was carried, below which a frame is unsure. By eye."""
-
-
-@dataclass(frozen=True)
 class Cut:
     """A subject in one frame."""
 
@@ -135,6 +102,8 @@ class _Track:
     """Pixels a frame of its middle, when it was last seen whole."""
     whole: Bytes
     """(h, w) as `Cut.share`, where it was last seen whole."""
+    others: Mask
+    """(h, w) what else contradicts the static scene, in the last of the cuts."""
     number: int = 0
     """Of that one among the cuts."""
 
@@ -225,7 +194,7 @@ class CarriedSubject:
         if start not in self._blending:
             adds, _ = self._strokes_in(start)
             evidence = self.found.evidence.at(start)
-            self._blending[start] = not _contradicts(adds, evidence, self.options)
+            self._blending[start] = not contradicts(adds, evidence, self.options)
         return self._blending[start]
 
     @cached_property
@@ -285,7 +254,9 @@ class CarriedSubject:
             return self._at_strokes(start)
         if key not in self._tracks:
             cut = self._at_strokes(start)
-            self._tracks[key] = _Track([cut], float(np.count_nonzero(cut.share > 127)), (0.0, 0.0), cut.share)
+            area = np.count_nonzero(cut.share > 127)
+            others = _others(cut.share > 127, *self.found.evidence.at(start))
+            self._tracks[key] = _Track([cut], float(area), (0.0, 0.0), cut.share, others)
         while len(self._tracks[key].cuts) <= abs(last - first):
             checkpoint()
             at = first + way * len(self._tracks[key].cuts)
@@ -295,15 +266,17 @@ class CarriedSubject:
     def _further(self, start: int, track: _Track, frame: int, way: int) -> _Track:
         """A track with the next frame of its way."""
         before, options = track.cuts[-1].share, self.options
+        place, _ = self.found.flow.there(frame, -way)
         ago = next(n for n, cut in enumerate(reversed(track.cuts)) if cut.share.any())
         if ago:
             # What was seen of it last may have been its rest beside what hides it.
             x, y = np.array(track.velocity) * (len(track.cuts) - track.number)
             prior = cv2.warpAffine(track.whole, np.array([[1, 0, x], [0, 1, y]]), before.shape[::-1])
         else:
-            place, _ = self.found.flow.there(frame, -way)
             prior = np.asarray(warped(before.astype(np.float32), place), np.uint8)
-        cut = self._cut(start, frame, np.asarray(prior), ago)
+        others = warped(track.others.astype(np.float32), place) > 0.5
+        cut, others = self._cut(start, frame, np.asarray(prior), others, ago)
+        track = replace(track, others=others)
         seen, area = cut.share > 127, track.area
         if np.count_nonzero(seen) < options.lost * area:
             # What is left of it would be carried as if it were all.
@@ -316,11 +289,16 @@ class CarriedSubject:
         if not any(track.velocity):
             velocity = now
         area = 0.8 * area + 0.2 * float(np.count_nonzero(seen))
-        return _Track([*track.cuts, cut], area, (velocity[0], velocity[1]), cut.share, len(track.cuts))
+        return _Track(
+            [*track.cuts, cut], area, (velocity[0], velocity[1]), cut.share, others, len(track.cuts)
+        )
 
-    def _cut(self, start: int, frame: int, prior: Bytes, hidden: int) -> Cut:
-        """The subject in a frame in which it is expected at a prior (h, w) of 255; `hidden` for so many
-        frames before, so that only what contradicts the static scene there can be it."""
+    def _cut(self, start: int, frame: int, prior: Bytes, others: Mask, hidden: int) -> tuple[Cut, Mask]:
+        """The subject in a frame in which it is expected at a prior (h, w) of 255, and others that move at
+        (h, w); and (h, w) those.
+
+        It was `hidden` for so many frames before: then only what contradicts the static scene can be it.
+        """
         options, picture = self.options, self.found.picture(frame)
         long_side, there = max(picture.shape), prior > 127
         inwards = cv2.distanceTransform(there.astype(np.uint8), cv2.DIST_L2, 5)
@@ -335,13 +313,19 @@ class CarriedSubject:
         # What is left out of the static scene does not agree with it by being a part of it.
         agrees = 1.0 if self.before is not None or self._blends_in(start) else trust
         told = options.told * weight * np.where(odds > 0, odds, np.float32(agrees) * odds)
+        # What was another thing that moves is so still, unless its colours are the subject's.
+        others &= ~there | (not hidden)
+        told = np.where(others, np.minimum(told, 0), told)
+        carried = np.where(others, np.minimum(carried, -options.carried_moving), carried)
         colours = self._colours.odds(picture, options.colour)
         total = np.asarray(told + carried + colours, np.float32)
         segmentation = self.found.options.segmentation
         share = logistic(smoothed(picture, total, segmentation.near_lambda, segmentation))
-        kept = _whole(share > 0.5, there, told, options.island)
+        kept = without_islands(share > 0.5, there, np.asarray(told), options.island)
+        kept = of_its_colours(kept, colours, options.another)
         share = np.where(kept | (share <= 0.5), share, 0)
-        return Cut(_bytes(share), _overlap(share > 0.5, there))
+        cut = Cut(_bytes(share), _overlap(share > 0.5, there))
+        return cut, _others(share > 0.5, odds, weight)
 
     def _moves(self, there: Mask, odds: Map, weight: Map) -> float:
         """In [0, 1] how surely a subject (h, w) contradicts the static scene, wherever it is seen."""
@@ -380,82 +364,11 @@ class ClipSubjects:
         return carried
 
 
-def cut_out(
-    picture: Bytes,
-    strokes: tuple[Mask, Mask],
-    evidence: tuple[Map, Map] | None,
-    options: CarryOptions,
-    segmentation: SegmentationOptions,
-) -> Map:
-    """(h, w) probability of what strokes that add and take away (h, w) mark in a picture (h, w, 3) of
-    display-encoded RGB.
-
-    `evidence` is log-odds (h, w) that a pixel contradicts the static scene and their weights (h, w), where
-    they are known. If they say that what is under the strokes moves, they tell its outline; else its colours
-    do (Rother et al., "GrabCut", 2004).
-    """
-    adds, takes = strokes
-    marked = np.where(adds, np.float32(1), 0) - np.where(takes, np.float32(1), 0)
-    if evidence is not None:
-        odds, weight = evidence
-        if _contradicts(adds, evidence, options):
-            odds = np.asarray(odds + options.carried * marked, np.float32)
-            weight = np.maximum(weight, np.abs(marked))
-            share = segmented(picture, odds, weight, segmentation)
-            return np.where(_touching(share > 0.5, adds) & ~takes, share, 0).astype(np.float32)
-    return (_by_colour(picture, adds, takes, options) & ~takes).astype(np.float32)
-
-
-def _contradicts(adds: Mask, evidence: tuple[Map, Map], options: CarryOptions) -> bool:
-    """Whether what is under strokes (h, w) contradicts the static scene, by its log-odds (h, w) and their
-    weights (h, w)."""
-    odds, weight = evidence
-    known = float((weight > 0.3)[adds].sum())
-    # Lines cross gaps between legs.
-    return float((weight * odds > 0.5)[adds].sum()) > float(np.mean(options.moves)) * max(known, 1.0)
-
-
-def _by_colour(picture: Bytes, adds: Mask, takes: Mask, options: CarryOptions) -> Mask:
-    """(h, w) what is like the pixels that are added (h, w), near them, and unlike others."""
-    row, column = np.nonzero(adds)
-    if not len(row):
-        return adds
-    reach = max(options.around * max(np.ptp(row), np.ptp(column)), options.least_around * max(adds.shape))
-    away = cv2.distanceTransform((~adds).astype(np.uint8), cv2.DIST_L2, 5)
-    trimap = np.where(away <= reach, np.uint8(cv2.GC_PR_BGD), np.uint8(cv2.GC_BGD))
-    trimap[adds], trimap[takes] = cv2.GC_FGD, cv2.GC_BGD
-    if not (trimap != cv2.GC_FGD).any():
-        return adds
-    checkpoint()
-    cv2.setRNGSeed(0)
-    models = np.zeros((1, 65)), np.zeros((1, 65))
-    bgr = np.ascontiguousarray(picture[..., ::-1])
-    cv2.grabCut(bgr, trimap, None, *models, options.iterations, cv2.GC_INIT_WITH_MASK)  # type: ignore[call-overload]
-    mask = (trimap == cv2.GC_FGD) | (trimap == cv2.GC_PR_FGD)
-    return _touching(cv2.medianBlur(mask.astype(np.uint8), 3) > 0, adds) | adds
-
-
-def _touching(mask: Mask, those: Mask) -> Mask:
-    """Connected parts of a mask (h, w) that share a pixel with another one (h, w)."""
-    number, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=8)
-    kept = np.zeros(number, bool)
-    kept[labels[those & mask]] = True
-    kept[0] = False
-    return np.asarray(kept[labels])
-
-
-def _whole(mask: Mask, there: Mask, told: Map, island: float) -> Mask:
-    """Connected parts of a mask (h, w) that share a pixel with another one (h, w) where it was expected, and
-    are no islands: less than that share of the largest, of which log-odds (h, w) do not tell that they
-    contradict the static scene."""
-    number, labels, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
-    expected = np.bincount(labels[there], minlength=number) > 0
-    area = stats[:, cv2.CC_STAT_AREA] * expected
-    area[0] = 0
-    contradicts = np.bincount(labels.ravel(), told.ravel(), number) > area
-    kept = (area > island * area.max()) | (contradicts & expected)
-    kept[0] = False
-    return np.asarray(kept[labels])
+def _others(subject: Mask, odds: Map, weight: Map) -> Mask:
+    """(h, w) what else than a subject (h, w) contradicts the static scene, by log-odds (h, w) and their
+    weights (h, w), and is more than the rim of something."""
+    found = ((odds * weight > 0.5) & ~subject).astype(np.uint8)
+    return np.asarray(cv2.morphologyEx(found, cv2.MORPH_OPEN, np.ones((RIM, RIM), np.uint8)) > 0)
 
 
 def _bytes(share: Map) -> Bytes:
