@@ -27,6 +27,9 @@ class ClipFlow:
     picture: Callable[[int], Bytes]
     """A frame's picture (h, w, 3), display-encoded RGB."""
     _flows: LRUCache[Map] = field(default_factory=lambda: LRUCache[Map](KEPT), repr=False, compare=False)
+    _places: LRUCache[tuple[Map, Map]] = field(
+        default_factory=lambda: LRUCache[tuple[Map, Map]](KEPT), repr=False, compare=False
+    )
 
     def step(self, frame: int, way: int) -> Map:
         """(h, w, 2) pixels from each pixel of a frame to its place in the frame after (`way` 1) or before it
@@ -47,6 +50,10 @@ class ClipFlow:
     def there(self, frame: int, way: int) -> tuple[Map, Map]:
         """(h, w, 2) the place in the next frame that way of every pixel, and (h, w) in [0, 1] how far flow
         back from there returns to it."""
+        key = 2 * self.frames.index(frame) + (way > 0)
+        return self._places.get(key, lambda: self._there(frame, way))
+
+    def _there(self, frame: int, way: int) -> tuple[Map, Map]:
         flow = self.step(frame, way)
         other = self.frames[self.frames.index(frame) + way]
         place = flow + grid(flow.shape[:2])

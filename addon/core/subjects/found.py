@@ -141,10 +141,10 @@ class FoundSubjects:
     ) -> Evidence:
         """The same with a `subject` (h, w) of source frames left out of the static scene, besides what is
         found, and its colours from those source frames alone that `tells` (frame, source) says are to."""
-        found = partial(self._left_out, self.options.passes)
+        found, kept = partial(self._left_out, self.options.passes), LRUCache[Mask](KEPT_SOURCES)
         return replace(
             self._after(self.options.passes),
-            left_out=lambda frame: found(frame) | self._grown(subject(frame)),
+            left_out=lambda frame: kept.get(frame, lambda: found(frame) | self._grown(subject(frame))),
             tells=tells,
             otherwise=found,
         )
