@@ -101,7 +101,7 @@ def cores() -> Iterator[str]:
     yield "| 24 frames on | depth to find, s | CPU s | times as fast | kept, s | CPU s | times as fast |"
     yield "|---|---|---|---|---|---|---|"
     with filmed(SCENE, SIZE) as clip:
-        words = [(f"{count} processors", count, ()) for count in CORES]
+        words = [(f"{count} processors", count, tuple[object, ...]()) for count in CORES]
         words += [(f"all processors, `--jobs {jobs}`", 0, ("--jobs", jobs)) for jobs in JOBS]
         first: list[Run] = []
         for name, count, jobs in words:
