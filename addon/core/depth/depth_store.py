@@ -7,6 +7,8 @@ FOLDER/KEY/moving-SUBJECT-000123.npz   the part of it that a marked subject has
 FOLDER/KEY/single-000123.npz, coarse-000123.npz   a key frame's depth by itself, and that of a source frame of
                                the static scene, before others are fused with it
 FOLDER/KEY/alone-000123.npz, alone-PASS-000123.npz   what moves in a frame by its own evidence
+FOLDER/KEY/lost-THRESHOLD-000123.npz, lamps-THRESHOLD-000123.npz   light that clipping took from a frame, and
+                               what the rims of its highlights tell (`frame/kept_highlights.py`)
 
 KEY stands for everything that they depend on. A file that is damaged, or of another size, is not there.
 Processes that work on the same clip share what is kept: each takes what no other is making (`made`).
