@@ -131,20 +131,23 @@ class HighlightDiscs:
         steps = before.steps(one)
         # What hides a highlight covers another part of the disc of each of its places.
         light, corner = one.parts(PARTS if len(steps) else 1)
-        # To OpenCV parts are channels, of which it takes so many.
-        discs = np.concatenate([_filtered(some, kernel, reach) for some in _few(light)])
         begin = corner - np.array(reach, np.int32)
-        if not (len(steps) or plan.vignetting):
+        places = _middles(light) + corner[:, ::-1]
+        if plan.vignetting:
+            kernels = (kernel * _within_barrel(plan, place, radius, reach) for place in places)
+            parts = zip(np.split(light, len(light)), kernels, strict=True)
+            discs = np.concatenate([_filtered(part, cut, reach) for part, cut in parts])
+        else:
+            # To OpenCV parts are channels, of which it takes so many.
+            discs = np.concatenate([_filtered(some, kernel, reach) for some in _few(light)])
+        if not len(steps):
             return discs, begin
         number, row, column = np.nonzero(brightest(discs) > 0)
-        place = (_middles(light) + corner[:, ::-1])[number]
         # A view at the share p of the aperture sees it at place - displacement p.
         seen: Floats = np.stack([column, row], axis=1) + begin[number, ::-1] + np.float64(0.5)
-        ways: Floats = (place - seen) / radius
-        passed = _within_barrel(plan, seen, ways, radius)
-        if len(steps):
-            widths = np.full(len(ways), float(light.shape[1]))
-            passed = passed * before.transmittance(one.displacement, steps, place, widths, ways)
+        ways: Floats = (places[number] - seen) / radius
+        widths = np.full(len(ways), float(light.shape[1]))
+        passed = before.transmittance(one.displacement, steps, places[number], widths, ways)
         discs[number, row, column] *= passed.astype(np.float32)[:, None]
         return discs, begin
 
@@ -176,15 +179,19 @@ def _kernel(aperture: Aperture, across: float, down: float) -> Map:
     return np.asarray(cells / cells.sum(), np.float32)
 
 
-def _within_barrel(plan: FramePlan, seen: Floats, ways: Floats, radius: Floats) -> Floats:
-    """(n,) share of the light that a plan's barrel lets through to pixels (n, 2) of a disc from places of the
-    aperture (n, 2) in shares of its radius; radii (2,) of the disc in pixels, as `_kernel` takes them."""
-    if not plan.vignetting:
-        return np.ones(len(seen))
-    away = barrel_shift(plan) * (seen - plan.canvas.pinhole.principal_point) + ways
+def _within_barrel(plan: FramePlan, place: Floats, radius: Floats, reach: list[int]) -> Map:
+    """(h, w) share of the light that a plan's barrel lets through to each pixel around the middle of a disc
+    at a place (2,), as many down and across as `reach`; radii (2,) in pixels, as `_kernel` takes them."""
+    shift, middle = barrel_shift(plan), plan.canvas.pinhole.principal_point
+    beside = [np.arange(-n, n + 1) for n in reach[::-1]]
+    x, y = (
+        shift * (here + step - centre) - step / r
+        for here, step, centre, r in zip(place, beside, middle, radius, strict=True)
+    )
     # Its edge is a pixel wide.
     soft = 0.5 / np.abs(radius).min()
-    return np.asarray(np.clip((1 + soft - np.linalg.norm(away, axis=1)) / (2 * soft), 0, 1))
+    share = (1 + soft - np.hypot(x[None, :], y[:, None])) / (2 * soft)
+    return np.asarray(np.clip(share, 0, 1), np.float32)
 
 
 class _Surfaces:
