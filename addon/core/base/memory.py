@@ -51,15 +51,15 @@ class Need:
         return self.mapped + (min(_processors(), CPUS) - 1) * self.mapped_for_each
 
 
-PROGRAM = Need(1552 * MB, 180 * MB, 112 * MB)
+PROGRAM = Need(1684 * MB, 180 * MB, 112 * MB)
 """Blender as a module, OpenCV and the add-on, loaded. As the other two it is the least limit with which a
 command (here `report`) ended well on the torture's clip of 96 x 54 pixels, with one processor (taskset) and
 with two; limits 2 to 12 MB apart were tried, of address space and of a control group. Below it Blender
 crashed, a library had the last word, or the system ended it."""
-DRAWING = Need(1876 * MB, 244 * MB, 190 * MB)
+DRAWING = Need(1988 * MB, 244 * MB, 190 * MB)
 """The least for `render`, found as `PROGRAM` was, with Mesa's software OpenGL and a mask. The method of
 features needs 28 MB less of address space; of memory it is features' own need."""
-MOVIE = Need(1944 * MB, 260 * MB, 196 * MB)
+MOVIE = Need(2064 * MB, 260 * MB, 196 * MB)
 """The least for `render` into an .mp4, found as `PROGRAM` was, whose encoder's threads come last."""
 A_PIXEL = 115
 """Bytes for each pixel of a larger picture, of address space and of memory alike, by the method of features:
