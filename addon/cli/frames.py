@@ -6,6 +6,7 @@ import argparse
 
 import bpy
 
+from ..core.base.arrays import LinearRGBA
 from ..core.base.errors import UserError
 from ..core.base.messages import Progress, send
 from ..core.media.clip import FrameRange
@@ -42,13 +43,14 @@ def frames(options: argparse.Namespace) -> None:
     def draw(frame: int) -> DrawnFrame:
         scene.frame_set(frame)
         with engine.watched() as watch:
+            watch.pictures = pictures = dict[str, LinearRGBA]()
             try:
                 bpy.ops.render.render(scene=scene.name)
             except RuntimeError as error:
                 watch.raise_error()
                 raise UserError(str(error).strip()) from error
             watch.check_drawn()
-            return DrawnFrame(watch.pictures, tuple(watch.notes))
+            return DrawnFrame(pictures, tuple(watch.notes))
 
     numbers = range(wanted.first, wanted.last + 1, wanted.step)
     for done, frame in enumerate(draw_ahead(options.into, numbers, options.reach, draw), 1):

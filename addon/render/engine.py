@@ -52,10 +52,11 @@ class RenderWatch:
     """Called with each frame that is drawn, on the thread that draws."""
     error: BaseException | None = None
     """The exception of the last render that failed."""
-    pictures: dict[str, LinearRGBA] = field(default_factory=dict)
-    """(H, W, 4), and (H, W, 1) of passes besides Combined, that were drawn last, by name."""
+    pictures: dict[str, LinearRGBA] | None = None
+    """(H, W, 4), and (H, W, 1) of passes besides Combined, that were drawn last, by name; None where nobody
+    asks for them, for they are large."""
     notes: list[str] = field(default_factory=list)
-    """What was said of frames."""
+    """What was said of the frame that they are of."""
     is_drawn: bool = False
     """Whether a render got as far as its picture. An exception that comes before our code can hear of it,
     as a signal does while Blender prepares a frame, leaves a black frame and no error."""
@@ -175,7 +176,8 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
         def note(text: str) -> None:
             self.report({"INFO"}, text)
             frame_notes.add(scene, frame, text)
-            self.watch.notes.append(text)
+            if self.watch.pictures is not None:
+                self.watch.notes.append(text)
 
         if self.is_animation and self.watch.on_frame is None:
             drawn = frame_ahead(scene, size[0] * size[1])
@@ -225,7 +227,8 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
             if name not in ("Combined", passes.DEPTH):
                 self.add_pass(name, 1, CHANNEL[name], layer=layer)
         self.end_result(self._begin(pictures, render, layer))
-        self.watch.pictures |= pictures
+        if self.watch.pictures is not None:
+            self.watch.pictures |= pictures
         self.watch.is_drawn = True
 
     def _begin(
