@@ -22,7 +22,7 @@ from ..scene.shot import Shot, shot_of
 from .blend import is_blend, open_blend
 from .lens import add_moving, add_work, scene_of, set_moving, wanted_frames
 from .options import UsageError
-from .processes import add_jobs, processes
+from .processes import add_jobs, sharing
 
 
 def add_command(
@@ -77,13 +77,12 @@ def keep_depth(
     Ends at a frame whose depth cannot be kept, and returns what is kept and why that is not.
     """
     shot = shot_of(scene)
-    count = processes(options, len(frames), shot)
     clock = _Said(len(frames))
-    problem = (
-        _one_by_one(shot, frames, clock.tick)
-        if count == 1
-        else _side_by_side(frames, count, options, clock.tick)
-    )
+    with sharing(options, len(frames), shot) as count:
+        if count == 1:
+            problem = _one_by_one(shot, frames, clock.tick)
+        else:
+            problem = _side_by_side(shot, frames, count, options, clock.tick)
     if problem is None:
         say(f"the depth of {counted(len(frames), 'frame')} is kept in {shot.work}")
         if not (options.child and options.jobs):
@@ -123,7 +122,7 @@ def _one_by_one(shot: Shot, frames: Sequence[int], done: Callable[[int], None]) 
 
 
 def _side_by_side(
-    frames: Sequence[int], count: int, options: argparse.Namespace, done: Callable[[int], None]
+    shot: Shot, frames: Sequence[int], count: int, options: argparse.Namespace, done: Callable[[int], None]
 ) -> UserError | None:
     step = options.frames.step if options.frames else 1
     with temporary_folder() as scratch:
@@ -133,8 +132,12 @@ def _side_by_side(
         def command(share: Sequence[int], number: int) -> list[str]:
             return ["depth", str(blend), "--jobs", "1", "--frames", f"{share[0]}-{share[-1]}:{step}"]
 
+        def here(share: Sequence[int], done: Callable[[int], None]) -> None:
+            if problem := _one_by_one(shot, share, done):
+                raise problem
+
         try:
-            jobs.render_side_by_side(frames, count, command, done, say)
+            jobs.render_side_by_side(frames, count, command, here, done, say)
         except UserError as error:
             return error
     return None

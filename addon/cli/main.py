@@ -49,7 +49,7 @@ from .lens import (
 )
 from .options import Parser, UsageError
 from .paths import path
-from .processes import add_jobs, processes
+from .processes import add_jobs, sharing
 from .words import SOLVED_WORDS, WORDS
 
 
@@ -187,24 +187,7 @@ def _render(solved: Solve | None, options: argparse.Namespace) -> None:
     if unregistered:
         missing = f"{counted(len(unregistered), 'frame')} not registered"
         say(f"{missing}; neighbours lend their cameras: {ranges(unregistered)}")
-    # Started here, because Blender starts it noisily itself when the engine asks for a context.
-    check_gpu()
-    run_report = RunReport(
-        options.report.absolute() if options.report else None, run_key(scene), options.overwrite
-    )
-    silent = contextlib.nullcontext(1) if options.debug else quiet(1)
-    side_by_side = processes(options, len(frames), shot_of(scene))
-    with silent as descriptor, engine.watched(run_report.on_frame):
-
-        def report(text: str) -> None:
-            say_to(descriptor, text)
-            _check_interrupted()
-
-        draw = None if side_by_side == 1 else _side_by_side(options, side_by_side, run_report, report)
-        if is_movie:
-            output.render_movie(scene, frames, out, report, draw)
-        else:
-            output.render_sequence(scene, frames, out, options.overwrite, report, draw)
+    run_report = _draw(scene, frames, options)
     if repaired := shot_of(scene).repaired:
         text = (
             f"{sum(repaired.values())} pixels of {len(repaired)} frames were not finite (NaN or infinite) and"
@@ -219,6 +202,30 @@ def _render(solved: Solve | None, options: argparse.Namespace) -> None:
     say(f"wrote {options.out}")
 
 
+def _draw(scene: bpy.types.Scene, frames: list[int], options: argparse.Namespace) -> RunReport:
+    """Render frames into the output, in as many processes as work well; what they were drawn from."""
+    out: Path = options.out.absolute()
+    silent = contextlib.nullcontext(1) if options.debug else quiet(1)
+    with sharing(options, len(frames), shot_of(scene)) as count:
+        # Started here, because Blender starts it noisily itself when the engine asks for a context.
+        check_gpu()
+        run_report = RunReport(
+            options.report.absolute() if options.report else None, run_key(scene), options.overwrite
+        )
+        with silent as descriptor, engine.watched(run_report.on_frame):
+
+            def report(text: str) -> None:
+                say_to(descriptor, text)
+                _check_interrupted()
+
+            draw = None if count == 1 else _side_by_side(options, count, run_report, report)
+            if out.suffix.lower() in movie_file.MOVIES:
+                output.render_movie(scene, frames, out, report, draw)
+            else:
+                output.render_sequence(scene, frames, out, options.overwrite, report, draw)
+    return run_report
+
+
 def _side_by_side(
     options: argparse.Namespace, count: int, run_report: RunReport, report: output.Report
 ) -> output.Draw:
@@ -226,7 +233,7 @@ def _side_by_side(
     is_movie = options.for_movie or options.out.suffix.lower() in movie_file.MOVIES
     step = options.frames.step if options.frames and not is_movie else 1
 
-    def draw(todo: list[int], out: Path, done: Callable[[int], None]) -> None:
+    def draw(todo: list[int], out: Path, here: jobs.Here, done: Callable[[int], None]) -> None:
         with temporary_folder() as scratch:
             blend = scratch / "scene.blend"
             write_blend(blend)
@@ -239,7 +246,7 @@ def _side_by_side(
                 return words + (["--report", str(reports[number])] if options.report else [])
 
             try:
-                jobs.render_side_by_side(todo, count, command, done, report)
+                jobs.render_side_by_side(todo, count, command, here, done, report)
             finally:
                 for path in reports:
                     run_report.take_over(path)

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 
+from ..core.base import limits
 from ..render import jobs
 from ..scene.shot import Shot
 from .options import whole
@@ -20,9 +23,11 @@ def add_jobs(command: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
-def processes(options: argparse.Namespace, frames: int, shot: Shot) -> int:
-    """How many processes take a share of so many frames each: those that are asked for, or else as many as
-    fit and are worth their start."""
-    if options.jobs:
-        return int(options.jobs)
-    return max(1, min(frames // jobs.LEAST_SHARE, jobs.fitting(shot.footage.width * shot.footage.height)))
+@contextmanager
+def sharing(options: argparse.Namespace, frames: int, shot: Shot) -> Iterator[int]:
+    """How many processes take a share of so many frames each, this one included: those that are asked for, or
+    else as many as fit and are worth their start. Where it is not alone, it has one thread within."""
+    fitting = jobs.fitting(shot.footage.width * shot.footage.height)
+    count = options.jobs or max(1, min(frames // jobs.LEAST_SHARE, fitting))
+    with limits.one_thread() if count > 1 else nullcontext():
+        yield count

@@ -25,6 +25,8 @@ draws it took 1.2 GB at 640x360 and 2.2 GB at 1280x720 (the largest resident set
 
 Command = Callable[[Sequence[int], int], list[str]]
 """Arguments of the command line that render frames as the share of this number."""
+Here = Callable[[Sequence[int], Callable[[int], None]], None]
+"""Renders frames in this process, and tells of each one that is done."""
 
 
 def fitting(pixels: int) -> int:
@@ -55,42 +57,62 @@ def render_side_by_side(
     frames: Sequence[int],
     count: int,
     command: Command,
+    here: Here,
     done: Callable[[int], None],
     note: Callable[[str], None],
 ) -> None:
-    """Render frames in `count` processes; `done` is called with each frame, in whichever order, and `note` of
-    what a process warns of.
+    """Render frames in `count` processes, of which this one is the first and the others are started; `done`
+    is called with each frame, in whichever order, and `note` of what a process warns of.
 
-    A process that fails is started once more for what it had left. UserError naming the frames that are not
-    done at the end. Whatever is raised here, Ctrl-C included, ends all of them; where this process is killed
-    they end by themselves.
+    What a process has left when it fails, this one included, is begun once more in a new one. UserError
+    naming the frames that are not done at the end. Whatever else is raised here, Ctrl-C included, ends all of
+    them; where this process is killed they end by themselves.
     """
     events: queue.Queue[tuple[_Share, Message | None]] = queue.Queue()
-    running = [_Share(number, todo) for number, todo in enumerate(shares(frames, count))]
-    failed: list[_Share] = []
-    try:
-        for share in running:
+    own, *others = (_Share(number, todo) for number, todo in enumerate(shares(frames, count)))
+    left, failed = len(others), list[_Share]()
+
+    def hear(share: _Share, message: Message | None) -> None:
+        nonlocal left
+        if isinstance(message, Progress) and message.frame in share.todo:
+            share.todo.remove(message.frame)
+            done(message.frame)
+        elif isinstance(message, Warned):
+            note(message.text)
+        if message is not None:
+            return
+        assert share.child is not None
+        if share.child.failure is None or not share.todo:
+            left -= 1
+        elif share.tries < TRIES:
             _start(share, command, events)
-        left = len(running)
+        else:
+            failed.append(share)
+            left -= 1
+
+    def drawn(frame: int) -> None:
+        own.todo.remove(frame)
+        done(frame)
+        while not events.empty():
+            hear(*events.get())
+
+    try:
+        for share in others:
+            _start(share, command, events)
+        own.tries += 1
+        try:
+            here(list(own.todo), drawn)
+            # Others come to their last frames last, and find those made: not what one is at or comes to next.
+            while len((behind := max(others, key=lambda share: len(share.todo), default=own)).todo) > 2:
+                own.todo = [behind.todo.pop()]
+                here(list(own.todo), drawn)
+        except UserError:
+            _start(own, command, events)
+            left += 1
         while left:
-            share, message = events.get()
-            if isinstance(message, Progress) and message.frame in share.todo:
-                share.todo.remove(message.frame)
-                done(message.frame)
-            elif isinstance(message, Warned):
-                note(message.text)
-            if message is not None:
-                continue
-            assert share.child is not None
-            if share.child.failure is None or not share.todo:
-                left -= 1
-            elif share.tries < TRIES:
-                _start(share, command, events)
-            else:
-                failed.append(share)
-                left -= 1
+            hear(*events.get())
     finally:
-        end([share.child for share in running if share.child is not None])
+        end([share.child for share in (own, *others) if share.child is not None])
     if failed:
         lost = sorted(frame for share in failed for frame in share.todo)
         whys = [share.child.failure for share in failed if share.child is not None]

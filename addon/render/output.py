@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,13 +25,15 @@ from ..scene.shot import shot_of
 from . import engine, frame_files, movie_folder
 from .frame_keys import frame_keys
 from .frame_size import render_size, written_size
+from .jobs import Here
 from .movie_file import MOVIES, join
 
 STILLS = {".png": "PNG", ".exr": "OPEN_EXR"}
 
 Report = Callable[[str], None]
-Draw = Callable[[list[int], Path, Callable[[int], None]], None]
-"""Renders frames to a path whose last #### is the frame number, and tells of each one that is done."""
+Draw = Callable[[list[int], Path, Here, Callable[[int], None]], None]
+"""Renders frames to a path whose last #### is the frame number, in this process by `Here` and in others, and
+tells of each one that is done."""
 
 
 def check_output(out: Path, overwrite: bool) -> None:
@@ -129,8 +131,8 @@ def render_sequence(
     """Render frames to `out`, whose last #### is the frame number, each whole and right or not there.
 
     Frames that are there are kept where their own key says that they were made from the same things; others
-    are replaced with `overwrite`, damaged ones always. `draw` may have others render them, in place of this
-    process. Raises UserError, naming the frame.
+    are replaced with `overwrite`, damaged ones always. `draw` may have other processes render some of them.
+    Raises UserError, naming the frame.
     """
     atomic.collect_orphans(out.parent)
     targets = {frame: out.with_name(numbered(out.name, frame)) for frame in frames}
@@ -138,14 +140,18 @@ def render_sequence(
     todo = {frame: _stamp(targets[frame]) for frame in _missing(targets, keys, overwrite, report)}
     set_still(scene, out.suffix.lower(), shot_of(scene).footage)
     clock = _Clock(len(todo), report)
+
+    def here(frames: Sequence[int], done: Callable[[int], None]) -> None:
+        for frame in frames:
+            if not _is_made_meanwhile(frame, targets[frame], keys[frame], todo[frame]):
+                _render_still(scene, frame, targets[frame], keys[frame], todo[frame])
+            done(frame)
+
     if draw is not None and todo:
-        draw(list(todo), out, clock.tick)
+        draw(list(todo), out, here, clock.tick)
         check_frames({frame: targets[frame] for frame in todo}, written_size(scene.render), keys)
         return
-    for frame, stamp in todo.items():
-        if not _is_made_meanwhile(frame, targets[frame], keys[frame], stamp):
-            _render_still(scene, frame, targets[frame], keys[frame], stamp)
-        clock.tick(frame)
+    here(list(todo), clock.tick)
     for frame, path in targets.items():
         _check_ours(frame, path, keys[frame])
 

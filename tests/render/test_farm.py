@@ -11,6 +11,7 @@ import subprocess
 import sys
 import time
 import zipfile
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -21,7 +22,7 @@ import numpy as np
 import pytest
 
 from addon.core.base.errors import UserError
-from addon.core.base.messages import Progress, encode
+from addon.core.base.messages import Progress, Result, encode
 from addon.core.media.clip import FrameRange, open_footage
 from addon.core.media.copying import copy_file
 from addon.core.readers.matching import Imported
@@ -354,7 +355,7 @@ def test_jobs_that_are_ended(work: Path, tmp_path: Path, ended: str) -> None:
         assert process.poll() is None
         time.sleep(0.01)
     running = children(process.pid)
-    assert len(running) == 2
+    assert len(running) == 1
     if ended == "child":
         os.kill(running[0], signal.SIGKILL)
         said = "".join(process.communicate())
@@ -396,8 +397,55 @@ def test_a_process_that_dies_after_its_last_frame_is_done(monkeypatch: pytest.Mo
     script = f"import os, sys; n = sys.argv[1]; print({line!r}.replace('{{n}}', n), flush=True); os.abort()"
     monkeypatch.setattr(launcher, "launcher", lambda: [sys.executable, "-c", script])
     finished: list[int] = []
-    jobs.render_side_by_side([4, 5], 2, lambda frames, _: [str(frames[0])], finished.append, print)
-    assert sorted(finished) == [4, 5]
+
+    def here(frames: Sequence[int], done: Callable[[int], None]) -> None:
+        for frame in frames:
+            done(frame)
+
+    jobs.render_side_by_side([4, 5, 6], 3, lambda frames, _: [str(frames[0])], here, finished.append, print)
+    assert sorted(finished) == [4, 5, 6]
+
+
+SAYS = f"""import sys
+for frame in sys.argv[1:]:
+    print({encode(Progress("frames", 1, 1, 4)).replace("4", "{n}")!r}.replace('{{n}}', frame), flush=True)
+    sys.stdin.readline()
+print({encode(Result())!r})
+"""
+
+
+def test_what_fails_here_is_begun_again_elsewhere(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(launcher, "launcher", lambda: [sys.executable, "-c", SAYS.replace("sys.stdin", "#")])
+    monkeypatch.setattr(launcher, "CHILD", "0")
+    finished: list[int] = []
+
+    def here(frames: Sequence[int], done: Callable[[int], None]) -> None:
+        done(frames[0])
+        raise UserError("no more")
+
+    jobs.render_side_by_side(
+        range(6), 2, lambda frames, _: list(map(str, frames)), here, finished.append, print
+    )
+    assert sorted(finished) == list(range(6))
+
+
+def test_who_is_done_first_takes_frames_of_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    # The other process waits with its second frame until it is ended.
+    monkeypatch.setattr(launcher, "launcher", lambda: [sys.executable, "-c", SAYS])
+    finished, drawn = list[int](), list[int]()
+
+    def here(frames: Sequence[int], done: Callable[[int], None]) -> None:
+        for frame in frames:
+            drawn.append(frame)
+            done(frame)
+        if frames[-1] == 12:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        jobs.render_side_by_side(
+            range(20), 2, lambda frames, _: list(map(str, frames)), here, finished.append, print
+        )
+    assert drawn == [*range(10), *range(19, 11, -1)]
 
 
 def test_shares_are_neighbours_and_as_equal_as_can_be() -> None:
