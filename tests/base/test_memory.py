@@ -89,6 +89,23 @@ def limited(code: str, left: int) -> str:
     return done.stdout.strip()
 
 
+def test_a_large_array_lies_where_the_last_one_did() -> None:
+    """Whole pages of memory are given back and fetched again otherwise."""
+    words = (
+        "import sys\nimport numpy as np\nfrom addon.core.base import memory\n"
+        "if sys.argv[1:]: memory.keep_freed()\n"
+        "own = lambda: memory._number(memory.PROC / 'self' / 'status', 'RssAnon:') // 1024\n"
+        "before, large = own(), np.ones(2**26, np.uint8)\n"
+        "del large\nprint(own() - before)"
+    )
+    kept = [
+        int(subprocess.run([sys.executable, "-c", words, *given], capture_output=True, text=True, cwd=ROOT,
+                           check=True).stdout)
+        for given in ([], ["keep"])
+    ]  # fmt: skip
+    assert kept[0] < 16 and kept[1] >= 64
+
+
 @pytest.mark.parametrize(
     "code",
     [
