@@ -38,25 +38,34 @@ def upsampled(
     guide = cv2.resize(shown, small.shape[::-1], interpolation=cv2.INTER_AREA)
     x = (np.arange(width, dtype=np.float32) + 0.5) * (small.shape[1] / width) - 0.5
     y = (np.arange(height, dtype=np.float32) + 0.5) * (small.shape[0] / height) - 0.5
-    best = np.full((height, width), np.inf, np.float32)
-    chosen, bilinear = np.zeros_like(best), np.zeros_like(best)
-    low, high = np.full_like(best, np.inf), np.full_like(best, -np.inf)
-    for row in (np.floor(y), np.floor(y) + 1):
-        for column in (np.floor(x), np.floor(x) + 1):
-            checkpoint(1.0)
-            at = np.ix_(
-                np.clip(row, 0, small.shape[0] - 1).astype(int),
-                np.clip(column, 0, small.shape[1] - 1).astype(int),
-            )
-            value = small[at]
-            weight = (1 - np.abs(y - row))[:, None] * (1 - np.abs(x - column))
-            unlike = shown - guide[at]
-            off = np.sqrt(np.einsum("hwc,hwc->hw", unlike, unlike)) / np.float32(options.colour_distance)
-            off += 1 - weight
-            nearer = off < best
-            np.copyto(best, off, where=nearer)
-            np.copyto(chosen, value, where=nearer)
-            bilinear += weight * value
-            low, high = np.minimum(low, value), np.maximum(high, value)
-    jumps = high - low > options.discontinuity * float(small.max(initial=0))
-    return np.where(jumps, chosen, bilinear).astype(np.float64)
+    # The four neighbours in the small picture; past its border those at it.
+    rows, columns = (
+        [np.clip(np.floor(at) + step, 0, n - 1).astype(int) for step in (0, 1)]
+        for at, n in zip((y, x), small.shape, strict=True)
+    )
+    weights = [
+        (1 - np.abs(y - row))[:, None] * (1 - np.abs(x - column))
+        for row in (np.floor(y), np.floor(y) + 1)
+        for column in (np.floor(x), np.floor(x) + 1)
+    ]
+    neighbours = [(row, column) for row in rows for column in columns]
+    found, low, high = (np.full((height, width), fill, np.float32) for fill in (0, np.inf, -np.inf))
+    for weight, at in zip(weights, neighbours, strict=True):
+        checkpoint(1.0)
+        value = small[np.ix_(*at)]
+        found += weight * value
+        np.minimum(low, value, out=low)
+        np.maximum(high, value, out=high)
+    # Colours are compared where that tells anything.
+    row, column = np.nonzero(high - low > options.discontinuity * float(small.max(initial=0)))
+    own, best = shown[row, column], np.full(len(row), np.inf, np.float32)
+    for weight, (rows_of, columns_of) in zip(weights, neighbours, strict=True):
+        checkpoint(1.0)
+        at = rows_of[row], columns_of[column]
+        unlike = own - guide[at]
+        off = np.sqrt(np.einsum("nc,nc->n", unlike, unlike)) / np.float32(options.colour_distance)
+        off += 1 - weight[row, column]
+        nearer = off < best
+        best[nearer] = off[nearer]
+        found[row[nearer], column[nearer]] = small[at][nearer]
+    return found.astype(np.float64)

@@ -116,21 +116,20 @@ def layer_mesh(
     layers = depth_peel(wide, shift, jumps, fill, options.layers, opacity)
     found = triangulated(layers, thin_lens.snap_displacement, options)
     surfaces = [(found[-1][0].far, found[-1][1].far, len(layers))]
-    fronts, drawn = [], []
+    drawn = []
     checkpoint(0.75)
     for number, (split, (made, triangles)) in enumerate(zip(layers, found, strict=True)):
         surfaces += [(made.near, triangles.near, number), (made.own, triangles.cut, number)]
         # Past its silhouettes the near surface is transparent.
-        fronts.append(split.front.copy())
-        fronts[-1][split.is_far & triangles.before] = 0
+        split.front[split.is_far & triangles.before] = 0
         drawn.append(triangles.before.copy())
         drawn[-1].ravel()[triangles.cut.ravel()] = True
     checkpoint(0.8)
     mesh = _joined(surfaces, margin, focus, thin_lens.disparity_scale)
-    pictures = [wide, *(split.back for split in layers)]
+    pictures, fronts = [wide, *(split.back for split in layers)], [split.front for split in layers]
     layers = tuple(
-        replace(split, front=front, margin_reprojected=margin_reprojected, drawn=covered)
-        for split, front, covered in zip(layers, fronts, drawn, strict=True)
+        replace(split, margin_reprojected=margin_reprojected, drawn=covered)
+        for split, covered in zip(layers, drawn, strict=True)
     )
     if len(pictures) * shift.size * FINER**2 > options.largest_texture:
         return mesh, np.concatenate([*fronts, pictures[-1]]), layers
