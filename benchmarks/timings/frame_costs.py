@@ -26,9 +26,12 @@ import numpy as np
 import addon
 from addon.core.camera.reconstruction import Reconstruction
 from addon.core.depth.multi_view_stereo import DenseDepth
+from addon.core.depth.temporal_fusion import TemporalFusion
 from addon.core.focus.focus import Focus
 from addon.core.frame import warped_frame as lens_frame
 from addon.core.frame.clip_context import ClipContext
+from addon.core.frame.highlight_discs import HighlightDiscs
+from addon.core.frame.meshers import layers
 from addon.core.media.clip import Footage, open_footage
 from addon.core.subjects.found import FoundSubjects
 from addon.core.warp import layered_mesh
@@ -59,7 +62,7 @@ STAGES: tuple[tuple[object, str, str], ...] = (
     (FoundSubjects, "mask", "moving objects"),
     (ClipContext, "hidden_colours", "hidden colours, other frames"),
     (ReprojectedColours, "colours", "hidden colours, places"),
-    (layered_mesh, "layer_mesh", "mesh, rest"),
+    (layers, "layer_mesh", "mesh, rest"),
     (layered_mesh, "depth_peel", "layers"),
     (layered_mesh, "triangulated", "triangles"),
     (layered_mesh, "_joined", "triangles"),
@@ -68,6 +71,7 @@ STAGES: tuple[tuple[object, str, str], ...] = (
     (average, "draw_mean", "views"),
     (gpu_views, "upload", "upload"),
     (gpu_views, "_download", "download"),
+    (HighlightDiscs, "light", "highlights' discs"),
 )
 """Functions that are called by the thread that renders, and the stage that their time belongs to."""
 
@@ -124,10 +128,12 @@ class KeptDepth:
     """Stands for `TemporalFusion` where the depth of frames was found before."""
 
     found: dict[int, DenseDepth]
+    fusion: TemporalFusion
+    """That finds what is asked of other frames."""
 
     def at(self, frame: int) -> DenseDepth:
         """The depth of a frame."""
-        return self.found[frame]
+        return self.found.get(frame) or self.fusion.at(frame)
 
 
 def enlarged(scene: Staged, size: tuple[int, int]) -> Footage:
@@ -167,11 +173,12 @@ def set_up(scene: Staged, size: tuple[int, int], views: int) -> bpy.types.Scene:
     return made
 
 
-def find_depth(shot: Shot, frames: list[int]) -> tuple[dict[int, DenseDepth], list[Cost]]:
+def find_depth(shot: Shot, frames: list[int]) -> tuple[KeptDepth, list[Cost]]:
     """The depth of frames, and what each cost."""
     alone = ClipContext(shot.reconstruction, shot.footage.read)
     found = [measured(lambda frame=frame: alone.stereo.at(frame)) for frame in frames]  # type: ignore[misc]
-    return dict(zip(frames, (depth for depth, _ in found), strict=True)), [cost for _, cost in found]
+    depths = dict(zip(frames, (depth for depth, _ in found), strict=True))
+    return KeptDepth(depths, alone.stereo), [cost for _, cost in found]
 
 
 def table(scene: Staged, size: tuple[int, int], count: int, views: int, profile: Path | None) -> str:
@@ -181,7 +188,7 @@ def table(scene: Staged, size: tuple[int, int], count: int, views: int, profile:
     middle = scene.judged(0)[0]
     frames = list(range(middle - 1, middle + count))
     found, depths = find_depth(shot, frames)
-    shot.context.__dict__["stereo"] = KeptDepth(found)
+    shot.context.__dict__["stereo"] = found
     stages = Stages()
     profiler = cProfile.Profile() if profile else None
 
