@@ -84,8 +84,9 @@ def keep_freed() -> None:
     """Have the C library keep what is freed, for what is allocated next.
 
     It gives large arrays back to the system, which hands each new one out page by page: of a frame at
-    1920x1080 whose depth is kept that was 0.64 of 8.6 CPU s, and is 0.12 (`whole_runs`), for 2 % more memory
-    at the peak. Where the address space is limited, what is needed was measured without it.
+    1920x1080 whose depth is kept that was 0.64 to 0.67 of 8.4 to 8.6 CPU s, and is 0.12, for at most 2 % more
+    memory at the peak (runs of `benchmarks.timings.whole_runs`, system time told apart; scratch script).
+    Where the address space is limited, what is needed was measured without it.
     """
     if sys.platform == "linux" and address_limit() is None:
         _set_allocator(*KEPT)
