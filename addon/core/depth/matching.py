@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
 
-from ..base.arrays import Bytes, Floats, Map
+from ..base.arrays import Bytes, Floats, Indices, Map
 from ..base.progress import checkpoint
 from .plane_sweep import SweepOptions, View, sweep
 from .semiglobal import STEPS, Costs, SemiglobalOptions, best_levels, semiglobal
@@ -54,43 +54,86 @@ class Features:
         return cls(np.zeros(shape[:2], np.float32), np.zeros(shape[:2], np.float32))
 
 
+@dataclass(frozen=True)
+class Winners:
+    """The level of each pixel with the least sum of costs, and what its confidence follows from."""
+
+    level: Map
+    """(h, w) float32 number of the level, with its fraction."""
+    rivals: Indices
+    """(h, w) how many levels have sums within `rival_margin` of the least one, itself among them."""
+    cost: Map
+    """(h, w) float32 cost of the level before it is summed, in grey levels."""
+    spread: Map
+    """(h, w) float32 mean cost of all levels less the least one, in grey levels."""
+
+
+Matcher = Callable[[Bytes, Sequence[View], Floats, Map, Map, MatchingOptions], Winners]
+"""Finds the `winners` of the same arguments, as this module's function does, or elsewhere than on the processor
+within half a level of it."""
+
+
 def matched_levels(
-    picture: Bytes, views: Sequence[View], levels: Floats, features: Features, options: MatchingOptions
+    picture: Bytes,
+    views: Sequence[View],
+    levels: Floats,
+    features: Features,
+    options: MatchingOptions,
+    matcher: Matcher | None = None,
 ) -> tuple[Map, Map]:
     """(h, w) level, with its fraction, of a frame (h, w, 4) at inverse depths `levels` (k,), which are evenly
-    apart; and the confidence (h, w) in it, before what the parallax says of it."""
+    apart; and the confidence (h, w) in it, before what the parallax says of it. `matcher` is `winners` where
+    it is None."""
     guide = np.asarray(cv2.cvtColor(picture[..., :3], cv2.COLOR_RGB2GRAY), np.float32)
-    costs = sweep(picture, views, levels, guide, options.sweep)
+    known = _known_levels(features, levels)
+    found = (matcher or winners)(picture, views, levels, guide, known, options)
+    texture = cv2.blur(found.spread, (options.texture_window,) * 2)
+    unique = np.clip(1.2 - found.rivals / np.float32(options.rival_share * len(levels)), 0, 1)
+    agreed = np.clip(2 - 2 * found.cost / (options.no_match * options.sweep.truncation), 0, 1)
+    textured = np.clip(texture / options.least_texture - 0.5, 0, 1)
     unseen = picture[..., 3] < 255
+    return found.level, np.where(unseen, 0, unique * agreed * textured).astype(np.float32)
+
+
+def winners(
+    picture: Bytes, views: Sequence[View], levels: Floats, guide: Map, known: Map, options: MatchingOptions
+) -> Winners:
+    """The winners of a frame (h, w, 4), `guide` (h, w) in grey levels, at inverse depths `levels` (k,), where
+    features tell that some pixels are at levels `known` (h, w), NaN elsewhere; found by the processor."""
+    costs = sweep(picture, views, levels, guide, options.sweep)
     # What lies past the lens's picture continues what lies within.
-    costs.swapaxes(1, 2)[unseen] = 0
+    costs.swapaxes(1, 2)[picture[..., 3] < 255] = 0
     checkpoint(0.5)
     spread = costs.mean(axis=1, dtype=np.float32) - costs.min(axis=1)
-    texture = cv2.blur(spread / STEPS, (options.texture_window,) * 2)
     checkpoint(0.5)
-    _add_sparse_prior(costs, features, levels, options)
+    _add_sparse_prior(costs, known, options)
     sums = semiglobal(costs, guide, options.semiglobal)
     checkpoint(0.7)
     best, level = best_levels(sums)
     checkpoint(0.7)
     limit = sums.min(axis=1) + np.uint16(round(STEPS * options.rival_margin))
     rivals = np.count_nonzero(sums < limit[:, None], axis=1)
-    unique = np.clip(1.2 - rivals / np.float32(options.rival_share * len(levels)), 0, 1)
-    at = np.take_along_axis(costs, best[:, None], axis=1)[:, 0] / np.float32(STEPS)
-    agreed = np.clip(2 - 2 * at / (options.no_match * options.sweep.truncation), 0, 1)
-    textured = np.clip(texture / options.least_texture - 0.5, 0, 1)
-    return level, np.where(unseen, 0, unique * agreed * textured).astype(np.float32)
+    at = np.take_along_axis(costs, best[:, None], axis=1)[:, 0]
+    return Winners(level, rivals, at / np.float32(STEPS), spread / np.float32(STEPS))
 
 
-def _add_sparse_prior(costs: Costs, features: Features, levels: Floats, options: MatchingOptions) -> None:
-    """Prefer in costs (h, k, w), at inverse depths `levels` (k,), those known of features, and in the pixels
-    beside."""
+def _known_levels(features: Features, levels: Floats) -> Map:
+    """(h, w) level of the pixels of features and of those beside, at inverse depths `levels` (k,), NaN of
+    others."""
     row, column = np.nonzero(cv2.dilate(features.count, np.ones((3, 3))))
     total, number = (
         cv2.boxFilter(part, -1, (3, 3), normalize=False)
         for part in (features.inverse_depth * features.count, features.count)
     )
-    known = ((total / np.maximum(number, 1))[row, column] - levels[0]) / (levels[1] - levels[0])
-    off = np.abs(np.arange(len(levels), dtype=np.float32) - known.astype(np.float32)[:, None])
+    known = np.full(features.count.shape, np.nan, np.float32)
+    mean = (total / np.maximum(number, 1))[row, column]
+    known[row, column] = (mean - levels[0]) / (levels[1] - levels[0])
+    return known
+
+
+def _add_sparse_prior(costs: Costs, known: Map, options: MatchingOptions) -> None:
+    """Prefer in costs (h, k, w) the levels `known` (h, w) of some pixels."""
+    row, column = np.nonzero(~np.isnan(known))
+    off = np.abs(np.arange(costs.shape[1], dtype=np.float32) - known[row, column][:, None])
     prior = STEPS * options.prior_cost * np.minimum(off / options.prior_reach, 1)
     costs[row, :, column] += np.rint(prior).astype(np.uint16)
