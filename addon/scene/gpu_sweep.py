@@ -1,7 +1,8 @@
 """The plane sweep and the semiglobal sums on a GPU: costs stay there, and only the winners come back.
 
-As `core.depth.matching.winners` on the processor, which is the reference. Costs of a picture of 960x540 pixels
-and 64 levels take 66 MB, and three times as much lies on the GPU at once.
+As `core.depth.matching.winning_levels` on the processor, which is the reference. The costs of a picture of
+960x540 pixels and 64 levels take 66 MB, and four to five times as much lies on the GPU at once. Pictures are
+at most 960 pixels long (`StereoOptions.long_side`), so no more than twice that is ever taken.
 """
 
 from __future__ import annotations
@@ -26,21 +27,21 @@ UNKNOWN = -1e6
 SCREEN = np.array([[-1, -1], [3, -1], [-1, 3]], np.float32)
 """Clip coordinates of a triangle that covers the whole target."""
 
-Texture = gpu.types.GPUTexture
+type Texture = gpu.types.GPUTexture
 
 
-def gpu_winners(
+def winning_levels(
     picture: Bytes, views: Sequence[View], levels: Floats, guide: Map, known: Map, options: MatchingOptions
 ) -> Winners:
-    """As `matching.winners`; passes checkpoints. Needs a GPU context; RuntimeError or SystemError where the
-    GPU cannot."""
+    """As `matching.winning_levels`; passes checkpoints. Needs a GPU context; RuntimeError or SystemError
+    where the GPU cannot."""
     sweep = _Sweep(picture, sorted(views, key=lambda view: view.side), levels, guide, known, options)
     return draw(sweep.steps(), sweep.count)
 
 
 @dataclass(frozen=True)
 class _Sweep:
-    """The arguments of `gpu_winners`, the views of one side before those of the other, and the steps."""
+    """The arguments of `winning_levels`, the views of one side before those of the other, and the steps."""
 
     picture: Bytes
     views: Sequence[View]
@@ -61,8 +62,8 @@ class _Sweep:
 
     @property
     def count(self) -> int:
-        """How many steps there are."""
-        return self.quads + 4
+        """Steps: as many as there are, and as many more as others do of a frame's depth after them."""
+        return round((self.quads + 4) / 0.7)
 
     def steps(self) -> Steps[Winners]:
         """Each ends by waiting for the GPU, so that none comes to a watchdog with the work of many.
@@ -71,15 +72,14 @@ class _Sweep:
         shared by all of them, and framebuffers are made where they are used.
         """
         given = {
-            "frame": _texture(self.picture / np.float32(255), "RGBA8"),
+            "frame": _texture(self.picture, "RGBA8"),
             "guide": _texture(self._guide(), "RGBA32F"),
             "planes": _texture(self._planes(), "RGBA32F"),
         }
         guide, options = given["guide"], self.options
-        first, second, costs = (Texture(self.size, layers=self.quads, format="RGBA16UI") for _ in range(3))
-        for done in self._swept(given, first):
-            yield done
-        spreads = Texture(self.size, format="R32F")
+        first, second, costs = (_room(self.size, "RGBA16UI", self.quads) for _ in range(3))
+        yield from self._swept(given, first)
+        spreads = _room(self.size, "R32F")
         self._stage("finish", {**given, "raw": first}, {"costs": costs, "spreads": spreads}).over(
             self.size, levels=len(self.levels), unknown=UNKNOWN, prior=STEPS * options.prior_cost,
             reach=options.prior_reach,
@@ -95,9 +95,9 @@ class _Sweep:
         options = self.options.sweep
         sides = sorted({view.side for view in self.views})
         split = sum(view.side == sides[0] for view in self.views)
-        pictures = _texture(_stacked([view.picture for view in self.views]) / np.float32(255), "RGBA8")
-        means = Texture(self.size, layers=2, format="RGBA32F")
-        lines = Texture(self.size, layers=6, format="RGBA32F")
+        pictures = _texture(_stacked([view.picture for view in self.views]), "RGBA8")
+        means = _room(self.size, "RGBA32F", 2)
+        lines = _room(self.size, "RGBA32F", 6)
         given = {**given, "pictures": pictures, "means": means, "lines": lines}
         mismatch = self._stage("mismatch", given, {"means": means})
         slopes = self._stage("slopes", given, {"lines": lines})
@@ -133,7 +133,7 @@ class _Sweep:
     def _won(self, costs: Texture, sums: Texture, spreads: Texture) -> Winners:
         """The winners of costs and their sums."""
         shader = shaders.winners()
-        target = Texture(self.size, format="RGBA32F")
+        target = _room(self.size, "RGBA32F")
         screen = batch_for_shader(shader, "TRIS", {"xy": SCREEN})
         frame_buffer = gpu.types.GPUFrameBuffer(color_slots=(target,))
         with frame_buffer.bind():
@@ -152,8 +152,8 @@ class _Sweep:
         return Winners(level, rivals.astype(np.intp), cost / np.float32(STEPS), spread / np.float32(STEPS))
 
     def _guide(self) -> Map:
-        """(h, w, 4) grey level, its mean around, one over its variance there and the filter's epsilon, and the
-        level that features tell."""
+        """(h, w, 4) grey level, its mean around, one over its variance there and the filter's epsilon, and
+        the level that features tell."""
         options, guide = self.options.sweep, self.guide.astype(np.float64)
         window = (2 * options.guide_radius + 1,) * 2
         mean, square = (
@@ -216,18 +216,25 @@ def _stacked(pictures: Sequence[Bytes]) -> Bytes:
     return stacked
 
 
-def _texture(values: Map, texels: str) -> Texture:
-    """A texture of values (h, w, 4), or with layers of (n, h, w, 4)."""
-    data = np.ascontiguousarray(values, np.float32).reshape(-1)
+def _texture(values: Map | Bytes, texels: str) -> Texture:
+    """A texture of values (h, w, 4), or with layers of (n, h, w, 4); bytes become shares of 255."""
+    data = np.array(values, np.float32).reshape(-1)
+    if values.dtype == np.uint8:
+        data /= 255
     layers = len(values) if values.ndim == 4 else 0
     buffer = gpu.types.Buffer("FLOAT", data.size, data)
-    return Texture(values.shape[-2:-4:-1], layers=layers, format=texels, data=buffer)
+    return gpu.types.GPUTexture(values.shape[-2:-4:-1], layers=layers, format=texels, data=buffer)
+
+
+def _room(size: tuple[int, int], texels: str, layers: int = 0) -> Texture:
+    """A texture (width, height) that is to be written to."""
+    return gpu.types.GPUTexture(size, layers=layers, format=texels)
 
 
 def _wait() -> None:
     """Wait for the GPU, by reading a pixel."""
     # The framebuffer does not keep it.
-    pixel = Texture((1, 1))
+    pixel = _room((1, 1), "RGBA8")
     frame_buffer = gpu.types.GPUFrameBuffer(color_slots=(pixel,))
     with frame_buffer.bind():
         frame_buffer.clear(color=(0.0, 0.0, 0.0, 0.0))

@@ -1,7 +1,7 @@
 """Shaders of the plane sweep on a GPU, in the GLSL that Blender brings to OpenGL, Vulkan and Metal.
 
-Each does what the function it names does in NumPy and OpenCV. A texel holds four levels of a pixel, a layer of
-a texture the next four. Pictures' rows count from the top in all of them.
+Each does what the function it names does in NumPy and OpenCV. A texel holds four levels of a pixel, the next
+layer of a texture the next four. Pictures' rows count from the top in all of them.
 """
 
 from __future__ import annotations

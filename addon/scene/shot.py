@@ -28,7 +28,7 @@ from ..core.sfm.state import STATE
 from ..core.subjects.found import FoundSubjects, SubjectOptions
 from ..core.subjects.marked import ClipSubjects, MarkedSubject
 from ..core.subjects.stroke_cut import CarryOptions
-from . import store, subjects, version
+from . import gpu_matcher, store, subjects, version
 from .clip import solved_clip_path, work_dir
 from .digests import drawn_digest, reconstruction_digest
 from .masks import DrawnMask, drawn_mask
@@ -103,7 +103,7 @@ class Shot:
         """The clip as the core's stages see it."""
         return ClipContext(
             self.reconstruction, self.read, self.depth, self._masks, self._store if self.work else None,
-            self.subjects, self._found, self._kept(self._highlight_key),
+            self.subjects, self._found, self._kept(self._highlight_key), gpu_matcher.winning_levels,
         )  # fmt: skip
 
     def with_subjects(self, marked: tuple[MarkedSubject, ...]) -> Shot:
@@ -118,7 +118,9 @@ class Shot:
     def _found(self) -> ClipSubjects:
         store = self._kept(self._subject_key)
         return self.found or ClipSubjects(
-            FoundSubjects(self.reconstruction, self.read, self._masks, store=store)
+            FoundSubjects(
+                self.reconstruction, self.read, self._masks, store=store, matcher=gpu_matcher.winning_levels
+            )
         )
 
     @property

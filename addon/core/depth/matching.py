@@ -69,8 +69,7 @@ class Winners:
 
 
 Matcher = Callable[[Bytes, Sequence[View], Floats, Map, Map, MatchingOptions], Winners]
-"""Finds the `winners` of the same arguments, as this module's function does, or elsewhere than on the processor
-within half a level of it."""
+"""`winning_levels`, or what gives the same within half a level: elsewhere than on the processor, say."""
 
 
 def matched_levels(
@@ -79,14 +78,13 @@ def matched_levels(
     levels: Floats,
     features: Features,
     options: MatchingOptions,
-    matcher: Matcher | None = None,
+    matcher: Matcher,
 ) -> tuple[Map, Map]:
     """(h, w) level, with its fraction, of a frame (h, w, 4) at inverse depths `levels` (k,), which are evenly
-    apart; and the confidence (h, w) in it, before what the parallax says of it. `matcher` is `winners` where
-    it is None."""
+    apart; and the confidence (h, w) in it, before what the parallax says of it. `matcher` finds it."""
     guide = np.asarray(cv2.cvtColor(picture[..., :3], cv2.COLOR_RGB2GRAY), np.float32)
     known = _known_levels(features, levels)
-    found = (matcher or winners)(picture, views, levels, guide, known, options)
+    found = matcher(picture, views, levels, guide, known, options)
     texture = cv2.blur(found.spread, (options.texture_window,) * 2)
     unique = np.clip(1.2 - found.rivals / np.float32(options.rival_share * len(levels)), 0, 1)
     agreed = np.clip(2 - 2 * found.cost / (options.no_match * options.sweep.truncation), 0, 1)
@@ -95,7 +93,7 @@ def matched_levels(
     return found.level, np.where(unseen, 0, unique * agreed * textured).astype(np.float32)
 
 
-def winners(
+def winning_levels(
     picture: Bytes, views: Sequence[View], levels: Floats, guide: Map, known: Map, options: MatchingOptions
 ) -> Winners:
     """The winners of a frame (h, w, 4), `guide` (h, w) in grey levels, at inverse depths `levels` (k,), where
@@ -113,7 +111,7 @@ def winners(
     checkpoint(0.7)
     limit = sums.min(axis=1) + np.uint16(round(STEPS * options.rival_margin))
     rivals = np.count_nonzero(sums < limit[:, None], axis=1)
-    at = np.take_along_axis(costs, best[:, None], axis=1)[:, 0]
+    at = np.asarray(np.take_along_axis(costs, best[:, None], axis=1)[:, 0], np.float32)
     return Winners(level, rivals, at / np.float32(STEPS), spread / np.float32(STEPS))
 
 

@@ -21,7 +21,7 @@ from ..camera.reconstruction import Image, Intrinsics, Reconstruction, seen_by
 from ..media.clip import encode_srgb
 from ..media.picture_file import Pixels
 from .completion import CompletionOptions, interpolate, smooth, splat
-from .matching import Features, MatchingOptions, matched_levels
+from .matching import Features, Matcher, MatchingOptions, matched_levels, winning_levels
 from .motion_segmentation import MASKED, MotionOptions, moving_pixels, occluding_pixels
 from .moving_objects import MovingObjectOptions, place_moving_objects
 from .object_tracks import ClipObjects, Subject
@@ -125,17 +125,18 @@ class PlaneSweepStereo:
         subjects: Sequence[Subject] = (),
         unmatched: Moving | None = None,
         unseen: Moving | None = None,
+        matcher: Matcher = winning_levels,
     ) -> None:
         """`read` gives a frame's picture as `Footage.read` does; `mask` what is known to move by itself, of
         which each of `subjects` is one thing; where `finds_motion`, more may be found.
 
         `mask` is asked for of frames whose objects are placed and of some around; where it takes long to
         find, `unmatched` may tell less of it in frames that are swept, and `unseen` in their many source
-        views.
+        views. `matcher` finds the levels of pixels.
         """
         self._rec, self._read, self._options, self._mask = reconstruction, read, options, mask
         self._finds_motion, self._subjects = finds_motion, subjects
-        self._unmatched, self._unseen = unmatched or mask, unseen or mask
+        self._unmatched, self._unseen, self._matcher = unmatched or mask, unseen or mask, matcher
         self._pictures = LRUCache[Bytes](options.kept_pictures)
 
     def at(self, frame: int) -> DenseDepth:
@@ -171,7 +172,9 @@ class PlaneSweepStereo:
             return DenseDepth(frame, sparse, np.zeros(shape, np.float32), masked, canvas.pinhole)
         levels = np.linspace(low, high, int(np.clip(np.ceil(widest / options.level_step), *options.levels)))
         views = [self._view(image, own, one, middle) for one in near]
-        level, confidence = matched_levels(own, views, levels, Features(known, count), options.matching)
+        level, confidence = matched_levels(
+            own, views, levels, Features(known, count), options.matching, self._matcher
+        )
         inverse = low + (levels[1] - levels[0]) * smooth(level, completion)
         inverse = np.maximum(inverse, 0).astype(np.float32)
         if widest < options.sure_parallax:
@@ -324,7 +327,7 @@ class PlaneSweepStereo:
         views = [self._view(image, own, one, (low + high) / 2).shrunk(options.probe_zoom) for one in near]
         small = small_picture(own, options.probe_zoom)
         none = Features.none(small.shape)
-        level, confidence = matched_levels(small, views, levels, none, options.matching)
+        level, confidence = matched_levels(small, views, levels, none, options.matching, self._matcher)
         nearer = low + (levels[1] - levels[0]) * level[confidence > 0.5]
         if np.count_nonzero(nearer > high) < options.probe_share * level.size:
             return high

@@ -16,6 +16,7 @@ from ..base.reused_memory import ReusedMemory
 from ..camera.canvas import Canvas
 from ..camera.reconstruction import Reconstruction
 from ..depth.depth_store import DepthStore
+from ..depth.matching import Matcher, winning_levels
 from ..depth.multi_view_stereo import Moving, PlaneSweepStereo, StereoOptions
 from ..depth.object_tracks import Subject
 from ..depth.source import FAINTEST, DepthSource, FirstKnown, PixelDepth
@@ -67,6 +68,8 @@ class ClipContext:
     """Those that another context of the clip and masks knows already."""
     highlight_store: DepthStore | None = None
     """Where highlights are kept, which depend on neither quality nor masks."""
+    matcher: Matcher = winning_levels
+    """Finds the depth levels of pixels: the processor, or a GPU."""
 
     @cached_property
     def stereo(self) -> TemporalFusion:
@@ -89,14 +92,15 @@ class ClipContext:
     def _stereo(self, quality: Quality) -> TemporalFusion:
         if not quality.finds_subjects:
             alone = PlaneSweepStereo(
-                self.reconstruction, self.read, quality.stereo, self.masks, finds_motion=False
-            )
+                self.reconstruction, self.read, quality.stereo, self.masks, finds_motion=False,
+                matcher=self.matcher,
+            )  # fmt: skip
             return TemporalFusion(self.reconstruction, alone, options=quality.fusion)
         store = self._store_of(quality)
         subjects = [Subject(partial(self._marked_mask, each), self._standing(each)) for each in self.marked]
         single_frame = PlaneSweepStereo(
             self.reconstruction, self.read, quality.stereo, self.moving, finds_motion=False,
-            subjects=subjects, unmatched=self.left_out, unseen=self.masks or _nothing,
+            subjects=subjects, unmatched=self.left_out, unseen=self.masks or _nothing, matcher=self.matcher,
         )  # fmt: skip
         return TemporalFusion(self.reconstruction, single_frame, store, quality.fusion)
 
@@ -150,7 +154,9 @@ class ClipContext:
 
     @cached_property
     def _subjects(self) -> ClipSubjects:
-        return self.known_subjects or ClipSubjects(FoundSubjects(self.reconstruction, self.read, self.masks))
+        return self.known_subjects or ClipSubjects(
+            FoundSubjects(self.reconstruction, self.read, self.masks, matcher=self.matcher)
+        )
 
     @cached_property
     def _moving(self) -> LRUCache[Mask]:

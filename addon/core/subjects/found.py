@@ -14,6 +14,7 @@ from ..base.lru_cache import LRUCache
 from ..base.progress import checkpoint
 from ..camera.reconstruction import Image, Reconstruction
 from ..depth.depth_store import DepthStore
+from ..depth.matching import Matcher, winning_levels
 from ..depth.moving_objects import MovingObjectOptions, standing_depth
 from ..depth.multi_view_stereo import Moving
 from ..depth.object_tracks import ClipObjects
@@ -108,6 +109,8 @@ class FoundSubjects:
     options: SubjectOptions = field(default_factory=SubjectOptions)
     store: DepthStore | None = None
     """Where what is found is kept."""
+    matcher: Matcher = winning_levels
+    """Finds the depth levels of pixels."""
 
     def mask(self, frame: int) -> Mask:
         """(h, w) what moves by itself, over the source frame with its distortion, at the size worked at."""
@@ -184,7 +187,9 @@ class FoundSubjects:
     @cached_property
     def plates(self) -> StaticPlate:
         """The static scene."""
-        return StaticPlate(self.reconstruction, self.read, self.masks, self.options.plate, self.store)
+        return StaticPlate(
+            self.reconstruction, self.read, self.masks, self.options.plate, self.store, self.matcher
+        )
 
     @cached_property
     def flow(self) -> ClipFlow:

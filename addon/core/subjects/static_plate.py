@@ -15,6 +15,7 @@ from ..base.progress import checkpoint
 from ..camera.canvas import Canvas
 from ..camera.reconstruction import Image, Reconstruction
 from ..depth.depth_store import DepthStore
+from ..depth.matching import Matcher, winning_levels
 from ..depth.multi_view_stereo import (
     COARSE,
     DenseDepth,
@@ -105,10 +106,14 @@ class StaticPlate:
     options: PlateOptions = field(default_factory=PlateOptions)
     store: DepthStore | None = None
     """Where the depth of source frames is kept."""
+    matcher: Matcher = winning_levels
+    """Finds the depth levels of pixels."""
 
     def __post_init__(self) -> None:
         wide = replace(self.options.depth, long_side=self.options.long_side)
-        sweep = PlaneSweepStereo(self.reconstruction, self.read, self.options.depth, self.masks)
+        sweep = PlaneSweepStereo(
+            self.reconstruction, self.read, self.options.depth, self.masks, matcher=self.matcher
+        )
         shown = PlaneSweepStereo(self.reconstruction, self.read, wide)
         step = stride(self.reconstruction, self.options.step, self.options.least_frames)
         for name, value in (
