@@ -17,6 +17,7 @@ from ..core.sfm.workspace import Solve, load_solve
 from ..core.subjects.steadiness import jumps
 from ..render import jobs
 from ..render.blend_file import write_blend
+from ..render.gpu_views import start_gpu
 from ..render.launcher import CHILD
 from ..scene.shot import Shot, shot_of
 from .blend import is_blend, open_blend
@@ -111,6 +112,7 @@ def _say_jumps(shot: Shot, frames: Sequence[int]) -> None:
 
 
 def _one_by_one(shot: Shot, frames: Sequence[int], done: Callable[[int], None]) -> UserError | None:
+    start_gpu((shot.footage.width, shot.footage.height))
     stereo = shot.context.stereo
     for frame in frames:
         stereo.at(frame)

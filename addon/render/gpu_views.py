@@ -6,6 +6,7 @@ their inverse depth draws exactly what a virtual pinhole camera sees.
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import sys
 
@@ -89,6 +90,14 @@ def check_gpu() -> None:
             " draws in software: libegl1, libgl1 and libgl1-mesa-dri on Debian and Ubuntu, mesa-libEGL and"
             " mesa-dri-drivers on Fedora"
         )
+
+
+def start_gpu(size: tuple[int, int]) -> None:
+    """Have a GPU context where one can be had, and memory to draw pictures (width, height): depth is found
+    without, too, but a real GPU sweeps faster."""
+    with contextlib.suppress(UserError):
+        check_memory(size)
+        check_gpu()
 
 
 def check_memory(size: tuple[int, int], is_movie: bool = False) -> None:
