@@ -7,6 +7,7 @@ import contextlib
 import os
 import tempfile
 import threading
+import time
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -19,7 +20,7 @@ from ..core.base.arrays import Bytes, Floats, Map
 from ..core.base.errors import UserError
 from ..core.base.file_lock import FileLock
 from ..core.base.messages import Warned, send
-from ..core.base.progress import Cancelled
+from ..core.base.progress import Cancelled, checkpoint
 from ..core.base.streams import say_to
 from ..core.depth import matching
 from ..core.depth.matching import MatchingOptions, Winners
@@ -35,8 +36,9 @@ ALIKE, NEARLY_ALL = 0.5, 0.99
 differ by more. On software OpenGL and Vulkan none differs by more than 0.02."""
 SURE = 0.05
 """The same of costs, in grey levels, from which confidence follows."""
-PATIENCE = 2.0
-"""Seconds that a sweep waits for the GPU, about as long as the processor takes for one."""
+PATIENCE, LOOK = 30.0, 0.05
+"""Seconds that a sweep waits for the GPU, and between two checkpoints meanwhile. By eye: so long that another
+gives up only where one hangs, and what is found does not depend on who came first."""
 
 _problem: str | None = None
 """Why this process's GPU sweeps not; empty where it does, None before that was asked."""
@@ -47,8 +49,8 @@ def winning_levels(
 ) -> Winners:
     """As `matching.winning_levels`, on the GPU where that is sure to give the same.
 
-    One process sweeps on the GPU at a time, so that what is held there does not grow with processes; where it
-    takes long to come to a turn, or the GPU fails, the processor sweeps.
+    One process sweeps on the GPU at a time, so that what is held there does not grow with processes; where
+    none gets its turn, or the GPU fails, the processor sweeps.
     """
     given = picture, views, levels, guide, known, options
     if _sweeps():
@@ -108,11 +110,17 @@ def _refuse(problem: str) -> None:
 def _turn() -> contextlib.AbstractContextManager[None]:
     """The machine's GPU for one of this user's processes; UserError where others have it for long."""
     name = f"virtual-aperture-gpu-{os.getuid() if hasattr(os, 'getuid') else 0}.lock"
-    try:
-        return FileLock(Path(tempfile.gettempdir()) / name, UserError, PATIENCE)
-    except OSError:
-        # Nothing can be written there: the driver shares the GPU out.
-        return contextlib.nullcontext()
+    path, until = Path(tempfile.gettempdir()) / name, time.monotonic() + PATIENCE
+    while True:
+        checkpoint()
+        try:
+            return FileLock(path, UserError, LOOK)
+        except OSError:
+            # Nothing can be written there: the driver shares the GPU out.
+            return contextlib.nullcontext()
+        except UserError:
+            if time.monotonic() > until:
+                raise
 
 
 def difference() -> str:

@@ -16,12 +16,30 @@ from addon.core.base.errors import UserError
 from addon.core.base.file_lock import FileLock
 from addon.core.base.progress import Cancelled, reporting
 from addon.core.depth import matching
+from addon.core.depth.depth_store import DepthStore, delete_kept
 from addon.core.depth.matching import Winners
 from addon.core.depth.multi_view_stereo import PlaneSweepStereo
+from addon.core.media.clip import open_footage
+from addon.core.readers.matching import Imported
+from addon.core.sfm.workspace import keep_import
 from addon.render.gpu_views import gpu_problem
 from addon.scene import gpu_matcher, gpu_sweep, gpu_sweep_shaders
 
-from ..planes import CENTRES, MIDDLE, RANGE, clip, features, poses, truth
+from ..command_line import done
+from ..planes import (
+    CENTRES,
+    HEIGHT,
+    LENS,
+    MIDDLE,
+    RANGE,
+    WIDTH,
+    clip,
+    features,
+    halved,
+    poses,
+    truth,
+    write_clip,
+)
 
 pytestmark = pytest.mark.skipif(bool(gpu_problem()), reason="only CI is sure to have a GPU driver")
 HALF = 0.5
@@ -189,12 +207,47 @@ def test_a_sweep_ends_where_the_user_wants_no_more(forced: None) -> None:
 
     def enough(_stage: str, share: float) -> None:
         seen.append(share)
-        if len(seen) == 3:
+        if len(seen) == 4:
             raise Cancelled
 
+    # While it is compared nothing is known of the GPU yet.
     with pytest.raises(Cancelled), reporting(enough):
         gpu_matcher.winning_levels(*given)
-    assert seen == sorted(seen) and 0 <= seen[0] and seen[-1] < 1
+    assert gpu_matcher._problem is None
+    gpu_matcher.winning_levels(*given)
+    seen.clear()
+    with pytest.raises(Cancelled), reporting(enough):
+        gpu_matcher.winning_levels(*given)
+    assert len(set(seen[1:])) == 3 and seen == sorted(seen) and seen[-1] < 1
     # The GPU is well, and nobody has it.
     gpu_matcher.winning_levels(*given)
     assert gpu_matcher._problem == ""
+
+
+def test_depth_of_a_solve_is_found_by_it(
+    registered: None, forced: None, calls: list[tuple[int, int]], tmp_path: Path
+) -> None:
+    """`depth`, from the command to what is kept."""
+    camera = LENS.scaled(WIDTH // 2, HEIGHT // 2)
+    shot = write_clip(tmp_path / "clip", halved(clip(CENTRES)))
+    work, kept = tmp_path / "work", []
+    solved = poses(CENTRES, features(), camera)
+    keep_import(Imported(solved, "true cameras", ()), open_footage(shot), work)
+    for wish in ("1", "0"):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setenv(gpu_matcher.GPU, wish)
+            done("depth", work, "--frames", f"{MIDDLE}-{MIDDLE}")
+        if wish == "1":
+            assert (camera.height, camera.width) in calls and gpu_matcher._problem == ""
+            calls.clear()
+        (folder,) = {path.parent for path in (work / "depth").rglob("depth-*.npz")}
+        store = DepthStore(folder.parent, lambda name=folder.name: name)
+        depth = store.depth(MIDDLE, (camera.height, camera.width))
+        assert depth is not None
+        kept.append(depth.inverse_depth)
+        delete_kept(work / "depth")
+    assert not calls
+    its, ours = kept
+    assert np.mean(np.abs(its - ours) < HALF * RANGE / 64) > 0.99
+    true = truth(CENTRES[MIDDLE - 1], camera)
+    assert np.median(np.abs(its - true)) < 0.02 * RANGE
