@@ -26,14 +26,16 @@ from ..core.depth import matching
 from ..core.depth.matching import MatchingOptions, Winners
 from ..core.depth.plane_sweep import View
 from . import gpu_sweep
+from .main_thread import has_gpu_context
 
 GPU = "VIRTUAL_APERTURE_GPU"
 """In the environment: 1 lets a software renderer sweep, too, as tests do; 0 lets no GPU, whatever it is."""
 SOFTWARE = ("llvmpipe", "lavapipe", "softpipe", "swrast", "swiftshader", "basic render", "gdi generic")
-"""In the names of renderers that are the processor: it sweeps five to eight times as fast without them."""
+"""In the names of renderers that are the processor: it sweeps 8 to 12 times as fast without them (`python
+-m benchmarks.timings.gpu_sweep`)."""
 ALIKE, NEARLY_ALL = 0.5, 0.99
 """Levels by which a GPU's result may differ from the processor's, and the share of pixels in which it may not
-differ by more. On software OpenGL and Vulkan none differs by more than 0.02."""
+differ by more. By eye: on software OpenGL and Vulkan none of the small picture differs by more than 0.001."""
 SURE = 0.05
 """The same of costs, in grey levels, from which confidence follows."""
 PATIENCE, LOOK = 30.0, 0.05
@@ -82,7 +84,12 @@ def _sweeps() -> bool:
     wish = os.environ.get(GPU, "")
     if wish == "0" or not (wish == "1" or is_real()):
         return False
-    if bpy.app.background and threading.current_thread() is not threading.main_thread():
+    if threading.current_thread() is not threading.main_thread():
+        # In a window the main thread sweeps for the others.
+        may = not bpy.app.background
+    else:
+        may = has_gpu_context()
+    if not may:
         return False
     if _problem is None:
         _problem = ""
@@ -126,7 +133,7 @@ def _turn() -> contextlib.AbstractContextManager[None]:
 def difference() -> str:
     """How the GPU's result differs from the processor's for a small picture; empty where it does not, but for
     rounding. Raises what the GPU raises."""
-    given = _sample()
+    given = sample()
     ours, its = matching.winning_levels(*given), gpu_sweep.winning_levels(*given)
     for name, most in (("level", ALIKE), ("rivals", ALIKE), ("cost", SURE), ("spread", SURE)):
         alike = np.mean(np.abs(getattr(ours, name) - getattr(its, name)) < most)
@@ -135,15 +142,16 @@ def difference() -> str:
     return ""
 
 
-def _sample() -> tuple[Bytes, list[View], Floats, Map, Map, MatchingOptions]:
-    """The arguments of `winning_levels` of a small picture: two surfaces seen from both sides, a level that
-    one view does not see, places past its lens's picture and places with features."""
-    width, height, count = 61, 43, 14
+def sample(
+    width: int = 61, height: int = 43, count: int = 14
+) -> tuple[Bytes, list[View], Floats, Map, Map, MatchingOptions]:
+    """The arguments of `winning_levels` of a picture with so many levels: two surfaces seen from both sides,
+    levels that one view does not see, places past its lens's picture and places with features."""
     noise = np.random.default_rng(1).integers(0, 256, (height, width + 32, 3)).astype(np.float32)
     wide = cv2.GaussianBlur(noise, (0, 0), 1.0)
     wide = np.clip(128 + 3 * (wide - 128), 0, 255).astype(np.uint8)
     near = np.zeros((height, width), bool)
-    near[12:30, 20:41] = True
+    near[height // 4 : 2 * height // 3, width // 3 : 2 * width // 3] = True
 
     def seen(shift: int) -> Bytes:
         """With its far surface moved by so many pixels, and its near one by twice as many."""
@@ -155,7 +163,7 @@ def _sample() -> tuple[Bytes, list[View], Floats, Map, Map, MatchingOptions]:
     picture[:4, :9, 3] = 0
     guide = np.asarray(cv2.cvtColor(picture[..., :3], cv2.COLOR_RGB2GRAY), np.float32)
     known = np.full((height, width), np.nan, np.float32)
-    known[20:23, 28:31] = 8.3
+    known[height // 2 : height // 2 + 3, width // 2 : width // 2 + 3] = 0.6 * count
     turned = np.array([[1, 1e-3, 0.2], [-1e-3, 1, -0.1], [0, 0, 1]])
     views = [
         View(seen(shift), turned, np.array([[0, 0, shift], [0, 0, 0], [0, 0, bend]]), int(np.sign(shift)))

@@ -96,7 +96,7 @@ def _tick() -> float:
             _current = _waiting.get_nowait()
         except queue.Empty:
             return IDLE
-    if not _has_gpu_context():
+    if not has_gpu_context():
         # As after a window was closed: the next redraw makes another one's context the active one.
         for area in redraw.areas():
             area.tag_redraw()
@@ -119,10 +119,11 @@ def _tick() -> float:
     return 0.0
 
 
-def _has_gpu_context() -> bool:
+def has_gpu_context() -> bool:
+    """Whether this thread has an active GPU context."""
     try:
         gpu.types.GPUFrameBuffer()
-    except RuntimeError:
+    except (RuntimeError, SystemError):  # the latter before there is any, in background mode
         return False
     return True
 

@@ -90,7 +90,7 @@ def test_who_waits_for_a_drawing_that_is_dropped_is_told() -> None:
 def test_a_drawing_waits_for_a_gpu_context(monkeypatch: pytest.MonkeyPatch) -> None:
     job = _Job(steps(3, closed := []))
     main_thread._waiting.put(job)
-    monkeypatch.setattr(main_thread, "_has_gpu_context", lambda: False)
+    monkeypatch.setattr(main_thread, "has_gpu_context", lambda: False)
     assert main_thread._tick() == main_thread.IDLE
     assert not job.ended.is_set() and closed == []
     monkeypatch.undo()

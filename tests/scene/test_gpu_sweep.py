@@ -87,7 +87,7 @@ def off(ours: Winners, its: Winners) -> Floats:
 
 @pytest.mark.parametrize("case", ["as it is", "one side", "one view", "few levels", "seen by none", "narrow"])
 def test_levels_are_the_processors(case: str) -> None:
-    picture, views, levels, guide, known, options = gpu_matcher._sample()
+    picture, views, levels, guide, known, options = gpu_matcher.sample()
     if case == "one side":
         views = [view for view in views if view.side < 0]
     elif case == "one view":
@@ -124,13 +124,13 @@ def test_depth_of_a_clip_is_that_of_the_planes_and_the_processors() -> None:
 def test_a_software_renderer_leaves_it_to_the_processor(calls: list[tuple[int, int]]) -> None:
     if gpu_matcher.is_real():
         pytest.skip("a real GPU draws here")
-    given = gpu_matcher._sample()
+    given = gpu_matcher.sample()
     found = gpu_matcher.winning_levels(*given)
     assert not calls and np.array_equal(found.level, matching.winning_levels(*given).level)
 
 
 def test_a_gpu_is_compared_once_and_then_sweeps(forced: None, calls: list[tuple[int, int]]) -> None:
-    picture, *others = gpu_matcher._sample()
+    picture, *others = gpu_matcher.sample()
     for _ in range(3):
         gpu_matcher.winning_levels(picture, *others)
     assert calls == 4 * [picture.shape[:2]]
@@ -141,7 +141,7 @@ def test_nobody_is_asked_where_the_user_says_so(
 ) -> None:
     monkeypatch.setattr(gpu_matcher, "is_real", lambda: True)
     monkeypatch.setenv(gpu_matcher.GPU, "0")
-    gpu_matcher.winning_levels(*gpu_matcher._sample())
+    gpu_matcher.winning_levels(*gpu_matcher.sample())
     assert not calls
 
 
@@ -162,7 +162,7 @@ def test_a_gpu_that_differs_is_left_alone(
     assert right in program.source
     broken = replace(program, source=program.source.replace(right, wrong))
     monkeypatch.setitem(gpu_sweep_shaders.PROGRAMS, name, broken)
-    given = gpu_matcher._sample()
+    given = gpu_matcher.sample()
     for _ in range(2):
         found = gpu_matcher.winning_levels(*given)
         assert np.array_equal(found.level, matching.winning_levels(*given).level)
@@ -172,7 +172,7 @@ def test_a_gpu_that_differs_is_left_alone(
 def test_a_gpu_that_fails_later_is_replaced(
     forced: None, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    given = gpu_matcher._sample()
+    given = gpu_matcher.sample()
     gpu_matcher.winning_levels(*given)
 
     def lost(*_: object) -> Winners:
@@ -188,7 +188,7 @@ def test_a_gpu_that_fails_later_is_replaced(
 def test_the_processor_sweeps_while_another_process_has_the_gpu(
     forced: None, monkeypatch: pytest.MonkeyPatch, calls: list[tuple[int, int]]
 ) -> None:
-    given = gpu_matcher._sample()
+    given = gpu_matcher.sample()
     gpu_matcher.winning_levels(*given)
     calls.clear()
     monkeypatch.setattr(gpu_matcher, "PATIENCE", 0.05)
@@ -203,7 +203,7 @@ def test_the_processor_sweeps_while_another_process_has_the_gpu(
 
 
 def test_a_sweep_ends_where_the_user_wants_no_more(forced: None) -> None:
-    given, seen = gpu_matcher._sample(), list[float]()
+    given, seen = gpu_matcher.sample(), list[float]()
 
     def enough(_stage: str, share: float) -> None:
         seen.append(share)
