@@ -21,7 +21,7 @@ from ..core.base.arrays import LinearRGBA
 from ..core.base.errors import UserError
 from ..core.frame.plan import FramePlan
 from ..core.frame.vignetting import barrel_rows, view_shares
-from ..scene.main_thread import Steps, draw
+from ..scene.main_thread import Steps, draw, leave_shader
 from .quiet import quiet
 
 SYNC = 4
@@ -234,6 +234,7 @@ def _drawing(plan: FramePlan, picture: LinearRGBA) -> Steps[LinearRGBA]:
             if n % SYNC == SYNC - 1:
                 sum_target.read_color(0, 0, 1, 1, 4, 0, "FLOAT")
             gpu.state.blend_set("NONE")
+        leave_shader()
         del view_target, sum_target
     return _download(total, width, height) / np.float32(len(plan.offsets))
 

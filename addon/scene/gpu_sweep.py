@@ -20,7 +20,7 @@ from ..core.depth.matching import MatchingOptions, Winners
 from ..core.depth.plane_sweep import View
 from ..core.depth.semiglobal import STEPS
 from . import gpu_sweep_shaders as shaders
-from .main_thread import Steps, draw
+from .main_thread import Steps, draw, leave_shader
 
 UNKNOWN = -1e6
 """Level of a pixel where no feature tells one."""
@@ -145,10 +145,14 @@ class _Sweep:
             for name, texture in (("costs", costs), ("sums", sums), ("spreads", spreads)):
                 shader.uniform_sampler(name, texture)
             screen.draw(shader)
+        leave_shader()
         buffer = target.read()
         buffer.dimensions = 4 * self.guide.size
         found = np.frombuffer(buffer, np.float32).reshape(*self.guide.shape, 4)
         level, rivals, cost, spread = (found[..., n].copy() for n in range(4))
+        # Each level is its own rival.
+        if not np.isfinite(found).all() or rivals.min() < 1:
+            raise RuntimeError("it gave an empty or broken picture")
         return Winners(level, rivals.astype(np.intp), cost / np.float32(STEPS), spread / np.float32(STEPS))
 
     def _guide(self) -> Map:
@@ -232,7 +236,8 @@ def _room(size: tuple[int, int], texels: str, layers: int = 0) -> Texture:
 
 
 def _wait() -> None:
-    """Wait for the GPU, by reading a pixel."""
+    """End a step: wait for the GPU, by reading a pixel."""
+    leave_shader()
     # The framebuffer does not keep it.
     pixel = _room((1, 1), "RGBA8")
     frame_buffer = gpu.types.GPUFrameBuffer(color_slots=(pixel,))

@@ -119,6 +119,15 @@ def _tick() -> float:
     return 0.0
 
 
+def leave_shader() -> None:
+    """Bind a shader of Blender's own, before a step ends that has bound another.
+
+    Blender tells by its address which shader is bound. One that was freed while it was bound may have left
+    that to the next, which would then not be bound: the old one would draw in its place.
+    """
+    gpu.shader.from_builtin("UNIFORM_COLOR").bind()
+
+
 def has_gpu_context() -> bool:
     """Whether this thread has an active GPU context."""
     try:

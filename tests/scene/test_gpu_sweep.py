@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -40,10 +41,12 @@ from ..planes import (
     truth,
     write_clip,
 )
+from ..scenes import psnr
 
 pytestmark = pytest.mark.skipif(bool(gpu_problem()), reason="only CI is sure to have a GPU driver")
 HALF = 0.5
 """Of a level."""
+HALVED = LENS.scaled(WIDTH // 2, HEIGHT // 2)
 
 
 @pytest.fixture(autouse=True)
@@ -149,6 +152,7 @@ def test_nobody_is_asked_where_the_user_says_so(
     ("gather", "imageStore(costs", "imageStore(nothing"),  # It does not compile.
     ("paths", "min(min(old, beside)", "min(min(old, old)"),  # It gives another picture.
     ("mismatch", "share.y) + 0.5", "share.x) + 0.5"),
+    ("finish", "spreads, at, vec4(", "spreads, at, vec4(0.0 / 0.0 + "),  # It gives none.
 ])  # fmt: skip
 def test_a_gpu_that_differs_is_left_alone(
     name: str,
@@ -224,30 +228,62 @@ def test_a_sweep_ends_where_the_user_wants_no_more(forced: None) -> None:
     assert gpu_matcher._problem == ""
 
 
-def test_depth_of_a_solve_is_found_by_it(
-    registered: None, forced: None, calls: list[tuple[int, int]], tmp_path: Path
-) -> None:
-    """`depth`, from the command to what is kept."""
-    camera = LENS.scaled(WIDTH // 2, HEIGHT // 2)
+@pytest.fixture
+def work(registered: None, tmp_path: Path) -> Path:
+    """A working folder with the planes' solve, of pictures of 160x120 pixels."""
     shot = write_clip(tmp_path / "clip", halved(clip(CENTRES)))
-    work, kept = tmp_path / "work", []
-    solved = poses(CENTRES, features(), camera)
-    keep_import(Imported(solved, "true cameras", ()), open_footage(shot), work)
+    solved = Imported(poses(CENTRES, features(), HALVED), "true cameras", ())
+    keep_import(solved, open_footage(shot), tmp_path / "work")
+    return tmp_path / "work"
+
+
+def found_by(wish: str, *command: object) -> None:
+    """A command with the GPU (1) or without (0)."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv(gpu_matcher.GPU, wish)
+        done(*command)
+
+
+def test_depth_of_a_solve_is_found_by_it(calls: list[tuple[int, int]], work: Path) -> None:
+    """`depth`, from the command to what is kept."""
+    kept = []
     for wish in ("1", "0"):
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setenv(gpu_matcher.GPU, wish)
-            done("depth", work, "--frames", f"{MIDDLE}-{MIDDLE}")
+        found_by(wish, "depth", work, "--frames", f"{MIDDLE}-{MIDDLE}")
         if wish == "1":
-            assert (camera.height, camera.width) in calls and gpu_matcher._problem == ""
+            assert (HALVED.height, HALVED.width) in calls and gpu_matcher._problem == ""
             calls.clear()
         (folder,) = {path.parent for path in (work / "depth").rglob("depth-*.npz")}
         store = DepthStore(folder.parent, lambda name=folder.name: name)
-        depth = store.depth(MIDDLE, (camera.height, camera.width))
+        depth = store.depth(MIDDLE, (HALVED.height, HALVED.width))
         assert depth is not None
         kept.append(depth.inverse_depth)
         delete_kept(work / "depth")
     assert not calls
     its, ours = kept
     assert np.mean(np.abs(its - ours) < HALF * RANGE / 64) > 0.99
-    true = truth(CENTRES[MIDDLE - 1], camera)
-    assert np.median(np.abs(its - true)) < 0.02 * RANGE
+    assert np.median(np.abs(its - truth(CENTRES[MIDDLE - 1], HALVED))) < 0.02 * RANGE
+
+
+def test_a_render_sweeps_in_the_context_that_the_engine_has(
+    calls: list[tuple[int, int]], work: Path, tmp_path: Path
+) -> None:
+    pictures = []
+    lens = ("--focus-distance", 6, "--blur", 0.05, "--views", 8, "--quality", "draft")
+    for wish in ("1", "0"):
+        found_by(
+            wish,
+            "render",
+            work,
+            *lens,
+            "--frames",
+            f"{MIDDLE}-{MIDDLE}",
+            "--out",
+            tmp_path / wish / "####.png",
+        )
+        if wish == "1":
+            assert (HALVED.height, HALVED.width) in calls and gpu_matcher._problem == ""
+            calls.clear()
+        pictures.append(cv2.imread(str(tmp_path / wish / f"{MIDDLE:04d}.png")) / 255)
+        delete_kept(work / "depth")
+    assert not calls and pictures[0].std() > 0.05
+    assert psnr(*pictures) > 45
