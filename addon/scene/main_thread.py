@@ -122,8 +122,9 @@ def _tick() -> float:
 def leave_shader() -> None:
     """Bind a shader of Blender's own, before a step ends that has bound another.
 
-    Blender tells by its address which shader is bound. One that was freed while it was bound may have left
-    that to the next, which would then not be bound: the old one would draw in its place.
+    Without it a sweep's last shader drew the first view after it (`tests/scene/test_gpu_sweep.py` renders
+    one). Blender tells by its address which shader is bound: where one that was freed while it was bound left
+    its address to the next, that would not be bound. That this is the reason is likely, not proven.
     """
     gpu.shader.from_builtin("UNIFORM_COLOR").bind()
 

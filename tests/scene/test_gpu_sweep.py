@@ -264,11 +264,12 @@ def test_depth_of_a_solve_is_found_by_it(calls: list[tuple[int, int]], work: Pat
     assert np.median(np.abs(its - truth(CENTRES[MIDDLE - 1], HALVED))) < 0.02 * RANGE
 
 
+@pytest.mark.long
 def test_a_render_sweeps_in_the_context_that_the_engine_has(
     calls: list[tuple[int, int]], work: Path, tmp_path: Path
 ) -> None:
     pictures = []
-    lens = ("--focus-distance", 6, "--blur", 0.05, "--views", 8, "--quality", "draft")
+    lens = ("--focus-distance", 6, "--blur", 0.05, "--views", 8)
     for wish in ("1", "0"):
         found_by(
             wish,
