@@ -18,6 +18,18 @@ def is_blend(path: Path) -> bool:
     return path.suffix.lower() == ".blend" and not path.is_dir()
 
 
+def open_scene(blend: Path, scripts: bool = False) -> bpy.types.Scene:
+    """The scene that a .blend shows; UserError where it cannot be opened."""
+    if not blend.is_file():
+        raise UserError(f"{blend} does not exist")
+    try:
+        with quiet(1):
+            bpy.ops.wm.open_mainfile(filepath=str(blend.absolute()), load_ui=False, use_scripts=scripts)
+    except RuntimeError as error:
+        raise UserError(f"{blend} cannot be opened: {str(error).strip().splitlines()[0]}") from None
+    return bpy.context.scene
+
+
 def open_blend(
     blend: Path, name: str = "", scripts: bool = False
 ) -> tuple[bpy.types.Scene, VirtualApertureSettings, Footage]:
@@ -29,13 +41,9 @@ def open_blend(
     """
     if not blend.is_file():
         raise UserError(f"{blend} is not there; name a .blend that save or farm wrote")
-    try:
-        with quiet(1):
-            bpy.ops.wm.open_mainfile(filepath=str(blend.absolute()), load_ui=False, use_scripts=scripts)
-    except RuntimeError as error:
-        raise UserError(f"{blend} cannot be opened: {str(error).strip().splitlines()[0]}") from None
+    scene = open_scene(blend, scripts)
     forget()
-    scene = bpy.data.scenes[name] if name else bpy.context.scene
+    scene = bpy.data.scenes[name] if name else scene
     settings: VirtualApertureSettings = scene.virtual_aperture
     clip = shot_of(scene).footage
     solved = FrameRange(settings.clip_first, settings.clip_last, max(settings.clip_step, 1))

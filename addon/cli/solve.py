@@ -17,15 +17,17 @@ from ..core.base.streams import say
 from ..core.base.time_left import TimeLeft
 from ..core.camera.focal_length import Focal, from_equivalent, from_field_of_view, from_sensor
 from ..core.media.clip import Footage, FrameRange, open_footage
-from ..core.readers import read_reconstruction
+from ..core.readers import read_reconstruction, recorded_clip
 from ..core.readers.colmap_export import export_model
 from ..core.readers.matching import Imported
 from ..core.sfm.process import SolveProcess, SolveProgress
 from ..core.sfm.tracks import TRACKERS
 from ..core.sfm.workspace import Solve, keep_import, load_solve
 from ..scene.movieclip import read_movie_clip
+from ..scene.scene_camera import cameras_of, read_scene_camera
+from .blend import open_scene
 from .depth import depth_of_solve
-from .options import real
+from .options import UsageError, real
 from .paths import path
 
 
@@ -49,13 +51,27 @@ def add_commands(
     two.set_defaults(command=report)
 
     three = commands.add_parser("import", parents=[common], help="take in what another program solved")
-    three.add_argument(
-        "model", type=path, metavar="MODEL",
-        help="COLMAP model, bundle.out, .nvm, Voodoo text export, or a .blend with a solved movie clip",
+    model = three.add_mutually_exclusive_group(required=True)
+    model.add_argument("--blend", type=path, metavar="FILE", help="a .blend as MODEL")
+    model.add_argument(
+        "model", type=path, nargs="?", metavar="MODEL",
+        help="COLMAP model, bundle.out, .nvm, Voodoo text export, transforms.json, .npz of MegaSaM, ViPE or"
+        " Depth Anything 3, .r3d, folder of Stray Scanner, or a .blend with a solved movie clip or, with"
+        " --camera, an animated camera",
     )  # fmt: skip
-    three.add_argument("--footage", type=path, required=True, metavar="FOOTAGE", help="what was solved")
+    three.add_argument(
+        "--footage", type=path, metavar="FOOTAGE", help="what was solved (a phone's recording brings its own)"
+    )
     three.add_argument("--work", type=path, required=True, metavar="DIR", help="folder that keeps the solve")
-    three.add_argument("--clip", metavar="NAME", help="which movie clip of the .blend")
+    which = three.add_mutually_exclusive_group()
+    which.add_argument("--clip", metavar="NAME", help="which movie clip of the .blend")
+    which.add_argument(
+        "--camera", metavar="NAME", help="the animated camera of the .blend that filmed the clip"
+    )
+    three.add_argument(
+        "--offset", type=int, default=0, metavar="N",
+        help="with --camera: frames by which the scene counts more than the clip (0)",
+    )  # fmt: skip
     three.add_argument("--again", action="store_true", help="replace a solve of this clip in the folder")
     three.set_defaults(command=import_model)
 
@@ -132,13 +148,17 @@ def solve_clip(
         options.footage, work.absolute(), options.solve_frames, _focal(options), options.again,
         options.tracker, options.zoom,
     )  # fmt: skip
+    _wait(process, check)
+    return load_solve(work.absolute(), process.clip.path)
+
+
+def _wait(process: SolveProcess, check: Callable[[Footage], object] = lambda _: None) -> None:
     line = _ProgressLine()
     try:
         check(process.clip)
         process.wait(line.show)
     finally:
         process.cancel()
-    return load_solve(work.absolute(), process.clip.path)
 
 
 def report(options: argparse.Namespace) -> None:
@@ -150,17 +170,31 @@ def report(options: argparse.Namespace) -> None:
 def import_model(options: argparse.Namespace) -> None:
     """`import MODEL --footage FOOTAGE --work DIR`"""
     work: Path = options.work.absolute()
-    footage = open_footage(options.footage)
-    if options.model.suffix.lower() == ".blend":
+    options.model = options.model or options.blend
+    clip = options.footage or recorded_clip(options.model)
+    if clip is None:
+        raise UsageError("--footage is needed: the model does not bring its clip; --help tells what it takes")
+    footage = open_footage(clip)
+    if options.camera is not None:
+        found = _scene_camera(options, footage)
+    elif options.model.suffix.lower() == ".blend":
         found = _from_blend(options.model, options.clip, footage)
     else:
         found = read_reconstruction(options.model, footage)
-    keep_import(found, footage, work, options.again)
+    if found.lacks_points:
+        find_points(found, footage, work, options.again)
+    else:
+        keep_import(found, footage, work, options.again)
     solved = load_solve(work, footage.path)
     say(f"{found.format}: {solved.summary}")
-    for note in found.notes:
+    for note in solved.quality.notes:
         say(f"note: {note}")
     say(solved.quality.advised(options.words))
+
+
+def find_points(found: Imported, footage: Footage, work: Path, again: bool) -> None:
+    """Find the points of a clip whose cameras are known, and keep them with these."""
+    _wait(SolveProcess(footage.path, work, again=again, cameras=found))
 
 
 def export_solve(options: argparse.Namespace) -> None:
@@ -185,6 +219,17 @@ def export_solve(options: argparse.Namespace) -> None:
     except OSError as error:
         raise UserError(f"{out} cannot be written: {error.strerror}") from error
     say(f"wrote {options.model}: {solved.summary}")
+
+
+def _scene_camera(options: argparse.Namespace, footage: Footage) -> Imported:
+    """The camera of a .blend, in whichever of its scenes it is."""
+    scene = open_scene(options.model)
+    scenes = [scene, *(other for other in bpy.data.scenes if other != scene)]
+    there = {thing.name: (each, thing) for each in reversed(scenes) for thing in cameras_of(each)}
+    if options.camera not in there:
+        have = ", ".join(sorted(there)) or "none"
+        raise UserError(f"{options.model.name} has no camera {options.camera!r} (it has: {have})")
+    return read_scene_camera(*there[options.camera], footage, options.offset)
 
 
 def _from_blend(path: Path, name: str | None, footage: Footage) -> Imported:

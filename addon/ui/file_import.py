@@ -21,7 +21,7 @@ from ..scene.paths import absolute
 from . import choose_clip, import_solve, operators
 from .operators import Result, reported
 
-MODELS = (".bin", ".txt", ".out", ".nvm")
+MODELS = (".bin", ".txt", ".out", ".nvm", ".json", ".npz", ".r3d")
 """Endings of the models that other programs write."""
 
 
@@ -108,7 +108,7 @@ class VIRTUAL_APERTURE_OT_import_clip(choose_clip.ShowsClips, operators.Solves, 
 
 
 class VIRTUAL_APERTURE_OT_drop_model(import_solve.Import, bpy.types.Operator):  # noqa: N801
-    """Take in the cameras and points that COLMAP, Bundler, VisualSFM or Voodoo found in the clip"""
+    """Take in the cameras, and points if there are any, that another program or a phone found in the clip"""
 
     bl_idname = "virtual_aperture.drop_model"
     bl_label = "Import to Virtual Aperture"
@@ -129,11 +129,14 @@ class VIRTUAL_APERTURE_OT_drop_model(import_solve.Import, bpy.types.Operator):  
         name = Path(self.filepath).name
         # Not in `poll`: Blender would take no drop then, and say nothing.
         operators.check_may_change(context.scene)
-        if not context.scene.virtual_aperture.footage:
+        if not context.scene.virtual_aperture.footage and import_solve.recorded(self.filepath) is None:
             raise UserError(f"no clip is chosen that {name} could be the solve of; drop the clip first")
         if operators.running_solve() is not None:
             raise UserError(f"the clip is being solved; cancel that with ESC, then drop {name} again")
         return super().execute(context)
+
+    def clip(self, settings: bpy.types.PropertyGroup) -> Path:
+        return import_solve.recorded(self.filepath) or super().clip(settings)
 
     def read(self, footage: Footage) -> Imported:
         return import_solve.read_model(self.filepath, footage)
@@ -183,7 +186,7 @@ def _draw_menu(menu: bpy.types.Menu, _context: bpy.types.Context) -> None:
     layout.operator(VIRTUAL_APERTURE_OT_import_clip.bl_idname, text="Virtual Aperture Clip")
     layout.operator(
         import_solve.VIRTUAL_APERTURE_OT_import_solve.bl_idname,
-        text="Virtual Aperture Solve (COLMAP, Bundler, VisualSFM, Voodoo)",
+        text="Virtual Aperture Solve (COLMAP, Bundler, nerfstudio, ...)",
     )
 
 

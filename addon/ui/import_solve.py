@@ -9,18 +9,22 @@ import bpy
 
 from ..core.base.errors import UserError
 from ..core.media.clip import Footage, open_footage
-from ..core.readers import read_reconstruction
+from ..core.readers import read_reconstruction, recorded_clip
 from ..core.readers.matching import Imported
-from ..core.sfm.workspace import SolveThereError, keep_import
+from ..core.sfm.workspace import SolveThereError, check_import, keep_import
 from ..scene.clip import footage_path, work_dir
 from ..scene.movieclip import read_movie_clip
+from ..scene.scene_camera import cameras_of, read_scene_camera
 from . import depth_ahead
 from .operators import (
     Result,
+    Solves,
     build_scene,
     has_clip,
+    is_idle,
     is_met,
     may_change,
+    refused,
     report_hidden,
     reported,
     solved_words,
@@ -49,12 +53,22 @@ class Import:
         """Call this operator once more, with `again`."""
         raise NotImplementedError
 
+    def clip(self, settings: Any) -> Path:
+        """The clip that it is of; UserError where there is none."""
+        if not settings.footage:
+            raise UserError("no clip is chosen; choose the clip first, then import what was found in it")
+        return footage_path(settings)
+
     @reported
     def execute(self: Any, context: bpy.types.Context) -> Result:
         settings = context.scene.virtual_aperture
-        footage, folder = open_footage(footage_path(settings)), work_dir(settings, footage_path(settings))
+        clip = self.clip(settings)
+        footage, folder = open_footage(clip), work_dir(settings, clip)
         found = self.read(footage)
         try:
+            if found.lacks_points:
+                check_import(folder, footage, self.again)
+                return find_points(found, clip)
             keep_import(found, footage, folder, self.again)
         except SolveThereError:
             if not self._asks:
@@ -80,8 +94,47 @@ class Import:
         return answer
 
 
+def find_points(found: Imported, clip: Path) -> Result:
+    """Find the points of a clip whose cameras are known, with the interface alive and ESC to cancel; what
+    became of it. UserError where that cannot be."""
+    VIRTUAL_APERTURE_OT_find_points.wanted = found, clip
+    try:
+        how = "EXEC_DEFAULT" if bpy.app.background else "INVOKE_DEFAULT"
+        result: Result = bpy.ops.virtual_aperture.find_points(how)
+    except RuntimeError as error:
+        raise refused(error) from None
+    # That it runs on is its own affair.
+    return {"FINISHED"} if "FINISHED" in result else {"CANCELLED"}
+
+
+class VIRTUAL_APERTURE_OT_find_points(Solves, bpy.types.Operator):  # noqa: N801
+    """Track the clip's features and place them before its cameras, which are known"""
+
+    bl_idname = "virtual_aperture.find_points"
+    bl_label = "Find Points"
+    bl_options = {"UNDO", "INTERNAL"}  # noqa: RUF012
+
+    wanted: tuple[Imported, Path] | None = None
+    """Of the class: the cameras, and the clip that they are of."""
+    # Whoever calls it has asked.
+    again = True
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> Result:
+        return reported(VIRTUAL_APERTURE_OT_find_points.solve_meanwhile)(self, context)
+
+    @reported
+    def execute(self, context: bpy.types.Context) -> Result:
+        return self.solve_now(context)
+
+    def solved_clip(self, settings: Any) -> tuple[Path, str]:
+        if self.wanted is None:
+            raise UserError("no cameras are there to find points for; import them")
+        self._cameras, clip = self.wanted
+        return clip, settings.work_dir
+
+
 class VIRTUAL_APERTURE_OT_import_solve(Import, bpy.types.Operator):  # noqa: N801
-    """Take in the cameras and points that COLMAP, Bundler, VisualSFM or Voodoo found in the clip"""
+    """Take in the cameras, and points if there are any, that another program or a phone found in the clip"""
 
     bl_idname = "virtual_aperture.import_solve"
     bl_label = "Import Solve"
@@ -92,11 +145,13 @@ class VIRTUAL_APERTURE_OT_import_solve(Import, bpy.types.Operator):  # noqa: N80
         subtype="FILE_PATH",
         options={"SKIP_SAVE"},
     )
-    filter_glob: bpy.props.StringProperty(default="*.bin;*.txt;*.out;*.nvm", options={"HIDDEN"})
+    filter_glob: bpy.props.StringProperty(
+        default="*.bin;*.txt;*.out;*.nvm;*.json;*.npz;*.r3d;*.csv", options={"HIDDEN"}
+    )
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return may_change(cls, context) and has_clip(cls, context)
+        return may_change(cls, context) and is_idle(cls)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
         if self.again and self.filepath:
@@ -104,7 +159,8 @@ class VIRTUAL_APERTURE_OT_import_solve(Import, bpy.types.Operator):  # noqa: N80
         self._asks = True
         if not self.filepath:
             # A folder, where models of the clip are likely to be.
-            self.filepath = f"{footage_path(context.scene.virtual_aperture).parent}/"
+            settings = context.scene.virtual_aperture
+            self.filepath = f"{footage_path(settings).parent}/" if settings.footage else ""
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 
@@ -113,6 +169,9 @@ class VIRTUAL_APERTURE_OT_import_solve(Import, bpy.types.Operator):  # noqa: N80
         column.label(text="Choose the file of a model;")
         column.label(text="of COLMAP's, open the folder.")
 
+    def clip(self, settings: Any) -> Path:
+        return recorded(self.filepath) or super().clip(settings)
+
     def read(self, footage: Footage) -> Imported:
         return read_model(self.filepath, footage)
 
@@ -120,11 +179,22 @@ class VIRTUAL_APERTURE_OT_import_solve(Import, bpy.types.Operator):  # noqa: N80
         bpy.ops.virtual_aperture.import_solve("INVOKE_DEFAULT", filepath=self.filepath, again=True)
 
 
+def recorded(filepath: str) -> Path | None:
+    """The clip that a phone's recording brings with it; None of another file."""
+    return recorded_clip(_model_path(filepath)) if filepath else None
+
+
+def _model_path(filepath: str) -> Path:
+    """A table stands for the folder of the recording that it is of."""
+    path = Path(bpy.path.abspath(filepath))
+    return path.parent if path.suffix.lower() == ".csv" else path
+
+
 def read_model(filepath: str, footage: Footage) -> Imported:
     """The model in a file or folder; UserError where there is none, or it is not of this clip."""
     if not filepath:
         raise UserError("no model is chosen; give its file, or the folder of a COLMAP model")
-    path = Path(bpy.path.abspath(filepath))
+    path = _model_path(filepath)
     if path.suffix.lower() == ".blend":
         raise UserError(
             f"{path.name} is a .blend: append its movie clip (File > Append) and import that with Import"
@@ -179,4 +249,64 @@ class VIRTUAL_APERTURE_OT_import_movie_clip(Import, bpy.types.Operator):  # noqa
         bpy.ops.virtual_aperture.import_movie_clip("INVOKE_DEFAULT", clip=self.clip, again=True)
 
 
-CLASSES = (VIRTUAL_APERTURE_OT_import_solve, VIRTUAL_APERTURE_OT_import_movie_clip)
+class VIRTUAL_APERTURE_OT_use_scene_camera(Import, bpy.types.Operator):  # noqa: N801
+    """Take a camera of this scene, as it is animated, for that of the clip. It and its lens are held, and
+    points are found"""
+
+    bl_idname = "virtual_aperture.use_scene_camera"
+    bl_label = "Use Scene Camera"
+
+    camera: bpy.props.StringProperty(
+        name="Camera", description="Camera of this scene that is animated as the clip was filmed",
+        options={"SKIP_SAVE"},
+    )  # fmt: skip
+    offset: bpy.props.IntProperty(
+        name="Frame Offset", description="Frame of the scene that has the camera of the clip's frame 0",
+        options={"SKIP_SAVE"},
+    )  # fmt: skip
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        message = "The scene has no camera but the clip's: import or animate one first"
+        return (
+            may_change(cls, context)
+            and is_idle(cls)
+            and has_clip(cls, context)
+            and is_met(cls, cameras_of(context.scene), message)
+        )
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
+        if self.again:
+            return self.confirm(context, event)
+        self._asks = True
+        self.camera = self.camera or cameras_of(context.scene)[0].name
+        shown: Result = context.window_manager.invoke_props_dialog(self)
+        return shown
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.use_property_split = True
+        layout.prop_search(self, "camera", context.scene, "objects", icon="CAMERA_DATA")
+        layout.prop(self, "offset")
+
+    def read(self, footage: Footage) -> Imported:
+        scene = bpy.context.scene
+        found = {thing.name: thing for thing in cameras_of(scene)}
+        if self.camera not in found:
+            raise UserError(
+                f"the scene has no camera {self.camera!r} but {', '.join(found)}; name one of them"
+            )
+        return read_scene_camera(scene, found[self.camera], footage, self.offset)
+
+    def ask(self) -> None:
+        bpy.ops.virtual_aperture.use_scene_camera(
+            "INVOKE_DEFAULT", camera=self.camera, offset=self.offset, again=True
+        )
+
+
+CLASSES = (
+    VIRTUAL_APERTURE_OT_find_points,
+    VIRTUAL_APERTURE_OT_import_solve,
+    VIRTUAL_APERTURE_OT_import_movie_clip,
+    VIRTUAL_APERTURE_OT_use_scene_camera,
+)

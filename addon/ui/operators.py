@@ -13,6 +13,7 @@ import bpy
 from ..core.base.counting import counted
 from ..core.base.errors import UserError, with_words
 from ..core.media.clip import Footage
+from ..core.readers.matching import Imported
 from ..core.sfm.process import SolveProcess
 from ..core.sfm.state import STATE
 from ..core.sfm.workspace import Solve, imported_from, load_solve
@@ -61,6 +62,11 @@ def is_met(cls: Any, condition: object, message: str) -> bool:
     if not condition:
         cls.poll_message_set(message)
     return bool(condition)
+
+
+def is_idle(cls: Any) -> bool:
+    """Poll: no clip is being solved."""
+    return is_met(cls, running_solve() is None, "A clip is being solved; ESC cancels it")
 
 
 def has_clip(cls: Any, context: bpy.types.Context) -> bool:
@@ -182,6 +188,8 @@ class Solves:
     _scene = ""
     _folder_set = ""
     _depth: Path | None = None
+    _cameras: Imported | None = None
+    """Cameras that are known and held; None where they are to be found, too."""
 
     def solved_clip(self, settings: Any) -> tuple[Path, str]:
         """The clip that is to be solved, and what the settings' working folder is then."""
@@ -205,6 +213,7 @@ class Solves:
                 again=self.again,
                 zooms=settings.lens == "ZOOM",
                 yielding=not bpy.app.background,
+                cameras=self._cameras,
             )
         )
 
@@ -272,8 +281,9 @@ class Solves:
         scene.virtual_aperture.work_dir = self._folder_set
         depth_ahead.begin_after_solve(process.work_dir)
         report_hidden(self, scene)
-        if note:
-            self.report({"WARNING"}, note)
+        notes = solve.quality.notes if self._cameras is not None else []
+        for each in (*notes, *([note] if note else [])):
+            self.report({"WARNING"}, each)
         self.report({"INFO"}, solved_words(scene, solve.summary))
         return {"FINISHED"}
 
@@ -314,8 +324,7 @@ class VIRTUAL_APERTURE_OT_solve(Solves, bpy.types.Operator):  # noqa: N801
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        is_idle = is_met(cls, running_solve() is None, "A clip is being solved; ESC cancels it")
-        return is_idle and may_change(cls, context) and has_clip(cls, context)
+        return is_idle(cls) and may_change(cls, context) and has_clip(cls, context)
 
     def solved_clip(self, settings: Any) -> tuple[Path, str]:
         return footage_path(settings), settings.work_dir

@@ -49,13 +49,39 @@ def read_arrays(path: Path, names: tuple[str, ...], most: int) -> dict[str, NDAr
             raise ValueError(f"{path.name} is no file of {', '.join(names)}: {error}") from None
 
 
+def array_shapes(path: Path) -> dict[str, tuple[int, ...]]:
+    """The shapes of all arrays of numbers in a file by their names; nothing but their headers is unpacked.
+
+    OSError where there is no such file (`open_regular`), ValueError where it is no archive.
+    """
+    shapes = {}
+    with open_regular(path) as file:
+        try:
+            with zipfile.ZipFile(file) as archive:
+                for member in archive.infolist():
+                    name = member.filename.removesuffix(".npy")
+                    if name == member.filename or member.compress_type not in PACKED:
+                        continue
+                    with archive.open(member) as data:
+                        header = _HEADER.match(data.read(HEADER))
+                    if header is not None:
+                        shapes[name] = _shape(header)
+        except _DAMAGED as error:
+            raise ValueError(f"{path.name} is no file of arrays: {error}") from None
+    return shapes
+
+
+def _shape(header: re.Match[bytes]) -> tuple[int, ...]:
+    return tuple(int(side) for side in re.findall(rb"\d+", header["shape"]))
+
+
 def _array(data: bytes) -> NDArray[np.generic]:
     """An array of numbers of an .npy file's bytes; ValueError where it claims another size than it has."""
     header = _HEADER.match(data)
     if header is None:
         raise ValueError("it does not begin as an array of numbers does")
     dtype, is_fortran = np.dtype(header["dtype"].decode()), header["fortran"] == b"True"
-    shape = [int(side) for side in re.findall(rb"\d+", header["shape"])]
+    shape = _shape(header)
     left = data[header.end() :]
     # In Python's own numbers, which do not overflow.
     if math.prod(shape) * dtype.itemsize != len(left):

@@ -7,7 +7,7 @@ from typing import Protocol
 
 from ..base.errors import UserError
 from ..media.clip import Footage
-from . import bundler, colmap, nvm, voodoo
+from . import bundler, camera_arrays, colmap, nvm, record3d, stray, transforms, voodoo
 from .imported_model import ImportedModel
 from .matching import Imported, match
 
@@ -33,12 +33,21 @@ class Reader(Protocol):
         """
 
 
-READERS: tuple[Reader, ...] = (colmap, bundler, nvm, voodoo)
+class Recording(Reader, Protocol):
+    """A reader of what brings its own clip."""
+
+    def clip(self, path: Path) -> Path:
+        """The clip of a recording, which may be unpacked beside it for it; UserError where that cannot be."""
+
+
+RECORDINGS: tuple[Recording, ...] = (stray, record3d)
+READERS: tuple[Reader, ...] = (colmap, bundler, nvm, voodoo, transforms, camera_arrays, *RECORDINGS)
 SUPPORTED = (
     "a COLMAP model (a folder with cameras, images and points3D as .bin or .txt), Bundler's bundle.out,"
-    " a VisualSFM .nvm, or a text export of the Voodoo camera tracker"
+    " a VisualSFM .nvm, a text export of the Voodoo camera tracker, a transforms.json, the .npz of MegaSaM,"
+    " ViPE or Depth Anything 3, Record3D's .r3d, or a folder of Stray Scanner"
 )
-SUFFIXES = (".out", ".nvm", ".txt")
+SUFFIXES = (".out", ".nvm", ".txt", ".json", ".npz", ".r3d")
 """Of the files that are looked at in a folder without a COLMAP model."""
 
 
@@ -53,6 +62,13 @@ def read_reconstruction(path: Path, footage: Footage) -> Imported:
         raise UserError(f"{path} does not exist; give {SUPPORTED}")
     reader, file = _recognised(path)
     return match(reader.read(file, (footage.width, footage.height)), footage)
+
+
+def recorded_clip(path: Path) -> Path | None:
+    """The clip that a recording brings with it; None of what is no recording. UserError where it cannot be
+    had."""
+    path = Path(path).expanduser()
+    return next((reader.clip(path) for reader in RECORDINGS if reader.recognises(path)), None)
 
 
 def _recognised(path: Path) -> tuple[Reader, Path]:

@@ -92,8 +92,6 @@ def read(path: Path, size: tuple[int, int]) -> ImportedModel:
     lenses, images = _cameras(stream, size)
     if not images:
         raise UserError(f"{path} has no registered camera; solve the clip again")
-    if not len(stream.starts):
-        raise UserError(f"{path} has no points; solve the clip again")
     columns = stream.starts[:, None] + np.arange(3)
     xyz, rgb = values[columns], values[columns + 3]
     if layout.is_mirrored:

@@ -39,6 +39,14 @@ class Imported:
     """What the user should know, a sentence each."""
     projected: bool = False
     """As `ImportedModel.projected`."""
+    placed: bool = False
+    """The world is that of a scene where other things stand: it stays as it is."""
+
+    @property
+    def lacks_points(self) -> bool:
+        """Whether no point is seen by two frames: there is none, or they were not tracked but computed from
+        depth, and their places in the frames say nothing of errors."""
+        return not np.any(self.reconstruction.views_per_point > 1)
 
 
 @dataclass

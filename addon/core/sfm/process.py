@@ -19,13 +19,16 @@ from ..camera.focal_length import Focal, in_pixels
 from ..media.clip import FrameRange, open_footage
 from ..media.clip_identity import identity
 from ..media.video import video_info
+from ..readers.matching import Imported
+from .known_cameras import write_cameras
 from .staging import Staging
 from .tracks import TRACKERS
-from .workspace import check_replaceable, imported_from, is_solved
+from .workspace import check_import, check_replaceable, imported_from, is_solved
 
 SHARES = {
     "Tracking features": (0.0, 0.2),
     "Verifying matches": (0.2, 0.27),
+    "Comparing cameras": (0.2, 0.82),
     "Solving cameras": (0.27, 0.42),
     "Settling the focal length": (0.42, 0.8),
     "Registering frames": (0.8, 0.82),
@@ -35,6 +38,8 @@ SHARES = {
 """Which part of the whole each stage is, from the times of the duck and the sample clip."""
 
 
+CAMERAS = "cameras.json"
+"""In the folder of a solve, the cameras that are held."""
 END = 0.3
 """Seconds that the worker has to end by itself: it has nothing to clean up, and who cancels waits."""
 LOOK = 0.05
@@ -54,7 +59,8 @@ class SolveProcess:
 
     Raises UserError at once for a clip that cannot be read, a focal length that cannot be, and a working
     folder that is not ours, another clip's, being solved into by somebody else, or, unless `again`, an
-    import's. Whatever ends it, the folder then holds either the old solve or the whole new one.
+    import's; with cameras that are held, any solve's. Whatever ends it, the folder then holds either the old
+    solve or the whole new one.
     """
 
     def __init__(
@@ -67,10 +73,13 @@ class SolveProcess:
         tracker: str = TRACKERS[0],
         zooms: bool = False,
         yielding: bool = False,
+        cameras: Imported | None = None,
     ) -> None:
-        """With `yielding` other programs go first, such as the interface that waits for it."""
+        """With `yielding` other programs go first, such as the interface that waits for it; with `cameras`,
+        another program's of the clip, these are held and only points are found."""
         self.work_dir = work_dir
         self._yields = yielding
+        self._cameras = cameras
         self._child: Child | None = None
         self._messages: queue.SimpleQueue[Message | None] = queue.SimpleQueue()
         self._staging: Staging | None = None
@@ -81,6 +90,8 @@ class SolveProcess:
         self._identity = identity(self.clip.path)
         pixels = None if focal is None else in_pixels(focal, self.clip.width, self.clip.height)
         self._options: dict[str, Any] = {"focal": pixels, "tracker": tracker, "zooms": zooms}
+        if cameras is not None:
+            self._options = {"imported": cameras.format, "tracker": tracker}
         if self._is_kept(again):
             self.finished = True
             return
@@ -101,6 +112,9 @@ class SolveProcess:
 
     def _is_kept(self, again: bool) -> bool:
         """Whether the folder keeps this very solve; UserError where it keeps what may not be replaced."""
+        if self._cameras is not None:
+            check_import(self.work_dir, self.clip, again)
+            return False
         if again:
             check_replaceable(self.work_dir, self.clip)
             return False
@@ -115,8 +129,12 @@ class SolveProcess:
             "video": asdict(video_info(self.clip.path)) if self.clip.is_video else None,
             "folder": str(folder),
             "tracker": self._options["tracker"],
-            "lens": {name: self._options[name] for name in ("focal", "zooms")},
+            "lens": {name: self._options.get(name) for name in ("focal", "zooms")},
+            "cameras": None,
         }
+        if (held := self._cameras) is not None:
+            write_cameras(folder / CAMERAS, held.reconstruction)
+            job |= {"cameras": CAMERAS, "format": held.format, "notes": held.notes, "placed": held.placed}
         (folder / "job.json").write_text(json.dumps(job), encoding="utf-8")
         # -P: a folder called "addon" in the current directory must not be taken for ours.
         command = [_python(), "-P", "-m", "addon.core.sfm.worker", str(folder / "job.json")]

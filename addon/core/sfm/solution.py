@@ -149,18 +149,30 @@ def triangulate(solution: Solution) -> None:
     wanted = np.isnan(solution.xyz[:, 0]) & (
         np.bincount(tracks.track, minlength=tracks.count) >= solution.options.min_views
     )
-    rows = wanted[tracks.track] & posed[tracks.frame_index]
+    xyz = nearest_points(solution, wanted[tracks.track] & posed[tracks.frame_index])
+    solution.xyz[wanted] = xyz[wanted]
+
+
+def nearest_points(solution: Solution, rows: Mask, weights: Floats | None = None) -> Floats:
+    """(count, 3) points where the rays of the observations `rows` (m,) come closest, by least squares with
+    `weights` (m,); NaN where fewer than `min_views` of a track are among them, or these are parallel."""
+    tracks = solution.tracks
+    track, frame = tracks.track[rows], tracks.frame_index[rows]
     centres, rays = solution.rays()
     away = np.eye(3) - rays[rows][:, :, None] * rays[rows][:, None, :]
+    if weights is not None:
+        away *= weights[rows, None, None]
     system = np.zeros((tracks.count, 3, 3))
     right = np.zeros((tracks.count, 3))
-    np.add.at(system, tracks.track[rows], away)
-    np.add.at(right, tracks.track[rows], np.einsum("mij,mj->mi", away, centres[tracks.frame_index[rows]]))
-    views = np.bincount(tracks.track[rows], minlength=tracks.count)
+    np.add.at(system, track, away)
+    np.add.at(right, track, np.einsum("mij,mj->mi", away, centres[frame]))
+    good = np.bincount(track, minlength=tracks.count) >= solution.options.min_views
     # Nearly parallel rays make the system singular: no depth.
-    good = wanted & (views >= solution.options.min_views)
-    good[good] = np.linalg.eigvalsh(system[good])[:, 0] > 1e-10 * views[good]
-    solution.xyz[good] = np.linalg.solve(system[good], right[good][..., None])[..., 0]
+    total = np.bincount(track, None if weights is None else weights[rows], tracks.count)
+    good[good] = np.linalg.eigvalsh(system[good])[:, 0] > 1e-10 * total[good]
+    xyz = np.full((tracks.count, 3), np.nan)
+    xyz[good] = np.linalg.solve(system[good], right[good][..., None])[..., 0]
+    return xyz
 
 
 def drop_bad(solution: Solution) -> None:

@@ -10,30 +10,35 @@ import signal
 import sys
 import time
 import traceback
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import Ints
 from ..base.errors import UserError
 from ..base.folder_lock import FolderLock
 from ..base.messages import Failure, Progress, Result, send, speak
 from ..camera.focal_length import from_equivalent, is_plausible
+from ..camera.reconstruction import Reconstruction, upright
 from ..media import picture_file
 from ..media.clip import Footage, open_footage
 from ..media.exif import photo_data
 from ..media.metadata import equivalent_focal
 from ..media.video import VideoInfo
 from ..readers.colmap_export import write_model
+from . import known_poses
 from .degeneracy import refuse_cuts
-from .tracks import check_shape, track_features
+from .known_cameras import read_cameras
+from .tracks import Tracks, check_shape, track_features
 from .visibility import visible_points
 from .workspace import keep_visible
 
 METADATA_SIGMA = 0.1
 """Relative standard deviation of what files say of the lens: video is cropped more than photos are."""
+POINTS_FOUND = "the cameras are held as they were given; the points are tracked and placed before them here"
 ZOOMED = "the picture agrees with a lens that zooms; if it does not, give its focal length"
 PATIENCE = 5.0
 """Seconds in which a process that ends has let go of all that it held."""
@@ -70,15 +75,11 @@ def _solve(job: dict[str, Any]) -> None:
     check_shape(footage)
     tracks = track_features(footage, _progress, job["tracker"])
     refuse_cuts(tracks)
-    prior = incremental_mapping.FocalPrior(**job["lens"])
-    metadata_focal = None if prior.focal or prior.zooms else _metadata_focal(footage)
-    if metadata_focal:
-        prior = incremental_mapping.FocalPrior(metadata_focal, METADATA_SIGMA)
-    mapped = incremental_mapping.reconstruct(tracks, prior, _progress)
-    result = mapped.reconstruction
+    found = _held(job, tracks, folder) if job["cameras"] else _solved(job, footage, tracks)
+    result = found.reconstruction
     (folder / "model").mkdir()
     write_model(folder / "model", result)
-    moving = np.isin(tracks.track, mapped.moving)
+    moving = np.isin(tracks.track, found.moving)
     # Kept aside: a thing that moves on its own has its tracks here.
     np.savez_compressed(
         folder / "model" / MOVING,
@@ -96,24 +97,64 @@ def _solve(job: dict[str, Any]) -> None:
         "unlike": sum(each.unlike for each in visible.values()),
         "reprojection_error": float(result.points.error.mean()),
         "focal": result.cameras[0].fx,
-        "focal_sigma": mapped.focal_sigma,
-        "focal_held": not mapped.focal_from_clip,
-        "focal_from": _focal_source(job["lens"], metadata_focal, mapped.focal_from_clip),
-        "method": mapped.method,
         "tracker": job["tracker"],
-        "explained": mapped.explained,
-        "moving_tracks": len(mapped.moving),
-        "notes": [*footage.notes, *([] if mapped.zooms == prior.zooms else [ZOOMED])],
-        "parallax": mapped.parallax,
-        "depth_evidence": asdict(mapped.depth_evidence) if mapped.depth_evidence else None,
-        "weak_depth": mapped.weak_depth,
-        "triangulation_angle": mapped.angle,
+        "moving_tracks": len(found.moving),
         "size": [footage.width, footage.height],
         "fps": footage.fps,
         "versions": incremental_mapping.versions(),
         "seconds": round(time.monotonic() - began, 1),
+        **found.said,
+        "notes": [*footage.notes, *found.said["notes"]],
     }
     (folder / "report.json").write_text(json.dumps(report), encoding="utf-8")
+
+
+@dataclass(frozen=True)
+class _Found:
+    """Cameras and points of a clip, and what is to be said of them."""
+
+    reconstruction: Reconstruction
+    moving: Ints
+    """Numbers of tracks that do not stand still."""
+    said: dict[str, Any]
+
+
+def _solved(job: dict[str, Any], footage: Footage, tracks: Tracks) -> _Found:
+    """Both found from the clip."""
+    from . import incremental_mapping
+
+    prior = incremental_mapping.FocalPrior(**job["lens"])
+    metadata_focal = None if prior.focal or prior.zooms else _metadata_focal(footage)
+    if metadata_focal:
+        prior = incremental_mapping.FocalPrior(metadata_focal, METADATA_SIGMA)
+    mapped = incremental_mapping.reconstruct(tracks, prior, _progress)
+    said = {
+        "focal_sigma": mapped.focal_sigma,
+        "focal_held": not mapped.focal_from_clip,
+        "focal_from": _focal_source(job["lens"], metadata_focal, mapped.focal_from_clip),
+        "method": mapped.method,
+        "explained": mapped.explained,
+        "notes": [] if mapped.zooms == prior.zooms else [ZOOMED],
+        "parallax": mapped.parallax,
+        "depth_evidence": asdict(mapped.depth_evidence) if mapped.depth_evidence else None,
+        "weak_depth": mapped.weak_depth,
+        "triangulation_angle": mapped.angle,
+    }
+    return _Found(mapped.reconstruction, mapped.moving, said)
+
+
+def _held(job: dict[str, Any], tracks: Tracks, folder: Path) -> _Found:
+    """Points before cameras that another program found."""
+    known = known_poses.triangulate(read_cameras(folder / job["cameras"]), tracks, _progress)
+    said = {
+        "focal_from": "file",
+        "method": job["format"],
+        "explained": known.explained,
+        "camera_miss": known.miss,
+        "notes": [*job["notes"], POINTS_FOUND],
+    }
+    placed = known.reconstruction if job["placed"] else upright(known.reconstruction)
+    return _Found(placed, known.moving, said)
 
 
 def _metadata_focal(footage: Footage) -> float | None:

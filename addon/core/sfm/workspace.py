@@ -197,6 +197,18 @@ def check_replaceable(work_dir: Path, footage: Footage) -> None:
         return
 
 
+def check_import(work_dir: Path, footage: Footage, again: bool) -> None:
+    """UserError where what another program found may not be put into the folder: as `check_replaceable`, and
+    SolveThereError for any solve of the clip that is not to be replaced `again`."""
+    if not again and _state_of(work_dir, footage) is not None and (work_dir / MODEL).is_dir():
+        raise SolveThereError(
+            f"{work_dir} holds a solve of this clip already; name another folder, or replace it",
+            Remedy.WORK_DIR,
+            Remedy.AGAIN,
+        )
+    check_replaceable(work_dir, footage)
+
+
 def imported_from(work_dir: Path) -> str | None:
     """The format of the import that the folder keeps; None where it keeps none."""
     state = read_state(work_dir)
@@ -209,14 +221,9 @@ def keep_import(found: Imported, footage: Footage, work_dir: Path, again: bool =
     UserError where the folder holds something else, or is being solved into; SolveThereError where it holds a
     solve of the clip, of whichever frames and whosever, that is not to be replaced `again`.
     """
-    if not again and _state_of(work_dir, footage) is not None and (work_dir / MODEL).is_dir():
-        raise SolveThereError(
-            f"{work_dir} holds a solve of this clip already; name another folder, or replace it",
-            Remedy.WORK_DIR,
-            Remedy.AGAIN,
-        )
+    check_import(work_dir, footage, again)
     clip_identity = identity(footage.path)
-    reconstruction = upright(found.reconstruction)
+    reconstruction = found.reconstruction if found.placed else upright(found.reconstruction)
     staging = Staging(work_dir)
     try:
         check_replaceable(work_dir, footage)

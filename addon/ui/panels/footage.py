@@ -63,6 +63,7 @@ class VIRTUAL_APERTURE_PT_import(ClosedPanel, bpy.types.Panel):  # noqa: N801
         elif bpy.data.movieclips:
             # Disabled, and says why.
             layout.operator(movie_clip, icon="TRACKING")
+        layout.operator(import_solve.VIRTUAL_APERTURE_OT_use_scene_camera.bl_idname, icon="CAMERA_DATA")
 
 
 class VIRTUAL_APERTURE_PT_files(ClosedPanel, bpy.types.Panel):  # noqa: N801

@@ -1,0 +1,79 @@
+"""What the readers of cameras without points share: from tables of poses and lenses to a model."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ..base.arrays import Floats
+from ..base.errors import UserError
+from ..base.numbers import LARGEST
+from ..camera.reconstruction import Image, Intrinsics, Points, Reconstruction
+from .building import rotation_from
+
+OPENGL = np.diag([1.0, -1.0, -1.0])
+"""From a camera that looks along -z with y up (OpenGL, Blender, nerfstudio, ARKit) to ours."""
+OPENCV = np.eye(3)
+"""From a camera that looks along +z with y down to ours."""
+
+
+def finite(value: object, shape: tuple[int, ...], place: str, what: str) -> Floats:
+    """Numbers of a file as an array of a shape, -1 for any length; UserError "PLACE: expected WHAT"."""
+    try:
+        # What JSON holds may be ragged, text, or whole numbers of any size.
+        array = np.asarray(value, dtype=np.float64)
+        fits = array.ndim == len(shape) and all(a in (-1, b) for a, b in zip(shape, array.shape, strict=True))
+    except (ValueError, TypeError, OverflowError):
+        fits = False
+    if not fits or not np.all(np.abs(array) <= LARGEST):
+        raise UserError(f"{place}: expected {what}, of numbers up to {LARGEST:g}")
+    return array
+
+
+def lens(place: str, model: str, size: tuple[float, float], values: Sequence[float]) -> Intrinsics:
+    """`Intrinsics.from_parameters`, its errors with their place."""
+    width, height = size
+    if not (width % 1 == 0 and height % 1 == 0):
+        raise UserError(f"{place}: expected a size in whole pixels, not {width:g} x {height:g}")
+    try:
+        return Intrinsics.from_parameters(model, int(width), int(height), values)
+    except UserError as error:
+        raise UserError(f"{place}: {error}") from None
+
+
+def cameras(
+    to_world: Floats, axes: Floats, lenses: Sequence[Intrinsics], place: str, first: int = 0
+) -> Reconstruction:
+    """Cameras without points from camera-to-world matrices (n, 3 or 4, 4) and n lenses.
+
+    `axes` (3, 3) turns the file's camera space into ours. `Image.frame` is the row, and `place` tells where
+    that of row 0 stands, with `{}` for its number, which begins at `first`. UserError for what is no
+    rotation.
+    """
+    kinds: dict[Intrinsics, int] = {}
+    none, nowhere = np.zeros((0, 2)), np.zeros(0, dtype=np.int32)
+    images = []
+    for row, (matrix, seen_by) in enumerate(zip(to_world, lenses, strict=True)):
+        expected = "expected a camera-to-world matrix of a rotation and a position"
+        problem = UserError(f"{place.format(row + first)}: {expected}")
+        rotation = axes @ rotation_from(matrix[:3, :3], problem).T
+        number = kinds.setdefault(seen_by, len(kinds))
+        images.append(Image(row, rotation, -rotation @ matrix[:3, 3], none, nowhere, number))
+    points = Points(np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros(0))
+    return Reconstruction(tuple(kinds), tuple(images), points)
+
+
+def to_world(quaternions: Floats, positions: Floats, place: Path) -> Floats:
+    """(n, 3, 4) camera-to-world matrices of quaternions x, y, z, w (n, 4) and positions (n, 3)."""
+    length = np.linalg.norm(quaternions, axis=1)
+    if not np.all(length > 1e-6):
+        raise UserError(f"{place}: pose {int(np.argmin(length))} has a quaternion that is zero")
+    x, y, z, w = (quaternions / length[:, None]).T
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y), positions[:, 0]],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x), positions[:, 1]],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y), positions[:, 2]],
+    ]
+    return np.moveaxis(np.array(rows), -1, 0)

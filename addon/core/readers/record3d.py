@@ -1,0 +1,139 @@
+"""Record3D's .r3d: a phone's pictures with ARKit's poses, in metres, in one archive.
+
+A zip with `metadata` (JSON) and rgbd/0.jpg, 0.depth, 0.conf and so on. In the metadata: w and h, K (3 x 3,
+column after column) and, of newer versions, perFrameIntrinsicCoeffs (fx, fy, cx, cy), of pictures of w x h;
+poses as qx, qy, qz, qw, x, y, z, camera to world, of cameras that look along -z with y up (as nerfstudio 1.1
+has it in `record3d_utils.py`). Depth and confidence are packed as LZFSE, for which nothing here has a
+decoder: they are left aside.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import zipfile
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..base.atomic import PART, collect_orphans, owned
+from ..base.counting import counted
+from ..base.errors import UserError
+from ..base.regular_file import open_regular
+from .imported_model import ImportedModel
+from .poses import OPENGL, cameras, finite, lens, to_world
+
+FORMAT = "Record3D"
+METADATA = "metadata"
+PICTURE = re.compile(r"rgbd/(\d{1,9})\.(jpg|jpeg|png)")
+MOST_METADATA, MOST_PICTURE = 2**28, 2**27
+"""Bytes of each."""
+DIGITS = 3
+"""Of a pixel, to which frames' lenses are told apart: the phone's focus moves them all the time."""
+NO_DEPTH = "the recording's depth is packed as LZFSE, which cannot be read here: poses and pictures are taken"
+_DAMAGED = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, KeyError)
+
+
+def recognises(path: Path) -> bool:
+    """Whether a file is such an archive; False where it cannot be read."""
+    try:
+        with open_regular(path) as file, zipfile.ZipFile(file) as archive:
+            names = archive.namelist()
+    except (OSError, ValueError, *_DAMAGED):
+        return False
+    return METADATA in names and any(PICTURE.fullmatch(name) for name in names)
+
+
+def clip(path: Path) -> Path:
+    """The recording's pictures as a clip: unpacked beside it into a folder of their own, or as they are
+    there.
+
+    UserError where another folder has that name, or nothing can be written.
+    """
+    folder = path.with_name(f"{path.stem}_frames")
+    try:
+        with open_regular(path) as file, zipfile.ZipFile(file) as archive:
+            wanted = _pictures(archive)
+            if folder.exists():
+                _check_unpacked(folder, wanted, path)
+                return folder
+            collect_orphans(path.parent)
+            with owned(path.parent, PART) as name:
+                part = path.with_name(f"{name}-{folder.name}")
+                try:
+                    part.mkdir()
+                    for target, member in wanted.items():
+                        (part / target).write_bytes(_unpacked(archive, member, MOST_PICTURE))
+                    part.rename(folder)
+                finally:
+                    shutil.rmtree(part, ignore_errors=True)
+    except _DAMAGED as error:
+        raise UserError(f"{path} is damaged: {error}; copy it from the phone again") from None
+    except OSError as error:
+        raise UserError(f"{path} cannot be unpacked into {folder}: {error.strerror}") from None
+    return folder
+
+
+def read(path: Path, size: tuple[int, int]) -> ImportedModel:
+    """The cameras of a recording; the file says its own size.
+
+    UserError naming what is not as expected.
+    """
+    try:
+        with open_regular(path) as file, zipfile.ZipFile(file) as archive:
+            said = json.loads(_unpacked(archive, archive.getinfo(METADATA), MOST_METADATA))
+    except (ValueError, RecursionError, *_DAMAGED) as error:
+        raise UserError(f"{path} is damaged: {error}; copy it from the phone again") from None
+    except OSError as error:
+        raise UserError(f"{path} cannot be read: {error.strerror}") from None
+    if not isinstance(said, dict):
+        raise UserError(f"{path}, {METADATA}: expected an object")
+    place = f"{path}, {METADATA}"
+    table = finite(said.get("poses"), (-1, 7), f"{place}, poses", "seven numbers a frame")
+    width, height = (float(finite(said.get(name), (), f"{place}, {name}", "one number")) for name in "wh")
+    values = _lenses(said, len(table), place)
+    lenses = [
+        lens(f"{place}, lens {row}", "PINHOLE", (width, height), each) for row, each in enumerate(values)
+    ]
+    poses = to_world(table[:, :4], table[:, 4:], path)
+    model = cameras(poses, OPENGL, lenses, f"{place}, pose {{}}")
+    return ImportedModel(FORMAT, model, tuple(str(row) for row in range(len(table))), (NO_DEPTH,))
+
+
+def _lenses(said: dict[str, Any], count: int, place: str) -> np.ndarray:
+    """(count, 4) focal lengths and principal points in pixels."""
+    if said.get("perFrameIntrinsicCoeffs"):
+        each = finite(
+            said["perFrameIntrinsicCoeffs"], (-1, 4), f"{place}, perFrameIntrinsicCoeffs", "4 numbers"
+        )
+        if len(each) == count:
+            return np.round(each, DIGITS)
+    flat = finite(said.get("K"), (9,), f"{place}, K", "9 numbers")
+    return np.tile(flat[[0, 4, 6, 7]], (count, 1))
+
+
+def _pictures(archive: zipfile.ZipFile) -> dict[str, zipfile.ZipInfo]:
+    """By the file's name in the clip, which sorts as the frames do, what it is unpacked from."""
+    found = {}
+    for member in archive.infolist():
+        if match := PICTURE.fullmatch(member.filename):
+            found[f"{int(match[1]):06d}.{match[2]}"] = member
+    return dict(sorted(found.items()))
+
+
+def _unpacked(archive: zipfile.ZipFile, member: zipfile.ZipInfo, most: int) -> bytes:
+    if member.file_size > most:
+        raise UserError(f"{archive.filename}, {member.filename}: it unpacks to more than {most} bytes")
+    return archive.read(member)
+
+
+def _check_unpacked(folder: Path, wanted: dict[str, zipfile.ZipInfo], path: Path) -> None:
+    there = {file.name: file.stat().st_size for file in folder.iterdir()} if folder.is_dir() else {}
+    if there != {name: member.file_size for name, member in wanted.items()}:
+        raise UserError(
+            f"{folder} exists and is not what {path.name} unpacks to ({counted(len(wanted), 'picture')});"
+            " rename or remove it"
+        )

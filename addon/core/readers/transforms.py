@@ -1,0 +1,113 @@
+"""transforms.json of nerfstudio and instant-ngp, which many converters write: cameras without points.
+
+Camera-to-world matrices of cameras that look along -z with y up; the centre of the first pixel is at (0.5,
+0.5). Size, focal lengths, principal point and distortion stand at the top, for all frames, or in a frame for
+it alone; instant-ngp may give the angle of view instead, and names no camera model. Layout: nerfstudio 1.1
+(docs.nerf.studio, "Data conventions", and its cameras.py), instant-ngp's docs/nerf_dataset_tips.md.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..base.errors import UserError
+from ..base.regular_file import open_regular, read_regular
+from ..camera.reconstruction import Intrinsics
+from .imported_model import ImportedModel
+from .poses import OPENGL, cameras, finite, lens
+
+FORMAT = "transforms.json"
+LONGEST = 2**30
+"""Bytes of a file."""
+START = 2**16
+"""Bytes of a file that are looked at to recognise it."""
+FISHEYE, PERSPECTIVE = "OPENCV_FISHEYE", "OPENCV"
+MODELS = {
+    "": PERSPECTIVE, "SIMPLE_PINHOLE": PERSPECTIVE, "PINHOLE": PERSPECTIVE, "SIMPLE_RADIAL": PERSPECTIVE,
+    "RADIAL": PERSPECTIVE, "OPENCV": PERSPECTIVE, "PERSPECTIVE": PERSPECTIVE,
+    "OPENCV_FISHEYE": FISHEYE, "FISHEYE": FISHEYE,
+}  # fmt: skip
+"""What `camera_model` may be, as COLMAP, nerfstudio and its converters call it."""
+
+
+def recognises(path: Path) -> bool:
+    """Whether a file is JSON with frames and their matrices; False where it cannot be read."""
+    if path.suffix.lower() != ".json":
+        return False
+    try:
+        with open_regular(path) as file:
+            start = file.read(START)
+    except OSError:
+        return False
+    return b'"frames"' in start or b'"transform_matrix"' in start
+
+
+def read(path: Path, size: tuple[int, int]) -> ImportedModel:
+    """The cameras of a file, of pictures of `size` (width, height) where it names none.
+
+    UserError naming the frame that is not what was expected.
+    """
+    whole = _contents(path)
+    frames = whole.get("frames")
+    if not isinstance(frames, list) or not frames or not all(isinstance(frame, dict) for frame in frames):
+        raise UserError(f"{path}: expected a list of frames")
+    matrices, lenses, names = [], [], []
+    for number, frame in enumerate(frames):
+        place = f"{path}, frame {number}"
+        rows = finite(frame.get("transform_matrix"), (-1, 4), place, "a transform_matrix of 4 x 4 numbers")
+        if len(rows) not in (3, 4):
+            raise UserError(f"{place}: expected a transform_matrix of 4 x 4 numbers, not of {len(rows)} rows")
+        matrices.append(rows[:3])
+        lenses.append(_lens(place, {**whole, **frame}, size))
+        name = frame.get("file_path")
+        if not isinstance(name, str):
+            raise UserError(f"{place}: expected a file_path")
+        names.append(name)
+    model = cameras(np.array(matrices), OPENGL, lenses, f"{path}, frame {{}}")
+    return ImportedModel(FORMAT, model, tuple(names))
+
+
+def _contents(path: Path) -> dict[str, Any]:
+    try:
+        whole = json.loads(read_regular(path, LONGEST))
+    except OSError as error:
+        raise UserError(f"{path} cannot be read: {error.strerror}") from None
+    except (ValueError, RecursionError) as error:
+        raise UserError(f"{path} is no JSON: {error}; export it again") from None
+    if not isinstance(whole, dict):
+        raise UserError(f"{path}: expected an object with frames, not {type(whole).__name__}")
+    return whole
+
+
+def _lens(place: str, said: Mapping[str, Any], size: tuple[int, int]) -> Intrinsics:
+    """What is said of a frame's lens."""
+
+    def number(name: str, otherwise: float) -> float:
+        value = said.get(name)
+        return otherwise if value is None else float(finite(value, (), place, f"one number as {name}"))
+
+    width, height = number("w", size[0]), number("h", size[1])
+    across, down = number("camera_angle_x", 0), number("camera_angle_y", 0)
+    fx = number("fl_x", width / 2 / np.tan(across / 2) if 0 < across < np.pi else 0)
+    fy = number("fl_y", height / 2 / np.tan(down / 2) if 0 < down < np.pi else fx)
+    if not fx > 0:
+        raise UserError(f"{place}: expected a focal length as fl_x, or camera_angle_x in radians")
+    where = (fx, fy, number("cx", width / 2), number("cy", height / 2))
+    k1, k2, k3, k4 = (number(name, 0) for name in ("k1", "k2", "k3", "k4"))
+    p1, p2 = number("p1", 0), number("p2", 0)
+    name = said.get("camera_model") or ""
+    model = MODELS.get(name) if isinstance(name, str) else None
+    if model is None:
+        raise UserError(f"{place}: expected a camera_model that is one of {', '.join(filter(None, MODELS))}")
+    if model == FISHEYE or said.get("is_fisheye") is True:
+        return lens(place, FISHEYE, (width, height), (*where, k1, k2, k3, k4))
+    if k4:
+        raise UserError(f"{place}: expected no k4 of a lens that is no fisheye; undistort the pictures")
+    if k3:
+        return lens(place, "FULL_OPENCV", (width, height), (*where, k1, k2, p1, p2, k3, 0.0, 0.0, 0.0))
+    return lens(place, PERSPECTIVE, (width, height), (*where, k1, k2, p1, p2))

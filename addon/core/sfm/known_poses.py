@@ -1,0 +1,318 @@
+"""Points of a clip whose cameras are known: another program's poses and lenses, which are held.
+
+Whether they are this clip's is asked first, of pairs of frames: where two poses put the ray of a pixel of one
+frame into the other, from infinity to the camera itself, a track must lie. That takes no depth, so other
+frame numbers and other focal lengths are tried as quickly. Then tracks are triangulated, observations that
+disagree count less and less, and what is left of their disagreement is the reprojection error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..base.arrays import Floats, Ints
+from ..base.counting import counted
+from ..base.errors import UserError
+from ..camera.reconstruction import Image, Points, Reconstruction
+from . import solution
+from .solution import Solution, SolutionOptions
+from .tracks import Progress, Tracks
+
+
+@dataclass(frozen=True)
+class KnownPoseOptions:
+    """When poses are taken to be those of the clip. Pixels are those of a 1,000-pixel frame."""
+
+    pairs: int = 24
+    """Pairs of frames that are looked at. By eye."""
+    most_shared: int = 200
+    """Tracks of a pair that are looked at. By eye, for time."""
+    lasting: float = 0.5
+    """Share of a frame's tracks that the other frame of a pair has, too, at least. By eye."""
+    good: float = 0.3
+    """Pixels by which tracks miss in the median below which no other frame numbers are tried. Our own solves'
+    poses miss by 0.06 to 0.13 (of bars, walk and stroller), a phone-like walk's (real data, room) by 0.8; one
+    frame too late by 1.0 to 16, with a focal length of 10 % more by 0.3 to 4."""
+    misfit: float = 3.0
+    """Pixels by which tracks miss in the median above which poses are of something else: those of the same
+    clips backwards, or with y and z the other way round, miss by 5 to 130."""
+    unexplained: float = 0.25
+    """Share of what tracks move by that poses leave, above which they are of something else. By eye: right
+    ones leave 1 %."""
+    better: float = 0.5
+    """Factor of what is missed by which other frame numbers, or another focal length, must make it less."""
+    overlap: float = 0.5
+    """Share of the pairs, at least, that other frame numbers have poses for. By eye."""
+    largest_offset: int = 2000
+    """Frames of the farthest that is tried. By eye, for time."""
+    slack: float = 3.0
+    """Times what tracks miss in the median, a point's observation may be off, where that is more than
+    `SolutionOptions.max_error`: poses of networks and of phones miss by more than a solve does. By eye."""
+
+
+FOCALS = 1.03 ** np.arange(-24, 25)
+"""Factors of the focal length that are tried: half to twice."""
+ROUNDS = 6
+"""Of weighing observations anew. By eye."""
+NEAREST = 0.01
+"""Of the median depth: observations nearer to the camera count no more than this."""
+FAR = 1e4
+"""Pixels of a miss that is as good as infinite."""
+
+
+@dataclass(frozen=True)
+class Known:
+    """A clip's points before known cameras."""
+
+    reconstruction: Reconstruction
+    """Every frame of the clip that has a pose, in the unit and the world of the poses."""
+    miss: float
+    """Pixels of a 1,000-pixel frame by which tracks miss in pairs of frames, median."""
+    explained: float
+    """Share of the observations of lasting tracks that agree with a point that stands still."""
+    moving: Ints
+    """Numbers of lasting tracks that do not."""
+
+
+def triangulate(
+    cameras: Reconstruction,
+    tracks: Tracks,
+    progress: Progress = lambda *_: None,
+    options: KnownPoseOptions = KnownPoseOptions(),
+) -> Known:
+    """Points of a clip's tracks before cameras whose frames are the clip's, their own points left aside.
+
+    `cameras` may have images of frames past the clip, for telling that its frames are numbered otherwise.
+    UserError where the cameras are not this clip's, naming the frame numbers or the focal length with which
+    they would be, and where they tell no depth.
+    """
+    tracks = _of_posed_frames(tracks, cameras)
+    progress("Comparing cameras", 0, 1)
+    pairs = _pairs(tracks, options)
+    miss = _fits(_Epipolar(cameras, tracks, pairs, options), options)
+    made = _rectified(cameras, tracks, options, miss)
+    for step in range(2):
+        progress("Adjusting", step, 2)
+        _place(made)
+        solution.drop_bad(made)
+    solution.drop_shallow(made)
+    explained, moving = solution.explained(made)
+    found = _collected(cameras, tracks, made)
+    if len(found.points) < made.options.min_points:
+        raise UserError(
+            f"of {counted(tracks.count, 'tracked feature')} only {len(found.points)} could be placed in"
+            " space with these cameras: they hardly leave their place, or only turn, so that the clip tells"
+            " no depth"
+        )
+    return Known(found, miss, explained, moving)
+
+
+def _of_posed_frames(tracks: Tracks, cameras: Reconstruction) -> Tracks:
+    """What frames with a pose show; UserError where fewer than two have one."""
+    posed = np.isin(tracks.frames, cameras.frames)
+    if posed.sum() < 2:
+        raise UserError(
+            f"the cameras have a pose for {counted(int(posed.sum()), 'frame')} of the clip; 2 are needed"
+        )
+    rows = posed[tracks.frame_index]
+    number = (np.cumsum(posed) - 1).astype(np.int32)
+    return replace(
+        tracks,
+        frames=tuple(np.array(tracks.frames)[posed].tolist()),
+        frame_index=number[tracks.frame_index[rows]], track=tracks.track[rows], xy=tracks.xy[rows],
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Pair:
+    """Tracks that two frames share."""
+
+    i: int
+    j: int
+    """Indices into the tracks' frames."""
+    a: Floats
+    b: Floats
+    """(n, 2) places in pixels of the source frames."""
+
+
+def _pairs(tracks: Tracks, options: KnownPoseOptions) -> list[_Pair]:
+    """Pairs over the whole clip, each as far apart as enough tracks last; UserError where there are none."""
+    count, found = len(tracks.frames), []
+    for i in np.unique(np.linspace(0, count - 2, min(options.pairs, count - 1)).round().astype(int)).tolist():
+        here = len(tracks.in_frame(i)[0])
+        best = None
+        for gap in 2 ** np.arange(8):
+            if i + gap >= count:
+                break
+            a, b = tracks.shared(i, i + int(gap))
+            if len(a) < max(12, options.lasting * here):
+                break
+            best = _Pair(i, i + int(gap), a, b)
+        if best is not None:
+            step = -(-len(best.a) // options.most_shared)
+            found.append(replace(best, a=best.a[::step], b=best.b[::step]))
+    if not found:
+        raise UserError(
+            "no features can be followed from frame to frame, so nothing tells whether these cameras are"
+            " the clip's"
+        )
+    return found
+
+
+@dataclass(frozen=True)
+class _Epipolar:
+    """By how much tracks miss, with the frames or the focal lengths that poses may be of."""
+
+    cameras: Reconstruction
+    tracks: Tracks
+    pairs: list[_Pair]
+    options: KnownPoseOptions
+
+    def miss(self, offset: int = 0, focal: float = 1.0) -> float:
+        """Median distance in pixels of a 1,000-pixel frame, where the clip's frame f has the pose of f +
+        `offset` and focal lengths are `focal` times as long; NaN where too few pairs have poses."""
+        at = {image.frame: image for image in self.cameras.images}
+        found = []
+        for pair in self.pairs:
+            one, other = (at.get(self.tracks.frames[index] + offset) for index in (pair.i, pair.j))
+            if one is not None and other is not None:
+                found.append(self._distances(one, other, pair, focal))
+        if len(found) < self.options.overlap * len(self.pairs):
+            return float("nan")
+        scale = 1000 / max(self.tracks.width, self.tracks.height)
+        return float(np.median(np.concatenate(found))) * scale
+
+    @property
+    def moved(self) -> float:
+        """Median distance in pixels of a 1,000-pixel frame by which tracks move from one frame of a pair to
+        the other."""
+        moved = np.concatenate([np.linalg.norm(pair.a - pair.b, axis=1) for pair in self.pairs])
+        return float(np.median(moved)) * 1000 / max(self.tracks.width, self.tracks.height)
+
+    def _distances(self, one: Image, other: Image, pair: _Pair, focal: float) -> Floats:
+        """(n,) pixels in the second frame between a track and all places where its ray may be seen."""
+        rays, seen = (self._rays(image, xy, focal) for image, xy in ((one, pair.a), (other, pair.b)))
+        turn = other.rotation @ one.rotation.T
+        shift = other.translation - turn @ one.translation
+        far = np.column_stack([rays, np.ones(len(rays))]) @ turn.T
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            start = far[:, :2] / far[:, 2:]
+            # Where the point goes as it comes nearer; its ray ends in the first camera, at the epipole.
+            along = (shift[:2] - start * shift[2]) / far[:, 2:]
+            length = np.linalg.norm(along, axis=1)
+            along = along / np.where(length > 0, length, 1)[:, None]
+            end = np.full(len(rays), np.inf)
+            if shift[2] > 0:
+                end = np.linalg.norm(shift[:2] / shift[2] - start, axis=1)
+            away = seen - start
+            reach = np.clip((away * along).sum(axis=1), 0, end)
+            distance = np.linalg.norm(away - reach[:, None] * along, axis=1)
+        pixels = focal * float(self.cameras.intrinsics(other).focal.mean())
+        # What lies behind the second camera, wherever it is on its ray, misses altogether.
+        return np.where(np.isfinite(distance) & (far[:, 2] > 0), distance * pixels, np.inf)
+
+    def _rays(self, image: Image, xy: Floats, focal: float) -> Floats:
+        lens = self.cameras.intrinsics(image)
+        return lens.undistort((xy - lens.principal_point) / (focal * lens.focal))
+
+
+def _fits(epipolar: _Epipolar, options: KnownPoseOptions) -> float:
+    """By how much tracks miss; UserError where the cameras are not the clip's."""
+    miss = epipolar.miss()
+    if miss <= options.good:
+        return miss
+    clip, posed = np.array(epipolar.tracks.frames), epipolar.cameras.frames
+    low, high = (int(posed[0] - clip[-1]), int(posed[-1] - clip[0]))
+    most = options.largest_offset
+    offset, other = _least(
+        lambda offset: epipolar.miss(offset=int(offset)), range(max(low, -most), min(high, most) + 1)
+    )
+    if offset and other < options.better * miss:
+        when = f"{counted(abs(offset), 'frame')} {'later' if offset > 0 else 'earlier'}"
+        raise UserError(
+            "these cameras are of other frames than the clip's: they fit it if each frame has the camera of"
+            f" {when} (offset {offset:+d}: what is tracked misses by {other:.1f} of 1000 pixels then, not by"
+            f" {miss:.1f})"
+        )
+    focal, other = _least(lambda focal: epipolar.miss(focal=focal), FOCALS)
+    if other < options.better * miss:
+        raise UserError(
+            f"these cameras have another lens than the clip: they fit it with {focal:.2f} times the focal"
+            f" length (what is tracked misses by {other:.1f} of 1000 pixels then, not by {miss:.1f})"
+        )
+    if miss > min(options.misfit, max(options.unexplained * epipolar.moved, options.good)):
+        raise UserError(
+            f"these cameras are not those of this clip: what is tracked misses by {miss:.0f} of 1000 pixels,"
+            " and no other frame numbers or focal length explain it; give the clip that they were made from"
+        )
+    return miss
+
+
+def _least[T](miss: Callable[[T], float], tried: range | Floats) -> tuple[T, float]:
+    """Of what is tried, that with which tracks miss least, and by how much."""
+    found = [(value, each) for each in tried if np.isfinite(value := miss(each))]
+    value, best = min(found, key=lambda one: one[0])
+    return best, value
+
+
+def _rectified(cameras: Reconstruction, tracks: Tracks, options: KnownPoseOptions, miss: float) -> Solution:
+    """The tracks as pinholes with the principal point in the middle would see them, and the poses."""
+    at = {image.frame: image for image in cameras.images}
+    images = [at[frame] for frame in tracks.frames]
+    centre = np.array([tracks.width, tracks.height]) / 2
+    xy, focal = tracks.xy.copy(), np.empty(len(images))
+    for index, image in enumerate(images):
+        lens = cameras.intrinsics(image)
+        low, high = np.searchsorted(tracks.frame_index, [index, index + 1])
+        focal[index] = lens.fx
+        xy[low:high] = lens.undistort((xy[low:high] - lens.principal_point) / lens.focal) * lens.fx + centre
+    own = SolutionOptions()
+    made = solution.empty(
+        replace(tracks, xy=xy), 1.0, replace(own, max_error=max(own.max_error, options.slack * miss))
+    )
+    made.focal = focal
+    made.rotation = np.array([image.rotation for image in images])
+    made.translation = np.array([image.translation for image in images])
+    return made
+
+
+def _place(made: Solution) -> None:
+    """Points where rays come closest in pixels; those that pass far away count little (Cauchy's weights)."""
+    tracks = made.tracks
+    made.xyz[:] = np.nan
+    made.used = np.isfinite(tracks.xy).all(axis=1)
+    views = np.bincount(tracks.track[made.used], minlength=tracks.count)
+    wanted = (views >= made.options.min_views)[tracks.track] & made.used
+    weights = np.ones(len(tracks.xy))
+    scale = made.max_error / 2
+    for _ in range(ROUNDS):
+        made.xyz = solution.nearest_points(made, wanted, weights)
+        local = np.einsum("mij,mj->mi", made.rotation[tracks.frame_index], made.xyz[tracks.track])
+        depth = local[:, 2] + made.translation[tracks.frame_index, 2]
+        nearest = NEAREST * np.nanmedian(np.where(depth > 0, depth, np.nan))
+        error = np.nan_to_num(made.errors(), nan=FAR, posinf=FAR)
+        # A miss in pixels is one in space over the depth.
+        weights = 1 / (
+            np.maximum(np.nan_to_num(depth), nearest) ** 2 * (1 + (np.minimum(error, FAR) / scale) ** 2)
+        )
+
+
+def _collected(cameras: Reconstruction, tracks: Tracks, made: Solution) -> Reconstruction:
+    """The points with their observations as the clip has them, before all cameras of its frames."""
+    error = made.errors()
+    used = made.used & np.isfinite(made.xyz[tracks.track, 0])
+    views = np.bincount(tracks.track[used], minlength=tracks.count)
+    kept = views >= made.options.min_views
+    used &= kept[tracks.track]
+    number = (np.cumsum(kept) - 1).astype(np.int32)
+    total = np.bincount(tracks.track[used], error[used], tracks.count)
+    points = Points(made.xyz[kept], tracks.rgb[kept], total[kept] / views[kept])
+    at = {image.frame: image for image in cameras.images}
+    images = []
+    for index, frame in enumerate(tracks.frames):
+        rows = np.flatnonzero(used & (tracks.frame_index == index))
+        images.append(replace(at[frame], xy=tracks.xy[rows], points=number[tracks.track[rows]]))
+    return Reconstruction(cameras.cameras, tuple(images), points)
