@@ -153,4 +153,4 @@ def _depth_anything(path: Path) -> tuple[Reconstruction, tuple[str, ...]]:
 def _pinhole(place: str, size: tuple[int, int], matrix: Floats) -> Intrinsics:
     """The pinhole of a 3 x 3 matrix of pixels that count from the centre of the first one."""
     values = matrix[[0, 1, 0, 1], [0, 1, 2, 2]] + [0, 0, CENTRE, CENTRE]
-    return lens(place, "PINHOLE", size, values)
+    return lens(place, "PINHOLE", size, values.tolist())

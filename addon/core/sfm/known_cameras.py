@@ -1,15 +1,22 @@
-"""Cameras without points as a file, from the process that knows them to the one that finds their points."""
+"""Cameras without points as a file, from the process that knows them to the one that finds their points; and
+points that nobody tracked, as few as are enough."""
 
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
 
+from ..base.arrays import Ints
 from ..camera.intrinsics import Intrinsics
-from ..camera.reconstruction import Image, Points, Reconstruction
+from ..camera.reconstruction import Image, Points, Reconstruction, seen_by
+
+CELLS = (24, 16)
+"""Across and down a picture, of each of which one point is enough for focus and range. By eye."""
+MOST_POINTS = 20_000
+"""Of a cloud that no picture observes. By eye."""
 
 
 def bare(images: tuple[Image, ...], lenses: tuple[Intrinsics, ...]) -> Reconstruction:
@@ -40,3 +47,41 @@ def read_cameras(path: Path) -> Reconstruction:
     )
     lenses = tuple(Intrinsics(**{**lens, "terms": tuple(lens["terms"])}) for lens in read["lenses"])
     return bare(images, lenses)
+
+
+def thinned(cloud: Reconstruction) -> Reconstruction:
+    """A cloud computed from depth, of as few points as tell focus and range, each where a frame shows it.
+
+    Of those that a frame observes one in each of `CELLS` is kept; what no frame observes is projected into
+    all, what is hidden there included.
+    """
+    points, images = cloud.points, cloud.images
+    if any(len(image.points) for image in images):
+        images = tuple(_thinned(image, cloud) for image in images)
+        kept = np.unique(np.concatenate([image.points for image in images]))
+    else:
+        kept = np.unique(np.linspace(0, len(points) - 1, min(len(points), MOST_POINTS)).round().astype(int))
+        images = tuple(_projected(image, cloud, kept.astype(np.int32)) for image in images)
+    number = np.zeros(len(points), np.int32)
+    number[kept] = np.arange(len(kept))
+    images = tuple(replace(image, points=number[image.points]) for image in images)
+    return Reconstruction(
+        cloud.cameras, images, Points(points.xyz[kept], points.rgb[kept], points.error[kept])
+    )
+
+
+def _thinned(image: Image, cloud: Reconstruction) -> Image:
+    lens = cloud.intrinsics(image)
+    cell = np.floor(image.xy / [lens.width, lens.height] * CELLS).astype(int)
+    _, first = np.unique(cell, axis=0, return_index=True)
+    first.sort()
+    return replace(image, xy=image.xy[first], points=image.points[first])
+
+
+def _projected(image: Image, cloud: Reconstruction, rows: Ints) -> Image:
+    local, ahead = seen_by(image, cloud, rows)
+    lens = cloud.intrinsics(image)
+    place = lens.project(local)
+    with np.errstate(invalid="ignore"):
+        ahead &= np.all((place >= 0) & (place < [lens.width, lens.height]), axis=1)
+    return replace(image, xy=place[ahead], points=rows[ahead])

@@ -8,12 +8,12 @@ disagree count less and less, and what is left of their disagreement is the repr
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..base.arrays import Floats, Ints
+from ..base.arrays import Floats, Ints, Mask
 from ..base.counting import counted
 from ..base.errors import UserError
 from ..camera.reconstruction import Image, Points, Reconstruction
@@ -53,7 +53,11 @@ class KnownPoseOptions:
     `SolutionOptions.max_error`: poses of networks and of phones miss by more than a solve does. By eye."""
 
 
-FOCALS = 1.03 ** np.arange(-24, 25)
+class NoDepthError(UserError):
+    """The cameras may be right, but tell no depth."""
+
+
+FOCALS = tuple((1.03 ** np.arange(-24, 25)).tolist())
 """Factors of the focal length that are tried: half to twice."""
 ROUNDS = 6
 """Of weighing observations anew. By eye."""
@@ -87,12 +91,13 @@ def triangulate(
 
     `cameras` may have images of frames past the clip, for telling that its frames are numbered otherwise.
     UserError where the cameras are not this clip's, naming the frame numbers or the focal length with which
-    they would be, and where they tell no depth.
+    they would be, and NoDepthError where they tell no depth.
     """
-    tracks = _of_posed_frames(tracks, cameras)
     progress("Comparing cameras", 0, 1)
-    pairs = _pairs(tracks, options)
-    miss = _fits(_Epipolar(cameras, tracks, pairs, options), options)
+    posed = np.isin(tracks.frames, cameras.frames)
+    # Of frames without a pose nothing is asked, unless all are: then they are numbered otherwise.
+    tracks = _of_frames(tracks, posed) if posed.sum() > 1 else tracks
+    miss = _fits(_Epipolar(cameras, tracks, _pairs(tracks, options), options), options)
     made = _rectified(cameras, tracks, options, miss)
     for step in range(2):
         progress("Adjusting", step, 2)
@@ -102,7 +107,7 @@ def triangulate(
     explained, moving = solution.explained(made)
     found = _collected(cameras, tracks, made)
     if len(found.points) < made.options.min_points:
-        raise UserError(
+        raise NoDepthError(
             f"of {counted(tracks.count, 'tracked feature')} only {len(found.points)} could be placed in"
             " space with these cameras: they hardly leave their place, or only turn, so that the clip tells"
             " no depth"
@@ -110,18 +115,13 @@ def triangulate(
     return Known(found, miss, explained, moving)
 
 
-def _of_posed_frames(tracks: Tracks, cameras: Reconstruction) -> Tracks:
-    """What frames with a pose show; UserError where fewer than two have one."""
-    posed = np.isin(tracks.frames, cameras.frames)
-    if posed.sum() < 2:
-        raise UserError(
-            f"the cameras have a pose for {counted(int(posed.sum()), 'frame')} of the clip; 2 are needed"
-        )
-    rows = posed[tracks.frame_index]
-    number = (np.cumsum(posed) - 1).astype(np.int32)
+def _of_frames(tracks: Tracks, kept: Mask) -> Tracks:
+    """What some frames (F,) show."""
+    rows = kept[tracks.frame_index]
+    number = (np.cumsum(kept) - 1).astype(np.int32)
     return replace(
         tracks,
-        frames=tuple(np.array(tracks.frames)[posed].tolist()),
+        frames=tuple(np.array(tracks.frames)[kept].tolist()),
         frame_index=number[tracks.frame_index[rows]], track=tracks.track[rows], xy=tracks.xy[rows],
     )  # fmt: skip
 
@@ -225,37 +225,42 @@ def _fits(epipolar: _Epipolar, options: KnownPoseOptions) -> float:
     if miss <= options.good:
         return miss
     clip, posed = np.array(epipolar.tracks.frames), epipolar.cameras.frames
-    low, high = (int(posed[0] - clip[-1]), int(posed[-1] - clip[0]))
-    most = options.largest_offset
-    offset, other = _least(
-        lambda offset: epipolar.miss(offset=int(offset)), range(max(low, -most), min(high, most) + 1)
+    first, last = (
+        max(-options.largest_offset, min(at, options.largest_offset))
+        for at in (int(posed[0] - clip[-1]), int(posed[-1] - clip[0]))
     )
-    if offset and other < options.better * miss:
-        when = f"{counted(abs(offset), 'frame')} {'later' if offset > 0 else 'earlier'}"
+    allowed = min(options.misfit, max(options.unexplained * epipolar.moved, options.good))
+    by_offset, offset = _least(lambda each: epipolar.miss(offset=int(each)), range(first, last + 1))
+    by_focal, focal = _least(lambda each: epipolar.miss(focal=each), FOCALS)
+    found = min(by_offset, by_focal)
+    if found <= min(allowed, options.better * miss if np.isfinite(miss) else allowed):
+        then = f"what is tracked misses by {found:.1f} of 1000 pixels then"
+        then += f", not by {miss:.1f}" if np.isfinite(miss) else ""
+        if by_focal < by_offset:
+            raise UserError(
+                f"these cameras have another lens than the clip: they fit it with {focal:.2f} times the focal"
+                f" length ({then})"
+            )
+        when = f"{counted(abs(int(offset)), 'frame')} {'later' if offset > 0 else 'earlier'}"
         raise UserError(
             "these cameras are of other frames than the clip's: they fit it if each frame has the camera of"
-            f" {when} (offset {offset:+d}: what is tracked misses by {other:.1f} of 1000 pixels then, not by"
-            f" {miss:.1f})"
+            f" {when} (offset {int(offset):+d}: {then})"
         )
-    focal, other = _least(lambda focal: epipolar.miss(focal=focal), FOCALS)
-    if other < options.better * miss:
+    if not miss <= allowed:
+        missed = f"what is tracked misses by {miss:.0f} of 1000 pixels, and"
+        if not np.isfinite(miss):
+            missed = "hardly a frame of it has one of them, and"
         raise UserError(
-            f"these cameras have another lens than the clip: they fit it with {focal:.2f} times the focal"
-            f" length (what is tracked misses by {other:.1f} of 1000 pixels then, not by {miss:.1f})"
-        )
-    if miss > min(options.misfit, max(options.unexplained * epipolar.moved, options.good)):
-        raise UserError(
-            f"these cameras are not those of this clip: what is tracked misses by {miss:.0f} of 1000 pixels,"
-            " and no other frame numbers or focal length explain it; give the clip that they were made from"
+            f"these cameras are not those of this clip: {missed} no other frame numbers or focal length"
+            " explain it; give the clip that they were made from"
         )
     return miss
 
 
-def _least[T](miss: Callable[[T], float], tried: range | Floats) -> tuple[T, float]:
-    """Of what is tried, that with which tracks miss least, and by how much."""
+def _least(miss: Callable[[float], float], tried: Sequence[float]) -> tuple[float, float]:
+    """By how much tracks miss with what makes it least of what is tried, and that."""
     found = [(value, each) for each in tried if np.isfinite(value := miss(each))]
-    value, best = min(found, key=lambda one: one[0])
-    return best, value
+    return min(found, default=(float("inf"), 0.0))
 
 
 def _rectified(cameras: Reconstruction, tracks: Tracks, options: KnownPoseOptions, miss: float) -> Solution:
@@ -292,7 +297,9 @@ def _place(made: Solution) -> None:
         made.xyz = solution.nearest_points(made, wanted, weights)
         local = np.einsum("mij,mj->mi", made.rotation[tracks.frame_index], made.xyz[tracks.track])
         depth = local[:, 2] + made.translation[tracks.frame_index, 2]
-        nearest = NEAREST * np.nanmedian(np.where(depth > 0, depth, np.nan))
+        if not np.any(depth > 0):
+            return
+        nearest = NEAREST * np.median(depth[depth > 0])
         error = np.nan_to_num(made.errors(), nan=FAR, posinf=FAR)
         # A miss in pixels is one in space over the depth.
         weights = 1 / (

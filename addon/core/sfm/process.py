@@ -19,8 +19,9 @@ from ..camera.focal_length import Focal, in_pixels
 from ..media.clip import FrameRange, open_footage
 from ..media.clip_identity import identity
 from ..media.video import video_info
+from ..readers.colmap_export import write_model
 from ..readers.matching import Imported
-from .known_cameras import write_cameras
+from .known_cameras import thinned, write_cameras
 from .staging import Staging
 from .tracks import TRACKERS
 from .workspace import check_import, check_replaceable, imported_from, is_solved
@@ -40,6 +41,8 @@ SHARES = {
 
 CAMERAS = "cameras.json"
 """In the folder of a solve, the cameras that are held."""
+CLOUD = "cloud"
+"""In that folder, points that were given with them and that no two frames see."""
 END = 0.3
 """Seconds that the worker has to end by itself: it has nothing to clean up, and who cancels waits."""
 LOOK = 0.05
@@ -131,10 +134,15 @@ class SolveProcess:
             "tracker": self._options["tracker"],
             "lens": {name: self._options.get(name) for name in ("focal", "zooms")},
             "cameras": None,
+            "cloud": None,
         }
         if (held := self._cameras) is not None:
             write_cameras(folder / CAMERAS, held.reconstruction)
             job |= {"cameras": CAMERAS, "format": held.format, "notes": held.notes, "placed": held.placed}
+            if len(held.reconstruction.points):
+                (folder / CLOUD).mkdir()
+                write_model(folder / CLOUD, thinned(held.reconstruction))
+                job["cloud"] = CLOUD
         (folder / "job.json").write_text(json.dumps(job), encoding="utf-8")
         # -P: a folder called "addon" in the current directory must not be taken for ours.
         command = [_python(), "-P", "-m", "addon.core.sfm.worker", str(folder / "job.json")]

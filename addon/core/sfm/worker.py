@@ -28,7 +28,7 @@ from ..media.clip import Footage, open_footage
 from ..media.exif import photo_data
 from ..media.metadata import equivalent_focal
 from ..media.video import VideoInfo
-from ..readers.colmap_export import write_model
+from ..readers.colmap_export import read_model, write_model
 from . import known_poses
 from .degeneracy import refuse_cuts
 from .known_cameras import read_cameras
@@ -39,6 +39,10 @@ from .workspace import keep_visible
 METADATA_SIGMA = 0.1
 """Relative standard deviation of what files say of the lens: video is cropped more than photos are."""
 POINTS_FOUND = "the cameras are held as they were given; the points are tracked and placed before them here"
+POINTS_TAKEN = (
+    "the cameras tell no depth, for they hardly leave their place: the model's own points are taken, of which"
+    " nobody measured how well they fit the clip"
+)
 ZOOMED = "the picture agrees with a lens that zooms; if it does not, give its focal length"
 PATIENCE = 5.0
 """Seconds in which a process that ends has let go of all that it held."""
@@ -145,14 +149,16 @@ def _solved(job: dict[str, Any], footage: Footage, tracks: Tracks) -> _Found:
 
 def _held(job: dict[str, Any], tracks: Tracks, folder: Path) -> _Found:
     """Points before cameras that another program found."""
-    known = known_poses.triangulate(read_cameras(folder / job["cameras"]), tracks, _progress)
-    said = {
-        "focal_from": "file",
-        "method": job["format"],
-        "explained": known.explained,
-        "camera_miss": known.miss,
-        "notes": [*job["notes"], POINTS_FOUND],
-    }
+    said = {"focal_from": "file", "method": job["format"], "notes": [*job["notes"], POINTS_FOUND]}
+    try:
+        known = known_poses.triangulate(read_cameras(folder / job["cameras"]), tracks, _progress)
+    except known_poses.NoDepthError:
+        if job["cloud"] is None:
+            raise
+        said["notes"][-1] = POINTS_TAKEN
+        said["observed"] = False
+        return _Found(upright(read_model(folder / job["cloud"])), np.zeros(0, np.int32), said)
+    said |= {"explained": known.explained, "camera_miss": known.miss}
     placed = known.reconstruction if job["placed"] else upright(known.reconstruction)
     return _Found(placed, known.moving, said)
 

@@ -1,0 +1,151 @@
+"""Cameras without points from file to picture: the same as from a model with points, whatever the source."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import bpy
+import cv2
+import numpy as np
+import pytest
+from mathutils import Matrix
+
+from addon.core.camera.reconstruction import Image, Points, Reconstruction
+from addon.core.sfm.workspace import load_solve
+
+from .. import camera_files as files
+from .. import planes
+from ..command_line import done
+from ..scenes import psnr
+
+FOCUS, RADIUS = 6.0, 0.15
+"""In the unit of the planes."""
+FRAME = 6
+
+
+@dataclass(frozen=True)
+class Shot:
+    """The clip, and what is wanted of it."""
+
+    clip: Path
+    known: Reconstruction
+    truth: np.ndarray
+    """(h, w) what a lens shows of the planes, linear."""
+    score: float
+    """PSNR in dB of the picture that the model with points gives."""
+
+
+@pytest.fixture(scope="module")
+def shot(tmp_path_factory: pytest.TempPathFactory, registered: None) -> Shot:
+    folder = tmp_path_factory.mktemp("cameras")
+    clip, known = files.write_clip(folder / "shot"), files.model()
+    path = files.colmap(folder / "model", seen(known))
+    done("import", path, "--footage", clip, "--work", folder / "work")
+    there = truth(known.images[FRAME - 1])
+    return Shot(clip, known, there, psnr(rendered(folder / "work"), there))
+
+
+def seen(known: Reconstruction) -> Reconstruction:
+    """The cameras, and points on the planes that they observe."""
+    xyz = planes.features()
+    images = []
+    for image in known.images:
+        place = known.intrinsics(image).project(image.to_camera(xyz))
+        rows = np.flatnonzero(np.all((place > 0) & (place < planes.SIZE), axis=1)).astype(np.int32)
+        images.append(replace(image, xy=place[rows], points=rows))
+    points = Points(xyz, np.full((len(xyz), 3), 128, np.uint8), np.zeros(len(xyz)))
+    return replace(known, images=tuple(images), points=points)
+
+
+def truth(image: Image) -> np.ndarray:
+    """What a lens of `RADIUS` shows: the mean of views from all over it, each shifted to fit at `FOCUS`."""
+    steps = (np.arange(9) - 4) / 4.5
+    total, turn = [], cv2.Rodrigues(image.rotation)[0].ravel()
+    for across in steps:
+        for down in steps:
+            if across**2 + down**2 <= 1:
+                move = RADIUS * np.array([across, down, 0.0])
+                shift = files.SHIFT + planes.FOCAL / FOCUS * move[:2]
+                view = planes.view(image.centre + image.rotation.T @ move, turn, shift=tuple(shift))
+                total.append((view[..., 0] / 255.0) ** 2.2)
+    return np.asarray(np.mean(total, axis=0) ** (1 / 2.2))
+
+
+def rendered(work: Path, frame: int = FRAME) -> np.ndarray:
+    """(h, w) a frame through the lens."""
+    out = work.with_suffix(".out")
+    done(
+        "render", work, "--focus-distance", FOCUS, "--aperture-radius", RADIUS, "--views", 32,
+        "--quality", "draft", "--highlights", "off", "--frames", frame, "--out", out / "####.png",
+    )  # fmt: skip
+    picture = cv2.imread(str(out / f"{frame:04d}.png"), cv2.IMREAD_GRAYSCALE)
+    return np.asarray(picture / 255.0)
+
+
+def blend(path: Path, known: Reconstruction, **changes: object) -> Path:
+    """A .blend with a camera named Filmed that is animated as the known ones are."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    scene = bpy.context.scene
+    scene.render.resolution_x, scene.render.resolution_y = planes.SIZE
+    scene.frame_start, scene.frame_end = 1, files.COUNT
+    data = bpy.data.cameras.new("Filmed")
+    thing = bpy.data.objects.new("Filmed", data)
+    scene.collection.objects.link(thing)
+    lens = known.cameras[0]
+    data.lens = lens.fx * data.sensor_width / lens.width
+    data.shift_x = (lens.width / 2 - lens.cx) / lens.width
+    data.shift_y = (lens.cy - lens.height / 2) / lens.width
+    for image, matrix in zip(known.images, files.to_world(known, files.OPENGL), strict=True):
+        thing.matrix_world = Matrix(matrix.tolist())
+        thing.keyframe_insert("location", frame=image.frame)
+        thing.keyframe_insert("rotation_euler", frame=image.frame)
+    for name, value in changes.items():
+        setattr(scene.render, name, value)
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    return path
+
+
+def check(shot: Shot, work: Path, *words: object, frame: int = FRAME) -> None:
+    """Import, with an error that was measured, and render as well as the model with points gives."""
+    said = done("import", *words, "--work", work)
+    quality = load_solve(work).quality
+    assert f"{quality.registered} of {files.COUNT} frames registered" in said
+    assert quality.registered == files.COUNT
+    assert quality.reprojection_error is not None and 0.02 < quality.reprojection_error < 0.3
+    assert psnr(rendered(work, frame), shot.truth) > shot.score - 0.1
+
+
+WRITERS: dict[str, Callable[[Path, Reconstruction], Path]] = {
+    "transforms": lambda folder, known: files.transforms(folder / "transforms.json", known),
+    "colmap": lambda folder, known: files.colmap(folder / "colmap", known),
+    "megasam": lambda folder, known: files.megasam(folder / "shot_sgd_cvd_hr.npz", known),
+    "vipe": lambda folder, known: files.vipe(folder / "vipe", known),
+    "depth_anything": lambda folder, known: files.depth_anything(folder / "results.npz", known),
+}
+
+
+@pytest.mark.parametrize(
+    "source", ["transforms", *(pytest.param(name, marks=pytest.mark.long) for name in list(WRITERS)[1:])]
+)
+def test_cameras_without_points(shot: Shot, source: str, tmp_path: Path) -> None:
+    path = WRITERS[source](tmp_path, shot.known)
+    check(shot, tmp_path / "work", path, "--footage", shot.clip)
+
+
+def test_a_camera_of_a_blend(shot: Shot, tmp_path: Path) -> None:
+    path = blend(tmp_path / "scene.blend", shot.known)
+    check(shot, tmp_path / "work", "--blend", path, "--camera", "Filmed", "--footage", shot.clip)
+
+
+@pytest.mark.long
+def test_a_recording_of_stray_scanner(shot: Shot, tmp_path: Path) -> None:
+    check(shot, tmp_path / "work", files.stray(tmp_path / "recording", shot.known, shot.clip))
+
+
+@pytest.mark.long
+def test_a_recording_of_record3d(shot: Shot, tmp_path: Path) -> None:
+    """Its pictures begin at 0, and are JPEGs."""
+    path = files.record3d(tmp_path / "walk.r3d", shot.known, shot.clip)
+    check(shot, tmp_path / "work", path, frame=FRAME - 1)

@@ -1,0 +1,193 @@
+"""Cameras without points, written as the programs write them: axes, pixels, frames and units as they are."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from addon.core.base.errors import UserError
+from addon.core.camera.reconstruction import Reconstruction, rotation_matrix
+from addon.core.media.clip import Footage, open_footage
+from addon.core.readers import read_reconstruction, recorded_clip, stray
+
+from .. import camera_files as files
+from .. import planes
+
+TURNED = rotation_matrix(np.array([0.4, -1.1, 0.7]))
+"""A world that lies on its side, in no particular direction."""
+
+
+@pytest.fixture(scope="module")
+def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return files.write_clip(tmp_path_factory.mktemp("clip") / "shot")
+
+
+@pytest.fixture(scope="module")
+def footage(clip: Path) -> Footage:
+    return open_footage(clip)
+
+
+@pytest.fixture
+def known() -> Reconstruction:
+    return files.model(TURNED, 0.3)
+
+
+def assert_same(found: Reconstruction, known: Reconstruction, pixels: float = 1e-3) -> None:
+    """Poses as exact as single precision, lenses to a thousandth of a pixel."""
+    assert found.frames.tolist() == known.frames.tolist()
+    for one, other in zip(found.images, known.images, strict=True):
+        np.testing.assert_allclose(one.rotation, other.rotation, atol=1e-6)
+        np.testing.assert_allclose(one.translation, other.translation, atol=1e-6)
+        mine, theirs = found.intrinsics(one), known.intrinsics(other)
+        assert (mine.width, mine.height) == (theirs.width, theirs.height)
+        place = [[*lens.focal, *lens.principal_point] for lens in (mine, theirs)]
+        np.testing.assert_allclose(*place, atol=pixels)
+
+
+def test_transforms_json(tmp_path: Path, footage: Footage, known: Reconstruction) -> None:
+    imported = read_reconstruction(files.transforms(tmp_path / "transforms.json", known), footage)
+    assert imported.lacks_points and imported.format == "transforms.json"
+    assert_same(imported.reconstruction, known, 1e-9)
+    # The folder that it lies in will do.
+    assert_same(read_reconstruction(tmp_path, footage).reconstruction, known)
+
+
+def test_transforms_json_of_instant_ngp_tells_an_angle(tmp_path: Path, footage: Footage) -> None:
+    known = files.middled(files.model())
+    path = files.transforms(tmp_path / "transforms.json", known)
+    said = json.loads(path.read_text())
+    kept = {"frames": said["frames"], "camera_angle_x": 2 * np.arctan(planes.WIDTH / 2 / planes.FOCAL)}
+    for frame in kept["frames"]:
+        # It leaves endings away.
+        frame["file_path"] = "./" + frame["file_path"].removesuffix(".png")
+    path.write_text(json.dumps(kept))
+    assert_same(read_reconstruction(path, footage).reconstruction, known, 1e-9)
+
+
+def test_transforms_json_has_lenses_of_frames_and_distortion(tmp_path: Path, footage: Footage) -> None:
+    said = {"k1": -0.1, "k2": 0.02, "p1": 0.001, "p2": -0.002}
+    path = files.transforms(tmp_path / "transforms.json", files.model(), **said)
+    said = json.loads(path.read_text())
+    said["frames"][3]["fl_x"] = said["frames"][3]["fl_y"] = 300.0
+    path.write_text(json.dumps(said))
+    model = read_reconstruction(path, footage).reconstruction
+    lenses = [model.intrinsics(image) for image in model.images]
+    assert [lens.fx for lens in lenses] == [300.0 if number == 3 else planes.FOCAL for number in range(12)]
+    assert {(lens.k1, lens.k2, lens.p1, lens.p2) for lens in lenses} == {(-0.1, 0.02, 0.001, -0.002)}
+    fisheye = files.transforms(path, files.model(), k1=0.01, k2=0.002, camera_model="OPENCV_FISHEYE")
+    lens = read_reconstruction(fisheye, footage).reconstruction.cameras[0]
+    assert (lens.model, lens.terms) == ("OPENCV_FISHEYE", (0.01, 0.002, 0.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [
+        ({"frames": []}, "a list of frames"),
+        ({"frames": [{"file_path": "a.png"}]}, "frame 0: expected a transform_matrix"),
+        ({"frames": [{"file_path": "a.png", "transform_matrix": np.eye(4).tolist()[:2]}]}, "not of 2 rows"),
+        ({"frames": [{"file_path": "a.png", "transform_matrix": (2 * np.eye(4)).tolist()}]}, "of a rotation"),
+        ({"frames": [{"transform_matrix": np.eye(4).tolist()}]}, "expected a file_path"),
+        ({"fl_x": None}, "a focal length as fl_x"),
+        ({"fl_x": 10**400}, "one number as fl_x"),
+        ({"camera_model": "EQUIRECTANGULAR"}, "a camera_model that is one of"),
+    ],
+)
+def test_what_is_wrong_with_a_transforms_json_is_named(
+    tmp_path: Path, footage: Footage, change: dict[str, object], expected: str
+) -> None:
+    path = files.transforms(tmp_path / "transforms.json", files.model())
+    path.write_text(json.dumps(json.loads(path.read_text()) | change))
+    with pytest.raises(UserError, match=expected):
+        read_reconstruction(path, footage)
+
+
+def test_megasam(tmp_path: Path, footage: Footage, known: Reconstruction) -> None:
+    imported = read_reconstruction(files.megasam(tmp_path / "shot_sgd_cvd_hr.npz", known), footage)
+    assert imported.lacks_points and imported.format == "MegaSaM"
+    # Its scale is rounded to whole pixels on both sides.
+    assert_same(imported.reconstruction, known, 0.3)
+
+
+def test_vipe(tmp_path: Path, footage: Footage, known: Reconstruction) -> None:
+    folder = files.vipe(tmp_path / "results", known)
+    for path in (folder, folder / "pose" / "shot.npz"):
+        imported = read_reconstruction(path, footage)
+        assert imported.lacks_points and imported.format == "ViPE"
+        assert_same(imported.reconstruction, known)
+    (folder / "intrinsics" / "shot_camera.txt").write_text("0: PINHOLE\n1: MEI\n")
+    with pytest.raises(UserError, match="expected PINHOLE cameras, not MEI"):
+        read_reconstruction(folder, footage)
+
+
+def test_depth_anything(tmp_path: Path, footage: Footage, known: Reconstruction) -> None:
+    imported = read_reconstruction(files.depth_anything(tmp_path / "results.npz", known), footage)
+    assert imported.lacks_points and imported.format == "Depth Anything 3"
+    assert_same(imported.reconstruction, known)
+
+
+def test_arrays_of_objects_are_never_unpacked(tmp_path: Path, footage: Footage) -> None:
+    path = tmp_path / "evil.npz"
+    np.savez(path, cam_c2w=np.array([{"a": 1}], dtype=object), intrinsic=np.eye(3), allow_pickle=True)
+    with pytest.raises(UserError, match="no model of a known format"):
+        read_reconstruction(path, footage)
+
+
+def test_colmap_and_bundler_without_points(tmp_path: Path, footage: Footage, known: Reconstruction) -> None:
+    imported = read_reconstruction(files.colmap(tmp_path / "colmap", known), footage)
+    assert imported.lacks_points
+    assert_same(imported.reconstruction, known)
+    middled = files.middled(known)
+    imported = read_reconstruction(files.bundler(tmp_path / "bundler", middled), footage)
+    assert imported.lacks_points
+    assert_same(imported.reconstruction, middled)
+
+
+def test_stray_scanner(tmp_path: Path, clip: Path, known: Reconstruction) -> None:
+    folder = files.stray(tmp_path / "recording", known, clip)
+    own = recorded_clip(folder)
+    assert own == folder / "rgb.mp4"
+    imported = read_reconstruction(folder, open_footage(own))
+    assert imported.lacks_points and imported.format == "Stray Scanner"
+    assert_same(imported.reconstruction, known)
+    found = stray.depth(folder, 5)
+    assert found is not None
+    metres, sure = found
+    assert np.isnan(metres[:20]).all() and (metres[20:] == 4.0).all()
+    assert np.unique(sure[20:, [0, 100, 200]], axis=0).tolist() == [[0.0, 0.5, 1.0]]
+    assert not sure[:20].any()
+    assert stray.depth(folder, 12) is None
+
+
+def test_an_older_stray_scanner_has_no_names(tmp_path: Path, clip: Path, known: Reconstruction) -> None:
+    folder = files.stray(tmp_path / "recording", known, clip)
+    rows = (folder / "odometry.csv").read_text().splitlines()[1:]
+    (folder / "odometry.csv").write_text("\n".join(row.split(", ", 2)[2] for row in rows))
+    imported = read_reconstruction(folder, open_footage(folder / "rgb.mp4"))
+    assert_same(imported.reconstruction, known)
+
+
+def test_record3d_unpacks_its_pictures(tmp_path: Path, clip: Path, known: Reconstruction) -> None:
+    path = files.record3d(tmp_path / "walk.r3d", known, clip)
+    own = recorded_clip(path)
+    assert own == tmp_path / "walk_frames"
+    pictures = open_footage(own)
+    assert pictures.frames == tuple(range(12))
+    imported = read_reconstruction(path, pictures)
+    assert imported.lacks_points and any("LZFSE" in note for note in imported.notes)
+    found = imported.reconstruction
+    assert found.frames.tolist() == list(range(12))
+    for one, other in zip(found.images, known.images, strict=True):
+        np.testing.assert_allclose(one.rotation, other.rotation, atol=1e-9)
+        np.testing.assert_allclose(one.centre, other.centre, atol=1e-9)
+    # Once is enough, and what else lies there is not touched.
+    before = {file: file.stat().st_mtime_ns for file in own.iterdir()}
+    assert recorded_clip(path) == own
+    assert {file: file.stat().st_mtime_ns for file in own.iterdir()} == before
+    (own / "000003.jpg").write_bytes(b"mine")
+    with pytest.raises(UserError, match=r"is not what walk\.r3d unpacks to"):
+        recorded_clip(path)
+    assert (own / "000003.jpg").read_bytes() == b"mine"
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["walk.r3d", "walk_frames"]

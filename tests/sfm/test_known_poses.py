@@ -1,0 +1,138 @@
+"""Points before cameras that are held: on the planes that were filmed; and cameras of something else."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from addon.core.base.errors import UserError
+from addon.core.camera.reconstruction import Image, Reconstruction, rotation_matrix
+from addon.core.media.clip import open_footage
+from addon.core.sfm.known_poses import triangulate
+from addon.core.sfm.tracks import Tracks, track_features
+
+from .. import camera_files as files
+from .. import planes
+
+
+@pytest.fixture(scope="module")
+def tracks(tmp_path_factory: pytest.TempPathFactory) -> Tracks:
+    clip = files.write_clip(tmp_path_factory.mktemp("known") / "shot")
+    return track_features(open_footage(clip), lambda *_: None)
+
+
+def renumbered(known: Reconstruction, by: int) -> Reconstruction:
+    return replace(known, images=tuple(replace(image, frame=image.frame + by) for image in known.images))
+
+
+def test_points_lie_on_what_was_filmed(tracks: Tracks) -> None:
+    """Whichever way the world lies, and whatever its unit: lengths are the cameras' own."""
+    turn, scale = rotation_matrix(np.array([0.4, -1.1, 0.7])), 0.3
+    known = triangulate(files.model(turn, scale), tracks)
+    found = known.reconstruction
+    depth = (found.points.xyz @ turn)[:, 2] / scale
+    nearest = np.min([np.abs(depth / there - 1) for there in planes.PLANES], axis=0)
+    assert len(depth) > 150
+    assert np.median(nearest) < 0.005 and np.quantile(nearest, 0.9) < 0.02
+    for there in planes.PLANES:
+        assert np.sum(np.abs(depth / there - 1) < 0.02) > 10
+    assert known.miss < 0.3 and known.explained > 0.8
+    assert found.frames.tolist() == list(range(1, files.COUNT + 1))
+    # What is said of the error is what the points miss by in the pixels of the clip.
+    total, seen = np.zeros(len(depth)), found.views_per_point
+    for image in found.images:
+        place = found.intrinsics(image).project(image.to_camera(found.points.xyz[image.points]))
+        np.add.at(total, image.points, np.linalg.norm(place - image.xy, axis=1))
+    np.testing.assert_allclose(total / seen, found.points.error, atol=1e-6)
+    assert seen.min() >= 3
+
+
+def test_frames_without_a_pose_are_left_out(tracks: Tracks) -> None:
+    some = replace(files.model(), images=files.model().images[2:9])
+    assert triangulate(some, tracks).reconstruction.frames.tolist() == [3, 4, 5, 6, 7, 8, 9]
+
+
+def test_a_lens_that_bends_is_undone(tracks: Tracks) -> None:
+    """Tracks as such a lens would have shown them; the points are the same."""
+    straight = triangulate(files.model(), tracks).reconstruction
+    plain = files.camera()
+    bent = replace(plain, k1=-0.12, k2=0.03, p1=0.002, fx=1.04 * plain.fx, fy=0.98 * plain.fy)
+    rays = (tracks.xy - plain.principal_point) / plain.focal
+    seen = replace(tracks, xy=bent.distort(rays) * bent.focal + bent.principal_point)
+    found = triangulate(replace(files.model(), cameras=(bent,)), seen).reconstruction
+    assert abs(len(found.points) - len(straight.points)) < 0.05 * len(straight.points)
+    depths = [np.quantile(each.points.xyz[:, 2], [0.1, 0.5, 0.9]) for each in (found, straight)]
+    np.testing.assert_allclose(*depths, rtol=0.01)
+
+
+@pytest.mark.parametrize("offset", [-3, 2, 1000])
+def test_other_frame_numbers_are_refused_with_those_that_fit(tracks: Tracks, offset: int) -> None:
+    """Cameras from before the clip to after it, numbered otherwise, as of a scene that begins at 1001."""
+    with pytest.raises(UserError, match=rf"of other frames .*{re.escape(f'(offset {offset:+d}: ')}"):
+        triangulate(renumbered(_longer(), offset), tracks)
+    assert triangulate(_longer(), tracks).explained > 0.8
+
+
+def _longer() -> Reconstruction:
+    """The cameras of the clip, and five before and after it that go on along a bent path."""
+    known = files.model()
+    extra = []
+    for step, number in [
+        *zip(range(-5, 0), range(-4, 1), strict=True),
+        *zip(range(1, 6), range(13, 18), strict=True),
+    ]:
+        end = known.images[0 if step < 0 else -1]
+        turn = rotation_matrix(np.array([0.004 * step * step, 0.01 * step, 0.0])) @ end.rotation
+        centre = end.centre + np.array([0.05 * step, 0.02 * step * step, 0.0])
+        extra.append(Image(number, turn, -turn @ centre, np.zeros((0, 2)), np.zeros(0, np.int32)))
+    images = sorted([*known.images, *extra], key=lambda image: image.frame)
+    return replace(known, images=tuple(images))
+
+
+def test_another_lens_is_refused_with_the_factor_that_fits(tracks: Tracks) -> None:
+    lens = files.camera()
+    longer = replace(files.model(), cameras=(replace(lens, fx=1.6 * lens.fx, fy=1.6 * lens.fy),))
+    with pytest.raises(UserError, match=r"another lens than the clip: they fit it with 0\.6\d times"):
+        triangulate(longer, tracks)
+
+
+@pytest.mark.parametrize(
+    "axes",
+    [np.diag([1.0, -1.0, -1.0]), np.diag([-1.0, -1.0, 1.0]), np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]])],
+)
+def test_cameras_with_other_axes_are_refused(tracks: Tracks, axes: np.ndarray) -> None:
+    """Those of OpenGL taken for OpenCV's, for one."""
+    known = files.model()
+    turned = tuple(
+        replace(image, rotation=axes @ image.rotation, translation=axes @ image.translation)
+        for image in known.images
+    )
+    with pytest.raises(UserError, match="not those of this clip"):
+        triangulate(replace(known, images=turned), tracks)
+
+
+def test_cameras_of_another_clip_are_refused(tracks: Tracks) -> None:
+    """A walk ahead that looks about."""
+    images = []
+    for image in files.model().images:
+        rotation = rotation_matrix(np.array([0.03 * image.frame, -0.02 * image.frame, 0.0]))
+        centre = np.array([0.0, 0.0, 0.2 * image.frame])
+        images.append(replace(image, rotation=rotation, translation=-rotation @ centre))
+    with pytest.raises(UserError, match="not those of this clip"):
+        triangulate(replace(files.model(), images=tuple(images)), tracks)
+
+
+def test_cameras_that_only_turn_tell_no_depth(tmp_path: Path) -> None:
+    clip = planes.write_clip(tmp_path / "pan", planes.turning(8))
+    angles = np.linspace(-0.12, 0.12, 8)
+    images = []
+    for number, angle in enumerate(angles, 1):
+        rotation = rotation_matrix(np.array([0.0, angle, 0.0]))
+        images.append(Image(number, rotation, np.zeros(3), np.zeros((0, 2)), np.zeros(0, np.int32)))
+    known = replace(planes.poses(np.zeros((8, 3))), images=tuple(images))
+    with pytest.raises(UserError, match="tells no depth"):
+        triangulate(known, track_features(open_footage(clip), lambda *_: None))
