@@ -17,7 +17,7 @@ from ..core.base.streams import say
 from ..core.base.time_left import TimeLeft
 from ..core.camera.focal_length import Focal, from_equivalent, from_field_of_view, from_sensor
 from ..core.media.clip import Footage, FrameRange, open_footage
-from ..core.readers import read_reconstruction, recorded_clip
+from ..core.readers import read_reconstruction, recorded_clip, recorded_depth
 from ..core.readers.colmap_export import export_model
 from ..core.readers.matching import Imported
 from ..core.sfm.process import SolveProcess, SolveProgress
@@ -185,10 +185,13 @@ def import_model(options: argparse.Namespace) -> None:
         find_points(found, footage, work, options.again)
     else:
         keep_import(found, footage, work, options.again)
+    depth = recorded_depth(options.model, work) if options.camera is None else None
     solved = load_solve(work, footage.path)
     say(f"{found.format}: {solved.summary}")
     for note in solved.quality.notes:
         say(f"note: {note}")
+    if depth is not None:
+        say(f"note: what the phone's LiDAR measured is in {depth}: render with --depth {depth}")
     say(solved.quality.advised(options.words))
 
 

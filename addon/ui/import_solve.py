@@ -9,7 +9,7 @@ import bpy
 
 from ..core.base.errors import UserError
 from ..core.media.clip import Footage, open_footage
-from ..core.readers import read_reconstruction, recorded_clip
+from ..core.readers import read_reconstruction, recorded_clip, recorded_depth
 from ..core.readers.matching import Imported
 from ..core.sfm.workspace import SolveThereError, check_import, keep_import
 from ..scene.clip import footage_path, work_dir
@@ -173,6 +173,10 @@ class VIRTUAL_APERTURE_OT_import_solve(Import, bpy.types.Operator):  # noqa: N80
         return recorded(self.filepath) or super().clip(settings)
 
     def read(self, footage: Footage) -> Imported:
+        settings = bpy.context.scene.virtual_aperture
+        depth = recorded_depth(_model_path(self.filepath), work_dir(settings, footage.path))
+        if depth is not None:
+            self.report({"INFO"}, f"What the phone's LiDAR measured is in {depth}: for Depth Maps")
         return read_model(self.filepath, footage)
 
     def ask(self) -> None:

@@ -10,8 +10,9 @@ import pytest
 
 from addon.core.base.errors import UserError
 from addon.core.camera.reconstruction import Reconstruction, rotation_matrix
+from addon.core.depth.user_maps import open_depth
 from addon.core.media.clip import Footage, open_footage
-from addon.core.readers import read_reconstruction, recorded_clip, stray
+from addon.core.readers import read_reconstruction, recorded_clip, recorded_depth, stray
 
 from .. import camera_files as files
 from .. import planes
@@ -159,6 +160,25 @@ def test_stray_scanner(tmp_path: Path, clip: Path, known: Reconstruction) -> Non
     assert np.unique(sure[20:, [0, 100, 200]], axis=0).tolist() == [[0.0, 0.5, 1.0]]
     assert not sure[:20].any()
     assert stray.depth(folder, 12) is None
+
+
+def test_the_lidar_of_a_recording_becomes_depth_maps(
+    tmp_path: Path, clip: Path, known: Reconstruction
+) -> None:
+    """Of the video's frames, unknown where the phone was not sure."""
+    folder = files.stray(tmp_path / "recording", known, clip)
+    maps = recorded_depth(folder, tmp_path / "walk.aperture")
+    assert maps == tmp_path / "walk_lidar"
+    found = open_depth(maps, open_footage(folder / "rgb.mp4"))
+    assert found.frames == tuple(range(1, 13))
+    values = found.read(6).values
+    assert np.isnan(values[:20]).all() and np.isnan(values[:, :64]).all()
+    assert (values[20:, 64:] == 4000).all()
+    # What is there is not written anew.
+    (maps / "000001.png").write_bytes(b"mine")
+    assert recorded_depth(folder, tmp_path / "walk.aperture") == maps
+    assert (maps / "000001.png").read_bytes() == b"mine"
+    assert recorded_depth(files.transforms(tmp_path / "a.json", known), tmp_path / "other.aperture") is None
 
 
 def test_an_older_stray_scanner_has_no_names(tmp_path: Path, clip: Path, known: Reconstruction) -> None:

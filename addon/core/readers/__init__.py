@@ -39,6 +39,10 @@ class Recording(Reader, Protocol):
     def clip(self, path: Path) -> Path:
         """The clip of a recording, which may be unpacked beside it for it; UserError where that cannot be."""
 
+    def write_depth(self, path: Path, folder: Path) -> Path | None:
+        """Write the depth that a recording measured as maps of its clip into a folder, where it is not there;
+        the folder, None where there is no depth that can be read. UserError where it cannot be written."""
+
 
 RECORDINGS: tuple[Recording, ...] = (stray, record3d)
 READERS: tuple[Reader, ...] = (colmap, bundler, nvm, voodoo, transforms, camera_arrays, *RECORDINGS)
@@ -69,6 +73,15 @@ def recorded_clip(path: Path) -> Path | None:
     had."""
     path = Path(path).expanduser()
     return next((reader.clip(path) for reader in RECORDINGS if reader.recognises(path)), None)
+
+
+def recorded_depth(path: Path, work_dir: Path) -> Path | None:
+    """The depth maps that a recording brings with it, beside a working folder; None of what has none.
+    UserError where they cannot be written."""
+    path = Path(path).expanduser()
+    folder = work_dir.with_name(f"{work_dir.stem}_lidar")
+    found = (reader.write_depth(path, folder) for reader in RECORDINGS if reader.recognises(path))
+    return next(found, None)
 
 
 def _recognised(path: Path) -> tuple[Reader, Path]:

@@ -103,6 +103,10 @@ def read(path: Path, size: tuple[int, int]) -> ImportedModel:
     return ImportedModel(FORMAT, model, tuple(str(row) for row in range(len(table))), (NO_DEPTH,))
 
 
+def write_depth(path: Path, folder: Path) -> None:
+    """None: nothing here unpacks LZFSE."""
+
+
 def _lenses(said: dict[str, Any], count: int, place: str) -> np.ndarray:
     """(count, 4) focal lengths and principal points in pixels."""
     if said.get("perFrameIntrinsicCoeffs"):

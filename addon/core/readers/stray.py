@@ -9,12 +9,14 @@ neither timestamp nor frame.
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import cv2
 import numpy as np
 
 from ..base.arrays import Floats
+from ..base.atomic import PART, collect_orphans, owned
 from ..base.errors import UserError
 from ..base.numbers import LARGEST, reals
 from ..base.regular_file import is_regular, read_regular
@@ -28,6 +30,8 @@ MOST = 2**28
 """Bytes of a table."""
 SURE = 2
 """The highest of the phone's levels of confidence."""
+ENOUGH = 0.5
+"""Confidence of depth that is taken for depth: the phone's "medium". As StrayVisualizer has it."""
 DIGITS = 3
 """Of a pixel, to which frames' lenses are told apart: the phone's focus moves them all the time."""
 
@@ -85,6 +89,32 @@ def depth(path: Path, frame: int) -> tuple[Floats, Floats] | None:
     if level is None or level.shape != metres.shape:
         raise UserError(f"{sure}: expected a grey picture of {metres.shape[1]}x{metres.shape[0]}")
     return metres, np.where(np.isfinite(metres), np.clip(level / SURE, 0, 1), 0.0)
+
+
+def write_depth(path: Path, folder: Path) -> Path | None:
+    """Write what the LiDAR measured as depth maps of the recording's clip, 16-bit PNG in millimetres, 0 where
+    its confidence is below the middle; the folder, as it is where it is there, None where nothing was
+    measured. UserError where it cannot be written."""
+    measured = sorted(int(file.stem) for file in (path / "depth").glob("*.png") if file.stem.isdecimal())
+    if folder.exists() or not measured:
+        return folder if folder.exists() else None
+    collect_orphans(folder.parent)
+    try:
+        with owned(folder.parent, PART) as name:
+            part = folder.with_name(f"{name}-{folder.name}")
+            try:
+                part.mkdir()
+                for frame in measured:
+                    metres, confidence = depth(path, frame) or (np.zeros((1, 1)), np.zeros((1, 1)))
+                    sure = np.where(confidence >= ENOUGH, metres * 1000, 0).round().astype(np.uint16)
+                    # Maps are numbered as the video's frames are, from 1.
+                    (part / f"{frame + 1:06d}.png").write_bytes(cv2.imencode(".png", sure)[1].tobytes())
+                part.rename(folder)
+            finally:
+                shutil.rmtree(part, ignore_errors=True)
+    except OSError as error:
+        raise UserError(f"{folder} cannot be written: {error.strerror}") from None
+    return folder
 
 
 def _table(path: Path) -> tuple[list[str], Floats]:
