@@ -127,9 +127,10 @@ class VIRTUAL_APERTURE_OT_find_points(Solves, bpy.types.Operator):  # noqa: N801
         return self.solve_now(context)
 
     def solved_clip(self, settings: Any) -> tuple[Path, str]:
-        if self.wanted is None:
+        wanted, VIRTUAL_APERTURE_OT_find_points.wanted = self.wanted, None
+        if wanted is None:
             raise UserError("no cameras are there to find points for; import them")
-        self._cameras, clip = self.wanted
+        self._cameras, clip = wanted
         return clip, settings.work_dir
 
 

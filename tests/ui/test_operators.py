@@ -70,6 +70,16 @@ CASES = {
         f"{UI}::test_a_solved_movie_clip_of_this_file_is_imported",
         "No movie clip of this file is solved",
     ),
+    "use_scene_camera": Case(
+        "ui/test_scene_camera.py::test_a_scenes_camera_is_used_where_it_stands",
+        "ui/test_scene_camera.py::test_a_camera_at_other_frames_is_refused",
+        "of other frames",
+    ),
+    "find_points": Case(
+        "ui/test_scene_camera.py::test_cameras_without_points_are_imported",
+        "ui/test_scene_camera.py::test_points_are_found_for_cameras_only",
+        "no cameras are there",
+    ),
     "import_clip": Case(
         "ui/test_file_import.py::test_a_clip_is_chosen_and_solved_by_any_of_its_pictures",
         "ui/test_file_import.py::test_what_is_no_clip_is_refused_and_nothing_chosen",

@@ -264,7 +264,7 @@ def test_edit_mode_is_left_for_a_new_solve(scene: bpy.types.Scene, tmp_path: Pat
 
 
 def test_an_import_that_fails_leaves_everything_as_it_was(scene: bpy.types.Scene, tmp_path: Path) -> None:
-    with pytest.raises(RuntimeError, match="Choose a clip first"):
+    with pytest.raises(RuntimeError, match="no clip is chosen"):
         bpy.ops.virtual_aperture.import_solve(filepath=str(tmp_path))
     work = choose_clip(scene, tmp_path)
     with pytest.raises(RuntimeError, match="no model is chosen"):
