@@ -11,9 +11,11 @@ import random
 import signal
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable, Container, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from types import FrameType
 
@@ -26,6 +28,7 @@ from addon.core.readers import READERS
 from addon.core.readers.imported_model import ImportedModel
 from addon.core.readers.matching import match
 
+from .. import camera_files as cameras
 from .. import foreign_models as foreign
 
 resource = pytest.importorskip("resource", reason="memory and time are only limited on POSIX systems")
@@ -177,13 +180,34 @@ def models() -> dict[str, dict[str, bytes]]:
         "Voodoo": {"track.txt": foreign.voodoo(made, k3=0.01).encode()},
         "COLMAP text": {name: text.encode() for name, text in foreign.colmap_text(made, names).items()},
         "COLMAP binary": foreign.colmap_binary(made, names),
+        **alone(),
     }
+
+
+@cache
+def alone() -> dict[str, dict[str, bytes]]:
+    """The same of formats without points."""
+    made, names = foreign.world(images=3, points=6), ("a 1.png", "b2.png", "c/3.png")
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        clip = foreign.write_clip(folder / "clip")
+        written = {
+            "transforms.json": cameras.transforms(folder / "transforms.json", made, names),
+            "camera arrays of MegaSaM": cameras.megasam(folder / "a_sgd_cvd_hr.npz", made),
+            "camera arrays of Depth Anything 3": cameras.depth_anything(folder / "results.npz", made),
+            "Record3D": cameras.record3d(folder / "walk.r3d", made, clip),
+        }
+        tables = cameras.stray(folder / "stray", made, clip)
+        stray = {name: (tables / name).read_bytes() for name in ("odometry.csv", "camera_matrix.csv")}
+        found = {label: {path.name: path.read_bytes()} for label, path in written.items()}
+        return {**found, "Stray Scanner": stray}
 
 
 def read(folder: Path, label: str) -> ImportedModel:
     """With the format's own reader, whether or not it still recognises the file."""
     reader = next(reader for reader in READERS if label.startswith(reader.FORMAT.split()[0]))
-    path = folder if label.startswith("COLMAP") else folder / next(iter(models()[label]))
+    whole = label.startswith(("COLMAP", "Stray"))
+    path = folder if whole else folder / next(iter(models()[label]))
     reader.recognises(path)
     return reader.read(path, foreign.SIZE)
 
@@ -261,7 +285,7 @@ def fuzz(label: str, folder: Path) -> int:
     with limits():
         for number in range(MUTATIONS):
             name = rng.choice(list(files))
-            mutate = rng.choice(IN_BINARY if name.endswith(".bin") else IN_TEXT)
+            mutate = rng.choice(IN_BINARY if name.endswith((".bin", ".npz", ".r3d")) else IN_TEXT)
             content = mutate(rng, files[name])
             write(folder / name, content)
             signal.setitimer(signal.ITIMER_VIRTUAL, SECONDS)
