@@ -135,8 +135,8 @@ class VIRTUAL_APERTURE_OT_drop_model(import_solve.Import, bpy.types.Operator):  
             raise UserError(f"the clip is being solved; cancel that with ESC, then drop {name} again")
         return super().execute(context)
 
-    def clip(self, settings: bpy.types.PropertyGroup) -> Path:
-        return import_solve.recorded(self.filepath) or super().clip(settings)
+    def clip_of(self, settings: bpy.types.PropertyGroup) -> Path:
+        return import_solve.recorded(self.filepath) or super().clip_of(settings)
 
     def read(self, footage: Footage) -> Imported:
         return import_solve.read_model(self.filepath, footage)

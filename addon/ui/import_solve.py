@@ -53,7 +53,7 @@ class Import:
         """Call this operator once more, with `again`."""
         raise NotImplementedError
 
-    def clip(self, settings: Any) -> Path:
+    def clip_of(self, settings: Any) -> Path:
         """The clip that it is of; UserError where there is none."""
         if not settings.footage:
             raise UserError("no clip is chosen; choose the clip first, then import what was found in it")
@@ -62,7 +62,7 @@ class Import:
     @reported
     def execute(self: Any, context: bpy.types.Context) -> Result:
         settings = context.scene.virtual_aperture
-        clip = self.clip(settings)
+        clip = self.clip_of(settings)
         footage, folder = open_footage(clip), work_dir(settings, clip)
         found = self.read(footage)
         try:
@@ -170,8 +170,8 @@ class VIRTUAL_APERTURE_OT_import_solve(Import, bpy.types.Operator):  # noqa: N80
         column.label(text="Choose the file of a model;")
         column.label(text="of COLMAP's, open the folder.")
 
-    def clip(self, settings: Any) -> Path:
-        return recorded(self.filepath) or super().clip(settings)
+    def clip_of(self, settings: Any) -> Path:
+        return recorded(self.filepath) or super().clip_of(settings)
 
     def read(self, footage: Footage) -> Imported:
         settings = bpy.context.scene.virtual_aperture

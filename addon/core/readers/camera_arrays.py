@@ -12,7 +12,7 @@ ViPE 1.2 (`vipe/utils/io.py`): pose/NAME.npz with data (n, 4, 4) camera-to-world
 intrinsics/NAME.npz with data (n, 4) fx, fy, cx, cy and inds, intrinsics/NAME_camera.txt with lines such as
 "0: PINHOLE".
 
-Depth Anything 3 (`--export-format npz`): depth (n, h, w), extrinsics (n, 3 or 4, 4) world-to-camera,
+Depth Anything 3 (exported as npz): depth (n, h, w), extrinsics (n, 3 or 4, 4) world-to-camera,
 intrinsics (n, 3, 3) of pictures of the depth's size.
 """
 
