@@ -170,6 +170,8 @@ def report(options: argparse.Namespace) -> None:
 def import_model(options: argparse.Namespace) -> None:
     """`import MODEL --footage FOOTAGE --work DIR`"""
     work: Path = options.work.absolute()
+    if options.offset and options.camera is None:
+        raise UsageError("--offset means nothing without --camera: name the camera whose frames it is of")
     options.model = options.model or options.blend
     clip = options.footage or recorded_clip(options.model)
     if clip is None:

@@ -17,7 +17,7 @@ from addon.core.sfm.workspace import load_solve
 
 from .. import camera_files as files
 from .. import planes
-from ..command_line import done
+from ..command_line import done, here
 from ..scenes import psnr
 
 FOCUS, RADIUS = 6.0, 0.15
@@ -149,3 +149,65 @@ def test_a_recording_of_record3d(shot: Shot, tmp_path: Path) -> None:
     """Its pictures begin at 0, and are JPEGs."""
     path = files.record3d(tmp_path / "walk.r3d", shot.known, shot.clip)
     check(shot, tmp_path / "work", path, frame=FRAME - 1)
+
+
+def depth_cloud(known: Reconstruction, count: int) -> Reconstruction:
+    """What a network unprojects from its depth: `count` points a frame that no other sees, all at 10."""
+    images, xyz = [], []
+    random = np.random.default_rng(7)
+    for number, image in enumerate(known.images):
+        lens = known.intrinsics(image)
+        place = random.uniform([0, 0], planes.SIZE, (count, 2))
+        world = (
+            np.column_stack([(place - lens.principal_point) / lens.focal, np.ones(count)]) @ image.rotation
+        )
+        xyz.append(image.centre + world * ((10 - image.centre[2]) / world[:, 2])[:, None])
+        rows = np.arange(number * count, (number + 1) * count, dtype=np.int32)
+        images.append(replace(image, xy=place, points=rows))
+    points = np.concatenate(xyz)
+    grey = np.full((len(points), 3), 128, np.uint8)
+    return replace(known, images=tuple(images), points=Points(points, grey, np.zeros(len(points))))
+
+
+def test_points_that_one_frame_sees_are_not_believed(shot: Shot, tmp_path: Path) -> None:
+    """They lie on no plane but the farthest, and their error is not 0.00 px: nobody measured one."""
+    path = files.colmap(tmp_path / "model", depth_cloud(shot.known, 2000))
+    said = done("import", path, "--footage", shot.clip, "--work", tmp_path / "work")
+    assert "0.00 px" not in said
+    kept = load_solve(tmp_path / "work")
+    assert kept.quality.reprojection_error is not None and kept.quality.reprojection_error > 0.02
+    low, _, high = kept.quality.distances
+    assert low == pytest.approx(4, rel=0.15) and high == pytest.approx(10, rel=0.1)
+
+
+def test_of_a_camera_that_stays_the_points_are_taken(tmp_path: Path, registered: None) -> None:
+    """It tells no depth, the file does: focus works, and no error is said."""
+    still = replace(
+        files.model(),
+        images=tuple(replace(files.model().images[0], frame=number) for number in range(1, files.COUNT + 1)),
+    )
+    first = files.model().images[0]
+    turn = cv2.Rodrigues(first.rotation)[0].ravel()
+    picture = planes.view(first.centre, turn, shift=files.SHIFT)
+    clip = planes.write_clip(tmp_path / "still", [picture] * files.COUNT)
+    path = files.colmap(tmp_path / "model", depth_cloud(still, 500))
+    said = done("import", path, "--footage", clip, "--work", tmp_path / "work")
+    assert "reprojection error not measured" in said
+    assert "nobody measured how well they fit the clip" in said
+    kept = load_solve(tmp_path / "work")
+    assert kept.quality.registered == files.COUNT
+    assert min(kept.quality.points_per_frame) > 100
+    assert kept.quality.distances[1] == pytest.approx(10.5, rel=0.05)
+
+
+def test_an_offset_is_a_blender_cameras(tmp_path: Path, shot: Shot) -> None:
+    path = files.transforms(tmp_path / "transforms.json", shot.known)
+    ended = here("import", path, "--footage", shot.clip, "--work", tmp_path / "work", "--offset", 3)
+    assert ended.returncode == 2 and "--offset means nothing without --camera" in ended.stderr
+    blended = blend(tmp_path / "scene.blend", shot.known)
+    words = ("--footage", shot.clip, "--work", tmp_path / "work")
+    ended = here("import", blended, "--camera", "Another", *words)
+    assert ended.returncode == 1 and "has no camera 'Another' (it has: Filmed)" in ended.stderr
+    ended = here("import", blended, "--camera", "Filmed", "--offset", 2, *words)
+    assert ended.returncode == 1 and "(offset -2: " in ended.stderr
+    assert not (tmp_path / "work").exists()

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from addon.core.base.errors import UserError
-from addon.core.camera.reconstruction import Image, Reconstruction, rotation_matrix
+from addon.core.camera.reconstruction import Image, Points, Reconstruction, rotation_matrix
 from addon.core.media.clip import open_footage
+from addon.core.sfm.known_cameras import thinned
 from addon.core.sfm.known_poses import triangulate
 from addon.core.sfm.tracks import Tracks, track_features
 
@@ -136,3 +137,35 @@ def test_cameras_that_only_turn_tell_no_depth(tmp_path: Path) -> None:
     known = replace(planes.poses(np.zeros((8, 3))), images=tuple(images))
     with pytest.raises(UserError, match="tells no depth"):
         triangulate(known, track_features(open_footage(clip), lambda *_: None))
+
+
+def _cloud(observed: bool) -> Reconstruction:
+    """10,000 points a frame on the planes, as networks unproject depth: each is seen by its frame at most."""
+    known, lens, found, xyz = files.model(), files.camera(), [], []
+    random = np.random.default_rng(5)
+    for number, image in enumerate(known.images):
+        place = random.uniform([0, 0], planes.SIZE, (10_000, 2))
+        rays = np.column_stack([(place - lens.principal_point) / lens.focal, np.ones(len(place))])
+        world = rays @ image.rotation
+        depth = (10.0 - image.centre[2]) / world[:, 2]
+        xyz.append(image.centre + world * depth[:, None])
+        rows = np.arange(number * 10_000, (number + 1) * 10_000, dtype=np.int32)
+        found.append(replace(image, xy=place, points=rows) if observed else image)
+    points = np.concatenate(xyz)
+    grey = np.full((len(points), 3), 128, np.uint8)
+    return replace(known, images=tuple(found), points=Points(points, grey, np.zeros(len(points))))
+
+
+@pytest.mark.parametrize("observed", [True, False])
+def test_a_cloud_of_depth_is_thinned_to_what_focus_needs(observed: bool) -> None:
+    cloud = thinned(_cloud(observed))
+    assert len(cloud.points) < 25_000
+    np.testing.assert_allclose(cloud.points.xyz[:, 2], 10.0)
+    for image in cloud.images:
+        assert len(image.points) >= 300 if observed else len(image.points) > 1000
+        assert np.bincount(image.points).max() == 1
+        place = cloud.intrinsics(image).project(image.to_camera(cloud.points.xyz[image.points]))
+        np.testing.assert_allclose(place, image.xy, atol=1e-9)
+        # It is spread over the picture.
+        cells = np.unique(np.floor(image.xy / planes.SIZE * 4), axis=0)
+        assert len(cells) == 16

@@ -17,7 +17,8 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGES = [
     ROOT / "README.md",
     *(ROOT / "docs" / f"{name}.md" for name in (
-        "first_clip", "focus_pull", "lens", "people", "masks", "compositing", "troubleshooting",
+        "first_clip", "focus_pull", "lens", "people", "masks", "bring_your_own", "compositing",
+        "troubleshooting",
     )),
 ]  # fmt: skip
 VARIES = "\0"
