@@ -54,7 +54,8 @@ def read_scene_camera(
     """The camera at every frame of the clip, in the scene's own unit and world; points are not known.
 
     The clip's frame f has the scene's frame f + `offset`. Frames around those of the clip are among the
-    images, too. UserError for a camera that is no perspective one, or that is mirrored or skewed.
+    images, too. UserError for a camera that is no perspective one, that is mirrored or skewed, or that
+    Blender does not evaluate.
     """
     if camera.data.type != "PERSP":
         kind = camera.data.type.lower()
@@ -123,7 +124,13 @@ def _sights(
         for frame in frames:
             scene.frame_set(frame)
             depsgraph = layer.depsgraph
-            world = np.array(camera.evaluated_get(depsgraph).matrix_world, dtype=np.float64)
+            evaluated = camera.evaluated_get(depsgraph)
+            if not evaluated.is_evaluated:
+                raise UserError(
+                    f"the camera {camera.name} does not move, for it is disabled in viewports or its"
+                    " collection is excluded; switch it on in the Outliner"
+                )
+            world = np.array(evaluated.matrix_world, dtype=np.float64)
             if root is not None:
                 world = np.linalg.inv(np.array(root.matrix_world, dtype=np.float64)) @ world
             projection = camera.calc_matrix_camera(depsgraph, x=width, y=height, scale_x=across, scale_y=down)

@@ -13,6 +13,10 @@ import pytest
 from mathutils import Matrix
 
 from addon.core.camera.reconstruction import Image, Points, Reconstruction
+from addon.core.media.clip import open_footage
+from addon.core.readers import read_reconstruction
+from addon.core.readers.colmap_export import export_model
+from addon.core.sfm.known_cameras import bare
 from addon.core.sfm.workspace import load_solve
 
 from .. import camera_files as files
@@ -211,3 +215,20 @@ def test_an_offset_is_a_blender_cameras(tmp_path: Path, shot: Shot) -> None:
     ended = here("import", blended, "--camera", "Filmed", "--offset", 2, *words)
     assert ended.returncode == 1 and "(offset -2: " in ended.stderr
     assert not (tmp_path / "work").exists()
+
+
+def test_photos_that_are_no_clip(data: Path, tmp_path: Path, registered: None) -> None:
+    """Cameras that Bundler found for photos from wide apart, without its points: a solve would see cuts."""
+    footage = open_footage(data / "kermit")
+    known = read_reconstruction(data / "kermit" / "bundle.out", footage).reconstruction
+    (tmp_path / "model").mkdir()
+    names = {frame: footage.file(frame).name for frame in known.frames.tolist()}
+    export_model(tmp_path / "model", bare(known.images, known.cameras), names)
+    done("import", tmp_path / "model", "--footage", data / "kermit", "--work", tmp_path / "work")
+    kept = load_solve(tmp_path / "work")
+    assert kept.reconstruction.frames.tolist() == known.frames.tolist()
+    assert len(kept.reconstruction.points) > 50
+    assert kept.quality.reprojection_error is not None and kept.quality.reprojection_error < 0.5
+    # As far as Bundler's own points, in its own unit.
+    theirs = np.median([known.median_depth(image) for image in known.images])
+    assert kept.quality.distances[1] == pytest.approx(theirs, rel=0.2)

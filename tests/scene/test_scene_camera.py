@@ -153,6 +153,10 @@ def test_what_cannot_have_filmed_is_refused(
     filmed.scale = (-1, 1, 1)
     with pytest.raises(UserError, match="Filmed is mirrored or skewed at frame 1"):
         read_scene_camera(scene, filmed, footage)
+    filmed.scale = (1, 1, 1)
+    filmed.hide_viewport = True
+    with pytest.raises(UserError, match="Filmed does not move, for it is disabled in viewports"):
+        read_scene_camera(scene, filmed, footage)
     filmed.data.type = "ORTHO"
     with pytest.raises(UserError, match="is ortho; only a perspective camera"):
         read_scene_camera(scene, filmed, footage)

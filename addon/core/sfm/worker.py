@@ -32,7 +32,7 @@ from ..readers.colmap_export import read_model, write_model
 from . import known_poses
 from .degeneracy import refuse_cuts
 from .known_cameras import read_cameras
-from .tracks import Tracks, check_shape, track_features
+from .tracks import Tracks, check_shape, cuts, track_features
 from .visibility import visible_points
 from .workspace import keep_visible
 
@@ -78,7 +78,11 @@ def _solve(job: dict[str, Any]) -> None:
     footage = open_footage(job["footage"], job["frames"], info=VideoInfo.parse(job["video"]))
     check_shape(footage)
     tracks = track_features(footage, _progress, job["tracker"])
-    refuse_cuts(tracks)
+    if job["cameras"] is None:
+        refuse_cuts(tracks)
+    elif cuts(tracks):
+        # Known cameras tell how shots, or photos, lie to each other; keypoints are found again after a step.
+        tracks = track_features(footage, _progress, "sift")
     found = _held(job, tracks, folder) if job["cameras"] else _solved(job, footage, tracks)
     result = found.reconstruction
     (folder / "model").mkdir()
