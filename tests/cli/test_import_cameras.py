@@ -118,7 +118,9 @@ def check(shot: Shot, work: Path, *words: object, frame: int = FRAME) -> None:
     assert f"{quality.registered} of {files.COUNT} frames registered" in said
     assert quality.registered == files.COUNT
     assert quality.reprojection_error is not None and 0.02 < quality.reprojection_error < 0.3
-    assert psnr(rendered(work, frame), shot.truth) > shot.score - 0.1
+    score = psnr(rendered(work, frame), shot.truth)
+    print(f"\n{words[0]}: {score:.2f} dB, with points {shot.score:.2f} dB")
+    assert score > shot.score - 0.1
 
 
 WRITERS: dict[str, Callable[[Path, Reconstruction], Path]] = {

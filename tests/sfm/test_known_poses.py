@@ -6,13 +6,14 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
 from addon.core.base.errors import UserError
-from addon.core.camera.reconstruction import Image, Points, Reconstruction, rotation_matrix
+from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction, rotation_matrix
 from addon.core.media.clip import open_footage
-from addon.core.sfm.known_cameras import thinned
+from addon.core.sfm.known_cameras import bare, thinned
 from addon.core.sfm.known_poses import triangulate
 from addon.core.sfm.tracks import Tracks, track_features
 
@@ -169,3 +170,36 @@ def test_a_cloud_of_depth_is_thinned_to_what_focus_needs(observed: bool) -> None
         # It is spread over the picture.
         cells = np.unique(np.floor(image.xy / planes.SIZE * 4), axis=0)
         assert len(cells) == 16
+
+
+def test_a_walk_through_a_room(data: Path) -> None:
+    """Real poses in metres, of a clip with blur and a glossy floor: they fit, one frame later they do not."""
+    lens = np.loadtxt(data / "room" / "K.txt")
+    camera = Intrinsics(540, 360, lens[0, 0], lens[1, 1], lens[0, 2] + 0.5, lens[1, 2] + 0.5)
+    images = []
+    for row in np.loadtxt(data / "room" / "poses.txt"):
+        matrix = row[1:].reshape(4, 4)
+        left, _, right = np.linalg.svd(matrix[:3, :3].T)
+        rotation = left @ right
+        images.append(
+            Image(int(row[0]), rotation, -rotation @ matrix[:3, 3], np.zeros((0, 2)), np.zeros(0, np.int32))
+        )
+    room = bare(tuple(images), (camera,))
+    tracks = track_features(open_footage(data / "room" / "images"), lambda *_: None)
+    known = triangulate(room, tracks)
+    found = known.reconstruction
+    assert len(found.images) == 60 and len(found.points) > 2000
+    assert known.miss < 1.0 and found.points.error.mean() < 0.6
+    # A depth camera measured the same.
+    middle = found.images[30]
+    depth = cv2.imread(str(data / "room" / "depth" / f"{middle.frame:05d}.png"), cv2.IMREAD_UNCHANGED) / 1000
+    column, row = np.floor(middle.xy / [540 / depth.shape[1], 360 / depth.shape[0]]).astype(int).T
+    measured = depth[np.clip(row, 0, depth.shape[0] - 1), np.clip(column, 0, depth.shape[1] - 1)]
+    ratio = (middle.to_camera(found.points.xyz[middle.points])[:, 2] / measured)[measured > 0]
+    assert len(ratio) > 50
+    assert np.median(ratio) == pytest.approx(1, abs=0.03)
+    with pytest.raises(UserError, match=r"of other frames .*\(offset -1: "):
+        triangulate(renumbered(room, -1), tracks)
+    longer = replace(camera, fx=1.3 * camera.fx, fy=1.3 * camera.fy)
+    with pytest.raises(UserError, match=r"another lens than the clip: they fit it with 0\.7\d times"):
+        triangulate(replace(room, cameras=(longer,)), tracks)

@@ -87,7 +87,7 @@ def test_cameras_without_points_are_imported(
     scene.virtual_aperture.footage = str(clip)
     path = files.transforms(tmp_path / "transforms.json", files.model())
     assert bpy.ops.virtual_aperture.import_solve(filepath=str(path)) == {"FINISHED"}
-    assert "the points are tracked and placed before them here" in capfd.readouterr().out
+    assert "the points tracked and placed before them here" in capfd.readouterr().out
     assert len(scene.virtual_aperture.points.data.vertices) > 150
     before = (tmp_path / "shot.aperture" / "solve.json").read_bytes()
     with pytest.raises(RuntimeError, match="holds a solve of this clip already"):
