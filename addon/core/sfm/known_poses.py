@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -36,9 +37,10 @@ class KnownPoseOptions:
     """Pixels by which tracks miss in the median below which no other frame numbers are tried. Our own solves'
     poses miss by 0.06 to 0.13 (of bars, walk and stroller), a phone-like walk's (real data, room) by 0.8; one
     frame too late by 1.0 to 16, with a focal length of 10 % more by 0.3 to 4."""
-    misfit: float = 3.0
+    misfit: float = 4.0
     """Pixels by which tracks miss in the median above which poses are of something else: those of the same
-    clips backwards, or with y and z the other way round, miss by 5 to 130."""
+    clips backwards, or with y and z the other way round, miss by 5 to 130; a network's that is off by 0.2
+    degrees misses by 3."""
     unexplained: float = 0.25
     """Share of what tracks move by that poses leave, above which they are of something else. By eye: right
     ones leave 1 %."""
@@ -171,13 +173,16 @@ class _Epipolar:
     pairs: list[_Pair]
     options: KnownPoseOptions
 
+    @cached_property
+    def _images(self) -> dict[int, Image]:
+        return {image.frame: image for image in self.cameras.images}
+
     def miss(self, offset: int = 0, focal: float = 1.0) -> float:
         """Median distance in pixels of a 1,000-pixel frame, where the clip's frame f has the pose of f +
         `offset` and focal lengths are `focal` times as long; NaN where too few pairs have poses."""
-        at = {image.frame: image for image in self.cameras.images}
         found = []
         for pair in self.pairs:
-            one, other = (at.get(self.tracks.frames[index] + offset) for index in (pair.i, pair.j))
+            one, other = (self._images.get(self.tracks.frames[index] + offset) for index in (pair.i, pair.j))
             if one is not None and other is not None:
                 found.append(self._distances(one, other, pair, focal))
         if len(found) < self.options.overlap * len(self.pairs):
