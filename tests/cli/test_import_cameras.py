@@ -140,6 +140,7 @@ def test_cameras_without_points(shot: Shot, source: str, tmp_path: Path) -> None
     check(shot, tmp_path / "work", path, "--footage", shot.clip)
 
 
+@pytest.mark.long
 def test_a_camera_of_a_blend(shot: Shot, tmp_path: Path) -> None:
     path = blend(tmp_path / "scene.blend", shot.known)
     check(shot, tmp_path / "work", "--blend", path, "--camera", "Filmed", "--footage", shot.clip)
