@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 from addon.core.base.errors import UserError
+from addon.core.depth.map_fit import Fitted, fit_clip, fit_depth
 from addon.core.depth.user_depth import grid_features
-from addon.core.depth.user_maps import DepthMaps, Fitted, fit_clip, fit_depth, open_depth
+from addon.core.depth.user_maps import DepthMaps, open_depth
 from addon.core.media import picture_file as footage_module
 from addon.core.media.clip import Footage, FrameRange, open_footage
 from addon.scene import exr

@@ -10,9 +10,10 @@ from ..base.arrays import Floats, LinearRGBA
 from ..base.nearest_fill import nearest
 from ..camera.canvas import Canvas
 from ..camera.reconstruction import Reconstruction
+from .map_fit import ClipFit, Fitted, fit_clip, fit_depth
 from .source import DepthSource, PixelDepth
 from .sparse import DepthSamples, frame_features
-from .user_maps import ClipFit, DepthMaps, Fitted, fit_clip, fit_depth
+from .user_maps import DepthMaps
 
 COLUMNS = 100
 """Samples across the picture that coarse meshes take of a depth map: by eye."""

@@ -1,12 +1,10 @@
-"""The user's own depth maps: found, read, and brought to the units of the reconstruction.
+"""The user's own depth maps: found and read as they are stored.
 
-A map may hold depth, or inverse depth (which disparity is, but for a factor), with any scale and shift, as
-depth networks and sensors write them. The feature points of the reconstruction tell which, and how much.
+What they hold, and in which unit, `map_fit` tells.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -14,42 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.arrays import Floats
-from ..base.counting import counted
 from ..base.errors import UserError
 from ..media.clip import Footage, describe
 from ..media.side_files import SideFiles
 
-KINDS = ("depth", "inverse")
-"""What a map may hold of a stored value d: z = a d + b, or 1 / z = a d + b."""
-MIN_POINTS = 8
-"""Feature points with fewer of which a frame's own fit says nothing. By eye."""
 GREY_TOLERANCE = 0.01
 """Of the value, by which channels of a grey picture may differ. By eye, for lossy files."""
 GREY_STEPS = 2
 """Steps of whole numbers by which channels of a grey picture may differ besides. By eye, for lossy files."""
-DISCONTINUITY = 0.1
-"""Of the inverse depth: no depth is made up between neighbouring pixels that differ by more. By eye."""
-NEAREST = 10.0
-"""Times the inverse depth of the nearest feature: what lies nearer is a glitch of the map. By eye."""
-SAMPLES = 9
-"""Frames that decide what the maps of the clip have in common. By eye."""
-EXPLAINS = 0.9
-"""A fit that misses by more than this share of what one depth for all would, explains nothing. By eye."""
-USUAL = 3.0
-"""Times what the clip's fits miss: a frame that is worse is not merely short of depth range. By eye."""
-CAP = 15.0
-"""Times the median deviation of inverse depths: no wrong point counts for more. By eye."""
-LEAST_CAP = 0.1
-"""Of the median inverse depth: the least that a wrong point may count for. By eye."""
-TRIALS = 300
-"""Random pairs of points whose lines are tried: of half wrong points, 75 are right in the mean."""
-SCORED = 600
-"""Points by which these lines are judged. By eye, for time."""
-REACH = 4.0
-"""Times the residual's scale: what is farther off is wrong. By eye."""
-TIGHTEST = 0.005
-"""Of the clip's median inverse depth: how far scale and shift of a frame may always stray from the clip's. By
-eye."""
 
 
 @dataclass(frozen=True)
@@ -95,53 +65,6 @@ class DepthMaps(SideFiles):
         return DepthMap(frame, name, values, self.footage.width, self.footage.height)
 
 
-@dataclass(frozen=True)
-class ClipFit:
-    """What the maps of a clip have in common. u = (d - centre) / span stands for the stored value d."""
-
-    kind: str
-    """What the maps hold, one of `KINDS`."""
-    centre: float
-    """Stored value that is the median of the sampled ones."""
-    span: float
-    """Stored values from the 5th to the 95th percentile."""
-    unit: float
-    """The clip's median inverse depth: lines are fitted to inverse depth / unit, or to its inverse."""
-    nearest: float
-    """The largest inverse depth of a feature."""
-    line: Floats
-    """(2,) median slope and offset over u."""
-    spread: Floats
-    """(2,) standard deviation of slope and offset from frame to frame."""
-    missed: float
-    """Mean distance of a frame's features from its map over the unit, the median of the frames."""
-
-
-@dataclass(frozen=True)
-class Fitted:
-    """One map in the units of the reconstruction."""
-
-    frame: int
-    kind: str
-    """What the map holds, one of `KINDS`."""
-    scale: float
-    """z or 1 / z, in the reconstruction's unit, of a step of the stored value."""
-    shift: float
-    """z or 1 / z, in the reconstruction's unit, of the stored value 0."""
-    residual: float
-    """Median distance of the features from the map, as a share of the clip's median inverse depth."""
-    explained: float
-    """Share of the features' deviation from the best single depth that the map explains, up to 1."""
-    inverse_depth: Floats
-    """(H, W) 1 / z in 1 / scene units at the clip's pixels; 0 is infinitely far, NaN unknown."""
-
-    def at(self, xy: Floats) -> Floats:
-        """(n,) inverse depth at (n, 2) pixels of the clip's picture: of the pixel that they are in."""
-        height, width = self.inverse_depth.shape
-        column, row = np.floor(xy).astype(int).T
-        return np.asarray(self.inverse_depth[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)])
-
-
 def open_depth(path: Path, footage: Footage) -> DepthMaps:
     """Find the depth maps of a clip: a folder, or a pattern such as `depth_####.exr`; EXR or 16-bit PNG.
 
@@ -153,65 +76,6 @@ def open_depth(path: Path, footage: Footage) -> DepthMaps:
         return maps
     note = "the depth maps have 8 bits, 256 steps from near to far; 16-bit PNG or EXR is smoother"
     return replace(maps, notes=(*maps.notes, note))
-
-
-def fit_clip(maps: DepthMaps, features: Callable[[int], tuple[Floats, Floats]]) -> ClipFit:
-    """Decide on a few frames what a clip's maps hold, depth or inverse depth, and the usual scale and shift.
-
-    `features` gives a frame's places (n, 2) in pixels of the clip's picture and inverse depths (n,). Raises
-    UserError where the maps explain the points no better than one depth for all does.
-    """
-    steps = np.linspace(0, len(maps.frames) - 1, min(SAMPLES, len(maps.frames)))
-    seen = []
-    for frame in (maps.frames[i] for i in np.unique(np.round(steps).astype(int))):
-        stored, inverse = _sampled(maps.read(frame), *features(frame))
-        if len(stored) >= MIN_POINTS:
-            seen.append((frame, stored, inverse))
-    if not seen:
-        raise UserError(
-            f"the depth maps in {maps.pictures.path.name} know fewer than {MIN_POINTS} feature points a"
-            " frame; check that they are this clip's and not empty"
-        )
-    found = [_fit_clip(kind, seen) for kind in KINDS]
-    fit, misses = min(found, key=lambda one: float(np.median(one[1][:, 0] / one[1][:, 1])))
-    shares = misses[:, 0] / misses[:, 1]
-    if np.median(shares) > EXPLAINS:
-        worst = int(np.argmax(shares))
-        raise _refusal(seen[worst][0], maps.pictures.path.name, *misses[worst])
-    return fit
-
-
-def fit_depth(depth: DepthMap, xy: Floats, inverse_depth: Floats, clip: ClipFit | None = None) -> Fitted:
-    """Bring a map to the units of the reconstruction by its frame's features, and to the clip's size.
-
-    `xy` (n, 2) are pixels of the clip's picture, `inverse_depth` (n,) is 1 / z there, in 1 / scene units.
-    Slope and offset come from random pairs (MSAC: Torr and Zisserman, "MLESAC", 2000), then from least
-    squares with Huber's weights on what is within reach. With `clip` the kind is the clip's, and its usual
-    slope and offset, known as exactly as they vary from frame to frame, are weighed against the frame's
-    points: a frame with few points, or with all at one depth, stays near them. Without, the kind that misses
-    less is taken. Raises UserError where the map explains nothing.
-    """
-    stored, inverse = _sampled(depth, xy, inverse_depth)
-    if clip is None:
-        clip = _fit_alone(depth, stored, inverse)
-    u, y = (stored - clip.centre) / clip.span, inverse / clip.unit
-    line = _with_clip_prior(u, y, clip)
-    residual, missed, constant = _missed(clip.kind, line, u, y)
-    if len(u) >= MIN_POINTS and missed > max(EXPLAINS * constant, USUAL * clip.missed):
-        raise _refusal(depth.frame, depth.name, missed, constant)
-    whole = _inverse(clip.kind, line, (depth.values - clip.centre) / clip.span) * clip.unit
-    if clip.kind == "inverse":
-        # Noise puts far things behind infinity.
-        whole = np.maximum(whole, 0.0)
-    whole[~(whole <= NEAREST * max([clip.nearest, *inverse.tolist()]))] = np.nan
-    in_units = clip.unit if clip.kind == "inverse" else 1 / clip.unit
-    scale = line[0] / clip.span
-    return Fitted(
-        depth.frame, clip.kind,
-        scale=float(scale * in_units), shift=float((line[1] - scale * clip.centre) * in_units),
-        residual=residual, explained=1 - missed / constant if len(u) else 0.0,
-        inverse_depth=_resampled(whole, depth.width, depth.height),
-    )  # fmt: skip
 
 
 def _values(picture: NDArray[np.generic], name: str) -> Floats:
@@ -228,139 +92,3 @@ def _values(picture: NDArray[np.generic], name: str) -> Floats:
     if np.median(apart - GREY_TOLERANCE * np.abs(values[known])) > steps:
         raise UserError(f"{name} is a colour picture, not a depth map; depth maps are gray")
     return np.where(known, values, np.nan)
-
-
-def _sampled(depth: DepthMap, xy: Floats, inverse_depth: Floats) -> tuple[Floats, Floats]:
-    """Stored values (k,) and inverse depths (k,) of the features whose pixel of the map is known."""
-    inside = np.all((xy >= 0) & (xy <= [depth.width, depth.height]), axis=1)
-    inside &= np.isfinite(inverse_depth) & (inverse_depth > 0)
-    stored = depth.at(xy[inside])
-    known = np.isfinite(stored)
-    return stored[known], inverse_depth[inside][known]
-
-
-def _fit_alone(depth: DepthMap, stored: Floats, inverse: Floats) -> ClipFit:
-    """The fit of the kind that misses less, with nothing to compare it with."""
-    if len(stored) < MIN_POINTS:
-        raise UserError(
-            f"{depth.name} knows the depth of {counted(len(stored), 'feature point')} of frame {depth.frame},"
-            f" {MIN_POINTS} are needed; leave the frame out or solve the clip again"
-        )
-    alone = [_fit_clip(kind, [(depth.frame, stored, inverse)]) for kind in KINDS]
-    clip, ((missed, constant),) = min(alone, key=lambda one: float(one[1][0, 0]))
-    if missed > EXPLAINS * constant:
-        raise _refusal(depth.frame, depth.name, missed, constant)
-    return clip
-
-
-def _fit_clip(kind: str, seen: list[tuple[int, Floats, Floats]]) -> tuple[ClipFit, Floats]:
-    """The fit of frames, their stored values and inverse depths; and (k, 2) what it and a constant miss."""
-    everything = np.concatenate([stored for _, stored, _ in seen])
-    low, centre, high = np.percentile(everything, [5, 50, 95])
-    inverse_depths = np.concatenate([inverse for *_, inverse in seen])
-    unit, nearest = float(np.median(inverse_depths)), float(inverse_depths.max())
-    span = float(high - low) or 1.0
-    scaled = [((stored - centre) / span, inverse / unit) for _, stored, inverse in seen]
-    lines = np.array([_line(kind, u, y)[0] for u, y in scaled])
-    misses = np.array([_missed(kind, line, u, y)[1:] for line, (u, y) in zip(lines, scaled, strict=True)])
-    line = np.median(lines, axis=0)
-    spread = 1.4826 * np.median(np.abs(lines - line), axis=0)
-    missed = float(np.median(misses[:, 0]))
-    return ClipFit(kind, float(centre), span, unit, nearest, line, spread, missed), misses
-
-
-def _with_clip_prior(u: Floats, y: Floats, clip: ClipFit) -> Floats:
-    """(2,) slope and offset from a frame's points and the clip's prior, each by its certainty."""
-    if len(u) < MIN_POINTS:
-        return clip.line
-    own, information = _line(clip.kind, u, y)
-    prior = np.diag(1 / np.maximum(clip.spread, TIGHTEST) ** 2)
-    return np.asarray(np.linalg.solve(information + prior, information @ own + prior @ clip.line))
-
-
-def _line(kind: str, u: Floats, y: Floats) -> tuple[Floats, Floats]:
-    """Slope and offset (2,) with their information matrix (2, 2), the inverse of the covariance."""
-    # An error of depth is one of inverse depth times the square of that: all is judged in inverse depth.
-    wanted, weight = (y, np.ones_like(y)) if kind == "inverse" else (1 / y, y * y)
-    rows = weight[:, None] * np.stack([u, np.ones_like(u)], axis=1)
-    wanted = weight * wanted
-    line = _best_pair(kind, u, y)
-    for _ in range(10):
-        residual = np.abs(rows @ line - wanted)
-        scale = max(1.4826 * float(np.median(residual)), 1e-9)
-        huber = np.minimum(1.0, 1.345 * scale / np.maximum(residual, 1e-300))
-        root = np.sqrt(np.where(residual < REACH * scale, huber, 0.0))[:, None]
-        line = np.linalg.lstsq(root * rows, root[:, 0] * wanted)[0]
-    return line, (root * rows).T @ (root * rows) / max(scale, 1e-4) ** 2
-
-
-def _best_pair(kind: str, u: Floats, y: Floats) -> Floats:
-    """(2,) slope and offset through two points, of many pairs those whose line misses all by the least."""
-    rng = np.random.default_rng(0)
-    few = rng.permutation(len(u))[:SCORED]
-    u, y = u[few], y[few]
-    wanted = y if kind == "inverse" else 1 / y
-    one, other = rng.integers(len(u), size=(2, TRIALS))
-    run = u[other] - u[one]
-    apart = run != 0
-    slope = np.where(apart, (wanted[other] - wanted[one]) / np.where(apart, run, 1.0), 0.0)
-    lines = np.stack([slope, wanted[one] - slope * u[one]])
-    off = np.abs(_inverse(kind, lines[:, :, None], u) - y)
-    return np.asarray(lines[:, np.argmin(np.minimum(off, _cap(y)).mean(axis=1))])
-
-
-def _inverse(kind: str, line: Floats, u: Floats) -> Floats:
-    """Inverse depth that a line means; infinite behind the camera."""
-    along = line[0] * u + line[1]
-    if kind == "inverse":
-        return np.asarray(along)
-    with np.errstate(invalid="ignore"):
-        ahead = along > 0
-    return np.where(ahead, 1 / np.where(ahead, along, 1.0), np.where(np.isnan(along), np.nan, np.inf))
-
-
-def _cap(y: Floats) -> float:
-    """What a point at most counts for. A median would not: half of all points may lie on one wall."""
-    median = float(np.median(y))
-    return max(CAP * float(np.median(np.abs(y - median))), LEAST_CAP * median)
-
-
-def _missed(kind: str, line: Floats, u: Floats, y: Floats) -> tuple[float, float, float]:
-    """How far inverse depths y (n,) lie from a line, in median and in mean, and the best constant's mean."""
-    if not len(y):
-        return 0.0, 0.0, 0.0
-    off = np.abs(_inverse(kind, line, u) - y)
-    levels = np.percentile(y, np.arange(5, 100, 5))
-    constant = np.minimum(np.abs(levels[:, None] - y), _cap(y)).mean(axis=1).min()
-    return float(np.median(off)), float(np.minimum(off, _cap(y)).mean()), max(float(constant), 1e-12)
-
-
-def _refusal(frame: int, name: str, missed: float, constant: float) -> UserError:
-    return UserError(
-        f"the depth map of frame {frame} ({name}) does not fit the clip: it misses the inverse depth of the"
-        f" feature points by {100 * missed:.1f} %, one depth for all of them by {100 * constant:.1f} %;"
-        " check that the maps are this clip's, in its order and not mirrored"
-    )
-
-
-def _resampled(inverse: Floats, width: int, height: int) -> Floats:
-    """(h, w) -> (height, width), linear but for jumps and the rim of what is unknown: there the nearest."""
-    rows, columns = inverse.shape
-    if (columns, rows) == (width, height):
-        return inverse
-    down = (np.arange(height) + 0.5) * rows / height - 0.5
-    across = (np.arange(width) + 0.5) * columns / width - 0.5
-    top, left = np.floor(down).astype(int), np.floor(across).astype(int)
-    v, h = (down - top)[:, None], (across - left)[None, :]
-    corners = [
-        inverse[np.clip(top + i, 0, rows - 1)[:, None], np.clip(left + j, 0, columns - 1)[None, :]]
-        for i in (0, 1) for j in (0, 1)
-    ]  # fmt: skip
-    weights = ((1 - v) * (1 - h), (1 - v) * h, v * (1 - h), v * h)
-    smooth = sum(weight * corner for weight, corner in zip(weights, corners, strict=True))
-    nearest = np.where(
-        v < 0.5, np.where(h < 0.5, corners[0], corners[1]), np.where(h < 0.5, corners[2], corners[3])
-    )
-    low, high = np.min(corners, axis=0), np.max(corners, axis=0)
-    with np.errstate(invalid="ignore"):
-        return np.asarray(np.where(high - low <= DISCONTINUITY * high, smooth, nearest))
