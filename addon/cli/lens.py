@@ -85,8 +85,9 @@ def add_lens(command: argparse.ArgumentParser, required: bool) -> None:
         "--aperture-radius", type=real, metavar="R", help="radius of the aperture in the model's own unit"
     )
     command.add_argument(
-        "--depth", type=path, metavar="DIR", help="your own depth maps: EXR or 16-bit PNG, any scale and kind"
-    )
+        "--depth", type=path, metavar="PATH",
+        help="your own depth maps, any scale and kind: a folder of EXR, PNG or .npz, or one .npz or .zip",
+    )  # fmt: skip
     add_moving(command)
     add_focus_subject(command)
     add_options(command, FRAME_OPTIONS)

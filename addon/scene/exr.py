@@ -12,17 +12,18 @@ from numpy.typing import NDArray
 from ..core.media import picture_file
 
 
-def read(path: Path) -> NDArray[np.float32]:
-    """(H, W, 3 or 4) float32, top row first."""
-    image = imbuf.load(str(path))
+def read(picture: Path | bytes) -> NDArray[np.float32]:
+    """(H, W, 3 or 4) float32 of a file or its bytes, top row first; OSError where it is no picture."""
+    is_file = isinstance(picture, Path)
+    image = imbuf.load(str(picture)) if is_file else imbuf.load_from_buffer(picture)
     if image is None:
-        raise OSError(path)
+        raise OSError("it is no picture")
     try:
         with image.with_buffer() as pixels:
-            picture = np.array(pixels, dtype=np.float32)[::-1]
+            shown = np.array(pixels, dtype=np.float32)[::-1]
     finally:
         image.free()
-    return picture if picture.shape[2] >= 3 else np.repeat(picture[..., :1], 3, axis=2)
+    return shown if shown.shape[2] >= 3 else np.repeat(shown[..., :1], 3, axis=2)
 
 
 def register() -> None:

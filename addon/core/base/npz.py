@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import re
+import threading
 import zipfile
 import zlib
 from pathlib import Path
@@ -73,6 +74,58 @@ def array_shapes(path: Path) -> dict[str, tuple[int, ...]]:
 
 def _shape(header: re.Match[bytes]) -> tuple[int, ...]:
     return tuple(int(side) for side in re.findall(rb"\d+", header["shape"]))
+
+
+class ArrayFile:
+    """The maps (h, w) of one array of an .npz, (h, w) or (n, h, w) but for axes of length 1, read one by one:
+    a clip's would take gigabytes."""
+
+    def __init__(self, path: Path, names: tuple[str, ...]) -> None:
+        """The array that has the first of `names` which is there.
+
+        OSError where there is no such file, ValueError where it has none of them, or not of numbers.
+        """
+        self._path, self._lock = path, threading.Lock()
+        try:
+            self._archive = zipfile.ZipFile(open_regular(path))
+            there = [name.removesuffix(".npy") for name in self._archive.namelist()]
+            self.name = next((name for name in names if name in there), "")
+            """Of the array."""
+            if not self.name:
+                raise ValueError(f"it has no array {' or '.join(names)}, but {', '.join(there) or 'nothing'}")
+            member = self._archive.getinfo(f"{self.name}.npy")
+            if member.compress_type not in PACKED:
+                raise ValueError("it is packed in another way than NumPy does")
+            self._stream = self._archive.open(member)
+            header = _HEADER.match(self._stream.read(HEADER))
+        except _DAMAGED as error:
+            raise ValueError(f"it is no whole .npz: {error}") from None
+        if header is None or header["fortran"] == b"True":
+            raise ValueError(f"its array {self.name} does not begin as an array of numbers, row by row, does")
+        self._dtype, self._begin = np.dtype(header["dtype"].decode()), header.end()
+        shape = _shape(header)
+        sides = [side for side in shape if side != 1]
+        if len(sides) not in (2, 3) or 0 in sides:
+            raise ValueError(f"its array {self.name} has the shape {tuple(shape)}, not (n, h, w)")
+        if member.file_size != self._begin + math.prod(shape) * self._dtype.itemsize:
+            raise ValueError(f"its array {self.name} has another size than it says")
+        self.count = sides[0] if len(sides) == 3 else 1
+        """Maps in the array."""
+        self.shape = sides[-2], sides[-1]
+        """Rows and columns of a map."""
+
+    def read(self, index: int) -> NDArray[np.generic]:
+        """(h, w) one of the maps, from 0; quick in the order of the file. ValueError where it is damaged."""
+        size = self.shape[0] * self.shape[1] * self._dtype.itemsize
+        with self._lock:
+            try:
+                self._stream.seek(self._begin + index * size)
+                data = self._stream.read(size)
+            except _DAMAGED as error:
+                raise ValueError(f"its array {self.name} is damaged: {error}") from None
+        if len(data) != size:
+            raise ValueError(f"its array {self.name} is damaged: it ends too soon")
+        return np.frombuffer(data, self._dtype).reshape(self.shape)
 
 
 def _array(data: bytes) -> NDArray[np.generic]:

@@ -6,8 +6,9 @@ depth networks and sensors write them. The feature points of the reconstruction 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -44,6 +45,13 @@ TIGHTEST = 0.005
 """Of the clip's median inverse depth: how far scale and shift of a frame may always stray from the clip's. By
 eye."""
 
+INDEPENDENT = 50
+"""Features at most whose errors have nothing in common: a bent map is wrong alike for neighbours. By eye."""
+SLOWEST = 5e-4
+"""A frame, of the clip's median inverse depth: by how much scale and shift may always change. By eye."""
+MEDIAN_SQUARE = 0.455
+"""The median of the square of a normal variable, over its variance."""
+
 
 @dataclass(frozen=True)
 class ClipFit:
@@ -65,6 +73,17 @@ class ClipFit:
     """(2,) standard deviation of slope and offset from frame to frame."""
     missed: float
     """Mean distance of a frame's features from its map over the unit, the median of the frames."""
+
+
+@dataclass(frozen=True)
+class FrameLine:
+    """What a frame's own features say of its map."""
+
+    frame: int
+    line: Floats
+    """(2,) slope and offset over u, as of `ClipFit`."""
+    information: Floats
+    """(2, 2) the inverse of their covariance; 0 where the frame has too few features."""
 
 
 @dataclass(frozen=True)
@@ -118,7 +137,51 @@ def fit_clip(maps: DepthMaps, features: Callable[[int], tuple[Floats, Floats]]) 
     return fit
 
 
-def fit_depth(depth: DepthMap, xy: Floats, inverse_depth: Floats, clip: ClipFit | None = None) -> Fitted:
+def frame_line(depth: DepthMap, xy: Floats, inverse_depth: Floats, clip: ClipFit) -> FrameLine:
+    """The line of a frame by its own features, as of `fit_depth`."""
+    stored, inverse = _sampled(depth, xy, inverse_depth)
+    if len(stored) < MIN_POINTS:
+        return FrameLine(depth.frame, clip.line, np.zeros((2, 2)))
+    line, information = _line(clip.kind, (stored - clip.centre) / clip.span, inverse / clip.unit)
+    return FrameLine(depth.frame, line, information * min(1.0, INDEPENDENT / len(stored)))
+
+
+def steadied(lines: Sequence[FrameLine], frame: int, clip: ClipFit) -> Floats:
+    """(2,) slope and offset of one of a few frames that follow each other, steady in time.
+
+    They walk at random from frame to frame, by as much as those of these frames differ beyond what their
+    features leave open, and are known besides as exactly as they vary in the clip (Rauch, Tung and Striebel,
+    "Maximum likelihood estimates of linear dynamic systems", 1965, solved at once).
+    """
+    prior = np.diag(1 / np.maximum(clip.spread, TIGHTEST) ** 2)
+    count = len(lines)
+    system, wanted = np.zeros((count, 2, count, 2)), np.zeros((count, 2))
+    for at, one in enumerate(lines):
+        system[at, :, at] = one.information + prior
+        wanted[at] = one.information @ one.line + prior @ clip.line
+    known = [one for one in lines if one.information.any()]
+    if len(known) > 2:
+        noise = np.array([np.diag(np.linalg.inv(one.information)) for one in known])
+        steps = np.diff([one.frame for one in known])[:, None]
+        apart = np.diff([one.line for one in known], axis=0) ** 2 - noise[1:] - noise[:-1]
+        walk = np.maximum(np.median(apart / steps, axis=0) / MEDIAN_SQUARE, SLOWEST**2)
+        for at, (one, other) in enumerate(pairwise(lines)):
+            tie = np.diag(1 / (walk * (other.frame - one.frame)))
+            system[at, :, at] += tie
+            system[at + 1, :, at + 1] += tie
+            system[at, :, at + 1] -= tie
+            system[at + 1, :, at] -= tie
+    found = np.linalg.solve(system.reshape(2 * count, 2 * count), wanted.ravel()).reshape(count, 2)
+    return np.asarray(found[next(at for at, one in enumerate(lines) if one.frame == frame)])
+
+
+def fit_depth(
+    depth: DepthMap,
+    xy: Floats,
+    inverse_depth: Floats,
+    clip: ClipFit | None = None,
+    line: Floats | None = None,
+) -> Fitted:
     """Bring a map to the units of the reconstruction by its frame's features, and to the clip's size.
 
     `xy` (n, 2) are pixels of the clip's picture, `inverse_depth` (n,) is 1 / z there, in 1 / scene units.
@@ -126,17 +189,20 @@ def fit_depth(depth: DepthMap, xy: Floats, inverse_depth: Floats, clip: ClipFit 
     squares with Huber's weights on what is within reach. With `clip` the kind is the clip's, and its usual
     slope and offset, known as exactly as they vary from frame to frame, are weighed against the frame's
     points: a frame with few points, or with all at one depth, stays near them. Without, the kind that misses
-    less is taken. Raises UserError where the map explains nothing.
+    less is taken. `line` (2,) is a slope and offset that is known, as of `steadied`. Raises UserError where
+    the map explains nothing.
     """
     stored, inverse = _sampled(depth, xy, inverse_depth)
     if clip is None:
         clip = _fit_alone(depth, stored, inverse)
     u, y = (stored - clip.centre) / clip.span, inverse / clip.unit
-    line = _with_clip_prior(u, y, clip)
+    if line is None:
+        line = steadied([frame_line(depth, xy, inverse_depth, clip)], depth.frame, clip)
     residual, missed, constant = _missed(clip.kind, line, u, y)
     if len(u) >= MIN_POINTS and missed > max(EXPLAINS * constant, USUAL * clip.missed):
         raise _refusal(depth.frame, depth.name, missed, constant)
-    whole = _inverse(clip.kind, line, (depth.values - clip.centre) / clip.span) * clip.unit
+    stored = depth.values if clip.kind == "inverse" else np.where(depth.values == 0, np.nan, depth.values)
+    whole = _inverse(clip.kind, line, (stored - clip.centre) / clip.span) * clip.unit
     if clip.kind == "inverse":
         # Noise puts far things behind infinity.
         whole = np.maximum(whole, 0.0)
@@ -156,7 +222,8 @@ def _sampled(depth: DepthMap, xy: Floats, inverse_depth: Floats) -> tuple[Floats
     inside = np.all((xy >= 0) & (xy <= [depth.width, depth.height]), axis=1)
     inside &= np.isfinite(inverse_depth) & (inverse_depth > 0)
     stored = depth.at(xy[inside])
-    known = np.isfinite(stored)
+    # 0 is far, farther, or nothing.
+    known = np.isfinite(stored) & (stored != 0)
     return stored[known], inverse_depth[inside][known]
 
 
@@ -188,15 +255,6 @@ def _fit_clip(kind: str, seen: list[tuple[int, Floats, Floats]]) -> tuple[ClipFi
     spread = 1.4826 * np.median(np.abs(lines - line), axis=0)
     missed = float(np.median(misses[:, 0]))
     return ClipFit(kind, float(centre), span, unit, nearest, line, spread, missed), misses
-
-
-def _with_clip_prior(u: Floats, y: Floats, clip: ClipFit) -> Floats:
-    """(2,) slope and offset from a frame's points and the clip's prior, each by its certainty."""
-    if len(u) < MIN_POINTS:
-        return clip.line
-    own, information = _line(clip.kind, u, y)
-    prior = np.diag(1 / np.maximum(clip.spread, TIGHTEST) ** 2)
-    return np.asarray(np.linalg.solve(information + prior, information @ own + prior @ clip.line))
 
 
 def _line(kind: str, u: Floats, y: Floats) -> tuple[Floats, Floats]:

@@ -3,20 +3,27 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property, partial
 
 import numpy as np
 
 from ..base.arrays import Floats, LinearRGBA
+from ..base.lru_cache import LRUCache
 from ..base.nearest_fill import nearest
 from ..camera.canvas import Canvas
 from ..camera.reconstruction import Reconstruction
-from .map_fit import ClipFit, Fitted, fit_clip, fit_depth
+from .map_fit import ClipFit, Fitted, FrameLine, fit_clip, fit_depth, frame_line, steadied
 from .source import DepthSource, PixelDepth
 from .sparse import DepthSamples, frame_features
 from .user_maps import DepthMaps
 
 COLUMNS = 100
 """Samples across the picture that coarse meshes take of a depth map: by eye."""
+
+AROUND = 4
+"""Frames on either side by which a frame's scale and shift are steadied. By eye."""
+KEPT_LINES = 64
+"""Frames whose own scale and shift are remembered: a few numbers each."""
 
 
 @dataclass(frozen=True)
@@ -31,14 +38,7 @@ class UserDepth(DepthSource):
     @classmethod
     def of(cls, maps: DepthMaps, reconstruction: Reconstruction) -> UserDepth:
         """Fit the maps to the reconstruction's points; UserError where they explain nothing."""
-
-        def features(frame: int) -> tuple[Floats, Floats]:
-            image, _ = reconstruction.image_at(frame)
-            canvas = Canvas(reconstruction.intrinsics(image))
-            found = frame_features(reconstruction, frame, canvas)
-            return canvas.features_to_source(found.observed), found.inverse_depth
-
-        return cls(reconstruction, maps, fit_clip(maps, features))
+        return cls(reconstruction, maps, fit_clip(maps, partial(_features, reconstruction)))
 
     def at(self, frame: int, canvas: Canvas, picture: LinearRGBA) -> PixelDepth | None:
         """Depth (H, W) of all pixels of the canvas, unknown ones like the nearest known; None without a map.
@@ -74,9 +74,25 @@ class UserDepth(DepthSource):
         return np.array([canvas.camera.width / clip.width, canvas.camera.height / clip.height])
 
     def _fitted(self, frame: int, canvas: Canvas) -> Fitted:
-        features = frame_features(self.reconstruction, frame, canvas)
-        seen = canvas.features_to_source(features.observed) / self._zoom(canvas)
-        return fit_depth(self.maps.read(frame), seen, features.inverse_depth, self.fit)
+        near = [each for each in self.maps.frames if abs(each - frame) <= AROUND]
+        lines = [self._lines.get(each, partial(self._own_line, each)) for each in near]
+        seen, inverse_depth = _features(self.reconstruction, frame)
+        line = steadied(lines, frame, self.fit)
+        return fit_depth(self.maps.read(frame), seen, inverse_depth, self.fit, line)
+
+    def _own_line(self, frame: int) -> FrameLine:
+        return frame_line(self.maps.read(frame), *_features(self.reconstruction, frame), self.fit)
+
+    @cached_property
+    def _lines(self) -> LRUCache[FrameLine]:
+        return LRUCache(KEPT_LINES)
+
+
+def _features(reconstruction: Reconstruction, frame: int) -> tuple[Floats, Floats]:
+    image, _ = reconstruction.image_at(frame)
+    canvas = Canvas(reconstruction.intrinsics(image))
+    found = frame_features(reconstruction, frame, canvas)
+    return canvas.features_to_source(found.observed), found.inverse_depth
 
 
 def grid_features(fitted: Fitted, step: float) -> tuple[Floats, Floats]:

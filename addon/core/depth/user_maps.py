@@ -30,7 +30,7 @@ class DepthMap:
     name: str
     """Name of its file, for messages."""
     values: Floats
-    """(h, w) as stored, NaN where the map knows nothing."""
+    """(h, w) as stored, NaN where nothing is known; 0 is infinitely far, or nothing in maps of depth."""
     width: int
     """Pixels of the clip's picture across, which the map covers at whatever size of its own."""
     height: int
@@ -66,7 +66,8 @@ class DepthMaps(SideFiles):
 
 
 def open_depth(path: Path, footage: Footage) -> DepthMaps:
-    """Find the depth maps of a clip: a folder, or a pattern such as `depth_####.exr`; EXR or 16-bit PNG.
+    """Find the depth maps of a clip: a folder, or a pattern such as `depth_####.exr`, of EXR, 16-bit PNG or
+    .npz; or one .npz or .zip of all.
 
     `side_files.match_frames` tells whose they are. Raises UserError where there are no maps or none fits a
     frame.
@@ -79,13 +80,16 @@ def open_depth(path: Path, footage: Footage) -> DepthMaps:
 
 
 def _values(picture: NDArray[np.generic], name: str) -> Floats:
-    """(h, w) of a gray picture (h, w, 3 or 4) as stored, NaN where it is 0, not finite or transparent."""
+    """(h, w) of a gray picture (h, w, 3 or 4) as stored, NaN where it is 0, not finite or transparent; but
+    floats may be 0 where none is less: networks of inverse depth cut what is far."""
     colour = np.asarray(picture[..., :3], dtype=np.float64)
     values = colour[..., 0]
     known = np.isfinite(values) & (values != 0)
+    if picture.dtype == np.float32 and known.any() and values[known].min() > 0:
+        known |= values == 0
     if picture.shape[2] == 4:
         known &= np.asarray(picture[..., 3] != 0)
-    if not known.any():
+    if not (known & (values != 0)).any():
         raise UserError(f"{name} has no depth: every pixel is 0, infinite, no number or transparent")
     steps = 0 if picture.dtype == np.float32 else GREY_STEPS
     apart = np.abs(colour[known] - values[known, None]).max(axis=-1)

@@ -21,7 +21,7 @@ from ..base.file_names import checked_name
 from ..base.nearest_fill import nearest
 from ..base.regular_file import regular_stat
 from .frame_table import DEFAULT_RATE
-from .picture_file import PICTURES, Pixels, read_picture
+from .picture_file import ARRAY, PICTURES, Pixels, read_picture
 from .video import VideoInfo, VideoReader, video_info
 
 BRIGHTEST = 65504.0
@@ -157,14 +157,17 @@ def open_footage(
 
 
 def clip_files(path: Path) -> list[Path]:
-    """The files of a clip, by name: the video itself, the pictures of a folder, or those a pattern names.
+    """The files of a clip, by name: the video itself, the pictures of a folder or, where it has none, its
+    arrays, or those a pattern names.
 
     UserError where a pattern's folder is missing, OSError where the folder cannot be listed.
     """
     if is_pattern(path):
         return sorted(pattern_matches(path))
     if path.is_dir():
-        return sorted(p for p in path.iterdir() if p.suffix.lower() in PICTURES)
+        there = list(path.iterdir())
+        pictures = [each for each in there if each.suffix.lower() in PICTURES]
+        return sorted(pictures or [each for each in there if each.suffix.lower() == ARRAY])
     return [path]
 
 
@@ -248,7 +251,7 @@ def _open_sequence(path: Path, files: list[Path], fps: float | None) -> Footage:
     for file in files:
         checked_name(file)
     numbered: dict[int, Path] = {}
-    numbers = [_number(file) for file in files]
+    numbers = [file_number(file) for file in files]
     if any(number is None for number in numbers):
         files = sorted(files)
         numbers = list(range(1, len(files) + 1))
@@ -312,6 +315,7 @@ def pattern_matches(path: Path) -> list[Path]:
     return []
 
 
-def _number(path: Path) -> int | None:
+def file_number(path: Path) -> int | None:
+    """The frame that a file's name numbers: its last digits; None without."""
     digits = re.findall(r"\d+", path.stem)
     return int(digits[-1]) if digits else None

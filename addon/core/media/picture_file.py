@@ -1,4 +1,4 @@
-"""Reading picture files: PNG, JPEG, TIFF and EXR."""
+"""Reading picture files: PNG, JPEG, TIFF and EXR, and the arrays that depth networks write."""
 
 from __future__ import annotations
 
@@ -10,12 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import UserError
+from ..base.npz import ArrayFile
 from ..base.regular_file import read_regular, regular_stat
 
 Pixels = NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.float32]
 
-exr_decoder: Callable[[Path], NDArray[np.float32]] | None = None
-"""Reads an EXR as (H, W, 3 or 4) float32 RGB or RGBA, raising OSError, ValueError or RuntimeError.
+exr_decoder: Callable[[Path | bytes], NDArray[np.float32]] | None = None
+"""Reads an EXR, a file or its bytes, as (H, W, 3 or 4) float32 RGB or RGBA, raising OSError, ValueError or
+RuntimeError.
 
 OpenCV's wheel has no OpenEXR. Blender's own decoder is set when the add-on is registered, pycolmap's when the
 solving worker starts. OpenEXR's own wheel (3.5.3, 1.8 MB) reads all that Blender does a fifth faster, but on
@@ -25,6 +27,11 @@ beside 3.4 two compressions were refused, beside 3.1 the process was aborted.
 
 PICTURES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".exr")
 """Endings of the files that are read."""
+ARRAY = ".npz"
+"""Ending of a file that holds a map as an array."""
+ARRAYS = ("depths", "depth")
+"""Names of that array: the first of Video-Depth-Anything and MegaSaM, the second of DepthCrafter,
+Depth-Anything-3 and Depth Pro."""
 
 
 def read_picture(path: Path) -> Pixels:
@@ -43,8 +50,10 @@ def read_picture(path: Path) -> Pixels:
 def _decoded(path: Path) -> Pixels:
     if regular_stat(path).st_size == 0:
         raise UserError(f"{path.name} is empty (0 bytes); export the sequence again")
+    if path.suffix.lower() == ARRAY:
+        return _read_array(path)
     if path.suffix.lower() == ".exr":
-        return _read_exr(path)
+        return _read_exr(path, path.name)
     level = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     try:
         data = np.frombuffer(read_regular(path), dtype=np.uint8)
@@ -64,15 +73,43 @@ def _decoded(path: Path) -> Pixels:
     return to_rgb(picture)
 
 
-def _read_exr(path: Path) -> Pixels:
-    if exr_decoder is None:
-        raise UserError(
-            f"{path.name} is an EXR, which can only be read inside Blender; convert it to 16-bit PNG"
-        )
+def decode_picture(data: bytes, name: str) -> Pixels:
+    """As `read_picture`, of a file's bytes; `name` tells its kind. UserError where it cannot be decoded."""
+    if name.lower().endswith(".exr"):
+        return _read_exr(data, name)
     try:
-        return exr_decoder(path)
+        picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED | cv2.IMREAD_ANYCOLOR)
+    except cv2.error:
+        picture = None
+    if picture is None:
+        raise UserError(f"{name} cannot be decoded; export this frame again or leave it out")
+    return to_rgb(picture)
+
+
+def grey(values: NDArray[np.generic]) -> Pixels:
+    """(h, w, 3) float32 of numbers (h, w)."""
+    with np.errstate(over="ignore"):
+        return np.repeat(values.astype(np.float32)[..., None], 3, axis=2)
+
+
+def _read_exr(picture: Path | bytes, name: str) -> Pixels:
+    if exr_decoder is None:
+        raise UserError(f"{name} is an EXR, which can only be read inside Blender; convert it to 16-bit PNG")
+    try:
+        return exr_decoder(picture)
     except (OSError, ValueError, RuntimeError) as error:
-        raise UserError(f"{path.name} cannot be decoded; export this frame again or leave it out") from error
+        raise UserError(f"{name} cannot be decoded; export this frame again or leave it out") from error
+
+
+def _read_array(path: Path) -> Pixels:
+    try:
+        array = ArrayFile(path, ARRAYS)
+        if array.count == 1:
+            return grey(array.read(0))
+        problem = f"it has {array.count} maps, and each file of a folder is to have one; give the file"
+    except ValueError as error:
+        problem = str(error)
+    raise UserError(f"{path.name} cannot be read: {problem}")
 
 
 def to_rgb(picture: NDArray[np.generic]) -> Pixels:

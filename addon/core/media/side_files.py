@@ -8,6 +8,7 @@ from typing import ClassVar, Self
 
 from ..base.errors import UserError
 from .clip import Footage, describe, open_footage
+from .packed_pictures import is_packed, open_packed
 from .picture_file import Pixels
 
 STRETCH = 0.02
@@ -34,10 +35,10 @@ class SideFiles:
 
     @classmethod
     def of(cls, path: Path, footage: Footage) -> Self:
-        """The pictures of a clip in a folder, or of a pattern; UserError where there are none or none fits a
-        frame."""
+        """The pictures of a clip in a folder, of a pattern, or packed into one file; UserError where there
+        are none or none fits a frame."""
         try:
-            pictures = open_footage(path)
+            pictures = open_packed(path, footage) if is_packed(path) else open_footage(path)
         except UserError as error:
             raise UserError(f"{cls.KIND}s: {error}") from error
         numbers, notes = match_frames(pictures, footage, cls.KIND)

@@ -218,13 +218,13 @@ def _progress(stage: str, done: int, total: int) -> None:
     send(Progress(stage, done, total))
 
 
-def _exr(path: Path) -> NDArray[np.float32]:
+def _exr(path: Path | bytes) -> NDArray[np.float32]:
     # Eight bits are enough to follow features; the picture itself is read in Blender.
     import pycolmap
 
     bitmap = pycolmap.Bitmap.read(str(path), True)
     if bitmap is None:
-        raise OSError(path)
+        raise OSError("it is no picture")
     return (np.asarray(bitmap.to_array()) / 255).astype(np.float32)
 
 

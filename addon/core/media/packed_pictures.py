@@ -1,0 +1,118 @@
+"""Depth maps that other programs pack into one file: an array of .npz, or pictures in a .zip."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from ..base.errors import UserError
+from ..base.lru_cache import LRUCache
+from ..base.npz import ArrayFile
+from ..base.regular_file import open_regular
+from .clip import Footage, file_number, is_pattern, open_footage
+from .picture_file import ARRAY, ARRAYS, PICTURES, Pixels, decode_picture, grey
+
+PACKED = (ARRAY, ".zip")
+"""Endings of the files that are read."""
+MOST = 256 << 20
+"""Bytes of one picture of a .zip as it is unpacked: of 8192 x 8192 floats."""
+REMEMBERED = 256 << 20
+"""Bytes of pictures as they were read: maps of frames around one are asked for again."""
+
+
+@dataclass(frozen=True)
+class PackedPictures(Footage):
+    """Pictures in one file, numbered as the frames that they belong to."""
+
+    decode: Callable[[int], Pixels] = field(kw_only=True, repr=False, compare=False)
+    """A frame's picture from the file; OSError or ValueError where it cannot be read."""
+    _pictures: LRUCache[Pixels] = field(
+        default_factory=lambda: LRUCache[Pixels](REMEMBERED, lambda picture: picture.nbytes),
+        repr=False, compare=False,
+    )  # fmt: skip
+
+    def read(self, frame: int) -> Pixels:
+        """(h, w, 3 or 4) as stored, float32 of arrays, of one of `frames`; UserError where it is damaged."""
+        return self._pictures.get(frame, lambda: _readable(self.path, self.decode, frame))
+
+
+def is_packed(path: Path) -> bool:
+    """Whether a path has the ending of such a file, and is neither a folder nor a pattern."""
+    return path.suffix.lower() in PACKED and not path.is_dir() and not is_pattern(path)
+
+
+def open_packed(path: Path, clip: Footage) -> PackedPictures:
+    """The pictures of a file, for a clip that is open: the maps of an .npz, the first one being that of the
+    clip's first frame, or the pictures of a .zip, which have the numbers of their names.
+
+    UserError, one line, where the file cannot be read or holds nothing of the kind.
+    """
+    try:
+        if path.suffix.lower() == ".zip":
+            numbers, decode = _zipped(path)
+        else:
+            numbers, decode = _stacked(path, clip)
+    except (OSError, ValueError) as error:
+        raise UserError(f"{path.name} cannot be read: {_reason(error)}") from error
+    first = _readable(path, decode, numbers[0])
+    return PackedPictures(path, numbers, first.shape[1], first.shape[0], clip.fps, decode=decode)
+
+
+def _stacked(path: Path, clip: Footage) -> tuple[tuple[int, ...], Callable[[int], Pixels]]:
+    array, frames = ArrayFile(path, ARRAYS), _all_frames(clip)
+    if array.count > len(frames):
+        raise ValueError(
+            f"it has {array.count} maps, the clip only {len(frames)} frames; check that it is this clip's"
+        )
+    numbers = frames[: array.count]
+    place = {number: index for index, number in enumerate(numbers)}
+    return numbers, lambda frame: grey(array.read(place[frame]))
+
+
+def _all_frames(clip: Footage) -> tuple[int, ...]:
+    """The numbers of a clip's frames, also those that are not asked for."""
+    if clip.video is not None:
+        return tuple(range(1, clip.video.count + 1))
+    return open_footage(clip.path).frames
+
+
+def _zipped(path: Path) -> tuple[tuple[int, ...], Callable[[int], Pixels]]:
+    members = dict[int, str]()
+    try:
+        with open_regular(path) as file, zipfile.ZipFile(file) as archive:
+            names = [name for name in archive.namelist() if Path(name).suffix.lower() in PICTURES]
+    except zipfile.BadZipFile as error:
+        raise ValueError(error) from None
+    for name in names:
+        number = file_number(Path(name))
+        if number is None or number in members:
+            raise ValueError(f"{name} in it needs a frame number of its own, as 00012.exr")
+        members[number] = name
+    if not members:
+        raise ValueError(f"it has no pictures; {', '.join(PICTURES)} are read")
+
+    def decode(frame: int) -> Pixels:
+        name = members[frame]
+        try:
+            with open_regular(path) as file, zipfile.ZipFile(file) as archive:
+                if archive.getinfo(name).file_size > MOST:
+                    raise ValueError(f"{name} in it is larger than {MOST >> 20} MB")
+                data = archive.read(name)
+        except (zipfile.BadZipFile, KeyError, EOFError, RuntimeError, NotImplementedError) as error:
+            raise ValueError(f"{name} in it is damaged: {error}") from None
+        return decode_picture(data, name)
+
+    return tuple(sorted(members)), decode
+
+
+def _readable(path: Path, decode: Callable[[int], Pixels], frame: int) -> Pixels:
+    try:
+        return decode(frame)
+    except (OSError, ValueError) as error:
+        raise UserError(f"frame {frame} of {path.name} cannot be read: {_reason(error)}") from error
+
+
+def _reason(error: Exception) -> str:
+    return str((error.strerror if isinstance(error, OSError) else None) or error)
