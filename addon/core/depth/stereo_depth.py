@@ -31,16 +31,27 @@ class StereoDepth(DepthSource):
     def at(self, frame: int, canvas: Canvas, picture: LinearRGBA) -> PixelDepth:
         """The depth of all pixels of the canvas that shows `picture` (H, W, 4); at the size that it is found
         at where that is `NO_PICTURE`."""
-        better = self.better.kept(frame) if self.better else None
-        mask = self.masks(frame) if self.masks and picture.size else None
-        opacity = None if mask is None else opacity_over(canvas, mask)
-        return whole_depth(better or self.fusion.at(frame), picture, opacity)
+        return self.whole(self.found(frame), frame, canvas, picture)
 
     def kept(self, frame: int, canvas: Canvas) -> PixelDepth | None:
         """As `at` without a picture, of a frame whose depth was found before; else None."""
-        better = self.better.kept(frame) if self.better else None
-        known = better or self.fusion.kept(frame)
+        known = self.found_before(frame)
         return None if known is None else whole_depth(known)
+
+    def found(self, frame: int) -> DenseDepth:
+        """The depth of a frame at the size that it is found at."""
+        better = self.better.kept(frame) if self.better else None
+        return better or self.fusion.at(frame)
+
+    def found_before(self, frame: int) -> DenseDepth | None:
+        """The same where it is kept, else None."""
+        better = self.better.kept(frame) if self.better else None
+        return better or self.fusion.kept(frame)
+
+    def whole(self, depth: DenseDepth, frame: int, canvas: Canvas, picture: LinearRGBA) -> PixelDepth:
+        """Depth found for a frame for all pixels of a canvas, as `at`."""
+        mask = self.masks(frame) if self.masks and picture.size else None
+        return whole_depth(depth, picture, None if mask is None else opacity_over(canvas, mask))
 
 
 def whole_depth(

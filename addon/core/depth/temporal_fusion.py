@@ -13,6 +13,7 @@ from ..base.arrays import Bytes, Map, Mask
 from ..base.errors import UserError
 from ..base.lru_cache import LRUCache
 from ..base.progress import checkpoint, part
+from ..camera.canvas import Canvas
 from ..camera.reconstruction import Image, Reconstruction
 from .depth_store import DepthStore
 from .multi_view_stereo import DenseDepth, PlaneSweepStereo
@@ -116,6 +117,10 @@ class TemporalFusion:
     def kept(self, frame: int) -> DenseDepth | None:
         """The depth of a frame as it is kept, None where it would have to be found; errors as `at`."""
         return kept_depth(self._store, "depth", frame, self._stereo.pinhole)
+
+    def canvas(self, frame: int) -> Canvas:
+        """The undistorted picture of a frame at the size that depth is found at."""
+        return self._stereo.canvas(frame)
 
     @property
     def not_kept(self) -> UserError | None:

@@ -35,6 +35,8 @@ class UserDepth(DepthSource):
     fit: ClipFit
     """What all maps of the clip have in common: their kind, and the line that takes them to inverse depth."""
 
+    completes = True
+
     @classmethod
     def of(cls, maps: DepthMaps, reconstruction: Reconstruction) -> UserDepth:
         """Fit the maps to the reconstruction's points; UserError where they explain nothing."""

@@ -15,6 +15,7 @@ from ..base.lru_cache import LRUCache
 from ..base.reused_memory import ReusedMemory
 from ..camera.canvas import Canvas
 from ..camera.reconstruction import Reconstruction
+from ..depth.completed_depth import CompletedDepth
 from ..depth.depth_store import DepthStore
 from ..depth.matching import Matcher, winning_levels
 from ..depth.multi_view_stereo import Moving, PlaneSweepStereo, StereoOptions
@@ -216,12 +217,16 @@ class ClipContext:
         return self._clip_highlights[threshold]
 
     def depth_source(self, quality: Quality = NORMAL) -> DepthSource:
-        """What tells the depth of frames in a quality: what is given, else stereo; for coarse meshes else the
-        feature points. Picking, following and drawing ask it and nothing else."""
-        given = () if self.given_depth is None else (self.given_depth,)
+        """What tells the depth of frames in a quality: what is given, else stereo, or both together; for
+        coarse meshes else the feature points. Picking, following and drawing ask it and nothing else."""
         better = self.stereo_of(quality.better) if quality.better else None
         stereo = StereoDepth(self.stereo_of(quality), better, self.masks)
-        return FirstKnown((*given, stereo, SparseDepth(self.reconstruction)))
+        sparse, given = SparseDepth(self.reconstruction), self.given_depth
+        if given is None:
+            return FirstKnown((stereo, sparse))
+        if given.completes:
+            return FirstKnown((CompletedDepth(stereo, given), sparse))
+        return FirstKnown((given, stereo, sparse))
 
     def has_depth(self, frame: int, quality: Quality) -> bool:
         """Whether the depth of a frame is given or kept, and need not be found; errors as of `depth`."""

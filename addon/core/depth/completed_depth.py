@@ -1,0 +1,161 @@
+"""Depth found in the clip together with the shape that maps from elsewhere tell.
+
+Where stereo is sure it decides. Where it is not, on plain walls, gloss, or what moves by itself, a map knows
+the shape but not where it lies: it bends and drifts. There it is taken, tied to what is sure around it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+
+from ..base.arrays import LinearRGBA, Map
+from ..camera.canvas import Canvas
+from .multi_view_stereo import DenseDepth
+from .source import NO_PICTURE, DepthSource, PixelDepth
+from .sparse import DepthSamples
+from .stereo_depth import ORIGIN, StereoDepth, whole_depth
+from .temporal_fusion import FusionOptions, level_of, sharpened
+
+
+@dataclass(frozen=True)
+class TieOptions:
+    """How a map is tied to sure depth. Set by eye, judged by `python -m benchmarks.accuracy.completed`."""
+
+    reaches: tuple[float, ...] = (0.02, 0.06, 0.2, 0.6)
+    """Of the long side: standard deviations of the windows in which scale and shift are fitted."""
+    sparse: float = 0.02
+    """Share of a window that is sure at which half of what it tells is believed. By eye."""
+    grid: int = 4
+    """Pixels that a window's sums are made at: the smallest window has three times as many."""
+    bend: float = 0.1
+    """Of the range of inverse depths: deviation from its mean at which a window tells its own slope."""
+    extrapolated: float = 2.0
+    """Deviations from a window's mean beyond which its slope says nothing. By eye."""
+    miss: float = 3.0
+    """Levels from the map at which sure depth loses half of its weight."""
+    rounds: int = 4
+    """Fits, each with the weights of the one before."""
+    soft: float = 0.008
+    """Of the long side: how far from an edge a map is soft."""
+    around: float = 0.02
+    """Of the long side: standard deviation of what is around a pixel."""
+    dense: float = 0.5
+    """Share of sure depth around from which on edges are stereo's. By eye."""
+    edge: float = 4.0
+    """Levels within that reach at which a map has an edge, and tells nothing."""
+
+
+def tied(
+    inverse: Map, sure: Map, given: Map, level: float, options: TieOptions = TieOptions()
+) -> tuple[Map, Map]:
+    """(h, w) a map's inverse depths `given` (h, w) brought to the sure ones of `inverse` (h, w), and how far
+    (h, w) in [0, 1] the map is to be believed: not beside its edges, which are soft.
+
+    `sure` (h, w) in [0, 1] weighs; `level` is a step of inverse depth that is hardly seen. Scale and shift
+    follow windows of several sizes.
+    """
+    around = 2 * max(int(options.soft * max(given.shape)), 1) + 1
+    kernel = np.ones((around, around), np.uint8)
+    steep = cv2.dilate(given, kernel) - cv2.erode(given, kernel)
+    trust = np.exp(-((steep / (options.edge * level)) ** 2)).astype(np.float32)
+    middle = float(np.median(given))
+    shape = (given - np.float32(middle)) / np.float32(options.bend * FusionOptions().levels * level)
+    weight, off = sure * trust, inverse - given
+    change = np.zeros_like(given)
+    for _ in range(options.rounds):
+        near = 1 / (1 + ((off - change) / (options.miss * level)) ** 2)
+        change = _fitted(shape, off, weight * near.astype(np.float32), options)
+    steps = replace(FusionOptions(), ramp=around // 2)
+    return sharpened(np.maximum(given + change, 0).astype(np.float32), level, options=steps), trust
+
+
+def _fitted(shape: Map, off: Map, weight: Map, options: TieOptions) -> Map:
+    """(h, w) `off` (h, w) as a slope and an offset over `shape` (h, w), by least squares in windows: in each
+    size what the larger ones left, the less of it the less there is in the window."""
+    size = shape.shape[1] // options.grid, shape.shape[0] // options.grid
+    small, left, weight = (
+        cv2.resize(part, size, interpolation=cv2.INTER_AREA) for part in (shape, off * weight, weight)
+    )
+    left = left / np.maximum(weight, np.float32(1e-6))
+    found = np.zeros_like(small)
+    whole = np.zeros_like(shape)
+    for reach in sorted(options.reaches, reverse=True):
+        sigma = reach * max(size)
+        one, mean, square, value, both = (
+            cv2.GaussianBlur(weight * part, (0, 0), sigma, borderType=cv2.BORDER_REFLECT)
+            for part in (np.ones_like(small), small, small * small, left - found, small * (left - found))
+        )
+        one = np.maximum(one, np.float32(1e-9))
+        mean, value = mean / one, value / one
+        spread = np.maximum(square / one - mean * mean, 0)
+        shrunk = one / (one + np.float32(options.sparse))
+        slope = shrunk * (both / one - mean * value) / (spread + 1)
+        parts = shrunk * value, slope, mean, options.extrapolated * np.sqrt(spread)
+        found = found + _line(small, *parts)
+        whole += _line(shape, *(cv2.resize(part, shape.shape[::-1]) for part in parts))
+    return whole
+
+
+def _line(shape: Map, value: Map, slope: Map, mean: Map, reach: Map) -> Map:
+    return np.asarray(value + slope * np.clip(shape - mean, -reach, reach), np.float32)
+
+
+def completed(
+    depth: DenseDepth,
+    given: Map,
+    options: TieOptions = TieOptions(),
+) -> DenseDepth:
+    """Depth found by stereo with a map's shape, `given` (h, w) in the same unit, where it is not sure."""
+    fusion = FusionOptions()
+    inverse = depth.inverse_depth
+    level = max(level_of(inverse, fusion), level_of(given, fusion))
+    if level <= 0:
+        return depth
+    own = np.clip((depth.confidence - fusion.unsure) / (fusion.sure - fusion.unsure), 0, 1)
+    own = np.where(depth.moving, np.float32(0), own).astype(np.float32)
+    shape, trust = tied(inverse, own, given, level, options)
+    # Amid what is sure an edge is known better from that.
+    around = cv2.GaussianBlur(own, (0, 0), options.around * max(own.shape))
+    share = np.maximum(trust, 1 - np.minimum(around / options.dense, 1)) * (1 - own)
+    # Depths too far apart are two surfaces', and a pixel gets one of them.
+    apart = np.abs(shape - inverse) > fusion.same_surface * level
+    share = np.where(apart, share > 0.5, share).astype(np.float32)
+    confidence = np.maximum(depth.confidence, fusion.sure * share).astype(np.float32)
+    whole = (share * shape + (1 - share) * inverse).astype(np.float32)
+    return replace(depth, inverse_depth=whole, confidence=confidence)
+
+
+@dataclass(frozen=True)
+class CompletedDepth(DepthSource):
+    """Depth that stereo finds, with maps for what it is not sure of; of a frame without a map stereo's alone.
+    Errors as of both."""
+
+    stereo: StereoDepth
+    maps: DepthSource
+
+    def at(self, frame: int, canvas: Canvas, picture: LinearRGBA) -> PixelDepth:
+        """The depth of all pixels of the canvas, as of `StereoDepth.at`."""
+        depth, origin = self._with_map(self.stereo.found(frame))
+        return replace(self.stereo.whole(depth, frame, canvas, picture), origin=origin)
+
+    def kept(self, frame: int, canvas: Canvas) -> PixelDepth | None:
+        """As `at` without a picture, of a frame whose stereo depth was found before; else None."""
+        known = self.stereo.found_before(frame)
+        return None if known is None else whole_depth(self._with_map(known)[0])
+
+    def samples(self, frame: int, canvas: Canvas) -> DepthSamples | None:
+        """The map's."""
+        return self.maps.samples(frame, canvas)
+
+    def _with_map(self, depth: DenseDepth) -> tuple[DenseDepth, str]:
+        """Depth completed by its frame's map, and where it comes from."""
+        given = self.maps.at(depth.frame, self.stereo.fusion.canvas(depth.frame), NO_PICTURE)
+        if given is None:
+            return depth, ORIGIN
+        shape = given.inverse_depth.astype(np.float32)
+        if shape.shape != depth.inverse_depth.shape:
+            shape = cv2.resize(shape, depth.inverse_depth.shape[::-1], interpolation=cv2.INTER_NEAREST)
+        return completed(depth, shape), f"{ORIGIN} and {given.origin}"
