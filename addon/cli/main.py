@@ -141,7 +141,9 @@ def run(options: argparse.Namespace) -> None:
         raise UserError(f"{options.report} is where the solve will be kept; name another file")
     with output.claimed(options.out.absolute()):
         _check_output(options)
-        solved = solve.solve_clip(options, work, lambda clip: wanted_frames(clip, options.frames))
+        solved = solve.solve_clip(
+            options, work, lambda clip: wanted_frames(clip, options.frames), options.depth
+        )
         solve.say_quality(solved, options.words)
         _render(solved, options)
 

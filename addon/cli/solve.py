@@ -42,6 +42,10 @@ def add_commands(
         "--frames", dest="solve_frames", type=FrameRange.parse, metavar="A-B[:STEP]",
         help="frames of the clip to solve",
     )  # fmt: skip
+    one.add_argument(
+        "--depth-maps", type=path, metavar="PATH",
+        help="your own depth maps, of a clip whose camera only turns or stands still",
+    )  # fmt: skip
     one.add_argument("--depth", action="store_true", help="find the depth of all frames, too, and keep it")
     one.set_defaults(command=solve)
 
@@ -128,7 +132,7 @@ def solve_arguments(options: argparse.Namespace) -> list[str]:
 
 def solve(options: argparse.Namespace) -> None:
     """`solve FOOTAGE --work DIR [--depth]`"""
-    solved = solve_clip(options, options.work)
+    solved = solve_clip(options, options.work, depth_maps=options.depth_maps)
     say_quality(solved, options.words)
     if options.depth and (problem := depth_of_solve(solved)):
         say(f"note: {problem.worded(options.words)}")
@@ -140,13 +144,16 @@ def say_quality(solved: Solve, words: Words) -> None:
 
 
 def solve_clip(
-    options: argparse.Namespace, work: Path, check: Callable[[Footage], object] = lambda _: None
+    options: argparse.Namespace,
+    work: Path,
+    check: Callable[[Footage], object] = lambda _: None,
+    depth_maps: Path | None = None,
 ) -> Solve:
     """Solve the clip into the folder, or take the solve that is there. `check` is given the clip first, and
-    what it raises ends the solve."""
+    what it raises ends the solve; `depth_maps` are the user's."""
     process = SolveProcess(
         options.footage, work.absolute(), options.solve_frames, _focal(options), options.again,
-        options.tracker, options.zoom,
+        options.tracker, options.zoom, depth_maps=depth_maps,
     )  # fmt: skip
     _wait(process, check)
     return load_solve(work.absolute(), process.clip.path)

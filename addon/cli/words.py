@@ -11,8 +11,13 @@ WORDS: Words = {
     Remedy.SOLVE: "headless.py solve FOOTAGE --work DIR",
     Remedy.AGAIN: "--again",
     Remedy.FOCAL: "--focal, --focal35, --focal-mm or --fov",
+    Remedy.DEPTH_MAPS: "--depth-maps PATH",
     Remedy.OVERWRITE: "--overwrite",
     Remedy.KEPT_DEPTH: KEPT_DEPTH,
 }
-SOLVED_WORDS: Words = {**WORDS, Remedy.FRAMES: "--solve-frames A-B"}
-"""Of commands whose `--frames` are those that are rendered."""
+SOLVED_WORDS: Words = {
+    **WORDS,
+    Remedy.FRAMES: "--solve-frames A-B",
+    Remedy.DEPTH_MAPS: "--depth PATH",
+}
+"""Of commands whose `--frames` are those that are rendered, and whose depth maps are those of the lens."""

@@ -11,4 +11,5 @@ WORDS: Words = {
     Remedy.SOLVE: "Solve Clip",
     Remedy.AGAIN: "Solve Again",
     Remedy.FOCAL: "Lens",
+    Remedy.DEPTH_MAPS: "Depth Maps",
 }

@@ -21,6 +21,7 @@ from ..scene import aperture_cloud, focus_marks, parts, redraw, version
 from ..scene.build import build
 from ..scene.clip import footage_path, work_dir
 from ..scene.lens import focal_of, is_in_focus
+from ..scene.paths import absolute
 from ..scene.refocus import keep_focus, restore_focus
 from ..scene.remedy_words import WORDS
 from . import after_solve, depth_ahead
@@ -214,6 +215,7 @@ class Solves:
                 zooms=settings.lens == "ZOOM",
                 yielding=not bpy.app.background,
                 cameras=self._cameras,
+                depth_maps=absolute(settings.depth_maps, context.scene) if settings.depth_maps else None,
             )
         )
 

@@ -21,6 +21,8 @@ class Remedy(StrEnum):
     """What is known of the focal length."""
     OVERWRITE = "overwrite"
     """Writing over output that exists."""
+    DEPTH_MAPS = "depth_maps"
+    """Depth maps of the clip, from elsewhere."""
     KEPT_DEPTH = "kept_depth"
     """How much depth of a clip is kept."""
 

@@ -18,6 +18,8 @@ from .intrinsics import Intrinsics as Intrinsics
 
 MEDIAN_DEPTH = 10.0
 """Median distance between cameras and points after `normalise`, in scene units."""
+STAYS = 1e-7
+"""Share of the points' distance within which cameras are in one place: what is lost by writing them."""
 NEAREST = 1e-6
 """Share of a frame's median depth nearer than which a point is an error: it would outweigh all the others. By
 eye."""
@@ -84,6 +86,19 @@ class Reconstruction:
     def frames(self) -> Ints:
         """(k,) registered frame numbers, ascending."""
         return np.array([image.frame for image in self.images], dtype=np.int32)
+
+    @cached_property
+    def stays(self) -> bool:
+        """Whether all cameras stand in one place, so that pictures tell no depth."""
+        centres = np.array([image.centre for image in self.images])
+        with np.errstate(invalid="ignore"):
+            return len(centres) > 1 and bool(np.ptp(centres, axis=0).max() <= STAYS * self._reach)
+
+    @cached_property
+    def _reach(self) -> float:
+        """Median distance of the points from the first camera."""
+        away = np.linalg.norm(self.points.xyz - self.images[0].centre, axis=1)
+        return float(np.nanmedian(away)) if len(away) else 1.0
 
     @cached_property
     def views_per_point(self) -> Ints:

@@ -12,6 +12,10 @@ from ..base.errors import Remedy, UserError
 from .tracks import Tracks, cuts
 
 
+class StaysError(UserError):
+    """The camera of a clip stays in its place, so that pictures tell no depth."""
+
+
 @dataclass(frozen=True)
 class DegeneracyOptions:
     """When a clip has no motion to solve. By eye."""
@@ -41,8 +45,10 @@ def check_motion(tracks: Tracks, options: DegeneracyOptions = DegeneracyOptions(
     unit = 1000 / max(tracks.width, tracks.height)
     motion = max(float(np.median(np.linalg.norm(b - a, axis=1))) for a, b in pairs) * unit
     if motion < options.min_motion:
-        raise UserError(
-            "the camera does not move in this clip; depth needs a camera that moves sideways a little"
+        raise StaysError(
+            "the camera does not move in this clip; depth needs a camera that moves sideways a little, or"
+            " depth maps of the clip",
+            Remedy.DEPTH_MAPS,
         )
     residuals = [min(rotation_residual(a, b, tracks, focal) for focal in options.focals) for a, b in pairs]
     return max(residuals) * unit
@@ -60,12 +66,13 @@ def refuse_cuts(tracks: Tracks) -> None:
         )
 
 
-def only_turns(measured: str) -> UserError:
+def only_turns(measured: str) -> StaysError:
     """The refusal of a clip whose pictures agree with a camera that does not leave its place, as `measured`
     says."""
-    return UserError(
+    return StaysError(
         f"the camera only turns in this clip ({measured}): too little parallax; move the camera sideways"
-        " while filming"
+        " while filming, or solve it with depth maps",
+        Remedy.DEPTH_MAPS,
     )
 
 

@@ -19,14 +19,16 @@ from ..base.arrays import Floats, Ints
 from ..base.errors import Remedy, UserError
 from ..camera.reconstruction import Reconstruction, normalise
 from . import self_calibration, small_motion, solution
-from .degeneracy import DegeneracyOptions, check_motion, only_turns
+from .degeneracy import DegeneracyOptions, StaysError, check_motion, only_turns
 from .keyframes import KeyframeOptions, adjust, keyframe_features, keyframes, map_keyframes
+from .report import STAYS
 from .self_calibration import CalibrationOptions
 from .small_motion import SmallMotionOptions
 from .solution import Solution, SolutionOptions
 from .stabilised import ShiftOptions, refuse_shifted
 from .stationary import DepthEvidence, StationaryOptions, depth_evidence
 from .tracks import Progress, Tracks
+from .turning import turned
 
 
 @dataclass(frozen=True)
@@ -98,7 +100,7 @@ class Mapped:
 
     reconstruction: Reconstruction
     method: str
-    """"pairs" or "at once"."""
+    """"pairs", "at once" or `STAYS`."""
     focal_sigma: float
     """Relative standard deviation of the focal length, what was known before included."""
     focal_from_clip: bool
@@ -120,12 +122,41 @@ class Mapped:
 
 
 def reconstruct(
-    tracks: Tracks, prior: FocalPrior, progress: Progress, options: MappingOptions = MappingOptions()
+    tracks: Tracks,
+    prior: FocalPrior,
+    progress: Progress,
+    may_stay: bool = False,
+    options: MappingOptions = MappingOptions(),
 ) -> Mapped:
     """Cameras and points of a clip from its tracks, normalised.
 
-    Raises UserError with the reason where the clip has no solution.
+    Of a camera that `may_stay` in its place, because depth is known from elsewhere, its turns are enough;
+    else such a clip is refused. Raises UserError with the reason where the clip has no solution.
     """
+    try:
+        return _moving(tracks, prior, progress, options)
+    except StaysError:
+        if not may_stay:
+            raise
+    return _staying(tracks, prior, progress, options)
+
+
+def _staying(tracks: Tracks, prior: FocalPrior, progress: Progress, options: MappingOptions) -> Mapped:
+    """A camera that turns in its place."""
+    focal = prior.focal or options.start_focal * max(tracks.width, tracks.height)
+    known = prior.sigma if prior.focal else options.start_sigma
+    found = turned(tracks, focal, known, progress)
+    share, moving = solution.explained(found.solution)
+    reconstruction = solution.collect(found.solution)
+    if len(reconstruction.images) < 2 or len(reconstruction.points) < options.solution.min_points:
+        raise UserError("too few points stand still in this clip; choose another range of frames")
+    return Mapped(
+        normalise(reconstruction), STAYS, found.focal_sigma, found.focal_from_clip, 0.0, 0.0, share, moving,
+        False, None, None,
+    )  # fmt: skip
+
+
+def _moving(tracks: Tracks, prior: FocalPrior, progress: Progress, options: MappingOptions) -> Mapped:
     parallax = check_motion(tracks, options.degeneracy)
     keys = keyframes(tracks, options.keyframes)
     start = prior.focal or options.start_focal * max(tracks.width, tracks.height)

@@ -16,13 +16,17 @@ from ..base.child import Child, end
 from ..base.errors import Remedy, UserError
 from ..base.messages import Failure, Message, Progress
 from ..camera.focal_length import Focal, in_pixels
+from ..depth.placed_points import placed
+from ..depth.user_maps import open_depth
 from ..media.clip import FrameRange, open_footage
 from ..media.clip_identity import identity
 from ..media.video import video_info
-from ..readers.colmap_export import write_model
+from ..readers.colmap_export import read_model, write_model
 from ..readers.matching import Imported
 from .known_cameras import thinned, write_cameras
+from .report import STAYS
 from .staging import Staging
+from .state import MODEL
 from .tracks import TRACKERS
 from .workspace import check_import, check_replaceable, imported_from, is_solved
 
@@ -32,6 +36,7 @@ SHARES = {
     "Comparing cameras": (0.2, 0.82),
     "Solving cameras": (0.27, 0.42),
     "Settling the focal length": (0.42, 0.8),
+    "Finding how the camera turns": (0.8, 0.93),
     "Registering frames": (0.8, 0.82),
     "Adjusting": (0.82, 0.93),
     "Looking for points": (0.93, 1.0),
@@ -77,9 +82,11 @@ class SolveProcess:
         zooms: bool = False,
         yielding: bool = False,
         cameras: Imported | None = None,
+        depth_maps: Path | None = None,
     ) -> None:
         """With `yielding` other programs go first, such as the interface that waits for it; with `cameras`,
-        another program's of the clip, these are held and only points are found."""
+        another program's of the clip, these are held and only points are found. `depth_maps` of the clip are
+        for one whose camera stays in its place, which is refused without."""
         self.work_dir = work_dir
         self._yields = yielding
         self._cameras = cameras
@@ -92,6 +99,7 @@ class SolveProcess:
         self.clip.close()
         self._identity = identity(self.clip.path)
         pixels = None if focal is None else in_pixels(focal, self.clip.width, self.clip.height)
+        self._maps = None if depth_maps is None else open_depth(depth_maps, self.clip)
         self._options: dict[str, Any] = {"focal": pixels, "tracker": tracker, "zooms": zooms}
         if cameras is not None:
             self._options = {"imported": cameras.format, "tracker": tracker}
@@ -132,6 +140,7 @@ class SolveProcess:
             "video": asdict(video_info(self.clip.path)) if self.clip.is_video else None,
             "folder": str(folder),
             "tracker": self._options["tracker"],
+            "may_stay": self._maps is not None,
             "lens": {name: self._options.get(name) for name in ("focal", "zooms")},
             "cameras": None,
             "cloud": None,
@@ -184,10 +193,17 @@ class SolveProcess:
         assert self._staging is not None
         said = json.loads((self._staging.folder / "report.json").read_text(encoding="utf-8"))
         try:
+            if said["method"] == STAYS:
+                self._place(self._staging.folder / MODEL)
             self._staging.keep(self.clip, self._identity, self._options, said)
         finally:
             self._clean()
         self.finished = True
+
+    def _place(self, model: Path) -> None:
+        """Give the points of a camera that stays in its place the distances of the depth maps."""
+        assert self._maps is not None
+        write_model(model, placed(read_model(model), self._maps))
 
     def _clean(self) -> None:
         if self._staging is not None:

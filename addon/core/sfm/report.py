@@ -12,6 +12,8 @@ from ..base.counting import ranges
 from ..base.errors import Remedy, Words, with_words
 from ..camera.reconstruction import Reconstruction, outermost_angles
 
+STAYS = "turning"
+"""The method of a solve whose camera stays in its place: depth is that of maps."""
 WEAK = 30
 """Feature points; a frame with fewer has a mesh that knows little."""
 GRID = (8, 6)
@@ -146,7 +148,7 @@ def report(reconstruction: Reconstruction, frames: tuple[int, ...], said: dict[s
     if said.get("observed", True):
         error, drift = _errors(point, residual, len(reconstruction.points))
     spread = None
-    if error is not None and len(angle):
+    if error is not None and len(angle) and said.get("method") != STAYS:
         # More observations of a track do not help: they share its error.
         spread = error / float(np.median(focal)) / max(np.radians(float(np.median(angle))), 1e-9)
     # A pan's lens is taken for depth: reprojection errors do not show it.

@@ -138,7 +138,7 @@ def _solved(job: dict[str, Any], footage: Footage, tracks: Tracks) -> _Found:
     metadata_focal = None if prior.focal or prior.zooms else _metadata_focal(footage)
     if metadata_focal:
         prior = incremental_mapping.FocalPrior(metadata_focal, METADATA_SIGMA)
-    mapped = incremental_mapping.reconstruct(tracks, prior, _progress)
+    mapped = incremental_mapping.reconstruct(tracks, prior, _progress, job["may_stay"])
     said = {
         "focal_sigma": mapped.focal_sigma,
         "focal_held": not mapped.focal_from_clip,

@@ -1,0 +1,148 @@
+"""Points of a camera that stays in its place, as far away as depth maps say.
+
+Such a clip tells no depth, so nothing but the maps themselves tells what they hold: a plane is linear over
+the picture in inverse depth, and in nothing else.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..base.arrays import Floats, Indices, Ints, Mask
+from ..base.errors import UserError
+from ..base.progress import checkpoint
+from ..camera.reconstruction import MEDIAN_DEPTH, Image, Reconstruction
+from ..media.clip import describe
+from .user_maps import DepthMaps
+
+FRAMES = 40
+"""Frames whose maps place the points. By eye."""
+JUDGED = 5
+"""Frames by which it is judged what the maps hold. By eye."""
+REACH = 32
+"""Of the long side, how far apart the three pixels are that are to be on a line: beyond a map's noise."""
+STRAIGHTEST = 10.0
+"""Percentile of all such threes by which a map is judged. Of 16, 32 and 64 with 10, 20 and 30 these tell most
+of 27 maps right, 26: of the bench's scenes, true and as a network has them, and of a sensor in a room."""
+ROUNDS = 4
+"""Times that points and the maps' scales are found from each other."""
+FARTHEST = 0.01
+"""Of the median inverse distance: the least that a point may have. By eye."""
+
+
+def placed(reconstruction: Reconstruction, maps: DepthMaps) -> Reconstruction:
+    """A reconstruction whose cameras stand in one place, its points at the distances of maps.
+
+    Maps of depth tell them in their own unit, such as metres, maps of inverse depth up to a factor: then the
+    median distance is `MEDIAN_DEPTH`. A point that no map knows is that far away, too. UserError where the
+    maps know none, or cannot be read.
+    """
+    frames = sorted(set(maps.frames) & {image.frame for image in reconstruction.images})
+    if not frames:
+        raise UserError(
+            f"no frame with a camera has a depth map in {maps.pictures.path.name}; there are maps for"
+            f" {describe(maps.frames)}"
+        )
+    chosen = _evenly(frames, FRAMES)
+    images = [image for image in reconstruction.images if image.frame in chosen]
+    is_depth = _hold_depth(maps, _evenly(frames, JUDGED))
+    point, frame, inverse, slant = list[Ints](), list[Indices](), list[Floats](), list[Floats]()
+    for number, image in enumerate(images):
+        checkpoint(1.0)
+        stored = maps.read(image.frame).at(image.xy)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            value = 1 / stored if is_depth else stored
+        known = np.isfinite(value) & (value > 0)
+        point.append(image.points[known])
+        frame.append(np.full(np.count_nonzero(known), number))
+        inverse.append(value[known])
+        slant.append(_slant(reconstruction, image)[known])
+    points, at = np.concatenate(point), np.concatenate(frame)
+    values, slants = np.concatenate(inverse), np.concatenate(slant)
+    if not len(points):
+        raise UserError(
+            f"the depth maps in {maps.pictures.path.name} know none of the feature points; check that they"
+            " are this clip's and not empty"
+        )
+    count = len(reconstruction.points)
+    near, known_points = _near(points, at, values / slants, 1 / slants, count, not is_depth)
+    middle = float(np.median(near[known_points]))
+    if not is_depth:
+        near *= 1 / (MEDIAN_DEPTH * middle)
+        middle = 1 / MEDIAN_DEPTH
+    near = np.where(known_points, np.maximum(near, FARTHEST * middle), middle)
+    xyz = reconstruction.points.xyz
+    towards = xyz / np.linalg.norm(xyz, axis=1, keepdims=True)
+    return replace(reconstruction, points=replace(reconstruction.points, xyz=towards / near[:, None]))
+
+
+def _evenly(frames: list[int], count: int) -> list[int]:
+    at = np.linspace(0, len(frames) - 1, min(count, len(frames)))
+    return [frames[i] for i in at.round().astype(int)]
+
+
+def _slant(reconstruction: Reconstruction, image: Image) -> Floats:
+    """(n,) distance over depth of what a frame sees."""
+    local = image.to_camera(reconstruction.points.xyz[image.points])
+    return np.asarray(np.linalg.norm(local, axis=1) / local[:, 2])
+
+
+def _near(
+    point: Ints, frame: Indices, inverse: Floats, one: Floats, count: int, drifts: bool
+) -> tuple[Floats, Mask]:
+    """(count,) inverse distance of points, and which are known, of observations (m,) of it in maps whose
+    scale and shift drift from frame to frame, or not. `one` (m,) is what a shift of 1 does to it."""
+    views = np.bincount(point, minlength=count)
+    frames = int(frame.max()) + 1
+    scale, shift = np.ones(frames), np.zeros(frames)
+    near = np.zeros(count)
+    for _ in range(ROUNDS if drifts else 1):
+        adjusted = scale[frame] * inverse + shift[frame] * one
+        near = np.bincount(point, adjusted, minlength=count) / np.maximum(views, 1)
+        if not drifts:
+            break
+        off = np.abs(adjusted - near[point])
+        weight = 1 / (1 + (off / max(float(np.median(off)), 1e-12)) ** 2)
+        sums = [
+            np.bincount(frame, weight * a * b, minlength=frames)
+            for a, b in (
+                (inverse, inverse), (inverse, one), (one, one), (inverse, near[point]), (one, near[point]),
+            )
+        ]  # fmt: skip
+        determinant = sums[0] * sums[2] - sums[1] ** 2
+        good = determinant > 1e-9 * sums[0] * sums[2]
+        safe = np.where(good, determinant, 1.0)
+        scale = np.where(good, (sums[2] * sums[3] - sums[1] * sums[4]) / safe, scale)
+        shift = np.where(good, (sums[0] * sums[4] - sums[1] * sums[3]) / safe, shift)
+        # Nothing tells scale and shift of all of them together.
+        scale, shift = scale / np.median(scale), shift - np.median(shift)
+    return near, views > 0
+
+
+def _hold_depth(maps: DepthMaps, frames: list[int]) -> bool:
+    """Whether maps hold depth rather than inverse depth, by which of them is more often linear over the
+    picture."""
+    maps_of = [_positive(maps, each) for each in frames]
+    bent = np.array([[_bend(values), _bend(1 / values)] for values in maps_of])
+    return bool(np.median(bent[:, 1]) <= np.median(bent[:, 0]))
+
+
+def _positive(maps: DepthMaps, frame: int) -> Floats:
+    values = maps.read(frame).values
+    return np.where(values > 0, values, np.nan)
+
+
+def _bend(values: Floats) -> float:
+    """The second difference over the first one of values (h, w) far enough apart, where that is least."""
+    step = max(max(values.shape) // REACH, 1)
+    bends = []
+    for each in (values, values.T):
+        before, middle, after = each[:, : -2 * step], each[:, step:-step], each[:, 2 * step :]
+        first, second = np.abs(after - before), np.abs(after - 2 * middle + before)
+        slopes = first > 1e-3 * np.abs(middle)
+        bends.append((second / np.where(slopes, first, np.nan)).ravel())
+    both = np.concatenate(bends)
+    both = both[np.isfinite(both)]
+    return float(np.percentile(both, STRAIGHTEST)) if len(both) else 0.0

@@ -1,0 +1,141 @@
+"""A camera that stays in its place: how it turns, and its focal length. Depth must come from elsewhere.
+
+Points lie at one distance from it until they are given another; what parallax a hand leaves is an error.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..base.arrays import Floats, Ints, Mask
+from ..base.errors import Remedy, UserError
+from ..camera.reconstruction import MEDIAN_DEPTH
+from . import solution
+from .bundle_adjustment import adjust
+from .small_motion import LongTracks, robust_turn, rotation_only, select_observations
+from .solution import Solution, SolutionOptions
+from .tracks import Progress, Tracks
+
+
+@dataclass(frozen=True)
+class TurningOptions:
+    """Which frames and tracks tell how a camera turns. By eye."""
+
+    keys: int = 60
+    """Frames that are adjusted at once; the others follow from their points."""
+    in_frame: int = 40
+    """Tracks that are adjusted with each of them, the longest that it sees."""
+    min_views: int = 3
+    """Of these frames that must see such a track."""
+    least_turn: float = 3.0
+    """Degrees of turning with less of which it tells nothing of the focal length."""
+    bounds: tuple[float, float] = (0.4, 2.5)
+    """Focal lengths, in long sides of the frame, beyond which what turning tells of them is not believed."""
+    loss: float = 1.0
+    """Pixels of a 1,000-pixel frame from which on a reprojection error loses weight (Huber)."""
+    rounds: int = 3
+    """Times that points are found again without what misses them."""
+
+
+@dataclass(frozen=True)
+class Turned:
+    """What became of a clip."""
+
+    solution: Solution
+    """Without translation, points at `MEDIAN_DEPTH`."""
+    focal_sigma: float
+    """Relative standard deviation of the focal length, what was known before included."""
+    focal_from_clip: bool
+    """The clip says more of the focal length than was known before."""
+
+
+def turned(
+    tracks: Tracks,
+    focal: float,
+    known: float,
+    progress: Progress,
+    options: TurningOptions = TurningOptions(),
+) -> Turned:
+    """How the camera of a clip turns, from a focal length in pixels that is known up to a relative standard
+    deviation, 0 to hold it. UserError where too little is seen to tell."""
+    progress("Finding how the camera turns", 0, 2)
+    last = len(tracks.frames) - 1
+    keys = np.unique(np.linspace(0, last, min(options.keys, last + 1)).round().astype(np.int32))
+    span = _spanning(tracks, keys, options)
+    found = rotation_only(span, focal)
+    sigma, from_clip = known, False
+    if known > 0 and _angle(found.bundle.rotation) > options.least_turn:
+        free = adjust(found.bundle, span.seen, span.loss, "common")
+        low, high = options.bounds
+        share = free.bundle.focal[0] / max(tracks.width, tracks.height)
+        if 0 < free.focal_sigma < known and low < share < high:
+            found, sigma, from_clip = free, free.focal_sigma, True
+    progress("Finding how the camera turns", 1, 2)
+    made = solution.empty(tracks, float(found.bundle.focal[0]))
+    made.translation[:] = 0.0
+    made.rotation[keys] = found.bundle.rotation
+    _place(made, options)
+    for index in np.setdiff1d(np.arange(last + 1), keys):
+        made.rotation[index] = _turn_of(made, int(index))
+    _place(made, options)
+    solution.drop_bad(made)
+    return Turned(made, sigma, from_clip)
+
+
+def _angle(rotation: Floats) -> float:
+    """Degrees of the widest turn from the first of (k, 3, 3) rotations."""
+    cosine = (np.einsum("kii->k", rotation @ rotation[0].T) - 1) / 2
+    return float(np.degrees(np.arccos(np.clip(cosine.min(), -1, 1))))
+
+
+def _spanning(tracks: Tracks, keys: Ints, options: TurningOptions) -> LongTracks:
+    """The longest tracks of each of some frames `keys` (k,), indices of the clip's frames."""
+    in_keys = np.isin(tracks.frame_index, keys)
+    views = np.bincount(tracks.track[in_keys], minlength=tracks.count)
+    longest = [ids[np.argsort(-views[ids], kind="stable")[: options.in_frame]] for ids in _seen(tracks, keys)]
+    kept = np.unique(np.concatenate(longest))
+    kept = kept[views[kept] >= min(options.min_views, len(keys))].astype(np.int32)
+    least = SolutionOptions().min_points
+    if len(kept) < least:
+        raise UserError(
+            f"fewer than {least} features can be followed for long in this clip; choose another range of"
+            " frames",
+            Remedy.FRAMES,
+        )
+    seen = select_observations(tracks, keys, kept, in_keys)
+    return LongTracks(seen, kept, len(keys), options.loss * max(tracks.width, tracks.height) / 1000)
+
+
+def _seen(tracks: Tracks, frames: Ints) -> list[Ints]:
+    return [tracks.in_frame(int(frame))[0] for frame in frames]
+
+
+def _place(made: Solution, options: TurningOptions) -> None:
+    """Points in the mean direction of their rays, of those that do not miss it by twice the median."""
+    tracks = made.tracks
+    _, rays = made.rays()
+    posed = np.isfinite(rays[:, 0])
+    rays = np.where(posed[:, None], rays, 0.0)
+    weight = posed.astype(np.float64)
+    for _ in range(options.rounds):
+        towards = np.zeros((tracks.count, 3))
+        np.add.at(towards, tracks.track, weight[:, None] * rays)
+        size = np.linalg.norm(towards, axis=1, keepdims=True)
+        towards /= np.where(size > 0, size, np.nan)
+        off = np.linalg.norm(rays - towards[tracks.track], axis=1)
+        weight = 1 / (1 + (off * made.focal[tracks.frame_index] / made.max_error) ** 2)
+        weight = np.where(posed, weight, 0.0)
+    made.xyz[:] = MEDIAN_DEPTH * towards
+
+
+def _turn_of(made: Solution, index: int) -> Floats:
+    """(3, 3) rotation of a frame from the points that it sees; NaN where they are too few."""
+    ids, xy = made.tracks.in_frame(index)
+    known: Mask = np.isfinite(made.xyz[ids, 0])
+    if np.count_nonzero(known) < made.options.min_points:
+        return np.full((3, 3), np.nan)
+    rays = np.column_stack([(xy[known] - made.centre) / made.focal[index], np.ones(np.count_nonzero(known))])
+    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+    return robust_turn(made.xyz[ids[known]] / MEDIAN_DEPTH, rays)

@@ -1,0 +1,88 @@
+"""Clips of a camera that stays in its place, with their true depth: somebody walks before walls."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from . import planes
+
+WALKER = 3.0
+"""Depth of who walks, a card; behind are the planes of `planes`."""
+CARD = (0.9, 1.6)
+"""Width and height of the card in scene units."""
+
+
+@dataclass(frozen=True)
+class StayingClip:
+    """What the camera saw."""
+
+    pictures: list[np.ndarray]
+    """(h, w, 3) of each frame."""
+    without: list[np.ndarray]
+    """(h, w, 3) the same without who walks."""
+    depth: np.ndarray
+    """(n, h, w)"""
+    walker: np.ndarray
+    """(n, h, w) where the card is seen."""
+
+    def write(self, folder: Path) -> tuple[Path, Path]:
+        """The clip and its depth maps, in metres, as an .npz."""
+        clip = planes.write_clip(folder / "clip", self.pictures)
+        maps = folder / "depth.npz"
+        np.savez(maps, depth=self.depth.astype(np.float32))
+        return clip, maps
+
+
+def staying_clip(count: int, pan: float) -> StayingClip:
+    """A camera that turns by `pan` radians to the right over the clip, or stands still."""
+    turns = pan * np.linspace(-0.5, 0.5, count)
+    made = [_frame(turn, at) for turn, at in zip(turns, np.linspace(0, 1, count), strict=True)]
+    return StayingClip(
+        [each[0] for each in made], [each[1] for each in made],
+        np.stack([each[2] for each in made]), np.stack([each[3] for each in made]),
+    )  # fmt: skip
+
+
+def _frame(turn: float, at: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    vector = np.array([0.0, turn, 0.0])
+    behind = planes.view(np.zeros(3), vector)
+    rotation = cv2.Rodrigues(vector)[0]
+    depth = np.full(behind.shape[:2], np.inf)
+    for z, (left, right) in planes.PLANES.items():
+        corners = np.array([[left, -12, z], [right, -12, z], [right, 12, z], [left, 12, z]])
+        inside, seen = _plane(corners, rotation)
+        depth = np.where(inside & (seen < depth), seen, depth)
+    corner, (across, down) = np.array([-1.6 + 2.3 * at, -0.6, WALKER]), CARD
+    corners = corner + np.array([[0, 0, 0], [across, 0, 0], [across, down, 0], [0, down, 0]])
+    inside, seen = _plane(corners, rotation)
+    paint = np.repeat(planes.pattern(200, 200, 9)[..., None], 3, axis=2)
+    square = np.array([[0, 0], [200, 0], [200, 200], [0, 200]], np.float32)
+    matrix = cv2.getPerspectiveTransform(square, _projected(corners, rotation).astype(np.float32) - 0.5)
+    card = cv2.warpPerspective(255 - paint // 2, matrix, planes.SIZE)
+    card[..., 2] //= 2
+    whole = np.where(inside[..., None], card, behind)
+    return whole, behind, np.where(inside, seen, depth), inside
+
+
+def _projected(points: np.ndarray, rotation: np.ndarray) -> np.ndarray:
+    """(n, 2) pixels, the first pixel's centre at (0.5, 0.5)."""
+    local = points @ rotation.T
+    return planes.FOCAL * local[:, :2] / local[:, 2:] + np.array(planes.SIZE) / 2
+
+
+def _plane(corners: np.ndarray, rotation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(h, w) where a rectangle that faces the world's z axis is seen, and the depth of its plane."""
+    width, height = planes.SIZE
+    x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
+    across, down = (x - width / 2) / planes.FOCAL, (y - height / 2) / planes.FOCAL
+    rays = np.stack([across, down, np.ones_like(x)], axis=-1)
+    world = rays @ rotation
+    scale = corners[0, 2] / world[..., 2]
+    at = world * scale[..., None]
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    inside = np.all((at[..., :2] >= low[:2]) & (at[..., :2] <= high[:2]), axis=-1)
+    return inside, scale
