@@ -29,6 +29,8 @@ class TurningOptions:
     """Tracks that are adjusted with each of them, the longest that it sees."""
     min_views: int = 3
     """Of these frames that must see such a track."""
+    still: float = 3.0
+    """Times the median error of tracks from which on one moves by itself."""
     least_turn: float = 3.0
     """Degrees of turning with less of which it tells nothing of the focal length."""
     bounds: tuple[float, float] = (0.4, 2.5)
@@ -63,7 +65,12 @@ def turned(
     progress("Finding how the camera turns", 0, 2)
     last = len(tracks.frames) - 1
     keys = np.unique(np.linspace(0, last, min(options.keys, last + 1)).round().astype(np.int32))
-    span = _spanning(tracks, keys, options)
+    span = _spanning(tracks, keys, _longest(tracks, keys, options), options)
+    found = rotation_only(span, focal)
+    # What moves by itself would take the focal length along.
+    error = np.linalg.norm(found.bundle.residuals(span.seen), axis=1)
+    still = np.bincount(span.seen.point, error, minlength=len(span.tracks)) / np.bincount(span.seen.point)
+    span = _spanning(tracks, keys, span.tracks[still < options.still * np.median(still)], options)
     found = rotation_only(span, focal)
     sigma, from_clip = known, False
     if known > 0 and _angle(found.bundle.rotation) > options.least_turn:
@@ -90,13 +97,17 @@ def _angle(rotation: Floats) -> float:
     return float(np.degrees(np.arccos(np.clip(cosine.min(), -1, 1))))
 
 
-def _spanning(tracks: Tracks, keys: Ints, options: TurningOptions) -> LongTracks:
-    """The longest tracks of each of some frames `keys` (k,), indices of the clip's frames."""
-    in_keys = np.isin(tracks.frame_index, keys)
-    views = np.bincount(tracks.track[in_keys], minlength=tracks.count)
-    longest = [ids[np.argsort(-views[ids], kind="stable")[: options.in_frame]] for ids in _seen(tracks, keys)]
+def _longest(tracks: Tracks, keys: Ints, options: TurningOptions) -> Ints:
+    """Numbers (k,) of the longest tracks of each of some frames `keys`, indices of the clip's frames."""
+    views = np.bincount(tracks.track[np.isin(tracks.frame_index, keys)], minlength=tracks.count)
+    seen = [tracks.in_frame(int(key))[0] for key in keys]
+    longest = [ids[np.argsort(-views[ids], kind="stable")[: options.in_frame]] for ids in seen]
     kept = np.unique(np.concatenate(longest))
-    kept = kept[views[kept] >= min(options.min_views, len(keys))].astype(np.int32)
+    return np.asarray(kept[views[kept] >= min(options.min_views, len(keys))], np.int32)
+
+
+def _spanning(tracks: Tracks, keys: Ints, kept: Ints, options: TurningOptions) -> LongTracks:
+    """What some frames `keys` see of tracks `kept`; UserError where these are too few."""
     least = SolutionOptions().min_points
     if len(kept) < least:
         raise UserError(
@@ -104,12 +115,8 @@ def _spanning(tracks: Tracks, keys: Ints, options: TurningOptions) -> LongTracks
             " frames",
             Remedy.FRAMES,
         )
-    seen = select_observations(tracks, keys, kept, in_keys)
+    seen = select_observations(tracks, keys, kept, np.isin(tracks.frame_index, keys))
     return LongTracks(seen, kept, len(keys), options.loss * max(tracks.width, tracks.height) / 1000)
-
-
-def _seen(tracks: Tracks, frames: Ints) -> list[Ints]:
-    return [tracks.in_frame(int(frame))[0] for frame in frames]
 
 
 def _place(made: Solution, options: TurningOptions) -> None:
