@@ -45,12 +45,25 @@ def test_a_hole_in_a_wall_has_the_walls_depth() -> None:
     assert (result.confidence[~sure] > 0.1).all()
 
 
-def test_what_is_sure_stays() -> None:
-    sure = np.random.default_rng(3).random(WALL.shape) < 0.7
+def test_what_is_sure_amid_what_is_sure_stays() -> None:
+    """Whatever the map says there."""
+    sure, inner = np.abs(X - 0.5) > 0.15, np.abs(X - 0.5) > 0.25
     wrong = np.random.default_rng(4).random(WALL.shape).astype(np.float32)
     for given in (bent(WALL), wrong):
         result = completed(found(WALL, sure), given)
-        np.testing.assert_array_equal(result.inverse_depth[sure], WALL[sure].astype(np.float32))
+        np.testing.assert_array_equal(result.inverse_depth[inner], WALL[inner].astype(np.float32))
+
+
+def test_scattered_matches_do_not_outweigh_the_map() -> None:
+    """Plain walls and gloss: few pixels seem sure, and most that contradict the map are chance."""
+    rng = np.random.default_rng(8)
+    sure = rng.random(WALL.shape) < 0.2
+    wrong = sure & (rng.random(WALL.shape) < 0.3)
+    depth = found(np.where(wrong, rng.uniform(0.4, 0.6, WALL.shape), WALL), sure)
+    result = completed(depth, bent(WALL)).inverse_depth
+    before, after = (np.abs(each - WALL) for each in (depth.inverse_depth, result))
+    assert np.mean(before > 0.1) > 0.05
+    assert np.mean(after > 0.1) < 0.002
 
 
 @pytest.mark.parametrize("moves", [False, True])

@@ -44,6 +44,12 @@ class TieOptions:
     """Of the long side: standard deviation of what is around a pixel."""
     dense: float = 0.5
     """Share of sure depth around from which on edges are stereo's. By eye."""
+    believed: tuple[float, float] = (0.5, 0.9)
+    """Shares of sure depth around below which depth that contradicts the map is none, and from which on it is
+    believed: of a phone's room, 0.1 to 0.6 around what is wrong and 0.5 to 1 around what is right; of the
+    bench's scenes 0.7 to 1."""
+    contradiction: float = 5.0
+    """Levels from the map at which most of that is meant. By eye."""
     edge: float = 4.0
     """Levels within that reach at which a map has an edge, and tells nothing."""
 
@@ -67,7 +73,7 @@ def tied(
     change = np.zeros_like(given)
     for _ in range(options.rounds):
         near = 1 / (1 + ((off - change) / (options.miss * level)) ** 2)
-        change = _fitted(shape, off, weight * near.astype(np.float32), options)
+        change = _fitted(shape, off, weight * (near * near).astype(np.float32), options)
     steps = replace(FusionOptions(), ramp=around // 2)
     return sharpened(np.maximum(given + change, 0).astype(np.float32), level, options=steps), trust
 
@@ -116,9 +122,14 @@ def completed(
         return depth
     own = np.clip((depth.confidence - fusion.unsure) / (fusion.sure - fusion.unsure), 0, 1)
     own = np.where(depth.moving, np.float32(0), own).astype(np.float32)
-    shape, trust = tied(inverse, own, given, level, options)
-    # Amid what is sure an edge is known better from that.
+    # Where little is sure, what seems so is mostly chance, and does not outweigh a map that it contradicts.
     around = cv2.GaussianBlur(own, (0, 0), options.around * max(own.shape))
+    low, high = options.believed
+    dense = np.clip((around - low) / (high - low), 0, 1)
+    shape, trust = tied(inverse, own * dense, given, level, options)
+    contradicts = 1 - np.exp(-(((shape - inverse) / (options.contradiction * level)) ** 2))
+    own = (own * (1 - contradicts * (1 - dense))).astype(np.float32)
+    # Amid what is sure an edge is known better from that.
     share = np.maximum(trust, 1 - np.minimum(around / options.dense, 1)) * (1 - own)
     # Depths too far apart are two surfaces', and a pixel gets one of them.
     apart = np.abs(shape - inverse) > fusion.same_surface * level
