@@ -63,7 +63,7 @@ def tied(
     `sure` (h, w) in [0, 1] weighs; `level` is a step of inverse depth that is hardly seen. Scale and shift
     follow windows of several sizes.
     """
-    around = 2 * max(int(options.soft * max(given.shape)), 1) + 1
+    around = 2 * _softness(given, options) + 1
     kernel = np.ones((around, around), np.uint8)
     steep = cv2.dilate(given, kernel) - cv2.erode(given, kernel)
     trust = np.exp(-((steep / (options.edge * level)) ** 2)).astype(np.float32)
@@ -74,8 +74,17 @@ def tied(
     for _ in range(options.rounds):
         near = 1 / (1 + ((off - change) / (options.miss * level)) ** 2)
         change = _fitted(shape, off, weight * (near * near).astype(np.float32), options)
-    steps = replace(FusionOptions(), ramp=around // 2)
-    return sharpened(np.maximum(given + change, 0).astype(np.float32), level, options=steps), trust
+    return stepped(np.maximum(given + change, 0).astype(np.float32), level, options), trust
+
+
+def stepped(given: Map, level: float, options: TieOptions = TieOptions()) -> Map:
+    """(h, w) a map's inverse depths `given` (h, w) with steps of several levels where its edges are soft."""
+    return sharpened(given, level, options=replace(FusionOptions(), ramp=_softness(given, options)))
+
+
+def _softness(given: Map, options: TieOptions) -> int:
+    """Pixels from an edge within which a map is soft."""
+    return max(int(options.soft * max(given.shape)), 1)
 
 
 def _fitted(shape: Map, off: Map, weight: Map, options: TieOptions) -> Map:

@@ -14,9 +14,11 @@ from ..base.nearest_fill import nearest
 from ..camera.canvas import Canvas
 from ..camera.reconstruction import Reconstruction
 from ..media.clip import describe
+from .completed_depth import stepped
 from .map_fit import ClipFit, Fitted, FrameLine, fit_clip, fit_depth, frame_line, steadied
 from .source import DepthSource, PixelDepth
 from .sparse import DepthSamples, frame_features
+from .temporal_fusion import level_of
 from .user_maps import DepthMaps
 
 COLUMNS = 100
@@ -64,6 +66,10 @@ class UserDepth(DepthSource):
             for at, size in zip((y, x), values.shape, strict=True)
         )
         whole = np.nan_to_num(nearest(values, ~np.isnan(values)))
+        if not self.completes:
+            # There is no stereo that knows its edges better.
+            small = whole.astype(np.float32)
+            whole = stepped(small, level_of(small)).astype(np.float64)
         return PixelDepth(np.asarray(whole[row, column]), origin="your depth maps")
 
     def samples(self, frame: int, canvas: Canvas) -> DepthSamples | None:
