@@ -34,11 +34,11 @@ def network_depth(scene: Scene, reconstruction: Reconstruction, folder: Path) ->
     judged = scene.judged(scene.blurs[0])
     folder.mkdir(parents=True, exist_ok=True)
     for frame in range(judged[0] - AROUND, judged[-1] + AROUND + 1):
-        np.savez(folder / f"depth_{frame:04d}.npz", depth=_as_seen(1 / scene.depth(frame), frame))
+        np.savez(folder / f"depth_{frame:04d}.npz", depth=as_seen(1 / scene.depth(frame), frame))
     return UserDepth.of(open_depth(folder, open_footage(scene.clip())), reconstruction)
 
 
-def _as_seen(inverse: Floats, frame: int) -> NDArray[np.float32]:
+def as_seen(inverse: Floats, frame: int) -> NDArray[np.float32]:
     """(h, w) what a network makes of a frame's inverse depth (H, W)."""
     height, width = inverse.shape
     low, high = np.percentile(inverse, [1, 99])

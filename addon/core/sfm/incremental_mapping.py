@@ -64,6 +64,9 @@ class MappingOptions:
     min_parallax: float = 1.0
     """Pixels of a 1,000-pixel frame that no rotation explains; with less, pairs of pictures are not tried: it
     is a trembling hand, or only turns."""
+    told_parallax: float = 0.3
+    """Pixels of a 1,000-pixel frame that no rotation explains; with less, depth from elsewhere is
+    better than any that they tell. As much as a still camera may move."""
     doubtful_parallax: float = 10.0
     """Pixels of a 1,000-pixel frame that no rotation explains; with less, the clip's halves are to find the
     same depths."""
@@ -134,7 +137,9 @@ def reconstruct(
     else such a clip is refused. Raises UserError with the reason where the clip has no solution.
     """
     try:
-        return _moving(tracks, prior, progress, options)
+        parallax = check_motion(tracks, options.degeneracy)
+        if not may_stay or parallax >= options.told_parallax:
+            return _moving(tracks, prior, parallax, progress, options)
     except StaysError:
         if not may_stay:
             raise
@@ -156,8 +161,10 @@ def _staying(tracks: Tracks, prior: FocalPrior, progress: Progress, options: Map
     )  # fmt: skip
 
 
-def _moving(tracks: Tracks, prior: FocalPrior, progress: Progress, options: MappingOptions) -> Mapped:
-    parallax = check_motion(tracks, options.degeneracy)
+def _moving(
+    tracks: Tracks, prior: FocalPrior, parallax: float, progress: Progress, options: MappingOptions
+) -> Mapped:
+    """A camera that leaves its place, with a `parallax` in pixels of a 1,000-pixel frame."""
     keys = keyframes(tracks, options.keyframes)
     start = prior.focal or options.start_focal * max(tracks.width, tracks.height)
     found, ratio = _Keyframes(keys, start, prior, parallax, progress, options).zoom_or_not(tracks)
