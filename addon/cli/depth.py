@@ -78,6 +78,10 @@ def keep_depth(
     Ends at a frame whose depth cannot be kept, and returns what is kept and why that is not.
     """
     shot = shot_of(scene)
+    if shot.reconstruction.stays:
+        return UserError(
+            "there is no depth to be found, for the camera stays in its place: depth maps tell it"
+        )
     clock = _Said(len(frames))
     with sharing(options, len(frames), shot) as count:
         if count == 1:

@@ -140,12 +140,16 @@ def farm(options: argparse.Namespace) -> None:
         frames = _copy_scene(source, options, folder)
         blend = f"{{{{Param.Input}}}}/{BLEND}"
     else:
-        frames, clip = _copy_clip(source, options, folder)
+        frames, clip, maps = _copy_clip(source, options, folder)
         blend, work = f"{{{{Param.Output}}}}/{BLEND}", "{{Param.Output}}/solve"
-        name = f"{{{{Param.Input}}}}/{texts.literal(clip.relative_to(folder).as_posix())}"
+        name, depth = (
+            f"{{{{Param.Input}}}}/{texts.literal(path.relative_to(folder).as_posix())}" if path else ""
+            for path in (clip, maps)
+        )
         lens = f"{{{{Param.Input}}}}/{LENS}"
         # The folder keeps the solve, and a second run of an equal step takes it.
         solved = ["solve", name, "--work", work, *solve_arguments(options)]
+        solved += ["--depth-maps", depth] if depth else []
         saved = ["save", work, "--lens", lens, "--blend", blend, "--no-copy", "--overwrite"]
         saved += ["--frames", f"{frames[0]}-{frames[-1]}"]
         first = [_step("Solve", [*before, *solved]), _step("Scene", [*before, *saved], "Solve")]
@@ -185,9 +189,11 @@ def _copy_scene(source: Path, options: argparse.Namespace, folder: Path) -> list
     return frames
 
 
-def _copy_clip(source: Path, options: argparse.Namespace, folder: Path) -> tuple[list[int], Path]:
+def _copy_clip(
+    source: Path, options: argparse.Namespace, folder: Path
+) -> tuple[list[int], Path, Path | None]:
     """Copy a clip that the job is to solve into a folder, with the lens and the user's pictures; the frames
-    that are to be rendered, and the clip's copy."""
+    that are to be rendered, and the copies of the clip and of its depth maps."""
     footage = open_footage(source, options.solve_frames)
     frames = movie_frames(footage, options.frames)
     clip = copy_clip(open_footage(source), folder)
@@ -199,7 +205,7 @@ def _copy_clip(source: Path, options: argparse.Namespace, folder: Path) -> tuple
     if image is not None:
         lens["aperture"] = with_image(options.aperture, image.relative_to(folder))
     write_lens(folder / LENS, lens)
-    return frames, clip
+    return frames, clip, depth
 
 
 def _copy_solve(source: Path, target: Path, clip: Path) -> None:

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 
 from ..base.arrays import LinearRGBA, Map
+from ..base.errors import Remedy, UserError
 from ..camera.canvas import Canvas
 from .joint_upsampling import upsampled
 from .matte import opacity_over, outlined
@@ -52,6 +53,21 @@ class StereoDepth(DepthSource):
         """Depth found for a frame for all pixels of a canvas, as `at`."""
         mask = self.masks(frame) if self.masks and picture.size else None
         return whole_depth(depth, picture, None if mask is None else opacity_over(canvas, mask))
+
+
+class NoDepth(DepthSource):
+    """Of a camera that stays in its place: pictures tell nothing."""
+
+    def at(self, frame: int, canvas: Canvas, picture: LinearRGBA) -> PixelDepth:
+        """UserError."""
+        raise UserError(
+            f"the depth of frame {frame} cannot be found, for the camera stays in its place; give depth maps"
+            " of the clip",
+            Remedy.DEPTH_MAPS,
+        )
+
+    def kept(self, frame: int, canvas: Canvas) -> None:
+        """None."""
 
 
 def whole_depth(

@@ -8,12 +8,10 @@ from functools import cached_property, partial
 import numpy as np
 
 from ..base.arrays import Floats, LinearRGBA
-from ..base.errors import UserError
 from ..base.lru_cache import LRUCache
 from ..base.nearest_fill import nearest
 from ..camera.canvas import Canvas
 from ..camera.reconstruction import Reconstruction
-from ..media.clip import describe
 from .completed_depth import stepped
 from .map_fit import ClipFit, Fitted, FrameLine, fit_clip, fit_depth, frame_line, steadied
 from .source import DepthSource, PixelDepth
@@ -55,7 +53,7 @@ class UserDepth(DepthSource):
         UserError where the map cannot be read or does not fit the frame's points. `picture` is not looked at:
         what the user gave is not bent to the picture's edges.
         """
-        if not self._knows(frame):
+        if frame not in self.maps.numbers:
             return None
         values = self._fitted(frame, canvas).inverse_depth
         pinhole = canvas.pinhole
@@ -74,21 +72,12 @@ class UserDepth(DepthSource):
 
     def samples(self, frame: int, canvas: Canvas) -> DepthSamples | None:
         """A regular grid of samples, `COLUMNS` across the picture; None without a map."""
-        if not self._knows(frame):
+        if frame not in self.maps.numbers:
             return None
         step = self.maps.footage.width / COLUMNS
         xy, inverse_depth = grid_features(self._fitted(frame, canvas), step)
         at = canvas.features_from_source(xy * self._zoom(canvas))
         return DepthSamples(frame, at, inverse_depth, frame not in self.reconstruction.frames)
-
-    def _knows(self, frame: int) -> bool:
-        """Whether a frame has a map; UserError for one without of which nothing else knows the depth."""
-        if frame not in self.maps.numbers and self.reconstruction.stays:
-            raise UserError(
-                f"frame {frame} has no depth map, and its depth cannot be found, for the camera stays in its"
-                f" place; there are maps for {describe(self.maps.frames)}"
-            )
-        return frame in self.maps.numbers
 
     def _zoom(self, canvas: Canvas) -> Floats:
         """(2,) pixels of the rendered frame a pixel of the clip, across and down."""

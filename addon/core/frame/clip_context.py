@@ -23,7 +23,7 @@ from ..depth.object_tracks import Subject
 from ..depth.source import FAINTEST, DepthSource, FirstKnown, PixelDepth
 from ..depth.sparse import DepthSamples
 from ..depth.sparse_depth import SparseDepth
-from ..depth.stereo_depth import StereoDepth
+from ..depth.stereo_depth import NoDepth, StereoDepth
 from ..depth.temporal_fusion import FusionOptions, TemporalFusion
 from ..focus.place import Place, PlaceFinder
 from ..focus.subject import subject_place
@@ -219,9 +219,11 @@ class ClipContext:
     def depth_source(self, quality: Quality = NORMAL) -> DepthSource:
         """What tells the depth of frames in a quality: what is given, else stereo, or both together; for
         coarse meshes else the feature points. Picking, following and drawing ask it and nothing else."""
+        sparse, given = SparseDepth(self.reconstruction), self.given_depth
+        if self.reconstruction.stays:
+            return FirstKnown((*([] if given is None else [given]), NoDepth(), sparse))
         better = self.stereo_of(quality.better) if quality.better else None
         stereo = StereoDepth(self.stereo_of(quality), better, self.masks)
-        sparse, given = SparseDepth(self.reconstruction), self.given_depth
         if given is None:
             return FirstKnown((stereo, sparse))
         if given.completes:
@@ -271,10 +273,10 @@ class ClipContext:
     def depth(self, frame: int, canvas: Canvas, picture: LinearRGBA, quality: Quality = NORMAL) -> PixelDepth:
         """The depth of all pixels of a canvas that shows `picture` (H, W, 4), as `depth_source` tells it.
 
-        UserError as `TemporalFusion.at`.
+        UserError as `TemporalFusion.at`, and where the camera stays in its place and no map tells it.
         """
         found = self.depth_source(quality).at(frame, canvas, picture)
-        assert found is not None  # Stereo knows every frame.
+        assert found is not None  # Stereo knows every frame, or says why not.
         return found
 
     def hidden_colours(
