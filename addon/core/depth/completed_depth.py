@@ -90,7 +90,7 @@ def _softness(given: Map, options: TieOptions) -> int:
 def _fitted(shape: Map, off: Map, weight: Map, options: TieOptions) -> Map:
     """(h, w) `off` (h, w) as a slope and an offset over `shape` (h, w), by least squares in windows: in each
     size what the larger ones left, the less of it the less there is in the window."""
-    size = shape.shape[1] // options.grid, shape.shape[0] // options.grid
+    size = max(shape.shape[1] // options.grid, 1), max(shape.shape[0] // options.grid, 1)
     small, left, weight = (
         cv2.resize(part, size, interpolation=cv2.INTER_AREA) for part in (shape, off * weight, weight)
     )
