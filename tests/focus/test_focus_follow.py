@@ -92,7 +92,8 @@ class Filmed(ClipContext):
 
 def filmed(has_post: bool = False, gone: int = 99) -> Filmed:
     nothing = np.zeros(0, np.int32)
-    images = tuple(Image(f, np.eye(3), np.zeros(3), np.zeros((0, 2)), nothing) for f in FRAMES)
+    # It hardly moves; of one that stays in its place nothing would be asked of stereo.
+    images = tuple(Image(f, np.eye(3), np.array([1e-5 * f, 0, 0]), np.zeros((0, 2)), nothing) for f in FRAMES)
     points = Points(np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros(0))
     return Filmed(
         Reconstruction((LENS,), images, points),
@@ -155,7 +156,9 @@ def test_points_around_a_mover_are_not_what_is_picked() -> None:
     xy = centre + 18 * np.column_stack([np.cos(around), np.sin(around)])
     wall = np.column_stack([(xy - LENS.principal_point) * WALL / LENS.fx, np.full(12, WALL)])
     points = Points(wall, np.zeros((12, 3), np.uint8), np.zeros(12))
-    images = tuple(Image(f, np.eye(3), np.zeros(3), xy, np.arange(12, dtype=np.int32)) for f in FRAMES)
+    images = tuple(
+        Image(f, np.eye(3), np.array([1e-5 * f, 0, 0]), xy, np.arange(12, dtype=np.int32)) for f in FRAMES
+    )
     clip = replace(clip, reconstruction=Reconstruction((LENS,), images, points))
     found = clip.places(PICKED).find(*centre / SIZE)
     assert found.distance == pytest.approx(depth, rel=0.01) and not found.focus.points
