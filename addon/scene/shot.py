@@ -102,8 +102,9 @@ class Shot:
     def context(self) -> ClipContext:
         """The clip as the core's stages see it."""
         return ClipContext(
-            self.reconstruction, self.read, self.depth, self._masks, self._store if self.work else None,
+            self.reconstruction, self.read, None, self._masks, self._store if self.work else None,
             self.subjects, self._found, self._kept(self._highlight_key), gpu_matcher.winning_levels,
+            self.depth,
         )  # fmt: skip
 
     def with_subjects(self, marked: tuple[MarkedSubject, ...]) -> Shot:

@@ -10,16 +10,14 @@ from __future__ import annotations
 import argparse
 import tempfile
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 
 from addon.core.base.errors import UserError
-from addon.core.depth.source import DepthSource
 from addon.core.depth.temporal_fusion import FusionOptions
-from addon.core.depth.user_depth import UserDepth
 from addon.core.frame.clip_context import ClipContext
 
 from . import metrics
@@ -32,13 +30,6 @@ SCENES = ("bars", "walk", "blocks", "fence", "boxes", "plain")
 BLUR = 32
 VIEWS = 64
 NOISE = 0.02
-
-
-@dataclass(frozen=True)
-class MapsAlone(UserDepth):
-    """The maps as all that is known."""
-
-    completes = False
 
 
 def main() -> None:
@@ -64,15 +55,11 @@ def row(scene: Staged, folder: Path, count: int) -> str:
     scores = []
     for frame, case, clip in cases:
         maps = network_depth(scene, clip.reconstruction, folder)
-        alone = MapsAlone(maps.reconstruction, maps.maps, maps.fit)
         confidence = clip.stereo.at(frame).confidence
         truth = scene.truth(frame, BLUR).picture
         unsure = cv2.resize((confidence < FusionOptions().unsure).astype(np.uint8), truth.shape[1::-1]) > 0
-        given: tuple[DepthSource | None, ...] = (None, alone, maps)
-        pictures = [
-            METHODS["layers"].run(replace(case, clip=replace(clip, given_depth=each)), VIEWS).picture
-            for each in given
-        ]
+        clips = (clip, replace(clip, given_depth=maps), replace(clip, maps=maps))
+        pictures = [METHODS["layers"].run(replace(case, clip=each), VIEWS).picture for each in clips]
         there = [metrics.psnr(each, truth, unsure) for each in pictures]
         scores.append([unsure.mean(), *(metrics.psnr(each, truth) for each in pictures), *there])
     share, *psnr = np.mean(scores, axis=0)

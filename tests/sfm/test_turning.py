@@ -152,7 +152,6 @@ def test_points_are_as_far_away_as_maps_in_metres_say(tmp_path: Path) -> None:
     assert np.percentile(off, 95) < 0.05
     depth = UserDepth.of(maps, found)
     assert depth.fit.kind == "depth"
-    assert not depth.completes
 
 
 def test_inverse_depth_that_drifts_gives_distances_up_to_one_affine_change(tmp_path: Path) -> None:
@@ -192,7 +191,7 @@ def test_behind_who_walks_is_what_other_frames_saw(tmp_path: Path, pan: float) -
     assert len(solve.reconstruction.images) == 24
     footage = open_footage(clip)
     depth = UserDepth.of(open_depth(maps, footage), solve.reconstruction)
-    context = ClipContext(solve.reconstruction, footage.read, depth)
+    context = ClipContext(solve.reconstruction, footage.read, maps=depth)
     frame = 12
     canvas = context.canvas(frame)
     picture = to_linear(footage.read(frame))

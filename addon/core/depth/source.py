@@ -82,9 +82,6 @@ class DepthSource(Protocol):
     ...         return PixelDepth(np.full((canvas.pinhole.height, canvas.pinhole.width), 1 / 3.0))
     """
 
-    completes: bool = False
-    """Whether it tells the shape of what stereo is not sure of, rather than all of the depth."""
-
     def at(self, frame: int, canvas: Canvas, picture: LinearRGBA) -> PixelDepth | None:
         """The depth of all pixels of the canvas, or None where nothing is known of the frame.
 

@@ -37,11 +37,6 @@ class UserDepth(DepthSource):
     fit: ClipFit
     """What all maps of the clip have in common: their kind, and the line that takes them to inverse depth."""
 
-    @property
-    def completes(self) -> bool:  # type: ignore[override]
-        """Not where the camera stays in its place: then there is nothing else."""
-        return not self.reconstruction.stays
-
     @classmethod
     def of(cls, maps: DepthMaps, reconstruction: Reconstruction) -> UserDepth:
         """Fit the maps to the reconstruction's points; UserError where they explain nothing."""
@@ -64,7 +59,7 @@ class UserDepth(DepthSource):
             for at, size in zip((y, x), values.shape, strict=True)
         )
         whole = np.nan_to_num(nearest(values, ~np.isnan(values)))
-        if not self.completes:
+        if self.reconstruction.stays:
             # There is no stereo that knows its edges better.
             small = whole.astype(np.float32)
             whole = stepped(small, level_of(small)).astype(np.float64)

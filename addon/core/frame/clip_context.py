@@ -58,7 +58,7 @@ class ClipContext:
     read: Callable[[int], Pixels]
     """A frame's picture (H, W, 3 or 4) as `Footage.read` gives it; it is asked for more than once."""
     given_depth: DepthSource | None = None
-    """Depth that need not be found: the user's maps, or the truth of a benchmark."""
+    """Depth that need not be found, such as the truth of a benchmark."""
     masks: Moving | None = None
     """The opacity in [0, 1] of what is said to move by itself, (h, w) of a source frame at any size."""
     store: Callable[[Quality], DepthStore] | None = None
@@ -71,6 +71,8 @@ class ClipContext:
     """Where highlights are kept, which depend on neither quality nor masks."""
     matcher: Matcher = winning_levels
     """Finds the depth levels of pixels: the processor, or a GPU."""
+    maps: DepthSource | None = None
+    """The user's depth maps: the depth of what stereo is not sure of."""
 
     @cached_property
     def stereo(self) -> TemporalFusion:
@@ -219,16 +221,13 @@ class ClipContext:
     def depth_source(self, quality: Quality = NORMAL) -> DepthSource:
         """What tells the depth of frames in a quality: what is given, else stereo, or both together; for
         coarse meshes else the feature points. Picking, following and drawing ask it and nothing else."""
-        sparse, given = SparseDepth(self.reconstruction), self.given_depth
+        sparse, maps = SparseDepth(self.reconstruction), self.maps
+        given = [] if self.given_depth is None else [self.given_depth]
         if self.reconstruction.stays:
-            return FirstKnown((*([] if given is None else [given]), NoDepth(), sparse))
+            return FirstKnown((*given, *([] if maps is None else [maps]), NoDepth(), sparse))
         better = self.stereo_of(quality.better) if quality.better else None
         stereo = StereoDepth(self.stereo_of(quality), better, self.masks)
-        if given is None:
-            return FirstKnown((stereo, sparse))
-        if given.completes:
-            return FirstKnown((CompletedDepth(stereo, given), sparse))
-        return FirstKnown((given, stereo, sparse))
+        return FirstKnown((*given, stereo if maps is None else CompletedDepth(stereo, maps), sparse))
 
     def has_depth(self, frame: int, quality: Quality) -> bool:
         """Whether the depth of a frame is given or kept, and need not be found; errors as of `depth`."""
@@ -248,7 +247,7 @@ class ClipContext:
         mask = partial(self.subject, name)
         mask(frame)
         source = self.reconstruction, self.depth_source(), mask, frame, name
-        if self.given_depth is not None:
+        if self.given_depth is not None or self.maps is not None:
             return subject_place(*source)
         (marked,) = (each for each in self.marked if each.name == name)
         return subject_place(*source, self._standing(marked))
