@@ -54,4 +54,4 @@ def open_blend(
     render.use_compositing = render.use_sequencer = render.use_border = False
     view.view_transform, view.look, view.exposure, view.gamma = "Standard", "None", 0.0, 1.0
     view.use_curve_mapping = False
-    return scene, settings, open_footage(clip.path, frames, info=clip.video)
+    return scene, settings, open_footage(clip.path, frames, info=clip.video, stills=clip.is_stills)

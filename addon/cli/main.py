@@ -19,13 +19,13 @@ from ..core.base.counting import counted, ranges
 from ..core.base.errors import UserError, Words
 from ..core.base.messages import Failure, Result, Warned, send, speak
 from ..core.base.streams import say, say_to
-from ..core.media.clip import FrameRange
+from ..core.media.clip import Footage, FrameRange
 from ..core.sfm.state import STATE
 from ..core.sfm.workspace import Solve, default_work_dir, load_solve
 from ..render import engine, jobs, movie_file, movie_folder, output
 from ..render.blend_file import write_blend
 from ..render.frame_keys import run_key
-from ..render.frame_size import render_size
+from ..render.frame_size import render_size, set_size
 from ..render.gpu_views import check_gpu, check_memory
 from ..render.launcher import CHILD
 from ..render.quiet import quiet
@@ -68,7 +68,7 @@ def parser() -> argparse.ArgumentParser:
     two = commands.add_parser("render", parents=[common], help="render a solved clip with depth of field")
     add_work(two)
     add_lens(two, required=False)
-    two.add_argument("--frames", type=FrameRange.parse, metavar="A-B[:STEP]", help="frames to render")
+    _add_frames(two, "frames to render")
     two.add_argument(
         "--for-movie",
         action="store_true",
@@ -82,9 +82,7 @@ def parser() -> argparse.ArgumentParser:
     three = commands.add_parser("run", parents=[common], help="solve and render")
     solve.add_footage(three)
     three.add_argument("--work", type=path, metavar="DIR", help="default: CLIP.aperture beside the output")
-    three.add_argument(
-        "--frames", type=FrameRange.parse, metavar="A-B[:STEP]", help="frames to render, of the whole solve"
-    )
+    _add_frames(three, "frames to render, of the whole solve")
     solve.add_solve_frames(three)
     add_lens(three, required=True)
     _add_output(three)
@@ -97,8 +95,17 @@ def parser() -> argparse.ArgumentParser:
     return top
 
 
+def _add_frames(command: argparse.ArgumentParser, description: str) -> None:
+    which = command.add_mutually_exclusive_group()
+    which.add_argument("--frames", type=FrameRange.parse, metavar="A-B[:STEP]", help=description)
+    which.add_argument("--still", metavar="NAME", help="the one picture to render, by its file's name")
+
+
 def _add_output(command: argparse.ArgumentParser) -> None:
-    command.add_argument("--out", type=path, required=True, metavar="FILE.mp4|DIR/####.png|DIR/####.exr")
+    command.add_argument(
+        "--out", type=path, required=True, metavar="FILE.mp4|DIR/####.png|DIR/####.exr",
+        help="with --still FILE.png or FILE.exr, too",
+    )  # fmt: skip
     command.add_argument("--overwrite", action="store_true", help="replace output that exists")
     add_jobs(command)
     command.add_argument(
@@ -107,7 +114,7 @@ def _add_output(command: argparse.ArgumentParser) -> None:
 
 
 def _check_output(options: argparse.Namespace) -> None:
-    output.check_output(options.out.absolute(), options.overwrite)
+    output.check_output(options.out.absolute(), options.overwrite, options.still is not None)
     if not options.child:
         movie_folder.check_not_kept(options.out.absolute().parent)
     if options.report:
@@ -139,13 +146,24 @@ def run(options: argparse.Namespace) -> None:
     work = options.work or default_work_dir(options.footage, options.out.absolute().parent)
     if options.report and options.report.absolute() == work.absolute() / STATE:
         raise UserError(f"{options.report} is where the solve will be kept; name another file")
+
+    def check(clip: Footage) -> None:
+        wanted_frames(clip, _frames(options, clip))
+
     with output.claimed(options.out.absolute()):
         _check_output(options)
-        solved = solve.solve_clip(
-            options, work, lambda clip: wanted_frames(clip, options.frames), options.depth
-        )
+        solved = solve.solve_clip(options, work, check, options.depth)
         solve.say_quality(solved, options.words)
         _render(solved, options)
+
+
+def _frames(options: argparse.Namespace, footage: Footage) -> FrameRange | None:
+    """The frames that the options ask for, by number or by name."""
+    if options.still is None:
+        frames: FrameRange | None = options.frames
+        return frames
+    frame = footage.named(options.still)
+    return FrameRange(frame, frame)
 
 
 def _render(solved: Solve | None, options: argparse.Namespace) -> None:
@@ -157,6 +175,9 @@ def _render(solved: Solve | None, options: argparse.Namespace) -> None:
     for note in footage.notes:
         say(f"note: {note}")
     out: Path = options.out.absolute()
+    options.frames = _frames(options, footage)
+    if options.still is not None:
+        set_size(scene.render, shot_of(scene).reconstruction, options.frames.first)
     is_movie = out.suffix.lower() in movie_file.MOVIES
     if options.for_movie:
         # A share of those that a movie shows.

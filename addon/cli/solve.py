@@ -109,6 +109,9 @@ def add_footage(
     command.add_argument(
         "--tracker", choices=TRACKERS, default=TRACKERS[0], help=f"how features are followed ({TRACKERS[0]})"
     )
+    command.add_argument(
+        "--stills", action="store_true", help="the folder's pictures are photos in no order, not a clip"
+    )
     command.add_argument("--again", action="store_true", help="solve even if the folder holds this solve")
 
 
@@ -127,7 +130,7 @@ def solve_arguments(options: argparse.Namespace) -> list[str]:
         if (value := getattr(options, name)) is not None:
             words += [f"--{name.replace('_', '-')}", str(value)]
     words += ["--frames", str(options.solve_frames)] if options.solve_frames else []
-    return words + ["--zoom"] * options.zoom
+    return words + ["--zoom"] * options.zoom + ["--stills"] * options.stills
 
 
 def solve(options: argparse.Namespace) -> None:
@@ -153,7 +156,7 @@ def solve_clip(
     what it raises ends the solve; `depth_maps` are the user's."""
     process = SolveProcess(
         options.footage, work.absolute(), options.solve_frames, _focal(options), options.again,
-        options.tracker, options.zoom, depth_maps=depth_maps,
+        options.tracker, options.zoom, depth_maps=depth_maps, stills=options.stills,
     )  # fmt: skip
     _wait(process, check)
     return load_solve(work.absolute(), process.clip.path)

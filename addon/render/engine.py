@@ -158,9 +158,9 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
         """The frame (H, W, 4), and passes (H, W, 1), by name."""
         with stage("Clip", 0.0, 0.0):
             shot = shot_of(scene)
-        check_shape(shot, size)
-        lens = frame_options(scene.virtual_aperture, shot.reconstruction)
         frame = shot.frame_at(scene.frame_current)
+        check_shape(shot, frame, size)
+        lens = frame_options(scene.virtual_aperture, shot.reconstruction)
         pictures: dict[str, LinearRGBA] = {}
 
         def on_frame(drawn: Drawn) -> None:
@@ -194,9 +194,10 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
         shown = None
         if not (bpy.app.background or self.is_animation):
             shot = shot_of(scene)
-            check_shape(shot, size)
+            frame = shot.frame_at(scene.frame_current)
+            check_shape(shot, frame, size)
             lens = frame_options(scene.virtual_aperture, shot.reconstruction)
-            wanted = Wanted(shot, shot.frame_at(scene.frame_current), lens, size)
+            wanted = Wanted(shot, frame, lens, size)
             # What is wrong with the frame is said when it is drawn itself.
             with suppress(UserError):
                 if not has_depth(wanted):
@@ -256,9 +257,9 @@ def frame_title(scene: bpy.types.Scene, is_animation: bool) -> str:
     return f"Frame {(scene.frame_current - start) // step + 1} of {(end - start) // step + 1}"
 
 
-def check_shape(shot: Shot, size: tuple[int, int]) -> None:
-    """UserError where the render's shape is not the clip's: the picture would be stretched."""
-    clip = shot.footage.width, shot.footage.height
+def check_shape(shot: Shot, frame: int, size: tuple[int, int]) -> None:
+    """UserError where the render's shape is not that of the clip's frame: the picture would be stretched."""
+    clip = shot.size(frame)
     if abs(size[0] * clip[1] - size[1] * clip[0]) > max(*size, *clip):
         raise UserError(
             f"the render size {size[0]}x{size[1]} has another shape than the clip's {clip[0]}x{clip[1]};"

@@ -36,14 +36,19 @@ Draw = Callable[[list[int], Path, Here, Callable[[int], None]], None]
 tells of each one that is done."""
 
 
-def check_output(out: Path, overwrite: bool) -> None:
-    """UserError for an output that cannot be written or would overwrite something, before any work."""
+def check_output(out: Path, overwrite: bool, is_one: bool = False) -> None:
+    """UserError for an output that cannot be written or would overwrite something, before any work.
+
+    A picture's file takes no #### where `is_one` frame is rendered.
+    """
     checked_name(out.absolute())
     suffix = out.suffix.lower()
     is_still = suffix in STILLS
     if suffix not in MOVIES and not is_still:
         raise UserError(f"{out.name} is no output that is known; end it in {', '.join([*MOVIES, *STILLS])}")
-    if is_still and "#" not in out.name:
+    if is_one and not is_still:
+        raise UserError(f"{out.name} is a movie; a single picture is written to .png or .exr")
+    if is_still and "#" not in out.name and not is_one:
         raise UserError(f"{out.name} names one file for many frames; write ####{suffix} for frame numbers")
     if not is_still:
         check_file(out)
@@ -299,7 +304,9 @@ def crop_to_even(render: bpy.types.RenderSettings) -> None:
 
 
 def numbered(name: str, frame: int) -> str:
-    """The last #### of a name replaced by the frame number, as Blender does."""
+    """The last #### of a name replaced by the frame number, as Blender does; without any it stays."""
+    if "#" not in name:
+        return name
     end = name.rindex("#") + 1
     start = len(name[:end].rstrip("#"))
     return name[:start] + f"{frame:0{end - start}d}" + name[end:]

@@ -191,7 +191,7 @@ def _wanted(context: bpy.types.Context, depsgraph: bpy.types.Depsgraph, room: fl
     """What the viewport of a context shows where the camera's frame is so many pixels wide; UserError."""
     scene, shows = depsgraph.scene_eval, depsgraph.scene.virtual_aperture
     shot = shot_of(scene)
-    clip = shot.footage.width, shot.footage.height
+    clip = shot.size(shot.frame_at(scene.frame_current))
     # One of few sizes, so that a little zooming changes nothing.
     smaller = max(1, int(clip[0] / max(ROOM * room, 1)))
     return Wanted(

@@ -14,6 +14,8 @@ def reconstruction_digest(reconstruction: Reconstruction) -> str:
     """64 hexadecimal digits of cameras and points."""
     digest = hashlib.sha256()
     digest.update(repr(reconstruction.cameras).encode())
+    if not reconstruction.is_ordered:
+        digest.update(b"stills")
     for image in reconstruction.images:
         digest.update(f"{image.frame} {image.camera}".encode())
         for array in (image.rotation, image.translation, image.xy, image.points, image.visible):

@@ -128,6 +128,13 @@ class Shot:
     def _masks(self) -> Callable[[int], Map | None] | None:
         return self._filmed.masked if self.masks or self.drawn else None
 
+    def size(self, frame: int) -> tuple[int, int]:
+        """(width, height) in pixels of a frame's picture; UserError for a photo without a camera."""
+        if not self.footage.is_stills:
+            return self.footage.width, self.footage.height
+        camera = self.context.canvas(frame).camera
+        return camera.width, camera.height
+
     def frame_at(self, frame: int) -> int:
         """The clip's frame for a scene frame: in a gap, and past the ends, the nearest one before."""
         frames = np.array(self.footage.frames)
@@ -210,7 +217,8 @@ def shot_of(scene: bpy.types.Scene) -> Shot:
         str(mesh.get(IDENTITY)), str(path), depth_path, masks_path, drawn.name_full if drawn else "",
     )  # fmt: skip
     if _last is None or _last[0] != key or _was_redrawn(_last[1], drawn, scene.frame_current):
-        reconstruction, footage = store.read(mesh), open_footage(path)
+        reconstruction = store.read(mesh)
+        footage = open_footage(path, stills=not reconstruction.is_ordered)
         depth = UserDepth.of(open_depth(Path(depth_path), footage), reconstruction) if depth_path else None
         masks = open_masks(Path(masks_path), footage) if masks_path else None
         size = (footage.width, footage.height)

@@ -42,6 +42,7 @@ def write(mesh: bpy.types.Mesh, reconstruction: Reconstruction) -> None:
         "error": points.error,
     }
     mesh[PREFIX + "version"] = VERSION
+    mesh[PREFIX + "is_ordered"] = reconstruction.is_ordered
     for name, array in arrays.items():
         # Blender 5.2 writes an array over one of another length in place, past its end.
         if PREFIX + name in mesh:
@@ -87,7 +88,7 @@ def read(mesh: bpy.types.Mesh) -> Reconstruction:
     lenses = tuple(
         _intrinsics(row, MODELS[model], more) for row, model, more in zip(rows, models, terms, strict=True)
     )
-    return Reconstruction(lenses, images, points)
+    return Reconstruction(lenses, images, points, bool(mesh.get(PREFIX + "is_ordered", True)))
 
 
 def _intrinsics_row(camera: Intrinsics) -> list[float]:

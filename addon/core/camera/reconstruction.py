@@ -81,6 +81,9 @@ class Reconstruction:
     cameras: tuple[Intrinsics, ...]
     images: tuple[Image, ...]
     points: Points
+    is_ordered: bool = True
+    """Whether frames that follow each other were taken one after the other, as those of a clip: photos were
+    not, and what is near to one is told by their cameras alone."""
 
     @cached_property
     def frames(self) -> Ints:
@@ -134,7 +137,8 @@ class Reconstruction:
 
         A frame that was not registered gets a pose interpolated between the registered frames
         around it (or the nearest one's, outside their range) and those frames' points.
-        Raises UserError where there is no registered frame, or a pose that is needed is not finite.
+        Raises UserError where there is no registered frame, or a pose that is needed is not finite, and for
+        a photo that was not registered.
         """
         if not self.images:
             raise UserError("the reconstruction has no registered frames; solve the clip again")
@@ -142,6 +146,11 @@ class Reconstruction:
         if at < len(self.images) and self.frames[at] == frame:
             _check_pose(self.images[at])
             return self.images[at], False
+        if not self.is_ordered:
+            raise UserError(
+                f"photo {frame} (by name) could not be matched with the others, so it has no camera; leave it"
+                " out, or add photos that show the same from between"
+            )
         before, after = self.images[max(at - 1, 0)], self.images[min(at, len(self.images) - 1)]
         span = after.frame - before.frame
         return self._between(before, after, frame, (frame - before.frame) / span if span else 0.0), True
@@ -294,7 +303,7 @@ def _moved(reconstruction: Reconstruction, scale: float) -> Reconstruction:
     with np.errstate(over="ignore", invalid="ignore"):
         xyz = scale * (reconstruction.points.xyz - centre) @ turn.T
     points = replace(reconstruction.points, xyz=xyz)
-    return Reconstruction(reconstruction.cameras, tuple(moved(image) for image in images), points)
+    return replace(reconstruction, images=tuple(moved(image) for image in images), points=points)
 
 
 def seen_by(image: Image, reconstruction: Reconstruction, points: Ints) -> tuple[Floats, NDArray[np.bool_]]:

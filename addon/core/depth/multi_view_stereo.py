@@ -341,7 +341,10 @@ class PlaneSweepStereo:
         others = [(other, self._canvas(other).pinhole) for other in self._rec.images if other is not image]
         widest = self._options.widest_parallax
         wanted = [share * widest * max(pinhole.width, pinhole.height) for share in shares]
-        return select_source_views(image, pinhole, others, span, wanted, self._options.selection)
+        selection = self._options.selection
+        if not self._rec.is_ordered:
+            selection = replace(selection, frame_penalty=0.0)
+        return select_source_views(image, pinhole, others, span, wanted, selection)
 
     def _view(self, image: Image, own: Bytes, near: Neighbour, middle: float) -> View:
         """A source view with its homographies, as bright as the frame (h, w, 4) at an inverse depth."""

@@ -20,7 +20,7 @@ from .multi_view_stereo import DenseDepth, PlaneSweepStereo
 from .reprojection import in_place
 from .shared_depth import found_once, kept_depth
 from .source import extended
-from .view_selection import stride
+from .view_selection import nearest_views, stride
 
 TINY = float(np.finfo(np.float32).tiny)
 """The smallest normal number of single precision, for what must not be zero, in whichever unit."""
@@ -175,6 +175,9 @@ class TemporalFusion:
         options, images = self._options, self._rec.images
         step = stride(self._rec, options.step, options.least_frames)
         at, span = int(np.searchsorted(self._rec.frames, frame)), options.sides * step
+        if not self._rec.is_ordered:
+            beside = nearest_views(self._rec, self._rec.image_at(frame)[0], 2 * options.sides)
+            return [self._rec.image_at(frame)[0], *beside]
         last = len(images) - 1
         near = {*range(0, last, step), last} & {*range(at - span, at + span + 1)}
         return [images[number] for number in sorted(near)]

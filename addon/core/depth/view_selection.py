@@ -48,11 +48,32 @@ def stride(reconstruction: Reconstruction, most: int, fewest: int) -> int:
 def every_nth(reconstruction: Reconstruction, frame: int, step: int, span: int) -> list[Image]:
     """Every `step`-th registered frame, up to `span` frames before and after a frame, without it.
 
-    They are counted from the first, so that frames that follow each other get the same ones.
+    They are counted from the first, so that frames that follow each other get the same ones. Of photos, as
+    many of those that are nearest by what they see.
     """
+    if not reconstruction.is_ordered:
+        return nearest_views(reconstruction, reconstruction.image_at(frame)[0], 2 * span // step)
     images, at = reconstruction.images, int(np.searchsorted(reconstruction.frames, frame))
     places = range(-(-max(at - span, 0) // step) * step, min(at + span + 1, len(images)), step)
     return [images[i] for i in places if images[i].frame != frame]
+
+
+def nearest_views(reconstruction: Reconstruction, image: Image, count: int) -> list[Image]:
+    """Of photos, the `count` that are nearest to one and share points with it, the nearest first, without it.
+
+    Near by the median of the angles at which the points that both see are seen, times what a picture shares
+    less of them than all: a photo from beside that shows the same tells more than one that looks elsewhere.
+    """
+    ranked = []
+    for other in reconstruction.images:
+        shared = np.intersect1d(image.points, other.points)
+        if other.frame == image.frame or not len(shared):
+            continue
+        rays = [reconstruction.points.xyz[shared] - each.centre for each in (image, other)]
+        one, two = (ray / np.linalg.norm(ray, axis=1, keepdims=True) for ray in rays)
+        angle = float(np.median(np.linalg.norm(one - two, axis=1)))
+        ranked.append((angle * len(image.points) / len(shared), other.frame, other))
+    return [other for _, _, other in sorted(ranked, key=lambda each: each[:2])[:count]]
 
 
 def select_source_views(

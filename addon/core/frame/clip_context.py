@@ -116,7 +116,7 @@ class ClipContext:
     def left_out(self, frame: int) -> Mask:
         """(h, w) as `moving`, of frames that others take depth and colours from: by their own evidence alone,
         so that one frame does not ask for dozens."""
-        return self._left_out.get(frame, lambda: self._with_said(frame, self.subjects.mask_alone(frame)))
+        return self._left_out.get(frame, lambda: self._with_said(frame, self._found(frame, alone=True)))
 
     def subject(self, name: str, frame: int) -> Mask:
         """(h, w) a marked subject in a frame, over the source frame at any size; UserError for a name that no
@@ -128,7 +128,16 @@ class ClipContext:
         return self._marked_mask(marked, frame)
 
     def _all_moving(self, frame: int) -> Mask:
-        return self._with_said(frame, self.subjects.mask(frame))
+        return self._with_said(frame, self._found(frame, alone=False))
+
+    def _found(self, frame: int, alone: bool) -> Mask:
+        """(h, w) what was found to move in a frame, by its own evidence or that of frames around, too.
+
+        In photos nothing is: which of them were taken before or after is not known, nor how much later.
+        """
+        if not self.reconstruction.is_ordered:
+            return np.zeros(self.subjects.picture(frame).shape[:2], bool)
+        return self.subjects.mask_alone(frame) if alone else self.subjects.mask(frame)
 
     def _with_said(self, frame: int, found: Mask) -> Mask:
         """(h, w) what was found to move in a frame (h, w), what is marked, and what masks say."""

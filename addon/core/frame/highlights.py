@@ -123,6 +123,9 @@ class ClipHighlights:
 
     def _neighbours(self, here: Image) -> list[tuple[Image, float]]:
         """The frames around one that tell of its highlights, and how much each counts, more than zero."""
+        if not self._rec.is_ordered:
+            # Photos differ in exposure: a light source is as bright in each as that one says.
+            return []
         step = stride(self._rec, STEP, LEAST_FRAMES)
         around = [
             (other, 1 - abs(other.frame - here.frame) / (1 + SPAN * _pace(self._rec)))

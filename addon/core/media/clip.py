@@ -24,6 +24,8 @@ from .frame_table import DEFAULT_RATE
 from .picture_file import ARRAY, PICTURES, Pixels, read_picture
 from .video import VideoInfo, VideoReader, video_info
 
+MOST_STILLS = 100
+"""Photos that can be matched each with all others: the pairs take a quarter of a second each."""
 BRIGHTEST = 65504.0
 """The largest number that a half float holds: sums over hundreds of views of it stay finite."""
 
@@ -75,6 +77,9 @@ class Footage:
     """One per frame; empty for a video."""
     video: VideoInfo | None = None
     """Of a video: its frames' times, its sound's, and what is damaged."""
+    is_stills: bool = False
+    """Whether the frames are photos in the order of their names, which no time has: of any sizes, `width` and
+    `height` being those of the first."""
 
     @cached_property
     def _video(self) -> VideoReader:
@@ -100,20 +105,31 @@ class Footage:
         """The file that holds a frame."""
         return self.files[self.frames.index(frame)] if self.files else self.path
 
+    def named(self, name: str) -> int:
+        """The frame whose file has a name, with or without its suffix; UserError where none has."""
+        found = [frame for frame, file in zip(self.frames, self.files, strict=False)
+                 if name in (file.name, file.stem)]  # fmt: skip
+        if len(found) != 1:
+            have = ", ".join(file.name for file in self.files[:10]) + " ..." * (len(self.files) > 10)
+            raise UserError(
+                f"{self.path.name} has {len(found) or 'no'} pictures {name!r}; it has {have or 'no pictures'}"
+            )
+        return found[0]
+
     def read(self, frame: int) -> Pixels:
         """(height, width, 3 or 4) RGB or RGBA as stored: uint8, uint16 or float32.
 
         Raises UserError naming the frame if the clip does not have it, it cannot be decoded, or its size
-        is not the clip's.
+        is not the clip's; stills have a size each.
         """
         if frame not in self.frames:
             raise UserError(f"{self.path.name} has no frame {frame}; it has {describe(self.frames)}")
         picture = self._video.read(frame) if self.is_video else read_picture(self.file(frame))
-        if picture.shape[:2] != (self.height, self.width):
+        if picture.shape[:2] != (self.height, self.width) and not self.is_stills:
             where = self.file(frame).name if self.files else f"frame {frame}"
             raise UserError(
                 f"{where} is {picture.shape[1]}x{picture.shape[0]}, the clip is {self.width}x{self.height};"
-                " all frames of a clip must have one size"
+                " all frames of a clip must have one size; photos in no order are stills"
             )
         return picture
 
@@ -127,17 +143,19 @@ def open_footage(
     frames: FrameRange | Iterable[int] | None = None,
     fps: float | None = None,
     info: VideoInfo | None = None,
+    stills: bool = False,
 ) -> Footage:
     """Open a video file, a folder of images, or a pattern such as `shot_####.png` or `shot_%04d.png`.
 
     `frames` narrows the clip to a range or to given frame numbers; `fps` is a sequence's rate; `info` is what
-    is known of this very video, which is decoded to be counted otherwise. Raises UserError, one line, for
-    anything that cannot be read.
+    is known of this very video, which is decoded to be counted otherwise. `stills` says that the pictures of a
+    folder are photos in no order; those whose names hold no numbers are, unless they are more than
+    `MOST_STILLS`. Raises UserError, one line, for anything that cannot be read.
     """
     path = checked_name(_expanded(path))
     try:
         if is_pattern(path) or path.is_dir():
-            footage = _open_sequence(path, clip_files(path), fps)
+            footage = _open_sequence(path, clip_files(path), fps, stills)
         elif not path.exists():
             raise UserError(
                 f"{path} does not exist; give a video file, a folder of images or a pattern like ####.png"
@@ -147,6 +165,8 @@ def open_footage(
                 f"{path.name} is a single image; a clip needs several: give the folder or a pattern"
             )
         else:
+            if stills:
+                raise UserError(f"{path.name} is no folder of photos; stills are the pictures of a folder")
             regular_stat(path)
             info = video_info(path, info)
             numbers = tuple(range(1, info.count + 1))
@@ -245,14 +265,16 @@ def decode_srgb(encoded: NDArray[np.floating]) -> NDArray[np.floating]:
     return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
 
 
-def _open_sequence(path: Path, files: list[Path], fps: float | None) -> Footage:
+def _open_sequence(path: Path, files: list[Path], fps: float | None, stills: bool) -> Footage:
     if not files:
         raise UserError(f"{path} has no images; PNG, JPEG, TIFF and EXR are read")
     for file in files:
         checked_name(file)
     numbered: dict[int, Path] = {}
     numbers = [file_number(file) for file in files]
-    if any(number is None for number in numbers):
+    is_unnumbered = any(number is None for number in numbers)
+    stills = stills or (is_unnumbered and len(files) <= MOST_STILLS)
+    if stills or is_unnumbered:
         files = sorted(files)
         numbers = list(range(1, len(files) + 1))
     for number, file in zip(numbers, files, strict=True):
@@ -266,7 +288,8 @@ def _open_sequence(path: Path, files: list[Path], fps: float | None) -> Footage:
     frames = tuple(sorted(numbered))
     first = read_picture(numbered[frames[0]])
     ordered = tuple(numbered[f] for f in frames)
-    return Footage(path, frames, first.shape[1], first.shape[0], fps or float(DEFAULT_RATE), ordered)
+    rate = fps or float(DEFAULT_RATE)
+    return Footage(path, frames, first.shape[1], first.shape[0], rate, ordered, is_stills=stills)
 
 
 def _narrowed(footage: Footage, wanted: FrameRange | Iterable[int]) -> Footage:

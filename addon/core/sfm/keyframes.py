@@ -94,7 +94,7 @@ def map_keyframes(
             (folder / "model").mkdir(exist_ok=True)
             progress("Solving cameras", 2, keys)
             models = pycolmap.incremental_mapping(
-                database, folder, folder / "model", _mapper_options(angle), next_image_callback=next_image
+                database, folder, folder / "model", mapper_options(angle), next_image_callback=next_image
             )
             if models and max(m.num_reg_images() for m in models.values()) >= 0.8 * keys:
                 break
@@ -104,7 +104,8 @@ def map_keyframes(
     return best if best is not None and best.num_reg_images() >= 2 else None
 
 
-def _mapper_options(angle: float) -> pycolmap.IncrementalPipelineOptions:
+def mapper_options(angle: float) -> pycolmap.IncrementalPipelineOptions:
+    """For pictures of which two see a point at `angle` degrees or more to begin with, intrinsics held."""
     options = pycolmap.IncrementalPipelineOptions()
     options.multiple_models = False
     options.min_model_size = 3

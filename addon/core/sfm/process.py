@@ -32,6 +32,9 @@ from .workspace import check_import, check_replaceable, imported_from, is_solved
 
 SHARES = {
     "Tracking features": (0.0, 0.2),
+    "Finding features": (0.0, 0.2),
+    "Matching photos": (0.2, 0.7),
+    "Placing photos": (0.7, 0.93),
     "Verifying matches": (0.2, 0.27),
     "Comparing cameras": (0.2, 0.82),
     "Solving cameras": (0.27, 0.42),
@@ -83,10 +86,12 @@ class SolveProcess:
         yielding: bool = False,
         cameras: Imported | None = None,
         depth_maps: Path | None = None,
+        stills: bool = False,
     ) -> None:
         """With `yielding` other programs go first, such as the interface that waits for it; with `cameras`,
         another program's of the clip, these are held and only points are found. `depth_maps` of the clip are
-        for one whose camera stays in its place, which is refused without."""
+        for one whose camera stays in its place, which is refused without. `stills` are photos in no order; a
+        sequence that cannot be followed may turn out to be some."""
         self.work_dir = work_dir
         self._yields = yielding
         self._cameras = cameras
@@ -95,7 +100,7 @@ class SolveProcess:
         self._staging: Staging | None = None
         self.finished = False
         collect_temporary()
-        self.clip = open_footage(footage, frames)
+        self.clip = open_footage(footage, frames, stills=stills)
         self.clip.close()
         self._identity = identity(self.clip.path)
         pixels = None if focal is None else in_pixels(focal, self.clip.width, self.clip.height)
@@ -103,6 +108,8 @@ class SolveProcess:
         self._options: dict[str, Any] = {"focal": pixels, "tracker": tracker, "zooms": zooms}
         if cameras is not None:
             self._options = {"imported": cameras.format, "tracker": tracker}
+        # What nobody asked for is taken as it was found.
+        self._options["stills"] = self.clip.is_stills or None
         if self._is_kept(again):
             self.finished = True
             return
@@ -139,6 +146,7 @@ class SolveProcess:
             "frames": self.clip.frames,
             "video": asdict(video_info(self.clip.path)) if self.clip.is_video else None,
             "folder": str(folder),
+            "stills": self.clip.is_stills,
             "tracker": self._options["tracker"],
             "may_stay": self._maps is not None,
             "lens": {name: self._options.get(name) for name in ("focal", "zooms")},
@@ -192,6 +200,7 @@ class SolveProcess:
     def _keep(self) -> None:
         assert self._staging is not None
         said = json.loads((self._staging.folder / "report.json").read_text(encoding="utf-8"))
+        self._options["stills"] = said["stills"]
         try:
             if said["method"] == STAYS:
                 self._place(self._staging.folder / MODEL)

@@ -32,6 +32,7 @@ from ..readers.colmap_export import read_model, write_model
 from . import known_poses
 from .degeneracy import refuse_cuts
 from .known_cameras import read_cameras
+from .photo_matching import Photo, find_features, match_all
 from .tracks import Tracks, check_shape, cuts, track_features
 from .visibility import visible_points
 from .workspace import keep_visible
@@ -78,7 +79,62 @@ def _solve(job: dict[str, Any]) -> None:
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     picture_file.exr_decoder = _exr
     folder = Path(str(job["folder"]))
-    footage = open_footage(job["footage"], job["frames"], info=VideoInfo.parse(job["video"]))
+    footage = open_footage(
+        job["footage"], job["frames"], info=VideoInfo.parse(job["video"]), stills=job["stills"]
+    )
+    if footage.is_stills and job["cameras"] is None:
+        report = _solve_photos(footage, job, folder)
+    else:
+        report = _solve_clip(footage, job, folder)
+    report |= {
+        "frames": len(footage.frames),
+        "stills": footage.is_stills,
+        "size": [footage.width, footage.height],
+        "fps": footage.fps,
+        "versions": incremental_mapping.versions(),
+        "seconds": round(time.monotonic() - began, 1),
+    }
+    (folder / "report.json").write_text(json.dumps(report), encoding="utf-8")
+
+
+def _solve_photos(footage: Footage, job: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """Solve photos in no order into the folder; what is to be said of it."""
+    from .photo_mapping import place_photos
+
+    given, first = job["lens"]["focal"], max(footage.width, footage.height)
+    photos = find_features(footage, _progress)
+
+    def focal(photo: Photo) -> float | None:
+        if given:
+            # It is the first photo's; others of its camera differ in size at most.
+            return float(given) * max(photo.width, photo.height) / first
+        return _photo_focal(footage.file(photo.frame), photo.width, photo.height)
+
+    said = any(focal(photo) for photo in photos)
+    placed = place_photos(photos, match_all(photos, _progress), focal, bool(given), _progress)
+    result = placed.reconstruction
+    (folder / "model").mkdir()
+    write_model(folder / "model", result)
+    there = set(result.frames.tolist())
+    lost = [photo.name for photo in photos if photo.frame not in there]
+    notes = [f"{len(lost)} photos could not be matched with the others: {', '.join(lost)}"] if lost else []
+    return {
+        "registered": len(result.images),
+        "points": len(result.points),
+        "reprojection_error": float(result.points.error.mean()),
+        "focal": result.cameras[0].fx,
+        "focal_sigma": None,
+        "focal_held": not placed.is_calibrated,
+        "focal_from": _focal_source(job["lens"], said, placed.is_calibrated),
+        "method": "stills",
+        "tracker": "sift",
+        "notes": [*footage.notes, *notes],
+        "triangulation_angle": placed.angle,
+    }
+
+
+def _solve_clip(footage: Footage, job: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """Solve a clip into the folder; what is to be said of it."""
     check_shape(footage)
     tracks = track_features(footage, _progress, job["tracker"])
     if job["cameras"] is None:
@@ -99,8 +155,7 @@ def _solve(job: dict[str, Any]) -> None:
     )  # fmt: skip
     visible = visible_points(result, footage, progress=_progress)
     keep_visible(folder / "model", {frame: each.points for frame, each in visible.items()})
-    report = {
-        "frames": len(footage.frames),
+    return {
         "registered": len(result.images),
         "points": len(result.points),
         "visible": [len(each.points) for each in visible.values()],
@@ -110,14 +165,9 @@ def _solve(job: dict[str, Any]) -> None:
         "focal": result.cameras[0].fx,
         "tracker": job["tracker"],
         "moving_tracks": len(found.moving),
-        "size": [footage.width, footage.height],
-        "fps": footage.fps,
-        "versions": incremental_mapping.versions(),
-        "seconds": round(time.monotonic() - began, 1),
         **found.said,
         "notes": [*footage.notes, *found.said["notes"]],
     }
-    (folder / "report.json").write_text(json.dumps(report), encoding="utf-8")
 
 
 @dataclass(frozen=True)
@@ -177,7 +227,12 @@ def _metadata_focal(footage: Footage) -> float | None:
     if footage.is_video:
         equivalent = equivalent_focal(footage.path)
         return from_equivalent(equivalent, width, height) if equivalent else None
-    lens = photo_data(footage.files[0])
+    return _photo_focal(footage.files[0], width, height)
+
+
+def _photo_focal(file: Path, width: int, height: int) -> float | None:
+    """The focal length in pixels that a photo of this size says it was taken with."""
+    lens = photo_data(file)
     if lens is None or lens.was_cropped(width, height):
         return None
     if lens.equivalent or lens.resolution or not lens.focal_mm:
@@ -186,14 +241,14 @@ def _metadata_focal(footage: Footage) -> float | None:
 
     # It knows the sensors of many cameras by their names, which tell nothing of pixels.
     try:
-        camera = pycolmap.infer_camera_from_image(footage.files[0])
+        camera = pycolmap.infer_camera_from_image(file)
     except (RuntimeError, ValueError):
         return None
     focal = float(camera.mean_focal_length())
     return focal if camera.has_prior_focal_length and is_plausible(focal, width, height) else None
 
 
-def _focal_source(lens: dict[str, Any], metadata_focal: float | None, from_clip: bool) -> str:
+def _focal_source(lens: dict[str, Any], metadata_focal: float | bool | None, from_clip: bool) -> str:
     """As `solve_report.Report.focal_from`."""
     return "clip" if from_clip else "given" if lens["focal"] else "metadata" if metadata_focal else "guess"
 

@@ -47,10 +47,12 @@ class Solve:
     report: dict[str, Any]
     video: VideoInfo | None = None
     """What is known of the clip; None where it is no video, or an older version solved it."""
+    is_stills: bool = False
+    """As of `Footage`."""
 
     def open_clip(self, frames: FrameRange | Iterable[int] | None = None) -> Footage:
         """The clip, all of it or some of its frames; UserError as `open_footage`."""
-        return open_footage(self.footage, frames, info=self.video)
+        return open_footage(self.footage, frames, info=self.video, stills=self.is_stills)
 
     @cached_property
     def quality(self) -> Report:
@@ -105,7 +107,9 @@ def load_solve(work_dir: Path, clip: Path | None = None) -> Solve:
     check_model(work_dir / MODEL, state)
     frames = tuple(state["frames"])
     video = _video_of(footage, VideoInfo.parse(state.get("video")))
-    return Solve(work_dir, footage, frames, _with_visible(work_dir / MODEL), state["report"], video)
+    is_stills = state.get("stills") is True
+    reconstruction = replace(_with_visible(work_dir / MODEL), is_ordered=not is_stills)
+    return Solve(work_dir, footage, frames, reconstruction, state["report"], video, is_stills)
 
 
 def _clip_of(work_dir: Path, state: dict[str, Any], clip: Path | None) -> Path:
