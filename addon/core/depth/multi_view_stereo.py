@@ -89,6 +89,17 @@ class StereoOptions:
     """The depth of that."""
 
 
+    def of_photos(self) -> StereoOptions:
+        """The same for photos in no order. Where they stand far apart, a level is a step of many pixels and
+        what is nearer than all points is found by chance: kermit (real data) has no depth otherwise."""
+        levels = self.levels[0], PHOTO_LEVELS
+        return replace(
+            self, levels=levels, probe_share=1.0, selection=replace(self.selection, frame_penalty=0.0)
+        )
+
+
+PHOTO_LEVELS = 160
+"""Largest number of depth levels of photos. By eye."""
 COARSE = StereoOptions(long_side=320)
 """Options where only what moves is asked for: a third of the size, by eye."""
 
@@ -134,6 +145,7 @@ class PlaneSweepStereo:
         find, `unmatched` may tell less of it in frames that are swept, and `unseen` in their many source
         views. `matcher` finds the levels of pixels.
         """
+        options = options if reconstruction.is_ordered else options.of_photos()
         self._rec, self._read, self._options, self._mask = reconstruction, read, options, mask
         self._finds_motion, self._subjects = finds_motion, subjects
         self._unmatched, self._unseen, self._matcher = unmatched or mask, unseen or mask, matcher
@@ -341,10 +353,7 @@ class PlaneSweepStereo:
         others = [(other, self._canvas(other).pinhole) for other in self._rec.images if other is not image]
         widest = self._options.widest_parallax
         wanted = [share * widest * max(pinhole.width, pinhole.height) for share in shares]
-        selection = self._options.selection
-        if not self._rec.is_ordered:
-            selection = replace(selection, frame_penalty=0.0)
-        return select_source_views(image, pinhole, others, span, wanted, selection)
+        return select_source_views(image, pinhole, others, span, wanted, self._options.selection)
 
     def _view(self, image: Image, own: Bytes, near: Neighbour, middle: float) -> View:
         """A source view with its homographies, as bright as the frame (h, w, 4) at an inverse depth."""
