@@ -181,7 +181,7 @@ def _copy_scene(source: Path, options: argparse.Namespace, folder: Path) -> list
     clip = copy_clip(solved.open_clip(), folder)
     _copy_solve(source, folder / "solve", clip)
     copy_beside(settings, footage, folder)
-    move_clip(scene, open_footage(clip, footage.frames))
+    move_clip(scene, open_footage(clip, footage.frames, stills=footage.is_stills))
     # Depth that a machine finds is kept there for the others.
     settings.work_dir = str(folder / "solve")
     scene.render.filepath = "//render/"
@@ -194,9 +194,9 @@ def _copy_clip(
 ) -> tuple[list[int], Path, Path | None]:
     """Copy a clip that the job is to solve into a folder, with the lens and the user's pictures; the frames
     that are to be rendered, and the copies of the clip and of its depth maps."""
-    footage = open_footage(source, options.solve_frames)
+    footage = open_footage(source, options.solve_frames, stills=options.stills)
     frames = movie_frames(footage, options.frames)
-    clip = copy_clip(open_footage(source), folder)
+    clip = copy_clip(open_footage(source, stills=options.stills), folder)
     lens = given_lens(options)
     depth, masks, image = copied(folder, footage, options.depth, options.mask, image_of(options.aperture))
     for name, copy in (("depth", depth), ("mask", masks)):

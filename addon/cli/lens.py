@@ -211,9 +211,7 @@ def movie_frames(footage: Footage, frames: FrameRange | None) -> list[int]:
 
 def all_frames(footage: Footage, frames: FrameRange | None) -> list[int]:
     """Frames of the whole clip, also those that were not solved; UserError where there are none."""
-    return list(
-        open_footage(footage.path, frames, info=footage.video, stills=footage.is_stills).frames
-    )
+    return list(open_footage(footage.path, frames, info=footage.video, stills=footage.is_stills).frames)
 
 
 def check_numbers(options: argparse.Namespace) -> None:

@@ -11,7 +11,7 @@ from ..core.base.errors import Remedy, UserError
 from ..core.base.file_names import check_file
 from ..core.base.streams import say
 from ..core.depth.user_maps import open_depth
-from ..core.media.clip import Footage, FrameRange, open_footage
+from ..core.media.clip import Footage, FrameRange, clip_files, open_footage
 from ..core.media.copying import copy_clip, copy_file, copy_pictures
 from ..core.media.masks import open_masks
 from ..core.sfm.workspace import load_solve
@@ -99,9 +99,9 @@ def save(options: argparse.Namespace) -> None:
         say(f"saved {blend}; it reads the clip {footage.path} and the solve in {solved.work_dir}")
         return
     # The whole clip: it is recognised by it.
-    clip = copy_clip(open_footage(footage.path), blend.parent)
+    clip = copy_clip(open_footage(footage.path, stills=footage.is_stills), blend.parent)
     pictures = copy_beside(settings, footage, blend.parent)
-    move_clip(scene, open_footage(clip, footage.frames))
+    move_clip(scene, open_footage(clip, footage.frames, stills=footage.is_stills))
     # The solve is in the .blend; another machine does not have this folder.
     settings.work_dir = ""
     write_blend(blend)
@@ -154,7 +154,7 @@ def _pack(packed: Path, blend: Path, parts: list[Path]) -> None:
 
 def _files(path: Path) -> list[Path]:
     """The files that a clip's path stands for: a video, a folder, a pattern."""
-    return [path] if path.is_file() else list(open_footage(path).files)
+    return [path] if path.is_file() else list(clip_files(path))
 
 
 def _real(path: Path) -> Path:

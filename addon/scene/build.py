@@ -190,6 +190,9 @@ def _set_background(data: bpy.types.Camera, footage: Footage) -> None:
         if old.image is not None:
             bpy.data.images.remove(old.image)
         data.background_images.remove(old)
+    if footage.is_stills:
+        # A sequence of Blender's goes by numbers, and all of one size.
+        return
     image = bpy.data.images.load(str(first_file(footage)), check_existing=False)
     # Blender makes all paths relative when a .blend is saved for the first time, and no others later.
     image.filepath = relative(first_file(footage))

@@ -9,6 +9,7 @@ from ..core.media.clip import Footage, open_footage
 from ..scene import parts
 from ..scene.build import restore
 from ..scene.clip import footage_path, solved_clip_path, work_dir
+from ..scene.shot import reconstruction_of
 from .operators import Result, build_scene, is_kept, is_met, may_change, reported
 
 
@@ -44,7 +45,8 @@ class VIRTUAL_APERTURE_OT_restore_objects(bpy.types.Operator):  # noqa: N801
 def _footage(settings: bpy.types.PropertyGroup) -> Footage | None:
     """The solved clip; None where it is not to be found, which the panel tells."""
     try:
-        return open_footage(solved_clip_path(settings))
+        is_stills = not reconstruction_of(settings).is_ordered
+        return open_footage(solved_clip_path(settings), stills=is_stills)
     except UserError:
         return None
 

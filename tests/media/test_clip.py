@@ -184,3 +184,23 @@ def test_values_that_are_not_finite_come_from_around() -> None:
     assert count == 20 and np.array_equal(nothing, np.zeros((4, 5, 3)))
     stored = np.full((4, 5, 3), 9, np.uint8)
     assert finite(stored) == (stored, 0)
+
+
+def test_pictures_without_numbers_or_said_to_be_are_stills_of_any_size(tmp_path: Path) -> None:
+    for name, width in (("pear", 64), ("apple", 32), ("quince", 48)):
+        cv2.imwrite(str(tmp_path / f"{name}.png"), numbered_picture(width, width))
+    footage = open_footage(tmp_path)
+    assert footage.is_stills and footage.frames == (1, 2, 3)
+    assert [footage.read(frame).shape[1] for frame in footage.frames] == [32, 64, 48]
+    assert footage.named("pear") == footage.named("pear.png") == 2
+    with pytest.raises(UserError, match="no pictures 'plum'; it has apple.png, pear.png, quince.png"):
+        footage.named("plum")
+
+
+def test_numbers_are_no_order_of_what_is_said_to_be_stills(tmp_path: Path) -> None:
+    for name in ("a_01.png", "a_02.png", "b_01.png"):
+        cv2.imwrite(str(tmp_path / name), numbered_picture(1))
+    assert open_footage(tmp_path, stills=True).frames == (1, 2, 3)
+    assert not open_footage(tmp_path / "a_##.png").is_stills
+    with pytest.raises(UserError, match="no folder of photos"):
+        open_footage(write_video(tmp_path / "a.avi", 3), stills=True)

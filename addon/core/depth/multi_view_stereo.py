@@ -88,7 +88,6 @@ class StereoOptions:
     objects: MovingObjectOptions = field(default_factory=MovingObjectOptions)
     """The depth of that."""
 
-
     def of_photos(self) -> StereoOptions:
         """The same for photos in no order. Where they stand far apart, a level is a step of many pixels and
         what is nearer than all points is found by chance: kermit (real data) has no depth otherwise."""

@@ -10,6 +10,9 @@ import numpy as np
 from ..base.arrays import Floats
 from ..camera.reconstruction import Image, Intrinsics, Reconstruction
 
+SPREAD = 16
+"""Photos from which one takes the colours that it does not show, at most. By eye."""
+
 
 @dataclass(frozen=True)
 class SelectionOptions:
@@ -48,26 +51,34 @@ def stride(reconstruction: Reconstruction, most: int, fewest: int) -> int:
 def every_nth(reconstruction: Reconstruction, frame: int, step: int, span: int) -> list[Image]:
     """Every `step`-th registered frame, up to `span` frames before and after a frame, without it.
 
-    They are counted from the first, so that frames that follow each other get the same ones. Of photos, as
-    many of those that are nearest by what they see.
+    They are counted from the first, so that frames that follow each other get the same ones. Of photos, up to
+    `SPREAD` from the nearest to the farthest that see the same: from both comes what is hidden.
     """
     if not reconstruction.is_ordered:
-        return nearest_views(reconstruction, reconstruction.image_at(frame)[0], 2 * span // step)
+        ranked = nearest_views(reconstruction, reconstruction.image_at(frame)[0])
+        spread = np.linspace(0, len(ranked) - 1, min(SPREAD, len(ranked))).round().astype(int)
+        return [ranked[i] for i in spread]
     images, at = reconstruction.images, int(np.searchsorted(reconstruction.frames, frame))
     places = range(-(-max(at - span, 0) // step) * step, min(at + span + 1, len(images)), step)
     return [images[i] for i in places if images[i].frame != frame]
 
 
-def nearest_views(reconstruction: Reconstruction, image: Image, count: int) -> list[Image]:
-    """Of photos, the `count` that are nearest to one and share points with it, the nearest first, without it.
+def nearest_views(reconstruction: Reconstruction, image: Image, count: int | None = None) -> list[Image]:
+    """Of photos, all or the `count` nearest to one that share points with it, the nearest first, without it.
 
     Near by the median of the angles at which the points that both see are seen, times what a picture shares
     less of them than all: a photo from beside that shows the same tells more than one that looks elsewhere.
+    Without points by the distance of their cameras.
     """
     ranked = []
     for other in reconstruction.images:
+        if other.frame == image.frame:
+            continue
+        if not len(image.points):
+            ranked.append((float(np.linalg.norm(other.centre - image.centre)), other.frame, other))
+            continue
         shared = np.intersect1d(image.points, other.points)
-        if other.frame == image.frame or not len(shared):
+        if not len(shared):
             continue
         rays = [reconstruction.points.xyz[shared] - each.centre for each in (image, other)]
         one, two = (ray / np.linalg.norm(ray, axis=1, keepdims=True) for ray in rays)

@@ -148,8 +148,8 @@ def open_footage(
     """Open a video file, a folder of images, or a pattern such as `shot_####.png` or `shot_%04d.png`.
 
     `frames` narrows the clip to a range or to given frame numbers; `fps` is a sequence's rate; `info` is what
-    is known of this very video, which is decoded to be counted otherwise. `stills` says that the pictures of a
-    folder are photos in no order; those whose names hold no numbers are, unless they are more than
+    is known of this very video, which is decoded to be counted otherwise. `stills` says that the pictures of
+    a folder are photos in no order; those whose names hold no numbers are, unless they are more than
     `MOST_STILLS`. Raises UserError, one line, for anything that cannot be read.
     """
     path = checked_name(_expanded(path))

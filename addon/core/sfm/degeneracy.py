@@ -9,6 +9,7 @@ import numpy as np
 
 from ..base.arrays import Floats
 from ..base.errors import Remedy, UserError
+from ..media.clip import MOST_STILLS
 from .tracks import Tracks, cuts
 
 
@@ -57,6 +58,11 @@ def check_motion(tracks: Tracks, options: DegeneracyOptions = DegeneracyOptions(
 def refuse_cuts(tracks: Tracks) -> None:
     """UserError that names the shots of a clip with cuts."""
     starts = [0, *cuts(tracks), len(tracks.frames)]
+    if 2 * (len(starts) - 2) > len(tracks.frames):
+        raise UserError(
+            "hardly a picture shows what the one before it shows: this is no clip; photos in no order, up to"
+            f" {MOST_STILLS}, are solved as stills"
+        )
     if len(starts) > 2:
         shots = [f"{tracks.frames[a]}-{tracks.frames[b - 1]}" for a, b in pairwise(starts)]
         raise UserError(

@@ -86,11 +86,11 @@ def _features(
     scale = np.array([width / gray.shape[1], height / gray.shape[0]])
     xy = (points.places.astype(np.float64) + 0.5) * scale
     column, row = np.clip(xy.astype(int), 0, [width - 1, height - 1]).T
-    rgb = np.ascontiguousarray(picture[row, column, :3])
-    if rgb.dtype == np.float32:
+    rgb = picture[row, column, :3].astype(np.float64)
+    if picture.dtype == np.float32:
         rgb = 255 * np.clip(np.nan_to_num(rgb), 0, 1) ** (1 / 2.2)
-    elif rgb.dtype == np.uint16:
-        rgb = rgb >> 8
+    elif picture.dtype == np.uint16:
+        rgb /= 257
     return Photo(frame, name, width, height, xy, points.descriptors, rgb.astype(np.uint8))
 
 

@@ -82,10 +82,8 @@ def _solve(job: dict[str, Any]) -> None:
     footage = open_footage(
         job["footage"], job["frames"], info=VideoInfo.parse(job["video"]), stills=job["stills"]
     )
-    if footage.is_stills and job["cameras"] is None:
-        report = _solve_photos(footage, job, folder)
-    else:
-        report = _solve_clip(footage, job, folder)
+    solved = _solve_photos if footage.is_stills and job["cameras"] is None else _solve_clip
+    report = solved(footage, job, folder)
     report |= {
         "frames": len(footage.frames),
         "stills": footage.is_stills,
