@@ -193,7 +193,7 @@ def test_pictures_without_numbers_or_said_to_be_are_stills_of_any_size(tmp_path:
     assert footage.is_stills and footage.frames == (1, 2, 3)
     assert [footage.read(frame).shape[1] for frame in footage.frames] == [32, 64, 48]
     assert footage.named("pear") == footage.named("pear.png") == 2
-    with pytest.raises(UserError, match="no pictures 'plum'; it has apple.png, pear.png, quince.png"):
+    with pytest.raises(UserError, match=r"no pictures 'plum'; it has apple\.png, pear\.png, quince\.png"):
         footage.named("plum")
 
 

@@ -43,7 +43,8 @@ def distances(centres: np.ndarray) -> np.ndarray:
 
 
 def solved(folder: Path, work: Path, stills: bool = False) -> SolveProcess:
-    process = SolveProcess(folder, work, focal=planes.FOCAL if stills else None, stills=stills)
+    focal = (lambda width, _: width * planes.FOCAL / planes.SIZE[0]) if stills else None
+    process = SolveProcess(folder, work, focal=focal, stills=stills)
     try:
         process.wait()
     finally:
@@ -76,7 +77,7 @@ def test_photos_from_one_place_are_refused(tmp_path: Path) -> None:
     for index, name in enumerate(NAMES):
         turn = np.array([0.02 * index, -0.03 * index, 0.0])
         cv2.imwrite(str(folder / f"{name}.png"), planes.view(np.zeros(3), turn))
-    with pytest.raises(UserError, match="different places|one place"):
+    with pytest.raises(UserError, match=r"different places|one place"):
         solved(folder, tmp_path / "work")
 
 
@@ -102,6 +103,6 @@ def test_what_is_near_is_told_by_cameras_and_points() -> None:
 def test_a_photo_without_a_camera_borrows_none() -> None:
     photos = reconstruction()
     lost = replace(photos, images=(photos.images[0], photos.images[2]))
-    with pytest.raises(UserError, match="photo 2 .* has no camera"):
+    with pytest.raises(UserError, match=r"photo 2 .* has no camera"):
         lost.image_at(2)
     assert replace(lost, is_ordered=True).image_at(2)[1]
