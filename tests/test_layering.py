@@ -15,7 +15,7 @@ FLOORS = ("core", "scene", "render", "ui", "cli")
 ROOMS = ("base", "camera", "optics", "media", "readers", "depth", "subjects", "sfm", "warp", "focus", "frame")
 """Folders of the core, the lowest first."""
 BLENDER = {"bpy", "bmesh", "blf", "gpu", "gpu_extras", "imbuf", "mathutils"}
-WORKER = {"incremental_mapping", "keyframes", "worker"}
+WORKER = {"incremental_mapping", "keyframes", "photo_mapping", "worker"}
 """Modules of `sfm` that only run in the worker process."""
 
 

@@ -292,7 +292,7 @@ def test_run_solves_the_whole_clip_and_renders_what_is_asked_for(
     solved = []
     monkeypatch.setattr(
         "addon.cli.solve.SolveProcess",
-        lambda *arguments: solved.append(SolveProcess(*arguments)) or solved[-1],
+        lambda *arguments, **named: solved.append(SolveProcess(*arguments, **named)) or solved[-1],
     )
     walk = write_walk(tmp_path / "walk")
     lens = ("--focus-distance", "9", "--method", "features", "--views", "2")
