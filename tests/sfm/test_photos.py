@@ -10,8 +10,11 @@ import numpy as np
 import pytest
 
 from addon.core.base.errors import UserError
+from addon.core.camera.focal_length import Focal
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
 from addon.core.depth.view_selection import every_nth, nearest_views
+from addon.core.media.clip import open_footage
+from addon.core.readers import read_reconstruction
 from addon.core.sfm.process import SolveProcess
 from addon.core.sfm.workspace import load_solve
 from tests import planes
@@ -42,8 +45,7 @@ def distances(centres: np.ndarray) -> np.ndarray:
     return np.asarray(apart / apart.mean())
 
 
-def solved(folder: Path, work: Path, stills: bool = False) -> SolveProcess:
-    focal = (lambda width, _: width * planes.FOCAL / planes.SIZE[0]) if stills else None
+def solved(folder: Path, work: Path, focal: Focal | None = None, stills: bool = True) -> SolveProcess:
     process = SolveProcess(folder, work, focal=focal, stills=stills)
     try:
         process.wait()
@@ -57,7 +59,7 @@ def test_photos_of_two_sizes_and_exposures_are_placed(tmp_path: Path) -> None:
     folder = tmp_path / "fruit"
     folder.mkdir()
     centres = photos(folder, tuple(f"IMG_7_{name}_7" for name in NAMES))
-    solved(folder, tmp_path / "work", stills=True)
+    solved(folder, tmp_path / "work", lambda width, _: width * planes.FOCAL / planes.SIZE[0])
     solve = load_solve(tmp_path / "work")
     reconstruction, footage = solve.reconstruction, solve.open_clip()
     assert solve.is_stills and footage.is_stills and not reconstruction.is_ordered
@@ -69,6 +71,23 @@ def test_photos_of_two_sizes_and_exposures_are_placed(tmp_path: Path) -> None:
         camera, picture = reconstruction.intrinsics(image), footage.read(image.frame)
         assert (camera.height, camera.width) == picture.shape[:2]
         assert camera.fx / camera.width == pytest.approx(planes.FOCAL / planes.SIZE[0], rel=0.01)
+
+
+@pytest.mark.long
+def test_kermit_is_placed_as_bundler_placed_it(data: Path, tmp_path: Path) -> None:
+    """Real flash photos: all 11 get a camera, and the 9 that Bundler knew stand where it put them."""
+    folder = data / "kermit"
+    with pytest.raises(UserError, match="solved as stills"):
+        solved(folder, tmp_path / "clip", stills=False)
+    solved(folder, tmp_path / "work")
+    found = load_solve(tmp_path / "work").reconstruction
+    assert len(found.images) == 11
+    theirs = read_reconstruction(folder / "bundle.out", open_footage(folder)).reconstruction
+    # Bundler's frames have the files' numbers, which begin at 0.
+    own = np.array([found.image_at(image.frame + 1)[0].centre for image in theirs.images])
+    centres = np.array([image.centre for image in theirs.images])
+    assert np.allclose(distances(own), distances(centres), atol=0.05)
+    assert found.cameras[0].fx == pytest.approx(theirs.cameras[0].fx, rel=0.02)
 
 
 def test_photos_from_one_place_are_refused(tmp_path: Path) -> None:

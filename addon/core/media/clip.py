@@ -129,7 +129,7 @@ class Footage:
             where = self.file(frame).name if self.files else f"frame {frame}"
             raise UserError(
                 f"{where} is {picture.shape[1]}x{picture.shape[0]}, the clip is {self.width}x{self.height};"
-                " all frames of a clip must have one size; photos in no order are stills"
+                " all frames of a clip must have one size; photos in no order are solved with --stills"
             )
         return picture
 

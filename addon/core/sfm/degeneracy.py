@@ -12,6 +12,10 @@ from ..base.errors import Remedy, UserError
 from ..media.clip import MOST_STILLS
 from .tracks import Tracks, cuts
 
+PHOTOS = 3
+"""Pictures a cut or fewer are photos rather than a clip of several shots: kermit's (real data) have 11 pictures
+and 5 cuts, its tracker being lost at each. By eye."""
+
 
 class StaysError(UserError):
     """The camera of a clip stays in its place, so that pictures tell no depth."""
@@ -58,10 +62,10 @@ def check_motion(tracks: Tracks, options: DegeneracyOptions = DegeneracyOptions(
 def refuse_cuts(tracks: Tracks) -> None:
     """UserError that names the shots of a clip with cuts."""
     starts = [0, *cuts(tracks), len(tracks.frames)]
-    if 2 * (len(starts) - 2) > len(tracks.frames):
+    if len(starts) > 2 and len(tracks.frames) <= PHOTOS * (len(starts) - 2):
         raise UserError(
-            "hardly a picture shows what the one before it shows: this is no clip; photos in no order, up to"
-            f" {MOST_STILLS}, are solved as stills"
+            f"{len(starts) - 2} of {len(tracks.frames)} pictures show nothing of the one before: this is no"
+            f" clip; photos in no order, up to {MOST_STILLS}, are solved as stills (--stills)"
         )
     if len(starts) > 2:
         shots = [f"{tracks.frames[a]}-{tracks.frames[b - 1]}" for a, b in pairwise(starts)]

@@ -119,7 +119,7 @@ def track_features(
     if len(footage.frames) < 4:
         raise UserError(
             f"{footage.path.name} has {counted(len(footage.frames), 'frame')}; at least 4 with a moving"
-            " camera are needed; photos are solved as stills"
+            " camera are needed; photos are solved as stills (--stills)"
         )
     tracks = run(made[tracker](), footage, progress, options)
     return _followed(tracks) if tracker == "sift" else tracks
