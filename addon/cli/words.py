@@ -13,6 +13,7 @@ WORDS: Words = {
     Remedy.FOCAL: "--focal, --focal35, --focal-mm or --fov",
     Remedy.DEPTH_MAPS: "--depth-maps PATH",
     Remedy.OVERWRITE: "--overwrite",
+    Remedy.STILLS: "--stills",
     Remedy.KEPT_DEPTH: KEPT_DEPTH,
 }
 SOLVED_WORDS: Words = {

@@ -23,6 +23,8 @@ class Remedy(StrEnum):
     """Writing over output that exists."""
     DEPTH_MAPS = "depth_maps"
     """Depth maps of the clip, from elsewhere."""
+    STILLS = "stills"
+    """Solving pictures as photos in no order."""
     KEPT_DEPTH = "kept_depth"
     """How much depth of a clip is kept."""
 

@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.errors import UserError
+from ..base.errors import Remedy, UserError
 from ..base.file_names import checked_name
 from ..base.nearest_fill import nearest
 from ..base.regular_file import regular_stat
@@ -129,7 +129,8 @@ class Footage:
             where = self.file(frame).name if self.files else f"frame {frame}"
             raise UserError(
                 f"{where} is {picture.shape[1]}x{picture.shape[0]}, the clip is {self.width}x{self.height};"
-                " all frames of a clip must have one size; photos in no order are solved with --stills"
+                " all frames of a clip must have one size; photos in no order are solved as stills",
+                Remedy.STILLS,
             )
         return picture
 

@@ -13,8 +13,8 @@ from ..media.clip import MOST_STILLS
 from .tracks import Tracks, cuts
 
 PHOTOS = 3
-"""Pictures a cut or fewer are photos rather than a clip of several shots: kermit's (real data) have 11 pictures
-and 5 cuts, its tracker being lost at each. By eye."""
+"""Pictures a cut or fewer are photos rather than a clip of several shots: kermit (real data) has 11 pictures,
+and 5 times the tracker is lost. By eye."""
 
 
 class StaysError(UserError):
@@ -65,7 +65,8 @@ def refuse_cuts(tracks: Tracks) -> None:
     if len(starts) > 2 and len(tracks.frames) <= PHOTOS * (len(starts) - 2):
         raise UserError(
             f"{len(starts) - 2} of {len(tracks.frames)} pictures show nothing of the one before: this is no"
-            f" clip; photos in no order, up to {MOST_STILLS}, are solved as stills (--stills)"
+            f" clip; photos in no order, up to {MOST_STILLS}, are solved as stills",
+            Remedy.STILLS,
         )
     if len(starts) > 2:
         shots = [f"{tracks.frames[a]}-{tracks.frames[b - 1]}" for a, b in pairwise(starts)]

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..base.arrays import Bytes, Floats, Ints
 from ..base.counting import counted
-from ..base.errors import UserError
+from ..base.errors import Remedy, UserError
 from ..media.clip import Footage, to_gray8
 from .klt import KLTOptions, TwoScales, follow, new_corners, new_harris
 from .sift import Detector, Matcher, SIFTOptions
@@ -119,7 +119,8 @@ def track_features(
     if len(footage.frames) < 4:
         raise UserError(
             f"{footage.path.name} has {counted(len(footage.frames), 'frame')}; at least 4 with a moving"
-            " camera are needed; photos are solved as stills (--stills)"
+            " camera are needed; photos are solved as stills",
+            Remedy.STILLS,
         )
     tracks = run(made[tracker](), footage, progress, options)
     return _followed(tracks) if tracker == "sift" else tracks
