@@ -29,6 +29,7 @@ def main(arguments: list[str]) -> int:
         if "bpy" not in sys.modules and (problem := _problem()):
             return _refused(problem)
         commands = _commands()
+        importlib.import_module(commands.__name__.removesuffix("cli.main") + "core.base.memory").keep_freed()
     except (ImportError, MemoryError) as error:
         return _refused(f"the program cannot be loaded: {error}".splitlines()[0])
     return int(commands.run_command(arguments))

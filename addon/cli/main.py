@@ -325,7 +325,6 @@ def run_command(arguments: list[str]) -> int:
     global _signal
     _signal, debug, words = 0, "--debug" in arguments, WORDS
     streams.open_all()
-    memory.keep_freed()
     # Blender's program has a handler of its own for Ctrl-C, which only ends the frame under way.
     before = {number: signal.signal(number, _interrupt) for number in _ending()}
     try:
