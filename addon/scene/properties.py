@@ -106,6 +106,11 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
         subtype="DIR_PATH",
         options={"PATH_SUPPORTS_BLEND_RELATIVE"},
     )
+    stills: BoolProperty(
+        name="Photos in No Order",
+        description="The pictures are no clip, but photos from different places: each is matched with all"
+        " others",
+    )
     lens: EnumProperty(
         name="Lens",
         description="What is known of the focal length of the clip",

@@ -12,4 +12,5 @@ WORDS: Words = {
     Remedy.AGAIN: "Solve Again",
     Remedy.FOCAL: "Lens",
     Remedy.DEPTH_MAPS: "Depth Maps",
+    Remedy.STILLS: "Photos in No Order",
 }

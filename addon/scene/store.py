@@ -17,6 +17,7 @@ from ..core.camera.reconstruction import Image, Intrinsics, Points, Reconstructi
 PREFIX = "virtual_aperture_"
 VERSION = 2
 """1 knew no other lenses than OPENCV and had neither their models nor their terms."""
+IS_ORDERED = PREFIX + "is_ordered"
 MODELS = tuple(PARAMETERS)
 MOST_TERMS = max(len(term_names(family)) for family in FAMILIES)
 
@@ -42,12 +43,17 @@ def write(mesh: bpy.types.Mesh, reconstruction: Reconstruction) -> None:
         "error": points.error,
     }
     mesh[PREFIX + "version"] = VERSION
-    mesh[PREFIX + "is_ordered"] = reconstruction.is_ordered
+    mesh[IS_ORDERED] = reconstruction.is_ordered
     for name, array in arrays.items():
         # Blender 5.2 writes an array over one of another length in place, past its end.
         if PREFIX + name in mesh:
             del mesh[PREFIX + name]
         mesh[PREFIX + name] = np.ascontiguousarray(array)
+
+
+def is_ordered(mesh: bpy.types.Mesh) -> bool:
+    """Whether a mesh that keeps a reconstruction keeps a clip's, not one of photos in no order."""
+    return bool(mesh.get(IS_ORDERED, True))
 
 
 def read(mesh: bpy.types.Mesh) -> Reconstruction:
@@ -88,7 +94,7 @@ def read(mesh: bpy.types.Mesh) -> Reconstruction:
     lenses = tuple(
         _intrinsics(row, MODELS[model], more) for row, model, more in zip(rows, models, terms, strict=True)
     )
-    return Reconstruction(lenses, images, points, bool(mesh.get(PREFIX + "is_ordered", True)))
+    return Reconstruction(lenses, images, points, is_ordered(mesh))
 
 
 def _intrinsics_row(camera: Intrinsics) -> list[float]:

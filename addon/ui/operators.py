@@ -12,7 +12,7 @@ import bpy
 
 from ..core.base.counting import counted
 from ..core.base.errors import UserError, with_words
-from ..core.media.clip import Footage
+from ..core.media.clip import Footage, is_pattern
 from ..core.readers.matching import Imported
 from ..core.sfm.process import SolveProcess
 from ..core.sfm.state import STATE
@@ -215,6 +215,7 @@ class Solves:
                 zooms=settings.lens == "ZOOM",
                 yielding=not bpy.app.background,
                 cameras=self._cameras,
+                stills=settings.stills and (clip.is_dir() or is_pattern(clip)),
                 depth_maps=absolute(settings.depth_maps, context.scene) if settings.depth_maps else None,
             )
         )

@@ -7,7 +7,7 @@ from pathlib import Path
 import bpy
 
 from ...scene import lens
-from .. import choose_clip, import_solve, notices, operators, preferences
+from .. import choose_clip, import_solve, notices, operators, photos, preferences
 from ..text import wrapped
 from .panel import PRIMARY, ClosedPanel, Panel, split
 
@@ -45,6 +45,8 @@ class VIRTUAL_APERTURE_PT_footage(Panel, bpy.types.Panel):  # noqa: N801
             text=Path(settings.footage).name or "Choose Clip",
             icon="FILE_MOVIE" if settings.footage else "FILEBROWSER",
         )
+        if photos.are_photos(settings):
+            layout.operator(photos.VIRTUAL_APERTURE_OT_show_photo.bl_idname, icon="IMAGE_DATA")
         notices.draw_scene(layout, context)
         notices.draw_clip(layout, context)
         notices.draw_notes(layout, context)

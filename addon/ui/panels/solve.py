@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import bpy
 
+from ...core.media.clip import is_pattern
 from ...scene import masks
 from .. import after_solve, depth_ahead, operators
 from ..pick_subject import VIRTUAL_APERTURE_OT_pick_subject
@@ -20,6 +23,10 @@ class VIRTUAL_APERTURE_PT_solve(Panel, bpy.types.Panel):  # noqa: N801
         running = operators.running_solve()
         if running is not None:
             layout.progress(factor=running.step.share, text=f"{running.step.text} (ESC cancels)")
+        clip = Path(settings.footage)
+        # A folder, by its name: nothing is looked up while the panel is drawn.
+        if settings.footage and (not clip.suffix or is_pattern(clip)):
+            layout.prop(settings, "stills")
         layout.prop(settings, "lens")
         if settings.lens == "GIVEN":
             layout.prop(settings, "equivalent")

@@ -1,0 +1,58 @@
+"""Photos in no order: which one is shown and rendered."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..core.base.errors import UserError
+from ..scene.shot import shot_of
+from ..scene.store import is_ordered
+from .operators import Result, has_solve, is_met, reported
+
+_items: list[tuple[str, str, str]] = []
+"""Blender keeps no reference to the strings of a list that is made when it is asked for."""
+
+
+def are_photos(settings: bpy.types.PropertyGroup) -> bool:
+    """Whether the scene's solve is one of photos in no order."""
+    return settings.points is not None and not is_ordered(settings.points.data)
+
+
+def _photos(_operator: bpy.types.Operator, context: bpy.types.Context | None) -> list[tuple[str, str, str]]:
+    """The photos that have a camera, by the names of their files."""
+    global _items
+    try:
+        shot = shot_of((context or bpy.context).scene)
+    except UserError:
+        return []
+    frames = shot.reconstruction.frames.tolist()
+    _items = [(str(frame), shot.footage.file(frame).name, "") for frame in frames]
+    return _items
+
+
+class VIRTUAL_APERTURE_OT_show_photo(bpy.types.Operator):  # noqa: N801
+    """Choose the photo that is shown, and rendered by Render Image"""
+
+    bl_idname = "virtual_aperture.show_photo"
+    bl_label = "Show Photo"
+    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
+    bl_property = "photo"
+
+    photo: bpy.props.EnumProperty(name="Photo", description="By the name of its file", items=_photos)
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        settings = context.scene.virtual_aperture
+        return has_solve(cls, context) and is_met(cls, are_photos(settings), "The clip is no set of photos")
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> Result:
+        context.window_manager.invoke_search_popup(self)
+        return {"RUNNING_MODAL"}
+
+    @reported
+    def execute(self, context: bpy.types.Context) -> Result:
+        context.scene.frame_set(int(self.photo))
+        return {"FINISHED"}
+
+
+CLASSES = (VIRTUAL_APERTURE_OT_show_photo,)
