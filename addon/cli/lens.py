@@ -86,7 +86,8 @@ def add_lens(command: argparse.ArgumentParser, required: bool) -> None:
     )
     command.add_argument(
         "--depth", type=path, metavar="PATH",
-        help="your own depth maps, any scale and kind: a folder of EXR, PNG or .npz, or one .npz or .zip",
+        help="your own depth maps, any scale and kind: a folder of EXR, PNG or .npz, or one .npz or .zip;"
+        " or a depth network's .onnx",
     )  # fmt: skip
     add_moving(command)
     add_focus_subject(command)

@@ -147,7 +147,8 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
     depth_maps: StringProperty(
         name="Depth Maps",
         description="Folder of EXR, 16-bit PNG or .npz, or one .npz or .zip, with depth, inverse depth or"
-        " disparity of any scale; the feature points tell which. Empty: depth found from the clip",
+        " disparity of any scale; the feature points tell which. Or a depth network's .onnx, which is run."
+        " Empty: depth found from the clip",
         subtype="FILE_PATH",
         options={"PATH_SUPPORTS_BLEND_RELATIVE"},
         update=_aperture_changed,

@@ -15,6 +15,7 @@ from ..base.arrays import Floats
 from ..base.errors import UserError
 from ..media.clip import Footage, describe
 from ..media.side_files import SideFiles
+from .depth_network import NETWORK, open_network
 
 GREY_TOLERANCE = 0.01
 """Of the value, by which channels of a grey picture may differ. By eye, for lossy files."""
@@ -67,12 +68,15 @@ class DepthMaps(SideFiles):
 
 def open_depth(path: Path, footage: Footage) -> DepthMaps:
     """Find the depth maps of a clip: a folder, or a pattern such as `depth_####.exr`, of EXR, 16-bit PNG or
-    .npz; or one .npz or .zip of all.
+    .npz; or one .npz or .zip of all; or a network, an .onnx, that makes them of the clip's pictures.
 
     `side_files.match_frames` tells whose they are. Raises UserError where there are no maps or none fits a
-    frame.
+    frame, or where the network cannot be read, or not run for the first one.
     """
-    maps = DepthMaps.of(path, footage)
+    if path.suffix.lower() == NETWORK:
+        maps = DepthMaps(footage, open_network(path, footage), {each: each for each in footage.frames})
+    else:
+        maps = DepthMaps.of(path, footage)
     if maps.stored(maps.frames[0]).dtype != np.uint8:
         return maps
     note = "the depth maps have 8 bits, 256 steps from near to far; 16-bit PNG or EXR is smoother"

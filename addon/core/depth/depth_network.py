@@ -1,0 +1,173 @@
+"""The user's own depth network, an ONNX file that OpenCV runs: a picture in, a map of inverse depth out."""
+
+from __future__ import annotations
+
+import re
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.errors import UserError
+from ..base.regular_file import read_regular
+from ..media.clip import Footage, encode_srgb, finite
+from ..media.packed_pictures import PackedPictures
+from ..media.picture_file import Pixels, grey
+
+NETWORK = ".onnx"
+"""Ending of the files that are run."""
+MEAN = np.array([0.485, 0.456, 0.406], np.float32)
+"""Of red, green and blue from 0 to 1, which MiDaS and Depth Anything subtract: ImageNet's."""
+DEVIATION = np.array([0.229, 0.224, 0.225], np.float32)
+"""Of the same, by which they divide then."""
+SIZES = ((518, 14), (384, 32))
+"""Pixels of the long side, and those that both sides are multiples of, for networks that take any size: Depth
+Anything's, then MiDaS's, as their authors run them."""
+LARGEST = 4096
+"""Pixels of a side that a network may ask for. By eye: such a picture takes 200 MB."""
+
+_PATH = (7, 11, 2, 1, 2)
+"""Numbers of the fields of ONNX's protobuf from the model to its first input's shape: the graph, its inputs,
+an input's type, as a tensor, its shape."""
+
+
+class DepthNetwork:
+    """A network that is ready to run; several threads may."""
+
+    def __init__(self, path: Path) -> None:
+        """OSError where there is no such file, ValueError where OpenCV refuses it or it takes no picture."""
+        data = read_regular(path)
+        self._lock = threading.Lock()
+        with _refusals():
+            self._net = cv2.dnn.readNetFromONNX(np.frombuffer(data, np.uint8))
+        shape = _input_shape(data)
+        if shape and (len(shape) != 4 or shape[1] not in (0, 3) or max(shape) > LARGEST):
+            raise ValueError(f"its input is {_sides(shape)}, not a picture: 1 x 3 x height x width")
+        self._told = shape[2:] or (0, 0)
+        self._sizes: tuple[tuple[int, int], ...] = SIZES
+
+    def run(self, picture: Pixels) -> NDArray[np.generic]:
+        """(h, w) what the network says of a picture (H, W, 3 or 4) as stored, of all of it at any size.
+
+        ValueError where OpenCV cannot run it, or what comes out is no map.
+        """
+        with self._lock, _refusals():
+            *others, last = self._sizes if 0 in self._told else self._sizes[:1]
+            for size in others:
+                try:
+                    found = self._at(picture, *size)
+                except cv2.error:
+                    continue
+                # All maps of a clip are made alike.
+                self._sizes = (size,)
+                return found
+            return self._at(picture, *last)
+
+    def _at(self, picture: Pixels, long: int, step: int) -> NDArray[np.generic]:
+        scale = long / max(picture.shape[:2])
+        height, width = (
+            told or max(round(side * scale / step), 1) * step
+            for told, side in zip(self._told, picture.shape[:2], strict=True)
+        )
+        colour = np.ascontiguousarray(finite(picture)[0][..., :3])
+        shown = _displayed(cv2.resize(colour, (width, height), interpolation=cv2.INTER_AREA))
+        normal = ((shown - MEAN) / DEVIATION).astype(np.float32)
+        self._net.setInput(np.ascontiguousarray(normal.transpose(2, 0, 1)[None]))
+        # OpenCV's own memory, which the next picture overwrites.
+        found = np.array(self._net.forward())
+        sides = [side for side in found.shape if side != 1]
+        if len(sides) != 2:
+            raise ValueError(f"its output is {_sides(found.shape)}, not one map: height x width")
+        return found.reshape(sides)
+
+
+def open_network(path: Path, clip: Footage) -> PackedPictures:
+    """What a network says of a clip's pictures, (h, w, 3) gray float32 for each frame, found when it is asked
+    for. UserError, one line, where the network cannot be read."""
+    try:
+        network = DepthNetwork(path)
+    except (OSError, ValueError) as error:
+        reason = (error.strerror if isinstance(error, OSError) else None) or error
+        raise UserError(f"depth maps: {path.name} cannot be read: {reason}") from error
+    # Opened for itself: frames around one are looked at, and whoever reads the clip in order would seek.
+    own, lock = replace(clip), threading.Lock()
+
+    def decode(frame: int) -> Pixels:
+        with lock:
+            picture = own.read(frame)
+        return grey(network.run(picture))
+
+    return PackedPictures(path, clip.frames, clip.width, clip.height, clip.fps, decode=decode)
+
+
+@contextmanager
+def _refusals() -> Iterator[None]:
+    """OpenCV's errors as ValueError of one line, which has the layer that OpenCV names; no log."""
+    level = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    try:
+        yield
+    except cv2.error as error:
+        said = " ".join(re.sub(r"OpenCV\(\S*\) \S+ error: |\n>", " ", str(error)).split())
+        raise ValueError(
+            f"OpenCV {cv2.__version__} does not run it ({said}); run it elsewhere and give its maps"
+        ) from None
+    finally:
+        cv2.utils.logging.setLogLevel(level)
+
+
+def _displayed(picture: Pixels) -> NDArray[np.floating]:
+    """Display values in [0, 1] of a picture as stored: integers have them, floats are linear."""
+    if picture.dtype == np.float32:
+        return encode_srgb(np.clip(picture, 0, 1))
+    return picture / np.float32(255 if picture.dtype == np.uint8 else 65535)
+
+
+def _sides(shape: tuple[int, ...]) -> str:
+    return " x ".join(str(side or "any") for side in shape)
+
+
+def _input_shape(data: bytes) -> tuple[int, ...]:
+    """The shape of the first input of an ONNX model of these bytes, 0 for what it leaves open; empty where it
+    tells none. OpenCV does not say it. ValueError for bytes that are no protobuf."""
+    message: int | memoryview = memoryview(data)
+    for field in _PATH:
+        message = next((value for number, value in _fields(message) if number == field), 0)
+    sides = [
+        next((value for number, value in _fields(side) if number == 1), 0)
+        for field, side in _fields(message) if field == 1
+    ]  # fmt: skip
+    # Exporters write -1, too, for what is open.
+    return tuple(side if isinstance(side, int) and side < 1 << 63 else 0 for side in sides)
+
+
+def _fields(message: int | memoryview) -> Iterator[tuple[int, int | memoryview]]:
+    """The numbers and values, whole numbers or bytes, of the fields of a protobuf message; none of a number.
+
+    ValueError where it is none.
+    """
+    at = 0
+    while not isinstance(message, int) and at < len(message):
+        key, at = _varint(message, at)
+        kind = key & 7
+        if kind not in (0, 1, 2, 5):
+            raise ValueError("it is damaged")
+        value: int | memoryview
+        if kind == 0:
+            value, at = _varint(message, at)
+        else:
+            size, at = _varint(message, at) if kind == 2 else ({1: 8, 5: 4}[kind], at)
+            value, at = message[at : at + size], at + size
+        yield key >> 3, value
+
+
+def _varint(message: memoryview, at: int) -> tuple[int, int]:
+    """A whole number at a place of a protobuf message, seven bits a byte, and the place after it."""
+    for end in range(at, min(at + 10, len(message))):
+        if message[end] < 128:
+            return sum((message[i] & 127) << 7 * (i - at) for i in range(at, end + 1)), end + 1
+    raise ValueError("it is damaged")
