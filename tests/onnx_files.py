@@ -9,20 +9,23 @@ import numpy as np
 Side = int | str
 """Of a tensor's shape: a number, or the name of what is left open."""
 
+OPSET = 13
+"""ONNX's version of operations."""
+
 
 def network(
     nodes: Sequence[bytes],
     weights: dict[str, np.ndarray],
     shape: Sequence[Side],
-    opset: int = 13,
+    outputs: Sequence[str] = ("y",),
 ) -> bytes:
-    """A model from the input `x` of a shape to the output `y`, whose shape is left open."""
+    """A model from the input `x` of a shape to outputs whose shapes are left open."""
     graph = b"".join(_field(1, each) for each in nodes) + _field(2, "graph")
     graph += b"".join(_field(5, _tensor(name, values)) for name, values in weights.items())
     graph += _field(11, _value("x", shape)) + _field(
         12, _value("y", ("batch", "channels", "rows", "columns"))
     )
-    return _field(1, 7) + _field(7, graph) + _field(8, _field(1, "") + _field(2, opset))
+    return _field(1, 7) + _field(7, graph) + _field(8, _field(1, "") + _field(2, OPSET))
 
 
 def node(kind: str, inputs: Sequence[str], output: str, **numbers: int) -> bytes:

@@ -101,6 +101,14 @@ def test_the_input_has_the_size_that_the_file_tells_or_depth_anythings(
     assert maps.stored(1).shape == (rows, columns, 3)
 
 
+def test_of_several_outputs_the_first_that_the_file_names_is_taken(tmp_path: Path, clip: Footage) -> None:
+    """Some networks tell how sure they are, too."""
+    nodes = [node("Neg", ["x"], "other"), node("Conv", ["x", "w"], "y")]
+    weights = {"w": np.ones((1, 3, 1, 1), np.float32)}
+    model = network(nodes, weights, (1, 3, 27, 48), ("y", "other"))
+    assert open_depth(write(tmp_path / "two.onnx", model), clip).stored(1).shape == (27, 48, 3)
+
+
 def test_the_size_of_midas_is_tried_where_that_does_not_run(tmp_path: Path) -> None:
     """A network that divides its picture into 32 x 32 pixels, as transformers do into their own."""
     clip = pictures(tmp_path / "own", 80, 60)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import UserError
+from ..base.progress import checkpoint
 from ..base.regular_file import read_regular
 from ..media.clip import Footage, encode_srgb, finite
 from ..media.packed_pictures import PackedPictures
@@ -49,7 +50,7 @@ class DepthNetwork:
         if shape and (len(shape) != 4 or shape[1] not in (0, 3) or max(shape) > LARGEST):
             raise ValueError(f"its input is {_sides(shape)}, not a picture: 1 x 3 x height x width")
         self._told = shape[2:] or (0, 0)
-        self._sizes: tuple[tuple[int, int], ...] = SIZES
+        self._sizes = SIZES if 0 in self._told else SIZES[:1]
 
     def run(self, picture: Pixels) -> NDArray[np.generic]:
         """(h, w) what the network says of a picture (H, W, 3 or 4) as stored, of all of it at any size.
@@ -57,16 +58,17 @@ class DepthNetwork:
         ValueError where OpenCV cannot run it, or what comes out is no map.
         """
         with self._lock, _refusals():
-            *others, last = self._sizes if 0 in self._told else self._sizes[:1]
-            for size in others:
+            while True:
                 try:
-                    found = self._at(picture, *size)
+                    found = self._at(picture, *self._sizes[0])
                 except cv2.error:
-                    continue
-                # All maps of a clip are made alike.
-                self._sizes = (size,)
-                return found
-            return self._at(picture, *last)
+                    if len(self._sizes) == 1:
+                        raise
+                    self._sizes = self._sizes[1:]
+                else:
+                    # All maps of a clip are made alike.
+                    self._sizes = self._sizes[:1]
+                    return found
 
     def _at(self, picture: Pixels, long: int, step: int) -> NDArray[np.generic]:
         scale = long / max(picture.shape[:2])
@@ -100,6 +102,7 @@ def open_network(path: Path, clip: Footage) -> PackedPictures:
     def decode(frame: int) -> Pixels:
         with lock:
             picture = own.read(frame)
+        checkpoint()
         return grey(network.run(picture))
 
     return PackedPictures(path, clip.frames, clip.width, clip.height, clip.fps, decode=decode)

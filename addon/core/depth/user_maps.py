@@ -1,4 +1,4 @@
-"""The user's own depth maps: found and read as they are stored.
+"""The user's own depth maps: found and read as they are stored, or made by a network.
 
 What they hold, and in which unit, `map_fit` tells.
 """
