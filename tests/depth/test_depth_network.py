@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from addon.core.base.errors import UserError
+from addon.core.depth.depth_network import DepthNetwork
 from addon.core.depth.map_fit import fit_clip, fit_depth
 from addon.core.depth.user_maps import open_depth
 from addon.core.media.clip import Footage, FrameRange, decode_srgb, open_footage
@@ -154,6 +155,18 @@ def test_of_a_part_of_a_video_each_frame_has_its_own_whoever_asks(tmp_path: Path
         shown = {frame: clip.read(frame)[..., 0].mean() / 255 for frame in clip.frames}
     for frame, values in zip(asked, found, strict=True):
         assert abs(values.mean() - shown[frame]) < 1 / 255
+
+
+def test_threads_do_not_see_each_others_pictures(tmp_path: Path) -> None:
+    """Each has a picture of one colour at a size of its own."""
+    model = DepthNetwork(write(tmp_path / "red.onnx", red(OPEN)))
+
+    def off(shade: int) -> float:
+        found = model.run(np.full((40 + shade, 64, 3), shade, np.uint8))
+        return float(np.abs(found - shade / 255).max())
+
+    with ThreadPoolExecutor(8) as pool:
+        assert max(pool.map(off, range(0, 64))) < 1e-4
 
 
 def test_what_opencv_cannot_read_or_run_is_said_in_a_line(tmp_path: Path, clip: Footage) -> None:
