@@ -534,7 +534,7 @@ def test_same_clip_same_model(tmp_path: Path) -> None:
 def test_nothing_of_pycolmaps_is_left_to_threads_or_chance() -> None:
     from addon.core.sfm import keyframes
 
-    mapper = keyframes._mapper_options(3.0)
+    mapper = keyframes.mapper_options(3.0)
     assert mapper.num_threads == mapper.mapper.num_threads == 1
     assert mapper.random_seed == mapper.mapper.random_seed == mapper.triangulation.random_seed == 0
     assert keyframes._adjustment_options(5).ceres.solver_options.num_threads == 1

@@ -92,16 +92,16 @@ class Reconstruction:
 
     @cached_property
     def stays(self) -> bool:
-        """Whether all cameras stand in one place, so that pictures tell no depth."""
-        centres = np.array([image.centre for image in self.images])
+        """Whether all cameras stand in one place, so that pictures tell no depth; not of poses that are not
+        finite, which are refused where they are used."""
+        if len(self.images) < 2:
+            return False
         with np.errstate(invalid="ignore"):
-            return len(centres) > 1 and bool(np.ptp(centres, axis=0).max() <= STAYS * self._reach)
-
-    @cached_property
-    def _reach(self) -> float:
-        """Median distance of the points from the first camera."""
-        away = np.linalg.norm(self.points.xyz - self.images[0].centre, axis=1)
-        return float(np.nanmedian(away)) if len(away) else 1.0
+            centres = np.array([image.centre for image in self.images])
+            away = np.linalg.norm(self.points.xyz - centres[0], axis=1)
+            known = away[np.isfinite(away)]
+            reach = np.median(known) if len(known) else 1.0
+            return bool(np.ptp(centres, axis=0).max() <= STAYS * reach)
 
     @cached_property
     def views_per_point(self) -> Ints:
