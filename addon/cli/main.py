@@ -246,7 +246,8 @@ def _draw(scene: bpy.types.Scene, frames: list[int], options: argparse.Namespace
                 output.render_movie(scene, frames, out, report, draw)
             else:
                 output.render_sequence(scene, frames, out, options.overwrite, report, draw)
-    return run_report
+    # How others drew their frames is known from their reports alone.
+    return run_report if count == 1 or options.report else RunReport()
 
 
 def _side_by_side(

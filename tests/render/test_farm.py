@@ -194,6 +194,8 @@ def test_jobs_give_what_one_process_gives(work: Path, tmp_path: Path) -> None:
     said = done("render", work, *LENS, "--out", out, "--jobs", 2)
     assert_same(out, work.parent / "one.mp4")
     assert "48 of 48" in said and contents(tmp_path).keys() == {"a.mp4"}
+    # One process knows how it drew its own.
+    assert "24 frames" not in said
     done("render", work, *LENS, "--frames", "3-30:9", "--jobs", 2, "--out", tmp_path / "s" / "######.png",
          "--report", tmp_path / "r.json")  # fmt: skip
     names = {f"{frame:06d}.png" for frame in (3, 12, 21, 30)}
