@@ -75,6 +75,10 @@ CASES = {
         "ui/test_scene_camera.py::test_a_camera_at_other_frames_is_refused",
         "of other frames",
     ),
+    "show_photo": Case(
+        "ui/test_photos.py::test_photos_are_solved_and_shown_by_name", "",
+        why="it lists the photos that can be shown, and without any it is disabled",
+    ),
     "find_points": Case(
         "ui/test_scene_camera.py::test_cameras_without_points_are_imported",
         "ui/test_scene_camera.py::test_points_are_found_for_cameras_only",
