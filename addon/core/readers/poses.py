@@ -10,7 +10,7 @@ import numpy as np
 from ..base.arrays import Floats
 from ..base.errors import UserError
 from ..base.numbers import LARGEST
-from ..camera.reconstruction import Image, Intrinsics, Points, Reconstruction
+from ..camera.reconstruction import Image, Intrinsics, Points, Reconstruction, matrix_from_quaternion
 from .building import rotation_from
 
 OPENGL = np.diag([1.0, -1.0, -1.0])
@@ -70,10 +70,5 @@ def to_world(quaternions: Floats, positions: Floats, place: Path) -> Floats:
     length = np.linalg.norm(quaternions, axis=1)
     if not np.all(length > 1e-6):
         raise UserError(f"{place}: pose {int(np.argmin(length))} has a quaternion that is zero")
-    x, y, z, w = (quaternions / length[:, None]).T
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y), positions[:, 0]],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x), positions[:, 1]],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y), positions[:, 2]],
-    ]
-    return np.moveaxis(np.array(rows), -1, 0)
+    rotations = [matrix_from_quaternion(each) for each in quaternions[:, [3, 0, 1, 2]]]
+    return np.concatenate([np.reshape(rotations, (-1, 3, 3)), positions[..., None]], axis=2)
