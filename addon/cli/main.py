@@ -25,7 +25,7 @@ from ..core.sfm.workspace import Solve, default_work_dir, load_solve
 from ..render import engine, jobs, movie_file, movie_folder, output
 from ..render.blend_file import write_blend
 from ..render.frame_keys import run_key
-from ..render.frame_size import render_size, set_size
+from ..render.frame_size import render_size
 from ..render.gpu_views import check_gpu, check_memory
 from ..render.launcher import CHILD
 from ..render.quiet import quiet
@@ -177,7 +177,8 @@ def _render(solved: Solve | None, options: argparse.Namespace) -> None:
     out: Path = options.out.absolute()
     options.frames = _frames(options, footage)
     if options.still is not None:
-        set_size(scene.render, shot_of(scene).reconstruction, options.frames.first)
+        # Photos have a size each.
+        scene.render.resolution_x, scene.render.resolution_y = shot_of(scene).size(options.frames.first)
     is_movie = out.suffix.lower() in movie_file.MOVIES
     if options.for_movie:
         # A share of those that a movie shows.

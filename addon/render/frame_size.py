@@ -4,20 +4,11 @@ from __future__ import annotations
 
 import bpy
 
-from ..core.camera.reconstruction import Reconstruction
-
 
 def render_size(render: bpy.types.RenderSettings) -> tuple[int, int]:
     """(width, height) in pixels of the whole rendered frame."""
     share = render.resolution_percentage / 100
     return max(1, int(render.resolution_x * share)), max(1, int(render.resolution_y * share))
-
-
-def set_size(render: bpy.types.RenderSettings, reconstruction: Reconstruction, frame: int) -> None:
-    """Render as large as a frame's own picture, which photos have each; UserError where the frame has no
-    camera."""
-    camera = reconstruction.intrinsics(reconstruction.image_at(frame)[0])
-    render.resolution_x, render.resolution_y = camera.width, camera.height
 
 
 def written_size(render: bpy.types.RenderSettings) -> tuple[int, int]:
