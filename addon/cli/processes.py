@@ -27,7 +27,7 @@ def add_jobs(command: argparse.ArgumentParser) -> None:
 def sharing(options: argparse.Namespace, frames: int, shot: Shot) -> Iterator[int]:
     """How many processes take a share of so many frames each, this one included: those that are asked for, or
     else as many as fit and are worth their start. Where it is not alone, it has one thread within."""
-    fitting = jobs.fitting(shot.footage.width * shot.footage.height)
-    count = options.jobs or max(1, min(frames // jobs.LEAST_SHARE, fitting))
+    pixels = shot.footage.width * shot.footage.height
+    count = options.jobs or max(1, min(frames // jobs.LEAST_SHARE, jobs.fitting(pixels)))
     with limits.one_thread() if count > 1 else nullcontext():
         yield count
