@@ -17,14 +17,13 @@ PLACES = {"DSC_0009": (0.0, 0.0), "DSC_0003": (0.6, 0.1), "DSC_0007": (-0.6, 0.2
 
 @pytest.mark.long
 @pytest.mark.parametrize("clip", ["", "DSC_####.png"])
-def test_photos_are_solved_and_shown_by_name(registered: None, tmp_path: Path, clip: str) -> None:
+def test_photos_are_solved_and_shown_by_name(scene: bpy.types.Scene, tmp_path: Path, clip: str) -> None:
     """Numbered as cameras number them, in no order: a clip unless the user says otherwise."""
     folder = tmp_path / "fruit"
     folder.mkdir()
     for name, (x, y) in PLACES.items():
         picture = planes.view(np.array([x, y, 0.0]), np.array([-y / 7, x / 7, 0.0]))
         cv2.imwrite(str(folder / f"{name}.png"), picture)
-    scene = bpy.context.scene
     settings = scene.virtual_aperture
     settings.footage, settings.work_dir = str(folder / clip), str(tmp_path / "work")
     settings.stills = True
