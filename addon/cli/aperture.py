@@ -35,7 +35,7 @@ def _word(text: str) -> str:
     key, sign, value = text.partition("=")
     if not sign or key not in (*APERTURE_OPTIONS, IMAGE):
         keys = ", ".join((*APERTURE_OPTIONS, IMAGE))
-        raise argparse.ArgumentTypeError(f"{text!r} is not understood; write KEY=VALUE with one of {keys}")
+        raise argparse.ArgumentTypeError(f"{text!r} is not valid; write KEY=VALUE with one of {keys}")
     if key == IMAGE:
         return f"{key}={path(value).absolute()}"
     try:

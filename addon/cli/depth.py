@@ -30,10 +30,12 @@ def add_command(
     commands: argparse._SubParsersAction[argparse.ArgumentParser], common: argparse.ArgumentParser
 ) -> None:
     """`depth DIR`."""
-    command = commands.add_parser("depth", parents=[common], help="find frames' depth, ahead of renders")
+    command = commands.add_parser(
+        "depth", parents=[common], help="find the depth of frames ahead of rendering"
+    )
     add_work(command)
     command.add_argument(
-        "--frames", type=FrameRange.parse, metavar="A-B[:STEP]", help="those whose depth is found (all)"
+        "--frames", type=FrameRange.parse, metavar="A-B[:STEP]", help="frames to find depth for (all)"
     )
     add_moving(command)
     add_jobs(command)
@@ -79,9 +81,7 @@ def keep_depth(
     """
     shot = shot_of(scene)
     if shot.reconstruction.stays:
-        return UserError(
-            "there is no depth to be found, for the camera stays in its place: depth maps tell it"
-        )
+        return UserError("there is no depth to find because the camera does not move; use depth maps")
     clock = _Said(len(frames))
     with sharing(options, len(frames), shot) as count:
         if count == 1:
@@ -110,7 +110,7 @@ def _say_jumps(shot: Shot, frames: Sequence[int]) -> None:
     if len(found) < FEWEST_JUMPS:
         return
     where = f"{counted(len(found), 'frame')} ({ranges(found)})"
-    text = f"what moves is unsure in {where}, where it jumps: mark it by a stroke"
+    text = f"moving subjects are uncertain in {where}, where they jump; mark them with a stroke"
     say(f"note: {text}{WORDED}")
     send(Warned(text))
 

@@ -64,28 +64,32 @@ def add_commands(
 ) -> None:
     """`farm` and `join`; each sets `command` to the function that runs it."""
     one = commands.add_parser(
-        "farm", parents=[common], help="write a job for render farms, in the Open Job Description format"
+        "farm", parents=[common], help="write a render farm job in the Open Job Description format"
     )
-    one.description = "The job renders chunks of frames side by side and joins them to a movie with sound."
-    add_footage(one, "DIR|FOOTAGE", "folder that keeps the solve, or the clip: then the job solves it first")
+    one.description = "The job renders chunks of frames in parallel and joins them into a movie with sound."
+    add_footage(one, "DIR|FOOTAGE", "folder of the solve, or a clip, which the job then solves first")
     one.add_argument("--out", type=path, required=True, metavar="BUNDLE", help="folder for the job")
-    one.add_argument("--chunk", type=whole(1), default=12, metavar="N", help="frames a task (default 12)")
+    one.add_argument("--chunk", type=whole(1), default=12, metavar="N", help="frames per task (default 12)")
     one.add_argument("--frames", type=FrameRange.parse, metavar="A-B", help="frames to render")
     add_solve_frames(one)
-    one.add_argument("--movie", default="movie.mp4", metavar="NAME", help="the movie's name (movie.mp4)")
+    one.add_argument("--movie", default="movie.mp4", metavar="NAME", help="name of the movie (movie.mp4)")
     add_lens(one, required=True)
     one.set_defaults(command=farm, words=SOLVED_WORDS)
 
-    two = commands.add_parser("join", parents=[common], help="join rendered frames to a movie with sound")
+    two = commands.add_parser("join", parents=[common], help="join rendered frames into a movie with sound")
     two.description = (
-        "With the focus and all else as for render, frames made with other settings are refused."
+        "Give the same focus and other settings as for render: frames made with others are refused."
     )
     add_work(two)
     two.add_argument(
-        "--rendered", type=path, required=True, metavar="DIR/####.png", help="frames of render --for-movie"
+        "--rendered",
+        type=path,
+        required=True,
+        metavar="DIR/####.png",
+        help="frames rendered with --for-movie",
     )
     two.add_argument("--out", type=path, required=True, metavar="FILE.mp4")
-    two.add_argument("--frames", type=FrameRange.parse, metavar="A-B", help="frames that the movie shows")
+    two.add_argument("--frames", type=FrameRange.parse, metavar="A-B", help="frames of the movie")
     two.add_argument("--overwrite", action="store_true", help="replace the movie if it exists")
     add_lens(two, required=False)
     two.set_defaults(command=join)
@@ -96,7 +100,7 @@ def join(options: argparse.Namespace) -> None:
     rendered, out = options.rendered.absolute(), options.out.absolute()
     output.check_output(out, options.overwrite)
     if out.suffix.lower() not in movie_file.MOVIES:
-        raise UserError(f"{out.name} is no movie; end it in {', '.join(movie_file.MOVIES)}")
+        raise UserError(f"{out.name} is not a movie; end it in {', '.join(movie_file.MOVIES)}")
     if rendered.suffix.lower() != ".png" or "#" not in rendered.name:
         raise UserError(f"{rendered.name} must be a pattern like ####.png, as render writes with --for-movie")
     check_lens(options, required=False)
@@ -124,12 +128,12 @@ def farm(options: argparse.Namespace) -> None:
     """`farm DIR --out BUNDLE`: a folder with the job and all that it reads, to be moved as it is."""
     out: Path = options.out.absolute()
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
-        raise UserError(f"{out} exists; name a folder that is not there yet")
+        raise UserError(f"{out} already exists; name a new folder")
     if (
         Path(options.movie).suffix.lower() not in movie_file.MOVIES
         or Path(options.movie).name != options.movie
     ):
-        raise UserError(f"{options.movie} is no name of a movie; end it in {', '.join(movie_file.MOVIES)}")
+        raise UserError(f"{options.movie} is not a movie name; end it in {', '.join(movie_file.MOVIES)}")
     output.check_folder(out.parent)
     check_numbers(options)
     source: Path = options.footage.absolute()
@@ -241,7 +245,7 @@ def _chunks(frames: list[int], size: int) -> list[str]:
     """Ranges of frames, as `--frames` takes them."""
     least = -(-len(frames) // CHUNKS)
     if size < least:
-        raise UserError(f"tasks of {size} frames are more than {CHUNKS}; give --chunk {least} or more")
+        raise UserError(f"tasks of {size} frames make more than {CHUNKS} tasks; use --chunk {least} or more")
     parts = [frames[at : at + size] for at in range(0, len(frames), size)]
     return [f"{part[0]}-{part[-1]}" for part in parts]
 

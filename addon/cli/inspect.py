@@ -35,12 +35,12 @@ def add_command(
 ) -> None:
     """`inspect`, which sets `command` to the function that runs it."""
     one = commands.add_parser(
-        "inspect", parents=[common], help="pictures and figures of what a frame is drawn from"
+        "inspect", parents=[common], help="show what a frame is drawn from, as pictures and figures"
     )
-    one.add_argument("work", type=path, metavar="DIR", help="folder that keeps the solve")
+    one.add_argument("work", type=path, metavar="DIR", help="folder of the solve")
     one.add_argument("--frame", type=whole(0), required=True, metavar="N", help="frame of the clip")
     one.add_argument("--out", type=path, required=True, metavar="DIR", help="folder for the pictures")
-    one.add_argument("--overwrite", action="store_true", help="replace pictures that are there")
+    one.add_argument("--overwrite", action="store_true", help="replace existing pictures")
     add_lens(one, required=True)
     one.set_defaults(command=inspect)
 
@@ -53,7 +53,7 @@ def inspect(options: argparse.Namespace) -> None:
         check_file(file)
     there = [file for file in files if file.exists()]
     if there and not options.overwrite:
-        raise UserError(f"{there[0]} exists; name another folder or pass --overwrite")
+        raise UserError(f"{there[0]} already exists; choose another folder or pass --overwrite")
     output.check_folder(out)
     check_numbers(options)
     solved = load_solve(options.work)

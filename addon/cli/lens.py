@@ -60,34 +60,38 @@ def add_lens(command: argparse.ArgumentParser, required: bool) -> None:
     focus = command.add_mutually_exclusive_group()
     focus.add_argument(
         "--focus-at", metavar="X,Y[@FRAME]", action="append",
-        help="place in the picture, 0,0 top left, 1,1 bottom right; more than once, each with its frame, it"
-        " pulls focus from one to the next",
+        help="place in the picture to focus on, from 0,0 (top left) to 1,1 (bottom right); given more than"
+        " once, each with its frame, focus is pulled from one to the next",
     )  # fmt: skip
     focus.add_argument(
-        "--focus-point", type=whole(0), nargs="+", metavar="ID", help="feature points in focus"
+        "--focus-point", type=whole(0), nargs="+", metavar="ID", help="feature points to focus on"
     )
     focus.add_argument(
         "--focus-plane", type=whole(0), nargs="+", metavar="ID",
-        help="three or more feature points, through which the focal plane is tilted",
+        help="three or more feature points for a tilted focal plane to pass through",
     )  # fmt: skip
-    focus.add_argument("--focus-distance", type=real, metavar="D", help="depth in the model's own unit")
+    focus.add_argument(
+        "--focus-distance", type=real, metavar="D", help="distance to focus at, in the model's own unit"
+    )
     for name, side in (("--tilt", "upper"), ("--swing", "right")):
         command.add_argument(
             name, type=real, default=0.0, metavar="DEG",
-            help=f"degrees by which the focal plane's {side} part leans away, about the optical axis",
+            help=f"degrees by which the {side} part of the focal plane leans away, pivoting on the optical"
+            f" axis",
         )  # fmt: skip
     blur = command.add_mutually_exclusive_group()
     blur.add_argument(
         "--blur", type=real, metavar="F",
-        help=f"farthest background's blur disc as a share of the image width (default {DEFAULT_BLUR})",
+        help=f"blur disc of the farthest background, as a fraction of the image width (default"
+        f" {DEFAULT_BLUR})",
     )  # fmt: skip
     blur.add_argument(
-        "--aperture-radius", type=real, metavar="R", help="radius of the aperture in the model's own unit"
+        "--aperture-radius", type=real, metavar="R", help="aperture radius in the model's own unit"
     )
     command.add_argument(
         "--depth", type=path, metavar="PATH",
-        help="your own depth maps, any scale and kind: a folder of EXR, PNG or .npz, or one .npz or .zip;"
-        " or a depth network's .onnx",
+        help="your own depth maps of any scale and kind: a folder of EXR, PNG or .npz, or a single .npz or"
+        " .zip; or a depth network (.onnx)",
     )  # fmt: skip
     add_moving(command)
     add_focus_subject(command)
@@ -101,7 +105,7 @@ def add_moving(command: argparse.ArgumentParser) -> None:
         "--mask",
         type=path,
         metavar="DIR",
-        help="your own mattes of what moves by itself: pictures, white or opaque moves, gray in part",
+        help="your own mattes of moving objects: images in which white or opaque moves, gray moves in part",
     )
     add_subjects(command)
 
@@ -110,7 +114,7 @@ def add_work(command: argparse.ArgumentParser) -> None:
     """The argument of a command that takes a solve, or a .blend of one."""
     command.add_argument(
         "work", type=path, metavar="DIR|FILE.blend",
-        help="folder that keeps the solve, or a .blend of save or farm, which has the lens",
+        help="folder of the solve, or a .blend from save or farm, which has the lens",
     )  # fmt: skip
 
 
@@ -135,10 +139,7 @@ def check_lens(options: argparse.Namespace, required: bool) -> None:
     a folder that keeps a solve; UserError as `check_numbers`."""
     given = [f"--{name.replace('_', '-')}" for name in given_lens(options)]
     if given and is_blend(options.work):
-        raise UsageError(
-            f"{options.work.name} has a lens of its own, so leave {', '.join(given)} out; --help tells what"
-            " it takes"
-        )
+        raise UsageError(f"{options.work.name} has its own lens, so leave out {', '.join(given)}; see --help")
     if not is_blend(options.work):
         setattr(options, NEEDED, required)
     check_numbers(options)
@@ -220,8 +221,8 @@ def check_numbers(options: argparse.Namespace) -> None:
     none is given."""
     if getattr(options, NEEDED) and not has_focus(options):
         raise UsageError(
-            "one of --focus-at, --focus-point, --focus-plane, --focus-distance and --focus-subject is needed;"
-            " --help tells what it takes"
+            "one of --focus-at, --focus-point, --focus-plane, --focus-distance and --focus-subject is"
+            " needed; see --help"
         )
     for name, value in (("blur", options.blur), ("aperture radius", options.aperture_radius)):
         if value is not None and not value > 0:
@@ -233,7 +234,7 @@ def check_numbers(options: argparse.Namespace) -> None:
             f" at most {MOST_BLUR:g} can be drawn"
         )
     if options.target_psnr and options.views:
-        raise UserError("give the number of views or the target PSNR, not both")
+        raise UserError("give the number of views or the target quality, not both")
     if options.focus_distance is not None and not options.focus_distance > 0:
         raise UserError(f"the focus distance is {options.focus_distance:g}; it must be greater than zero")
     _check_places(_focus_places(options))
@@ -260,11 +261,11 @@ def _check_places(places: Sequence[tuple[str, int | None]]) -> None:
     if len(frames) > 1 and None in frames:
         place = places[frames.index(None)][0]
         raise UserError(
-            f"focus at {place} has no frame; a pull takes X,Y@FRAME or NAME@FRAME for each of its places,"
+            f"focus at {place} has no frame; a focus pull needs X,Y@FRAME or NAME@FRAME for each place,"
             f" such as {place.removeprefix('subject ')}@12"
         )
     if twice := sorted({frame for frame in frames if frame is not None and frames.count(frame) > 1}):
-        raise UserError(f"two places are to be in focus at frame {twice[0]}; give each its own frame")
+        raise UserError(f"two focus marks are at frame {twice[0]}; give each its own frame")
 
 
 def _check_tilt(options: argparse.Namespace) -> None:
@@ -274,7 +275,7 @@ def _check_tilt(options: argparse.Namespace) -> None:
         if not -90 < angle < 90:
             raise UserError(f"the {name} is {angle:g} degrees; it must be between -90 and 90")
         if angle and options.focus_plane:
-            raise UserError(f"the points of the focal plane tell its tilt; leave --{name} out")
+            raise UserError(f"the points of the focal plane set its tilt; leave out --{name}")
     if options.focus_plane and len(set(options.focus_plane)) < FEWEST_IN_PLANE:
         raise UserError(f"a focal plane through points takes {FEWEST_IN_PLANE} or more")
 
@@ -396,7 +397,7 @@ def _discs(reconstruction: Reconstruction, focus: Focus, frame: int, radius: flo
         f"{side * width:.1f} px ({100 * side:.1f} % of the width) {where}" if side > 0 else f"none {where}"
         for side, where in zip(
             largest_discs(reconstruction, focus, frame, radius),
-            ("before the focus", "behind it"),
+            ("in front of the focus", "behind it"),
             strict=True,
         )
     ]
@@ -407,7 +408,7 @@ def _sharp(reconstruction: Reconstruction, focus: Focus, frame: int, radius: flo
     """Between which distances blur discs are too small to be seen."""
     near, far = sharp_distances(reconstruction, focus, frame, radius)
     where = " on the optical axis" if focus.is_tilted else ""
-    reach = f"from {near:.4g} on" if math.isinf(far) else f"from {near:.4g} to {far:.4g} away"
+    reach = f"from {near:.4g} and farther" if math.isinf(far) else f"from {near:.4g} to {far:.4g} away"
     return f"sharp at frame {frame}{where}: {'nothing' if math.isinf(near) else reach}"
 
 
@@ -428,5 +429,5 @@ def _place(text: str) -> tuple[float, float, int | None]:
         return x, y, numbers.whole(frame) if frame else None
     except ValueError:
         raise UserError(
-            f"the focus {text!r} is not understood; write X,Y or X,Y@FRAME, such as 0.5,0.6@12"
+            f"the focus {text!r} is not valid; write X,Y or X,Y@FRAME, such as 0.5,0.6@12"
         ) from None

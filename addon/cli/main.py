@@ -72,7 +72,7 @@ def parser() -> argparse.ArgumentParser:
     two.add_argument(
         "--for-movie",
         action="store_true",
-        help="frames as join takes them: every one of the range, even sizes",
+        help="render frames for join: every frame of the range, in even sizes",
     )
     # For processes that others started to render a share.
     two.add_argument(CHILD, action="store_true", help=argparse.SUPPRESS)
@@ -81,8 +81,8 @@ def parser() -> argparse.ArgumentParser:
 
     three = commands.add_parser("run", parents=[common], help="solve and render")
     solve.add_footage(three)
-    three.add_argument("--work", type=path, metavar="DIR", help="default: CLIP.aperture beside the output")
-    _add_frames(three, "frames to render, of the whole solve")
+    three.add_argument("--work", type=path, metavar="DIR", help="default: CLIP.aperture next to the output")
+    _add_frames(three, "frames to render; the whole clip is solved")
     solve.add_solve_frames(three)
     add_lens(three, required=True)
     _add_output(three)
@@ -98,7 +98,7 @@ def parser() -> argparse.ArgumentParser:
 def _add_frames(command: argparse.ArgumentParser, description: str) -> None:
     which = command.add_mutually_exclusive_group()
     which.add_argument("--frames", type=FrameRange.parse, metavar="A-B[:STEP]", help=description)
-    which.add_argument("--still", metavar="NAME", help="the one picture to render, by its file's name")
+    which.add_argument("--still", metavar="NAME", help="the photo to render, by its file name")
 
 
 def _add_output(command: argparse.ArgumentParser) -> None:
@@ -106,10 +106,13 @@ def _add_output(command: argparse.ArgumentParser) -> None:
         "--out", type=path, required=True, metavar="FILE.mp4|DIR/####.png|DIR/####.exr",
         help="with --still FILE.png or FILE.exr, too",
     )  # fmt: skip
-    command.add_argument("--overwrite", action="store_true", help="replace output that exists")
+    command.add_argument("--overwrite", action="store_true", help="replace existing output")
     add_jobs(command)
     command.add_argument(
-        "--report", type=path, metavar="FILE.json", help="method, mesh, error, sources and time of each frame"
+        "--report",
+        type=path,
+        metavar="FILE.json",
+        help="write the method, mesh, error, sources and time of each frame",
     )
 
 
@@ -145,7 +148,7 @@ def run(options: argparse.Namespace) -> None:
     _check_apart(options, options.footage, options.mask, options.depth)
     work = options.work or default_work_dir(options.footage, options.out.absolute().parent)
     if options.report and options.report.absolute() == work.absolute() / STATE:
-        raise UserError(f"{options.report} is where the solve will be kept; name another file")
+        raise UserError(f"{options.report} is where the solve will be kept; choose another file")
 
     def check(clip: Footage) -> None:
         wanted_frames(clip, _frames(options, clip))
@@ -204,25 +207,25 @@ def _render(solved: Solve | None, options: argparse.Namespace) -> None:
     if planned.coarse:
         say(
             f"blur discs are too large for layers in {counted(len(planned.coarse), 'frame')}"
-            f" ({ranges(planned.coarse)}), drawn by features, one coarse mesh, instead; a smaller blur or"
-            " aperture keeps layers"
+            f" ({ranges(planned.coarse)}), which are drawn with features, one coarse mesh, instead; a"
+            f" smaller blur or aperture keeps layers"
         )
     unregistered = [f for f in frames if f not in reconstruction.frames]
     if unregistered:
         missing = f"{counted(len(unregistered), 'frame')} not registered"
-        say(f"{missing}; neighbours lend their cameras: {ranges(unregistered)}")
+        say(f"{missing}; their cameras are interpolated: {ranges(unregistered)}")
     run_report = _draw(scene, frames, options)
     if repaired := shot_of(scene).repaired:
         text = (
-            f"{sum(repaired.values())} pixels of {len(repaired)} frames were not finite (NaN or infinite) and"
-            f" were filled from around: {ranges(sorted(repaired))}"
+            f"{sum(repaired.values())} pixels of {len(repaired)} frames were not finite (NaN or infinite)"
+            f" and were filled in: {ranges(sorted(repaired))}"
         )
         say(text)
         send(Warned(text))
     if summary := run_report.summary(frames):
         say(summary)
     if lacking := run_report.lacks(frames):
-        say(f"no report of frames that were there already: {ranges(lacking)}")
+        say(f"no report for existing frames: {ranges(lacking)}")
     say(f"wrote {options.out}")
 
 

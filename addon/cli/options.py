@@ -27,7 +27,7 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """UsageError that says where help is."""
-        raise UsageError(f"{message}; {self.prog} --help tells what it takes")
+        raise UsageError(f"{message}; see {self.prog} --help")
 
 
 def real(text: str) -> float:

@@ -16,7 +16,7 @@ def path(text: str) -> Path:
     """
     if not text:
         # Python takes it for the current folder.
-        raise UserError("a file or folder is named by an empty text; name it")
+        raise UserError("a file or folder name is empty")
     if os.name == "posix" and text.startswith("//"):
         text = "/" + text.lstrip("/")
     checked_name(Path(text).absolute())

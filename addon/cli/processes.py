@@ -19,7 +19,7 @@ def add_jobs(command: argparse.ArgumentParser) -> None:
     """`--jobs`."""
     command.add_argument(
         "--jobs", type=whole(1, MOST_JOBS), metavar="N",
-        help="processes that work side by side (as many as processors and free memory allow)",
+        help="number of parallel processes (default: as many as processors and free memory allow)",
     )  # fmt: skip
 
 

@@ -47,17 +47,17 @@ def add_command(
     one = commands.add_parser(
         "save", parents=[common], help="save the solved clip as a .blend, ready to open or to send"
     )
-    one.add_argument("work", type=path, metavar="DIR", help="folder that keeps the solve")
+    one.add_argument("work", type=path, metavar="DIR", help="folder of the solve")
     one.add_argument("--blend", type=path, required=True, metavar="FILE")
     one.add_argument(
-        "--pack", action="store_true", help="also write the .blend and all it needs as one file, FILE.zip"
+        "--pack",
+        action="store_true",
+        help="also pack the .blend and everything it needs into one file, FILE.zip",
     )
+    one.add_argument("--overwrite", action="store_true", help="replace an existing .blend and .zip")
+    one.add_argument("--frames", type=FrameRange.parse, metavar="A-B", help="frames it renders")
     one.add_argument(
-        "--overwrite", action="store_true", help="replace the .blend, and the .zip, if it exists"
-    )
-    one.add_argument("--frames", type=FrameRange.parse, metavar="A-B", help="frames that it renders")
-    one.add_argument(
-        "--no-copy", action="store_true", help="let it read the clip, pictures and solve where they lie"
+        "--no-copy", action="store_true", help="refer to the clip, pictures and solve where they are"
     )
     # Of a farm's job.
     one.add_argument("--lens", type=path, metavar="FILE.json", help=argparse.SUPPRESS)
@@ -71,14 +71,12 @@ def save(options: argparse.Namespace) -> None:
     if blend.suffix.lower() != ".blend":
         raise UserError(f"{blend.name} must end in .blend")
     if options.pack and options.no_copy:
-        raise UsageError(
-            "--pack copies what the .blend needs, --no-copy does not; --help tells what it takes"
-        )
+        raise UsageError("--pack copies what the .blend needs, --no-copy does not; see --help")
     packed = blend.with_suffix(".zip")
     for file in (blend, packed) if options.pack else (blend,):
         check_file(file)
         if file.exists() and not options.overwrite:
-            raise UserError(f"{file} exists; name another file, or overwrite it", Remedy.OVERWRITE)
+            raise UserError(f"{file} already exists; choose another file, or overwrite it", Remedy.OVERWRITE)
     check_folder(blend.parent)
     if options.lens is None:
         check_numbers(options)
@@ -114,7 +112,7 @@ def save(options: argparse.Namespace) -> None:
     if options.pack:
         _pack(packed, blend, parts)
         say(f"packed {packed}: {blend.name} with {names}")
-    say(f"saved {blend}; send it together with {names} beside it")
+    say(f"saved {blend}; send it together with {names} next to it")
 
 
 def copied(
@@ -149,7 +147,7 @@ def _pack(packed: Path, blend: Path, parts: list[Path]) -> None:
                 archive.write(file, Path(blend.stem) / _real(file).relative_to(blend.parent.resolve()))
         with zipfile.ZipFile(part) as archive:
             if damaged := archive.testzip():
-                raise UserError(f"{packed} could not be written as a whole ({damaged}); is the disk full?")
+                raise UserError(f"{packed} could not be written completely ({damaged}); is the disk full?")
 
 
 def _files(path: Path) -> list[Path]:

@@ -35,26 +35,28 @@ def add_commands(
     commands: argparse._SubParsersAction[argparse.ArgumentParser], common: argparse.ArgumentParser
 ) -> None:
     """`solve`, `report`, `import` and `export`; each sets `command` to the function that runs it."""
-    one = commands.add_parser("solve", parents=[common], help="find cameras and points of a clip")
+    one = commands.add_parser(
+        "solve", parents=[common], help="find the camera motion and feature points of a clip"
+    )
     add_footage(one)
-    one.add_argument("--work", type=path, required=True, metavar="DIR", help="folder that keeps the solve")
+    one.add_argument("--work", type=path, required=True, metavar="DIR", help="folder of the solve")
     one.add_argument(
         "--frames", dest="solve_frames", type=FrameRange.parse, metavar="A-B[:STEP]",
         help="frames of the clip to solve",
     )  # fmt: skip
     one.add_argument(
         "--depth-maps", type=path, metavar="PATH",
-        help="your own depth maps, of a clip whose camera only turns or stands still",
+        help="your own depth maps, for a clip whose camera only turns or does not move",
     )  # fmt: skip
-    one.add_argument("--depth", action="store_true", help="find the depth of all frames, too, and keep it")
+    one.add_argument("--depth", action="store_true", help="also find and keep the depth of all frames")
     one.set_defaults(command=solve)
 
-    two = commands.add_parser("report", parents=[common], help="what a solve is worth, and advice")
-    two.add_argument("work", type=path, metavar="DIR", help="folder that keeps the solve")
-    two.add_argument("--json", action="store_true", help="for programs")
+    two = commands.add_parser("report", parents=[common], help="how good a solve is, and advice")
+    two.add_argument("work", type=path, metavar="DIR", help="folder of the solve")
+    two.add_argument("--json", action="store_true", help="machine-readable")
     two.set_defaults(command=report)
 
-    three = commands.add_parser("import", parents=[common], help="take in what another program solved")
+    three = commands.add_parser("import", parents=[common], help="import a solve from another program")
     model = three.add_mutually_exclusive_group(required=True)
     model.add_argument("--blend", type=path, metavar="FILE", help="a .blend as MODEL")
     model.add_argument(
@@ -64,24 +66,27 @@ def add_commands(
         " --camera, an animated camera",
     )  # fmt: skip
     three.add_argument(
-        "--footage", type=path, metavar="FOOTAGE", help="what was solved (a phone's recording brings its own)"
+        "--footage",
+        type=path,
+        metavar="FOOTAGE",
+        help="the clip that was solved (a phone's recording includes it)",
     )
-    three.add_argument("--work", type=path, required=True, metavar="DIR", help="folder that keeps the solve")
+    three.add_argument("--work", type=path, required=True, metavar="DIR", help="folder of the solve")
     which = three.add_mutually_exclusive_group()
-    which.add_argument("--clip", metavar="NAME", help="which movie clip of the .blend")
+    which.add_argument("--clip", metavar="NAME", help="the movie clip in the .blend")
     which.add_argument(
-        "--camera", metavar="NAME", help="the animated camera of the .blend that filmed the clip"
+        "--camera", metavar="NAME", help="the animated camera in the .blend that matches the clip"
     )
     three.add_argument(
         "--offset", type=int, default=0, metavar="N",
-        help="with --camera: frames by which the scene counts more than the clip (0)",
+        help="with --camera: how many frames later the scene starts than the clip (0)",
     )  # fmt: skip
-    three.add_argument("--again", action="store_true", help="replace a solve of this clip in the folder")
+    three.add_argument("--again", action="store_true", help="replace this clip's solve in the folder")
     three.set_defaults(command=import_model)
 
-    four = commands.add_parser("export", parents=[common], help="write a solve as a COLMAP text model")
-    four.add_argument("work", type=path, metavar="DIR", help="folder that keeps the solve")
-    four.add_argument("--model", type=path, required=True, metavar="OUT", help="folder that is not there yet")
+    four = commands.add_parser("export", parents=[common], help="export a solve as a COLMAP text model")
+    four.add_argument("work", type=path, metavar="DIR", help="folder of the solve")
+    four.add_argument("--model", type=path, required=True, metavar="OUT", help="new folder")
     four.set_defaults(command=export_solve)
 
 
@@ -93,33 +98,35 @@ def add_footage(
     """The arguments of a clip to be solved, which is called `name` and described as `description`."""
     command.add_argument("footage", type=path, metavar=name, help=description)
     focal = command.add_mutually_exclusive_group()
-    focal.add_argument("--focal", type=real, metavar="PX", help="known focal length in pixels, held")
-    focal.add_argument(
-        "--focal35", type=real, metavar="MM", help="known focal length, 35 mm equivalent, held"
-    )
-    focal.add_argument("--fov", type=real, metavar="DEG", help="known horizontal field of view, held")
+    focal.add_argument("--focal", type=real, metavar="PX", help="known focal length in pixels")
+    focal.add_argument("--focal35", type=real, metavar="MM", help="known focal length, 35 mm equivalent")
+    focal.add_argument("--fov", type=real, metavar="DEG", help="known horizontal field of view")
     focal.add_argument(
         "--focal-mm",
         type=real,
         metavar="MM",
-        help="known focal length of the lens itself, with --sensor-mm, held",
+        help="known focal length of the lens itself, with --sensor-mm",
     )
-    focal.add_argument("--zoom", action="store_true", help="the focal length changes over the clip")
+    focal.add_argument(
+        "--zoom", action="store_true", help="the clip was shot with a zoom lens whose focal length changes"
+    )
     command.add_argument("--sensor-mm", type=real, metavar="MM", help="width of the sensor, with --focal-mm")
     command.add_argument(
         "--tracker", choices=TRACKERS, default=TRACKERS[0], help=f"how features are followed ({TRACKERS[0]})"
     )
     command.add_argument(
-        "--stills", action="store_true", help="the folder's pictures are photos in no order, not a clip"
+        "--stills", action="store_true", help="the folder holds unordered photos, not a clip"
     )
-    command.add_argument("--again", action="store_true", help="solve even if the folder holds this solve")
+    command.add_argument(
+        "--again", action="store_true", help="solve even if the folder already holds this solve"
+    )
 
 
 def add_solve_frames(command: argparse.ArgumentParser) -> None:
     """`--solve-frames`, of commands whose `--frames` are those that are rendered."""
     command.add_argument(
         "--solve-frames", type=FrameRange.parse, metavar="A-B[:STEP]",
-        help="frames of the clip to solve, such as one shot of several (all)",
+        help="frames of the clip to solve, such as one of several shots (all)",
     )  # fmt: skip
 
 
@@ -143,7 +150,7 @@ def solve(options: argparse.Namespace) -> None:
 
 def say_quality(solved: Solve, words: Words) -> None:
     """What a solve found, and what would help it."""
-    say(f"{solved.summary}\n{solved.quality.advised(words)}")
+    say("\n".join(filter(None, (solved.summary, solved.quality.advised(words)))))
 
 
 def solve_clip(
@@ -181,11 +188,11 @@ def import_model(options: argparse.Namespace) -> None:
     """`import MODEL --footage FOOTAGE --work DIR`"""
     work: Path = options.work.absolute()
     if options.offset and options.camera is None:
-        raise UsageError("--offset means nothing without --camera: name the camera whose frames it is of")
+        raise UsageError("--offset needs --camera; name the camera it applies to")
     options.model = options.model or options.blend
     clip = options.footage or recorded_clip(options.model)
     if clip is None:
-        raise UsageError("--footage is needed: the model does not bring its clip; --help tells what it takes")
+        raise UsageError("--footage is needed: the model does not include its clip; see --help")
     footage = open_footage(clip)
     if options.camera is not None:
         found = _scene_camera(options, footage)
@@ -203,8 +210,9 @@ def import_model(options: argparse.Namespace) -> None:
     for note in solved.quality.notes:
         say(f"note: {note}")
     if depth is not None:
-        say(f"note: what the phone's LiDAR measured is in {depth}: render with --depth {depth}")
-    say(solved.quality.advised(options.words))
+        say(f"note: the phone's LiDAR depth is in {depth}: render with --depth {depth}")
+    if advice := solved.quality.advised(options.words):
+        say(advice)
 
 
 def find_points(found: Imported, footage: Footage, work: Path, again: bool) -> None:
@@ -217,7 +225,7 @@ def export_solve(options: argparse.Namespace) -> None:
     solved = load_solve(options.work.absolute())
     out: Path = options.model.absolute()
     if out.exists():
-        raise UserError(f"{out} exists; name a folder that is not there yet")
+        raise UserError(f"{out} exists; name a new folder")
     footage = solved.open_clip(solved.frames)
     names = {} if footage.is_video else {frame: footage.file(frame).name for frame in footage.frames}
     collect_orphans(out.parent)
@@ -256,7 +264,7 @@ def _from_blend(path: Path, name: str | None, footage: Footage) -> Imported:
             wanted = [each for each in names if name in (None, each)]
             if len(wanted) != 1:
                 have = ", ".join(names) or "none"
-                raise UserError(f"{path.name} must tell one movie clip; name it with --clip (it has: {have})")
+                raise UserError(f"{path.name} needs one movie clip; name it with --clip (it has: {have})")
             here.movieclips = wanted
     except OSError as error:
         raise UserError(f"{path} cannot be read as a .blend: {error}") from None
@@ -267,11 +275,11 @@ def _focal(options: argparse.Namespace) -> Focal | None:
     """What the options tell of the focal length."""
     focal_mm, sensor_mm = options.focal_mm, options.sensor_mm
     if sensor_mm is not None and focal_mm is None:
-        raise UserError("--sensor-mm means nothing without --focal-mm: give the lens's focal length, too")
+        raise UserError("--sensor-mm needs --focal-mm, the lens's focal length")
     if focal_mm is not None and sensor_mm is None:
         raise UserError(
-            "--focal-mm means nothing without --sensor-mm: give the width of the sensor, too, or the lens's"
-            " 35 mm equivalent with --focal35"
+            "--focal-mm needs --sensor-mm, the width of the sensor; or give the lens's 35 mm equivalent"
+            " with --focal35"
         )
     if focal_mm is not None:
         return lambda width, _: from_sensor(focal_mm, sensor_mm, width)

@@ -18,8 +18,8 @@ def add_subjects(command: argparse.ArgumentParser) -> None:
     """The option that marks subjects."""
     command.add_argument(
         "--subject", metavar="[NAME=]X,Y", nargs="+", action="append",
-        help=f"a stroke over what moves, such as {EXAMPLE}: places in the picture, and behind the last one a"
-        " frame; more than once for more strokes, with NAME= before the first place for more subjects",
+        help=f"a stroke over a moving subject, such as {EXAMPLE}: places in the picture, with a frame after"
+        f" the last one; repeat for more strokes, with NAME= before the first place for more subjects",
     )  # fmt: skip
 
 
@@ -27,7 +27,8 @@ def add_focus_subject(command: argparse.ArgumentParser) -> None:
     """The option that puts one in focus."""
     command.add_argument(
         "--focus-subject", metavar="[NAME][@FRAME]", nargs="?", const="", action="append",
-        help="keep a marked subject in focus; with frames, also beside --focus-at, it is one end of a pull",
+        help="keep a marked subject in focus; with a frame, also together with --focus-at, it is one end of"
+        " a focus pull",
     )  # fmt: skip
 
 
@@ -51,13 +52,11 @@ def focused_subjects(options: argparse.Namespace) -> list[tuple[str, int | None]
         try:
             number = numbers.whole(frame) if at else None
         except ValueError:
-            raise UserError(
-                f"the subject {text!r} is not understood; write NAME, NAME@FRAME or @FRAME"
-            ) from None
+            raise UserError(f"the subject {text!r} is not valid; write NAME, NAME@FRAME or @FRAME") from None
         name = name or (marked[0] if marked else DEFAULT_NAME)
         if name not in marked:
             raise UsageError(
-                f"no stroke marks a subject {name!r} that could be in focus; mark it with --subject, such as"
+                f"there is no stroke on a subject {name!r} to focus on; mark it with --subject, such as"
                 f" --subject {'' if name == DEFAULT_NAME else f'{name}='}{EXAMPLE}"
             )
         found.append((name, number))
@@ -73,7 +72,7 @@ def _stroke(words: Sequence[str], frame: int) -> tuple[str, Stroke]:
         places = places_of(line.split())
         found = numbers.whole(number) if at else frame
     except ValueError:
-        raise UserError(f"the stroke {text!r} is not understood; write places such as {EXAMPLE}") from None
+        raise UserError(f"the stroke {text!r} is not valid; write places such as {EXAMPLE}") from None
     if not places:
         raise UserError(f"the stroke {text!r} has no places; write places such as {EXAMPLE}")
     return (name.strip() if named else DEFAULT_NAME) or DEFAULT_NAME, Stroke(found, places)

@@ -67,9 +67,9 @@ def render_frame(
         meshed = mesh_frame(clip, frame, options, small, source)
         warped = None if options.target_psnr else meshed.through(meshed.views, reuse=True)
     if meshed.geometry.samples.pose_interpolated:
-        note(f"Frame {frame} was not registered: its camera is carried over from its neighbours")
+        note(f"Frame {frame} was not solved: its camera is interpolated from its neighbours")
     if meshed.why:
-        note(f"Frame {frame} is drawn by the method {meshed.mesher.name}: {meshed.why}")
+        note(f"Frame {frame} uses the method {meshed.mesher.name}: {meshed.why}")
     began = time.perf_counter()
     with stage("Views", WARPED, 1.0):
         if warped is None:

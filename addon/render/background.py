@@ -50,13 +50,13 @@ def _on_write(scene: bpy.types.Scene, _: object = None) -> None:
     problem = frame_files.still_problem(path, written_size(render))
     if problem:
         path.unlink(missing_ok=True)
-        _end(f"frame {scene.frame_current}: {path} {problem} and was not kept; is the disk full?")
+        _end(f"frame {scene.frame_current}: {path} {problem} and was discarded; is the disk full?")
 
 
 @persistent
 def _on_cancel(scene: bpy.types.Scene, _: object = None) -> None:
     if scene.render.engine == engine.VirtualApertureEngine.bl_idname:
-        _end("rendering was ended by an error or a signal; the frames written before it are whole")
+        _end("rendering was stopped by an error or a signal; the frames written before that are complete")
 
 
 def _end(text: str) -> NoReturn:

@@ -27,4 +27,4 @@ def write_blend(blend: Path) -> None:
             part.with_name(part.name + "1").unlink(missing_ok=True)
         # Blender does not always notice that it could not write on.
         if not part.is_file() or not any(end in part.read_bytes()[-64:] for end in ENDS):
-            raise UserError(f"{blend} could not be written as a whole; is the disk full?")
+            raise UserError(f"{blend} could not be written completely; is the disk full?")

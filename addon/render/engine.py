@@ -70,7 +70,7 @@ class RenderWatch:
         """Raise what a render failed of, or UserError where there is no picture."""
         self.raise_error()
         if not self.is_drawn:
-            raise UserError("rendering ended before there was a picture; render again")
+            raise UserError("rendering stopped before there was a picture; render again")
 
 
 @contextmanager
@@ -85,7 +85,7 @@ def watched(on_frame: OnFrame | None = None) -> Iterator[RenderWatch]:
 
 
 class VirtualApertureEngine(bpy.types.RenderEngine):
-    """Looks at the solved clip through every point of a virtual aperture."""
+    """Renders the solved clip with the depth of field of a large lens."""
 
     bl_idname = "VIRTUAL_APERTURE"
     bl_label = "Virtual Aperture"
@@ -145,7 +145,7 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
             self._fail(error, f"Rendering failed: {type(error).__name__}: {error} (the console shows where)")
         except BaseException as error:
             # Ctrl-C: Blender would swallow it and go on with the next frame.
-            self._fail(error, f"Rendering was ended by {type(error).__name__}")
+            self._fail(error, f"Rendering was stopped by {type(error).__name__}")
 
     def _fail(self, error: BaseException, text: str) -> None:
         self.watch.error = error
@@ -204,7 +204,7 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
                     look = make_picture(wanted, FIRST).linear.astype(np.float32)
                     shown = self._begin({"Combined": look}, scene.render, layer)
                     self.update_result(shown)
-                    self._title += " | First look, from this frame alone; finding depth"
+                    self._title += " | First look from this frame alone; finding depth"
         try:
             yield
         finally:

@@ -42,7 +42,7 @@ def seal(path: Path) -> None:
     data = path.read_bytes()
     note = _NOTE.search(data, 0, HEADER)
     if note is None:
-        raise UserError(f"{path.name} was written without its note; render it again")
+        raise UserError(f"{path.name} was written without its metadata; render it again")
     sealed = _digest(data, note).encode()
     if data.startswith(_PNG):
         chunk = data.rindex(b"tEXt", 0, note.start())
@@ -161,7 +161,7 @@ def refuse(path: Path, problem: str) -> None:
     """UserError for a file that was just written and is not right; nothing where there is no problem."""
     if problem:
         raise UserError(
-            f"{path.name} {problem}; is the disk full? It was not kept: free some space, render again"
+            f"{path.name} {problem}; is the disk full? It was discarded; free some space and render again"
         )
 
 

@@ -174,8 +174,8 @@ def mean_of_views(plan: FramePlan, picture: LinearRGBA) -> LinearRGBA:
         ) from None
     if not np.isfinite(mean).all() or (picture[..., 3].any() and not mean[..., 3].any()):
         raise UserError(
-            "the GPU gave an empty or broken picture, as it does when its driver was restarted or it ran out"
-            " of memory; render again, or at a lower percentage"
+            "the GPU returned an empty or broken picture, as happens when its driver restarts or it runs"
+            " out of memory; render again, or at a lower percentage"
         )
     return mean
 
@@ -292,8 +292,8 @@ def _texture(
         return gpu.types.GPUTexture((width, height), format=format, data=data)
     except RuntimeError:
         raise UserError(
-            f"the graphics driver cannot hold pictures of {width} x {height} pixels, for want of memory or by"
-            " a bound of its own; make the picture smaller, or use another machine"
+            f"the graphics driver cannot hold pictures of {width} x {height} pixels, because of its memory"
+            " or its own limits; make the picture smaller, or use another machine"
         ) from None
 
 

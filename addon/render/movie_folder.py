@@ -1,4 +1,4 @@
-"""The folder beside a movie in which its frames lie until it is whole.
+"""The folder beside a movie in which its frames lie until it is complete.
 
 It carries a mark that says whose it is, and nothing is replaced or removed there but what this program wrote.
 """
@@ -22,7 +22,7 @@ _FRAME = re.compile(r"-?\d{5,}\.png")
 
 
 def folder_of(out: Path) -> Path:
-    """Where the frames of a movie lie until it is whole."""
+    """Where the frames of a movie lie until it is complete."""
     return out.with_name(f"{out.name}.frames")
 
 
@@ -30,19 +30,19 @@ def check_free(out: Path) -> None:
     """UserError naming what is in the way where the folder of a movie's frames is a file or a link, or holds
     anything that is not of a run of this movie. An empty folder may be used."""
     folder = folder_of(out)
-    why = f"the frames of {out.name} are kept in {folder} until it is whole"
+    why = f"the frames of {out.name} are kept in {folder} until it is complete"
     try:
         if folder.is_symlink() or folder.is_junction():
-            raise UserError(f"{folder} is a link, and {why}; remove the link, or name another movie")
+            raise UserError(f"{folder} is a link, and {why}; remove the link, or choose another movie name")
         if folder.exists() and not folder.is_dir():
-            raise UserError(f"{folder} is a file, and {why}; move it away, or name another movie")
+            raise UserError(f"{folder} is a file, and {why}; move it away, or choose another movie name")
         strangers = _strangers(out) if folder.exists() else []
     except OSError as error:
-        raise UserError(f"{folder} cannot be read: {error.strerror}; name another movie") from None
+        raise UserError(f"{folder} cannot be read: {error.strerror}; choose another movie name") from None
     if strangers:
         raise UserError(
-            f"{strangers[0]} is not of a run that makes {out.name}, or was changed since, and {why}; move it"
-            " away, or name another movie"
+            f"{strangers[0]} does not come from a run that makes {out.name}, or was changed since, and"
+            f" {why}; move it away, or choose another movie name"
         )
 
 
@@ -50,7 +50,7 @@ def check_not_kept(folder: Path) -> None:
     """UserError where a folder for frames is one that goes when a movie is whole."""
     if (folder / MARK).exists():
         raise UserError(
-            f"{folder} keeps the frames of a movie and is removed when that is whole; write into another"
+            f"{folder} keeps the frames of a movie and is removed when that is complete; write to another"
             " folder"
         )
 
@@ -121,4 +121,4 @@ def _is_marked(out: Path) -> bool:
 
 
 def _mark_of(out: Path) -> bytes:
-    return f"Virtual Aperture keeps the frames of {out.name} here until the movie is whole.\n".encode()
+    return f"Virtual Aperture keeps the frames of {out.name} here until the movie is complete.\n".encode()

@@ -45,15 +45,15 @@ def check_output(out: Path, overwrite: bool, is_one: bool = False) -> None:
     suffix = out.suffix.lower()
     is_still = suffix in STILLS
     if suffix not in MOVIES and not is_still:
-        raise UserError(f"{out.name} is no output that is known; end it in {', '.join([*MOVIES, *STILLS])}")
+        raise UserError(f"{out.name} is not a known output format; end it in {', '.join([*MOVIES, *STILLS])}")
     if is_one and not is_still:
         raise UserError(f"{out.name} is a movie; a single picture is written to .png or .exr")
     if is_still and "#" not in out.name and not is_one:
-        raise UserError(f"{out.name} names one file for many frames; write ####{suffix} for frame numbers")
+        raise UserError(f"{out.name} is one file for many frames; write ####{suffix} for frame numbers")
     if not is_still:
         check_file(out)
         if out.exists() and not overwrite:
-            raise UserError(f"{out} exists; name another file, or overwrite it", Remedy.OVERWRITE)
+            raise UserError(f"{out} already exists; choose another file, or overwrite it", Remedy.OVERWRITE)
     check_folder(out.parent)
     if not is_still:
         movie_folder.check_free(out)
@@ -74,8 +74,8 @@ def check_apart(written: Iterable[Path], sources: Iterable[Path]) -> None:
                 path.exists() and place.exists() and path.samefile(place)
             ):
                 raise UserError(
-                    f"{path} is a source that the frames are made from; write into another folder, or name"
-                    " another file"
+                    f"{path} is one of the files the frames are made from; write to another folder, or"
+                    " choose another file"
                 )
 
 
@@ -93,7 +93,7 @@ def check_folder(folder: Path) -> None:
     # A link that leads nowhere, or in a circle, is there, too.
     above = next(p for p in [folder, *folder.parents] if os.path.lexists(p))
     if not above.is_dir():
-        what = "a link that leads nowhere" if leads_nowhere(above) else "no folder"
+        what = "a broken link" if leads_nowhere(above) else "not a folder"
         raise UserError(f"{above} is {what}, so {folder} cannot be written; choose another output folder")
     if not os.access(above, os.W_OK | os.X_OK):
         raise UserError(f"{above} cannot be written; choose another output folder")
@@ -177,7 +177,7 @@ def check_frames(files: dict[int, Path], size: tuple[int, int], keys: dict[int, 
             f"{'frame' if len(which) == 1 else 'each of frames'} {ranges(which)} {problem}"
             for problem, which in problems.items()
         )
-        raise UserError(f"{listed} in {next(iter(files.values())).parent}; render what is not right again")
+        raise UserError(f"{listed} in {next(iter(files.values())).parent}; render those frames again")
 
 
 def _strangeness(path: Path, key: str | None) -> str:
@@ -186,7 +186,7 @@ def _strangeness(path: Path, key: str | None) -> str:
     if found is None:
         return "was not rendered by this program"
     if key is not None and found != key:
-        return "was made from something else or with other settings"
+        return "was made from other inputs or with other settings"
     return "was changed after it was rendered" if frame_files.is_changed(path) else ""
 
 
@@ -205,7 +205,8 @@ def _missing(targets: dict[int, Path], keys: dict[int, str], overwrite: bool, re
             continue
         if not (problem or overwrite):
             raise UserError(
-                f"{path} exists and {strange}; name another folder, or overwrite it", Remedy.OVERWRITE
+                f"{path} already exists and {strange}; choose another folder, or overwrite it",
+                Remedy.OVERWRITE,
             )
         damaged += bool(problem)
         todo.append(frame)
@@ -241,8 +242,8 @@ def _check_ours(frame: int, target: Path, key: str) -> None:
     """UserError where a frame's file is not the one of the key."""
     if not target.exists() or frame_files.key_of(target) != key:
         raise UserError(
-            f"frame {frame}: {target} was replaced meanwhile by something else, such as a run with other"
-            " settings; end that one, or name another folder"
+            f"frame {frame}: {target} was replaced in the meantime, perhaps by a run with other settings;"
+            " stop that one, or choose another folder"
         )
 
 

@@ -27,16 +27,16 @@ JOB = "specificationVersion"
 def check_report(path: Path, overwrite: bool) -> None:
     """UserError for a file of reports that cannot be one, before any work."""
     if path.suffix.lower() != ".json":
-        raise UserError(f"{path.name} is no file for reports; end it in .json")
+        raise UserError(f"{path.name} is not a report file; end it in .json")
     check_file(path)
     if not path.exists() or _is_ours(path):
         return
     if is_state_file(path) or JOB in _held(path):
         what = "a farm's job" if JOB in _held(path) else "what a working folder says of its solve"
-        raise UserError(f"{path} is {what}, which no report may replace; name another file")
+        raise UserError(f"{path} is {what}, which a report must not replace; choose another file")
     if not overwrite:
         raise UserError(
-            f"{path} exists and holds something else; name another file, or overwrite it",
+            f"{path} already exists and is not a report; choose another file, or overwrite it",
             Remedy.OVERWRITE,
         )
 
@@ -74,7 +74,7 @@ class RunReport:
             self._reports = _entries(held)
         elif not overwrite:
             raise UserError(
-                f"{path} has the reports of a run with other settings; name another file, or overwrite it",
+                f"{path} has the reports of a run with other settings; choose another file, or overwrite it",
                 Remedy.OVERWRITE,
             )
 

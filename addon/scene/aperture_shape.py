@@ -29,9 +29,9 @@ class VirtualApertureShape(bpy.types.PropertyGroup):
     """The shape of the aperture, with the names and units of Blender's `Camera.dof` where it has them."""
 
     image: StringProperty(
-        name="Picture",
-        description="Picture of the aperture in place of blades, white where light passes: what is far out of"
-        " focus takes its shape",
+        name="Image",
+        description="Image used as the aperture instead of blades, white where light passes. Strong blur"
+        " takes on its shape",
         subtype="FILE_PATH",
         options={"PATH_SUPPORTS_BLEND_RELATIVE"},
         update=_edited,

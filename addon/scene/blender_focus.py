@@ -66,8 +66,8 @@ def check(settings: bpy.types.PropertyGroup) -> None:
     thing, away = focus_object(settings), distance(settings)
     if thing is not None and away is not None and not away > 0:
         raise UserError(
-            f"the focus object {thing.name} does not lie ahead of the camera at frame"
-            f" {settings.id_data.frame_current}; move it, or take it out of the focus"
+            f"the focus object {thing.name} is not in front of the camera at frame"
+            f" {settings.id_data.frame_current}; move it, or clear Object under Focus and Lens"
         )
 
 

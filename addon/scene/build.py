@@ -54,8 +54,8 @@ def build(
     settings: VirtualApertureSettings = scene.virtual_aperture
     if min(footage.width, footage.height) < LEAST_SIDE:
         raise UserError(
-            f"{footage.path.name} is {footage.width}x{footage.height} pixels; Blender renders no"
-            f" picture with a side of fewer than {LEAST_SIDE}"
+            f"{footage.path.name} is {footage.width}x{footage.height} pixels; Blender cannot render images"
+            f" smaller than {LEAST_SIDE} pixels on a side"
         )
     parts.leave_shared(scene)
     _set_up_scene(scene, footage, reconstruction)

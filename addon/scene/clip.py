@@ -36,7 +36,7 @@ _searches: dict[tuple[str, ...], tuple[float, Path | None]] = {}
 def footage_path(settings: bpy.types.PropertyGroup) -> Path:
     """The path of the chosen clip, with Blender's // resolved; UserError where none is chosen."""
     if not settings.footage:
-        raise UserError("no clip is chosen")
+        raise UserError("no clip has been chosen")
     return absolute(settings.footage, settings.id_data)
 
 
@@ -67,23 +67,20 @@ def trouble_with(settings: bpy.types.PropertyGroup, at_a_glance: bool = True) ->
         found = _found(settings, path, at_a_glance)
         if found is not None:
             return Trouble(
-                f"the clip {path.name} is not in {path.parent}; it was found in {found.parent}", True, found
+                f"the clip {path.name} has moved from {path.parent} to {found.parent}", True, found
             )
         text = (
-            f"the clip {name} is not in {path.parent}, nor beside the .blend or below it; put it there, or"
-            " show where it is with Find Clip"
+            f"the clip {name} is missing from {path.parent}, and is not next to the .blend or below it"
+            " either; put it back, or locate it with Find Clip"
         )
         return Trouble(text, True)
     if is_clip(path, wanted, at_a_glance):
         return None
     if path.name == name:
-        text = (
-            f"the clip {path} is another one than the {name} that was solved; solve it, or put the other one"
-            " back"
-        )
+        text = f"the clip {path} is not the {name} that was solved; solve it, or put the original back"
     else:
         text = (
-            f"the scene's solve is of {name}, the clip chosen is {path.name}; solve it, or choose {name}"
+            f"the solve belongs to {name}, but the chosen clip is {path.name}; solve it, or choose {name}"
             " again"
         )
     return Trouble(text, False)

@@ -110,12 +110,12 @@ def sharp_words(settings: bpy.types.PropertyGroup) -> str:
     if found is None:
         return ""
     near, far = found
-    where = " on the axis" if lens.focus_of(settings).is_tilted else ""
+    where = " on the optical axis" if lens.focus_of(settings).is_tilted else ""
     if math.isinf(near):
         return "Nothing is sharp"
     units = settings.id_data.unit_settings
     first, last = (length_words(units, distance) for distance in (near, far))
-    return f"Sharp{where}: from {first} on" if math.isinf(far) else f"Sharp{where}: {first} to {last}"
+    return f"Sharp{where}: {first} and farther" if math.isinf(far) else f"Sharp{where}: {first} to {last}"
 
 
 def length_words(units: bpy.types.UnitSettings, length: float) -> str:

@@ -17,7 +17,7 @@ def read(picture: Path | bytes) -> NDArray[np.float32]:
     is_file = isinstance(picture, Path)
     image = imbuf.load(str(picture)) if is_file else imbuf.load_from_buffer(picture)
     if image is None:
-        raise OSError("it is no picture")
+        raise OSError("it is not an image")
     try:
         with image.with_buffer() as pixels:
             shown = np.array(pixels, dtype=np.float32)[::-1]

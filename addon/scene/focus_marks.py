@@ -21,7 +21,6 @@ from bpy.props import (
     StringProperty,
 )
 
-from ..core.base.counting import counted
 from ..core.base.errors import UserError
 from ..core.camera.reconstruction import Reconstruction
 from ..core.focus.first_focus import first_place
@@ -58,42 +57,45 @@ def _moved(mark: VirtualApertureFocusMark, _context: bpy.types.Context) -> None:
 class VirtualApertureFocusPoint(bpy.types.PropertyGroup):
     """One picked feature point."""
 
-    point: IntProperty(
-        name="Point", description="ID of the point: its vertex index in the point cloud", min=0
-    )
+    point: IntProperty(name="Point", description="Vertex index of the point in the point cloud", min=0)
 
 
 class VirtualApertureFocusPlace(bpy.types.PropertyGroup):
     """One place that a mark has in focus: what `Place` is."""
 
-    frame: IntProperty(name="Frame", description="Frame that it was picked in")
+    frame: IntProperty(name="Frame", description="Frame it was picked in")
     xy: FloatVectorProperty(
-        name="Place", description="In shares of the picture, from its top left", size=2, default=(-1, -1)
+        name="Place",
+        description="Position as fractions of the image, from the top left",
+        size=2,
+        default=(-1, -1),
     )
-    distance: FloatProperty(name="Distance", description="In that frame, along the optical axis")
-    source: StringProperty(name="Source", description="What its distance was found from")
+    distance: FloatProperty(name="Distance", description="Distance in that frame, along the optical axis")
+    source: StringProperty(name="Source", description="How its distance was found")
     points: CollectionProperty(type=VirtualApertureFocusPoint)
     through_points: BoolProperty(name="Plane Through Points")
-    has_world: BoolProperty(name="Stands Still", description="It has a place in space")
-    world: FloatVectorProperty(name="In Space", size=3)
+    has_world: BoolProperty(name="Stands Still", description="Its position in 3D is known")
+    world: FloatVectorProperty(name="3D Position", size=3)
 
 
 class VirtualApertureFocusMark(bpy.types.PropertyGroup):
     """What is to be in focus at a frame; `name` says what it was found from."""
 
-    frame: IntProperty(name="Frame", description="Frame at which it is in focus: its key's", update=_moved)
+    frame: IntProperty(name="Frame", description="Frame at which this is in focus", update=_moved)
     easing: EnumProperty(
         name="Easing",
-        description="How focus goes to this mark from the one before",
+        description="How focus moves to this mark from the previous one",
         items=[
-            ("SMOOTH", "Smooth", "Starts and stops without a jolt", "IPO_EASE_IN_OUT", 0),
-            ("LINEAR", "Linear", "Blur discs change evenly all the way", "IPO_LINEAR", 1),
+            ("SMOOTH", "Smooth", "Eases in and out", "IPO_EASE_IN_OUT", 0),
+            ("LINEAR", "Linear", "Blur changes at a constant rate", "IPO_LINEAR", 1),
         ],
         update=_rewrite,
     )
     places: CollectionProperty(type=VirtualApertureFocusPlace)
     distance: FloatProperty(
-        name="Distance", description="From the camera at its frame, in the scene's unit", subtype="DISTANCE"
+        name="Distance",
+        description="Distance from the camera at its frame, in scene units",
+        subtype="DISTANCE",
     )
 
 
@@ -104,13 +106,15 @@ class VirtualApertureFocusMarks(bpy.types.PropertyGroup):
     active: IntProperty(name="Active Focus Mark", options={"HIDDEN"})
     written: StringProperty(
         name="Written",
-        description="Digest of the keys that the marks wrote; empty where they have none",
+        description="Digest of the keyframes written by the marks; empty if there are none",
         options={"HIDDEN"},
     )
     unseen: StringProperty(
-        name="Not Seen", description="Frames that do not show what is in focus there", options={"HIDDEN"}
+        name="Not Seen", description="Frames in which the thing in focus cannot be seen", options={"HIDDEN"}
     )
-    is_first: BoolProperty(name="First Focus", description="Nobody has picked it yet", options={"HIDDEN"})
+    is_first: BoolProperty(
+        name="First Focus", description="Set automatically, not picked yet", options={"HIDDEN"}
+    )
 
 
 def places_of(mark: bpy.types.PropertyGroup) -> tuple[Place, ...]:
@@ -194,7 +198,7 @@ def move(settings: bpy.types.PropertyGroup, index: int, frame: int) -> None:
     """Move a mark to a frame; UserError where another one is."""
     mark, other = settings.marks.items[index], at_frame(settings, frame)
     if other is not None and other != mark:
-        raise UserError(f"another mark is at frame {frame} already; remove it first")
+        raise UserError(f"frame {frame} already has a focus mark; remove that one first")
     with lens.writing():
         mark.frame = frame
         _sort(settings, frame)
@@ -356,13 +360,13 @@ def _place(kept: bpy.types.PropertyGroup) -> Place:
 def _name_of(places: Sequence[Place]) -> str:
     """What a mark was found from, in a word or two."""
     if len(places) > 1:
-        return counted(len(places), "place")
+        return "Picked places"
     (place,) = places
     if place.focus.points:
-        return counted(len(place.focus.points), "point")
+        return "Picked point" if len(place.focus.points) == 1 else "Picked points"
     if place.followed:
-        return "Moving"
-    return "Distance" if place.world is None else "Depth"
+        return "Subject"
+    return "Distance" if place.world is None else "Picked place"
 
 
 CLASSES = (

@@ -109,7 +109,7 @@ def _refuse(problem: str) -> None:
     """Leave the sweep to the processor from now on, and say it once."""
     global _problem
     _problem = problem
-    text = f"the GPU is not used to find depth, the processor is ({' '.join(problem.split())})"
+    text = f"depth is found on the CPU instead of the GPU ({' '.join(problem.split())})"
     say_to(2, f"note: {text}")
     send(Warned(text))
 

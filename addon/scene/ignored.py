@@ -53,9 +53,9 @@ def _is_drawn(thing: bpy.types.Object, layer: bpy.types.ViewLayer, scene: bpy.ty
 def _camera(scene: bpy.types.Scene) -> Iterator[str]:
     ours, camera = scene.virtual_aperture.camera, scene.camera
     if camera is not None and ours is not None and camera != ours:
-        yield f"The picture is the clip's, not that of the camera {camera.name}"
+        yield f"The render shows the clip through its own camera, not through {camera.name}"
     if camera is not None and camera.type == "CAMERA" and camera.data.dof.use_dof:
-        yield f"The Depth of Field of {camera.name} is not used, but Focus and Lens here"
+        yield f"Depth of Field of {camera.name} is ignored; Focus and Lens are used instead"
 
 
 def _frames(scene: bpy.types.Scene) -> Iterator[str]:
@@ -64,9 +64,9 @@ def _frames(scene: bpy.types.Scene) -> Iterator[str]:
     if last < 1:
         return
     if scene.frame_start < first:
-        yield f"Frames {scene.frame_start} to {first - 1} are before the clip and show its frame {first}"
+        yield f"Frames {scene.frame_start} to {first - 1} come before the clip and repeat its frame {first}"
     if scene.frame_end > last:
-        yield f"Frames {last + 1} to {scene.frame_end} are past the clip and show its frame {last}"
+        yield f"Frames {last + 1} to {scene.frame_end} come after the clip and repeat its frame {last}"
 
 
 def _passes(scene: bpy.types.Scene) -> Iterator[str]:

@@ -298,5 +298,5 @@ def registered(reconstruction: Reconstruction, frame: int) -> int:
     """The registered frame that is nearest; UserError where there is none."""
     frames = reconstruction.frames
     if not len(frames):
-        raise UserError("the reconstruction has no registered frames; solve the clip again")
+        raise UserError("the solve has no frames with a camera; solve the clip again")
     return int(frames[np.abs(frames - frame).argmin()])

@@ -63,22 +63,22 @@ def read_movie_clip(clip: bpy.types.MovieClip, footage: Footage) -> Imported:
     notes: list[str] = []
     if len(clip.tracking.objects) > 1:
         others = ", ".join(item.name for item in clip.tracking.objects if not item.is_camera)
-        notes.append(f"tracked objects are left out: {others}")
+        notes.append(f"object tracks are ignored: {others}")
     lens = _intrinsics(clip, footage, notes)
     numbers = _frame_numbers(clip, footage, notes)
     tracks = _tracks(target, clip.name, notes)
     images = _images(target.reconstruction, tracks, numbers, lens)
     if not any(len(image.points) for image in images):
         raise UserError(
-            f"no solved frame of the movie clip {clip.name} is one of the footage's: it is solved from"
-            f" {clip.filepath}, the footage {footage.path.name} has {describe(footage.frames)}"
+            f"the movie clip {clip.name} shares no solved frames with the chosen clip: it was solved from"
+            f" {clip.filepath}, the clip {footage.path.name} has {describe(footage.frames)}"
         )
     left_out = len(target.reconstruction.cameras) - len(images)
     if left_out:
-        notes.append(f"{left_out} solved frames are not in the footage")
+        notes.append(f"{left_out} solved frames are not in the chosen clip")
     without = len(footage.frames) - len(images)
     if without:
-        notes.append(f"{without} frames of the footage are not solved")
+        notes.append(f"{without} frames of the chosen clip are not solved")
     reconstruction = _measured(lens, images, np.array([track.bundle for track in tracks]))
     if at_one_place(reconstruction):
         notes.append(ONLY_TURNS)
@@ -99,8 +99,8 @@ def _intrinsics(clip: bpy.types.MovieClip, footage: Footage, notes: list[str]) -
     shapes = np.array([1.0, aspect]) * width / height
     if np.all(np.abs(footage.width / footage.height / shapes - 1) > SAME_SHAPE):
         raise UserError(
-            f"the movie clip {clip.name} is {width}x{height}, the footage {footage.path.name}"
-            f" {footage.width}x{footage.height}; give the clip's own footage"
+            f"the movie clip {clip.name} is {width}x{height}, the chosen clip {footage.path.name} is"
+            f" {footage.width}x{footage.height}; choose the file the movie clip was made from"
         )
     if abs(footage.width / width - 1) > SAME_SHAPE and abs(footage.height / height - 1) > SAME_SHAPE:
         notes.append(
@@ -147,8 +147,8 @@ def _with_distortion(
             seen = _seen_rays(intrinsics)
             return _fitted(intrinsics, _nuke_rays(intrinsics, camera, seen), seen, (0.0, 0.0), "Nuke", notes)
     raise UserError(
-        f"the lens distortion model {camera.distortion_model} of the movie clip is not known; choose another"
-        " one in the Movie Clip Editor and solve again"
+        f"the lens distortion model {camera.distortion_model} of the movie clip is not supported; choose"
+        " another one in the Movie Clip Editor and solve again"
     )
 
 
@@ -211,11 +211,11 @@ def _fitted(
     missed, _, best = min(found)
     if not missed < TOO_FAR:
         raise UserError(
-            f"the {model} lens distortion of the movie clip can only be imitated to {missed:.2f} pixels;"
-            " solve it with the polynomial or the division model"
+            f"the {model} lens distortion of the movie clip can only be matched to within {missed:.2f}"
+            " pixels; solve it with the Polynomial or Division model"
         )
     if missed > CLOSE:
-        notes.append(f"the {model} lens distortion is imitated to {missed:.3f} pixels")
+        notes.append(f"the {model} lens distortion is matched to within {missed:.3f} pixels")
     return best
 
 
@@ -225,8 +225,9 @@ def _frame_numbers(clip: bpy.types.MovieClip, footage: Footage, notes: list[str]
     if is_video != footage.is_video:
         if clip.frame_duration != len(footage.frames):
             raise UserError(
-                f"the movie clip {clip.name} has {counted(clip.frame_duration, 'frame')} and the footage"
-                f" {footage.path.name} {len(footage.frames)}; a video and a sequence must agree"
+                f"the movie clip {clip.name} has {counted(clip.frame_duration, 'frame')} and the chosen"
+                f" clip {footage.path.name} {len(footage.frames)}; a video and a sequence must have the"
+                " same number"
             )
         notes.append(f"the frames of {Path(clip.filepath).name} and {footage.path.name} are matched in order")
         return {place - clip.frame_offset: frame for place, frame in enumerate(footage.frames, start=1)}
@@ -259,9 +260,9 @@ def _tracks(target: bpy.types.MovieTrackingObject, name: str, notes: list[str]) 
         tracks.append(_Track(bundle, frames[usable], moved[usable]))
     without = len(target.tracks) - len(tracks)
     if without:
-        notes.append(f"{without} of {counted(len(target.tracks), 'track')} without a place in space left out")
+        notes.append(f"{without} of {counted(len(target.tracks), 'track')} without a 3D position left out")
     if not tracks:
-        raise UserError(f"the movie clip {name} has no track with a place in space; solve it again")
+        raise UserError(f"the movie clip {name} has no track with a 3D position; solve it again")
     return tracks
 
 

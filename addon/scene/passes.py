@@ -15,12 +15,13 @@ class VirtualAperturePasses(bpy.types.PropertyGroup):
 
     use_circle_of_confusion: BoolProperty(
         name=CIRCLE_OF_CONFUSION,
-        description="Signed diameter of each pixel's blur disc in pixels, positive before what is in focus",
+        description="Signed diameter of each pixel's blur disc in pixels: positive where nearer than the"
+        " focus, negative where farther",
         options=set(),
     )
     use_in_focus: BoolProperty(
         name=IN_FOCUS,
-        description="Matte of the sharp frame: 1 where its blur cannot be seen, 0 where it can",
+        description="Matte of what is sharp: 1 where no blur is visible, 0 where it is",
         options=set(),
     )
 

@@ -95,42 +95,42 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
     version: IntProperty(default=1, options={"HIDDEN"})
     footage: StringProperty(
         name="Clip",
-        description="Video file, folder of images, or a pattern such as shot_####.png",
+        description="Video file, image folder, or a pattern such as shot_####.png",
         subtype="FILE_PATH",
         options={"PATH_SUPPORTS_BLEND_RELATIVE"},
     )
     work_dir: StringProperty(
         name="Working Folder",
-        description="Where the solve is kept; empty: beside the .blend, under the clip's name, or in the"
-        " cache folder of the preferences",
+        description="Folder for the solve. Leave empty to keep it next to the .blend, named after the clip,"
+        " or in the Cache Folder of the preferences",
         subtype="DIR_PATH",
         options={"PATH_SUPPORTS_BLEND_RELATIVE"},
     )
     stills: BoolProperty(
-        name="Photos in No Order",
-        description="The pictures are no clip, but photos from different places: each is matched with all"
-        " others",
+        name="Unordered Photos",
+        description="The images are photos taken from different places, not a clip. Each one is matched"
+        " with every other",
     )
     lens: EnumProperty(
         name="Lens",
-        description="What is known of the focal length of the clip",
+        description="What is known about the clip's focal length",
         items=[
-            ("FIND", "From the Clip", "Found from the clip, as far as it tells", 0),
-            ("GIVEN", "35 mm Equivalent", "Known, and the same throughout", 1),
-            ("SENSOR", "Lens and Sensor", "Known with the sensor's width, and the same throughout", 3),
-            ("ZOOM", "Zooms", "It changes over the clip", 2),
+            ("FIND", "From the Clip", "Estimate the focal length from the clip", 0),
+            ("GIVEN", "35 mm Equivalent", "Known and constant, as a 35 mm equivalent", 1),
+            ("SENSOR", "Lens and Sensor", "Known and constant, along with the sensor width", 3),
+            ("ZOOM", "Zoom Lens", "The focal length changes during the clip", 2),
         ],
     )
     equivalent: FloatProperty(
         name="Focal Length",
-        description="35 mm equivalent in millimetres, as phones and cameras state it",
+        description="35 mm equivalent in millimetres, as phones and cameras report it",
         min=1.0,
         soft_max=400.0,
         default=26.0,
     )
     focal_mm: FloatProperty(
         name="Focal Length",
-        description="Focal length as written on the lens",
+        description="Focal length as marked on the lens",
         subtype="DISTANCE_CAMERA",
         min=0.1,
         soft_max=400.0,
@@ -138,7 +138,7 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
     )
     sensor_mm: FloatProperty(
         name="Sensor Width",
-        description="Width of the part of the sensor that the clip shows",
+        description="Width of the sensor area the clip was recorded with",
         subtype="DISTANCE_CAMERA",
         min=0.1,
         soft_max=70.0,
@@ -146,49 +146,45 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
     )
     depth_maps: StringProperty(
         name="Depth Maps",
-        description="Folder of EXR, 16-bit PNG or .npz, or one .npz or .zip, with depth, inverse depth or"
-        " disparity of any scale; the feature points tell which. Or a depth network's .onnx, which is run."
-        " Empty: depth found from the clip",
+        description="Your own depth maps: a folder of EXR, 16-bit PNG or .npz files, or a single .npz or"
+        " .zip. Depth, inverse depth or disparity at any scale; the feature points settle which. A depth"
+        " network (.onnx) is run on the clip. Leave empty to use depth found from the clip alone",
         subtype="FILE_PATH",
         options={"PATH_SUPPORTS_BLEND_RELATIVE"},
         update=_aperture_changed,
     )
     masks: StringProperty(
         name="Masks",
-        description="Folder of mattes, or one of them: white or opaque moves, gray in part. Empty: found in"
-        " the clip",
+        description="Mattes of moving objects: a folder, or one image of a sequence. White or opaque moves,"
+        " gray moves in part. Leave empty to rely on what is found in the clip",
         subtype="FILE_PATH",
         options={"PATH_SUPPORTS_BLEND_RELATIVE"},
     )
     mask: PointerProperty(
         type=bpy.types.Mask,
         name="Mask",
-        description="Drawn in the Image or Movie Clip Editor around moving objects, with feather; tracks are"
-        " ignored",
+        description="Mask drawn around moving objects in the Image or Movie Clip Editor, feather included."
+        " Tracks that drive its points are ignored",
     )
     subjects: PointerProperty(
-        type=VirtualApertureSubjects, name="Subjects", description="What is marked to move by itself"
+        type=VirtualApertureSubjects, name="Subjects", description="Moving subjects marked by strokes"
     )
     root: PointerProperty(type=bpy.types.Object, name="Root")
     camera: PointerProperty(type=bpy.types.Object, name="Camera")
     points: PointerProperty(type=bpy.types.Object, name="Point Cloud")
     aperture: PointerProperty(type=bpy.types.Object, name="Virtual Cameras")
     clip_identity: StringProperty(
-        name="Identity", description="What the solved clip is recognised by", options={"HIDDEN"}
+        name="Identity", description="Fingerprint of the solved clip", options={"HIDDEN"}
     )
     clip_name: StringProperty(name="Name", description="Name of the solved clip", options={"HIDDEN"})
     clip_notes: StringProperty(
-        name="Notes", description="What is to be known of the solved clip, a line each", options={"HIDDEN"}
+        name="Notes", description="Remarks about the solved clip, one per line", options={"HIDDEN"}
     )
-    clip_first: IntProperty(
-        name="First Frame", description="Of the frames that were solved", options={"HIDDEN"}
-    )
-    clip_last: IntProperty(
-        name="Last Frame", description="Of the frames that were solved", options={"HIDDEN"}
-    )
+    clip_first: IntProperty(name="First Frame", description="First solved frame", options={"HIDDEN"})
+    clip_last: IntProperty(name="Last Frame", description="Last solved frame", options={"HIDDEN"})
     clip_step: IntProperty(
         name="Frame Step",
-        description="From one frame that was solved to the next",
+        description="Step from one solved frame to the next",
         default=1,
         options={"HIDDEN"},
     )
@@ -199,22 +195,23 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
             (
                 "POINTS",
                 "Points",
-                "The picked points, followed through the clip; where none are, the distance",
+                "The picked points, followed through the clip, or the distance if there are none",
             ),
-            ("DISTANCE", "Distance", "The focus distance, which can be keyed"),
+            ("DISTANCE", "Distance", "The focus distance, which can be animated"),
         ],
         update=_edited(lens.on_focus),
     )
     marks: PointerProperty(
-        type=VirtualApertureFocusMarks, name="Focus Marks", description="What is in focus at which frames"
+        type=VirtualApertureFocusMarks,
+        name="Focus Marks",
+        description="What is in focus, and at which frames",
     )
     focus_points: CollectionProperty(type=VirtualApertureFocusPoint)
-    focus_frame: IntProperty(name="Focus Frame", description="Frame in which the focus was picked")
+    focus_frame: IntProperty(name="Focus Frame", description="Frame the focus was picked in")
     focus_distance: FloatProperty(
         name="Focus Distance",
-        description="Distance of the focal plane from the camera, in the scene's unit, which is an imported"
-        " model's own. Picked points set it to theirs; editing it puts it in their place. Key it to pull"
-        " focus",
+        description="Distance from the camera to the focal plane, in scene units; an imported model brings"
+        " its own unit. Picking focus sets it; editing it replaces the pick. Animate it to pull focus",
         subtype="DISTANCE",
         min=0.0,
         soft_max=100.0,
@@ -224,14 +221,14 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
     )
     focus_through_points: BoolProperty(
         name="Plane Through Points",
-        description="Tilt the focal plane so that it goes through the picked points, three or more",
+        description="Tilt the focal plane to pass through the picked points (three or more)",
         default=False,
         update=_edited(lens.on_focus),
     )
     focus_tilt: FloatProperty(
         name="Tilt",
-        description="How far the top of the focal plane leans away from the camera, around the point where it"
-        " crosses the optical axis",
+        description="How far the top of the focal plane leans away from the camera, pivoting on the optical"
+        " axis",
         subtype="ANGLE",
         min=-MOST_TILT,
         max=MOST_TILT,
@@ -240,8 +237,8 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
     )
     focus_swing: FloatProperty(
         name="Swing",
-        description="How far the right side of the focal plane leans away from the camera, around the point"
-        " where it crosses the optical axis",
+        description="How far the right side of the focal plane leans away from the camera, pivoting on the"
+        " optical axis",
         subtype="ANGLE",
         min=-MOST_TILT,
         max=MOST_TILT,
@@ -250,9 +247,9 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
     )
     blur: FloatProperty(
         name="Blur",
-        description="Diameter of the farthest background's blur disc as a share of the image width, at this"
-        " frame and with this focus: in a pull it changes with them. Setting it sets the aperture's radius,"
-        " which stays; keyed, it counts itself",
+        description="Diameter of the farthest background's blur disc, as a fraction of the image width, at"
+        " the current frame and focus; it changes during a focus pull. Setting it sets the aperture radius,"
+        " which stays constant. When animated, the blur itself is kept",
         min=0.0001,
         soft_max=0.1,
         max=1.0,
@@ -264,13 +261,13 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
     )
     follows_blur: BoolProperty(
         name="Follows Blur",
-        description="The radius follows the blur while a first distance is dragged to its place",
+        description="The radius follows the blur while the first distance is dragged",
         options={"HIDDEN"},
     )
     aperture_radius: FloatProperty(
         name="Aperture Radius",
-        description="Radius of the virtual aperture, in the scene's unit, which is an imported model's own:"
-        " the same throughout the clip, unless it is keyed. 0 until a focus chooses it by the blur",
+        description="Radius of the virtual aperture, in scene units; an imported model brings its own unit."
+        " Constant throughout the clip unless animated. 0 until the first focus sets it from the blur",
         subtype="DISTANCE",
         min=0.0,
         default=0.0,
@@ -279,8 +276,8 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
     )
     metres_per_unit: FloatProperty(
         name="Metres per Unit",
-        description="Length of a unit of the scene, which f-stops need; Blender shows lengths in metres then,"
-        " too. 0 where it is not known: a solve has a unit of its own",
+        description="Size of one scene unit in metres, which f-stops need; Blender then shows lengths in"
+        " metres, too. 0 if unknown: a solve has an arbitrary scale",
         min=0.0,
         soft_max=10.0,
         default=0.0,
@@ -290,9 +287,9 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
     )
     f_stop: FloatProperty(
         name="F-Stop",
-        description="Focal length divided by the aperture's diameter, as on a lens. Without a known"
-        " sensor it is that of a full frame, 36 mm wide. 0 where Metres per Unit is not known: then setting"
-        " it changes nothing. Key the radius instead",
+        description="Focal length divided by aperture diameter, as on a lens. If the sensor is unknown, a"
+        " full frame (36 mm wide) is assumed. 0 and without effect until Metres per Unit is known. To"
+        " animate it, animate the aperture radius",
         get=depth_of_field.f_stop,
         set=depth_of_field.set_f_stop,
         min=0.0,
@@ -303,33 +300,42 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
         options=set(),
     )
     shape: PointerProperty(
-        type=VirtualApertureShape, name="Aperture Shape", description="What blur discs look like"
+        type=VirtualApertureShape, name="Aperture Shape", description="Shape of the blur discs"
     )
     use_auto_views: BoolProperty(
         name="Automatic Views",
-        description="Take as many virtual cameras as the largest blur disc needs",
+        description="Use as many virtual cameras as the largest blur disc needs",
         get=_has_auto_views,
         set=_set_auto_views,
         options=set(),
     )
     viewport_shows: EnumProperty(
         name="Show",
-        description="What a viewport in Rendered shading shows",
+        description="What the preview shows",
         items=[
-            ("LENS", "Through the Lens", "The frame with depth of field", 0),
-            ("FOCUS", "In Focus", "The clip: clear where it is in focus, blue before, green beyond", 1),
-            ("BLUR", "Blur Discs", "Circles of confusion: white in focus, warm before it, cold beyond", 2),
-            ("DEPTH", "Depth", "Inverse depth: near red, far blue", 3),
-            ("WIREFRAME", "Mesh", "The warp mesh over the clip", 4),
-            ("SOURCES", "Sources", "Where light comes from: grey the frame, green others, red made up", 5),
+            ("LENS", "Through the Lens", "The frame with its new depth of field", 0),
+            (
+                "FOCUS",
+                "In Focus",
+                "The clip, clear where it is in focus, blue where nearer, green where farther",
+                1,
+            ),
+            ("BLUR", "Blur Discs", "Circles of confusion: white in focus, warm nearer, cool farther", 2),
+            ("DEPTH", "Depth", "Inverse depth: red is near, blue is far", 3),
+            ("WIREFRAME", "Mesh", "The warp mesh drawn over the clip", 4),
+            (
+                "SOURCES",
+                "Sources",
+                "Where pixels come from: gray this frame, green other frames, red invented",
+                5,
+            ),
         ],
         options=set(),
         update=_redraw_viewports,
     )
     viewport_wipe: FloatProperty(
-        name="Before",
-        description="Share of the width, from the left, in which a viewport in Rendered shading shows the"
-        " clip as it was shot",
+        name="Compare",
+        description="Show the clip as it was shot over this much of the preview, from the left",
         subtype="FACTOR",
         min=0.0,
         max=1.0,
@@ -338,23 +344,21 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
     )
     finds_depth: BoolProperty(
         name="Finds Depth",
-        description="The clip's depth is being found in the background, which goes on when the file is opened"
-        " again",
+        description="The clip's depth is being found in the background, and continues when the file is"
+        " opened again",
         options={"HIDDEN"},
     )
     output: StringProperty(
         name="Output",
-        description="The render output that a solve set, as long as the user sets no other",
+        description="Render output set by the solve, until the user sets another",
         options={"HIDDEN"},
     )
-    summary: StringProperty(
-        name="Summary", description="What the solve found, in one line", options={"HIDDEN"}
-    )
-    advice: StringProperty(name="Advice", description="What would help the solve most", options={"HIDDEN"})
+    summary: StringProperty(name="Summary", description="One-line summary of the solve", options={"HIDDEN"})
+    advice: StringProperty(name="Advice", description="What would improve the solve most", options={"HIDDEN"})
     hidden: CollectionProperty(
         type=VirtualApertureName,
         name="Hidden",
-        description="Objects that stood in the camera's way and were hidden",
+        description="Objects hidden because they blocked the camera",
     )
 
 

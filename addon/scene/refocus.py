@@ -89,8 +89,8 @@ def restore_focus(settings: bpy.types.PropertyGroup, kept: KeptFocus, new: Recon
     if has_points or kept.by != "POINTS" or not kept.focus.points:
         return ""
     if settings.focus_distance:
-        return "The points in focus were not found again: the focus stays at their distance; pick it again"
-    return "The points in focus were not found again: pick the focus again"
+        return "The points in focus were not found again; focus stays at their distance. Pick it again"
+    return "The points in focus were not found again. Pick the focus again"
 
 
 def _scale_keys(curve: bpy.types.FCurve | None, scale: float) -> None:

@@ -6,11 +6,11 @@ from ..core.base.errors import Remedy, Words
 
 WORDS: Words = {
     # The interface solves whole clips.
-    Remedy.FRAMES: "cut the clip to them, in the Video Editor for one",
+    Remedy.FRAMES: "trim the clip to one of them, in the Video Editor for example",
     Remedy.WORK_DIR: "Working Folder",
     Remedy.SOLVE: "Solve Clip",
     Remedy.AGAIN: "Solve Again",
     Remedy.FOCAL: "Lens",
     Remedy.DEPTH_MAPS: "Depth Maps",
-    Remedy.STILLS: "Photos in No Order",
+    Remedy.STILLS: "Unordered Photos",
 }

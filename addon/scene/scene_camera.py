@@ -59,9 +59,7 @@ def read_scene_camera(
     """
     if camera.data.type != "PERSP":
         kind = camera.data.type.lower()
-        raise UserError(
-            f"the camera {camera.name} is {kind}; only a perspective camera can have filmed a clip"
-        )
+        raise UserError(f"the camera {camera.name} is {kind}; only a perspective camera can match a clip")
     shape, notes = _shape(scene, footage)
     sights = _sights(scene, camera, _frames(scene, camera, footage, offset), shape)
     lenses: dict[Intrinsics, int] = {}
@@ -77,7 +75,7 @@ def read_scene_camera(
         )  # fmt: skip
     scale = scene.unit_settings.scale_length
     if abs(scale - 1) > 1e-6:
-        notes.append(f"lengths are in the scene's units, of {scale:g} m")
+        notes.append(f"lengths are in scene units of {scale:g} m")
     return Imported(bare(tuple(images), tuple(lenses)), FORMAT, tuple(notes), placed=True)
 
 
@@ -91,7 +89,7 @@ def _shape(scene: bpy.types.Scene, footage: Footage) -> tuple[tuple[int, int, fl
         return (*size, *pixel), []
     note = (
         f"the scene renders pictures of {size[0]}x{size[1]}, the clip has {footage.width}x{footage.height}:"
-        " its whole picture is taken to be what the camera's sensor sees"
+        " the full clip frame is assumed to cover the camera's sensor"
     )
     return (footage.width, footage.height, 1.0, 1.0), [note]
 
@@ -127,8 +125,8 @@ def _sights(
             evaluated = camera.evaluated_get(depsgraph)
             if not evaluated.is_evaluated:
                 raise UserError(
-                    f"the camera {camera.name} does not move, for it is disabled in viewports or its"
-                    " collection is excluded; switch it on in the Outliner"
+                    f"the camera {camera.name} does not move because it is disabled in viewports or its"
+                    " collection is excluded; enable it in the Outliner"
                 )
             world = np.array(evaluated.matrix_world, dtype=np.float64)
             if root is not None:
@@ -160,7 +158,7 @@ def _intrinsics(camera: bpy.types.Object, projection: Floats, footage: Footage) 
     width, height = footage.width, footage.height
     fx, fy = projection[0, 0] * width / 2, projection[1, 1] * height / 2
     if not (fx > 0 and fy > 0):
-        raise UserError(f"the camera {camera.name} has no focal length; give it one")
+        raise UserError(f"the camera {camera.name} has no focal length; set one")
     # From the middle, as shares of half the picture, y up.
     cx, cy = (1 - projection[0, 2]) * width / 2, (1 + projection[1, 2]) * height / 2
     return Intrinsics(width, height, float(fx), float(fy), float(cx), float(cy))

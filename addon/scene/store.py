@@ -60,7 +60,7 @@ def read(mesh: bpy.types.Mesh) -> Reconstruction:
     """The reconstruction kept in a mesh; UserError if there is none or a newer version wrote it."""
     version = mesh.get(PREFIX + "version")
     if version is None:
-        raise UserError(f"the mesh {mesh.name!r} holds no reconstruction; solve the clip or import its solve")
+        raise UserError(f"the mesh {mesh.name!r} holds no solve; solve the clip or import a solve of it")
     if version > VERSION:
         raise UserError("this file was made with a newer Virtual Aperture; update the extension")
 

@@ -24,17 +24,21 @@ class VirtualApertureStrokePlace(bpy.types.PropertyGroup):
     """A corner of a stroke."""
 
     xy: FloatVectorProperty(
-        name="Place", description="Shares of the picture, from its top left", size=2, min=0, max=1
+        name="Place",
+        description="Position as fractions of the image, from the top left",
+        size=2,
+        min=0,
+        max=1,
     )
 
 
 class VirtualApertureStroke(bpy.types.PropertyGroup):
     """A line over a subject in one frame, or over what does not belong to it."""
 
-    frame: IntProperty(name="Frame", description="Frame of the clip that it was drawn in")
+    frame: IntProperty(name="Frame", description="Frame it was drawn in")
     adds: BoolProperty(
         name="Adds",
-        description="What is under the stroke belongs to the subject; else it does not",
+        description="Whether what is under the stroke is added to the subject, or taken away",
         default=True,
     )
     places: CollectionProperty(type=VirtualApertureStrokePlace)
@@ -59,7 +63,7 @@ class VirtualApertureSubject(bpy.types.PropertyGroup):
     name: StringProperty(name="Name", description="Name of the subject", update=_renamed)
     strokes: CollectionProperty(type=VirtualApertureStroke)
     unsure: StringProperty(
-        name="Unsure Frames", description="Frames in which a stroke would help", options={"HIDDEN"}
+        name="Uncertain Frames", description="Frames where another stroke would help", options={"HIDDEN"}
     )
 
 
@@ -67,7 +71,7 @@ class VirtualApertureSubjects(bpy.types.PropertyGroup):
     """The subjects of a clip."""
 
     items: CollectionProperty(type=VirtualApertureSubject)
-    active: IntProperty(name="Subject", description="The subject that strokes are added to", min=0)
+    active: IntProperty(name="Subject", description="Subject that strokes are added to", min=0)
 
 
 def marked_of(settings: bpy.types.PropertyGroup) -> tuple[MarkedSubject, ...]:
@@ -85,7 +89,7 @@ def strokes_of(subject: bpy.types.PropertyGroup) -> tuple[Stroke, ...]:
 
 
 def active(settings: bpy.types.PropertyGroup) -> bpy.types.PropertyGroup | None:
-    """The subject that strokes are added to."""
+    """Subject that strokes are added to."""
     group = settings.subjects
     return group.items[group.active] if group.active < len(group.items) else None
 

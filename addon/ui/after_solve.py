@@ -120,5 +120,5 @@ def still_hidden(scene: bpy.types.Scene) -> list[str]:
 def hidden_words(names: list[str]) -> str:
     """One line that says what was hidden."""
     if len(names) == 1:
-        return f"{names[0]} was in the camera's way and is hidden; Alt H shows it"
-    return f"{', '.join(names)} were in the camera's way and are hidden; Alt H shows them"
+        return f"{names[0]} blocked the camera and was hidden; Alt H shows it"
+    return f"{', '.join(names)} blocked the camera and were hidden; Alt H shows them"

@@ -21,7 +21,7 @@ class ShowsClips:
 
 
 class VIRTUAL_APERTURE_OT_choose_clip(ShowsClips, bpy.types.Operator):  # noqa: N801
-    """Choose a video, a picture of a sequence (which means all of it) or a folder of pictures"""
+    """Choose a video, any image of a sequence, or a folder of images"""
 
     bl_idname = "virtual_aperture.choose_clip"
     bl_label = "Choose Clip"
@@ -29,7 +29,7 @@ class VIRTUAL_APERTURE_OT_choose_clip(ShowsClips, bpy.types.Operator):  # noqa: 
 
     filepath: bpy.props.StringProperty(
         name="Clip",
-        description="Video, picture of a sequence, or folder of pictures",
+        description="Video, any image of a sequence, or a folder of images",
         subtype="FILE_PATH",
         options={"SKIP_SAVE"},
     )
@@ -46,8 +46,8 @@ class VIRTUAL_APERTURE_OT_choose_clip(ShowsClips, bpy.types.Operator):  # noqa: 
 
     def draw(self, _context: bpy.types.Context) -> None:
         column = self.layout.column(align=True)
-        column.label(text="A video, one picture of a sequence,")
-        column.label(text="or an open folder of pictures.")
+        column.label(text="A video, any image of a sequence,")
+        column.label(text="or open a folder of images.")
 
     @reported
     def execute(self, context: bpy.types.Context) -> Result:
@@ -64,13 +64,14 @@ def clip_of(chosen: Path) -> Path:
     UserError where nothing is there, or the picture's name has no number.
     """
     if not chosen.exists():
-        raise UserError(f"{chosen} does not exist; choose a video, a picture of a sequence or a folder")
+        raise UserError(f"{chosen} does not exist; choose a video, an image of a sequence or a folder")
     if chosen.is_dir() or chosen.suffix.lower() not in PICTURES:
         return chosen
     number = re.search(r"\d+(?=\D*$)", chosen.stem)
     if number is None:
         raise UserError(
-            f"{chosen.name} is a single picture without a number; choose a video or a picture of a sequence"
+            f"{chosen.name} is a single image without a frame number; choose a video or an image of a"
+            " sequence"
         )
     stem = f"{chosen.stem[: number.start()]}{'#' * len(number[0])}{chosen.stem[number.end() :]}"
     return chosen.with_name(f"{stem}{chosen.suffix}")

@@ -170,7 +170,7 @@ def _on_open(*_: object) -> None:
 
 
 class VIRTUAL_APERTURE_OT_find_depth(bpy.types.Operator):  # noqa: N801
-    """Find the depth of all frames in the background, so that renders need not. What is found is kept"""
+    """Find and keep the depth of all frames in the background, so that renders start faster"""
 
     bl_idname = "virtual_aperture.find_depth"
     bl_label = "Find Depth"
@@ -192,7 +192,7 @@ class VIRTUAL_APERTURE_OT_find_depth(bpy.types.Operator):  # noqa: N801
         try:
             folder = _folder(settings)
             if not (folder / STATE).exists():
-                raise UserError(f"{folder} keeps no solve, beside which depth could be kept; solve the clip")
+                raise UserError(f"{folder} holds no solve to keep depth with; solve the clip")
             begin(folder)
         except UserError as error:
             self.report({"ERROR"}, str(error))
@@ -201,7 +201,7 @@ class VIRTUAL_APERTURE_OT_find_depth(bpy.types.Operator):  # noqa: N801
 
 
 class VIRTUAL_APERTURE_OT_pause_depth(bpy.types.Operator):  # noqa: N801
-    """End finding depth; what was found is kept, and Find Depth goes on from there"""
+    """Stop finding depth. What has been found is kept, and Find Depth continues from there"""
 
     bl_idname = "virtual_aperture.pause_depth"
     bl_label = "Pause"
@@ -210,7 +210,7 @@ class VIRTUAL_APERTURE_OT_pause_depth(bpy.types.Operator):  # noqa: N801
     def poll(cls, _context: bpy.types.Context) -> bool:
         if _ahead is not None and _ahead.child is not None:
             return True
-        cls.poll_message_set("No depth is being found")
+        cls.poll_message_set("Depth is not being found")
         return False
 
     def execute(self, _context: bpy.types.Context) -> set[str]:

@@ -26,8 +26,8 @@ MODELS = (".bin", ".txt", ".out", ".nvm", ".json", ".npz", ".r3d")
 
 
 class VIRTUAL_APERTURE_OT_import_clip(choose_clip.ShowsClips, operators.Solves, bpy.types.Operator):  # noqa: N801
-    """Choose a video, a picture of a sequence (which means all of it) or a folder of pictures, and solve it;
-    a solve of it that is kept is loaded"""
+    """Choose a video, any image of a sequence, or a folder of images, and solve it. If it has been solved
+    before, that solve is loaded"""
 
     bl_idname = "virtual_aperture.import_clip"
     # Blender shows it where other handlers take the file, too.
@@ -35,13 +35,13 @@ class VIRTUAL_APERTURE_OT_import_clip(choose_clip.ShowsClips, operators.Solves, 
 
     filepath: bpy.props.StringProperty(
         name="Clip",
-        description="Video, picture of a sequence, or folder of pictures",
+        description="Video, any image of a sequence, or a folder of images",
         subtype="FILE_PATH",
         options={"SKIP_SAVE"},
     )
 
     sure: bpy.props.BoolProperty(
-        name="Do Not Ask", description="The user was asked", options={"SKIP_SAVE", "HIDDEN"}
+        name="Do Not Ask", description="The user has confirmed", options={"SKIP_SAVE", "HIDDEN"}
     )
 
     _invoked = False
@@ -69,7 +69,7 @@ class VIRTUAL_APERTURE_OT_import_clip(choose_clip.ShowsClips, operators.Solves, 
         self._is_answer = True
         answer: Result = context.window_manager.invoke_confirm(
             self, event, title=f"Replace {settings.clip_name}?",
-            message=f"What is in focus in {settings.clip_name} is lost", confirm_text="Replace",
+            message=f"The focus set for {settings.clip_name} will be lost", confirm_text="Replace",
         )  # fmt: skip
         return answer
 
@@ -93,12 +93,12 @@ class VIRTUAL_APERTURE_OT_import_clip(choose_clip.ShowsClips, operators.Solves, 
         operators.check_may_change(context.scene)
         if not self.filepath:
             raise UserError(
-                "no clip is chosen; give a video, a picture of a sequence or a folder of pictures"
+                "no clip has been chosen; choose a video, an image of a sequence or a folder of images"
             )
         clip = choose_clip.clip_of(absolute(self.filepath))
         if operators.running_solve() is not None:
             raise UserError(
-                f"a clip is being solved; wait, or cancel that with ESC, then import {clip.name} again"
+                f"a clip is being solved; wait, or cancel with ESC, then import {clip.name} again"
             )
         return clip
 
@@ -108,14 +108,14 @@ class VIRTUAL_APERTURE_OT_import_clip(choose_clip.ShowsClips, operators.Solves, 
 
 
 class VIRTUAL_APERTURE_OT_drop_model(import_solve.Import, bpy.types.Operator):  # noqa: N801
-    """Take in the cameras, and points if there are any, that another program or a phone found in the clip"""
+    """Import the clip's cameras, and points if there are any, from another program or a phone"""
 
     bl_idname = "virtual_aperture.drop_model"
     bl_label = "Import to Virtual Aperture"
     bl_options = {"UNDO", "INTERNAL"}  # noqa: RUF012
 
     filepath: bpy.props.StringProperty(
-        name="Model", description="File of the model", subtype="FILE_PATH", options={"SKIP_SAVE"}
+        name="Model", description="Model file", subtype="FILE_PATH", options={"SKIP_SAVE"}
     )
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
@@ -130,9 +130,9 @@ class VIRTUAL_APERTURE_OT_drop_model(import_solve.Import, bpy.types.Operator):  
         # Not in `poll`: Blender would take no drop then, and say nothing.
         operators.check_may_change(context.scene)
         if not context.scene.virtual_aperture.footage and import_solve.recorded(self.filepath) is None:
-            raise UserError(f"no clip is chosen that {name} could be the solve of; drop the clip first")
+            raise UserError(f"{name} is a solve, but no clip has been chosen for it; drop the clip first")
         if operators.running_solve() is not None:
-            raise UserError(f"the clip is being solved; cancel that with ESC, then drop {name} again")
+            raise UserError(f"the clip is being solved; cancel with ESC, then drop {name} again")
         return super().execute(context)
 
     def clip_of(self, settings: bpy.types.PropertyGroup) -> Path:

@@ -16,14 +16,14 @@ from .operators import Result, has_solve, may_change, reported
 
 
 class VIRTUAL_APERTURE_OT_find_clip(ShowsClips, bpy.types.Operator):  # noqa: N801
-    """Show where the solved clip lies now; the solve, the focus and the background stay as they are"""
+    """Locate the solved clip after it was moved. Solve, focus and background stay as they are"""
 
     bl_idname = "virtual_aperture.find_clip"
     bl_label = "Find Clip"
     bl_options = {"UNDO"}  # noqa: RUF012
 
     filepath: bpy.props.StringProperty(
-        name="Clip", description="The video, or a picture of the sequence", subtype="FILE_PATH",
+        name="Clip", description="The video, or any image of the sequence", subtype="FILE_PATH",
         options={"SKIP_SAVE"},
     )  # fmt: skip
 
@@ -43,18 +43,18 @@ class VIRTUAL_APERTURE_OT_find_clip(ShowsClips, bpy.types.Operator):  # noqa: N8
     def execute(self, context: bpy.types.Context) -> Result:
         settings = context.scene.virtual_aperture
         if not settings.clip_identity:
-            raise UserError("this .blend does not tell which clip was solved; choose it as Clip")
+            raise UserError("this .blend does not record which clip was solved; choose it as Clip")
         if not self.filepath:
-            raise UserError(f"no file is chosen; show where {settings.clip_name} is")
+            raise UserError(f"no file has been chosen; locate {settings.clip_name}")
         chosen = absolute(self.filepath)
         for path in _meant(chosen, settings.clip_name):
             if is_clip(path, settings.clip_identity):
                 move_clip(context.scene, open_footage(path))
-                self.report({"INFO"}, f"The clip is {settings.footage}")
+                self.report({"INFO"}, f"The clip is now {settings.footage}")
                 return {"FINISHED"}
         raise UserError(
-            f"{chosen.name} is not the clip that was solved, {settings.clip_name}; choose that one, or choose"
-            f" {chosen.name} as Clip and solve it"
+            f"{chosen.name} is not the clip that was solved, {settings.clip_name}; choose that clip, or"
+            f" choose {chosen.name} as Clip and solve it"
         )
 
 

@@ -27,7 +27,7 @@ def focus_on(
     Where the focus distance has keys of the user's, the pick is the next of them.
     """
     released = blender_focus.release(settings)
-    after = f"; {released} is no longer" if released else ""
+    after = f"; {released} is no longer the focus object" if released else ""
     if focus_marks.are_keys_users(settings):
         inverse = float(np.mean([1 / place.distance for place in places]))
         lens.set_focus(settings, replace(lens.focus_of(settings), points=(), distance=1 / inverse), frame)
@@ -45,7 +45,7 @@ def focus_on(
 
 
 class VIRTUAL_APERTURE_OT_set_focus(bpy.types.Operator):  # noqa: N801
-    """Put the selected vertices of the point cloud in focus: one at least, four are better"""
+    """Focus on the selected vertices of the point cloud: at least one, ideally four"""
 
     bl_idname = "virtual_aperture.set_focus"
     bl_label = "Set Focus from Selected Vertices"
@@ -60,12 +60,12 @@ class VIRTUAL_APERTURE_OT_set_focus(bpy.types.Operator):  # noqa: N801
         settings = context.scene.virtual_aperture
         ids = selected_points(settings.points)
         if not ids:
-            raise UserError("no vertex is selected; select some on what is to be in focus, four are better")
+            raise UserError("no vertices are selected; select some on what should be sharp, ideally four")
         reconstruction = reconstruction_of(settings)
         if len(ids) == len(reconstruction.points):
             raise UserError(
-                f"all {len(ids)} vertices are selected; press Alt A to select none, then select some on what"
-                " is to be in focus"
+                f"all {len(ids)} vertices are selected; press Alt A to deselect all, then select some on"
+                " what should be sharp"
             )
         own = lens.focus_of_settings(settings)
         focus = Focus(tuple(ids), through_points=own.through_points)
@@ -82,7 +82,7 @@ class VIRTUAL_APERTURE_OT_set_focus(bpy.types.Operator):  # noqa: N801
 
 
 class VIRTUAL_APERTURE_OT_clear_focus(bpy.types.Operator):  # noqa: N801
-    """Forget what was picked: the focus stays where it is, at the focus distance"""
+    """Forget the picked points. Focus stays where it is, at the focus distance"""
 
     bl_idname = "virtual_aperture.clear_focus"
     bl_label = "Clear Focus"
@@ -92,14 +92,14 @@ class VIRTUAL_APERTURE_OT_clear_focus(bpy.types.Operator):  # noqa: N801
     def poll(cls, context: bpy.types.Context) -> bool:
         settings = context.scene.virtual_aperture
         is_picked = len(settings.focus_points) or len(settings.marks.items)
-        return may_change(cls, context) and is_met(cls, is_picked, "Nothing is picked")
+        return may_change(cls, context) and is_met(cls, is_picked, "Nothing has been picked")
 
     def execute(self, context: bpy.types.Context) -> Result:
         settings = context.scene.virtual_aperture
         focus_marks.clear(settings)
         lens.clear_points(settings)
         aperture_cloud.update(settings)
-        self.report({"INFO"}, "Nothing is picked any more; the focus stays at its distance")
+        self.report({"INFO"}, "Pick cleared; focus stays at its distance")
         return {"FINISHED"}
 
 

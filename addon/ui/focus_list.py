@@ -25,7 +25,9 @@ as wide as Blender opens it, frame and distance are whole, and the name has the 
 def has_marks(cls: type[bpy.types.Operator], context: bpy.types.Context) -> bool:
     """Poll: there is a focus mark, and the keys are the marks'."""
     marks = context.scene.virtual_aperture.marks.items
-    return has_solve(cls, context) and is_met(cls, len(marks), "There is no focus mark: Pick Focus makes one")
+    return has_solve(cls, context) and is_met(
+        cls, len(marks), "There are no focus marks; Pick Focus adds one"
+    )
 
 
 class ChangesMarks:
@@ -76,7 +78,8 @@ class VIRTUAL_APERTURE_UL_focus_marks(bpy.types.UIList):  # noqa: N801
 
 
 class VIRTUAL_APERTURE_OT_hold_focus(bpy.types.Operator):  # noqa: N801
-    """Add a focus mark at the current frame on what is in focus now: a pull to the next mark begins here"""
+    """Add a focus mark at the current frame that holds the present focus, so that the pull to the next mark
+    starts here"""
 
     bl_idname = "virtual_aperture.hold_focus"
     bl_label = "Hold Focus Here"
@@ -85,18 +88,14 @@ class VIRTUAL_APERTURE_OT_hold_focus(bpy.types.Operator):  # noqa: N801
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         settings, frame = context.scene.virtual_aperture, context.scene.frame_current
-        is_free, message = focus_marks.at_frame(settings, frame) is None, f"A focus mark is at frame {frame}"
-        return (
-            may_change(cls, context)
-            and has_focus(cls, context)
-            and is_met(cls, is_free, f"{message} already")
-        )
+        is_free, message = focus_marks.at_frame(settings, frame) is None, f"Frame {frame} already has a mark"
+        return may_change(cls, context) and has_focus(cls, context) and is_met(cls, is_free, message)
 
     @reported
     def execute(self, context: bpy.types.Context) -> Result:
         settings, frame = context.scene.virtual_aperture, context.scene.frame_current
         if blender_focus.distance(settings) is not None:
-            raise UserError("an object is in focus; pick the focus instead")
+            raise UserError("focus is on an object; pick the focus instead")
         self.report({"INFO"}, focus_on(settings, frame, held(settings, frame), add=True))
         return {"FINISHED"}
 
@@ -113,7 +112,7 @@ def held(settings: bpy.types.PropertyGroup, frame: int) -> list[Place]:
 
 
 class VIRTUAL_APERTURE_OT_remove_focus_mark(ChangesMarks, bpy.types.Operator):  # noqa: N801
-    """Remove the active focus mark; without any the focus stays at its distance"""
+    """Remove the active focus mark. After the last one, focus stays at its distance"""
 
     bl_idname = "virtual_aperture.remove_focus_mark"
     bl_label = "Remove Focus Mark"
@@ -121,7 +120,7 @@ class VIRTUAL_APERTURE_OT_remove_focus_mark(ChangesMarks, bpy.types.Operator):  
     def change(self, settings: bpy.types.PropertyGroup, _frame: int) -> str:
         before = settings.marks.items[settings.marks.active].frame
         focus_marks.remove(settings, settings.marks.active)
-        return f"The focus mark of frame {before} is removed"
+        return f"Removed the focus mark at frame {before}"
 
 
 class VIRTUAL_APERTURE_OT_move_focus_mark(ChangesMarks, bpy.types.Operator):  # noqa: N801
@@ -133,11 +132,11 @@ class VIRTUAL_APERTURE_OT_move_focus_mark(ChangesMarks, bpy.types.Operator):  # 
     def change(self, settings: bpy.types.PropertyGroup, frame: int) -> str:
         before = settings.marks.items[settings.marks.active].frame
         focus_marks.move(settings, settings.marks.active, frame)
-        return f"The focus mark of frame {before} is at frame {frame}"
+        return f"Moved the focus mark from frame {before} to frame {frame}"
 
 
 class VIRTUAL_APERTURE_OT_jump_to_focus_mark(bpy.types.Operator):  # noqa: N801
-    """Go to this frame"""
+    """Go to this focus mark's frame"""
 
     bl_idname = "virtual_aperture.jump_to_focus_mark"
     bl_label = "Jump to Focus Mark"
@@ -157,17 +156,17 @@ class VIRTUAL_APERTURE_OT_jump_to_focus_mark(bpy.types.Operator):  # noqa: N801
 
 
 class VIRTUAL_APERTURE_OT_jump_to_unseen(bpy.types.Operator):  # noqa: N801
-    """Go to the next frame that does not show what is in focus there: it is carried, pick it again if it is
-    off"""
+    """Go to the next frame in which the thing in focus is hidden. Its distance is estimated there; pick it
+    again if it is off"""
 
     bl_idname = "virtual_aperture.jump_to_unseen"
-    bl_label = "Next Frame That Does Not Show the Focus"
+    bl_label = "Next Frame With Hidden Focus"
     bl_options = {"UNDO_GROUPED"}  # noqa: RUF012
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         unseen = context.scene.virtual_aperture.marks.unseen
-        return has_marks(cls, context) and is_met(cls, unseen, "All frames show what is in focus")
+        return has_marks(cls, context) and is_met(cls, unseen, "What is in focus can be seen in all frames")
 
     def execute(self, context: bpy.types.Context) -> Result:
         scene = context.scene
@@ -182,19 +181,20 @@ def unseen_frames(settings: bpy.types.PropertyGroup) -> list[int]:
 
 
 class VIRTUAL_APERTURE_OT_write_focus_marks(ChangesMarks, bpy.types.Operator):  # noqa: N801
-    """Replace the keys of the focus distance by those of the focus marks: what was edited in them is lost"""
+    """Replace the keyframes of the focus distance with those of the focus marks. Your edits to them are
+    lost"""
 
     bl_idname = "virtual_aperture.write_focus_marks"
-    bl_label = "Key by Focus Marks Again"
+    bl_label = "Restore Focus Mark Keys"
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         is_users = focus_curve.is_users(context.scene.virtual_aperture)
-        return super().poll(context) and is_met(cls, is_users, "The keys are those of the focus marks")
+        return super().poll(context) and is_met(cls, is_users, "The keyframes are those of the focus marks")
 
     def change(self, settings: bpy.types.PropertyGroup, _frame: int) -> str:
         focus_marks.take_keys_over(settings)
-        return f"The focus is that of {counted(len(settings.marks.items), 'mark')} again"
+        return f"Focus follows {counted(len(settings.marks.items), 'mark')} again"
 
 
 def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
@@ -213,16 +213,16 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     side.operator(VIRTUAL_APERTURE_OT_move_focus_mark.bl_idname, text="", icon="TRACKING_REFINE_FORWARDS")
     if len(group.items) > 1 and group.active < len(group.items):
         mark = group.items[group.active]
-        layout.prop(mark, "frame", text="Mark at Frame")
+        layout.prop(mark, "frame", text="Mark Frame")
         layout.prop(mark, "easing")
     if hidden := unseen_frames(settings):
         line = layout.row(align=True)
-        line.label(text=f"Not seen in {counted(len(hidden), 'frame')}", icon="HIDE_ON")
+        line.label(text=f"Hidden in {counted(len(hidden), 'frame')}", icon="HIDE_ON")
         line.operator(VIRTUAL_APERTURE_OT_jump_to_unseen.bl_idname, text="", icon="FRAME_NEXT")
     if focus_curve.is_users(settings):
         box = layout.column(align=True)
-        yours = "yours" if lens.has_keys(settings, "focus_distance") else "deleted"
-        box.label(text=f"The keys of the distance are {yours}", icon="INFO")
+        yours = "edited" if lens.has_keys(settings, "focus_distance") else "deleted"
+        box.label(text=f"Focus distance keyframes were {yours}", icon="INFO")
         box.operator(VIRTUAL_APERTURE_OT_write_focus_marks.bl_idname)
 
 

@@ -39,7 +39,7 @@ class Import:
 
     again: bpy.props.BoolProperty(
         name="Replace",
-        description="Replace a solve of the clip that is in the working folder",
+        description="Replace the clip's solve in the working folder",
         options={"SKIP_SAVE", "HIDDEN"},
     )
 
@@ -56,7 +56,7 @@ class Import:
     def clip_of(self, settings: Any) -> Path:
         """The clip that it is of; UserError where there is none."""
         if not settings.footage:
-            raise UserError("no clip is chosen; choose the clip first, then import what was found in it")
+            raise UserError("no clip has been chosen; choose the clip first, then import its solve")
         return footage_path(settings)
 
     @reported
@@ -88,7 +88,7 @@ class Import:
         settings = context.scene.virtual_aperture
         folder = work_dir(settings, footage_path(settings))
         answer: Result = context.window_manager.invoke_confirm(
-            self, event, title="Replace Solve", message=f"{folder} holds a solve of this clip",
+            self, event, title="Replace Solve", message=f"{folder} already holds a solve of this clip",
             confirm_text="Replace",
         )  # fmt: skip
         return answer
@@ -108,7 +108,7 @@ def find_points(found: Imported, clip: Path) -> Result:
 
 
 class VIRTUAL_APERTURE_OT_find_points(Solves, bpy.types.Operator):  # noqa: N801
-    """Track the clip's features and place them before its cameras, which are known"""
+    """Track the clip's features and place them in 3D from its known cameras"""
 
     bl_idname = "virtual_aperture.find_points"
     bl_label = "Find Points"
@@ -129,20 +129,20 @@ class VIRTUAL_APERTURE_OT_find_points(Solves, bpy.types.Operator):  # noqa: N801
     def solved_clip(self, settings: Any) -> tuple[Path, str]:
         wanted, VIRTUAL_APERTURE_OT_find_points.wanted = self.wanted, None
         if wanted is None:
-            raise UserError("no cameras are there to find points for; import them")
+            raise UserError("there are no cameras to find points for; import some")
         self._cameras, clip = wanted
         return clip, settings.work_dir
 
 
 class VIRTUAL_APERTURE_OT_import_solve(Import, bpy.types.Operator):  # noqa: N801
-    """Take in the cameras, and points if there are any, that another program or a phone found in the clip"""
+    """Import the clip's cameras, and points if there are any, from another program or a phone"""
 
     bl_idname = "virtual_aperture.import_solve"
     bl_label = "Import Solve"
 
     filepath: bpy.props.StringProperty(
         name="Model",
-        description="File of the model, or the folder of a COLMAP model",
+        description="Model file, or the folder of a COLMAP model",
         subtype="FILE_PATH",
         options={"SKIP_SAVE"},
     )
@@ -167,8 +167,8 @@ class VIRTUAL_APERTURE_OT_import_solve(Import, bpy.types.Operator):  # noqa: N80
 
     def draw(self, _context: bpy.types.Context) -> None:
         column = self.layout.column(align=True)
-        column.label(text="Choose the file of a model;")
-        column.label(text="of COLMAP's, open the folder.")
+        column.label(text="Choose a model file,")
+        column.label(text="or open a COLMAP model's folder.")
 
     def clip_of(self, settings: Any) -> Path:
         return recorded(self.filepath) or super().clip_of(settings)
@@ -177,7 +177,7 @@ class VIRTUAL_APERTURE_OT_import_solve(Import, bpy.types.Operator):  # noqa: N80
         settings = bpy.context.scene.virtual_aperture
         depth = recorded_depth(_model_path(self.filepath), work_dir(settings, footage.path))
         if depth is not None:
-            self.report({"INFO"}, f"What the phone's LiDAR measured is in {depth}: for Depth Maps")
+            self.report({"INFO"}, f"The phone's LiDAR depth is in {depth}; choose it as Depth Maps")
         return read_model(self.filepath, footage)
 
     def ask(self) -> None:
@@ -198,12 +198,11 @@ def _model_path(filepath: str) -> Path:
 def read_model(filepath: str, footage: Footage) -> Imported:
     """The model in a file or folder; UserError where there is none, or it is not of this clip."""
     if not filepath:
-        raise UserError("no model is chosen; give its file, or the folder of a COLMAP model")
+        raise UserError("no model has been chosen; choose its file, or the folder of a COLMAP model")
     path = _model_path(filepath)
     if path.suffix.lower() == ".blend":
         raise UserError(
-            f"{path.name} is a .blend: append its movie clip (File > Append) and import that with Import"
-            " Movie Clip"
+            f"{path.name} is a .blend; append its movie clip (File > Append) and use Import Movie Clip"
         )
     return read_reconstruction(path, footage)
 
@@ -227,18 +226,18 @@ def _clip_items(_operator: Any, _context: bpy.types.Context | None) -> list[tupl
 
 
 class VIRTUAL_APERTURE_OT_import_movie_clip(Import, bpy.types.Operator):  # noqa: N801
-    """Take in the camera and the tracks of a movie clip that was solved in the Movie Clip Editor"""
+    """Import the camera and tracks of a movie clip solved in the Movie Clip Editor"""
 
     bl_idname = "virtual_aperture.import_movie_clip"
     bl_label = "Import Movie Clip"
 
     clip: bpy.props.EnumProperty(
-        name="Movie Clip", description="Movie clip of this file whose camera is solved", items=_clip_items
+        name="Movie Clip", description="Movie clip in this file with a solved camera", items=_clip_items
     )
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        message = "No movie clip of this file is solved: track one in the Movie Clip Editor first"
+        message = "No movie clip in this file is solved; track and solve one in the Movie Clip Editor first"
         return may_change(cls, context) and has_clip(cls, context) and is_met(cls, solved_clips(), message)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
@@ -255,24 +254,24 @@ class VIRTUAL_APERTURE_OT_import_movie_clip(Import, bpy.types.Operator):  # noqa
 
 
 class VIRTUAL_APERTURE_OT_use_scene_camera(Import, bpy.types.Operator):  # noqa: N801
-    """Take a camera of this scene, as it is animated, for that of the clip. It and its lens are held, and
-    points are found"""
+    """Use an animated camera of this scene as the clip's camera. Its motion and lens are kept, and points
+    are found for it"""
 
     bl_idname = "virtual_aperture.use_scene_camera"
     bl_label = "Use Scene Camera"
 
     camera: bpy.props.StringProperty(
-        name="Camera", description="Camera of this scene that is animated as the clip was filmed",
+        name="Camera", description="Camera of this scene with the motion the clip was filmed with",
         options={"SKIP_SAVE"},
     )  # fmt: skip
     offset: bpy.props.IntProperty(
-        name="Frame Offset", description="Frame of the scene that has the camera of the clip's frame 0",
+        name="Frame Offset", description="How many frames later the scene's camera motion is than the clip",
         options={"SKIP_SAVE"},
     )  # fmt: skip
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        message = "The scene has no camera but the clip's: import or animate one first"
+        message = "The scene has no other camera; import or animate one first"
         return (
             may_change(cls, context)
             and is_idle(cls)
@@ -298,9 +297,7 @@ class VIRTUAL_APERTURE_OT_use_scene_camera(Import, bpy.types.Operator):  # noqa:
         scene = bpy.context.scene
         found = {thing.name: thing for thing in cameras_of(scene)}
         if self.camera not in found:
-            raise UserError(
-                f"the scene has no camera {self.camera!r} but {', '.join(found)}; name one of them"
-            )
+            raise UserError(f"the scene has no camera {self.camera!r}; choose one of {', '.join(found)}")
         return read_scene_camera(scene, found[self.camera], footage, self.offset)
 
     def ask(self) -> None:

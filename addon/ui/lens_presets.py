@@ -23,7 +23,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 
 class VIRTUAL_APERTURE_OT_use_lens_preset(bpy.types.Operator):  # noqa: N801
-    """Give the aperture this shape, highlights and amount of blur; the focus stays"""
+    """Set the aperture shape, highlights and amount of blur to this preset. Focus stays as it is"""
 
     bl_idname = "virtual_aperture.use_lens_preset"
     bl_label = "Use Lens Preset"
@@ -39,7 +39,7 @@ class VIRTUAL_APERTURE_OT_use_lens_preset(bpy.types.Operator):  # noqa: N801
     @reported
     def execute(self, context: bpy.types.Context) -> Result:
         if not self.filepath:
-            raise UserError("no preset is chosen")
+            raise UserError("no preset has been chosen")
         name = bpy.path.display_name(self.filepath, title_case=False)
         try:
             with aperture_cloud.held():
@@ -49,12 +49,12 @@ class VIRTUAL_APERTURE_OT_use_lens_preset(bpy.types.Operator):  # noqa: N801
             raise UserError(f"the preset {name} cannot be used: {error}") from error
         finally:
             aperture_cloud.update(context.scene.virtual_aperture)
-        self.report({"INFO"}, f"The lens is {name}")
+        self.report({"INFO"}, f"Lens preset: {name}")
         return {"FINISHED"}
 
 
 class VIRTUAL_APERTURE_OT_add_lens_preset(AddPresetBase, bpy.types.Operator):  # noqa: N801
-    """Keep the aperture's shape, highlights and amount of blur under a name, or remove what was kept"""
+    """Save the aperture shape, highlights and amount of blur as a preset, or remove a saved one"""
 
     bl_idname = "virtual_aperture.add_lens_preset"
     bl_label = "Add Lens Preset"

@@ -28,9 +28,9 @@ def draw_scene(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     except UserError as error:
         wrapped(layout.box(), context, sentence(str(error)), icon="ERROR")
         return
-    if words := parts.missing(context.scene):
+    if parts.missing(context.scene):
         box = layout.box()
-        wrapped(box, context, f"Not in this scene any more: {', '.join(words)}", icon="ERROR")
+        wrapped(box, context, "The objects of this solve were deleted", icon="ERROR")
         box.operator(VIRTUAL_APERTURE_OT_restore_objects.bl_idname, icon="LOOP_BACK")
 
 
@@ -49,7 +49,9 @@ def draw_clip(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         return
     row = box.row(align=True)
     if trouble.found is not None:
-        here = row.operator(VIRTUAL_APERTURE_OT_find_clip.bl_idname, text="Use It There", icon="CHECKMARK")
+        here = row.operator(
+            VIRTUAL_APERTURE_OT_find_clip.bl_idname, text="Use New Location", icon="CHECKMARK"
+        )
         here.filepath = str(trouble.found)
     row.operator(VIRTUAL_APERTURE_OT_find_clip.bl_idname, icon="FILE_FOLDER").filepath = ""
 

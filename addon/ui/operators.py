@@ -29,7 +29,7 @@ from .solving import Solving
 
 Result = set[str]
 
-NO_CAMERA = "The camera was deleted: Restore Objects, on top, brings it back"
+NO_CAMERA = "The camera was deleted; Restore Objects, at the top, brings it back"
 
 LOOK = 0.1
 """Seconds between two looks at the solving process."""
@@ -83,7 +83,7 @@ def has_solve(cls: Any, context: bpy.types.Context) -> bool:
 def has_focus(cls: Any, context: bpy.types.Context) -> bool:
     """Poll: the scene holds a solved clip and something is in focus."""
     settings = context.scene.virtual_aperture
-    message = "Pick what is to be sharp first: Pick Focus"
+    message = "Pick what should be sharp first, with Pick Focus"
     return has_solve(cls, context) and is_met(cls, is_in_focus(settings), message)
 
 
@@ -95,7 +95,7 @@ def has_points(cls: Any, context: bpy.types.Context, to_do: str) -> bool:
     if points.mode == "EDIT":
         return True
     if not parts.is_in(context.scene, points):
-        cls.poll_message_set("The point cloud was deleted: Restore Objects, on top, brings it back")
+        cls.poll_message_set("The point cloud was deleted; Restore Objects, at the top, brings it back")
     elif points.name not in context.view_layer.objects:
         cls.poll_message_set("The point cloud's collection is excluded from the view layer")
     else:
@@ -167,7 +167,7 @@ def kept_words(folder: Path) -> str:
 
 def solved_words(scene: bpy.types.Scene, summary: str) -> str:
     """One line of what was solved, and what was put in focus."""
-    first = "; the nearest large thing round the middle is in focus: Pick Focus sets another"
+    first = "; focused on the nearest large object near the centre. Pick Focus changes that"
     return summary + (first if scene.virtual_aperture.marks.is_first else "")
 
 
@@ -246,7 +246,7 @@ class Solves:
         if event.type == "ESC":
             self._end(context)
             self._resume_depth()
-            self.report({"WARNING"}, "Solving was cancelled; the scene is as it was")
+            self.report({"WARNING"}, "Solve cancelled; nothing was changed")
             return {"CANCELLED"}
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
@@ -279,7 +279,9 @@ class Solves:
         assert self._process is not None and self._process.process is not None
         process, scene = self._process.process, bpy.data.scenes.get(self._scene)
         if scene is None:
-            raise UserError(f"the scene {self._scene!r} is gone; the solve is kept in {process.work_dir}")
+            raise UserError(
+                f"the scene {self._scene!r} no longer exists; its solve is kept in {process.work_dir}"
+            )
         solve, note = build_scene(scene, process.clip, process.work_dir)
         scene.virtual_aperture.work_dir = self._folder_set
         depth_ahead.begin_after_solve(process.work_dir)
@@ -306,7 +308,7 @@ class Solves:
 
 
 class VIRTUAL_APERTURE_OT_solve(Solves, bpy.types.Operator):  # noqa: N801
-    """Find the cameras and the feature points of the clip, and bring them into the scene"""
+    """Find the clip's camera motion and feature points, and add them to the scene"""
 
     bl_idname = "virtual_aperture.solve"
     bl_label = "Solve Clip"
@@ -314,11 +316,11 @@ class VIRTUAL_APERTURE_OT_solve(Solves, bpy.types.Operator):  # noqa: N801
 
     again: bpy.props.BoolProperty(
         name="Solve Again",
-        description="Solve even where the working folder holds a solve",
+        description="Solve even if the working folder already holds a solve",
         options={"SKIP_SAVE"},
     )
     sure: bpy.props.BoolProperty(
-        name="Do Not Ask", description="The user was asked", options={"SKIP_SAVE", "HIDDEN"}
+        name="Do Not Ask", description="The user has confirmed", options={"SKIP_SAVE", "HIDDEN"}
     )
 
     _running: Solving | None = None

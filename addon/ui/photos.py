@@ -31,19 +31,21 @@ def _photos(_operator: bpy.types.Operator, context: bpy.types.Context | None) ->
 
 
 class VIRTUAL_APERTURE_OT_show_photo(bpy.types.Operator):  # noqa: N801
-    """Choose the photo that is shown, and rendered by Render Image"""
+    """Choose which photo is shown, and rendered by Render Image"""
 
     bl_idname = "virtual_aperture.show_photo"
     bl_label = "Show Photo"
     bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
     bl_property = "photo"
 
-    photo: bpy.props.EnumProperty(name="Photo", description="By the name of its file", items=_photos)
+    photo: bpy.props.EnumProperty(name="Photo", description="File name of the photo", items=_photos)
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         settings = context.scene.virtual_aperture
-        return has_solve(cls, context) and is_met(cls, are_photos(settings), "The clip is no set of photos")
+        return has_solve(cls, context) and is_met(
+            cls, are_photos(settings), "The clip is not a set of photos"
+        )
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> Result:
         context.window_manager.invoke_search_popup(self)

@@ -28,7 +28,7 @@ KEYS = "Click: Set    Shift Click: Add Place    Ctrl Click: Remove Place    Ente
 
 
 class VIRTUAL_APERTURE_OT_pick_focus(bpy.types.Operator):  # noqa: N801
-    """Click on the camera's picture on what is to be in focus at the current frame. Shift adds places, Ctrl
+    """Click what should be in focus at the current frame, in the camera view. Shift adds places, Ctrl
     removes them"""
 
     bl_idname = "virtual_aperture.pick_focus"
@@ -38,17 +38,26 @@ class VIRTUAL_APERTURE_OT_pick_focus(bpy.types.Operator):  # noqa: N801
 
     add: bpy.props.BoolProperty(
         name="Add Mark",
-        description="Add a focus mark at the current frame, where there is only one: focus is pulled to it",
+        description="Add a second focus mark at the current frame instead of replacing the first, so that"
+        " focus is pulled to it",
         options={"SKIP_SAVE"},
     )
     x: bpy.props.FloatProperty(
-        name="X", description="From the picture's left, as a share of its width", min=0, max=1, default=0.5,
+        name="X",
+        description="Position from the left, as a fraction of the image width",
+        min=0,
+        max=1,
+        default=0.5,
         options={"SKIP_SAVE"},
-    )  # fmt: skip
+    )
     y: bpy.props.FloatProperty(
-        name="Y", description="From the picture's top, as a share of its height", min=0, max=1, default=0.5,
+        name="Y",
+        description="Position from the top, as a fraction of the image height",
+        min=0,
+        max=1,
+        default=0.5,
         options={"SKIP_SAVE"},
-    )  # fmt: skip
+    )
 
     _running = False
     """Of the class: one is under way."""
@@ -62,7 +71,7 @@ class VIRTUAL_APERTURE_OT_pick_focus(bpy.types.Operator):  # noqa: N801
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         is_idle = not VIRTUAL_APERTURE_OT_pick_focus._running
-        message = "The focus is being picked: click on the camera's picture"
+        message = "Focus is being picked; click in the camera view"
         return is_met(cls, is_idle, message) and may_change(cls, context) and has_solve(cls, context)
 
     @reported
@@ -145,7 +154,7 @@ class VIRTUAL_APERTURE_OT_pick_focus(bpy.types.Operator):  # noqa: N801
 
     def _glance_text(self, glance: Glance) -> str:
         if glance.distance is None:
-            return "Depth is found on the click"
+            return "Click to find the depth here"
         return length_words(self._scene.unit_settings, glance.distance)
 
     def _current_finder(self) -> PlaceFinder | None:
@@ -161,21 +170,21 @@ class VIRTUAL_APERTURE_OT_pick_focus(bpy.types.Operator):  # noqa: N801
     def _click(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
         at = self._view.place(self._scene, event)
         if not self._view.is_through_camera() or at is None:
-            self._say("Click on the camera's picture: Numpad 0 looks through the camera")
+            self._say("Click in the camera view (Numpad 0 looks through the camera)")
             return {"RUNNING_MODAL"}
         if event.ctrl:
             self._remove(at)
             return {"RUNNING_MODAL"}
         finder = self._current_finder()
         if finder is None:
-            self._say(f"Frame {self._scene.frame_current} has no camera of its own; pick in another frame")
+            self._say(f"Frame {self._scene.frame_current} was not solved; pick in another frame")
             return {"RUNNING_MODAL"}
         self._overlay.mouse = at
         self._finding, self._keeps_on = Work(partial(finder.find, *at)), event.shift
         if self._finding.ended(AT_ONCE):
             return self._found(context)
         self._timer = context.window_manager.event_timer_add(LOOK, window=context.window)
-        self._say("Finding the depth here    (ESC: Not This Place)", "")
+        self._say("Finding the depth here    (ESC: Cancel)", "")
         return {"RUNNING_MODAL"}
 
     def _wait(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
@@ -184,7 +193,7 @@ class VIRTUAL_APERTURE_OT_pick_focus(bpy.types.Operator):  # noqa: N801
             if self._finding.ended():
                 return self._found(context)
             self._overlay.text = f"Finding the depth here {self._finding.stage}"
-            self._say(f"{self._overlay.text}    (ESC: Not This Place)", "")
+            self._say(f"{self._overlay.text}    (ESC: Cancel)", "")
         return {"PASS_THROUGH"} if event.type in {"TIMER", "MOUSEMOVE"} else {"RUNNING_MODAL"}
 
     def _found(self, context: bpy.types.Context) -> Result:
@@ -194,7 +203,7 @@ class VIRTUAL_APERTURE_OT_pick_focus(bpy.types.Operator):  # noqa: N801
         assert finding is not None
         if isinstance(finding.error, UserError):
             text = finding.error.worded(WORDS)
-            self._overlay.text = "Nothing is known of the depth here"
+            self._overlay.text = "The depth here is unknown"
             self._say(text[0].upper() + text[1:])
             return {"RUNNING_MODAL"}
         place = finding.result()
@@ -218,7 +227,7 @@ class VIRTUAL_APERTURE_OT_pick_focus(bpy.types.Operator):  # noqa: N801
             )
         ]
         if not away or min(away)[0] > CLOSE * scale:
-            self._say("No picked place is here")
+            self._say("There is no picked place here")
             return
         del self._places[min(away)[1]]
         self._show_picked()
@@ -235,7 +244,7 @@ class VIRTUAL_APERTURE_OT_pick_focus(bpy.types.Operator):  # noqa: N801
         if mark is None or not self._had_places:
             return {"CANCELLED"}
         number = next(n for n, each in enumerate(settings.marks.items) if each == mark)
-        self.report({"INFO"}, f"The focus mark of frame {mark.frame} is removed")
+        self.report({"INFO"}, f"Removed the focus mark at frame {mark.frame}")
         focus_marks.remove(settings, number)
         aperture_cloud.update(settings)
         return {"FINISHED"}

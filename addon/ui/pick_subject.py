@@ -24,7 +24,7 @@ APART = 0.004
 """Share of the picture between two corners of a stroke."""
 KEYS = (
     "Drag: Mark    Shift Drag: Extend    Ctrl Drag: Take Away    Enter, Right Click: Confirm"
-    "    ESC: Take Back the Last Stroke"
+    "    ESC: Undo Last Stroke"
 )
 
 
@@ -43,8 +43,8 @@ class LitUp:
 
 
 class VIRTUAL_APERTURE_OT_pick_subject(bpy.types.Operator):  # noqa: N801
-    """Draw a stroke over what moves by itself, or click on it: the whole of it lights up, and is marked in
-    all frames. Shift extends it, Ctrl takes away"""
+    """Draw a stroke over a moving subject, or click it. All of it lights up, and is marked in all frames.
+    Shift extends it, Ctrl takes parts away"""
 
     bl_idname = "virtual_aperture.pick_subject"
     bl_label = "Pick Subject"
@@ -52,20 +52,24 @@ class VIRTUAL_APERTURE_OT_pick_subject(bpy.types.Operator):  # noqa: N801
     bl_options = {"UNDO"}  # noqa: RUF012
 
     new: bpy.props.BoolProperty(
-        name="New Subject", description="Mark another subject, not the active one", options={"SKIP_SAVE"}
+        name="New Subject",
+        description="Mark another subject instead of the active one",
+        options={"SKIP_SAVE"},
     )
     places: bpy.props.StringProperty(
         name="Places",
-        description=f"Corners of the stroke in shares of the picture from its top left, such as {EXAMPLE}",
+        description=f"Corners of the stroke as fractions of the image from the top left, such as {EXAMPLE}",
         options={"SKIP_SAVE"},
     )
     extend: bpy.props.BoolProperty(
         name="Extend",
-        description="Leave the strokes that the subject has in the current frame",
+        description="Keep the strokes the subject has in the current frame",
         options={"SKIP_SAVE"},
     )
     take_away: bpy.props.BoolProperty(
-        name="Take Away", description="What is under the stroke is not the subject's", options={"SKIP_SAVE"}
+        name="Take Away",
+        description="Remove what is under the stroke from the subject",
+        options={"SKIP_SAVE"},
     )
 
     _running = False
@@ -77,7 +81,7 @@ class VIRTUAL_APERTURE_OT_pick_subject(bpy.types.Operator):  # noqa: N801
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         is_idle = not VIRTUAL_APERTURE_OT_pick_subject._running
-        message = "A subject is being picked: draw a stroke over the camera's picture"
+        message = "A subject is being picked; draw a stroke in the camera view"
         return is_met(cls, is_idle, message) and may_change(cls, context) and has_solve(cls, context)
 
     @reported
@@ -89,9 +93,9 @@ class VIRTUAL_APERTURE_OT_pick_subject(bpy.types.Operator):  # noqa: N801
         except ValueError:
             places = ()
         if not places:
-            raise UserError(f"the stroke {self.places!r} is not understood; give places such as {EXAMPLE}")
+            raise UserError(f"the stroke {self.places!r} is not valid; write places such as {EXAMPLE}")
         if frame not in reconstruction_of(settings).frames:
-            raise UserError(f"frame {frame} has no camera of its own; draw the stroke in another frame")
+            raise UserError(f"frame {frame} was not solved; draw the stroke in another frame")
         name, strokes = self._subject(settings)
         made = with_stroke(strokes, Stroke(frame, places, not self.take_away), self.extend)
         self._check(made)
@@ -109,7 +113,7 @@ class VIRTUAL_APERTURE_OT_pick_subject(bpy.types.Operator):  # noqa: N801
 
     def _check(self, strokes: tuple[Stroke, ...]) -> None:
         if not any(stroke.adds for stroke in strokes):
-            raise UserError("nothing is marked that a stroke could take away from; mark the subject first")
+            raise UserError("there is nothing to take away from yet; mark the subject first")
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> Result:
         return self.execute(context) if bpy.app.background else self._begin(context)
@@ -177,11 +181,11 @@ class VIRTUAL_APERTURE_OT_pick_subject(bpy.types.Operator):  # noqa: N801
         at = self._view.place(self._scene, event)
         frame = self._scene.frame_current
         if not self._view.is_through_camera() or at is None:
-            self._say("Draw over the camera's picture: Numpad 0 looks through the camera")
+            self._say("Draw in the camera view (Numpad 0 looks through the camera)")
         elif frame not in self._context.reconstruction.frames:
-            self._say(f"Frame {frame} has no camera of its own; draw in another frame")
+            self._say(f"Frame {frame} was not solved; draw in another frame")
         elif event.ctrl and not any(stroke.adds for stroke in self._steps[-1]):
-            self._say("Nothing is marked yet that a stroke could take away from")
+            self._say("There is nothing to take away from yet")
         else:
             self._is_drawing, self._extends = True, event.shift
             self._overlay.line, self._overlay.takes = [at], event.ctrl

@@ -36,13 +36,13 @@ class CameraView:
         camera; UserError where that cannot be."""
         areas = [area for area in context.screen.areas if area.type == "VIEW_3D"]
         if not areas:
-            raise UserError("no 3D viewport is open to pick in; open one")
+            raise UserError("there is no 3D viewport to pick in; open one")
         area = (
             context.area if context.area in areas else max(areas, key=lambda each: each.width * each.height)
         )
         camera, space = context.scene.virtual_aperture.camera, area.spaces.active
         if camera is None or camera.name not in context.scene.objects:
-            raise UserError("the clip's camera is not in the scene any more; solve the clip again")
+            raise UserError("the clip's camera is no longer in the scene; solve the clip again")
         looked = space.camera if space.use_local_camera else context.scene.camera
         if looked != camera:
             raise UserError(

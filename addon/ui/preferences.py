@@ -29,14 +29,15 @@ class VIRTUAL_APERTURE_preferences(bpy.types.AddonPreferences):  # noqa: N801
 
     cache_folder: bpy.props.StringProperty(
         name="Cache Folder",
-        description="Where solves and depth of clips are kept for which no working folder is set. Empty:"
-        " beside the .blend, or beside the clip while that is not saved. What was solved there stays in use",
+        description="Folder for solves and depth of clips without a working folder. Leave empty to keep"
+        " them next to the .blend, or next to the clip until the .blend is saved. Existing solves stay in"
+        " use",
         subtype="DIR_PATH",
     )
     kept_depth: bpy.props.FloatProperty(
         name="Kept Depth (GB)",
-        description="Most that the kept depth of one clip takes on the disk; what was not used for longest"
-        " goes for it",
+        description="Maximum disk space for the kept depth of one clip. Depth that was not used for longest"
+        " is deleted first",
         min=0.1,
         soft_max=100.0,
         default=limits.MOST_KEPT_DEPTH / preferences.GB,
@@ -46,8 +47,8 @@ class VIRTUAL_APERTURE_preferences(bpy.types.AddonPreferences):  # noqa: N801
     )
     threads: bpy.props.IntProperty(
         name="Threads",
-        description="How many threads solves, depth and renders use; 0 is as many as there are processors."
-        " Blender's own renders have their setting in the scene",
+        description="Number of threads for solving, finding depth and rendering; 0 uses all processors."
+        " Blender's own renders follow the scene's setting",
         min=0,
         soft_max=64,
         default=0,
@@ -63,7 +64,7 @@ class VIRTUAL_APERTURE_preferences(bpy.types.AddonPreferences):  # noqa: N801
 
 
 class VIRTUAL_APERTURE_OT_delete_depth(bpy.types.Operator):  # noqa: N801
-    """Delete the depth that is kept for the clip; a render finds what it needs again. Cannot be undone"""
+    """Delete the kept depth of this clip. Renders find what they need again. This cannot be undone"""
 
     bl_idname = "virtual_aperture.delete_depth"
     bl_label = "Delete Kept Depth"
@@ -77,7 +78,8 @@ class VIRTUAL_APERTURE_OT_delete_depth(bpy.types.Operator):  # noqa: N801
         folder = depth_folder(context.scene.virtual_aperture)
         answer: Result = context.window_manager.invoke_confirm(
             self, event, title="Delete kept depth?",
-            message=f"{size_words(kept_size(folder))} in {folder}; finding it again takes as long as before",
+            message=f"{size_words(kept_size(folder))} in {folder}; finding it again takes as long as the"
+            " first time",
             confirm_text="Delete",
         )  # fmt: skip
         return answer
@@ -92,7 +94,7 @@ class VIRTUAL_APERTURE_OT_delete_depth(bpy.types.Operator):  # noqa: N801
         except OSError as error:
             raise UserError(f"the depth in {folder} cannot be deleted: {error.strerror}") from None
         _sizes.clear()
-        self.report({"INFO"}, f"{size_words(freed)} of kept depth are deleted")
+        self.report({"INFO"}, f"{size_words(freed)} of kept depth deleted")
         return {"FINISHED"}
 
 

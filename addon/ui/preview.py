@@ -13,7 +13,7 @@ from .operators import NO_CAMERA, Result, has_solve, is_met
 
 
 class VIRTUAL_APERTURE_OT_preview(bpy.types.Operator):  # noqa: N801
-    """Show the frame with depth of field in this viewport, and at once what you change"""
+    """Show the frame with depth of field in this viewport, updated as you change settings"""
 
     bl_idname = "virtual_aperture.preview"
     bl_label = "Preview"

@@ -58,7 +58,7 @@ class VIRTUAL_APERTURE_OT_render_frame(_Render, bpy.types.Operator):  # noqa: N8
 
 
 class VIRTUAL_APERTURE_OT_render_clip(_Render, bpy.types.Operator):  # noqa: N801
-    """Render all frames of the scene's range with depth of field, to the scene's output"""
+    """Render the scene's frame range with depth of field to the scene's output"""
 
     bl_idname = "virtual_aperture.render_clip"
     bl_label = "Render Clip"

@@ -14,7 +14,7 @@ from .operators import Result, build_scene, is_kept, is_met, may_change, reporte
 
 
 class VIRTUAL_APERTURE_OT_restore_objects(bpy.types.Operator):  # noqa: N801
-    """Bring back the camera, the points and the other objects of the solve that are not in the scene"""
+    """Bring back the camera, the points and other objects of the solve that were deleted"""
 
     bl_idname = "virtual_aperture.restore_objects"
     bl_label = "Restore Objects"
@@ -22,7 +22,7 @@ class VIRTUAL_APERTURE_OT_restore_objects(bpy.types.Operator):  # noqa: N801
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        message = "No object of the solve is missing"
+        message = "No objects of the solve are missing"
         return may_change(cls, context) and is_met(cls, parts.missing(context.scene), message)
 
     @reported
@@ -35,9 +35,9 @@ class VIRTUAL_APERTURE_OT_restore_objects(bpy.types.Operator):  # noqa: N801
             # The reconstruction went with the points' mesh.
             clip = footage_path(settings)
             build_scene(scene, open_footage(clip), work_dir(settings, clip))
-            self.report({"WARNING"}, "The solve was loaded anew; set the focus again")
+            self.report({"WARNING"}, "The solve was loaded again; set the focus again")
         else:
-            raise UserError("the point cloud is gone, and the solve with it; solve the clip again")
+            raise UserError("the point cloud was deleted, and the solve with it; solve the clip again")
         self.report({"INFO"}, f"Restored: {words}")
         return {"FINISHED"}
 

@@ -12,8 +12,8 @@ from .operators import Result, has_points, reported
 
 
 class VIRTUAL_APERTURE_OT_set_scale(bpy.types.Operator):  # noqa: N801
-    """Tell how far two selected vertices of the point cloud are from each other, so that the f-stop and
-    lengths in metres are known"""
+    """Set the real distance between two selected vertices of the point cloud, to get f-stops and lengths in
+    metres"""
 
     bl_idname = "virtual_aperture.set_scale"
     bl_label = "Set Scale from Two Vertices"
@@ -21,7 +21,7 @@ class VIRTUAL_APERTURE_OT_set_scale(bpy.types.Operator):  # noqa: N801
 
     metres: bpy.props.FloatProperty(
         name="Distance in Metres",
-        description="Between the two vertices, as measured where the clip was shot",
+        description="Distance between the two vertices, as measured on location",
         default=1.0,
         min=1e-6,
         soft_min=0.01,
@@ -53,7 +53,7 @@ class VIRTUAL_APERTURE_OT_set_scale(bpy.types.Operator):  # noqa: N801
         # In Edit Mode only the mesh can be undone.
         bpy.ops.object.mode_set(mode="OBJECT")
         settings.metres_per_unit = self.metres / length
-        self.report({"INFO"}, f"A unit of the scene is {settings.metres_per_unit:.4g} m")
+        self.report({"INFO"}, f"One scene unit is {settings.metres_per_unit:.4g} m")
         return {"FINISHED"}
 
 
@@ -62,7 +62,7 @@ def distance_of_selected(settings: bpy.types.PropertyGroup) -> float:
     ids = selected_points(settings.points)
     if len(ids) != 2:
         are = "vertex is" if len(ids) == 1 else "vertices are"
-        raise UserError(f"{len(ids)} {are} selected; select two whose distance is known")
+        raise UserError(f"{len(ids)} {are} selected; select two a known distance apart")
     one, other = reconstruction_of(settings).points.xyz[ids]
     length = float(np.linalg.norm(one - other))
     if not length > 0:

@@ -43,7 +43,7 @@ class OfActive:
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         subject = subjects.active(context.scene.virtual_aperture)
-        message = "No subject is marked: Pick Subject marks one"
+        message = "No subject is marked; Pick Subject marks one"
         return may_change(cls, context) and has_solve(cls, context) and is_met(cls, subject, message)
 
 
@@ -67,15 +67,16 @@ class WorksOnActive(OfActive, WorksMeanwhile):
 
 
 class VIRTUAL_APERTURE_OT_focus_subject(WorksOnActive, bpy.types.Operator):  # noqa: N801
-    """Put the active subject in focus at the current frame, all of it: focus follows it as it moves"""
+    """Focus on the whole active subject at the current frame, and follow it as it moves"""
 
     bl_idname = "virtual_aperture.focus_subject"
     bl_label = "Focus on Subject"
-    doing = "Finding how far the subject is in all frames"
+    doing = "Finding the subject's distance in all frames"
 
     add: bpy.props.BoolProperty(
         name="Add Mark",
-        description="Add a focus mark at the current frame, where there is only one: focus is pulled to it",
+        description="Add a second focus mark at the current frame instead of replacing the first, so that"
+        " focus is pulled to it",
         options={"SKIP_SAVE"},
     )
 
@@ -87,11 +88,11 @@ class VIRTUAL_APERTURE_OT_focus_subject(WorksOnActive, bpy.types.Operator):  # n
 
 
 class VIRTUAL_APERTURE_OT_carry_subject(WorksOnActive, bpy.types.Operator):  # noqa: N801
-    """Find the active subject in all frames now, and list those in which another stroke would help"""
+    """Find the active subject in all frames now, and list the frames where another stroke would help"""
 
     bl_idname = "virtual_aperture.carry_subject"
-    bl_label = "Carry Through Clip"
-    doing = "Carrying the subject through the clip"
+    bl_label = "Track Through Clip"
+    doing = "Tracking the subject through the clip"
 
     def work_on(self, clip: ClipContext) -> Callable[[], list[int]]:
         return partial(unsure_frames, clip, self._name)
@@ -100,12 +101,12 @@ class VIRTUAL_APERTURE_OT_carry_subject(WorksOnActive, bpy.types.Operator):  # n
         items = scene.virtual_aperture.subjects.items
         subject = next((each for each in items if each.name == self._name), None)
         if subject is None:
-            raise UserError(f"no subject has the name {self._name!r} any more")
+            raise UserError(f"there is no subject {self._name!r} any longer")
         subject.unsure = " ".join(map(str, found))
         redraw.panels()
         if not found:
-            return f"{self._name} is carried through all frames"
-        return f"{self._name} is unsure in {counted(len(found), 'frame')}: a stroke there helps"
+            return f"{self._name} is tracked through all frames"
+        return f"{self._name} is uncertain in {counted(len(found), 'frame')}; a stroke there helps"
 
 
 def unsure_frames(clip: ClipContext, name: str) -> list[int]:
@@ -124,7 +125,7 @@ def unsure_frames(clip: ClipContext, name: str) -> list[int]:
 
 
 class VIRTUAL_APERTURE_OT_remove_subject(OfActive, bpy.types.Operator):  # noqa: N801
-    """Remove the active subject and its strokes; a focus mark on it stays"""
+    """Remove the active subject and its strokes. Focus marks on it stay"""
 
     bl_idname = "virtual_aperture.remove_subject"
     bl_label = "Remove Subject"
@@ -135,7 +136,7 @@ class VIRTUAL_APERTURE_OT_remove_subject(OfActive, bpy.types.Operator):  # noqa:
         assert subject is not None  # `poll` asks for it.
         name = subject.name
         subjects.remove(settings, settings.subjects.active)
-        self.report({"INFO"}, f"{name} is no subject any more")
+        self.report({"INFO"}, f"Removed the subject {name}")
         return {"FINISHED"}
 
 
@@ -159,7 +160,7 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     subject = subjects.active(settings)
     if subject is not None and (unsure := [int(frame) for frame in subject.unsure.split()]):
         line = layout.row(align=True)
-        line.label(text=f"Unsure in {counted(len(unsure), 'frame')}", icon="QUESTION")
+        line.label(text=f"Uncertain in {counted(len(unsure), 'frame')}", icon="QUESTION")
         jump = line.operator(VIRTUAL_APERTURE_OT_jump_to_frame.bl_idname, text="", icon="FRAME_NEXT")
         jump.frame = next_of(unsure, context.scene.frame_current)
 

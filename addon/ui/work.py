@@ -104,7 +104,7 @@ class WorksMeanwhile:
     def modal(self: Any, context: bpy.types.Context, event: bpy.types.Event) -> Result:
         if event.type == "ESC" and event.value == "PRESS":
             self._end(context)
-            self.report({"WARNING"}, f"{self.bl_label} was cancelled; the scene is as it was")
+            self.report({"WARNING"}, f"{self.bl_label} cancelled; nothing was changed")
             return {"CANCELLED"}
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
@@ -115,7 +115,7 @@ class WorksMeanwhile:
         try:
             scene = bpy.data.scenes.get(self._scene)
             if scene is None:
-                raise UserError(f"the scene {self._scene!r} is gone")
+                raise UserError(f"the scene {self._scene!r} no longer exists")
             self.report({"INFO"}, self.finish(scene, self._work.result()))
         except UserError as error:
             self.report({"ERROR"}, error.worded(WORDS))

@@ -35,7 +35,7 @@ def main() -> None:
             report = {} if message else load_solve(work).report
             advice = "" if message else load_solve(work).quality.advice
         evidence = report.get("depth_evidence") or {}
-        rows[name] = {"outcome": message or f"solved; advice: {advice}", **evidence}
+        rows[name] = {"outcome": message or f"solved; advice: {advice or 'none'}", **evidence}
         print(name, rows[name], flush=True)
         STORED.write_text(json.dumps(rows, indent=1, sort_keys=True) + "\n")
     (RESULTS / "real_margins.md").write_text(table(rows))

@@ -14,7 +14,7 @@ def pan(one: Try) -> None:
         distortion=dice.choice([0, 0.03, 0.08]), readout=dice.choice([0, 0.5]),
     )  # fmt: skip
     run = one.run("solve", pictures, "--work", work)
-    if run.status == 0 and "advice: none needed" in run.said:
+    if run.status == 0 and "advice:" not in run.said:
         one.verdict.add("wrong", "a pan was solved with confidence")
     elif run.status == 0:
         one.verdict.note = f"solved, and: {run.said[-200:]}"

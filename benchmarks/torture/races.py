@@ -137,7 +137,7 @@ def another_container(one: Try) -> None:
     for name, process in (("solve", solving), ("render", rendering)):
         run = one.end(process)
         # A frame of the other lens may be there first, which is refused.
-        if run.status and "was replaced meanwhile" not in run.said and "other settings" not in run.said:
+        if run.status and "was replaced in the meantime" not in run.said and "other settings" not in run.said:
             one.verdict.add("lost", f"the {name} was disturbed: {run.said[-300:]}")
     expected, there = contents(one.bench.walk_work / "model"), contents(work / "model")
     if there != expected:

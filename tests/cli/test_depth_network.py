@@ -58,7 +58,7 @@ def test_it_is_rendered_as_its_maps_in_files_are(tmp_path: Path, registered: Non
     again = ("render", work, *lens, "--depth", file, "--out", tmp_path / "made" / "####.png")
     assert "1 frame there already" in done(*again)
     file.write_bytes(seeing(0, 2.0))
-    assert "was made from something else" in here(*again).stderr
+    assert "was made from other inputs" in here(*again).stderr
     # Green is no depth.
     file.write_bytes(seeing(1))
     assert "(network.onnx) does not fit the clip" in here(*again).stderr

@@ -70,8 +70,8 @@ def test_a_pulled_frame_is_the_one_at_its_distance(work: Path, tmp_path: Path) -
 @pytest.mark.parametrize(
     ("marks", "said"),
     [
-        (("0.2,0.5@2", "0.8,0.4"), "focus at 0.8,0.4 has no frame; a pull takes X,Y@FRAME"),
-        (("0.2,0.5@2", "0.8,0.5@2"), "two places are to be in focus at frame 2"),
+        (("0.2,0.5@2", "0.8,0.4"), "focus at 0.8,0.4 has no frame; a focus pull needs X,Y@FRAME"),
+        (("0.2,0.5@2", "0.8,0.5@2"), "two focus marks are at frame 2"),
         (("0.2,0.5@2", "0.8,1.5@4"), "0.8,1.5 is outside the picture"),
         (("0.2,0.5@2", "0.8,0.5@40"), "frame 40 has no camera to pick a focus in"),
     ],

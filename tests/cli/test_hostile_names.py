@@ -31,7 +31,7 @@ def test_no_report_replaces_a_solve_or_a_job(
     before = report.read_bytes()
     words = (*LENS_OPTIONS, "--out", tmp_path / "o" / "####.png", "--report", report, "--overwrite")
     assert run("render", work, *words) == 1
-    assert "which no report may replace; name another file" in capsys.readouterr().err
+    assert "which a report must not replace; choose another file" in capsys.readouterr().err
     assert report.read_bytes() == before and not (tmp_path / "o").exists()
     assert load_solve(work).frames == (1, 2, 3)
 
@@ -44,11 +44,11 @@ def test_no_report_replaces_a_damaged_solve(
     (work / "solve.json").write_text("{")
     words = ("--out", tmp_path / "o" / "####.png", "--report", work / "solve.json", "--overwrite")
     assert run("render", work, *LENS_OPTIONS, *words) == 1
-    assert "which no report may replace" in capsys.readouterr().err
+    assert "which a report must not replace" in capsys.readouterr().err
     # Nor one that is to be made first.
     shutil.rmtree(work)
     assert run("run", tmp_path / "clip.mp4", "--work", work, *LENS_OPTIONS, *words) == 1
-    assert "is where the solve will be kept; name another file" in capsys.readouterr().err
+    assert "is where the solve will be kept; choose another file" in capsys.readouterr().err
     assert not work.exists()
 
 
@@ -61,7 +61,7 @@ def test_a_blend_among_its_clips_own_pictures(
     blend = clip / "a.blend"
     assert run("save", work, *LENS_OPTIONS, "--blend", blend, "--pack") == 0
     said = capsys.readouterr().out
-    assert f"send it together with {', '.join(pictures)} beside it" in said
+    assert f"send it together with {', '.join(pictures)} next to it" in said
     assert sorted(path.name for path in clip.iterdir()) == ["a.blend", "a.zip", *pictures]
     with zipfile.ZipFile(clip / "a.zip") as archive:
         archive.extractall(tmp_path / "sent")

@@ -64,7 +64,7 @@ def test_a_file_of_reports_goes_on(tmp_path: Path) -> None:
 def test_another_file_is_left_alone(tmp_path: Path) -> None:
     for name, text in (("mine.json", '{"frames": []}'), ("list.json", "[]"), ("text.json", "not JSON")):
         (tmp_path / name).write_text(text)
-        with pytest.raises(UserError, match="holds something else"):
+        with pytest.raises(UserError, match="is not a report"):
             check_report(tmp_path / name, False)
         check_report(tmp_path / name, True)
     with pytest.raises(UserError, match=r"end it in \.json"):
@@ -132,7 +132,7 @@ def test_a_sequence_and_its_report_go_on_together(work: Path, tmp_path: Path) ->
     assert "1 frame drawn by layers: its depth is sure enough" in plain and "pixels:" not in plain
     said = done(*render, "--frames", "4-5", "--report", report)
     assert "1 frame drawn by layers: its depth is sure enough; pixels: " in said
-    assert "no report of frames that were there already: 4" in said
+    assert "no report for existing frames: 4" in said
     assert "2 frames drawn by layers" in done(*render, "--frames", "5-6", "--report", report)
     held = [FrameReport(**entry) for entry in json.loads(report.read_text())["frames"]]
     assert [one_.frame for one_ in held] == [5, 6]

@@ -107,5 +107,8 @@ def test_what_moves_by_jumps_is_told(
         np.savez(path, **parts)
     monkeypatch.setattr(depth, "FEWEST_JUMPS", 2)
     assert run("depth", work) == 0
-    said = "what moves is unsure in 2 frames (2-3), where it jumps: mark it by a stroke (--subject X,Y)"
+    said = (
+        "moving subjects are uncertain in 2 frames (2-3), where they jump; mark them with a stroke"
+        " (--subject X,Y)"
+    )
     assert said in capsys.readouterr().out

@@ -35,7 +35,7 @@ def test_a_blur_too_large_for_layers_says_so_before(
     lens = ("--focus-distance", 12, "--aperture-radius", 3, "--frames", 2)
     assert run("render", work, *lens, "--out", tmp_path / "o" / "####.png") == 0
     said = capfd.readouterr().out
-    assert "too large for layers in 1 frame (2), drawn by features" in said
+    assert "too large for layers in 1 frame (2), which are drawn with features" in said
     assert said.index("too large") < said.index("frame 2: 1 of 1")
 
 
@@ -66,7 +66,7 @@ def test_a_target_psnr_takes_the_place_of_the_number_of_views(
     assert frame["views"] >= 4
     # Another PSNR is another picture.
     assert run_command([*words[:-1], "50"]) == 1
-    assert "made from something else" in capsys.readouterr().err
+    assert "made from other inputs" in capsys.readouterr().err
 
 
 def test_a_quality_says_how_many_views_there_are_and_goes_to_other_processes(
@@ -85,7 +85,7 @@ def test_a_quality_says_how_many_views_there_are_and_goes_to_other_processes(
     assert counts["draft"] < counts["normal"] < counts["final"]
     command = ["render", str(work), *lens, "--out", str(tmp_path / "draft" / "####.png")]
     assert run_command(command) == 1
-    assert "made from something else" in capsys.readouterr().err
+    assert "made from other inputs" in capsys.readouterr().err
     assert run_command([*command, "--quality", "draft"]) == 0
 
 
@@ -104,7 +104,7 @@ def test_discs_before_and_behind_are_said(
     before, after = (
         f"{160 * side:.1f} px ({100 * side:.1f} % of the width)" for side in (radius * front, radius * behind)
     )
-    assert f"at frame 2: {before} before the focus, {after} behind it" in said
+    assert f"at frame 2: {before} in front of the focus, {after} behind it" in said
     assert "sharp at frame 2:" in said
 
 

@@ -142,7 +142,7 @@ def test_a_report_is_of_what_is_there(solved: Solve, capsys: pytest.CaptureFixtu
     assert found["reprojection_error"] == pytest.approx(solved.reconstruction.points.error.mean(), rel=0.01)
     assert found["explained"] > 0.9
     assert 0.8 < found["coverage"] <= 1
-    assert found["advice"] == "none needed"
+    assert found["advice"] == ""
     assert run("report", solved.work_dir) == 0
     assert "16 of 16 registered" in capsys.readouterr().out
 
@@ -173,7 +173,7 @@ def test_an_import_is_not_taken_for_a_solve(
     for more in ((), ("--frames", "1-8"), ("--focal", "272")):
         assert run("solve", clip, "--work", work, *more) == 1
         said = capsys.readouterr().err
-        assert "holds an import (COLMAP text)" in said
+        assert "holds an imported solve (COLMAP text)" in said
         assert "--again" in said
     assert (work / "solve.json").read_text() == before
     assert run("solve", clip, "--work", work, *PART, "--again") == 0
@@ -220,9 +220,9 @@ def test_nothing_of_the_users_is_overwritten(
         (("--focal", "0"), "focal length is 0 pixels"),
         (("--focal-mm", "0", "--sensor-mm", "36"), "focal length is 0 mm"),
         (("--focal-mm", "35", "--sensor-mm", "-1"), "sensor is -1 mm"),
-        (("--focal-mm", "35"), "without --sensor-mm"),
-        (("--sensor-mm", "36"), "without --focal-mm"),
-        (("--focal", "300", "--sensor-mm", "36"), "without --focal-mm"),
+        (("--focal-mm", "35"), "needs --sensor-mm"),
+        (("--sensor-mm", "36"), "needs --focal-mm"),
+        (("--focal", "300", "--sensor-mm", "36"), "needs --focal-mm"),
     ],
 )
 def test_a_lens_that_cannot_be_is_refused(

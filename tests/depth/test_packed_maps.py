@@ -184,7 +184,7 @@ def test_objects_and_damage_are_refused_by_name(tmp_path: Path, clip: Footage) -
         "objects.npz": "array depths does not begin as an array of numbers",
         "poses.npz": "has no array depths or depth, but data, inds",
         "flat.npz": r"array depths has the shape \(7,\)",
-        "short.npz": "no whole .npz",
+        "short.npz": "not a complete .npz",
         "text.zip": "not a zip file",
         "none.zip": "has no pictures",
         "bad.zip": r"00000\.exr cannot be decoded",

@@ -74,7 +74,7 @@ def test_a_place_amid_points_on_another_surface_is_not_theirs(footage: Path) -> 
     context = Shot(open_footage(footage), poses(CENTRES, xyz)).context
     found = context.places(FRAME).find(*click)
     assert found.distance == pytest.approx(4.0, rel=0.03) and not found.focus.points
-    assert "the points around lie on something else" in found.source
+    assert "the points around it lie on something else" in found.source
 
 
 def test_a_glance_finds_nothing_and_then_tells_the_same_as_a_click(footage: Path, tmp_path: Path) -> None:
@@ -100,7 +100,9 @@ def test_where_nothing_is_known_it_is_refused(tmp_path: Path) -> None:
     footage = open_footage(planes.write_clip(tmp_path / "plain", plain))
     points = features()
     corner = points[(points[:, 2] == 4) & (points[:, 1] < -0.3)]
-    with pytest.raises(UserError, match=r"0\.1,0\.9 of frame 5: its points are 2\d\d px away, .* not sure"):
+    with pytest.raises(
+        UserError, match=r"0\.1,0\.9 frame 5 is unknown: its points are 2\d\d px .* uncertain"
+    ):
         Shot(footage, poses(CENTRES, corner)).context.places(FRAME).find(0.1, 0.9)
 
 

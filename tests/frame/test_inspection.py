@@ -330,7 +330,7 @@ def test_the_report_is_that_of_the_mesh() -> None:
     text = "\n".join(report.words())
     assert f"{triangles:,} triangles" in text and "layers with 24 views: its depth is sure enough" in text
     given = frame_report(replace(warped, depth=replace(warped.depth, confidence=None)), shares, 2.5)
-    assert given.why == "its depth is given" and given.sure is None
+    assert given.why == "its depth is known" and given.sure is None
 
 
 def test_the_error_made_is_what_the_mesh_misses() -> None:

@@ -63,7 +63,9 @@ def test_gaps_numbers_and_steps_of_a_sequence_are_kept(tmp_path: Path) -> None:
 def test_a_pattern_leaves_other_clips_of_the_folder_out(tmp_path: Path) -> None:
     for name in ("a_01.png", "a_02.png", "b_01.png"):
         cv2.imwrite(str(tmp_path / name), numbered_picture(1))
-    with pytest.raises(UserError, match=r"a_01.png and b_01.png both are frame 1|b_01.png and a_01.png both"):
+    with pytest.raises(
+        UserError, match=r"a_01.png and b_01.png are both frame 1|b_01.png and a_01.png are both"
+    ):
         open_footage(tmp_path)
     assert open_footage(tmp_path / "a_##.png").frames == (1, 2)
 
@@ -153,7 +155,7 @@ def test_a_truncated_video_names_the_first_missing_frame(tmp_path: Path) -> None
     whole = path.read_bytes()
     # Cut in the middle of the pictures; the header still claims all of them.
     path.write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(UserError, match=r"truncated: frame \d+ of 60|not a video|no frame that can"):
+    with pytest.raises(UserError, match=r"cut off: frame \d+ of 60|not a video|no frame that can"):
         open_footage(path)
 
 
@@ -202,5 +204,5 @@ def test_numbers_are_no_order_of_what_is_said_to_be_stills(tmp_path: Path) -> No
         cv2.imwrite(str(tmp_path / name), numbered_picture(1))
     assert open_footage(tmp_path, stills=True).frames == (1, 2, 3)
     assert not open_footage(tmp_path / "a_##.png").is_stills
-    with pytest.raises(UserError, match="no folder of photos"):
+    with pytest.raises(UserError, match="not a folder of photos"):
         open_footage(write_video(tmp_path / "a.avi", 3), stills=True)

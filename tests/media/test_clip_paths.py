@@ -59,7 +59,7 @@ def test_another_clip_is_not_rendered_with_this_solve(scene: bpy.types.Scene, tm
     shot_of(scene)
     settings.footage = str(other)
     said = (
-        "the scene's solve is of desk.mp4, the clip chosen is other.mp4; solve it, or choose desk.mp4 again"
+        "the solve belongs to desk.mp4, but the chosen clip is other.mp4; solve it, or choose desk.mp4 again"
     )
     with pytest.raises(UserError, match=said):
         shot_of(scene)
@@ -70,7 +70,7 @@ def test_another_clip_is_not_rendered_with_this_solve(scene: bpy.types.Scene, tm
     # Other pictures under the same name.
     shutil.copy(other, desk)
     os.utime(desk, ns=(1, 1))
-    with pytest.raises(UserError, match=r"desk.mp4 is another one than the desk\.mp4 that was solved"):
+    with pytest.raises(UserError, match=r"desk.mp4 is not the desk\.mp4 that was solved"):
         shot_of(scene)
     # What older versions built does not know its clip.
     settings.clip_identity = ""
@@ -87,7 +87,7 @@ def test_the_same_clip_by_another_path_is_the_same_clip(scene: bpy.types.Scene, 
     settings.footage = str(frames / "clip_####.png")
     assert shot_of(scene).footage.path == frames / "clip_####.png"
     write_frames(frames, LENS, (4,))
-    with pytest.raises(UserError, match=r"solve is of frames, the clip chosen is clip_####\.png"):
+    with pytest.raises(UserError, match=r"solve belongs to frames, but the chosen clip is clip_####\.png"):
         shot_of(scene)
 
 
@@ -206,7 +206,7 @@ def test_a_moved_project_renders_the_same_picture(scene: bpy.types.Scene, tmp_pa
     write_video(moved / "footage" / "day1" / "desk.mp4", 1)
     after, said = rendered(moved / "x.blend", tmp_path / "gone.png")
     assert after is None
-    assert f"the clip desk.mp4 is not in {moved}, nor beside the .blend or below it" in said
+    assert f"the clip desk.mp4 is missing from {moved}, and is not next to the .blend or below it" in said
 
 
 def test_a_clip_is_found_where_its_working_folder_says(scene: bpy.types.Scene, tmp_path: Path) -> None:

@@ -153,9 +153,9 @@ def test_nothing_is_written_over_its_source(
         ("inspect", work, "--frame", 1, "--out", frames),
     ):
         assert run(*command, *LENS_OPTIONS, "--overwrite") == 1, command
-        assert "is a source that the frames are made from" in capsys.readouterr().err
+        assert "is one of the files the frames are made from" in capsys.readouterr().err
     assert run("render", work, "--out", tmp_path / "x.mp4", *LENS_OPTIONS, "--overwrite") == 1
-    assert "clip_0001.png is not of a run that makes x.mp4" in capsys.readouterr().err
+    assert "clip_0001.png does not come from a run that makes x.mp4" in capsys.readouterr().err
     assert before == {folder: listed(folder) for folder in (frames, masks, depth)} | {film: film.read_bytes()}
     # A movie beside the pictures is none of them.
     output.check_apart([frames / "o.mp4", frames / "o.mp4.frames"], [frames, masks])
@@ -172,7 +172,7 @@ def test_pictures_of_absurd_shapes_end_in_a_line(
         cv2.imwrite(str(folder / f"a_{frame}.png"), noise[:, 3 * frame : 3 * frame + size[0]])
     assert run_command(["solve", str(folder), "--work", str(tmp_path / "work")]) == 1
     said = capsys.readouterr().err
-    assert f"is {size[0]}x{size[1]} pixels; features cannot be followed" in said
+    assert f"is {size[0]}x{size[1]} pixels; features can only be followed" in said
     assert len(said.splitlines()) == 1 and not (tmp_path / "work").exists()
 
 
@@ -182,7 +182,7 @@ def test_pictures_that_blender_cannot_render_are_refused(
 ) -> None:
     camera = Intrinsics(*size, 100.0, 100.0, size[0] / 2, size[1] / 2)
     footage = open_footage(write_frames(tmp_path / "clip", camera))
-    with pytest.raises(UserError, match="Blender renders no picture with a side of fewer than 4"):
+    with pytest.raises(UserError, match="Blender cannot render images smaller than 4 pixels"):
         build(scene, footage, slanted_plane(camera))
 
 

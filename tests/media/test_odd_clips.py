@@ -42,7 +42,7 @@ def test_a_clip_of_varying_rate_is_whole_and_has_its_own_times(tmp_path: Path) -
         assert np.allclose(footage.video.seconds, [float(time) for time in times], atol=0.002)
         assert footage.fps == pytest.approx((len(times) - 1) / float(times[-1]), rel=1e-3)
         assert not footage.video.missing and not footage.video.damaged
-        assert any("frame rate varies" in note for note in footage.notes)
+        assert any("variable frame rate" in note for note in footage.notes)
 
 
 def test_empty_packets_of_an_avi_are_no_lost_frames(tmp_path: Path) -> None:
@@ -83,7 +83,7 @@ def test_a_clip_that_is_cut_off_is_refused(tmp_path: Path) -> None:
     for name, codec in (("a.mkv", "libx264"), ("a.avi", "mpeg4")):
         path = write(tmp_path / name, steady(100), codec)
         path.write_bytes(path.read_bytes()[: packets(path)[60][0]])
-        with pytest.raises(UserError, match=r"truncated: frame \d+ of 100 cannot be decoded"):
+        with pytest.raises(UserError, match=r"cut off: frame \d+ of 100 cannot be decoded"):
             open_footage(path)
 
 
@@ -127,7 +127,7 @@ def test_frames_that_are_lost_between_others_are_told(tmp_path: Path) -> None:
         part = [time for number, time in enumerate(times, 1) if number not in (20, 31)]
         footage = open_footage(write(tmp_path / name, part, codec, g="1"))
         assert len(footage.frames) == 48
-        assert any("after frames 19, 29 of the clip the next comes late" in note for note in footage.notes)
+        assert any("after frames 19, 29 of the clip there is a gap" in note for note in footage.notes)
         assert not open_footage(write(tmp_path / f"whole_{name}", times, codec, g="1")).notes
 
 
@@ -185,7 +185,7 @@ def test_a_list_that_leads_to_other_files_is_refused(tmp_path: Path, kind: str, 
     write(tmp_path / "clip.ts", steady(5))
     path = tmp_path / f"list.{kind if suffix == 'own' else suffix}"
     path.write_text(LISTS[kind])
-    with pytest.raises(UserError, match="leads to other files, not a video; give the video itself"):
+    with pytest.raises(UserError, match="is a playlist, not a video; choose the video itself"):
         open_footage(path)
 
 

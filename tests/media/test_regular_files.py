@@ -108,7 +108,7 @@ def test_what_is_no_file_tells_nothing(tmp_path: Path, make: Callable[[Path], Pa
         frame_files.key_of(path)
     with pytest.raises(UserError, match="is not a file"):
         Text(path)
-    with pytest.raises(UserError, match="no file, or not there"):
+    with pytest.raises(UserError, match="not a file, or is missing"):
         copy_file(path, tmp_path / "copy.mp4")
     lock = FolderLock(tmp_path)
     (tmp_path / ".solving.lock").unlink()
@@ -143,7 +143,7 @@ def test_a_pipe_among_the_frames_is_named(tmp_path: Path, capsys: pytest.Capture
 def test_reports_go_into_files(tmp_path: Path) -> None:
     for path in (pipe(tmp_path / "a.json"), device(tmp_path / "b.json")):
         for overwrite in (False, True):
-            with pytest.raises(UserError, match="is no file; name another file"):
+            with pytest.raises(UserError, match="is not a file; choose another file"):
                 run_report.check_report(path, overwrite)
 
 
@@ -267,7 +267,7 @@ def test_an_array_is_as_large_as_it_says(tmp_path: Path) -> None:
     for name, array in np.load(path).items():
         np.testing.assert_array_equal(found[name], array)
     for most, names in ((10, ("x",)), (1000, ("x", "q"))):
-        with pytest.raises(ValueError, match=r"unpacks to more|is no file of"):
+        with pytest.raises(ValueError, match=r"unpacks to more|is not a file of"):
             npz.read_arrays(path, names, most - npz.HEADER if most == 10 else most)
     for shape in ("(9999999999,)", "(-1,)", "(1, 1)", "(" * 5000, "x", "()"):
         data = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}".encode()
@@ -303,5 +303,5 @@ def test_kept_depth_of_another_size_than_the_frame_is_not_decoded(
 def test_a_model_that_is_a_pipe_is_refused(work: Path, tmp_path: Path) -> None:
     for name in ("a.nvm", "bundle.out", "a.txt"):
         path = pipe(tmp_path / "models" / name)
-        with pytest.raises(UserError, match=r"is not a file|no model of a known format"):
+        with pytest.raises(UserError, match=r"is not a file|not a model in a known format"):
             read_reconstruction(path, open_footage(tmp_path / "clip.mp4"))

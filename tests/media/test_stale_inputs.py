@@ -67,9 +67,9 @@ def test_an_exchanged_clip_is_refused_by_every_command(
     ):
         assert run(*command) == 1
         said = capsys.readouterr().err
-        assert f"the clip {clip} is not the one that was solved" in said and "--again" in said
+        assert f"the clip {clip} is not the one solved in" in said and "--again" in said
     assert sorted(p.name for p in tmp_path.iterdir()) == sorted([clip.name, "work"])
-    with pytest.raises(UserError, match="is not the clip any more that was solved") as raised:
+    with pytest.raises(UserError, match="is no longer the clip that was solved") as raised:
         is_solved(work, open_footage(clip), {})
     assert Remedy.AGAIN in raised.value.remedies
     check_replaceable(work, open_footage(clip))
@@ -87,7 +87,7 @@ def test_the_projects_own_copy_wins_if_it_is_the_one(tmp_path: Path) -> None:
     third = Path(shutil.copy(first / "clip.mp4", tmp_path / "third.mp4"))
     assert load_solve(second / "work", third).footage == third
     (first / "clip.mp4").unlink()
-    with pytest.raises(UserError, match=r"second/clip\.mp4 is not the one that was solved"):
+    with pytest.raises(UserError, match=r"second/clip\.mp4 is not the one solved in"):
         load_solve(second / "work")
 
 
@@ -228,7 +228,7 @@ def test_a_copy_that_differs_in_the_middle_is_not_taken_for_the_original(
     other = tmp_path / "folder" / clip.name
     copy_file(clip, other)
     spoil(other, 150_000)
-    with pytest.raises(UserError, match="exists and is another file than"):
+    with pytest.raises(UserError, match="already exists and differs from"):
         copy_file(clip, other)
 
 
@@ -236,8 +236,8 @@ def test_a_copy_that_differs_in_the_middle_is_not_taken_for_the_original(
     ("text", "said"),
     [
         ("", "is damaged .it is empty"),
-        ("{", "is damaged .it is no JSON"),
-        ("[" * 100_000, "is damaged .it is no JSON"),
+        ("{", "is damaged .it is not JSON"),
+        ("[" * 100_000, "is damaged .it is not JSON"),
         ('{"version": 1}', "is damaged .it lacks footage"),
         ('{"version": "1"}', "is damaged .it lacks a version"),
         ('{"version": 99}', "made with a newer Virtual Aperture"),
@@ -291,11 +291,11 @@ def test_an_altered_model_is_told(tmp_path: Path) -> None:
     words[5] = repr(float(words[5]) + 0.5)
     lines[2] = " ".join(words)
     images.write_text("\n".join(lines) + "\n")
-    with pytest.raises(UserError, match=r"images\.txt is not what the solve wrote") as raised:
+    with pytest.raises(UserError, match=r"images\.txt was changed or damaged after the solve") as raised:
         load_solve(work)
     assert raised.value.remedies == (Remedy.AGAIN,)
     images.unlink()
-    with pytest.raises(UserError, match=r"images\.txt is gone"):
+    with pytest.raises(UserError, match=r"images\.txt is missing"):
         load_solve(work)
     # It may be imported, elsewhere.
     write_model(work / "model", slanted_plane(LENS))
@@ -309,7 +309,7 @@ def test_a_clip_that_changes_while_it_is_solved_is_not_kept(tmp_path: Path) -> N
     with (clip / "shot_0012.png").open("ab") as file:
         file.write(b"\0")
     try:
-        with pytest.raises(UserError, match="was changed while it was being solved"):
+        with pytest.raises(UserError, match="changed while it was being solved"):
             process.wait()
     finally:
         process.cancel()
@@ -391,7 +391,7 @@ def test_two_clips_do_not_share_a_folder_where_no_locks_are_known(
     other = open_footage(video(tmp_path / "two.mp4"))
     (late.folder / "model").mkdir()
     write_model(late.folder / "model", slanted_plane(LENS))
-    with pytest.raises(UserError, match=r"another solve was put into .* meanwhile"):
+    with pytest.raises(UserError, match=r"another solve was written to .* in the meantime"):
         late.keep(other, identity(other.path), {}, {})
     late.discard()
     assert listed(work / "model") == first and load_solve(work).footage == clip
@@ -416,7 +416,7 @@ def test_two_clips_race_into_one_folder(tmp_path: Path) -> None:
     errors = [process.communicate(timeout=120)[1] for process in both]
     assert sorted(process.returncode for process in both) == [0, 1]
     won = 0 if both[0].returncode == 0 else 1
-    assert "is being solved into" in errors[1 - won] or "name another folder" in errors[1 - won]
+    assert "is being solved into" in errors[1 - won] or "choose another folder" in errors[1 - won]
     assert load_solve(tmp_path / "work").footage == clips[won]
 
 
@@ -496,7 +496,7 @@ def test_another_run_with_other_settings_is_told(
     ready.virtual_aperture.blur = 0.03
     # While frame 2 is drawn, the other run replaces one of before, this one, or one of after.
     _Meanwhile(2, lambda: shutil.copy(others.with_name(f"000{taken}.png"), out.parent), monkeypatch)
-    with pytest.raises(UserError, match=rf"frame {taken}: .*000{taken}\.png was replaced meanwhile"):
+    with pytest.raises(UserError, match=rf"frame {taken}: .*000{taken}\.png was replaced in the meantime"):
         rendered(ready, out, overwrite)
     theirs = out.with_name(f"000{taken}.png")
     assert frame_files.key_of(theirs) == frame_files.key_of(others.with_name(f"000{taken}.png"))
@@ -508,7 +508,7 @@ def test_save_takes_no_other_file_for_the_clip(tmp_path: Path, capsys: pytest.Ca
     shutil.copytree(tmp_path, sent, ignore=lambda *_: ["work", "send"])
     exchange(sent / "clip.mp4")
     assert run("save", work, "--blend", sent / "a.blend") == 1
-    assert "exists and is another file than" in capsys.readouterr().err
+    assert "already exists and differs from" in capsys.readouterr().err
     assert [p.name for p in sent.iterdir()] == ["clip.mp4"]
 
 

@@ -86,7 +86,7 @@ def test_points_that_make_no_plane_are_refused() -> None:
     with pytest.raises(UserError, match="takes 3 or more; 2 are picked"):
         lens_of(Focus((0, 1), through_points=True))
     row = np.array([[0, 0, 4.0], [1, 0.5, 5.0], [2, 1.0, 6.0]])
-    with pytest.raises(UserError, match="lie in a line"):
+    with pytest.raises(UserError, match="lie on a line"):
         lens_of(THROUGH, xyz=row)
     edge_on = np.array([[0, 0, 4.0], [1, 0, 5.0], [-1, 0, 7.0]])
     with pytest.raises(UserError, match="camera lies in the plane"):

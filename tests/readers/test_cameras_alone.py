@@ -132,7 +132,7 @@ def test_depth_anything(tmp_path: Path, footage: Footage, known: Reconstruction)
 def test_arrays_of_objects_are_never_unpacked(tmp_path: Path, footage: Footage) -> None:
     path = tmp_path / "evil.npz"
     np.savez(path, cam_c2w=np.array([{"a": 1}], dtype=object), intrinsic=np.eye(3), allow_pickle=True)
-    with pytest.raises(UserError, match="no model of a known format"):
+    with pytest.raises(UserError, match="not a model in a known format"):
         read_reconstruction(path, footage)
 
 

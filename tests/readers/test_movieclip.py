@@ -298,7 +298,7 @@ def test_a_video_counts_from_one(pictures: Path, tmp_path: Path) -> None:
     imported = read_movie_clip(shot.clip, open_footage(pictures))
     assert list(imported.reconstruction.frames) == list(range(FIRST, FIRST + FRAMES))
     assert any("in order" in note for note in imported.notes)
-    with pytest.raises(UserError, match=f"has {FRAMES + 4} frames and the footage .* 6;"):
+    with pytest.raises(UserError, match=f"has {FRAMES + 4} frames and the chosen clip .* 6;"):
         read_movie_clip(shot.clip, open_footage(pictures, FrameRange(5, 10)))
 
 
@@ -306,11 +306,11 @@ def test_what_is_not_in_the_footage_is_left_out_with_a_note(pictures: Path) -> N
     shot = solved(pictures)
     imported = read_movie_clip(shot.clip, open_footage(pictures, FrameRange(7, 30, 2)))
     assert list(imported.reconstruction.frames) == [7, 9, 11, 13]
-    assert "6 solved frames are not in the footage" in imported.notes
-    assert "2 frames of the footage are not solved" in imported.notes
+    assert "6 solved frames are not in the chosen clip" in imported.notes
+    assert "2 frames of the chosen clip are not solved" in imported.notes
     assert all(len(image.points) for image in imported.reconstruction.images)
     assert max(e.max() for e in errors(imported.reconstruction)) < 1e-3
-    with pytest.raises(UserError, match=r"no solved frame .* has frames 15 to 18"):
+    with pytest.raises(UserError, match=r"shares no solved frames .* has frames 15 to 18"):
         read_movie_clip(shot.clip, open_footage(pictures, FrameRange(15, 30)))
 
 
@@ -328,8 +328,8 @@ def test_muted_markers_unplaced_tracks_and_objects_are_left_out(pictures: Path) 
     solve(shot)
     shot.clip.tracking.objects.new("Spoon").tracks.new(frame=1)
     imported = read_movie_clip(shot.clip, shot.footage)
-    assert "tracked objects are left out: Spoon" in imported.notes
-    assert "1 of 70 tracks without a place in space left out" in imported.notes
+    assert "object tracks are ignored: Spoon" in imported.notes
+    assert "1 of 70 tracks without a 3D position left out" in imported.notes
     assert len(imported.reconstruction.points) == 69
     assert max(e.max() for e in errors(imported.reconstruction)) < 1e-3
     # Row 3 has gone, so the muted marker's point is row 4.
@@ -363,7 +363,7 @@ def test_a_lens_that_no_model_of_ours_is_says_by_how_much(pictures: Path) -> Non
     print(f"{note}; worst of the points {worst:.3f} px")
     assert 0.01 < worst < claimed + 1e-3
     shot.clip.tracking.camera.nuke_p1 = 0.2
-    with pytest.raises(UserError, match="can only be imitated to"):
+    with pytest.raises(UserError, match="can only be matched to within"):
         read_movie_clip(shot.clip, shot.footage)
 
 
@@ -372,7 +372,7 @@ def test_refusals_say_what_to_do(pictures: Path) -> None:
     with pytest.raises(UserError, match=r"is not solved; .* in the Movie Clip Editor first"):
         read_movie_clip(shot.clip, shot.footage)
     solve(shot)
-    with pytest.raises(UserError, match="is 320x180, the footage pictures0 320x200; give the clip's own"):
+    with pytest.raises(UserError, match="is 320x180, the chosen clip pictures0 is 320x200; choose the file"):
         read_movie_clip(shot.clip, replace(shot.footage, height=200))
     shot.clip.tracking.camera.pixel_aspect = 1000
     with pytest.raises(UserError, match="has a pixel aspect of 1000,"):

@@ -669,7 +669,7 @@ DAMAGE = {
         "\n".join(MATCHES.split("\n")[:15]),
         "ends at line 15: expected 6 more lines of 12",
     ),
-    "voodoo header": in_voodoo(2, "# Text", "no model of a known format"),
+    "voodoo header": in_voodoo(2, "# Text", "not a model in a known format"),
     "voodoo numbers": in_voodoo(6, "1 2 3 4", "line 6: expected the 28 numbers of a camera, not 4"),
     "voodoo axes": in_voodoo(8, "3", "line 8: expected A, H and V", 3),
     "voodoo zero": in_voodoo(8, " ".join("0" * 28), "line 8: expected .* picture"),
@@ -704,5 +704,5 @@ def test_a_clip_is_no_model(tmp_path: Path) -> None:
     clip: Footage = foreign.footage()
     path = tmp_path / "clip.mp4"
     path.write_bytes(b"\0\0\0 ftypisom")
-    with pytest.raises(UserError, match="no model of a known format"):
+    with pytest.raises(UserError, match="not a model in a known format"):
         read_reconstruction(path, clip)

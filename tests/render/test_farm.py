@@ -180,7 +180,7 @@ def test_a_job_that_solves_first_gives_what_one_machine_gives(desk: Path, tmp_pa
 def test_bundles_are_refused_before_anything_is_written(work: Path, tmp_path: Path) -> None:
     for words, message in (
         (("--out", work), "exists"),
-        (("--out", tmp_path / "b", "--movie", "a.png"), "no name of a movie"),
+        (("--out", tmp_path / "b", "--movie", "a.png"), "not a movie name"),
         (("--out", tmp_path / "b", "--chunk", 0), "--chunk: 0 is not from 1 to"),
         (("--out", tmp_path / "b", "--frames", "900-901"), "no frames"),
     ):
@@ -231,7 +231,7 @@ def test_what_a_process_warns_of_is_said(work: Path, tmp_path: Path) -> None:
     cv2.imwrite(str(project / "clip" / "0003.tif"), picture)
     mine = clip.solve(project / "clip", project / "work")
     said = done("render", mine, *LENS, "--out", tmp_path / "o" / "####.png", "--jobs", 2)
-    assert said.count("1 pixels of 1 frames were not finite") == 1 and "filled from around: 3" in said
+    assert said.count("1 pixels of 1 frames were not finite") == 1 and "filled in: 3" in said
 
 
 def test_a_lens_with_everything_gives_the_same_frames_wherever_it_is_sent(tmp_path: Path) -> None:
@@ -302,7 +302,7 @@ def test_a_blend_that_cannot_be_rendered_is_refused(work: Path, tmp_path: Path) 
     bpy.ops.wm.read_homefile(app_template="", use_empty=True, use_factory_startup=True)
     bpy.ops.wm.save_as_mainfile(filepath=str(empty))
     for words, status, why in (
-        (("render", blend, "--blur", "0.1", "--seed", "3"), 2, "leave --blur, --seed out"),
+        (("render", blend, "--blur", "0.1", "--seed", "3"), 2, "leave out --blur, --seed"),
         (("render", work), 2, "one of --focus-at"),
         (("render", tmp_path / "none.blend"), 1, "none.blend is not there"),
         (("render", broken), 1, "broken.blend cannot be opened"),
@@ -467,7 +467,7 @@ def test_join_takes_only_frames_that_are_whole_and_of_one_lens(work: Path, tmp_p
     out.unlink()
     other = here(*words, *LENS[:3], "0.09", *LENS[4:])
     assert other.returncode == 1
-    assert "1-48 was made from something else or with other settings" in other.stderr
+    assert "1-48 was made from other inputs or with other settings" in other.stderr
     good = (frames / "000007.png").read_bytes()
     (frames / "000007.png").write_bytes(good[:-30])
     (frames / "000009.png").unlink()
@@ -532,7 +532,7 @@ def test_copies_are_known_by_their_contents(tmp_path: Path) -> None:
     copy_file(source, target)
     # Of the same size, and another file all the same.
     target.write_bytes(b"54321")
-    with pytest.raises(UserError, match="another file"):
+    with pytest.raises(UserError, match="already exists and differs from"):
         copy_file(source, target)
     assert target.read_bytes() == b"54321"
 

@@ -65,18 +65,18 @@ def test_objects_that_another_engine_would_draw(solved: bpy.types.Scene) -> None
 def test_another_camera_and_its_depth_of_field(solved: bpy.types.Scene) -> None:
     solved.camera.data.dof.use_dof = True
     ours = solved.camera.name
-    assert ignored(solved) == (f"The Depth of Field of {ours} is not used, but Focus and Lens here",)
+    assert ignored(solved) == (f"Depth of Field of {ours} is ignored; Focus and Lens are used instead",)
     other = bpy.data.objects.new("Other", bpy.data.cameras.new("Other"))
     solved.collection.objects.link(other)
     solved.camera = other
-    assert ignored(solved) == ("The picture is the clip's, not that of the camera Other",)
+    assert ignored(solved) == ("The render shows the clip through its own camera, not through Other",)
 
 
 def test_frames_outside_the_clip(solved: bpy.types.Scene) -> None:
     solved.frame_start, solved.frame_end = 1, 250
     assert ignored(solved) == (
-        "Frames 1 to 4 are before the clip and show its frame 5",
-        "Frames 8 to 250 are past the clip and show its frame 7",
+        "Frames 1 to 4 come before the clip and repeat its frame 5",
+        "Frames 8 to 250 come after the clip and repeat its frame 7",
     )
     solved.virtual_aperture.clip_first = solved.virtual_aperture.clip_last = 0
     assert ignored(solved) == ()

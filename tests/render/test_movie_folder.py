@@ -47,7 +47,7 @@ def test_a_folder_of_the_users_is_refused_by_name(ready: bpy.types.Scene, tmp_pa
     theirs = tmp_path / "out.mp4.frames" / name
     theirs.parent.mkdir(parents=True)
     theirs.write_text("precious")
-    with pytest.raises(UserError, match=f"{name.split('/')[0]} is not of a run that makes out.mp4"):
+    with pytest.raises(UserError, match=f"{name.split('/')[0]} does not come from a run that makes out.mp4"):
         movie(ready, out)
     assert theirs.read_text() == "precious" and not out.exists()
 
@@ -56,7 +56,7 @@ def test_frames_that_the_user_rendered_there_stay(ready: bpy.types.Scene, tmp_pa
     out = tmp_path / "out.mp4"
     rendered(ready, tmp_path / "out.mp4.frames" / "######.png")
     before = listed(tmp_path / "out.mp4.frames")
-    with pytest.raises(UserError, match=r"000001\.png is not of a run that makes out\.mp4"):
+    with pytest.raises(UserError, match=r"000001\.png does not come from a run that makes out\.mp4"):
         movie(ready, out)
     assert listed(tmp_path / "out.mp4.frames") == before and not out.exists()
 
@@ -75,7 +75,7 @@ def test_links_are_not_followed(ready: bpy.types.Scene, tmp_path: Path) -> None:
     folder = begun(ready, out)
     (tmp_path / "precious.png").write_bytes((folder / "000001.png").read_bytes())
     (folder / "000007.png").symlink_to(tmp_path / "precious.png")
-    with pytest.raises(UserError, match=r"000007\.png is not of a run"):
+    with pytest.raises(UserError, match=r"000007\.png does not come from a run"):
         movie(ready, out)
     assert (tmp_path / "precious.png").exists()
 
@@ -90,7 +90,7 @@ def test_a_file_in_its_place_is_refused(ready: bpy.types.Scene, tmp_path: Path) 
 def test_the_mark_of_another_movie_is_not_this_ones(ready: bpy.types.Scene, tmp_path: Path) -> None:
     folder = begun(ready, tmp_path / "one.mp4")
     folder.rename(tmp_path / "two.mp4.frames")
-    with pytest.raises(UserError, match=r"is not of a run that makes two\.mp4"):
+    with pytest.raises(UserError, match=r"does not come from a run that makes two\.mp4"):
         movie(ready, tmp_path / "two.mp4")
 
 
@@ -124,13 +124,13 @@ def test_what_is_put_there_meanwhile_stays(ready: bpy.types.Scene, tmp_path: Pat
     output.render_movie(ready, FRAMES, out, put)
     assert out.exists() and f"{folder} stays: notes.txt in it was not made by this run" in said[-1]
     assert [path.name for path in sorted(folder.iterdir())] == [movie_folder.MARK, "notes.txt"]
-    with pytest.raises(UserError, match=r"notes\.txt is not of a run"):
+    with pytest.raises(UserError, match=r"notes\.txt does not come from a run"):
         movie(ready, out)
 
 
 def test_frames_are_not_rendered_into_a_folder_that_goes(ready: bpy.types.Scene, tmp_path: Path) -> None:
     folder = begun(ready, tmp_path / "out.mp4")
-    with pytest.raises(UserError, match="keeps the frames of a movie and is removed when that is whole"):
+    with pytest.raises(UserError, match="keeps the frames of a movie and is removed when that is complete"):
         movie_folder.check_not_kept(folder)
     movie_folder.check_not_kept(tmp_path)
 
@@ -141,7 +141,7 @@ def test_an_edited_frame_is_not_taken_for_ours(ready: bpy.types.Scene, tmp_path:
     first, frame = listed(out.parent), out.with_name("0002.png")
     edited(frame)
     theirs = frame.read_bytes()
-    with pytest.raises(UserError, match=r"0002\.png exists and was changed after it was rendered"):
+    with pytest.raises(UserError, match=r"0002\.png already exists and was changed after it was rendered"):
         rendered(ready, out)
     with pytest.raises(UserError, match="frame 2 was changed after it was rendered"):
         output.check_frames({frame: out.with_name(f"000{frame}.png") for frame in FRAMES}, (160, 90))

@@ -39,7 +39,7 @@ def test_frames_are_kept_by_their_own_key_and_replaced_only_when_asked(
     first = listed(out.parent)
     assert "3 frames there already" in rendered(ready, out)
     ready.virtual_aperture.blur = 0.08
-    with pytest.raises(UserError, match="made from something else or with other settings"):
+    with pytest.raises(UserError, match="made from other inputs or with other settings"):
         rendered(ready, out)
     assert listed(out.parent) == first
     # Interrupted while it overwrites: the frames that were replaced are the new ones, and a third run knows.
@@ -91,11 +91,11 @@ def test_a_repainted_clip_gives_other_keys(ready: bpy.types.Scene, tmp_path: Pat
     picture[10:20, 10:20] = 255 - picture[10:20, 10:20]
     cv2.imwrite(str(path), picture)
     shot.forget()
-    with pytest.raises(UserError, match="is another one than the clip that was solved"):
+    with pytest.raises(UserError, match="is not the clip that was solved"):
         rendered(ready, out)
     # What older versions built does not know its clip.
     ready.virtual_aperture.clip_identity = ""
-    with pytest.raises(UserError, match="made from something else"):
+    with pytest.raises(UserError, match="made from other inputs"):
         rendered(ready, out)
 
 

@@ -77,7 +77,7 @@ def test_the_panel_says_that_the_timeline_goes_by_index(tmp_path: Path, scene: b
         footage = open_footage(write(tmp_path / f"{name}.mp4", times))
         build(scene, footage, solved.truth(range(1, 9), lens))
         shown[name] = " ".join(draw(VIRTUAL_APERTURE_PT_footage).texts)
-    assert "frame rate varies" in shown["varying"] and "frame rate varies" not in shown["steady"]
+    assert "variable frame rate" in shown["varying"] and "variable frame rate" not in shown["steady"]
 
 
 def test_a_movie_of_more_frames_than_a_strip_holds_has_them_in_order(

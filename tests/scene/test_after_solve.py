@@ -56,10 +56,13 @@ def test_a_solve_is_looked_at_through_its_camera(default_scene: bpy.types.Scene,
     assert cube.hide_get() and not cube.hide_viewport and not cube.hide_render
     assert not far.hide_get()
     texts = " ".join(draw(panels.solve.VIRTUAL_APERTURE_PT_solve).texts)
-    assert "12 of 12 frames registered" in texts and "Advice: " in texts
-    assert "Cube was in the camera's way and is hidden" in texts
+    assert "12 of 12 frames registered" in texts and "Advice" not in texts
+    settings.advice = "move more sideways"
+    texts = " ".join(draw(panels.solve.VIRTUAL_APERTURE_PT_solve).texts)
+    assert "Advice: move more sideways" in texts
+    assert "Cube blocked the camera and was hidden" in texts
     cube.hide_set(False)
-    assert "camera's way" not in " ".join(draw(panels.solve.VIRTUAL_APERTURE_PT_solve).texts)
+    assert "blocked the camera" not in " ".join(draw(panels.solve.VIRTUAL_APERTURE_PT_solve).texts)
     # Tab: nothing is selected.
     import bmesh  # the module's own, there only after bpy
 
@@ -96,8 +99,8 @@ def test_only_what_the_camera_goes_through_is_hidden(
 
 
 def test_what_was_hidden_is_said_in_one_line() -> None:
-    assert after_solve.hidden_words(["Cube"]) == "Cube was in the camera's way and is hidden; Alt H shows it"
-    assert "A, B were in the camera's way and are hidden" in after_solve.hidden_words(["A", "B"])
+    assert after_solve.hidden_words(["Cube"]) == "Cube blocked the camera and was hidden; Alt H shows it"
+    assert "A, B blocked the camera and were hidden" in after_solve.hidden_words(["A", "B"])
 
 
 def test_points_are_drawn_in_their_colours(scene: bpy.types.Scene, tmp_path: Path) -> None:
@@ -199,7 +202,10 @@ def test_a_picture_means_its_sequence(scene: bpy.types.Scene, tmp_path: Path) ->
     assert clip_of(folder / "take2_007_left.png") == folder / "take2_###_left.png"
     (folder / "still.png").write_bytes(b"x")
     settings = scene.virtual_aperture
-    for chosen, said in (("still.png", "single picture without a number"), ("gone.mp4", "does not exist")):
+    for chosen, said in (
+        ("still.png", "single image without a frame number"),
+        ("gone.mp4", "does not exist"),
+    ):
         with pytest.raises(RuntimeError, match=said):
             bpy.ops.virtual_aperture.choose_clip(filepath=str(folder / chosen))
     assert settings.footage == ""

@@ -69,7 +69,7 @@ def test_scale_from_two_vertices(scene: bpy.types.Scene, tmp_path: Path) -> None
     with pytest.raises(RuntimeError, match="select two vertices"):
         bpy.ops.virtual_aperture.set_scale(metres=2.0)
     select(settings.points, (7, 11, 30))
-    with pytest.raises(RuntimeError, match="3 vertices are selected; select two whose distance is known"):
+    with pytest.raises(RuntimeError, match="3 vertices are selected; select two a known distance apart"):
         bpy.ops.virtual_aperture.set_scale(metres=2.0)
     assert settings.metres_per_unit == 0
     select(settings.points, (7, 30))
@@ -108,7 +108,7 @@ def test_sharp_distances_are_those_of_the_command_line(scene: bpy.types.Scene, t
     assert depth_of_field.sharp_words(settings) in draw(panels.focus.VIRTUAL_APERTURE_PT_focus).texts
     # Whatever it depends on is seen at once.
     settings.aperture_radius = 1e-4
-    assert depth_of_field.sharp_words(settings).endswith(" on")
+    assert depth_of_field.sharp_words(settings).endswith(" and farther")
     settings.aperture_radius, settings.focus_distance = 0.05, 6.0
     near, far = depth_of_field.sharp_distances(settings) or (0.0, 0.0)
     assert near < 6.0 < far < 7.0
@@ -120,7 +120,7 @@ def test_panels_show_the_f_stop_where_there_is_one(scene: bpy.types.Scene, tmp_p
     settings = shot(scene, tmp_path)
     lens = panels.lens.VIRTUAL_APERTURE_PT_scale
     assert "f_stop" not in draw(panels.focus.VIRTUAL_APERTURE_PT_focus).props
-    assert "give the distance between two" in " ".join(draw(lens).texts)
+    assert "set the distance between two" in " ".join(draw(lens).texts)
     settings.metres_per_unit = 0.25
     assert {"blur", "f_stop", "aperture_radius"} <= set(draw(panels.focus.VIRTUAL_APERTURE_PT_focus).props)
     assert "full-frame equivalent" in " ".join(draw(lens).texts)

@@ -183,7 +183,7 @@ def test_a_distance_set_by_hand_takes_the_place_of_the_only_mark(scene: bpy.type
 def test_removing_and_moving(scene: bpy.types.Scene, shot: Shot) -> None:
     settings = scene.virtual_aperture
     focus_marks.replace_all(settings, [FocusMark.of(at(3, 4.0)), FocusMark.of(at(9, 12.0))])
-    with pytest.raises(UserError, match="another mark is at frame 9 already"):
+    with pytest.raises(UserError, match="frame 9 already has a focus mark"):
         focus_marks.move(settings, 0, 9)
     focus_marks.move(settings, 0, 11)
     assert marks(scene) == [(9, 12.0), (11, 4.0)] and settings.marks.active == 1
@@ -200,7 +200,10 @@ def test_what_was_in_focus_without_a_mark_begins_a_pull(scene: bpy.types.Scene, 
     settings = scene.virtual_aperture
     lens.set_focus(settings, Focus((3, 9)), 2)
     focus_marks.put(settings, 9, [at(9, 30.0)], add=True)
-    assert [(mark.frame, mark.name) for mark in settings.marks.items] == [(2, "2 points"), (9, "Distance")]
+    assert [(mark.frame, mark.name) for mark in settings.marks.items] == [
+        (2, "Picked points"),
+        (9, "Distance"),
+    ]
 
 
 def test_unseen_frames_are_told_and_have_keys_of_their_own(scene: bpy.types.Scene, shot: Shot) -> None:

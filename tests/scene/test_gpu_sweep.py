@@ -170,7 +170,7 @@ def test_a_gpu_that_differs_is_left_alone(
     for _ in range(2):
         found = gpu_matcher.winning_levels(*given)
         assert np.array_equal(found.level, matching.winning_levels(*given).level)
-    assert capfd.readouterr().err.count("note: the GPU is not used to find depth, the processor is (") == 1
+    assert capfd.readouterr().err.count("note: depth is found on the CPU instead of the GPU (") == 1
 
 
 def test_a_gpu_that_fails_later_is_replaced(

@@ -219,7 +219,7 @@ def test_files_without_a_radius_render_as_before(scene, shot, settings) -> None:
 
 
 def test_clearing_leaves_the_focus_at_its_distance(scene, shot, settings) -> None:
-    with pytest.raises(RuntimeError, match="Nothing is picked"):
+    with pytest.raises(RuntimeError, match="Nothing has been picked"):
         bpy.ops.virtual_aperture.clear_focus()
     lens.set_focus(settings, Focus(points=PICKED), 1)
     radius = settings.aperture_radius

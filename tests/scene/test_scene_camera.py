@@ -133,7 +133,7 @@ def test_an_offset_and_what_lies_beyond(
 def test_lengths_are_the_scenes(scene: bpy.types.Scene, filmed: bpy.types.Object, footage: Footage) -> None:
     scene.unit_settings.scale_length = 0.01
     found = read_scene_camera(scene, filmed, footage)
-    assert found.notes == ("lengths are in the scene's units, of 0.01 m",)
+    assert found.notes == ("lengths are in scene units of 0.01 m",)
     check(scene, filmed, found)
 
 
@@ -155,7 +155,7 @@ def test_what_cannot_have_filmed_is_refused(
         read_scene_camera(scene, filmed, footage)
     filmed.scale = (1, 1, 1)
     filmed.hide_viewport = True
-    with pytest.raises(UserError, match="Filmed does not move, for it is disabled in viewports"):
+    with pytest.raises(UserError, match="Filmed does not move because it is disabled in viewports"):
         read_scene_camera(scene, filmed, footage)
     filmed.data.type = "ORTHO"
     with pytest.raises(UserError, match="is ortho; only a perspective camera"):

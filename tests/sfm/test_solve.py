@@ -153,7 +153,7 @@ def test_the_same_clip_is_known_in_another_place(
 def test_another_clips_folder_is_refused(work: Path, tmp_path: Path) -> None:
     other = planes.write_clip(tmp_path / "other", planes.sideways(3))
     before = snapshot(work)
-    with pytest.raises(UserError, match=r"walk.*other.*name another folder") as refused:
+    with pytest.raises(UserError, match=r"walk.*other.*choose another folder") as refused:
         SolveProcess(other, work)
     assert refused.value.remedies == (Remedy.WORK_DIR,)
     assert snapshot(work) == before
@@ -166,7 +166,7 @@ def test_another_clip_in_the_same_folder_is_another_clip(clip: Path, tmp_path: P
         shutil.copy(path, both / path.name.replace("shot", "take"))
     work = tmp_path / "work"
     solve(both / "shot_####.png", work, frames=FrameRange(1, 8), focal=planes.FOCAL)
-    with pytest.raises(UserError, match="name another folder"):
+    with pytest.raises(UserError, match="choose another folder"):
         SolveProcess(both / "take_####.png", work, frames=FrameRange(1, 8))
 
 
@@ -311,9 +311,12 @@ def test_what_frames_show_besides_is_kept_and_its_damage_told(work: Path) -> Non
     assert sum(map(len, added)) == sum(solve.report["visible"]) > 0
     for image in solve.reconstruction.images:
         assert not len(np.intersect1d(image.points, image.visible))
-    assert f"and {int(np.median([len(each) for each in added]))} that others saw" in solve.quality.text({})
+    assert (
+        f"and {int(np.median([len(each) for each in added]))} more seen by other frames"
+        in solve.quality.text({})
+    )
     (work / "model" / "visible.npz").write_bytes(b"PK\3\4")
-    with pytest.raises(UserError, match=r"visible\.npz is not what the solve wrote") as raised:
+    with pytest.raises(UserError, match=r"visible\.npz was changed or damaged after the solve") as raised:
         load_solve(work)
     assert raised.value.remedies == (Remedy.AGAIN,)
     # Older solves do not tell what they wrote.
@@ -345,7 +348,7 @@ def test_a_clip_that_moved_along_is_found_and_a_lost_one_told(
     (there / "solve.json").write_text(json.dumps(state | {"footage": str(tmp_path / "gone")}))
     assert load_solve(there).footage == clip_there
     shutil.rmtree(clip_there)
-    with pytest.raises(UserError, match="is gone"):
+    with pytest.raises(UserError, match="is missing"):
         load_solve(there)
 
 

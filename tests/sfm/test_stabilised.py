@@ -67,7 +67,7 @@ def test_depths_of_shifted_pictures_are_found_but_for_their_sign() -> None:
 
 
 def test_shifted_pictures_are_refused() -> None:
-    with pytest.raises(UserError, match="shifted so that something in mid-scene stays in place"):
+    with pytest.raises(UserError, match="stabilised so that something in mid-scene stays in place"):
         refuse_shifted(turned_instead(made(stays=7.0), 7.0), KEYS, *OPTIONS)
 
 
@@ -93,7 +93,7 @@ def test_depths_in_another_order_than_the_motion_are_refused() -> None:
 def test_a_stabilised_clip_never_ends_as_a_success(tmp_path: Path) -> None:
     clip = planes.write_clip(tmp_path / "clip", planes.stabilised(10, 6.0))
     said = refused(clip, tmp_path / "work")
-    assert "rectified or stabilised" in said or "agrees with one scene" in said
+    assert "was stabilised" in said or "fits a scene" in said
 
 
 @pytest.mark.long

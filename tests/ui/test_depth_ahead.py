@@ -151,5 +151,5 @@ def test_another_clip_has_no_part_in_it(scene: bpy.types.Scene, work: Path) -> N
     bpy.ops.virtual_aperture.find_depth()
     scene.virtual_aperture.work_dir = str(work.parent / "other")
     assert depth_ahead.of(scene.virtual_aperture) is None
-    with pytest.raises(RuntimeError, match="keeps no solve"):
+    with pytest.raises(RuntimeError, match="holds no solve to keep depth with"):
         bpy.ops.virtual_aperture.find_depth()

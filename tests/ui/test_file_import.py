@@ -39,9 +39,9 @@ def test_a_clip_is_chosen_and_solved_by_any_of_its_pictures(scene: bpy.types.Sce
 def test_what_is_no_clip_is_refused_and_nothing_chosen(scene: bpy.types.Scene, tmp_path: Path) -> None:
     (tmp_path / "cat.png").write_bytes(b"")
     for path, said in (
-        ("", "no clip is chosen; give a video"),
+        ("", "no clip has been chosen; choose a video"),
         (tmp_path / "gone.mp4", "does not exist; choose a video"),
-        (tmp_path / "cat.png", "single picture without a number"),
+        (tmp_path / "cat.png", "single image without a frame number"),
     ):
         with pytest.raises(RuntimeError, match=said):
             bpy.ops.virtual_aperture.import_clip(filepath=str(path))
@@ -106,13 +106,14 @@ def test_a_clip_that_cannot_be_solved_leaves_the_solved_one(scene: bpy.types.Sce
 def test_a_model_is_imported_for_the_chosen_clip(scene: bpy.types.Scene, tmp_path: Path) -> None:
     model = write_model(tmp_path / "model") / "cameras.txt"
     with pytest.raises(
-        RuntimeError, match=r"no clip is chosen that cameras\.txt could be the solve of; drop"
+        RuntimeError,
+        match=r"cameras\.txt is a solve, but no clip has been chosen for it; drop",
     ):
         bpy.ops.virtual_aperture.drop_model(filepath=str(model))
     choose_clip(scene, tmp_path)
     notes = tmp_path / "notes.txt"
     notes.write_text("Things to do")
-    with pytest.raises(RuntimeError, match="no model of a known format"):
+    with pytest.raises(RuntimeError, match="not a model in a known format"):
         bpy.ops.virtual_aperture.drop_model(filepath=str(notes))
     assert scene.virtual_aperture.points is None
     assert bpy.ops.virtual_aperture.drop_model(filepath=str(model)) == {"FINISHED"}

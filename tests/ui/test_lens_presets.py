@@ -111,6 +111,6 @@ def test_what_is_no_preset_is_refused(settings: bpy.types.PropertyGroup, tmp_pat
     broken.write_text("import bpy\nbpy.context.scene.virtual_aperture.shape.blades = 'many'\n")
     with pytest.raises(RuntimeError, match="the preset mine cannot be used: "):
         bpy.ops.virtual_aperture.use_lens_preset(filepath=str(broken))
-    with pytest.raises(RuntimeError, match="no preset is chosen"):
+    with pytest.raises(RuntimeError, match="no preset has been chosen"):
         bpy.ops.virtual_aperture.use_lens_preset()
     assert "UNDO" in bpy.types.VIRTUAL_APERTURE_OT_use_lens_preset.bl_options

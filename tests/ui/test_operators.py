@@ -43,7 +43,7 @@ CASES = {
     "choose_clip": Case(
         "scene/test_after_solve.py::test_a_picture_means_its_sequence",
         "scene/test_after_solve.py::test_a_picture_means_its_sequence",
-        "single picture without a number",
+        "single image without a frame number",
     ),
     "find_clip": Case(
         "media/test_clip_paths.py::test_the_user_shows_where_the_clip_is",
@@ -63,17 +63,17 @@ CASES = {
     "import_solve": Case(
         f"{UI}::test_a_model_is_imported_by_its_folder_or_a_file_in_it",
         f"{UI}::test_an_import_that_fails_leaves_everything_as_it_was",
-        "no model is chosen",
+        "no model has been chosen",
     ),
     "import_movie_clip": Case(
         f"{UI}::test_a_solved_movie_clip_of_this_file_is_imported",
         f"{UI}::test_a_solved_movie_clip_of_this_file_is_imported",
-        "No movie clip of this file is solved",
+        "No movie clip in this file is solved",
     ),
     "use_scene_camera": Case(
         "ui/test_scene_camera.py::test_a_scenes_camera_is_used_where_it_stands",
         "ui/test_scene_camera.py::test_a_camera_at_other_frames_is_refused",
-        "of other frames",
+        "to other frames of the clip",
     ),
     "show_photo": Case(
         "ui/test_photos.py::test_photos_are_solved_and_shown_by_name", "",
@@ -82,27 +82,27 @@ CASES = {
     "find_points": Case(
         "ui/test_scene_camera.py::test_cameras_without_points_are_imported",
         "ui/test_scene_camera.py::test_points_are_found_for_cameras_only",
-        "no cameras are there",
+        "there are no cameras",
     ),
     "import_clip": Case(
         "ui/test_file_import.py::test_a_clip_is_chosen_and_solved_by_any_of_its_pictures",
         "ui/test_file_import.py::test_what_is_no_clip_is_refused_and_nothing_chosen",
-        "no clip is chosen; give a video",
+        "no clip has been chosen; choose a video",
     ),
     "drop_model": Case(
         "ui/test_file_import.py::test_a_model_is_imported_for_the_chosen_clip",
         "ui/test_file_import.py::test_a_model_is_imported_for_the_chosen_clip",
-        "no clip is chosen that",
+        "is a solve, but no clip has been chosen",
     ),
     "set_focus": Case(
         f"{UI}::test_focus_from_selected_vertices",
         f"{UI}::test_focus_from_selected_vertices",
-        "no vertex is selected",
+        "no vertices are selected",
     ),
     "clear_focus": Case(
         "scene/test_lens_settings.py::test_clearing_leaves_the_focus_at_its_distance",
         "scene/test_lens_settings.py::test_clearing_leaves_the_focus_at_its_distance",
-        "Nothing is picked",
+        "Nothing has been picked",
     ),
     "pick_focus": Case(
         f"{PICK}::test_a_pick_is_in_focus",
@@ -112,7 +112,7 @@ CASES = {
     "pick_subject": Case(
         f"{SUBJECT}::test_strokes_mark_a_subject",
         f"{SUBJECT}::test_a_stroke_is_refused",
-        "frame 40 has no camera of its own",
+        "frame 40 was not solved",
     ),
     "focus_subject": Case(
         f"{SUBJECT}::test_a_subject_is_carried_and_in_focus",
@@ -130,18 +130,18 @@ CASES = {
         "No subject is marked",
     ),
     "hold_focus": Case(
-        f"{PICK}::test_the_list_is_edited", f"{PICK}::test_the_list_is_edited", "is at frame 3 already"
+        f"{PICK}::test_the_list_is_edited", f"{PICK}::test_the_list_is_edited", "Frame 3 already has a mark"
     ),
     "move_focus_mark": Case(
-        f"{PICK}::test_the_list_is_edited", f"{PICK}::test_the_list_is_edited", "remove it first"
+        f"{PICK}::test_the_list_is_edited", f"{PICK}::test_the_list_is_edited", "remove that one first"
     ),
     "remove_focus_mark": Case(
-        f"{PICK}::test_the_list_is_edited", f"{PICK}::test_the_list_is_edited", "There is no focus mark"
+        f"{PICK}::test_the_list_is_edited", f"{PICK}::test_the_list_is_edited", "There are no focus marks"
     ),
     "write_focus_marks": Case(
         f"{PICK}::test_keys_are_given_back_to_the_marks",
         f"{PICK}::test_keys_are_given_back_to_the_marks",
-        "The keys are those of the focus marks",
+        "The keyframes are those of the focus marks",
     ),
     "jump_to_focus_mark": Case(
         f"{PICK}::test_the_list_is_edited", "", undo="UNDO_GROUPED", why="every frame can be shown"
@@ -149,18 +149,18 @@ CASES = {
     "jump_to_unseen": Case(
         f"{PICK}::test_the_list_is_edited",
         f"{PICK}::test_the_list_is_edited",
-        "All frames show what is in focus",
+        "What is in focus can be seen in all frames",
         undo="UNDO_GROUPED",
     ),
     "set_scale": Case(
         "scene/test_depth_of_field.py::test_scale_from_two_vertices",
         "scene/test_depth_of_field.py::test_scale_from_two_vertices",
-        "select two whose distance is known",
+        "select two a known distance apart",
     ),
     "use_lens_preset": Case(
         "ui/test_lens_presets.py::use",
         "ui/test_lens_presets.py::test_what_is_no_preset_is_refused",
-        "no preset is chosen",
+        "no preset has been chosen",
     ),
     "add_lens_preset": Case(
         "ui/test_lens_presets.py::test_own_presets_are_kept_and_removed", "",
@@ -175,7 +175,7 @@ CASES = {
     "render_clip": Case(
         f"{UI}::test_render_frame_and_clip_write_pictures",
         f"{UI}::test_buttons_say_why_they_are_disabled",
-        "Pick what is to be sharp first",
+        "Pick what should be sharp first",
         undo="", why="it writes files; as Blender's own render",
     ),
     "preview": Case(
@@ -191,13 +191,13 @@ CASES = {
     "find_depth": Case(
         "ui/test_depth_ahead.py::test_what_is_found_in_the_background_is_what_the_scene_reads",
         "ui/test_depth_ahead.py::test_another_clip_has_no_part_in_it",
-        "keeps no solve",
+        "holds no solve to keep depth with",
         undo="", why="it writes files beside the solve",
     ),
     "pause_depth": Case(
         "ui/test_depth_ahead.py::test_pausing_ends_the_process_and_finding_goes_on_later",
         "ui/test_operators.py::test_nothing_is_paused_where_nothing_is_under_way",
-        "No depth is being found",
+        "Depth is not being found",
         undo="", why="it ends a process",
     ),
     "delete_depth": Case(
@@ -263,5 +263,5 @@ def test_the_preview_is_shown_and_ended(scene: bpy.types.Scene, tmp_path: Path) 
 
 
 def test_nothing_is_paused_where_nothing_is_under_way(scene: bpy.types.Scene) -> None:
-    with pytest.raises(RuntimeError, match="No depth is being found"):
+    with pytest.raises(RuntimeError, match="Depth is not being found"):
         bpy.ops.virtual_aperture.pause_depth()

@@ -88,7 +88,7 @@ def unsure(settings: Settings, folder: Path) -> None:
     finding(settings, folder)
     assert depth_ahead._ahead is not None
     depth_ahead._ahead.child = None
-    depth_ahead._ahead.warning = "what moves is unsure in 3 frames"
+    depth_ahead._ahead.warning = "moving subjects are uncertain in 3 frames"
 
 
 def without(name: str) -> Callable[[Settings, Path], None]:
@@ -109,24 +109,24 @@ def solving_the_wrong_one(settings: Settings, folder: Path) -> None:
 
 STATES: list[tuple[str, Callable[[Settings, Path], None], str]] = [
     ("no clip", no_clip, "Choose a clip"),
-    ("clip chosen", chosen, "Solve the clip: where"),
+    ("clip chosen", chosen, "Solve the clip to find"),
     ("solving", solving, "Registered 3 of 12 frames (ESC cancels)"),
-    ("solved", solved, "In focus: the nearest large thing"),
-    ("in Edit Mode", in_edit_mode, "Select vertices on what is to be sharp"),
+    ("solved", solved, "In focus: the nearest large object"),
+    ("in Edit Mode", in_edit_mode, "Select vertices on what should be sharp"),
     ("in focus", focused, "Ready to render"),
     ("with a scale", with_scale, "full-frame equivalent"),
-    ("with a subject", marked, "Unsure in 1 frame"),
-    ("clip moved", moved, "show where it is with Find Clip"),
-    ("wrong clip", wrong, "the clip chosen is other"),
+    ("with a subject", marked, "Uncertain in 1 frame"),
+    ("clip moved", moved, "locate it with Find Clip"),
+    ("wrong clip", wrong, "the chosen clip is other"),
     ("solving the other clip", solving_the_wrong_one, "Reading the clip (ESC cancels)"),
     ("depth under way", finding, "Depth: 1 of 3 frames"),
     ("depth paused", paused, "Ready to render"),
     ("depth failed", failed, "Depth was not found: no space is left"),
-    ("a subject unsure", unsure, "What moves is unsure in 3 frames"),
-    ("camera deleted", without("camera"), "Not in this scene any more: camera"),
-    ("points deleted", without("points"), "Not in this scene any more: point cloud"),
-    ("root deleted", without("root"), "Not in this scene any more: root"),
-    ("virtual cameras deleted", without("aperture"), "Not in this scene any more: virtual cameras"),
+    ("a subject unsure", unsure, "Moving subjects are uncertain in 3 frames"),
+    ("camera deleted", without("camera"), "The objects of this solve were deleted"),
+    ("points deleted", without("points"), "The objects of this solve were deleted"),
+    ("root deleted", without("root"), "The objects of this solve were deleted"),
+    ("virtual cameras deleted", without("aperture"), "The objects of this solve were deleted"),
     ("newer", newer, "made with a newer Virtual Aperture"),
 ]
 """Name, what brings an imported clip's scene into the state, and words that the panels show in it."""
@@ -151,7 +151,7 @@ def test_panels_draw(
     # Wrapped texts are in lines.
     assert said in texts
     # Nobody is told to solve what is being solved.
-    assert make is not solving_the_wrong_one or "the clip chosen is" not in texts
+    assert make is not solving_the_wrong_one or "the chosen clip is" not in texts
     ready = (solved, focused, with_scale, marked, finding, paused, failed, unsure)
     assert ("Ready to render" in texts) == (make in ready)
     for name in {name for each in shown for name in each.operators}:

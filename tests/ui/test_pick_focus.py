@@ -52,7 +52,7 @@ def test_a_pick_is_in_focus(scene: bpy.types.Scene, shot: Shot, capsys: pytest.C
     assert 1 / settings.focus_distance == pytest.approx(0.8 / 5 + 0.2 / 12, rel=0.02)
     assert len(settings.focus_points) == 4 and settings.focus_frame == 3
     assert len(settings.aperture.data.vertices) > 0
-    assert "In focus at frame 3: 4 points, 5." in capsys.readouterr().out
+    assert "In focus at frame 3: Picked points, 5." in capsys.readouterr().out
     scene.frame_set(7)
     assert OPERATORS.pick_focus(x=0.8, y=0.5, add=True) == {"FINISHED"}
     assert frames(scene) == [3, 7] and "mark 2 of 2" in capsys.readouterr().out
@@ -74,7 +74,7 @@ def test_a_pick_is_refused(scene: bpy.types.Scene, tmp_path: Path) -> None:
     assert not len(settings.marks.items) and not lens.is_in_focus(settings)
     settings.footage = str(tmp_path / "gone")
     scene.frame_set(2)
-    with pytest.raises(RuntimeError, match=r"the clip .* is not in"):
+    with pytest.raises(RuntimeError, match=r"the clip .* is missing from"):
         OPERATORS.pick_focus()
 
 
@@ -94,32 +94,32 @@ def test_in_a_pull_of_the_users_a_pick_is_the_next_key(
 def test_the_list_is_edited(scene: bpy.types.Scene, shot: Shot, capsys: pytest.CaptureFixture[str]) -> None:
     settings = scene.virtual_aperture
     for operator in (OPERATORS.remove_focus_mark, OPERATORS.move_focus_mark, OPERATORS.jump_to_unseen):
-        with pytest.raises(RuntimeError, match="There is no focus mark: Pick Focus makes one"):
+        with pytest.raises(RuntimeError, match="There are no focus marks; Pick Focus adds one"):
             operator()
-    with pytest.raises(RuntimeError, match="Pick what is to be sharp first"):
+    with pytest.raises(RuntimeError, match="Pick what should be sharp first"):
         OPERATORS.hold_focus()
     focus_marks.replace_all(settings, [at(3, 4.0)])
     scene.frame_set(3)
-    with pytest.raises(RuntimeError, match="A focus mark is at frame 3 already"):
+    with pytest.raises(RuntimeError, match="Frame 3 already has a mark"):
         OPERATORS.hold_focus()
     scene.frame_set(6)
     assert OPERATORS.hold_focus() == {"FINISHED"}
     assert [(mark.frame, mark.distance) for mark in settings.marks.items] == [(3, 4.0), (6, 4.0)]
     scene.frame_set(3)
-    with pytest.raises(RuntimeError, match="another mark is at frame 3 already; remove it first"):
+    with pytest.raises(RuntimeError, match="frame 3 already has a focus mark; remove that one first"):
         OPERATORS.move_focus_mark()
     scene.frame_set(8)
     assert OPERATORS.move_focus_mark() == {"FINISHED"}
     assert frames(scene) == [3, 8] and settings.marks.active == 1
     assert OPERATORS.jump_to_focus_mark(frame=3) == {"FINISHED"}
     assert scene.frame_current == 3 and settings.marks.active == 0
-    with pytest.raises(RuntimeError, match="All frames show what is in focus"):
+    with pytest.raises(RuntimeError, match="What is in focus can be seen in all frames"):
         OPERATORS.jump_to_unseen()
     settings.marks.unseen = "2 5 7"
     for frame in (5, 7, 2):
         assert OPERATORS.jump_to_unseen() == {"FINISHED"} and scene.frame_current == frame
     assert OPERATORS.remove_focus_mark() == {"FINISHED"}
-    assert frames(scene) == [8] and "The focus mark of frame 3 is removed" in capsys.readouterr().out
+    assert frames(scene) == [8] and "Removed the focus mark at frame 3" in capsys.readouterr().out
     assert OPERATORS.clear_focus() == {"FINISHED"}
     assert not frames(scene) and settings.focus_distance == 4.0
 
@@ -127,14 +127,14 @@ def test_the_list_is_edited(scene: bpy.types.Scene, shot: Shot, capsys: pytest.C
 def test_keys_are_given_back_to_the_marks(scene: bpy.types.Scene, shot: Shot) -> None:
     settings = scene.virtual_aperture
     focus_marks.replace_all(settings, [at(2, 4.0), at(7, 9.0)])
-    with pytest.raises(RuntimeError, match="The keys are those of the focus marks"):
+    with pytest.raises(RuntimeError, match="The keyframes are those of the focus marks"):
         OPERATORS.write_focus_marks()
     for key in lens.keys_of(settings, "focus_distance").keyframe_points:
         if key.type == "GENERATED":
             key.co[1] += 1.0
     bpy.context.view_layer.update()
     shown = draw(panels.focus.VIRTUAL_APERTURE_PT_focus)
-    assert "The keys of the distance are yours" in shown.texts
+    assert "Focus distance keyframes were edited" in shown.texts
     assert "virtual_aperture.write_focus_marks" in shown.operators
     assert OPERATORS.write_focus_marks() == {"FINISHED"}
     scene.frame_set(8)
@@ -147,7 +147,7 @@ def test_the_panel_tells_of_marks(scene: bpy.types.Scene, shot: Shot) -> None:
     focus_marks.replace_all(settings, [at(2, 4.0), at(7, 9.0)])
     settings.marks.unseen = "3 4 5"
     shown = draw(panels.focus.VIRTUAL_APERTURE_PT_focus)
-    assert "Not seen in 3 frames" in shown.texts
+    assert "Hidden in 3 frames" in shown.texts
     assert {"frame", "easing", "focus_object"} <= set(shown.props)
     row = Recorder()
     VIRTUAL_APERTURE_UL_focus_marks.draw_item(
@@ -164,10 +164,10 @@ def test_a_solve_puts_something_in_focus(
     settings.footage, settings.work_dir = str(clip), str(tmp_path / "work")
     settings.lens, settings.equivalent = "GIVEN", 29.42  # solved in half the time
     assert OPERATORS.solve() == {"FINISHED"}
-    assert "; the nearest large thing round the middle is in focus" in capsys.readouterr().out
+    assert "; focused on the nearest large object near the centre" in capsys.readouterr().out
     assert settings.marks.is_first and len(settings.focus_points) == 4 and settings.aperture_radius > 0
     texts = " ".join(draw(panels.focus.VIRTUAL_APERTURE_PT_focus).texts)
-    assert "In focus: the nearest large thing round the middle" in texts
+    assert "In focus: the nearest large object near the centre" in texts
     assert OPERATORS.render_frame.poll()
     # It is nobody's pick: kept over a solve as it is, and told as long as nothing else is picked.
     assert OPERATORS.solve() == {"FINISHED"} and settings.marks.is_first

@@ -73,18 +73,18 @@ def test_a_stroke_is_refused(scene: bpy.types.Scene, tmp_path: Path) -> None:
     settings = build(scene, shot.footage, shot.reconstruction)
     scene.frame_set(1)
     for places in ("", "0.5", "0.5,x"):
-        with pytest.raises(RuntimeError, match="is not understood; give places such as"):
+        with pytest.raises(RuntimeError, match="is not valid; write places such as"):
             OPERATORS.pick_subject(places=places)
     with pytest.raises(RuntimeError, match="is outside the picture"):
         OPERATORS.pick_subject(places="0.5,1.5")
-    with pytest.raises(RuntimeError, match="nothing is marked that a stroke could take away from"):
+    with pytest.raises(RuntimeError, match="there is nothing to take away from yet"):
         OPERATORS.pick_subject(places="0.5,0.5", take_away=True)
     scene.frame_set(40)
-    with pytest.raises(RuntimeError, match="frame 40 has no camera of its own"):
+    with pytest.raises(RuntimeError, match="frame 40 was not solved"):
         OPERATORS.pick_subject(places="0.5,0.5")
     assert not len(settings.subjects.items)
     for operator in (OPERATORS.focus_subject, OPERATORS.carry_subject, OPERATORS.remove_subject):
-        with pytest.raises(RuntimeError, match="No subject is marked: Pick Subject marks one"):
+        with pytest.raises(RuntimeError, match="No subject is marked; Pick Subject marks one"):
             operator()
 
 
@@ -112,7 +112,7 @@ def test_names_tell_subjects_from_each_other(
     settings.subjects.items[1].name = ""
     assert list(strokes(settings)) == ["Subject", "Subject 2", "Subject 3"]
     assert OPERATORS.remove_subject() == {"FINISHED"}
-    assert "Subject 3 is no subject any more" in capsys.readouterr().out
+    assert "Removed the subject Subject 3" in capsys.readouterr().out
     assert settings.subjects.active == 1 and subjects.free_name(settings) == "Subject 3"
 
 
@@ -122,7 +122,7 @@ def test_the_panel_lists_subjects(scene: bpy.types.Scene, settings: bpy.types.Pr
     OPERATORS.pick_subject(places="0.5,0.5 0.6,0.6")
     settings.subjects.items[0].unsure = "2 3"
     shown = draw(panel)
-    assert "Unsure in 2 frames" in shown.texts and "virtual_aperture.jump_to_frame" in shown.operators
+    assert "Uncertain in 2 frames" in shown.texts and "virtual_aperture.jump_to_frame" in shown.operators
     row = Recorder()
     VIRTUAL_APERTURE_UL_subjects.draw_item(
         None, bpy.context, row, settings.subjects, settings.subjects.items[0], 0, settings.subjects, "active"
@@ -147,7 +147,7 @@ def test_a_subject_is_carried_and_in_focus(
     assert OPERATORS.carry_subject() == {"FINISHED"}
     said = capsys.readouterr().out
     unsure = settings.subjects.items[0].unsure.split()
-    assert "Subject is" in said and (f"unsure in {len(unsure)} frame" in said) == bool(unsure)
+    assert "Subject is" in said and (f"uncertain in {len(unsure)} frame" in said) == bool(unsure)
     found = shot_of(scene).context.subject("Subject", 9)
     assert walls.overlap(found, walls.disc(9)) > 0.85
     assert OPERATORS.focus_subject() == {"FINISHED"}

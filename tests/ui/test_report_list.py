@@ -33,7 +33,7 @@ def test_frames_without_a_camera_are_listed(scene: bpy.types.Scene, tmp_path: Pa
     notes = frame_notes.of(scene)
     assert [note.frames for note in notes] == [(2, 4, 5)]
     texts = " ".join(draw(panel).texts)
-    assert "Frames 2, 4-5: was not registered" in texts
+    assert "Frames 2, 4-5: was not solved" in texts
     assert "virtual_aperture.jump_to_frame" in draw(panel).operators
     scene.frame_set(1)
     assert bpy.ops.virtual_aperture.jump_to_frame(frame=4) == {"FINISHED"}

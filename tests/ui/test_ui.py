@@ -42,7 +42,7 @@ def test_buttons_say_why_they_are_disabled(scene: bpy.types.Scene, tmp_path: Pat
     build(scene, shot.footage, shot.reconstruction)
     with pytest.raises(RuntimeError, match="press Tab for Edit Mode"):
         bpy.ops.virtual_aperture.set_focus()
-    with pytest.raises(RuntimeError, match="Pick what is to be sharp first"):
+    with pytest.raises(RuntimeError, match="Pick what should be sharp first"):
         bpy.ops.virtual_aperture.render_clip()
 
 
@@ -51,7 +51,7 @@ def test_focus_from_selected_vertices(scene: bpy.types.Scene, tmp_path: Path) ->
     settings = build(scene, shot.footage, shot.reconstruction)
     scene.frame_set(2)
     select(settings.points, ())
-    with pytest.raises(RuntimeError, match="no vertex is selected"):
+    with pytest.raises(RuntimeError, match="no vertices are selected"):
         bpy.ops.virtual_aperture.set_focus()
     select(settings.points, (7,))
     assert bpy.ops.virtual_aperture.set_focus() == {"FINISHED"}
@@ -237,7 +237,7 @@ def test_an_import_replaces_a_solve_only_when_told_to(scene: bpy.types.Scene, tm
     first, second = write_model(tmp_path / "one"), write_model(tmp_path / "two", 15)
     bpy.ops.virtual_aperture.import_solve(filepath=str(first))
     before = (work / "solve.json").read_text()
-    with pytest.raises(RuntimeError, match="holds a solve of this clip already"):
+    with pytest.raises(RuntimeError, match="already holds a solve of this clip"):
         bpy.ops.virtual_aperture.import_solve(filepath=str(second))
     assert (work / "solve.json").read_text() == before
     points = scene.virtual_aperture.points
@@ -246,7 +246,7 @@ def test_an_import_replaces_a_solve_only_when_told_to(scene: bpy.types.Scene, tm
     assert scene.virtual_aperture.points == points
     assert len(points.data.vertices) == len(load_solve(work).reconstruction.points) == 15
     # The import is not taken for a solve.
-    with pytest.raises(RuntimeError, match=r"holds an import \(COLMAP text\).*Solve Again"):
+    with pytest.raises(RuntimeError, match=r"holds an imported solve \(COLMAP text\).*Solve Again"):
         bpy.ops.virtual_aperture.solve()
 
 
@@ -264,17 +264,17 @@ def test_edit_mode_is_left_for_a_new_solve(scene: bpy.types.Scene, tmp_path: Pat
 
 
 def test_an_import_that_fails_leaves_everything_as_it_was(scene: bpy.types.Scene, tmp_path: Path) -> None:
-    with pytest.raises(RuntimeError, match="no clip is chosen"):
+    with pytest.raises(RuntimeError, match="no clip has been chosen"):
         bpy.ops.virtual_aperture.import_solve(filepath=str(tmp_path))
     work = choose_clip(scene, tmp_path)
-    with pytest.raises(RuntimeError, match="no model is chosen"):
+    with pytest.raises(RuntimeError, match="no model has been chosen"):
         bpy.ops.virtual_aperture.import_solve()
     notes = tmp_path / "notes.txt"
     notes.write_text("Things to do")
     broken = write_model(tmp_path / "broken")
     (broken / "images.txt").write_text("nonsense\n")
     for path, said in (
-        (notes, "no model of a known format"),
+        (notes, "not a model in a known format"),
         (tmp_path / "gone", "does not exist"),
         (broken, "images.txt"),
         (tmp_path / "a.blend", "Import Movie Clip"),
@@ -334,7 +334,7 @@ def test_a_solved_movie_clip_of_this_file_is_imported(scene: bpy.types.Scene, tm
     folder = tmp_path / "clip"
     unsolved = bpy.data.movieclips.load(str(folder / "shot_0001.png"))
     unsolved.name = "unsolved"
-    with pytest.raises(RuntimeError, match="No movie clip of this file is solved"):
+    with pytest.raises(RuntimeError, match="No movie clip in this file is solved"):
         bpy.ops.virtual_aperture.import_movie_clip()
     clip = solved_movie_clip(folder)
     with pytest.raises(TypeError, match="unsolved"):
@@ -344,13 +344,13 @@ def test_a_solved_movie_clip_of_this_file_is_imported(scene: bpy.types.Scene, tm
     assert len(settings.points.data.vertices) == 40
     assert settings.camera.data.lens == pytest.approx(30.0)
     assert load_solve(work).quality.reprojection_error < 0.01
-    with pytest.raises(RuntimeError, match="holds a solve of this clip already"):
+    with pytest.raises(RuntimeError, match="already holds a solve of this clip"):
         bpy.ops.virtual_aperture.import_movie_clip(clip=clip.name)
     assert bpy.ops.virtual_aperture.import_movie_clip(clip=clip.name, again=True) == {"FINISHED"}
     # Another clip's pictures are refused, and the scene stays.
     write_frames(tmp_path / "other", Intrinsics(64, 64, 80.0, 80.0, 32.0, 32.0))
     settings.footage, settings.work_dir = str(tmp_path / "other"), str(tmp_path / "elsewhere")
-    with pytest.raises(RuntimeError, match="is 96x64, the footage other 64x64"):
+    with pytest.raises(RuntimeError, match="is 96x64, the chosen clip other is 64x64"):
         bpy.ops.virtual_aperture.import_movie_clip(clip=clip.name)
     assert not (tmp_path / "elsewhere").exists()
     assert len(settings.points.data.vertices) == 40

@@ -39,10 +39,10 @@ def test_no_message_names_an_option_of_the_command_line(path: Path) -> None:
 
 def test_the_command_line_has_a_word_for_every_remedy() -> None:
     assert set(COMMAND_LINE) == set(Remedy)
-    error = UserError("this is so; name another folder, or replace it", Remedy.WORK_DIR, Remedy.AGAIN)
-    assert error.worded(COMMAND_LINE).endswith("; name another folder, or replace it (--work DIR, --again)")
+    error = UserError("this is so; choose another folder, or replace it", Remedy.WORK_DIR, Remedy.AGAIN)
+    assert error.worded(COMMAND_LINE).endswith("; choose another folder, or replace it (--work DIR, --again)")
     assert error.worded(INTERFACE).endswith(
-        "; name another folder, or replace it (Working Folder, Solve Again)"
+        "; choose another folder, or replace it (Working Folder, Solve Again)"
     )
     assert str(error) == error.worded({})
 
@@ -59,6 +59,6 @@ def test_a_clip_with_a_cut_says_in_each_interface_how_to_take_a_part(
     assert run_command(["solve", str(clip), "--work", str(work)]) == 1
     assert capsys.readouterr().err.strip().endswith("frames: 1-6, 7-12 (--frames A-B)")
     scene.virtual_aperture.footage, scene.virtual_aperture.work_dir = str(clip), str(work)
-    with pytest.raises(RuntimeError, match=r"frames: 1-6, 7-12 \(cut the clip to them") as raised:
+    with pytest.raises(RuntimeError, match=r"frames: 1-6, 7-12 \(trim the clip to one of them") as raised:
         bpy.ops.virtual_aperture.solve()
     assert "--" not in str(raised.value)

@@ -15,7 +15,7 @@ def checked_name(path: Path) -> Path:
         name.decode()
     except UnicodeDecodeError:
         raise UserError(
-            f"{str(name)[1:]} is no name that can be used (not UTF-8); rename the file or folder"
+            f"{str(name)[1:]} is not a usable name (not UTF-8); rename the file or folder"
         ) from None
     return path
 
@@ -23,10 +23,8 @@ def checked_name(path: Path) -> Path:
 def check_file(path: Path) -> None:
     """UserError for a place where something lies that is no file, and so cannot be replaced by one."""
     if os.path.lexists(path) and not path.is_file():
-        what = (
-            "a link that leads nowhere" if leads_nowhere(path) else "a folder" if path.is_dir() else "no file"
-        )
-        raise UserError(f"{path} is {what}; name another file")
+        what = "a broken link" if leads_nowhere(path) else "a folder" if path.is_dir() else "not a file"
+        raise UserError(f"{path} is {what}; choose another file")
 
 
 def leads_nowhere(path: Path) -> bool:

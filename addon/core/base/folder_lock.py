@@ -20,7 +20,7 @@ class FolderLock(FileLock):
         super().__init__(
             folder / NAME,
             lambda who: UserError(
-                f"{folder} is being solved into{who}; wait for it or cancel it, or name another folder",
+                f"{folder} is being solved into{who}; wait for it, cancel it, or choose another folder",
                 Remedy.WORK_DIR,
             ),
         )
@@ -39,7 +39,7 @@ class OutputLock(FileLock):
             super().__init__(
                 out.with_name(f"{OUTPUT}{out.name}.lock"),
                 lambda who: UserError(
-                    f"{out} is being written{who}; wait for it or cancel it, or name another file"
+                    f"{out} is being written{who}; wait for it, cancel it, or choose another file"
                 ),
             )
         except OSError as error:

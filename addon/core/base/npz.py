@@ -43,11 +43,11 @@ def read_arrays(path: Path, names: tuple[str, ...], most: int) -> dict[str, NDAr
                 if sum(member.file_size for member in members.values()) > most + len(names) * HEADER:
                     raise ValueError(f"{path.name} unpacks to more than {most} bytes")
                 if any(member.compress_type not in PACKED for member in members.values()):
-                    raise ValueError(f"{path.name} is packed in another way than NumPy does")
+                    raise ValueError(f"{path.name} is not packed the way NumPy does")
                 # No more than that is unpacked, whatever follows in the file.
                 return {name: _array(archive.read(member)) for name, member in members.items()}
         except _DAMAGED as error:
-            raise ValueError(f"{path.name} is no file of {', '.join(names)}: {error}") from None
+            raise ValueError(f"{path.name} is not a file of {', '.join(names)}: {error}") from None
 
 
 def array_shapes(path: Path) -> dict[str, tuple[int, ...]]:
@@ -68,7 +68,7 @@ def array_shapes(path: Path) -> dict[str, tuple[int, ...]]:
                     if header is not None:
                         shapes[name] = _shape(header)
         except _DAMAGED as error:
-            raise ValueError(f"{path.name} is no file of arrays: {error}") from None
+            raise ValueError(f"{path.name} is not a file of arrays: {error}") from None
     return shapes
 
 
@@ -95,11 +95,11 @@ class ArrayFile:
                 raise ValueError(f"it has no array {' or '.join(names)}, but {', '.join(there) or 'nothing'}")
             member = self._archive.getinfo(f"{self.name}.npy")
             if member.compress_type not in PACKED:
-                raise ValueError("it is packed in another way than NumPy does")
+                raise ValueError("it is not packed the way NumPy does")
             self._stream = self._archive.open(member)
             header = _HEADER.match(self._stream.read(HEADER))
         except _DAMAGED as error:
-            raise ValueError(f"it is no whole .npz: {error}") from None
+            raise ValueError(f"it is not a complete .npz: {error}") from None
         if header is None or header["fortran"] == b"True":
             raise ValueError(f"its array {self.name} does not begin as an array of numbers, row by row, does")
         self._dtype, self._begin = np.dtype(header["dtype"].decode()), header.end()

@@ -256,7 +256,7 @@ def stages(model: str, terms: Sequence[float]) -> tuple[Stage, ...]:
         case "EUCM":
             chain = (Sphere(*t),) if t[0] else ()
         case _:
-            raise ValueError(f"{model} is no family of lenses")
+            raise ValueError(f"{model} is not a known lens model")
     return tuple(stage for stage in chain if not (isinstance(stage, Brown) and _does_nothing(stage)))
 
 

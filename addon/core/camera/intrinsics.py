@@ -53,7 +53,7 @@ class Intrinsics:
         own = self.model == "OPENCV"
         count = 0 if own else len(distortion.term_names(self.model))
         if self.model not in distortion.FAMILIES or len(self.terms) != count:
-            raise ValueError(f"{self.model} is no family of lenses with {len(self.terms)} terms")
+            raise ValueError(f"{self.model} is not a known lens model with {len(self.terms)} terms")
         if not own and any((self.k1, self.k2, self.p1, self.p2)):
             raise ValueError(f"the distortion of a lens {self.model} is in its terms, not in k1 to p2")
 

@@ -148,8 +148,8 @@ class Reconstruction:
             return self.images[at], False
         if not self.is_ordered:
             raise UserError(
-                f"photo {frame} (by name) could not be matched with the others, so it has no camera; leave it"
-                " out, or add photos that show the same from between"
+                f"photo {frame} (by name) could not be matched with the others, so it has no camera; leave"
+                " it out, or add photos from places in between"
             )
         before, after = self.images[max(at - 1, 0)], self.images[min(at, len(self.images) - 1)]
         span = after.frame - before.frame
@@ -173,8 +173,8 @@ class Reconstruction:
 def _check_pose(image: Image) -> None:
     if not (np.all(np.isfinite(image.rotation)) and np.all(np.isfinite(image.translation))):
         raise UserError(
-            f"the camera of frame {image.frame} has a position or rotation that is no number;"
-            " solve the clip again, or take the frame out of the reconstruction"
+            f"the camera of frame {image.frame} has an invalid position or rotation; solve the clip again,"
+            " or remove the frame from the reconstruction"
         )
 
 
@@ -255,8 +255,8 @@ def typical_distance(reconstruction: Reconstruction) -> float:
     typical = float(np.median(distances)) if len(distances) else 0.0
     if not typical > 0:
         raise UserError(
-            "the reconstruction's points are no numbers or lie in the camera, so it has no scale;"
-            " solve the clip again"
+            "the reconstruction's points are invalid or lie inside the camera, so it has no scale; solve"
+            " the clip again"
         )
     return typical
 

@@ -274,7 +274,7 @@ class DepthStore:
         self.problem = None
         try:
             if self._key_now() != self._key:
-                raise UserError("the clip, its solve or its masks have changed meanwhile")
+                raise UserError("the clip, its solve or its masks have changed in the meantime")
             if not self._has_room(data.tell(), name.startswith(KINDS[0])):
                 raise UserError(
                     f"no more than {self._most} bytes of depth are kept for a clip; allow more",

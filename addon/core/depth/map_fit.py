@@ -126,7 +126,7 @@ def fit_clip(maps: DepthMaps, features: Callable[[int], tuple[Floats, Floats]]) 
     if not seen:
         raise UserError(
             f"the depth maps in {maps.pictures.path.name} know fewer than {MIN_POINTS} feature points a"
-            " frame; check that they are this clip's and not empty"
+            " frame; check that they belong to this clip and are not empty"
         )
     found = [_fit_clip(kind, seen) for kind in KINDS]
     fit, misses = min(found, key=lambda one: float(np.median(one[1][:, 0] / one[1][:, 1])))
@@ -318,7 +318,7 @@ def _refusal(frame: int, name: str, missed: float, constant: float) -> UserError
     return UserError(
         f"the depth map of frame {frame} ({name}) does not fit the clip: it misses the inverse depth of the"
         f" feature points by {100 * missed:.1f} %, one depth for all of them by {100 * constant:.1f} %;"
-        " check that the maps are this clip's, in its order and not mirrored"
+        " check that the maps belong to this clip, in its order and not mirrored"
     )
 
 

@@ -64,7 +64,7 @@ def placed(reconstruction: Reconstruction, maps: DepthMaps) -> Reconstruction:
     if not len(points):
         raise UserError(
             f"the depth maps in {maps.pictures.path.name} know none of the feature points; check that they"
-            " are this clip's and not empty"
+            " belong to this clip and are not empty"
         )
     count = len(reconstruction.points)
     near, known_points = _near(points, at, values / slants, 1 / slants, count, not is_depth)

@@ -61,8 +61,8 @@ class NoDepth(DepthSource):
     def at(self, frame: int, canvas: Canvas, picture: LinearRGBA) -> PixelDepth:
         """UserError."""
         raise UserError(
-            f"the depth of frame {frame} cannot be found, for the camera stays in its place; give depth maps"
-            " of the clip",
+            f"the depth of frame {frame} cannot be found because the camera does not move; provide depth"
+            " maps of the clip",
             Remedy.DEPTH_MAPS,
         )
 

@@ -79,7 +79,7 @@ def open_depth(path: Path, footage: Footage) -> DepthMaps:
         maps = DepthMaps.of(path, footage)
     if maps.stored(maps.frames[0]).dtype != np.uint8:
         return maps
-    note = "the depth maps have 8 bits, 256 steps from near to far; 16-bit PNG or EXR is smoother"
+    note = "the depth maps have 8 bits, only 256 steps from near to far; 16-bit PNG or EXR is smoother"
     return replace(maps, notes=(*maps.notes, note))
 
 
@@ -94,7 +94,7 @@ def _values(picture: NDArray[np.generic], name: str) -> Floats:
     if picture.shape[2] == 4:
         known &= np.asarray(picture[..., 3] != 0)
     if not (known & (values != 0)).any():
-        raise UserError(f"{name} has no depth: every pixel is 0, infinite, no number or transparent")
+        raise UserError(f"{name} has no depth: every pixel is 0, infinite, NaN or transparent")
     steps = 0 if picture.dtype == np.float32 else GREY_STEPS
     apart = np.abs(colour[known] - values[known, None]).max(axis=-1)
     if np.median(apart - GREY_TOLERANCE * np.abs(values[known])) > steps:

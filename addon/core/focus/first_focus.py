@@ -1,4 +1,4 @@
-"""What is put in focus before anybody has picked anything: the nearest large thing round the middle."""
+"""What is put in focus before anybody has picked anything: the nearest large object near the centre."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def first_place(reconstruction: Reconstruction, frame: int) -> Place | None:
         around = np.argsort(np.linalg.norm(xy[thing] - [x, y], axis=1), kind="stable")[:4]
         focus = Focus(points=tuple(int(point) for point in features.points[thing[around]]))
     distance = 1 / focus.inverse_depth(reconstruction, frame)
-    return Place(focus, frame, distance, "the nearest large thing round the middle", xy=(x, y))
+    return Place(focus, frame, distance, "the nearest large object near the centre", xy=(x, y))
 
 
 def _nearest_large(xy: Floats, inverse: Floats) -> Ints:

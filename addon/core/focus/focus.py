@@ -73,7 +73,7 @@ class Focus:
         centre = xyz.mean(axis=0)
         _, extent, axes = np.linalg.svd(xyz - centre, full_matrices=False)
         if not extent[1] > COLLINEAR * extent[0]:
-            raise UserError("the points in focus lie in a line; pick points that span a plane")
+            raise UserError("the points in focus lie on a line; pick points that span a plane")
         image, _ = reconstruction.image_at(frame)
         normal, middle = image.rotation @ axes[2], image.to_camera(centre)
         away = float(normal @ middle)
@@ -103,7 +103,8 @@ class Focus:
         ahead = inverse[inverse > 0]
         if not len(ahead):
             raise UserError(
-                f"frame {frame}: no focus point lies ahead of the camera; pick points that lie ahead there"
+                f"frame {frame}: no focus point is in front of the camera; pick points that are in front of"
+                " it"
             )
         return float(ahead.mean())
 
@@ -179,8 +180,8 @@ def _blur_of_unit_radius(reconstruction: Reconstruction, focus: Focus, frame: in
     features = frame_features(reconstruction, frame, canvas)
     if not len(features.points):
         raise UserError(
-            f"frame {frame} has no usable feature points to measure a blur by; pick the focus in another"
-            " frame, give the aperture's radius, or solve the clip again"
+            f"frame {frame} has no usable feature points to measure blur by; pick the focus in another"
+            " frame, set the aperture radius, or solve the clip again"
         )
     inverse = lens.focus
     far, near = np.percentile(lens.untilted(features.inverse_depth, features.observed), [2, 98])
@@ -189,7 +190,7 @@ def _blur_of_unit_radius(reconstruction: Reconstruction, focus: Focus, frame: in
         contrast = near - inverse
     if contrast <= 1e-6 * inverse:
         raise UserError(
-            "everything in the picture lies in the focal plane, so there is nothing to blur;"
-            " focus elsewhere or give the aperture's radius"
+            "everything in the picture lies in the focal plane, so there is nothing to blur; focus"
+            " elsewhere or set the aperture radius"
         )
     return float(2 * canvas.camera.fx * contrast / canvas.camera.width)

@@ -131,8 +131,8 @@ class PlaceFinder:
         if not pixel.is_known:
             nearest = f"its points are {away:.0f} px away" if np.isfinite(away) else "it has no points"
             raise UserError(
-                f"nothing is known of the depth at {x:g},{y:g} of frame {self.frame}: {nearest}, and {origin}"
-                " is not sure there; focus on a place with texture at the same distance, or give points or a"
+                f"the depth at {x:g},{y:g} of frame {self.frame} is unknown: {nearest}, and {origin} is"
+                " uncertain there; focus on a place with texture at the same distance, or set points or a"
                 " distance"
             )
         if known is not None and known.confidence is not None:
@@ -143,7 +143,7 @@ class PlaceFinder:
         beside = (
             f"no four points are within {NEAR * width:.0f} px of the place"
             if points is None
-            else "the points around lie on something else"
+            else "the points around it lie on something else"
         )
         pinhole, distance = self._canvas.pinhole, 1 / pixel.inverse_depth
         ray = np.append((self._click(x, y) - pinhole.principal_point) / pinhole.focal, 1.0)
@@ -159,7 +159,7 @@ class PlaceFinder:
         how_far = f"is followed from frame {first} to {last}" if last > first else "cannot be followed"
         # With the others: one depth alone may be off.
         distance = followed[self.frame]
-        source = f"{origin}; it moves by itself and {how_far}"
+        source = f"{origin}; it moves on its own and {how_far}"
         return Place(Focus(distance=distance), self.frame, distance, source, followed=followed, xy=(x, y))
 
     @cached_property

@@ -50,7 +50,7 @@ def pull(
     order = sorted(marks, key=lambda mark: mark.frame)
     for one, other in pairwise(order):
         if one.frame == other.frame:
-            raise UserError(f"two places are to be in focus at frame {one.frame}; give each its own frame")
+            raise UserError(f"two focus marks are at frame {one.frame}; give each its own frame")
     at = np.array(frames)
     inverse = np.zeros(len(at))
     before = at <= order[0].frame

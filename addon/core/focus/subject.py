@@ -41,13 +41,13 @@ def subject_place(
     """
     frames = [int(each) for each in reconstruction.frames]
     if frame not in frames:
-        raise UserError(f"frame {frame} has no camera of its own; choose another one for the subject {name}")
+        raise UserError(f"frame {frame} was not solved; choose another one for the subject {name}")
     found = {each: inverse for each in frames if (inverse := standing(each)) is not None}
     if not found:
         asked = sorted({*frames[::EVERY], frames[-1], frame})
         found = _smooth(dict(_inverse_depths(reconstruction, depth, mask, asked)))
     if not found:
-        raise UserError(f"no frame shows the subject {name}; mark it by a stroke where it is seen")
+        raise UserError(f"the subject {name} is not seen in any frame; mark it with a stroke where it is")
     known = sorted(found)
     values = [found[each] for each in known]
     followed = dict(zip(frames, (1 / np.interp(frames, known, values)).tolist(), strict=True))

@@ -56,16 +56,15 @@ class HighlightSettings:
 
     gain: float = option(
         1.0, "Highlights",
-        "How much of the light that clipping took from point lights and reflections is given back, so that"
-        " they become bright discs: 1 is all that is estimated, 0 leaves the clip as it is. Float pictures"
-        " keep what they have",
+        "How much of the clipped light of highlights is restored, so that they turn into bright bokeh"
+        " discs: 1 restores the full estimate, 0 leaves the clip as it is. Float images are not changed",
         name="highlights", least=0.0, most=MOST_GAIN, soft_most=4.0, words={"off": 0.0}, precision=2,
     )  # fmt: skip
     """Of the light that clipping took, how much is given back; 0 leaves pictures as they are."""
     threshold: float = option(
         0.97, "Clipping Threshold",
-        "Linear light, 1 being white, from which on a pixel of the clip counts as clipped. Lower it for a"
-        " clip whose highlights were recorded as grey",
+        "Brightness above which a pixel counts as clipped, in linear light where 1 is white. Lower it if"
+        " the clip's highlights were recorded as light gray",
         name="highlight_threshold", least=0.1, most=1.0,
     )  # fmt: skip
     """Linear light, 1 being white, from which on a pixel of a picture of integers counts as clipped."""

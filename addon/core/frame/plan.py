@@ -26,24 +26,26 @@ class FrameOptions:
     radius: float
     """Radius of the virtual aperture in scene units."""
     views: int = option(
-        0, "Views", "Number of virtual cameras; 0 takes as many as the largest blur disc needs",
+        0, "Views", "Number of virtual cameras; 0 uses as many as the largest blur disc needs",
         least=0, most=MOST_VIEWS, soft_most=256, words={"auto": 0},
     )  # fmt: skip
     """Number of virtual cameras; 0 takes as many as the largest blur disc of the frame needs."""
     method: str = option("layers", "Method", "How views are synthesized")
     """Name of the mesher, a key of `meshers.MESHERS`."""
-    seed: int = option(0, "Seed", "Of the thesis's random positions", least=0, most=2**31 - 1)
+    seed: int = option(
+        0, "Seed", "Random seed for the positions of the thesis's method", least=0, most=2**31 - 1
+    )
     """Of the random positions of the thesis's method."""
     borrow: bool = option(
         True, "Borrow",
-        "Fill what a frame does not show, behind silhouettes and past the border, from other frames that do;"
-        " when off, it is made up from its surroundings",
+        "Fill in what the frame does not show, behind silhouettes and past the border, from other frames;"
+        " when off, it is invented from the surroundings",
     )  # fmt: skip
     """What a frame does not show is taken from the frames that do."""
     target_psnr: float = option(
-        0.0, "Target PSNR",
-        "Render as many views as a frame needs for this PSNR in dB against infinitely many, whatever the"
-        " number of views is. 0 takes the number of views",
+        0.0, "Target Quality (PSNR)",
+        "Render as many views as a frame needs to come this close, in dB of PSNR, to infinitely many views."
+        " 0 goes by the number of views",
         least=0.0, most=80.0, soft_most=60.0, precision=1, metavar="DB",
     )  # fmt: skip
     """PSNR in dB that a frame is to have against one of infinitely many views, which takes the place of the
@@ -53,7 +55,7 @@ class FrameOptions:
     highlights: HighlightSettings = RESTORED
     """How bright what is clipped becomes."""
     quality: Quality = option(  # noqa: RUF009
-        NORMAL, "Quality", "What a frame may cost", choices=QUALITIES, can_be_keyed=False
+        NORMAL, "Quality", "Render time against quality", choices=QUALITIES, can_be_keyed=False
     )
     """What the frame may cost; a number of views, or a target PSNR, is kept to whatever it says of views."""
 

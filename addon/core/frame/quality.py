@@ -40,9 +40,9 @@ class Quality:
         return -(-size[0] // self.shrink), -(-size[1] // self.shrink)
 
 
-NORMAL = Quality("normal", 1, "What is worth its time")
+NORMAL = Quality("normal", 1, "Recommended")
 DRAFT = Quality(
-    "draft", 0, "A quick look: drawn at half the size, the sharpness of what is in focus added",
+    "draft", 0, "A quick look: drawn at half size, with full sharpness where in focus",
     views=0.5, shrink=2, stereo=StereoOptions(long_side=480), mesh=LayeredMeshOptions(largest_texture=0),
     better=NORMAL,
 )  # fmt: skip
@@ -50,12 +50,12 @@ DRAFT = Quality(
 for 0.7, 2.6 and 1.4 dB on bars, fence and walk with true depth at 32 pixels (`python -m
 benchmarks.accuracy.envelope`; fence by a scratch script)."""
 FIRST_LOOK = replace(
-    DRAFT, name="first look", help="From the frame's own neighbours alone, to be seen while depth is found",
+    DRAFT, name="first look", help="From neighbouring frames alone, shown while depth is found",
     stereo=COARSE, fusion=FusionOptions(step=1, sides=0), finds_subjects=False,
 )  # fmt: skip
 """No choice of the user's: what is seen before a frame's depth is known."""
 FINAL = Quality(
-    "final", 2, "Twice the views, and depth is searched anew in every frame",
+    "final", 2, "Twice the views, and depth found from scratch in every frame",
     views=2.0, fusion=FusionOptions(most_unseen=-1.0),
 )  # fmt: skip
 """From the video alone at 32 pixels fence, with a moving object that neighbours see badly, has 33.64 instead

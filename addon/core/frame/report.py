@@ -16,7 +16,7 @@ from ..warp.rasterise import at_pixels
 from .inspection import SOURCES, blur_discs, largest_shown, surface_of
 from .warped_frame import WarpedFrame
 
-CHOSEN, SURE_ENOUGH, GIVEN = "as chosen", "its depth is sure enough", "its depth is given"
+CHOSEN, SURE_ENOUGH, GIVEN = "as chosen", "its depth is sure enough", "its depth is known"
 """Why a frame got the method that was asked for: layers need depth."""
 
 
@@ -65,7 +65,7 @@ class FrameReport:
         """Lines for people."""
         lines = [f"frame {self.frame}: drawn by {self.method} with {counted(self.views, 'view')}: {self.why}"]
         if self.carried:
-            lines.append("camera: carried over from its neighbours, the frame was not registered")
+            lines.append("camera: interpolated from its neighbours, the frame was not solved")
         if self.sure is not None:
             lines.append(f"depth: sure in {self.sure:.1f} % of the pixels")
         mesh = f"mesh: {self.triangles:,} triangles, {self.of_pixel_grid:.1f} % of those of the pixel grid"
@@ -178,6 +178,6 @@ def summary(used: Iterable[Used], reports: Iterable[FrameReport] = ()) -> str:
 
 
 def _shares(own: float, borrowed: float, inpainted: float) -> str:
-    text = f"{own:.1f} % their own frame's, {borrowed:.1f} % other frames', {inpainted:.1f} % made up"
+    text = f"{own:.1f} % their own frame's, {borrowed:.1f} % other frames', {inpainted:.1f} % invented"
     nothing = 100 - own - borrowed - inpainted
     return text + (f", {nothing:.1f} % nothing" if nothing >= 0.05 else "")

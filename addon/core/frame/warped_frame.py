@@ -230,7 +230,9 @@ def _geometry(
         samples = frame_features(reconstruction, frame, canvas)
     lens = settings.focus.lens(reconstruction, frame, canvas.pinhole, settings.radius)
     if lens.is_tilted and not MESHERS[settings.method].takes_tilt:
-        raise UserError(f"the method {settings.method} has no tilted focal plane; choose another one")
+        raise UserError(
+            f"the method {settings.method} does not support a tilted focal plane; choose another one"
+        )
     samples = replace(samples, inverse_depth=lens.untilted(samples.inverse_depth, samples.observed))
     lens.check(frame, samples.inverse_depth)
     picture = canvas.from_source(source) if source.size else source

@@ -52,7 +52,7 @@ class FrameRange:
         """From "A-B", "A-B:STEP" or "A"; UserError for anything else."""
         match = re.fullmatch(r"(\d{1,18})(?:-(\d{1,18}))?(?::(\d{1,18}))?", text.strip(), re.ASCII)
         if not match:
-            raise UserError(f"frames {text!r} are not understood; write A-B, A-B:STEP or a single frame")
+            raise UserError(f"frames {text!r} are not valid; write A-B, A-B:STEP or a single frame")
         first, last, step = (int(part) if part else None for part in match.groups())
         assert first is not None
         return cls(first, first if last is None else last, 1 if step is None else step)
@@ -129,7 +129,7 @@ class Footage:
             where = self.file(frame).name if self.files else f"frame {frame}"
             raise UserError(
                 f"{where} is {picture.shape[1]}x{picture.shape[0]}, the clip is {self.width}x{self.height};"
-                " all frames of a clip must have one size; photos in no order are solved as stills",
+                " all frames of a clip must have one size; unordered photos can be solved as stills",
                 Remedy.STILLS,
             )
         return picture
@@ -159,15 +159,15 @@ def open_footage(
             footage = _open_sequence(path, clip_files(path), fps, stills)
         elif not path.exists():
             raise UserError(
-                f"{path} does not exist; give a video file, a folder of images or a pattern like ####.png"
+                f"{path} does not exist; choose a video file, a folder of images or a pattern like ####.png"
             )
         elif path.suffix.lower() in PICTURES:
             raise UserError(
-                f"{path.name} is a single image; a clip needs several: give the folder or a pattern"
+                f"{path.name} is a single image; a clip needs several: choose the folder or a pattern"
             )
         else:
             if stills:
-                raise UserError(f"{path.name} is no folder of photos; stills are the pictures of a folder")
+                raise UserError(f"{path.name} is not a folder of photos; stills are the images in a folder")
             regular_stat(path)
             info = video_info(path, info)
             numbers = tuple(range(1, info.count + 1))
@@ -282,8 +282,8 @@ def _open_sequence(path: Path, files: list[Path], fps: float | None, stills: boo
         assert number is not None
         if number in numbered:
             raise UserError(
-                f"{numbered[number].name} and {file.name} both are frame {number}; keep one clip in a folder"
-                " or name it with a pattern like shot_####.png"
+                f"{numbered[number].name} and {file.name} are both frame {number}; keep one clip per"
+                " folder, or use a pattern like shot_####.png"
             )
         numbered[number] = file
     frames = tuple(sorted(numbered))
@@ -325,7 +325,7 @@ def pattern_matches(path: Path) -> list[Path]:
     names of rendered frames: the # in `take #3_####.png` is a part of the name.
     """
     if not path.parent.is_dir():
-        raise UserError(f"{path.parent} does not exist; give the folder that holds {path.name}")
+        raise UserError(f"{path.parent} does not exist; choose the folder that holds {path.name}")
     names, places = list(path.parent.iterdir()), list(_NUMBER.finditer(path.name))
     for numbers in (places, places[-1:]):
         expression, end = "", 0

@@ -36,9 +36,7 @@ def open_video(path: Path) -> tuple[InputContainer, VideoStream]:
         with path.open("rb") as file:
             head = file.read(64).lstrip(b"\xef\xbb\xbf \r\n\t").lower()
         if head.startswith(_LISTS):
-            raise UserError(
-                f"{name} is a list that leads to other files, not a video; give the video itself"
-            ) from error
+            raise UserError(f"{name} is a playlist, not a video; choose the video itself") from error
         raise UserError(
             f"{name} is not a video that can be read; convert it to H.264 and try again"
         ) from error
@@ -46,7 +44,7 @@ def open_video(path: Path) -> tuple[InputContainer, VideoStream]:
     stream = container.streams.best("video")
     if not isinstance(stream, VideoStream) or stream.codec_context is None:
         container.close()
-        raise UserError(f"{name} has no pictures that can be decoded; convert it to H.264 and try again")
+        raise UserError(f"{name} has no frames that can be decoded; convert it to H.264 and try again")
     return container, stream
 
 

@@ -19,14 +19,14 @@ def copy_file(source: Path, target: Path) -> None:
     """
     if target.exists():
         if not target.samefile(source) and file_digest(target) != file_digest(source):
-            raise UserError(f"{target} exists and is another file than {source}; name another folder")
+            raise UserError(f"{target} already exists and differs from {source}; choose another folder")
         return
     if not is_regular(source):
-        raise UserError(f"{source} cannot be copied: it is no file, or not there")
+        raise UserError(f"{source} cannot be copied: it is not a file, or is missing")
     with atomic.staged(target) as part:
         shutil.copyfile(source, part)
         if part.stat().st_size != source.stat().st_size:
-            raise UserError(f"{source} could not be copied as a whole to {target}; is the disk full?")
+            raise UserError(f"{source} could not be copied completely to {target}; is the disk full?")
 
 
 def copy_pictures(footage: Footage, home: Path) -> Path:

@@ -21,7 +21,7 @@ class Masks(SideFiles):
     """The masks of a clip."""
 
     KIND = "mask"
-    WITHOUT = "; there, what moves is only found"
+    WITHOUT = "; moving objects are found automatically there"
 
     def at(self, frame: int) -> Map | None:
         """(H, W) over the clip's picture, the opacity in [0, 1] of what moves by itself; None for a frame

@@ -43,7 +43,7 @@ def read_picture(path: Path) -> Pixels:
         return _decoded(path)
     except OSError as error:
         raise UserError(
-            f"{path} cannot be read: {error.strerror or error}; put it back or leave the frame out"
+            f"{path} cannot be read: {error.strerror or error}; restore it or leave the frame out"
         ) from error
 
 
@@ -106,7 +106,8 @@ def _read_array(path: Path) -> Pixels:
         array = ArrayFile(path, ARRAYS)
         if array.count == 1:
             return grey(array.read(0))
-        problem = f"it has {array.count} maps, and each file of a folder is to have one; give the file"
+        problem = f"it has {array.count} maps, but each file in a folder should have one; choose the file"
+        " itself"
     except ValueError as error:
         problem = str(error)
     raise UserError(f"{path.name} cannot be read: {problem}")

@@ -83,7 +83,8 @@ def match_frames(pictures: Footage, clip: Footage, kind: str) -> tuple[dict[int,
         short = kind.split()[-1]
         raise UserError(
             f"no {kind} in {pictures.path.name} belongs to the clip: the {short}s are {describe(frames)},"
-            f" the clip has {describe(clip.frames)}; number them alike, or give one {short} for every frame"
+            f" the clip has {describe(clip.frames)}; number them like the clip, or provide one {short} for"
+            " every frame"
         )
     return numbers, notes
 

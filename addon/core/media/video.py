@@ -119,26 +119,25 @@ class VideoInfo:
             one = len(self.damaged) == 1
             notes.append(
                 f"{'frame' if one else 'frames'} {ranges(list(self.damaged))} of the clip"
-                f" {'is' if one else 'are'} damaged in the file: a part of the picture is made up, as may be"
-                " frames beside it; copy the clip again or leave them out"
+                f" {'is' if one else 'are'} damaged in the file: part of the picture is wrong, and nearby"
+                " frames may be, too; copy the clip again or leave them out"
             )
         if self.missing:
             claimed = self.count + self.missing
             lost = ranges(list(range(self.count + 1, claimed + 1)))
             notes.append(
-                f"{'frame' if self.missing == 1 else 'frames'} {lost} of {claimed} cannot be read: the clip"
-                " is cut off at its end; copy it again"
+                f"{'frame' if self.missing == 1 else 'frames'} {lost} of {claimed} cannot be read: the end"
+                " of the clip is missing; copy it again"
             )
         if gaps := self._gaps():
             more = f" and {len(gaps) - NAMED} more" if len(gaps) > NAMED else ""
             named = f"{'frame' if len(gaps) == 1 else 'frames'} {ranges(gaps[:NAMED])}{more}"
-            notes.append(
-                f"after {named} of the clip the next comes late: frames were left out there, or are lost"
-            )
+            notes.append(f"after {named} of the clip there is a gap: frames were dropped or lost there")
         if self.is_variable:
             notes.append(
-                "the clip's frame rate varies: movies of the command line keep each frame's time; the"
-                f" timeline and sequences count frames at {self.fps:.4g} a second, so that sound drifts there"
+                "the clip has a variable frame rate: movies from the command line keep each frame's time,"
+                f" but the timeline and image sequences run at {self.fps:.4g} frames a second, so sound"
+                " drifts there"
             )
         return notes
 
@@ -205,8 +204,8 @@ class VideoReader:
             if memory.is_scarce():
                 raise memory.shortage(f"frame {frame} of {self._path.name} cannot be decoded")
             raise UserError(
-                f"frame {frame} of {self._path.name} cannot be decoded; the file may be truncated:"
-                " convert it again or leave the frame out",
+                f"frame {frame} of {self._path.name} cannot be decoded; the file may be cut off: convert it"
+                " again or leave the frame out",
                 Remedy.FRAMES,
             )
         assert self._container is not None
@@ -290,8 +289,8 @@ def _decode_all(path: Path) -> VideoInfo:
         if memory.is_scarce():
             raise memory.shortage(f"{path.name} cannot be decoded to its end")
         raise UserError(
-            f"{path.name} is truncated: frame {len(table.times) + 1} of {claimed} cannot be decoded;"
-            " copy or convert it again"
+            f"{path.name} is cut off: frame {len(table.times) + 1} of {claimed} cannot be decoded; copy or"
+            " convert it again"
         )
     return _info(table, *video_size(path))
 

@@ -77,11 +77,15 @@ class Aperture:
     """How much light passes at each place of an aperture; without arguments it is a round hole."""
 
     blades: int = option(
-        0, "Blades", "Number of aperture blades, 3 or more; 0 is a round aperture", least=0, most=MOST_BLADES
+        0,
+        "Blades",
+        "Number of aperture blades, at least 3; 0 makes a round aperture",
+        least=0,
+        most=MOST_BLADES,
     )
     """Of a polygon whose corners lie on the rim; less than 3 make it round."""
     rotation: float = option(
-        0.0, "Rotation", "Angle of the blades, anticlockwise as seen in the picture", unit="ANGLE"
+        0.0, "Rotation", "Rotation of the blades, anticlockwise as seen in the image", unit="ANGLE"
     )
     """Radians, anticlockwise as seen in the picture. At 0 the middle of an edge lies to the right."""
     roundness: float = option(
@@ -90,33 +94,34 @@ class Aperture:
     )  # fmt: skip
     """Of the blades' edges: 0 for straight ones, 1 for a circle's arcs."""
     ratio: float = option(
-        1.0, "Ratio", "How much taller than wide blur discs are, as with an anamorphic lens",
+        1.0, "Ratio", "Height of blur discs relative to their width, as with an anamorphic lens",
         least=1.0, most=10.0, soft_most=2.0,
     )  # fmt: skip
     """By which it is narrower than high: an anamorphic lens's is 1.33 to 2."""
     obstruction: float = option(
         0.0, "Central Mirror",
-        "Radius of a mirror lens's secondary mirror, as a share of the aperture's: blur discs become rings",
+        "Radius of a mirror lens's secondary mirror, as a fraction of the aperture's: turns blur discs into"
+        " rings",
         least=0.0, most=0.95, soft_most=0.7, unit="FACTOR",
     )  # fmt: skip
     """Radius of the secondary mirror in its middle, as a share of the aperture's: 0 for none."""
     apodisation: float = option(
-        0.0, "Apodisation", "Share of the light that a filter takes at the rim: blur discs with soft edges",
+        0.0, "Apodisation", "How much light a filter absorbs at the rim: gives blur discs soft edges",
         least=0.0, most=MOST_LOST, unit="FACTOR",
     )  # fmt: skip
     """Share of the light that a filter takes at the rim, less inwards: (1 - a)^(r^2) passes."""
     spherical_aberration: float = option(
         0.0, "Spherical Aberration",
-        "Above 0 blur discs are bright at the rim (soap-bubble bokeh), below 0 in the middle (creamy"
-        " bokeh), in front of the focus and behind it alike",
+        "Above 0, blur discs are brighter at the rim (soap-bubble bokeh), below 0 in the middle (creamy"
+        " bokeh), both in front of and behind the focus",
         least=-1.0, most=1.0,
     )  # fmt: skip
     """-1 to 1: light moves to the rim (soap bubbles) or to the middle (creamy): 1 + s (2 r^2 - 1) passes,
     which keeps a disc's energy. A look: real lenses have the opposite on the other side of the focus."""
     vignetting: float = option(
         0.0, "Cat's Eyes",
-        "Optical vignetting: how much of their radius blur discs lose in the picture's corners. What is in"
-        " focus keeps its brightness",
+        "Optical vignetting: how far blur discs are cut off toward the corners, as a fraction of their"
+        " radius. What is in focus keeps its brightness",
         least=0.0, most=1.0, unit="FACTOR",
     )  # fmt: skip
     """By how much of its radius the barrel's opening is shifted against the aperture in the picture's
@@ -130,9 +135,9 @@ class Aperture:
         if self.image is None:
             return
         if not np.isfinite(self.image.light).all():
-            raise UserError("the picture of the aperture has pixels that are not finite (NaN or infinite)")
+            raise UserError("the aperture image has pixels that are not finite (NaN or infinite)")
         if not (self.image.light.size and self.image.light.max() > 0):
-            raise UserError("the picture of the aperture is black: no light would pass")
+            raise UserError("the aperture image is black, so no light passes")
         open_cells(self)
 
     @property
@@ -228,7 +233,7 @@ def open_cells(aperture: Aperture) -> tuple[Floats, Floats, float]:
     row, column = np.nonzero(share)
     if not len(row):
         raise UserError(
-            "no light passes the aperture: what its picture leaves open, its ratio and obstruction close"
+            "no light passes the aperture: its ratio and central mirror cover what its image leaves open"
         )
     cells = (np.column_stack([column, row]) + 0.5) * 2 / CELLS - 1
     return _fixed(cells), _fixed(light[row, column]), float(share.sum() * (2 / CELLS) ** 2)

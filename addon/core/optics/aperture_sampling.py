@@ -95,7 +95,7 @@ def views_needed(blur: float, prefiltered: bool) -> int:
     20 and 30, in the mean over bars, fence and walk of `python -m benchmarks.timings.view_error`.
     """
     if not np.isfinite(blur):
-        raise UserError("the blur disc has no finite size; choose a smaller aperture")
+        raise UserError("the blur disc is infinitely large; choose a smaller aperture")
     first, growth, least = (14, 0.55, LEAST_PREFILTERED) if prefiltered else (45, 0.77, MIN_VIEWS)
     return int(np.clip(np.ceil(first * (max(blur, 0.0) / 16) ** growth), least, MAX_VIEWS))
 

@@ -199,20 +199,20 @@ class ThinLens:
         depth (n,) have discs beyond use."""
         if not float(self.radius) * self.focus <= MAX_RADIUS:
             raise UserError(
-                f"frame {frame}: the focal plane at distance {1 / self.focus:g} lies in the lens,"
-                f" whose radius is {self.radius:g}; focus farther away or choose a smaller aperture"
+                f"frame {frame}: the focal plane at distance {1 / self.focus:g} is inside the lens, whose"
+                f" radius is {self.radius:g}; focus farther away or use a smaller aperture"
             )
         if not NEAREST_LINE * self.radius * float(np.linalg.norm(self._hinge)) <= 1:
             raise UserError(
-                f"frame {frame}: the focal plane is tilted so much that it comes within {NEAREST_LINE:g}"
-                " radii of the aperture; tilt it less, focus farther away or choose a smaller aperture"
+                f"frame {frame}: the focal plane is tilted so far that it comes within {NEAREST_LINE:g}"
+                " radii of the aperture; tilt it less, focus farther away or use a smaller aperture"
             )
         disc = self.largest_disc(inverse_depth, 50.0)
         if not disc <= MAX_BLUR * self._diagonal:
             raise UserError(
                 f"frame {frame}: half of the picture has blur discs more than"
-                f" {disc / self.pinhole.width:.3g} pictures wide; choose a smaller aperture or a focus"
-                " farther away"
+                f" {disc / self.pinhole.width:.3g} pictures wide; use a smaller aperture or focus farther"
+                " away"
             )
 
     @property

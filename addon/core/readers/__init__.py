@@ -63,7 +63,7 @@ def read_reconstruction(path: Path, footage: Footage) -> Imported:
     """
     path = Path(path).expanduser()
     if not path.exists():
-        raise UserError(f"{path} does not exist; give {SUPPORTED}")
+        raise UserError(f"{path} does not exist; choose {SUPPORTED}")
     reader, file = _recognised(path)
     return match(reader.read(file, (footage.width, footage.height)), footage)
 
@@ -94,7 +94,7 @@ def _recognised(path: Path) -> tuple[Reader, Path]:
     if found:
         names = ", ".join(file.name for _, file in found)
         raise UserError(f"{path} has several models: {names}; name one of them")
-    raise UserError(f"{path} is no model of a known format; give {SUPPORTED}")
+    raise UserError(f"{path} is not a model in a known format; choose {SUPPORTED}")
 
 
 def _models_in(folder: Path) -> list[tuple[Reader, Path]]:

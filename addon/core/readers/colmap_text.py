@@ -185,4 +185,4 @@ def _culprit(words: Sequence[bytes], column: Callable[[Sequence[bytes]], object]
             column([word])
         except (ValueError, OverflowError):
             return repr(word[:40].decode("utf-8", errors="replace"))
-    raise AssertionError("one of the words is no number")
+    raise AssertionError("one of the words is not a number")

@@ -154,7 +154,7 @@ class Text:
                     shown = _decoded(word[:40])
                     hint = " (with a point, not a comma)" if b"," in word else ""
                     raise self.wrong(f"a number of at most {LARGEST:g}{hint}, not {shown!r}", number)
-        raise AssertionError("one of the words is no number")
+        raise AssertionError("one of the words is not a number")
 
 
 def _decoded(row: bytes) -> str:

@@ -78,7 +78,7 @@ def _contents(path: Path) -> dict[str, Any]:
     except OSError as error:
         raise UserError(f"{path} cannot be read: {error.strerror}") from None
     except (ValueError, RecursionError) as error:
-        raise UserError(f"{path} is no JSON: {error}; export it again") from None
+        raise UserError(f"{path} is not JSON: {error}; export it again") from None
     if not isinstance(whole, dict):
         raise UserError(f"{path}: expected an object with frames, not {type(whole).__name__}")
     return whole
@@ -107,7 +107,7 @@ def _lens(place: str, said: Mapping[str, Any], size: tuple[int, int]) -> Intrins
     if model == FISHEYE or said.get("is_fisheye") is True:
         return lens(place, FISHEYE, (width, height), (*where, k1, k2, k3, k4))
     if k4:
-        raise UserError(f"{place}: expected no k4 of a lens that is no fisheye; undistort the pictures")
+        raise UserError(f"{place}: expected no k4 for a lens that is not a fisheye; undistort the pictures")
     if k3:
         return lens(place, "FULL_OPENCV", (width, height), (*where, k1, k2, p1, p2, k3, 0.0, 0.0, 0.0))
     return lens(place, PERSPECTIVE, (width, height), (*where, k1, k2, p1, p2))

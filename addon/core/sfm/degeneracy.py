@@ -64,15 +64,15 @@ def refuse_cuts(tracks: Tracks) -> None:
     starts = [0, *cuts(tracks), len(tracks.frames)]
     if len(starts) > 2 and len(tracks.frames) <= PHOTOS * (len(starts) - 2):
         raise UserError(
-            f"{len(starts) - 2} of {len(tracks.frames)} pictures show nothing of the one before: this is no"
-            f" clip; photos in no order, up to {MOST_STILLS}, are solved as stills",
+            f"{len(starts) - 2} of {len(tracks.frames)} images share nothing with the one before, so this"
+            f" is not a clip; up to {MOST_STILLS} unordered photos can be solved as stills",
             Remedy.STILLS,
         )
     if len(starts) > 2:
         shots = [f"{tracks.frames[a]}-{tracks.frames[b - 1]}" for a, b in pairwise(starts)]
         raise UserError(
-            f"the clip has {len(shots) - 1} cut{'s' * (len(shots) > 2)}; each shot is solved by itself,"
-            f" with its frames: {', '.join(shots)}",
+            f"the clip has {len(shots) - 1} cut{'s' * (len(shots) > 2)}; solve each shot separately; their"
+            f" frames: {', '.join(shots)}",
             Remedy.FRAMES,
         )
 

@@ -154,7 +154,7 @@ def _staying(tracks: Tracks, prior: FocalPrior, progress: Progress, options: Map
     share, moving = solution.explained(found.solution)
     reconstruction = solution.collect(found.solution)
     if len(reconstruction.images) < 2 or len(reconstruction.points) < options.solution.min_points:
-        raise UserError("too few points stand still in this clip; choose another range of frames")
+        raise UserError("too little of this clip stands still; choose another range of frames")
     return Mapped(
         normalise(reconstruction), STAYS, found.focal_sigma, found.focal_from_clip, 0.0, 0.0, share, moving,
         False, None, None,
@@ -193,14 +193,14 @@ def _moving(
     explained, moving = solution.explained(best)
     if explained < options.min_explained:
         raise UserError(
-            f"only {100 * explained:.0f} % of what was tracked agrees with one scene that stands still: too"
-            " much moves on its own, or the pictures were shifted or warped after they were taken; choose"
-            " another range of frames, or solve the clip as it was filmed",
+            f"only {100 * explained:.0f} % of what was tracked fits a scene that stands still: too much"
+            " moves on its own, or the pictures were stabilised or warped afterwards; choose another range"
+            " of frames, or solve the clip as it was filmed",
             Remedy.FRAMES,
         )
     reconstruction = solution.collect(best)
     if len(reconstruction.images) < 2 or len(reconstruction.points) < options.solution.min_points:
-        raise UserError("too few points could be placed in space; film with more sideways movement")
+        raise UserError("too few points could be placed in 3D; film with more sideways movement")
     return Mapped(
         normalise(reconstruction), found.method, sigma, found.focal_from_clip, parallax, angle,
         explained, moving, ratio is not None, depth, weak,

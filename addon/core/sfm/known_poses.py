@@ -110,9 +110,8 @@ def triangulate(
     found = _collected(cameras, tracks, made)
     if len(found.points) < made.options.min_points:
         raise NoDepthError(
-            f"of {counted(tracks.count, 'tracked feature')} only {len(found.points)} could be placed in"
-            " space with these cameras: they hardly leave their place, or only turn, so that the clip tells"
-            " no depth"
+            f"of {counted(tracks.count, 'tracked feature')} only {len(found.points)} could be placed in 3D"
+            " with these cameras: they hardly move, or only turn, so the clip shows no depth"
         )
     return Known(found, miss, explained, moving)
 
@@ -158,8 +157,8 @@ def _pairs(tracks: Tracks, options: KnownPoseOptions) -> list[_Pair]:
             found.append(replace(best, a=best.a[::step], b=best.b[::step]))
     if not found:
         raise UserError(
-            "no features can be followed from frame to frame, so nothing tells whether these cameras are"
-            " the clip's"
+            "no features can be followed from frame to frame, so these cameras cannot be checked against"
+            " the clip"
         )
     return found
 
@@ -239,25 +238,25 @@ def _fits(epipolar: _Epipolar, options: KnownPoseOptions) -> float:
     by_focal, focal = _least(lambda each: epipolar.miss(focal=each), FOCALS)
     found = min(by_offset, by_focal)
     if found <= min(allowed, options.better * miss if np.isfinite(miss) else allowed):
-        then = f"what is tracked misses by {found:.1f} of 1000 pixels then"
-        then += f", not by {miss:.1f}" if np.isfinite(miss) else ""
+        then = f"the error would then be {found:.1f} pixels in 1000"
+        then += f", instead of {miss:.1f}" if np.isfinite(miss) else ""
         if by_focal < by_offset:
             raise UserError(
-                f"these cameras have another lens than the clip: they fit it with {focal:.2f} times the focal"
+                f"these cameras have another lens than the clip: they fit with {focal:.2f} times the focal"
                 f" length ({then})"
             )
         when = f"{counted(abs(int(offset)), 'frame')} {'later' if offset > 0 else 'earlier'}"
         raise UserError(
-            "these cameras are of other frames than the clip's: they fit it if each frame has the camera of"
+            "these cameras belong to other frames of the clip: they fit if each frame uses the camera"
             f" {when} (offset {int(offset):+d}: {then})"
         )
     if not miss <= allowed:
-        missed = f"what is tracked misses by {miss:.0f} of 1000 pixels, and"
+        missed = f"the error is {miss:.0f} pixels in 1000, and"
         if not np.isfinite(miss):
-            missed = "hardly a frame of it has one of them, and"
+            missed = "hardly any of its frames has one of them, and"
         raise UserError(
-            f"these cameras are not those of this clip: {missed} no other frame numbers or focal length"
-            " explain it; give the clip that they were made from"
+            f"these cameras do not belong to this clip: {missed} no other frame offset or focal length"
+            " explains it; choose the clip they were made from"
         )
     return miss
 

@@ -103,8 +103,8 @@ def place_photos(
                     break
     if not tried:
         raise UserError(
-            "no two of these photos show the same things from different places; take more, from places a step"
-            " apart, each of which shows much of what another does"
+            "no two of these photos show the same things from different places; take more, a step apart,"
+            " with plenty of overlap"
         )
     best, is_calibrated = max(tried, key=lambda each: (each[0].num_reg_images(), each[0].num_points3D()))
     reconstruction = normalise(_collected(best, photos, lens_of))

@@ -61,8 +61,8 @@ def find_features(
     count = len(footage.frames)
     if not 2 <= count <= MOST_STILLS:
         raise UserError(
-            f"{footage.path.name} has {counted(count, 'photo')}; 2 to {MOST_STILLS} can be matched each with"
-            " all others: put those of one scene into a folder"
+            f"{footage.path.name} has {counted(count, 'photo')}; 2 to {MOST_STILLS} can be matched with"
+            " each other; put those of one scene in a folder"
         )
     most = options.features if count <= options.few else options.least_features
     sift, found = make_sift(0.01), []

@@ -227,8 +227,8 @@ def _refuse_import(work_dir: Path) -> None:
     imported = imported_from(work_dir)
     if imported:
         raise UserError(
-            f"{work_dir} holds an import ({imported}), not a solve of our own; go on with it as it is, name"
-            " another folder, or replace it",
+            f"{work_dir} holds an imported solve ({imported}); keep using it, choose another folder, or"
+            " replace it",
             Remedy.WORK_DIR,
             Remedy.AGAIN,
         )
@@ -248,7 +248,7 @@ def _python() -> str:
         Path(sys.prefix, "bin").glob("python.exe")
     )
     if not found:
-        raise UserError(f"no Python was found beside {sys.executable}; the solve needs Blender's own Python")
+        raise UserError(f"no Python was found next to {sys.executable}; solving needs Blender's own Python")
     return str(found[0])
 
 

@@ -70,6 +70,7 @@ class Report:
     """Frames with fewer than `WEAK` points."""
     notes: list[str]
     advice: str
+    """What would help the solve most; empty where nothing need be done."""
     remedies: tuple[Remedy, ...]
     """What to set to follow the advice."""
 
@@ -78,11 +79,15 @@ class Report:
         return asdict(self)
 
     def advised(self, words: Words) -> str:
-        """What to do, in a line or two: the share that stands still, if it is small, and the advice."""
-        still = ""
+        """What to do, in a line or two: the share that stands still, if it is small, and the advice; empty
+        where there is nothing to do."""
+        lines = []
         if self.explained is not None and self.explained < EXPLAINED:
-            still = f"only {100 * self.explained:.0f} % of what was tracked stands still\n"
-        return f"{still}advice: {with_words(self.advice, self.remedies, words)}"
+            lines.append(f"only {100 * self.explained:.0f} % of what was tracked stands still")
+        return "\n".join([*lines, *self._advice(words)])
+
+    def _advice(self, words: Words) -> list[str]:
+        return [f"advice: {with_words(self.advice, self.remedies, words)}"] if self.advice else []
 
     def text(self, words: Words) -> str:
         """For people, the advice with an interface's names for what it tells to set."""
@@ -92,8 +97,8 @@ class Report:
         source = {
             "clip": "found from the clip",
             "given": "given",
-            "metadata": "as the clip's file says",
-            "guess": "a phone's, assumed",
+            "metadata": "from the clip's file",
+            "guess": "typical of a phone, assumed",
             "file": "read",
         }
         most = max(count for _, _, count in self.histogram)
@@ -104,10 +109,10 @@ class Report:
         lines = [
             f"frames        {self.registered} of {self.frames} registered"
             + (f"; without a camera: {ranges(self.missing)}" if self.missing else ""),
-            f"points        {self.points}; per frame {self.points_per_frame[0]} at least,"
-            f" {self.points_per_frame[1]} in the median, {self.points_per_frame[2]} at most, and {self.added}"
-            " that others saw there;"
-            f" in {100 * self.coverage:.0f} % of the picture",
+            f"points        {self.points}; per frame at least {self.points_per_frame[0]}, median"
+            f" {self.points_per_frame[1]}, at most {self.points_per_frame[2]}, and {self.added} more seen"
+            " by other frames;"
+            f" covering {100 * self.coverage:.0f} % of the picture",
             *bars,
             f"reprojection  {self._reprojection()}",
             f"focal length  {lens}{sigma}, {source[self.focal_from]}",
@@ -119,8 +124,7 @@ class Report:
             lines.append(f"standing still  {100 * self.explained:.0f} % of what was tracked")
         if self.weak:
             lines.append(f"weak frames   {ranges(self.weak)} (fewer than {WEAK} points)")
-        advice = f"advice: {with_words(self.advice, self.remedies, words)}"
-        return "\n".join([*lines, *(f"note: {note}" for note in self.notes), advice])
+        return "\n".join([*lines, *(f"note: {note}" for note in self.notes), *self._advice(words)])
 
     def _reprojection(self) -> str:
         if self.reprojection_error is None:
@@ -131,7 +135,7 @@ class Report:
     def _parallax(self) -> str:
         unsure = "not known" if self.depth_sigma is None else f"uncertain by {100 * self.depth_sigma:.1f} %"
         if self.angle is None:
-            return f"not measured: no point is seen by two frames; depth {unsure}"
+            return f"not measured: no point is seen in two frames; depth {unsure}"
         quartiles = ", ".join(f"{q:.2f}" for q in self.angle)
         return f"{quartiles} degrees (quartiles of the points); depth {unsure}"
 
@@ -185,45 +189,45 @@ def _advice(
     be."""
     if wrong is not None:
         return (
-            f"the points miss the places where the frames show them by {wrong:.0f} px: these cameras are not"
-            " those of this clip (another take, other frames, another lens?), and renders will be wrong",
+            f"the points miss the places where the frames show them by {wrong:.0f} px: these cameras do not"
+            " belong to this clip (another take, other frames, another lens?), and renders will be wrong",
             (),
         )
     if explained is not None and explained < EXPLAINED:
         return (
-            f"{100 * (1 - explained):.0f} % of what was tracked moves on its own or was tracked wrongly;"
-            " if a thing that moves fills much of the picture, solve a range of frames without it",
+            f"{100 * (1 - explained):.0f} % of what was tracked moves on its own or was tracked wrongly; if"
+            " something moving fills much of the picture, solve a range of frames without it",
             (Remedy.FRAMES,),
         )
     if missing:
         return (
-            f"frame {missing[0]} has no camera and borrows its neighbours'; leave it out"
+            f"frame {missing[0]} has no camera and uses its neighbours'; leave it out"
             if len(missing) == 1
-            else f"frames {ranges(missing)} have no camera and borrow their neighbours'; leave them out",
+            else f"frames {ranges(missing)} have no camera and use their neighbours'; leave them out",
             (Remedy.FRAMES,),
         )
     if depth is not None and depth > UNTOLD_DEPTH:
         return (
-            "the clip hardly tells depth, for the camera hardly left its place, and what its lens does is"
-            " taken for depth, too; keep the blur small, or film with more sideways movement",
+            "the clip shows hardly any depth, because the camera hardly moved and its lens can be mistaken"
+            " for depth; keep the blur small, or film with more sideways movement",
             (),
         )
     if depth is not None and depth > UNSURE_DEPTH:
         return (
-            f"depths are uncertain by {100 * depth:.0f} %, for the camera hardly left its place;"
-            " keep the blur small, or film with more sideways movement",
+            f"depth is uncertain by {100 * depth:.0f} %, because the camera hardly moved; keep the blur"
+            " small, or film with more sideways movement",
             (),
         )
     if sigma is not None and sigma > UNSURE_FOCAL and source != "given":
         return (
-            "the clip does not determine its focal length: lengths along the view are uncertain by"
-            f" {100 * sigma:.0f} % (blur hardly depends on it); give it",
+            "the focal length cannot be found from the clip, so distances are uncertain by"
+            f" {100 * sigma:.0f} % (blur hardly depends on it); set it",
             (Remedy.FOCAL,),
         )
     if weak:
         which = f"frame {weak[0]} has" if len(weak) == 1 else f"frames {ranges(weak)} have"
-        return f"{which} few points; the focus may be coarse there", ()
-    return "none needed", ()
+        return f"{which} few points; focus may be less exact there", ()
+    return "", ()
 
 
 def _histogram(counts: Ints) -> list[list[int]]:

@@ -171,14 +171,13 @@ def refuse_shifted(
         return
     if compared.shifted > options.min_gain * compared.solved:
         raise UserError(
-            "the pictures of this clip were shifted so that something in mid-scene stays in place (rectified"
-            " or stabilised): near and far cannot be told apart in such pictures; solve the clip as it was"
-            " filmed, without stabilisation"
+            "this clip was stabilised so that something in mid-scene stays in place, which makes near and"
+            " far look alike; solve the clip as it was filmed, without stabilisation"
         )
     if compared.shifted > options.telling_score and compared.order < options.min_order:
         raise UserError(
-            "the depths that were found contradict the order in which things move past each other in this"
-            " clip; choose another range of frames, or film with more sideways movement",
+            "the depth found contradicts which things pass in front of others in this clip; choose another"
+            " range of frames, or film with more sideways movement",
             Remedy.FRAMES,
         )
 

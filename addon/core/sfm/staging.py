@@ -49,7 +49,7 @@ class Staging:
         except OSError as error:
             self._let_go()
             raise UserError(
-                f"no solve can be started in the working folder {work_dir}: {error.strerror}"
+                f"the working folder {work_dir} cannot be solved into: {error.strerror}"
             ) from None
         except UserError:
             self._let_go()
@@ -64,11 +64,12 @@ class Staging:
         clip. Raises UserError, the old solve as it was.
         """
         if identity(footage.path) != clip_identity:
-            raise UserError(f"the clip {footage.path} was changed while it was being solved; solve it again")
+            raise UserError(f"the clip {footage.path} changed while it was being solved; solve it again")
         if _state_bytes(self.work_dir) != self._before:
             # Where no locks are known, nobody was kept from it.
             raise UserError(
-                f"another solve was put into {self.work_dir} meanwhile; name another folder", Remedy.WORK_DIR
+                f"another solve was written to {self.work_dir} in the meantime; choose another folder",
+                Remedy.WORK_DIR,
             )
         model, old = self.work_dir / MODEL, self.folder / OLD
         try:
@@ -96,7 +97,7 @@ class Staging:
                 old.rename(model)
             self.discard()
             raise UserError(
-                f"the solve cannot be moved into {self.work_dir}: {error.strerror}; the old one is as it was"
+                f"the solve cannot be moved into {self.work_dir}: {error.strerror}; the old one was kept"
             ) from None
         self._made = None
         self.discard()

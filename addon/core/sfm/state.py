@@ -38,7 +38,7 @@ def read_state(work_dir: Path) -> dict[str, Any] | None:
     except OSError as error:
         raise UserError(f"{path} cannot be read: {error.strerror}") from None
     except (ValueError, RecursionError):
-        raise _damaged(path, "it is no JSON") from None
+        raise _damaged(path, "it is not JSON") from None
     if state is None:
         raise _damaged(path, "it is empty")
     if not isinstance(state, dict) or not isinstance(state.get("version"), int):
@@ -54,7 +54,7 @@ def read_state(work_dir: Path) -> dict[str, Any] | None:
     if state.pop(DIGEST, None) not in (None, _digest(state)):
         raise _damaged(path, "it is not what the solve wrote")
     if not state["frames"] or not all(type(frame) is int for frame in state["frames"]):
-        raise _damaged(path, "its frames are no numbers")
+        raise _damaged(path, "its frames are not numbers")
     return state
 
 
@@ -85,7 +85,7 @@ def _digest(state: dict[str, Any]) -> str:
 
 def _damaged(path: Path, why: str) -> UnusableStateError:
     return UnusableStateError(
-        f"{path} is damaged ({why}); put it back, or solve again in its place", Remedy.AGAIN
+        f"{path} is damaged ({why}); restore it, or solve again in its place", Remedy.AGAIN
     )
 
 
@@ -103,11 +103,11 @@ def check_model(model: Path, state: dict[str, Any]) -> None:
     for name, digest in digests.items() if isinstance(digests, dict) else ():
         path = model / str(name)
         if not path.is_file():
-            raise UserError(f"{path} is gone; put it back, or solve again in its place", Remedy.AGAIN)
+            raise UserError(f"{path} is missing; restore it, or solve again in its place", Remedy.AGAIN)
         if file_digest(path) != digest:
             raise UserError(
-                f"{path} is not what the solve wrote: it was changed or damaged since; put it back, solve"
-                " again in its place, or import what you changed into another folder",
+                f"{path} was changed or damaged after the solve; restore it, solve again in its place, or"
+                " import your changes into another folder",
                 Remedy.AGAIN,
             )
 

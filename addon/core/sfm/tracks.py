@@ -118,8 +118,8 @@ def track_features(
         raise UserError(f"there is no tracker {tracker!r}; choose one of {', '.join(TRACKERS)}")
     if len(footage.frames) < 4:
         raise UserError(
-            f"{footage.path.name} has {counted(len(footage.frames), 'frame')}; at least 4 with a moving"
-            " camera are needed; photos are solved as stills",
+            f"{footage.path.name} has {counted(len(footage.frames), 'frame')}; at least 4 frames from a"
+            " moving camera are needed; photos can be solved as stills",
             Remedy.STILLS,
         )
     tracks = run(made[tracker](), footage, progress, options)
@@ -132,8 +132,8 @@ def check_shape(footage: Footage, options: TrackingOptions = TrackingOptions()) 
     long_side, short_side = options.long_side, options.short_side
     if min(width, height) * min(1.0, long_side / max(width, height)) < short_side:
         raise UserError(
-            f"{footage.path.name} is {width}x{height} pixels; features cannot be followed where a side has"
-            f" fewer than {short_side} pixels, or is {long_side // short_side} times shorter than the other"
+            f"{footage.path.name} is {width}x{height} pixels; features can only be followed in images of at"
+            f" least {short_side} pixels a side, less than {long_side // short_side} times as long as wide"
         )
 
 

@@ -40,14 +40,13 @@ from .workspace import keep_visible
 METADATA_SIGMA = 0.1
 """Relative standard deviation of what files say of the lens: video is cropped more than photos are."""
 POINTS_FOUND = (
-    "the cameras are held as they were given, and the points tracked and placed before them here: what is"
-    " tracked misses the cameras by {miss:.2f} px in the median"
+    "the cameras are used as they are, and points were tracked for them: the median error is {miss:.2f} px"
 )
 POINTS_TAKEN = (
-    "the cameras tell no depth, for they hardly leave their place: the model's own points are taken, of which"
-    " nobody measured how well they fit the clip"
+    "the cameras show no depth, because they hardly move: the model's own points are used, and how well"
+    " they fit the clip is unknown"
 )
-ZOOMED = "the picture agrees with a lens that zooms; if it does not, give its focal length"
+ZOOMED = "the clip looks as if its lens zooms; if it does not, set the focal length"
 PATIENCE = 5.0
 """Seconds in which a process that ends has let go of all that it held."""
 MOVING = "moving.npz"
@@ -277,7 +276,7 @@ def _exr(path: Path | bytes) -> NDArray[np.float32]:
 
     bitmap = pycolmap.Bitmap.read(str(path), True)
     if bitmap is None:
-        raise OSError("it is no picture")
+        raise OSError("it is not an image")
     return (np.asarray(bitmap.to_array()) / 255).astype(np.float32)
 
 

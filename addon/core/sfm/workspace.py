@@ -120,11 +120,11 @@ def _clip_of(work_dir: Path, state: dict[str, Any], clip: Path | None) -> Path:
             return place
     if there:
         raise UserError(
-            f"the clip {there[0]} is not the one that was solved into {work_dir}: it was changed, or another"
-            " one is in its place; put the one that was solved back, or solve this one",
+            f"the clip {there[0]} is not the one solved in {work_dir}: it was changed or replaced; put the"
+            " solved one back, or solve this one",
             Remedy.AGAIN,
         )
-    raise UserError(f"the clip {state['footage']} of {work_dir} is gone; put it back, or solve again")
+    raise UserError(f"the clip {state['footage']} of {work_dir} is missing; put it back, or solve again")
 
 
 def _video_of(footage: Path, kept: VideoInfo | None) -> VideoInfo | None:
@@ -206,7 +206,7 @@ def check_import(work_dir: Path, footage: Footage, again: bool) -> None:
     SolveThereError for any solve of the clip that is not to be replaced `again`."""
     if not again and _state_of(work_dir, footage) is not None and (work_dir / MODEL).is_dir():
         raise SolveThereError(
-            f"{work_dir} holds a solve of this clip already; name another folder, or replace it",
+            f"{work_dir} already holds a solve of this clip; choose another folder, or replace it",
             Remedy.WORK_DIR,
             Remedy.AGAIN,
         )
@@ -255,26 +255,26 @@ def _state_of(work_dir: Path, footage: Footage) -> dict[str, Any] | None:
     if not work_dir.exists():
         return None
     if not work_dir.is_dir():
-        raise UserError(f"{work_dir} is a file; name a folder", Remedy.WORK_DIR)
+        raise UserError(f"{work_dir} is a file; choose a folder", Remedy.WORK_DIR)
     recover(work_dir)
     state = read_state(work_dir)
     if state is None:
         if any(not p.name.startswith((".solving", atomic.PART)) for p in work_dir.iterdir()):
             raise UserError(
-                f"{work_dir} is not empty and holds no solve; name another folder", Remedy.WORK_DIR
+                f"{work_dir} is not empty and holds no solve; choose another folder", Remedy.WORK_DIR
             )
         return None
     if not is_state_of(state, footage.path):
         if footage.path.resolve() in [place.resolve() for place in recorded_places(work_dir, state)]:
             raise _ClipReplacedError(
-                f"{footage.path} is not the clip any more that was solved into {work_dir}: it was changed, or"
-                " another one is in its place; solve again in place of the old solve, or name another folder",
+                f"{footage.path} is no longer the clip that was solved in {work_dir}: it was changed or"
+                " replaced; solve again in place of the old solve, or choose another folder",
                 Remedy.AGAIN,
                 Remedy.WORK_DIR,
             )
         raise UserError(
             f"{work_dir} holds the solve of {Path(state['footage']).name}, not of {footage.path.name};"
-            " name another folder",
+            " choose another folder",
             Remedy.WORK_DIR,
         )
     return state

@@ -180,7 +180,9 @@ def conjugate_gradients(applied: Callable[[Floats], Floats], wanted: Floats, dia
         turned = left / diagonal
         before, product = product, float((left * turned).sum())
         ahead = turned + product / before * ahead
-    raise UserError("the grid of a frame cannot be found; solve the clip again or choose another method")
+    raise UserError(
+        "the warp grid of a frame cannot be computed; solve the clip again or choose another method"
+    )
 
 
 def fading(

@@ -33,7 +33,7 @@ class VIRTUAL_APERTURE_PT_focus(Panel, bpy.types.Panel):  # noqa: N801
         marks.active = not by_own
         if len(settings.marks.items):
             if settings.marks.is_first:
-                wrapped(marks, context, "In focus: the nearest large thing round the middle", icon="INFO")
+                wrapped(marks, context, "In focus: the nearest large object near the centre", icon="INFO")
             focus_list.draw(marks, context)
         elif count:
             # Points of older files, and of scripts, make no marks.

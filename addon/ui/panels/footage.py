@@ -18,11 +18,11 @@ def next_step(context: bpy.types.Context) -> str:
     if not settings.footage:
         return "Choose a clip"
     if settings.points is None:
-        return "Solve the clip: where the camera was, and how far things are"
+        return "Solve the clip to find its camera motion and depth"
     if settings.points.mode == "EDIT":
-        return "Select vertices on what is to be sharp, four are better, and set the focus"
+        return "Select vertices on what should be sharp, ideally four, and set the focus"
     if not lens.is_in_focus(settings):
-        return "Press Pick Focus, and click in the viewport on what is to be sharp"
+        return "Press Pick Focus, then click what should be sharp in the viewport"
     return "Ready to render"
 
 

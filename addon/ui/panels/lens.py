@@ -42,7 +42,7 @@ class VIRTUAL_APERTURE_PT_scale(ClosedPanel, bpy.types.Panel):  # noqa: N801
             wrapped(
                 layout,
                 context,
-                "F-stops need the scene's scale: give the distance between two vertices",
+                "F-stops need the scene's scale: set the distance between two vertices",
                 icon="INFO",
             )
         layout.operator(set_scale.VIRTUAL_APERTURE_OT_set_scale.bl_idname, icon="DRIVER_DISTANCE")
@@ -50,8 +50,8 @@ class VIRTUAL_APERTURE_PT_scale(ClosedPanel, bpy.types.Panel):  # noqa: N801
         if settings.metres_per_unit > 0:
             millimetres = 1000 * depth_of_field.focal_metres(settings)
             sensor = depth_of_field.sensor_millimetres(settings)
-            equivalent = "" if settings.lens == "SENSOR" else ", full-frame equivalent"
-            wrapped(layout, context, f"Lens of {millimetres:.1f} mm on {sensor:g} mm{equivalent}")
+            equivalent = "" if settings.lens == "SENSOR" else " (full-frame equivalent)"
+            wrapped(layout, context, f"{millimetres:.1f} mm lens, {sensor:g} mm sensor{equivalent}")
 
 
 class VIRTUAL_APERTURE_PT_shape(ClosedPanel, bpy.types.Panel):  # noqa: N801

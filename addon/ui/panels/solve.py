@@ -50,7 +50,8 @@ def _draw_solve(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     box = layout.box()
     if settings.summary:
         wrapped(box, context, settings.summary, icon="CHECKMARK")
-        wrapped(box, context, f"Advice: {settings.advice}", icon="INFO")
+        if settings.advice:
+            wrapped(box, context, f"Advice: {settings.advice}", icon="INFO")
     else:
         box.label(text="Solved", icon="CHECKMARK")
     depth_ahead.draw(box, settings)
@@ -73,7 +74,7 @@ class VIRTUAL_APERTURE_PT_depth(ClosedPanel, bpy.types.Panel):  # noqa: N801
         layout.prop(settings, "masks")
         layout.prop(settings, "mask")
         if settings.mask is not None and masks.follows_tracks(settings.mask):
-            wrapped(layout, context, "Points of the mask that follow tracks stay where they are", icon="INFO")
+            wrapped(layout, context, "Mask points that follow tracks stay in place", icon="INFO")
         layout.prop(settings, "depth_maps")
 
 

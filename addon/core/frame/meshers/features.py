@@ -23,5 +23,5 @@ def make(geometry: FrameGeometry) -> Surface:
 
 
 MESHER = Mesher(
-    "features", 0, "One coarse mesh over the feature points, carried on past the border: fast", make
+    "features", 0, "One coarse mesh over the feature points, extended past the border: fast", make
 )

@@ -38,6 +38,6 @@ def make(geometry: FrameGeometry) -> Surface:
 
 
 MESHER = Mesher(
-    "layers", 2, "Depth of every pixel; what lies behind silhouettes on a layer of its own", make,
+    "layers", 2, "Depth for every pixel, with separate layers for what lies behind silhouettes", make,
     equal_share_views, needs_pixel_depth=True, is_prefiltered=True, settings=("borrow",),
 )  # fmt: skip
