@@ -47,8 +47,8 @@ def add_command(
 def depth(options: argparse.Namespace) -> None:
     """`depth DIR` or `depth FILE.blend`"""
     if is_blend(options.work):
-        if options.mask or options.subject:
-            raise UsageError(f"{options.work.name} has masks and strokes of its own")
+        if options.mask or options.subject or options.colour_space:
+            raise UsageError(f"{options.work.name} has masks, strokes and a color space of its own")
         scene, _, footage = open_blend(options.work)
         problem = keep_depth(scene, wanted_frames(footage, options.frames), options)
     else:
@@ -61,7 +61,7 @@ FEWEST_JUMPS = 3
 """Frames in which what moves jumps that are worth a word: it may come into view, and leave. By eye."""
 WORDED = " (--subject X,Y)"
 """What this interface calls that."""
-WHOLE = argparse.Namespace(mask=None, subject=None, frames=None, jobs=None, child=False)
+WHOLE = argparse.Namespace(mask=None, subject=None, colour_space=None, frames=None, jobs=None, child=False)
 """Options that say nothing."""
 
 

@@ -34,7 +34,7 @@ from ..core.frame.options import FRAME_OPTIONS
 from ..core.media.clip import Footage, FrameRange, open_footage
 from ..core.media.masks import open_masks
 from ..core.sfm.workspace import Solve
-from ..scene import aperture_cloud, focus_marks
+from ..scene import aperture_cloud, colour_space, focus_marks
 from ..scene.build import build
 from ..scene.lens import frame_options, set_aperture, set_focus
 from ..scene.properties import VirtualApertureSettings
@@ -100,7 +100,7 @@ def add_lens(command: argparse.ArgumentParser, required: bool) -> None:
 
 
 def add_moving(command: argparse.ArgumentParser) -> None:
-    """What the user says moves by itself, which depth depends on."""
+    """What the user says of the clip, which depth depends on: what moves by itself, and its colour space."""
     command.add_argument(
         "--mask",
         type=path,
@@ -108,6 +108,11 @@ def add_moving(command: argparse.ArgumentParser) -> None:
         help="your own mattes of moving objects: images in which white or opaque moves, gray moves in part",
     )
     add_subjects(command)
+    command.add_argument(
+        "--colour-space", "--color-space", metavar="NAME",
+        help="what the clip was recorded in, by its name in Blender, such as 'S-Log3 S-Gamut3.Cine': cameras"
+        " that record a log rarely say so in the file",
+    )  # fmt: skip
 
 
 def add_work(command: argparse.ArgumentParser) -> None:
@@ -367,7 +372,11 @@ def set_moving(
     frames: Sequence[int] = (),
 ) -> None:
     """Write what the options of `add_moving` say into the settings, `frames` as of `set_lens`, and say what
-    is to be said of masks; UserError for strokes that are not understood and masks that cannot be read."""
+    is to be said of masks; UserError for strokes that are not understood, masks that cannot be read, and
+    a colour space that there is not."""
+    if options.colour_space:
+        settings.colour_space = colour_space.checked(options.colour_space)
+        colour_space.colour_space(settings.colour_space)
     set_marked(settings, subjects_of(options, _registered(solved.reconstruction, frames)))
     if options.mask:
         masks = open_masks(options.mask.absolute(), solved.open_clip(solved.frames))

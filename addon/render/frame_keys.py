@@ -36,7 +36,7 @@ def _clip_key(scene: bpy.types.Scene) -> str:
         PICTURES, clip_digest(shot.footage.path), reconstruction_digest(shot.reconstruction),
         _depth_digest(shot), shot.masks and clip_digest(shot.masks.pictures.path),
         shot.drawn and drawn_digest(shot.drawn),
-        render_size(scene.render), written_size(scene.render),
+        render_size(scene.render), written_size(scene.render), *([shot.space.name] if shot.space else []),
     )  # fmt: skip
     return hashlib.sha256(repr(parts).encode()).hexdigest()
 

@@ -62,7 +62,7 @@ def build(
     _set_up_objects(scene, reconstruction)
     _set_up_camera(settings.camera, reconstruction)
     blender_focus.follow(settings)
-    _set_background(settings.camera.data, footage)
+    _set_background(settings, footage)
     scene.camera = settings.camera
     for attribute in [a.name for a in settings.points.data.attributes if not a.is_required]:
         settings.points.data.attributes.remove(settings.points.data.attributes[attribute])
@@ -101,7 +101,7 @@ def restore(scene: bpy.types.Scene, footage: Footage | None) -> None:
         _set_up_camera(settings.camera, reconstruction)
         blender_focus.follow(settings)
         if footage is not None:
-            _set_background(settings.camera.data, footage)
+            _set_background(settings, footage)
     scene.camera = scene.camera or settings.camera
     aperture_cloud.update(settings)
 
@@ -184,8 +184,9 @@ def _object(
     return thing
 
 
-def _set_background(data: bpy.types.Camera, footage: Footage) -> None:
+def _set_background(settings: VirtualApertureSettings, footage: Footage) -> None:
     """The clip behind the camera, stretched to the frame: stored pixels need not be square."""
+    data, name = settings.camera.data, settings.colour_space or footage.colour_space
     for old in [b for b in data.background_images if b.image is None or b.image.get(IDENTITY)]:
         if old.image is not None:
             bpy.data.images.remove(old.image)
@@ -198,6 +199,8 @@ def _set_background(data: bpy.types.Camera, footage: Footage) -> None:
     image.filepath = relative(first_file(footage))
     image[IDENTITY] = True
     image.source = "MOVIE" if footage.is_video else "SEQUENCE"
+    if name:
+        image.colorspace_settings.name = name
     background = data.background_images.new()
     background.image = image
     background.alpha = 1.0

@@ -16,7 +16,7 @@ from bpy.props import (
 )
 
 from ..core.frame.options import FRAME_OPTIONS
-from . import aperture_cloud, depth_of_field, focus_marks, lens, redraw, subjects
+from . import aperture_cloud, colour_space, depth_of_field, focus_marks, lens, redraw, subjects
 from .aperture_shape import VirtualApertureShape
 from .focus_marks import VirtualApertureFocusMarks, VirtualApertureFocusPoint
 from .option_properties import with_options
@@ -88,6 +88,10 @@ class VirtualApertureName(bpy.types.PropertyGroup):
 
 
 @with_options(FRAME_OPTIONS, _aperture_changed, MOVE_VIEWS)
+def _colour_spaces(_settings: object, _context: object, _typed: str) -> list[str]:
+    return colour_space.names()
+
+
 class VirtualApertureSettings(bpy.types.PropertyGroup):
     """The clip, what is in focus, and how much blur."""
 
@@ -151,6 +155,13 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
         " network (.onnx) is run on the clip. Leave empty to use depth found from the clip alone",
         subtype="FILE_PATH",
         options={"PATH_SUPPORTS_BLEND_RELATIVE"},
+        update=_aperture_changed,
+    )
+    colour_space: StringProperty(
+        name="Color Space",
+        description="What the clip was recorded in, such as S-Log3 S-Gamut3.Cine: cameras that record a log"
+        " rarely say so in the file. Empty: what the file says, else sRGB",
+        search=_colour_spaces,
         update=_aperture_changed,
     )
     masks: StringProperty(

@@ -22,6 +22,7 @@ from ..core.frame.clip_context import ClipContext
 from ..core.frame.quality import Quality
 from ..core.media.clip import Footage, finite, open_footage
 from ..core.media.clip_identity import clip_digest, identity
+from ..core.media.colour_space import ColourSpace
 from ..core.media.masks import Masks, open_masks
 from ..core.media.picture_file import Pixels
 from ..core.sfm.state import STATE
@@ -30,6 +31,7 @@ from ..core.subjects.marked import ClipSubjects, MarkedSubject
 from ..core.subjects.stroke_cut import CarryOptions
 from . import gpu_matcher, store, subjects, version
 from .clip import solved_clip_path, work_dir
+from .colour_space import space_of
 from .digests import drawn_digest, reconstruction_digest
 from .masks import DrawnMask, drawn_mask
 from .paths import absolute
@@ -52,6 +54,8 @@ class Filmed:
     footage: Footage
     masks: Masks | None = None
     drawn: DrawnMask | None = None
+    space: ColourSpace | None = None
+    """What the pictures are in, where it is not sRGB."""
     repaired: dict[int, int] = field(default_factory=dict, compare=False)
     """Of the frames read so far, those with pixels that were not finite numbers, and how many."""
     _pictures: LRUCache[Pixels] = field(
@@ -67,7 +71,7 @@ class Filmed:
         picture, count = finite(self.footage.read(frame))
         if count:
             self.repaired[frame] = count
-        return picture
+        return picture if self.space is None else self.space.to_light(picture)
 
     def masked(self, frame: int) -> Map | None:
         """(H, W) over a frame, the opacity in [0, 1] of what the user says moves by itself; None where
@@ -91,6 +95,8 @@ class Shot:
     """The mask that is drawn in Blender; either is enough."""
     subjects: tuple[MarkedSubject, ...] = ()
     """Subjects that the user has marked by strokes."""
+    space: ColourSpace | None = None
+    """The clip's colour space, where it is not sRGB."""
     work: Path | None = None
     """The folder that keeps the solve, if there is one: depth is kept there, too."""
 
@@ -113,7 +119,7 @@ class Shot:
 
     @cached_property
     def _filmed(self) -> Filmed:
-        return self.filmed or Filmed(self.footage, self.masks, self.drawn)
+        return self.filmed or Filmed(self.footage, self.masks, self.drawn, self.space)
 
     @cached_property
     def _found(self) -> ClipSubjects:
@@ -168,9 +174,10 @@ class Shot:
         return _digest(DEPTHS, self._clip_digests, masks, options)
 
     @property
-    def _clip_digests(self) -> tuple[str, str]:
+    def _clip_digests(self) -> tuple[str, ...]:
         # As the solve knows its clip: known already, where all bytes of a sequence would have to be read.
-        return identity(self.footage.path), self._reconstruction_digest
+        space = () if self.space is None else (self.space.name,)
+        return identity(self.footage.path), self._reconstruction_digest, *space
 
     @cached_property
     def _reconstruction_digest(self) -> str:
@@ -215,6 +222,7 @@ def shot_of(scene: bpy.types.Scene) -> Shot:
     marked = subjects.marked_of(settings)
     key = (
         str(mesh.get(IDENTITY)), str(path), depth_path, masks_path, drawn.name_full if drawn else "",
+        settings.colour_space,
     )  # fmt: skip
     if _last is None or _last[0] != key or _was_redrawn(_last[1], drawn, scene.frame_current):
         reconstruction = store.read(mesh)
@@ -225,7 +233,8 @@ def shot_of(scene: bpy.types.Scene) -> Shot:
         shapes = drawn_mask(drawn, footage.frames, size) if drawn else None
         work = work_dir(settings, path)
         kept = work if (work / STATE).exists() else None
-        _last = (key, Shot(footage, reconstruction, depth, masks, shapes, marked, kept))
+        space = space_of(settings, footage)
+        _last = (key, Shot(footage, reconstruction, depth, masks, shapes, marked, space, kept))
     elif _last[1].subjects != marked:
         _last = (key, _last[1].with_subjects(marked))
     return _last[1]

@@ -20,6 +20,7 @@ from ..base.errors import Remedy, UserError
 from ..base.file_names import checked_name
 from ..base.nearest_fill import nearest
 from ..base.regular_file import regular_stat
+from .colour_space import SRGB
 from .frame_table import DEFAULT_RATE
 from .picture_file import ARRAY, PICTURES, Pixels, read_picture
 from .video import VideoInfo, VideoReader, video_info
@@ -89,6 +90,11 @@ class Footage:
     def is_video(self) -> bool:
         """Whether it is one file, rather than a picture for each frame."""
         return not self.files
+
+    @property
+    def colour_space(self) -> str:
+        """What the clip's tags say, as Blender names it; empty for what is usual (`colour_space.of_tags`)."""
+        return self.video.colour_space if self.video is not None else SRGB
 
     @property
     def notes(self) -> list[str]:

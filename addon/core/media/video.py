@@ -29,6 +29,7 @@ from ..base import memory
 from ..base.counting import ranges
 from ..base.errors import Remedy, UserError
 from ..base.progress import checkpoint
+from .colour_space import of_tags
 from .container import open_video
 from .frame_table import FrameTable, read_table
 from .picture_file import Pixels
@@ -41,6 +42,12 @@ GAPS = 0.1
 """Share of a clip's frames up to which late frames are reported; with more, the rate is what varies."""
 NAMED = 20
 """Such frames that are named; one recorder leaves out hundreds."""
+
+
+_LUMA = {1: (0.2126, 0.0722), 5: (0.299, 0.114), 6: (0.299, 0.114), 9: (0.2627, 0.0593), 10: (0.2627, 0.0593)}
+"""Weights of red and blue in luma by the code of matrix coefficients (ITU-T H.273, table 4)."""
+_FULL = 2
+"""FFmpeg's code of a range that uses all values."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +74,8 @@ class VideoInfo:
     """Numbers of the frames that the decoder found damaged: it made up a part of them, or all."""
     missing: int
     """Frames that the file promises past its end."""
+    colour_space: str
+    """By its tags, as Blender names it (`colour_space.of_tags`)."""
 
     @classmethod
     def parse(cls, kept: Any) -> VideoInfo | None:
@@ -77,7 +86,7 @@ class VideoInfo:
                 (int(kept["tick"][0]), int(kept["tick"][1])), tuple(map(int, kept["times"])),
                 bool(kept["is_timed"]), tuple(map(int, kept["keys"])),
                 None if kept["sound"] is None else float(kept["sound"]),
-                tuple(map(int, kept["damaged"])), int(kept["missing"]),
+                tuple(map(int, kept["damaged"])), int(kept["missing"]), str(kept["colour_space"]),
             )  # fmt: skip
         except (KeyError, TypeError, ValueError, OverflowError, IndexError):
             return None
@@ -189,7 +198,8 @@ class VideoReader:
         """Number of the frame that was decoded last; 0 before the first."""
 
     def read(self, frame: int) -> Pixels:
-        """(H, W, 3) uint8 RGB of a frame, from 1 on; UserError where it cannot be decoded."""
+        """(H, W, 3) RGB of a frame, from 1 on: uint8, or uint16 of a video with more than 8 bits. UserError
+        where it cannot be decoded."""
         info = video_info(self._path)
         key = max(number for number in info.keys if number <= frame)
         if self._container is None or frame <= self._last or key > self._last + 1:
@@ -259,9 +269,13 @@ def _decoded(container: InputContainer, stream: VideoStream) -> Iterable[VideoFr
 
 
 def upright(frame: VideoFrame, stream: VideoStream) -> Pixels:
-    """(H, W, 3) uint8 RGB of a decoded frame, turned as the file says, with square pixels."""
-    # Bicubic, of the planes of colour, too: what OpenCV and FFmpeg's own program use.
-    picture = frame.to_ndarray(format="rgb24", interpolation="BICUBIC", threads=1)
+    """(H, W, 3) RGB of a decoded frame, turned as the file says, with square pixels: uint8, or uint16 of one
+    with more than 8 bits, of its full range."""
+    if any(component.bits > 8 for component in frame.format.components):
+        picture = _deep_rgb(frame)
+    else:
+        # Bicubic, of the planes of colour, too: what OpenCV and FFmpeg's own program use.
+        picture = frame.to_ndarray(format="rgb24", interpolation="BICUBIC", threads=1)
     turns = round(frame.rotation / 90) % 4
     across, down = 1, 1
     if ratio := stream.sample_aspect_ratio:
@@ -269,13 +283,38 @@ def upright(frame: VideoFrame, stream: VideoStream) -> Pixels:
     if turns:
         picture = np.ascontiguousarray(np.rot90(picture, turns))
     if across <= 0 or down <= 0 or across == down:
-        return np.asarray(picture, np.uint8)
+        return picture  # type: ignore[return-value]
     height, width = picture.shape[:2]
     # A clip that is shown on its side has its stored width upright.
     size = (width, round(height * across / down)) if turns % 2 else (round(width * across / down), height)
     shrinks = size[0] * size[1] < width * height
     resized = cv2.resize(picture, size, interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_CUBIC)
-    return np.asarray(resized, dtype=np.uint8)
+    return np.asarray(resized, dtype=picture.dtype)
+
+
+def _deep_rgb(frame: VideoFrame) -> NDArray[np.uint16]:
+    """(H, W, 3) uint16 RGB of a decoded frame with more than 8 bits, of its full range.
+
+    By floats: FFmpeg's own conversion to 16 bits leaves white at 65283 of 65535, which in PQ is a twentieth of
+    the light.
+    """
+    if frame.format.is_rgb or len(frame.format.components) < 3:
+        return np.asarray(frame.to_ndarray(format="rgb48le", interpolation="BICUBIC", threads=1), np.uint16)
+    planes = frame.to_ndarray(format="yuv444p16le", interpolation="BICUBIC", threads=1)
+    red, blue = _LUMA.get(frame.colorspace, _LUMA[1])
+    green = 1 - red - blue
+    # Values of n bits are moved up to 16; limited ranges are 219 and 224 of 256 (ITU-T H.273, 8.3).
+    largest = 65536 - (1 << (16 - frame.format.components[0].bits))
+    full = frame.color_range == _FULL
+    scale = np.array([largest] * 3 if full else [219 << 8, 224 << 8, 224 << 8], np.float64)
+    matrix = np.array([
+        [1, 0, 2 - 2 * red],
+        [1, -blue * (2 - 2 * blue) / green, -red * (2 - 2 * red) / green],
+        [1, 2 - 2 * blue, 0],
+    ]) * (65535 / scale)  # fmt: skip
+    offset = -matrix @ np.array([0 if full else 4096, 32768, 32768])
+    rgb = cv2.transform(planes.astype(np.float32), np.column_stack([matrix, offset]).astype(np.float32))
+    return np.asarray(np.clip(rgb, 0, 65535) + 0.5, np.uint16)
 
 
 def _decode_all(path: Path) -> VideoInfo:
@@ -292,20 +331,21 @@ def _decode_all(path: Path) -> VideoInfo:
             f"{path.name} is cut off: frame {len(table.times) + 1} of {claimed} cannot be decoded; copy or"
             " convert it again"
         )
-    return _info(table, *video_size(path))
+    return _info(table, *first_frame(path))
 
 
-def video_size(path: Path) -> tuple[int, int]:
-    """(width, height) of a video's first frame as it is shown; UserError where it cannot be decoded."""
+def first_frame(path: Path) -> tuple[int, int, str]:
+    """Width and height of a video's first frame as it is shown, and its colour space by its tags; UserError
+    where it cannot be decoded."""
     container, stream = open_video(path)
     with container:
         for frame in _decoded(container, stream):
             height, width = upright(frame, stream).shape[:2]
-            return width, height
+            return width, height, of_tags(frame.color_trc, frame.color_primaries)
     raise UserError(f"{path.name} has no frame that can be decoded; convert it to H.264 and try again")
 
 
-def _info(table: FrameTable, width: int, height: int) -> VideoInfo:
+def _info(table: FrameTable, width: int, height: int, colour_space: str) -> VideoInfo:
     tick = Fraction(*table.tick)
     times, is_timed = table.times, table.is_timed
     if not is_timed:
@@ -317,5 +357,5 @@ def _info(table: FrameTable, width: int, height: int) -> VideoInfo:
         fps = (len(seconds) - 1) / seconds[-1] if len(seconds) > 1 else float(table.rates[0])
     return VideoInfo(
         width, height, float(min(fps, 999.0)), (tick.numerator, tick.denominator), times, is_timed,
-        table.keys, table.sound, table.damaged, table.missing,
+        table.keys, table.sound, table.damaged, table.missing, colour_space,
     )  # fmt: skip
