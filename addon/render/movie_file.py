@@ -18,8 +18,12 @@ from .frame_size import written_size
 
 MOVIES = {".mp4": "MPEG4", ".mov": "QUICKTIME", ".mkv": "MKV"}
 RATE_FACTOR = 12
-"""H.264's. The clip has been through one encoder already: at Blender's best preset (17) the second takes up
+"""H.264's and HEVC's. The clip has been through one encoder already: at Blender's best preset (17) the second takes up
 to a seventh of the subject's sharpness."""
+HDR = ("Rec.2100-HLG", "Rec.2100-PQ")
+"""Color spaces of clips whose movies are in the same, by HEVC of 10 bits."""
+HDR_EXPOSURE = float(np.log2(2.03))
+"""Stops: Blender reads such a clip with white at 203 cd/m2 (ITU-R BT.2408), and writes it at 100."""
 
 STRIP = 500
 """Frames of an image strip: appending one to n copies all n, which takes a minute at 36,000."""
@@ -88,6 +92,14 @@ def _sounds(scene: bpy.types.Scene) -> list[bpy.types.SoundStrip]:
     return [s for s in editor.strips if s.name.startswith(SOUND)] if editor is not None else []
 
 
+def hdr_display(scene: bpy.types.Scene) -> str:
+    """The display of Blender's for which the movie of a scene is made: that of an HDR clip, unless the scene
+    has a view of the user's choice; else empty."""
+    space, view = shot_of(scene).space, scene.view_settings
+    is_plain = scene.display_settings.display_device == "sRGB" and view.view_transform == "Standard"
+    return space.name if space is not None and space.name in HDR and is_plain else ""
+
+
 def _set_movie(movie: bpy.types.Scene, scene: bpy.types.Scene, suffix: str, size: tuple[int, int]) -> None:
     render, settings = movie.render, movie.render.image_settings
     render.resolution_x, render.resolution_y = size
@@ -95,6 +107,11 @@ def _set_movie(movie: bpy.types.Scene, scene: bpy.types.Scene, suffix: str, size
     render.pixel_aspect_x, render.pixel_aspect_y = scene.render.pixel_aspect_x, scene.render.pixel_aspect_y
     # The pictures are what is seen; they are not graded or dithered twice.
     movie.view_settings.view_transform, movie.view_settings.look = "Standard", "None"
+    if hdr := hdr_display(scene):
+        # The pictures are light, which is encoded here.
+        view = scene.view_settings
+        movie.display_settings.display_device = hdr
+        movie.view_settings.exposure, movie.view_settings.gamma = HDR_EXPOSURE + view.exposure, view.gamma
     render.dither_intensity = 0
     frame_files.set_no_stamps(render)
     settings.media_type = "VIDEO"
@@ -102,7 +119,11 @@ def _set_movie(movie: bpy.types.Scene, scene: bpy.types.Scene, suffix: str, size
     settings.color_mode = "RGB"
     ffmpeg = render.ffmpeg
     ffmpeg.format = MOVIES[suffix]
-    ffmpeg.codec = "H264"
+    footage = shot_of(scene).footage
+    is_deep = footage.is_video and footage.read(footage.frames[0]).dtype != np.uint8
+    ffmpeg.codec = "H265" if is_deep or hdr else "H264"
+    if is_deep or hdr:
+        settings.color_depth = "10"
     ffmpeg.constant_rate_factor = "CUSTOM"
     ffmpeg.custom_constant_rate_factor = RATE_FACTOR
     ffmpeg.ffmpeg_preset = "GOOD"

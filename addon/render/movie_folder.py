@@ -15,10 +15,11 @@ from . import frame_files
 
 MARK = ".virtual-aperture-movie"
 """File in the folder that names the movie: written before the first frame, removed after the last."""
-FRAMES = "######.png"
+FRAMES = "######"
+"""Stem of their names; they are PNG, or EXR where the movie has more light than white."""
 LITTER = {".DS_Store", "Thumbs.db", "desktop.ini"}
 """What file managers put into a folder that somebody looks at."""
-_FRAME = re.compile(r"-?\d{5,}\.png")
+_FRAME = re.compile(r"-?\d{5,}\.(png|exr)")
 
 
 def folder_of(out: Path) -> Path:

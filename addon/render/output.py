@@ -22,7 +22,7 @@ from ..core.media.clip import Footage, is_pattern
 from ..core.media.picture_file import PICTURES
 from ..scene.lens import frame_options
 from ..scene.shot import shot_of
-from . import engine, frame_files, movie_folder
+from . import engine, frame_files, movie_file, movie_folder
 from .frame_keys import frame_keys
 from .frame_size import render_size, written_size
 from .jobs import Here
@@ -269,7 +269,7 @@ def _render_still(scene: bpy.types.Scene, frame: int, target: Path, key: str, st
 def render_movie(
     scene: bpy.types.Scene, frames: list[int], out: Path, report: Report, draw: Draw | None = None
 ) -> None:
-    """Render a movie with the clip's rate and sound. A gap in the clip holds the frame before it.
+    """Render a movie with the clip's rate, sound and dynamic range. A gap in the clip holds the frame before.
 
     The frames are kept beside it as pictures until the movie is whole, so that an equal run goes on where
     this one stopped.
@@ -277,7 +277,8 @@ def render_movie(
     folder = movie_folder.prepare(out)
     crop_to_even(scene.render)
     # Pictures of another run of the same movie are replaced.
-    pattern = folder / movie_folder.FRAMES
+    suffix = ".exr" if movie_file.hdr_display(scene) else ".png"
+    pattern = folder / f"{movie_folder.FRAMES}{suffix}"
     render_sequence(scene, frames, pattern, True, report, draw)
     join(scene, {frame: folder / numbered(pattern.name, frame) for frame in frames}, out)
     if left := movie_folder.clear(out):

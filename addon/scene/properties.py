@@ -87,11 +87,11 @@ class VirtualApertureName(bpy.types.PropertyGroup):
     """A name in a list; `name` is every property group's own."""
 
 
-@with_options(FRAME_OPTIONS, _aperture_changed, MOVE_VIEWS)
 def _colour_spaces(_settings: object, _context: object, _typed: str) -> list[str]:
     return colour_space.names()
 
 
+@with_options(FRAME_OPTIONS, _aperture_changed, MOVE_VIEWS)
 class VirtualApertureSettings(bpy.types.PropertyGroup):
     """The clip, what is in focus, and how much blur."""
 

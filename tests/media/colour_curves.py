@@ -109,8 +109,9 @@ def write_clip(
             frame = av.VideoFrame(stream.width, stream.height, "yuv444p10le")
             frame.colorspace, frame.color_range = context.colorspace, context.color_range
             frame.color_trc, frame.color_primaries = context.color_trc, context.color_primaries
+            ranges = ((1023, 0), (1023, 512)) if full else ((876, 64), (896, 512))
             for index, plane in enumerate(planes):
-                scale, offset = ((1023, 0), (1023, 512))[index > 0] if full else ((876, 64), (896, 512))[index > 0]
+                scale, offset = ranges[index > 0]
                 code = np.clip(np.round(plane * scale + offset), 0, 1023).astype("<u2")
                 row = frame.planes[index].line_size // 2
                 padded = np.zeros((stream.height, row), "<u2")

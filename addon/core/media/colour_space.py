@@ -28,8 +28,8 @@ TOP = 65535
 
 
 def of_tags(transfer: int, primaries: int) -> str:
-    """The name in Blender's configuration of a video's colour space by its tags (ITU-T H.273); `SRGB` for what
-    is usual or untagged, as clips in a camera's log mostly are."""
+    """The name in Blender's configuration of a video's colour space by its tags (ITU-T H.273); `SRGB` for
+    what is usual or untagged, as clips in a camera's log mostly are."""
     return _TRANSFERS.get(transfer, _PRIMARIES.get(primaries, SRGB))
 
 
@@ -81,6 +81,6 @@ class ColourSpace:
             return light
         alpha = stored[..., 3:].astype(np.float32)
         if stored.dtype != np.float32:
-            alpha /= np.iinfo(stored.dtype).max
+            alpha /= 255 if stored.dtype == np.uint8 else TOP
             light *= alpha
         return np.concatenate([light, alpha], axis=2)

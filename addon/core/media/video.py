@@ -272,41 +272,44 @@ def upright(frame: VideoFrame, stream: VideoStream) -> Pixels:
     """(H, W, 3) RGB of a decoded frame, turned as the file says, with square pixels: uint8, or uint16 of one
     with more than 8 bits, of its full range."""
     if any(component.bits > 8 for component in frame.format.components):
-        picture = _deep_rgb(frame)
+        picture: Pixels = _deep_rgb(frame)
     else:
         # Bicubic, of the planes of colour, too: what OpenCV and FFmpeg's own program use.
-        picture = frame.to_ndarray(format="rgb24", interpolation="BICUBIC", threads=1)
+        picture = np.asarray(frame.to_ndarray(format="rgb24", interpolation="BICUBIC", threads=1), np.uint8)
     turns = round(frame.rotation / 90) % 4
     across, down = 1, 1
     if ratio := stream.sample_aspect_ratio:
         across, down = ratio.numerator, ratio.denominator
     if turns:
-        picture = np.ascontiguousarray(np.rot90(picture, turns))
+        picture = np.ascontiguousarray(np.rot90(picture, turns))  # type: ignore[assignment]
     if across <= 0 or down <= 0 or across == down:
-        return picture  # type: ignore[return-value]
+        return picture
     height, width = picture.shape[:2]
     # A clip that is shown on its side has its stored width upright.
     size = (width, round(height * across / down)) if turns % 2 else (round(width * across / down), height)
     shrinks = size[0] * size[1] < width * height
-    resized = cv2.resize(picture, size, interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_CUBIC)
-    return np.asarray(resized, dtype=picture.dtype)
+    resized: Pixels = cv2.resize(  # type: ignore[assignment]
+        picture, size, interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_CUBIC
+    )
+    return resized
 
 
 def _deep_rgb(frame: VideoFrame) -> NDArray[np.uint16]:
     """(H, W, 3) uint16 RGB of a decoded frame with more than 8 bits, of its full range.
 
-    By floats: FFmpeg's own conversion to 16 bits leaves white at 65283 of 65535, which in PQ is a twentieth of
-    the light.
+    By floats: FFmpeg's own conversion to 16 bits leaves white at 65283 of 65535, in PQ a twentieth of the
+    light.
     """
     if frame.format.is_rgb or len(frame.format.components) < 3:
         return np.asarray(frame.to_ndarray(format="rgb48le", interpolation="BICUBIC", threads=1), np.uint16)
     planes = frame.to_ndarray(format="yuv444p16le", interpolation="BICUBIC", threads=1)
     red, blue = _LUMA.get(frame.colorspace, _LUMA[1])
     green = 1 - red - blue
-    # Values of n bits are moved up to 16; limited ranges are 219 and 224 of 256 (ITU-T H.273, 8.3).
-    largest = 65536 - (1 << (16 - frame.format.components[0].bits))
+    # Limited ranges are 219 and 224 of 256 (ITU-T H.273, 8.3). A full one FFmpeg spreads over all 16 bits in
+    # luma, and moves up in the others, as seen in what it makes of known values.
+    chroma = 65536 - (1 << (16 - frame.format.components[1].bits))
     full = frame.color_range == _FULL
-    scale = np.array([largest] * 3 if full else [219 << 8, 224 << 8, 224 << 8], np.float64)
+    scale = np.array([65535, chroma, chroma] if full else [219 << 8, 224 << 8, 224 << 8], np.float64)
     matrix = np.array([
         [1, 0, 2 - 2 * red],
         [1, -blue * (2 - 2 * blue) / green, -red * (2 - 2 * red) / green],
