@@ -18,8 +18,8 @@ from .frame_size import written_size
 
 MOVIES = {".mp4": "MPEG4", ".mov": "QUICKTIME", ".mkv": "MKV"}
 RATE_FACTOR = 12
-"""H.264's and HEVC's. The clip has been through one encoder already: at Blender's best preset (17) the second takes up
-to a seventh of the subject's sharpness."""
+"""H.264's and HEVC's. The clip has been through one encoder already: at Blender's best preset (17) the second
+takes up to a seventh of the subject's sharpness."""
 HDR = ("Rec.2100-HLG", "Rec.2100-PQ")
 """Color spaces of clips whose movies are in the same, by HEVC of 10 bits."""
 HDR_EXPOSURE = float(np.log2(2.03))
