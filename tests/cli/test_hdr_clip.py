@@ -82,3 +82,11 @@ def test_it_is_rendered_as_its_light_is(registered: None, tmp_path: Path, space:
     score = psnr(*lumas)
     print(f"{space.name}: its movie {score:.2f} dB")
     assert score > 40
+
+
+def test_colors_outside_of_rec_709_stay(registered: None, tmp_path: Path) -> None:
+    """A green that only Rec.2020 has is below zero in Rec.709's red, and in the rendered frame, too."""
+    green = [0.3 * np.array([-0.5876, 1.1329, -0.1006]) * np.ones((90, 160, 1))] * 6
+    write_clip(tmp_path / "clip.mov", green, HLG)
+    found = rendered(imported(tmp_path, tmp_path / "clip.mov"), tmp_path / "out")
+    np.testing.assert_allclose(found[20:70, 30:130], green[0][20:70, 30:130], atol=0.01)
