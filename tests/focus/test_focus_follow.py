@@ -138,7 +138,7 @@ def test_a_pick_on_a_mover_is_followed_and_can_be_pulled_to(is_sure: bool) -> No
     clip = replace(filmed(), is_sure=is_sure)
     depth, right = card(PICKED)
     found = clip.places(PICKED).find((160 + 280 * right / depth) / SIZE[0], 0.5)
-    assert "it moves by itself and is followed from frame" in found.source
+    assert "it moves on its own and is followed from frame" in found.source
     assert found.followed[5] == pytest.approx(card(5)[0], rel=0.01)
     wall = clip.places(3).find(0.95, 0.5)
     assert wall.distance == pytest.approx(WALL, rel=1e-3)
