@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import uuid
 from pathlib import Path
 
 import bpy
 
 from ..core.base.errors import UserError
 from ..core.media.clip import Footage, FrameRange, open_footage
+from ..render.frame_keys import GRADED
 from ..render.quiet import quiet
 from ..scene.properties import VirtualApertureSettings
 from ..scene.shot import forget, shot_of
@@ -31,13 +33,14 @@ def open_scene(blend: Path, scripts: bool = False) -> bpy.types.Scene:
 
 
 def open_blend(
-    blend: Path, name: str = "", scripts: bool = False
+    blend: Path, name: str = "", scripts: bool = False, as_is: bool = False
 ) -> tuple[bpy.types.Scene, VirtualApertureSettings, Footage]:
     """The scene of a .blend, or its scene of that name, to have the clip's frames rendered, and those of the
     clip that were solved; its own scripts run where `scripts` says so.
 
     What frames have no key of is as in a fresh scene: the compositor, the sequencer, the border and the view
-    transform have no part in them. UserError where it cannot be opened or holds no solved clip.
+    transform have no part in them. With `as_is` they have, and no other run's frames are taken for this
+    one's. UserError where it cannot be opened or holds no solved clip.
     """
     if not blend.is_file():
         raise UserError(f"{blend} is not there; name a .blend that save or farm wrote")
@@ -51,7 +54,23 @@ def open_blend(
     frames = solved.of(clip.frames) or clip.frames
     render, view = scene.render, scene.view_settings
     render.engine = "VIRTUAL_APERTURE"
+    scene.camera = scene.camera or settings.camera
+    if as_is and not _is_plain(scene):
+        if GRADED not in scene:  # as it is where this is a share of a run
+            scene[GRADED] = uuid.uuid4().hex
+        return scene, settings, open_footage(clip.path, frames, info=clip.video, stills=clip.is_stills)
     render.use_compositing = render.use_sequencer = render.use_border = False
     view.view_transform, view.look, view.exposure, view.gamma = "Standard", "None", 0.0, 1.0
     view.use_curve_mapping = False
     return scene, settings, open_footage(clip.path, frames, info=clip.video, stills=clip.is_stills)
+
+
+def _is_plain(scene: bpy.types.Scene) -> bool:
+    """Whether Blender writes the engine's frames as they are."""
+    render, view, editor = scene.render, scene.view_settings, scene.sequence_editor
+    is_composited = render.use_compositing and scene.compositing_node_group is not None
+    is_cut = render.use_sequencer and editor and any(strip.type != "SOUND" for strip in editor.strips)
+    looks = view.view_transform, view.look, view.exposure, view.gamma, view.use_curve_mapping
+    has_own_look = render.image_settings.color_management == "OVERRIDE" or view.use_white_balance
+    is_graded = has_own_look or looks != ("Standard", "None", 0.0, 1.0, False)
+    return not (is_composited or is_cut or is_graded or render.use_border)

@@ -74,8 +74,11 @@ def parser() -> argparse.ArgumentParser:
         action="store_true",
         help="render frames for join: every frame of the range, in even sizes",
     )
-    # For processes that others started to render a share.
+    # For processes that others started to render a share, or the movie of a file that is open in a window.
     two.add_argument(CHILD, action="store_true", help=argparse.SUPPRESS)
+    two.add_argument("--scene", default="", help=argparse.SUPPRESS)
+    for name in ("--scripts", "--as-is"):
+        two.add_argument(name, action="store_true", help=argparse.SUPPRESS)
     _add_output(two)
     two.set_defaults(command=render)
 
@@ -86,7 +89,8 @@ def parser() -> argparse.ArgumentParser:
     solve.add_solve_frames(three)
     add_lens(three, required=True)
     _add_output(three)
-    three.set_defaults(command=run, for_movie=False, child=False, words=SOLVED_WORDS)
+    three.set_defaults(command=run, words=SOLVED_WORDS)
+    three.set_defaults(for_movie=False, child=False, scene="", scripts=False, as_is=False)
 
     save.add_command(commands, common)
     farm.add_commands(commands, common)
@@ -171,7 +175,10 @@ def _frames(options: argparse.Namespace, footage: Footage) -> FrameRange | None:
 
 def _render(solved: Solve | None, options: argparse.Namespace) -> None:
     """Render the solve with the lens of the options, or else the .blend."""
-    scene, settings, footage = open_blend(options.work) if solved is None else scene_of(solved)
+    if solved is None:
+        scene, settings, footage = open_blend(options.work, options.scene, options.scripts, options.as_is)
+    else:
+        scene, settings, footage = scene_of(solved)
     pictures = (settings.depth_maps, settings.masks) if solved is None else (options.depth, options.mask)
     _check_apart(options, footage.path, *(absolute(str(path)) for path in pictures if path))
     _check_interrupted()
@@ -245,7 +252,7 @@ def _draw(scene: bpy.types.Scene, frames: list[int], options: argparse.Namespace
                 say_to(descriptor, text)
                 _check_interrupted()
 
-            draw = None if count == 1 else _side_by_side(options, count, run_report, report)
+            draw = None if count == 1 else _side_by_side(scene, options, count, run_report, report)
             if out.suffix.lower() in movie_file.MOVIES:
                 output.render_movie(scene, frames, out, report, draw)
             else:
@@ -255,7 +262,11 @@ def _draw(scene: bpy.types.Scene, frames: list[int], options: argparse.Namespace
 
 
 def _side_by_side(
-    options: argparse.Namespace, count: int, run_report: RunReport, report: output.Report
+    scene: bpy.types.Scene,
+    options: argparse.Namespace,
+    count: int,
+    run_report: RunReport,
+    report: output.Report,
 ) -> output.Draw:
     """Have frames drawn by `count` processes of this command line, which get the scene as a .blend."""
     is_movie = options.for_movie or options.out.suffix.lower() in movie_file.MOVIES
@@ -270,6 +281,8 @@ def _side_by_side(
             def command(frames: Sequence[int], number: int) -> list[str]:
                 words = ["render", str(blend), "--jobs", "1", "--out", str(out)]
                 words += ["--frames", f"{frames[0]}-{frames[-1]}:{step}"]
+                words += ["--scene", scene.name]
+                words += ["--scripts"] * options.scripts + ["--as-is"] * options.as_is
                 words += ["--for-movie"] * is_movie + ["--overwrite"] * (is_movie or options.overwrite)
                 return words + (["--report", str(reports[number])] if options.report else [])
 

@@ -16,6 +16,10 @@ PICTURES = 7
 """Version of the method: counted up when the same settings give another picture, so that a run that goes on
 does not mix them."""
 
+GRADED = "virtual_aperture_run"
+"""Property of a scene in which other things have a part in the pictures, such as the compositor: they are not
+looked into, so it says which run they are of."""
+
 
 def run_key(scene: bpy.types.Scene) -> str:
     """64 hexadecimal digits of all that the pictures of a scene's clip depend on, whichever frame. A keyed
@@ -37,6 +41,7 @@ def _clip_key(scene: bpy.types.Scene) -> str:
         _depth_digest(shot), shot.masks and clip_digest(shot.masks.pictures.path),
         shot.drawn and drawn_digest(shot.drawn),
         render_size(scene.render), written_size(scene.render), *([shot.space.name] if shot.space else []),
+        *([scene[GRADED]] if GRADED in scene else []),
     )  # fmt: skip
     return hashlib.sha256(repr(parts).encode()).hexdigest()
 

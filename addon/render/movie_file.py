@@ -10,6 +10,7 @@ import numpy as np
 
 from ..core.base import atomic
 from ..core.base.errors import UserError
+from ..core.base.messages import Progress, send
 from ..core.media.constant_rate import held_frames, movie_rate
 from ..scene.build import SOUND, blender_rate, sound_frame
 from ..scene.shot import shot_of
@@ -54,6 +55,7 @@ def join(scene: bpy.types.Scene, files: dict[int, Path], out: Path) -> None:
             strips.new_sound(SOUND, bpy.path.abspath(sound.sound.filepath), 2, moved(sound.frame_start))
         with atomic.staged(out) as part:
             movie.render.filepath = frame_files.blender_path(part)
+            send(Progress("movie", 0, 1))
             try:
                 bpy.ops.render.render(animation=True, scene=movie.name)
             except RuntimeError as error:

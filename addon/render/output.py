@@ -298,11 +298,16 @@ def set_still(scene: bpy.types.Scene, suffix: str, footage: Footage) -> None:
 
 def crop_to_even(render: bpy.types.RenderSettings) -> None:
     """H.264 stores colour for two by two pixels: an odd last row or column is cut off."""
-    width, height = render_size(render)
-    if width % 2 or height % 2:
+    across, down = written_size(render)
+    if not (across % 2 or down % 2):
+        return
+    if not (render.use_border and render.use_crop_to_border):
         render.use_border = render.use_crop_to_border = True
-        render.border_min_x, render.border_max_x = 0.0, (width - width % 2) / width
-        render.border_min_y, render.border_max_y = (height % 2) / height, 1.0
+        render.border_min_x = render.border_min_y = 0.0
+        render.border_max_x = render.border_max_y = 1.0
+    width, height = render_size(render)
+    render.border_max_x = (round(render.border_max_x * width) - across % 2) / width
+    render.border_min_y = (round(render.border_min_y * height) + down % 2) / height
 
 
 def numbered(name: str, frame: int) -> str:

@@ -359,6 +359,15 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
         " opened again",
         options={"HIDDEN"},
     )
+    render_as: EnumProperty(
+        name="Render As",
+        description="What Render Clip writes",
+        items=[
+            ("MOVIE", "Movie", "One H.264 file with the clip's frame rate and sound", 0),
+            ("FRAMES", "Frames", "What Blender's Output properties say, such as a PNG for each frame", 1),
+        ],
+        options=set(),
+    )
     output: StringProperty(
         name="Output",
         description="Render output set by the solve, until the user sets another",

@@ -17,6 +17,7 @@ from . import (
     focus_list,
     import_solve,
     lens_presets,
+    movie,
     operators,
     panels,
     photos,
@@ -39,6 +40,7 @@ CLASSES = (
     *choose_clip.CLASSES,
     *depth_ahead.CLASSES,
     *operators.CLASSES,
+    *movie.CLASSES,
     *render_clip.CLASSES,
     *find_clip.CLASSES,
     *restore.CLASSES,
@@ -85,6 +87,7 @@ def register() -> None:
 def unregister() -> None:
     """Undo `register` in reverse order, end what is under way, and close the open clip."""
     operators.end_solve()
+    movie.unregister()
     viewport.unregister()
     frames_ahead.unregister()
     frame_notes.unregister()

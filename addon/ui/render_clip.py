@@ -1,16 +1,18 @@
-"""Rendering the solved clip with Blender's own render job."""
+"""Rendering the solved clip: with Blender's own render job, or as a movie."""
 
 from __future__ import annotations
 
+import time
 from typing import Any
 
 import bpy
 
-from ..scene import parts
+from ..scene import parts, redraw
 from ..scene.clip import solved_clip_path
 from ..scene.lens import frame_options
 from ..scene.shot import reconstruction_of
-from .operators import NO_CAMERA, Result, has_focus, is_met, refused, reported
+from . import depth_ahead, movie
+from .operators import LOOK, NO_CAMERA, Result, has_focus, is_met, refused, reported
 
 
 def can_render(cls: Any, context: bpy.types.Context) -> bool:
@@ -58,11 +60,104 @@ class VIRTUAL_APERTURE_OT_render_frame(_Render, bpy.types.Operator):  # noqa: N8
 
 
 class VIRTUAL_APERTURE_OT_render_clip(_Render, bpy.types.Operator):  # noqa: N801
-    """Render the scene's frame range with depth of field to the scene's output"""
+    """Render all frames of the scene's range with depth of field: as a movie with the clip's sound, or as
+    frames to the scene's output"""
 
     bl_idname = "virtual_aperture.render_clip"
     bl_label = "Render Clip"
     animation = True
+
+    overwrite: bpy.props.BoolProperty(
+        name="Overwrite", description="Replace the movie if it exists", options={"SKIP_SAVE"}
+    )
+
+    _asks = False
+    _movie: movie.MovieRender | None = None
+    _timer: bpy.types.Timer | None = None
+    _depth: Any = None
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        is_free = is_met(cls, movie.under_way() is None, "A movie is being rendered")
+        return is_free and can_render(cls, context)
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
+        if bpy.app.background or context.scene.virtual_aperture.render_as == "FRAMES":
+            return self.execute(context)
+        out = movie.movie_path(context.scene)
+        if out.is_file() and not self.overwrite:
+            self._asks = True
+            answer: Result = context.window_manager.invoke_confirm(
+                self, event, title=f"Replace {out.name}?", message=str(out.parent), confirm_text="Replace"
+            )
+            return answer
+        return reported(VIRTUAL_APERTURE_OT_render_clip._meanwhile)(self, context)
+
+    def execute(self, context: bpy.types.Context) -> Result:
+        if context.scene.virtual_aperture.render_as == "FRAMES":
+            return super().execute(context)
+        if self._asks:
+            # The answer to the question comes here; the work is for the modal operator.
+            bpy.ops.virtual_aperture.render_clip("INVOKE_DEFAULT", overwrite=True)
+            return {"CANCELLED"}
+        return reported(VIRTUAL_APERTURE_OT_render_clip._now)(self, context)
+
+    def _begin(self, scene: bpy.types.Scene) -> movie.MovieRender:
+        settings = scene.virtual_aperture
+        frame_options(settings, reconstruction_of(settings))
+        solved_clip_path(settings)
+        made = self._movie = movie.begin(scene, movie.movie_path(scene), self.overwrite)
+        # Both would take all processors.
+        self._depth = depth_ahead.under_way()
+        if self._depth is not None:
+            depth_ahead.stop()
+        return made
+
+    def _now(self, context: bpy.types.Context) -> Result:
+        made = self._begin(context.scene)
+        try:
+            while made.child is not None:
+                made.hear()
+                time.sleep(LOOK)
+        finally:
+            made.cancel()
+        return self._finish(context)
+
+    def _meanwhile(self, context: bpy.types.Context) -> Result:
+        self._begin(context.scene)
+        self._timer = context.window_manager.event_timer_add(LOOK, window=context.window)
+        context.window_manager.modal_handler_add(self)
+        redraw.panels()
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
+        if event.type != "TIMER" or self._movie is None:
+            return {"PASS_THROUGH"}
+        if self._movie.hear():
+            redraw.panels()
+        if self._movie.child is not None:
+            return {"PASS_THROUGH"}
+        context.window_manager.event_timer_remove(self._timer)
+        redraw.panels()
+        return reported(VIRTUAL_APERTURE_OT_render_clip._finish)(self, context)
+
+    def cancel(self, _context: bpy.types.Context) -> None:
+        """Called by Blender when another file is loaded meanwhile, or the question is answered by no."""
+        if self._movie is not None:
+            self._movie.cancel()
+
+    def _finish(self, _context: bpy.types.Context) -> Result:
+        assert self._movie is not None
+        if self._depth is not None:
+            depth_ahead.begin_after_solve(self._depth)
+        for warning in self._movie.warnings:
+            self.report({"WARNING"}, warning)
+        if self._movie.problem is not None:
+            raise self._movie.problem
+        if self._movie.is_cancelled:
+            return {"CANCELLED"}
+        self.report({"INFO"}, f"Wrote {self._movie.out}")
+        return {"FINISHED"}
 
 
 CLASSES = (VIRTUAL_APERTURE_OT_render_frame, VIRTUAL_APERTURE_OT_render_clip)

@@ -178,6 +178,12 @@ CASES = {
         "Pick what should be sharp first",
         undo="", why="it writes files; as Blender's own render",
     ),
+    "cancel_movie": Case(
+        "ui/test_movie.py::test_nothing_stays_of_a_movie_that_is_cancelled",
+        "ui/test_movie.py::test_nothing_stays_of_a_movie_that_is_cancelled",
+        "No movie is being rendered",
+        undo="", why="it ends a process",
+    ),
     "preview": Case(
         "ui/test_operators.py::test_the_preview_is_shown_and_ended",
         "ui/test_operators.py::test_the_preview_is_shown_and_ended",

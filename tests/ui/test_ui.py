@@ -90,6 +90,7 @@ def test_render_frame_and_clip_write_pictures(scene: bpy.types.Scene, tmp_path: 
     assert settings.blur > 0
     scene.render.filepath = str(tmp_path / "out" / "####.png")
     scene.render.engine = "CYCLES"
+    settings.render_as = "FRAMES"
     assert bpy.ops.virtual_aperture.render_frame() == {"FINISHED"}
     assert scene.render.engine == "VIRTUAL_APERTURE"
     assert bpy.ops.virtual_aperture.render_clip() == {"FINISHED"}
@@ -153,6 +154,8 @@ def test_panels_show_the_next_step(scene: bpy.types.Scene, tmp_path: Path) -> No
     settings.focus_distance = 7.0
     assert "focus_distance" in drawn(closed=False)[0]
     scene.render.filepath = "//out/"
+    assert "Frames 1 to 3, to clip_render.mp4" in drawn(closed=False)[2]
+    settings.render_as = "FRAMES"
     assert "Frames 1 to 3, to //out/ as PNG" in drawn(closed=False)[2]
 
 

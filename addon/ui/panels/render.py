@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ...core.frame.meshers import MESHERS
-from .. import notices, render_clip, report_list
+from .. import movie, notices, render_clip, report_list
 from ..text import wrapped
 from .panel import PRIMARY, ClosedPanel, Panel, split
 
@@ -19,6 +19,7 @@ class VIRTUAL_APERTURE_PT_render(Panel, bpy.types.Panel):  # noqa: N801
         column = layout.column(align=True)
         column.prop(scene, "frame_start", text="Frame Start")
         column.prop(scene, "frame_end", text="End")
+        layout.prop(scene.virtual_aperture, "render_as")
         layout.prop(scene.render, "filepath", text="Output")
         layout.prop(scene.virtual_aperture, "quality")
         wrapped(layout, context, output_words(scene), icon="OUTPUT")
@@ -27,6 +28,7 @@ class VIRTUAL_APERTURE_PT_render(Panel, bpy.types.Panel):  # noqa: N801
         row = layout.row()
         row.scale_y = PRIMARY
         row.operator(render_clip.VIRTUAL_APERTURE_OT_render_clip.bl_idname, icon="RENDER_ANIMATION")
+        movie.draw(layout)
         report_list.draw(layout, context)
 
 
@@ -35,6 +37,8 @@ def output_words(scene: bpy.types.Scene) -> str:
     render = scene.render
     count = len(range(scene.frame_start, scene.frame_end + 1, scene.frame_step))
     which = f"Frames {scene.frame_start} to {scene.frame_end}" if count > 1 else f"Frame {scene.frame_start}"
+    if scene.virtual_aperture.render_as == "MOVIE" and scene.virtual_aperture.footage:
+        return f"{which}, to {movie.movie_path(scene).name}"
     kind = render.image_settings.bl_rna.properties["file_format"].enum_items[
         render.image_settings.file_format
     ]

@@ -1,0 +1,201 @@
+"""The clip as a movie with sound, which another process renders from a copy of the file: the user goes on
+meanwhile, and no output setting of the scene is touched."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import queue
+import threading
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import bpy
+
+from ..core.base.child import Child, end
+from ..core.base.errors import UserError
+from ..core.base.messages import Message, Progress, Warned
+from ..core.base.time_left import TimeLeft
+from ..core.media.picture_file import PICTURES
+from ..render import movie_folder
+from ..render.blend_file import write_blend
+from ..render.launcher import start
+from ..render.movie_file import MOVIES
+from ..render.output import STILLS, check_output, claimed
+from ..scene.clip import footage_path
+from ..scene.paths import absolute
+
+ENDING = "_render"
+"""Of a movie's name, after the clip's: the clip may lie beside it."""
+
+
+@dataclass
+class MovieRender:
+    """The process that renders a movie."""
+
+    out: Path
+    messages: queue.SimpleQueue[Message | None] = field(default_factory=queue.SimpleQueue)
+    done: int = 0
+    total: int = 0
+    """Frames; 0 until the process has said it."""
+    is_joining: bool = False
+    """Whether all frames are there, and the movie is being written."""
+    seconds_left: float | None = None
+    problem: UserError | None = None
+    """Why it failed."""
+    warnings: list[str] = field(default_factory=list)
+    child: Child | None = None
+    """None once it has ended."""
+    is_cancelled: bool = False
+    _left: TimeLeft | None = None
+
+    def hear(self) -> bool:
+        """Take in what the process said; whether it said anything."""
+        heard = False
+        while self.child is not None:
+            try:
+                message = self.messages.get_nowait()
+            except queue.Empty:
+                break
+            heard = True
+            if message is None:
+                failure = self.child.failure
+                self.problem = failure.error if failure is not None else None
+                self.child = None
+            elif isinstance(message, Progress):
+                self._on_progress(message)
+            elif isinstance(message, Warned):
+                self.warnings.append(message.text)
+        return heard
+
+    def _on_progress(self, message: Progress) -> None:
+        self.is_joining = message.stage == "movie"
+        if self.is_joining:
+            return
+        self.done, self.total = message.done, message.total
+        # The first frame finds depth for its neighbours, too: it tells nothing of the others' pace.
+        self._left = self._left or TimeLeft(time.monotonic())
+        rest = max(self.total - 1, 1)
+        self.seconds_left = self._left.at(time.monotonic(), (self.done - 1) / rest)
+
+    @property
+    def words(self) -> str:
+        """How far it is, in a few words."""
+        if self.is_joining:
+            return "Writing the movie"
+        if not self.total:
+            return "Movie: starting"
+        left = "" if self.seconds_left is None else f", {time_words(self.seconds_left)} left"
+        return f"Movie: {self.done} of {self.total} frames{left}"
+
+    def cancel(self) -> None:
+        """End it, without waiting for that; nothing of it stays. Harmless once it has ended."""
+        child, self.child = self.child, None
+        if child is not None:
+            self.is_cancelled = True
+            threading.Thread(target=_leave, args=(child, self.out)).start()
+
+
+def _leave(child: Child, out: Path) -> None:
+    """End a process and remove what it has rendered."""
+    end([child])
+    # Another run may have begun with the same movie.
+    with contextlib.suppress(UserError), claimed(out):
+        movie_folder.clear(out)
+    with contextlib.suppress(OSError):
+        out.parent.rmdir()  # where it holds nothing
+
+
+def time_words(seconds: float) -> str:
+    """A length of time as short as it can be read: "40 s", "3 min", "2 h 05 min"."""
+    minutes = round(seconds / 60)
+    if seconds < 60:
+        return f"{max(round(seconds), 1)} s"
+    return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60:02d} min"
+
+
+_movie: MovieRender | None = None
+"""The last one of this Blender: it takes as many processes as fit, so there are not two."""
+
+
+def movie_path(scene: bpy.types.Scene) -> Path:
+    """Where the scene's clip is written to as a movie, by the output path: that itself where it names a
+    movie; beside the folder that a solve has set for frames; else there, under the name of what it names."""
+    output, settings = scene.render.filepath, scene.virtual_aperture
+    folder = Path(bpy.path.abspath(scene.render.frame_path(frame=scene.frame_start))).parent
+    name = "" if output.endswith(("/", os.sep)) else Path(output.replace("\\", "/")).name
+    suffix = Path(name).suffix.lower()
+    if suffix in MOVIES:
+        return absolute(str(folder / name))
+    if output == settings.output and not name:
+        return absolute(f"{folder}.mp4")
+    name = name.removesuffix(Path(name).suffix) if suffix in {*PICTURES, *STILLS} else name
+    name = name.rstrip("#").rstrip("_-. ")
+    if not name or "{" in name or "#" in name:
+        name = f"{footage_path(settings).stem}{ENDING}"
+    return absolute(str(folder / f"{name}.mp4"))
+
+
+def begin(scene: bpy.types.Scene, out: Path, overwrite: bool) -> MovieRender:
+    """Have the scene's frames rendered as a movie; UserError where that cannot be, or would replace a file
+    unasked."""
+    global _movie
+    check_output(out, overwrite)
+    made = MovieRender(out)
+    blend = Path(bpy.app.tempdir) / "virtual-aperture-movie.blend"
+    write_blend(blend)
+    words = ["render", str(blend), "--scene", scene.name, "--as-is", "--out", str(out)]
+    words += ["--frames", f"{scene.frame_start}-{scene.frame_end}"]
+    words += ["--scripts"] * (not bpy.app.autoexec_fail) + ["--overwrite"] * overwrite
+    made.child = start(words, made.messages.put, yielding=not bpy.app.background)
+    _movie = made
+    return made
+
+
+def under_way() -> MovieRender | None:
+    """The movie that is being rendered."""
+    return _movie if _movie is not None and _movie.child is not None else None
+
+
+def draw(layout: bpy.types.UILayout) -> None:
+    """How far the movie is, with a button to cancel it, or the one that was written, with a button to play
+    it; nothing where there is none."""
+    if _movie is None:
+        return
+    row = layout.row(align=True)
+    if _movie.child is not None:
+        row.progress(factor=_movie.done / max(_movie.total, 1), text=_movie.words)
+        row.operator(VIRTUAL_APERTURE_OT_cancel_movie.bl_idname, text="", icon="X")
+    elif _movie.problem is None and _movie.out.exists():
+        row.label(text=_movie.out.name, icon="CHECKMARK")
+        row.operator("wm.path_open", text="", icon="PLAY").filepath = str(_movie.out)
+
+
+class VIRTUAL_APERTURE_OT_cancel_movie(bpy.types.Operator):  # noqa: N801
+    """End rendering the movie. Nothing of it is kept"""
+
+    bl_idname = "virtual_aperture.cancel_movie"
+    bl_label = "Cancel Movie"
+
+    @classmethod
+    def poll(cls, _context: bpy.types.Context) -> bool:
+        if under_way() is None:
+            cls.poll_message_set("No movie is being rendered")
+        return under_way() is not None
+
+    def execute(self, _context: bpy.types.Context) -> set[str]:
+        unregister()
+        self.report({"WARNING"}, "The movie was cancelled; nothing was written")
+        return {"FINISHED"}
+
+
+def unregister() -> None:
+    """End the movie that is under way."""
+    global _movie
+    if _movie is not None:
+        _movie.cancel()
+    _movie = None
+
+
+CLASSES = (VIRTUAL_APERTURE_OT_cancel_movie,)

@@ -1,0 +1,111 @@
+"""Render Clip as a first-time user presses it: a movie with sound lies beside the clip."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import av
+import bpy
+import pytest
+
+from addon.core.media.clip import open_footage
+from addon.scene.build import build
+from benchmarks.torture import clip as solved
+
+from .conftest import PICTURES
+from .program import EXTENSION, Program
+from .screen import Screen
+
+COUNT = 40
+MOVIE = f"__import__('sys').modules['{EXTENSION}.addon.ui.movie']._movie"
+RENDER = "bpy.context.scene.render"
+KEPT = (
+    f"[{RENDER}.filepath, {RENDER}.engine, {RENDER}.use_border, {RENDER}.image_settings.media_type,"
+    f" {RENDER}.image_settings.file_format, {RENDER}.ffmpeg.codec, {RENDER}.ffmpeg.audio_codec]"
+)
+
+pytestmark = pytest.mark.usefixtures("in_order")
+
+
+@pytest.fixture(scope="module")
+def blend(folder: Path, registered: None) -> Path:
+    """A solved clip with sound, in focus; its output is what a solve sets."""
+    made = folder / "movie"
+    clip = solved.write_video(made, COUNT)
+    bpy.ops.wm.read_homefile(app_template="", use_factory_startup=True)
+    bpy.ops.wm.save_as_mainfile(filepath=str(made / "scene.blend"))
+    settings = build(bpy.context.scene, open_footage(clip), solved.truth(range(1, COUNT + 1)))
+    settings.focus_distance, settings.views, settings.blur = 8.0, 32, 0.03
+    bpy.ops.wm.save_mainfile()
+    return made / "scene.blend"
+
+
+@pytest.fixture(scope="module")
+def program(screen: Screen, resources: Path, blend: Path) -> Iterator[Program]:
+    made = Program(screen, resources, PICTURES / "movie", str(blend))
+    made.screen.move(*made.middle("VIEW_3D"))
+    made.screen.key("Escape")
+    made.settle()
+    made.show_sidebar("Virtual Aperture")
+    yield made
+    made.close()
+
+
+def pressed(program: Program) -> None:
+    program.press("virtual_aperture.render_clip")
+    program.settle()
+
+
+def files(blend: Path) -> set[str]:
+    return {path.name for path in blend.parent.iterdir()}
+
+
+def test_one_press_gives_a_movie_with_sound(program: Program, blend: Path) -> None:
+    before, others = program.ask(KEPT), files(blend)
+    began = time.monotonic()
+    pressed(program)
+    program.wait(f"{MOVIE}.done > 5", 120)
+    program.settle()
+    program.shot("rendering")
+    # The window is alive: the frame can be changed meanwhile.
+    program.ask("bpy.context.scene.frame_set(7)")
+    program.wait(f"{MOVIE}.child is None", 240)
+    program.tell_time(time.monotonic() - began, f"{COUNT} frames as a movie")
+    program.screen.nudge()
+    program.settle()
+    program.shot("rendered")
+    assert program.ask(KEPT) == before
+    assert program.ask("len(bpy.data.scenes)") == 1
+    assert files(blend) == others | {"clip_render.mp4"}
+    with av.open(str(blend.parent / "clip_render.mp4")) as made:
+        picture, heard = made.streams.video[0], made.streams.audio[0]
+        assert (picture.codec_context.name, picture.frames) == ("h264", COUNT)
+        assert picture.average_rate == solved.RATE
+        assert heard.duration * heard.time_base == pytest.approx(COUNT / solved.RATE, abs=0.05)
+    assert any("clip_render.mp4" in line for line in program.ask("messages()"))
+
+
+def test_a_movie_that_is_there_is_replaced_only_when_asked(program: Program, blend: Path) -> None:
+    out = blend.parent / "clip_render.mp4"
+    written = out.stat().st_mtime_ns
+    pressed(program)
+    time.sleep(0.5)
+    program.shot("question")
+    program.screen.key("Escape")
+    program.settle()
+    assert program.ask(f"{MOVIE}.child is None") and out.stat().st_mtime_ns == written
+    pressed(program)
+    time.sleep(0.5)
+    program.screen.key("Return")
+    program.wait(f"{MOVIE}.child is not None")
+    program.wait(f"{MOVIE}.done > 0", 120)
+    program.press("virtual_aperture.cancel_movie", across=0.95)
+    program.wait(f"{MOVIE} is None")
+    until = time.monotonic() + 20
+    while files(blend) != {"clip.mp4", "clip_render.mp4", "pictures", "scene.blend", "tone.wav"}:
+        assert time.monotonic() < until, files(blend)
+        time.sleep(0.1)
+    program.shot("cancelled")
+    assert out.stat().st_mtime_ns == written
