@@ -8,6 +8,7 @@ from ..render import background, engine, frame_notes, frames_ahead, viewport
 from ..scene import clip, exr, focus_sync, main_thread, migration, passes, paths, properties, shot
 from ..scene import preferences as user_preferences
 from . import (
+    bokeh,
     choose_clip,
     depth_ahead,
     engine_panels,
@@ -76,6 +77,7 @@ def register() -> None:
     focus_sync.register()
     points_overlay.register()
     thumbnails.register()
+    bokeh.register()
     background.register()
     frame_notes.register()
     frames_ahead.register()
@@ -103,6 +105,7 @@ def unregister() -> None:
     engine_panels.unregister()
     clip.forget()
     thumbnails.unregister()
+    bokeh.unregister()
     points_overlay.unregister()
     shot.forget()
     for cls in reversed(CLASSES):

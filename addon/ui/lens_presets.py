@@ -6,6 +6,7 @@ Shipped ones lie in `presets/virtual_aperture/lens`, a user's own in the folder 
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import bpy
@@ -16,10 +17,13 @@ from ..core.base.errors import UserError
 from ..core.frame.options import APERTURE_OPTIONS
 from ..scene import aperture_cloud
 from ..scene.paths import absolute
+from . import bokeh
 from .operators import Result, may_change, reported
 
 ROOT = Path(__file__).resolve().parents[1]
 """Holds the folder `presets`."""
+THUMBNAIL = 1.6
+"""Rows that a preset is high. By eye."""
 
 
 class VIRTUAL_APERTURE_OT_use_lens_preset(bpy.types.Operator):  # noqa: N801
@@ -80,6 +84,46 @@ class VIRTUAL_APERTURE_PT_lens_presets(PresetPanel, bpy.types.Panel):  # noqa: N
     preset_subdir = VIRTUAL_APERTURE_OT_add_lens_preset.preset_subdir
     preset_operator = VIRTUAL_APERTURE_OT_use_lens_preset.bl_idname
     preset_add_operator = VIRTUAL_APERTURE_OT_add_lens_preset.bl_idname
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        """As Blender draws presets, with the picture of each aperture."""
+        layout = self.layout
+        layout.emboss = "PULLDOWN_MENU"
+        layout.operator_context = "EXEC_DEFAULT"
+        column = layout.column(align=True)
+        for file in sorted(preset_files(), key=lambda file: _by_number(file.name)):
+            name = bpy.path.display_name(str(file), title_case=False)
+            row = column.row(align=True)
+            row.template_icon(icon_value=bokeh.preset_icon(file), scale=THUMBNAIL)
+            sub = row.row(align=True)
+            sub.scale_y = THUMBNAIL
+            sub.operator(
+                VIRTUAL_APERTURE_OT_use_lens_preset.bl_idname, text=name, translate=False
+            ).filepath = str(file)
+            if ROOT not in file.parents:
+                remove = sub.operator(VIRTUAL_APERTURE_OT_add_lens_preset.bl_idname, text="", icon="REMOVE")
+                remove.name, remove.remove_name = name, True
+        layout.separator()
+        row = layout.row()
+        name_field = row.row()
+        name_field.emboss = "NORMAL"
+        manager = bpy.context.window_manager
+        name_field.prop(manager, "preset_name", text="")
+        row.operator(
+            VIRTUAL_APERTURE_OT_add_lens_preset.bl_idname, text="", icon="ADD"
+        ).name = manager.preset_name
+
+
+def preset_files() -> list[Path]:
+    """The presets that are there, shipped ones and the user's."""
+    folders = map(Path, bpy.utils.preset_paths(VIRTUAL_APERTURE_PT_lens_presets.preset_subdir))
+    return [file for folder in folders for file in folder.glob("*.py") if not file.name.startswith(".")]
+
+
+def _by_number(name: str) -> list[tuple[int, str]]:
+    """A key by which 85 mm comes before 100 mm."""
+    parts = re.split(r"(\d+)", name.lower())
+    return [(int(part), "") if part.isdigit() else (-1, part) for part in parts]
 
 
 def draw_button(layout: bpy.types.UILayout) -> None:

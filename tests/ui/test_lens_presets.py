@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import asdict
 from pathlib import Path
 
 import bpy
@@ -10,8 +11,10 @@ import pytest
 
 from addon.core.camera.reconstruction import Intrinsics
 from addon.scene.build import build
+from addon.ui.bokeh import preset_aperture, preset_icon
 from addon.ui.lens_presets import ROOT, VIRTUAL_APERTURE_PT_lens_presets
 
+from ..recorder import draw
 from ..scenes import slanted_shot
 
 LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
@@ -64,6 +67,9 @@ def test_a_preset_sets_the_lens_and_nothing_else(settings: bpy.types.PropertyGro
     after = values(settings)
     changed = {name for name in before if before[name] != after[name]}
     assert changed <= {"highlights", *AMOUNT}
+    # What its picture shows.
+    pictured, seen = (asdict(shape) for shape in (preset_aperture(file), settings.shape.aperture))
+    assert pictured == pytest.approx(seen)
     # Every part of the shape is told, so that nothing is left of the lens before.
     stored = set(re.findall(r"^shape\.(\w+) =", file.read_text(), re.MULTILINE))
     assert stored == values(settings.shape).keys() - {"rna_type", "name"}
@@ -97,6 +103,7 @@ def test_own_presets_are_kept_and_removed(settings: bpy.types.PropertyGroup, own
     assert add(name="Mine / 1") == {"FINISHED"}
     file = next(own.iterdir())
     shape.blades, shape.vignetting, settings.highlights, settings.blur = 0, 0.0, 1.0, 0.02
+    assert (preset_aperture(file).blades, preset_aperture(file).vignetting) == (7, 0.25)
     use(file)
     assert (shape.blades, shape.vignetting, settings.highlights) == (7, 0.25, 2.0)
     assert settings.blur == pytest.approx(0.04)
@@ -111,6 +118,22 @@ def test_what_is_no_preset_is_refused(settings: bpy.types.PropertyGroup, tmp_pat
     broken.write_text("import bpy\nbpy.context.scene.virtual_aperture.shape.blades = 'many'\n")
     with pytest.raises(RuntimeError, match="the preset mine cannot be used: "):
         bpy.ops.virtual_aperture.use_lens_preset(filepath=str(broken))
+    for text in ("this is no Python", "shape.blades = 'many'", "shape.blades = nothing()", "\0"):
+        broken.write_text(text)
+        assert preset_icon(broken) == 0
+    assert preset_icon(tmp_path / "gone.py") == 0
     with pytest.raises(RuntimeError, match="no preset has been chosen"):
         bpy.ops.virtual_aperture.use_lens_preset()
     assert "UNDO" in bpy.types.VIRTUAL_APERTURE_OT_use_lens_preset.bl_options
+
+
+def test_the_list_shows_all_presets_and_removes_own_ones_alone(
+    settings: bpy.types.PropertyGroup, own: Path
+) -> None:
+    bpy.ops.virtual_aperture.add_lens_preset(name="Mine")
+    shown = draw(VIRTUAL_APERTURE_PT_lens_presets)
+    assert shown.operators.count("virtual_aperture.use_lens_preset") == len(SHIPPED) + 1
+    # One that removes, and one that adds.
+    assert shown.operators.count("virtual_aperture.add_lens_preset") == 2
+    numbers = [int(text.split()[0]) for text in shown.texts if text[0].isdigit()]
+    assert numbers == sorted(numbers) and "Mine" in shown.texts

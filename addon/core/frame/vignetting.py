@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 
 from ..base.arrays import Floats, Map
+from ..optics.bokeh import barrel_share
 from .plan import FramePlan
 
 STEP = 16
@@ -58,8 +59,7 @@ def light_left(plan: FramePlan) -> Map:
         for n, whole, centre in zip(size, (pinhole.width, pinhole.height), middle, strict=True)
     )
     total = np.zeros((size[1], size[0]))
-    for (a, b, c, d, e), share in zip(barrel_rows(plan), view_shares(plan), strict=True):
-        away = np.hypot(a + c * x[None, :], b + c * y[:, None])
-        total += share * np.clip(e * (1 + d - away), 0, 1)
+    for (a, b, c, d, _), share in zip(barrel_rows(plan), view_shares(plan), strict=True):
+        total += share * barrel_share(a + c * x[None, :], b + c * y[:, None], d)
     left = cv2.resize((total / len(plan.offsets)).astype(np.float32), (pinhole.width, pinhole.height))
     return np.asarray(left, np.float32)

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import bpy
 
+from ...core.base.errors import UserError
 from ...scene import depth_of_field, lens
-from .. import set_scale
+from .. import bokeh, set_scale
+from ..operators import sentence
 from ..text import wrapped
 from .panel import ClosedPanel, split
 
 PROPERTY_NAME = 0.4
 """Share of a panel's width that the names of properties have, as Blender splits it."""
+BOKEH = 5.0
+"""Rows that the picture of the aperture is high. By eye."""
 
 
 def draw_amount(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
@@ -29,6 +33,17 @@ def draw_amount(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -
     column.prop(settings, "aperture_radius", text="Aperture")
     if sharp := depth_of_field.sharp_words(settings):
         layout.label(text=sharp, icon="CAMERA_DATA")
+
+
+def draw_bokeh(
+    layout: bpy.types.UILayout, context: bpy.types.Context, shape: bpy.types.PropertyGroup
+) -> None:
+    """What a point of light out of focus looks like with a shape, or why there is no such picture."""
+    try:
+        if picture := bokeh.icon(shape.aperture):
+            layout.template_icon(icon_value=picture, scale=BOKEH)
+    except UserError as error:
+        wrapped(layout, context, sentence(str(error)), icon="ERROR", alert=True)
 
 
 class VIRTUAL_APERTURE_PT_scale(ClosedPanel, bpy.types.Panel):  # noqa: N801
@@ -61,6 +76,7 @@ class VIRTUAL_APERTURE_PT_shape(ClosedPanel, bpy.types.Panel):  # noqa: N801
     def draw(self, context: bpy.types.Context) -> None:
         shape = context.scene.virtual_aperture.shape
         layout = split(self.layout, with_keys=True)
+        draw_bokeh(layout, context, shape)
         column = layout.column()
         column.active = not shape.image
         column.prop(shape, "blades")

@@ -1,0 +1,82 @@
+"""The picture of an aperture is the light that its virtual cameras stand for."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from addon.core.optics.aperture import Aperture, ApertureImage, aperture_samples
+from addon.core.optics.bokeh import BRIGHTEST, CORNER, MARGIN, barrel_share, bokeh_picture
+
+SIZE = 128
+L_SHAPE = np.zeros((20, 20), np.float32)
+L_SHAPE[:, :6] = L_SHAPE[14:, :] = 1
+
+
+def places(size: int = SIZE) -> np.ndarray:
+    """(size, size, 2) middles of the pixels in radii of the aperture."""
+    margin = round(size * (1 - 1 / MARGIN) / 2)
+    at = (np.arange(size) + 0.5 - margin) * 2 / (size - 2 * margin) - 1
+    return np.stack(np.meshgrid(at, at), axis=-1)
+
+
+@pytest.mark.parametrize(
+    "aperture",
+    [
+        Aperture(blades=5, rotation=0.4),
+        Aperture(ratio=1.6),
+        Aperture(obstruction=0.5),
+        Aperture(spherical_aberration=0.8),
+        Aperture(image=ApertureImage(L_SHAPE)),
+    ],
+    ids=["blades", "oval", "mirror", "bubble", "picture"],
+)
+def test_it_has_the_moments_of_the_virtual_cameras(aperture: Aperture) -> None:
+    samples = aperture_samples(aperture, 128)
+    weights = np.full(128, 1 / 128) if samples.weights is None else samples.weights
+    light = bokeh_picture(aperture, SIZE)
+    share = (light / light.sum())[..., None]
+    mean = (share * places()).sum(axis=(0, 1))
+    assert mean == pytest.approx(weights @ samples.positions, abs=0.02)
+    spread = (share * (places() - mean) ** 2).sum(axis=(0, 1))
+    # A camera stands for a share of the aperture, which has a spread of its own: that of a disc.
+    own = samples.spread**2 / 128 / 4
+    seen = weights @ (samples.positions - weights @ samples.positions) ** 2 + own
+    assert spread == pytest.approx(seen, rel=0.04)
+
+
+def test_a_round_aperture_is_a_white_disc_on_black() -> None:
+    light = bokeh_picture(Aperture(), SIZE)
+    away = np.hypot(*np.moveaxis(places(), -1, 0))
+    pixel = 2 * MARGIN / SIZE
+    assert (light[away < 1 - pixel] == 1).all() and (light[away > 1 + pixel] == 0).all()
+
+
+def test_soap_bubbles_are_brightest_at_the_rim() -> None:
+    light = bokeh_picture(Aperture(spherical_aberration=1.0), SIZE)
+    assert light[SIZE // 2, SIZE // 2] < 0.01 and light.max() == 1
+    assert (light == 1).mean() < 2 * (1 - BRIGHTEST / 100)
+
+
+def test_cats_eyes_are_cut_towards_the_corners() -> None:
+    light = bokeh_picture(Aperture(vignetting=0.8), 3 * SIZE)
+    whole = bokeh_picture(Aperture(), SIZE)
+    parts = {
+        (row, column): light[row * SIZE :, column * SIZE :][:SIZE, :SIZE]
+        for row in range(3)
+        for column in range(3)
+    }
+    assert parts[1, 1].sum() == pytest.approx(whole.sum(), rel=0.01)
+    # The overlap of two circles whose middles are d apart (Ray 2002).
+    for where, d in {(1, 2): 0.8 * CORNER, (0, 0): 0.8}.items():
+        lens = 2 * np.arccos(d / 2) - d / 2 * np.sqrt(4 - d**2)
+        assert parts[where].sum() / whole.sum() == pytest.approx(lens / np.pi, rel=0.02)
+    # What lies towards the corner is lost.
+    assert parts[0, 0][: SIZE // 2, : SIZE // 2].sum() < parts[0, 0][SIZE // 2 :, SIZE // 2 :].sum()
+    for turned in (parts[0, 2][:, ::-1], parts[2, 0][::-1], parts[2, 2][::-1, ::-1]):
+        assert np.allclose(parts[0, 0], turned, atol=1e-6)
+
+
+def test_the_barrel_lets_half_through_at_its_rim() -> None:
+    x = np.array([0.0, 0.8, 1.0, 1.2])
+    assert barrel_share(x, np.zeros(4), 0.1) == pytest.approx([1, 1, 0.5, 0])
