@@ -237,7 +237,7 @@ def test_scale(program: Program) -> None:
 def test_aperture_shape(program: Program) -> None:
     y = open_sub_panel(program, "virtual_aperture.preview()", -3.2, "shape.image")
     left, _, right, _ = sidebar(program)
-    keep(program, "shape", (left, y - 245, right, y + 25))
+    keep(program, "shape", (left, y - 350, right, y + 25))
 
 
 def test_passes(program: Program) -> None:
