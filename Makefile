@@ -11,7 +11,7 @@ JOBS ?= 2
 SOLVES := $(if $(MOTIONS),--motions $(MOTIONS)) $(if $(TRACKERS),--trackers $(TRACKERS)) $(if $(FOCAL),--focal $(FOCAL))
 BENCH := $(if $(SCENES),--scenes $(SCENES)) $(if $(TRACK),--track $(TRACK)) $(if $(BLURS),--blurs $(BLURS)) $(if $(METHODS),--methods $(METHODS))
 
-.PHONY: help setup demo test test-fast test-all test-window test-window-short pictures torture sample bench bench-speed bench-full bench-solve bench-stability figures lint zip clean
+.PHONY: help setup demo test test-fast test-all test-window test-window-short pictures torture sample bench bench-speed bench-full bench-solve bench-stability figures lint zip store clean
 help:
 	@echo "make demo    render the sample clip with depth of field and say where the video is"
 	@echo "make test    run the tests of the add-on"
@@ -30,6 +30,7 @@ help:
 	@echo "make figures          the thesis's figures from our scenes, into docs/figures/"
 	@echo "make lint    ruff and mypy"
 	@echo "make zip     build the extension into dist/ (PLATFORM=linux-x64, windows-x64, macos-arm64)"
+	@echo "make store   the zips of all platforms for Blender's own builds, and the index of a repository, into dist/store/ (WEBSITE=URL of the documentation)"
 	@echo "make setup   the virtual environment alone"
 	@echo "make clean   remove what was built"
 
@@ -109,6 +110,9 @@ lint: setup
 
 zip: setup
 	@$(PYTHON) tools/build_zip.py --platform $(PLATFORM)
+
+store: setup
+	@$(PYTHON) tools/build_zip.py --store $(if $(WEBSITE),--website $(WEBSITE))
 
 clean:
 	rm -rf build dist demo sample .mypy_cache .ruff_cache .pytest_cache

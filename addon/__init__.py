@@ -6,6 +6,11 @@ import the package.
 
 
 def register() -> None:
+    """Register everything with Blender; UserError where the system is too old for it."""
+    from .core.base.system import check_system
+
+    # Before the libraries are loaded, which would fail with no word of why.
+    check_system()
     from . import ui
     from .cli import blender_command
 

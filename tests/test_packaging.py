@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import os
+import re
 import subprocess
 import sys
+import tomllib
 import zipfile
 from pathlib import Path
 
@@ -79,3 +83,31 @@ def test_it_installs_disables_and_enables(built: Path, tmp_path: Path) -> None:
         env=os.environ | {"BLENDER_USER_RESOURCES": str(tmp_path)}, cwd=tmp_path,
     )  # fmt: skip
     assert "INSTALLED" in done.stdout, done.stdout + done.stderr
+
+
+def test_the_store_gets_a_zip_for_each_platform_and_their_index(tmp_path: Path) -> None:
+    website = "https://example.org/docs/index.md"
+    subprocess.run(
+        [
+            sys.executable, str(ROOT / "tools" / "build_zip.py"), "--store", "--no-wheels",
+            "--website", website, "--out", str(tmp_path), "--stage", str(tmp_path / "stage"),
+        ],
+        check=True,
+    )  # fmt: skip
+    listed = json.loads((tmp_path / "index.json").read_text())["data"]
+    manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text())
+    assert sorted(each["platforms"][0] for each in listed) == sorted(manifest["platforms"])
+    for each in listed:
+        archive = tmp_path / each["archive_url"]
+        digest = hashlib.sha256(archive.read_bytes()).hexdigest()
+        assert (each["website"], each["archive_hash"]) == (website, f"sha256:{digest}")
+
+
+def test_workflows_call_make() -> None:
+    targets = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
+    called = {
+        name
+        for path in (ROOT / ".github" / "workflows").glob("*.yml")
+        for name in re.findall(r"run: make ([a-z-]+)", path.read_text())
+    }
+    assert {"lint", "test", "store"} <= called <= targets
