@@ -37,7 +37,7 @@ from ..scene.shot import Shot
 from .average import READ, WARPED, Drawn, draw_shares, render_frame, resized
 
 Half = NDArray[np.float16]
-Key = tuple[int, int, str, bool, str]
+Key = tuple[int, int, str, str]
 
 KEPT = 256 << 20
 """Bytes of pictures that are kept for going back to: 140 frames of 640x360."""
@@ -49,10 +49,10 @@ QUICK = 0.25
 ROUGH_VIEWS = 16
 """Views of a picture from the feature points: by eye, of 240 pixels. It takes 0.08 s."""
 NO_HIGHLIGHTS = HighlightSettings(gain=0.0)
-ROUGH, FIRST, COARSE, FAIR, FINE = range(5)
-"""How good a picture is: small, from the feature points, and a first look from the frame's own neighbours,
-while depth is being found; a small draft; a draft at the preview's size; the same in the scene's quality,
-normal at most."""
+CLIP, ROUGH, FIRST, COARSE, FAIR, FINE = range(-1, 5)
+"""How good a picture is: the frame as it was shot alone; small, from the feature points, and a first look
+from the frame's own neighbours, while depth is being found; a small draft; a draft at the preview's size; the
+same in the scene's quality, normal at most."""
 
 
 @dataclass(frozen=True)
@@ -74,8 +74,13 @@ class Wanted:
 
     @cached_property
     def key(self) -> Key:
-        """What decides of the picture's content, but for its size."""
-        return id(self.shot), self.frame, self.shows, self.with_clip, repr(self.options)
+        """What decides of the picture's content, but for its size and the frame as it was shot beside it."""
+        return id(self.shot), self.frame, self.shows, repr(self.options)
+
+    def asks_for(self, other: Wanted) -> bool:
+        """Whether who makes this makes the other one, too."""
+        same = self.key == other.key and self.is_playing == other.is_playing
+        return same and self.with_clip >= other.with_clip and self.size[0] >= other.size[0]
 
     @property
     def best(self) -> int:
@@ -114,6 +119,7 @@ class Preview:
         self._is_working = False
         self._thread: threading.Thread | None = None
         self._kept: OrderedDict[Key, Picture] = OrderedDict()
+        self._latest: Picture | None = None
         self._problems: dict[Key, str] = {}
         self._draft_seconds = 2 * QUICK
         self._level = ROUGH
@@ -130,8 +136,7 @@ class Preview:
         """Make this from now on, in place of what is under way."""
         with self._changed:
             now = self._wanted
-            is_same = now is not None and (now.key, now.is_playing) == (wanted.key, wanted.is_playing)
-            if is_same and now is not None and wanted.size[0] <= now.size[0]:
+            if now is not None and now.asks_for(wanted):
                 return
             self._wanted = wanted
             if self._thread is None or not self._thread.is_alive():
@@ -146,6 +151,15 @@ class Preview:
             if found is not None:
                 self._kept.move_to_end(wanted.key)
             return found
+
+    def latest(self, wanted: Wanted) -> Picture | None:
+        """The picture that was made last, if it shows the same of the same clip: of another frame, or lens,
+        which is seen until there is one of what is wanted."""
+        with self._changed:
+            made = self._latest
+            if made is None or made.wanted.shot is not wanted.shot or made.wanted.shows != wanted.shows:
+                return None
+            return made
 
     def problem(self, wanted: Wanted) -> str:
         """Why there is none, or an empty string."""
@@ -174,7 +188,7 @@ class Preview:
     def forget(self) -> None:
         """End what is under way, and drop all pictures."""
         with self._changed:
-            self._wanted = None
+            self._wanted = self._latest = None
             self._kept.clear()
             self._problems.clear()
             self._changed.notify_all()
@@ -217,6 +231,8 @@ class Preview:
         done = -1 if kept is None else kept.level
         if kept is not None and kept.linear.shape[1] < wanted.size[0] and done > COARSE:
             done = COARSE
+        if kept is not None and kept.clip is None and wanted.with_clip:
+            return wanted, CLIP
         if done >= wanted.best:
             return None
         return wanted, done + 1
@@ -225,7 +241,7 @@ class Preview:
         began = time.monotonic()
         try:
             is_known = has_depth(wanted)
-            if level <= FIRST and (is_known or (wanted.shows and level == FIRST)):
+            if ROUGH <= level <= FIRST and (is_known or (wanted.shows and level == FIRST)):
                 level = COARSE
             if level == COARSE and (self._draft_seconds < QUICK or wanted.shows):
                 level = FAIR
@@ -251,16 +267,22 @@ class Preview:
         self.progress = (name, share)
         now = self._wanted
         is_wanted = now is not None and now.key == wanted.key
-        # A coarse picture, and whatever a film that is played has time for, is shown although it is late:
-        # else nothing would be seen while focus is dragged.
-        is_soon = self._level <= COARSE or (now is not None and now.is_playing)
+        # A coarse picture or a quick draft, and whatever a film that is played has time for, is shown
+        # although it is late: else nothing would be seen while focus or the current frame is dragged.
+        is_quick = self._level <= (FAIR if self._draft_seconds < QUICK else COARSE)
+        is_soon = is_quick or (now is not None and now.is_playing)
         is_late = now is not None and is_soon and not self.finds_depth
         if self._pauses or not (is_wanted or is_late):
             raise Cancelled
 
     def _keep(self, picture: Picture) -> None:
         with self._changed:
-            self._kept[picture.wanted.key] = picture
+            before = self._kept.get(picture.wanted.key)
+            if before is not None and picture.level == CLIP:
+                picture = replace(before, clip=picture.clip)
+            elif before is not None and picture.clip is None:
+                picture = replace(picture, clip=before.clip)
+            self._kept[picture.wanted.key] = self._latest = picture
             self._kept.move_to_end(picture.wanted.key)
             while len(self._kept) > 1 and sum(p.nbytes for p in self._kept.values()) > KEPT:
                 self._kept.popitem(last=False)
@@ -274,6 +296,9 @@ class Preview:
 
 def make_picture(wanted: Wanted, level: int) -> Picture:
     """A frame at a level; UserError as `render_frame`. Passes checkpoints."""
+    if level == CLIP:
+        clip = _clip(wanted)
+        return Picture(wanted, level, clip, clip)
     if level == ROUGH:
         linear = _rough(wanted)
     else:

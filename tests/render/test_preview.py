@@ -21,7 +21,18 @@ from addon.core.frame.plan import FrameOptions
 from addon.core.frame.quality import DRAFT, FINAL, NORMAL
 from addon.render import preview
 from addon.render.average import render_frame
-from addon.render.preview import COARSE, FAIR, FINE, FIRST, ROUGH, Picture, Preview, Wanted, make_picture
+from addon.render.preview import (
+    CLIP,
+    COARSE,
+    FAIR,
+    FINE,
+    FIRST,
+    ROUGH,
+    Picture,
+    Preview,
+    Wanted,
+    make_picture,
+)
 from addon.scene.build import build
 from addon.scene.shot import shot_of
 
@@ -115,16 +126,37 @@ def test_the_feature_points_are_enough_to_begin_with(previews: Previews, wanted:
 def test_the_last_wish_counts(previews: Previews, wanted: Wanted) -> None:
     maker = Maker()
     shown = previews(maker)
-    shown.want(wanted)
-    eventually(lambda: not shown.is_busy())
+    shown._draft_seconds = 2 * preview.QUICK
     maker.may.clear()
     shown.want(replace(wanted, frame=1))
-    eventually(lambda: (1, FAIR) in maker.begun)
+    eventually(lambda: (1, COARSE) in maker.begun)
     shown.want(replace(wanted, frame=3))
     maker.may.set()
     eventually(lambda: not shown.is_busy())
     assert maker.made[-1] == (3, FINE)
-    assert (1, FAIR) not in maker.made and (1, FINE) not in maker.made
+    # What is soon made is seen, what takes long is not made.
+    assert (1, COARSE) in maker.made
+    assert (1, FAIR) not in maker.begun and (1, FINE) not in maker.begun
+
+
+def test_a_quick_draft_is_seen_although_another_frame_is_wanted(previews: Previews, wanted: Wanted) -> None:
+    maker = Maker()
+    shown = previews(maker)
+    shown.want(wanted)
+    eventually(lambda: not shown.is_busy())
+    maker.may.clear()
+    late, last = replace(wanted, frame=1), replace(wanted, frame=3)
+    shown.want(late)
+    eventually(lambda: (1, FAIR) in maker.begun)
+    shown.want(last)
+    assert shown.best(last) is None
+    maker.may.set()
+    eventually(lambda: (1, FAIR) in maker.made)
+    eventually(lambda: not shown.is_busy())
+    assert (1, FINE) not in maker.begun, "time for a frame that nobody looks at"
+    best = shown.latest(last)
+    assert best is not None and (best.wanted.frame, best.level) == (3, FINE)
+    assert shown.latest(replace(last, shows="depth")) is None, "a picture of something else"
 
 
 def test_a_better_size_is_made_anew(previews: Previews, wanted: Wanted) -> None:
@@ -208,10 +240,30 @@ def test_coarse_pictures_are_like_the_best_one(wanted: Wanted) -> None:
     assert np.allclose(*means, atol=0.01)
 
 
+def test_the_clip_is_added_to_a_picture_that_is_there(previews: Previews, wanted: Wanted) -> None:
+    maker, as_shot = Maker(), np.full((90, 160, 4), 7, np.float16)
+    shown = previews(lambda w, level: replace(maker(w, level), clip=as_shot if w.with_clip else None))
+    shown.want(wanted)
+    eventually(lambda: not shown.is_busy())
+    plain = shown.best(wanted)
+    assert plain is not None and plain.clip is None
+    del maker.made[:]
+    both = replace(wanted, with_clip=True)
+    shown.want(both)
+    eventually(lambda: not shown.is_busy())
+    assert maker.made == [(2, CLIP)], "nothing is drawn anew"
+    best = shown.best(both)
+    assert best is not None and best.level == FINE
+    assert best.clip is as_shot and best.linear is plain.linear
+    shown.want(wanted)
+    assert not shown.is_busy(), "it is there, too, when it is looked at without the clip"
+
+
 def test_the_clip_lies_beside(wanted: Wanted) -> None:
     assert make_picture(wanted, FAIR).clip is None
     both = make_picture(replace(wanted, with_clip=True), FAIR)
     assert both.clip is not None and both.clip.shape == both.linear.shape
+    assert np.array_equal(both.clip, make_picture(both.wanted, CLIP).clip)
     # What is out of focus differs.
     assert np.abs(both.clip.astype(float) - both.linear).max() > 0.05
 
