@@ -12,8 +12,8 @@ import numpy as np
 from gpu_extras.batch import batch_for_shader
 
 FONT = 0
-POINTS = 11
-"""Size of the interface's text."""
+POINTS, SMALL = 11, 9
+"""Sizes of the interface's text, and of a label's."""
 WIDEST = 0.7
 """Of the width that headers and sidebars leave free, a message's most."""
 PADDING, SPACING = 8.0, 16.0
@@ -79,6 +79,32 @@ def ground(text: str, free: Rectangle, scale: float) -> tuple[list[str], Rectang
 def draw(text: str, area: bpy.types.Area, region: bpy.types.Region, scale: float) -> None:
     """Draw a message, which must hold a word, where the GPU draws into the region's pixels."""
     wrapped, (left, bottom, right, top) = ground(text, free_part(area, region), scale)
+    _draw_ground((left, bottom, right, top))
+    blf.color(FONT, *LIGHT)
+    for number, line in enumerate(wrapped, 1):
+        blf.position(FONT, left + PADDING * scale, top - number * SPACING * scale, 0)
+        blf.draw(FONT, line)
+
+
+def draw_label(
+    text: str, frame: Rectangle, area: bpy.types.Area, region: bpy.types.Region, scale: float
+) -> None:
+    """Draw a word or two small, in the upper left corner of what is seen of a frame (left, bottom, width,
+    height, in the region's pixels)."""
+    free = free_part(area, region)
+    blf.size(FONT, SMALL * scale)
+    width, height = blf.dimensions(FONT, text)[0], blf.dimensions(FONT, "Ag")[1]
+    gap = PADDING / 2 * scale
+    left = max(frame[0], free[0]) + gap
+    top = min(frame[1] + frame[3], free[3]) - gap
+    _draw_ground((left, top - height - 2 * gap, left + width + 2 * gap, top))
+    blf.color(FONT, *LIGHT)
+    blf.position(FONT, left + gap, top - gap - 0.8 * height, 0)
+    blf.draw(FONT, text)
+
+
+def _draw_ground(rectangle: Rectangle) -> None:
+    left, bottom, right, top = rectangle
     corners = np.array([[left, bottom], [right, bottom], [right, top], [left, top]], np.float32)
     shader: Any = gpu.shader.from_builtin("UNIFORM_COLOR")
     gpu.state.blend_set("ALPHA")
@@ -86,7 +112,3 @@ def draw(text: str, area: bpy.types.Area, region: bpy.types.Region, scale: float
     shader.uniform_float("color", GROUND)
     batch_for_shader(shader, "TRI_FAN", {"pos": corners}).draw(shader)
     gpu.state.blend_set("NONE")
-    blf.color(FONT, *LIGHT)
-    for number, line in enumerate(wrapped, 1):
-        blf.position(FONT, left + PADDING * scale, top - number * SPACING * scale, 0)
-        blf.draw(FONT, line)

@@ -1,9 +1,9 @@
 """What a viewport in Rendered shading shows: the camera's view through the lens (`preview` makes it).
 
 Blender draws its overlays over what an engine has drawn, the camera's background image among them, whatever
-alpha or depth the engine left: `view_draw` alone would be seen without overlays only. With them the picture
-is drawn once more after them, where Blender manages no colours: as sRGB, which is what the view transform
-Standard of a solved scene gives.
+alpha or depth the engine left: `view_draw` alone would be seen without overlays only. They are drawn into a
+texture of their own, which Blender lays over the engine's once that has the scene's colours. So what it holds
+of the camera's frame is taken away again, and the picture below is seen, in the colours of a render.
 """
 
 from __future__ import annotations
@@ -20,15 +20,17 @@ import numpy as np
 from bpy.app.handlers import persistent
 from bpy_extras.view3d_utils import location_3d_to_region_2d
 from gpu_extras.batch import batch_for_shader
+from mathutils import Matrix
 
+from ..core.base.arrays import Floats
 from ..core.base.errors import UserError
-from ..scene import redraw
+from ..scene import ignored, redraw
 from ..scene.lens import frame_options
 from ..scene.remedy_words import WORDS
 from ..scene.shot import shot_of
 from . import message
 from .gpu_views import upload
-from .preview import COARSE, FAIR, FINE, FIRST, ROUGH, Half, Picture, Preview, Wanted
+from .preview import FAIR, FINE, Half, Picture, Preview, Wanted
 
 LOOK = 0.02
 """Seconds between two looks for a better picture, while one is being made."""
@@ -37,14 +39,8 @@ TELL = 0.25
 ROOM = 0.9
 """Of the camera frame's width in the viewport, in pixels, that a picture must have: by eye, one that is a
 little enlarged is as sharp as it was, and costs less."""
-LEVELS = {
-    ROUGH: "from the feature points",
-    FIRST: "from this frame alone",
-    COARSE: "coarse",
-    FAIR: "draft",
-    FINE: "",
-}
-"""What is said of a picture that is not the best one."""
+TOLD = 12.0
+"""Seconds for which is said which objects are not drawn: time to read it twice, by eye."""
 
 PREVIEW = Preview()
 """The one of this Blender: it takes all processors, so there are not two."""
@@ -64,12 +60,16 @@ class Shown:
     """Left, bottom, width and height of the camera's frame in the region, in pixels; None where it is not
     seen."""
     said: str = ""
-    """The message over it."""
+    """The message over it,"""
+    level: str = ""
+    """and how good it is, which is said small."""
 
 
 _in_regions: WeakValueDictionary[int, Shown] = WeakValueDictionary()
 """By region, as long as Blender keeps the engine that draws it."""
-_handler: Any = None
+_handlers: list[Any] = []
+_told: dict[int, float] = {}
+"""When it was first said which objects are not drawn, by the scene's `session_uid`: it is said once."""
 
 
 def update(shown: Shown, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
@@ -84,7 +84,7 @@ def draw(
 ) -> None:
     """Draw the best picture there is of the frame into a viewport, and have a better one made."""
     scene = depsgraph.scene_eval
-    shown.frame = camera_frame(context, scene)
+    shown.frame, shown.level = camera_frame(context, scene), ""
     _in_regions[context.region.as_pointer()] = shown
     if shown.frame is None:
         shown.said = "Look through the solved camera (Numpad 0) to see the frame through the lens"
@@ -98,8 +98,9 @@ def draw(
     if not bpy.app.is_job_running("RENDER"):
         PREVIEW.want(wanted)
         _watch()
-    picture = PREVIEW.best(wanted) or shown.picture
-    shown.said = _state(wanted, picture)
+    picture = PREVIEW.best(wanted) or PREVIEW.latest(wanted) or shown.picture
+    shown.said = PREVIEW.problem(wanted) or _not_drawn(depsgraph.scene)
+    shown.level = _level(wanted, picture)
     if picture is None:
         return
     if picture is not shown.picture:
@@ -120,40 +121,87 @@ def _texture(picture: Half | None) -> Any:
     return texture
 
 
-def _draw_picture(shown: Shown, encoded: bool = False) -> None:
-    """Into the camera's frame, the clip left of the wipe; `encoded` as sRGB, else as linear light."""
+def _draw_picture(shown: Shown) -> None:
+    """Linear light into the camera's frame, the clip left of the wipe."""
     assert shown.frame is not None
-    left, bottom, width, height = shown.frame
     # An older picture may have no clip beside it.
     wipe = shown.wipe if shown.clip is not None else 0.0
     parts = [(shown.clip, 0.0, wipe)] if wipe else []
-    shader = gpu.shader.from_builtin("IMAGE_SCENE_LINEAR_TO_REC709_SRGB" if encoded else "IMAGE")
+    shader = gpu.shader.from_builtin("IMAGE")
     gpu.state.blend_set("ALPHA_PREMULT")
     for texture, begin, end in (*parts, (shown.texture, wipe, 1.0)):
-        across = np.array([begin, end, end, begin])
-        up = np.array([0.0, 0.0, 1.0, 1.0])
-        corners = np.stack([left + width * across, bottom + height * up], axis=1)
-        content = {"pos": corners.tolist(), "texCoord": np.stack([across, up], axis=1).tolist()}
+        places = np.array([[begin, 0.0], [end, 0.0], [end, 1.0], [begin, 1.0]])
+        content = {"pos": _corners(shown.frame, places).tolist(), "texCoord": places.tolist()}
         shader.bind()
         shader.uniform_sampler("image", texture)
         batch_for_shader(shader, "TRI_FAN", content).draw(shader)
     gpu.state.blend_set("NONE")
 
 
-def _draw_over() -> None:
-    """Draw the picture of a viewport once more, over Blender's overlays, and the message over it."""
+def _corners(frame: tuple[float, float, float, float], places: Floats) -> Floats:
+    """(n, 2) pixels of places (n, 2) in a frame, as shares of its width and height from the left bottom."""
+    return np.asarray(places * frame[2:] + frame[:2])
+
+
+def _shown_here(context: bpy.types.Context) -> Shown | None:
+    """What our engine shows in the viewport that is being drawn."""
+    is_engine = context.scene.render.engine == "VIRTUAL_APERTURE"
+    if not is_engine or context.space_data.shading.type != "RENDERED":
+        return None
+    return _in_regions.get(context.region.as_pointer())
+
+
+def _clear_overlays() -> None:
+    """Take away what Blender's overlays hold of the camera's frame, which would lie over the picture."""
     context = bpy.context
-    shown, space = _in_regions.get(context.region.as_pointer()), context.space_data
-    is_engine = context.scene.render.engine == "VIRTUAL_APERTURE" and space.shading.type == "RENDERED"
-    if shown is None or not is_engine:
+    shown, space = _shown_here(context), context.space_data
+    if shown is None or shown.frame is None or shown.picture is None or not space.overlay.show_overlays:
         return
     points = context.scene.virtual_aperture.points
-    is_edited = points is not None and points.mode == "EDIT"
-    has_picture = shown.picture is not None and shown.frame is not None
-    if has_picture and space.overlay.show_overlays and not is_edited:
-        _draw_picture(shown, encoded=True)
+    if points is not None and points.mode == "EDIT":
+        # Its vertices are overlays, too.
+        return
+    shader: Any = gpu.shader.from_builtin("UNIFORM_COLOR")
+    corners = _corners(shown.frame, np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]))
+    with gpu.matrix.push_pop(), gpu.matrix.push_pop_projection():
+        gpu.matrix.load_matrix(Matrix.Identity(4))
+        gpu.matrix.load_projection_matrix(_to_pixels(context.region))
+        gpu.state.depth_test_set("NONE")
+        gpu.state.blend_set("NONE")
+        shader.bind()
+        shader.uniform_float("color", (0.0, 0.0, 0.0, 0.0))
+        batch_for_shader(shader, "TRI_FAN", {"pos": corners.tolist()}).draw(shader)
+
+
+def _to_pixels(region: bpy.types.Region) -> Matrix:
+    """The projection of a region's pixels, (0, 0) bottom left."""
+    across, up = 2 / region.width, 2 / region.height
+    return Matrix(((across, 0, 0, -1), (0, up, 0, -1), (0, 0, 1, 0), (0, 0, 0, 1)))
+
+
+def _draw_words() -> None:
+    """Say what there is to say over a viewport's picture."""
+    context = bpy.context
+    shown = _shown_here(context)
+    if shown is None:
+        return
+    scale = context.preferences.system.ui_scale
     if shown.said:
-        message.draw(shown.said, context.area, context.region, context.preferences.system.ui_scale)
+        message.draw(shown.said, context.area, context.region, scale)
+    if shown.level and shown.frame is not None:
+        message.draw_label(shown.level, shown.frame, context.area, context.region, scale)
+
+
+def _not_drawn(scene: bpy.types.Scene) -> str:
+    """Which objects the engine leaves out, and how to have them drawn; nothing once that has been said."""
+    first = _told.get(scene.session_uid)
+    if first is not None and time.monotonic() - first > TOLD:
+        return ""
+    said = ignored.way_to_draw(scene)
+    if said and first is None:
+        _told[scene.session_uid] = time.monotonic()
+        bpy.app.timers.register(lambda: redraw.viewports("RENDERED"), first_interval=TOLD + LOOK)
+    return said
 
 
 def camera_frame(
@@ -205,18 +253,18 @@ def _wanted(context: bpy.types.Context, depsgraph: bpy.types.Depsgraph, room: fl
     )
 
 
-def _state(wanted: Wanted, picture: Picture | None) -> str:
-    """What is to be said of what is shown."""
-    if problem := PREVIEW.problem(wanted):
-        return problem
-    if picture is not None and picture.wanted.key == wanted.key and picture.level >= wanted.best:
+def _level(wanted: Wanted, picture: Picture | None) -> str:
+    """How good what is shown is, and how far the search for depth is, without which it gets no better."""
+    if PREVIEW.problem(wanted):
         return ""
+    said = "Rough"
+    if picture is not None and picture.wanted.key == wanted.key and picture.level >= FAIR:
+        is_final = picture.level >= (FAIR if wanted.shows else FINE)
+        said = "Final" if is_final else "Draft"
+    if not PREVIEW.finds_depth:
+        return said
     stage, share = PREVIEW.progress
-    doing = "Finding depth" if PREVIEW.finds_depth else "Preview"
-    if PREVIEW.finds_depth and stage:
-        doing += f", {100 * share:.0f} %"
-    level = LEVELS[picture.level] if picture is not None and picture.wanted.key == wanted.key else ""
-    return f"{doing} | {level}" if level else doing
+    return f"{said}, finding depth" + (f" {100 * share:.0f} %" if stage else "")
 
 
 _version = -1
@@ -252,6 +300,7 @@ def end() -> None:
 
 
 def _on_load(*_: object) -> None:
+    _told.clear()
     PREVIEW.forget()
 
 
@@ -260,19 +309,17 @@ _forget = persistent(_on_load)
 
 def register() -> None:
     """Draw from now on; there is nothing to draw in without a window."""
-    global _handler
     if not bpy.app.background:
-        _handler = bpy.types.SpaceView3D.draw_handler_add(_draw_over, (), "WINDOW", "POST_PIXEL")
+        for drawing, when in ((_clear_overlays, "POST_VIEW"), (_draw_words, "POST_PIXEL")):
+            _handlers.append(bpy.types.SpaceView3D.draw_handler_add(drawing, (), "WINDOW", when))
     bpy.app.handlers.load_pre.append(_forget)
 
 
 def unregister() -> None:
     """Undo `register`, and end what is shown and under way."""
-    global _handler
     end()
-    if _handler is not None:
-        bpy.types.SpaceView3D.draw_handler_remove(_handler, "WINDOW")
-    _handler = None
+    while _handlers:
+        bpy.types.SpaceView3D.draw_handler_remove(_handlers.pop(), "WINDOW")
     bpy.app.handlers.load_pre.remove(_forget)
     if bpy.app.timers.is_registered(_tick):
         bpy.app.timers.unregister(_tick)

@@ -9,7 +9,7 @@ import pytest
 
 from addon.core.camera.reconstruction import Intrinsics
 from addon.scene.build import build
-from addon.scene.ignored import ignored
+from addon.scene.ignored import ignored, way_to_draw
 from addon.ui import notices
 
 from ..scenes import slanted_shot
@@ -47,6 +47,7 @@ def test_objects_that_another_engine_would_draw(solved: bpy.types.Scene) -> None
     assert ignored(solved) == ()
     cube = add(solved, "Cube")
     assert ignored(solved) == ("CG objects are not rendered: Cube",)
+    assert way_to_draw(solved).startswith("Not drawn: Cube. ") and "Cycles" in way_to_draw(solved)
     for name in ("Duck", "Egg", "Fern"):
         add(solved, name)
     assert ignored(solved) == ("CG objects are not rendered: Cube, Duck, Egg and 1 more",)
@@ -55,7 +56,7 @@ def test_objects_that_another_engine_would_draw(solved: bpy.types.Scene) -> None
             bpy.data.objects.remove(thing)
     cube.hide_set(True)
     bpy.context.view_layer.update()
-    assert ignored(solved) == ()
+    assert ignored(solved) == () and way_to_draw(solved) == ""
     cube.hide_set(False)
     cube.hide_render = True
     bpy.context.view_layer.update()
