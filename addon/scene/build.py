@@ -67,6 +67,7 @@ def build(
     for attribute in [a.name for a in settings.points.data.attributes if not a.is_required]:
         settings.points.data.attributes.remove(settings.points.data.attributes[attribute])
     point_cloud.fill(settings.points.data, reconstruction)
+    point_cloud.make_hidden(settings.points)
     store.write(settings.points.data, reconstruction)
     settings.points.data[IDENTITY] = uuid.uuid4().hex
     settings.footage = relative(footage.path)
@@ -97,6 +98,7 @@ def restore(scene: bpy.types.Scene, footage: Footage | None) -> None:
     reconstruction = reconstruction_of(settings)
     has_camera = settings.camera is not None
     _set_up_objects(scene, reconstruction)
+    point_cloud.make_hidden(settings.points)
     if not has_camera:
         _set_up_camera(settings.camera, reconstruction)
         blender_focus.follow(settings)

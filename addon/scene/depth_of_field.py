@@ -83,7 +83,7 @@ def sharp_distances(settings: bpy.types.PropertyGroup) -> tuple[float, float] | 
         return None
     frame, focus = int(settings.id_data.frame_current), lens.focus_of(settings)
     chosen = settings.aperture_radius if lens.has_radius(settings) else (settings.blur, settings.focus_frame)
-    mesh = settings.points.data
+    mesh = settings.points.original.data
     key = (mesh.get(IDENTITY), mesh.session_uid, frame, focus, chosen)
     if _last is None or _last[0] != key:
         _last = key, _sharp_distances(settings, focus, frame)

@@ -32,21 +32,23 @@ def ignored(scene: bpy.types.Scene) -> tuple[str, ...]:
 def way_to_draw(scene: bpy.types.Scene) -> str:
     """Which objects are not drawn, and how they are to be drawn over the clip; nothing where there are none.
     Short: it stands over the picture."""
-    if not (named := _named(scene)):
+    names, rest = _left_out(scene)
+    if not names:
         return ""
     return (
-        f"Not drawn: {named}. To have CG objects over the clip, render them with Cycles in a new scene, a"
-        " Linked Copy of this one, and lay them over it in the Compositor"
+        f"Not drawn: {names}{rest}. To have CG objects over the clip, render them with Cycles in a new scene,"
+        " a Linked Copy of this one, and lay them over it in the Compositor"
     )
 
 
 def _objects(scene: bpy.types.Scene) -> Iterator[str]:
-    if named := _named(scene):
-        yield f"CG objects are not rendered: {named}"
+    names, rest = _left_out(scene)
+    if names:
+        yield f"CG objects are not rendered: {names}{rest}"
 
 
-def _named(scene: bpy.types.Scene) -> str:
-    """The first names of the objects that are left out, and how many more there are."""
+def _left_out(scene: bpy.types.Scene) -> tuple[str, str]:
+    """The first names of the objects that are not drawn, and how many more there are."""
     names: list[str] = []
     for layer in scene.view_layers:
         if layer.use:
@@ -54,7 +56,7 @@ def _named(scene: bpy.types.Scene) -> str:
             there = [thing for thing in layer.objects if thing is not None]
             names += [o.name for o in there if o.name not in names and _is_drawn(o, layer, scene)]
     rest = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
-    return ", ".join(names[:NAMED]) + rest
+    return ", ".join(names[:NAMED]), rest
 
 
 def _is_drawn(thing: bpy.types.Object, layer: bpy.types.ViewLayer, scene: bpy.types.Scene) -> bool:

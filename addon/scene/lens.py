@@ -262,7 +262,7 @@ def _blur_at(settings: bpy.types.PropertyGroup, frame: int) -> float | None:
     global _last
     if settings.points is None:
         return None
-    mesh = settings.points.data
+    mesh = settings.points.original.data
     key = (mesh.get(IDENTITY), mesh.session_uid, frame, focus_of(settings), settings.aperture_radius)
     if _last is None or _last[0] != key:
         try:

@@ -9,6 +9,30 @@ from ..core.camera.reconstruction import Reconstruction
 
 ID_ATTRIBUTE = "point"
 """Vertex attribute with the point's ID: vertices may be deleted, IDs stay."""
+HIDDEN = "Hidden"
+"""Name of the modifier that leaves no vertex to draw outside of Edit Mode, and of its empty vertex group."""
+
+
+def is_shown(thing: bpy.types.Object) -> bool:
+    """Whether the point cloud's vertices are drawn in Object Mode."""
+    modifier = thing.modifiers.get(HIDDEN)
+    return modifier is None or not modifier.show_viewport
+
+
+def show(thing: bpy.types.Object, shown: bool) -> None:
+    """Have the vertices drawn in Object Mode, or not."""
+    make_hidden(thing)
+    thing.modifiers[HIDDEN].show_viewport = not shown
+
+
+def make_hidden(thing: bpy.types.Object) -> None:
+    """Leave no vertex to draw in Object Mode, unless `show` was told otherwise: they would lie over the clip.
+    The object itself stays visible, because Tab edits no hidden one, and in Edit Mode all are there."""
+    # The mesh keeps the groups, and loses them when it is filled anew.
+    if HIDDEN not in thing.vertex_groups:
+        thing.vertex_groups.new(name=HIDDEN)
+    if HIDDEN not in thing.modifiers:
+        thing.modifiers.new(HIDDEN, "MASK").vertex_group = HIDDEN
 
 
 def fill(mesh: bpy.types.Mesh, reconstruction: Reconstruction) -> None:

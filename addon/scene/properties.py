@@ -16,7 +16,7 @@ from bpy.props import (
 )
 
 from ..core.frame.options import FRAME_OPTIONS
-from . import aperture_cloud, colour_space, depth_of_field, focus_marks, lens, redraw, subjects
+from . import aperture_cloud, colour_space, depth_of_field, focus_marks, lens, point_cloud, redraw, subjects
 from .aperture_shape import VirtualApertureShape
 from .focus_marks import VirtualApertureFocusMarks, VirtualApertureFocusPoint
 from .option_properties import with_options
@@ -77,6 +77,15 @@ def _set_auto_views(settings: VirtualApertureSettings, auto: bool) -> None:
         # What they were until now.
         shown = settings.aperture.data if settings.aperture is not None else None
         settings.views = (len(shown.vertices) if shown else 0) or SHOWN_VIEWS
+
+
+def _shows_points(settings: VirtualApertureSettings) -> bool:
+    return settings.points is not None and point_cloud.is_shown(settings.points)
+
+
+def _show_points(settings: VirtualApertureSettings, shown: bool) -> None:
+    if settings.points is not None:
+        point_cloud.show(settings.points, shown)
 
 
 MOVE_VIEWS = ("method", "quality", "views", "seed")
@@ -350,6 +359,15 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
         subtype="FACTOR",
         min=0.0,
         max=1.0,
+        options=set(),
+        update=_redraw_viewports,
+    )
+    show_points: BoolProperty(
+        name="Show Points",
+        description="Show the feature points in the viewport. They are also seen in Edit Mode and while focus"
+        " is picked",
+        get=_shows_points,
+        set=_show_points,
         options=set(),
         update=_redraw_viewports,
     )

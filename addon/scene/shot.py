@@ -263,7 +263,8 @@ def points_mesh(settings: bpy.types.PropertyGroup) -> bpy.types.Mesh:
     version.check(settings)
     if settings.points is None or settings.points.type != "MESH":
         raise UserError("the scene has no solved clip; choose a clip and solve it first")
-    return settings.points.data
+    # What is evaluated has gone through the modifier that hides the points, and has lost what it kept.
+    return settings.points.original.data
 
 
 def forget() -> None:

@@ -75,13 +75,14 @@ def register() -> None:
     migration.register()
     exr.register()
     focus_sync.register()
-    points_overlay.register()
     thumbnails.register()
     bokeh.register()
     background.register()
     frame_notes.register()
     frames_ahead.register()
     viewport.register()
+    # After what takes overlays away from the preview's picture: the points are drawn over that.
+    points_overlay.register()
     depth_ahead.register()
     main_thread.start()
 
@@ -90,6 +91,7 @@ def unregister() -> None:
     """Undo `register` in reverse order, end what is under way, and close the open clip."""
     operators.end_solve()
     movie.unregister()
+    points_overlay.unregister()
     viewport.unregister()
     frames_ahead.unregister()
     frame_notes.unregister()
@@ -106,7 +108,6 @@ def unregister() -> None:
     clip.forget()
     thumbnails.unregister()
     bokeh.unregister()
-    points_overlay.unregister()
     shot.forget()
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 import bpy
 import numpy as np
@@ -101,6 +101,15 @@ def _within(region: bpy.types.Region, at: tuple[int, int]) -> bool:
     return bool(region.width > 1 and 0 <= x < region.width and 0 <= y < region.height)
 
 
+_overlays: list[Overlay] = []
+"""Those that are drawn now."""
+
+
+def is_picked_in(area: bpy.types.Area) -> bool:
+    """Whether a focus is being picked in a viewport."""
+    return any(each.view.area == area and each.shows_points for each in _overlays)
+
+
 @dataclass
 class Overlay:
     """What is drawn over the view while a focus is picked."""
@@ -115,10 +124,13 @@ class Overlay:
     """Fractions of the picture of features that the distance comes from."""
     picked: Sequence[XY] = field(default_factory=list)
     """Fractions of the picture of places that are picked."""
+    shows_points: ClassVar[bool] = True
+    """Whether the point cloud is seen with it."""
     _handle: Any = None
 
     def begin(self) -> None:
         """Draw from now on."""
+        _overlays.append(self)
         self._handle = bpy.types.SpaceView3D.draw_handler_add(_drawer(self), (), "WINDOW", "POST_PIXEL")
         self.view.area.tag_redraw()
 
@@ -127,6 +139,7 @@ class Overlay:
         if self._handle is not None:
             bpy.types.SpaceView3D.draw_handler_remove(self._handle, "WINDOW")
             self._handle = None
+            _overlays[:] = [each for each in _overlays if each is not self]
             self.view.area.tag_redraw()
 
     def draw(self) -> None:

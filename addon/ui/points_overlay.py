@@ -1,4 +1,4 @@
-"""The feature points in the 3D viewport, in their own colours.
+"""The feature points in the 3D viewport, in their own colours, where they are asked for or focus is picked.
 
 Blender draws vertices without edges black, or orange where the object is selected, whatever their colours.
 They are drawn here over those, which still answer clicks.
@@ -13,12 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.base.arrays import Floats
+from ..scene import point_cloud
 from ..scene.point_cloud import ID_ATTRIBUTE
 from ..scene.shot import IDENTITY
-from .preview import is_shown as is_shown_through_lens
+from .pick_view import is_picked_in
 
 SIZE, RIM_SIZE = 4.0, 6.0
 """Pixels across, at a resolution scale of 1: no less than the points that Blender draws without colours."""
+SMALL, SMALL_RIM = 2.5, 4.5
+"""The same while focus is picked, where Blender draws none: by eye, the picture is still seen."""
 PICKED_SIZE, PICKED_RIM_SIZE = 9.0, 12.0
 PICKED_COLOUR, RIM_COLOUR = (0.25, 1.0, 0.35, 1.0), (0.0, 0.0, 0.0, 1.0)
 
@@ -72,8 +75,8 @@ def is_shown(context: bpy.types.Context) -> bool:
     points, space = context.scene.virtual_aperture.points, context.space_data
     if points is None or points.type != "MESH" or not space.overlay.show_overlays:
         return False
-    # In Edit Mode Blender draws the vertices itself; the frame through the lens is drawn over them.
-    if points.mode == "EDIT" or is_shown_through_lens(context):
+    # In Edit Mode Blender draws the vertices itself.
+    if points.mode == "EDIT" or not (point_cloud.is_shown(points) or is_picked_in(context.area)):
         return False
     return bool(points.visible_get(view_layer=context.view_layer, viewport=space))
 
@@ -90,6 +93,7 @@ def _draw() -> None:
     points = context.scene.virtual_aperture.points
     everything, picked = _made(context.scene.virtual_aperture)
     scale = context.preferences.system.ui_scale
+    size, rim = (SIZE, RIM_SIZE) if point_cloud.is_shown(points) else (SMALL, SMALL_RIM)
     selected = (*context.preferences.themes[0].view_3d.object_active, 1.0)
     projection = gpu.matrix.get_projection_matrix()
     projection[2] -= NEARER * projection[3]
@@ -99,8 +103,8 @@ def _draw() -> None:
     with gpu.matrix.push_pop(), gpu.matrix.push_pop_projection():
         gpu.matrix.load_projection_matrix(projection)
         gpu.matrix.multiply_matrix(points.matrix_world)
-        _draw_points(everything, RIM_SIZE * scale, selected if points.select_get() else RIM_COLOUR)
-        _draw_points(everything, SIZE * scale)
+        _draw_points(everything, rim * scale, selected if points.select_get() else RIM_COLOUR)
+        _draw_points(everything, size * scale)
         if picked is not None:
             _draw_points(picked, PICKED_RIM_SIZE * scale, RIM_COLOUR)
             _draw_points(picked, PICKED_SIZE * scale, PICKED_COLOUR)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 import bpy
 import cv2
@@ -28,6 +28,7 @@ STROKE = 2.5
 class SubjectOverlay(Overlay):
     """The subject in the frame that is shown, with its strokes there."""
 
+    shows_points: ClassVar[bool] = False
     strokes: Sequence[Stroke] = ()
     """Those of the frame."""
     line: Sequence[XY] = field(default_factory=list)

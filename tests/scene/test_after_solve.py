@@ -132,6 +132,8 @@ def test_points_are_hidden_with_their_object(default_scene: bpy.types.Scene, tmp
         assert not points_overlay.is_shown(bpy.context)
         settings = build(default_scene, shot.footage, shot.reconstruction)
         bpy.context.view_layer.update()
+        assert not points_overlay.is_shown(bpy.context), "they would lie over the clip"
+        settings.show_points = True
         assert points_overlay.is_shown(bpy.context)
         overlay = area.spaces.active.overlay
         overlay.show_overlays = False
@@ -147,6 +149,36 @@ def test_points_are_hidden_with_their_object(default_scene: bpy.types.Scene, tmp
         bpy.context.view_layer.objects.active = settings.points
         bpy.ops.object.mode_set(mode="EDIT")
         assert not points_overlay.is_shown(bpy.context)
+
+
+def drawn(points: bpy.types.Object) -> int:
+    """Vertices that Blender itself draws."""
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    depsgraph.update()
+    return len(points.evaluated_get(depsgraph).data.vertices)
+
+
+def test_points_are_drawn_only_where_they_are_asked_for(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    shot = slanted_shot(tmp_path, LENS)
+    settings = build(scene, shot.footage, shot.reconstruction)
+    count = len(shot.reconstruction.points)
+    assert (settings.show_points, drawn(settings.points)) == (False, 0)
+    settings.show_points = True
+    assert (settings.show_points, drawn(settings.points)) == (True, count)
+    # Another solve leaves it as the user has set it.
+    settings = build(scene, shot.footage, shot.reconstruction)
+    assert settings.show_points and drawn(settings.points) == count
+    assert len(settings.points.modifiers) == len(settings.points.vertex_groups) == 1
+
+
+def test_points_of_an_older_version_can_be_hidden(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    shot = slanted_shot(tmp_path, LENS)
+    settings = build(scene, shot.footage, shot.reconstruction)
+    settings.points.modifiers.clear()
+    settings.points.vertex_groups.clear()
+    assert settings.show_points
+    settings.show_points = False
+    assert not settings.show_points and drawn(settings.points) == 0
 
 
 def test_output_has_a_place_of_its_own(scene: bpy.types.Scene, tmp_path: Path) -> None:

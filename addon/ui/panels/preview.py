@@ -25,6 +25,9 @@ class VIRTUAL_APERTURE_PT_preview(Panel, bpy.types.Panel):  # noqa: N801
         column.active = is_shown
         column.prop(settings, "viewport_shows")
         column.prop(settings, "viewport_wipe")
+        row = layout.row()
+        row.active = settings.points is not None
+        row.prop(settings, "show_points")
 
 
 CLASSES = (VIRTUAL_APERTURE_PT_preview,)
