@@ -33,6 +33,7 @@ from . import (
     set_scale,
     subjects,
     thumbnails,
+    wipe,
 )
 
 CLASSES = (
@@ -57,6 +58,7 @@ CLASSES = (
     *set_scale.CLASSES,
     *report_list.CLASSES,
     *preview.CLASSES,
+    *wipe.CLASSES,
     *panels.CLASSES,
 )
 
