@@ -94,7 +94,7 @@ def test_a_movie_that_is_there_is_replaced_only_where_that_is_said(
 ) -> None:
     out = tmp_path / "clip_render.mp4"
     out.write_bytes(b"precious")
-    with pytest.raises(RuntimeError, match=r"clip_render\.mp4 exists"):
+    with pytest.raises(RuntimeError, match=r"clip_render\.mp4 already exists"):
         render_clip()
     assert out.read_bytes() == b"precious"
     scene.frame_end = 2
