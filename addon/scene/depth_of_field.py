@@ -1,21 +1,30 @@
 """The aperture in terms of photography: its f-stop, and between which distances the picture is sharp.
 
-A reconstruction has no scale of its own. Where the user has said how long something is, `metres_per_unit` of
-the settings is known, and with it the f-stop: focal length / (2 R), both in metres. Blur, radius and f-stop
-are three views of one number, of which the radius R is kept.
+A reconstruction has no scale of its own. Where the user has said how long something is, or how far away,
+`metres_per_unit` of the settings is known, and with it the f-stop: focal length / (2 R), both in metres.
+Until then a scale is assumed for the f-stop. Blur, radius and f-stop are three views of one number, of which
+the radius R is kept.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import bpy
+import numpy as np
 
 from ..core.base.errors import UserError
+from ..core.camera.reconstruction import Reconstruction
 from ..core.focus import focus as core_focus
 from . import lens
 from .camera import SENSOR
 from .shot import IDENTITY, reconstruction_of
+
+NORMAL, PORTRAIT = 50.0, 2.0
+"""Millimetres on a full frame, and metres: the lens and the distance that an assumed scale is of. The presets
+of lenses are told at that distance, too."""
 
 
 def focal_metres(settings: bpy.types.PropertyGroup) -> float:
@@ -32,17 +41,85 @@ def sensor_millimetres(settings: bpy.types.PropertyGroup) -> float:
     return float(settings.sensor_mm) if settings.lens == "SENSOR" else SENSOR
 
 
+def scale(settings: bpy.types.PropertyGroup) -> float:
+    """Metres that a unit of the scene is long: as given, else assumed; 0 without a solve."""
+    return float(settings.metres_per_unit) or _assumed_scale(settings)
+
+
+_assumed: tuple[tuple[object, ...], float] | None = None
+"""Panels are drawn often while nothing changes."""
+
+
+def _assumed_scale(settings: bpy.types.PropertyGroup) -> float:
+    """Metres per unit with which an f-stop blurs as photographers know it from a normal lens.
+
+    A far background's disc is f^2 / (N s) on the sensor, for a subject at s: with s in proportion to f^2 it
+    is that of the f-stop N alone. So the feature points are taken to be, in the median, 2 m away from a lens
+    of 50 mm, and 0.5 m from a phone's of 26 mm. It is of the solve alone: no focus or frame changes it.
+    """
+    global _assumed
+    if settings.points is None or settings.points.type != "MESH":
+        return 0.0
+    mesh = settings.points.data
+    key = (mesh.get(IDENTITY), mesh.session_uid)
+    if _assumed is None or _assumed[0] != key:
+        try:
+            _assumed = key, _assumed_for(reconstruction_of(settings))
+        except UserError:
+            _assumed = key, 0.0
+    return _assumed[1]
+
+
+def _assumed_for(reconstruction: Reconstruction) -> float:
+    cameras = [reconstruction.intrinsics(image) for image in reconstruction.images]
+    depths = [reconstruction.median_depth(image) for image in reconstruction.images]
+    if not cameras or not (depth := float(np.median(depths))) > 0:
+        return 0.0
+    millimetres = SENSOR * float(np.median([camera.fx / camera.width for camera in cameras]))
+    return PORTRAIT * (millimetres / NORMAL) ** 2 / depth
+
+
+def subject_metres(settings: bpy.types.PropertyGroup) -> float:
+    """How far away what is in focus is at the present frame, by the scale that is given or assumed; 0 where
+    nothing is."""
+    return lens.distance_now(settings) * scale(settings)
+
+
+def set_subject_metres(settings: bpy.types.PropertyGroup, value: float) -> None:
+    """Give the scale by how far away what is in focus is; nothing is changed by 0, nor where nothing is."""
+    away = lens.distance_now(settings)
+    if value > 0 and away > 0:
+        settings.metres_per_unit = value / away
+
+
 def f_stop(settings: bpy.types.PropertyGroup) -> float:
-    """The f-stop of the aperture; 0 where the scale is not known, or no aperture is chosen."""
-    across = 2 * settings.aperture_radius * settings.metres_per_unit
+    """The f-stop of the aperture, by the scale that is given or assumed; 0 where no aperture is chosen."""
+    across = 2 * settings.aperture_radius * scale(settings)
     return focal_metres(settings) / across if across > 0 else 0.0
 
 
+_assumes = True
+"""Whether an f-stop that is set goes by an assumed scale where none is given."""
+
+
+@contextmanager
+def by_given_scale() -> Iterator[None]:
+    """Within it an f-stop is set only where the scale is given. Presets tell a blur besides: that of their
+    own lens, where an assumed scale would have the f-stop of a long lens blur as little as on a short one."""
+    global _assumes
+    _assumes = False
+    try:
+        yield
+    finally:
+        _assumes = True
+
+
 def set_f_stop(settings: bpy.types.PropertyGroup, value: float) -> None:
-    """Choose the aperture by its f-stop; nothing is changed by 0, nor where the scale is not known."""
+    """Choose the aperture by its f-stop; nothing is changed by 0, nor without a solve."""
     focal = focal_metres(settings)
-    if value > 0 and focal > 0 and settings.metres_per_unit > 0:
-        settings.aperture_radius = focal / (2 * value * settings.metres_per_unit)
+    metres = scale(settings) if _assumes else settings.metres_per_unit
+    if value > 0 and focal > 0 and metres > 0:
+        settings.aperture_radius = focal / (2 * value * metres)
 
 
 def on_scale(settings: bpy.types.PropertyGroup) -> None:
@@ -113,14 +190,15 @@ def sharp_words(settings: bpy.types.PropertyGroup) -> str:
     where = " on the optical axis" if lens.focus_of(settings).is_tilted else ""
     if math.isinf(near):
         return "Nothing is sharp"
-    units = settings.id_data.unit_settings
-    first, last = (length_words(units, distance) for distance in (near, far))
+    first, last = (length_words(settings, distance) for distance in (near, far))
     return f"Sharp{where}: {first} and farther" if math.isinf(far) else f"Sharp{where}: {first} to {last}"
 
 
-def length_words(units: bpy.types.UnitSettings, length: float) -> str:
-    """A length in scene units as the scene's other lengths are shown."""
-    if units.system == "NONE":
+def length_words(settings: bpy.types.PropertyGroup, length: float) -> str:
+    """A length in scene units as the scene's other lengths are shown; as a bare number while no scale is
+    given: nobody knows how many metres it is."""
+    units = settings.id_data.unit_settings
+    if units.system == "NONE" or not settings.metres_per_unit > 0:
         return f"{length:.3g}"
     said: str = bpy.utils.units.to_string(units.system, "LENGTH", length * units.scale_length, precision=3)
     return said

@@ -283,6 +283,18 @@ def _is_as_shown(typed: float, now: float) -> bool:
     )
 
 
+def distance_now(settings: bpy.types.PropertyGroup) -> float:
+    """Scene units to what is in focus at the present frame, along the optical axis; 0 where that is not
+    known."""
+    if settings.points is None or not is_in_focus(settings):
+        return 0.0
+    try:
+        frame = registered(reconstruction_of(settings), _frame(settings))
+    except UserError:
+        return 0.0
+    return max(_distance(settings, focus_of(settings), frame), 0.0)
+
+
 def _distance(settings: bpy.types.PropertyGroup, focus: Focus, frame: int) -> float:
     try:
         return 1 / focus.inverse_depth(reconstruction_of(settings), frame)

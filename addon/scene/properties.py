@@ -62,6 +62,14 @@ def _blur_now(settings: VirtualApertureSettings, stored: float, _is_set: bool) -
     return lens.blur_now(settings, stored)
 
 
+def _focus_length(settings: VirtualApertureSettings) -> float:
+    return float(settings.focus_distance)
+
+
+def _set_focus_length(settings: VirtualApertureSettings, length: float) -> None:
+    settings.focus_distance = length
+
+
 SHOWN_VIEWS = 64
 """To begin with, where the number of views is no longer to be found."""
 
@@ -232,12 +240,22 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
         name="Focus Distance",
         description="Distance from the camera to the focal plane, in scene units; an imported model brings"
         " its own unit. Picking focus sets it; editing it replaces the pick. Animate it to pull focus",
-        subtype="DISTANCE",
         min=0.0,
         soft_max=100.0,
         default=0.0,
         precision=3,
         update=_edited(_follow_distance),
+    )
+    focus_length: FloatProperty(
+        name="Focus Distance",
+        description="The same as a length, where the scene's scale is given",
+        subtype="DISTANCE",
+        get=_focus_length,
+        set=_set_focus_length,
+        min=0.0,
+        soft_max=100.0,
+        precision=3,
+        options=set(),
     )
     focus_through_points: BoolProperty(
         name="Plane Through Points",
@@ -288,7 +306,6 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
         name="Aperture Radius",
         description="Radius of the virtual aperture, in scene units; an imported model brings its own unit."
         " Constant throughout the clip unless animated. 0 until the first focus sets it from the blur",
-        subtype="DISTANCE",
         min=0.0,
         default=0.0,
         precision=4,
@@ -296,8 +313,8 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
     )
     metres_per_unit: FloatProperty(
         name="Metres per Unit",
-        description="Size of one scene unit in metres, which f-stops need; Blender then shows lengths in"
-        " metres, too. 0 if unknown: a solve has an arbitrary scale",
+        description="Size of one scene unit in metres; Blender then shows lengths in metres, too. 0 if unknown:"
+        " a solve has an arbitrary scale, and f-stops assume one",
         min=0.0,
         soft_max=10.0,
         default=0.0,
@@ -305,11 +322,24 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
         update=_scale_changed,
         options=set(),
     )
+    subject_metres: FloatProperty(
+        name="Subject Distance",
+        description="How far away what is in focus is, in metres. Until it is given, here or by Set Scale, a"
+        " distance is assumed with which an f-stop blurs as it does on a 50 mm lens",
+        get=depth_of_field.subject_metres,
+        set=depth_of_field.set_subject_metres,
+        min=0.0,
+        soft_min=0.01,
+        soft_max=100.0,
+        precision=2,
+        step=1,
+        options=set(),
+    )
     f_stop: FloatProperty(
         name="F-Stop",
         description="Focal length divided by aperture diameter, as on a lens. If the sensor is unknown, a"
-        " full frame (36 mm wide) is assumed. 0 and without effect until Metres per Unit is known. To"
-        " animate it, animate the aperture radius",
+        " full frame (36 mm wide) is assumed; if the scale is not set, one is assumed. To animate it, animate"
+        " the aperture radius",
         get=depth_of_field.f_stop,
         set=depth_of_field.set_f_stop,
         min=0.0,

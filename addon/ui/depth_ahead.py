@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import queue
 import threading
+import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from bpy.app.handlers import persistent
 from ..core.base.child import Child, end
 from ..core.base.errors import UserError
 from ..core.base.messages import Message, Progress, Warned
+from ..core.base.time_left import TimeLeft
 from ..core.sfm.state import STATE
 from ..render.blend_file import write_blend
 from ..render.launcher import start
@@ -21,6 +23,7 @@ from ..scene import redraw
 from ..scene.clip import footage_path, work_dir
 from ..scene.remedy_words import WORDS
 from ..scene.subjects import marked_of
+from .text import left_words
 
 LOOK = 0.5
 """Seconds between two looks at the process."""
@@ -39,8 +42,13 @@ class DepthAhead:
     """Why it failed."""
     warning: str = ""
     """What it said that the user should know."""
+    left: float | None = None
+    """Seconds that it will still take; None while nobody can say."""
     child: Child | None = None
     """None once it has ended."""
+    _first: int = 0
+    """Frames that were done when it began."""
+    _time_left: TimeLeft | None = None
 
     def hear(self) -> bool:
         """Take in what the process said; whether it said anything."""
@@ -56,10 +64,18 @@ class DepthAhead:
                 self.problem = failure.error.worded(WORDS) if failure is not None else ""
                 self.child = None
             elif isinstance(message, Progress):
-                self.done, self.total = message.done, message.total
+                self._progressed(message.done, message.total)
             elif isinstance(message, Warned):
                 self.warning = message.text
         return heard
+
+    def _progressed(self, done: int, total: int) -> None:
+        now = time.monotonic()
+        if self._time_left is None:
+            # What an earlier run found is there at once, and says nothing of the pace.
+            self._first, self._time_left = done, TimeLeft(now)
+        self.done, self.total = done, total
+        self.left = self._time_left.at(now, (done - self._first) / max(total - self._first, 1))
 
 
 _ahead: DepthAhead | None = None
@@ -218,17 +234,25 @@ class VIRTUAL_APERTURE_OT_pause_depth(bpy.types.Operator):  # noqa: N801
         return {"FINISHED"}
 
 
+def draw_progress(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> bool:
+    """How far it is, with a button to pause it; whether it is under way."""
+    found = of(settings)
+    if found is None or found.child is None:
+        return False
+    text = f"Depth: {found.done} of {found.total} frames" if found.total else "Depth: starting"
+    row = layout.row(align=True)
+    row.progress(factor=found.done / max(found.total, 1), text=text)
+    row.operator(VIRTUAL_APERTURE_OT_pause_depth.bl_idname, text="", icon="PAUSE")
+    if left := left_words(found.left):
+        layout.label(text=left, icon="TIME")
+    return True
+
+
 def draw(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
     """How far it is, with a button to pause it, or the button to begin."""
-    found = of(settings)
-    if found is not None and found.child is not None:
-        row = layout.row(align=True)
-        row.progress(
-            factor=found.done / max(found.total, 1),
-            text=f"Depth: {found.done} of {found.total} frames" if found.total else "Depth: starting",
-        )
-        row.operator(VIRTUAL_APERTURE_OT_pause_depth.bl_idname, text="", icon="PAUSE")
+    if draw_progress(layout, settings):
         return
+    found = of(settings)
     is_whole = found is not None and found.total > 0 and found.done == found.total
     if is_whole:
         layout.label(text="Depth is found", icon="CHECKMARK")

@@ -36,7 +36,7 @@ def focus_on(
         said = f"The focus distance is keyed at frame {settings.id_data.frame_current}"
     else:
         mark = focus_marks.put(settings, frame, places, add)
-        away = length_words(settings.id_data.unit_settings, mark.distance)
+        away = length_words(settings, mark.distance)
         marks = len(settings.marks.items)
         pulled = f", mark {settings.marks.active + 1} of {marks}" if marks > 1 else ""
         said = f"In focus at frame {frame}: {mark.name}, {away} away{pulled}"

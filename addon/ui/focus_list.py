@@ -74,7 +74,7 @@ class VIRTUAL_APERTURE_UL_focus_marks(bpy.types.UIList):  # noqa: N801
         what.prop(mark, "name", text="", emboss=False)
         away = row.row()
         away.alignment = "RIGHT"
-        away.label(text=length_words(context.scene.unit_settings, mark.distance))
+        away.label(text=length_words(context.scene.virtual_aperture, mark.distance))
 
 
 class VIRTUAL_APERTURE_OT_hold_focus(bpy.types.Operator):  # noqa: N801

@@ -1,6 +1,6 @@
 """Lenses and looks as Blender's presets: the aperture's shape, highlights and how much blur, never the focus.
 
-The f-stop of a preset counts where the scene's scale is known, else its blur as a share of the width.
+The f-stop of a preset counts where the scene's scale is given, else its blur as a share of the width.
 Shipped ones lie in `presets/virtual_aperture/lens`, a user's own in the folder of Blender's presets.
 """
 
@@ -15,7 +15,7 @@ from bl_ui.utils import PresetPanel
 
 from ..core.base.errors import UserError
 from ..core.frame.options import APERTURE_OPTIONS
-from ..scene import aperture_cloud
+from ..scene import aperture_cloud, depth_of_field
 from ..scene.paths import absolute
 from . import bokeh
 from .operators import Result, may_change, reported
@@ -46,7 +46,7 @@ class VIRTUAL_APERTURE_OT_use_lens_preset(bpy.types.Operator):  # noqa: N801
             raise UserError("no preset has been chosen")
         name = bpy.path.display_name(self.filepath, title_case=False)
         try:
-            with aperture_cloud.held():
+            with aperture_cloud.held(), depth_of_field.by_given_scale():
                 bpy.utils.execfile(self.filepath)
         except Exception as error:
             # A user may have written it.

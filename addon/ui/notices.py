@@ -5,20 +5,18 @@ from __future__ import annotations
 import bpy
 
 from ..core.base.errors import UserError
-from ..scene import parts, version
+from ..scene import parts
 from ..scene.clip import trouble_with
 from ..scene.ignored import ignored
+from . import depth_ahead
 from .find_clip import VIRTUAL_APERTURE_OT_find_clip
 from .operators import VIRTUAL_APERTURE_OT_solve, check_may_change, running_solve, sentence
+from .pick_subject import VIRTUAL_APERTURE_OT_pick_subject
 from .restore import VIRTUAL_APERTURE_OT_restore_objects
 from .text import wrapped
 
-
-def is_in_order(scene: bpy.types.Scene) -> bool:
-    """Whether neither `draw_scene` nor `draw_clip` has anything to tell."""
-    settings = scene.virtual_aperture
-    is_ours = scene.library is None and not version.is_newer(settings)
-    return is_ours and not parts.missing(scene) and trouble_with(settings) is None
+NO_ADVICE = "none needed"
+"""What files hold of a solve that needs no advice."""
 
 
 def draw_scene(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
@@ -56,6 +54,11 @@ def draw_clip(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     row.operator(VIRTUAL_APERTURE_OT_find_clip.bl_idname, icon="FILE_FOLDER").filepath = ""
 
 
+def advice(settings: bpy.types.PropertyGroup) -> str:
+    """What would help the solve most; empty where nothing need be done."""
+    return "" if settings.advice == NO_ADVICE else str(settings.advice)
+
+
 def draw_notes(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """What is to be known of the solved clip: damage, and frames that do not follow each other evenly."""
     settings = context.scene.virtual_aperture
@@ -63,6 +66,20 @@ def draw_notes(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         box = layout.box()
         for line in settings.clip_notes.splitlines():
             wrapped(box, context, sentence(line), icon="INFO")
+
+
+def draw_depth(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Why the clip's depth could not be found, or what in it is not sure: and the way out."""
+    settings = context.scene.virtual_aperture
+    found = depth_ahead.of(settings)
+    if found is None:
+        return
+    if found.problem:
+        wrapped(layout.box(), context, f"Depth was not found: {found.problem}", icon="ERROR")
+    elif found.warning and not len(settings.subjects.items):
+        box = layout.box()
+        wrapped(box, context, sentence(found.warning), icon="QUESTION")
+        box.operator(VIRTUAL_APERTURE_OT_pick_subject.bl_idname, icon="BRUSH_DATA")
 
 
 def draw_ignored(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:

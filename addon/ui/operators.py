@@ -217,7 +217,8 @@ class Solves:
                 cameras=self._cameras,
                 stills=settings.stills and (clip.is_dir() or is_pattern(clip)),
                 depth_maps=absolute(settings.depth_maps, context.scene) if settings.depth_maps else None,
-            )
+            ),
+            clip.name,
         )
 
     def solve_now(self, context: bpy.types.Context) -> Result:

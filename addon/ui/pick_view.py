@@ -126,6 +126,8 @@ class Overlay:
     """Fractions of the picture of places that are picked."""
     shows_points: ClassVar[bool] = True
     """Whether the point cloud is seen with it."""
+    joins: bool = False
+    """Whether a line goes from the last picked place to the mouse."""
     _handle: Any = None
 
     def begin(self) -> None:
@@ -153,6 +155,8 @@ class Overlay:
         if self.mouse is None:
             return
         (place,) = self.view.pixels(self.scene, [self.mouse]) or [(0.0, 0.0)]
+        if self.joins and self.picked:
+            line([*self.view.pixels(self.scene, self.picked[-1:]), place], GREEN, scale)
         line(ring(place, RING * scale), WHITE, 1.5 * scale)
         _text(self.text, place, self.view.right_border(), scale)
 

@@ -1,27 +1,46 @@
-"""Telling how large the scene is: the distance of two feature points in metres."""
+"""Telling how large the scene is: the length between two places of the picture."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import bpy
 import numpy as np
 
 from ..core.base.errors import UserError
-from ..scene.shot import reconstruction_of
-from .focus import selected_points
-from .operators import Result, has_points, reported
+from ..core.focus.place import Place
+from ..core.frame.clip_context import ClipContext
+from ..scene import depth_of_field
+from ..scene.shot import shot_of
+from .operators import Result, reported
+from .pick_place import PicksPlaces
 
 
-class VIRTUAL_APERTURE_OT_set_scale(bpy.types.Operator):  # noqa: N801
-    """Set the real distance between two selected vertices of the point cloud, to get f-stops and lengths in
-    metres"""
+def _place(name: str, which: str) -> bpy.props.FloatVectorProperty:
+    return bpy.props.FloatVectorProperty(
+        name=name, description=f"{which} of the length, from the picture's top left, in shares of its size",
+        size=2, min=0, max=1, default=(0.5, 0.5), options={"SKIP_SAVE"},
+    )  # fmt: skip
+
+
+class VIRTUAL_APERTURE_OT_set_scale(PicksPlaces, bpy.types.Operator):  # noqa: N801
+    """Click both ends of something whose length you know, in the camera view, then type that length: f-stops
+    and distances are true from then on"""
 
     bl_idname = "virtual_aperture.set_scale"
-    bl_label = "Set Scale from Two Vertices"
+    bl_label = "Set Scale"
+    # Not REGISTER: there is nothing to redo without the mouse.
     bl_options = {"UNDO"}  # noqa: RUF012
 
+    start: _place("Start", "One end")  # type: ignore[valid-type]
+    end: _place("End", "The other end")  # type: ignore[valid-type]
+    length: bpy.props.FloatProperty(
+        name="Length in Units", description="Between both ends, in scene units; 0: as start and end tell",
+        min=0, options={"SKIP_SAVE", "HIDDEN"},
+    )  # fmt: skip
     metres: bpy.props.FloatProperty(
-        name="Distance in Metres",
-        description="Distance between the two vertices, as measured on location",
+        name="Length in Metres",
+        description="Distance between the two places, as measured on location",
         default=1.0,
         min=1e-6,
         soft_min=0.01,
@@ -30,43 +49,51 @@ class VIRTUAL_APERTURE_OT_set_scale(bpy.types.Operator):  # noqa: N801
         options={"SKIP_SAVE"},
     )
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return has_points(cls, context, "two vertices")
+    joins = True
+    hint = "Click Both Ends of a Known Length    Ctrl Click: Remove Place    ESC: Cancel"
 
-    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> Result:
-        settings = context.scene.virtual_aperture
-        try:
-            length = distance_of_selected(settings)
-        except UserError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        if settings.metres_per_unit > 0:
-            self.metres = length * settings.metres_per_unit
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
+        if not self.length:
+            return super().invoke(context, event)
+        # Both ends are picked.
+        self.metres = self.length * depth_of_field.scale(context.scene.virtual_aperture)
         answer: Result = context.window_manager.invoke_props_dialog(self, confirm_text="Set Scale")
         return answer
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        self.layout.prop(self, "metres")
 
     @reported
     def execute(self, context: bpy.types.Context) -> Result:
         settings = context.scene.virtual_aperture
-        length = distance_of_selected(settings)
-        # In Edit Mode only the mesh can be undone.
-        bpy.ops.object.mode_set(mode="OBJECT")
+        length = self.length
+        if not length:
+            clip, frame = shot_of(context.scene).context, context.scene.frame_current
+            length = length_between(clip, [clip.places(frame).find(*xy) for xy in (self.start, self.end)])
         settings.metres_per_unit = self.metres / length
-        self.report({"INFO"}, f"One scene unit is {settings.metres_per_unit:.4g} m")
+        self.report({"INFO"}, f"The scale is set: {self.metres:.4g} m between the two places")
         return {"FINISHED"}
 
+    def took(self, context: bpy.types.Context, place: Place, _shift: bool) -> Result:
+        self._keep(place)
+        return self.confirm(context) if len(self._places) == 2 else {"RUNNING_MODAL"}
 
-def distance_of_selected(settings: bpy.types.PropertyGroup) -> float:
-    """Between the two selected points, in scene units; UserError where there are not two, or in one place."""
-    ids = selected_points(settings.points)
-    if len(ids) != 2:
-        are = "vertex is" if len(ids) == 1 else "vertices are"
-        raise UserError(f"{len(ids)} {are} selected; select two a known distance apart")
-    one, other = reconstruction_of(settings).points.xyz[ids]
-    length = float(np.linalg.norm(one - other))
+    def confirm(self, context: bpy.types.Context) -> Result:
+        if len(self._places) < 2:
+            return {"RUNNING_MODAL"}
+        length = length_between(self._context, self._places)
+        self._end(context)
+        # The question is an operator of its own: this one has ended, and changed nothing.
+        bpy.ops.virtual_aperture.set_scale("INVOKE_DEFAULT", length=length)
+        return {"CANCELLED"}
+
+
+def length_between(clip: ClipContext, ends: Sequence[Place]) -> float:
+    """Between two picked places, in scene units; UserError where they are one."""
+    start, end = (clip.places(each.frame).world(each) for each in ends)
+    length = float(np.linalg.norm(end - start))
     if not length > 0:
-        raise UserError("the two selected vertices are in the same place; select two others")
+        raise UserError("both ends are in the same place; click two places a known distance apart")
     return length
 
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable
 
 from ..core.base.progress import Cancelled, reporting
+from ..core.base.time_left import TimeLeft
 from ..core.sfm.process import SolveProcess, SolveProgress
 
 
@@ -13,12 +15,16 @@ class Solving:
     """A solve from its first moment on: the clip is opened and its frames counted, which takes seconds, in
     a thread, so that the interface goes on meanwhile and ESC ends it."""
 
-    def __init__(self, begin: Callable[[], SolveProcess]) -> None:
-        """`begin` makes the process; it must not touch Blender's data."""
+    def __init__(self, begin: Callable[[], SolveProcess], clip: str = "") -> None:
+        """`begin` makes the process; it must not touch Blender's data. `clip` is its name, to be shown."""
+        self.clip = clip
         self.process: SolveProcess | None = None
         self.ended = False
         self.step = SolveProgress("Reading the clip", 0.0)
         """How far it is."""
+        self.left: float | None = None
+        """Seconds that it will still take; None while nobody can say."""
+        self._time_left = TimeLeft(time.monotonic())
         self._error: BaseException | None = None
         self._cancelled = threading.Event()
         self._opening = threading.Thread(target=self._open, args=(begin,), daemon=True)
@@ -49,7 +55,8 @@ class Solving:
             raise self._error
         assert self.process is not None
         steps = self.process.poll()
-        self.step = steps[-1] if steps else self.step
+        for self.step in steps:
+            self.left = self._time_left.at(time.monotonic(), self.step.share)
         return steps
 
     def cancel(self) -> None:

@@ -11,13 +11,20 @@ MARGIN = 85
 
 
 def wrapped(
-    layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str = "NONE", alert: bool = False
+    layout: bpy.types.UILayout,
+    context: bpy.types.Context,
+    text: str,
+    icon: str = "NONE",
+    alert: bool = False,
+    beside: float = 0.0,
 ) -> None:
-    """A text as labels as wide as the panel, the icon before the first."""
+    """A text as labels as wide as the panel, the icon before the first; less so many pixels, at a resolution
+    scale of 1, that something `beside` it takes."""
     column = layout.column(align=True)
     column.alert = alert
     column.scale_y = 0.8
-    for number, line in enumerate(lines(text, width_of(context), context.preferences.system.ui_scale)):
+    scale = context.preferences.system.ui_scale
+    for number, line in enumerate(lines(text, max(width_of(context) - beside * scale, 1.0), scale)):
         # An icon's width of nothing keeps the lines in one column.
         column.label(text=line, icon=icon if number == 0 or icon == "NONE" else "BLANK1")
 
@@ -27,3 +34,10 @@ def width_of(context: bpy.types.Context) -> float:
     scale = context.preferences.system.ui_scale
     width = context.region.width if context.region is not None else 280 * scale
     return float(max(width - MARGIN * scale, 1))
+
+
+def left_words(seconds: float | None) -> str:
+    """How long work will still take; an empty string while nobody can say."""
+    if seconds is None:
+        return ""
+    return f"About {seconds:.0f} s left" if seconds < 90 else f"About {seconds / 60:.0f} min left"

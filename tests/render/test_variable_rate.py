@@ -14,7 +14,7 @@ from addon.core.media.clip import open_footage
 from addon.core.media.constant_rate import held_frames
 from addon.render import movie_file
 from addon.scene.build import build
-from addon.ui.panels.footage import VIRTUAL_APERTURE_PT_footage
+from addon.ui.panels.clip import VIRTUAL_APERTURE_PT_clip
 from benchmarks.odd_clips import SIZE, flashes_and_clicks, steady, varying, write
 from benchmarks.torture import clip as solved
 
@@ -76,7 +76,7 @@ def test_the_panel_says_that_the_timeline_goes_by_index(tmp_path: Path, scene: b
     for name, times in (("varying", varying(9)), ("steady", steady(100))):
         footage = open_footage(write(tmp_path / f"{name}.mp4", times))
         build(scene, footage, solved.truth(range(1, 9), lens))
-        shown[name] = " ".join(draw(VIRTUAL_APERTURE_PT_footage).texts)
+        shown[name] = " ".join(draw(VIRTUAL_APERTURE_PT_clip).texts)
     assert "variable frame rate" in shown["varying"] and "variable frame rate" not in shown["steady"]
 
 

@@ -18,7 +18,7 @@ from addon.ui import panels
 from addon.ui.operators import build_scene
 
 from ..foreign_models import write_model
-from ..in_blender import choose_clip, select
+from ..in_blender import choose_clip
 from ..recorder import draw
 from ..scenes import slanted_shot
 
@@ -50,35 +50,14 @@ def test_f_stop_radius_and_blur_are_one_number(scene: bpy.types.Scene, tmp_path:
     assert settings.f_stop == pytest.approx(0.01575 / 0.05, rel=1e-5)
 
 
-def test_without_a_scale_there_is_no_f_stop(scene: bpy.types.Scene, tmp_path: Path) -> None:
+def test_no_f_stop_is_no_aperture(scene: bpy.types.Scene, tmp_path: Path) -> None:
     settings = shot(scene, tmp_path)
+    assert settings.f_stop == 0, "nothing is in focus, and no aperture chosen"
     settings.focus_distance = 8.0
     radius = settings.aperture_radius
-    settings.f_stop = 1.4
-    assert settings.f_stop == 0 and settings.aperture_radius == radius
-    settings.metres_per_unit = 0.25
     settings.f_stop = 0.0
     assert settings.aperture_radius == radius and settings.f_stop > 0
     assert not settings.bl_rna.properties["f_stop"].is_animatable
-
-
-def test_scale_from_two_vertices(scene: bpy.types.Scene, tmp_path: Path) -> None:
-    with pytest.raises(RuntimeError, match="Solve the clip first"):
-        bpy.ops.virtual_aperture.set_scale(metres=2.0)
-    settings = shot(scene, tmp_path)
-    with pytest.raises(RuntimeError, match="select two vertices"):
-        bpy.ops.virtual_aperture.set_scale(metres=2.0)
-    select(settings.points, (7, 11, 30))
-    with pytest.raises(RuntimeError, match="3 vertices are selected; select two a known distance apart"):
-        bpy.ops.virtual_aperture.set_scale(metres=2.0)
-    assert settings.metres_per_unit == 0
-    select(settings.points, (7, 30))
-    assert bpy.ops.virtual_aperture.set_scale(metres=2.0) == {"FINISHED"}
-    one, other = (np.array(settings.points.data.vertices[i].co) for i in (7, 30))
-    assert settings.metres_per_unit == pytest.approx(2.0 / np.linalg.norm(one - other), rel=1e-5)
-    assert settings.points.mode == "OBJECT"
-    assert scene.unit_settings.scale_length == pytest.approx(settings.metres_per_unit)
-    assert "UNDO" in bpy.types.VIRTUAL_APERTURE_OT_set_scale.bl_options
 
 
 def test_the_scale_is_kept_by_the_same_clip_and_no_other(scene: bpy.types.Scene, tmp_path: Path) -> None:
@@ -104,7 +83,7 @@ def test_sharp_distances_are_those_of_the_command_line(scene: bpy.types.Scene, t
     settings.aperture_radius = 0.05
     expected = core_sharp_distances(made.reconstruction, Focus(distance=8.0), 1, 0.05)
     assert depth_of_field.sharp_distances(settings) == pytest.approx(expected, rel=1e-6)
-    assert depth_of_field.sharp_words(settings) == "Sharp: 7.48 m to 8.6 m"
+    assert depth_of_field.sharp_words(settings) == "Sharp: 7.48 to 8.6"
     assert depth_of_field.sharp_words(settings) in draw(panels.focus.VIRTUAL_APERTURE_PT_focus).texts
     # Whatever it depends on is seen at once.
     settings.aperture_radius = 1e-4
@@ -112,20 +91,30 @@ def test_sharp_distances_are_those_of_the_command_line(scene: bpy.types.Scene, t
     settings.aperture_radius, settings.focus_distance = 0.05, 6.0
     near, far = depth_of_field.sharp_distances(settings) or (0.0, 0.0)
     assert near < 6.0 < far < 7.0
+    settings.metres_per_unit = 1.0
+    assert depth_of_field.sharp_words(settings) == f"Sharp: {near:.3g} m to {far:.3g} m"
     scene.unit_settings.system = "NONE"
     assert depth_of_field.sharp_words(settings) == f"Sharp: {near:.3g} to {far:.3g}"
 
 
-def test_panels_show_the_f_stop_where_there_is_one(scene: bpy.types.Scene, tmp_path: Path) -> None:
+def test_panels_say_that_a_scale_is_assumed(scene: bpy.types.Scene, tmp_path: Path) -> None:
     settings = shot(scene, tmp_path)
-    lens = panels.lens.VIRTUAL_APERTURE_PT_scale
-    assert "f_stop" not in draw(panels.focus.VIRTUAL_APERTURE_PT_focus).props
-    assert "set the distance between two" in " ".join(draw(lens).texts)
+    main, scale = panels.main.VIRTUAL_APERTURE_PT_main, panels.lens.VIRTUAL_APERTURE_PT_scale
+    settings.focus_distance = 8.0
+    shown = draw(main)
+    assert {"blur", "f_stop", "subject_metres"} <= set(shown.props)
+    assert "virtual_aperture.set_scale" in shown.operators and "Assumed: the subject is about" in shown.texts
+    assert "Assumed: the subject is about" in draw(scale).texts
+    assert "focus_distance" in draw(panels.focus.VIRTUAL_APERTURE_PT_focus).props
     settings.metres_per_unit = 0.25
-    assert {"blur", "f_stop", "aperture_radius"} <= set(draw(panels.focus.VIRTUAL_APERTURE_PT_focus).props)
-    assert "full-frame equivalent" in " ".join(draw(lens).texts)
+    shown = draw(main)
+    assert {"blur", "f_stop"} <= set(shown.props) and "subject_metres" not in shown.props
+    assert "focus_length" in draw(panels.focus.VIRTUAL_APERTURE_PT_focus).props
+    shown = draw(scale)
+    assert {"subject_metres", "metres_per_unit"} <= set(shown.props)
+    assert "Assumed" not in " ".join(shown.texts) and "full-frame equivalent" in " ".join(shown.texts)
     settings.lens = "SENSOR"
-    assert "full-frame equivalent" not in " ".join(draw(lens).texts)
+    assert "full-frame equivalent" not in " ".join(draw(scale).texts)
 
 
 @pytest.mark.parametrize("scale", [1.0, 3.0])

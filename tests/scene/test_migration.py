@@ -70,9 +70,9 @@ def test_a_newer_file_is_neither_used_nor_overwritten(scene: bpy.types.Scene, tm
     scene = bpy.context.scene
     settings = scene.virtual_aperture
     said = "with a newer Virtual Aperture; update the extension"
-    shown = draw(panels.footage.VIRTUAL_APERTURE_PT_footage)
+    shown = draw(panels.main.VIRTUAL_APERTURE_PT_main)
     assert said in " ".join(shown.texts)
-    assert [p for p in panels.CLASSES if p.poll(bpy.context)] == list(panels.footage.CLASSES[:1])
+    assert [p for p in panels.CLASSES if p.poll(bpy.context)] == list(panels.main.CLASSES)
     for name in ("choose_clip", "solve", "set_focus", "clear_focus", "import_solve", "restore_objects"):
         with pytest.raises(RuntimeError, match=said):
             getattr(bpy.ops.virtual_aperture, name)()

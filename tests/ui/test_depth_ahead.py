@@ -9,6 +9,7 @@ from pathlib import Path
 import bpy
 import pytest
 
+from addon.core.base.messages import Progress
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.readers.matching import Imported
 from addon.core.sfm.workspace import keep_import
@@ -116,6 +117,21 @@ def test_a_file_knows_that_its_depth_was_being_found(scene: bpy.types.Scene, wor
     assert not reopened()
 
 
+def test_how_long_it_will_still_take(
+    scene: bpy.types.Scene, work: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now = 100.0
+    monkeypatch.setattr(depth_ahead.time, "monotonic", lambda: now)
+    found = depth_ahead._ahead = depth_ahead.DepthAhead(work, child=object())  # type: ignore[arg-type]
+    for now, done in ((100.0, 10), (110.0, 12)):  # noqa: B007  `monotonic` reads it
+        found.messages.put(Progress("depth", done, 20))
+        assert found.hear()
+    # Two frames in ten seconds, and eight to go: those that were there already took no time.
+    texts = draw(panels.main.VIRTUAL_APERTURE_PT_main).texts
+    depth_ahead._ahead = None
+    assert "Depth: 12 of 20 frames" in texts and "About 40 s left" in texts
+
+
 def test_a_process_that_dies_is_told(scene: bpy.types.Scene, work: Path) -> None:
     bpy.ops.virtual_aperture.find_depth()
     found = depth_ahead.of(scene.virtual_aperture)
@@ -123,7 +139,7 @@ def test_a_process_that_dies_is_told(scene: bpy.types.Scene, work: Path) -> None
     found.child.process.kill()
     until(lambda: found.child is None)
     assert "SIGKILL" in found.problem
-    texts = " ".join(draw(panels.solve.VIRTUAL_APERTURE_PT_solve).texts)
+    texts = " ".join(draw(panels.main.VIRTUAL_APERTURE_PT_main).texts)
     assert "Depth was not found: the process was ended by" in texts
 
 

@@ -153,9 +153,9 @@ CASES = {
         undo="UNDO_GROUPED",
     ),
     "set_scale": Case(
-        "scene/test_depth_of_field.py::test_scale_from_two_vertices",
-        "scene/test_depth_of_field.py::test_scale_from_two_vertices",
-        "select two a known distance apart",
+        "ui/test_set_scale.py::test_two_clicks_and_a_length_are_the_scale",
+        "ui/test_set_scale.py::test_a_scale_is_refused",
+        "both ends are in the same place",
     ),
     "use_lens_preset": Case(
         "ui/test_lens_presets.py::use",

@@ -38,7 +38,7 @@ def chosen(settings: Settings, _folder: Path) -> None:
 def solving(settings: Settings, folder: Path) -> None:
     chosen(settings, folder)
     running = bpy.types.VIRTUAL_APERTURE_OT_solve._running = Solving(lambda: None)  # type: ignore[arg-type]
-    running.step = SolveProgress("Registered 3 of 12 frames", 0.25)
+    running.step, running.left = SolveProgress("Registered 3 of 12 frames", 0.25), 40.0
 
 
 def solved(_settings: Settings, _folder: Path) -> None:
@@ -108,19 +108,19 @@ def solving_the_wrong_one(settings: Settings, folder: Path) -> None:
 
 
 STATES: list[tuple[str, Callable[[Settings, Path], None], str]] = [
-    ("no clip", no_clip, "Choose a clip"),
-    ("clip chosen", chosen, "Solve the clip to find"),
-    ("solving", solving, "Registered 3 of 12 frames (ESC cancels)"),
+    ("no clip", no_clip, "Drop a clip on the viewport, or choose one"),
+    ("clip chosen", chosen, "Solve the clip to find its camera motion"),
+    ("solving", solving, "Registered 3 of 12 frames About 40 s left, ESC cancels"),
     ("solved", solved, "In focus: the nearest large object"),
     ("in Edit Mode", in_edit_mode, "Select vertices on what should be sharp"),
-    ("in focus", focused, "Ready to render"),
+    ("in focus", focused, "In focus: 3 points"),
     ("with a scale", with_scale, "full-frame equivalent"),
     ("with a subject", marked, "Uncertain in 1 frame"),
     ("clip moved", moved, "locate it with Find Clip"),
     ("wrong clip", wrong, "the chosen clip is other"),
-    ("solving the other clip", solving_the_wrong_one, "Reading the clip (ESC cancels)"),
+    ("solving the other clip", solving_the_wrong_one, "Reading the clip ESC cancels"),
     ("depth under way", finding, "Depth: 1 of 3 frames"),
-    ("depth paused", paused, "Ready to render"),
+    ("depth paused", paused, "Good solve"),
     ("depth failed", failed, "Depth was not found: no space is left"),
     ("a subject unsure", unsure, "Moving subjects are uncertain in 3 frames"),
     ("camera deleted", without("camera"), "The objects of this solve were deleted"),
@@ -152,8 +152,6 @@ def test_panels_draw(
     assert said in texts
     # Nobody is told to solve what is being solved.
     assert make is not solving_the_wrong_one or "the chosen clip is" not in texts
-    ready = (solved, focused, with_scale, marked, finding, paused, failed, unsure)
-    assert ("Ready to render" in texts) == (make in ready)
     for name in {name for each in shown for name in each.operators}:
         group, operator = name.split(".")
         # It answers whether it may be pressed; why not is a message, without which a button is a riddle.

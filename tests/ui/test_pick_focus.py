@@ -153,7 +153,7 @@ def test_the_panel_tells_of_marks(scene: bpy.types.Scene, shot: Shot) -> None:
     VIRTUAL_APERTURE_UL_focus_marks.draw_item(
         None, bpy.context, row, settings.marks, settings.marks.items[1], 0, settings.marks, "active"
     )
-    assert row.texts == ["7", "9 m"] and "name" in row.props
+    assert row.texts == ["7", "9"] and "name" in row.props
 
 
 def test_a_solve_puts_something_in_focus(
@@ -166,7 +166,7 @@ def test_a_solve_puts_something_in_focus(
     assert OPERATORS.solve() == {"FINISHED"}
     assert "; focused on the nearest large object near the centre" in capsys.readouterr().out
     assert settings.marks.is_first and len(settings.focus_points) == 4 and settings.aperture_radius > 0
-    texts = " ".join(draw(panels.focus.VIRTUAL_APERTURE_PT_focus).texts)
+    texts = " ".join(draw(panels.main.VIRTUAL_APERTURE_PT_main).texts)
     assert "In focus: the nearest large object near the centre" in texts
     assert OPERATORS.render_frame.poll()
     # It is nobody's pick: kept over a solve as it is, and told as long as nothing else is picked.

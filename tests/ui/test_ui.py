@@ -127,34 +127,40 @@ def drawn(closed: bool) -> tuple[set[str], set[str], str]:
 def test_panels_show_the_next_step(scene: bpy.types.Scene, tmp_path: Path) -> None:
     assert all(panel.bl_category == "Virtual Aperture" for panel in panels.CLASSES)
     props, operators, texts = drawn(closed=False)
-    assert "Choose a clip" in texts
-    assert {"focus_distance", "blur", "aperture_radius", "filepath", "frame_start", "quality"} <= props
-    names = ("choose_clip", "solve", "pick_focus", "preview", "render_frame", "render_clip")
-    assert {f"virtual_aperture.{name}" for name in names} == operators
+    assert "Drop a clip on the viewport" in texts
+    assert (props, operators) == (set(), {"virtual_aperture.choose_clip"})
     shot = slanted_shot(tmp_path, LENS)
     settings = scene.virtual_aperture
     settings.footage = str(shot.footage.path)
-    assert "Solve the clip" in drawn(closed=False)[2]
+    _, operators, texts = drawn(closed=False)
+    assert "Solve the clip to find" in texts
+    assert operators == {"virtual_aperture.choose_clip", "virtual_aperture.solve"}
     build(scene, shot.footage, shot.reconstruction)
-    assert "Press Pick Focus" in drawn(closed=False)[2]
+    _, operators, texts = drawn(closed=False)
+    assert "Pick Focus, then click what should be sharp" in texts
+    names = ("choose_clip", "preview", "pick_focus", "render_frame", "render_clip")
+    assert operators == {f"virtual_aperture.{name}" for name in names}
     select(settings.points, (7, 11, 30))
     _, operators, texts = drawn(closed=False)
     assert "Select vertices" in texts and "virtual_aperture.set_focus" in operators
     bpy.ops.virtual_aperture.set_focus()
     props, operators, texts = drawn(closed=False)
-    assert "virtual_aperture.set_scale" in operators and "F-Stop" in texts
-    assert "Ready to render" in texts
+    assert props == {"blur", "f_stop", "subject_metres"} and "virtual_aperture.set_scale" in operators
+    assert "In focus: " in texts
+    scene.render.filepath = "//out/"
+    assert "Frames 1 to 3, to //out/ as PNG" in drawn(closed=False)[2]
+    props, operators, _ = drawn(closed=True)
+    assert {"focus_object", "(focus_distance)", "aperture_radius", "frame_start", "quality"} <= props
     assert {"virtual_aperture.hold_focus", "virtual_aperture.remove_focus_mark"} <= operators
-    assert {"focus_object", "(focus_distance)"} <= props
     # What an older file holds.
     settings.marks.items.clear()
-    props, operators, texts = drawn(closed=False)
+    props, operators, texts = drawn(closed=True)
     assert "3 points, picked at frame 1" in texts
     assert "virtual_aperture.clear_focus" in operators and "focus_by" in props
     settings.focus_distance = 7.0
-    assert "focus_distance" in drawn(closed=False)[0]
+    assert "focus_distance" in drawn(closed=True)[0]
     scene.render.filepath = "//out/"
-    assert "Frames 1 to 3, to clip_render.mp4" in drawn(closed=False)[2]
+    assert f"Frames 1 to 3, to {tmp_path.name}_render.mp4" in drawn(closed=False)[2]
     settings.render_as = "FRAMES"
     assert "Frames 1 to 3, to //out/ as PNG" in drawn(closed=False)[2]
 
@@ -370,16 +376,16 @@ def test_opening_a_long_clip_is_told_and_cancelled_at_once(scene: bpy.types.Scen
             checkpoint()
             time.sleep(0.001)
 
-    solving = Solving(begin)
+    solving = Solving(begin, "shot.mp4")
     assert [step.text for step in solving.poll()] == ["Reading the clip"]
     assert not solving.finished and not solving.ended
     operator = bpy.types.VIRTUAL_APERTURE_OT_solve
     operator._running = solving
     try:
-        texts = draw(panels.solve.VIRTUAL_APERTURE_PT_solve).texts
+        texts = draw(panels.main.VIRTUAL_APERTURE_PT_main).texts
     finally:
         operator._running = None
-    assert texts[0] == "Reading the clip (ESC cancels)"
+    assert {"shot.mp4", "Reading the clip", "ESC cancels"} <= set(texts)
     solving.cancel()
     assert solving.ended and counted > 0
     with pytest.raises(Cancelled):

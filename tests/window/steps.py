@@ -5,18 +5,34 @@ from __future__ import annotations
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from . import file_drop
 from .program import EXTENSION, ROOT, Program
 
 CLIP = ROOT / "sample_scenes" / "desk.mp4"
+UP, DOWN = 4, 5
+"""Buttons of the mouse: its wheel."""
 SETTINGS = "bpy.context.scene.virtual_aperture"
 MODAL = "[o.bl_idname for w in bpy.context.window_manager.windows for o in w.modal_operators]"
 SOLVING = f"'VIRTUAL_APERTURE_OT_solve' in {MODAL}"
 DEPTH = f"__import__('sys').modules['{EXTENSION}.addon.ui.depth_ahead']._ahead"
 MARKS = f"[[mark.frame, mark.distance] for mark in {SETTINGS}.marks.items]"
 PICKING = f"'VIRTUAL_APERTURE_OT_pick_focus' in {MODAL}"
+LEFT, PRESETS, RIGHT = 0.3, 0.76, 0.83
+"""Shares of the sidebar's width where the left one of two buttons is, the presets of lenses are, and a small
+button at the panel's end."""
+PANELS = ("Virtual Aperture", "Clip", "Solve", "Focus", "Lens", "Preview", "Render")
+FIRST, HEADER = 14, 28
+"""Pixels from the sidebar's top to the middle of the first panel's header, and from one to the next of panels
+that are closed."""
+FOLDED = 0.5
+"""Seconds until a panel has folded or unfolded, which is animated."""
 MENU = 0.5
 """Seconds until Blender has drawn a menu after a drop."""
 
@@ -58,8 +74,51 @@ def over(program: Program, place: tuple[float, float]) -> tuple[float, float]:
 
 def begin(program: Program, add: bool = False) -> None:
     """Start picking with the mouse, for another mark with `add`."""
-    program.press("pick_focus(add=True)" if add else "pick_focus()", across=0.87 if add else 0.6)
+    program.press("pick_focus(add=True)" if add else "pick_focus()", across=RIGHT if add else 0.6)
     program.wait(PICKING)
+
+
+@contextmanager
+def opened(program: Program, name: str) -> Iterator[None]:
+    """With a panel of the sidebar open, and the first one closed, which is open else."""
+    _click_header(program, "Virtual Aperture")
+    _click_header(program, name)
+    yield
+    _click_header(program, name)
+    _click_header(program, "Virtual Aperture")
+
+
+def open_below(program: Program, does: str) -> None:
+    """Open the first closed sub-panel below a button: clicks on labels between change nothing."""
+    button = program.find(does, "VIEW_3D", "UI")
+    left, top, width, height = program.rectangle("VIEW_3D", "UI")
+    before = _seen(program)
+    for y in range(round(button.y) + 16, top + height, 12):
+        program.screen.click(left + width / 3, y)
+        time.sleep(FOLDED)
+        if np.abs(_seen(program) - before).max() > 50:
+            return
+    raise AssertionError(f"no sub-panel below {does}")
+
+
+def _seen(program: Program) -> np.ndarray:
+    """The sidebar, the mouse beside it."""
+    left, top, width, height = program.rectangle("VIEW_3D", "UI")
+    program.screen.move(left - 100, top + height - 20)
+    program.settle()
+    picture: Any = program.screen.picture()
+    return np.asarray(picture[top : top + height, left : left + width]).astype(int)
+
+
+def _click_header(program: Program, name: str) -> None:
+    """Open or close a panel before which all are closed."""
+    left, top, width, _ = program.rectangle("VIEW_3D", "UI")
+    for _ in range(30):
+        program.screen.click(left + width / 2, top + 200, UP)
+    program.settle()
+    program.screen.click(left + width / 3, top + FIRST + HEADER * PANELS.index(name))
+    time.sleep(FOLDED)
+    program.settle()
 
 
 def ended(program: Program) -> None:

@@ -13,7 +13,7 @@ from ..foreign_models import write_clip, write_model
 from .conftest import PICTURES
 from .program import Program
 from .screen import Screen
-from .steps import MENU, drop
+from .steps import MENU, PRESETS, drop
 
 SETTINGS = "bpy.context.scene.virtual_aperture"
 LENS = f"[round({SETTINGS}.blur, 4), round({SETTINGS}.shape.obstruction, 2), {SETTINGS}.focus_distance]"
@@ -23,8 +23,8 @@ SCENE = (
 )
 """What tells which clip the scene holds, and what was made of it."""
 SOLVING = "any(w.modal_operators for w in bpy.context.window_manager.windows)"
-MIRROR = -163
-"""Pixels from the button of the presets down to the fifth of them, the mirror lens: they open upwards."""
+MIRROR = 123
+"""Pixels from the button of the presets down to the fifth of them, the mirror lens."""
 
 pytestmark = pytest.mark.usefixtures("in_order")
 
@@ -72,8 +72,8 @@ def test_a_preset_is_chosen_and_undone(program: Program) -> None:
     program.ask(f"{SETTINGS}.focus_distance = 9.0; bpy.ops.ed.undo_push(message='focus'); None")
     before = program.ask(LENS)
     left, _, width, _ = program.rectangle("VIEW_3D", "UI")
-    # In the panel's header, above its first button; a popover cannot be asked for by name.
-    x, y = left + 0.79 * width, program.find("pick_focus()", "VIEW_3D", "UI").y - 24
+    # Beside the f-stop; a popover cannot be asked for by name.
+    x, y = left + PRESETS * width, program.find(".f_stop", "VIEW_3D", "UI").y
     program.screen.click(x, y)
     program.settle()
     time.sleep(MENU)

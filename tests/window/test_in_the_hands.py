@@ -20,7 +20,7 @@ from .clips import read_exr
 from .conftest import PICTURES
 from .program import EXTENSION, ROOT, Program
 from .screen import Screen
-from .steps import MARKS, PICKING, begin, drop, ended, over
+from .steps import LEFT, MARKS, PICKING, begin, drop, ended, over
 
 SETTINGS = "bpy.context.scene.virtual_aperture"
 SPACE = "view('VIEW_3D')['area'].spaces.active"
@@ -106,7 +106,7 @@ def test_drop_to_the_first_blurred_picture(program: Program, project: Path) -> N
     assert len(program.ask(MARKS)) == 1
     watch(program)
     actions.append("press Preview")
-    program.press("virtual_aperture.preview")
+    program.press("virtual_aperture.preview", across=LEFT)
     # Its depth may have to be found: the clip is seen meanwhile.
     program.wait("bpy.seen", 200)
     program.tell_time(time.monotonic() - began, f"from drop to a blurred picture, {len(actions)} actions")
@@ -145,9 +145,8 @@ def test_click_on_the_subject(program: Program) -> None:
 
 
 def test_the_f_stop_changes_the_picture(program: Program) -> None:
-    # As long as a table, say.
-    program.ask(f"{SETTINGS}.metres_per_unit = 0.1; None")
-    program.settle()
+    # Of a scale that is assumed: nobody has given one.
+    assert program.ask(f"{SETTINGS}.metres_per_unit") == 0
     before = detail(frame_seen(program))
     stop = program.ask(f"{SETTINGS}.f_stop")
     button = program.find("virtual_aperture.f_stop", "VIEW_3D", "UI", 0.6)

@@ -18,7 +18,7 @@ from .clips import read_exr
 from .conftest import PICTURES
 from .program import EXTENSION, Program, headless
 from .screen import Screen
-from .steps import CLIP, DEPTH, MODAL, SETTINGS, SOLVING, first_window, show_preferences
+from .steps import CLIP, DEPTH, MODAL, RIGHT, SETTINGS, SOLVING, first_window, opened, show_preferences
 
 LAYER = "bpy.context.window_manager.windows[0].view_layer"
 SCENE = "sorted([o.name for o in bpy.data.objects] + [m.name for m in bpy.data.meshes])"
@@ -115,10 +115,12 @@ def test_esc_cancels_a_solve(program: Program, project: Path, after: float) -> N
 
 
 def test_solve(program: Program, project: Path) -> None:
-    program.press("virtual_aperture.solve(again=False)")
+    button = program.find("virtual_aperture.solve(again=False)", "VIEW_3D", "UI")
+    program.screen.click(button.x, button.y)
     program.wait(SOLVING)
-    # A second press of the button, as of a nervous finger, starts nothing beside it.
-    program.press("virtual_aperture.solve(again=False)")
+    # A second press, as of a nervous finger, starts nothing beside it: how far it is stands there now.
+    program.screen.click(button.x, button.y)
+    program.settle()
     assert len(program.ask(MODAL)) == 1
     program.wait(f"not {SOLVING}", 180)
     program.settle()
@@ -143,9 +145,10 @@ def test_the_clip_and_the_points_are_seen(program: Program) -> None:
 def test_depth_is_found_while_the_user_goes_on(program: Program, project: Path) -> None:
     program.wait(f"{DEPTH} and {DEPTH}.done", 60)
     program.shot("depth_under_way")
-    program.press("virtual_aperture.pause_depth", across=0.84)
+    program.press("virtual_aperture.pause_depth", across=RIGHT)
     program.wait(f"{DEPTH} is None")
-    program.press("virtual_aperture.find_depth")
+    with opened(program, "Solve"):
+        program.press("virtual_aperture.find_depth")
     program.wait(f"{DEPTH}.child is None", 180)
     program.settle()
     program.shot("depth_found")

@@ -14,7 +14,7 @@ from .. import planes
 from .conftest import PICTURES
 from .program import Program
 from .screen import Screen
-from .steps import SETTINGS
+from .steps import RIGHT, SETTINGS
 
 PLACES = {"DSC_0009": (0.0, 0.0), "DSC_0003": (0.6, 0.1), "DSC_0007": (-0.6, 0.2), "DSC_0001": (0.1, -0.6)}
 POPUP = 1.0
@@ -44,14 +44,14 @@ def test_photos_are_solved(program: Program) -> None:
     program.shot("folder")
     program.press("stills")
     program.wait(f"{SETTINGS}.stills")
-    program.press("solve(")
+    program.press("solve(again=False)")
     program.wait(f"{SETTINGS}.points is not None", 120)
     program.settle()
     program.shot("solved")
 
 
 def test_one_is_shown_by_its_name(program: Program) -> None:
-    program.press("show_photo(")
+    program.press("show_photo(", across=RIGHT)
     time.sleep(POPUP)
     program.shot("list")
     program.screen.type("0007")

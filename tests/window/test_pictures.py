@@ -20,7 +20,23 @@ from . import file_drop
 from .conftest import PICTURES
 from .program import EXTENSION, ROOT, Program
 from .screen import Screen
-from .steps import CLIP, DEPTH, MODAL, SETTINGS, begin, ended, first_window, over, show_preferences
+from .steps import (
+    CLIP,
+    DEPTH,
+    DOWN,
+    LEFT,
+    MODAL,
+    PRESETS,
+    SETTINGS,
+    UP,
+    begin,
+    ended,
+    first_window,
+    open_below,
+    opened,
+    over,
+    show_preferences,
+)  # fmt: skip
 
 MADE = PICTURES / "pictures" / "docs"
 WIDEST, HEAVIEST = 900, 60_000
@@ -29,8 +45,6 @@ FLAT = 8.0
 """Standard deviation in grey levels that a picture of something has: an empty viewport's is below 2."""
 MENU = 0.6
 """Seconds until Blender has drawn a menu or a dialog."""
-ROW = 26
-"""Pixels from one header of a closed sub-panel to the next."""
 BUSY = f"__import__('sys').modules['{EXTENSION}.addon.render.viewport'].PREVIEW.is_busy()"
 SOLVING_DROPPED = f"'VIRTUAL_APERTURE_OT_import_clip' in {MODAL}"
 MUG, GLOBE, PLANT = (0.2, 0.85), (0.53, 0.45), (0.9, 0.45)
@@ -91,10 +105,6 @@ def at_work(program: Program) -> Box:
     return clip_frame(program)[0] - 10, top - 5, right, bottom
 
 
-UP, DOWN = 4, 5
-"""Buttons of the mouse: its wheel."""
-
-
 def scroll(program: Program, way: int) -> None:
     """To an end of the sidebar."""
     x, y = program.middle("VIEW_3D", "UI")
@@ -114,18 +124,17 @@ def rest(program: Program) -> None:
     program.settle()
 
 
-def open_sub_panel(program: Program, near: str, rows: float, inside: str, way: int = DOWN) -> float:
-    """Click the header of a closed sub-panel, so many rows from a button that is found from an end of the
-    sidebar on; where a button in it is then, from the top of the screen."""
-    scroll(program, way)
-    button = program.find(near, "VIEW_3D", "UI")
-    left = sidebar(program)[0]
-    program.screen.click(left + 60, button.y + rows * ROW)
-    program.settle()
-    scroll(program, way)
-    y = program.find(inside, "VIEW_3D", "UI").y
-    rest(program)
-    return y
+def keep_sub_panel(
+    program: Program, name: str, panel: str, below: str, inside: str, up: float, down: float
+) -> None:
+    """A picture of a closed sub-panel, the first one below a button of a panel, so far up and down from a
+    button in it."""
+    with opened(program, panel):
+        open_below(program, below)
+        y = program.find(inside, "VIEW_3D", "UI").y
+        rest(program)
+        left, _, right, _ = sidebar(program)
+        keep(program, name, (left, y - up, right, y + down))
 
 
 def test_drop(program: Program, folder: Path) -> None:
@@ -159,7 +168,7 @@ def test_solve(program: Program) -> None:
 
 
 def test_preview(program: Program) -> None:
-    program.press("virtual_aperture.preview()")
+    program.press("virtual_aperture.preview()", across=LEFT)
     rest(program)
     scroll(program, UP)
     rest(program)
@@ -186,11 +195,10 @@ def test_pull(program: Program) -> None:
     ended(program)
     rest(program)
     assert program.ask(f"[mark.frame for mark in {SETTINGS}.marks.items]") == [1, 30]
-    scroll(program, UP)
-    y = program.find("pick_focus()", "VIEW_3D", "UI").y
-    rest(program)
-    left, _, right, _ = sidebar(program)
-    keep(program, "marks", (left, y - 50, right, y + 320))
+    with opened(program, "Focus"):
+        rest(program)
+        left, top, right, _ = sidebar(program)
+        keep(program, "marks", (left, top, right, top + 420))
     left, top, _, height = program.rectangle("DOPESHEET_EDITOR")
     keep(program, "timeline", (left, top - 32, left + 620, top + height))
 
@@ -210,40 +218,40 @@ def test_overlays(program: Program) -> None:
 
 
 def test_presets(program: Program) -> None:
-    scroll(program, UP)
-    y = program.find("pick_focus()", "VIEW_3D", "UI").y
+    y = program.find(".f_stop", "VIEW_3D", "UI").y
     left, _, right, _ = sidebar(program)
-    program.screen.click(left + 0.79 * (right - left), y - 32)
+    program.screen.click(left + PRESETS * (right - left), y)
     program.settle()
     time.sleep(MENU)
-    keep(program, "presets", (left - 330, y - 330, right + 80, y + 60))
+    keep(program, "presets", (left - 330, y - 130, right + 80, y + 290))
     program.screen.key("Escape")
     rest(program)
 
 
-def test_masks(program: Program) -> None:
-    y = open_sub_panel(program, "pick_focus()", -2.4, "depth_maps", UP)
-    left, _, right, _ = sidebar(program)
-    keep(program, "masks", (left, y - 105, right, y + 25))
-
-
 def test_scale(program: Program) -> None:
-    program.ask(f"{SETTINGS}.metres_per_unit = 0.1")
-    y = open_sub_panel(program, "virtual_aperture.preview()", -4.3, "metres_per_unit")
+    scroll(program, UP)
+    y = program.find("subject_metres", "VIEW_3D", "UI").y
+    rest(program)
     left, _, right, _ = sidebar(program)
-    keep(program, "scale", (left, y - 190, right, y + 55))
+    keep(program, "scale", (left, y - 90, right, y + 40))
+
+
+def test_masks(program: Program) -> None:
+    keep_sub_panel(program, "masks", "Solve", "solve(again=True)", "depth_maps", 105, 25)
 
 
 def test_aperture_shape(program: Program) -> None:
-    y = open_sub_panel(program, "virtual_aperture.preview()", -3.2, "shape.image")
-    left, _, right, _ = sidebar(program)
-    keep(program, "shape", (left, y - 350, right, y + 25))
+    with opened(program, "Lens"):
+        open_below(program, "aperture_radius")
+        open_below(program, "metres_per_unit")
+        y = program.find("shape.image", "VIEW_3D", "UI").y
+        rest(program)
+        left, _, right, _ = sidebar(program)
+        keep(program, "shape", (left, y - 350, right, y + 25))
 
 
 def test_passes(program: Program) -> None:
-    y = open_sub_panel(program, "virtual_aperture.render_clip", 1.3, "use_pass_z")
-    left, _, right, _ = sidebar(program)
-    keep(program, "passes", (left, y - 110, right, y + 70))
+    keep_sub_panel(program, "passes", "Render", ".quality", "use_pass_z", 60, 70)
 
 
 def test_preferences(program: Program) -> None:

@@ -13,10 +13,8 @@ from .. import camera_files as files
 from .conftest import PICTURES
 from .program import Program
 from .screen import Screen
-from .steps import SETTINGS
+from .steps import SETTINGS, open_below, opened
 
-ROWS = range(16, 120, 6)
-"""Pixels below the button of the clip in which the header of the closed panel *Import* is looked for."""
 DIALOG = 0.5
 """Seconds until Blender has drawn it."""
 
@@ -54,28 +52,18 @@ def _scene(path: Path) -> Path:
     return path
 
 
-def _open_import(program: Program) -> None:
-    """Click on the header of the closed panel below the clip's button."""
-    clip = program.find("choose_clip(", "VIEW_3D", "UI")
-    for below in ROWS:
-        program.screen.click(clip.x, clip.y + below)
-        program.settle()
-        names = [button.does for button in program.buttons("VIEW_3D", "UI")]
-        if any("use_scene_camera" in name for name in names):
-            return
-    raise AssertionError("no panel Import")
-
-
 def test_the_button_asks_and_the_points_come(program: Program) -> None:
-    _open_import(program)
-    program.shot("panel")
-    program.press("use_scene_camera(")
-    program.settle()
-    program.shot("question")
-    program.screen.key("Return")
-    program.wait(f"{SETTINGS}.points is not None", 120)
-    program.settle()
-    program.shot("done")
+    with opened(program, "Clip"):
+        open_below(program, "work_dir")
+        program.shot("panel")
+        program.press("use_scene_camera(")
+        program.settle()
+        program.shot("question")
+        # A dialog ends where the mouse leaves it.
+        program.screen.key("Return")
+        program.wait(f"{SETTINGS}.points is not None", 120)
+        program.settle()
+        program.shot("done")
     said = program.ask("messages()")
     assert any("12 of 12 frames registered" in each for each in said), said
     assert program.ask("bpy.context.scene.camera.name") == "Virtual Aperture Camera"

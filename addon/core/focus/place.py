@@ -145,11 +145,20 @@ class PlaceFinder:
             if points is None
             else "the points around it lie on something else"
         )
-        pinhole, distance = self._canvas.pinhole, 1 / pixel.inverse_depth
-        ray = np.append((self._click(x, y) - pinhole.principal_point) / pinhole.focal, 1.0)
-        world = self._image.rotation.T @ (distance * ray - self._image.translation)
+        distance = 1 / pixel.inverse_depth
+        world = self._world(x, y, distance)
         focus = Focus(distance=distance)
         return Place(focus, self.frame, distance, f"{origin}; {beside}", world, xy=(x, y))
+
+    def world(self, place: Place) -> Floats:
+        """(3,) where a place of this frame is that was picked in the picture, at its distance."""
+        assert place.xy is not None and place.frame == self.frame
+        return self._world(*place.xy, place.distance)
+
+    def _world(self, x: float, y: float, distance: float) -> Floats:
+        pinhole = self._canvas.pinhole
+        ray = np.append((self._click(x, y) - pinhole.principal_point) / pinhole.focal, 1.0)
+        return np.asarray(self._image.rotation.T @ (distance * ray - self._image.translation))
 
     def _followed(self, x: float, y: float, inverse: float, origin: str) -> Place:
         """A place on what moves by itself, of an inverse depth, through the frames that show it."""

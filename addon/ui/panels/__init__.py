@@ -1,7 +1,15 @@
-"""The sidebar panels, in the order of the work: what everybody needs, and the rest in closed sub-panels."""
+"""The sidebar panels: one for the daily work, and below it, closed, the rest in the order of the work."""
 
 from __future__ import annotations
 
-from . import focus, footage, lens, preview, render, solve
+from . import clip, focus, lens, main, preview, render, solve
 
-CLASSES = (*footage.CLASSES, *solve.CLASSES, *focus.CLASSES, *lens.CLASSES, *preview.CLASSES, *render.CLASSES)
+CLASSES = (
+    *main.CLASSES,
+    *clip.CLASSES,
+    *solve.CLASSES,
+    *focus.CLASSES,
+    *lens.CLASSES,
+    *preview.CLASSES,
+    *render.CLASSES,
+)

@@ -1,49 +1,49 @@
-"""The Focus and Lens panel: what is in focus, and how much blur."""
+"""The Focus panel: the list of focus marks, the distance, tilt, and subjects that move."""
 
 from __future__ import annotations
 
 import bpy
 
 from ...core.base.counting import counted
-from ...scene import blender_focus
-from .. import focus, focus_list, lens_presets, pick_focus, subjects
-from ..text import wrapped
-from .lens import draw_amount
-from .panel import PRIMARY, ClosedPanel, Panel, split
+from ...scene import blender_focus, depth_of_field
+from .. import focus, focus_list, subjects
+from .panel import ClosedPanel, split
 
 
-class VIRTUAL_APERTURE_PT_focus(Panel, bpy.types.Panel):  # noqa: N801
-    bl_label = "Focus and Lens"
-
-    def draw_header_preset(self, _context: bpy.types.Context) -> None:
-        lens_presets.draw_button(self.layout)
+class VIRTUAL_APERTURE_PT_focus(ClosedPanel, bpy.types.Panel):  # noqa: N801
+    bl_label = "Focus"
 
     def draw(self, context: bpy.types.Context) -> None:
         settings = context.scene.virtual_aperture
         layout = split(self.layout, with_keys=True)
-        row = layout.row()
-        row.scale_y = PRIMARY
-        row.operator(pick_focus.VIRTUAL_APERTURE_OT_pick_focus.bl_idname, icon="EYEDROPPER")
-        if settings.points is not None and settings.points.mode == "EDIT":
-            layout.operator(focus.VIRTUAL_APERTURE_OT_set_focus.bl_idname, icon="PIVOT_MEDIAN")
         by_own = blender_focus.focus_object(settings) is not None
         count = len(settings.focus_points)
         by_points = count > 0 and settings.focus_by == "POINTS"
         marks = layout.column()
         marks.active = not by_own
         if len(settings.marks.items):
-            if settings.marks.is_first:
-                wrapped(marks, context, "In focus: the nearest large object near the centre", icon="INFO")
             focus_list.draw(marks, context)
         elif count:
             # Points of older files, and of scripts, make no marks.
             _draw_points(marks, settings, by_points)
         column = layout.column()
         column.active = not by_points and not by_own
-        column.prop(settings, "focus_distance", text="Distance")
+        _draw_distance(column, settings)
+        if sharp := depth_of_field.sharp_words(settings):
+            layout.label(text=sharp, icon="CAMERA_DATA")
         if settings.camera is not None and settings.camera.type == "CAMERA":
             layout.prop(settings.camera.data.dof, "focus_object", text="Object")
-        draw_amount(layout, settings)
+
+
+def _draw_distance(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
+    """The focus distance, as a length where the scale is given; what is keyed is the same number."""
+    if not settings.metres_per_unit > 0:
+        layout.prop(settings, "focus_distance", text="Distance")
+        return
+    row = layout.row(align=True)
+    row.use_property_decorate = False
+    row.prop(settings, "focus_length", text="Distance")
+    row.prop_decorator(settings, "focus_distance")
 
 
 def _draw_points(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup, by_points: bool) -> None:

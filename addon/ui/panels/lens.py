@@ -1,4 +1,4 @@
-"""The lens: how much blur, scale and f-stop, the shape of the aperture, and the light of what is clipped."""
+"""The Lens panel: presets, scale, the shape of the aperture, and the light of what is clipped."""
 
 from __future__ import annotations
 
@@ -6,33 +6,27 @@ import bpy
 
 from ...core.base.errors import UserError
 from ...scene import depth_of_field, lens
-from .. import bokeh, set_scale
+from .. import bokeh, lens_presets
 from ..operators import sentence
 from ..text import wrapped
+from .main import draw_subject
 from .panel import ClosedPanel, split
 
-PROPERTY_NAME = 0.4
-"""Share of a panel's width that the names of properties have, as Blender splits it."""
 BOKEH = 5.0
 """Rows that the picture of the aperture is high. By eye."""
 
 
-def draw_amount(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
-    """How much blur, as a share of the width, an f-stop and a radius; and what is sharp with it."""
-    layout.prop(settings, "blur")
-    column = layout.column()
-    column.active = not lens.is_keyed(settings, "blur")
-    if settings.metres_per_unit > 0:
-        column.prop(settings, "f_stop")
-    elif settings.points is not None:
-        split = column.split(factor=PROPERTY_NAME)
-        name = split.row()
-        name.alignment = "RIGHT"
-        name.label(text="F-Stop")
-        split.operator(set_scale.VIRTUAL_APERTURE_OT_set_scale.bl_idname, text="Set Scale")
-    column.prop(settings, "aperture_radius", text="Aperture")
-    if sharp := depth_of_field.sharp_words(settings):
-        layout.label(text=sharp, icon="CAMERA_DATA")
+class VIRTUAL_APERTURE_PT_lens(ClosedPanel, bpy.types.Panel):  # noqa: N801
+    bl_label = "Lens"
+
+    def draw_header_preset(self, _context: bpy.types.Context) -> None:
+        lens_presets.draw_button(self.layout)
+
+    def draw(self, context: bpy.types.Context) -> None:
+        settings = context.scene.virtual_aperture
+        column = split(self.layout, with_keys=True).column()
+        column.active = not lens.is_keyed(settings, "blur")
+        column.prop(settings, "aperture_radius")
 
 
 def draw_bokeh(
@@ -47,22 +41,15 @@ def draw_bokeh(
 
 
 class VIRTUAL_APERTURE_PT_scale(ClosedPanel, bpy.types.Panel):  # noqa: N801
-    bl_label = "Scale and F-Stop"
-    bl_parent_id = "VIRTUAL_APERTURE_PT_focus"
+    bl_label = "Scale"
+    bl_parent_id = "VIRTUAL_APERTURE_PT_lens"
 
     def draw(self, context: bpy.types.Context) -> None:
         settings = context.scene.virtual_aperture
         layout = split(self.layout)
-        if not settings.metres_per_unit:
-            wrapped(
-                layout,
-                context,
-                "F-stops need the scene's scale: set the distance between two vertices",
-                icon="INFO",
-            )
-        layout.operator(set_scale.VIRTUAL_APERTURE_OT_set_scale.bl_idname, icon="DRIVER_DISTANCE")
+        draw_subject(layout, settings)
         layout.prop(settings, "metres_per_unit")
-        if settings.metres_per_unit > 0:
+        if settings.points is not None:
             millimetres = 1000 * depth_of_field.focal_metres(settings)
             sensor = depth_of_field.sensor_millimetres(settings)
             equivalent = "" if settings.lens == "SENSOR" else " (full-frame equivalent)"
@@ -71,7 +58,7 @@ class VIRTUAL_APERTURE_PT_scale(ClosedPanel, bpy.types.Panel):  # noqa: N801
 
 class VIRTUAL_APERTURE_PT_shape(ClosedPanel, bpy.types.Panel):  # noqa: N801
     bl_label = "Aperture Shape"
-    bl_parent_id = "VIRTUAL_APERTURE_PT_focus"
+    bl_parent_id = "VIRTUAL_APERTURE_PT_lens"
 
     def draw(self, context: bpy.types.Context) -> None:
         shape = context.scene.virtual_aperture.shape
@@ -94,7 +81,7 @@ class VIRTUAL_APERTURE_PT_shape(ClosedPanel, bpy.types.Panel):  # noqa: N801
 
 class VIRTUAL_APERTURE_PT_highlights(ClosedPanel, bpy.types.Panel):  # noqa: N801
     bl_label = "Highlights"
-    bl_parent_id = "VIRTUAL_APERTURE_PT_focus"
+    bl_parent_id = "VIRTUAL_APERTURE_PT_lens"
 
     def draw(self, context: bpy.types.Context) -> None:
         settings = context.scene.virtual_aperture
@@ -106,4 +93,9 @@ class VIRTUAL_APERTURE_PT_highlights(ClosedPanel, bpy.types.Panel):  # noqa: N80
         row.prop(settings, "highlight_threshold")
 
 
-CLASSES = (VIRTUAL_APERTURE_PT_scale, VIRTUAL_APERTURE_PT_shape, VIRTUAL_APERTURE_PT_highlights)
+CLASSES = (
+    VIRTUAL_APERTURE_PT_lens,
+    VIRTUAL_APERTURE_PT_scale,
+    VIRTUAL_APERTURE_PT_shape,
+    VIRTUAL_APERTURE_PT_highlights,
+)

@@ -19,7 +19,7 @@ class Panel:
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Not for scenes of a newer version, of which the Footage panel tells: settings may mean something
+        """Not for scenes of a newer version, of which the first panel tells: settings may mean something
         else there."""
         return not version.is_newer(context.scene.virtual_aperture)
 

@@ -5,24 +5,17 @@ from __future__ import annotations
 import bpy
 
 from .. import preview
-from .panel import Panel, split
+from .panel import ClosedPanel, split
 
 
-class VIRTUAL_APERTURE_PT_preview(Panel, bpy.types.Panel):  # noqa: N801
+class VIRTUAL_APERTURE_PT_preview(ClosedPanel, bpy.types.Panel):  # noqa: N801
     bl_label = "Preview"
 
     def draw(self, context: bpy.types.Context) -> None:
         settings = context.scene.virtual_aperture
         layout = split(self.layout)
-        is_shown = preview.is_shown(context)
-        layout.operator(
-            preview.VIRTUAL_APERTURE_OT_preview.bl_idname,
-            text="End Preview" if is_shown else "Preview",
-            icon="SHADING_RENDERED",
-            depress=is_shown,
-        )
         column = layout.column()
-        column.active = is_shown
+        column.active = preview.is_shown(context)
         column.prop(settings, "viewport_shows")
         column.prop(settings, "viewport_wipe")
         row = layout.row()

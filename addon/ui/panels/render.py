@@ -5,12 +5,11 @@ from __future__ import annotations
 import bpy
 
 from ...core.frame.meshers import MESHERS
-from .. import movie, notices, render_clip, report_list
-from ..text import wrapped
-from .panel import PRIMARY, ClosedPanel, Panel, split
+from .. import movie
+from .panel import ClosedPanel, split
 
 
-class VIRTUAL_APERTURE_PT_render(Panel, bpy.types.Panel):  # noqa: N801
+class VIRTUAL_APERTURE_PT_render(ClosedPanel, bpy.types.Panel):  # noqa: N801
     bl_label = "Render"
 
     def draw(self, context: bpy.types.Context) -> None:
@@ -22,14 +21,6 @@ class VIRTUAL_APERTURE_PT_render(Panel, bpy.types.Panel):  # noqa: N801
         layout.prop(scene.virtual_aperture, "render_as")
         layout.prop(scene.render, "filepath", text="Output")
         layout.prop(scene.virtual_aperture, "quality")
-        wrapped(layout, context, output_words(scene), icon="OUTPUT")
-        notices.draw_ignored(layout, context)
-        layout.operator(render_clip.VIRTUAL_APERTURE_OT_render_frame.bl_idname, icon="RENDER_STILL")
-        row = layout.row()
-        row.scale_y = PRIMARY
-        row.operator(render_clip.VIRTUAL_APERTURE_OT_render_clip.bl_idname, icon="RENDER_ANIMATION")
-        movie.draw(layout)
-        report_list.draw(layout, context)
 
 
 def output_words(scene: bpy.types.Scene) -> str:

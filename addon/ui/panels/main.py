@@ -1,0 +1,179 @@
+"""The first panel: all of the daily work, with the next step as its large button."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+
+from ...scene import blender_focus, depth_of_field, lens
+from .. import (
+    choose_clip,
+    depth_ahead,
+    focus,
+    focus_list,
+    lens_presets,
+    movie,
+    notices,
+    operators,
+    photos,
+    pick_focus,
+    preview,
+    render_clip,
+    report_list,
+    set_scale,
+)
+from ..solving import Solving
+from ..text import left_words, wrapped
+from . import clip, render
+from .panel import PRIMARY, Panel, split
+
+MOST_MARKS = 5
+"""Focus marks that have a button each: more would be too narrow in a sidebar 250 pixels wide."""
+BUTTON = 12
+"""Pixels of a row that a small button takes of its text, at a resolution scale of 1. By eye."""
+UNIT = 0.75
+"""Share of a row that a number has which is followed by words. By eye."""
+
+
+class VIRTUAL_APERTURE_PT_main(Panel, bpy.types.Panel):  # noqa: N801
+    bl_label = "Virtual Aperture"
+
+    @classmethod
+    def poll(cls, _context: bpy.types.Context) -> bool:
+        return True
+
+    def draw(self, context: bpy.types.Context) -> None:
+        settings, layout = context.scene.virtual_aperture, self.layout
+        solving = operators.running_solve()
+        if solving is not None:
+            layout.label(text=solving.clip, icon="FILE_MOVIE")
+        elif settings.footage:
+            _draw_clip(layout, settings)
+        notices.draw_scene(layout, context)
+        notices.draw_clip(layout, context)
+        if solving is not None:
+            _draw_solving(layout, solving)
+        elif not settings.footage:
+            wrapped(layout, context, "Drop a clip on the viewport, or choose one", icon="IMPORT")
+            _large(layout).operator(choose_clip.VIRTUAL_APERTURE_OT_choose_clip.bl_idname, icon="FILEBROWSER")
+        elif settings.points is None:
+            _draw_unsolved(layout, context)
+        else:
+            _draw_solved(layout, context)
+
+
+def _large(layout: bpy.types.UILayout) -> bpy.types.UILayout:
+    row = layout.row(align=True)
+    row.scale_y = PRIMARY
+    return row
+
+
+def _draw_clip(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
+    row = layout.row(align=True)
+    name = Path(settings.footage).name
+    row.operator(choose_clip.VIRTUAL_APERTURE_OT_choose_clip.bl_idname, text=name, icon="FILE_MOVIE")
+    if photos.are_photos(settings):
+        row.operator(photos.VIRTUAL_APERTURE_OT_show_photo.bl_idname, text="", icon="IMAGE_DATA")
+
+
+def _draw_solving(layout: bpy.types.UILayout, solving: Solving) -> None:
+    bar = _large(layout)
+    bar.progress(factor=solving.step.share, text=solving.step.text)
+    left = left_words(solving.left)
+    layout.label(text=f"{left}, ESC cancels" if left else "ESC cancels", icon="TIME")
+
+
+def _draw_unsolved(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    settings = context.scene.virtual_aperture
+    if clip.may_be_photos(settings):
+        layout.prop(settings, "stills")
+    wrapped(layout, context, "Solve the clip to find its camera motion and depth", icon="INFO")
+    solve = operators.VIRTUAL_APERTURE_OT_solve.bl_idname
+    _large(layout).operator(solve, icon="TRACKER").again = False
+
+
+def _draw_solved(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    settings = context.scene.virtual_aperture
+    if advice := notices.advice(settings):
+        wrapped(layout, context, operators.sentence(advice), icon="INFO")
+    else:
+        # Files of before summaries do not say how good it is.
+        layout.label(text="Good solve" if settings.summary else "Solved", icon="CHECKMARK")
+    notices.draw_depth(layout, context)
+    row = _large(layout)
+    is_shown = preview.is_shown(context)
+    row.operator(
+        preview.VIRTUAL_APERTURE_OT_preview.bl_idname, text="End Preview" if is_shown else "Preview",
+        icon="SHADING_RENDERED", depress=is_shown,
+    )  # fmt: skip
+    row.operator(pick_focus.VIRTUAL_APERTURE_OT_pick_focus.bl_idname, icon="EYEDROPPER")
+    if settings.points.mode == "EDIT":
+        wrapped(layout, context, "Select vertices on what should be sharp, ideally four", icon="INFO")
+        _large(layout).operator(focus.VIRTUAL_APERTURE_OT_set_focus.bl_idname, icon="PIVOT_MEDIAN")
+    _draw_marks(layout, context)
+    _draw_amount(layout, settings)
+    notices.draw_ignored(layout, context)
+    row = _large(layout)
+    # Without icons: in a narrow sidebar they would cut their names off.
+    row.operator(render_clip.VIRTUAL_APERTURE_OT_render_frame.bl_idname)
+    row.operator(render_clip.VIRTUAL_APERTURE_OT_render_clip.bl_idname)
+    wrapped(layout, context, render.output_words(context.scene), icon="OUTPUT")
+    movie.draw(layout)
+    report_list.draw(layout, context)
+    # Last: no button moves under the mouse when it ends.
+    depth_ahead.draw_progress(layout, settings)
+
+
+def _draw_marks(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """What is in focus, and a button for the frame of each focus mark, and for another."""
+    settings, frame = context.scene.virtual_aperture, context.scene.frame_current
+    if (thing := blender_focus.focus_object(settings)) is not None:
+        layout.label(text=f"In focus: {thing.name}", icon="OBJECT_DATA")
+        return
+    marks = settings.marks.items
+    if not len(marks):
+        if not lens.is_in_focus(settings):
+            wrapped(layout, context, "Pick Focus, then click what should be sharp", icon="INFO")
+        return
+    row = layout.row(align=True)
+    if len(marks) == 1:
+        first = "the nearest large object near the centre"
+        name = first if settings.marks.is_first else marks[0].name
+        wrapped(row, context, f"In focus: {name}", icon="KEYFRAME_HLT", beside=BUTTON)
+    else:
+        row.label(text="Focus at")
+    for mark in marks[:MOST_MARKS] if len(marks) > 1 else ():
+        jump = row.operator(
+            focus_list.VIRTUAL_APERTURE_OT_jump_to_focus_mark.bl_idname, text=str(mark.frame),
+            depress=mark.frame == frame,
+        )  # fmt: skip
+        jump.frame = mark.frame
+    row.operator(pick_focus.VIRTUAL_APERTURE_OT_pick_focus.bl_idname, text="", icon="ADD").add = True
+
+
+def _draw_amount(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
+    """How much blur, as a share of the width and as an f-stop; and what the f-stop assumes."""
+    column = split(layout.column(align=True), with_keys=True)
+    column.prop(settings, "blur")
+    stop = column.row(align=True)
+    stop.active = not lens.is_keyed(settings, "blur")
+    stop.prop(settings, "f_stop")
+    lens_presets.draw_button(stop)
+    if not settings.metres_per_unit > 0 and depth_of_field.subject_metres(settings) > 0:
+        draw_subject(layout, settings)
+
+
+def draw_subject(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
+    """How far away the subject is, which tells the scale; while it is assumed, so it says."""
+    column = layout.column(align=True)
+    if not settings.metres_per_unit > 0:
+        column.label(text="Assumed: the subject is about", icon="DRIVER_DISTANCE")
+    row = column.split(factor=UNIT, align=True)
+    row.use_property_split = False
+    row.prop(settings, "subject_metres", text="")
+    row.label(text="m away")
+    column.operator(set_scale.VIRTUAL_APERTURE_OT_set_scale.bl_idname)
+
+
+CLASSES = (VIRTUAL_APERTURE_PT_main,)
