@@ -18,7 +18,7 @@ help:
 	@echo "make test-fast  those that need neither Blender nor a solve nor another process"
 	@echo "make test-all  and long solves, real data and the benchmarks' own"
 	@echo "make test-window  drive a real Blender on a virtual screen with mouse and keys (BLENDER=PROGRAM); BACKEND=vulkan: a part of them"
-	@echo "make test-window-short  the same without three walks of many minutes through whole clips"
+	@echo "make test-window-short  the same without four walks of many minutes through whole clips"
 	@echo "make pictures  take the documentation's pictures in a real Blender (BLENDER=PROGRAM), into docs/pictures/"
 	@echo "make torture  kills, full disks, races and damaged files for hours; resumes (TRIES=100 FAULTS=\"movie jobs\")"
 	@echo "make sample SCENE=bars  a scene of the benchmark: .blend, clip and true cameras, into sample/"
@@ -67,7 +67,8 @@ test-window: setup
 	@BACKEND=$(BACKEND) $(PYTHON) -m pytest $(WINDOW_TESTS)
 
 # Walks of many minutes, through a real clip, through that of a walker, and for the documentation's pictures.
-WALKS := tests/window/test_in_the_hands.py tests/window/test_pictures.py tests/window/test_walker_in_the_hands.py
+WALKS := tests/window/test_in_the_hands.py tests/window/test_pictures.py tests/window/test_walker_in_the_hands.py \
+	tests/window/test_first_panel.py
 
 test-window-short:
 	@$(MAKE) --no-print-directory test-window WINDOW_TESTS="tests/window $(WALKS:%=--ignore=%)"
