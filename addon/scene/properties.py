@@ -313,8 +313,8 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
     )
     metres_per_unit: FloatProperty(
         name="Metres per Unit",
-        description="Size of one scene unit in metres; Blender then shows lengths in metres, too. 0 if unknown:"
-        " a solve has an arbitrary scale, and f-stops assume one",
+        description="Size of one scene unit in metres; Blender then shows lengths in metres, too. 0 if"
+        " unknown: a solve has an arbitrary scale, and f-stops assume one",
         min=0.0,
         soft_max=10.0,
         default=0.0,

@@ -15,9 +15,6 @@ from .pick_subject import VIRTUAL_APERTURE_OT_pick_subject
 from .restore import VIRTUAL_APERTURE_OT_restore_objects
 from .text import wrapped
 
-NO_ADVICE = "none needed"
-"""What files hold of a solve that needs no advice."""
-
 
 def draw_scene(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """The scene cannot be changed, or lacks objects of its solve: and the way out."""
@@ -52,11 +49,6 @@ def draw_clip(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         )
         here.filepath = str(trouble.found)
     row.operator(VIRTUAL_APERTURE_OT_find_clip.bl_idname, icon="FILE_FOLDER").filepath = ""
-
-
-def advice(settings: bpy.types.PropertyGroup) -> str:
-    """What would help the solve most; empty where nothing need be done."""
-    return "" if settings.advice == NO_ADVICE else str(settings.advice)
 
 
 def draw_notes(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:

@@ -95,7 +95,7 @@ def _draw_unsolved(layout: bpy.types.UILayout, context: bpy.types.Context) -> No
 
 def _draw_solved(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     settings = context.scene.virtual_aperture
-    if advice := notices.advice(settings):
+    if advice := settings.advice:
         wrapped(layout, context, operators.sentence(advice), icon="INFO")
     else:
         # Files of before summaries do not say how good it is.

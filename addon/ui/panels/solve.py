@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ...scene import masks
-from .. import after_solve, depth_ahead, notices, operators
+from .. import after_solve, depth_ahead, operators
 from ..text import wrapped
 from . import clip
 from .panel import ClosedPanel, split
@@ -39,7 +39,7 @@ def _draw_solve(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     box = layout.box()
     if settings.summary:
         wrapped(box, context, settings.summary, icon="CHECKMARK")
-        if advice := notices.advice(settings):
+        if advice := settings.advice:
             wrapped(box, context, operators.sentence(advice), icon="INFO")
     else:
         box.label(text="Solved", icon="CHECKMARK")
