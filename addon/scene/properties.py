@@ -62,14 +62,6 @@ def _blur_now(settings: VirtualApertureSettings, stored: float, _is_set: bool) -
     return lens.blur_now(settings, stored)
 
 
-def _focus_length(settings: VirtualApertureSettings) -> float:
-    return float(settings.focus_distance)
-
-
-def _set_focus_length(settings: VirtualApertureSettings, length: float) -> None:
-    settings.focus_distance = length
-
-
 SHOWN_VIEWS = 64
 """To begin with, where the number of views is no longer to be found."""
 
@@ -250,8 +242,8 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
         name="Focus Distance",
         description="The same as a length, where the scene's scale is given",
         subtype="DISTANCE",
-        get=_focus_length,
-        set=_set_focus_length,
+        get=lambda settings: settings.focus_distance,
+        set=lambda settings, length: setattr(settings, "focus_distance", length),
         min=0.0,
         soft_max=100.0,
         precision=3,
