@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import bpy
@@ -10,13 +11,15 @@ import numpy as np
 
 from ..core.base.arrays import Floats
 from ..core.camera.reconstruction import Reconstruction
-from ..render.message import free_part
+from ..render.message import Rectangle, free_part
 from ..render.viewport import frame_in_region
 
 MARGIN = 0.98
 """Of a viewport's free width or height, that a camera's frame may take."""
-LEAST_ZOOM = -30.0
+LEAST_ZOOM, MOST_ZOOM = -30.0, 600.0
 """Of a camera view, in Blender's measure."""
+PROBE = 0.1
+"""Offset of a camera view, in Blender's measure, by which is found how far one moves the frame."""
 SOLID = {"MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD", "VOLUME"}
 """Types of objects that hide what is behind them."""
 
@@ -49,23 +52,28 @@ def look_through_camera(window: bpy.types.Window) -> None:
 
 
 def _fit(window: bpy.types.Window, area: bpy.types.Area) -> None:
-    """Put the camera's frame in the middle of a viewport, as large as Blender shows it by itself, or as small
-    as headers and sidebars want it."""
+    """Put the camera's frame in the middle of what headers and sidebars leave free of a viewport, and make it
+    as large as it can be there."""
     view = area.spaces.active.region_3d
     region = next(each for each in area.regions if each.type == "WINDOW" and each.data == view)
-    view.view_camera_zoom, view.view_camera_offset = 0.0, (0.0, 0.0)
-    with bpy.context.temp_override(window=window, area=area, region=region):
-        view.update()
-    frame = frame_in_region(region, view, window.scene)
-    if frame is None:
-        return
+
+    def shown(zoom: float, offset: Sequence[float]) -> Rectangle | None:
+        view.view_camera_zoom, view.view_camera_offset = zoom, offset
+        with bpy.context.temp_override(window=window, area=area, region=region):
+            view.update()
+        return frame_in_region(region, view, window.scene)
+
+    before = shown(0.0, (0.0, 0.0))
     left, bottom, right, top = free_part(area, region)
-    across, up = region.width / 2, region.height / 2
-    free = 2 * min(across - left, right - across), 2 * min(up - bottom, top - up)
-    share = MARGIN * min(free[0] / frame[2], free[1] / frame[3])
-    if share < 1:
-        # A frame's size goes with ((sqrt 2 + zoom / 50) / 2) squared.
-        view.view_camera_zoom = max(50 * math.sqrt(2) * (math.sqrt(max(share, 0.0)) - 1), LEAST_ZOOM)
+    if before is None or right <= left or top <= bottom:
+        return
+    share = MARGIN * min((right - left) / before[2], (top - bottom) / before[3])
+    # A frame's size goes with ((sqrt 2 + zoom / 50) / 2) squared.
+    zoom = float(np.clip(50 * math.sqrt(2) * (math.sqrt(share) - 1), LEAST_ZOOM, MOST_ZOOM))
+    still, moved = shown(zoom, (0.0, 0.0)), shown(zoom, (PROBE, PROBE))
+    if still is not None and moved is not None:
+        wished = (left + right - still[2]) / 2 - still[0], (bottom + top - still[3]) / 2 - still[1]
+        shown(zoom, [PROBE * wished[axis] / (moved[axis] - still[axis]) for axis in (0, 1)])
 
 
 def make_active(points: bpy.types.Object, layer: bpy.types.ViewLayer) -> None:
