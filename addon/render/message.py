@@ -79,7 +79,7 @@ def ground(text: str, free: Rectangle, scale: float) -> tuple[list[str], Rectang
 def draw(text: str, area: bpy.types.Area, region: bpy.types.Region, scale: float) -> None:
     """Draw a message, which must hold a word, where the GPU draws into the region's pixels."""
     wrapped, (left, bottom, right, top) = ground(text, free_part(area, region), scale)
-    _draw_ground((left, bottom, right, top))
+    fill((left, bottom, right, top))
     blf.color(FONT, *LIGHT)
     for number, line in enumerate(wrapped, 1):
         blf.position(FONT, left + PADDING * scale, top - number * SPACING * scale, 0)
@@ -97,13 +97,14 @@ def draw_label(
     gap = PADDING / 2 * scale
     left = max(frame[0], free[0]) + gap
     top = min(frame[1] + frame[3], free[3]) - gap
-    _draw_ground((left, top - height - 2 * gap, left + width + 2 * gap, top))
+    fill((left, top - height - 2 * gap, left + width + 2 * gap, top))
     blf.color(FONT, *LIGHT)
     blf.position(FONT, left + gap, top - gap - 0.8 * height, 0)
     blf.draw(FONT, text)
 
 
-def _draw_ground(rectangle: Rectangle) -> None:
+def fill(rectangle: Rectangle) -> None:
+    """Draw the dark ground of a message, in pixels of the region."""
     left, bottom, right, top = rectangle
     corners = np.array([[left, bottom], [right, bottom], [right, top], [left, top]], np.float32)
     shader: Any = gpu.shader.from_builtin("UNIFORM_COLOR")

@@ -31,6 +31,7 @@ from . import (
     report_list,
     restore,
     set_scale,
+    solve_view,
     subjects,
     thumbnails,
     wipe,
@@ -85,6 +86,7 @@ def register() -> None:
     viewport.register()
     # After what takes overlays away from the preview's picture: the points are drawn over that.
     points_overlay.register()
+    solve_view.register()
     depth_ahead.register()
     main_thread.start()
 
@@ -93,6 +95,7 @@ def unregister() -> None:
     """Undo `register` in reverse order, end what is under way, and close the open clip."""
     operators.end_solve()
     movie.unregister()
+    solve_view.unregister()
     points_overlay.unregister()
     viewport.unregister()
     frames_ahead.unregister()

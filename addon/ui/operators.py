@@ -252,10 +252,13 @@ class Solves:
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
         try:
+            before = self._process.sight, self._process.step.stage
             for step in self._process.poll():
                 context.window_manager.progress_update(100 * step.share)
                 context.workspace.status_text_set(f"Virtual Aperture: {step.text}    (ESC cancels)")
                 redraw.panels()
+            if (self._process.sight, self._process.step.stage) != before:
+                redraw.viewports()
             if not self._process.finished:
                 return {"RUNNING_MODAL"}
             self._end(context)
@@ -305,7 +308,7 @@ class Solves:
             self._timer = None
         context.window_manager.progress_end()
         context.workspace.status_text_set(None)
-        redraw.panels()
+        redraw.viewports()
 
 
 class VIRTUAL_APERTURE_OT_solve(Solves, bpy.types.Operator):  # noqa: N801

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from ..core.base.progress import Cancelled, reporting
 from ..core.base.time_left import TimeLeft
 from ..core.sfm.process import SolveProcess, SolveProgress
+from ..core.sfm.watching import Sight
 
 
 class Solving:
@@ -45,6 +46,11 @@ class Solving:
     def finished(self) -> bool:
         """Whether the folder holds the solve."""
         return self.process is not None and self.process.finished
+
+    @property
+    def sight(self) -> Sight | None:
+        """What the tracker saw last; None before it has begun."""
+        return self.process.sight if self.process is not None else None
 
     def poll(self) -> list[SolveProgress]:
         """As `SolveProcess.poll`; also raises what opening the clip raised."""

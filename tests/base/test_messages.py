@@ -14,7 +14,7 @@ import pytest
 
 from addon.core.base.child import Child, end
 from addon.core.base.errors import Remedy, UserError
-from addon.core.base.messages import Failure, Message, Progress, Result, Warned, decode, encode, send
+from addon.core.base.messages import Failure, Message, Progress, Result, Seen, Warned, decode, encode, send
 
 ROOT = Path(__file__).resolve().parents[2]
 SPEAK = "import os, sys; from addon.core.base.messages import *; speak();"
@@ -24,6 +24,7 @@ SPEAK = "import os, sys; from addon.core.base.messages import *; speak();"
     "message",
     [
         Progress("depth", 3, 118), Progress("frames", 1, 2, -7), Warned("a \"quote\"\nand a line"), Result(),
+        Seen("AAA=", [[0.5, 0.25]]),
         Failure("no", 2, (Remedy.WORK_DIR, Remedy.AGAIN), "Traceback: \u00e9"),
     ],
 )  # fmt: skip

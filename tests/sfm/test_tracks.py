@@ -401,3 +401,17 @@ def test_two_frames_are_too_few(tmp_path: Path) -> None:
 def test_an_unknown_tracker_is_named(tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"'surf'.*harris, corners, sift-klt, sift"):
         tracked(planes.write_clip(tmp_path / "clip", shifted(3, (2.0, 0.0))), "surf")
+
+
+def test_what_is_found_is_told_with_its_frame(tmp_path: Path) -> None:
+    folder = tmp_path / "clip"
+    folder.mkdir()
+    for number, picture in enumerate(shifted(5, (2.0, 0.0)), 1):
+        cv2.imwrite(str(folder / f"clip_{number:04d}.png"), picture)
+    told: list[tuple[NDArray, NDArray]] = []
+    footage = open_footage(folder)
+    tracks = track_features(footage, lambda *_: None, watch=lambda *seen: told.append(seen))
+    assert len(told) == 5
+    for index, (picture, places) in enumerate(told):
+        assert np.array_equal(picture, footage.read(footage.frames[index]))
+        np.testing.assert_allclose(places * planes.SIZE, tracks.in_frame(index)[1], atol=1e-3)

@@ -39,6 +39,16 @@ class Warned:
 
 
 @dataclass(frozen=True)
+class Seen:
+    """What a stage of the work looks at, for who waits: a frame, and features that were found in it."""
+
+    picture: str
+    """The frame, small, as JPEG in base 64."""
+    places: list[list[float]]
+    """x and y of the features as fractions of the picture, (0, 0) top left."""
+
+
+@dataclass(frozen=True)
 class Result:
     """All that was asked for is done: whole and in its place."""
 
@@ -63,9 +73,9 @@ class Failure:
         return error
 
 
-Message = Progress | Warned | Result | Failure
+Message = Progress | Warned | Seen | Result | Failure
 _KINDS: dict[str, type[Message]] = {
-    "progress": Progress, "warning": Warned, "result": Result, "error": Failure,
+    "progress": Progress, "warning": Warned, "seen": Seen, "result": Result, "error": Failure,
 }  # fmt: skip
 _NAMES = {kind: name for name, kind in _KINDS.items()}
 

@@ -248,16 +248,19 @@ def to_linear(picture: Pixels) -> NDArray[np.float32]:
     return out
 
 
-def to_gray8(picture: Pixels) -> NDArray[np.uint8]:
-    """(H, W, 3 or 4) as stored -> (H, W) uint8 display-encoded luma, for tracking."""
+def to_rgb8(picture: Pixels) -> NDArray[np.uint8]:
+    """(H, W, 3 or 4) as stored -> (H, W, 3) uint8, display-encoded."""
     if picture.dtype == np.float32:
         encoded = encode_srgb(np.clip(np.nan_to_num(picture[..., :3]), 0, 1))
-        rgb = np.round(encoded * 255).astype(np.uint8)
-    elif picture.dtype == np.uint16:
-        rgb = (np.asarray(picture[..., :3], dtype=np.uint16) >> 8).astype(np.uint8)
-    else:
-        rgb = np.ascontiguousarray(picture[..., :3], dtype=np.uint8)
-    return np.asarray(cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
+        return np.round(encoded * 255).astype(np.uint8)
+    if picture.dtype == np.uint16:
+        return (np.asarray(picture[..., :3], dtype=np.uint16) >> 8).astype(np.uint8)
+    return np.ascontiguousarray(picture[..., :3], dtype=np.uint8)
+
+
+def to_gray8(picture: Pixels) -> NDArray[np.uint8]:
+    """(H, W, 3 or 4) as stored -> (H, W) uint8 display-encoded luma, for tracking."""
+    return np.asarray(cv2.cvtColor(to_rgb8(picture), cv2.COLOR_RGB2GRAY), dtype=np.uint8)
 
 
 def encode_srgb(linear: NDArray[np.floating]) -> NDArray[np.floating]:

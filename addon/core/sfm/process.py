@@ -14,7 +14,7 @@ from typing import Any
 from ..base.atomic import collect_temporary
 from ..base.child import Child, end
 from ..base.errors import Remedy, UserError
-from ..base.messages import Failure, Message, Progress
+from ..base.messages import Failure, Message, Progress, Seen
 from ..camera.focal_length import Focal, in_pixels
 from ..depth.placed_points import placed
 from ..depth.user_maps import open_depth
@@ -28,6 +28,7 @@ from .report import STAYS
 from .staging import Staging
 from .state import MODEL
 from .tracks import TRACKERS
+from .watching import Sight, decoded
 from .workspace import check_import, check_replaceable, imported_from, is_solved
 
 SHARES = {
@@ -64,6 +65,11 @@ class SolveProgress:
     text: str
     share: float
 
+    @property
+    def stage(self) -> str:
+        """What is being done, without how far it is."""
+        return self.text.rstrip(" 0123456789/")
+
 
 class SolveProcess:
     """A solve under way in the worker process.
@@ -99,6 +105,8 @@ class SolveProcess:
         self._messages: queue.SimpleQueue[Message | None] = queue.SimpleQueue()
         self._staging: Staging | None = None
         self.finished = False
+        self.sight: Sight | None = None
+        """What the tracker saw last."""
         collect_temporary()
         self.clip = open_footage(footage, frames, stills=stills)
         self.clip.close()
@@ -175,6 +183,8 @@ class SolveProcess:
                 break
             if isinstance(message, Progress):
                 steps.append(_progress(message))
+            elif isinstance(message, Seen):
+                self.sight = decoded(message)
             elif message is None or isinstance(message, Failure):
                 failure = message or self._child.failure
                 if failure is not None:

@@ -19,6 +19,7 @@ from ..base.arrays import Bytes, Floats, Ints
 from ..base.counting import counted
 from ..base.errors import Remedy, UserError
 from ..media.clip import Footage, to_gray8
+from ..media.picture_file import Pixels
 from .klt import KLTOptions, TwoScales, follow, new_corners, new_harris
 from .sift import Detector, Matcher, SIFTOptions
 
@@ -29,6 +30,9 @@ TRACKERS = ("harris", "corners", "sift-klt", "sift")
 with known truth 28 were right with it, 27 with the second, 24 with the others (`make bench-solve`)."""
 
 Progress = Callable[[str, int, int], None]
+Watch = Callable[[Pixels, Floats], None]
+"""Called with each frame (H, W, 3 or 4) as stored and places (n, 2) of its features, as fractions of its
+size."""
 
 
 @dataclass(frozen=True)
@@ -103,6 +107,7 @@ def track_features(
     progress: Progress,
     tracker: str = TRACKERS[0],
     options: TrackingOptions = TrackingOptions(),
+    watch: Watch = lambda *_: None,
 ) -> Tracks:
     """Follow features through all frames of the clip by one of `TRACKERS`.
 
@@ -122,7 +127,7 @@ def track_features(
             " moving camera are needed; photos can be solved as stills",
             Remedy.STILLS,
         )
-    tracks = run(made[tracker](), footage, progress, options)
+    tracks = run(made[tracker](), footage, progress, options, watch)
     return _followed(tracks) if tracker == "sift" else tracks
 
 
@@ -142,6 +147,7 @@ def run(
     footage: Footage,
     progress: Progress = lambda *_: None,
     options: TrackingOptions = TrackingOptions(),
+    watch: Watch = lambda *_: None,
 ) -> Tracks:
     """What a tracker makes of a clip; frames are shrunk to `long_side`, places are the source's."""
     zoom = min(1.0, options.long_side / max(footage.width, footage.height))
@@ -156,6 +162,7 @@ def run(
         picture = footage.read(frame)
         gray = _shrunk(to_gray8(picture), zoom)
         number, place = tracker.step(gray)
+        watch(picture, (place + 0.5) / gray.shape[::-1])
         new = np.searchsorted(number, born)
         colours.append(_colours(picture, place[new:], zoom))
         born += len(number) - int(new)

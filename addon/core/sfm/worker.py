@@ -35,6 +35,7 @@ from .known_cameras import read_cameras
 from .photo_matching import Photo, find_features, match_all
 from .tracks import Tracks, check_shape, cuts, track_features
 from .visibility import visible_points
+from .watching import Watch
 from .workspace import keep_visible
 
 METADATA_SIGMA = 0.1
@@ -133,7 +134,7 @@ def _solve_photos(footage: Footage, job: dict[str, Any], folder: Path) -> dict[s
 def _solve_clip(footage: Footage, job: dict[str, Any], folder: Path) -> dict[str, Any]:
     """Solve a clip into the folder; what is to be said of it."""
     check_shape(footage)
-    tracks = track_features(footage, _progress, job["tracker"])
+    tracks = track_features(footage, _progress, job["tracker"], watch=Watch(send))
     if job["cameras"] is None:
         refuse_cuts(tracks)
     elif cuts(tracks):
