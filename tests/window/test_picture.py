@@ -1,0 +1,185 @@
+"""The picture in the viewport: colours, points, the line that is dragged, words, and how soon it follows."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from .clips import write_scene
+from .conftest import PICTURES
+from .program import EXTENSION, Program
+from .screen import Screen
+from .steps import PICKING, over
+
+SETTINGS = "bpy.context.scene.virtual_aperture"
+SPACE = "view('VIEW_3D')['area'].spaces.active"
+VIEWPORT = f"__import__('sys').modules['{EXTENSION}.addon.render.viewport']"
+PREVIEW = f"{VIEWPORT}.PREVIEW"
+SHOWN = f"[s for s in {VIEWPORT}._in_regions.values() if s.frame][0]"
+BUSY = f"{PREVIEW}.is_busy()"
+FRAMES = tuple(range(1, 13))
+SCRUBBED, APART = 20, 0.1
+"""Steps of a held arrow key, and seconds from one to the next."""
+
+pytestmark = pytest.mark.usefixtures("in_order")
+
+
+@pytest.fixture(scope="module")
+def program(small_screen: Screen, resources: Path, folder: Path, registered: None) -> Iterator[Program]:
+    blend = write_scene(folder / "picture", (640, 360), 4, FRAMES)
+    made = Program(small_screen, resources, PICTURES / "picture")
+    made.screen.move(*made.middle("VIEW_3D"))
+    made.screen.key("Escape")
+    made.ask(f"bpy.ops.wm.open_mainfile(filepath={str(blend)!r}); None")
+    made.settle()
+    # Depth is not what is looked at here.
+    made.ask(
+        "bpy.data.objects.remove(bpy.data.objects['Cube'])\n"
+        f"{SETTINGS}.method, {SETTINGS}.blur = 'features', 0.06\n"
+        f"{SPACE}.region_3d.view_perspective = 'CAMERA'\n"
+    )
+    made.settle()
+    yield made
+    made.close()
+
+
+def call(program: Program, name: str) -> None:
+    """As its button does it."""
+    program.ask(
+        "with bpy.context.temp_override(**view('VIEW_3D')):\n"
+        f"    bpy.ops.virtual_aperture.{name}('INVOKE_DEFAULT')\n"
+    )
+    program.settle()
+
+
+def seen(program: Program, name: str, left: float = 0.1, right: float = 0.9) -> np.ndarray:
+    """What the screen shows of the camera's frame between two shares of its width, once it is the best."""
+    program.wait(f"not {BUSY}", 200)
+    program.screen.move(*program.middle("VIEW_3D", "HEADER"))
+    program.settle()
+    (x, top), (end, bottom) = over(program, (left, 0.2)), over(program, (right, 0.8))
+    return program.shot(name)[round(top) : round(bottom), round(x) : round(end)].astype(int)
+
+
+def manage_colours(program: Program, transform: str, exposure: float) -> None:
+    program.ask(
+        "colours = bpy.context.scene.view_settings\n"
+        f"colours.view_transform, colours.exposure = {transform!r}, {exposure}\nNone"
+    )
+
+
+def detail(picture: np.ndarray) -> float:
+    """How sharp it is."""
+    return float(np.abs(np.diff(picture, axis=1)).mean())
+
+
+def test_points_lie_over_the_clip_only_where_they_are_asked_for(program: Program) -> None:
+    clip = seen(program, "clip")
+    program.ask(f"{SETTINGS}.show_points = True")
+    shown = seen(program, "points")
+    assert (np.abs(shown - clip).max(axis=2) > 30).mean() > 0.02
+    program.ask(f"{SETTINGS}.show_points = False")
+    assert np.array_equal(seen(program, "no_points"), clip)
+
+
+def test_points_are_seen_while_focus_is_picked(program: Program) -> None:
+    call(program, "preview")
+    plain = seen(program, "preview")
+    call(program, "pick_focus")
+    picking = seen(program, "picking")
+    assert (np.abs(picking - plain).max(axis=2) > 30).mean() > 0.01
+    program.screen.key("Escape")
+    program.wait(f"not ({PICKING})")
+    assert np.array_equal(seen(program, "picked"), plain)
+
+
+def test_colours_are_the_renders_with_overlays_and_without(program: Program) -> None:
+    standard = seen(program, "standard")
+    manage_colours(program, "AgX", 1.0)
+    with_overlays = seen(program, "agx")
+    assert np.abs(with_overlays.mean() - standard.mean()) > 5, "another view transform changes nothing"
+    program.ask(f"{SPACE}.overlay.show_overlays = False")
+    assert np.array_equal(seen(program, "agx_without"), with_overlays)
+    program.ask(f"{SPACE}.overlay.show_overlays = True")
+    program.ask("bpy.context.scene.render.image_settings.file_format = 'PNG'")
+    assert "complete" in program.render(seconds=120)
+    file = program.pictures / "render.png"
+    assert program.ask(f"save_result({str(file)!r})") == ""
+    while program.ask("len(bpy.context.window_manager.windows)") > 1:
+        program.close_window()
+    rendered = cv2.imread(str(file))
+    assert rendered is not None
+    part = rendered[72:288, 64:576, ::-1].astype(float)
+    assert np.allclose(part.mean(axis=(0, 1)), with_overlays.mean(axis=(0, 1)), atol=2.0)
+    manage_colours(program, "Standard", 0.0)
+
+
+def test_the_line_is_dragged(program: Program) -> None:
+    blurred = seen(program, "blurred", 0.1, 0.5)
+    program.screen.drag(over(program, (0.002, 0.5)), over(program, (0.3, 0.5)), over(program, (0.6, 0.5)))
+    program.settle()
+    assert program.ask(f"{SETTINGS}.viewport_wipe") == pytest.approx(0.6, abs=0.02)
+    compared = seen(program, "compared", 0.1, 0.5)
+    assert detail(compared) > 1.2 * detail(blurred), "the clip as it was shot is not sharper"
+    # Anywhere on the line, and back.
+    program.screen.drag(over(program, (0.6, 0.3)), over(program, (0.3, 0.3)), over(program, (-0.05, 0.3)))
+    program.settle()
+    assert program.ask(f"{SETTINGS}.viewport_wipe") == 0
+    assert np.array_equal(seen(program, "back", 0.1, 0.5), blurred)
+
+
+def test_what_is_not_drawn_is_said_once_and_how_good_the_picture_is(program: Program) -> None:
+    program.wait(f"not {BUSY}", 60)
+    program.settle()
+    assert program.ask(f"[{SHOWN}.said, {SHOWN}.level]") == ["", "Final"]
+    program.ask(f"{VIEWPORT}.TOLD = 3.0; bpy.ops.mesh.primitive_monkey_add(); None")
+    program.wait(f"{SHOWN}.said.startswith('Not drawn: Suzanne. ')")
+    program.settle()
+    program.shot("not_drawn")
+    program.wait(f"{SHOWN}.said == ''", 20)
+    program.ask("bpy.context.object.location.x = 1.0")
+    program.settle()
+    assert program.ask(f"{SHOWN}.said") == ""
+
+
+def test_it_follows_what_is_changed_and_scrubbed(program: Program) -> None:
+    """Times are told, not judged; that pictures are seen on the way is."""
+    program.ask(
+        "import time\nbpy.seen = []\n"
+        "def note():\n"
+        f"    p = ({SHOWN}).picture\n"
+        "    if not bpy.seen or bpy.seen[-1][1] != id(p):\n"
+        "        bpy.seen.append([time.monotonic(), id(p), p.wanted.frame, p.wanted.key])\n"
+        "bpy.types.SpaceView3D.draw_handler_add(note, (), 'WINDOW', 'POST_PIXEL')\nNone"
+    )
+    for number in range(5):
+        program.wait(f"not {BUSY}", 60)
+        program.settle()
+        began = program.ask(
+            f"bpy.seen.clear()\nt = time.monotonic()\n{SETTINGS}.blur = {0.03 + 0.005 * number}\nt"
+        )
+        time.sleep(0.05)
+        program.wait(f"not {BUSY}", 60)
+        program.settle()
+        first = program.ask(f"[t for t, _, _, key in bpy.seen if key == {PREVIEW}._wanted.key][0]")
+        program.tell_time(first - began, "a change of the blur, until it is seen")
+    program.ask("bpy.context.scene.frame_set(1); None")
+    program.wait(f"not {BUSY}", 60)
+    program.settle()
+    program.screen.move(*program.middle("VIEW_3D"))
+    program.ask("bpy.seen.clear(); None")
+    began = time.monotonic()
+    for step in range(1, SCRUBBED + 1):
+        program.screen.key("Right")
+        time.sleep(max(0.0, began + step * APART - time.monotonic()))
+    spent = time.monotonic() - began
+    frames = program.ask("len({frame for _, _, frame, _ in bpy.seen})")
+    program.tell_time(
+        spent, f"scrubbing {SCRUBBED} frames, {frames} of them seen, {frames / spent:.1f} a second"
+    )
+    assert frames > 2, "nothing is seen on the way"
