@@ -78,7 +78,7 @@ def test_the_shape_is_drawn_and_tells_frames_apart(work: Path, letter: Path, tmp
     ("word", "said"),
     [("blades=90", "from 0 to 16"), ("blades=5.5", "whole number"), ("ratio=0.5", "from 1 to 10"),
      ("apodisation=1", "from 0 to 0.99"), ("ratio=nan", "not a number"), ("ratio=wide", "not a number"),
-     ("blade=5", "is not valid"), ("blades", "not understood")],
+     ("blade=5", "is not valid"), ("blades", "is not valid")],
 )  # fmt: skip
 def test_words_that_are_no_shape_are_refused(
     work: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], word: str, said: str
