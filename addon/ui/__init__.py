@@ -16,6 +16,7 @@ from . import (
     find_clip,
     focus,
     focus_list,
+    focus_strip,
     import_solve,
     lens_presets,
     movie,
@@ -50,6 +51,7 @@ CLASSES = (
     *photos.CLASSES,
     *focus.CLASSES,
     *focus_list.CLASSES,
+    *focus_strip.CLASSES,
     *pick_focus.CLASSES,
     *pick_subject.CLASSES,
     *subjects.CLASSES,
@@ -80,6 +82,7 @@ def register() -> None:
     focus_sync.register()
     thumbnails.register()
     bokeh.register()
+    focus_strip.register()
     background.register()
     frame_notes.register()
     frames_ahead.register()
@@ -111,6 +114,7 @@ def unregister() -> None:
     file_import.unregister()
     engine_panels.unregister()
     clip.forget()
+    focus_strip.unregister()
     thumbnails.unregister()
     bokeh.unregister()
     shot.forget()

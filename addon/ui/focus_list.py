@@ -65,13 +65,9 @@ class VIRTUAL_APERTURE_UL_focus_marks(bpy.types.UIList):  # noqa: N801
         )
         jump.frame = mark.frame
         row = row.split(factor=NAME)
-        what = row.row(align=True)
-        if thumbnail := thumbnails.icon(context.scene.virtual_aperture, mark):
-            # Else it would have half of the room.
-            small = what.row()
-            small.alignment = "LEFT"
-            small.template_icon(icon_value=thumbnail, scale=1.8)
-        what.prop(mark, "name", text="", emboss=False)
+        # A list's rows are of one height, and an icon is as large as fits; the strip has larger ones.
+        thumbnail = thumbnails.icon(context.scene.virtual_aperture, mark)
+        row.prop(mark, "name", text="", emboss=False, icon_value=thumbnail)
         away = row.row()
         away.alignment = "RIGHT"
         away.label(text=length_words(context.scene.virtual_aperture, mark.distance))

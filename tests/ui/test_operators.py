@@ -129,6 +129,11 @@ CASES = {
         f"{SUBJECT}::test_a_stroke_is_refused",
         "No subject is marked",
     ),
+    "drag_focus_mark": Case(
+        "ui/test_focus_strip.py::test_a_mark_is_moved",
+        "ui/test_focus_strip.py::test_a_mark_is_moved",
+        "already has a focus mark",
+    ),
     "hold_focus": Case(
         f"{PICK}::test_the_list_is_edited", f"{PICK}::test_the_list_is_edited", "Frame 3 already has a mark"
     ),

@@ -1,0 +1,358 @@
+"""The focus strip: thumbnails of the focus marks over the scene's frames, at the bottom of the camera view.
+
+A handler draws it, so that it is seen while the clip plays, too. A gizmo without a look of its own takes
+clicks and drags on thumbnails alone: whatever else the mouse does in the view stays as it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ..core.base.arrays import Floats
+from ..core.base.errors import UserError
+from ..scene import focus_marks
+from ..scene.depth_of_field import length_words
+from . import thumbnails
+from .focus_list import ChangesMarks
+from .operators import Result
+from .pick_view import GREEN, SHADE, WHITE, XY, line
+
+SIDE, GAP, EDGE, ROW, TRACK = 48.0, 22.0, 8.0, 14.0, 12.0
+"""Pixels at a resolution scale of 1: a thumbnail's side, what is free between two, the strip's edge, a row of
+text, and the height of the track with its ticks. By eye: a gap leaves room for "Picked place"."""
+TEXT = 10
+"""Points."""
+SLACK = 4
+"""Pixels that the mouse moves before a click is a drag, at a resolution scale of 1. Blender's own are 3."""
+GREY = (0.75, 0.75, 0.75, 1.0)
+PICKERS = {"VIRTUAL_APERTURE_OT_pick_focus", "VIRTUAL_APERTURE_OT_pick_subject"}
+"""Operators whose clicks go to the picture, which the strip would cover."""
+
+_handler: Any = None
+
+
+def spread(places: Sequence[float], apart: float, low: float, high: float) -> Floats:
+    """(n,) places in ascending order as near as possible to given ones in that order (least squares), each
+    two neighbours `apart` at least, all from `low` to `high`; closer where there is no room for that."""
+    count = len(places)
+    if count == 0:
+        return np.zeros(0)
+    apart = min(apart, (high - low) / max(count - 1, 1))
+    steps = apart * np.arange(count)
+    # Less their distances they only ascend: the isotonic regression, by the means of all runs.
+    sums = np.concatenate([[0.0], np.cumsum(np.asarray(places, np.float64) - steps)])
+    first, last = np.mgrid[:count, :count]
+    means = np.where(last >= first, (sums[last + 1] - sums[first]) / np.maximum(last - first + 1, 1), np.inf)
+    least = np.minimum.accumulate(means[:, ::-1], axis=1)[:, ::-1]
+    least = np.where(last >= first, least, -np.inf)
+    ascending: Floats = np.clip(least.max(axis=0), low, high - steps[-1])
+    return ascending + steps
+
+
+@dataclass(frozen=True)
+class Strip:
+    """Where the strip is in a region, in its pixels, (0, 0) bottom left."""
+
+    left: float
+    """Of the first frame on the track; `right` of the last one."""
+    right: float
+    bottom: float
+    """Lower edge of the strip."""
+    scale: float
+    first: int
+    last: int
+    frames: tuple[int, ...]
+    """Those of the marks, ascending."""
+    middles: Floats
+    """(n,) of the marks' thumbnails: at their frames, or beside them where two would cover each other."""
+
+    @classmethod
+    def over(cls, low: float, high: float, bottom: float, scale: float, scene: bpy.types.Scene) -> Strip:
+        """The strip of a scene's marks between two pixels."""
+        margin = (EDGE + SIDE / 2) * scale
+        left, right = low + margin, max(high - margin, low + margin + 1)
+        frames = tuple(mark.frame for mark in scene.virtual_aperture.marks.items)
+        bare = cls(left, right, bottom, scale, scene.frame_start, scene.frame_end, frames, np.zeros(0))
+        places = [bare.place_of(frame) for frame in frames]
+        middles = spread(places, (SIDE + GAP) * scale, left, right)
+        return cls(left, right, bottom, scale, bare.first, bare.last, frames, middles)
+
+    @property
+    def track(self) -> float:
+        """Height of the track."""
+        return self.bottom + EDGE * self.scale
+
+    @property
+    def thumbnails(self) -> float:
+        """Lower edge of the thumbnails."""
+        return self.track + (TRACK + 2 * ROW) * self.scale
+
+    @property
+    def top(self) -> float:
+        return self.thumbnails + (SIDE + EDGE) * self.scale
+
+    def place_of(self, frame: int) -> float:
+        """Across, where a frame is on the track; of one outside of the scene's frames, the track's end."""
+        share = (frame - self.first) / max(self.last - self.first, 1)
+        return self.left + float(np.clip(share, 0, 1)) * (self.right - self.left)
+
+    def frame_at(self, x: float) -> int:
+        """The frame of the scene that is nearest to a place."""
+        share = float(np.clip((x - self.left) / (self.right - self.left), 0, 1))
+        return self.first + round(share * (self.last - self.first))
+
+    def mark_at(self, x: float, y: float) -> int | None:
+        """The number of the mark whose thumbnail, or what is written below it, is at a place."""
+        if not (len(self.frames) and self.track <= y <= self.top):
+            return None
+        away = np.abs(self.middles - x)
+        nearest = int(away.argmin())
+        return nearest if away[nearest] <= SIDE / 2 * self.scale else None
+
+
+def strip_of(context: bpy.types.Context) -> Strip | None:
+    """The strip of a 3D viewport; None where it shows none: not through the solved camera, without overlays
+    or marks, or while something is picked."""
+    scene, space, region, view = context.scene, context.space_data, context.region, context.region_data
+    settings = scene.virtual_aperture
+    if not (len(settings.marks.items) and space.overlay.show_overlays):
+        return None
+    looked = space.camera if space.use_local_camera else scene.camera
+    if view is None or view.view_perspective != "CAMERA" or looked is None or looked != settings.camera:
+        return None
+    if any(each.bl_idname in PICKERS for each in context.window.modal_operators):
+        return None
+    # Regions may lie over the view; of four views each is a region of this type.
+    others = (each for each in context.area.regions if each.type != "WINDOW")
+    beside = [each for each in others if min(each.width, each.height) > 1]
+    low = max([0, *(r.x + r.width - region.x for r in beside if r.alignment == "LEFT")])
+    high = min([region.width, *(r.x - region.x for r in beside if r.alignment == "RIGHT")])
+    bottom = max([0, *(r.y + r.height - region.y for r in beside if r.alignment == "BOTTOM")])
+    return Strip.over(low, high, bottom, context.preferences.system.ui_scale, scene)
+
+
+class VIRTUAL_APERTURE_OT_drag_focus_mark(ChangesMarks, bpy.types.Operator):  # noqa: N801
+    """Click to go to this focus mark, drag to move it to another frame"""
+
+    bl_idname = "virtual_aperture.drag_focus_mark"
+    bl_label = "Drag Focus Mark"
+
+    index: bpy.props.IntProperty(name="Focus Mark", min=0, options={"SKIP_SAVE"})
+    frame: bpy.props.IntProperty(name="Frame", description="Frame to move it to", options={"SKIP_SAVE"})
+
+    dragged: tuple[int, int] | None = None
+    """Of the class: the frame that a mark is dragged from, and the one that it is over."""
+
+    def change(self, settings: bpy.types.PropertyGroup, _frame: int) -> str:
+        if self.index >= len(settings.marks.items):
+            raise UserError(
+                f"there is no focus mark {self.index}; the last one is {len(settings.marks.items) - 1}"
+            )
+        before = settings.marks.items[self.index].frame
+        focus_marks.move(settings, self.index, self.frame)
+        return f"Moved the focus mark from frame {before} to frame {self.frame}"
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
+        self._strip = strip_of(context)
+        x, y = event.mouse_region_x, event.mouse_region_y
+        found = self._strip.mark_at(x, y) if self._strip is not None else None
+        if self._strip is None or found is None:
+            return {"CANCELLED"}
+        self.index, self._begun, self._area, self._moves = found, x, context.area, False
+        self._from = self.frame = self._strip.frames[found]
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
+        if event.type in {"ESC", "RIGHTMOUSE"} and event.value == "PRESS":
+            self._end(context)
+            return {"CANCELLED"}
+        if event.type == "MOUSEMOVE":
+            self._drag(context, event.mouse_region_x)
+        if event.type == "LEFTMOUSE" and event.value == "RELEASE":
+            return self._drop(context)
+        return {"RUNNING_MODAL"}
+
+    def cancel(self, context: bpy.types.Context) -> None:
+        """Called by Blender when another file is loaded meanwhile."""
+        self._end(context)
+
+    def _drag(self, context: bpy.types.Context, x: float) -> None:
+        """Move it along with the mouse, from where it was taken."""
+        assert self._strip is not None
+        self._moves = self._moves or abs(x - self._begun) > SLACK * self._strip.scale
+        if not self._moves:
+            return
+        over = self._strip.frame_at(self._strip.place_of(self._from) + x - self._begun)
+        self.frame = self._free(over)
+        type(self).dragged = self._from, self.frame
+        self._area.header_text_set(f"Focus mark: frame {self._from} to {self.frame}    ESC: Cancel")
+        self._area.tag_redraw()
+
+    def _free(self, frame: int) -> int:
+        """The frame nearest to one that no other mark is at."""
+        assert self._strip is not None
+        free = np.arange(self._strip.first, self._strip.last + 1)
+        free = free[~np.isin(free, [each for each in self._strip.frames if each != self._from])]
+        return int(free[np.abs(free - frame).argmin()]) if len(free) else self._from
+
+    def _drop(self, context: bpy.types.Context) -> Result:
+        self._end(context)
+        done = self.execute(context) if self.frame != self._from else {"FINISHED"}
+        group = context.scene.virtual_aperture.marks
+        group.active = next((n for n, m in enumerate(group.items) if m.frame == self.frame), group.active)
+        context.scene.frame_set(self.frame)
+        return done
+
+    def _end(self, _context: bpy.types.Context) -> None:
+        type(self).dragged = None
+        self._area.header_text_set(None)
+        self._area.tag_redraw()
+
+
+class VIRTUAL_APERTURE_GT_focus_strip(bpy.types.Gizmo):  # noqa: N801
+    """Takes the mouse over the strip's thumbnails; the strip itself is drawn by a handler."""
+
+    bl_idname = "VIRTUAL_APERTURE_GT_focus_strip"
+
+    def setup(self) -> None:
+        """Nothing to prepare; Blender asks for it."""
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        """Nothing: see `_draw`."""
+
+    def test_select(self, context: bpy.types.Context, location: Sequence[int]) -> int:
+        """0 over a thumbnail, else -1."""
+        strip = strip_of(context)
+        return 0 if strip is not None and strip.mark_at(*location) is not None else -1
+
+
+class VIRTUAL_APERTURE_GGT_focus_strip(bpy.types.GizmoGroup):  # noqa: N801
+    """The strip's gizmo in 3D viewports."""
+
+    bl_idname = "VIRTUAL_APERTURE_GGT_focus_strip"
+    bl_label = "Focus Strip"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "WINDOW"
+    bl_options = {"PERSISTENT"}  # noqa: RUF012
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return strip_of(context) is not None
+
+    def setup(self, _context: bpy.types.Context) -> None:
+        gizmo = self.gizmos.new(VIRTUAL_APERTURE_GT_focus_strip.bl_idname)
+        gizmo.target_set_operator(VIRTUAL_APERTURE_OT_drag_focus_mark.bl_idname)
+
+
+def _draw() -> None:
+    context = bpy.context
+    strip = strip_of(context)
+    if strip is None:
+        return
+    settings, scale = context.scene.virtual_aperture, strip.scale
+    _fill(
+        strip.left - SIDE / 2 * scale - EDGE * scale,
+        strip.bottom,
+        strip.right + (SIDE / 2 + EDGE) * scale,
+        strip.top,
+    )
+    line([(strip.left, strip.track), (strip.right, strip.track)], GREY, scale)
+    now = strip.place_of(context.scene.frame_current)
+    line([(now, strip.track - 4 * scale), (now, strip.track + 6 * scale)], GREEN, 2 * scale)
+    dragged = VIRTUAL_APERTURE_OT_drag_focus_mark.dragged
+    order = sorted(range(len(strip.frames)), key=lambda n: n == settings.marks.active)
+    for n in order:
+        mark, middle = settings.marks.items[n], float(strip.middles[n])
+        frame, colour = mark.frame, WHITE if n == settings.marks.active else GREY
+        if dragged is not None and dragged[0] == frame:
+            frame, colour = dragged[1], GREEN
+            middle = strip.place_of(frame)
+        _draw_mark(strip, mark, frame, middle, colour)
+
+
+def _draw_mark(
+    strip: Strip, mark: bpy.types.PropertyGroup, frame: int, middle: float, colour: tuple[float, ...]
+) -> None:
+    """A mark's thumbnail with its rim, what is written below it, and its tick on the track."""
+    scale = strip.scale
+    half, low = SIDE / 2 * scale, strip.thumbnails
+    tick = strip.place_of(frame)
+    line([(tick, strip.track), (middle, strip.track + TRACK * scale)], colour, scale)
+    settings = mark.id_data.virtual_aperture
+    corners = [
+        (middle - half, low),
+        (middle + half, low),
+        (middle + half, low + 2 * half),
+        (middle - half, low + 2 * half),
+    ]
+    _draw_picture(corners, thumbnails.texture(settings, mark))
+    line([*corners, corners[0]], colour, (2 if colour != GREY else 1) * scale)
+    away = length_words(mark.id_data.unit_settings, mark.distance)
+    for row, text in enumerate((f"{frame}  {away}", mark.name)):
+        _text(text, middle, low - (row + 0.85) * ROW * scale, colour, scale)
+
+
+def _draw_picture(corners: Sequence[XY], texture: Any) -> None:
+    """A thumbnail in a rectangle, counterclockwise from its bottom left; a dark one where there is none."""
+    import gpu
+    from gpu_extras.batch import batch_for_shader
+
+    if texture is None:
+        _fill(*corners[0], *corners[2])
+        return
+    shader = gpu.shader.from_builtin("IMAGE")
+    shader.bind()
+    shader.uniform_sampler("image", texture)
+    content = {"pos": corners, "texCoord": [(0, 1), (1, 1), (1, 0), (0, 0)]}
+    batch_for_shader(shader, "TRI_FAN", content).draw(shader)
+
+
+def _fill(left: float, bottom: float, right: float, top: float) -> None:
+    """A rectangle that darkens what is behind it."""
+    import gpu
+    from gpu_extras.batch import batch_for_shader
+
+    shader = gpu.shader.from_builtin("UNIFORM_COLOR")
+    gpu.state.blend_set("ALPHA")
+    shader.bind()
+    shader.uniform_float("color", SHADE)
+    corners = [(left, bottom), (right, bottom), (right, top), (left, top)]
+    batch_for_shader(shader, "TRI_FAN", {"pos": corners}).draw(shader)
+    gpu.state.blend_set("NONE")
+
+
+def _text(text: str, middle: float, bottom: float, colour: tuple[float, ...], scale: float) -> None:
+    import blf
+
+    blf.size(0, TEXT * scale)
+    blf.color(0, *colour)
+    blf.position(0, middle - blf.dimensions(0, text)[0] / 2, bottom, 0)
+    blf.draw(0, text)
+
+
+def register() -> None:
+    """Draw from now on; there is nothing to draw in without a window."""
+    global _handler
+    if not bpy.app.background:
+        _handler = bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_PIXEL")
+
+
+def unregister() -> None:
+    """Undo `register`."""
+    global _handler
+    if _handler is not None:
+        bpy.types.SpaceView3D.draw_handler_remove(_handler, "WINDOW")
+        _handler = None
+
+
+CLASSES = (
+    VIRTUAL_APERTURE_OT_drag_focus_mark,
+    VIRTUAL_APERTURE_GT_focus_strip,
+    VIRTUAL_APERTURE_GGT_focus_strip,
+)
