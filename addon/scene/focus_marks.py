@@ -358,15 +358,17 @@ def _place(kept: bpy.types.PropertyGroup) -> Place:
 
 
 def _name_of(places: Sequence[Place]) -> str:
-    """What a mark was found from, in a word or two."""
+    """What was picked, in a word that a list has room for: the thumbnail says the rest."""
     if len(places) > 1:
-        return "Picked places"
+        return "Places"
     (place,) = places
-    if place.focus.points:
-        return "Picked point" if len(place.focus.points) == 1 else "Picked points"
     if place.followed:
         return "Subject"
-    return "Distance" if place.world is None else "Picked place"
+    if place.xy is not None or place.world is not None:
+        return "Place"
+    if place.focus.points:
+        return "Point" if len(place.focus.points) == 1 else "Points"
+    return "Distance"
 
 
 CLASSES = (

@@ -19,7 +19,7 @@ from .report_list import next_of
 
 FRAME, NAME = 0.16, 0.7
 """Shares of a row that the frame's button has, and of what is left that thumbnail and name have: in a sidebar
-as wide as Blender opens it, frame and distance are whole, and the name has the rest."""
+as wide as Blender opens it, frame, name and distance are whole. By eye."""
 
 
 def has_marks(cls: type[bpy.types.Operator], context: bpy.types.Context) -> bool:
@@ -59,12 +59,12 @@ class VIRTUAL_APERTURE_UL_focus_marks(bpy.types.UIList):  # noqa: N801
         mark: bpy.types.PropertyGroup, _icon: int, _active_data: object, _active: str, index: int = 0,
     ) -> None:  # fmt: skip
         here = context.scene.frame_current == mark.frame
-        row = layout.split(factor=FRAME)
+        row = layout.split(factor=FRAME, align=True)
         jump = row.operator(
             VIRTUAL_APERTURE_OT_jump_to_focus_mark.bl_idname, text=str(mark.frame), depress=here
         )
         jump.frame = mark.frame
-        row = row.split(factor=NAME)
+        row = row.split(factor=NAME, align=True)
         # A list's rows are of one height, and an icon is as large as fits; the strip has larger ones.
         thumbnail = thumbnails.icon(context.scene.virtual_aperture, mark)
         row.prop(mark, "name", text="", emboss=False, icon_value=thumbnail)

@@ -22,9 +22,9 @@ from .focus_list import ChangesMarks
 from .operators import Result
 from .pick_view import GREEN, SHADE, WHITE, XY, line
 
-SIDE, GAP, EDGE, ROW, TRACK = 48.0, 22.0, 8.0, 14.0, 12.0
+SIDE, GAP, EDGE, ROW, TRACK = 48.0, 26.0, 12.0, 14.0, 12.0
 """Pixels at a resolution scale of 1: a thumbnail's side, what is free between two, the strip's edge, a row of
-text, and the height of the track with its ticks. By eye: a gap leaves room for "Picked place"."""
+text, and the height of the track with its ticks. By eye: a gap leaves room for a name."""
 TEXT = 10
 """Points."""
 SLACK = 4
@@ -108,7 +108,7 @@ class Strip:
 
     def mark_at(self, x: float, y: float) -> int | None:
         """The number of the mark whose thumbnail, or what is written below it, is at a place."""
-        if not (len(self.frames) and self.track <= y <= self.top):
+        if not (len(self.frames) and self.track + TRACK * self.scale <= y <= self.top):
             return None
         away = np.abs(self.middles - x)
         nearest = int(away.argmin())
@@ -141,6 +141,8 @@ class VIRTUAL_APERTURE_OT_drag_focus_mark(ChangesMarks, bpy.types.Operator):  # 
 
     bl_idname = "virtual_aperture.drag_focus_mark"
     bl_label = "Drag Focus Mark"
+    # Not REGISTER: the panel of a redo would cover the strip.
+    bl_options = {"UNDO"}  # noqa: RUF012
 
     index: bpy.props.IntProperty(name="Focus Mark", min=0, options={"SKIP_SAVE"})
     frame: bpy.props.IntProperty(name="Frame", description="Frame to move it to", options={"SKIP_SAVE"})

@@ -14,6 +14,8 @@ import bpy
 import pytest
 
 import addon
+from addon.core.base.errors import Remedy
+from addon.scene.remedy_words import WORDS as REMEDIES
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -137,6 +139,11 @@ def test_no_label_or_tooltip_has_a_retired_word(registered: None) -> None:
 def test_a_tooltip_is_no_sentence_with_a_full_stop(registered: None) -> None:
     """Blender writes none behind the last sentence."""
     assert [text for text in shown() if text.endswith(".") and not text.endswith("..")] == []
+
+
+def test_a_way_out_has_the_name_of_what_it_leads_to(registered: None) -> None:
+    words = {word for remedy, word in REMEDIES.items() if remedy is not Remedy.FRAMES}
+    assert words - set(shown()) == set()
 
 
 @pytest.mark.parametrize("path", SOURCES, ids=lambda path: path.stem)

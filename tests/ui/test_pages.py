@@ -18,7 +18,7 @@ PAGES = [
     ROOT / "README.md",
     *(ROOT / "docs" / f"{name}.md" for name in (
         "first_clip", "focus_pull", "lens", "people", "masks", "bring_your_own", "compositing",
-        "troubleshooting",
+        "troubleshooting", "photos",
     )),
 ]  # fmt: skip
 VARIES = "\0"

@@ -52,7 +52,7 @@ def test_a_pick_is_in_focus(scene: bpy.types.Scene, shot: Shot, capsys: pytest.C
     assert 1 / settings.focus_distance == pytest.approx(0.8 / 5 + 0.2 / 12, rel=0.02)
     assert len(settings.focus_points) == 4 and settings.focus_frame == 3
     assert len(settings.aperture.data.vertices) > 0
-    assert "In focus at frame 3: Picked points, 5." in capsys.readouterr().out
+    assert "In focus at frame 3: Place, 5." in capsys.readouterr().out
     scene.frame_set(7)
     assert OPERATORS.pick_focus(x=0.8, y=0.5, add=True) == {"FINISHED"}
     assert frames(scene) == [3, 7] and "mark 2 of 2" in capsys.readouterr().out

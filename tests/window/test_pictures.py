@@ -199,6 +199,9 @@ def test_pull(program: Program) -> None:
         rest(program)
         left, top, right, _ = sidebar(program)
         keep(program, "marks", (left, top, right, top + 420))
+    left = sidebar(program)[0]
+    view, top, _, height = program.rectangle("VIEW_3D")
+    keep(program, "strip", (view + 50, clip_frame(program)[3] - 150, left - 10, top + height))
     left, top, _, height = program.rectangle("DOPESHEET_EDITOR")
     keep(program, "timeline", (left, top - 32, left + 620, top + height))
 
