@@ -11,7 +11,7 @@ JOBS ?= 2
 SOLVES := $(if $(MOTIONS),--motions $(MOTIONS)) $(if $(TRACKERS),--trackers $(TRACKERS)) $(if $(FOCAL),--focal $(FOCAL))
 BENCH := $(if $(SCENES),--scenes $(SCENES)) $(if $(TRACK),--track $(TRACK)) $(if $(BLURS),--blurs $(BLURS)) $(if $(METHODS),--methods $(METHODS))
 
-.PHONY: help setup demo test test-fast test-all test-window test-window-short pictures torture sample bench bench-speed bench-full bench-solve bench-stability figures lint zip store clean
+.PHONY: help setup demo test test-fast test-all test-window test-window-short pictures moving-picture torture sample bench bench-speed bench-full bench-solve bench-stability figures lint zip store clean
 help:
 	@echo "make demo    render the sample clip with depth of field and say where the video is"
 	@echo "make test    run the tests of the add-on"
@@ -20,6 +20,7 @@ help:
 	@echo "make test-window  drive a real Blender on a virtual screen with mouse and keys (BLENDER=PROGRAM); BACKEND=vulkan: a part of them"
 	@echo "make test-window-short  the same without four walks of many minutes through whole clips"
 	@echo "make pictures  take the documentation's pictures in a real Blender (BLENDER=PROGRAM), into docs/pictures/"
+	@echo "make moving-picture  the sample clip with its focus pulled, as the README opens with it"
 	@echo "make torture  kills, full disks, races and damaged files for hours; resumes (TRIES=100 FAULTS=\"movie jobs\")"
 	@echo "make sample SCENE=bars  a scene of the benchmark: .blend, clip and true cameras, into sample/"
 	@echo "make bench   speed against error, quick subset (SCENES=bars TRACK=T1 BLURS=16: a part)"
@@ -77,6 +78,10 @@ pictures: setup
 	@$(PYTHON) tools/build_zip.py
 	@$(PYTHON) -m pytest tests/window/test_pictures.py
 	@mkdir -p docs/pictures && cp build/window/pictures/docs/*.jpg docs/pictures/
+	@$(PYTHON) sample_scenes/moving_picture.py --screens build/window/pictures --out docs/pictures/at_work.webp
+
+moving-picture: setup
+	@$(PYTHON) sample_scenes/moving_picture.py --out docs/focus_pull.webp
 
 torture: setup
 	@$(PYTHON) -m benchmarks.torture $(if $(TRIES),--tries $(TRIES)) $(if $(FAULTS),--faults $(FAULTS))

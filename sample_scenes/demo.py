@@ -9,6 +9,7 @@ import argparse
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -67,11 +68,11 @@ def subject_box(frame: int) -> tuple[float, float, float, float]:
     return float(left), float(top), float(right), float(bottom)
 
 
-def run_product(source: Path, out: Path, work: Path, blur: float) -> None:
-    """Call the command line on the clip, focused on the subject; its own output goes through."""
-    x, y = subject_place()
+def run_product(source: Path, out: Path, work: Path, blur: float, focus: Sequence[str]) -> None:
+    """Call the command line on the clip, with `focus` at places X,Y or X,Y@FRAME; its own output goes
+    through."""
     command = [sys.executable, str(ROOT / "addon" / "headless.py"), "run", str(source.resolve())]
-    command += ["--focus-at", f"{x:.3f},{y:.3f}", "--blur", f"{blur:g}"]
+    command += [word for place in focus for word in ("--focus-at", place)] + ["--blur", f"{blur:g}"]
     command += ["--out", str(out.resolve()), "--work", str(work.resolve()), "--overwrite"]
     out.unlink(missing_ok=True)  # an earlier run's clip must not pass for this one's
     print("$", " ".join(command), flush=True)
@@ -145,7 +146,9 @@ def main() -> int:
     result = arguments.out_dir / "desk_depth_of_field.mp4"
     try:
         arguments.out_dir.mkdir(parents=True, exist_ok=True)
-        run_product(arguments.source, result, arguments.out_dir / "desk.aperture", arguments.blur)
+        x, y = subject_place()
+        work = arguments.out_dir / "desk.aperture"
+        run_product(arguments.source, result, work, arguments.blur, [f"{x:.3f},{y:.3f}"])
         shown = show(arguments.source, result, arguments.out_dir)
     except DemoError as error:
         print(f"demo: {error}", file=sys.stderr)

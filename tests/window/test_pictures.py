@@ -45,6 +45,8 @@ FLAT = 8.0
 """Standard deviation in grey levels that a picture of something has: an empty viewport's is below 2."""
 MENU = 0.6
 """Seconds until Blender has drawn a menu or a dialog."""
+SCRUBBED = range(1, 37, 3)
+"""Frames of the sample clip through which the focus is seen to be pulled."""
 BUSY = f"__import__('sys').modules['{EXTENSION}.addon.render.viewport'].PREVIEW.is_busy()"
 SOLVING_DROPPED = f"'VIRTUAL_APERTURE_OT_import_clip' in {MODAL}"
 MUG, GLOBE, PLANT = (0.2, 0.85), (0.53, 0.45), (0.9, 0.45)
@@ -204,6 +206,13 @@ def test_pull(program: Program) -> None:
     keep(program, "strip", (view + 50, clip_frame(program)[3] - 150, left - 10, top + height))
     left, top, _, height = program.rectangle("DOPESHEET_EDITOR")
     keep(program, "timeline", (left, top - 32, left + 620, top + height))
+
+
+def test_the_pull_in_the_viewport(program: Program) -> None:
+    for frame in SCRUBBED:
+        program.ask(f"bpy.context.scene.frame_set({frame})")
+        rest(program)
+        program.shot(f"scrub_{frame:02d}")
 
 
 def test_overlays(program: Program) -> None:
