@@ -156,6 +156,23 @@ def test_nothing_stays_of_a_movie_that_is_cancelled(
     assert files(tmp_path) == before and shown().texts == []
 
 
+def test_the_next_press_goes_on_after_blender_was_closed(
+    scene: bpy.types.Scene, clip: Path, tmp_path: Path
+) -> None:
+    before = files(tmp_path)
+    made = movie.begin(scene, movie.movie_path(scene), False)
+    until(lambda: made.hear() and made.done > 2)
+    assert made.child is not None
+    # As it does where the one that started it is gone.
+    made.child.process.terminate()
+    until(lambda: made.hear() and made.child is None)
+    assert made.problem is not None and not made.out.exists()
+    again = movie.begin(scene, movie.movie_path(scene), False)
+    until(lambda: again.hear() and again.child is None)
+    assert again.problem is None and again.total == COUNT - made.done
+    assert files(tmp_path) == before | {"clip_render.mp4"} and len(means(again.out)) == COUNT
+
+
 def test_where_a_movie_is_written(scene: bpy.types.Scene, clip: Path, tmp_path: Path) -> None:
     folder = tmp_path.as_posix()
     for output, expected in {
