@@ -113,7 +113,7 @@ STATES: list[tuple[str, Callable[[Settings, Path], None], str]] = [
     ("solving", solving, "Registered 3 of 12 frames About 40 s left, ESC cancels"),
     ("solved", solved, "In focus: the nearest large object"),
     ("in Edit Mode", in_edit_mode, "Select vertices on what should be sharp"),
-    ("in focus", focused, "In focus: Picked points"),
+    ("in focus", focused, "In focus: Points"),
     ("with a scale", with_scale, "full-frame equivalent"),
     ("with a subject", marked, "Uncertain in 1 frame"),
     ("clip moved", moved, "locate it with Find Clip"),
