@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from addon.core.camera.intrinsics import Intrinsics
-from addon.core.depth.completed_depth import completed
+from addon.core.depth.completed_depth import completed, stepped
 from addon.core.depth.multi_view_stereo import DenseDepth
 
 WIDTH, HEIGHT = 320, 180
@@ -89,3 +89,32 @@ def test_a_map_that_is_true_is_kept() -> None:
         result = completed(found(true, sure), true).inverse_depth
         wrong = np.abs(result - true) > LEVEL
         assert wrong.mean() < 0.002
+
+
+def test_a_soft_edge_becomes_a_step_in_its_middle() -> None:
+    """But for its ends, which are hardly steep."""
+    true = np.where(X < 0.5, 0.5, 0.2).astype(np.float32)
+    soft = cv2.GaussianBlur(true, (0, 0), 1.5)
+    result = stepped(soft, LEVEL)
+    assert np.abs(soft - true).max() > 0.1
+    assert np.abs(result - true).max() < 0.05
+
+
+def test_a_strip_between_something_near_and_something_far_keeps_its_depth() -> None:
+    """A roof between a face and the sky: as wide as it is soft around, it is neither."""
+    near, strip = X < 0.5, (X >= 0.5) & (X < 0.5 + 9 / WIDTH)
+    true = np.select([near, strip], [0.5, 0.32], 0.2).astype(np.float32)
+    soft = cv2.GaussianBlur(true, (0, 0), 1.0)
+    inner = (X > 0.5 + 3 / WIDTH) & (X < 0.5 + 6 / WIDTH)
+    for given in (true, soft):
+        result = stepped(given, LEVEL)
+        np.testing.assert_allclose(result[inner], 0.32, atol=2 * LEVEL)
+        np.testing.assert_allclose(result[near], 0.5, atol=0.02)
+
+
+def test_a_map_whose_edges_are_sharp_is_left_alone() -> None:
+    """A thing three pixels wide before something near and something far."""
+    row, column = np.mgrid[:HEIGHT, :WIDTH]
+    true = np.where(BALL, 0.5, 0.2).astype(np.float32)
+    true[(np.abs(row - 90) < 2) & (column > 140)] = 0.3
+    np.testing.assert_array_equal(stepped(true, LEVEL), true)
