@@ -11,6 +11,7 @@ import pytest
 from addon.core.base.errors import Remedy, UserError
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
 from addon.core.depth.placed_points import placed
+from addon.core.depth.source import NO_PICTURE
 from addon.core.depth.user_depth import UserDepth
 from addon.core.depth.user_maps import DepthMaps, open_depth
 from addon.core.focus.focus import Focus
@@ -173,6 +174,32 @@ def test_inverse_depth_that_drifts_gives_distances_up_to_one_affine_change(tmp_p
     assert np.median(off) < 0.02 * np.ptp(1 / found_depth)
     distance = np.linalg.norm(found.points.xyz, axis=1)[cameras.views_per_point > 0]
     assert np.median(distance) == pytest.approx(10, rel=0.01)
+
+
+def test_what_is_behind_who_walks_is_where_other_frames_have_it(tmp_path: Path) -> None:
+    """A post wanders through the room, past which a camera pans. It moves, so it has no points."""
+    cameras, column = panned(), np.arange(160)
+    true = np.stack([room(cameras, frame) for frame in range(1, 13)])
+    seen = true.copy()
+    posts = [(column > 12 * frame - 12) & (column < 12 * frame + 8) for frame in range(1, 13)]
+    for depth, post in zip(seen, posts, strict=True):
+        depth[:, post] = 0.7
+    (tmp_path / "empty").mkdir()
+    points = placed(cameras, maps_of(tmp_path / "empty", true))
+    maps = maps_of(tmp_path, seen)
+    depth = UserDepth.of(maps, points)
+    context = ClipContext(depth.reconstruction, maps.footage.read, maps=depth)
+    found = context.depth(6, context.canvas(6), np.zeros((90, 160, 4), np.float32))
+    assert found.behind is not None
+    known = np.isfinite(found.behind)
+    assert known[:, posts[5]].mean() > 0.9
+    np.testing.assert_allclose(1 / found.inverse_depth[:, posts[5]], 0.7, rtol=0.02)
+    off = np.abs(found.behind * true[5] - 1)[known]
+    # A map tells the depth of the pixel that a ray falls into.
+    assert np.median(off) < 0.005
+    assert np.percentile(off, 95) < 0.05
+    # Who only picks does not wait for it.
+    assert depth.at(6, context.canvas(6), NO_PICTURE).behind is None
 
 
 @pytest.mark.long

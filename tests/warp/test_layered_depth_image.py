@@ -173,6 +173,22 @@ def test_what_is_behind_is_carried_on_as_far_as_the_aperture_sees() -> None:
     assert np.abs(found.back[..., :3] - wall())[near_edge].mean() < 0.12
 
 
+def test_what_is_behind_is_where_it_is_known_to_be() -> None:
+    """Beside the disc stands a wall; behind the half of it that is known stands something farther."""
+    farther = np.where(X < 80, FAR - 2, np.nan).astype(np.float32)
+    found = split(scene(), SHIFT, 1.0, 1.0, far=farther)
+    left = found.occluded & (X < 78)
+    right = found.occluded & (X > 82)
+    assert left.any() and right.any()
+    rim = NEAR - FAR + 2
+    deep = DISC - np.hypot(X - 80, Y - 60)
+    np.testing.assert_allclose(found.back_disparity[left & (deep < rim)], FAR - 2, atol=0.01)
+    np.testing.assert_allclose(found.back_disparity[right & (deep < rim)], FAR, atol=0.01)
+    # What would lie before it is not believed.
+    nearer = split(scene(), SHIFT, 1.0, 1.0, far=np.full_like(SHIFT, NEAR + 1, np.float32))
+    np.testing.assert_array_equal(nearer.back_disparity, split(scene(), SHIFT, 1.0, 1.0).back_disparity)
+
+
 def test_other_frames_colours_are_taken_where_there_are_any() -> None:
     def fill(shift: Floats, wanted: Mask) -> tuple[LinearRGB, Mask]:
         assert shift.shape == SIZE and wanted.any()

@@ -38,6 +38,9 @@ class PixelDepth:
     opacity: Map | None = None
     """(H, W) in [0, 1] of what a matte says moves by itself, as which all above `FAINTEST` has the depth of
     that: how much of a pixel it covers, before what lies behind; None without a matte."""
+    behind: Map | None = None
+    """(H, W) inverse depth of the farther surface that other frames know behind each pixel, NaN where they do
+    not; None where nothing was looked for."""
 
     def at_places(self, places: Floats, canvas: Canvas) -> tuple[Floats, Floats, Mask]:
         """Inverse depth (n,), confidence (n,) in [0, 1] and whether it moves by itself (n,), of the pixels

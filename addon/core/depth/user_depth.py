@@ -5,19 +5,22 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property, partial
 
+import cv2
 import numpy as np
 
-from ..base.arrays import Floats, LinearRGBA
+from ..base.arrays import Floats, LinearRGBA, Map
+from ..base.errors import UserError
 from ..base.lru_cache import LRUCache
 from ..base.nearest_fill import nearest
 from ..camera.canvas import Canvas
-from ..camera.reconstruction import Reconstruction
+from ..camera.reconstruction import Image, Reconstruction
 from .completed_depth import stepped
 from .map_fit import ClipFit, Fitted, FrameLine, fit_clip, fit_depth, frame_line, steadied
 from .source import DepthSource, PixelDepth
 from .sparse import DepthSamples, frame_features
 from .temporal_fusion import level_of
 from .user_maps import DepthMaps
+from .view_selection import every_nth, stride
 
 COLUMNS = 100
 """Samples across the picture that coarse meshes take of a depth map: by eye."""
@@ -26,6 +29,16 @@ AROUND = 4
 """Frames on either side by which a frame's scale and shift are steadied. By eye."""
 KEPT_LINES = 64
 """Frames whose own scale and shift are remembered: a few numbers each."""
+
+KEPT_MAPS = 16
+"""Frames whose small maps are remembered, 2 MB each: those that tell what is behind one, and some more."""
+BEHIND_STEP, BEHIND_SPAN, LEAST_BEHIND = 8, 32, 8
+"""Of a camera that stays: every so many-th frame, up to so many before and after, or of a short clip so many
+in all, tell what is behind; those that colours of it are from (`FillOptions`)."""
+LEAST_AROUND = 3
+"""Of these frames that must see a place. By eye."""
+LONGEST_BEHIND = 960
+"""Pixels of the long side that what is behind is found at: as depth is. By eye."""
 
 
 @dataclass(frozen=True)
@@ -45,32 +58,85 @@ class UserDepth(DepthSource):
     def at(self, frame: int, canvas: Canvas, picture: LinearRGBA) -> PixelDepth | None:
         """Depth (H, W) of all pixels of the canvas, unknown ones like the nearest known; None without a map.
 
-        UserError where the map cannot be read or does not fit the frame's points. `picture` is not looked at:
-        what the user gave is not bent to the picture's edges.
+        UserError where the map cannot be read or does not fit the frame's points. What `picture` shows is not
+        looked at: what the user gave is not bent to its edges.
         """
         if frame not in self.maps.numbers:
             return None
-        values = self._fitted(frame, canvas).inverse_depth
-        pinhole = canvas.pinhole
-        grid = np.stack(np.meshgrid(np.arange(pinhole.width) + 0.5, np.arange(pinhole.height) + 0.5), axis=-1)
-        x, y = np.moveaxis(canvas.features_to_source(grid) / self._zoom(canvas), -1, 0)
+        inverse = self._at_places(self._without_holes(frame), canvas, _pixels(canvas))
+        behind = self._behind(frame, canvas) if self.reconstruction.stays and picture.size else None
+        return PixelDepth(inverse, origin="your depth maps", behind=behind)
+
+    def _at_places(self, whole: Map, canvas: Canvas, places: Floats) -> Floats:
+        """(H, W) inverse depth of a frame's map `whole` (h, w), at any size, at places (H, W, 2) in pixels of
+        its canvas; of those past the border that at it."""
+        x, y = np.moveaxis(canvas.features_to_source(places), -1, 0)
+        zoom = np.array(whole.shape) / [canvas.camera.height, canvas.camera.width]
         row, column = (
-            np.clip(np.floor(at), 0, size - 1).astype(int)
-            for at, size in zip((y, x), values.shape, strict=True)
+            np.clip(np.floor(at * each), 0, size - 1).astype(int)
+            for at, each, size in zip((y, x), zoom, whole.shape, strict=True)
         )
-        whole = np.nan_to_num(nearest(values, ~np.isnan(values)))
-        if self.reconstruction.stays:
-            # There is no stereo that knows its edges better.
-            small = whole.astype(np.float32)
-            whole = stepped(small, level_of(small)).astype(np.float64)
-        return PixelDepth(np.asarray(whole[row, column]), origin="your depth maps")
+        return np.asarray(whole[row, column], np.float64)
+
+    def _without_holes(self, frame: int) -> Map:
+        """(h, w) a frame's fitted map, what is unknown like the nearest known; errors as of `at`."""
+        values = self._fitted(frame).inverse_depth
+        whole = np.nan_to_num(nearest(values, ~np.isnan(values))).astype(np.float32)
+        # Of a camera that stays there is no stereo that knows the map's edges better.
+        return stepped(whole, level_of(whole)) if self.reconstruction.stays else whole
+
+    def _small(self, frame: int) -> Map:
+        """(h, w) what is `_without_holes`, no larger than what is behind is found at."""
+        whole = self._without_holes(frame)
+        zoom = min(1.0, LONGEST_BEHIND / max(whole.shape))
+        size = round(zoom * whole.shape[1]), round(zoom * whole.shape[0])
+        return np.asarray(cv2.resize(whole, size, interpolation=cv2.INTER_NEAREST))
+
+    def _behind(self, frame: int, canvas: Canvas) -> Map:
+        """(H, W) inverse depth of what stands still in a canvas: the median of what maps of frames around,
+        which look from the same place, have there; NaN where fewer than `LEAST_AROUND` do."""
+        here, _ = self.reconstruction.image_at(frame)
+        pinhole = canvas.pinhole
+        # Behind silhouettes pixels of a large picture are not worth their memory.
+        apart = -(-max(pinhole.width, pinhole.height) // LONGEST_BEHIND)
+        places = _pixels(canvas)[apart // 2 :: apart, apart // 2 :: apart]
+        rays = np.dstack([(places - pinhole.principal_point) / pinhole.focal, np.ones(places.shape[:2])])
+        step = stride(self.reconstruction, BEHIND_STEP, LEAST_BEHIND)
+        others = every_nth(self.reconstruction, frame, step, BEHIND_SPAN)
+        found = [
+            self._seen(other, rays @ (other.rotation @ here.rotation.T).T)
+            for other in others
+            if other.frame in self.maps.numbers
+        ]
+        ordered = np.sort(np.stack([np.full(places.shape[:2], np.nan, np.float32), *found]), axis=0)
+        count = np.count_nonzero(~np.isnan(ordered), axis=0)
+        middle = np.take_along_axis(ordered, np.maximum(count - 1, 0)[None] // 2, axis=0)[0]
+        middle = np.where(count >= LEAST_AROUND, middle, np.float32(np.nan))
+        size = pinhole.width, pinhole.height
+        return np.asarray(cv2.resize(middle, size, interpolation=cv2.INTER_NEAREST))
+
+    def _seen(self, image: Image, rays: Floats) -> Map:
+        """(H, W) inverse depth that a frame's map has along rays (H, W, 3) in its camera space, NaN past its
+        border, or where it cannot be used; where the third part of a ray is not 1, in the unit of a camera for which it is."""
+        canvas = Canvas(self.reconstruction.intrinsics(image))
+        pinhole, ahead = canvas.pinhole, rays[..., 2]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            places = rays[..., :2] / ahead[..., None] * pinhole.focal + pinhole.principal_point
+        inside = (ahead > 0) & np.all((places >= 0) & (places < [pinhole.width, pinhole.height]), axis=-1)
+        try:
+            whole = self._kept.get(image.frame, partial(self._small, image.frame))
+        except UserError:
+            # Said where that frame itself is drawn.
+            return np.full(ahead.shape, np.nan, np.float32)
+        inverse = self._at_places(whole, canvas, np.where(inside[..., None], places, 0.0))
+        return np.where(inside, inverse * ahead, np.nan).astype(np.float32)
 
     def samples(self, frame: int, canvas: Canvas) -> DepthSamples | None:
         """A regular grid of samples, `COLUMNS` across the picture; None without a map."""
         if frame not in self.maps.numbers:
             return None
         step = self.maps.footage.width / COLUMNS
-        xy, inverse_depth = grid_features(self._fitted(frame, canvas), step)
+        xy, inverse_depth = grid_features(self._fitted(frame), step)
         at = canvas.features_from_source(xy * self._zoom(canvas))
         return DepthSamples(frame, at, inverse_depth, frame not in self.reconstruction.frames)
 
@@ -79,7 +145,7 @@ class UserDepth(DepthSource):
         clip = self.maps.footage
         return np.array([canvas.camera.width / clip.width, canvas.camera.height / clip.height])
 
-    def _fitted(self, frame: int, canvas: Canvas) -> Fitted:
+    def _fitted(self, frame: int) -> Fitted:
         near = [each for each in self.maps.frames if abs(each - frame) <= AROUND]
         lines = [self._lines.get(each, partial(self._own_line, each)) for each in near]
         seen, inverse_depth = _features(self.reconstruction, frame)
@@ -90,8 +156,18 @@ class UserDepth(DepthSource):
         return frame_line(self.maps.read(frame), *_features(self.reconstruction, frame), self.fit)
 
     @cached_property
+    def _kept(self) -> LRUCache[Map]:
+        return LRUCache(KEPT_MAPS)
+
+    @cached_property
     def _lines(self) -> LRUCache[FrameLine]:
         return LRUCache(KEPT_LINES)
+
+
+def _pixels(canvas: Canvas) -> Floats:
+    """(H, W, 2) the centres of a canvas's pixels."""
+    across, down = np.arange(canvas.pinhole.width) + 0.5, np.arange(canvas.pinhole.height) + 0.5
+    return np.stack(np.meshgrid(across, down), axis=-1)
 
 
 def _features(reconstruction: Reconstruction, frame: int) -> tuple[Floats, Floats]:

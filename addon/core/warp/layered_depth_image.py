@@ -83,17 +83,19 @@ def depth_peel(
     fill: Fill | None = None,
     options: LayerOptions = LayerOptions(),
     opacity: Map | None = None,
+    far: Map | None = None,
 ) -> tuple[LayeredDepthImage, ...]:
     """Split a picture (H, W, 4) with disparities (H, W) where they jump by more than the first of `jumps`,
     in pixels, which fall, then what is left without the near surfaces at the next: where a silhouette crosses
     another one there are three surfaces. Splits that find nothing are left out, but for the last. `opacity`
-    (H, W) in [0, 1] is that of what is in front where a matte tells it, NaN elsewhere.
+    (H, W) in [0, 1] is that of what is in front where a matte tells it, NaN elsewhere; `far` (H, W) the
+    disparity of what lies behind, NaN where that is not known.
 
     Everitt, "Interactive order-independent transparency", 2001, peels surfaces off in the same order.
     """
     found: list[LayeredDepthImage] = []
     for jump in jumps:
-        layers = split(picture, disparity, jump, min(jumps), fill, options, opacity)
+        layers = split(picture, disparity, jump, min(jumps), fill, options, opacity, far)
         if layers.mixed.any() or (jump == jumps[-1] and not found):
             found.append(layers)
             picture, disparity = layers.back, layers.back_disparity
@@ -108,12 +110,13 @@ def split(
     fill: Fill | None = None,
     options: LayerOptions = LayerOptions(),
     opacity: Map | None = None,
+    far: Map | None = None,
 ) -> LayeredDepthImage:
     """Split a picture (H, W, 4) with disparities (H, W) in two where they jump by more than `jump` pixels.
 
     Jumps of more than `least` end what is extrapolated behind the same surface: they are left for later.
-    `fill` tells other frames' colours of what is disoccluded. `opacity` as of `depth_peel`: where it is a
-    fraction it is alpha, and both surfaces are seen through each other.
+    `fill` tells other frames' colours of what is disoccluded. `opacity` and `far` as of `depth_peel`: where
+    opacity is a fraction it is alpha, and both surfaces are seen through each other.
     """
     disparity = _without_ramps(disparity, jump)
     near_side, far_side = _silhouettes(disparity, jump)
@@ -127,7 +130,7 @@ def split(
     away = _distance_along_surface(disparity, others, jump)
     matte = None if opacity is None else _matte(opacity, disparity, surfaces, jump)
     sheer = np.zeros_like(mixed) if matte is None else matte < 1
-    beyond = _extrapolated(disparity, surfaces, jump, least, away, sheer, options)
+    beyond = _extrapolated(disparity, surfaces, jump, least, away, sheer, far, options)
     sheer &= beyond.occluded | mixed
     checkpoint(0.4)
     colour = _colour(picture)
@@ -237,10 +240,12 @@ def _extrapolated(
     least: float,
     away: Map,
     sheer: Mask,
+    known: Map | None,
     options: LayerOptions,
 ) -> _Extrapolated:
     """The surfaces of the nearest silhouette at each pixel; `away` (H, W) is how far the others are, and
-    behind what is `sheer` (H, W) the far surface is seen however far the silhouette is."""
+    behind what is `sheer` (H, W) the far surface is seen however far the silhouette is. `known` (H, W) tells
+    that surface's disparities where it is not NaN."""
     seeds = np.zeros(disparity.shape, bool)
     near, far = disparity.copy(), disparity.copy()
     if not len(surfaces.row):
@@ -261,6 +266,9 @@ def _extrapolated(
     checkpoint(0.4)
     disoccluded = occluded & ((distance <= gap + 2) | sheer)
     far = _smoothed(far, occluded | seeds, occluded, jump)
+    if known is not None:
+        # A comparison with NaN is false.
+        far = np.where(occluded & (disparity - known > jump), known, far)
     if least < jump:
         far = np.where(occluded, _rising(far, disparity, occluded, seeds, jump, options.rise * least), far)
     checkpoint(0.4)

@@ -113,7 +113,10 @@ def layer_mesh(
     opacity = depth.opacity
     if opacity is not None:
         opacity = np.pad(opacity, margin, constant_values=np.nan)
-    layers = depth_peel(wide, shift, jumps, fill, options.layers, opacity)
+    behind = None
+    if depth.behind is not None:
+        behind = np.pad(relative(depth.behind), margin, constant_values=np.nan)
+    layers = depth_peel(wide, shift, jumps, fill, options.layers, opacity, behind)
     found = triangulated(layers, thin_lens.snap_displacement, options)
     surfaces = [(found[-1][0].far, found[-1][1].far, len(layers))]
     drawn = []
