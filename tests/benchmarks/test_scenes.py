@@ -10,13 +10,17 @@ from dataclasses import fields, is_dataclass
 from pathlib import Path
 
 import bpy
+import cv2
 import numpy as np
 import pytest
 
 from addon.core.media.clip import encode_srgb
-from sample_scenes import filming, staging, truth
+from benchmarks.accuracy import turning
+from sample_scenes import filming, gloss, staging, truth
 from sample_scenes.stage import HEIGHT, WIDTH, Stage
 
+SCENES = (*filming.STAGES, *turning.SCENES, gloss.NAME)
+"""Those of the benchmark, and those that a benchmark of their own films."""
 FEW_LAYERS = ("slope", "plain")
 """Stages that are about something else than things before other things."""
 
@@ -26,7 +30,7 @@ def load(name: str) -> Stage:
     return filming.load(name)
 
 
-@pytest.fixture(scope="module", params=filming.STAGES)
+@pytest.fixture(scope="module", params=SCENES)
 def stage(request: pytest.FixtureRequest) -> Stage:
     return load(request.param)
 
@@ -71,7 +75,7 @@ def test_two_builds_are_the_same(stage: Stage) -> None:
 
 
 def test_names_tell_things_apart(stage: Stage) -> None:
-    assert stage.name in filming.STAGES
+    assert stage.name in SCENES
     names = [thing.name for thing in stage.things]
     assert len(set(names)) == len(names)
 
@@ -226,6 +230,37 @@ def test_walk_is_straight_ahead() -> None:
     step = cameras.rotation[0] @ (cameras.centres[-1] - cameras.centres[0])
     assert step[2] == pytest.approx(0.9, abs=0.02)
     assert np.hypot(*step[:2]) < 0.1 * step[2]
+
+
+@pytest.mark.parametrize("name", turning.SCENES)
+def test_a_tripod_stays_and_somebody_walks_out_of_their_own_way(name: str) -> None:
+    """Who walks comes so far that other frames see all of what they hide."""
+    made = load(name)
+    np.testing.assert_allclose(np.ptp(made.cameras.centres, axis=0), 0, atol=1e-12)
+    body = next(thing for thing in made.things if thing.subject)
+    assert body.travel is not None
+    across = made.cameras.project(body.travel)[np.arange(len(made.cameras)), np.arange(len(made.cameras)), 0]
+    assert np.ptp(across) > 0.2 * WIDTH
+
+
+def test_what_shines_mirrors_and_the_rest_does_not() -> None:
+    """With mirrors the picture changes there, and nowhere else."""
+    made = load(gloss.NAME)
+    before, pictures, where = bpy.context.window.scene, [], None
+    for build in (staging.build, gloss.build):
+        scene = build(made)
+        scene.render.resolution_x, scene.render.resolution_y = 128, 72
+        pictures.append(truth.pinhole(scene, 12, samples=4))
+        where = truth.geometry(scene, 12).thing
+        bpy.context.window.scene = before
+        bpy.data.scenes.remove(scene)
+    shining = np.isin(where, [i for i, thing in enumerate(made.things) if thing.name in gloss.GLOSS])
+    edges = cv2.dilate(shining.astype(np.uint8), np.ones((5, 5))) - cv2.erode(
+        shining.astype(np.uint8), np.ones((5, 5))
+    )
+    change = np.abs(pictures[1] - pictures[0]).max(axis=-1)
+    np.testing.assert_allclose(change[~shining & (edges == 0)], 0, atol=1e-5)
+    assert (change[shining & (edges == 0)] > 0.01).mean() > 0.8
 
 
 def test_a_sample_is_written_into_a_folder_that_is_not_there(tmp_path: Path) -> None:
