@@ -152,6 +152,9 @@ def test_panels_draw(
     assert said in texts
     # Nobody is told to solve what is being solved.
     assert make is not solving_the_wrong_one or "the chosen clip is" not in texts
+    # Of a solve that cannot be used nothing is said.
+    unsolved = (no_clip, chosen, solving, solving_the_wrong_one, newer)
+    assert ("Good solve" in texts) == (make not in unsolved and settings.points is not None)
     for name in {name for each in shown for name in each.operators}:
         group, operator = name.split(".")
         # It answers whether it may be pressed; why not is a message, without which a button is a riddle.

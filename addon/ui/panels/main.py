@@ -6,7 +6,7 @@ from pathlib import Path
 
 import bpy
 
-from ...scene import blender_focus, depth_of_field, lens
+from ...scene import blender_focus, depth_of_field, lens, version
 from .. import (
     choose_clip,
     depth_ahead,
@@ -51,6 +51,8 @@ class VIRTUAL_APERTURE_PT_main(Panel, bpy.types.Panel):  # noqa: N801
         elif settings.footage:
             _draw_clip(layout, settings)
         notices.draw_scene(layout, context)
+        if version.is_newer(settings):
+            return
         notices.draw_clip(layout, context)
         if solving is not None:
             _draw_solving(layout, solving)
