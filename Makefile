@@ -58,6 +58,7 @@ test-fast: setup
 
 # With a backend other than Blender's own choice, what draws with it.
 DRAWING := tests/window/test_renders.py tests/window/test_view_and_panel.py tests/window/test_pick_focus.py \
+	tests/window/test_picture.py \
 	tests/window/test_off_and_on.py tests/window/test_file_drop.py tests/window/test_gpu_sweep.py
 WINDOW_TESTS := $(if $(BACKEND),$(DRAWING),tests/window)
 
