@@ -68,6 +68,9 @@ def build(
         settings.points.data.attributes.remove(settings.points.data.attributes[attribute])
     point_cloud.fill(settings.points.data, reconstruction)
     point_cloud.make_hidden(settings.points)
+    if footage.is_stills:
+        # No photo lies behind them (`_set_background`).
+        point_cloud.show(settings.points, True)
     store.write(settings.points.data, reconstruction)
     settings.points.data[IDENTITY] = uuid.uuid4().hex
     settings.footage = relative(footage.path)

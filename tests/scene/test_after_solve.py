@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -166,6 +167,13 @@ def test_points_are_drawn_only_where_they_are_asked_for(scene: bpy.types.Scene, 
     settings = build(scene, shot.footage, shot.reconstruction)
     assert settings.show_points and drawn(settings.points) == count
     assert len(settings.points.modifiers) == len(settings.points.vertex_groups) == 1
+
+
+def test_points_of_photos_are_all_that_is_seen(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    shot = slanted_shot(tmp_path, LENS)
+    photos = replace(shot.footage, is_stills=True)
+    settings = build(scene, photos, shot.reconstruction)
+    assert settings.show_points and not settings.camera.data.background_images
 
 
 def test_points_of_an_older_version_can_be_hidden(scene: bpy.types.Scene, tmp_path: Path) -> None:

@@ -134,7 +134,7 @@ def test_solve(program: Program, project: Path) -> None:
     assert program.ask(f"[o.name for o in {LAYER}.objects if o.select_get(view_layer={LAYER})]") == []
 
 
-def test_the_clip_and_the_points_are_seen(program: Program) -> None:
+def test_the_clip_is_seen(program: Program) -> None:
     left, top, width, height = program.rectangle("VIEW_3D")
     seen = program.shot("viewport")[top + height // 3 : top + 2 * height // 3, left + 200 : left + width // 2]
     # An empty viewport is grey all over.
