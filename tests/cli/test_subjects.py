@@ -76,7 +76,7 @@ def test_a_subject_is_kept_in_focus(work: Path, tmp_path: Path, capsys: pytest.C
         (("--subject", "0.5,1.5", "--focus-distance", 6), "0.5,1.5 is outside the picture"),
         (("--subject", "0.5,0.5@x", "--focus-distance", 6), "is not valid"),
         (("--subject", "cat=", "--focus-distance", 6), "has no places"),
-        (("--focus-subject", "cat"), "no stroke marks a subject 'cat'"),
+        (("--focus-subject", "cat"), "there is no stroke on a subject 'cat'"),
         ((*STROKE, "--focus-subject", "Subject@x"), "'Subject@x' is not valid"),
         ((*STROKE, "--focus-subject", "--focus-distance", 6), "goes with --focus-at alone"),
         ((*STROKE, "--focus-subject", "--focus-at", "0.5,0.5@3"), "focus at subject Subject has no frame"),

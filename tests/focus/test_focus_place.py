@@ -101,7 +101,7 @@ def test_where_nothing_is_known_it_is_refused(tmp_path: Path) -> None:
     points = features()
     corner = points[(points[:, 2] == 4) & (points[:, 1] < -0.3)]
     with pytest.raises(
-        UserError, match=r"0\.1,0\.9 frame 5 is unknown: its points are 2\d\d px .* uncertain"
+        UserError, match=r"0\.1,0\.9 of frame 5 is unknown: its points are 2\d\d px .* uncertain"
     ):
         Shot(footage, poses(CENTRES, corner)).context.places(FRAME).find(0.1, 0.9)
 
