@@ -79,7 +79,7 @@ pictures: setup
 	@$(PYTHON) tools/build_zip.py
 	@$(PYTHON) -m pytest tests/window/test_pictures.py
 	@mkdir -p docs/pictures && cp build/window/pictures/docs/*.jpg docs/pictures/
-	@$(PYTHON) sample_scenes/moving_picture.py --screens build/window/pictures --out docs/pictures/at_work.webp
+	@$(PYTHON) sample_scenes/moving_picture.py --screens build/window/pictures --out docs/at_work.webp
 
 moving-picture: setup
 	@$(PYTHON) sample_scenes/moving_picture.py --out docs/focus_pull.webp

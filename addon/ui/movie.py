@@ -131,10 +131,15 @@ def movie_path(scene: bpy.types.Scene) -> Path:
     if output == settings.output and not name:
         return absolute(f"{folder}.mp4")
     name = name.removesuffix(Path(name).suffix) if suffix in {*PICTURES, *STILLS} else name
-    name = name.rstrip("#").rstrip("_-. ")
+    name = _without_number(name)
     if not name or "{" in name or "#" in name:
-        name = f"{footage_path(settings).stem}{ENDING}"
+        name = f"{_without_number(footage_path(settings).stem)}{ENDING}"
     return absolute(str(folder / f"{name}.mp4"))
+
+
+def _without_number(name: str) -> str:
+    """What stands before the #### of a name."""
+    return name.rstrip("#").rstrip("_-. ")
 
 
 def begin(scene: bpy.types.Scene, out: Path, overwrite: bool) -> MovieRender:
@@ -167,9 +172,15 @@ def draw(layout: bpy.types.UILayout) -> None:
     if _movie.child is not None:
         row.progress(factor=_movie.done / max(_movie.total, 1), text=_movie.words)
         row.operator(VIRTUAL_APERTURE_OT_cancel_movie.bl_idname, text="", icon="X")
-    elif _movie.problem is None and _movie.out.exists():
+    elif _is_of(bpy.context.scene, _movie) and _movie.out.exists():
         row.label(text=_movie.out.name, icon="CHECKMARK")
         row.operator("wm.path_open", text="", icon="PLAY").filepath = str(_movie.out)
+
+
+def _is_of(scene: bpy.types.Scene, made: MovieRender) -> bool:
+    """Whether a movie is what the scene's clip was written to."""
+    has_clip = bool(scene.virtual_aperture.footage)
+    return made.problem is None and has_clip and made.out == movie_path(scene)
 
 
 class VIRTUAL_APERTURE_OT_cancel_movie(bpy.types.Operator):  # noqa: N801

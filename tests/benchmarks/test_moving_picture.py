@@ -50,7 +50,7 @@ def test_the_window_at_work_takes_all_its_screenshots(tmp_path: Path) -> None:
 
 
 def test_those_of_the_readme_move_and_are_light() -> None:
-    for name in ("focus_pull.webp", "pictures/at_work.webp"):
+    for name in ("focus_pull.webp", "at_work.webp"):
         file = ROOT / "docs" / name
         found, animation = cv2.imreadanimation(str(file))
         assert found and len(animation.frames) > 10 and animation.loop_count == 0

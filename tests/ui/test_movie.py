@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -25,13 +25,14 @@ COUNT = 6
 
 
 @pytest.fixture
-def clip(scene: bpy.types.Scene, tmp_path: Path) -> Path:
+def clip(scene: bpy.types.Scene, tmp_path: Path) -> Iterator[Path]:
     """A clip with sound, solved and in focus in the scene."""
     path = solved.write_video(tmp_path, COUNT)
     settings = build(scene, open_footage(path), solved.truth(range(1, COUNT + 1)))
     settings.focus_distance, settings.views = 8.0, 4
     settings.blur = 0.03
-    return path
+    yield path
+    movie.unregister()
 
 
 def render_clip(**options: bool) -> set[str]:
@@ -87,6 +88,8 @@ def test_a_movie_has_the_clips_rate_and_sound_and_leaves_all_else(
         assert next(loudest) == pytest.approx(next(loudest), rel=0.1)
         assert heard.duration * heard.time_base == pytest.approx(COUNT / solved.RATE, abs=0.05)
     assert shown().texts == [out.name]
+    scene.virtual_aperture.footage = ""
+    assert shown().texts == []
 
 
 def test_a_movie_that_is_there_is_replaced_only_where_that_is_said(
@@ -187,6 +190,9 @@ def test_where_a_movie_is_written(scene: bpy.types.Scene, clip: Path, tmp_path: 
     }.items():
         scene.render.filepath = output
         assert movie.movie_path(scene) == tmp_path / expected
+    scene.render.filepath = f"{folder}/films/"
+    scene.virtual_aperture.footage = f"{folder}/shot_####.png"
+    assert movie.movie_path(scene) == tmp_path / "films/shot_render.mp4"
 
 
 def test_odd_sizes_lose_a_row_or_column(scene: bpy.types.Scene) -> None:
