@@ -216,7 +216,7 @@ def test_a_marked_subject_is_in_focus_as_it_moves(clip: walls.Filmed) -> None:
     assert depth is not None
     own = depth.inverse_depth[marked.subject("disc", 16)]
     assert np.median(own) == pytest.approx(1 / found.distance, rel=0.1)
-    with pytest.raises(UserError, match="no subject has the name 'cat'; there are: disc"):
+    with pytest.raises(UserError, match="there is no subject 'cat'; there are: disc"):
         marked.subject("cat", 16)
 
 

@@ -124,7 +124,7 @@ class ClipContext:
         marked = next((each for each in self.marked if each.name == name), None)
         if marked is None:
             names = ", ".join(each.name for each in self.marked) or "none"
-            raise UserError(f"there is no subject {name!r}, but {names}")
+            raise UserError(f"there is no subject {name!r}; there are: {names}")
         return self._marked_mask(marked, frame)
 
     def _all_moving(self, frame: int) -> Mask:
