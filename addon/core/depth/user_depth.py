@@ -117,8 +117,8 @@ class UserDepth(DepthSource):
 
     def _seen(self, image: Image, rays: Floats) -> Map:
         """(H, W) inverse depth that a frame's map has along rays (H, W, 3) in its camera space, NaN past its
-        border, or where it cannot be used; where the third part of a ray is not 1, in the unit of a camera
-        for which it is."""
+        border, or where it cannot be used. It is that along the camera's axis for which the third parts of
+        the rays are 1."""
         canvas = Canvas(self.reconstruction.intrinsics(image))
         pinhole, ahead = canvas.pinhole, rays[..., 2]
         with np.errstate(divide="ignore", invalid="ignore"):
