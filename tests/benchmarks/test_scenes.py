@@ -244,7 +244,7 @@ def test_a_tripod_stays_and_somebody_walks_out_of_their_own_way(name: str) -> No
 
 
 def test_what_shines_mirrors_and_the_rest_does_not() -> None:
-    """With mirrors the picture changes there, and nowhere else."""
+    """With mirrors the picture changes there, and elsewhere by no more than the noise of four samples."""
     made = load(gloss.NAME)
     before, pictures, where = bpy.context.window.scene, [], None
     for build in (staging.build, gloss.build):
@@ -259,7 +259,8 @@ def test_what_shines_mirrors_and_the_rest_does_not() -> None:
         shining.astype(np.uint8), np.ones((5, 5))
     )
     change = np.abs(pictures[1] - pictures[0]).max(axis=-1)
-    np.testing.assert_allclose(change[~shining & (edges == 0)], 0, atol=1e-5)
+    assert change[~shining & (edges == 0)].max() < 0.03
+    assert np.median(change[~shining & (edges == 0)]) < 0.002
     assert (change[shining & (edges == 0)] > 0.01).mean() > 0.8
 
 
