@@ -116,11 +116,11 @@ class Strip:
 
 
 def strip_of(context: bpy.types.Context) -> Strip | None:
-    """The strip of a 3D viewport; None where it shows none: not through the solved camera, without overlays
-    or marks, or while something is picked."""
+    """The strip of a 3D viewport; None where it shows none: not through the solved camera, without overlays,
+    of a single mark, which the panel names, or while something is picked."""
     scene, space, region, view = context.scene, context.space_data, context.region, context.region_data
     settings = scene.virtual_aperture
-    if not (len(settings.marks.items) and space.overlay.show_overlays):
+    if not (len(settings.marks.items) > 1 and space.overlay.show_overlays):
         return None
     looked = space.camera if space.use_local_camera else scene.camera
     if view is None or view.view_perspective != "CAMERA" or looked is None or looked != settings.camera:
