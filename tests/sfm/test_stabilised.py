@@ -97,8 +97,8 @@ def test_a_stabilised_clip_never_ends_as_a_success(tmp_path: Path) -> None:
 
 
 @pytest.mark.long
-def test_a_solve_tells_its_advice(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_good_solve_is_given_no_advice(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     clip = planes.write_clip(tmp_path / "clip", planes.sideways(10))
     compared = ("solve", clip, "--work", tmp_path / "work", "--focal", planes.FOCAL)
     assert run_command([str(each) for each in compared]) == 0
-    assert capsys.readouterr().out.splitlines()[-1].startswith("advice: ")
+    assert "advice" not in capsys.readouterr().out
