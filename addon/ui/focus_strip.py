@@ -295,7 +295,7 @@ def _draw_mark(
     ]
     _draw_picture(corners, thumbnails.texture(settings, mark))
     line([*corners, corners[0]], colour, (2 if colour != GREY else 1) * scale)
-    away = length_words(mark.id_data.unit_settings, mark.distance)
+    away = length_words(settings, mark.distance)
     for row, text in enumerate((f"{frame}  {away}", mark.name)):
         _text(text, middle, low - (row + 0.85) * ROW * scale, colour, scale)
 
