@@ -403,7 +403,7 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
         name="Render As",
         description="What Render Clip writes",
         items=[
-            ("MOVIE", "Movie", "One H.264 file with the clip's frame rate and sound", 0),
+            ("MOVIE", "Movie", "One file with the clip's frame rate and sound, as deep as the clip", 0),
             ("FRAMES", "Frames", "What Blender's Output properties say, such as a PNG for each frame", 1),
         ],
         options=set(),
