@@ -119,7 +119,6 @@ def test_drop_to_the_first_blurred_picture(program: Program, project: Path) -> N
     blurred = detail(frame_seen(program))
     # The wipe shows the clip as it was shot.
     program.ask(f"{SETTINGS}.viewport_wipe = 1.0; None")
-    program.wait(f"{PREVIEW}.is_busy()", every=0.0)
     program.wait(f"not {PREVIEW}.is_busy()", 200)
     program.settle()
     program.shot("as_shot")
