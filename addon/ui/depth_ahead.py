@@ -96,11 +96,12 @@ def begin(work: Path) -> None:
 
 
 def _opened(work: Path) -> Path:
-    """What the process opens: the working folder, or a copy of the file where the user says what moves."""
+    """What the process opens: the working folder, or a copy of the file where the user says what moves, or
+    what the clip was recorded in: depth depends on both."""
     settings = bpy.context.scene.virtual_aperture
     if not settings.footage or _folder(settings) != work or settings.points is None:
         return work
-    if not (settings.masks or settings.mask or marked_of(settings)):
+    if not (settings.masks or settings.mask or settings.colour_space or marked_of(settings)):
         return work
     blend = Path(bpy.app.tempdir) / "virtual-aperture-depth.blend"
     write_blend(blend)
