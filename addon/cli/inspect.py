@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -82,7 +83,9 @@ def inspect(options: argparse.Namespace) -> None:
 
 def _inspected(scene: bpy.types.Scene, frame: int, debug: bool) -> tuple[dict[str, Shown], FrameReport]:
     shot, inspector = shot_of(scene), Inspector()
-    lens, size = frame_options(scene.virtual_aperture, shot.reconstruction), render_size(scene.render)
+    # The pictures are of the frame as the clip has it.
+    lens = replace(frame_options(scene.virtual_aperture, shot.reconstruction), stabilize=0.0)
+    size = render_size(scene.render)
     check_memory(size)
     check_gpu()
     with contextlib.nullcontext(1) if debug else quiet(1):

@@ -15,6 +15,7 @@ from ..base.lru_cache import LRUCache
 from ..base.reused_memory import ReusedMemory
 from ..camera.canvas import Canvas
 from ..camera.reconstruction import Reconstruction
+from ..camera.steady_path import SteadyPath, steady_path
 from ..depth.completed_depth import CompletedDepth
 from ..depth.depth_store import DepthStore
 from ..depth.matching import Matcher, winning_levels
@@ -226,6 +227,18 @@ class ClipContext:
                 self.reconstruction, self.read, threshold, self.highlight_store
             )
         return self._clip_highlights[threshold]
+
+    def steady_path(self, strength: float) -> SteadyPath:
+        """The path of the camera smoothed by a strength in (0, 1]; UserError as the function raises it."""
+        if strength not in self._steady_paths:
+            self._steady_paths.clear()
+            self._steady_paths[strength] = steady_path(self.reconstruction, strength)
+        return self._steady_paths[strength]
+
+    @cached_property
+    def _steady_paths(self) -> dict[float, SteadyPath]:
+        """By strength, the last one only: a path is found in a moment."""
+        return {}
 
     def depth_source(self, quality: Quality = NORMAL) -> DepthSource:
         """What tells the depth of frames in a quality: what is given, else stereo, or both together; for

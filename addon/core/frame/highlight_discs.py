@@ -24,6 +24,7 @@ from ..optics.thin_lens import ThinLens
 from ..warp.clipped_blobs import brightest
 from ..warp.layered_depth_image import LayeredDepthImage, inpainted
 from .plan import FramePlan
+from .steadied import Steadied
 from .vignetting import LEAST_LEFT, barrel_shift, light_left
 
 WHITE = 1.02
@@ -102,13 +103,17 @@ class HighlightDiscs:
 
     found: tuple[SmallHighlight, ...]
     aperture: Aperture
+    steadied: Steadied | None = None
+    """How a steadier camera sees them, where the plan is of one."""
 
     def light(self, plan: FramePlan, layers: tuple[LayeredDepthImage, ...]) -> LinearRGB:
         """(h, w, 3) linear light of their discs in the plan's canvas, clipped by `layers`. Passes
         checkpoints."""
         height, width = plan.canvas.pinhole.height, plan.canvas.pinhole.width
         total: LinearRGB = np.zeros((height, width, 3), np.float32)
-        before = _Surfaces(layers, plan.lens, (height, width))
+        own = plan.canvas.pinhole if self.steadied is None else self.steadied.own_canvas.pinhole
+        lens = plan.lens if self.steadied is None else self.steadied.own_lens
+        before = _Surfaces(layers, lens, (own.height, own.width))
         for one in self.found:
             checkpoint()
             discs, corners = self._discs(one, plan, before)
@@ -124,13 +129,15 @@ class HighlightDiscs:
     def _discs(self, one: SmallHighlight, plan: FramePlan, before: _Surfaces) -> tuple[LinearRGB, Ints]:
         """The light (n, h, w, 3) of the discs of a highlight's parts as far as it arrives, and the rows and
         columns (n, 2) where they begin, which may be outside of the canvas."""
-        pinhole = plan.canvas.pinhole
-        radius = np.round(FINEST * one.displacement * pinhole.focal / pinhole.fx) / FINEST
+        pinhole, seen_here = plan.canvas.pinhole, one
+        if self.steadied:
+            seen_here = _as_seen(one, self.steadied)
+        radius = np.round(FINEST * seen_here.displacement * pinhole.focal / pinhole.fx) / FINEST
         kernel = _kernel(self.aperture, float(radius[0]), float(radius[1]))
         reach = [n // 2 for n in kernel.shape]
         steps = before.steps(one)
         # What hides a highlight covers another part of the disc of each of its places.
-        light, corner = one.parts(PARTS if len(steps) else 1)
+        light, corner = seen_here.parts(PARTS if len(steps) else 1)
         begin = corner - np.array(reach, np.int32)
         places = _middles(light) + corner[:, ::-1]
         if plan.vignetting:
@@ -146,10 +153,40 @@ class HighlightDiscs:
         # A view at the share p of the aperture sees it at place - displacement p.
         seen: Floats = np.stack([column, row], axis=1) + begin[number, ::-1] + np.float64(0.5)
         ways: Floats = (places[number] - seen) / radius
+        if self.steadied:
+            ways = self.steadied.middle + self.steadied.aperture_share * ways
+            # The frame's own layers tell what is before it, where the frame sees it.
+            places = one.place + (places - seen_here.place) / _enlargement(self.steadied)
         widths = np.full(len(ways), float(light.shape[1]))
         passed = before.transmittance(one.displacement, steps, places[number], widths, ways)
         discs[number, row, column] *= passed.astype(np.float32)[:, None]
         return discs, begin
+
+
+def _enlargement(steadied: Steadied) -> float:
+    """By which a steadier camera sees things larger than the frame does, near enough."""
+    return float(steadied.canvas.pinhole.fx / steadied.own_canvas.pinhole.fx)
+
+
+def _as_seen(one: SmallHighlight, steadied: Steadied) -> SmallHighlight:
+    """A highlight of a frame in the canvas of a steadier camera, enlarged as all of its picture is."""
+    own, zoom = steadied.own_lens, _enlargement(steadied)
+    inverse = np.array([own.focus + one.displacement / own.disparity_scale])
+    place, there = steadied.moved(one.place[None], inverse)
+    # One of no displacement has no disc, and is none of these; nor may it get one's size by rounding.
+    displacement = float(steadied.lens.displacement(there)[0])
+    size = np.ceil(zoom * np.array(one.light.shape[1::-1])).astype(int) + 2
+    middle = one.place - one.corner[::-1]
+    corner = np.floor(place[0] - zoom * middle).astype(int) - 1
+    # From the new patch's pixels to the old one's, both counted from the middle of the first.
+    shift = middle + (corner + 0.5 - place[0]) / zoom - 0.5
+    back = np.column_stack([np.eye(2) / zoom, shift])
+    light = cv2.warpAffine(
+        one.light, back, (int(size[0]), int(size[1])), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    )
+    # What is spread over more pixels is as bright in each; the sum is the light.
+    light = light * np.float32(zoom**2 * one.light.sum() / max(float(light.sum()), 1e-30))
+    return SmallHighlight((int(corner[1]), int(corner[0])), np.asarray(light, np.float32), displacement)
 
 
 def _few(light: LinearRGB) -> list[LinearRGB]:

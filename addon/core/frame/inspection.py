@@ -98,7 +98,7 @@ def picture(
 
 def inverse_depth(warped: WarpedFrame) -> Floats:
     """(H, W) of the canvas's pixels, that the frame is drawn with; NaN where there is nothing."""
-    if warped.layers and warped.depth is not None:
+    if warped.layers and warped.depth is not None and warped.steadied is None:
         return warped.depth.inverse_depth
     mesh, pinhole = warped.plan.mesh, warped.plan.canvas.pinhole
     inverse = warped.plan.lens.tilted(mesh.inverse_depth, mesh.xy)

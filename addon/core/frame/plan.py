@@ -50,6 +50,13 @@ class FrameOptions:
     )  # fmt: skip
     """PSNR in dB that a frame is to have against one of infinitely many views, which takes the place of the
     number of views; 0 leaves that as it is."""
+    stabilize: float = option(
+        0.0, "Stabilize",
+        "How far the camera's path is smoothed, as far as the clip shows enough: 0 keeps it as it is,"
+        " 1 makes it a line. The picture is cropped a little",
+        least=0.0, most=1.0, precision=2,
+    )  # fmt: skip
+    """Strength of `steady_path`; 0 draws from the clip's own cameras."""
     aperture: Aperture = field(default_factory=Aperture)
     """The aperture's shape."""
     highlights: HighlightSettings = RESTORED

@@ -23,6 +23,7 @@ from .meshers.layers import can_be_layered
 from .meshers.mesher import FrameGeometry, Mesher, Surface, Views
 from .options import check_options
 from .plan import FrameOptions, FramePlan
+from .steadied import Steadied, steadied
 
 FEWEST_SURE = 0.05
 """Share of the picture whose depth must be known for layers: by eye."""
@@ -56,6 +57,8 @@ class WarpedFrame:
     """Wall time that the mesh and its texture took."""
     highlight_discs: HighlightDiscs | None = None
     """That are not in the texture; their light is to be added to the mean of the views."""
+    steadied: Steadied | None = None
+    """How a steadier camera sees it, where the plan is of one."""
 
 
 def check_settings(settings: FrameOptions) -> None:
@@ -78,6 +81,8 @@ class MeshedFrame:
     depth_seconds: float = 0.0
     mesh_seconds: float = 0.0
     highlight_discs: HighlightDiscs | None = None
+    steadied: Steadied | None = None
+    """How a steadier camera sees the mesh, where it is to."""
 
     @property
     def views(self) -> int:
@@ -93,21 +98,27 @@ class MeshedFrame:
         With a `variant` they are other views of the same aperture.
         """
         began = time.perf_counter()
-        geometry, views = self.geometry, self.mesher.views(self.geometry, count, variant)
-        texture = self.surface.texture
+        geometry, mesh, texture, share = self.geometry, self.surface.mesh, self.surface.texture, 1.0
+        if self.steadied:
+            # Layers are displaced as by the lens that they were made for.
+            mesh, share = self.steadied.mesh(mesh), self.steadied.aperture_share
+            geometry = replace(geometry, canvas=self.steadied.canvas, lens=self.steadied.lens)
+        views = self.mesher.views(geometry, count, variant)
         if prefiltered and self.mesher.is_prefiltered:
-            spread = np.float32(views.spread)
+            spread, of_layers = np.float32(views.spread), np.float32(share)
             texture = texture if reuse else texture.copy()
-            prefilter(texture, self.surface.layers, lambda d: spread * geometry.lens.footprint(d, count))
+            prefilter(
+                texture, self.surface.layers, lambda d: spread * geometry.lens.footprint(of_layers * d, count)
+            )
         plan = FramePlan(
-            geometry.frame, geometry.canvas, geometry.lens, self.surface.mesh, views.offsets,
+            geometry.frame, geometry.canvas, geometry.lens, mesh, views.offsets,
             views.registration, self.blur, geometry.samples.pose_interpolated, views.weights, views.spread,
             geometry.settings.aperture.vignetting,
         )  # fmt: skip
         return WarpedFrame(
             plan, texture, self.mesher.name, self.why, self.surface.is_whole, geometry.depth,
             self.surface.layers, self.depth_seconds, self.mesh_seconds + time.perf_counter() - began,
-            self.highlight_discs,
+            self.highlight_discs, self.steadied,
         )  # fmt: skip
 
 
@@ -147,15 +158,25 @@ def mesh_frame(
     if geometry.depth is not None and mesher.needs_pixel_depth:
         lens = geometry.lens
         blur = lens.largest_disc(lens.untilted_raster(geometry.depth.inverse_depth))
-    geometry, highlights = _without_small_highlights(geometry, mesher)
+    moved = _steadied(geometry)
+    if moved:
+        geometry = replace(geometry, lens=moved.own_lens)
+    geometry, highlights = _without_small_highlights(geometry, mesher, moved)
     with stage("Mesh", DEEP if mesher.needs_pixel_depth else 0.0, 1.0):
         surface = mesher.make(geometry)
     spent = time.perf_counter() - began - depth_seconds
-    return MeshedFrame(geometry, mesher, surface, blur, why, depth_seconds, spent, highlights)
+    return MeshedFrame(geometry, mesher, surface, blur, why, depth_seconds, spent, highlights, moved)
+
+
+def _steadied(geometry: FrameGeometry) -> Steadied | None:
+    """How a frame is seen from a steadier path, where that was asked for."""
+    if not geometry.settings.stabilize:
+        return None
+    return steadied(geometry, geometry.clip.steady_path(geometry.settings.stabilize))
 
 
 def _without_small_highlights(
-    geometry: FrameGeometry, mesher: Mesher
+    geometry: FrameGeometry, mesher: Mesher, steadier: Steadied | None
 ) -> tuple[FrameGeometry, HighlightDiscs | None]:
     """A frame whose picture has no highlights that are drawn as discs, and these; as it is where highlights
     are off, or a mesher has no layers that tell what is before them."""
@@ -171,13 +192,16 @@ def _without_small_highlights(
     picture, highlights = without_small_highlights(
         geometry.picture, lens.snap_displacement(displacement.astype(np.float32)), settings.aperture
     )
+    if highlights and steadier:
+        highlights = replace(highlights, steadied=steadier)
     return replace(geometry, picture=picture), highlights
 
 
 def drawn_size(settings: FrameOptions, size: tuple[int, int]) -> tuple[int, int]:
     """Size (width, height) that a frame is drawn at which is rendered at a size: a quality may draw depth of
-    every pixel smaller."""
-    return settings.quality.drawn_size(size) if MESHERS[settings.method].needs_pixel_depth else size
+    every pixel smaller, where what is in focus stays where the frame's own pixels have it."""
+    can_be_small = MESHERS[settings.method].needs_pixel_depth and not settings.stabilize
+    return settings.quality.drawn_size(size) if can_be_small else size
 
 
 @dataclass(frozen=True)
@@ -233,6 +257,8 @@ def _geometry(
         raise UserError(
             f"the method {settings.method} does not support a tilted focal plane; choose another one"
         )
+    if settings.stabilize and not MESHERS[settings.method].takes_tilt:
+        raise UserError(f"the method {settings.method} does not stabilize; choose another one")
     samples = replace(samples, inverse_depth=lens.untilted(samples.inverse_depth, samples.observed))
     lens.check(frame, samples.inverse_depth)
     picture = canvas.from_source(source) if source.size else source

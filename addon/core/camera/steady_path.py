@@ -1,0 +1,207 @@
+"""A steadier path for the camera of a clip: smoothed turns and positions, and how far the picture is cropped.
+
+Re-cinematography (Gleicher and Liu, 2008): views of the rebuilt scene are synthesized from the steadier camera, so
+a shake of the hand goes, its parallax with it. Positions and quaternions are smoothed by Whittaker's method, which
+takes the least sum of squared distances to the path and of squared accelerations; so a path that a dolly could
+have gone on stays as it is. Smoothing is limited by what the clip shows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from ..base.arrays import Floats, Ints
+from ..base.errors import UserError
+from .intrinsics import Intrinsics
+from .reconstruction import (
+    Image,
+    Reconstruction,
+    matrix_from_quaternion,
+    quaternion_from_matrix,
+    seen_by,
+)
+
+PERIOD = 60.0
+"""Frames of the period of a shake that is halved by a strength of 1/2: two seconds, as steps and breath take less
+and moves that are meant take more. By eye."""
+LONGEST = 3000.0
+"""Frames of the longest such period: beyond it the normal equations lose their last digits."""
+MOST_ZOOM = 1.25
+"""By which the picture is enlarged at most, so that its border stays outside: editors crop as much. By eye."""
+MOST_PARALLAX = 0.03
+"""Of the picture's width, by which near and far things are seen apart from where the clip has them: what shows
+behind them then was seen by frames around. By `python -m benchmarks.accuracy.steady`."""
+TRIES = 12
+"""Bisections, by which strengths and zooms are found to a thousandth."""
+ALONG = 9
+"""Places on each side of the picture's border at which it is looked whether the clip shows them."""
+PERCENTILES = 2.0, 50.0, 98.0
+"""Of a frame's inverse depths, at which they are looked at; single points are wrong."""
+
+
+@dataclass(frozen=True)
+class SteadyPath:
+    """Where the camera of a clip would have been, had it been held more steadily."""
+
+    frames: Ints
+    """(n,) frame numbers, one after the other."""
+    rotations: Floats
+    """(n, 3, 3) world-to-camera rotations."""
+    centres: Floats
+    """(n, 3) projection centres in world coordinates."""
+    zoom: float
+    """By which its focal length is longer than the clip's, so that it sees nothing past the clip's border."""
+    strength: float
+    """In [0, 1], by which it was smoothed: less than what was wished, where the clip does not show enough."""
+
+    def seen_from(self, image: Image) -> tuple[Floats, Floats]:
+        """(3, 3) rotation and (3,) translation, in scene units, from the camera space of a frame into that of
+        the steadier camera; of frames beyond the path, those of its end."""
+        at = int(np.clip(image.frame - self.frames[0], 0, len(self.frames) - 1))
+        return _between(image.rotation, image.centre, self.rotations[at], self.centres[at])
+
+
+def _between(rotation: Floats, centre: Floats, steady: Floats, there: Floats) -> tuple[Floats, Floats]:
+    """Rotations (..., 3, 3) and translations (..., 3) from camera spaces into steadier ones, by both cameras'
+    world-to-camera rotations (..., 3, 3) and centres (..., 3)."""
+    return steady @ np.swapaxes(rotation, -1, -2), np.einsum("...ij,...j->...i", steady, centre - there)
+
+
+def steady_path(reconstruction: Reconstruction, strength: float) -> SteadyPath:
+    """The path of a clip smoothed by a strength in (0, 1], at most as far as the clip shows.
+
+    At 1 the camera moves on a line at a constant speed, or stands, and turns so. UserError for photos, fewer than
+    three frames, and poses that are not finite.
+    """
+    if not reconstruction.is_ordered:
+        raise UserError("photos have no camera path that could be stabilized; turn Stabilize off")
+    own = _Path(reconstruction)
+    if len(own.frames) < 3:
+        raise UserError("a path of fewer than three frames cannot be stabilized; turn Stabilize off")
+    found = own.smoothed(strength)
+    low, high = 0.0, strength
+    for _ in range(TRIES if found is None else 0):
+        middle = (low + high) / 2
+        tried = own.smoothed(middle)
+        low, high = (middle, high) if tried else (low, middle)
+        found = tried or found
+    return found or SteadyPath(own.frames, own.rotations, own.centres, 1.0, 0.0)
+
+
+class _Path:
+    """The path of a clip, and what its frames show."""
+
+    def __init__(self, reconstruction: Reconstruction) -> None:
+        self._rec = reconstruction
+        self.frames = np.arange(reconstruction.frames[0], reconstruction.frames[-1] + 1).astype(np.int32)
+        self._images = [reconstruction.image_at(int(frame))[0] for frame in self.frames]
+        self.rotations = np.array([image.rotation for image in self._images])
+        self.centres = np.array([image.centre for image in self._images])
+        self._levels = np.array([self._inverse_depths(image) for image in self._images])
+        self._camera = np.array([image.camera for image in self._images])
+
+    def _inverse_depths(self, image: Image) -> Floats:
+        local, ahead = seen_by(image, self._rec, image.points)
+        return np.percentile(1 / local[ahead, 2], PERCENTILES) if ahead.any() else np.zeros(len(PERCENTILES))
+
+    @cached_property
+    def _quaternions(self) -> Floats:
+        """(n, 4), each nearer to the one before than its opposite is."""
+        found = np.array([quaternion_from_matrix(rotation) for rotation in self.rotations])
+        flips = np.where(np.sum(found[1:] * found[:-1], axis=1) < 0, -1.0, 1.0)
+        return np.asarray(found * np.cumprod(np.append(1.0, flips))[:, None])
+
+    def smoothed(self, strength: float) -> SteadyPath | None:
+        """The path smoothed by a strength; None where the clip does not show what it would see."""
+        both = np.column_stack([self.centres - self.centres[0], self._quaternions])
+        smooth = _on_a_line(both) if strength >= 1 else _whittaker(both, _weight(strength))
+        centres = smooth[:, :3] + self.centres[0]
+        rotations = np.array([matrix_from_quaternion(each) for each in smooth[:, 3:]])
+        turn, move = _between(self.rotations, self.centres, rotations, centres)
+        zoom = max(self._zoom(number, turn, move) for number in np.unique(self._camera))
+        if not zoom <= MOST_ZOOM:
+            return None
+        return SteadyPath(self.frames, rotations, centres, float(zoom), strength)
+
+    def _zoom(self, number: int, turn: Floats, move: Floats) -> float:
+        """Least zoom at which a clip's camera shows all that its steadier path sees; infinite where that is too
+        much, or near and far things come too far apart."""
+        camera, own = self._rec.cameras[number], self._camera == number
+        spread = self._levels[own, -1] - self._levels[own, 0]
+        apart = camera.fx * np.linalg.norm(move[own, :2], axis=1) * spread
+        if not apart.max(initial=0.0) <= MOST_PARALLAX * camera.width:
+            return float(np.inf)
+        steady = turn[own], move[own], self._levels[own]
+        low, high = 1.0, MOST_ZOOM
+        if not self._shows(camera, high, *steady):
+            return float(np.inf)
+        for _ in range(TRIES):
+            middle = (low + high) / 2
+            low, high = (low, middle) if self._shows(camera, middle, *steady) else (middle, high)
+        return high
+
+    @staticmethod
+    def _shows(camera: Intrinsics, zoom: float, turn: Floats, move: Floats, levels: Floats) -> bool:
+        """Whether frames of a camera show the whole border of steadier ones (n) with a zoom, at inverse depths
+        (n, k)."""
+        size = np.array([camera.width, camera.height])
+        along = np.linspace(0, 1, ALONG)
+        sides = [np.column_stack([along, np.full(ALONG, end)]) for end in (0.0, 1.0)]
+        border = np.concatenate([*sides, *(side[:, ::-1] for side in sides)]) * size
+        plane = camera.undistort((border - camera.principal_point) / (camera.focal * zoom))
+        rays = np.column_stack([plane, np.ones(len(plane))])
+        # X' = R X + t, of points at 1/d along the steadier camera's rays.
+        back = rays[None, None] - (move[:, None] * levels[..., None])[:, :, None]
+        seen = camera.project(np.einsum("nji,nkbj->nkbi", turn, back))
+        # A hundredth of a pixel is rounding.
+        return bool(np.all((seen >= -0.01) & (seen <= size + 0.01)))
+
+
+def _weight(strength: float) -> float:
+    """Weight of squared accelerations at which the wished period is halved: 1 / (1 + weight omega^4)."""
+    period = min(PERIOD * strength / (1 - strength), LONGEST)
+    return float((period / (2 * np.pi)) ** 4)
+
+
+def _on_a_line(values: Floats) -> Floats:
+    """(n, k) values as linear functions of their row, of least squares."""
+    at = np.linspace(-1, 1, len(values))
+    return np.asarray(values.mean(axis=0) + at[:, None] * (at @ values / (at @ at)))
+
+
+def _whittaker(values: Floats, weight: float) -> Floats:
+    """(n, k) smooth values z of least |z - values|^2 + weight |second differences of z|^2; Whittaker, "On a new
+    method of graduation", 1923.
+
+    The normal equations have five diagonals, and are solved by L D L^T (Eilers, "A perfect smoother", 2003).
+    """
+    count = len(values)
+    second = np.array([1.0, -2.0, 1.0])
+    diagonals = np.zeros((3, count))
+    diagonals[0] = 1
+    for away in range(3):
+        for n in range(3 - away):
+            diagonals[away, n : n + count - 2] += weight * second[n] * second[n + away]
+    lower, pivot = np.zeros((3, count)), np.zeros(count)
+    result = np.array(values, dtype=np.float64)
+    for n in range(count):
+        one, two = lower[1, n - 1] if n else 0.0, lower[2, n - 2] if n > 1 else 0.0
+        before, first = pivot[n - 1], pivot[n - 2]
+        pivot[n] = diagonals[0, n] - one**2 * before - two**2 * first
+        lower[1, n] = (diagonals[1, n] - (lower[2, n - 1] * one * before if n else 0.0)) / pivot[n]
+        lower[2, n] = diagonals[2, n] / pivot[n]
+        result[n] -= one * result[n - 1] + two * result[n - 2]
+    result /= pivot[:, None]
+    for n in range(count - 2, -1, -1):
+        result[n] -= lower[1, n] * result[n + 1]
+        if n + 2 < count:
+            result[n] -= lower[2, n] * result[n + 2]
+    return result
+
+
+def zoomed(camera: Intrinsics, zoom: float) -> Intrinsics:
+    """A camera with a longer focal length, its lens's distortion and principal point as they are."""
+    return replace(camera, fx=camera.fx * zoom, fy=camera.fy * zoom)
