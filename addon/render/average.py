@@ -68,6 +68,11 @@ def render_frame(
         warped = None if options.target_psnr else meshed.through(meshed.views, reuse=True)
     if meshed.geometry.samples.pose_interpolated:
         note(f"Frame {frame} was not solved: its camera is interpolated from its neighbours")
+    if options.stabilize and (used := clip.steady_path(options.stabilize).strength) < options.stabilize:
+        note(
+            f"Stabilize is {used:.2f} instead of {options.stabilize:.2f}: from a steadier path the camera"
+            " would see what the clip does not show"
+        )
     if meshed.why:
         note(f"Frame {frame} uses the method {meshed.mesher.name}: {meshed.why}")
     began = time.perf_counter()

@@ -4,6 +4,7 @@ are."""
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 
 from addon.core.base.arrays import Floats, LinearRGBA, Map
 from addon.core.camera.canvas import Canvas
-from addon.core.camera.reconstruction import Intrinsics
+from addon.core.camera.reconstruction import Intrinsics, rotation_matrix
 from addon.core.depth.source import PixelDepth
 from addon.core.focus.focus import Focus
 from addon.core.frame.clip_context import ClipContext
@@ -192,3 +193,31 @@ def test_of_too_many_highlights_the_brightest_are_drawn() -> None:
     # In the picture they become brighter with every one, row by row.
     kept = rest[2:158:5, 2:238:5, 0].ravel() <= BRIGHT
     assert kept[-MOST:].all()
+
+
+def test_from_a_steadier_path_a_disc_stands_where_its_highlight_is_seen() -> None:
+    picture = with_highlight(dark(), 60, 50)
+    plane = slanted_plane(LENS, (1, 2, 3, 4))
+    first, second, *others = plane.images
+    shaken = replace(second, rotation=rotation_matrix(np.array([0.01, -0.01, 0.005])) @ second.rotation)
+    plane = replace(plane, images=(first, shaken, *others))
+    clip = ClipContext(plane, lambda frame: texture(*SIZE), Given(flat()))
+    lens = FrameOptions(Focus(distance=FOCUS), RADIUS, borrow=False, stabilize=1.0)
+    warped = mesh_frame(clip, 2, lens, SIZE, picture).through(16)
+    path, (image, _), pinhole = (
+        clip.steady_path(1.0),
+        clip.reconstruction.image_at(2),
+        warped.plan.canvas.pinhole,
+    )
+    ray = np.array([(61 - LENS.cx) / LENS.fx, (51 - LENS.cy) / LENS.fy, 1.0])
+    world = image.centre + FAR * ray @ image.rotation
+    seen = pinhole.project((world - path.centres[1]) @ path.rotations[1].T)
+    light = discs(warped).sum(axis=2)
+    y, x = np.nonzero(light > 0)
+    weights = light[y, x] / light.sum()
+    assert np.hypot(*(seen - [61, 51])) > 0.5
+    assert weights @ (x + 0.5) == pytest.approx(seen[0], abs=0.05)
+    assert weights @ (y + 0.5) == pytest.approx(seen[1], abs=0.05)
+    # Enlarged as the picture is, as bright as it was.
+    own = discs(mesh_frame(clip, 2, replace(lens, stabilize=0.0), SIZE, picture).through(16)).sum()
+    assert light.sum() / own == pytest.approx(path.zoom**2, rel=0.01)

@@ -1,9 +1,9 @@
 """A steadier path for the camera of a clip: smoothed turns and positions, and how far the picture is cropped.
 
-Re-cinematography (Gleicher and Liu, 2008): views of the rebuilt scene are synthesized from the steadier camera, so
-a shake of the hand goes, its parallax with it. Positions and quaternions are smoothed by Whittaker's method, which
-takes the least sum of squared distances to the path and of squared accelerations; so a path that a dolly could
-have gone on stays as it is. Smoothing is limited by what the clip shows.
+Re-cinematography (Gleicher and Liu, 2008): views of the rebuilt scene are synthesized from the steadier
+camera, so a shake of the hand goes, its parallax with it. Positions and quaternions are smoothed by
+Whittaker's method, which takes the least sum of squared distances to the path and of squared accelerations;
+so a path that a dolly could have gone on stays as it is. Smoothing is limited by what the clip shows.
 """
 
 from __future__ import annotations
@@ -25,15 +25,16 @@ from .reconstruction import (
 )
 
 PERIOD = 60.0
-"""Frames of the period of a shake that is halved by a strength of 1/2: two seconds, as steps and breath take less
-and moves that are meant take more. By eye."""
+"""Frames of the period of a shake that is halved by a strength of 1/2: two seconds, as steps and breath take
+less and moves that are meant take more. By eye."""
 LONGEST = 3000.0
 """Frames of the longest such period: beyond it the normal equations lose their last digits."""
 MOST_ZOOM = 1.25
-"""By which the picture is enlarged at most, so that its border stays outside: editors crop as much. By eye."""
+"""By which the picture is enlarged at most, so that its border stays outside: editors crop as much. By
+eye."""
 MOST_PARALLAX = 0.03
-"""Of the picture's width, by which near and far things are seen apart from where the clip has them: what shows
-behind them then was seen by frames around. By `python -m benchmarks.accuracy.steady`."""
+"""Of the picture's width, by which near and far things are seen apart from where the clip has them: what
+shows behind them then, frames around have mostly seen. By eye."""
 TRIES = 12
 """Bisections, by which strengths and zooms are found to a thousandth."""
 ALONG = 9
@@ -73,8 +74,8 @@ def _between(rotation: Floats, centre: Floats, steady: Floats, there: Floats) ->
 def steady_path(reconstruction: Reconstruction, strength: float) -> SteadyPath:
     """The path of a clip smoothed by a strength in (0, 1], at most as far as the clip shows.
 
-    At 1 the camera moves on a line at a constant speed, or stands, and turns so. UserError for photos, fewer than
-    three frames, and poses that are not finite.
+    At 1 the camera moves on a line at a constant speed, or stands, and turns so. UserError for photos, fewer
+    than three frames, and poses that are not finite.
     """
     if not reconstruction.is_ordered:
         raise UserError("photos have no camera path that could be stabilized; turn Stabilize off")
@@ -127,8 +128,8 @@ class _Path:
         return SteadyPath(self.frames, rotations, centres, float(zoom), strength)
 
     def _zoom(self, number: int, turn: Floats, move: Floats) -> float:
-        """Least zoom at which a clip's camera shows all that its steadier path sees; infinite where that is too
-        much, or near and far things come too far apart."""
+        """Least zoom at which a clip's camera shows all that its steadier path sees; infinite where that is
+        too much, or near and far things come too far apart."""
         camera, own = self._rec.cameras[number], self._camera == number
         spread = self._levels[own, -1] - self._levels[own, 0]
         apart = camera.fx * np.linalg.norm(move[own, :2], axis=1) * spread
@@ -145,8 +146,8 @@ class _Path:
 
     @staticmethod
     def _shows(camera: Intrinsics, zoom: float, turn: Floats, move: Floats, levels: Floats) -> bool:
-        """Whether frames of a camera show the whole border of steadier ones (n) with a zoom, at inverse depths
-        (n, k)."""
+        """Whether frames of a camera show the whole border of steadier ones (n) with a zoom, at inverse
+        depths (n, k)."""
         size = np.array([camera.width, camera.height])
         along = np.linspace(0, 1, ALONG)
         sides = [np.column_stack([along, np.full(ALONG, end)]) for end in (0.0, 1.0)]
@@ -173,8 +174,8 @@ def _on_a_line(values: Floats) -> Floats:
 
 
 def _whittaker(values: Floats, weight: float) -> Floats:
-    """(n, k) smooth values z of least |z - values|^2 + weight |second differences of z|^2; Whittaker, "On a new
-    method of graduation", 1923.
+    """(n, k) smooth values z of least |z - values|^2 + weight |second differences of z|^2; Whittaker, "On a
+    new method of graduation", 1923.
 
     The normal equations have five diagonals, and are solved by L D L^T (Eilers, "A perfect smoother", 2003).
     """

@@ -54,7 +54,7 @@ class FrameOptions:
         0.0, "Stabilize",
         "How far the camera's path is smoothed, as far as the clip shows enough: 0 keeps it as it is,"
         " 1 makes it a line. The picture is cropped a little",
-        least=0.0, most=1.0, precision=2,
+        least=0.0, most=1.0, precision=2, unit="FACTOR",
     )  # fmt: skip
     """Strength of `steady_path`; 0 draws from the clip's own cameras."""
     aperture: Aperture = field(default_factory=Aperture)

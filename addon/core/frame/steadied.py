@@ -30,8 +30,8 @@ class Steadied:
     """Its lens, focused on the plane in space that the frame's is."""
     own_canvas: Canvas
     own_lens: ThinLens
-    """The frame's, as wide as to reach from its middle to all of the steadier one's aperture: what its mesh is
-    to be made for."""
+    """The frame's, as wide as to reach from its middle to all of the steadier one's aperture: what its mesh
+    is to be made for."""
     rotation: Floats
     """(3, 3) from the frame's camera space into the steadier camera's."""
     translation: Floats
@@ -44,12 +44,13 @@ class Steadied:
 
     @property
     def middle(self) -> Floats:
-        """(2,) x and y of the steadier aperture's middle in the frame's camera space, in radii of `own_lens`."""
+        """(2,) x and y of the steadier aperture's middle in the frame's camera space, in radii of
+        `own_lens`."""
         return np.asarray((-self.rotation.T @ self.translation)[:2] / self.own_lens.radius)
 
     def moved(self, xy: Floats, inverse_depth: Floats) -> tuple[Floats, Floats]:
-        """Where (n, 2) in its canvas the steadier camera sees canvas pixels (n, 2) of the frame, and their inverse
-        depths (n,) there; both inverse depths `untilted` by their lens."""
+        """Where (n, 2) in its canvas the steadier camera sees canvas pixels (n, 2) of the frame, and their
+        inverse depths (n,) there; both inverse depths `untilted` by their lens."""
         there = self.own_lens.tilted(inverse_depth, xy)
         pinhole, own = self.canvas.pinhole, self.own_canvas.pinhole
         rays = np.column_stack([(xy - own.principal_point) / own.focal, np.ones(len(xy))])

@@ -21,6 +21,7 @@ class VIRTUAL_APERTURE_PT_render(ClosedPanel, bpy.types.Panel):  # noqa: N801
         layout.prop(scene.virtual_aperture, "render_as")
         layout.prop(scene.render, "filepath", text="Output")
         layout.prop(scene.virtual_aperture, "quality")
+        layout.prop(scene.virtual_aperture, "stabilize")
 
 
 def output_words(scene: bpy.types.Scene) -> str:
