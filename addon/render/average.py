@@ -13,6 +13,7 @@ from ..core.base.arrays import Floats, LinearRGBA, Map, in_channels
 from ..core.base.progress import checkpoint, stage
 from ..core.frame.clip_context import ClipContext
 from ..core.frame.detail import enlarged, sharp_frame
+from ..core.frame.grain import grained, lost_frame
 from ..core.frame.inspection import shares_of, source_frame
 from ..core.frame.plan import FrameOptions
 from ..core.frame.view_error import PILOT, difference, other_views, views_for_error
@@ -63,6 +64,7 @@ def render_frame(
         picture = resized(clip.picture(frame, options.highlights), size)
         small = drawn_size(options, size)
         source = resized(picture, small)
+        noise = clip.noise(frame, size) if options.grain else None
     with stage("Mesh", READ, WARPED):
         meshed = mesh_frame(clip, frame, options, small, source)
         warped = None if options.target_psnr else meshed.through(meshed.views, reuse=True)
@@ -85,6 +87,11 @@ def render_frame(
     result = warped.plan.canvas.to_source(mean)
     if small != size:
         result = enlarged(result, source, picture, _sharp_share(warped))
+    if noise is not None:
+        with stage("Grain", 1.0, 1.0):
+            lost = draw_mean(lost_frame(warped, noise, size[0] / small[0]))
+        lost = resized(warped.plan.canvas.to_source(lost), size)[..., :3]
+        result = grained(result, lost, noise, frame, options.grain)
     if on_frame is not None:
         on_frame(Drawn(warped, source, time.perf_counter() - began))
     return result

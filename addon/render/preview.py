@@ -329,6 +329,7 @@ def _through_lens(wanted: Wanted, level: int) -> LinearRGBA:
     if level == ROUGH:
         options = replace(options, method="features", views=ROUGH_VIEWS)
     if level <= COARSE or wanted.is_playing:
+        options = replace(options, grain=0.0)
         # What other frames lend, and their highlights, take seconds to find for the first time.
         options = replace(options, borrow=False)
         if not context.knows_highlights(wanted.frame, options.highlights):

@@ -12,6 +12,7 @@ import numpy as np
 from ..base.arrays import LinearRGBA, Mask
 from ..base.errors import UserError
 from ..base.lru_cache import LRUCache
+from ..base.progress import stage
 from ..base.reused_memory import ReusedMemory
 from ..camera.canvas import Canvas
 from ..camera.reconstruction import Reconstruction
@@ -29,6 +30,7 @@ from ..depth.temporal_fusion import FusionOptions, TemporalFusion
 from ..focus.place import Place, PlaceFinder
 from ..focus.subject import subject_place
 from ..media.clip import to_linear
+from ..media.noise import Noise, measured
 from ..media.picture_file import Pixels
 from ..subjects.found import FoundSubjects
 from ..subjects.marked import CarriedSubject, ClipSubjects, MarkedSubject
@@ -238,6 +240,29 @@ class ClipContext:
     @cached_property
     def _steady_paths(self) -> dict[float, SteadyPath]:
         """By strength, the last one only: a path is found in a moment."""
+        return {}
+
+    def noise(self, frame: int, size: tuple[int, int]) -> Noise | None:
+        """The clip's noise in pictures of a frame at a size (width, height); None where it is not visible, and of
+        photos, which have no frame that shows the same. UserError where a frame cannot be read."""
+        if not self.reconstruction.is_ordered or self._noise is None or not self._noise.is_visible:
+            return None
+        camera = self.canvas(frame).camera
+        if size not in self._noises:
+            self._noises[size] = self._noise.at_scale(size[0] / camera.width)
+        found = self._noises[size]
+        return found if found.is_visible else None
+
+    @cached_property
+    def _noise(self) -> Noise | None:
+        """The clip's noise at its own size."""
+        frames = [int(frame) for frame in self.reconstruction.frames]
+        with stage("Noise", 0.0, 0.0):
+            return measured(self.read, frames)
+
+    @cached_property
+    def _noises(self) -> dict[tuple[int, int], Noise]:
+        """By size."""
         return {}
 
     def depth_source(self, quality: Quality = NORMAL) -> DepthSource:

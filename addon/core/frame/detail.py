@@ -1,13 +1,15 @@
-"""The sharpness of what is in focus, for a frame that was drawn smaller than it is."""
+"""Blur discs seen through the views, as of the sharpness that a frame keeps which was drawn smaller than it is."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import cv2
 import numpy as np
 
 from ..base.arrays import LinearRGBA, Map
+from .inspection import blur_discs
 from .warped_frame import WarpedFrame
 
 SHARP, BLURRED = 0.5, 1.5
@@ -21,6 +23,25 @@ def sharp_frame(warped: WarpedFrame) -> WarpedFrame | None:
     colours: red of the views' mean is the share that each pixel keeps. None of a frame without layers."""
     if not warped.layers:
         return None
+
+    def share(disc: Map) -> Map:
+        return np.clip((BLURRED - disc) / (BLURRED - SHARP), 0, 1).astype(np.float32)[..., None]
+
+    return painted(warped, share)
+
+
+def painted(warped: WarpedFrame, value: Callable[[Map], Map]) -> WarpedFrame:
+    """A frame's mesh and views, painted with what `value` makes (h, w, up to 3) of the diameters (h, w) in
+    pixels of its texels' blur discs, instead of its colours."""
+    if not warped.layers:
+        # The texture is the canvas itself.
+        values, alpha = (
+            value(np.abs(np.nan_to_num(blur_discs(warped))).astype(np.float32)),
+            warped.texture[..., 3:],
+        )
+        rest = np.zeros((*alpha.shape[:2], 3 - values.shape[2]), np.float32)
+        texture = np.concatenate([alpha * values, rest, alpha], axis=2)
+        return replace(warped, texture=texture, highlight_discs=None)
     layers, lens = warped.layers, warped.plan.lens
     parts = warped.texture.reshape(len(layers) + 1, -1, warped.texture.shape[1], 4)
     finer = parts.shape[2] // layers[0].is_far.shape[1]
@@ -29,8 +50,8 @@ def sharp_frame(warped: WarpedFrame) -> WarpedFrame | None:
     surfaces = zip(painted, parts[..., 3], [*near, layers[-1].back_disparity], strict=True)
     for part, alpha, disparity in surfaces:
         disc = 2 * np.abs(lens.snap_displacement(disparity))
-        share = np.clip((BLURRED - disc) / (BLURRED - SHARP), 0, 1).astype(np.float32)
-        part[..., 0] = alpha * np.repeat(np.repeat(share, finer, axis=0), finer, axis=1)
+        values = np.repeat(np.repeat(value(disc), finer, axis=0), finer, axis=1)
+        part[..., : values.shape[2]] = alpha[..., None] * values
         part[..., 3] = alpha
     return replace(warped, texture=painted.reshape(warped.texture.shape), highlight_discs=None)
 

@@ -114,23 +114,30 @@ def blur_discs(warped: WarpedFrame) -> Floats:
 # Sources
 
 
+def fewer_views(warped: WarpedFrame) -> WarpedFrame:
+    """A frame through at most `SOURCE_VIEWS` views, evenly over the whole disc of its aperture."""
+    plan = warped.plan
+    if len(plan.offsets) <= SOURCE_VIEWS:
+        return warped
+    offsets = plan.lens.sheared_positions(plan.lens.radius * vogel_disc(SOURCE_VIEWS))
+    registration = exact_registration(plan.canvas, offsets, plan.lens.focus)
+    if warped.method == "thesis":
+        # Its positions are random and its registration is fitted: the first ones are as good as any.
+        offsets, registration = plan.offsets[:SOURCE_VIEWS], plan.registration[:SOURCE_VIEWS]
+    plan = replace(plan, offsets=offsets, registration=registration, weights=None, vignetting=0.0)
+    return replace(warped, plan=plan)
+
+
 def source_frame(warped: WarpedFrame) -> WarpedFrame:
     """A frame's mesh through fewer views, painted with where its colours come from instead of the colours.
 
     Red, green and blue of the views' mean are the shares of `SOURCES`, premultiplied by what is covered.
     """
-    plan = warped.plan
-    if len(plan.offsets) > SOURCE_VIEWS:
-        offsets = plan.lens.sheared_positions(plan.lens.radius * vogel_disc(SOURCE_VIEWS))
-        registration = exact_registration(plan.canvas, offsets, plan.lens.focus)
-        if warped.method == "thesis":
-            # Its positions are random and its registration is fitted: the first ones are as good as any.
-            offsets, registration = plan.offsets[:SOURCE_VIEWS], plan.registration[:SOURCE_VIEWS]
-        plan = replace(plan, offsets=offsets, registration=registration, weights=None, vignetting=0.0)
+    warped = fewer_views(warped)
     if warped.layers:
-        return replace(warped, plan=plan, texture=_layers_sources(warped), highlight_discs=None)
+        return replace(warped, texture=_layers_sources(warped), highlight_discs=None)
     mesh, texture = _plain_sources(warped)
-    return replace(warped, plan=replace(plan, mesh=mesh), texture=texture)
+    return replace(warped, plan=replace(warped.plan, mesh=mesh), texture=texture)
 
 
 def shares_of(mean: LinearRGBA, canvas: Canvas) -> LinearRGBA:

@@ -57,6 +57,13 @@ class FrameOptions:
         least=0.0, most=1.0, precision=2, unit="FACTOR",
     )  # fmt: skip
     """Strength of `steady_path`; 0 draws from the clip's own cameras."""
+    grain: float = option(
+        1.0, "Grain",
+        "How much of the clip's noise is added anew where the blur averages it away: 1 makes soft parts as noisy"
+        " as the clip, 0 leaves them clean. Clips without visible noise are not changed",
+        least=0.0, most=4.0, soft_most=1.0, words={"off": 0.0}, precision=2,
+    )  # fmt: skip
+    """Of the noise that the blur takes, how much is given back."""
     aperture: Aperture = field(default_factory=Aperture)
     """The aperture's shape."""
     highlights: HighlightSettings = RESTORED

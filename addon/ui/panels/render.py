@@ -22,6 +22,7 @@ class VIRTUAL_APERTURE_PT_render(ClosedPanel, bpy.types.Panel):  # noqa: N801
         layout.prop(scene.render, "filepath", text="Output")
         layout.prop(scene.virtual_aperture, "quality")
         layout.prop(scene.virtual_aperture, "stabilize")
+        layout.prop(scene.virtual_aperture, "grain")
 
 
 def output_words(scene: bpy.types.Scene) -> str:

@@ -1,0 +1,49 @@
+"""The clip's noise given back to what the blur took it from.
+
+Averaging views averages noise away where they disagree, so what is out of focus looks pasted in beside what is
+sharp. How much of the noise is left follows from the blur disc and the noise's spectrum; as a picture painted
+on the frame's own mesh, and seen by its own views, that knows silhouettes, too.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..base.arrays import LinearRGBA, Map
+from ..media.clip import decode_srgb, encode_srgb
+from ..media.noise import Noise
+from .detail import painted
+from .inspection import fewer_views
+from .warped_frame import WarpedFrame
+
+LEAST = 1e-3
+"""Share that counts as nothing: resampling for a lens with distortion rings by as much."""
+
+
+def lost_frame(warped: WarpedFrame, noise: Noise, scale: float = 1.0) -> WarpedFrame:
+    """A frame's mesh through fewer views, painted with the share of each component's standard deviation that
+    blur takes: red, green and blue of the views' mean. Exactly 0 where everything is in focus.
+
+    `scale` times as large is the picture that the noise is of, of a frame that was drawn smaller.
+    """
+    return painted(fewer_views(warped), lambda disc: 1 - noise.left(np.float32(scale) * disc))
+
+
+def grained(picture: LinearRGBA, lost: Map, noise: Noise, frame: int, amount: float) -> LinearRGBA:
+    """A picture (H, W, 4) with `amount` of the noise that it lacks, by the mean (H, W, 3) of `lost_frame`.
+
+    Made anew for each frame, the same for the same one. Where nothing is lost, nothing is changed.
+    """
+    rows, columns = np.nonzero(lost.max(axis=2) > LEAST)
+    if not len(rows):
+        return picture
+    height, width = picture.shape[:2]
+    result, part = picture.copy(), picture[rows, columns]
+    # Of variances, which add: 1 - (1 - lost)^2.
+    share = np.clip(lost[rows, columns], 0, 1)
+    components = noise.components((width, height), frame)[rows, columns] * np.sqrt(share * (2 - share))
+    alpha = np.maximum(part[:, 3:], np.float32(1e-6))
+    shown = encode_srgb(part[:, :3] / alpha).astype(np.float32)
+    shown += np.float32(amount) * noise.coloured(components, shown.mean(axis=1))
+    result[rows, columns, :3] = decode_srgb(np.maximum(shown, 0)) * part[:, 3:]
+    return result
