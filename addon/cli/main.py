@@ -199,6 +199,9 @@ def _render(solved: Solve | None, options: argparse.Namespace) -> None:
     else:
         frames = list(wanted_frames(footage, options.frames))
     if solved is not None:
+        if options.grain is None and out.suffix.lower() == ".exr" and not options.for_movie:
+            # Who composites adds grain last.
+            options.grain = 0.0
         # A share of a farm's job focuses as the whole does.
         set_lens(settings, solved, options, () if options.for_movie else frames)
     reconstruction = shot_of(scene).reconstruction

@@ -243,8 +243,8 @@ class ClipContext:
         return {}
 
     def noise(self, frame: int, size: tuple[int, int]) -> Noise | None:
-        """The clip's noise in pictures of a frame at a size (width, height); None where it is not visible, and of
-        photos, which have no frame that shows the same. UserError where a frame cannot be read."""
+        """The clip's noise in pictures of a frame at a size (width, height); None where it is not visible,
+        and of photos, which have no frame that shows the same. UserError where a frame cannot be read."""
         if not self.reconstruction.is_ordered or self._noise is None or not self._noise.is_visible:
             return None
         camera = self.canvas(frame).camera

@@ -1,4 +1,4 @@
-"""Blur discs seen through the views, as of the sharpness that a frame keeps which was drawn smaller than it is."""
+"""What follows from blur discs, seen through the views, as the sharpness of a frame that is drawn smaller."""
 
 from __future__ import annotations
 
@@ -25,7 +25,8 @@ def sharp_frame(warped: WarpedFrame) -> WarpedFrame | None:
         return None
 
     def share(disc: Map) -> Map:
-        return np.clip((BLURRED - disc) / (BLURRED - SHARP), 0, 1).astype(np.float32)[..., None]
+        kept = np.clip((BLURRED - disc) / (BLURRED - SHARP), 0, 1)
+        return np.asarray(kept[..., None], np.float32)
 
     return painted(warped, share)
 

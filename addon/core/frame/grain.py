@@ -1,8 +1,8 @@
 """The clip's noise given back to what the blur took it from.
 
-Averaging views averages noise away where they disagree, so what is out of focus looks pasted in beside what is
-sharp. How much of the noise is left follows from the blur disc and the noise's spectrum; as a picture painted
-on the frame's own mesh, and seen by its own views, that knows silhouettes, too.
+Averaging views averages noise away where they disagree, so what is out of focus looks pasted in beside what
+is sharp. How much of the noise is left follows from the blur disc and the noise's spectrum; painted on the
+frame's own mesh, and seen by its own views, that knows silhouettes, too.
 """
 
 from __future__ import annotations

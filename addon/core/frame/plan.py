@@ -59,8 +59,8 @@ class FrameOptions:
     """Strength of `steady_path`; 0 draws from the clip's own cameras."""
     grain: float = option(
         1.0, "Grain",
-        "How much of the clip's noise is added anew where the blur averages it away: 1 makes soft parts as noisy"
-        " as the clip, 0 leaves them clean. Clips without visible noise are not changed",
+        "How much of the clip's noise is added again where the blur removes it: 1 makes blurred areas as"
+        " noisy as the clip, 0 leaves them smooth. Clips without visible noise are not changed",
         least=0.0, most=4.0, soft_most=1.0, words={"off": 0.0}, precision=2,
     )  # fmt: skip
     """Of the noise that the blur takes, how much is given back."""

@@ -7,10 +7,10 @@ that are not correlated with each other (principal axes of its colours), a spect
 deviation of red, green and blue by the level of grey.
 
 Flat blocks are those whose variance is the least of their level, for texture adds to it (Norkin and Birkbeck
-measure noise for AV1 in blocks like these, "Film grain synthesis for AV1 video codec", 2018). Where everything
-has texture the least is texture, too; but it is there a few frames on, moved, and noise is not: what a block
-has in common with the later frame, by optical flow, is not counted. So noise that a codec carries from frame
-to frame counts as texture, as it looks.
+measure noise for AV1 in blocks like these, "Film grain synthesis for AV1 video codec", 2018). Where all of it
+is texture the least is, too; but texture is there a few frames on, moved, and noise is not: what a block has
+in common with the later frame, by optical flow, is not counted. So noise that a codec carries from frame to
+frame counts as texture, as it looks.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ PAIRS = 4
 """Of frames, spread over the clip: each costs up to a quarter of a second at 1920x1080."""
 LATER = 3
 """Frames from one of a pair to the other. Of the variance of flat blocks of four coded clips a half to 0.8 is
-found one frame on, a third to 0.6 after three, and after eight a tenth to 0.4; of texture in the sample scenes
-0.9, 0.85 and 0.5 to 0.9, for flow loses it."""
+found one frame on, a third to 0.6 after three, and after eight a tenth to 0.4; of texture in the sample
+scenes 0.9, 0.85 and 0.5 to 0.9, for flow loses it."""
 FLOW_SIDE = 960
 """Pixels of the longer side, down to which optical flow is found."""
 LEVELS = 8
@@ -63,8 +63,8 @@ TILE = 256
 WIDEST = 24.0
 """Pixels of a blur disc of which nothing of the noise is left."""
 FAINT = 1e-3
-"""Of the variance of the strongest component, and of the strongest frequency: the least that there is, where an
-estimate may be below zero."""
+"""Of the variance of the strongest component, and of the strongest frequency: the least that there is, where
+an estimate may be below zero."""
 TINY = 1e-8
 """The least variance of red, green and blue, for the same reason."""
 SEED = 0x6772
@@ -137,19 +137,29 @@ class Noise:
         if scale == 1:
             return self
         side = int(np.ceil(max(TILE, 6 * BLOCK / scale)))
-        tile = self.components((side, side), 0) @ self.axes.T.astype(np.float32)
         how = cv2.INTER_AREA if scale < 1 else cv2.INTER_CUBIC
         to = max(round(side * scale), BLOCK + 1)
+        tile = self._tile(side)
         resampled = np.asarray(cv2.resize(tile, (to, to), interpolation=how), np.float32)
         blocks = _residual(_blocks(resampled, BLOCKS, 0))[1]
-        left = np.sqrt(_power(blocks, np.zeros_like(blocks)))
-        blocks /= left.astype(np.float32)[:, None, None]
-        return Noise(self.sigma * left, *_components(blocks, np.zeros_like(blocks)))
+        found = _components(blocks, np.zeros_like(blocks))
+        sigma = self.sigma * resampled.std(axis=(0, 1)) / tile.std(axis=(0, 1))
+        return Noise(sigma, *found)
+
+    def with_plane(self) -> Noise:
+        """As strong as it is with the plane that was taken from each block: a part of coarse noise."""
+        tile = self._tile(TILE)
+        left = _residual(_blocks(tile, BLOCKS, 0))[1].std(axis=(0, 2, 3))
+        return Noise(self.sigma * tile.std(axis=(0, 1)) / left, self.axes, self.kernels)
+
+    def _tile(self, side: int) -> Map:
+        """(side, side, 3) made noise in shares of the standard deviations of red, green and blue."""
+        return self.components((side, side), 0) @ self.axes.T.astype(np.float32)
 
 
 def measured(read: Callable[[int], Pixels], frames: Sequence[int]) -> Noise | None:
-    """The noise of a clip's frames, which `read` gives as stored (H, W, 3 or 4); None where nothing is flat, or
-    there is but one frame. Errors as of `read`.
+    """The noise of a clip's frames, which `read` gives as stored (H, W, 3 or 4); None where nothing is flat,
+    or there is but one frame. Errors as of `read`.
     """
     later = min(LATER, len(frames) - 1)
     if later < 1:
@@ -166,8 +176,8 @@ def measured(read: Callable[[int], Pixels], frames: Sequence[int]) -> Noise | No
 
 
 def _pair_blocks(picture: Pixels, other: Pixels, seed: int) -> tuple[Floats, Map, Map]:
-    """The grey (n,) of a picture's blocks, and what a plane leaves (n, 3, BLOCK, BLOCK) of them and of what the
-    other picture, moved by optical flow, has in their places."""
+    """The grey (n,) of a picture's blocks, and what a plane leaves (n, 3, BLOCK, BLOCK) of them and of what
+    the other picture, moved by optical flow, has in their places."""
     height, width = picture.shape[:2]
     scale = min(1.0, FLOW_SIDE / max(height, width))
     small = [cv2.resize(to_gray8(each), None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
@@ -208,7 +218,7 @@ def _of_blocks(level: Floats, blocks: Map, moved: Map, step: float) -> Noise | N
         np.concatenate([each[flat[n]] * scale for n, scale in zip(trusted, one, strict=True)])
         for each in (blocks, moved)
     )
-    return Noise(at_levels, *_components(unit, later))
+    return Noise(at_levels, *_components(unit, later)).with_plane()
 
 
 def _flat(variance: Map, mask: Mask) -> Indices:
@@ -271,7 +281,8 @@ def _components(blocks: Map, moved: Map) -> tuple[Floats, Map]:
     power = np.maximum(power, FAINT * power.max(axis=(1, 2), keepdims=True))
     kernel = np.fft.fftshift(np.fft.ifft2(np.sqrt(power)).real, axes=(1, 2))[:, 1:, 1:]
     kernel /= np.sqrt((kernel**2).sum(axis=(1, 2), keepdims=True))
-    return vector * size, kernel.astype(np.float32)
+    axes = np.asarray(vector * size, float)
+    return axes / np.linalg.norm(axes, axis=1, keepdims=True), np.asarray(kernel, np.float32)
 
 
 def _disc_transfer(x: Floats) -> Floats:
