@@ -87,7 +87,8 @@ def by_mesher(name: str, case: BenchmarkCase, views: int) -> Answer:
 def of_quality(quality: Quality, case: BenchmarkCase, views: int) -> Answer:
     """A preset of the product, as the product renders it."""
     drawn: list[Drawn] = []
-    lens = FrameOptions(case.focus, case.radius, views, quality=quality)
+    # The truth, of Cycles, has no noise that a camera records.
+    lens = FrameOptions(case.focus, case.radius, views, grain=0.0, quality=quality)
     picture = render_frame(case.clip, case.frame, lens, _size(case), lambda note: None, drawn.append)
     plan = drawn[0].warped.plan
     return Answer(picture[..., :3], len(plan.offsets), len(plan.mesh.triangles))

@@ -262,7 +262,8 @@ def _residual(values: Map) -> tuple[Floats, Map]:
     rest = values - mean
     across = (rest.sum(axis=2) @ ramp / whole)[..., None, None] * ramp
     down = (rest.sum(axis=3) @ ramp / whole)[..., None, None] * ramp[:, None]
-    return mean.mean(axis=(1, 2, 3)).astype(float), rest - across - down
+    grey = np.asarray(mean.mean(axis=(1, 2, 3)), np.float64)
+    return grey, np.asarray(rest - across - down, np.float32)
 
 
 def _components(blocks: Map, moved: Map) -> tuple[Floats, Map]:
@@ -271,7 +272,7 @@ def _components(blocks: Map, moved: Map) -> tuple[Floats, Map]:
     alone = blocks - moved
     covariance = np.einsum("nikl,njkl->ij", blocks, alone, dtype=float) / blocks[:, 0].size
     value, vector = np.linalg.eigh((covariance + covariance.T) / 2)
-    size = np.sqrt(np.maximum(value, FAINT * value.max()))
+    size: Floats = np.sqrt(np.maximum(value, FAINT * value.max()))
     window = np.outer(*[np.hanning(BLOCK + 2)[1:-1]] * 2).astype(np.float32)
     own, rest = (
         np.fft.fft2(np.einsum("nikl,ij->njkl", each, (vector / size).astype(np.float32)) * window)
@@ -281,8 +282,9 @@ def _components(blocks: Map, moved: Map) -> tuple[Floats, Map]:
     power = np.maximum(power, FAINT * power.max(axis=(1, 2), keepdims=True))
     kernel = np.fft.fftshift(np.fft.ifft2(np.sqrt(power)).real, axes=(1, 2))[:, 1:, 1:]
     kernel /= np.sqrt((kernel**2).sum(axis=(1, 2), keepdims=True))
-    axes = np.asarray(vector * size, float)
-    return axes / np.linalg.norm(axes, axis=1, keepdims=True), np.asarray(kernel, np.float32)
+    axes = vector * size
+    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+    return np.asarray(axes, np.float64), np.asarray(kernel, np.float32)
 
 
 def _disc_transfer(x: Floats) -> Floats:
