@@ -1,12 +1,12 @@
 """Noise of known kinds, blurred and given back: `python -m benchmarks.accuracy.grain`.
 
-A picture of soft shades and leaves moves before a camera; its left half is in focus, its right half far out of
-it. It is recorded with noise that is white, correlated, stronger in shadows, or coded by H.264, and drawn with
-the noise given back and without. Less the same picture recorded without noise, each is its noise: printed are
-the standard deviation in the blurred half as a share of the clip's own there, without grain and with it, that of
-four bands of the spatial spectrum (from coarse to fine), the largest correlation of what is added to two frames
-that follow each other, and the largest change in focus, of 255. `--clip FILE ...` prints what is measured of
-real clips instead, and what that takes.
+A picture of soft shades and leaves moves before a camera; its left half is in focus, its right half far out
+of it. It is recorded with noise that is white, correlated, stronger in shadows, or coded by H.264, and drawn
+with the noise given back and without. Less the same picture recorded without noise, each is its noise. The
+columns are the clip's standard deviation in the blurred half, of 255; what share of it is there without
+grain, and with it; that of four bands of the spatial spectrum, from coarse to fine; the largest correlation
+of what is added to two frames that follow each other; and the largest change in focus, of 255. `--clip FILE
+...` prints what is measured of real clips instead, and what that takes.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import pairwise
 from pathlib import Path
 
 import av
@@ -34,6 +35,7 @@ from addon.core.frame.highlights import HighlightSettings
 from addon.core.frame.plan import FrameOptions
 from addon.core.media.clip import encode_srgb, open_footage
 from addon.core.media.noise import measured
+from addon.core.media.picture_file import Pixels
 from addon.render.average import render_frame
 
 Picture = NDArray[np.uint8]
@@ -63,10 +65,11 @@ class HalfFar:
         inverse = np.where(np.arange(columns) < columns / 2, 1 / NEAR, 1 / FAR)
         return PixelDepth(np.tile(inverse, (rows, 1)), np.ones((rows, columns), np.float32))
 
-    kept = at
+    def kept(self, frame: int, canvas: Canvas) -> None:
+        """Nothing: it need not be."""
 
     def samples(self, frame: int, canvas: Canvas) -> None:
-        """None: layers need none."""
+        """Nothing: layers need none."""
 
 
 def scene(frame: int) -> Map:
@@ -79,7 +82,8 @@ def scene(frame: int) -> Map:
     leaves = cv2.resize(random.random((60, 200), np.float32), (2000, 600), interpolation=cv2.INTER_CUBIC)
     textured = cv2.remap(leaves, columns, rows, cv2.INTER_LINEAR)
     band = np.clip((rows - 0.6 * height) / 8, 0, 1)
-    return (shade + band * 60 * (textured - 0.5))[..., None] * np.array([1.0, 0.92, 0.8], np.float32)
+    grey = shade + band * 60 * (textured - 0.5)
+    return np.asarray(grey[..., None] * np.array([1.0, 0.92, 0.8]), np.float32)
 
 
 def reconstruction() -> Reconstruction:
@@ -176,7 +180,7 @@ def spectrum(noise: Map) -> NDArray[np.float64]:
     power = (np.abs(np.fft.fft2(noise * window, axes=(0, 1))) ** 2).sum(axis=2)
     down, across = np.fft.fftfreq(noise.shape[0])[:, None], np.fft.fftfreq(noise.shape[1])
     radius = np.hypot(down, across)
-    return np.array([power[(radius >= low) & (radius < high)].mean() for low, high in zip(BANDS, BANDS[1:])])
+    return np.array([power[(radius >= low) & (radius < high)].mean() for low, high in pairwise(BANDS)])
 
 
 def judged(kind: str) -> str:
@@ -215,7 +219,7 @@ def real(path: str) -> str:
     footage = open_footage(path)
     began, reading = time.process_time(), [0.0]
 
-    def read(frame: int) -> NDArray[np.generic]:
+    def read(frame: int) -> Pixels:
         start = time.process_time()
         picture = footage.read(frame)
         reading[0] += time.process_time() - start
@@ -231,7 +235,8 @@ def real(path: str) -> str:
     levels = " ".join(f"{255 * each:.2f}" for each in noise.sigma.mean(axis=1))
     left = " ".join(f"{each:.2f}" for each in noise.left(np.array([2, 4, 8], np.float32)).mean(axis=1))
     seen = "" if noise.is_visible else ", not visible"
-    return f"{name}: {255 * noise.strength:.2f} of 255{seen}, by level {levels}; left after 2, 4, 8 px {left}; {spent}"
+    strength = f"{255 * noise.strength:.2f} of 255{seen}"
+    return f"{name}: {strength}, by level {levels}; left in discs of 2, 4, 8 px {left}; {spent}"
 
 
 def main() -> None:
@@ -245,9 +250,7 @@ def main() -> None:
         for path in options.clip:
             print(real(path), flush=True)
         return
-    print(
-        "noise                  sigma without   with   by band, coarse to fine    correlation   change in focus"
-    )
+    print("noise                  sigma without   with   bands, coarse to fine     correlation   change")
     for kind in KINDS:
         print(judged(kind), flush=True)
 

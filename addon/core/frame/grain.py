@@ -16,6 +16,8 @@ from .detail import painted
 from .inspection import fewer_views
 from .warped_frame import WarpedFrame
 
+VIEWS = 8
+"""Views that tell what is lost: steps of an eighth at silhouettes, in the strength of noise, are not seen."""
 LEAST = 1e-3
 """Share that counts as nothing: resampling for a lens with distortion rings by as much."""
 
@@ -26,7 +28,7 @@ def lost_frame(warped: WarpedFrame, noise: Noise, scale: float = 1.0) -> WarpedF
 
     `scale` times as large is the picture that the noise is of, of a frame that was drawn smaller.
     """
-    return painted(fewer_views(warped), lambda disc: 1 - noise.left(np.float32(scale) * disc))
+    return painted(fewer_views(warped, VIEWS), lambda disc: 1 - noise.left(np.float32(scale) * disc))
 
 
 def grained(picture: LinearRGBA, lost: Map, noise: Noise, frame: int, amount: float) -> LinearRGBA:

@@ -114,16 +114,16 @@ def blur_discs(warped: WarpedFrame) -> Floats:
 # Sources
 
 
-def fewer_views(warped: WarpedFrame) -> WarpedFrame:
-    """A frame through at most `SOURCE_VIEWS` views, evenly over the whole disc of its aperture."""
+def fewer_views(warped: WarpedFrame, most: int = SOURCE_VIEWS) -> WarpedFrame:
+    """A frame through at most so many views, evenly over the whole disc of its aperture."""
     plan = warped.plan
-    if len(plan.offsets) <= SOURCE_VIEWS:
+    if len(plan.offsets) <= most:
         return warped
-    offsets = plan.lens.sheared_positions(plan.lens.radius * vogel_disc(SOURCE_VIEWS))
+    offsets = plan.lens.sheared_positions(plan.lens.radius * vogel_disc(most))
     registration = exact_registration(plan.canvas, offsets, plan.lens.focus)
     if warped.method == "thesis":
         # Its positions are random and its registration is fitted: the first ones are as good as any.
-        offsets, registration = plan.offsets[:SOURCE_VIEWS], plan.registration[:SOURCE_VIEWS]
+        offsets, registration = plan.offsets[:most], plan.registration[:most]
     plan = replace(plan, offsets=offsets, registration=registration, weights=None, vignetting=0.0)
     return replace(warped, plan=plan)
 

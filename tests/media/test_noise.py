@@ -1,0 +1,144 @@
+"""Noise that is measured in clips of known noise, and made anew."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from addon.core.base.arrays import Floats, Map
+from addon.core.media.noise import LEVELS, VISIBLE, Noise, measured
+
+SIZE = (320, 240)
+FRAMES = tuple(range(1, 13))
+STRENGTH = np.array([5.0, 3.0, 4.0])
+"""Of 255, standard deviation of red, green and blue."""
+
+type Read = Callable[[int], NDArray[np.uint8]]
+
+
+def shades(frame: int) -> Map:
+    """(h, w, 3) soft shades of all levels, without noise."""
+    rows, columns = np.mgrid[: SIZE[1], : SIZE[0]].astype(np.float32)
+    grey = 20 + 210 * (columns + 0.2 * rows) / (SIZE[0] + 0.2 * SIZE[1])
+    return np.asarray(np.repeat(grey[..., None], 3, axis=2), np.float32)
+
+
+def leaves(frame: int) -> Map:
+    """(h, w, 3) fine texture everywhere, 1.5 pixels farther in each frame."""
+    random = np.random.default_rng(2).random((200, 400), np.float32)
+    rows, columns = np.mgrid[: SIZE[1], : SIZE[0]].astype(np.float32)
+    grey = cv2.remap(random, (columns + 1.5 * frame) / 2, rows / 2, cv2.INTER_CUBIC)
+    return np.asarray(np.repeat(60 + 120 * grey[..., None], 3, axis=2), np.float32)
+
+
+def white(frame: int) -> Map:
+    """(h, w, 3) white noise of the variance 1."""
+    return np.random.default_rng(frame).standard_normal((SIZE[1], SIZE[0], 3), np.float32)
+
+
+def blurred(frame: int) -> Map:
+    """(h, w, 3) noise over three pixels, of the variance 1."""
+    noise = cv2.GaussianBlur(white(frame), (0, 0), 1.0)
+    return np.asarray(noise / noise.std(axis=(0, 1)), np.float32)
+
+
+def clip(shown: Callable[[int], Map], noise: Callable[[int], Map], strength: Floats | Map) -> Read:
+    """A clip that shows something with noise of a strength, of 255."""
+    return lambda frame: np.clip(np.rint(shown(frame) + strength * noise(frame)), 0, 255).astype(np.uint8)
+
+
+def found(read: Read) -> Noise:
+    noise = measured(read, FRAMES)
+    assert noise is not None
+    return noise
+
+
+@cache
+def noise_like(noise: Callable[[int], Map]) -> Noise:
+    """What is measured of shades with noise of `STRENGTH`."""
+    return found(clip(shades, noise, STRENGTH))
+
+
+def spread(picture: Map) -> Floats:
+    """(3,) correlation of a picture (h, w, 3) with itself a pixel further."""
+    rest = picture - picture.mean(axis=(0, 1))
+    return np.asarray((rest[:, 1:] * rest[:, :-1]).mean(axis=(0, 1)) / rest.var(axis=(0, 1)))
+
+
+@pytest.mark.parametrize("noise", [white, blurred])
+def test_its_strength_and_its_spectrum_are_found(noise: Callable[[int], Map]) -> None:
+    measured_noise = noise_like(noise)
+    # Two dozen blocks, in each of which noise over three pixels has twenty independent values: thrice 3 %.
+    assert np.abs(255 * measured_noise.sigma / STRENGTH - 1).max() < 0.1
+    made = measured_noise.components(SIZE, 1).reshape(-1, 3)
+    anew = 255 * measured_noise.coloured(made, np.full(len(made), 0.5, np.float32)).reshape(*SIZE[::-1], 3)
+    assert np.abs(anew.std(axis=(0, 1)) / STRENGTH - 1).max() < 0.06
+    assert np.abs(spread(anew) - spread(noise(1))).max() < 0.06
+
+
+def test_it_is_found_by_level() -> None:
+    strength = 6 - 4 * shades(1) / 255
+    sigma = 255 * found(clip(shades, white, strength)).sigma.mean(axis=1)
+    truth = 6 - 4 * (np.arange(LEVELS) + 0.5) / LEVELS
+    assert np.abs(sigma / truth - 1)[1:-1].max() < 0.06
+
+
+def test_colours_that_go_together_are_made_together() -> None:
+    def grey(frame: int) -> Map:
+        return np.repeat(white(frame)[..., :1], 3, axis=2)
+
+    noise = found(clip(shades, grey, STRENGTH))
+    made = noise.components(SIZE, 1).reshape(-1, 3) @ noise.axes.T
+    assert np.corrcoef(made.T).min() > 0.95
+
+
+def test_noise_is_told_from_texture_by_what_moves() -> None:
+    """All of the picture is texture, ten times as strong as the noise that is added to a part of it."""
+    nothing = measured(clip(leaves, white, np.zeros(3)), FRAMES)
+    assert nothing is None or not nothing.is_visible
+
+    def half(frame: int) -> Map:
+        shown = leaves(frame)
+        shown[:, SIZE[0] // 2 :] = 120
+        return shown
+
+    noise = found(clip(half, white, STRENGTH))
+    assert abs(255 * noise.strength / STRENGTH.mean() - 1) < 0.06
+
+
+def test_what_is_only_rounded_has_no_visible_noise() -> None:
+    clean = measured(clip(shades, white, np.zeros(3)), FRAMES)
+    assert clean is None or clean.strength < 0.2 * VISIBLE
+
+
+def test_one_frame_tells_nothing() -> None:
+    assert measured(clip(shades, white, STRENGTH), (1,)) is None
+
+
+def test_at_half_the_size_white_noise_is_half_as_strong() -> None:
+    noise = noise_like(white)
+    assert np.abs(noise.at_scale(0.5).sigma / noise.sigma - 0.5).max() < 0.02
+    assert noise.at_scale(1.0) is noise
+
+
+def test_what_a_disc_leaves() -> None:
+    """Of white noise the root of one over the disc's pixels; of coarse noise more."""
+    fine, coarse = (noise_like(noise) for noise in (white, blurred))
+    left = fine.left(np.array([0, 4.0, 8.0], np.float32))
+    np.testing.assert_array_equal(left[0], 1)
+    for row, diameter in zip(left[1:], (4, 8), strict=True):
+        assert np.abs(row * diameter * np.sqrt(np.pi / 4) - 1).max() < 0.1
+    assert (coarse.left(np.array([4.0], np.float32)) > 1.5 * left[1]).all()
+
+
+def test_noise_of_a_frame_is_always_the_same_and_another_frames_is_not() -> None:
+    noise = noise_like(white)
+    one, again, other = (noise.components(SIZE, frame) for frame in (5, 5, 6))
+    np.testing.assert_array_equal(one, again)
+    assert abs(np.corrcoef(one.ravel(), other.ravel())[0, 1]) < 0.01
+    assert np.abs(one.std(axis=(0, 1)) - 1).max() < 0.02
