@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from ..core.base.arrays import Floats, LinearRGBA, Map, in_channels
+from ..core.base.arrays import Floats, LinearRGB, LinearRGBA, in_channels
 from ..core.base.progress import checkpoint, stage
 from ..core.frame.clip_context import ClipContext
 from ..core.frame.detail import enlarged, sharp_frame
@@ -97,12 +97,12 @@ def render_frame(
     return result
 
 
-def _sharp_share(warped: WarpedFrame) -> Map | None:
-    """(h, w) share of its sharpness that each pixel of a frame drawn smaller keeps, if that is known."""
+def _sharp_share(warped: WarpedFrame) -> LinearRGB | None:
+    """(h, w, 3) share of its sharpness that each pixel of a frame drawn smaller keeps, if that is known."""
     sharp = sharp_frame(warped)
     if sharp is None:
         return None
-    return np.asarray(warped.plan.canvas.to_source(draw_mean(sharp))[..., 0])
+    return np.asarray(warped.plan.canvas.to_source(draw_mean(sharp))[..., :3])
 
 
 def draw_to_error(meshed: MeshedFrame, wished: float) -> tuple[WarpedFrame, LinearRGBA]:

@@ -54,11 +54,35 @@ void main()
 }
 """
 SUM_FRAGMENT = """
+/* Catmull-Rom's, of four texels for a place that far past the second one: linear ones would blur twice. */
+vec4 weights(float x)
+{
+    return vec4(x * (x * (1.0 - 0.5 * x) - 0.5), 1.0 + x * x * (1.5 * x - 2.5),
+        x * (x * (2.0 - 1.5 * x) + 0.5), 0.5 * x * x * (x - 1.0));
+}
+
+vec4 moved(vec2 place)
+{
+    ivec2 first = ivec2(floor(place - 0.5)), last = textureSize(view, 0) - 1;
+    vec4 across = weights(fract(place.x - 0.5)), up = weights(fract(place.y - 0.5)), found = vec4(0.0);
+    for (int row = 0; row < 4; row++)
+        for (int column = 0; column < 4; column++)
+            found += across[column] * up[row]
+                * texelFetch(view, clamp(first + ivec2(column, row) - 1, ivec2(0), last), 0);
+    return max(found, 0.0);
+}
+
 void main()
 {
     vec2 place = gl_FragCoord.xy * vec2(1.0, -1.0) - middle.xy;
     float light = clamp(middle.w * (1.0 + middle.z - length(barrel.xy + barrel.z * place)), 0.0, 1.0);
-    colour = (barrel.z > 0.0 ? light * barrel.w : barrel.w) * texelFetch(view, ivec2(gl_FragCoord.xy), 0);
+    vec4 seen = texelFetch(view, ivec2(gl_FragCoord.xy), 0);
+    if (axial != vec2(0.0)) {
+        /* With another focal plane in register the view is moved. It stays as opaque as green is. */
+        vec4 other = moved(gl_FragCoord.xy + axial);
+        seen.rb = other.a > 0.01 ? other.rb * (seen.a / other.a) : seen.rb;
+    }
+    colour = (barrel.z > 0.0 ? light * barrel.w : barrel.w) * seen;
 }
 """
 SCREEN = np.array([[-1, -1], [3, -1], [-1, 3]], np.float32)
@@ -145,6 +169,7 @@ def _shaders() -> tuple[gpu.types.GPUShader, gpu.types.GPUShader]:
     add = gpu.types.GPUShaderCreateInfo()
     for name in ("barrel", "middle"):
         add.push_constant("VEC4", name)
+    add.push_constant("VEC2", "axial")
     add.sampler(0, "FLOAT_2D", "view")
     add.vertex_in(0, "VEC2", "xy")
     add.fragment_out(0, "VEC4", "colour")
@@ -203,8 +228,8 @@ def _drawing(plan: FramePlan, picture: LinearRGBA) -> Steps[LinearRGBA]:
     total.clear(format="FLOAT", value=(0.0, 0.0, 0.0, 0.0))
     # From the framebuffer's bottom left, with y up, to pixels from the picture's middle with y down.
     middle = plan.canvas.pinhole.principal_point - np.array([0, height])
-    for n, (rows, barrel, share) in enumerate(
-        zip(view_rows(plan), barrel_rows(plan), view_shares(plan), strict=True)
+    for n, (rows, barrel, share, axial) in enumerate(
+        zip(view_rows(plan), barrel_rows(plan), view_shares(plan), axial_rows(plan), strict=True)
     ):
         yield n
         view_target = gpu.types.GPUFrameBuffer(depth_slot=depth, color_slots=(view,))
@@ -229,6 +254,7 @@ def _drawing(plan: FramePlan, picture: LinearRGBA) -> Steps[LinearRGBA]:
             sum_shader.bind()
             sum_shader.uniform_float("barrel", [*barrel[:3].tolist(), float(share)])
             sum_shader.uniform_float("middle", [*middle.tolist(), *barrel[3:].tolist()])
+            sum_shader.uniform_float("axial", axial.tolist())
             sum_shader.uniform_sampler("view", view)
             screen.draw(sum_shader)
             if n % SYNC == SYNC - 1:
@@ -269,6 +295,14 @@ def view_rows(plan: FramePlan) -> NDArray[np.float32]:
     rows[:, :, 2] -= turned * plan.lens.focus
     rows[:, :, 3] *= _largest_contrast(plan)
     return rows.astype(np.float32)
+
+
+def axial_rows(plan: FramePlan) -> NDArray[np.float32]:
+    """(N, 2) pixels to the right and up, where each view shows what it would show of red and blue with their
+    own focal plane in register."""
+    shift = plan.axial_shift * plan.canvas.pinhole.focal * plan.offsets
+    moved = np.einsum("nij,nj->ni", plan.registration[:, :, :2], shift)
+    return np.asarray(moved * [1, -1], np.float32)
 
 
 def _largest_contrast(plan: FramePlan) -> float:

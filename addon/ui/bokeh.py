@@ -44,7 +44,7 @@ def icon(aperture: Aperture) -> int:
 def pixels(aperture: Aperture) -> Any:
     """SIDE * SIDE * 4 display values, bottom row first."""
     made = np.ones((SIDE, SIDE, 4), np.float32)
-    made[..., :3] = encode_srgb(bokeh_picture(aperture, SIDE))[::-1, :, None]
+    made[..., :3] = encode_srgb(bokeh_picture(aperture, SIDE))[::-1]
     return made.ravel()
 
 

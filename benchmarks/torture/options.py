@@ -19,7 +19,7 @@ OPTIONS = (
 )  # fmt: skip
 SHAPE = (
     "blades", "rotation", "roundness", "ratio", "obstruction", "apodisation", "spherical_aberration",
-    "vignetting", "image",
+    "vignetting", "axial_colour", "image",
 )  # fmt: skip
 
 

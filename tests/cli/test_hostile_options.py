@@ -87,7 +87,7 @@ WRONG = [
     *((("--aperture", f"blades={value}"), "is not a whole number") for value in NO_NUMBERS),
     *((("--aperture", f"{key}={value}"), "is not a number")
       for key in ("rotation", "roundness", "ratio", "obstruction", "apodisation",
-                  "spherical_aberration", "vignetting")
+                  "spherical_aberration", "vignetting", "axial_colour")
       for value in NO_NUMBERS),
     *((("--" + name, value), "is not a number")
       for name in ("focus-distance", "tilt", "swing", "blur", "aperture-radius", "target-psnr",

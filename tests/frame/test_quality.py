@@ -78,9 +78,9 @@ def test_sharpness_is_added_where_it_is_kept_and_nowhere_else() -> None:
     source = rng.random((31, 41, 4)).astype(np.float32)
     small = cv2.resize(source, (21, 16), interpolation=cv2.INTER_AREA)
     soft = enlarged(small, small, source, None)
-    np.testing.assert_array_equal(enlarged(small, small, source, np.zeros((16, 21), np.float32)), soft)
+    np.testing.assert_array_equal(enlarged(small, small, source, np.zeros((16, 21, 3), np.float32)), soft)
     np.testing.assert_allclose(
-        enlarged(small, small, source, np.ones((16, 21), np.float32)), source, atol=1e-6
+        enlarged(small, small, source, np.ones((16, 21, 3), np.float32)), source, atol=1e-6
     )
     assert soft.min() >= 0 and soft[..., 3].max() <= 1 and psnr(soft, source) < 20
 

@@ -123,7 +123,7 @@ def mean_of(samples: ApertureSamples) -> np.ndarray:
 @pytest.mark.parametrize(
     ("name", "value"),
     [("blades", 40), ("ratio", 0.0), ("obstruction", 1.0), ("apodisation", 1.0), ("roundness", -0.1),
-     ("spherical_aberration", 1.5), ("vignetting", float("nan"))],
+     ("spherical_aberration", 1.5), ("vignetting", float("nan")), ("axial_colour", 0.6)],
 )  # fmt: skip
 def test_shapes_that_mean_nothing_are_refused(name: str, value: float) -> None:
     with pytest.raises(UserError, match=rf"^{options_of(Aperture)[name].phrase} cannot be .*; give a number"):

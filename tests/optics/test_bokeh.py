@@ -34,7 +34,7 @@ def places(size: int = SIZE) -> np.ndarray:
 def test_it_has_the_moments_of_the_virtual_cameras(aperture: Aperture) -> None:
     samples = aperture_samples(aperture, 128)
     weights = np.full(128, 1 / 128) if samples.weights is None else samples.weights
-    light = bokeh_picture(aperture, SIZE)
+    light = bokeh_picture(aperture, SIZE)[..., 1]
     share = (light / light.sum())[..., None]
     mean = (share * places()).sum(axis=(0, 1))
     assert mean == pytest.approx(weights @ samples.positions, abs=0.02)
@@ -46,21 +46,21 @@ def test_it_has_the_moments_of_the_virtual_cameras(aperture: Aperture) -> None:
 
 
 def test_a_round_aperture_is_a_white_disc_on_black() -> None:
-    light = bokeh_picture(Aperture(), SIZE)
+    light = bokeh_picture(Aperture(), SIZE)[..., 1]
     away = np.hypot(*np.moveaxis(places(), -1, 0))
     pixel = 2 * MARGIN / SIZE
     assert (light[away < 1 - pixel] == 1).all() and (light[away > 1 + pixel] == 0).all()
 
 
 def test_soap_bubbles_are_brightest_at_the_rim() -> None:
-    light = bokeh_picture(Aperture(spherical_aberration=1.0), SIZE)
+    light = bokeh_picture(Aperture(spherical_aberration=1.0), SIZE)[..., 1]
     assert light[SIZE // 2, SIZE // 2] < 0.01 and light.max() == 1
     assert (light == 1).mean() < 2 * (1 - BRIGHTEST / 100)
 
 
 def test_cats_eyes_are_cut_towards_the_corners() -> None:
-    light = bokeh_picture(Aperture(vignetting=0.8), 3 * SIZE)
-    whole = bokeh_picture(Aperture(), SIZE)
+    light = bokeh_picture(Aperture(vignetting=0.8), 3 * SIZE)[..., 1]
+    whole = bokeh_picture(Aperture(), SIZE)[..., 1]
     parts = {
         (row, column): light[row * SIZE :, column * SIZE :][:SIZE, :SIZE]
         for row in range(3)
@@ -75,6 +75,23 @@ def test_cats_eyes_are_cut_towards_the_corners() -> None:
     assert parts[0, 0][: SIZE // 2, : SIZE // 2].sum() < parts[0, 0][SIZE // 2 :, SIZE // 2 :].sum()
     for turned in (parts[0, 2][:, ::-1], parts[2, 0][::-1], parts[2, 2][::-1, ::-1]):
         assert np.allclose(parts[0, 0], turned, atol=1e-6)
+
+
+@pytest.mark.parametrize("vignetting", [0.0, 0.6])
+def test_colors_that_focus_farther_away_have_smaller_discs_of_the_same_light(vignetting: float) -> None:
+    size = 3 * SIZE
+    light = bokeh_picture(Aperture(spherical_aberration=-0.5, axial_colour=0.2, vignetting=vignetting), size)
+    green = bokeh_picture(Aperture(spherical_aberration=-0.5, vignetting=vignetting), size)
+    assert (light[..., 0] == light[..., 2]).all() and (green[..., 0] == green[..., 1]).all()
+    # Green is as without it, but for what counts as white.
+    shown = (green[..., 1] > 0.1) & (green[..., 1] < 1)
+    assert np.ptp(light[shown, 1] / green[shown, 1]) < 1e-5
+    part = np.s_[SIZE : 2 * SIZE, SIZE : 2 * SIZE] if vignetting else np.s_[:, :]
+    energy = light[part].sum(axis=(0, 1))
+    assert energy[0] == pytest.approx(energy[1], rel=0.01)
+    squared = (places(len(light[part])) ** 2).sum(axis=-1, keepdims=True)
+    spread = (light[part] * squared).sum(axis=(0, 1)) / energy
+    assert np.sqrt(spread[0] / spread[1]) == pytest.approx(0.8, rel=0.01)
 
 
 def test_the_barrel_lets_half_through_at_its_rim() -> None:

@@ -3,6 +3,8 @@ aperture's own shape."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -18,6 +20,7 @@ from addon.core.frame.plan import FrameOptions
 from addon.core.frame.warped_frame import MeshedFrame, mesh_frame
 from addon.core.media.clip import encode_srgb
 from addon.core.optics.aperture import Aperture, ApertureImage
+from addon.core.optics.registration import exact_registration
 from addon.render.average import draw_mean
 from addon.render.gpu_views import gpu_problem
 from sample_scenes import cycles_views
@@ -57,16 +60,23 @@ class Plane:
     """A depth source: everything is equally far."""
 
     def __init__(self, distance: float) -> None:
-        self._inverse = 1 / distance
+        self._inverse = np.full(SIZE[::-1], 1 / distance, np.float32)
 
     def at(self, frame: int, canvas: Canvas, picture: LinearRGBA) -> PixelDepth:
         shape = picture.shape[:2]
-        return PixelDepth(
-            np.full(shape, self._inverse, np.float32), np.ones(shape, np.float32), np.zeros(shape, bool)
-        )
+        return PixelDepth(self._inverse, np.ones(shape, np.float32), np.zeros(shape, bool))
 
     def samples(self, frame: int, canvas: Canvas) -> None:
         return None
+
+
+class Step(Plane):
+    """The right half is as far as NEAR, the left one as FAR."""
+
+    def __init__(self) -> None:
+        inverse = np.full(SIZE[::-1], 1 / FAR, np.float32)
+        inverse[:, SIZE[0] // 2 :] = 1 / NEAR
+        self._inverse = inverse
 
 
 def source() -> LinearRGBA:
@@ -78,12 +88,16 @@ def source() -> LinearRGBA:
 
 
 def meshed(
-    shape: Aperture, distance: float, focus: float, highlights: HighlightSettings = RESTORED
+    shape: Aperture,
+    distance: float,
+    focus: float,
+    highlights: HighlightSettings = RESTORED,
+    picture: LinearRGBA | None = None,
 ) -> MeshedFrame:
     clip = ClipContext(slanted_plane(LENS), lambda frame: texture(*SIZE), Plane(distance))
     radius = SIDE / (2 * LENS.fx * abs(1 / distance - 1 / focus))
     lens = FrameOptions(Focus(distance=focus), radius, borrow=False, aperture=shape, highlights=highlights)
-    return mesh_frame(clip, 2, lens, SIZE, source())
+    return mesh_frame(clip, 2, lens, SIZE, source() if picture is None else picture)
 
 
 def convolved(shape: Aperture, is_behind: bool) -> LinearRGBA:
@@ -127,8 +141,12 @@ def test_few_views_draw_lamps_as_the_shape(shape: Aperture, is_behind: bool) -> 
 
 
 @needs_gpu
-@pytest.mark.parametrize("shape", [Aperture(vignetting=0.7), Aperture(vignetting=0.7, blades=3)], ids=str)
-def test_few_views_draw_vignetted_lamps_as_many(shape: Aperture) -> None:
+@pytest.mark.parametrize(
+    "shape",
+    [Aperture(vignetting=0.7), Aperture(vignetting=0.7, blades=3), Aperture(axial_colour=0.2)],
+    ids=["vignetted", "vignetted triangle", "axial colour"],
+)
+def test_few_views_draw_lamps_as_many(shape: Aperture) -> None:
     many = draw_mean(meshed(shape, FAR, NEAR, BY_VIEWS).through(512))
     assert error(draw_mean(meshed(shape, FAR, NEAR).through(24)), many) > 45
 
@@ -149,6 +167,46 @@ def test_vignetting_makes_cats_eyes_in_the_corners_alone_and_keeps_what_is_in_fo
     clip = ClipContext(slanted_plane(LENS), lambda frame: texture(*SIZE), Plane(FAR))
     mean = draw_mean(mesh_frame(clip, 2, sharp, SIZE, source()).through(24))
     np.testing.assert_allclose(mean[..., :3], source()[..., :3], atol=4e-3)
+
+
+@needs_gpu
+@pytest.mark.parametrize("focus", [NEAR, FAR, 6.0], ids=["near", "far", "between"])
+def test_red_and_blue_are_as_a_lens_focused_farther_away_draws_them(focus: float) -> None:
+    axial, shape = 0.2, Aperture(axial_colour=0.2)
+    clip = ClipContext(slanted_plane(LENS), lambda frame: texture(*SIZE), Step())
+    settings = FrameOptions(Focus(distance=focus), 0.5, borrow=False, aperture=shape, highlights=BY_VIEWS)
+    warped = mesh_frame(clip, 2, settings, SIZE, source()).through(48)
+    plan = replace(warped.plan, axial_colour=0.0)
+    farther = (1 - axial) * plan.lens.focus
+    apart = replace(
+        plan, lens=replace(plan.lens, focus=farther),
+        registration=exact_registration(plan.canvas, plan.offsets, farther),
+    )  # fmt: skip
+    mean, green, others = (draw_mean(replace(warped, plan=each)) for each in (warped.plan, plan, apart))
+    np.testing.assert_array_equal(mean[..., [1, 3]], green[..., [1, 3]])
+    red_and_blue = [0, 2, 2]
+    print(f"{error(mean[..., red_and_blue], others[..., red_and_blue]):.1f} dB")
+    assert error(mean[..., red_and_blue], others[..., red_and_blue]) > 45
+    assert error(green[..., red_and_blue], others[..., red_and_blue]) < 30
+
+
+@needs_gpu
+@pytest.mark.parametrize(("distance", "focus"), [(NEAR, FAR), (FAR, NEAR)], ids=["before", "behind"])
+def test_discs_before_the_focus_have_magenta_rims_and_those_behind_it_green_ones(
+    distance: float, focus: float
+) -> None:
+    axial, lamp = 0.2, np.zeros((*SIZE[::-1], 4), np.float32)
+    lamp[54, 96, :3], lamp[..., 3] = 100.0, 1.0
+    mean = draw_mean(meshed(Aperture(axial_colour=axial), distance, focus, picture=lamp).through(24))
+    row, column = np.mgrid[: SIZE[1], : SIZE[0]]
+    squared = (row - 54.0) ** 2 + (column - 96.0) ** 2
+    energy = mean[..., :3].sum(axis=(0, 1))
+    np.testing.assert_allclose(energy, 100.0, rtol=1e-3)
+    # The mean square of the distance from the middle of a disc is half of its radius's.
+    radius = np.sqrt(2 * (mean[..., :3] * squared[..., None]).sum(axis=(0, 1)) / energy)
+    contrast = 1 / distance - 1 / focus
+    assert radius[1] == pytest.approx(SIDE / 2, abs=0.1)
+    assert radius[[0, 2]] == pytest.approx(SIDE / 2 * (1 + axial / focus / contrast), abs=0.1)
 
 
 def test_cycles_draws_the_same_shapes() -> None:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from ..base.arrays import LinearRGBA, Map
+from ..base.arrays import LinearRGB, LinearRGBA, Map
 from .inspection import blur_discs
 from .warped_frame import WarpedFrame
 
@@ -20,46 +20,59 @@ frequency, the middle of what was lost, by the disc's transform 2 J1(x) / x."""
 
 def sharp_frame(warped: WarpedFrame) -> WarpedFrame | None:
     """A frame's mesh and views, painted with the share of its sharpness that each texel keeps instead of its
-    colours: red of the views' mean is the share that each pixel keeps. None of a frame without layers."""
+    colours: red, green and blue of the views' mean are the shares that each pixel keeps of its own. None of a
+    frame without layers."""
     if not warped.layers:
         return None
+    lens = warped.plan.lens
+    nearer = np.float32(lens.disparity_scale * warped.plan.axial_shift)
 
-    def share(disc: Map) -> Map:
-        kept = np.clip((BLURRED - disc) / (BLURRED - SHARP), 0, 1)
-        return np.asarray(kept[..., None], np.float32)
+    def shares(displacement: Map) -> LinearRGB:
+        green = _share(displacement)
+        apart = _share(displacement + nearer) if nearer else green
+        return np.dstack([apart, green, apart])
 
-    return painted(warped, share)
+    return painted(warped, shares)
 
 
-def painted(warped: WarpedFrame, value: Callable[[Map], Map]) -> WarpedFrame:
-    """A frame's mesh and views, painted with what `value` makes (h, w, up to 3) of the diameters (h, w) in
-    pixels of its texels' blur discs, instead of its colours."""
+def painted(warped: WarpedFrame, values: Callable[[Map], LinearRGB]) -> WarpedFrame:
+    """A frame's mesh and views, painted with what `values` makes (h, w, 3) of its texels' displacements (h,
+    w) in pixels, signed radii of their blur discs, instead of its colours."""
+    # Its channels are no colours.
+    plan, lens = replace(warped.plan, axial_colour=0.0), warped.plan.lens
     if not warped.layers:
         # The texture is the canvas itself.
-        values, alpha = (
-            value(np.abs(np.nan_to_num(blur_discs(warped))).astype(np.float32)),
-            warped.texture[..., 3:],
-        )
-        rest = np.zeros((*alpha.shape[:2], 3 - values.shape[2]), np.float32)
-        texture = np.concatenate([alpha * values, rest, alpha], axis=2)
-        return replace(warped, texture=texture, highlight_discs=None)
-    layers, lens = warped.layers, warped.plan.lens
+        displacement = np.nan_to_num(blur_discs(warped) / 2).astype(np.float32)
+        alpha = warped.texture[..., 3:]
+        texture = np.concatenate([alpha * values(displacement), alpha], axis=2)
+        return replace(warped, plan=plan, texture=texture, highlight_discs=None)
+    layers = warped.layers
+    # A steadier camera's layers are made for a larger aperture.
+    share = np.float32(warped.steadied.aperture_share if warped.steadied else 1.0)
     parts = warped.texture.reshape(len(layers) + 1, -1, warped.texture.shape[1], 4)
     finer = parts.shape[2] // layers[0].is_far.shape[1]
     near = [np.where(one.is_far, one.near_disparity, one.front_disparity) for one in layers]
-    painted = np.zeros_like(parts)
-    surfaces = zip(painted, parts[..., 3], [*near, layers[-1].back_disparity], strict=True)
+    painting = np.zeros_like(parts)
+    surfaces = zip(painting, parts[..., 3], [*near, layers[-1].back_disparity], strict=True)
     for part, alpha, disparity in surfaces:
-        disc = 2 * np.abs(lens.snap_displacement(disparity))
-        values = np.repeat(np.repeat(value(disc), finer, axis=0), finer, axis=1)
-        part[..., : values.shape[2]] = alpha[..., None] * values
+        made = values(lens.snap_displacement(share * disparity))
+        part[..., :3] = alpha[..., None] * np.repeat(np.repeat(made, finer, axis=0), finer, axis=1)
         part[..., 3] = alpha
-    return replace(warped, texture=painted.reshape(warped.texture.shape), highlight_discs=None)
+    return replace(warped, plan=plan, texture=painting.reshape(warped.texture.shape), highlight_discs=None)
 
 
-def enlarged(picture: LinearRGBA, small: LinearRGBA, source: LinearRGBA, share: Map | None) -> LinearRGBA:
-    """A picture (h, w, 4) at the size of the source (H, W, 4), premultiplied, with its `share` (h, w) of what
-    the source has more than `small` (h, w, 4), which is the source as it was drawn."""
+def _share(displacement: Map) -> Map:
+    """(h, w) share of its sharpness that is left in discs of such radii (h, w) in pixels."""
+    disc = 2 * np.abs(displacement)
+    return np.asarray(np.clip((BLURRED - disc) / (BLURRED - SHARP), 0, 1), np.float32)
+
+
+def enlarged(
+    picture: LinearRGBA, small: LinearRGBA, source: LinearRGBA, share: LinearRGB | None
+) -> LinearRGBA:
+    """A picture (h, w, 4) at the size of the source (H, W, 4), premultiplied, with its `share` (h, w, 3) of
+    what the source has more than `small` (h, w, 4), which is the source as it was drawn; of opacity as of
+    green."""
     size = source.shape[1], source.shape[0]
 
     def at_size(smaller: LinearRGBA) -> LinearRGBA:
@@ -68,6 +81,6 @@ def enlarged(picture: LinearRGBA, small: LinearRGBA, source: LinearRGBA, share: 
     large = at_size(picture)
     if share is not None:
         kept = cv2.resize(np.clip(share, 0, 1), size, interpolation=cv2.INTER_LINEAR)
-        large += kept[..., None] * (source - at_size(small))
+        large += kept[..., [0, 1, 2, 1]] * (source - at_size(small))
     large[..., 3] = np.minimum(large[..., 3], 1)
     return np.maximum(large, 0)

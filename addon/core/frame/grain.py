@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..base.arrays import LinearRGBA, Map
+from ..base.arrays import LinearRGB, LinearRGBA, Map
 from ..media.clip import decode_srgb, encode_srgb
 from ..media.noise import Noise
 from .detail import painted
@@ -28,7 +28,11 @@ def lost_frame(warped: WarpedFrame, noise: Noise, scale: float = 1.0) -> WarpedF
 
     `scale` times as large is the picture that the noise is of, of a frame that was drawn smaller.
     """
-    return painted(fewer_views(warped, VIEWS), lambda disc: 1 - noise.left(np.float32(scale) * disc))
+
+    def lost(displacement: Map) -> LinearRGB:
+        return 1 - noise.left(np.float32(2 * scale) * np.abs(displacement))
+
+    return painted(fewer_views(warped, VIEWS), lost)
 
 
 def grained(picture: LinearRGBA, lost: Map, noise: Noise, frame: int, amount: float) -> LinearRGBA:

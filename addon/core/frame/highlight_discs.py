@@ -13,13 +13,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import product
 
 import cv2
 import numpy as np
 
 from ..base.arrays import Floats, Ints, LinearRGB, LinearRGBA, Map, Mask
 from ..base.progress import checkpoint
-from ..optics.aperture import SUBSAMPLES, Aperture
+from ..optics.aperture import RED_AND_BLUE, SUBSAMPLES, Aperture
 from ..optics.thin_lens import ThinLens
 from ..warp.clipped_blobs import brightest
 from ..warp.layered_depth_image import LayeredDepthImage, inpainted
@@ -41,6 +42,8 @@ RIM = 3
 """Pixels around what is over white that light is taken from, too: the reach of optics and of resampling."""
 FINEST = 8
 """Parts of a pixel by which radii of discs differ: a brightness that is right to 0.8 % at 16 pixels."""
+LEAST_RADIUS = 0.5
+"""Pixels of the radius of a disc, at least: within a pixel there is nothing of its shape to see."""
 NEARER = 1.0
 """Pixels of displacement, at least, that a surface is nearer by than a highlight which it hides: less is the
 noise of depth, and the jump at which surfaces are cut."""
@@ -92,9 +95,33 @@ class SmallHighlight:
 def _middles(light: LinearRGB) -> Floats:
     """(n, 2) x and y of the middle of the light of patches (n, h, w, 3), in pixels from their corners."""
     energy = light.sum(axis=3, dtype=np.float64)
-    total = energy.sum(axis=(1, 2))
+    total = np.maximum(energy.sum(axis=(1, 2)), np.finfo(np.float64).tiny)
     x, y = (energy.sum(axis=axis) @ (np.arange(energy.shape[3 - axis]) + 0.5) for axis in (1, 2))
     return np.stack([x, y], axis=1) / total[:, None]
+
+
+@dataclass(frozen=True)
+class _FocalPlane:
+    """One of a lens that focuses colours apart."""
+
+    channels: Map
+    """(3,) 1 for red, green and blue that have it, else 0."""
+    nearer: float
+    """Pixels of displacement that everything is nearer to the lens by, relative to it."""
+
+    def displacement(self, one: SmallHighlight) -> float:
+        """Of a highlight relative to it, in pixels; of one that it goes through, the least there may be."""
+        found = one.displacement + self.nearer
+        return float(np.copysign(max(abs(found), LEAST_RADIUS), found))
+
+
+def _focal_planes(plan: FramePlan) -> tuple[_FocalPlane, ...]:
+    """Those of the channels of a plan."""
+    if not plan.axial_colour:
+        return (_FocalPlane(np.ones(3, np.float32), 0.0),)
+    apart = np.zeros(3, np.float32)
+    apart[RED_AND_BLUE] = 1
+    return _FocalPlane(1 - apart, 0.0), _FocalPlane(apart, plan.lens.disparity_scale * plan.axial_shift)
 
 
 @dataclass(frozen=True)
@@ -114,9 +141,9 @@ class HighlightDiscs:
         own = plan.canvas.pinhole if self.steadied is None else self.steadied.own_canvas.pinhole
         lens = plan.lens if self.steadied is None else self.steadied.own_lens
         before = _Surfaces(layers, lens, (own.height, own.width))
-        for one in self.found:
+        for one, focal_plane in product(self.found, _focal_planes(plan)):
             checkpoint()
-            discs, corners = self._discs(one, plan, before)
+            discs, corners = self._discs(one, plan, before, focal_plane)
             for disc, (row, column) in zip(discs, corners.tolist(), strict=True):
                 top, left = max(0, -row), max(0, -column)
                 part = disc[top : max(0, height - row), left : max(0, width - column)]
@@ -126,18 +153,22 @@ class HighlightDiscs:
             total /= np.maximum(light_left(plan), np.float32(LEAST_LEFT))[..., None]
         return total
 
-    def _discs(self, one: SmallHighlight, plan: FramePlan, before: _Surfaces) -> tuple[LinearRGB, Ints]:
-        """The light (n, h, w, 3) of the discs of a highlight's parts as far as it arrives, and the rows and
-        columns (n, 2) where they begin, which may be outside of the canvas."""
-        pinhole, seen_here = plan.canvas.pinhole, one
-        if self.steadied:
-            seen_here = _as_seen(one, self.steadied)
-        radius = np.round(FINEST * seen_here.displacement * pinhole.focal / pinhole.fx) / FINEST
+    def _discs(
+        self, one: SmallHighlight, plan: FramePlan, before: _Surfaces, focal_plane: _FocalPlane
+    ) -> tuple[LinearRGB, Ints]:
+        """The light (n, h, w, 3) of the discs of a highlight's parts as far as it arrives, in the channels of
+        a focal plane, and the rows and columns (n, 2) where they begin, which may be outside of the
+        canvas."""
+        pinhole = plan.canvas.pinhole
+        seen_here = _as_seen(one, self.steadied) if self.steadied else one
+        displacement = focal_plane.displacement(seen_here)
+        radius = np.round(FINEST * displacement * pinhole.focal / pinhole.fx) / FINEST
         kernel = _kernel(self.aperture, float(radius[0]), float(radius[1]))
         reach = [n // 2 for n in kernel.shape]
         steps = before.steps(one)
         # What hides a highlight covers another part of the disc of each of its places.
         light, corner = seen_here.parts(PARTS if len(steps) else 1)
+        light = light * focal_plane.channels
         begin = corner - np.array(reach, np.int32)
         places = _middles(light) + corner[:, ::-1]
         if plan.vignetting:
@@ -173,7 +204,6 @@ def _as_seen(one: SmallHighlight, steadied: Steadied) -> SmallHighlight:
     own, zoom = steadied.own_lens, _enlargement(steadied)
     inverse = np.array([own.focus + one.displacement / own.disparity_scale])
     place, there = steadied.moved(one.place[None], inverse)
-    # One of no displacement has no disc, and is none of these; nor may it get one's size by rounding.
     displacement = float(steadied.lens.displacement(there)[0])
     size = np.ceil(zoom * np.array(one.light.shape[1::-1])).astype(int) + 2
     middle = one.place - one.corner[::-1]

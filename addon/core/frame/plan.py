@@ -98,6 +98,13 @@ class FramePlan:
     """Radius of a disc as large as the open part of the aperture, in shares of the aperture's."""
     vignetting: float = 0.0
     """As of `Aperture`."""
+    axial_colour: float = 0.0
+    """As of `Aperture`."""
+
+    @property
+    def axial_shift(self) -> float:
+        """Inverse depth, 1 / scene units, by which `RED_AND_BLUE` are focused farther away than green."""
+        return self.axial_colour * (self.lens.focus - self.lens.lift)
 
     def displace(self, xy: Floats, inverse_depth: Floats) -> Floats:
         """(N, V, 2) where the views see vertices (V, 2) of inverse depth (V,), after registration."""

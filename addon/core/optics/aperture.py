@@ -29,6 +29,11 @@ LEAST_LIGHT = 1e-3
 """Of the brightest place: where less passes, the aperture is closed. 8 bits hold a 255th."""
 MOST_LOST = 0.99
 """Largest share of light that apodisation may take at the rim: nothing at all would be a smaller aperture."""
+MOST_AXIAL = 0.5
+"""Largest share by which colours may focus apart: at 1, red and blue would be focused at infinity. By eye."""
+RED_AND_BLUE = [0, 2]
+"""Channels that `Aperture.axial_colour` focuses farther away: a lens that is corrected for two colours has
+its shortest focal length between them, in green."""
 MOST_BLADES = 16
 """Of a polygon, as Blender's `Camera.dof.aperture_blades` has them: more are round."""
 TURN = np.pi / 4
@@ -126,6 +131,17 @@ class Aperture:
     )  # fmt: skip
     """By how much of its radius the barrel's opening is shifted against the aperture in the picture's
     corners: blur discs there are cat's eyes. In between it is linear in the distance from the middle."""
+    axial_colour: float = option(
+        0.0, "Axial Color",
+        "How out of focus red and blue are where green is sharp, as a fraction of the blur at infinity: blur"
+        " discs have magenta edges in front of the focus and green ones behind it. 0.02 is a fast lens wide"
+        " open",
+        least=0.0, most=MOST_AXIAL, soft_most=0.1, unit="FACTOR",
+    )  # fmt: skip
+    """By which share of its inverse depth the focal plane of red and blue is farther than that of green: the
+    secondary spectrum of lenses that are corrected for two colours (Kingslake and Johnson, "Lens design
+    fundamentals", 2010). Where green is sharp, their disc has this share of the disc of what is infinitely
+    far."""
     image: ApertureImage | None = None
     """A picture in place of blades and roundness."""
 
@@ -169,11 +185,11 @@ class Aperture:
         angle = (np.arctan2(-y, x) - self.rotation + half) % (2 * half) - half
         return np.asarray((1 - self.roundness) * np.cos(half) / np.cos(angle) + self.roundness)
 
-    def raster(self, size: int) -> tuple[Floats, Floats]:
+    def raster(self, size: int, scale: float = 1.0) -> tuple[Floats, Floats]:
         """(size, size) mean light of the cells of the square around it, and the share of
-        each that is open."""
+        each that is open; of the aperture made larger by a scale in the same square."""
         fine = size * SUBSAMPLES
-        place = (np.arange(fine) + 0.5) * 2 / fine - 1
+        place = ((np.arange(fine) + 0.5) * 2 / fine - 1) / scale
         light = self.light(*np.meshgrid(place, place))
         return _cell_means(light, size), _cell_means(light > LEAST_LIGHT * light.max(), size)
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..base.arrays import Floats, Map
-from .aperture import Aperture
+from ..base.arrays import Floats, LinearRGB
+from .aperture import RED_AND_BLUE, Aperture
 
 MARGIN = 1.12
 """Half of the picture's side, in radii of the aperture. By eye."""
@@ -21,8 +21,8 @@ def barrel_share(x: Floats, y: Floats, edge: float) -> Floats:
     return np.asarray(np.clip((1 + edge - np.hypot(x, y)) / (2 * edge), 0, 1))
 
 
-def bokeh_picture(aperture: Aperture, size: int) -> Map:
-    """(size, size) light, 0 to 1, linear, top row first: the blur disc of the aperture on black.
+def bokeh_picture(aperture: Aperture, size: int) -> LinearRGB:
+    """(size, size, 3) light, 0 to 1, linear, top row first: the blur disc of the aperture on black.
 
     It is the light over which the virtual cameras are sampled. With optical vignetting there are nine discs,
     as large as fit, at the middle, the edges and the corners of a square frame.
@@ -31,15 +31,18 @@ def bokeh_picture(aperture: Aperture, size: int) -> Map:
     side = size // len(places)
     margin = round(side * (1 - 1 / MARGIN) / 2)
     cells = side - 2 * margin
-    light, _ = aperture.raster(cells)
-    at = (np.arange(cells) + 0.5) * 2 / cells - 1
-    x, y = np.meshgrid(at, at)
-    shift, picture = aperture.vignetting, np.zeros((size, size), np.float32)
+    shift, picture, white = aperture.vignetting, np.zeros((size, size, 3), np.float32), 0.0
     first = (size - side * len(places)) // 2 + margin
-    for row, down in enumerate(places):
-        for column, across in enumerate(places):
-            left, top = (first + n * side for n in (column, row))
-            passed = barrel_share(x + shift * across, y + shift * down, 1 / cells) if shift else 1.0
-            picture[top : top + cells, left : left + cells] = light * passed
-    white = np.percentile(light[light > 0], BRIGHTEST)
+    # At infinity the discs of colours that focus farther away are smaller, and brighter.
+    discs = {1.0: [0, 1, 2]} | ({1 - aperture.axial_colour: RED_AND_BLUE} if aperture.axial_colour else {})
+    for scale, channels in discs.items():
+        light = aperture.raster(cells, scale)[0] / scale**2
+        white = max(white, float(np.percentile(light[light > 0], BRIGHTEST)))
+        at = ((np.arange(cells) + 0.5) * 2 / cells - 1) / scale
+        x, y = np.meshgrid(at, at)
+        for row, down in enumerate(places):
+            for column, across in enumerate(places):
+                left, top = (first + n * side for n in (column, row))
+                passed = barrel_share(x + shift * across, y + shift * down, 1 / cells) if shift else 1.0
+                picture[top : top + cells, left : left + cells, channels] = (light * passed)[..., None]
     return np.asarray(np.minimum(picture / white, 1), np.float32)

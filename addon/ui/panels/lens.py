@@ -75,7 +75,7 @@ class VIRTUAL_APERTURE_PT_shape(ClosedPanel, bpy.types.Panel):  # noqa: N801
             layout.prop(shape, name)
         # Its whole name is cut off in a sidebar of the default width.
         layout.prop(shape, "spherical_aberration", text="Aberration")
-        for name in ("vignetting", "image"):
+        for name in ("vignetting", "axial_colour", "image"):
             layout.prop(shape, name)
 
 

@@ -12,6 +12,7 @@ shape.obstruction = 0.0
 shape.apodisation = 0.0
 shape.spherical_aberration = 0.9
 shape.vignetting = 0.3
+shape.axial_colour = 0.0
 shape.image = ""
 settings.highlights = 1.0
 # Beyond all distances, focused at 2 m: f^2 / (N (s - f)) of a full frame's 36 mm.

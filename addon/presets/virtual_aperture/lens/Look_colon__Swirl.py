@@ -12,5 +12,6 @@ shape.obstruction = 0.0
 shape.apodisation = 0.0
 shape.spherical_aberration = 0.0
 shape.vignetting = 0.9
+shape.axial_colour = 0.0
 shape.image = ""
 settings.highlights = 1.0
