@@ -7,6 +7,7 @@ import hashlib
 import bpy
 
 from ..core.media.clip_identity import clip_digest
+from ..scene.colour_space import REC_709
 from ..scene.digests import drawn_digest, reconstruction_digest
 from ..scene.lens import frame_options
 from ..scene.shot import Shot, shot_of
@@ -41,6 +42,7 @@ def _clip_key(scene: bpy.types.Scene) -> str:
         _depth_digest(shot), shot.masks and clip_digest(shot.masks.pictures.path),
         shot.drawn and drawn_digest(shot.drawn),
         render_size(scene.render), written_size(scene.render), *([shot.space.name] if shot.space else []),
+        *([shot.working] if shot.working != REC_709 else []),
         *([scene[GRADED]] if GRADED in scene else []),
     )  # fmt: skip
     return hashlib.sha256(repr(parts).encode()).hexdigest()

@@ -16,6 +16,8 @@ from ..core.media.colour_space import SRGB, TOP, ColourSpace
 
 HLG_GAMMA = 1.2
 """System gamma of HLG on a display of 1,000 cd/m2, for which Blender's Rec.2100-HLG is (ITU-R BT.2100-3)."""
+REC_709 = "Linear Rec.709"
+"""The working space of a new .blend."""
 ALIKE = 2e-3
 """Of the light of a probe: how far the model may be from Blender. HLG, whose curve Blender has in a table, is
 5e-4 off, and every camera's log under 1e-5; view transforms such as AgX, which mix channels, are 0.05 off and
@@ -44,13 +46,26 @@ def space_of(settings: bpy.types.PropertyGroup, footage: Footage) -> ColourSpace
     return None if name in (SRGB, "sRGB") else colour_space(name)
 
 
-@cache
+def working_space() -> str:
+    """The space of linear light that Blender works in, which each .blend chooses."""
+    return str(bpy.data.colorspace.working_space)
+
+
+def from_rec_709() -> Floats | None:
+    """(3, 3) from the primaries of Rec.709 to those of the working space; None where it has them."""
+    return None if working_space() == REC_709 else colour_space("sRGB").matrix
+
+
 def colour_space(name: str) -> ColourSpace:
-    """A colour space of Blender's configuration as curve, matrix and system gamma.
+    """A colour space of Blender's configuration as curve, matrix to the working space and system gamma.
 
     UserError where Blender has none of that name, or it is not of this kind (a view transform, no data).
     """
-    name = checked(name)
+    return _taken_apart(checked(name), working_space())
+
+
+@cache
+def _taken_apart(name: str, _working: str) -> ColourSpace:
     gamma = HLG_GAMMA if name == "Rec.2100-HLG" else 1.0
     gray = _converted(np.arange(TOP + 1, dtype=np.uint16).reshape(256, 256, 1).repeat(3, 2), name)
     curve = gray.reshape(-1, 3).mean(axis=1)

@@ -11,7 +11,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ..core.base.arrays import Map
+from ..core.base.arrays import Floats, Map
 from ..core.base.errors import UserError
 from ..core.base.lru_cache import LRUCache
 from ..core.camera.reconstruction import Reconstruction
@@ -31,7 +31,7 @@ from ..core.subjects.marked import ClipSubjects, MarkedSubject
 from ..core.subjects.stroke_cut import CarryOptions
 from . import gpu_matcher, store, subjects, version
 from .clip import solved_clip_path, work_dir
-from .colour_space import space_of
+from .colour_space import REC_709, from_rec_709, space_of, working_space
 from .digests import drawn_digest, reconstruction_digest
 from .masks import DrawnMask, drawn_mask
 from .paths import absolute
@@ -97,6 +97,10 @@ class Shot:
     """Subjects that the user has marked by strokes."""
     space: ColourSpace | None = None
     """The clip's colour space, where it is not sRGB."""
+    working: str = REC_709
+    """The space of linear light that Blender works in."""
+    from_rec_709: Floats | None = field(default=None, repr=False, compare=False)
+    """As of `ClipContext`."""
     work: Path | None = None
     """The folder that keeps the solve, if there is one: depth is kept there, too."""
 
@@ -110,7 +114,7 @@ class Shot:
         return ClipContext(
             self.reconstruction, self.read, None, self._masks, self._store if self.work else None,
             self.subjects, self._found, self._kept(self._highlight_key), gpu_matcher.winning_levels,
-            self.depth,
+            self.depth, self.from_rec_709,
         )  # fmt: skip
 
     def with_subjects(self, marked: tuple[MarkedSubject, ...]) -> Shot:
@@ -176,7 +180,10 @@ class Shot:
     @property
     def _clip_digests(self) -> tuple[str, ...]:
         # As the solve knows its clip: known already, where all bytes of a sequence would have to be read.
+        # Pictures of sRGB are compared as they are stored.
         space = () if self.space is None else (self.space.name,)
+        if self.space is not None and self.working != REC_709:
+            space = *space, self.working
         return identity(self.footage.path), self._reconstruction_digest, *space
 
     @cached_property
@@ -222,7 +229,7 @@ def shot_of(scene: bpy.types.Scene) -> Shot:
     marked = subjects.marked_of(settings)
     key = (
         str(mesh.get(IDENTITY)), str(path), depth_path, masks_path, drawn.name_full if drawn else "",
-        settings.colour_space,
+        settings.colour_space, working_space(),
     )  # fmt: skip
     if _last is None or _last[0] != key or _was_redrawn(_last[1], drawn, scene.frame_current):
         reconstruction = store.read(mesh)
@@ -234,7 +241,8 @@ def shot_of(scene: bpy.types.Scene) -> Shot:
         work = work_dir(settings, path)
         kept = work if (work / STATE).exists() else None
         space = space_of(settings, footage)
-        _last = (key, Shot(footage, reconstruction, depth, masks, shapes, marked, space, kept))
+        light = space, working_space(), from_rec_709()
+        _last = (key, Shot(footage, reconstruction, depth, masks, shapes, marked, *light, kept))
     elif _last[1].subjects != marked:
         _last = (key, _last[1].with_subjects(marked))
     return _last[1]

@@ -21,6 +21,7 @@ from ..render.blend_file import write_blend
 from ..render.launcher import start
 from ..scene import redraw
 from ..scene.clip import footage_path, work_dir
+from ..scene.colour_space import REC_709, working_space
 from ..scene.remedy_words import WORDS
 from ..scene.subjects import marked_of
 from .text import left_words
@@ -101,7 +102,8 @@ def _opened(work: Path) -> Path:
     settings = bpy.context.scene.virtual_aperture
     if not settings.footage or _folder(settings) != work or settings.points is None:
         return work
-    if not (settings.masks or settings.mask or settings.colour_space or marked_of(settings)):
+    is_plain = not settings.colour_space and working_space() == REC_709
+    if is_plain and not (settings.masks or settings.mask or marked_of(settings)):
         return work
     blend = Path(bpy.app.tempdir) / "virtual-aperture-depth.blend"
     write_blend(blend)

@@ -79,6 +79,21 @@ def test_it_knows_what_is_marked(scene: bpy.types.Scene, work: Path) -> None:
     assert all(stereo.kept(frame) is not None for frame in (1, 2, 3))
 
 
+def test_it_knows_the_color_space_that_the_user_says(scene: bpy.types.Scene, work: Path) -> None:
+    scene.virtual_aperture.colour_space = "Display P3"
+    bpy.ops.virtual_aperture.find_depth()
+    found = depth_ahead.of(scene.virtual_aperture)
+    assert found is not None
+    until(lambda: found.child is None)
+    assert not found.problem
+    before = kept(work)
+    assert len(before) == 3
+    stereo = shot_of(scene).context.stereo
+    assert all(stereo.kept(frame) is not None for frame in (1, 2, 3))
+    stereo.at(2)
+    assert kept(work) == before
+
+
 def test_pausing_ends_the_process_and_finding_goes_on_later(scene: bpy.types.Scene, work: Path) -> None:
     bpy.ops.virtual_aperture.find_depth()
     found = depth_ahead.of(scene.virtual_aperture)

@@ -9,7 +9,7 @@ from functools import cached_property, partial
 import cv2
 import numpy as np
 
-from ..base.arrays import LinearRGBA, Mask
+from ..base.arrays import Floats, LinearRGBA, Mask
 from ..base.errors import UserError
 from ..base.lru_cache import LRUCache
 from ..base.progress import stage
@@ -76,6 +76,8 @@ class ClipContext:
     """Finds the depth levels of pixels: the processor, or a GPU."""
     maps: DepthSource | None = None
     """The user's depth maps: the depth of what stereo is not sure of."""
+    from_rec_709: Floats | None = None
+    """(3, 3) from the primaries of Rec.709, which pictures of integers have, to those of what is drawn."""
 
     @cached_property
     def stereo(self) -> TemporalFusion:
@@ -215,9 +217,15 @@ class ClipContext:
         """
         stored = self.read(frame)
         linear = to_linear(stored)
-        if stored.dtype == np.float32 or not highlights.gain:
+        if stored.dtype == np.float32:
             return linear
-        return self._highlights_of(highlights.threshold).restored(frame, linear, highlights.gain)
+        if highlights.gain:
+            linear = self._highlights_of(highlights.threshold).restored(frame, linear, highlights.gain)
+        if self.from_rec_709 is not None:
+            matrix = np.eye(4, dtype=np.float32)
+            matrix[:3, :3] = self.from_rec_709
+            linear = np.asarray(cv2.transform(linear, matrix), np.float32)
+        return linear
 
     def knows_highlights(self, frame: int, highlights: HighlightSettings) -> bool:
         """Whether `picture` of a frame only reads it: what clipping took from it is remembered or kept."""
