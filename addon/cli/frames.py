@@ -10,7 +10,7 @@ from ..core.base.arrays import LinearRGBA
 from ..core.base.errors import UserError
 from ..core.base.messages import Progress, send
 from ..core.media.clip import FrameRange
-from ..render import engine
+from ..render import cg_process, engine
 from ..render.frames_ahead import DrawnFrame, draw_ahead
 from ..render.gpu_views import check_gpu
 from ..render.launcher import CHILD
@@ -53,5 +53,6 @@ def frames(options: argparse.Namespace) -> None:
             return DrawnFrame(pictures, tuple(watch.notes))
 
     numbers = range(wanted.first, wanted.last + 1, wanted.step)
-    for done, frame in enumerate(draw_ahead(options.into, numbers, options.reach, draw), 1):
-        send(Progress("frames", done, len(numbers), frame))
+    with cg_process.kept():
+        for done, frame in enumerate(draw_ahead(options.into, numbers, options.reach, draw), 1):
+            send(Progress("frames", done, len(numbers), frame))

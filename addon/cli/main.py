@@ -33,7 +33,7 @@ from ..render.run_report import RunReport, check_report
 from ..scene import properties
 from ..scene.paths import absolute
 from ..scene.shot import shot_of
-from . import depth, farm, frames, inspect, save, solve
+from . import cg, depth, farm, frames, inspect, save, solve
 from .blend import is_blend, open_blend
 from .lens import (
     add_lens,
@@ -96,6 +96,7 @@ def parser() -> argparse.ArgumentParser:
     farm.add_commands(commands, common)
     inspect.add_command(commands, common)
     frames.add_command(commands, common)
+    cg.add_command(commands, common)
     return top
 
 

@@ -11,10 +11,11 @@ import numpy as np
 
 from ..core.base.arrays import Floats, LinearRGB, LinearRGBA, in_channels
 from ..core.base.progress import checkpoint, stage
+from ..core.frame.cg_layers import DrawCG, joined
 from ..core.frame.clip_context import ClipContext
 from ..core.frame.detail import enlarged, sharp_frame
 from ..core.frame.grain import grained, lost_frame
-from ..core.frame.inspection import shares_of, source_frame
+from ..core.frame.inspection import opaque_triangles, shares_of, source_frame
 from ..core.frame.plan import FrameOptions
 from ..core.frame.view_error import PILOT, difference, other_views, views_for_error
 from ..core.frame.vignetting import LEAST_LEFT, light_left
@@ -53,11 +54,12 @@ def render_frame(
     size: tuple[int, int],
     note: Callable[[str], None],
     on_frame: OnFrame | None = None,
+    draw_cg: DrawCG | None = None,
 ) -> LinearRGBA:
     """One frame through the lens: (h, w, 4) float32, linear, premultiplied.
 
-    `note` is called with what the user should know, `on_frame` with the frame when it is drawn. Passes
-    checkpoints.
+    `note` is called with what the user should know, `on_frame` with the frame when it is drawn; `draw_cg`
+    draws the CG objects in it. Passes checkpoints.
     """
     gpu_views.check_memory(size)
     with stage("Reading", 0.0, READ):
@@ -66,7 +68,7 @@ def render_frame(
         source = resized(picture, small)
         noise = clip.noise(frame, size) if options.grain else None
     with stage("Mesh", READ, WARPED):
-        meshed = mesh_frame(clip, frame, options, small, source)
+        meshed = mesh_frame(clip, frame, options, small, source, draw_cg)
         warped = None if options.target_psnr else meshed.through(meshed.views, reuse=True)
     if meshed.geometry.samples.pose_interpolated:
         note(f"Frame {frame} was not solved: its camera is interpolated from its neighbours")
@@ -146,7 +148,11 @@ def draw_mean(warped: WarpedFrame) -> LinearRGBA:
     UserError where no GPU context can be had.
     """
     gpu_views.check_gpu()
-    mean = gpu_views.mean_of_views(warped.plan, warped.texture)
+    plan, texture = warped.plan, warped.texture
+    if warped.cg:
+        mesh, texture = joined(plan.mesh, texture, opaque_triangles(warped), warped.cg)
+        plan = replace(plan, mesh=mesh)
+    mean = gpu_views.mean_of_views(plan, texture)
     if warped.plan.vignetting:
         mean /= in_channels(np.maximum(light_left(warped.plan), np.float32(LEAST_LEFT)), 4)
     if warped.is_whole:

@@ -26,6 +26,7 @@ from ..scene.remedy_words import WORDS
 from ..scene.shot import Shot, shot_of
 from . import frame_notes
 from .average import Drawn, OnFrame, render_frame
+from .cg_process import draw_cg
 from .frame_size import render_size
 from .frames_ahead import frame_ahead
 from .gpu_views import egl_problem
@@ -130,7 +131,7 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
                 warn_of_ignored(self, depsgraph.scene)
                 layer, size = depsgraph.view_layer_eval, render_size(scene.render)
                 with self._first_look(scene, size, layer.name):
-                    pictures = self._frame(scene, size, passes.wanted(layer))
+                    pictures = self._frame(scene, size, layer)
                 self._hand_over(pictures, scene.render, layer.name)
         except Cancelled:
             return
@@ -153,9 +154,10 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
         self.error_set(text)
 
     def _frame(
-        self, scene: bpy.types.Scene, size: tuple[int, int], names: tuple[str, ...]
+        self, scene: bpy.types.Scene, size: tuple[int, int], layer: bpy.types.ViewLayer
     ) -> dict[str, LinearRGBA]:
-        """The frame (H, W, 4), and passes (H, W, 1), by name."""
+        """The frame (H, W, 4), and passes (H, W, 1), of a view layer, by name."""
+        names = passes.wanted(layer)
         with stage("Clip", 0.0, 0.0):
             shot = shot_of(scene)
         frame = shot.frame_at(scene.frame_current)
@@ -185,7 +187,8 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
                 for text in drawn.notes:
                     note(text)
                 return drawn.pictures
-        pictures["Combined"] = render_frame(shot.context, frame, lens, size, note, on_frame)
+        cg = draw_cg(scene, layer.name)
+        pictures["Combined"] = render_frame(shot.context, frame, lens, size, note, on_frame, cg)
         return pictures
 
     @contextmanager

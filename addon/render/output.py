@@ -22,7 +22,7 @@ from ..core.media.clip import Footage, is_pattern
 from ..core.media.picture_file import PICTURES
 from ..scene.lens import frame_options
 from ..scene.shot import shot_of
-from . import engine, frame_files, movie_file, movie_folder
+from . import cg_process, engine, frame_files, movie_file, movie_folder
 from .frame_keys import frame_keys
 from .frame_size import render_size, written_size
 from .jobs import Here
@@ -147,10 +147,11 @@ def render_sequence(
     clock = _Clock(len(todo), report)
 
     def here(frames: Sequence[int], done: Callable[[int], None]) -> None:
-        for frame in frames:
-            if not _is_made_meanwhile(frame, targets[frame], keys[frame], todo[frame]):
-                _render_still(scene, frame, targets[frame], keys[frame], todo[frame])
-            done(frame)
+        with cg_process.kept():
+            for frame in frames:
+                if not _is_made_meanwhile(frame, targets[frame], keys[frame], todo[frame]):
+                    _render_still(scene, frame, targets[frame], keys[frame], todo[frame])
+                done(frame)
 
     if draw is not None and todo:
         draw(list(todo), out, here, clock.tick)

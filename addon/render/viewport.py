@@ -24,7 +24,7 @@ from mathutils import Matrix
 
 from ..core.base.arrays import Floats
 from ..core.base.errors import UserError
-from ..scene import ignored, redraw
+from ..scene import redraw
 from ..scene.lens import frame_options
 from ..scene.remedy_words import WORDS
 from ..scene.shot import shot_of
@@ -39,8 +39,6 @@ TELL = 0.25
 ROOM = 0.9
 """Of the camera frame's width in the viewport, in pixels, that a picture must have: by eye, one that is a
 little enlarged is as sharp as it was, and costs less."""
-TOLD = 12.0
-"""Seconds for which is said which objects are not drawn: time to read it twice, by eye."""
 
 PREVIEW = Preview()
 """The one of this Blender: it takes all processors, so there are not two."""
@@ -68,8 +66,6 @@ class Shown:
 _in_regions: WeakValueDictionary[int, Shown] = WeakValueDictionary()
 """By region, as long as Blender keeps the engine that draws it."""
 _handlers: list[Any] = []
-_told: dict[int, float] = {}
-"""When it was first said which objects are not drawn, by the scene's `session_uid`: it is said once."""
 
 
 def update(shown: Shown, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
@@ -99,7 +95,7 @@ def draw(
         PREVIEW.want(wanted)
         _watch()
     picture = PREVIEW.best(wanted) or PREVIEW.latest(wanted) or shown.picture
-    shown.said = PREVIEW.problem(wanted) or _not_drawn(depsgraph.scene)
+    shown.said = PREVIEW.problem(wanted)
     shown.level = _level(wanted, picture)
     if picture is None:
         return
@@ -190,18 +186,6 @@ def _draw_words() -> None:
         message.draw(shown.said, context.area, context.region, scale)
     if shown.level and shown.frame is not None:
         message.draw_label(shown.level, shown.frame, context.area, context.region, scale)
-
-
-def _not_drawn(scene: bpy.types.Scene) -> str:
-    """Which objects the engine leaves out, and how to have them drawn; nothing once that has been said."""
-    first = _told.get(scene.session_uid)
-    if first is not None and time.monotonic() - first > TOLD:
-        return ""
-    said = ignored.way_to_draw(scene)
-    if said and first is None:
-        _told[scene.session_uid] = time.monotonic()
-        bpy.app.timers.register(lambda: redraw.viewports("RENDERED"), first_interval=TOLD + LOOK)
-    return said
 
 
 def camera_frame(
@@ -300,7 +284,6 @@ def end() -> None:
 
 
 def _on_load(*_: object) -> None:
-    _told.clear()
     PREVIEW.forget()
 
 

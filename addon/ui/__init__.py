@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..render import background, engine, frame_notes, frames_ahead, viewport
+from ..render import background, cg_process, engine, frame_notes, frames_ahead, viewport
 from ..scene import clip, exr, focus_sync, main_thread, migration, passes, paths, properties, shot
 from ..scene import preferences as user_preferences
 from . import (
@@ -86,6 +86,7 @@ def register() -> None:
     background.register()
     frame_notes.register()
     frames_ahead.register()
+    cg_process.register()
     viewport.register()
     # After what takes overlays away from the preview's picture: the points are drawn over that.
     points_overlay.register()
@@ -101,6 +102,7 @@ def unregister() -> None:
     solve_view.unregister()
     points_overlay.unregister()
     viewport.unregister()
+    cg_process.unregister()
     frames_ahead.unregister()
     frame_notes.unregister()
     main_thread.stop()

@@ -35,9 +35,9 @@ def sharp_frame(warped: WarpedFrame) -> WarpedFrame | None:
     return painted(warped, shares)
 
 
-def painted(warped: WarpedFrame, values: Callable[[Map], LinearRGB]) -> WarpedFrame:
-    """A frame's mesh and views, painted with what `values` makes (h, w, 3) of its texels' displacements (h,
-    w) in pixels, signed radii of their blur discs, instead of its colours."""
+def painted(warped: WarpedFrame, values: Callable[[Map], LinearRGB], on_cg: float = 0.0) -> WarpedFrame:
+    """A frame's mesh and views, painted with what `values` makes (h, w, 3) of its texels' displacements
+    (h, w) in pixels, signed radii of their blur discs, instead of its colours; CG objects with one value."""
     # Its channels are no colours.
     plan, lens = replace(warped.plan, axial_colour=0.0), warped.plan.lens
     if not warped.layers:
@@ -45,7 +45,8 @@ def painted(warped: WarpedFrame, values: Callable[[Map], LinearRGB]) -> WarpedFr
         displacement = np.nan_to_num(blur_discs(warped) / 2).astype(np.float32)
         alpha = warped.texture[..., 3:]
         texture = np.concatenate([alpha * values(displacement), alpha], axis=2)
-        return replace(warped, plan=plan, texture=texture, highlight_discs=None)
+        cg = tuple(each.painted(on_cg) for each in warped.cg)
+        return replace(warped, plan=plan, texture=texture, highlight_discs=None, cg=cg)
     layers = warped.layers
     # A steadier camera's layers are made for a larger aperture.
     share = np.float32(warped.steadied.aperture_share if warped.steadied else 1.0)
@@ -58,7 +59,10 @@ def painted(warped: WarpedFrame, values: Callable[[Map], LinearRGB]) -> WarpedFr
         made = values(lens.snap_displacement(share * disparity))
         part[..., :3] = alpha[..., None] * np.repeat(np.repeat(made, finer, axis=0), finer, axis=1)
         part[..., 3] = alpha
-    return replace(warped, plan=plan, texture=painting.reshape(warped.texture.shape), highlight_discs=None)
+    return replace(
+        warped, plan=plan, texture=painting.reshape(warped.texture.shape), highlight_discs=None,
+        cg=tuple(each.painted(on_cg) for each in warped.cg),
+    )  # fmt: skip
 
 
 def _share(displacement: Map) -> Map:

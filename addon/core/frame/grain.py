@@ -24,7 +24,8 @@ LEAST = 1e-3
 
 def lost_frame(warped: WarpedFrame, noise: Noise, scale: float = 1.0) -> WarpedFrame:
     """A frame's mesh through fewer views, painted with the share of each component's standard deviation that
-    blur takes: red, green and blue of the views' mean. Exactly 0 where everything is in focus.
+    blur takes: red, green and blue of the views' mean. Exactly 0 where everything is in focus; 1 on CG
+    objects.
 
     `scale` times as large is the picture that the noise is of, of a frame that was drawn smaller.
     """
@@ -32,7 +33,8 @@ def lost_frame(warped: WarpedFrame, noise: Noise, scale: float = 1.0) -> WarpedF
     def lost(displacement: Map) -> LinearRGB:
         return 1 - noise.left(np.float32(2 * scale) * np.abs(displacement))
 
-    return painted(fewer_views(warped, VIEWS), lost)
+    # CG objects have none of it, in focus or not.
+    return painted(fewer_views(warped, VIEWS), lost, 1.0)
 
 
 def grained(picture: LinearRGBA, lost: Map, noise: Noise, frame: int, amount: float) -> LinearRGBA:

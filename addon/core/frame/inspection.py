@@ -137,9 +137,9 @@ def source_frame(warped: WarpedFrame) -> WarpedFrame:
     # Its channels are no colours.
     warped = replace(warped, plan=replace(warped.plan, axial_colour=0.0))
     if warped.layers:
-        return replace(warped, texture=_layers_sources(warped), highlight_discs=None)
+        return replace(warped, texture=_layers_sources(warped), highlight_discs=None, cg=())
     mesh, texture = _plain_sources(warped)
-    return replace(warped, plan=replace(warped.plan, mesh=mesh), texture=texture)
+    return replace(warped, plan=replace(warped.plan, mesh=mesh), texture=texture, cg=())
 
 
 def shares_of(mean: LinearRGBA, canvas: Canvas) -> LinearRGBA:
@@ -259,6 +259,14 @@ def surface_of(warped: WarpedFrame) -> NDArray[np.intp]:
     """(V,) which surface of a mesh of layers vertices are on, 0 for the nearest."""
     height = warped.texture.shape[0] / (len(warped.layers) + 1)
     return np.asarray(warped.plan.mesh.texture_xy[:, 1] // height, np.intp)
+
+
+def opaque_triangles(warped: WarpedFrame) -> int:
+    """How many triangles of a frame's mesh nothing of it is seen through: the first ones."""
+    mesh = warped.plan.mesh
+    if not warped.layers:
+        return len(mesh.triangles)
+    return int(np.count_nonzero(surface_of(warped)[mesh.triangles[:, 0]] == len(warped.layers)))
 
 
 def _wireframe(plan: FramePlan, frame: Shown, far: Mask) -> Shown:

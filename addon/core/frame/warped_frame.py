@@ -16,6 +16,7 @@ from ..depth.sparse import frame_features
 from ..optics.aperture_sampling import LEAST_PREFILTERED, MAX_VIEWS, MIN_VIEWS, views_needed
 from ..warp.footprint import prefilter
 from ..warp.layered_depth_image import LayeredDepthImage
+from .cg_layers import NO_CG, CGObjects, CGSurface, DrawCG
 from .clip_context import ClipContext
 from .highlight_discs import HighlightDiscs, without_small_highlights
 from .meshers import MESHERS
@@ -59,6 +60,8 @@ class WarpedFrame:
     """That are not in the texture; their light is to be added to the mean of the views."""
     steadied: Steadied | None = None
     """How a steadier camera sees it, where the plan is of one."""
+    cg: tuple[CGSurface, ...] = ()
+    """CG objects, which are not in the plan's mesh."""
 
 
 def check_settings(settings: FrameOptions) -> None:
@@ -83,6 +86,7 @@ class MeshedFrame:
     highlight_discs: HighlightDiscs | None = None
     steadied: Steadied | None = None
     """How a steadier camera sees the mesh, where it is to."""
+    cg: CGObjects = NO_CG
 
     @property
     def views(self) -> int:
@@ -118,8 +122,18 @@ class MeshedFrame:
         return WarpedFrame(
             plan, texture, self.mesher.name, self.why, self.surface.is_whole, geometry.depth,
             self.surface.layers, self.depth_seconds, self.mesh_seconds + time.perf_counter() - began,
-            self.highlight_discs, self.steadied,
+            self.highlight_discs, self.steadied, self._cg_surfaces(count, views.spread),
         )  # fmt: skip
+
+    def _cg_surfaces(self, count: int, spread: float) -> tuple[CGSurface, ...]:
+        """CG objects made ready for so many views of an aperture whose open part is `spread` of its
+        radius."""
+        lens, moved = self.geometry.lens, self.steadied
+        if moved is None:
+            return tuple(CGSurface(*each.surface(lens, count, spread)) for each in self.cg.layers)
+        lens = replace(lens, radius=moved.lens.radius)
+        made = [each.surface(lens, count, spread) for each in self.cg.layers]
+        return tuple(CGSurface(moved.mesh(mesh), texture) for mesh, texture in made)
 
 
 def warp_frame(
@@ -134,9 +148,15 @@ def warp_frame(
 
 
 def mesh_frame(
-    clip: ClipContext, frame: int, settings: FrameOptions, size: tuple[int, int], source: LinearRGBA
+    clip: ClipContext,
+    frame: int,
+    settings: FrameOptions,
+    size: tuple[int, int],
+    source: LinearRGBA,
+    draw_cg: DrawCG | None = None,
 ) -> MeshedFrame:
-    """Warp mesh of a frame rendered at size (width, height), of its picture (height, width, 4).
+    """Warp mesh of a frame rendered at size (width, height), of its picture (height, width, 4), with what
+    `draw_cg` draws of CG objects.
 
     Raises UserError for settings that mean nothing, where the frame's geometry does not carry them, and where
     the clip cannot be read. Passes checkpoints.
@@ -158,6 +178,12 @@ def mesh_frame(
     if geometry.depth is not None and mesher.needs_pixel_depth:
         lens = geometry.lens
         blur = lens.largest_disc(lens.untilted_raster(geometry.depth.inverse_depth))
+    cg = NO_CG
+    if draw_cg is not None:
+        with stage("CG objects", DEEP, DEEP):
+            cg = draw_cg(frame, geometry.canvas, geometry.depth)
+        geometry = replace(geometry, picture=cg.shaded(geometry.picture))
+        blur = max([blur, *(each.largest_disc(geometry.lens) for each in cg.layers)])
     moved = _steadied(geometry)
     if moved:
         geometry = replace(geometry, lens=moved.own_lens)
@@ -165,7 +191,7 @@ def mesh_frame(
     with stage("Mesh", DEEP if mesher.needs_pixel_depth else 0.0, 1.0):
         surface = mesher.make(geometry)
     spent = time.perf_counter() - began - depth_seconds
-    return MeshedFrame(geometry, mesher, surface, blur, why, depth_seconds, spent, highlights, moved)
+    return MeshedFrame(geometry, mesher, surface, blur, why, depth_seconds, spent, highlights, moved, cg)
 
 
 def _steadied(geometry: FrameGeometry) -> Steadied | None:

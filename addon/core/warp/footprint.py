@@ -80,6 +80,12 @@ def prefilter(texture: LinearRGBA, layers: Sequence[LayeredDepthImage], radius: 
         _filter(part, spare, finer, np.where(layer.drawn, radius(own), 0).astype(np.float32), kept, [])
 
 
+def prefilter_alone(texture: LinearRGBA, radius: Map) -> None:
+    """Blur a texture (h, w, 4) that lies alone, with its alpha, in place; `radius` (h, w) in its texels.
+    Passes checkpoints."""
+    _filter(texture, np.empty_like(texture), 1, radius.astype(np.float32), None, [])
+
+
 def _goes_on(layer: LayeredDepthImage) -> Mask:
     """(H, W) pixels past the triangles of a near surface where it goes on, drawn as part of another one."""
     assert layer.drawn is not None

@@ -1,0 +1,98 @@
+"""CG objects in a frame: layers beside those of the clip, drawn by the same views."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..base.arrays import LinearRGB, LinearRGBA
+from ..camera.canvas import Canvas
+from ..depth.source import PixelDepth
+from ..warp.cg_layer import CGLayer
+from ..warp.mesh import WarpMesh
+
+
+@dataclass(frozen=True)
+class CGObjects:
+    """CG objects as the frame's camera sees them."""
+
+    layers: tuple[CGLayer, ...] = ()
+    shadow: LinearRGB | None = None
+    """(h, w, 3) share of the light on the clip that they leave, over the canvas; None without shadows."""
+
+    def shaded(self, picture: LinearRGBA) -> LinearRGBA:
+        """The canvas's picture (h, w, 4) with their shadows on it."""
+        if self.shadow is None:
+            return picture
+        return np.concatenate([picture[..., :3] * self.shadow, picture[..., 3:]], axis=2)
+
+
+NO_CG = CGObjects()
+"""Of a frame without any."""
+DrawCG = Callable[[int, Canvas, PixelDepth | None], CGObjects]
+"""Draws the CG objects of a frame of the clip for a canvas, whose depth is given where it is known."""
+
+
+@dataclass(frozen=True)
+class CGSurface:
+    """A layer of CG objects made ready for its views."""
+
+    mesh: WarpMesh
+    texture: LinearRGBA
+    """(h, w, 4) linear, premultiplied."""
+
+    def painted(self, value: float) -> CGSurface:
+        """The same, painted with one value in place of its colours: with 0 it only hides."""
+        alpha = self.texture[..., 3:]
+        return replace(self, texture=alpha * np.array([value, value, value, 1], np.float32))
+
+
+def joined(
+    mesh: WarpMesh, texture: LinearRGBA, opaque: int, surfaces: Sequence[CGSurface]
+) -> tuple[WarpMesh, LinearRGBA]:
+    """A frame's mesh and texture (h, w, 4) together with those of CG objects, which lie below in the texture.
+
+    Its first `opaque` triangles come first. The rest, which may be half covered, and the CG objects' follow
+    from far to near: they blend over each other in the order of depth.
+    """
+    mesh, texture = _within(mesh, texture)
+    width = max(each.texture.shape[1] for each in (*surfaces, CGSurface(mesh, texture)))
+    parts, meshes = [_widened(texture, width)], [mesh]
+    height, first = texture.shape[0], len(mesh.xy)
+    for each in surfaces:
+        below = replace(
+            each.mesh,
+            texture_xy=each.mesh.texture_xy + np.array([0, height]),
+            triangles=each.mesh.triangles + first,
+        )
+        parts.append(_widened(each.texture, width))
+        meshes.append(below)
+        height, first = height + each.texture.shape[0], first + len(each.mesh.xy)
+    inverse = np.concatenate([each.inverse_depth for each in meshes])
+    triangles = np.concatenate([each.triangles for each in meshes])
+    nearness = inverse[triangles].min(axis=1)
+    # Stable, and all alike among the first: those keep their order.
+    nearness[:opaque] = -np.inf
+    ordered = triangles[np.argsort(nearness, kind="stable")]
+    whole = WarpMesh(
+        np.concatenate([each.xy for each in meshes]), np.concatenate([each.texture_xy for each in meshes]),
+        inverse, ordered.astype(np.int32),
+    )  # fmt: skip
+    return whole, np.concatenate(parts)
+
+
+def _within(mesh: WarpMesh, texture: LinearRGBA) -> tuple[WarpMesh, LinearRGBA]:
+    """A mesh that looks past its texture (h, w, 4), and one that goes on, mirrored, as far as it looks."""
+    size = np.array(texture.shape[1::-1])
+    beyond = np.maximum(-mesh.texture_xy, mesh.texture_xy - size).max(initial=-1)
+    if beyond <= 0:
+        return mesh, texture
+    margin = int(np.ceil(beyond)) + 1
+    wide = np.pad(texture, ((margin, margin), (margin, margin), (0, 0)), mode="symmetric")
+    return replace(mesh, texture_xy=mesh.texture_xy + margin), wide
+
+
+def _widened(texture: LinearRGBA, width: int) -> LinearRGBA:
+    return np.pad(texture, ((0, 0), (0, width - texture.shape[1]), (0, 0)))

@@ -1,0 +1,113 @@
+"""CG objects as a layer of a frame: their picture with its alpha, and the depth of every pixel of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..base.arrays import Floats, Ints, LinearRGBA, Map
+from ..base.nearest_fill import nearest
+from ..optics.thin_lens import ThinLens
+from .footprint import prefilter_alone
+from .mesh import WarpMesh
+
+FAINT = 1e-3
+"""Alpha up to which a pixel counts as empty: a quarter of an 8-bit step."""
+SOLID = 0.5
+"""Alpha from which on a pixel's depth is that of what is seen in it."""
+STEP = 2
+"""Pixels from a vertex of the mesh to the next. By eye: what is round stays round."""
+
+
+@dataclass(frozen=True)
+class CGLayer:
+    """What the frame's camera sees of CG objects, with nothing of the clip before them."""
+
+    picture: LinearRGBA
+    """(h, w, 4) linear, premultiplied."""
+    inverse_depth: Map
+    """(h, w) 1 / z in the frame's camera, in the reconstruction's unit; past silhouettes that of what is
+    nearest beside."""
+    corner: tuple[int, int]
+    """Column and row of the canvas's pixel that is the first one here; negative before the canvas."""
+
+    @classmethod
+    def of(cls, picture: LinearRGBA, inverse_depth: Map, margin: int, typical: float) -> CGLayer | None:
+        """What is in a picture (H, W, 4) of the canvas and `margin` pixels around it; None where nothing is.
+
+        Inverse depth (H, W) is 0 where the camera sees no surface. Where no pixel has any, as of smoke, the
+        layer lies at the inverse depth `typical`.
+        """
+        covered = picture[..., 3] > FAINT
+        if not covered.any():
+            return None
+        rows, columns = (np.nonzero(covered.any(axis=axis))[0][[0, -1]] for axis in (1, 0))
+        part = slice(rows[0], rows[1] + 1), slice(columns[0], columns[1] + 1)
+        inverse, known = inverse_depth[part], covered[part] & (inverse_depth[part] > 0)
+        solid = known & (picture[part][..., 3] > SOLID)
+        known = solid if solid.any() else known
+        inverse = nearest(inverse, known) if known.any() else np.full_like(inverse, typical)
+        return cls(picture[part].copy(), inverse, (int(columns[0]) - margin, int(rows[0]) - margin))
+
+    def places(self) -> Floats:
+        """(h, w, 2) the pixels' centres on the canvas."""
+        rows, columns = self.inverse_depth.shape
+        across = np.arange(columns) + self.corner[0] + 0.5
+        return np.stack(np.meshgrid(across, np.arange(rows) + self.corner[1] + 0.5), axis=-1)
+
+    def largest_disc(self, lens: ThinLens) -> float:
+        """Diameter in pixels that 99 % of the blur discs of what is covered are below."""
+        untilted = np.asarray(lens.untilted(self.inverse_depth, self.places()), np.float64)
+        return lens.largest_disc(untilted[self.picture[..., 3] > FAINT])
+
+    def surface(self, lens: ThinLens, views: int, spread: float) -> tuple[WarpMesh, LinearRGBA]:
+        """The mesh and its texture (h, w, 4), prefiltered for so many views of an aperture whose open part is
+        `spread` of its radius; texture and mesh reach past the picture as far as that blurs it."""
+
+        def displacement(layer: CGLayer) -> Map:
+            untilted = lens.untilted(layer.inverse_depth, layer.places())
+            return np.asarray(lens.displacement(np.asarray(untilted)), np.float32)
+
+        widest = spread * float(lens.footprint(displacement(self), views).max())
+        wide = self._padded(int(np.ceil(widest)) + 2)
+        away = displacement(wide)
+        texture = wide.picture.copy()
+        prefilter_alone(texture, np.float32(spread) * lens.footprint(away, views))
+        texture[texture[..., 3] < FAINT] = 0
+        inverse = lens.focus + lens.snap_displacement(away).astype(np.float64) / lens.disparity_scale
+        rows, columns = (range(0, n, STEP) for n in inverse.shape)
+        at = np.ix_(rows, columns)
+        place = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2) + 0.5
+        used, triangles = _used(_triangles(texture[..., 3] > 0))
+        mesh = WarpMesh(place[used] + wide.corner, place[used], inverse[at].ravel()[used], triangles)
+        return mesh, texture
+
+    def _padded(self, margin: int) -> CGLayer:
+        """The same with at least `margin` empty pixels around, its sides a multiple of `STEP` and one."""
+        after = [margin + (1 - n - 2 * margin) % STEP for n in self.inverse_depth.shape]
+        sides = [(margin, n) for n in after]
+        return CGLayer(
+            np.pad(self.picture, [*sides, (0, 0)]), np.pad(self.inverse_depth, sides, mode="edge"),
+            (self.corner[0] - margin, self.corner[1] - margin),
+        )  # fmt: skip
+
+
+def _triangles(covered: np.ndarray) -> Ints:
+    """(T, 3) two triangles for each cell of the raster of every `STEP`-th pixel that is covered (H, W)."""
+    height, width = ((n - 1) // STEP for n in covered.shape)
+    cells = np.zeros((height, width), bool)
+    for down in range(STEP + 1):
+        for across in range(STEP + 1):
+            cells |= covered[down::STEP, across::STEP][:height, :width]
+    row, column = np.nonzero(cells)
+    first = row * (width + 1) + column
+    below = first + width + 1
+    both = np.stack([first, below, first + 1, first + 1, below, below + 1], axis=1)
+    return both.reshape(-1, 3).astype(np.int32)
+
+
+def _used(triangles: Ints) -> tuple[Ints, Ints]:
+    """Rows of the vertices that triangles (T, 3) have, and the triangles of these alone."""
+    used, renamed = np.unique(triangles, return_inverse=True)
+    return used.astype(np.int32), renamed.reshape(-1, 3).astype(np.int32)

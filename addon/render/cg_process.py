@@ -1,0 +1,201 @@
+"""CG objects of a render, drawn by Cycles in a process of our own: a render cannot start inside a render.
+
+FOLDER/scene.blend            the file, as it was when the render began
+FOLDER/000012.wanted.npz      what is to be drawn: a canvas at a frame, and the clip's depth there
+FOLDER/000012.drawn.npz       what was drawn of it
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import bpy
+import numpy as np
+from bpy.app.handlers import persistent
+
+from ..core.base.atomic import temporary_folder
+from ..core.base.child import Child, end
+from ..core.base.errors import UserError
+from ..core.base.progress import checkpoint
+from ..core.camera.canvas import Canvas
+from ..core.camera.reconstruction import Intrinsics
+from ..core.depth.source import PixelDepth
+from ..core.frame.cg_layers import CGObjects, DrawCG
+from ..core.warp.cg_layer import CGLayer
+from ..scene import main_thread
+from ..scene.cg_objects import cg_objects
+from .blend_file import write_blend
+from .cycles_layers import CyclesScene, Layers, Wanted
+from .launcher import start
+
+LOOK = 0.02
+"""Seconds between two looks for what is wanted, or drawn."""
+OVERSCAN = 1 / 16
+"""Of the picture's long side, by which CG objects are drawn past its border: blur discs of an eighth of it
+reach so far in."""
+
+
+class CGProcess:
+    """The process that draws the CG objects of a scene."""
+
+    def __init__(self, scene: bpy.types.Scene) -> None:
+        """Start it with a copy of the file; UserError where that cannot be."""
+        self._held = ExitStack()
+        self._count = 0
+        self._child: Child | None = None
+        self._folder = self._held.enter_context(temporary_folder())
+        try:
+            # Files are written on the main thread, which a render waits for.
+            main_thread.call(lambda: write_blend(self._folder / "scene.blend"))
+            words = ["cg", str(self._folder / "scene.blend"), "--scene", scene.name]
+            words += ["--scripts"] * (not bpy.app.autoexec_fail)
+            self._child = start(words, lambda _: None, yielding=not bpy.app.background)
+        except BaseException:
+            self.end()
+            raise
+
+    def draw(
+        self, layer: str, scene_frame: int, pinhole: Intrinsics, depth: PixelDepth | None, unit: str = ""
+    ) -> CGObjects:
+        """CG objects at a frame of the scene, as the pinhole of a canvas sees them; UserError where the
+        process fails. Passes checkpoints."""
+        self._count += 1
+        margin = int(np.ceil(OVERSCAN * max(pinhole.width, pinhole.height)))
+        plate = np.zeros((0, 0)) if depth is None else depth.inverse_depth
+        wanted = Wanted(layer, scene_frame, pinhole, margin, np.asarray(plate, np.float32))
+        _write(self._path("wanted"), _as_arrays(wanted))
+        path = self._path("drawn")
+        while not path.exists():
+            checkpoint()
+            self._check()
+            time.sleep(LOOK)
+        drawn = Layers(**_read(path))
+        path.unlink()
+        parts = zip(drawn.pictures, drawn.inverse_depths, drawn.typical.tolist(), strict=True)
+        layers = [CGLayer.of(picture, inverse, margin, typical) for picture, inverse, typical in parts]
+        found = tuple(each for each in layers if each is not None)
+        return CGObjects(found, drawn.shadow if drawn.shadow.size else None)
+
+    def _path(self, what: str) -> Path:
+        return self._folder / f"{self._count:06d}.{what}.npz"
+
+    def _check(self) -> None:
+        """UserError where the process has ended."""
+        assert self._child is not None
+        if self._child.process.poll() is not None:
+            failure = self._child.failure
+            said = "its process ended" if failure is None else failure.text
+            raise UserError(f"the CG objects could not be rendered: {said}")
+
+    def end(self) -> None:
+        """End the process, without waiting for it, and remove its files."""
+
+        def leave() -> None:
+            end([self._child] if self._child is not None else [])
+            self._held.close()
+
+        threading.Thread(target=leave).start()
+
+
+def serve(scene: bpy.types.Scene, folder: Path) -> None:
+    """Draw what is wanted in a folder, until the process is ended; UserError where Cycles fails."""
+    cycles = CyclesScene(scene, folder)
+    while True:
+        for path in sorted(folder.glob("*.wanted.npz")):
+            drawn = cycles.draw(_from_arrays(_read(path)))
+            path.unlink()
+            kept = {field.name: getattr(drawn, field.name) for field in dataclasses.fields(drawn)}
+            _write(path.with_name(path.name.replace("wanted", "drawn")), kept)
+        time.sleep(LOOK)
+
+
+def _as_arrays(wanted: Wanted) -> dict[str, np.ndarray]:
+    pinhole = wanted.pinhole
+    numbers = pinhole.width, pinhole.height, pinhole.fx, pinhole.fy, pinhole.cx, pinhole.cy
+    return {
+        "layer": np.array(wanted.layer), "frame": np.array(wanted.frame), "pinhole": np.array(numbers),
+        "margin": np.array(wanted.margin), "plate": wanted.plate,
+    }  # fmt: skip
+
+
+def _from_arrays(held: dict[str, np.ndarray]) -> Wanted:
+    width, height, *rest = held["pinhole"].tolist()
+    pinhole = Intrinsics(int(width), int(height), *rest)
+    return Wanted(str(held["layer"]), int(held["frame"]), pinhole, int(held["margin"]), held["plate"])
+
+
+def _write(path: Path, arrays: dict[str, np.ndarray]) -> None:
+    part = path.with_suffix(".part")
+    with part.open("wb") as file:
+        np.savez(file, allow_pickle=False, **arrays)
+    part.replace(path)
+
+
+def _read(path: Path) -> dict[str, np.ndarray]:
+    with np.load(path, allow_pickle=False) as held:
+        return {name: held[name] for name in held.files}
+
+
+_process: CGProcess | None = None
+_is_kept = False
+"""Whether the scene stays as it is between renders."""
+
+
+def draw_cg(scene: bpy.types.Scene, layer: str) -> DrawCG | None:
+    """What draws the CG objects of a view layer at the scene's present frame; None where it has none."""
+    original = scene.original if scene.is_evaluated else scene
+    if not cg_objects(original, original.view_layers[layer]):
+        return None
+    scene_frame = scene.frame_current
+
+    def draw(frame: int, canvas: Canvas, depth: PixelDepth | None) -> CGObjects:
+        global _process
+        if _process is None:
+            _process = CGProcess(original)
+        return _process.draw(layer, scene_frame, canvas.pinhole, depth)
+
+    return draw
+
+
+@contextmanager
+def kept() -> Iterator[None]:
+    """Within it the scene stays as it is, and one process draws the CG objects of all renders."""
+    global _is_kept
+    before, _is_kept = _is_kept, True
+    try:
+        yield
+    finally:
+        _is_kept = before
+        _end()
+
+
+def _end(*_: object) -> None:
+    """A render begins, ends or is cancelled, or another file is opened."""
+    global _process
+    if _process is not None and not _is_kept:
+        _process.end()
+        _process = None
+
+
+_on_change = persistent(_end)
+_HANDLERS = "render_init", "render_complete", "render_cancel", "load_pre"
+
+
+def register() -> None:
+    """Begin anew with each render."""
+    for name in _HANDLERS:
+        getattr(bpy.app.handlers, name).append(_on_change)
+
+
+def unregister() -> None:
+    """Undo `register`, and end what is under way."""
+    for name in _HANDLERS:
+        with contextlib.suppress(ValueError):
+            getattr(bpy.app.handlers, name).remove(_on_change)
+    _end()
