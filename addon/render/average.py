@@ -159,7 +159,8 @@ def draw_mean(warped: WarpedFrame) -> LinearRGBA:
         # A gap that some view had between triangles takes the colour of the other views.
         mean /= in_channels(np.maximum(mean[..., 3], np.float32(LEAST_COVER)), 4)
     if warped.highlight_discs is not None:
-        mean[..., :3] += warped.highlight_discs.light(warped.plan, warped.layers)
+        cg = [each.layer for each in warped.cg]
+        mean[..., :3] += warped.highlight_discs.light(warped.plan, warped.layers, cg)
     return mean
 
 

@@ -71,6 +71,8 @@ class CyclesScene:
         if not hasattr(scene, "cycles"):
             raise UserError("CG objects are rendered by Cycles; enable the add-on Cycles Render Engine")
         self._scene, self._folder = scene, folder
+        # What is animated follows the frame in the window's scene alone.
+        bpy.context.window.scene = scene
         settings, render = scene.virtual_aperture, scene.render
         render.engine, render.film_transparent = "CYCLES", True
         render.resolution_percentage = 100
@@ -110,9 +112,10 @@ class CyclesScene:
             depths.append(np.where(far < EMPTY, unit / np.maximum(far, 1e-9), 0).astype(np.float32))
             typical.append(unit * middle if np.isfinite(middle) else 0.0)
         shadow = np.zeros((0, 0, 3), np.float32)
-        if wanted.plate.size and has_shadows(scene, layer):
+        if wanted.plate.size and has_shadows(scene, layer) and any(thing.visible_shadow for thing in things):
             self._show(things, [])
             shadow = self._shadow(layer, wanted, world)
+        self._show(things, things)
         size = pinhole.height + 2 * margin, pinhole.width + 2 * margin
         return Layers(
             np.array(pictures, np.float32).reshape(-1, *size, 4),

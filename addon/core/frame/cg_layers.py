@@ -39,6 +39,7 @@ DrawCG = Callable[[int, Canvas, PixelDepth | None], CGObjects]
 class CGSurface:
     """A layer of CG objects made ready for its views."""
 
+    layer: CGLayer
     mesh: WarpMesh
     texture: LinearRGBA
     """(h, w, 4) linear, premultiplied."""
@@ -58,7 +59,7 @@ def joined(
     from far to near: they blend over each other in the order of depth.
     """
     mesh, texture = _within(mesh, texture)
-    width = max(each.texture.shape[1] for each in (*surfaces, CGSurface(mesh, texture)))
+    width = max(each.shape[1] for each in (texture, *(one.texture for one in surfaces)))
     parts, meshes = [_widened(texture, width)], [mesh]
     height, first = texture.shape[0], len(mesh.xy)
     for each in surfaces:

@@ -11,6 +11,7 @@ the highlight to a place of the aperture, surfaces are looked for as in Policarp
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
@@ -22,6 +23,7 @@ from ..base.arrays import Floats, Ints, LinearRGB, LinearRGBA, Map, Mask
 from ..base.progress import checkpoint
 from ..optics.aperture import RED_AND_BLUE, SUBSAMPLES, Aperture
 from ..optics.thin_lens import ThinLens
+from ..warp.cg_layer import CGLayer
 from ..warp.clipped_blobs import brightest
 from ..warp.layered_depth_image import LayeredDepthImage, inpainted
 from .plan import FramePlan
@@ -133,14 +135,16 @@ class HighlightDiscs:
     steadied: Steadied | None = None
     """How a steadier camera sees them, where the plan is of one."""
 
-    def light(self, plan: FramePlan, layers: tuple[LayeredDepthImage, ...]) -> LinearRGB:
-        """(h, w, 3) linear light of their discs in the plan's canvas, clipped by `layers`. Passes
-        checkpoints."""
+    def light(
+        self, plan: FramePlan, layers: tuple[LayeredDepthImage, ...], cg: Sequence[CGLayer] = ()
+    ) -> LinearRGB:
+        """(h, w, 3) linear light of their discs in the plan's canvas, clipped by the clip's `layers` and the
+        CG objects'. Passes checkpoints."""
         height, width = plan.canvas.pinhole.height, plan.canvas.pinhole.width
         total: LinearRGB = np.zeros((height, width, 3), np.float32)
         own = plan.canvas.pinhole if self.steadied is None else self.steadied.own_canvas.pinhole
         lens = plan.lens if self.steadied is None else self.steadied.own_lens
-        before = _Surfaces(layers, lens, (own.height, own.width))
+        before = _Surfaces(layers, cg, lens, (own.height, own.width))
         for one, focal_plane in product(self.found, _focal_planes(plan)):
             checkpoint()
             discs, corners = self._discs(one, plan, before, focal_plane)
@@ -264,7 +268,13 @@ def _within_barrel(plan: FramePlan, place: Floats, radius: Floats, reach: list[i
 class _Surfaces:
     """The surfaces of a frame, on the raster of its layers."""
 
-    def __init__(self, layers: tuple[LayeredDepthImage, ...], lens: ThinLens, size: tuple[int, int]) -> None:
+    def __init__(
+        self,
+        layers: tuple[LayeredDepthImage, ...],
+        cg: Sequence[CGLayer],
+        lens: ThinLens,
+        size: tuple[int, int],
+    ) -> None:
         """`size` (height, width) is the canvas's, in the middle of the raster."""
         shown = []
         for one in layers:
@@ -275,6 +285,12 @@ class _Surfaces:
             beside = cv2.dilate(past.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
             shown.append((own, np.where(beside & ~one.drawn, 0, one.front[..., 3]), one.jump))
         shown.append((layers[-1].back_disparity, np.ones_like(shown[0][1]), layers[-1].jump))
+        raster = shown[0][1].shape
+        margin = (raster[0] - size[0]) // 2, (raster[1] - size[1]) // 2
+        for each in cg:
+            alone = each.on_raster(margin, raster)
+            # Their silhouettes are those of their alpha.
+            shown.append((alone.displacement(lens), alone.picture[..., 3], np.inf))
         self._surfaces = [(lens.snap_displacement(d), _Blurred(a), j) for d, a, j in shown]
         self._nearest = np.max(
             [np.where(a.sharp > 0, d, -np.inf) for d, a, _ in self._surfaces], axis=0

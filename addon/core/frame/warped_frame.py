@@ -129,11 +129,12 @@ class MeshedFrame:
         """CG objects made ready for so many views of an aperture whose open part is `spread` of its
         radius."""
         lens, moved = self.geometry.lens, self.steadied
-        if moved is None:
-            return tuple(CGSurface(*each.surface(lens, count, spread)) for each in self.cg.layers)
-        lens = replace(lens, radius=moved.lens.radius)
-        made = [each.surface(lens, count, spread) for each in self.cg.layers]
-        return tuple(CGSurface(moved.mesh(mesh), texture) for mesh, texture in made)
+        if moved is not None:
+            lens = replace(lens, radius=moved.lens.radius)
+        made = [(each, *each.surface(lens, count, spread)) for each in self.cg.layers]
+        return tuple(
+            CGSurface(one, moved.mesh(mesh) if moved else mesh, picture) for one, mesh, picture in made
+        )
 
 
 def warp_frame(

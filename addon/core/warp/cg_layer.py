@@ -56,6 +56,27 @@ class CGLayer:
         across = np.arange(columns) + self.corner[0] + 0.5
         return np.stack(np.meshgrid(across, np.arange(rows) + self.corner[1] + 0.5), axis=-1)
 
+    def displacement(self, lens: ThinLens) -> Map:
+        """(h, w) pixels at the aperture's rim, relative to the focal plane."""
+        untilted = lens.untilted(self.inverse_depth, self.places())
+        return np.asarray(lens.displacement(np.asarray(untilted, np.float64)), np.float32)
+
+    def on_raster(self, margin: tuple[int, int], shape: tuple[int, ...]) -> CGLayer:
+        """The same on a raster of (rows, columns) that begins `margin` rows and columns before the canvas."""
+        begin = self.corner[1] + margin[0], self.corner[0] + margin[1]
+        spare = [
+            (max(first, 0), max(whole - first - own, 0))
+            for first, whole, own in zip(begin, shape, self.inverse_depth.shape, strict=False)
+        ]
+        rows, columns = (
+            slice(max(-first, 0), max(-first, 0) + whole) for first, whole in zip(begin, shape, strict=False)
+        )
+        return CGLayer(
+            np.pad(self.picture, [*spare, (0, 0)])[rows, columns],
+            np.pad(self.inverse_depth, spare, mode="edge")[rows, columns],
+            (-margin[1], -margin[0]),
+        )
+
     def largest_disc(self, lens: ThinLens) -> float:
         """Diameter in pixels that 99 % of the blur discs of what is covered are below."""
         untilted = np.asarray(lens.untilted(self.inverse_depth, self.places()), np.float64)
@@ -64,14 +85,9 @@ class CGLayer:
     def surface(self, lens: ThinLens, views: int, spread: float) -> tuple[WarpMesh, LinearRGBA]:
         """The mesh and its texture (h, w, 4), prefiltered for so many views of an aperture whose open part is
         `spread` of its radius; texture and mesh reach past the picture as far as that blurs it."""
-
-        def displacement(layer: CGLayer) -> Map:
-            untilted = lens.untilted(layer.inverse_depth, layer.places())
-            return np.asarray(lens.displacement(np.asarray(untilted)), np.float32)
-
-        widest = spread * float(lens.footprint(displacement(self), views).max())
+        widest = spread * float(lens.footprint(self.displacement(lens), views).max())
         wide = self._padded(int(np.ceil(widest)) + 2)
-        away = displacement(wide)
+        away = wide.displacement(lens)
         texture = wide.picture.copy()
         prefilter_alone(texture, np.float32(spread) * lens.footprint(away, views))
         texture[texture[..., 3] < FAINT] = 0
