@@ -7,10 +7,12 @@ from pathlib import Path
 
 import bpy
 
+from ..core.base.digest import file_digest
 from ..core.base.errors import UserError
 from ..core.media.clip import Footage, FrameRange, open_footage
 from ..render.frame_keys import GRADED
 from ..render.quiet import quiet
+from ..scene.cg_objects import cg_objects
 from ..scene.properties import VirtualApertureSettings
 from ..scene.shot import forget, shot_of
 
@@ -59,6 +61,9 @@ def open_blend(
         if GRADED not in scene:  # as it is where this is a share of a run
             scene[GRADED] = uuid.uuid4().hex
         return scene, settings, open_footage(clip.path, frames, info=clip.video, stills=clip.is_stills)
+    if GRADED not in scene and any(cg_objects(scene, layer) for layer in scene.view_layers if layer.use):
+        # Nor have they a key: with the same file they are the same.
+        scene[GRADED] = file_digest(blend)
     render.use_compositing = render.use_sequencer = render.use_border = False
     view.view_transform, view.look, view.exposure, view.gamma = "Standard", "None", 0.0, 1.0
     view.use_curve_mapping = False

@@ -19,7 +19,8 @@ def add_command(
     command = commands.add_parser("cg", parents=[common])
     command.add_argument("blend", type=path)
     command.add_argument("--scene", required=True)
-    command.add_argument("--scripts", action="store_true")
+    for name in ("--scripts", "--preview"):
+        command.add_argument(name, action="store_true")
     command.add_argument(CHILD, action="store_true")
     command.set_defaults(command=cg)
 
@@ -27,4 +28,4 @@ def add_command(
 def cg(options: argparse.Namespace) -> None:
     """Draw the CG objects of a scene for the render that they are for, until it ends this process."""
     open_scene(options.blend, options.scripts)
-    serve(bpy.data.scenes[options.scene], options.blend.absolute().parent)
+    serve(bpy.data.scenes[options.scene], options.blend.absolute().parent, options.preview)

@@ -44,8 +44,9 @@ reach so far in."""
 class CGProcess:
     """The process that draws the CG objects of a scene."""
 
-    def __init__(self, scene: bpy.types.Scene) -> None:
-        """Start it with a copy of the file; UserError where that cannot be."""
+    def __init__(self, scene: str, is_preview: bool = False) -> None:
+        """Start it with a copy of the file, for a scene of that name, drawn as renders or as a preview is;
+        UserError where that cannot be."""
         self._held = ExitStack()
         self._count = 0
         self._child: Child | None = None
@@ -53,16 +54,20 @@ class CGProcess:
         try:
             # Files are written on the main thread, which a render waits for.
             main_thread.call(lambda: write_blend(self._folder / "scene.blend"))
-            words = ["cg", str(self._folder / "scene.blend"), "--scene", scene.name]
+            words = ["cg", str(self._folder / "scene.blend"), "--scene", scene]
+            words += ["--preview"] * is_preview
             words += ["--scripts"] * (not bpy.app.autoexec_fail)
             self._child = start(words, lambda _: None, yielding=not bpy.app.background)
         except BaseException:
             self.end()
             raise
 
-    def draw(
-        self, layer: str, scene_frame: int, pinhole: Intrinsics, depth: PixelDepth | None, unit: str = ""
-    ) -> CGObjects:
+    @property
+    def is_alive(self) -> bool:
+        """Whether it may draw on."""
+        return self._child is not None and self._child.process.poll() is None
+
+    def draw(self, layer: str, scene_frame: int, pinhole: Intrinsics, depth: PixelDepth | None) -> CGObjects:
         """CG objects at a frame of the scene, as the pinhole of a canvas sees them; UserError where the
         process fails. Passes checkpoints."""
         self._count += 1
@@ -87,9 +92,8 @@ class CGProcess:
 
     def _check(self) -> None:
         """UserError where the process has ended."""
-        assert self._child is not None
-        if self._child.process.poll() is not None:
-            failure = self._child.failure
+        if not self.is_alive:
+            failure = self._child.failure if self._child is not None else None
             said = "its process ended" if failure is None else failure.text
             raise UserError(f"the CG objects could not be rendered: {said}")
 
@@ -103,11 +107,16 @@ class CGProcess:
         threading.Thread(target=leave).start()
 
 
-def serve(scene: bpy.types.Scene, folder: Path) -> None:
+def serve(scene: bpy.types.Scene, folder: Path, is_preview: bool) -> None:
     """Draw what is wanted in a folder, until the process is ended; UserError where Cycles fails."""
-    cycles = CyclesScene(scene, folder)
+    cycles = CyclesScene(scene, folder, is_preview)
     while True:
-        for path in sorted(folder.glob("*.wanted.npz")):
+        # The last one: nobody waits for those before it any more.
+        *late, path = [None, *sorted(folder.glob("*.wanted.npz"))]
+        for each in late:
+            if each is not None:
+                each.unlink()
+        if path is not None:
             drawn = cycles.draw(_from_arrays(_read(path)))
             path.unlink()
             kept = {field.name: getattr(drawn, field.name) for field in dataclasses.fields(drawn)}
@@ -157,7 +166,7 @@ def draw_cg(scene: bpy.types.Scene, layer: str) -> DrawCG | None:
     def draw(frame: int, canvas: Canvas, depth: PixelDepth | None) -> CGObjects:
         global _process
         if _process is None:
-            _process = CGProcess(original)
+            _process = CGProcess(original.name)
         return _process.draw(layer, scene_frame, canvas.pinhole, depth)
 
     return draw

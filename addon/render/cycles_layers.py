@@ -31,6 +31,8 @@ TORN = 0.05
 surfaces, and none on what would be between."""
 FARTHEST = 1000.0
 """Times the median distance, up to which the clip catches shadows."""
+PREVIEW_SAMPLES = 32
+"""Samples of a preview's CG objects at most, which is denoised. By eye."""
 PASSES = {"Image": "RGBA", "Depth": "FLOAT", "Shadow Catcher": "RGBA"}
 """What is written of a render, with the types of its sockets."""
 
@@ -66,7 +68,7 @@ class Layers:
 class CyclesScene:
     """A scene set up for Cycles to draw its CG objects."""
 
-    def __init__(self, scene: bpy.types.Scene, folder: Path) -> None:
+    def __init__(self, scene: bpy.types.Scene, folder: Path, is_preview: bool) -> None:
         """Pictures pass through the folder. UserError without Cycles."""
         if not hasattr(scene, "cycles"):
             raise UserError("CG objects are rendered by Cycles; enable the add-on Cycles Render Engine")
@@ -83,6 +85,10 @@ class CyclesScene:
         for thing in (settings.points, settings.aperture):
             if thing is not None:
                 thing.hide_render = True
+        if is_preview:
+            cycles = scene.cycles
+            cycles.samples = min(cycles.preview_samples, PREVIEW_SAMPLES) or PREVIEW_SAMPLES
+            cycles.use_denoising, cycles.denoiser = True, "OPENIMAGEDENOISE"
         camera = settings.camera
         camera.data = camera.data.copy()
         camera.data.animation_data_clear()

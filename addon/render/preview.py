@@ -34,7 +34,9 @@ from ..core.frame.warped_frame import mesh_frame
 from ..core.media.clip import to_linear
 from ..scene.remedy_words import WORDS
 from ..scene.shot import Shot
+from . import cg_preview
 from .average import READ, WARPED, Drawn, draw_shares, render_frame, resized
+from .cg_preview import CGWanted
 
 Half = NDArray[np.float16]
 Key = tuple[int, int, str, str]
@@ -71,11 +73,13 @@ class Wanted:
     """Whether the frame as it was shot is to lie beside it."""
     is_playing: bool = False
     """Whether frames follow each other faster than they are drawn."""
+    cg: CGWanted | None = None
+    """The CG objects in it, if there are any."""
 
     @cached_property
     def key(self) -> Key:
         """What decides of the picture's content, but for its size and the frame as it was shot beside it."""
-        return id(self.shot), self.frame, self.shows, repr(self.options)
+        return id(self.shot), self.frame, self.shows, repr((self.options, self.cg))
 
     def asks_for(self, other: Wanted) -> bool:
         """Whether who makes this makes the other one, too."""
@@ -338,7 +342,10 @@ def _through_lens(wanted: Wanted, level: int) -> LinearRGBA:
         size = _coarse(size)
     elif options.quality == FINAL:
         options = replace(options, quality=NORMAL)
-    return render_frame(context, wanted.frame, options, size, lambda note: None)
+    # Until Cycles has drawn them, the clip is seen without.
+    waits = level == wanted.best and not wanted.is_playing
+    draw_cg = cg_preview.draw_preview(wanted.cg, waits)
+    return render_frame(context, wanted.frame, options, size, lambda note: None, None, draw_cg)
 
 
 def _inspected(wanted: Wanted) -> LinearRGBA:

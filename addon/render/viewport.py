@@ -28,7 +28,7 @@ from ..scene import redraw
 from ..scene.lens import frame_options
 from ..scene.remedy_words import WORDS
 from ..scene.shot import shot_of
-from . import message
+from . import cg_preview, message
 from .gpu_views import upload
 from .preview import FAIR, FINE, Half, Picture, Preview, Wanted
 
@@ -234,6 +234,7 @@ def _wanted(context: bpy.types.Context, depsgraph: bpy.types.Depsgraph, room: fl
         "" if shows.viewport_shows == "LENS" else shows.viewport_shows.lower(),
         shows.viewport_wipe > 0,
         bool(context.screen is not None and context.screen.is_animation_playing),
+        None if shows.viewport_shows != "LENS" else cg_preview.wanted(depsgraph.scene, context.view_layer),
     )
 
 

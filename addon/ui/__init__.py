@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..render import background, cg_process, engine, frame_notes, frames_ahead, viewport
+from ..render import background, cg_preview, cg_process, engine, frame_notes, frames_ahead, viewport
 from ..scene import clip, exr, focus_sync, main_thread, migration, passes, paths, properties, shot
 from ..scene import preferences as user_preferences
 from . import (
@@ -87,6 +87,7 @@ def register() -> None:
     frame_notes.register()
     frames_ahead.register()
     cg_process.register()
+    cg_preview.register()
     viewport.register()
     # After what takes overlays away from the preview's picture: the points are drawn over that.
     points_overlay.register()
@@ -102,6 +103,7 @@ def unregister() -> None:
     solve_view.unregister()
     points_overlay.unregister()
     viewport.unregister()
+    cg_preview.unregister()
     cg_process.unregister()
     frames_ahead.unregister()
     frame_notes.unregister()

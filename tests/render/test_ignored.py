@@ -9,12 +9,14 @@ import pytest
 
 from addon.core.camera.reconstruction import Intrinsics
 from addon.scene.build import build
-from addon.scene.ignored import ignored, way_to_draw
+from addon.scene.cg_objects import cg_objects
+from addon.scene.ignored import ignored
 from addon.ui import notices
 
 from ..scenes import slanted_shot
 
 LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
+LINE = "These passes are not rendered: Mist"
 
 
 @pytest.fixture
@@ -40,27 +42,19 @@ def test_nothing_is_said_before_a_solve(scene: bpy.types.Scene) -> None:
     assert ignored(scene) == ()
 
 
-def test_objects_that_another_engine_would_draw(solved: bpy.types.Scene) -> None:
+def test_objects_are_drawn_but_those_that_cycles_would_not(solved: bpy.types.Scene) -> None:
+    layer = solved.view_layers[0]
     light = bpy.data.objects.new("Light", bpy.data.lights.new("Light", "POINT"))
     solved.collection.objects.link(light)
-    bpy.context.view_layer.update()
+    assert cg_objects(solved, layer) == []
+    cube, duck, egg = (add(solved, name) for name in ("Cube", "Duck", "Egg"))
     assert ignored(solved) == ()
-    cube = add(solved, "Cube")
-    assert ignored(solved) == ("CG objects are not rendered: Cube",)
-    assert way_to_draw(solved).startswith("Not drawn: Cube. ") and "Cycles" in way_to_draw(solved)
-    for name in ("Duck", "Egg", "Fern"):
-        add(solved, name)
-    assert ignored(solved) == ("CG objects are not rendered: Cube, Duck, Egg and 1 more",)
-    for thing in solved.objects:
-        if thing.name in ("Duck", "Egg", "Fern"):
-            bpy.data.objects.remove(thing)
-    cube.hide_set(True)
+    assert cg_objects(solved, layer) == [cube, duck, egg]
+    cube.hide_render, duck.visible_camera = True, False
     bpy.context.view_layer.update()
-    assert ignored(solved) == () and way_to_draw(solved) == ""
-    cube.hide_set(False)
-    cube.hide_render = True
-    bpy.context.view_layer.update()
-    assert ignored(solved) == ()
+    assert cg_objects(solved, layer) == [egg]
+    bpy.data.objects.remove(egg)
+    assert cg_objects(solved, layer) == []
 
 
 def test_another_camera_and_its_depth_of_field(solved: bpy.types.Scene) -> None:
@@ -92,16 +86,16 @@ def test_passes(solved: bpy.types.Scene) -> None:
 def test_a_render_warns_once(
     solved: bpy.types.Scene, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    add(solved, "Cube")
+    solved.view_layers[0].use_pass_mist = True
     solved.render.filepath = str(tmp_path / "out" / "####.png")
     bpy.ops.render.render(animation=True)
     said = capfd.readouterr()
-    assert (said.out + said.err).count("CG objects are not rendered: Cube") == 1
+    assert (said.out + said.err).count(LINE) == 1
     assert len(list((tmp_path / "out").iterdir())) == 3
     solved.frame_set(7)
     bpy.ops.render.render()
     said = capfd.readouterr()
-    assert "CG objects are not rendered: Cube" in said.out + said.err
+    assert LINE in said.out + said.err
 
 
 def test_the_panel_tells_it(solved: bpy.types.Scene) -> None:
@@ -111,6 +105,6 @@ def test_the_panel_tells_it(solved: bpy.types.Scene) -> None:
         def __getattr__(self, _name: str) -> object:
             return lambda *_, **given: labels.append(given.get("text", "")) or self
 
-    add(solved, "Cube")
+    solved.view_layers[0].use_pass_mist = True
     notices.draw_ignored(Layout(), bpy.context)
-    assert "CG objects are not rendered: Cube" in " ".join(filter(None, labels))
+    assert LINE in " ".join(filter(None, labels))

@@ -133,18 +133,31 @@ def test_the_line_is_dragged(program: Program) -> None:
     assert np.array_equal(seen(program, "back", 0.1, 0.5), blurred)
 
 
-def test_what_is_not_drawn_is_said_once_and_how_good_the_picture_is(program: Program) -> None:
+def test_cg_objects_come_into_the_picture_and_leave_it(program: Program) -> None:
     program.wait(f"not {BUSY}", 60)
     program.settle()
     assert program.ask(f"[{SHOWN}.said, {SHOWN}.level]") == ["", "Final"]
-    program.ask(f"{VIEWPORT}.TOLD = 3.0; bpy.ops.mesh.primitive_monkey_add(); None")
-    program.wait(f"{SHOWN}.said.startswith('Not drawn: Suzanne. ')")
+    program.shot("without_cg")
+    alone = program.ask(f"float(({SHOWN}).picture.linear.astype('f4').mean())")
+    program.ask(
+        "import mathutils\n"
+        f"camera = {SETTINGS}.camera\n"
+        f"place = camera.matrix_world.normalized() @ mathutils.Vector((0, 0, -{SETTINGS}.focus_distance))\n"
+        f"bpy.ops.mesh.primitive_monkey_add(size={SETTINGS}.focus_distance / 5, location=place)\nNone"
+    )
     program.settle()
-    program.shot("not_drawn")
-    program.wait(f"{SHOWN}.said == ''", 20)
-    program.ask("bpy.context.object.location.x = 1.0")
+    program.wait(f"not {BUSY}", 120)
     program.settle()
-    assert program.ask(f"{SHOWN}.said") == ""
+    program.shot("with_cg")
+    assert program.ask(f"[{SHOWN}.said, {SHOWN}.level]") == ["", "Final"]
+    there = program.ask(f"float(({SHOWN}).picture.linear.astype('f4').mean())")
+    assert there != pytest.approx(alone, abs=1e-3)
+    program.ask("bpy.ops.object.delete()\nNone")
+    program.settle()
+    program.wait(f"not {BUSY}", 60)
+    program.settle()
+    again = program.ask(f"float(({SHOWN}).picture.linear.astype('f4').mean())")
+    assert again == pytest.approx(alone, abs=1e-4)
 
 
 def test_it_follows_what_is_changed_and_scrubbed(program: Program) -> None:

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 
 from ..base.arrays import LinearRGB, LinearRGBA
 from ..camera.canvas import Canvas
+from ..camera.reconstruction import Intrinsics
 from ..depth.source import PixelDepth
 from ..warp.cg_layer import CGLayer
 from ..warp.mesh import WarpMesh
@@ -21,6 +23,16 @@ class CGObjects:
     layers: tuple[CGLayer, ...] = ()
     shadow: LinearRGB | None = None
     """(h, w, 3) share of the light on the clip that they leave, over the canvas; None without shadows."""
+
+    def scaled(self, before: Intrinsics, after: Intrinsics) -> CGObjects:
+        """The same on another canvas, whose pinhole is the same at another size."""
+        if before == after:
+            return self
+        shadow = self.shadow
+        if shadow is not None:
+            size = after.width, after.height
+            shadow = np.asarray(cv2.resize(shadow, size, interpolation=cv2.INTER_AREA), np.float32)
+        return CGObjects(tuple(each.scaled(before, after) for each in self.layers), shadow)
 
     def shaded(self, picture: LinearRGBA) -> LinearRGBA:
         """The canvas's picture (h, w, 4) with their shadows on it."""

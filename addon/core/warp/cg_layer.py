@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from ..base.arrays import Floats, Ints, LinearRGBA, Map
 from ..base.nearest_fill import nearest
+from ..camera.reconstruction import Intrinsics
 from ..optics.thin_lens import ThinLens
 from .footprint import prefilter_alone
 from .mesh import WarpMesh
@@ -60,6 +62,30 @@ class CGLayer:
         """(h, w) pixels at the aperture's rim, relative to the focal plane."""
         untilted = lens.untilted(self.inverse_depth, self.places())
         return np.asarray(lens.displacement(np.asarray(untilted, np.float64)), np.float32)
+
+    def scaled(self, before: Intrinsics, after: Intrinsics) -> CGLayer:
+        """The same on another canvas, whose pinhole is the same at another size."""
+        scale = after.focal / before.focal
+        first = (np.array(self.corner) - before.principal_point) * scale + after.principal_point
+        corner = np.floor(first).astype(int)
+        size = np.ceil(first + scale * self.inverse_depth.shape[::-1]).astype(int) - corner
+        # From pixels of the result to those that are here, whose centres OpenCV counts from.
+        shift = (corner + 0.5 - first) / scale - 0.5
+        matrix = np.array([[1 / scale[0], 0, shift[0]], [0, 1 / scale[1], shift[1]]])
+        inverse = cv2.WARP_INVERSE_MAP
+
+        def at(values: Map, how: int, border: int) -> Map:
+            found = cv2.warpAffine(values, matrix, size.tolist(), flags=how | inverse, borderMode=border)
+            return np.asarray(found, np.float32)
+
+        # Blurred first where it shrinks, or its pixels would be left out.
+        cell = [max(1, round(1 / each)) for each in scale.tolist()]
+        picture = cv2.blur(self.picture, cell, borderType=cv2.BORDER_CONSTANT)
+        return CGLayer(
+            at(np.asarray(picture, np.float32), cv2.INTER_LINEAR, cv2.BORDER_CONSTANT),
+            at(self.inverse_depth, cv2.INTER_NEAREST, cv2.BORDER_REPLICATE),
+            (int(corner[0]), int(corner[1])),
+        )
 
     def on_raster(self, margin: tuple[int, int], shape: tuple[int, ...]) -> CGLayer:
         """The same on a raster of (rows, columns) that begins `margin` rows and columns before the canvas."""

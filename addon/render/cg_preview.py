@@ -1,0 +1,134 @@
+"""CG objects in the live preview: drawn by a process of their own, and kept while only the lens changes."""
+
+from __future__ import annotations
+
+import threading
+from collections import OrderedDict
+from dataclasses import dataclass
+
+import bpy
+from bpy.app.handlers import persistent
+
+from ..core.camera.canvas import Canvas
+from ..core.camera.reconstruction import Intrinsics
+from ..core.depth.source import PixelDepth
+from ..core.frame.cg_layers import NO_CG, CGObjects, DrawCG
+from ..scene.cg_objects import cg_objects
+from .cg_process import CGProcess
+
+KEPT = 8
+"""Frames whose CG objects are remembered."""
+
+
+@dataclass(frozen=True)
+class CGWanted:
+    """The CG objects of a viewport."""
+
+    scene: str
+    layer: str
+    frame: int
+    """The scene's."""
+    version: int
+    """Of the objects: counted up whenever something of them changes."""
+
+
+class _Process:
+    """The process that draws for the preview, of the objects as they were at a version."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._process: CGProcess | None = None
+        self._of: tuple[str, int] | None = None
+
+    def draw(self, wanted: CGWanted, pinhole: Intrinsics, depth: PixelDepth | None) -> CGObjects:
+        """What `CGProcess.draw` draws, begun anew where the objects have changed."""
+        with self._lock:
+            if self._process is None or self._of != (wanted.scene, wanted.version):
+                self._end()
+                self._process = CGProcess(wanted.scene, is_preview=True)
+                self._of = wanted.scene, wanted.version
+            try:
+                return self._process.draw(wanted.layer, wanted.frame, pinhole, depth)
+            except BaseException:
+                if not self._process.is_alive:
+                    self._end()
+                raise
+
+    def end(self) -> None:
+        with self._lock:
+            self._end()
+
+    def _end(self) -> None:
+        if self._process is not None:
+            self._process.end()
+            self._process = None
+
+
+_drawing = _Process()
+_version = 0
+_kept: OrderedDict[CGWanted, tuple[Intrinsics, CGObjects]] = OrderedDict()
+"""As they were drawn last, and for which canvas."""
+
+
+def wanted(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> CGWanted | None:
+    """The CG objects of a scene at its present frame; None where it has none."""
+    if not cg_objects(scene, layer):
+        return None
+    return CGWanted(scene.name, layer.name, scene.frame_current, _version)
+
+
+def draw_preview(asked: CGWanted | None, waits: bool) -> DrawCG | None:
+    """What draws the CG objects of a picture of the preview; None where there are none. Where it does not
+    wait for Cycles it gives those that were drawn last at this frame, of any size, if there are some."""
+    if asked is None:
+        return None
+
+    def draw(_: int, canvas: Canvas, depth: PixelDepth | None) -> CGObjects:
+        pinhole = canvas.pinhole
+        kept = _kept.get(asked)
+        if kept is not None and (kept[0] == pinhole or not waits):
+            return kept[1].scaled(kept[0], pinhole)
+        if not waits:
+            return NO_CG
+        drawn = _drawing.draw(asked, pinhole, depth)
+        _kept[asked] = pinhole, drawn
+        _kept.move_to_end(asked)
+        while len(_kept) > KEPT:
+            _kept.popitem(last=False)
+        return drawn
+
+    return draw
+
+
+def _on_update(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+    """Something was changed: is it anything that CG objects are made of?"""
+    global _version
+    ours = scene.virtual_aperture
+    own = [each for each in (ours.camera, ours.points, ours.aperture) if each is not None]
+    own += [each.data for each in own]
+    changed = [update.id.original for update in depsgraph.updates]
+    if any(not isinstance(each, bpy.types.Scene) and each not in own for each in changed):
+        _version += 1
+
+
+def _on_load(*_: object) -> None:
+    _kept.clear()
+    _drawing.end()
+
+
+_updated, _forget = persistent(_on_update), persistent(_on_load)
+
+
+def register() -> None:
+    """Look for changes, where there is a window to preview in."""
+    if not bpy.app.background:
+        bpy.app.handlers.depsgraph_update_post.append(_updated)
+    bpy.app.handlers.load_pre.append(_forget)
+
+
+def unregister() -> None:
+    """Undo `register`, and end the process."""
+    if _updated in bpy.app.handlers.depsgraph_update_post:
+        bpy.app.handlers.depsgraph_update_post.remove(_updated)
+    bpy.app.handlers.load_pre.remove(_forget)
+    _on_load()
