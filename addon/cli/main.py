@@ -33,7 +33,7 @@ from ..render.run_report import RunReport, check_report
 from ..scene import properties
 from ..scene.paths import absolute
 from ..scene.shot import shot_of
-from . import cg, depth, farm, frames, inspect, save, solve
+from . import cg, depth, export, farm, frames, inspect, save, solve
 from .blend import is_blend, open_blend
 from .lens import (
     add_lens,
@@ -93,6 +93,7 @@ def parser() -> argparse.ArgumentParser:
     three.set_defaults(for_movie=False, child=False, scene="", scripts=False, as_is=False)
 
     save.add_command(commands, common)
+    export.add_command(commands, common)
     farm.add_commands(commands, common)
     inspect.add_command(commands, common)
     frames.add_command(commands, common)

@@ -1,24 +1,21 @@
-"""The commands that make a solve, take one in, hand one out and judge one."""
+"""The commands that make a solve, import one and judge one."""
 
 from __future__ import annotations
 
 import argparse
 import json
-import shutil
 import time
 from collections.abc import Callable
 from pathlib import Path
 
 import bpy
 
-from ..core.base.atomic import PART, collect_orphans, owned
 from ..core.base.errors import UserError, Words
 from ..core.base.streams import say
 from ..core.base.time_left import TimeLeft
 from ..core.camera.focal_length import Focal, from_equivalent, from_field_of_view, from_sensor
 from ..core.media.clip import Footage, FrameRange, open_footage
 from ..core.readers import read_reconstruction, recorded_clip, recorded_depth
-from ..core.readers.colmap_export import export_model
 from ..core.readers.matching import Imported
 from ..core.sfm.process import SolveProcess, SolveProgress
 from ..core.sfm.tracks import TRACKERS
@@ -34,7 +31,7 @@ from .paths import path
 def add_commands(
     commands: argparse._SubParsersAction[argparse.ArgumentParser], common: argparse.ArgumentParser
 ) -> None:
-    """`solve`, `report`, `import` and `export`; each sets `command` to the function that runs it."""
+    """`solve`, `report` and `import`; each sets `command` to the function that runs it."""
     one = commands.add_parser(
         "solve", parents=[common], help="find the camera motion and feature points of a clip"
     )
@@ -83,11 +80,6 @@ def add_commands(
     )  # fmt: skip
     three.add_argument("--again", action="store_true", help="replace this clip's solve in the folder")
     three.set_defaults(command=import_model)
-
-    four = commands.add_parser("export", parents=[common], help="export a solve as a COLMAP text model")
-    four.add_argument("work", type=path, metavar="DIR", help="folder of the solve")
-    four.add_argument("--model", type=path, required=True, metavar="OUT", help="new folder")
-    four.set_defaults(command=export_solve)
 
 
 def add_footage(
@@ -218,30 +210,6 @@ def import_model(options: argparse.Namespace) -> None:
 def find_points(found: Imported, footage: Footage, work: Path, again: bool) -> None:
     """Find the points of a clip whose cameras are known, and keep them with these."""
     _wait(SolveProcess(footage.path, work, again=again, cameras=found))
-
-
-def export_solve(options: argparse.Namespace) -> None:
-    """`export DIR --model OUT`"""
-    solved = load_solve(options.work.absolute())
-    out: Path = options.model.absolute()
-    if out.exists():
-        raise UserError(f"{out} exists; name a new folder")
-    footage = solved.open_clip(solved.frames)
-    names = {} if footage.is_video else {frame: footage.file(frame).name for frame in footage.frames}
-    collect_orphans(out.parent)
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        with owned(out.parent, PART) as name:
-            part = out.with_name(f"{name}-{out.name}")
-            try:
-                part.mkdir()
-                export_model(part, solved.reconstruction, names)
-                part.rename(out)
-            finally:
-                shutil.rmtree(part, ignore_errors=True)
-    except OSError as error:
-        raise UserError(f"{out} cannot be written: {error.strerror}") from error
-    say(f"wrote {options.model}: {solved.summary}")
 
 
 def _scene_camera(options: argparse.Namespace, footage: Footage) -> Imported:

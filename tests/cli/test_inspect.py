@@ -13,18 +13,13 @@ from addon.core.base.errors import UserError
 from addon.core.base.progress import Cancelled, reporting
 from addon.core.frame.inspection import NAMES
 from addon.core.frame.report import FrameReport
-from addon.core.readers.colmap_export import export_model
 from addon.render.average import Drawn
 from addon.render.run_report import RunReport, check_report
 
-from .. import planes
 from ..command_line import done, here
 from ..disc_and_wall import disc_and_wall
 from ..disc_and_wall import scene as picture
-from ..planes import CENTRES, clip, features, poses
-
-LENS = planes.LENS.scaled(160, 120)
-"""Of the three planes at half their size."""
+from .known_planes import LENS, import_planes
 
 # Files of reports
 
@@ -78,13 +73,7 @@ def test_another_file_is_left_alone(tmp_path: Path) -> None:
 @pytest.fixture(scope="module")
 def work(registered: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Three planes, whose cameras are known."""
-    folder = tmp_path_factory.mktemp("known")
-    planes.write_clip(folder / "clip", planes.halved(clip(CENTRES)))
-    names = {n: f"shot_{n:04d}.png" for n in range(1, len(CENTRES) + 1)}
-    (folder / "model").mkdir()
-    export_model(folder / "model", poses(CENTRES, features(), LENS), names)
-    done("import", folder / "model", "--footage", folder / "clip", "--work", folder / "work")
-    return folder / "work"
+    return import_planes(tmp_path_factory.mktemp("known"))
 
 
 LOOK = ("--focus-distance", 6, "--aperture-radius", 0.25, "--views", 8)

@@ -20,7 +20,11 @@ INFINITE = 1e10
 def depth(warped: WarpedFrame) -> Map:
     """(H, W) distance along the camera's axis in scene units, `INFINITE` where nothing is known or nothing
     ends."""
-    inverse = _in_source(inverse_depth(warped), warped.plan.canvas)
+    return distances(in_source(inverse_depth(warped), warped.plan.canvas))
+
+
+def distances(inverse: Map) -> Map:
+    """(H, W) distances in scene units of inverse depths (H, W), `INFINITE` where they are 0, less or NaN."""
     far = ~(inverse > 1 / INFINITE)
     return np.where(far, np.float32(INFINITE), 1 / np.where(far, 1, inverse)).astype(np.float32)
 
@@ -30,7 +34,7 @@ def circle_of_confusion(warped: WarpedFrame) -> Map:
     where nothing is known, that of infinity."""
     lens = warped.plan.lens
     signed = lens.blur_disc(lens.untilted_raster(np.nan_to_num(inverse_depth(warped)).astype(np.float32)))
-    return _in_source(signed, warped.plan.canvas)
+    return in_source(signed, warped.plan.canvas)
 
 
 def in_focus(warped: WarpedFrame) -> Map:
@@ -39,7 +43,7 @@ def in_focus(warped: WarpedFrame) -> Map:
     return np.asarray(np.clip(2 - size, 0, 1), np.float32)
 
 
-def _in_source(values: Floats, canvas: Canvas) -> Map:
+def in_source(values: Floats | Map, canvas: Canvas) -> Map:
     """Values (h, w) of the canvas in the source frame's geometry (H, W), each that of the nearest pixel."""
     if not canvas.camera.is_distorted:
         return values.astype(np.float32)

@@ -1,0 +1,96 @@
+"""A sharp frame in two layers for other programs: what the camera sees, and what lies hidden behind it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from ..base.arrays import LinearRGBA, Map, Mask
+from ..base.errors import UserError
+from ..optics.thin_lens import ThinLens
+from ..warp.layered_depth_image import LayeredDepthImage
+from .clip_context import ClipContext
+from .passes import distances, in_source
+from .plan import FrameOptions
+from .warped_frame import MeshedFrame, mesh_frame
+
+
+@dataclass(frozen=True)
+class TwoLayers:
+    """Colours (H, W, 4) are linear and premultiplied, depths (H, W) distances along the camera's axis in
+    scene units, `passes.INFINITE` where there is nothing; in the source frame's geometry.
+
+    Front over hidden is the frame.
+    """
+
+    front: LinearRGBA
+    front_depth: Map
+    hidden: LinearRGBA
+    """What lies behind silhouettes, transparent everywhere else."""
+    hidden_depth: Map
+
+    def channels(self) -> dict[str, Map]:
+        """By their names in a multi-layer EXR, as Blender has them: layer, pass, channel."""
+        layers = {"Front": (self.front, self.front_depth), "Hidden": (self.hidden, self.hidden_depth)}
+        return {
+            f"{layer}.{name}": values
+            for layer, (colour, depth) in layers.items()
+            for name, values in [
+                *((f"Combined.{each}", colour[..., number]) for number, each in enumerate("RGBA")),
+                ("Depth.Z", depth),
+            ]
+        }
+
+
+def two_layers(clip: ClipContext, frame: int, options: FrameOptions, size: tuple[int, int]) -> TwoLayers:
+    """The layers of a frame at the clip's own size (width, height).
+
+    The hidden layer reaches as far behind silhouettes as the lens of the options sees. Raises UserError as
+    `mesh_frame`, and where the frame cannot be layered. Passes checkpoints.
+    """
+    picture = clip.picture(frame, options.highlights)
+    # Restored light stays in the picture: nothing here draws discs.
+    plain = replace(options, method="layers", highlights=replace(options.highlights, gain=0.0))
+    meshed = mesh_frame(clip, frame, plain, size, picture)
+    if meshed.why:
+        raise UserError(f"frame {frame} cannot be exported in layers: {meshed.why}")
+    return layers_of(meshed)
+
+
+def layers_of(meshed: MeshedFrame) -> TwoLayers:
+    """The layers of a frame that was meshed by layers: of surfaces before each other the two nearest."""
+    geometry, splits = meshed.geometry, meshed.surface.layers
+    canvas = geometry.canvas
+    shape = canvas.pinhole.height, canvas.pinhole.width
+    top, left = ((large - own) // 2 for large, own in zip(splits[0].mixed.shape, shape, strict=True))
+    own = np.s_[top : top + shape[0], left : left + shape[1]]
+    front, shift = geometry.picture.copy(), splits[0].front_disparity[own].copy()
+    hidden = np.zeros_like(front)
+    behind = np.zeros_like(shift)
+    # Of the silhouettes at a pixel the first split has found the largest: it comes last.
+    for split in reversed(splits):
+        at = _two_surfaces(split)[own]
+        front[at], shift[at] = split.front[own][at], split.front_disparity[own][at]
+        hidden[at], behind[at] = split.back[own][at], split.back_disparity[own][at]
+    depth = partial(_inverse_depth, geometry.lens)
+    nothing = hidden[..., 3] == 0
+    back = np.where(nothing, np.float32(0), depth(behind))
+    return TwoLayers(
+        canvas.to_source(front), distances(in_source(depth(shift), canvas)),
+        canvas.to_source(hidden), distances(in_source(back, canvas)),
+    )  # fmt: skip
+
+
+def _two_surfaces(split: LayeredDepthImage) -> Mask:
+    """(H, W) pixels at which a split has a surface behind another one."""
+    return split.occluded | split.mixed
+
+
+def _inverse_depth(lens: ThinLens, disparity: Map) -> Map:
+    """(H, W) inverse depth of disparities (H, W) relative to the focal plane."""
+    rows, columns = disparity.shape
+    places = np.stack(np.meshgrid(np.arange(columns) + 0.5, np.arange(rows) + 0.5), axis=-1)
+    inverse = lens.focus + disparity / np.float64(lens.disparity_scale)
+    return np.asarray(lens.tilted(inverse, places), np.float32)

@@ -1,0 +1,103 @@
+"""Files of a solved clip for other programs: its frames in two layers, and its lens as STMaps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import bpy
+
+from ..core.base.arrays import Map
+from ..core.base.atomic import collect_orphans, staged
+from ..core.base.errors import Remedy, UserError
+from ..core.base.file_names import check_file
+from ..core.base.messages import Progress, send
+from ..core.camera import stmap
+from ..core.camera.canvas import Canvas
+from ..core.frame.two_layers import two_layers
+from ..core.media.exr_file import write_exr
+from ..scene.lens import frame_options
+from ..scene.shot import shot_of
+from .output import check_folder, numbered
+
+LAYERS, STMAPS = "layers", "stmap"
+WHAT = {
+    LAYERS: ("Two-Layer EXR", "Each sharp frame and what it hides, both with alpha and depth"),
+    STMAPS: ("STMaps", "The lens distortion, as maps that undistort frames and distort them again"),
+}
+"""What can be exported, by its name on the command line: its label, and what it is."""
+
+Channels = Mapping[str, Map]
+
+
+@dataclass(frozen=True)
+class Exported:
+    """A file that is to be written."""
+
+    file: Path
+    channels: Callable[[], Channels]
+    """What it holds, (H, W) by channel; errors as of `two_layers` and `Canvas.pinhole`."""
+    frame: int | None = None
+    """Of the clip; None where it is of all that are exported."""
+
+
+def planned(scene: bpy.types.Scene, what: str, frames: Sequence[int], folder: Path) -> list[Exported]:
+    """What an export of frames of a scene's clip into a folder will write. A lens that stays the same has one
+    pair of STMaps."""
+    return (_layers if what == LAYERS else _stmaps)(scene, frames, folder)
+
+
+def check_free(files: Sequence[Exported], overwrite: bool) -> None:
+    """UserError where a file is there already, or cannot be written, before any work."""
+    for each in files:
+        check_file(each.file)
+        if each.file.exists() and not overwrite:
+            raise UserError(
+                f"{each.file} already exists; choose another folder, or overwrite it", Remedy.OVERWRITE
+            )
+        check_folder(each.file.parent)
+
+
+def write(files: Sequence[Exported], report: Callable[[str], None]) -> None:
+    """Write files, each whole or not at all. Passes checkpoints; UserError naming the file or frame."""
+    collect_orphans(files[0].file.parent)
+    for done, each in enumerate(files, 1):
+        channels = each.channels()
+        with staged(each.file) as part:
+            write_exr(part, channels)
+        send(Progress("export", done, len(files), each.frame))
+        report(f"{each.file.name}: {done} of {len(files)}")
+
+
+def _layers(scene: bpy.types.Scene, frames: Sequence[int], folder: Path) -> list[Exported]:
+    shot = shot_of(scene)
+
+    def channels(frame: int) -> Channels:
+        # The focus may be keyed.
+        scene.frame_set(frame)
+        options = frame_options(scene.virtual_aperture, shot.reconstruction)
+        return two_layers(shot.context, frame, options, shot.size(frame)).channels()
+
+    return [
+        Exported(folder / numbered("layers_####.exr", each), partial(channels, each), each) for each in frames
+    ]
+
+
+def _stmaps(scene: bpy.types.Scene, frames: Sequence[int], folder: Path) -> list[Exported]:
+    context = shot_of(scene).context
+    canvases = {each: context.canvas(each) for each in frames}
+    stays = len(set(canvases.values())) == 1
+
+    def channels(made: Callable[[Canvas], Map], frame: int) -> Channels:
+        return stmap.channels(made(canvases[frame]))
+
+    return [
+        Exported(
+            folder / (f"{name}.exr" if stays else numbered(f"{name}_####.exr", frame)),
+            partial(channels, made, frame), None if stays else frame,
+        )
+        for frame in frames[: 1 if stays else None]
+        for name, made in (("undistort", stmap.undistort_map), ("redistort", stmap.redistort_map))
+    ]  # fmt: skip
