@@ -18,8 +18,8 @@ PICTURES = 9
 does not mix them."""
 
 GRADED = "virtual_aperture_run"
-"""Property of a scene in which other things have a part in the pictures, such as the compositor or CG objects:
-they are not looked into, so it says which run, or file, they are of."""
+"""Property of a scene in which other things have a part in the pictures, such as the compositor or CG
+objects: they are not looked into, so it says which run, or file, they are of."""
 
 
 def run_key(scene: bpy.types.Scene) -> str:

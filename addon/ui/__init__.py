@@ -12,6 +12,7 @@ from . import (
     choose_clip,
     depth_ahead,
     engine_panels,
+    export,
     file_import,
     find_clip,
     focus,
@@ -46,6 +47,7 @@ CLASSES = (
     *operators.CLASSES,
     *movie.CLASSES,
     *render_clip.CLASSES,
+    *export.CLASSES,
     *find_clip.CLASSES,
     *restore.CLASSES,
     *photos.CLASSES,
@@ -100,6 +102,7 @@ def unregister() -> None:
     """Undo `register` in reverse order, end what is under way, and close the open clip."""
     operators.end_solve()
     movie.unregister()
+    export.unregister()
     solve_view.unregister()
     points_overlay.unregister()
     viewport.unregister()

@@ -94,17 +94,19 @@ class MovieRender:
         child, self.child = self.child, None
         if child is not None:
             self.is_cancelled = True
-            threading.Thread(target=_leave, args=(child, self.out)).start()
+            threading.Thread(target=self._leave, args=(child,)).start()
 
+    def _leave(self, child: Child) -> None:
+        end([child])
+        self.clear()
 
-def _leave(child: Child, out: Path) -> None:
-    """End a process and remove what it has rendered."""
-    end([child])
-    # Another run may have begun with the same movie.
-    with contextlib.suppress(UserError), claimed(out):
-        movie_folder.clear(out)
-    with contextlib.suppress(OSError):
-        out.parent.rmdir()  # where it holds nothing
+    def clear(self) -> None:
+        """Remove what the process, which has ended, leaves unfinished."""
+        # Another run may have begun with the same movie.
+        with contextlib.suppress(UserError), claimed(self.out):
+            movie_folder.clear(self.out)
+        with contextlib.suppress(OSError):
+            self.out.parent.rmdir()  # where it holds nothing
 
 
 def time_words(seconds: float) -> str:

@@ -189,6 +189,18 @@ CASES = {
         "No movie is being rendered",
         undo="", why="it ends a process",
     ),
+    "export": Case(
+        "ui/test_export.py::test_files_are_exported_in_the_background",
+        "ui/test_export.py::test_an_export_is_refused",
+        "nothing is in focus",
+        undo="", why="it writes files; as Blender's own exporters",
+    ),
+    "cancel_export": Case(
+        "ui/test_export.py::test_an_export_is_cancelled",
+        "ui/test_export.py::test_an_export_is_cancelled",
+        "Nothing is being exported",
+        undo="", why="it ends a process",
+    ),
     "preview": Case(
         "ui/test_operators.py::test_the_preview_is_shown_and_ended",
         "ui/test_operators.py::test_the_preview_is_shown_and_ended",

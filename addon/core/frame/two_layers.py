@@ -51,8 +51,10 @@ def two_layers(clip: ClipContext, frame: int, options: FrameOptions, size: tuple
     `mesh_frame`, and where the frame cannot be layered. Passes checkpoints.
     """
     picture = clip.picture(frame, options.highlights)
-    # Restored light stays in the picture: nothing here draws discs.
-    plain = replace(options, method="layers", highlights=replace(options.highlights, gain=0.0))
+    # Restored light stays in the picture: nothing here draws discs, nor from a steadier path.
+    plain = replace(
+        options, method="layers", highlights=replace(options.highlights, gain=0.0), stabilize=0.0
+    )
     meshed = mesh_frame(clip, frame, plain, size, picture)
     if meshed.why:
         raise UserError(f"frame {frame} cannot be exported in layers: {meshed.why}")

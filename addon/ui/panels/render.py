@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ...core.frame.meshers import MESHERS
-from .. import movie
+from .. import export, movie
 from .panel import ClosedPanel, split
 
 
@@ -23,6 +23,7 @@ class VIRTUAL_APERTURE_PT_render(ClosedPanel, bpy.types.Panel):  # noqa: N801
         layout.prop(scene.virtual_aperture, "quality")
         layout.prop(scene.virtual_aperture, "stabilize")
         layout.prop(scene.virtual_aperture, "grain")
+        export.draw(self.layout, context)
 
 
 def output_words(scene: bpy.types.Scene) -> str:
