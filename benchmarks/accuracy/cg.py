@@ -47,6 +47,10 @@ OBJECTS = {
     "walk": ((0.55, 4.6, 0.5), 0.3),
 }
 """Middle and radius of the ball in the world, by scene: between what is in focus and what is behind it."""
+INDOORS = {"walk"}
+"""Scenes whose walls keep the air's light out."""
+BAND = 4
+"""Pixels to either side of the ball's outline that count as its silhouettes."""
 SAMPLES = 64
 
 
@@ -109,6 +113,8 @@ def product_scene(plain: Sized, thing: Prop) -> bpy.types.Scene:
     """The clip as the product builds it, with the object in the light that the clip was shot in."""
     scene = staging.build(replace(plain.stage, things=(thing,)), SAMPLES)
     _unshadowed(scene, 1)
+    if plain.name in INDOORS:
+        scene.world.node_tree.nodes["Background"].inputs["Strength"].default_value = 0.0
     build(scene, open_footage(plain.clip()), with_points(plain, plain.judged(0)[1]))
     return scene
 
@@ -118,7 +124,8 @@ def bands(plain: Sized, both: Sized, frame: int, blur: int) -> dict[str, Mask]:
     is_ball = both.geometry(frame).thing == len(both.stage.things) - 1
     around = np.ones((2 * blur + 1, 2 * blur + 1), np.uint8)
     near = cv2.dilate(is_ball.astype(np.uint8), around) > 0
-    rim = cv2.dilate(is_ball.astype(np.uint8), around) != cv2.erode(is_ball.astype(np.uint8), around)
+    line = np.ones((2 * BAND + 1, 2 * BAND + 1), np.uint8)
+    rim = cv2.dilate(is_ball.astype(np.uint8), line) != cv2.erode(is_ball.astype(np.uint8), line)
     own = metrics.edge_band(1 / plain.depth(frame))
     return {"surroundings": near, "its silhouettes": rim, "the clip's own": own & ~near, "rest": ~near}
 
