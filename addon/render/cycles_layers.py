@@ -88,7 +88,7 @@ class CyclesScene:
         if is_preview:
             cycles = scene.cycles
             cycles.samples = min(cycles.preview_samples, PREVIEW_SAMPLES) or PREVIEW_SAMPLES
-            cycles.use_denoising, cycles.denoiser = True, "OPENIMAGEDENOISE"
+            cycles.use_denoising = True
         camera = settings.camera
         camera.data = camera.data.copy()
         camera.data.animation_data_clear()

@@ -47,19 +47,19 @@ OBJECTS = {
     "walk": ((0.55, 4.6, 0.5), 0.3),
 }
 """Middle and radius of the ball in the world, by scene: between what is in focus and what is behind it."""
-INDOORS = {"walk"}
-"""Scenes whose walls keep the air's light out."""
+GLOW = 0.7
+"""Radiance of the ball's white: it shines, so that what hides the sky from it has no part."""
 BAND = 4
 """Pixels to either side of the ball's outline that count as its silhouettes."""
 SAMPLES = 64
 
 
 def ball(scene: str) -> Prop:
-    """The object: a matt ball, its print as fine as the clip's."""
+    """The object: a ball that shines, its print as fine as the clip's."""
     middle, radius = OBJECTS[scene]
     shape = sphere(radius, 48).moved(*middle)
     print_ = textures.speckled(np.random.default_rng(5), (512, 512), (0.5, 0.1, 0.05), (0.9, 0.6, 0.3))
-    return Prop("ball", shape, print_, smooth=True, layer=9)
+    return Prop("ball", shape, print_, smooth=True, glow=GLOW, layer=9)
 
 
 class Sized(Staged):
@@ -113,8 +113,6 @@ def product_scene(plain: Sized, thing: Prop) -> bpy.types.Scene:
     """The clip as the product builds it, with the object in the light that the clip was shot in."""
     scene = staging.build(replace(plain.stage, things=(thing,)), SAMPLES)
     _unshadowed(scene, 1)
-    if plain.name in INDOORS:
-        scene.world.node_tree.nodes["Background"].inputs["Strength"].default_value = 0.0
     build(scene, open_footage(plain.clip()), with_points(plain, plain.judged(0)[1]))
     return scene
 
