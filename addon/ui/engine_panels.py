@@ -20,22 +20,31 @@ TABS = (
     "bl_ui.properties_object",
     "bl_ui.properties_data_camera",
     "bl_ui.properties_data_mesh",
+    # Of CG objects, which Cycles draws.
+    "bl_ui.properties_data_curves",
+    "bl_ui.properties_data_light",
+    "bl_ui.properties_data_pointcloud",
+    "bl_ui.properties_data_volume",
+    "bl_ui.properties_material",
+    "bl_ui.properties_particle",
+    "bl_ui.properties_world",
     # Heard in movies whichever engine draws them.
     "bl_ui.properties_data_speaker",
 )
-"""The modules of Blender's interface whose panels say something of our renders, or of our camera and points.
-
-Not those of world, light, material, particle, physics, hair and volume: what they set does not show in a
-render of ours (`scene.ignored` tells of CG objects), and an empty tab says so. Not Freestyle, for the same.
-"""
+"""The modules of Blender's interface whose panels say something of our renders, of our camera and points, or
+of CG objects; and those that begin as `PHYSICS`. Not Freestyle, which does not show."""
+PHYSICS = "bl_ui.properties_physics_"
 IGNORED = (
     "DATA_PT_camera_stereoscopy",
-    "OBJECT_PT_shading",
+    # A ball in the light, which our engine does not draw.
+    "DATA_PT_preview",
+    # What it shows, the panel of EEVEE shows, too.
+    "DATA_PT_light",
+    "NODE_DATA_PT_light",
     "RENDER_PT_gpencil",
     "RENDER_PT_grease_pencil_",
     # One eye only: Render Multiview does nothing.
     "RENDER_PT_output_views",
-    "RENDER_PT_simplify",
     "RENDER_PT_stereoscopy",
     # The clip's frame is the scene's frame, not the remapped one.
     "RENDER_PT_time_stretching",
@@ -46,6 +55,13 @@ MORE = (
     "RENDER_PT_eevee_performance",
     "RENDER_PT_eevee_performance_compositor",
     "RENDER_PT_eevee_performance_compositor_denoise_settings",
+    # Material, light and world by their nodes, as Cycles has them, too: its own panels show with it alone.
+    "EEVEE_MATERIAL_PT_context_material",
+    "EEVEE_MATERIAL_PT_surface",
+    "EEVEE_MATERIAL_PT_volume",
+    "EEVEE_MATERIAL_PT_displacement",
+    "DATA_PT_EEVEE_light",
+    "EEVEE_WORLD_PT_surface",
 )
 """Panels without the common mark that say something of our renders all the same."""
 
@@ -59,7 +75,8 @@ def panels() -> list[type[bpy.types.Panel]]:
 
 def _is_useful(panel: type[bpy.types.Panel]) -> bool:
     engines = getattr(panel, "COMPAT_ENGINES", ())
-    if panel.__module__ not in TABS or panel.__name__.startswith(IGNORED):
+    is_named = panel.__module__ in TABS or panel.__module__.startswith(PHYSICS)
+    if not is_named or panel.__name__.startswith(IGNORED):
         return False
     return COMMON in engines or panel.__name__ in MORE
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ...core.frame.meshers import MESHERS
+from ...scene.cg_objects import cg_objects
 from .. import export, movie
 from .panel import ClosedPanel, split
 
@@ -67,8 +68,27 @@ class VIRTUAL_APERTURE_PT_method(ClosedPanel, bpy.types.Panel):  # noqa: N801
             layout.prop(settings, name)
 
 
+class VIRTUAL_APERTURE_PT_cg(ClosedPanel, bpy.types.Panel):  # noqa: N801
+    bl_label = "CG Objects"
+    bl_parent_id = "VIRTUAL_APERTURE_PT_render"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        has_cycles = super().poll(context) and hasattr(context.scene, "cycles")
+        return has_cycles and bool(cg_objects(context.scene, context.view_layer))
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, cycles, render = split(self.layout), context.scene.cycles, context.scene.render
+        layout.prop(cycles, "samples", text="Cycles Samples")
+        layout.prop(cycles, "use_denoising", text="Denoise")
+        layout.prop(render, "use_motion_blur")
+        if render.use_motion_blur:
+            layout.prop(render, "motion_blur_shutter")
+
+
 CLASSES = (
     VIRTUAL_APERTURE_PT_render,
     VIRTUAL_APERTURE_PT_passes,
     VIRTUAL_APERTURE_PT_method,
+    VIRTUAL_APERTURE_PT_cg,
 )
