@@ -149,3 +149,16 @@ def test_a_lamp_becomes_a_brighter_disc_unless_highlights_are_off(registered: No
         drawn = to_linear(cv2.imread(str(out / "0003.png")))[36:54, 71:89, :3]
         light.append(float(drawn.sum()))
     assert light[0] < 0.95 * light[1] < 0.9 * light[2]
+
+
+def test_exr_has_no_grain_unless_it_is_asked_for(
+    work: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    lens = ("--focus-distance", 6, "--blur", 0.02, "--method", "features", "--frames", 2)
+    for suffix, default, other in ((".png", 1, "off"), (".exr", "off", 1)):
+        out = tmp_path / suffix / f"####{suffix}"
+        assert run("render", work, *lens, "--out", out) == 0
+        assert run("render", work, *lens, "--grain", default, "--out", out) == 0
+        assert "1 frame there already" in capfd.readouterr().out
+        assert run("render", work, *lens, "--grain", other, "--out", out) == 1
+        assert "made from other inputs" in capfd.readouterr().err
