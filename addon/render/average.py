@@ -20,6 +20,7 @@ from ..core.frame.plan import FrameOptions
 from ..core.frame.view_error import PILOT, difference, other_views, views_for_error
 from ..core.frame.vignetting import LEAST_LEFT, light_left
 from ..core.frame.warped_frame import MeshedFrame, WarpedFrame, drawn_size, mesh_frame
+from ..core.media.noise import Noise
 from . import gpu_views
 
 TOLD = 0.3
@@ -90,10 +91,7 @@ def render_frame(
     if small != size:
         result = enlarged(result, source, picture, _sharp_share(warped))
     if noise is not None:
-        with stage("Grain", 1.0, 1.0):
-            lost = draw_mean(lost_frame(warped, noise, size[0] / small[0]))
-        lost = resized(warped.plan.canvas.to_source(lost), size)[..., :3]
-        result = grained(result, lost, noise, frame, options.grain)
+        result = grained(result, _lost(warped, noise, size), noise, frame, options.grain)
     if on_frame is not None:
         on_frame(Drawn(warped, source, time.perf_counter() - began))
     return result
@@ -105,6 +103,14 @@ def _sharp_share(warped: WarpedFrame) -> LinearRGB | None:
     if sharp is None:
         return None
     return np.asarray(warped.plan.canvas.to_source(draw_mean(sharp))[..., :3])
+
+
+def _lost(warped: WarpedFrame, noise: Noise, size: tuple[int, int]) -> Map:
+    """(h, w, 3) the shares of `lost_frame` in a frame's pixels at its size (width, height)."""
+    with stage("Grain", 1.0, 1.0):
+        painted = lost_frame(warped, noise, size[0] / warped.plan.canvas.camera.width)
+        canvas = painted.plan.canvas
+        return resized(canvas.to_source(draw_mean(painted)), size)[..., :3]
 
 
 def draw_to_error(meshed: MeshedFrame, wished: float) -> tuple[WarpedFrame, LinearRGBA]:

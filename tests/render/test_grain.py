@@ -29,8 +29,8 @@ SIGMA = 5.0
 """Of 255, standard deviation of the clip's noise."""
 LENS = FrameOptions(Focus(distance=NEAR), 0.6, borrow=False, highlights=HighlightSettings(gain=0.0))
 """Discs of 25 pixels at `FAR`."""
-SHARP, SOFT = np.s_[10:-10, 10:130], np.s_[10:-10, 200:310]
-"""Of the picture, far from the silhouette in its middle."""
+SHARP, SOFT = np.s_[10:-10, 10:154], np.s_[10:-10, 168:310]
+"""Of the picture, on either side of the silhouette in its middle: what is in front of it is in focus."""
 
 
 class HalfFar:
@@ -107,6 +107,14 @@ def test_half_of_it_is_half_as_strong(noisy: ClipContext, pair: tuple[Map, Map])
 def test_a_clip_without_noise_gets_none() -> None:
     clean = clip(0.0)
     np.testing.assert_array_equal(shown(clean, replace(LENS, grain=0.0)), shown(clean, LENS))
+
+
+def test_a_lens_with_distortion_has_it_where_it_is_soft() -> None:
+    camera = replace(CAMERA, k1=0.08)
+    bent = replace(clip(), reconstruction=slanted_plane(camera, tuple(range(1, 9)), near=5, far=22))
+    added = shown(bent, LENS) - shown(bent, replace(LENS, grain=0.0))
+    np.testing.assert_array_equal(added[SHARP], 0)
+    assert abs(added[SOFT].std() / SIGMA - 1) < 0.05
 
 
 @pytest.mark.parametrize("method", ["features", "grid"])

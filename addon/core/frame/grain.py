@@ -7,11 +7,16 @@ frame's own mesh, and seen by its own views, that knows silhouettes, too.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import cv2
 import numpy as np
 
 from ..base.arrays import LinearRGB, LinearRGBA, Map
+from ..camera.canvas import Canvas
 from ..media.clip import decode_srgb, encode_srgb
 from ..media.noise import Noise
+from ..warp.mesh import WarpMesh
 from .detail import painted
 from .inspection import fewer_views
 from .warped_frame import WarpedFrame
@@ -23,9 +28,9 @@ LEAST = 1e-3
 
 
 def lost_frame(warped: WarpedFrame, noise: Noise, scale: float = 1.0) -> WarpedFrame:
-    """A frame's mesh through fewer views, painted with the share of each component's standard deviation that
-    blur takes: red, green and blue of the views' mean. Exactly 0 where everything is in focus; 1 on CG
-    objects.
+    """A frame's mesh through fewer views, half as large, painted with the share of each component's standard
+    deviation that blur takes: red, green and blue of the views' mean. Exactly 0 where all is in focus; 1 on
+    CG objects.
 
     `scale` times as large is the picture that the noise is of, of a frame that was drawn smaller.
     """
@@ -34,7 +39,26 @@ def lost_frame(warped: WarpedFrame, noise: Noise, scale: float = 1.0) -> WarpedF
         return 1 - noise.left(np.float32(2 * scale) * np.abs(displacement))
 
     # CG objects have none of it, in focus or not.
-    return painted(fewer_views(warped, VIEWS), lost, 1.0)
+    return _smaller(painted(fewer_views(warped, VIEWS), lost, 1.0))
+
+
+def _smaller(warped: WarpedFrame) -> WarpedFrame:
+    """A frame as its views see it at a half of its width and height."""
+    plan = warped.plan
+    large, camera = plan.canvas.pinhole, plan.canvas.camera
+    canvas = Canvas(camera.scaled(-(-camera.width // 2), -(-camera.height // 2)))
+    small = canvas.pinhole
+    size = small.focal / large.focal
+    moved = small.principal_point - size * large.principal_point
+    registration = plan.registration.copy()
+    registration[:, :, :2] *= size[:, None] / size
+    registration[:, :, 2] = plan.registration[:, :, 2] * size + moved - registration[:, :, :2] @ moved
+
+    def within(mesh: WarpMesh) -> WarpMesh:
+        return replace(mesh, xy=mesh.xy * size + moved)
+
+    plan = replace(plan, canvas=canvas, mesh=within(plan.mesh), registration=registration)
+    return replace(warped, plan=plan, cg=tuple(replace(each, mesh=within(each.mesh)) for each in warped.cg))
 
 
 def grained(picture: LinearRGBA, lost: Map, noise: Noise, frame: int, amount: float) -> LinearRGBA:
@@ -42,7 +66,7 @@ def grained(picture: LinearRGBA, lost: Map, noise: Noise, frame: int, amount: fl
 
     Made anew for each frame, the same for the same one. Where nothing is lost, nothing is changed.
     """
-    rows, columns = np.nonzero(lost.max(axis=2) > LEAST)
+    rows, columns = np.nonzero(cv2.max(cv2.max(lost[..., 0], lost[..., 1]), lost[..., 2]) > LEAST)
     if not len(rows):
         return picture
     height, width = picture.shape[:2]

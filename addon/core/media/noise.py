@@ -23,6 +23,7 @@ import cv2
 import numpy as np
 
 from ..base.arrays import Floats, Indices, Map, Mask
+from ..base.progress import checkpoint
 from .clip import encode_srgb, to_gray8
 from .picture_file import Pixels
 
@@ -120,8 +121,7 @@ class Noise:
         steps = (np.arange(ENTRIES) + 0.5) * LEVELS / ENTRIES - 0.5
         table = np.stack([np.interp(steps, np.arange(LEVELS), each) for each in self.sigma.T], axis=1)
         at = np.clip(grey * np.float32(ENTRIES), 0, ENTRIES - 1).astype(np.uint8)
-        colours = components @ self.axes.T.astype(np.float32)
-        return np.asarray(colours * table.astype(np.float32)[at], np.float32)
+        return np.asarray(self._mixed(components[None])[0] * table.astype(np.float32)[at])
 
     def left(self, disc: Map) -> Map:
         """(..., 3) share of each component's standard deviation that is left of it in a blur disc, of
@@ -165,18 +165,23 @@ class Noise:
 
     def _tile(self, side: int) -> Map:
         """(side, side, 3) made noise in shares of the standard deviations of red, green and blue."""
-        return self.components((side, side), 0) @ self.axes.T.astype(np.float32)
+        return self._mixed(self.components((side, side), 0))
+
+    def _mixed(self, components: Map) -> Map:
+        """(h, w, 3) red, green and blue of components (h, w, 3)."""
+        return np.asarray(cv2.transform(components, self.axes.astype(np.float32)), np.float32)
 
 
 def measured(read: Callable[[int], Pixels], frames: Sequence[int]) -> Noise | None:
     """The noise of a clip's frames, which `read` gives as stored (H, W, 3 or 4); None where nothing is flat,
-    or there is but one frame. Errors as of `read`.
+    or there is but one frame. Errors as of `read`. Passes checkpoints.
     """
     later = min(LATER, len(frames) - 1)
     if later < 1:
         return None
     found = []
     for n in range(PAIRS):
+        checkpoint(n / PAIRS)
         at = (2 * n + 1) * (len(frames) - later) // (2 * PAIRS)
         pair = read(frames[at]), read(frames[at + later])
         if pair[0].shape != pair[1].shape or min(pair[0].shape[:2]) <= BLOCK:
