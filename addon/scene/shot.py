@@ -38,7 +38,7 @@ from .paths import absolute
 
 KEPT_DEPTH = "depth"
 """Folder of a working folder where depth is kept."""
-DEPTHS = 9
+DEPTHS = 10
 """Version of the way that depth is found: counted up when the same options give another depth."""
 HIGHLIGHTS = 1
 """Version of the way that highlights are found, in the same way."""

@@ -15,6 +15,7 @@ from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Reconstruction
 from addon.core.depth.multi_view_stereo import DenseDepth, PlaneSweepStereo, StereoOptions
 from addon.core.depth.view_selection import SelectionOptions, select_source_views
+from addon.core.media.clip import decode_srgb, encode_srgb
 
 from .. import planes
 from ..planes import CENTRES, HEIGHT, LENS, MIDDLE, RANGE, WIDTH, clip, features, poses, truth
@@ -105,9 +106,13 @@ def test_points_are_not_needed(pictures: list[Picture]) -> None:
     assert np.median(off) < 0.02 and np.mean(off > 0.05) < 0.1
 
 
-def test_exposure_may_change(pictures: list[Picture]) -> None:
-    darker = [p if i % 2 else (0.8 * p).astype(np.uint8) for i, p in enumerate(pictures)]
-    off = error(dense(poses(CENTRES, features()), darker), truth(CENTRES[MIDDLE - 1]))
+def test_exposure_and_white_balance_may_change(pictures: list[Picture]) -> None:
+    def darker(picture: Picture) -> Picture:
+        light = decode_srgb(picture / 255) * [0.75, 0.6, 0.5]
+        return np.rint(255 * encode_srgb(light)).astype(np.uint8)
+
+    changed = [p if i % 2 else darker(p) for i, p in enumerate(pictures)]
+    off = error(dense(poses(CENTRES, features()), changed), truth(CENTRES[MIDDLE - 1]))
     assert np.median(off) < HALF_LEVEL and np.mean(off > 0.05) < 0.05
 
 

@@ -362,7 +362,7 @@ class PlaneSweepStereo:
         # The planes that are swept face the frame: their normal is its viewing direction.
         parallax = np.outer(translation, [0.0, 0.0, 1.0])
         view = View(self._picture(near.image), there @ rotation @ back, there @ parallax @ back, near.side)
-        return view.exposed_as(own, middle, self._options.matching.sweep.least_gain)
+        return view.exposed_as(own, middle)
 
 
 def pixel_matrix(camera: Intrinsics) -> Floats:

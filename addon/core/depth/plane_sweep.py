@@ -15,6 +15,7 @@ import numpy as np
 from ..base.arrays import Bytes, Floats, Map
 from ..base.limits import threads
 from ..base.progress import checkpoint, in_this_scope
+from .exposure import exposed_as
 from .semiglobal import STEPS, Costs
 
 UNSEEN = 65535
@@ -36,8 +37,6 @@ class SweepOptions:
     """Squared grey levels that count as one surface in that guided filter. By eye."""
     far_preference: float = 0.1
     """Grey levels by which the farthest is preferred to the nearest: what is plain is often sky. By eye."""
-    least_gain: float = 0.01
-    """Relative difference of exposure between frames that is left alone. By eye."""
 
 
 @dataclass(frozen=True)
@@ -83,20 +82,13 @@ class View:
             parallax_term=down @ self.parallax_term @ up,
         )  # fmt: skip
 
-    def exposed_as(self, reference: Bytes, inverse: float, least_gain: float) -> View:
-        """This view made as bright as the frame (h, w, 4), in the median of what both see at one inverse
-        depth; unchanged where it differs by less than `least_gain`."""
+    def exposed_as(self, reference: Bytes, inverse: float) -> View:
+        """This view with its channels as bright as the frame's (h, w, 4), in the median of what both see at
+        one inverse depth."""
         seen = self.warped(inverse, reference.shape[1], reference.shape[0])
-        ratio = np.ones(1)
         here, there = (small_picture(picture, 8) for picture in (reference, seen))
         both = (here[..., 3] == 255) & (there[..., 3] == 255)
-        if both.any():
-            light, other = (p[both][:, :3].mean(axis=1) + 1 for p in (here, there))
-            ratio = light / other
-        gain = float(np.median(ratio))
-        if abs(gain - 1) < least_gain:
-            return self
-        rgb = cv2.convertScaleAbs(self.picture[..., :3], alpha=gain)
+        rgb = exposed_as(self.picture[..., :3], here[both][:, :3], there[both][:, :3])
         return replace(self, picture=np.dstack([rgb, self.picture[..., 3]]))
 
 

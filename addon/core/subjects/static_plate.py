@@ -15,6 +15,7 @@ from ..base.progress import checkpoint
 from ..camera.canvas import Canvas
 from ..camera.reconstruction import Image, Reconstruction
 from ..depth.depth_store import DepthStore
+from ..depth.exposure import exposed_as
 from ..depth.matching import Matcher, winning_levels
 from ..depth.multi_view_stereo import (
     COARSE,
@@ -257,8 +258,7 @@ class StaticPlate:
             return None
         colour = cv2.remap(picture, at, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)  # type: ignore[call-overload]
         every = np.s_[:: self.options.gain_step, :: self.options.gain_step]
-        both = (summed(one[every])[inside[every]] + 24 for one in (own, colour))
-        return cv2.convertScaleAbs(colour, alpha=float(np.median(np.divide(*both)))), inside
+        return exposed_as(colour, *(one[every][inside[every]] for one in (own, colour))), inside
 
     def _occluded(self, frame: int, at: Map, inverse: Map) -> Mask:
         """(h, w) whether something nearer than inverse depths (h, w) is at places (h, w, 2) of a source
