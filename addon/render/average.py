@@ -105,7 +105,7 @@ def _sharp_share(warped: WarpedFrame) -> LinearRGB | None:
     return np.asarray(warped.plan.canvas.to_source(draw_mean(sharp))[..., :3])
 
 
-def _lost(warped: WarpedFrame, noise: Noise, size: tuple[int, int]) -> Map:
+def _lost(warped: WarpedFrame, noise: Noise, size: tuple[int, int]) -> LinearRGB:
     """(h, w, 3) the shares of `lost_frame` in a frame's pixels at its size (width, height)."""
     with stage("Grain", 1.0, 1.0):
         painted = lost_frame(warped, noise, size[0] / warped.plan.canvas.camera.width)

@@ -134,8 +134,9 @@ def source_frame(warped: WarpedFrame) -> WarpedFrame:
     Red, green and blue of the views' mean are the shares of `SOURCES`, premultiplied by what is covered.
     """
     warped = fewer_views(warped)
-    # Its channels are no colours.
-    warped = replace(warped, plan=replace(warped.plan, axial_colour=0.0))
+    if warped.plan.axial_colour:
+        # Its channels are no colours.
+        warped = replace(warped, plan=replace(warped.plan, axial_colour=0.0))
     if warped.layers:
         return replace(warped, texture=_layers_sources(warped), highlight_discs=None, cg=())
     mesh, texture = _plain_sources(warped)
