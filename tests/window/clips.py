@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from addon.core.camera.reconstruction import Image, Intrinsics, Reconstruction
+from addon.core.media.clip import decode_srgb
 
+from ..media.colour_curves import Recorded, write_clip
 from ..scenes import slanted_plane, texture
 
 SMALL = (160, 90)
@@ -20,10 +22,14 @@ VIEWS = 192
 
 
 def write_scene(
-    folder: Path, size: tuple[int, int] = SMALL, views: int = VIEWS, frames: Sequence[int] = FRAMES
+    folder: Path,
+    size: tuple[int, int] = SMALL,
+    views: int = VIEWS,
+    frames: Sequence[int] = FRAMES,
+    space: Recorded | None = None,
 ) -> Path:
     """A .blend with a solved clip of these frames, in focus at a distance, our engine and EXR output; the
-    clip beside it."""
+    clip beside it, as files, or a video of 10 bits in a space, with light over white."""
     width, height = size
     import bpy
 
@@ -31,10 +37,12 @@ def write_scene(
     from addon.scene.build import build
 
     camera = Intrinsics(width, height, 0.95 * width, 0.95 * width, width / 2, height / 2)
-    clip = folder / "clip"
-    clip.mkdir(parents=True)
+    clip = folder / ("clip" if space is None else "clip.mov")
+    (clip if space is None else folder).mkdir(parents=True)
     solve = slanted_plane(camera, frames)
-    for image in solve.images:
+    if space is not None:
+        write_clip(clip, [light_of(_seen(solve, image)) for image in solve.images], space)
+    for image in solve.images if space is None else ():
         cv2.imwrite(str(clip / f"clip_{image.frame:04d}.png"), _seen(solve, image)[..., ::-1])
     bpy.ops.wm.read_homefile(app_template="", use_factory_startup=True)
     scene = bpy.context.scene
@@ -44,10 +52,16 @@ def write_scene(
     scene.render.filepath = "//frames/####"
     output = scene.render.image_settings
     output.file_format, output.color_mode, output.color_depth = "OPEN_EXR", "RGBA", "32"
-    settings.footage = "//clip"
+    settings.footage = f"//{clip.name}"
     blend = folder / "scene.blend"
     bpy.ops.wm.save_as_mainfile(filepath=str(blend))
     return blend
+
+
+def light_of(picture: NDArray[np.uint8]) -> NDArray[np.float64]:
+    """(H, W, 3) linear light of a picture as displayed, up to six times white where it is bright."""
+    shown = picture / 255
+    return np.asarray(decode_srgb(shown) * (1 + 5 * np.clip(4 * shown - 3, 0, 1)))
 
 
 def _seen(solve: Reconstruction, image: Image) -> NDArray[np.uint8]:

@@ -1,0 +1,68 @@
+"""An HLG clip in the window: its preview has the light that the clip and its render have."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from addon.core.media.clip import encode_srgb
+
+from ..media.colour_curves import HLG
+from ..scenes import texture
+from .clips import light_of, write_scene
+from .conftest import PICTURES
+from .program import EXTENSION, Program
+from .screen import Screen
+from .steps import SETTINGS, over
+
+SIZE = (320, 180)
+BUSY = f"__import__('sys').modules['{EXTENSION}.addon.render.viewport'].PREVIEW.is_busy()"
+
+
+@pytest.fixture
+def program(small_screen: Screen, resources: Path, folder: Path, registered: None) -> Iterator[Program]:
+    blend = write_scene(folder / "hlg", SIZE, 8, (1, 2), HLG)
+    made = Program(small_screen, resources, PICTURES / "hdr")
+    made.screen.move(*made.middle("VIEW_3D"))
+    made.screen.key("Escape")
+    made.ask(
+        f"bpy.ops.wm.open_mainfile(filepath={str(blend)!r})\n"
+        "bpy.data.objects.remove(bpy.data.objects['Cube'])\n"
+        f"{SETTINGS}.method, {SETTINGS}.blur = 'features', 0.02\n"
+        "view('VIEW_3D')['area'].spaces.active.region_3d.view_perspective = 'CAMERA'\n"
+    )
+    made.settle()
+    yield made
+    made.close()
+
+
+def seen(program: Program, name: str) -> np.ndarray:
+    """(3,) mean of the middle of the camera's frame."""
+    program.wait(f"not {BUSY}", 100)
+    program.screen.move(*program.middle("VIEW_3D", "HEADER"))
+    program.settle()
+    (left, top), (right, bottom) = over(program, (0.2, 0.2)), over(program, (0.8, 0.8))
+    shot = program.shot(name)[round(top) : round(bottom), round(left) : round(right)]
+    return np.asarray(shot.reshape(-1, 3).mean(axis=0))
+
+
+def test_the_preview_of_an_hlg_clip_has_the_light_of_the_render(program: Program) -> None:
+    part = np.s_[SIZE[1] // 5 : -SIZE[1] // 5, SIZE[0] // 5 : -SIZE[0] // 5]
+    light = light_of(texture(*SIZE))[part]
+    program.ask(
+        "with bpy.context.temp_override(**view('VIEW_3D')):\n"
+        "    bpy.ops.virtual_aperture.preview('INVOKE_DEFAULT')\n"
+    )
+    preview = seen(program, "preview")
+    assert preview == pytest.approx(255 * encode_srgb(np.clip(light, 0, 1)).mean(axis=(0, 1)), abs=3)
+    program.ask("bpy.context.scene.render.image_settings.file_format = 'PNG'")
+    assert "complete" in program.render(seconds=120)
+    file = program.pictures / "render.png"
+    assert program.ask(f"save_result({str(file)!r})") == ""
+    rendered = cv2.imread(str(file))
+    assert rendered is not None
+    assert preview == pytest.approx(rendered[part][..., ::-1].mean(axis=(0, 1)), abs=2)
