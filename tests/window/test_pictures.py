@@ -235,7 +235,7 @@ def test_presets(program: Program) -> None:
     program.screen.click(left + PRESETS * (right - left), y)
     program.settle()
     time.sleep(MENU)
-    keep(program, "presets", (left - 150, y - 60, right + 80, y + 385))
+    keep(program, "presets", (left - 150, y - 60, right + 80, y + 420))
     program.screen.key("Escape")
     rest(program)
 
