@@ -3,10 +3,10 @@
 A picture of soft shades and leaves moves before a camera; its left half is in focus, its right half far out
 of it. It is recorded with noise that is white, correlated, stronger in shadows, or coded by H.264, and drawn
 with the noise given back and without. Less the same picture recorded without noise, each is its noise. The
-columns are the clip's standard deviation in the blurred half, of 255; what share of it is there without
-grain, and with it; that of four bands of the spatial spectrum, from coarse to fine; the largest correlation
-of what is added to two frames that follow each other; and the largest change in focus, of 255. `--clip FILE
-...` prints what is measured of real clips instead, and what that takes.
+columns are the blur disc in pixels; the clip's standard deviation in the blurred half, of 255; what share of
+it is there without grain, and with it; that of four bands of the spatial spectrum, from coarse to fine; the
+largest correlation of what is added to two frames that follow each other; and the largest change in focus,
+of 255. `--clip FILE ...` prints what is measured of real clips instead, and what that takes.
 """
 
 from __future__ import annotations
@@ -44,6 +44,8 @@ SIZE = (640, 360)
 FOCAL, NEAR, FAR = 560.0, 8.0, 20.0
 RADIUS = 0.4
 """Scene units: discs of 34 pixels at `FAR`, with focus at `NEAR`."""
+SMALL = (0.0125, 0.03, 0.1)
+"""The same, of small discs: 1.1, 2.5 and 8.4 pixels."""
 FRAMES, FRAME = 24, 9
 PACE = 1.3
 """Pixels that the picture moves by from a frame to the next."""
@@ -164,11 +166,11 @@ def _coded(frames: dict[int, Picture], rate: int) -> dict[int, Picture]:
         return found
 
 
-def drawn(frames: dict[int, Picture], frame: int, grain: float) -> Map:
-    """(h, w, 3) a frame through the lens, of 255."""
+def drawn(frames: dict[int, Picture], frame: int, grain: float, radius: float) -> Map:
+    """(h, w, 3) a frame through a lens of an aperture's radius, of 255."""
     clip = ClipContext(reconstruction(), frames.__getitem__, HalfFar())
     lens = FrameOptions(
-        Focus(distance=NEAR), RADIUS, borrow=False, highlights=HighlightSettings(gain=0.0), grain=grain
+        Focus(distance=NEAR), radius, borrow=False, highlights=HighlightSettings(gain=0.0), grain=grain
     )
     linear = render_frame(clip, frame, lens, SIZE, lambda note: None)[..., :3]
     return np.asarray(255 * encode_srgb(np.clip(linear, 0, 1)), np.float32)
@@ -183,21 +185,23 @@ def spectrum(noise: Map) -> NDArray[np.float64]:
     return np.array([power[(radius >= low) & (radius < high)].mean() for low, high in pairwise(BANDS)])
 
 
-def judged(kind: str) -> str:
+def judged(kind: str, radius: float = RADIUS) -> str:
     """A line of the table."""
     noise, rate = KINDS[kind]
     frames, clean = recorded(noise, rate), {frame: scene(frame) for frame in (FRAME, FRAME + 1)}
     flat = np.s_[BORDER : int(0.55 * SIZE[1]), SIZE[0] // 2 + 2 * BORDER : SIZE[0] - 2 * BORDER]
     sharp = np.s_[BORDER:-BORDER, BORDER : SIZE[0] // 2 - 2 * BORDER]
-    without = drawn(frames, FRAME, 0.0), drawn(frames, FRAME + 1, 0.0)
-    grained = drawn(frames, FRAME, 1.0), drawn(frames, FRAME + 1, 1.0)
-    smooth = drawn({**frames, FRAME: np.rint(clean[FRAME]).astype(np.uint8)}, FRAME, 0.0)
+    without, grained = (
+        [drawn(frames, frame, amount, radius) for frame in (FRAME, FRAME + 1)] for amount in (0.0, 1.0)
+    )
+    smooth = drawn({**frames, FRAME: np.rint(clean[FRAME]).astype(np.uint8)}, FRAME, 0.0, radius)
     own = (frames[FRAME] - clean[FRAME])[flat]
     before, after = (each[0][flat] - smooth[flat] for each in (without, grained))
     added = [(a - b)[flat] for a, b in zip(grained, without, strict=True)]
     change = max(np.abs(a - b)[sharp].max() for a, b in zip(grained, without, strict=True))
     scale = max(float(own.std()), 1e-6)
-    line = f"{kind:22} {scale:5.2f} {before.std() / scale:7.2f} {after.std() / scale:6.2f}   "
+    disc = 2 * radius * FOCAL * (1 / NEAR - 1 / FAR)
+    line = f"{kind:22} {disc:4.1f} {scale:5.2f} {before.std() / scale:7.2f} {after.std() / scale:6.2f}   "
     if added[0].std() == 0:
         return line + f"nothing added{'':34} {change:.3g}"
     bands = np.sqrt(spectrum(after) / np.maximum(spectrum(own), 1e-9))
@@ -250,9 +254,12 @@ def main() -> None:
         for path in options.clip:
             print(real(path), flush=True)
         return
-    print("noise                  sigma without   with   bands, coarse to fine     correlation   change")
+    print("noise                  disc sigma without   with   bands, coarse to fine     correlation   change")
     for kind in KINDS:
         print(judged(kind), flush=True)
+    for radius in SMALL:
+        for kind in ("white", "correlated"):
+            print(judged(kind, radius), flush=True)
 
 
 if __name__ == "__main__":

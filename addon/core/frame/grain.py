@@ -12,7 +12,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from ..base.arrays import LinearRGB, LinearRGBA, Map
+from ..base.arrays import Indices, LinearRGB, LinearRGBA, Map
 from ..camera.canvas import Canvas
 from ..media.clip import decode_srgb, encode_srgb
 from ..media.noise import Noise
@@ -23,6 +23,9 @@ from .warped_frame import WarpedFrame
 
 VIEWS = 8
 """Views that tell what is lost: steps of an eighth at silhouettes, in the strength of noise, are not seen."""
+FINE = 2.0
+"""Pixels of a disc that takes the same part of the spectrum as all smaller ones; larger ones take more of the
+whole."""
 LEAST = 1e-3
 """Share that counts as nothing: resampling for a lens with distortion rings by as much."""
 
@@ -71,11 +74,25 @@ def grained(picture: LinearRGBA, lost: Map, noise: Noise, frame: int, amount: fl
         return picture
     height, width = picture.shape[:2]
     result, part = picture.copy(), picture[rows, columns]
-    # Of variances, which add: 1 - (1 - lost)^2.
-    share = np.clip(lost[rows, columns], 0, 1)
-    components = noise.components((width, height), frame)[rows, columns] * np.sqrt(share * (2 - share))
+    components = _lacking(lost[rows, columns], noise, (width, height), frame, (rows, columns))
     alpha = np.maximum(part[:, 3:], np.float32(1e-6))
     shown = encode_srgb(part[:, :3] / alpha).astype(np.float32)
     shown += np.float32(amount) * noise.coloured(components, shown.mean(axis=1))
     result[rows, columns, :3] = decode_srgb(np.maximum(shown, 0)) * part[:, 3:]
     return result
+
+
+def _lacking(lost: Map, noise: Noise, size: tuple[int, int], frame: int, at: tuple[Indices, Indices]) -> Map:
+    """(n, 3) components of the noise that pixels at rows and columns (n,) lack, of a picture (width, height),
+    by the shares (n, 3) of their standard deviation that are lost."""
+    fine = noise.taken(FINE)
+    # Of variances, which add: 1 - (1 - lost)^2.
+    share = np.clip(lost, 0, 1)
+    share *= 2 - share
+    small = 1 - noise.left(np.full(1, FINE, np.float32)) ** 2
+    whole = np.clip((share - small) / (1 - small), 0, 1)
+    # Both are made of the same white noise.
+    common = (noise.kernels * fine.kernels).sum(axis=(1, 2))
+    variance = whole**2 + (1 - whole) ** 2 + 2 * common * whole * (1 - whole)
+    coarse, finer = (each.components(size, frame)[at] for each in (noise, fine))
+    return np.asarray((whole * coarse + (1 - whole) * finer) * np.sqrt(share / variance), np.float32)

@@ -133,15 +133,21 @@ class Noise:
     @cached_property
     def _left(self) -> Map:
         """(ENTRIES, 3) what is `left`."""
-        across = np.fft.fftfreq(2 * BLOCK)
         power = np.abs(np.fft.fft2(self.kernels, (2 * BLOCK, 2 * BLOCK))).reshape(3, -1) ** 2
-        frequency = np.hypot(across[:, None], across).ravel()
-        diameter = WIDEST * np.linspace(0, 1, ENTRIES) ** 2
-        x, at = np.unique(np.round(frequency, 6), return_inverse=True)
-        disc = _disc_transfer(np.pi * diameter[:, None] * x)[:, at]
+        disc = _disc_transfers(WIDEST * np.linspace(0, 1, ENTRIES) ** 2)
         left = np.asarray(np.sqrt((disc**2 @ power.T) / power.sum(axis=1)), np.float32)
         left[0] = 1
         return left
+
+    def taken(self, disc: float) -> Noise:
+        """Noise as strong, with the spectrum of what a blur disc of a diameter in pixels takes: the finer
+        part of it."""
+        side = 2 * BLOCK
+        size = np.abs(np.fft.fft2(self.kernels, (side, side)))
+        size *= np.sqrt(np.maximum(1 - _disc_transfers(np.array([disc])) ** 2, 0)).reshape(side, side)
+        middle = slice(BLOCK - BLOCK // 2 + 1, BLOCK + BLOCK // 2)
+        kernels = np.fft.fftshift(np.fft.ifft2(size).real, axes=(1, 2))[:, middle, middle]
+        return Noise(self.sigma, self.axes, _of_power_one(kernels))
 
     def at_scale(self, scale: float) -> Noise:
         """What it is in pictures that are `scale` times as large, resampled as those are."""
@@ -299,10 +305,22 @@ def _components(blocks: Map, moved: Map) -> tuple[Floats, Map]:
     power = (own * rest.conj()).real.mean(axis=0) / white
     power = np.maximum(power, FAINT * power.max(axis=(1, 2), keepdims=True))
     kernel = np.fft.fftshift(np.fft.ifft2(np.sqrt(power)).real, axes=(1, 2))[:, 1:, 1:]
-    kernel /= np.sqrt((kernel**2).sum(axis=(1, 2), keepdims=True))
     axes = vector * size
     axes /= np.linalg.norm(axes, axis=1, keepdims=True)
-    return np.asarray(axes, np.float64), np.asarray(kernel, np.float32)
+    return np.asarray(axes, np.float64), _of_power_one(kernel)
+
+
+def _of_power_one(kernels: Floats) -> Map:
+    """Filters (3, n, n) that leave white noise its variance."""
+    return np.asarray(kernels / np.sqrt((kernels**2).sum(axis=(1, 2), keepdims=True)), np.float32)
+
+
+def _disc_transfers(diameter: Floats) -> Floats:
+    """(n, m) transforms of discs of diameters (n,) in pixels, at the m frequencies of a square of twice
+    `BLOCK` pixels."""
+    across = np.fft.fftfreq(2 * BLOCK)
+    frequency, at = np.unique(np.round(np.hypot(across[:, None], across).ravel(), 6), return_inverse=True)
+    return np.asarray(_disc_transfer(np.pi * diameter[:, None] * frequency)[:, at])
 
 
 @cache
