@@ -136,6 +136,21 @@ def test_what_a_disc_leaves() -> None:
     assert (coarse.left(np.array([4.0], np.float32)) > 1.5 * left[1]).all()
 
 
+def test_what_a_small_disc_takes_is_the_finer_part() -> None:
+    """What a disc leaves and what it takes make the whole, in each frequency of the kernels' spectra."""
+    noise = noise_like(blurred)
+    taken, whole = (np.abs(np.fft.fft2(each.kernels, (64, 64))) ** 2 for each in (noise.taken(2.0), noise))
+    lost = 1 - noise.left(np.full(1, 2.0, np.float32))[0] ** 2
+    share = lost[:, None, None] * taken / whole
+    assert np.abs(share[:, 0, 0]).max() < 0.05
+    frequency = np.fft.fftfreq(64)
+    for column in (6, 12, 18):
+        x = np.pi * 2.0 * frequency[column]
+        # The disc's transform 2 J1(x) / x, as a series.
+        disc = 1 - x**2 / 8 + x**4 / 192 - x**6 / 9216
+        assert np.abs(share[:, 0, column] - (1 - disc**2)).max() < 0.05
+
+
 def test_noise_of_a_frame_is_always_the_same_and_another_frames_is_not() -> None:
     noise = noise_like(white)
     one, again, other = (noise.components(SIZE, frame) for frame in (5, 5, 6))
