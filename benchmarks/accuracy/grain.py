@@ -44,8 +44,8 @@ SIZE = (640, 360)
 FOCAL, NEAR, FAR = 560.0, 8.0, 20.0
 RADIUS = 0.4
 """Scene units: discs of 34 pixels at `FAR`, with focus at `NEAR`."""
-SMALL = (0.0125, 0.03, 0.1)
-"""The same, of small discs: 1.1, 2.5 and 8.4 pixels."""
+SMALL = (0.0125, 0.03, 0.05, 0.1)
+"""The same, of small discs: 1.1, 2.5, 4.2 and 8.4 pixels."""
 FRAMES, FRAME = 24, 9
 PACE = 1.3
 """Pixels that the picture moves by from a frame to the next."""
