@@ -105,7 +105,8 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as made:
         folder = arguments.work or Path(made)
         work, blend = folder / "desk.aperture", folder / "desk.blend"
-        if not work.exists() and run_command(["solve", str(ROOT / "sample_scenes" / "desk.mp4"), "--work", str(work)]):
+        clip = str(ROOT / "sample_scenes" / "desk.mp4")
+        if not work.exists() and run_command(["solve", clip, "--work", str(work)]):
             return 1
         blend.unlink(missing_ok=True)
         if run_command(["save", str(work), *LENS, "--no-copy", "--blend", str(blend)]):
