@@ -12,7 +12,7 @@ the highlight to a place of the aperture, surfaces are looked for as in Policarp
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import product
 
@@ -97,7 +97,7 @@ class SmallHighlight:
 def _middles(light: LinearRGB) -> Floats:
     """(n, 2) x and y of the middle of the light of patches (n, h, w, 3), in pixels from their corners."""
     energy = light.sum(axis=3, dtype=np.float64)
-    total = np.maximum(energy.sum(axis=(1, 2)), np.finfo(np.float64).tiny)
+    total = energy.sum(axis=(1, 2))
     x, y = (energy.sum(axis=axis) @ (np.arange(energy.shape[3 - axis]) + 0.5) for axis in (1, 2))
     return np.stack([x, y], axis=1) / total[:, None]
 
@@ -147,7 +147,10 @@ class HighlightDiscs:
         before = _Surfaces(layers, cg, lens, (own.height, own.width))
         for one, focal_plane in product(self.found, _focal_planes(plan)):
             checkpoint()
-            discs, corners = self._discs(one, plan, before, focal_plane)
+            focused = replace(one, light=one.light * focal_plane.channels)
+            if not focused.light.any():
+                continue
+            discs, corners = self._discs(focused, plan, before, focal_plane)
             for disc, (row, column) in zip(discs, corners.tolist(), strict=True):
                 top, left = max(0, -row), max(0, -column)
                 part = disc[top : max(0, height - row), left : max(0, width - column)]
@@ -160,9 +163,8 @@ class HighlightDiscs:
     def _discs(
         self, one: SmallHighlight, plan: FramePlan, before: _Surfaces, focal_plane: _FocalPlane
     ) -> tuple[LinearRGB, Ints]:
-        """The light (n, h, w, 3) of the discs of a highlight's parts as far as it arrives, in the channels of
-        a focal plane, and the rows and columns (n, 2) where they begin, which may be outside of the
-        canvas."""
+        """The light (n, h, w, 3) of the discs of a highlight's parts as far as it arrives, focused as a focal
+        plane is, and the rows and columns (n, 2) where they begin, which may be outside of the canvas."""
         pinhole = plan.canvas.pinhole
         seen_here = _as_seen(one, self.steadied) if self.steadied else one
         displacement = focal_plane.displacement(seen_here)
@@ -172,7 +174,6 @@ class HighlightDiscs:
         steps = before.steps(one)
         # What hides a highlight covers another part of the disc of each of its places.
         light, corner = seen_here.parts(PARTS if len(steps) else 1)
-        light = light * focal_plane.channels
         begin = corner - np.array(reach, np.int32)
         places = _middles(light) + corner[:, ::-1]
         if plan.vignetting:
