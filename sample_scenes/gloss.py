@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import bpy
 import numpy as np
 
@@ -47,13 +49,15 @@ def _shining(rng: Generator) -> list[Prop]:
     ]
 
 
-def build(shining: Stage, samples: int = 64) -> bpy.types.Scene:
-    """What `staging.build` makes, with the things of `GLOSS` mirroring what is lit."""
+def build(
+    shining: Stage, samples: int = 64, gloss: Mapping[str, tuple[float, float]] = GLOSS
+) -> bpy.types.Scene:
+    """What `staging.build` makes, with the things named in `gloss` mirroring what is lit, as `GLOSS` says."""
     scene = staging.build(shining, samples)
     for number, prop in enumerate(shining.things, start=1):
-        if prop.name in GLOSS:
+        if prop.name in gloss:
             (thing,) = (each for each in scene.objects if each.pass_index == number)
-            _polish(thing.data.materials[0], *GLOSS[prop.name])
+            _polish(thing.data.materials[0], *gloss[prop.name])
     cycles = scene.cycles
     cycles.max_bounces = cycles.glossy_bounces = 1
     cycles.diffuse_bounces = 0
