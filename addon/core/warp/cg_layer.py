@@ -66,24 +66,25 @@ class CGLayer:
     def scaled(self, before: Intrinsics, after: Intrinsics) -> CGLayer:
         """The same on another canvas, whose pinhole is the same at another size."""
         scale = after.focal / before.focal
-        first = (np.array(self.corner) - before.principal_point) * scale + after.principal_point
+        # Blurred first where it shrinks, or its pixels would be left out; that reaches past its border.
+        cell = [2 * round(0.5 / each) + 1 if each < 1 else 1 for each in scale.tolist()]
+        wide = self._padded(max(cell))
+        picture = np.asarray(cv2.blur(wide.picture, cell, borderType=cv2.BORDER_CONSTANT), np.float32)
+        first = (np.array(wide.corner) - before.principal_point) * scale + after.principal_point
         corner = np.floor(first).astype(int)
-        size = np.ceil(first + scale * self.inverse_depth.shape[::-1]).astype(int) - corner
+        size = np.ceil(first + scale * wide.inverse_depth.shape[::-1]).astype(int) - corner
         # From pixels of the result to those that are here, whose centres OpenCV counts from.
         shift = (corner + 0.5 - first) / scale - 0.5
         matrix = np.array([[1 / scale[0], 0, shift[0]], [0, 1 / scale[1], shift[1]]])
-        inverse = cv2.WARP_INVERSE_MAP
 
         def at(values: Map, how: int, border: int) -> Map:
-            found = cv2.warpAffine(values, matrix, size.tolist(), flags=how | inverse, borderMode=border)
+            flags = how | cv2.WARP_INVERSE_MAP
+            found = cv2.warpAffine(values, matrix, size.tolist(), flags=flags, borderMode=border)
             return np.asarray(found, np.float32)
 
-        # Blurred first where it shrinks, or its pixels would be left out.
-        cell = [max(1, round(1 / each)) for each in scale.tolist()]
-        picture = cv2.blur(self.picture, cell, borderType=cv2.BORDER_CONSTANT)
         return CGLayer(
-            at(np.asarray(picture, np.float32), cv2.INTER_LINEAR, cv2.BORDER_CONSTANT),
-            at(self.inverse_depth, cv2.INTER_NEAREST, cv2.BORDER_REPLICATE),
+            at(picture, cv2.INTER_LINEAR, cv2.BORDER_CONSTANT),
+            at(wide.inverse_depth, cv2.INTER_NEAREST, cv2.BORDER_REPLICATE),
             (int(corner[0]), int(corner[1])),
         )
 

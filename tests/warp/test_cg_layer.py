@@ -1,0 +1,130 @@
+"""CG objects as layers: where they are, how far they are blurred, and what they hide."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from addon.core.camera.reconstruction import Intrinsics
+from addon.core.frame.cg_layers import CGObjects, CGSurface, joined
+from addon.core.optics.thin_lens import ThinLens
+from addon.core.warp.cg_layer import STEP, CGLayer
+from addon.core.warp.mesh import WarpMesh
+
+PINHOLE = Intrinsics(64, 48, 100.0, 100.0, 32.0, 24.0)
+MARGIN = 8
+NEAR, FOCUS = 1 / 2, 1 / 4
+SQUARE = slice(20, 30), slice(30, 45)
+"""Rows and columns of a square, with the margin."""
+
+
+def layer(inverse: float = NEAR) -> CGLayer:
+    picture = np.zeros((48 + 2 * MARGIN, 64 + 2 * MARGIN, 4), np.float32)
+    picture[SQUARE] = (0.2, 0.4, 0.6, 1.0)
+    depth = np.where(picture[..., 3] > 0, np.float32(inverse), np.float32(0))
+    found = CGLayer.of(picture, depth, MARGIN, 0.1)
+    assert found is not None
+    return found
+
+
+def test_it_is_cut_out_at_its_place() -> None:
+    made = layer()
+    assert made.corner == (30 - MARGIN, 20 - MARGIN) and made.picture.shape == (10, 15, 4)
+    assert made.places()[0, 0].tolist() == [22.5, 12.5]
+    assert CGLayer.of(np.zeros((8, 8, 4), np.float32), np.zeros((8, 8), np.float32), 0, 1.0) is None
+
+
+def test_what_has_no_surface_lies_where_it_is_said_to() -> None:
+    smoke = np.full((4, 4, 4), 0.3, np.float32)
+    found = CGLayer.of(smoke, np.zeros((4, 4), np.float32), 0, 0.125)
+    assert found is not None and (found.inverse_depth == 0.125).all()
+
+
+def test_half_covered_pixels_are_as_far_as_the_covered_ones_beside() -> None:
+    picture = np.ones((5, 5, 4), np.float32)
+    picture[:, 4] = 0.2
+    depth = np.full((5, 5), NEAR, np.float32)
+    # What the one sample of depth saw there.
+    depth[:, 4] = 0.01
+    found = CGLayer.of(picture, depth, 0, 0.0)
+    assert found is not None and (found.inverse_depth == np.float32(NEAR)).all()
+
+
+def test_no_light_is_lost_in_its_blur_and_triangles_cover_all_of_it() -> None:
+    lens = ThinLens(PINHOLE, 0.2, FOCUS)
+    made = layer()
+    mesh, texture = made.surface(lens, 9, 1.0)
+    assert texture.sum(axis=(0, 1)) == pytest.approx(made.picture.sum(axis=(0, 1)), rel=2e-3)
+    # The radius is R f (1 / 2 - 1 / 4) = 5 pixels, a third of it is blurred before: so far past the edges.
+    assert made.largest_disc(lens) == pytest.approx(10.0)
+    low, high = mesh.xy.min(axis=0), mesh.xy.max(axis=0)
+    assert (low < [22 - 1.0, 12 - 1.0]).all() and (high > [37 + 1.0, 22 + 1.0]).all()
+    assert (low > [22 - 6.0, 12 - 6.0]).all()
+    assert np.allclose(mesh.inverse_depth, NEAR)
+    corners = mesh.xy[mesh.triangles]
+    sides = corners[:, 1:] - corners[:, :1]
+    areas = np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0]) / 2
+    assert np.allclose(areas, STEP**2 / 2) and areas.sum() >= np.count_nonzero(texture[..., 3])
+
+
+def test_in_focus_it_is_as_cycles_drew_it() -> None:
+    made = layer(FOCUS)
+    mesh, texture = made.surface(ThinLens(PINHOLE, 0.2, FOCUS), 9, 1.0)
+    place = np.round(mesh.texture_xy[0] - mesh.xy[0]).astype(int) + made.corner
+    rows, columns = slice(place[1], place[1] + 10), slice(place[0], place[0] + 15)
+    assert np.array_equal(texture[rows, columns], made.picture)
+
+
+def test_on_another_raster_and_at_another_size_it_is_at_the_same_place() -> None:
+    made = layer()
+    wide = made.on_raster((3, 5), (54, 74))
+    assert wide.picture.shape == (54, 74, 4) and wide.corner == (-5, -3)
+    row, column = np.nonzero(wide.picture[..., 3])
+    assert (row.min() - 3, column.min() - 5) == made.corner[::-1]
+    half = replace(PINHOLE, width=32, height=24, fx=50.0, fy=50.0, cx=16.0, cy=12.0)
+    small = made.scaled(PINHOLE, half)
+    weight = small.picture[..., 3]
+    middle = (small.places() * weight[..., None]).sum(axis=(0, 1)) / weight.sum()
+    assert middle == pytest.approx([(22 + 7.5) / 2, (12 + 5) / 2], abs=0.1)
+    assert weight.sum() == pytest.approx(10 * 15 / 4, rel=0.05)
+
+
+def test_triangles_are_joined_from_far_to_near_after_the_opaque_ones() -> None:
+    xy = np.array([[0.5, 0.5], [3.5, 0.5], [0.5, 3.5], [0.5, 0.5], [3.5, 0.5], [0.5, 3.5]])
+    plate = WarpMesh(xy, xy, np.array([0.9] * 3 + [0.3] * 3), np.array([[0, 1, 2], [3, 4, 5]], np.int32))
+    made = [layer(inverse) for inverse in (0.5, 0.2)]
+    lens = ThinLens(PINHOLE, 0.01, FOCUS)
+    surfaces = [CGSurface(each, *each.surface(lens, 9, 1.0)) for each in made]
+    mesh, texture = joined(plate, np.ones((4, 4, 4), np.float32), 1, surfaces)
+    # The first one stays, though it is nearest; the rest is far to near.
+    assert mesh.triangles[0].tolist() == [0, 1, 2]
+    assert (np.diff(mesh.inverse_depth[mesh.triangles[1:]].min(axis=1)) >= 0).all()
+    # Each is painted with its own: below the clip's rows, in the order of the surfaces.
+    heights = [4, *(each.texture.shape[0] for each in surfaces)]
+    assert texture.shape[0] == sum(heights)
+    first = len(plate.xy)
+    rows = mesh.texture_xy[first : first + len(surfaces[0].mesh.xy), 1]
+    assert rows.min() > heights[0] and rows.max() < heights[0] + heights[1]
+
+
+def test_a_mesh_that_looks_past_its_texture_sees_it_mirrored() -> None:
+    xy = np.array([[-2.0, -2.0], [6.0, -2.0], [-2.0, 6.0]])
+    plate = WarpMesh(xy, xy, np.full(3, 0.1), np.array([[0, 1, 2]], np.int32))
+    texture = np.arange(64, dtype=np.float32).reshape(4, 4, 4)
+    made = layer()
+    surface = CGSurface(made, *made.surface(ThinLens(PINHOLE, 0.01, FOCUS), 9, 1.0))
+    mesh, both = joined(plate, texture, 1, [surface])
+    shift = mesh.texture_xy[0] - xy[0]
+    assert (mesh.texture_xy[:3] >= 0).all()
+    left, top = shift.astype(int)
+    assert np.array_equal(both[top : top + 4, left : left + 4], texture)
+    assert np.array_equal(both[top, left - 1], texture[0, 0])
+
+
+def test_shadows_dim_the_clip_and_not_its_alpha() -> None:
+    picture = np.ones((2, 2, 4), np.float32)
+    shadow = np.full((2, 2, 3), 0.25, np.float32)
+    assert CGObjects((), shadow).shaded(picture)[0, 0].tolist() == [0.25, 0.25, 0.25, 1.0]
+    assert CGObjects().shaded(picture) is picture
