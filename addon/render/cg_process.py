@@ -167,7 +167,13 @@ def draw_cg(scene: bpy.types.Scene, layer: str) -> DrawCG | None:
         global _process
         if _process is None:
             _process = CGProcess(original.name)
-        return _process.draw(layer, scene_frame, canvas.pinhole, depth)
+        try:
+            return _process.draw(layer, scene_frame, canvas.pinhole, depth)
+        except UserError:
+            # The next frame has another one.
+            _process.end()
+            _process = None
+            raise
 
     return draw
 

@@ -17,7 +17,6 @@ from ..core.base import limits
 from ..core.base.arrays import Floats, Ints, LinearRGB, LinearRGBA, Map
 from ..core.base.errors import UserError
 from ..core.camera.reconstruction import Intrinsics
-from ..scene import exr
 from ..scene.camera import set_intrinsics, set_pixel_aspect
 from ..scene.cg_objects import cg_objects, has_shadows, split_by_depth
 from .quiet import quiet
@@ -189,10 +188,17 @@ class CyclesScene:
         return tree
 
     def _read(self, name: str) -> LinearRGBA:
+        """A picture (H, W, 4) that was written. Not by `imbuf`, which multiplies by alpha once more."""
         path = self._folder / f"{name}.exr"
-        picture = exr.read(path)
-        path.unlink()
-        return picture
+        image = bpy.data.images.load(str(path), check_existing=False)
+        try:
+            image.colorspace_settings.name, image.alpha_mode = "Non-Color", "PREMUL"
+            pixels = np.empty(4 * image.size[0] * image.size[1], np.float32)
+            image.pixels.foreach_get(pixels)
+            return np.ascontiguousarray(pixels.reshape(image.size[1], image.size[0], 4)[::-1])
+        finally:
+            bpy.data.images.remove(image)
+            path.unlink()
 
 
 def _plate(inverse: Map, pinhole: Intrinsics) -> bpy.types.Object:

@@ -89,8 +89,9 @@ def register() -> None:
     frame_notes.register()
     frames_ahead.register()
     cg_process.register()
-    cg_preview.register()
     viewport.register()
+    # After what ends the preview where another file is opened, which may wait for the process.
+    cg_preview.register()
     # After what takes overlays away from the preview's picture: the points are drawn over that.
     points_overlay.register()
     solve_view.register()

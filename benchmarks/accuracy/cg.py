@@ -4,16 +4,19 @@
 
 The clip is a sample scene without the object, its depth is true (T1), and the object comes from the scene
 that the product builds of it. PSNR after sRGB: of the object's surroundings, which are within the reach of
-blur of where it is; of its silhouettes, and of the clip's own. Costs are CPU seconds of all processes.
+blur of where it is; of its silhouettes, and of the clip's own. Costs are CPU seconds, of Cycles with as many
+samples for the object alone and for the whole through its own lens.
 """
 
 from __future__ import annotations
 
 import argparse
-import resource
+import tempfile
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
+from pathlib import Path
 
 import bpy
 import cv2
@@ -23,12 +26,15 @@ from numpy.typing import NDArray
 import addon
 from addon.core.camera.reconstruction import Points, Reconstruction
 from addon.core.focus.focus import Focus
+from addon.core.frame.cg_layers import DrawCG
 from addon.core.frame.clip_context import ClipContext
 from addon.core.frame.plan import FrameOptions
 from addon.core.media.clip import open_footage
 from addon.render.average import render_frame
-from addon.render.cg_process import draw_cg, kept
+from addon.render.cg_process import OVERSCAN, draw_cg, kept
+from addon.render.cycles_layers import CyclesScene, Wanted
 from addon.render.gpu_views import start_gpu
+from addon.render.quiet import quiet
 from addon.scene.build import build
 from sample_scenes import filming, staging, textures
 from sample_scenes.shapes import sphere
@@ -36,7 +42,7 @@ from sample_scenes.stage import Prop, Stage
 
 from . import metrics
 from .cases import TrueDepth
-from .scenes import Staged
+from .scenes import Picture, Staged
 
 Mask = NDArray[np.bool_]
 
@@ -128,9 +134,35 @@ def bands(plain: Sized, both: Sized, frame: int, blur: int) -> dict[str, Mask]:
     return {"surroundings": near, "its silhouettes": rim, "the clip's own": own & ~near, "rest": ~near}
 
 
-def _cpu() -> float:
-    used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
-    return sum(each.ru_utime + each.ru_stime for each in used)
+def costs(
+    clip: Callable[[DrawCG | None], object], scene: bpy.types.Scene, both: Sized, frame: int, focus: float
+) -> dict[str, float]:
+    """CPU seconds of a frame by part; `clip` draws it with what draws the object."""
+    seconds = {}
+
+    def clock(name: str, work: Callable[[], object]) -> None:
+        began = time.process_time()
+        work()
+        seconds[name] = time.process_time() - began
+
+    clock("the clip", lambda: clip(None))
+    camera = both.cameras.intrinsics(both.cameras.image_at(frame)[0])
+    margin = int(np.ceil(OVERSCAN * camera.width))
+    asked = Wanted(scene.view_layers[0].name, frame, camera, margin, np.zeros((0, 0), np.float32))
+    with tempfile.TemporaryDirectory() as folder, quiet(1):
+        cycles = CyclesScene(scene, Path(folder), is_preview=False)
+        cycles.draw(asked)
+        clock("its object by Cycles", lambda: cycles.draw(asked))
+    whole = both.scene
+    data, whole.cycles.samples = whole.camera.data, SAMPLES
+    data.dof.use_dof, data.dof.focus_distance = True, focus
+    data.dof.aperture_fstop = data.lens / 1000 / (2 * both.lens_radius)
+    bpy.context.window.scene = whole
+    whole.frame_set(frame)
+    with quiet(1):
+        bpy.ops.render.render(scene=whole.name)
+        clock(f"all by Cycles with {SAMPLES} samples", lambda: bpy.ops.render.render(scene=whole.name))
+    return seconds
 
 
 def main() -> None:
@@ -162,22 +194,19 @@ def judge(name: str, width: int, blur: int, save: str = "") -> None:
     start_gpu(size)
     scene = product_scene(plain, thing)
     scene.frame_set(frame)
-    render_frame(context, frame, lens, size, lambda _: None)
-    clocks = {}
-    began = time.monotonic(), _cpu()
-    alone = render_frame(context, frame, lens, size, lambda _: None)[..., :3]
-    clocks["clip alone"] = time.monotonic() - began[0]
+
+    def drawn(draw: DrawCG | None) -> Picture:
+        return render_frame(context, frame, lens, size, lambda _: None, None, draw)[..., :3]
+
+    alone = drawn(None)
     with kept():
-        draw = draw_cg(scene, scene.view_layers[0].name)
-        render_frame(context, frame, lens, size, lambda _: None, None, draw)
-        began = time.monotonic(), _cpu()
-        picture = render_frame(context, frame, lens, size, lambda _: None, None, draw)[..., :3]
-        clocks["with the object"] = time.monotonic() - began[0]
+        picture = drawn(draw_cg(scene, scene.view_layers[0].name))
     print(f"{name}, {size[0]}x{size[1]}, blur {blur} px")
     for part, mask in masks.items():
         with_it, without = metrics.psnr(picture, truth, mask), metrics.psnr(alone, own_truth, mask)
         print(f"  {part}: {with_it:.2f} dB; the clip alone there {without:.2f} dB")
-    print("  seconds:", {key: round(value, 2) for key, value in clocks.items()})
+    for part, seconds in costs(drawn, scene, both, frame, focus).items():
+        print(f"  {part}: {seconds:.1f} CPU s")
     if save:
         for key, shown in (("truth", truth), ("ours", picture)):
             cv2.imwrite(f"{save}/{name}-{key}.png", 255 * np.clip(shown[..., ::-1], 0, 1) ** (1 / 2.2))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -9,7 +11,10 @@ import numpy as np
 import pytest
 from mathutils import Vector
 
+from addon.core.base.child import Child
 from addon.core.camera.reconstruction import Intrinsics
+from addon.render import cg_process
+from addon.render.cycles_layers import CyclesScene, Wanted
 from addon.scene.build import build
 from addon.scene.exr import read
 
@@ -26,24 +31,101 @@ def solved(scene: bpy.types.Scene, tmp_path: Path) -> bpy.types.Scene:
     settings = build(scene, shot.footage, shot.reconstruction)
     settings.focus_distance, settings.aperture_radius = DISTANCE, 0.2
     settings.method, settings.views = "features", 16
-    scene.cycles.samples = 8
+    scene.cycles.samples, scene.cycles.use_denoising = 8, False
     scene.frame_set(2)
     return scene
 
 
-def test_in_focus_it_is_sharp_and_hides_the_clip(solved: bpy.types.Scene, tmp_path: Path) -> None:
+def test_it_is_in_the_picture_with_the_blur_of_its_distance(solved: bpy.types.Scene, tmp_path: Path) -> None:
     plain = rendered(solved, tmp_path / "plain.exr")
+    # Half as far as what is in focus: its disc is 2 R f (1 / 4 - 1 / 8) = 7 pixels across, its side 20.
     place_lamp(solved, 4.0, 20)
-    # Half as far as what is in focus, its disc is 2 R f (1 / 4 - 1 / 8) = 7 pixels across.
-    both = rendered(solved, tmp_path / "both.exr")
+    # Behind the clip's plane, which is 12 away at its farthest: it is not seen.
+    place_lamp(solved, 30.0, 40)
+    # Each frame of the file is drawn by one process.
+    with cg_process.kept():
+        both = rendered(solved, tmp_path / "both.exr")
+        again = rendered(solved, tmp_path / "again.exr")
+    assert np.array_equal(both, again)
     assert np.allclose(both[42:48, 77:83, :3], LIGHT, rtol=0.02)
     assert np.allclose(both[:, :40], plain[:, :40], atol=1e-4)
+    # What it hides of the clip is black where it covers all of a pixel, and its light is spread, not lost.
+    share = (both - plain)[..., 0].sum() / (LIGHT - plain[35:55, 70:90, 0].mean())
+    assert share == pytest.approx(20 * 20, rel=0.02)
+    row = (both - plain)[45, 60:80, 0]
+    soft = np.count_nonzero((row > 0.03 * LIGHT) & (row < 0.97 * LIGHT))
+    assert 5 <= soft <= 9
 
 
-def place_lamp(scene: bpy.types.Scene, distance: float, side: float) -> None:
-    """A square of so many pixels that shines, at a distance before the middle of the camera."""
-    half = side / 2 * distance / LENS.fx
-    corners = [(x * half, y * half, -distance) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+def test_the_lens_distorts_it_as_it_does_the_clip(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    bent = replace(LENS, k1=-0.25)
+    shot = slanted_shot(tmp_path / "clip", bent)
+    settings = build(scene, shot.footage, shot.reconstruction)
+    settings.focus_distance, settings.aperture_radius = DISTANCE, 0.001
+    settings.method, settings.views = "features", 4
+    scene.cycles.samples = 8
+    scene.frame_set(2)
+    place_lamp(scene, 3.0, 10, across=-0.4)
+    seen = rendered(scene, tmp_path / "bent.exr")
+    row, column = np.nonzero(seen[..., 0] > 0.9 * LIGHT)
+    expected = bent.project(np.array([-0.4, 0.0, 1.0]))
+    assert expected[0] - LENS.project(np.array([-0.4, 0.0, 1.0]))[0] > 2
+    assert [column.mean() + 0.5, row.mean() + 0.5] == pytest.approx(expected.tolist(), abs=0.7)
+
+
+def test_its_shadow_falls_on_the_clip_where_the_sun_puts_it(solved: bpy.types.Scene, tmp_path: Path) -> None:
+    cycles_scene = CyclesScene(solved, tmp_path, is_preview=False)
+    to_world = solved.camera.matrix_world.normalized()
+    place_lamp(solved, 4.0, 20).data.materials.clear()
+    sun = bpy.data.objects.new("sun", bpy.data.lights.new("sun", "SUN"))
+    # It shines along the camera's axis, from behind it.
+    sun.data.angle, sun.matrix_world = 0.0, to_world
+    solved.collection.objects.link(sun)
+    # What the square's back throws into its shadow is noise with so few samples.
+    solved.world, solved.cycles.max_bounces = None, 0
+    wall = np.full((LENS.height, LENS.width), 1 / DISTANCE, np.float32)
+    drawn = cycles_scene.draw(Wanted(solved.view_layers[0].name, 2, LENS, 6, wall))
+    assert drawn.pictures.shape == (1, 90 + 12, 160 + 12, 4)
+    assert drawn.inverse_depths[0, 51, 86] == pytest.approx(1 / 4.0, rel=1e-4)
+    # As wide as the square, at twice its distance: 10 pixels.
+    assert np.allclose(drawn.shadow[41:49, 76:84], 0, atol=0.02)
+    outside = np.ones((LENS.height, LENS.width), bool)
+    outside[39:51, 74:86] = False
+    assert np.allclose(drawn.shadow[outside], 1, atol=0.02)
+    # Drawn again it is there still, and without light there is no shadow.
+    sun.hide_render = True
+    drawn = cycles_scene.draw(Wanted(solved.view_layers[0].name, 2, LENS, 6, wall))
+    assert len(drawn.pictures) == 1 and not drawn.shadow.size
+
+
+def test_what_lies_apart_in_depth_is_drawn_whole(solved: bpy.types.Scene, tmp_path: Path) -> None:
+    cycles_scene = CyclesScene(solved, tmp_path, is_preview=False)
+    for distance, side in ((4.0, 10), (6.0, 30), (6.001, 5)):
+        place_lamp(solved, distance, side)
+    nothing = np.zeros((0, 0), np.float32)
+    drawn = cycles_scene.draw(Wanted(solved.view_layers[0].name, 2, LENS, 0, nothing))
+    areas = drawn.pictures[..., 3].sum(axis=(1, 2))
+    # Near ones first; what is a thousandth apart may touch, and what is hidden there stays hidden.
+    assert areas.tolist() == pytest.approx([100, 900], rel=0.03)
+    assert drawn.typical.tolist() == pytest.approx([1 / 4, 1 / 6], rel=1e-3)
+
+
+def test_what_cycles_cannot_do_is_said(solved: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    place_lamp(solved, 4.0, 20)
+
+    def ended(words: list[str], *more: object, **named: object) -> Child:
+        return Child([sys.executable, "-c", "raise SystemExit('no')"], lambda _: None)
+
+    monkeypatch.setattr(cg_process, "start", ended)
+    with pytest.raises(RuntimeError, match="the CG objects could not be rendered"):
+        bpy.ops.render.render(scene=solved.name)
+
+
+def place_lamp(scene: bpy.types.Scene, distance: float, side: float, across: float = 0.0) -> bpy.types.Object:
+    """A square of so many pixels that shines, at a distance before the camera, `across` times that to its
+    right."""
+    half, middle = side / 2 * distance / LENS.fx, across * distance
+    corners = [(middle + x * half, y * half, -distance) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
     to_world = scene.camera.matrix_world.normalized()
     mesh = bpy.data.meshes.new("lamp")
     mesh.from_pydata([to_world @ Vector(corner) for corner in corners], [], [(0, 1, 2, 3)])
@@ -54,7 +136,9 @@ def place_lamp(scene: bpy.types.Scene, distance: float, side: float) -> None:
     light.inputs["Strength"].default_value = LIGHT
     material.node_tree.links.new(light.outputs[0], out.inputs[0])
     mesh.materials.append(material)
-    scene.collection.objects.link(bpy.data.objects.new("lamp", mesh))
+    lamp = bpy.data.objects.new("lamp", mesh)
+    scene.collection.objects.link(lamp)
+    return lamp
 
 
 def rendered(scene: bpy.types.Scene, file: Path) -> np.ndarray:
