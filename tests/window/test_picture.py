@@ -152,6 +152,10 @@ def test_cg_objects_come_into_the_picture_and_leave_it(program: Program) -> None
     assert program.ask(f"[{SHOWN}.said, {SHOWN}.level]") == ["", "Final"]
     there = program.ask(f"float(({SHOWN}).picture.linear.astype('f4').mean())")
     assert there != pytest.approx(alone, abs=1e-3)
+    assert "complete" in program.render(seconds=120)
+    program.shot("cg_rendered")
+    while program.ask("len(bpy.context.window_manager.windows)") > 1:
+        program.close_window()
     program.ask("bpy.ops.object.delete()\nNone")
     program.settle()
     program.wait(f"not {BUSY}", 60)
