@@ -1,17 +1,21 @@
 """Lamps of known radiance, clipped by the camera: `python -m benchmarks.accuracy.highlight_radiance`.
 
 A plane with a texture and round lamps is recorded as a clip is (point spread, pixels, noise, 8 bits) by a
-camera that moves sideways. The radiance of what is clipped is estimated in several ways, and the plane is
-blurred by a disc, which is what a lens does to a plane. Scores are PSNR of that as displayed, and the energy
-of light sources over the true one: its median, and the root of the mean square of its logarithm.
+camera that moves sideways; "coded" is the same clip as H.264. The radiance of what is clipped is estimated
+in several ways, and the plane is blurred by a disc, which is what a lens does to a plane. Scores are PSNR of
+that as displayed, and the energy of light sources over the true one: its median, the root of the mean square
+of its logarithm, and the spread (standard deviation) of that among the lamps, which are equal. "mixed" has
+paper lanterns of 5 times white and bulbs of 200.
 """
 
 from __future__ import annotations
 
 import argparse
+import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -21,15 +25,20 @@ from addon.core.base.arrays import LinearRGBA
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
 from addon.core.frame.clip_context import ClipContext
 from addon.core.frame.highlights import HighlightSettings
-from addon.core.media.clip import encode_srgb, to_linear
+from addon.core.media.clip import encode_srgb, open_footage, to_linear
 from addon.core.warp.clipped_blobs import clipped_blobs, point_spread
 from addon.core.warp.footprint import disc_kernel
-from addon.core.warp.highlights import colour_of
+from addon.core.warp.highlight_kinds import RADIANCES as TRIED
+from addon.core.warp.highlight_kinds import kinds_of, tints
+from addon.core.warp.highlights import lost_light
 
+from ..coded import encode
 from . import metrics
 
-RADIANCES = (2.0, 6.0, 20.0, 60.0, 200.0)
+RADIANCES = (2.0, 6.0, 20.0, 60.0, 200.0, 1000.0)
 """Of the lamps, times white."""
+MIXED = (5.0, 200.0)
+"""Of the larger lamps, which are paper lanterns, and of the smaller ones, in the clip of both kinds."""
 SIZE = (640, 360)
 FOCAL, DEPTH = 600.0, 10.0
 FRAMES = 25
@@ -55,9 +64,15 @@ type Estimator = Callable[["Clip", LinearRGBA], LinearRGBA]
 
 @dataclass(frozen=True)
 class Clip:
-    """Lamps of one radiance before a moving camera."""
+    """Lamps before a moving camera."""
 
-    radiance: float
+    radiances: tuple[float, ...]
+    """Times white, of each row of lamps, from the smallest on."""
+    coded: bool = False
+
+    def __str__(self) -> str:
+        kinds = sorted(set(self.radiances))
+        return f"{kinds[0]:g}" if len(kinds) == 1 else "mixed"
 
     @property
     def reconstruction(self) -> Reconstruction:
@@ -84,16 +99,30 @@ class Clip:
             disc = (away <= RADII[number // LAMPS[0]]).astype(np.float32)
             disc = cv2.GaussianBlur(disc, (0, 0), SPREAD * FINER)
             covered = disc.reshape(16, FINER, 16, FINER).mean(axis=(1, 3))
-            lamps[top : top + 16, left : left + 16] += covered[..., None] * colours[number % 4]
-        if part == "lamps":
-            return self.radiance * lamps
-        return _ground(frame) + self.radiance * lamps
+            light = self.radiances[number // LAMPS[0]] * colours[number % 4]
+            lamps[top : top + 16, left : left + 16] += covered[..., None] * light
+        return lamps if part == "lamps" else _ground(frame) + lamps
 
     def read(self, frame: int) -> NDArray[np.uint8]:
-        """(h, w, 3) as the camera records it."""
+        """(h, w, 3) as the product reads it."""
+        return _recorded(self)[frame - 1]
+
+    def sensed(self, frame: int) -> NDArray[np.uint8]:
+        """(h, w, 3) as the camera records it, before it is coded."""
         shown = 255 * encode_srgb(np.clip(self.light(frame), 0, 1))
         noise = np.random.default_rng(frame).normal(0, NOISE, shown.shape)
         return np.asarray(np.rint(np.clip(shown + noise, 0, 255)), np.uint8)
+
+
+@lru_cache(maxsize=2)
+def _recorded(clip: Clip) -> list[NDArray[np.uint8]]:
+    """A clip's frames."""
+    frames = [clip.sensed(frame) for frame in range(1, FRAMES + 1)]
+    if not clip.coded:
+        return frames
+    with tempfile.TemporaryDirectory() as folder:
+        footage = open_footage(encode(frames, Path(folder) / "lamps.mp4"))
+        return [np.asarray(footage.read(frame)) for frame in range(1, FRAMES + 1)]
 
 
 def _places() -> NDArray[np.float64]:
@@ -138,13 +167,22 @@ def _by_area(_clip: Clip, seen: LinearRGBA) -> LinearRGBA:
     energy = 2 * np.pi * squared * np.exp(np.minimum(blobs.area / (2 * np.pi * squared), 30.0))
     radiance = np.clip(energy / blobs.area, 1, 1000)[:, None]
     for some in blobs.patches:
-        pixel, light = some.pixel[some.seen], radiance[some.number] * colour_of(some.rim)
+        pixel, light = some.pixel[some.seen], radiance[some.number] * tints(some.rim, some.doubt)
         flat[pixel, :3] = np.maximum(flat[pixel, :3], light[np.nonzero(some.seen)[0]])
     return found
 
 
+def _alone(clip: Clip, seen: LinearRGBA) -> LinearRGBA:
+    """What ships, of each lamp in one frame alone."""
+    found, blobs = seen.copy(), clipped_blobs(seen, HighlightSettings.threshold)
+    nobody = np.zeros(len(blobs)), np.zeros((len(blobs), len(TRIED))), np.zeros((len(blobs), 3))
+    lost = lost_light(blobs, HighlightSettings.threshold, nobody, kinds_of([]))
+    found.reshape(-1, found.shape[2])[lost.pixel, :3] += lost.light
+    return found
+
+
 def _by_rim(clip: Clip, seen: LinearRGBA) -> LinearRGBA:
-    """What ships, of one frame alone."""
+    """What ships, of the lamps of one frame."""
     alone = ClipContext(_of_frames(clip, 1), clip.read)
     return alone.picture(FRAMES // 2 + 1, HighlightSettings())
 
@@ -172,8 +210,9 @@ ESTIMATORS: dict[str, Estimator] = {
     "gain 3": _fixed(3),
     "gain 8": _fixed(8),
     "area against point spread": _by_area,
-    "rim, one frame": _by_rim,
-    "rim, all frames (ships)": _shipped,
+    "rim, alone": _alone,
+    "rims of a frame": _by_rim,
+    "rims of all frames (ships)": _shipped,
     "truth where clipped": _true,
 }
 
@@ -190,21 +229,28 @@ def row(clip: Clip, name: str) -> str:
     for x, y in _places() - [(frame - 1) * PACE, 0]:
         around = np.s_[int(y) - 10 : int(y) + 10, int(x) - 10 : int(x) + 10, :3]
         logs.append(np.log(max(float((found[around] - ground[around]).sum()), 1e-3) / lamps[around].sum()))
-    spread = np.sqrt(np.mean(np.square(logs)))
-    return f"| {clip.radiance:g} | {name} | {psnr:.2f} | {np.exp(np.median(logs)):.2f} | {spread:.2f} |"
+    off, spread = np.sqrt(np.mean(np.square(logs))), np.std(logs)
+    kind = "coded" if clip.coded else "clean"
+    energy = np.exp(np.median(logs))
+    return f"| {clip} | {kind} | {name} | {psnr:.2f} | {energy:.2f} | {off:.2f} | {spread:.2f} |"
 
 
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--radiances", nargs="+", type=float, default=RADIANCES)
+    parser.add_argument("--radiances", nargs="*", type=float, default=RADIANCES)
+    parser.add_argument("--no-mixed", action="store_true")
     parser.add_argument("--estimators", nargs="+", default=list(ESTIMATORS), choices=ESTIMATORS)
     options = parser.parse_args()
-    print("| true radiance | estimator | PSNR, dB | energy, median | error of its logarithm |")
-    print("|---|---|---|---|---|")
-    for radiance in options.radiances:
-        for name in options.estimators:
-            print(row(Clip(radiance), name), flush=True)
+    kinds = [(radiance,) * len(RADII) for radiance in options.radiances]
+    if not options.no_mixed:
+        kinds.append(tuple(MIXED[radius < RADII[-2]] for radius in RADII))
+    print("| true radiance | clip | estimator | PSNR, dB | energy, median | error of its log | spread |")
+    print("|---|---|---|---|---|---|---|")
+    for kind in kinds:
+        for coded in (False, True):
+            for name in options.estimators:
+                print(row(Clip(kind, coded), name), flush=True)
 
 
 if __name__ == "__main__":

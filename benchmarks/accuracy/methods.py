@@ -72,7 +72,7 @@ def no_blur(case: BenchmarkCase, views: int) -> Answer:
 def thesis(case: BenchmarkCase, views: int) -> Answer:
     """The thesis's method: features, pinned corners, random positions, fitted registration."""
     rec, focus = _with_picks(case)
-    return _through(
+    return through(
         case,
         replace(case.clip, reconstruction=rec),
         FrameOptions(focus, case.radius, views, "thesis", highlights=HighlightSettings(gain=0)),
@@ -81,7 +81,7 @@ def thesis(case: BenchmarkCase, views: int) -> Answer:
 
 def by_mesher(name: str, case: BenchmarkCase, views: int) -> Answer:
     """A mesher of the product, as the product calls it; 0 views leaves the number to it."""
-    return _through(case, case.clip, FrameOptions(case.focus, case.radius, views, name))
+    return through(case, case.clip, FrameOptions(case.focus, case.radius, views, name))
 
 
 def of_quality(quality: Quality, case: BenchmarkCase, views: int) -> Answer:
@@ -102,7 +102,7 @@ def known_fill(case: BenchmarkCase, views: int) -> Answer:
         clip.reconstruction, clip.read, clip.given_depth, clip.masks,
         fill=lambda *frame: partial(_colours, surfaces),
     )  # fmt: skip
-    return _through(case, filled, FrameOptions(case.focus, case.radius, views))
+    return through(case, filled, FrameOptions(case.focus, case.radius, views))
 
 
 def _colours(
@@ -208,7 +208,7 @@ def _size(case: BenchmarkCase) -> tuple[int, int]:
     return case.picture.shape[1], case.picture.shape[0]
 
 
-def _through(case: BenchmarkCase, clip: ClipContext, lens: FrameOptions) -> Answer:
+def through(case: BenchmarkCase, clip: ClipContext, lens: FrameOptions) -> Answer:
     """The frame as the product draws it."""
     picture = clip.picture(case.frame, lens.highlights)
     return _drawn(warp_frame(clip, case.frame, lens, _size(case), picture))
