@@ -419,7 +419,8 @@ def without_small_highlights(
     shift = np.zeros(count)
     for number in candidates:
         part = _around(stats[number], 0)
-        shift[number] = np.median(displacement[part][label[part] == number])
+        own = label[part] == number
+        shift[number] = _median(displacement[part][own], peak[part][own])
     candidates = candidates[2 * np.abs(shift[candidates]) >= WIDER * size[candidates]]
     candidates = candidates[np.argsort(-energy[candidates])][:MOST]
     if not len(candidates):
@@ -437,6 +438,13 @@ def without_small_highlights(
             float(shift[number]),
         ))  # fmt: skip
     return rest, HighlightDiscs(tuple(one for one in found if one.light.any()), aperture)
+
+
+def _median(values: Map, weights: Map) -> float:
+    """Of values (n,) by weights (n,): a lamp clips more pixels than its own, of what is farther."""
+    order = np.argsort(values)
+    total = np.cumsum(weights[order])
+    return float(values[order][np.searchsorted(total, total[-1] / 2)])
 
 
 def _around(stats: Ints, reach: int) -> tuple[slice, slice]:
