@@ -40,7 +40,7 @@ KEPT_DEPTH = "depth"
 """Folder of a working folder where depth is kept."""
 DEPTHS = 10
 """Version of the way that depth is found: counted up when the same options give another depth."""
-HIGHLIGHTS = 1
+HIGHLIGHTS = 2
 """Version of the way that highlights are found, in the same way."""
 IDENTITY = "virtual_aperture_identity"
 REMEMBERED = 256 << 20

@@ -24,12 +24,15 @@ from ..depth.view_selection import every_nth, relative_pose, stride
 from ..media.clip import to_linear
 from ..media.picture_file import Pixels
 from ..warp.clipped_blobs import Blobs, clipped_blobs
-from ..warp.highlights import RADIANCES, Lamps, LostLight, Told, lamps, lost_light
+from ..warp.highlight_kinds import RADIANCES, Lamps, kinds_of
+from ..warp.highlights import LostLight, Told, lamps, lost_light
 from . import kept_highlights as kept
 
 STEP, LEAST_FRAMES = 8, 8
 """Every so many-th registered frame is a source, of a short clip more, as for hidden colours
 (`FillOptions`)."""
+POOLED = 8
+"""Frames, evenly over the clip, whose light sources tell of what kinds the clip's are. By eye."""
 SPAN = 16
 """Registered frames before and after, up to which frames are sources. By eye."""
 KEPT = 64 << 20
@@ -88,6 +91,7 @@ class ClipHighlights:
         self._rec, self._read, self._threshold, self._store = reconstruction, read, threshold, store
         self._found = LRUCache[Lamps](KEPT, kept.size)
         self._lost = LRUCache[LostLight](KEPT, kept.size)
+        self._known_kinds: tuple[list[int], Floats] = [], kinds_of([])
 
     def restored(self, frame: int, picture: LinearRGBA, gain: float) -> LinearRGBA:
         """A frame's picture (H, W, 4), linear, with `gain` of the light that clipping took.
@@ -115,10 +119,22 @@ class ClipHighlights:
         if found is None:
             blobs = clipped_blobs(picture, self._threshold)
             told = self._told(frame, blobs)
-            found = kept.rounded(lost_light(blobs, self._threshold, told))
+            kinds = self._kinds(frame) if len(blobs) else kinds_of([])
+            found = kept.rounded(lost_light(blobs, self._threshold, told, kinds))
             if self._store:
                 kept.keep_lost(self._store, name, found, shape)
         return found
+
+    def _kinds(self, frame: int) -> Floats:
+        """(a, r) what is `kinds_of` frames all over the clip, the same for each of its frames."""
+        frames = self._rec.frames[:: stride(self._rec, STEP, LEAST_FRAMES)]
+        spread = np.linspace(0, len(frames) - 1, min(POOLED, len(frames))).round().astype(int)
+        # Photos differ in exposure: each is a clip of its own.
+        pooled = [int(frames[each]) for each in spread] if self._rec.is_ordered else [frame]
+        if self._known_kinds[0] != pooled:
+            theirs = self._lamps(pooled)
+            self._known_kinds = pooled, kinds_of([theirs[each] for each in pooled])
+        return self._known_kinds[1]
 
     def _neighbours(self, here: Image) -> list[tuple[Image, float]]:
         """The frames around one that tell of its highlights, and how much each counts, more than zero."""
@@ -151,13 +167,13 @@ class ClipHighlights:
 
     def _told(self, frame: int, own: Blobs) -> Told:
         """What other frames tell of a frame's blobs."""
-        total, evidence, rim = (
+        total, evidence, tint = (
             np.zeros(len(own)),
             np.zeros((len(own), len(RADIANCES))),
             np.zeros((len(own), 3)),
         )
         if not len(own):
-            return total, evidence, rim
+            return total, evidence, tint
         here, _ = self._rec.image_at(frame)
         around = self._neighbours(here)
         theirs = self._lamps([other.frame for other, _ in around])
@@ -166,8 +182,8 @@ class ClipHighlights:
             mine, match = self._matches(here, own, other, found)
             total[mine] += weight
             evidence[mine] += weight * found.evidence[match]
-            rim[mine] += weight * found.rim[match]
-        return total, evidence, rim
+            tint[mine] += weight * found.tint[match]
+        return total, evidence, tint
 
     def _matches(self, here: Image, own: Blobs, other: Image, theirs: Lamps) -> tuple[Indices, Indices]:
         """Which of a frame's highlights, by number (m,), are which of another's (m,): both each other's

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..depth.depth_store import LONGEST_SIDE, DepthStore, decoded, encoded
-from ..warp.highlights import RADIANCES, Lamps, LostLight
+from ..warp.highlight_kinds import RADIANCES, Lamps
+from ..warp.highlights import LostLight
 
 LOST, LAMPS = "lost", "lamps"
 """Kinds of files."""
@@ -72,7 +73,7 @@ def lamps_of(
         return {frame: find(frame) for frame in frames}
 
     def read(frame: int) -> Lamps | None:
-        parts = store.read(name(frame), ("centre", "area", "evidence", "rim"))
+        parts = store.read(name(frame), ("centre", "area", "evidence", "tint"))
         if parts is None:
             return None
         shapes = [part.shape for part in parts.values()]

@@ -14,6 +14,8 @@ import numpy as np
 from ..base.arrays import Floats, Indices, Ints, LinearRGBA, Map, Mask
 from ..base.progress import checkpoint
 
+LUMA = np.array([0.2126, 0.7152, 0.0722], np.float32)
+"""Shares of channels in the luma of BT.709, which clips are coded by: colours have half of its resolution."""
 NEAR = 1.5
 """Pixels, standard deviation, within which what is around a blob tells what is behind it. By eye."""
 PAD = 5
@@ -23,8 +25,9 @@ EDGE_CONTRAST = 0.15
 EDGE_SHARE = 85.0
 """Percentile of edges, by sharpness, that counts as sharp: 0.42 px on bars, whose true filter has 0.42."""
 FEWEST_EDGES = 100
-SPREAD = 0.5
-"""Pixels, standard deviation: the point spread of a picture of fewer edges, about a pixel's own."""
+SPREAD = 0.42
+"""Pixels, standard deviation: the point spread of a picture of fewer edges, that of a sharp one. A
+larger one than is true makes lamps too bright."""
 SPREADS = (0.38, 1.5)
 """Least and largest one that is believed."""
 THICKNESS = (0.02, 0.04)
@@ -43,6 +46,11 @@ noise on something white. By eye."""
 FLAT = (0.012, 0.022)
 """Linear light over the threshold, mean of a blob's pixels: from the second on they are clipped but for
 noise, up to the first they are paint that is nearly white, as in walk and fence (else 0.7, 0.3 dB less)."""
+NEARLY = 0.92
+"""Of the threshold, what a pixel has that belongs to a blob: coded clips have clipped pixels a little under
+white, 247 to 254 of 255 in H.264 at a rate factor of 20."""
+LOW, WHITES = 10.0, (0.85, 1.0)
+"""Percentile of what pixels within blobs were recorded with, over which all are clipped, and its bounds."""
 MOST = 4096
 """Blobs of a picture, those of most pixels, that are looked at: three times those of a night street at
 1280x720, and as many discs as touch each other when each is 15 pixels wide."""
@@ -64,6 +72,8 @@ class Blobs:
     """(n,) 0 to 1, how sure it is a light source and not a piece of a large clipped area."""
     spread: float
     """Standard deviation of the picture's point spread in pixels."""
+    white: float
+    """Linear light over which a pixel is clipped: less in coded clips, whose clipped pixels differ."""
     patches: tuple[Patches, ...]
     """Their surroundings, those of one size together."""
 
@@ -96,6 +106,8 @@ class Patches:
     """(k, 3) linear colour that its clipped pixels were recorded with, the median."""
     rim: Floats
     """(k, 3) linear light of its rim, sum of what is over the ground."""
+    doubt: Floats
+    """(k,) standard deviation of that in a channel, as the ground has a texture."""
     texture: Floats
     """(k,) mean square of what is around it beside the ground, of square roots of linear light."""
 
@@ -109,11 +121,12 @@ class Patches:
 
 def clipped_blobs(picture: LinearRGBA, threshold: float) -> Blobs:
     """The small clipped blobs of a picture (H, W, 3 or 4), linear: connected pixels of which a channel has
-    `threshold` of white or more, at most `MOST`. Those of no weight are left out. Passes checkpoints."""
+    nearly `threshold` of white, of some all of it, at most `MOST`. Those of no weight are left out. Passes
+    checkpoints."""
     peak = brightest(picture)
-    clipped = peak >= threshold
-    if not clipped.any():
-        return Blobs(np.zeros((0, 2)), np.zeros(0), np.zeros(0), SPREAD, ())
+    clipped = peak >= NEARLY * threshold
+    if not (peak >= threshold).any():
+        return Blobs(np.zeros((0, 2)), np.zeros(0), np.zeros(0), SPREAD, 1.0, ())
     _, label, stats, centres = cv2.connectedComponentsWithStats(clipped.astype(np.uint8), connectivity=8)
     weight = _weights(peak, clipped, label, stats, centres, threshold)
     numbers = np.flatnonzero(weight > 0)
@@ -134,7 +147,10 @@ def clipped_blobs(picture: LinearRGBA, threshold: float) -> Blobs:
     renamed[kept] = np.arange(len(kept))
     patches = tuple(replace(each, number=renamed[each.number]) for each in found if len(each))
     centre = (centres[kept] + 0.5) / peak.shape[::-1]
-    return Blobs(centre, stats[kept, cv2.CC_STAT_AREA].astype(np.float64), sure[kept], spread, patches)
+    within = (cv2.erode(clipped.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0) & (sure > 0)[label]
+    white = float(np.clip(np.percentile(peak[within], LOW), *WHITES)) if within.any() else 1.0
+    area = stats[kept, cv2.CC_STAT_AREA].astype(np.float64)
+    return Blobs(centre, area, sure[kept], spread, white, patches)
 
 
 def _weights(peak: Map, clipped: Mask, label: Ints, stats: Ints, centres: Floats, threshold: float) -> Floats:
@@ -146,7 +162,10 @@ def _weights(peak: Map, clipped: Mask, label: Ints, stats: Ints, centres: Floats
     inner = cv2.distanceTransform(np.pad(clipped.astype(np.uint8), 1), cv2.DIST_L2, 5)
     thickness = np.zeros(count, np.float32)
     np.maximum.at(thickness, of, 2 * inner[row + 1, column + 1])
-    level = np.bincount(of, np.minimum(peak[row, column], 1), count)
+    value = np.minimum(peak[row, column], 1)
+    most = value >= threshold
+    full = np.bincount(of, most, count)
+    level = np.bincount(of, np.where(most, value, 0), count) / np.maximum(full, 1)
     is_large = thickness > THICKNESS[1] * long_side
     among = np.zeros(count, np.float32)
     if is_large.any():
@@ -158,7 +177,8 @@ def _weights(peak: Map, clipped: Mask, label: Ints, stats: Ints, centres: Floats
         _falling(thickness / long_side, *THICKNESS)
         * _falling(stats[:, cv2.CC_STAT_WIDTH : cv2.CC_STAT_HEIGHT + 1].max(axis=1) / long_side, *LENGTH)
         * _falling(among, *AMONG)
-        * (1 - _falling(level / np.maximum(stats[:, cv2.CC_STAT_AREA], 1), *flat))
+        * (1 - _falling(level, *flat))
+        * (full > 0)
     )
     weight[0] = 0
     return np.asarray(weight, np.float64)
@@ -192,14 +212,15 @@ def _patches(
     apart = (clear > 1.5) & valid
     beside = (away > 0) & (away <= 1.5) & apart
     rim = np.where(beside[:, None], light - ground, 0).sum(axis=(2, 3), dtype=np.float64)
-    # What the surroundings are made of is not the light source's: as much of it as may be is white.
-    rim = np.maximum(rim, 0) + (spread * np.sqrt(beside.sum(axis=(1, 2))))[:, None]
+    # The nearest of the ground is one patch of its texture: all of the rim may be off alike.
+    doubt = spread * beside.sum(axis=(1, 2))
     used = (away <= USED) & apart
     seen = own & valid
     inner = np.s_[..., PAD - USED : USED - PAD, PAD - USED : USED - PAD]
     made = Patches(
         numbers, pixel[inner], np.ascontiguousarray(light[inner]), np.ascontiguousarray(ground[inner]),
-        own[inner], seen[inner], beside[inner], used[inner], _medians(light, seen), rim, texture,
+        own[inner], seen[inner], beside[inner], used[inner], _medians(light, seen), np.maximum(rim, 0),
+        doubt, texture,
     )  # fmt: skip
     return made, level
 
@@ -263,8 +284,10 @@ def brightest(picture: LinearRGBA) -> Map:
 def point_spread(picture: LinearRGBA) -> float:
     """Standard deviation in pixels of a Gaussian that is as sharp as the picture's (H, W, 3 or 4) sharpest
     edges: the largest step from a pixel to the next, as a share of the contrast over seven."""
-    grey = brightest(picture)
-    near_clipped = cv2.dilate((grey > 0.9).astype(np.uint8), np.ones((9, 9), np.uint8)) > 0
+    # Of sums of channels, which optics blur as they do light: of the largest channel, edges between two
+    # colours are sharper than any.
+    grey = picture[..., :3] @ LUMA
+    near_clipped = cv2.dilate((brightest(picture) > 0.9).astype(np.uint8), np.ones((9, 9), np.uint8)) > 0
     sharpness = []
     for light, off in ((grey, near_clipped), (grey.T, near_clipped.T)):
         light = np.ascontiguousarray(light)

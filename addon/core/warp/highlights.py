@@ -25,21 +25,13 @@ import numpy as np
 
 from ..base.arrays import Floats, Indices, Map, Mask
 from ..base.progress import checkpoint
-from .clipped_blobs import PAD, Blobs, Patches, gaussian
+from .clipped_blobs import LUMA, PAD, Blobs, Patches, gaussian
+from .highlight_kinds import RADIANCES, UNCLIPPED, Lamps, as_tinted, by_area, is_known, tints
 
-RADIANCES: Floats = np.geomspace(1.0, 1000.0, 28)
-"""Radiances of a light source that are compared, times white: a ratio of 1.29 apart."""
-PRIOR = (4.0, 1.0)
-"""Median radiance of a light source, times white, and the spread of its logarithm, where its rim tells
-nothing."""
-PAINT = 0.5
-"""Probability that a blob is no brighter than it was recorded, before its rim is looked at. Of 0, 0.5, 0.9
-and 0.99: bars, foreground and rack have 33.6, 34.9, 37.6 dB with 0.5 and 33.1, 33.4, 34.8 with 0.99."""
-MISFIT = 0.2
+MISFIT = 0.085
 """Square root of linear light by which the model is off beside noise, OUTLIER what a pixel may be off by
-before it counts less. Of 0.1, 0.15, 0.2, 0.3 and of 0.05, 0.1, 0.15, 0.2, 1 the best over bars, foreground
-and rack (32 px, true depth): smaller ones trust rims of few samples, or a cord beside a light source, too
-much."""
+before it counts less. Of 0.05 to 0.115 by `tests/frame/test_highlights.py` and
+`benchmarks.accuracy.highlight_radiance`: larger ones leave a lamp to what is known of lamps."""
 OUTLIER = 0.2
 FINER = 4
 """Parts of a pixel that outlines are sampled by."""
@@ -54,9 +46,6 @@ SMOOTHED = 0.8
 """Pixels, standard deviation, by which an outline is smoothed. Of 0.5 and 0.8 the better one in bars."""
 ROUND = 0.85
 """Share of an outline and of the ellipse with its moments that both have, from which on it is that."""
-UNCLIPPED = 0.9
-"""Of a blob's brightest channel, under which another one in its middle is not clipped. By eye: noise and
-compression."""
 EVERY = 2, 3
 """Every so many-th distance and radiance is looked at first."""
 UNLIKELY = 30.0
@@ -72,23 +61,6 @@ processor's cache."""
 
 
 @dataclass(frozen=True)
-class Lamps:
-    """What the rims of a picture's blobs tell of them, n in all: as much as other frames need to know."""
-
-    centre: Map
-    """(n, 2) x and y as shares of the picture's width and height."""
-    area: Map
-    """(n,) clipped pixels."""
-    evidence: Map
-    """(n, r) logarithm of the likelihood of each of `RADIANCES`, over the largest one."""
-    rim: Map
-    """(n, 3) linear light of its rim over the ground, summed, and over its largest channel: its colour."""
-
-    def __len__(self) -> int:
-        return len(self.area)
-
-
-@dataclass(frozen=True)
 class LostLight:
     """The light that clipping took from a picture."""
 
@@ -99,45 +71,39 @@ class LostLight:
 
 
 Told = tuple[Floats, Floats, Floats]
-"""Sums over other frames of their weight (n,), and of weight times evidence (n, r) and rim (n, 3)."""
+"""Sums over other frames of their weight (n,), and of weight times evidence (n, r) and tint (n, 3)."""
 
 
 def lamps(blobs: Blobs) -> Lamps:
     """What the rims of blobs tell. Passes checkpoints."""
     evidence = np.zeros((len(blobs), len(RADIANCES)), np.float32)
-    rim = np.zeros((len(blobs), 3), np.float32)
+    tint = np.zeros((len(blobs), 3), np.float32)
     for some, outlines in _modelled(blobs):
-        evidence[some.number], rim[some.number] = outlines.evidence, _hue(some.rim)
-    return Lamps(blobs.centre.astype(np.float32), blobs.area.astype(np.float32), evidence, rim)
+        evidence[some.number], tint[some.number] = outlines.evidence, outlines.tint
+    return Lamps(blobs.centre.astype(np.float32), blobs.area.astype(np.float32), evidence, tint)
 
 
-def lost_light(blobs: Blobs, threshold: float, told: Told) -> LostLight:
-    """What clipping took from blobs' pixels of `threshold` or more, with what other frames have `told`.
-    Passes checkpoints."""
+def lost_light(blobs: Blobs, threshold: float, told: Told, kinds: Floats) -> LostLight:
+    """What clipping took from blobs' pixels of `threshold` or more, with what other frames have `told`, in a
+    clip of such `kinds`. Passes checkpoints."""
     pixels, found = [np.zeros(0, np.intp)], [np.zeros((0, 3), np.float32)]
+    prior = np.log(by_area(blobs.area) @ kinds)
+    least = UNCLIPPED * threshold
     for some, outlines in _modelled(blobs):
-        total, evidence, rim = (each[some.number] for each in told)
+        total, evidence, tint = (each[some.number] for each in told)
         # The more others tell, the less the frame itself counts: what it alone says flickers.
         share = 1 / (1 + total)[:, None]
         whole = total[:, None] + share
         evidence = (evidence + share * outlines.evidence) / whole
-        rim = (rim + share * _hue(some.rim)) / whole
-        lost = outlines.light(evidence, colour_of(rim), some.ground) - some.light
-        lost *= (some.seen[:, None] & (some.light >= threshold)) * blobs.weight[some.number, None, None, None]
+        tint = (tint + share * outlines.tint) / whole
+        tint = tint / tint.max(axis=1, keepdims=True)
+        lost = outlines.light(evidence + prior[some.number], tint, some.ground) - some.light
+        clipped = some.light >= np.maximum(UNCLIPPED * some.light.max(axis=1, keepdims=True), least)
+        lost *= (some.seen[:, None] & clipped) * blobs.weight[some.number, None, None, None]
         pixels.append(some.pixel[some.seen])
         found.append(np.moveaxis(np.maximum(lost, 0), 1, -1)[some.seen])
     order = np.argsort(np.concatenate(pixels))
     return LostLight(np.concatenate(pixels)[order], np.concatenate(found).astype(np.float32)[order])
-
-
-def _hue(rim: Floats) -> Floats:
-    """(k, 3) rims' light (k, 3), largest 1; 0 of a rim without light."""
-    return np.asarray(rim / np.maximum(rim.max(axis=1, keepdims=True), 1e-3))
-
-
-def colour_of(rim: Floats) -> Floats:
-    """(n, 3) colours, largest 1, of rims' light (n, 3); white of a rim without light."""
-    return np.asarray((rim + 0.02) / (rim.max(axis=-1, keepdims=True) + 0.02))
 
 
 @dataclass(frozen=True)
@@ -150,6 +116,8 @@ class _Outlines:
     """(k, d, r) logarithm, by that distance and radiance; `IMPOSSIBLE` of more than is inside."""
     core: Floats
     """(k, 3) as `Patches.core`."""
+    tint: Floats
+    """(k, 3) as `Lamps.tint`."""
 
     @property
     def evidence(self) -> Floats:
@@ -158,10 +126,9 @@ class _Outlines:
         mean = np.log(np.exp(self.likelihood - most).sum(axis=1) + 1e-300)
         return np.asarray(mean - mean.max(axis=1, keepdims=True))
 
-    def light(self, evidence: Floats, colour: Floats, ground: Map) -> Map:
-        """(k, 3, h, w) linear light of the patches without clipping, with evidence (k, r) of the radiance and
-        colours (k, 3), largest 1, over the ground (k, 3, h, w)."""
-        posterior = evidence + _prior()
+    def light(self, posterior: Floats, colour: Floats, ground: Map) -> Map:
+        """(k, 3, h, w) linear light of the patches without clipping, with the logarithm of how likely each
+        radiance is (k, r) and colours (k, 3), largest 1, over the ground (k, 3, h, w)."""
         posterior = np.exp(posterior - posterior.max(axis=1, keepdims=True))
         place = posterior @ np.log(RADIANCES) / posterior.sum(axis=1)
         radiance = np.exp(place)
@@ -193,12 +160,13 @@ def _modelled(blobs: Blobs) -> Iterator[tuple[Patches, _Outlines]]:
             checkpoint()
             which = order[first : first + most]
             some = patches.among(which)
-            yield some, _outlines(some, inside[which], count[which], optics)
+            yield some, _outlines(some, inside[which], count[which], optics, blobs.white)
 
 
-def _outlines(patches: Patches, inside: Map, steps: Indices, optics: float) -> _Outlines:
+def _outlines(patches: Patches, inside: Map, steps: Indices, optics: float, clips: float) -> _Outlines:
     """The models of k blobs whose outline places (k, FINER h, FINER w) are `inside` of by so many pixels,
-    each drawn in by so many `steps` (k,); optics blur by so many parts of a pixel."""
+    each drawn in by so many `steps` (k,); optics blur by so many parts of a pixel, and light of
+    `clips` times the core's is clipped."""
     distances = (DISTANCES[0] + STEP * np.arange(steps.max())).astype(np.float32)
     drawn = FINER * inside[:, None] + (0.5 - FINER * distances[:, None, None])
     np.clip(drawn, 0, 1, out=drawn)
@@ -206,48 +174,51 @@ def _outlines(patches: Patches, inside: Map, steps: Indices, optics: float) -> _
     # Whole patches in one product.
     rows = drawn.reshape(-1, drawn.shape[-1]) @ across.T
     coverage = down @ rows.reshape(*drawn.shape[:3], -1)
-    bright = _bright(RADIANCES[:, None, None], colour_of(patches.rim), patches.core)
-    root = np.sqrt(np.maximum(patches.light, 0))
+    tint = tints(patches.rim, patches.doubt)
+    bright = _bright(RADIANCES[:, None, None], tint, patches.core)
+    root = np.tensordot(LUMA, np.sqrt(np.maximum(patches.light, 0)), (0, 1))
     # What every outline covers, or none, tells nothing of them.
     told = patches.used & (coverage[:, 0] > FAINT) & (coverage[:, -1] < 1 - FAINT)
     likelihood = np.full((*coverage.shape[:2], len(RADIANCES)), IMPOSSIBLE)
+    hint = as_tinted(tint, patches.core)
     for one, (count, mask) in enumerate(zip(steps, told, strict=True)):
         likelihood[one, :count] = _likelihood(
-            coverage[one, :count][:, mask], bright[:, one], patches.ground[one][:, mask], root[one][:, mask],
-            2 * (MISFIT**2 + float(patches.texture[one])),
-        )  # fmt: skip
-    return _Outlines(coverage, likelihood, patches.core)
+            coverage[one, :count][:, mask], bright[:, one], patches.ground[one][:, mask], root[one][mask],
+            2 * (MISFIT**2 + float(patches.texture[one])), clips * bright[0, one].max(),
+        ) + hint[one]  # fmt: skip
+    return _Outlines(coverage, likelihood, patches.core, tint)
 
 
-def _likelihood(coverage: Map, bright: Map, ground: Map, root: Map, spread: float) -> Floats:
+def _likelihood(coverage: Map, bright: Map, ground: Map, root: Map, spread: float, cap: np.float32) -> Floats:
     """(d, r) logarithm of how likely light sources are that are `bright` (r, 3) and reach p pixels in shares
-    (d, p), before what is `ground` (3, p), where square roots of light (3, p) were recorded; `spread` is what
-    the sum of squares may be off by."""
+    (d, p), before what is `ground` (3, p), where the luma (p,) of square roots of light was recorded;
+    `spread` is what the sum of squares may be off by, `cap` the light that is clipped."""
     # Over the outlier's square root of light, so that nothing is to be scaled later.
-    scale = np.float32(1 / OUTLIER**2)
-    over = scale * np.maximum(bright[:, :, None] - ground, 0).reshape(len(bright), -1)
-    reach = np.concatenate([coverage] * 3, axis=1)
-    white = scale * bright[0].max()
-    seen = np.minimum(np.float32(1 / OUTLIER) * root.ravel(), np.sqrt(white))
-    behind = scale * ground.ravel()
-    (rows, down), (columns, across) = _between(len(reach), EVERY[0]), _between(len(over), EVERY[1])
-    first = -_misfit(reach[rows, None] * over[columns], behind, white, seen) / spread
+    scale = (LUMA / OUTLIER) ** 2
+    over = scale[:, None] * np.maximum(bright[:, :, None] - ground, 0)
+    behind = scale[:, None] * ground
+    white = scale[:, None] * cap
+    seen = np.asarray(np.minimum(root, np.sqrt(cap)) / OUTLIER, np.float32)
+    (rows, down), (columns, across) = _between(len(coverage), EVERY[0]), _between(len(over), EVERY[1])
+    first = -_misfit(coverage[rows, None, None] * over[columns], behind, white, seen) / spread
     found = down @ first @ across.T
     # Only what may be true is looked at more closely.
     close = found > found.max() - UNLIKELY
     close[np.ix_(rows, columns)] = False
     row, column = np.nonzero(close)
-    found[row, column] = -_misfit(reach[row] * over[column], behind, white, seen) / spread
+    found[row, column] = -_misfit(coverage[row, None] * over[column], behind, white, seen) / spread
     return np.asarray(found)
 
 
-def _misfit(light: Map, behind: Map, white: Floats, seen: Map) -> Floats:
-    """(...) how far n values of light (..., n), which is written over, are off before what is behind (n,), as
-    far as white, where square roots (n,) were seen; all in `OUTLIER`."""
+def _misfit(light: Map, behind: Map, white: Map, seen: Map) -> Floats:
+    """(...) how far p pixels of light (..., 3, p), which is written over, are off before what is behind
+    (3, p), as far as white (3, 1), where luma (p,) was seen; channels by the squares of their shares in it,
+    all in `OUTLIER`."""
     # In one array, and by functions that NumPy has vector instructions for: log1p has none.
     light += behind
     np.minimum(light, white, out=light)
     np.sqrt(light, out=light)
+    light = light[..., 0, :] + light[..., 1, :] + light[..., 2, :]
     light -= seen
     # Cauchy's likelihood: a pixel that shows something else, such as a cord, does not decide alone.
     light *= light
@@ -274,8 +245,7 @@ def _bright(radiance: Floats, colour: Floats, core: Floats) -> Map:
     """(..., 3) linear light of light sources of radiances and colours (..., 3), which a camera recorded as
     `core` (..., 3): a channel that it did not clip is known, one that it clipped is no darker than that."""
     expected = np.maximum(radiance * colour, core)
-    is_known = core < UNCLIPPED * core.max(axis=-1, keepdims=True)
-    return np.where(is_known, core, expected).astype(np.float32)
+    return np.where(is_known(core), core, expected).astype(np.float32)
 
 
 def _inside(patches: Patches) -> Map:
@@ -348,12 +318,3 @@ def _shrunk(size: int, optics: float) -> Map:
     """(n, FINER n) matrix that blurs a row by optics, in parts of a pixel, and makes n pixels of it."""
     pixels = np.repeat(np.eye(size), FINER, axis=1) / FINER
     return np.asarray(pixels @ gaussian(FINER * size, optics), np.float32)
-
-
-@lru_cache
-def _prior() -> Floats:
-    """(r,) logarithm of how likely a radiance is before its rim is looked at."""
-    light = np.exp(-((np.log(RADIANCES / PRIOR[0]) / PRIOR[1]) ** 2) / 2)
-    paint = np.zeros(len(RADIANCES))
-    paint[0] = 1
-    return np.asarray(np.log(PAINT * paint + (1 - PAINT) * light / light.sum()))
