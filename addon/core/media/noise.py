@@ -30,7 +30,9 @@ from .picture_file import Pixels
 BLOCK = 16
 """Pixels of a block's side: noise that was coded is correlated over a few."""
 BLOCKS = 2500
-"""Of a frame, at random places, so that they do not lie on a codec's."""
+"""Of a frame, at random places, so that they do not lie on a codec's; of a small frame `OVERLAP` a pixel."""
+OVERLAP = 8
+"""Blocks that a pixel is in at most, in the mean: more of them take memory and tell nothing new."""
 PAIRS = 4
 """Of frames, spread over the clip: each costs up to a quarter of a second at 1920x1080."""
 LATER = 3
@@ -158,7 +160,7 @@ class Noise:
         to = max(round(side * scale), BLOCK + 1)
         tile = self._tile(side)
         resampled = np.asarray(cv2.resize(tile, (to, to), interpolation=how), np.float32)
-        blocks = _residual(_blocks(resampled, BLOCKS, 0))[1]
+        blocks = _residual(_blocks(resampled, 0))[1]
         found = _components(blocks, np.zeros_like(blocks))
         sigma = self.sigma * resampled.std(axis=(0, 1)) / tile.std(axis=(0, 1))
         return Noise(sigma, *found)
@@ -166,7 +168,7 @@ class Noise:
     def with_plane(self) -> Noise:
         """As strong as it is with the plane that was taken from each block: a part of coarse noise."""
         tile = self._tile(TILE)
-        left = _residual(_blocks(tile, BLOCKS, 0))[1].std(axis=(0, 2, 3))
+        left = _residual(_blocks(tile, 0))[1].std(axis=(0, 2, 3))
         return Noise(self.sigma * tile.std(axis=(0, 1)) / left, self.axes, self.kernels)
 
     def _tile(self, side: int) -> Map:
@@ -208,8 +210,8 @@ def _pair_blocks(picture: Pixels, other: Pixels, seed: int) -> tuple[Floats, Map
     flow = cv2.resize(search.calc(*small, None), (width, height)) / np.float32(scale)  # type: ignore[call-overload]
     grid = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).astype(np.float32)
     moved = cv2.remap(_encoded(other), grid + flow, None, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT)  # type: ignore[call-overload]
-    level, own = _residual(_blocks(_encoded(picture), BLOCKS, seed))
-    return level, own, _residual(_blocks(np.asarray(moved, np.float32), BLOCKS, seed))[1]
+    level, own = _residual(_blocks(_encoded(picture), seed))
+    return level, own, _residual(_blocks(np.asarray(moved, np.float32), seed))[1]
 
 
 def _of_blocks(level: Floats, blocks: Map, moved: Map, step: float) -> Noise | None:
@@ -260,9 +262,10 @@ def _power(blocks: Map, moved: Map) -> Floats:
     return np.asarray((blocks * (blocks - moved)).mean(axis=(0, 2, 3), dtype=float))
 
 
-def _blocks(picture: Map, count: int, seed: int) -> Map:
-    """(count, c, BLOCK, BLOCK) blocks at random places of a picture (H, W, c)."""
+def _blocks(picture: Map, seed: int) -> Map:
+    """(n, c, BLOCK, BLOCK) blocks at random places of a picture (H, W, c)."""
     random = np.random.default_rng((SEED, seed))
+    count = min(BLOCKS, OVERLAP * picture.shape[0] * picture.shape[1] // BLOCK**2)
     rows, columns = (random.integers(0, side - BLOCK + 1, count) for side in picture.shape[:2])
     windows = np.lib.stride_tricks.sliding_window_view(picture, (BLOCK, BLOCK), axis=(0, 1))
     return np.asarray(windows[rows, columns])
