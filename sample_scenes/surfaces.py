@@ -1,7 +1,7 @@
 """A café's corner with surfaces that fool stereo, each at a place of its own.
 
-A split chair rail, leaves and a post are cut by the border of the picture; bars and a blind repeat
-themselves; a painted board and a screen, lacquered, show bright windows behind the camera.
+A split chair rail, leaves and a post are cut by the border of the picture; bars and a blind repeat themselves;
+a painted board and a screen, lacquered, show two bright windows behind the camera.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ PLACES = {
 
 
 def stage() -> Stage:
-    """Rail, leaves and post at 0.8 to 0.9 m, bars and blind at 1.7 m, an urn, the subject, at 2.4 m, boards
-    at 3.4 m, a wall at 5 m."""
+    """Rail, leaves and post at 0.8 to 0.9 m, bars and blind at 1.7 m, an urn, the subject, at 2.4 m, boards at
+    3.4 m, a wall at 5 m."""
     cameras = handheld(
         (-0.12, 0, 1.18), (0.12, 0.01, 1.22), (-0.12, WALL, 1.18), (0.12, WALL, 1.22), FOCAL, SEED, FRAMES,
         0.001,
@@ -62,11 +62,7 @@ def _back(rng: Generator) -> list[Prop]:
     """A brick wall with posters, the ground; before it two boards, and windows behind the camera."""
     wall = bricks(rng, (288, 704), 20, 22, (0.70, 0.44, 0.34))
     ground = textures.speckled(rng, (512, 512), (0.20, 0.18, 0.14), (0.58, 0.54, 0.44))
-    sheets = (
-        (-1.5, 0.9, (0.92, 0.90, 0.84)),
-        (0.3, 0.95, (0.84, 0.66, 0.26)),
-        (1.6, 0.8, (0.30, 0.44, 0.50)),
-    )
+    sheets = ((-1.5, 0.9, (0.92, 0.90, 0.84)), (0.3, 0.95, (0.84, 0.66, 0.26)), (1.6, 0.8, (0.30, 0.44, 0.50)))
     windows = [box((0.45, 0.02, 0.45)).moved(x, -2.0, 2.02) for x in (-1.3, -0.7, 0.35, 1.0)]
     return [
         Prop("wall", box((8.0, 0.1, 3.2)).moved(0, WALL + 0.05, 0), wall),
