@@ -62,7 +62,11 @@ def _back(rng: Generator) -> list[Prop]:
     """A brick wall with posters, the ground; before it two boards, and windows behind the camera."""
     wall = bricks(rng, (288, 704), 20, 22, (0.70, 0.44, 0.34))
     ground = textures.speckled(rng, (512, 512), (0.20, 0.18, 0.14), (0.58, 0.54, 0.44))
-    sheets = ((-1.5, 0.9, (0.92, 0.90, 0.84)), (0.3, 0.95, (0.84, 0.66, 0.26)), (1.6, 0.8, (0.30, 0.44, 0.50)))
+    sheets = (
+        (-1.5, 0.9, (0.92, 0.90, 0.84)),
+        (0.3, 0.95, (0.84, 0.66, 0.26)),
+        (1.6, 0.8, (0.30, 0.44, 0.50)),
+    )
     windows = [box((0.45, 0.02, 0.45)).moved(x, -2.0, 2.02) for x in (-1.3, -0.7, 0.35, 1.0)]
     return [
         Prop("wall", box((8.0, 0.1, 3.2)).moved(0, WALL + 0.05, 0), wall),
