@@ -1,7 +1,7 @@
 """A café's corner with surfaces that fool stereo, each at a place of its own.
 
-A split chair rail, leaves and a post are cut by the border of the picture; bars and a blind repeat themselves;
-a painted board and a screen, lacquered, show two bright windows behind the camera.
+A split chair rail, leaves and a post are cut by the border of the picture; bars and a blind repeat
+themselves; a painted board and a screen, lacquered, show two bright windows behind the camera.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ PLACES = {
 
 
 def stage() -> Stage:
-    """Rail, leaves and post at 0.8 to 0.9 m, bars and blind at 1.7 m, an urn, the subject, at 2.4 m, boards at
-    3.4 m, a wall at 5 m."""
+    """Rail, leaves and post at 0.8 to 0.9 m, bars and blind at 1.7 m, an urn, the subject, at 2.4 m, boards
+    at 3.4 m, a wall at 5 m."""
     cameras = handheld(
         (-0.12, 0, 1.18), (0.12, 0.01, 1.22), (-0.12, WALL, 1.18), (0.12, WALL, 1.22), FOCAL, SEED, FRAMES,
         0.001,

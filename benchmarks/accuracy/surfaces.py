@@ -1,8 +1,8 @@
 """Surfaces that fool stereo, each by itself: `python -m benchmarks.accuracy.surfaces`.
 
 PSNR against the real lens at 32 px with true cameras, within half of that of each of `surfaces.PLACES`: with
-depth that is found, and with the true depth; and the share of the place's own pixels whose found depth is wrong.
-Pictures go into `build/bench/pictures`.
+depth that is found, and with the true depth; and the share of the place's own pixels whose found depth is
+wrong. Pictures go into `build/bench/pictures`.
 """
 
 from __future__ import annotations
