@@ -25,6 +25,8 @@ from . import gpu_views
 
 TOLD = 0.3
 """Share of the time of drawing that is over once it is known how many views there are to be. By eye."""
+MOST_SOFTER = 0.05
+"""Share of a frame that its own lens may have blurred more than is wished, before that is said. By eye."""
 LEAST_COVER = 0.05
 """Share of the views that must have covered a pixel for its colour to be made whole."""
 
@@ -78,6 +80,8 @@ def render_frame(
             f"Stabilize is {used:.2f} instead of {options.stabilize:.2f}: from a steadier path the camera"
             " would see what the clip does not show"
         )
+    if meshed.softer > MOST_SOFTER:
+        note(f"Frame {frame}: {meshed.softer:.0%} of it is softer in the clip than your lens makes it")
     if meshed.why:
         note(f"Frame {frame} uses the method {meshed.mesher.name}: {meshed.why}")
     began = time.perf_counter()

@@ -37,6 +37,7 @@ from ..subjects.marked import CarriedSubject, ClipSubjects, MarkedSubject
 from ..subjects.standing import StandingTrack
 from ..warp.disocclusion_fill import DisocclusionFill, HiddenColours
 from .highlights import RESTORED, ClipHighlights, HighlightSettings
+from .own_lens import OwnLens, own_lens
 from .quality import NORMAL, Quality
 
 KEPT_MASKS = 64
@@ -272,6 +273,12 @@ class ClipContext:
     def _noises(self) -> dict[tuple[int, int], Noise]:
         """By size."""
         return {}
+
+    @cached_property
+    def own_lens(self) -> OwnLens | None:
+        """The lens that the clip was filmed through; None where it has no depth of field. UserError where a
+        frame cannot be read."""
+        return own_lens(self.reconstruction, self.read)
 
     def depth_source(self, quality: Quality = NORMAL) -> DepthSource:
         """What tells the depth of frames in a quality: what is given, else stereo, or both together; for

@@ -89,6 +89,14 @@ class MeshedFrame:
     cg: CGObjects = NO_CG
 
     @property
+    def softer(self) -> float:
+        """Share of its pixels that the clip's own lens has blurred more than is wished."""
+        own, depth = self.geometry.own_lens, self.geometry.depth
+        if own is None or depth is None:
+            return 0.0
+        return own.share_softer(self.geometry.frame, self.geometry.lens, depth.inverse_depth)
+
+    @property
     def views(self) -> int:
         """As many as were asked for, or as its largest blur disc needs in the quality that was."""
         return _count(self.geometry.settings, self.blur, self.mesher.is_prefiltered)
@@ -188,6 +196,9 @@ def mesh_frame(
     moved = _steadied(geometry)
     if moved:
         geometry = replace(geometry, lens=moved.own_lens)
+    elif mesher.needs_pixel_depth and not cg.layers and not geometry.lens.is_tilted:
+        # What the clip's own lens has blurred lies elsewhere to the wished one, which would not do there.
+        geometry = replace(geometry, own_lens=clip.own_lens)
     geometry, highlights = _without_small_highlights(geometry, mesher, moved)
     with stage("Mesh", DEEP if mesher.needs_pixel_depth else 0.0, 1.0):
         surface = mesher.make(geometry)
@@ -207,7 +218,7 @@ def _without_small_highlights(
 ) -> tuple[FrameGeometry, HighlightDiscs | None]:
     """A frame whose picture has no highlights that are drawn as discs, and these; as it is where highlights
     are off, or a mesher has no layers that tell what is before them."""
-    settings, depth, lens = geometry.settings, geometry.depth, geometry.lens
+    settings, depth, lens = geometry.settings, geometry.depth_to_blur, geometry.lens
     if (
         not settings.highlights.gain
         or depth is None

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+
+from ...base.arrays import Floats
 from ...base.progress import stage
 from ...optics.thin_lens import ThinLens
+from ...warp.disocclusion_fill import HiddenColours
 from ...warp.layered_mesh import LayeredMeshOptions, layer_mesh
 from .mesher import FrameGeometry, Mesher, Surface, equal_share_views
 
@@ -18,7 +23,7 @@ def can_be_layered(lens: ThinLens, blur: float) -> bool:
 
 def make(geometry: FrameGeometry) -> Surface:
     """The mesh of the frame's layered depth image, with other frames' colours for what it does not show."""
-    assert geometry.depth is not None
+    assert geometry.depth is not None and geometry.depth_to_blur is not None
     hidden = None
     if geometry.settings.borrow:
         with stage("Hidden surfaces", 0.0, FILLED):
@@ -29,12 +34,19 @@ def make(geometry: FrameGeometry) -> Surface:
                 geometry.depth,
                 geometry.settings.highlights,
             )
+            if own := geometry.own_lens:
+                hidden = _by_true_depth(hidden, partial(own.true, geometry.frame, geometry.lens))
     with stage("Mesh", FILLED, 1.0):
         mesh, texture, layers = layer_mesh(
-            geometry.picture, geometry.depth, geometry.lens, hidden, geometry.settings.quality.mesh,
+            geometry.picture, geometry.depth_to_blur, geometry.lens, hidden, geometry.settings.quality.mesh,
             geometry.clip.texture_memory,
         )  # fmt: skip
     return Surface(mesh, texture, bool(geometry.picture[..., 3].min() > 0.999), layers)
+
+
+def _by_true_depth(hidden: HiddenColours, true: Callable[[Floats], Floats]) -> HiddenColours:
+    """Hidden colours for who asks by inverse depths (n,) of which `true` tells where they are."""
+    return lambda places, inverse: hidden(places, true(inverse))
 
 
 MESHER = Mesher(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 from ...base.arrays import Floats, LinearRGBA
 from ...camera.canvas import Canvas
@@ -16,6 +17,7 @@ from ...optics.thin_lens import ThinLens
 from ...warp.layered_depth_image import LayeredDepthImage
 from ...warp.mesh import WarpMesh
 from ..clip_context import ClipContext
+from ..own_lens import OwnLens
 from ..plan import FrameOptions
 
 
@@ -33,11 +35,21 @@ class FrameGeometry:
     """Places of known inverse depth, `lens.untilted`."""
     depth: PixelDepth | None
     """Of every pixel of the canvas, for meshers that need it; not yet `lens.untilted`."""
+    own_lens: OwnLens | None = None
+    """That the clip was filmed through, where its blur is to be taken into account."""
 
     @property
     def frame(self) -> int:
         """The source frame's number."""
         return self.samples.frame
+
+    @cached_property
+    def depth_to_blur(self) -> PixelDepth | None:
+        """`depth`, where the lens has to blur it by as much as it wants; else that at which it blurs it by
+        what the clip's own lens has left."""
+        if self.own_lens is None or self.depth is None:
+            return self.depth
+        return self.own_lens.remaining(self.frame, self.lens, self.depth)
 
 
 @dataclass(frozen=True)
