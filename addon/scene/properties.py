@@ -16,7 +16,17 @@ from bpy.props import (
 )
 
 from ..core.frame.options import FRAME_OPTIONS
-from . import aperture_cloud, colour_space, depth_of_field, focus_marks, lens, point_cloud, redraw, subjects
+from . import (
+    aperture_cloud,
+    colour_space,
+    depth_of_field,
+    focus_marks,
+    highlight_stops,
+    lens,
+    point_cloud,
+    redraw,
+    subjects,
+)
 from .aperture_shape import VirtualApertureShape
 from .focus_marks import VirtualApertureFocusMarks, VirtualApertureFocusPoint
 from .option_properties import with_options
@@ -339,6 +349,26 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
         soft_max=128.0,
         precision=2,
         step=10,
+        options=set(),
+    )
+    restore_highlights: BoolProperty(
+        name="Restore",
+        description="Give highlights that the clip shows as white an estimate of their light back, so that"
+        " they turn into bright bokeh discs",
+        get=highlight_stops.are_restored,
+        set=highlight_stops.restore,
+        options=set(),
+    )
+    highlight_boost: FloatProperty(
+        name="Highlight Boost",
+        description="Stops by which restored highlights are brighter than estimated; each one doubles them",
+        get=highlight_stops.boost,
+        set=highlight_stops.set_boost,
+        min=highlight_stops.LEAST,
+        max=highlight_stops.MOST,
+        soft_min=-2.0,
+        soft_max=4.0,
+        precision=1,
         options=set(),
     )
     shape: PointerProperty(

@@ -12,7 +12,7 @@ from addon.core.camera.reconstruction import Intrinsics
 from addon.core.focus.focus import Focus, blur_for_radius, radius_for_blur
 from addon.scene import lens
 from addon.scene.build import build
-from addon.scene.lens import frame_options
+from addon.scene.lens import frame_options, set_focus
 from addon.scene.shot import Shot
 
 from ..in_blender import select
@@ -254,3 +254,19 @@ def test_automatic_views_are_no_views(settings) -> None:
     settings.use_auto_views = False
     # What they were until now.
     assert settings.views == shown > 16
+
+
+def test_highlights_are_boosted_in_stops(settings: bpy.types.PropertyGroup, shot: Shot) -> None:
+    def gain() -> float:
+        return frame_options(settings, shot.reconstruction).highlights.gain
+
+    set_focus(settings, Focus(distance=6.0), 1)
+    assert settings.restore_highlights and settings.highlight_boost == 0 and gain() == 1
+    settings.highlight_boost = 2
+    assert gain() == pytest.approx(4) and settings.highlight_boost == pytest.approx(2)
+    settings.restore_highlights = True
+    assert gain() == pytest.approx(4)
+    settings.restore_highlights = False
+    assert gain() == 0 and settings.highlight_boost == 0
+    settings.restore_highlights = True
+    assert gain() == 1

@@ -66,7 +66,7 @@ def test_a_preset_sets_the_lens_and_nothing_else(settings: bpy.types.PropertyGro
     use(file)
     after = values(settings)
     changed = {name for name in before if before[name] != after[name]}
-    assert changed <= {"highlights", *AMOUNT}
+    assert changed <= {"highlights", "highlight_boost", *AMOUNT}
     # What its picture shows.
     pictured, seen = (asdict(shape) for shape in (preset_aperture(file), settings.shape.aperture))
     assert pictured == pytest.approx(seen)

@@ -86,11 +86,11 @@ class VIRTUAL_APERTURE_PT_highlights(ClosedPanel, bpy.types.Panel):  # noqa: N80
     def draw(self, context: bpy.types.Context) -> None:
         settings = context.scene.virtual_aperture
         layout = split(self.layout, with_keys=True)
+        layout.prop(settings, "restore_highlights")
         column = layout.column(align=True)
-        column.prop(settings, "highlights")
-        row = column.row()
-        row.active = settings.highlights > 0
-        row.prop(settings, "highlight_threshold")
+        column.active = settings.restore_highlights
+        column.prop(settings, "highlight_boost", text="Boost")
+        column.prop(settings, "highlight_threshold")
 
 
 CLASSES = (
