@@ -6,11 +6,12 @@ import json
 from pathlib import Path
 
 import cv2
+import numpy as np
 import pytest
 
 from addon.cli.main import run_command
 from addon.core.focus.focus import Focus, largest_discs
-from addon.core.media.clip import to_linear
+from addon.core.media.clip import encode_srgb, to_linear
 
 from ..scenes import LENS, slanted_plane, write_frames
 from .tracked_plane import FRAMES, imported, run, work
@@ -137,8 +138,12 @@ def test_a_lamp_becomes_a_brighter_disc_unless_highlights_are_off(registered: No
     for file in sorted(footage.iterdir()):
         picture = cv2.imread(str(file))
         picture[20:70, 50:110] //= 8
-        cv2.circle(picture, (16 * 80, 16 * 45), 20, (255, 255, 255), -1, cv2.LINE_AA, 4)
-        cv2.imwrite(str(file), picture)
+        # Thirty times as bright as white, as a camera records it: a disc in white would be white paint.
+        covered = np.zeros(picture.shape[:2], np.uint8)
+        cv2.circle(covered, (16 * 80, 16 * 45), 20, 255, -1, cv2.LINE_AA, 4)
+        lamp = cv2.GaussianBlur(covered.astype(np.float32) / 255, (0, 0), 0.5)
+        seen = to_linear(picture)[..., :3] + 30 * lamp[..., None]
+        cv2.imwrite(str(file), np.rint(255 * encode_srgb(np.minimum(seen, 1))).astype(np.uint8))
     work = imported(tmp_path, footage)
     lens = ("--focus-distance", 5, "--blur", 0.08, "--method", "features", "--frames", 3)
     light = []
