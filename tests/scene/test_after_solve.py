@@ -13,6 +13,7 @@ import pytest
 from addon.core.camera.reconstruction import Intrinsics
 from addon.scene import lens
 from addon.scene.build import build
+from addon.scene.cg_objects import cg_objects
 from addon.scene.shot import Shot
 from addon.ui import after_solve, panels, points_overlay
 from addon.ui.choose_clip import clip_of
@@ -56,10 +57,13 @@ def test_a_solve_is_looked_at_through_its_camera(default_scene: bpy.types.Scene,
     cube = bpy.data.objects["Cube"]
     assert cube.hide_get() and not cube.hide_viewport and not cube.hide_render
     assert not far.hide_get()
+    # Nor is it drawn with the clip, until it is shown.
+    assert cg_objects(scene, layer) == [far]
     texts = " ".join(draw(panels.solve.VIRTUAL_APERTURE_PT_solve).texts)
     assert "12 of 12 frames registered" in texts
     assert "Cube blocked the camera and was hidden" in texts
     cube.hide_set(False)
+    assert set(cg_objects(scene, layer)) == {cube, far}
     assert "blocked the camera" not in " ".join(draw(panels.solve.VIRTUAL_APERTURE_PT_solve).texts)
     # Tab: nothing is selected.
     import bmesh  # the module's own, there only after bpy

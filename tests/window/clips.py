@@ -46,6 +46,8 @@ def write_scene(
         cv2.imwrite(str(clip / f"clip_{image.frame:04d}.png"), _seen(solve, image)[..., ::-1])
     bpy.ops.wm.read_homefile(app_template="", use_factory_startup=True)
     scene = bpy.context.scene
+    # The camera stands in it.
+    bpy.data.objects["Cube"].hide_render = True
     settings = build(scene, open_footage(clip), solve)
     settings.focus_distance = 6.0
     settings.use_auto_views, settings.views = False, views

@@ -35,6 +35,8 @@ def blend(folder: Path, registered: None) -> Path:
     made = folder / "movie"
     clip = solved.write_video(made, COUNT)
     bpy.ops.wm.read_homefile(app_template="", use_factory_startup=True)
+    # The camera stands in it.
+    bpy.data.objects["Cube"].hide_render = True
     bpy.ops.wm.save_as_mainfile(filepath=str(made / "scene.blend"))
     settings = build(bpy.context.scene, open_footage(clip), solved.truth(range(1, COUNT + 1)))
     settings.focus_distance, settings.views, settings.blur = 8.0, 32, 0.03
