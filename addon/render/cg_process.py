@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import os
 import threading
 import time
 from collections.abc import Iterator
@@ -109,8 +110,9 @@ class CGProcess:
 
 def serve(scene: bpy.types.Scene, folder: Path, is_preview: bool) -> None:
     """Draw what is wanted in a folder, until the process is ended; UserError where Cycles fails."""
-    cycles = CyclesScene(scene, folder, is_preview)
-    while True:
+    cycles, parent = CyclesScene(scene, folder, is_preview), os.getppid()
+    # Signals are not told of here by every Blender: a parent that was killed leaves an orphan.
+    while os.getppid() == parent:
         # The last one: nobody waits for those before it any more.
         *late, path = [None, *sorted(folder.glob("*.wanted.npz"))]
         for each in late:
