@@ -6,7 +6,7 @@ import argparse
 
 import bpy
 
-from ..render.cg_process import serve
+from ..render.cycles_layers import serve
 from ..render.launcher import CHILD
 from .blend import open_scene
 from .paths import path

@@ -8,8 +8,6 @@ FOLDER/000012.drawn.npz       what was drawn of it
 from __future__ import annotations
 
 import contextlib
-import dataclasses
-import os
 import threading
 import time
 from collections.abc import Iterator
@@ -32,11 +30,9 @@ from ..core.warp.cg_layer import CGLayer
 from ..scene import main_thread
 from ..scene.cg_objects import cg_objects
 from .blend_file import write_blend
-from .cycles_layers import CyclesScene, Layers, Wanted
+from .cycles_layers import LOOK, Layers, Wanted
 from .launcher import start
 
-LOOK = 0.02
-"""Seconds between two looks for what is wanted, or drawn."""
 OVERSCAN = 1 / 16
 """Of the picture's long side, by which CG objects are drawn past its border: blur discs of an eighth of it
 reach so far in."""
@@ -75,13 +71,13 @@ class CGProcess:
         margin = int(np.ceil(OVERSCAN * max(pinhole.width, pinhole.height)))
         plate = np.zeros((0, 0)) if depth is None else depth.inverse_depth
         wanted = Wanted(layer, scene_frame, pinhole, margin, np.asarray(plate, np.float32))
-        _write(self._path("wanted"), _as_arrays(wanted))
+        wanted.write(self._path("wanted"))
         path = self._path("drawn")
         while not path.exists():
             checkpoint()
             self._check()
             time.sleep(LOOK)
-        drawn = Layers(**_read(path))
+        drawn = Layers.read(path)
         path.unlink()
         parts = zip(drawn.pictures, drawn.inverse_depths, drawn.typical.tolist(), strict=True)
         layers = [CGLayer.of(picture, inverse, margin, typical) for picture, inverse, typical in parts]
@@ -106,51 +102,6 @@ class CGProcess:
             self._held.close()
 
         threading.Thread(target=leave).start()
-
-
-def serve(scene: bpy.types.Scene, folder: Path, is_preview: bool) -> None:
-    """Draw what is wanted in a folder, until the process is ended; UserError where Cycles fails."""
-    cycles, parent = CyclesScene(scene, folder, is_preview), os.getppid()
-    # Signals are not told of here by every Blender: a parent that was killed leaves an orphan.
-    while os.getppid() == parent:
-        # The last one: nobody waits for those before it any more.
-        *late, path = [None, *sorted(folder.glob("*.wanted.npz"))]
-        for each in late:
-            if each is not None:
-                each.unlink()
-        if path is not None:
-            drawn = cycles.draw(_from_arrays(_read(path)))
-            path.unlink()
-            kept = {field.name: getattr(drawn, field.name) for field in dataclasses.fields(drawn)}
-            _write(path.with_name(path.name.replace("wanted", "drawn")), kept)
-        time.sleep(LOOK)
-
-
-def _as_arrays(wanted: Wanted) -> dict[str, np.ndarray]:
-    pinhole = wanted.pinhole
-    numbers = pinhole.width, pinhole.height, pinhole.fx, pinhole.fy, pinhole.cx, pinhole.cy
-    return {
-        "layer": np.array(wanted.layer), "frame": np.array(wanted.frame), "pinhole": np.array(numbers),
-        "margin": np.array(wanted.margin), "plate": wanted.plate,
-    }  # fmt: skip
-
-
-def _from_arrays(held: dict[str, np.ndarray]) -> Wanted:
-    width, height, *rest = held["pinhole"].tolist()
-    pinhole = Intrinsics(int(width), int(height), *rest)
-    return Wanted(str(held["layer"]), int(held["frame"]), pinhole, int(held["margin"]), held["plate"])
-
-
-def _write(path: Path, arrays: dict[str, np.ndarray]) -> None:
-    part = path.with_suffix(".part")
-    with part.open("wb") as file:
-        np.savez(file, allow_pickle=False, **arrays)
-    part.replace(path)
-
-
-def _read(path: Path) -> dict[str, np.ndarray]:
-    with np.load(path, allow_pickle=False) as held:
-        return {name: held[name] for name in held.files}
 
 
 _process: CGProcess | None = None

@@ -6,8 +6,9 @@ which is changed as it takes.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import bpy
@@ -21,6 +22,8 @@ from ..scene.camera import set_intrinsics, set_pixel_aspect
 from ..scene.cg_objects import cg_objects, has_shadows, split_by_depth
 from .quiet import quiet
 
+LOOK = 0.02
+"""Seconds between two looks for what is wanted, or drawn."""
 EMPTY = 1e9
 """Scene units from which on Cycles' depth is that of nothing: it writes 1e10."""
 MOST_VERTICES = 200_000
@@ -51,6 +54,23 @@ class Wanted:
     plate: Map
     """(h, w) inverse depth of the clip on the canvas, in the reconstruction's unit; empty without shadows."""
 
+    def write(self, path: Path) -> None:
+        """Into a file of arrays, which appears whole."""
+        pinhole = self.pinhole
+        numbers = pinhole.width, pinhole.height, pinhole.fx, pinhole.fy, pinhole.cx, pinhole.cy
+        _write(path, {
+            "layer": np.array(self.layer), "frame": np.array(self.frame), "pinhole": np.array(numbers),
+            "margin": np.array(self.margin), "plate": self.plate,
+        })  # fmt: skip
+
+    @classmethod
+    def read(cls, path: Path) -> Wanted:
+        """What `write` wrote."""
+        held = _read(path)
+        width, height, *rest = held["pinhole"].tolist()
+        pinhole = Intrinsics(int(width), int(height), *rest)
+        return cls(str(held["layer"]), int(held["frame"]), pinhole, int(held["margin"]), held["plate"])
+
 
 @dataclass(frozen=True)
 class Layers:
@@ -62,6 +82,46 @@ class Layers:
     inverse_depths: Map
     typical: Map
     shadow: LinearRGB
+
+    def write(self, path: Path) -> None:
+        """Into a file of arrays, which appears whole."""
+        _write(path, {field.name: getattr(self, field.name) for field in fields(self)})
+
+    @classmethod
+    def read(cls, path: Path) -> Layers:
+        """What `write` wrote."""
+        return cls(**_read(path))
+
+
+def _write(path: Path, arrays: dict[str, np.ndarray]) -> None:
+    part = path.with_suffix(".part")
+    with part.open("wb") as file:
+        np.savez(file, allow_pickle=False, **arrays)
+    part.replace(path)
+
+
+def _read(path: Path) -> dict[str, np.ndarray]:
+    with np.load(path, allow_pickle=False) as held:
+        return {name: held[name] for name in held.files}
+
+
+def serve(scene: bpy.types.Scene, folder: Path, is_preview: bool) -> None:
+    """Draw what is wanted in a folder, until the process is ended; UserError where Cycles fails.
+
+    It stands in a file without handlers of Blender's: a signal ends a command only where Blender has not
+    called the code that runs, and that is told by files.
+    """
+    cycles = CyclesScene(scene, folder, is_preview)
+    while True:
+        paths = sorted(folder.glob("*.wanted.npz"))
+        # Nobody waits any longer for those before the last one.
+        for late in paths[:-1]:
+            late.unlink()
+        for path in paths[-1:]:
+            drawn = cycles.draw(Wanted.read(path))
+            path.unlink()
+            drawn.write(path.with_name(path.name.replace("wanted", "drawn")))
+        time.sleep(LOOK)
 
 
 class CyclesScene:

@@ -148,3 +148,16 @@ def rendered(scene: bpy.types.Scene, file: Path) -> np.ndarray:
     scene.render.filepath = str(file)
     bpy.ops.render.render(write_still=True, scene=scene.name)
     return read(file)
+
+
+def test_the_process_ends_with_the_one_that_started_it(solved: bpy.types.Scene, tmp_path: Path) -> None:
+    place_lamp(solved, 4.0, 20)
+    with cg_process.kept():
+        rendered(solved, tmp_path / "drawn.exr")
+        process = cg_process._process
+        assert process is not None and process._child is not None and process.is_alive
+        child = process._child.process
+        assert child.stdin is not None
+        # As when the parent was killed.
+        child.stdin.close()
+        assert child.wait(20) != 0
