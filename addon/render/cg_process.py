@@ -7,7 +7,6 @@ FOLDER/000012.drawn.npz       what was drawn of it
 
 from __future__ import annotations
 
-import contextlib
 import threading
 import time
 from collections.abc import Iterator
@@ -29,6 +28,7 @@ from ..core.frame.cg_layers import CGObjects, DrawCG
 from ..core.warp.cg_layer import CGLayer
 from ..scene import main_thread
 from ..scene.cg_objects import cg_objects
+from . import render_handlers
 from .blend_file import write_blend
 from .cycles_layers import LOOK, Layers, Wanted
 from .launcher import start
@@ -152,18 +152,14 @@ def _end(*_: object) -> None:
 
 
 _on_change = persistent(_end)
-_HANDLERS = "render_init", "render_complete", "render_cancel", "load_pre"
 
 
 def register() -> None:
     """Begin anew with each render."""
-    for name in _HANDLERS:
-        getattr(bpy.app.handlers, name).append(_on_change)
+    render_handlers.add(_on_change)
 
 
 def unregister() -> None:
     """Undo `register`, and end what is under way."""
-    for name in _HANDLERS:
-        with contextlib.suppress(ValueError):
-            getattr(bpy.app.handlers, name).remove(_on_change)
+    render_handlers.remove(_on_change)
     _end()

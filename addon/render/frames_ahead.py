@@ -33,7 +33,7 @@ from ..core.base.errors import UserError
 from ..core.base.file_lock import FileLock
 from ..core.base.progress import checkpoint
 from ..scene import main_thread
-from . import jobs
+from . import jobs, render_handlers
 from .blend_file import write_blend
 from .launcher import start
 
@@ -241,17 +241,14 @@ def _end(*_: object) -> None:
 
 
 _on_change = persistent(_end)
-_HANDLERS = "render_init", "render_complete", "render_cancel", "load_pre"
 
 
 def register() -> None:
     """Begin anew with each render."""
-    for name in _HANDLERS:
-        getattr(bpy.app.handlers, name).append(_on_change)
+    render_handlers.add(_on_change)
 
 
 def unregister() -> None:
     """Undo `register`, and end what is under way."""
-    for name in _HANDLERS:
-        getattr(bpy.app.handlers, name).remove(_on_change)
+    render_handlers.remove(_on_change)
     _end()
