@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -99,6 +100,17 @@ def test_focus_that_is_pulled_is_followed() -> None:
 def test_a_clip_that_is_all_sharp_or_all_soft_has_none() -> None:
     assert own_lens(*filmed(lambda inverse, frame: 0.0)) is None
     assert own_lens(*filmed(lambda inverse, frame: 4.0)) is None
+
+
+def test_photos_have_no_lens_in_common() -> None:
+    clip, read = filmed(lambda inverse, frame: 2 * 0.08 * LENS.fx * abs(inverse - 0.15))
+    assert own_lens(replace(clip, is_ordered=False), read) is None
+
+
+def test_a_lens_as_wide_as_the_clips_own_is_no_exception() -> None:
+    lens, own = ThinLens(LENS, 0.1, 0.15), OwnLens(0.1, (0.2, 0.2), (1, 9))
+    inverse: Floats = np.linspace(0.02, 0.5, 50)
+    assert np.isfinite(own.true(4, lens, own.missing(4, lens, inverse))).all()
 
 
 @pytest.mark.parametrize("focus", [0.15, 0.2])

@@ -51,6 +51,8 @@ LEAST_DISC = 2.5
 disc of 1.6 does (a scratch script, on walk and blocks)."""
 EXPLAINED = 0.6
 """Share of the variance between levels that the lens has to explain."""
+LEAST_REST = 1e-6
+"""Share of the wished aperture's area that the clip's own lacks, at least: divided by, it is finite."""
 SIGMAS = 4.0
 """Diameters of a disc in standard deviations along an axis."""
 
@@ -96,8 +98,11 @@ class OwnLens:
         share, apart = (self.radius / lens.radius) ** 2, self.focus_at(frame) - lens.focus
         left = missing - lens.focus
         b, c = share * apart, -(share * apart**2) - left**2
-        root = np.sqrt(np.maximum(b**2 - (1 - share) * c, 0))
-        return np.asarray(lens.focus + (-b + np.where(left < 0, -root, root)) / (1 - share))
+        rest = 1 - share
+        # Of lenses as wide as each other nothing is missing but between their planes.
+        rest = float(np.copysign(max(abs(rest), LEAST_REST), rest))
+        root = np.sqrt(np.maximum(b**2 - rest * c, 0))
+        return np.asarray(lens.focus + (-b + np.where(left < 0, -root, root)) / rest)
 
     def remaining(self, frame: int, lens: ThinLens, depth: PixelDepth) -> PixelDepth:
         """What the wished lens is to blur: the depth of a frame, each inverse depth the `missing` one."""
@@ -113,7 +118,9 @@ class OwnLens:
 
 def own_lens(reconstruction: Reconstruction, read: Callable[[int], Pixels]) -> OwnLens | None:
     """The lens that a clip was filmed through; None where everything is about as sharp, or sharpness does not
-    go with depth. UserError where a frame cannot be read."""
+    go with depth; and of photos, each of which has its own. UserError where a frame cannot be read."""
+    if not reconstruction.is_ordered:
+        return None
     numbers = reconstruction.frames[np.linspace(0, len(reconstruction.frames) - 1, FRAMES).astype(int)]
     found = [_edges(reconstruction, read, int(frame)) for frame in np.unique(numbers)]
     first, last = int(numbers[0]), int(numbers[-1])
