@@ -16,6 +16,8 @@ def reconstruction_digest(reconstruction: Reconstruction) -> str:
     digest.update(repr(reconstruction.cameras).encode())
     if not reconstruction.is_ordered:
         digest.update(b"stills")
+    if any(reconstruction.readout):
+        digest.update(repr(reconstruction.readout).encode())
     for image in reconstruction.images:
         digest.update(f"{image.frame} {image.camera}".encode())
         for array in (image.rotation, image.translation, image.xy, image.points, image.visible):

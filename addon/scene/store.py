@@ -15,8 +15,9 @@ from ..core.camera.distortion import FAMILIES, PARAMETERS, term_names
 from ..core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
 
 PREFIX = "virtual_aperture_"
-VERSION = 2
-"""1 knew no other lenses than OPENCV and had neither their models nor their terms."""
+VERSION = 3
+"""1 knew no other lenses than OPENCV and had neither their models nor their terms, 2 no rolling shutter."""
+READOUT = PREFIX + "readout"
 IS_ORDERED = PREFIX + "is_ordered"
 MODELS = tuple(PARAMETERS)
 MOST_TERMS = max(len(term_names(family)) for family in FAMILIES)
@@ -44,6 +45,7 @@ def write(mesh: bpy.types.Mesh, reconstruction: Reconstruction) -> None:
     }
     mesh[PREFIX + "version"] = VERSION
     mesh[IS_ORDERED] = reconstruction.is_ordered
+    mesh[READOUT] = reconstruction.readout
     for name, array in arrays.items():
         # Blender 5.2 writes an array over one of another length in place, past its end.
         if PREFIX + name in mesh:
@@ -94,7 +96,8 @@ def read(mesh: bpy.types.Mesh) -> Reconstruction:
     lenses = tuple(
         _intrinsics(row, MODELS[model], more) for row, model, more in zip(rows, models, terms, strict=True)
     )
-    return Reconstruction(lenses, images, points, is_ordered(mesh))
+    across, down = mesh.get(READOUT, (0.0, 0.0))
+    return Reconstruction(lenses, images, points, is_ordered(mesh), (float(across), float(down)))
 
 
 def _intrinsics_row(camera: Intrinsics) -> list[float]:

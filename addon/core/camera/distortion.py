@@ -53,6 +53,11 @@ FAMILIES: dict[str, tuple[str, ...]] = {
 }  # fmt: skip
 """The models that we compute with, and those that are one with some terms zero, the simplest first."""
 PLACES = ("f", "fx", "fy", "cx", "cy")
+READINGS = 20
+"""Repetitions at most, by which the time at which a ray is read is found; a turn of 3 degrees within a
+reading takes 8."""
+SETTLED = 1e-10
+"""Change of normalised coordinates at which it is found."""
 
 
 def term_names(model: str) -> tuple[str, ...]:
@@ -233,6 +238,84 @@ class Brown:
         under, fall = _polynomial(self.below, q)
         factor = above / under
         return factor, (rise - factor * fall) / under
+
+
+@dataclass(frozen=True)
+class RollingShutter:
+    """A lens behind which a picture is read row by row, or column by column, while the camera turns.
+
+    It takes rays of the camera as it stands when the middle of the picture is read. Turns are all that it
+    knows: within a reading, a camera moves by far less than a pixel's parallax. Forssen and Ringaby,
+    "Rectifying rolling shutter video from hand-held devices", 2010.
+    """
+
+    lens: tuple[Stage, ...]
+    """What the lens does to rays."""
+    turn: tuple[float, float, float]
+    """Rotation vector from a frame to the next in camera axes, in radians."""
+    rate: tuple[float, float]
+    """Time from x = 0 to x = 1, and from y = 0 to y = 1, at which coordinates behind the lens are read, of
+    the time from a frame to the next."""
+    start: float
+    """That of (0, 0), after the middle of the picture."""
+
+    def distort(self, rays: Floats) -> Floats:
+        """Rays (..., 2) as they are read. When that is depends on where: repeated until it stays."""
+        seen = self._through_lens(rays)
+        for _ in range(READINGS):
+            last = seen
+            ahead = self._turned(rays, self._when(last))
+            seen = self._through_lens(ahead[..., :2] / ahead[..., 2:])
+            if not np.any(np.abs(seen - last) > SETTLED):
+                break
+        return seen
+
+    def jacobian(self, rays: Floats) -> Floats:
+        """(..., 2, 2) derivative at rays (..., 2), that of the time of reading included."""
+        when = self._when(self.distort(rays))
+        ahead = self._turned(rays, when)
+        place = ahead[..., :2] / ahead[..., 2:]
+        by_ahead = np.concatenate([np.broadcast_to(np.eye(2), (*place.shape, 2)), -place[..., None]], axis=-1)
+        by_ahead = by_ahead / ahead[..., 2:, None]
+        for stage in self.lens:
+            by_ahead = stage.jacobian(place) @ by_ahead
+            place = stage.distort(place)
+        by_time = (by_ahead @ np.cross(self.turn, ahead)[..., None])[..., 0]
+        columns = np.stack([turned(axis, self.turn, when) for axis in np.eye(3)[:2]], axis=-1)
+        # seen = f(rays, time), time = rate . seen + start
+        held = np.eye(2) - by_time[..., :, None] * np.asarray(self.rate)
+        return np.asarray(np.linalg.solve(held, by_ahead @ columns))
+
+    def undistort(self, rays: Floats) -> Floats:
+        """Rays (..., 2) that `distort` moves to rays (..., 2), whose time is known; NaN where there are
+        none."""
+        when = self._when(rays)
+        for stage in reversed(self.lens):
+            rays = stage.undistort(rays)
+        ahead = self._turned(rays, -when)
+        return np.asarray(ahead[..., :2] / np.where(ahead[..., 2:] > 0, ahead[..., 2:], np.nan))
+
+    def _when(self, seen: Floats) -> Floats:
+        return np.asarray(seen @ np.asarray(self.rate) + self.start)
+
+    def _turned(self, rays: Floats, when: Floats) -> Floats:
+        return turned(np.concatenate([rays, np.ones_like(rays[..., :1])], axis=-1), self.turn, when)
+
+    def _through_lens(self, rays: Floats) -> Floats:
+        for stage in self.lens:
+            rays = stage.distort(rays)
+        return rays
+
+
+def turned(points: Floats, turn: Sequence[float] | Floats, when: Floats) -> Floats:
+    """Points (..., 3) in the axes of a camera that has turned for times `when` (...), where `turn` (..., 3)
+    is the rotation vector of a time of one, in radians (Rodrigues)."""
+    angle = np.linalg.norm(turn, axis=-1, keepdims=True)
+    axis = np.asarray(turn) / np.where(angle > 0, angle, 1.0)
+    angle = angle * np.asarray(when)[..., None]
+    cosine = np.cos(angle)
+    along = np.sum(axis * points, axis=-1, keepdims=True) * axis
+    return np.asarray(cosine * points + np.sin(angle) * np.cross(axis, points) + (1 - cosine) * along)
 
 
 def stages(model: str, terms: Sequence[float]) -> tuple[Stage, ...]:

@@ -48,6 +48,11 @@ class Intrinsics:
     """One of `distortion.FAMILIES`, which hold all of COLMAP's perspective and fisheye models."""
     terms: tuple[float, ...] = ()
     """All distortion terms of any other model than OPENCV, in COLMAP's order."""
+    turn: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Rotation vector in radians by which the camera turns from this frame to the next, in its own axes."""
+    readout: tuple[float, float] = (0.0, 0.0)
+    """Time in which a rolling shutter reads the picture's width and its height, of the time from a frame to
+    the next; positive where what is farther right or down is read later."""
 
     def __post_init__(self) -> None:
         own = self.model == "OPENCV"
@@ -111,11 +116,17 @@ class Intrinsics:
 
     @cached_property
     def _stages(self) -> tuple[distortion.Stage, ...]:
-        return distortion.stages(self.model, tuple(self._named_terms.values()))
+        lens = distortion.stages(self.model, tuple(self._named_terms.values()))
+        if not (any(self.readout) and any(self.turn)):
+            return lens
+        rate = np.asarray(self.readout) / [self.width, self.height]
+        start = float(rate @ (self.principal_point - np.array([self.width, self.height]) / 2))
+        across, down = (rate * self.focal).tolist()
+        return (distortion.RollingShutter(lens, self.turn, (across, down), start),)
 
     @property
     def is_distorted(self) -> bool:
-        """Whether the camera is more than a pinhole."""
+        """Whether the camera is more than a pinhole that takes its picture at once."""
         return bool(self._stages)
 
     @property
@@ -135,6 +146,10 @@ class Intrinsics:
             self, width=width, height=height,
             fx=self.fx * sx, cx=self.cx * sx, fy=self.fy * sy, cy=self.cy * sy,
         )  # fmt: skip
+
+    def read_at_once(self) -> Intrinsics:
+        """The same camera with a global shutter, as it stands when the middle of its picture is read."""
+        return replace(self, turn=(0.0, 0.0, 0.0), readout=(0.0, 0.0))
 
     def without_distortion(self) -> Intrinsics:
         """The pinhole of the same size in pixels, focal lengths and principal point."""

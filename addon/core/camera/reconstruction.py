@@ -23,6 +23,9 @@ STAYS = 1e-7
 NEAREST = 1e-6
 """Share of a frame's median depth nearer than which a point is an error: it would outweigh all the others. By
 eye."""
+UNSEEN_TURN = 0.05
+"""Pixels by which a rolling shutter moves the border of a frame, with less of which it is taken as read at
+once: a fifth of a good solve's errors, and resampling would cost more."""
 
 
 @dataclass(frozen=True)
@@ -84,6 +87,10 @@ class Reconstruction:
     is_ordered: bool = True
     """Whether frames that follow each other were taken one after the other, as those of a clip: photos were
     not, and what is near to one is told by their cameras alone."""
+    readout: tuple[float, float] = (0.0, 0.0)
+    """Time in which a rolling shutter reads a picture's width and its height, of the time from a frame to the
+    next; positive where what is farther right or down is read later. Poses are those at the time when the
+    middle of the picture is read."""
 
     @cached_property
     def frames(self) -> Ints:
@@ -129,8 +136,34 @@ class Reconstruction:
         return {}
 
     def intrinsics(self, image: Image) -> Intrinsics:
-        """The camera of an image, in pixels of the clip."""
-        return self.cameras[image.camera]
+        """The camera of an image, in pixels of the clip, with the turn during which it read the picture."""
+        camera = self.cameras[image.camera]
+        if not any(self.readout):
+            return camera
+        turn = self.turn_at(image.frame)
+        share = np.hypot(*self.readout) / 2
+        if float(np.linalg.norm(turn)) * share * float(camera.focal.max()) < UNSEEN_TURN:
+            return camera
+        x, y, z = turn.tolist()
+        return replace(camera, turn=(x, y, z), readout=self.readout)
+
+    def turn_at(self, frame: int) -> Floats:
+        """(3,) rotation vector in radians from a frame to the next, in the frame's camera axes: of registered
+        frames by the poses of those around, of others between theirs."""
+        frames, turns = self._turns
+        return np.array([np.interp(frame, frames, axis) for axis in turns.T])
+
+    @cached_property
+    def _turns(self) -> tuple[Ints, Floats]:
+        """Frames (k,) whose pose is finite, and as `turn_at` (k, 3)."""
+        known = [image for image in self.images if np.all(np.isfinite(image.rotation))]
+        result = np.zeros((len(known), 3))
+        for at in range(len(known)):
+            before, after = known[max(at - 1, 0)], known[min(at + 1, len(known) - 1)]
+            if after.frame > before.frame:
+                turn = rotation_vector(after.rotation @ before.rotation.T)
+                result[at] = turn / (after.frame - before.frame)
+        return np.array([image.frame for image in known], dtype=np.int32), result
 
     def image_at(self, frame: int) -> tuple[Image, bool]:
         """The image of a frame, and whether its pose is interpolated between those of its neighbours.
@@ -164,7 +197,7 @@ class Reconstruction:
         seen = np.union1d(before.points, after.points).astype(np.int32)
         between = Image(frame, rotation, -rotation @ centre, np.zeros((0, 2)), seen, before.camera)
         local = between.to_camera(self.points.xyz[seen])
-        camera = self.cameras[before.camera]
+        camera = self.intrinsics(between)
         xy = camera.project(local)
         inside = (local[:, 2] > 0) & np.all((xy >= 0) & (xy <= [camera.width, camera.height]), axis=1)
         return replace(between, xy=xy[inside], points=seen[inside])
