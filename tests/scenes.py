@@ -74,17 +74,21 @@ def write_frames(folder: Path, camera: Intrinsics, frames: tuple[int, ...] = (1,
 def write_plane(folder: Path, plane: Reconstruction) -> Path:
     """A PNG sequence of what the cameras of `slanted_plane` see, for those who look at its depth."""
     folder.mkdir(parents=True, exist_ok=True)
+    for image in plane.images:
+        picture = plane_picture(plane, image)
+        cv2.imwrite(str(folder / f"clip_{image.frame:04d}.png"), picture[..., ::-1])
+    return folder
+
+
+def plane_picture(plane: Reconstruction, image: Image) -> np.ndarray:
+    """(h, w, 3) uint8 what a camera sees of `slanted_plane`, on which a picture repeats, mirrored."""
     (camera,), xyz = plane.cameras, plane.points.xyz
     size = camera.width, camera.height
     matrix = np.array([[camera.fx, 0, camera.cx - 0.5], [0, camera.fy, camera.cy - 0.5], [0, 0, 1]])
     # n X = 1 on the plane; the first camera is at the origin.
     normal = np.linalg.lstsq(xyz, np.ones(len(xyz)), rcond=None)[0]
-    print_ = texture(*size)[..., ::-1]
-    for image in plane.images:
-        moved = matrix @ (image.rotation + np.outer(image.translation, normal)) @ np.linalg.inv(matrix)
-        picture = cv2.warpPerspective(print_, moved, size, borderMode=cv2.BORDER_REFLECT)
-        cv2.imwrite(str(folder / f"clip_{image.frame:04d}.png"), picture)
-    return folder
+    moved = matrix @ (image.rotation + np.outer(image.translation, normal)) @ np.linalg.inv(matrix)
+    return np.asarray(cv2.warpPerspective(texture(*size), moved, size, borderMode=cv2.BORDER_REFLECT))
 
 
 def slanted_shot(folder: Path, camera: Intrinsics, frames: tuple[int, ...] = (1, 2, 3)) -> Shot:

@@ -75,10 +75,10 @@ def render_frame(
         warped = None if options.target_psnr else meshed.through(meshed.views, reuse=True)
     if meshed.geometry.samples.pose_interpolated:
         note(f"Frame {frame} was not solved: its camera is interpolated from its neighbours")
-    if options.stabilize and (used := clip.steady_path(options.stabilize).strength) < options.stabilize:
+    if meshed.steadied and meshed.steadied.strength < options.stabilize:
         note(
-            f"Stabilize is {used:.2f} instead of {options.stabilize:.2f}: from a steadier path the camera"
-            " would see what the clip does not show"
+            f"Stabilize is {meshed.steadied.strength:.2f} instead of {options.stabilize:.2f}: from a steadier"
+            " path the camera would see what the clip does not show"
         )
     if meshed.softer > MOST_SOFTER:
         note(f"Frame {frame}: {meshed.softer:.0%} of it is softer in the clip than your lens makes it")

@@ -41,16 +41,34 @@ def main() -> None:
     parser.add_argument("--scenes", nargs="*", default=list(SCENES))
     parser.add_argument("--blurs", nargs="*", type=int, default=list(BLURS))
     parser.add_argument("--strengths", nargs="*", type=float, default=list(STRENGTHS))
+    parser.add_argument("--fill", action="store_true", help="fill the border instead of cropping it")
     arguments = parser.parse_args()
     columns = (
         "scene | wished | used | crop | positions | turns | parallax px | blur | depth | steady dB | own dB"
+        " | past the border | dB there"
     )
-    print(f"| {columns} |\n" + "|---" * 11 + "|")
+    print(f"| {columns} |\n" + "|---" * 13 + "|")
     for name in arguments.scenes:
         bench = Bench(Staged(name, NOISE))
         for strength in arguments.strengths:
             for blur in arguments.blurs:
-                bench.say(strength, blur)
+                bench.say(strength, blur, arguments.fill)
+
+
+def true_picture(scene: Staged, path: SteadyPath, frame: int, radius: float, focus: float) -> Picture:
+    """(H, W, 3) a frame of a scene through the thin lens of a steadier camera, by Cycles."""
+    cameras = scene.stage.cameras
+    translations = -np.einsum("nij,nj->ni", path.rotations, path.centres)
+    moved = replace(
+        cameras, rotation=path.rotations, translation=translations, focal=cameras.focal * path.zoom
+    )
+
+    def make() -> Picture:
+        with quiet(1):
+            built = staging.build(replace(scene.stage, cameras=moved))
+            return truth.lens(built, frame, radius, focus, NOISE, seed=1)
+
+    return store.kept(scene.folder, f"steady-{store.digest(moved, frame, radius, focus, NOISE)}", make)
 
 
 class Bench:
@@ -66,49 +84,38 @@ class Bench:
             "found": ClipContext(self.reconstruction, read),
         }
 
-    def say(self, strength: float, blur: int) -> None:
+    def say(self, strength: float, blur: int, fills: bool) -> None:
         """Print the lines of a strength and a blur: one a depth."""
         frame, scene = self.scene.judged(blur)[0], self.scene
         for depth, clip in self.clips.items():
-            path = clip.steady_path(strength)
+            path = clip.steady_path(strength, fills)
             lens = FrameOptions(
                 Focus(distance=scene.focus_depth(frame, blur)),
                 scene.radius(blur),
                 views=VIEWS,
                 stabilize=strength,
+                fill_border=fills,
             )
             drawn: list[Drawn] = []
             size = scene.stage.cameras.width, scene.stage.cameras.height
             steady = render_frame(clip, frame, lens, size, lambda note: None, drawn.append)[..., :3]
             own = render_frame(clip, frame, replace(lens, stabilize=0.0), size, lambda note: None)[..., :3]
             there = drawn[0].warped.plan.lens
-            wished = self._truth(path, frame, lens.radius, 1 / (there.focus - there.lift))
+            wished = true_picture(scene, path, frame, lens.radius, 1 / (there.focus - there.lift))
             save_picture(scene.name, f"steady-{strength:g}", blur, depth, VIEWS, steady)
             save_picture(scene.name, f"steady-{strength:g}", blur, "truth", 0, wished)
             scores = metrics.psnr(steady, wished), metrics.psnr(own, scene.truth(frame, blur).picture)
+            past = past_border(path, self.reconstruction, frame, scene.depth(frame))
+            save_picture(scene.name, f"steady-{strength:g}-past", blur, depth, 0, np.dstack([past] * 3))
             cells = [
                 scene.name, f"{strength:g}", f"{path.strength:.2f}", f"{100 * (1 - 1 / path.zoom):.1f} %",
                 *(f"{share:.3f}" for share in jerks(path, self.reconstruction)),
                 f"{parallax(path, self.reconstruction, frame, scene.depth(frame)):.1f}",
                 str(blur), depth, *(f"{score:.2f}" for score in scores),
+                f"{100 * past.mean():.1f} %",
+                f"{metrics.psnr(steady, wished, past):.2f}" if past.any() else "-",
             ]  # fmt: skip
             print("| " + " | ".join(cells) + " |", flush=True)
-
-    def _truth(self, path: SteadyPath, frame: int, radius: float, focus: float) -> Picture:
-        cameras = self.scene.stage.cameras
-        translations = -np.einsum("nij,nj->ni", path.rotations, path.centres)
-        moved = replace(
-            cameras, rotation=path.rotations, translation=translations, focal=cameras.focal * path.zoom
-        )
-
-        def make() -> Picture:
-            with quiet(1):
-                scene = staging.build(replace(self.scene.stage, cameras=moved))
-                return truth.lens(scene, frame, radius, focus, NOISE, seed=1)
-
-        return store.kept(
-            self.scene.folder, f"steady-{store.digest(moved, frame, radius, focus, NOISE)}", make
-        )
 
 
 def jerks(path: SteadyPath, reconstruction: Reconstruction) -> tuple[float, float]:
@@ -121,6 +128,18 @@ def jerks(path: SteadyPath, reconstruction: Reconstruction) -> tuple[float, floa
         return float(np.sqrt(np.mean(np.sum(np.diff(values, 2, axis=0) ** 2, axis=1))))
 
     return size(path.centres) / size(own[0]), size(path.rotations[:, 2]) / size(own[1])
+
+
+def past_border(path: SteadyPath, reconstruction: Reconstruction, frame: int, depth: Floats) -> metrics.Mask:
+    """(H, W) where the steadier camera sees past the border of a frame, at the median of its depths."""
+    image, _ = reconstruction.image_at(frame)
+    camera = reconstruction.intrinsics(image)
+    rotation, move = path.seen_from(image)
+    grid = np.stack(np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5), axis=-1)
+    rays = (grid - camera.principal_point) / (camera.focal * path.zoom)
+    ahead = np.concatenate([rays, np.ones_like(rays[..., :1])], axis=-1) - move * np.median(1 / depth)
+    seen = camera.project(ahead @ rotation)
+    return np.asarray(np.any((seen < 0) | (seen > [camera.width, camera.height]), axis=-1))
 
 
 def parallax(path: SteadyPath, reconstruction: Reconstruction, frame: int, depth: Floats) -> float:

@@ -20,7 +20,7 @@ from addon.core.frame.warped_frame import WarpedFrame
 from addon.core.media.clip import open_footage, to_linear
 from addon.render.average import Drawn, render_frame
 
-from ..scenes import psnr, slanted_plane, write_plane
+from ..scenes import plane_picture, psnr, slanted_plane, write_plane
 
 SIZE = (240, 136)
 LENS = Intrinsics(*SIZE, 210.0, 210.0, 120.0, 68.0)
@@ -28,13 +28,13 @@ FRAMES = tuple(range(1, 12))
 FRAME = 6
 
 
-def shaken(plane: Reconstruction) -> Reconstruction:
+def shaken(plane: Reconstruction, strength: float = 1.0) -> Reconstruction:
     """The plane's cameras in a hand that trembles."""
     rng = np.random.default_rng(2)
     images = []
     for image in plane.images:
-        rotation = rotation_matrix(rng.normal(0, 0.004, 3)) @ image.rotation
-        centre = image.centre + rng.normal(0, 0.02, 3)
+        rotation = rotation_matrix(strength * rng.normal(0, 0.004, 3)) @ image.rotation
+        centre = image.centre + strength * rng.normal(0, 0.02, 3)
         local = (plane.points.xyz - centre) @ rotation.T
         images.append(Image(image.frame, rotation, -rotation @ centre, LENS.project(local), image.points))
     return replace(plane, images=tuple(images))
@@ -91,6 +91,37 @@ def test_it_is_what_a_lens_on_the_steadier_path_sees(clip: ClipContext, radius: 
     assert psnr(picture[inside], traced(clip, warped)[inside]) > 45
     # The frame as it is would not do.
     assert psnr(picture[inside], to_linear(clip.read(FRAME))[inside]) < 30
+
+
+@pytest.fixture(scope="module")
+def shaky(tmp_path_factory: pytest.TempPathFactory) -> ClipContext:
+    """A clip whose frames miss 3 to 8 pixels of what a steadier camera sees."""
+    plane = shaken(slanted_plane(LENS, FRAMES), 5.0)
+    folder: Path = write_plane(tmp_path_factory.mktemp("shaky") / "clip", plane)
+    return ClipContext(plane, open_footage(folder).read)
+
+
+@pytest.mark.parametrize("borrow", [True, False])
+def test_past_the_border_is_what_other_frames_saw(shaky: ClipContext, borrow: bool) -> None:
+    options = FrameOptions(
+        Focus(distance=7.0), 0.001, views=8, stabilize=1.0, fill_border=True, borrow=borrow, grain=0.0,
+        highlights=HighlightSettings(0.0),
+    )  # fmt: skip
+    path = shaky.steady_path(1.0, True)
+    assert path.zoom == 1.0 < shaky.steady_path(1.0).zoom
+    found: list[Drawn] = []
+    picture = render_frame(shaky, FRAME, options, SIZE, lambda note: None, found.append)[..., :3]
+    steady = found[0].warped.steadied
+    assert steady is not None
+    missing = steady.beyond(np.array([1 / 12, 1 / 5]))
+    assert 3 < missing < 20
+    rotation, centre = path.rotations[FRAME - 1], path.centres[FRAME - 1]
+    there = Image(FRAME, rotation, -rotation @ centre, np.zeros((0, 2)), np.zeros(0, np.int32))
+    wished = to_linear(plane_picture(shaky.reconstruction, there))[..., :3]
+    border = np.ones(picture.shape[:2], bool)
+    border[int(missing) : -int(missing), int(missing) : -int(missing)] = False
+    score = psnr(picture[border], wished[border])
+    assert (score > 36) if borrow else (score < 30)
 
 
 def test_places_move_as_the_cameras_do(clip: ClipContext) -> None:

@@ -36,6 +36,9 @@ eye."""
 MOST_PARALLAX = 0.03
 """Of the picture's width, by which near and far things are seen apart from where the clip has them: what
 shows behind them then, frames around have mostly seen. By eye."""
+FILLED = 0.08
+"""Of the picture's width, how far past the border a steadier camera sees at most where that is filled: other
+frames' depth is brought in for a tenth (`FusionOptions.beyond`), and blur discs reach into it, too."""
 TRIES = 12
 """Bisections, by which strengths and zooms are found to a thousandth."""
 ALONG = 9
@@ -43,8 +46,8 @@ ALONG = 9
 READINGS = 3
 """Repetitions by which the time is found at which a rolling shutter reads a place: a turn of 3 degrees within
 one leaves 0.02 pixels."""
-PERCENTILES = 2.0, 50.0, 98.0
-"""Of a frame's inverse depths, at which they are looked at; single points are wrong."""
+LEVELS = 2.0, 50.0, 98.0
+"""Percentiles of a frame's inverse depths, at which they are looked at; single points are wrong."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +61,8 @@ class SteadyPath:
     centres: Floats
     """(n, 3) projection centres in world coordinates."""
     zoom: float
-    """By which its focal length is longer than the clip's, so that it sees nothing past the clip's border."""
+    """By which its focal length is longer than the clip's, so that it sees nothing past the clip's border, or
+    no more than can be filled."""
     strength: float
     """In [0, 1], by which it was smoothed: less than what was wished, where the clip does not show enough."""
 
@@ -75,15 +79,16 @@ def _between(rotation: Floats, centre: Floats, steady: Floats, there: Floats) ->
     return steady @ np.swapaxes(rotation, -1, -2), np.einsum("...ij,...j->...i", steady, centre - there)
 
 
-def steady_path(reconstruction: Reconstruction, strength: float) -> SteadyPath:
+def steady_path(reconstruction: Reconstruction, strength: float, fills: bool = False) -> SteadyPath:
     """The path of a clip smoothed by a strength in (0, 1], at most as far as the clip shows.
 
-    At 1 the camera moves on a line at a constant speed, or stands, and turns so. UserError for photos, fewer
-    than three frames, and poses that are not finite.
+    What it would see past the border of the clip's frames is cropped, or where it `fills`, left to what other
+    frames have seen there, as far as `FILLED`. At 1 the camera moves on a line at a constant speed, or
+    stands, and turns so. UserError for photos, fewer than three frames, and poses that are not finite.
     """
     if not reconstruction.is_ordered:
         raise UserError("photos have no camera path that could be stabilized; turn Stabilize off")
-    own = _Path(reconstruction)
+    own = _Path(reconstruction, FILLED if fills else 0.0)
     if len(own.frames) < 3:
         raise UserError("a path of fewer than three frames cannot be stabilized; turn Stabilize off")
     found = own.smoothed(strength)
@@ -99,8 +104,8 @@ def steady_path(reconstruction: Reconstruction, strength: float) -> SteadyPath:
 class _Path:
     """The path of a clip, and what its frames show."""
 
-    def __init__(self, reconstruction: Reconstruction) -> None:
-        self._rec = reconstruction
+    def __init__(self, reconstruction: Reconstruction, beyond: float) -> None:
+        self._rec, self._beyond = reconstruction, beyond
         self.frames = np.arange(reconstruction.frames[0], reconstruction.frames[-1] + 1).astype(np.int32)
         self._images = [reconstruction.image_at(int(frame))[0] for frame in self.frames]
         self.rotations = np.array([image.rotation for image in self._images])
@@ -111,7 +116,7 @@ class _Path:
 
     def _inverse_depths(self, image: Image) -> Floats:
         local, ahead = seen_by(image, self._rec, image.points)
-        return np.percentile(1 / local[ahead, 2], PERCENTILES) if ahead.any() else np.zeros(len(PERCENTILES))
+        return np.percentile(1 / local[ahead, 2], LEVELS) if ahead.any() else np.zeros(len(LEVELS))
 
     @cached_property
     def _quaternions(self) -> Floats:
@@ -140,7 +145,12 @@ class _Path:
         apart = camera.fx * np.linalg.norm(move[own, :2], axis=1) * spread
         if not apart.max(initial=0.0) <= MOST_PARALLAX * camera.width:
             return float(np.inf)
-        steady = _Steady(turn[own], move[own], self._levels[own], self._turns[own], self._rec.readout)
+        steady = _Steady(
+            turn[own], move[own], self._levels[own], self._turns[own], self._rec.readout,
+            self._beyond * camera.width,
+        )  # fmt: skip
+        if steady.is_shown(camera, 1.0):
+            return 1.0
         low, high = 1.0, MOST_ZOOM
         if not steady.is_shown(camera, high):
             return float(np.inf)
@@ -164,6 +174,8 @@ class _Steady:
     """(n, 3) rotation vectors from the frames to the next."""
     readout: tuple[float, float]
     """As of `Reconstruction`."""
+    beyond: float
+    """Pixels past the border that count as shown."""
 
     def is_shown(self, camera: Intrinsics, zoom: float) -> bool:
         """Whether the frames of a camera show the whole border of what these see with a zoom."""
@@ -181,7 +193,8 @@ class _Steady:
             when = (seen / size - 0.5) @ np.asarray(self.readout)
             seen = camera.project(turned(local, self.turns[:, None, None], when))
         # A hundredth of a pixel is rounding.
-        return bool(np.all((seen >= -0.01) & (seen <= size + 0.01)))
+        beyond = self.beyond + 0.01
+        return bool(np.all((seen >= -beyond) & (seen <= size + beyond)))
 
 
 def _weight(strength: float) -> float:

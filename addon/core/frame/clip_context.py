@@ -239,16 +239,16 @@ class ClipContext:
             )
         return self._clip_highlights[threshold]
 
-    def steady_path(self, strength: float) -> SteadyPath:
+    def steady_path(self, strength: float, fills: bool = False) -> SteadyPath:
         """The path of the camera smoothed by a strength in (0, 1]; UserError as the function raises it."""
-        if strength not in self._steady_paths:
+        if (strength, fills) not in self._steady_paths:
             self._steady_paths.clear()
-            self._steady_paths[strength] = steady_path(self.reconstruction, strength)
-        return self._steady_paths[strength]
+            self._steady_paths[strength, fills] = steady_path(self.reconstruction, strength, fills)
+        return self._steady_paths[strength, fills]
 
     @cached_property
-    def _steady_paths(self) -> dict[float, SteadyPath]:
-        """By strength, the last one only: a path is found in a moment."""
+    def _steady_paths(self) -> dict[tuple[float, bool], SteadyPath]:
+        """By what was asked for, the last one only: a path is found in a moment."""
         return {}
 
     def noise(self, frame: int, size: tuple[int, int]) -> Noise | None:

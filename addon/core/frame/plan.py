@@ -53,10 +53,16 @@ class FrameOptions:
     stabilize: float = option(
         0.0, "Stabilize",
         "How far the camera's path is smoothed, as far as the clip shows enough: 0 keeps it as it is,"
-        " 1 makes it a line. The picture is cropped a little",
+        " 1 makes it a line. The picture is cropped a little, unless its border is filled",
         least=0.0, most=1.0, precision=2, unit="FACTOR",
     )  # fmt: skip
     """Strength of `steady_path`; 0 draws from the clip's own cameras."""
+    fill_border: bool = option(
+        False, "Fill Border",
+        "Keep the whole picture on a steadier path: what it shows past the clip's border is filled in from"
+        " other frames, not cropped",
+    )  # fmt: skip
+    """Whether `steady_path` fills."""
     grain: float = option(
         1.0, "Grain",
         "How much of the clip's noise is added again where the blur removes it: 1 makes blurred areas as"

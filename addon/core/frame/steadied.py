@@ -14,7 +14,7 @@ import numpy as np
 from ..base.arrays import Floats
 from ..base.errors import UserError
 from ..camera.canvas import Canvas
-from ..camera.steady_path import SteadyPath, zoomed
+from ..camera.steady_path import ALONG, SteadyPath, zoomed
 from ..optics.thin_lens import ThinLens
 from ..warp.mesh import WarpMesh
 from .meshers.mesher import FrameGeometry
@@ -36,6 +36,8 @@ class Steadied:
     """(3, 3) from the frame's camera space into the steadier camera's."""
     translation: Floats
     """(3,) as `rotation`, in scene units."""
+    strength: float
+    """By which the path was smoothed: less than what was wished, where the clip does not show enough."""
 
     @property
     def aperture_share(self) -> float:
@@ -58,6 +60,19 @@ class Steadied:
         seen = rays @ self.rotation.T + np.multiply.outer(there, self.translation)
         places = seen[:, :2] / seen[:, 2:] * pinhole.focal + pinhole.principal_point
         return places, np.asarray(self.lens.untilted(there / seen[:, 2], places))
+
+    def beyond(self, inverse_depths: Floats) -> float:
+        """Pixels past the border of the frame's canvas that the steadier camera sees, where things have
+        inverse depths (k,), 1 / scene units, for it."""
+        pinhole, own = self.canvas.pinhole, self.own_canvas.pinhole
+        size, there = np.array([pinhole.width, pinhole.height]), np.array([own.width, own.height])
+        along = np.linspace(0, 1, ALONG)
+        ends = np.stack(np.meshgrid(along, along), axis=-1).reshape(-1, 2)
+        border = ends[np.any((ends == 0) | (ends == 1), axis=1)] * size
+        rays = np.column_stack([(border - pinhole.principal_point) / pinhole.focal, np.ones(len(border))])
+        seen = (rays[None] - np.multiply.outer(inverse_depths, self.translation)[:, None]) @ self.rotation
+        places = seen[..., :2] / seen[..., 2:] * own.focal + own.principal_point
+        return float(max(np.max(-places), np.max(places - there), 0.0))
 
     def mesh(self, mesh: WarpMesh) -> WarpMesh:
         """A mesh of the frame as the steadier camera sees it."""
@@ -85,5 +100,5 @@ def steadied(geometry: FrameGeometry, path: SteadyPath) -> Steadied:
     away = float(np.linalg.norm(translation[:2]))
     return Steadied(
         canvas, ThinLens.on_plane(canvas.pinhole, lens.radius, float(inverse), slope), own,
-        replace(lens, radius=lens.radius + away), rotation, translation,
+        replace(lens, radius=lens.radius + away), rotation, translation, path.strength,
     )  # fmt: skip

@@ -11,6 +11,7 @@ from ..base.arrays import Floats, LinearRGBA
 from ..base.errors import UserError
 from ..base.progress import stage
 from ..camera.canvas import Canvas
+from ..camera.steady_path import LEVELS
 from ..depth.source import NO_PICTURE, SURE, PixelDepth
 from ..depth.sparse import frame_features
 from ..optics.aperture_sampling import LEAST_PREFILTERED, MAX_VIEWS, MIN_VIEWS, views_needed
@@ -195,7 +196,7 @@ def mesh_frame(
         blur = max([blur, *(each.largest_disc(geometry.lens) for each in cg.layers)])
     moved = _steadied(geometry)
     if moved:
-        geometry = replace(geometry, lens=moved.own_lens)
+        geometry = replace(geometry, lens=moved.own_lens, beyond=_beyond(geometry, moved))
     elif mesher.needs_pixel_depth and not cg.layers and not geometry.lens.is_tilted:
         # What the clip's own lens has blurred lies elsewhere to the wished one, which would not do there.
         geometry = replace(geometry, own_lens=clip.own_lens)
@@ -210,7 +211,18 @@ def _steadied(geometry: FrameGeometry) -> Steadied | None:
     """How a frame is seen from a steadier path, where that was asked for."""
     if not geometry.settings.stabilize:
         return None
-    return steadied(geometry, geometry.clip.steady_path(geometry.settings.stabilize))
+    settings = geometry.settings
+    return steadied(geometry, geometry.clip.steady_path(settings.stabilize, settings.fill_border))
+
+
+def _beyond(geometry: FrameGeometry, steadier: Steadied) -> float:
+    """Pixels past a frame's border that a steadier camera sees, at the depths that the frame has."""
+    samples, depth = geometry.samples, geometry.depth
+    if depth is None:
+        inverse = geometry.lens.tilted(samples.inverse_depth, samples.observed)
+    else:
+        inverse = depth.inverse_depth[::8, ::8]
+    return steadier.beyond(np.percentile(inverse, LEVELS))
 
 
 def _without_small_highlights(

@@ -70,14 +70,16 @@ def layer_mesh(
     hidden: HiddenColours | None = None,
     options: LayeredMeshOptions = LayeredMeshOptions(),
     memory: ReusedMemory | None = None,
+    beyond: float = 0.0,
 ) -> tuple[WarpMesh, LinearRGBA, tuple[LayeredDepthImage, ...]]:
     """The mesh of a picture seen through a thin lens, its texture (h, w, 4), and the layers, near ones first.
 
     `picture` (H, W, 4) is what the canvas shows, linear and premultiplied; `depth` that of every pixel of it,
     and past its border, as it is (not `ThinLens.untilted`). The lens says by how many pixels views displace
-    what; the mesh's inverse depths are its `untilted`. `hidden` tells other frames' colours for what the
-    picture does not show, so also past the border; None makes them up from beside. The texture lies in
-    `memory`, by default in its own.
+    what; the mesh's inverse depths are its `untilted`. The mesh reaches as far past the picture's border as
+    views of that lens see, or `beyond` pixels farther, if a camera looks elsewhere. `hidden` tells other
+    frames' colours for what the picture does not show, so also past the border; None makes them up from
+    beside. The texture lies in `memory`, by default in its own.
 
     Triangles are ordered from far to near (Shade et al., "Layered depth images", 1998).
     """
@@ -92,7 +94,7 @@ def layer_mesh(
     shift = relative(depth.inverse_depth)
     past = None if fill is None or depth.past_border is None else relative(depth.past_border)
     seen = int(np.ceil(thin_lens.stretch * np.abs(shift).max()))
-    margin = max(seen, _visible_margin(past, shift.shape)) + 2
+    margin = max(seen, _visible_margin(past, shift.shape)) + int(np.ceil(beyond)) + 2
     checkpoint()
     wide = np.pad(picture, ((margin, margin), (margin, margin), (0, 0)), mode="symmetric")
     shift = np.pad(shift, margin, mode="edge")

@@ -23,6 +23,9 @@ class VIRTUAL_APERTURE_PT_render(ClosedPanel, bpy.types.Panel):  # noqa: N801
         layout.prop(scene.render, "filepath", text="Output")
         layout.prop(scene.virtual_aperture, "quality")
         layout.prop(scene.virtual_aperture, "stabilize")
+        filled = layout.row()
+        filled.active = scene.virtual_aperture.stabilize > 0
+        filled.prop(scene.virtual_aperture, "fill_border")
         layout.prop(scene.virtual_aperture, "grain")
         export.draw(self.layout, context)
 

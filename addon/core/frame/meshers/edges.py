@@ -10,7 +10,7 @@ from .mesher import FrameGeometry, Mesher, Surface
 def make(geometry: FrameGeometry) -> Surface:
     """A mesh of samples and image edges, extrapolated past the border as far as a view sees."""
     lens, samples = geometry.lens, snapped(geometry.samples, geometry.lens)
-    margin = lens.margin(samples.inverse_depth)
+    margin = lens.margin(samples.inverse_depth) + geometry.beyond
     return Surface(
         edge_mesh(samples, geometry.canvas, margin, geometry.picture, lens.disparity_scale), geometry.picture
     )

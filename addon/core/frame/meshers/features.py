@@ -18,7 +18,7 @@ def snapped(samples: DepthSamples, lens: ThinLens) -> DepthSamples:
 def make(geometry: FrameGeometry) -> Surface:
     """Delaunay triangles of the samples, extrapolated past the border as far as a view sees."""
     samples = snapped(geometry.samples, geometry.lens)
-    margin = geometry.lens.margin(samples.inverse_depth)
+    margin = geometry.lens.margin(samples.inverse_depth) + geometry.beyond
     return Surface(feature_mesh(samples, geometry.canvas, margin), geometry.picture)
 
 

@@ -18,7 +18,7 @@ def make(geometry: FrameGeometry) -> Surface:
     if isinstance(samples, FrameFeatures):
         weights = fading(geometry.clip.reconstruction, samples.frame, samples.points)
     span = lens.snap_to_focal_plane(np.array(allowed(samples.inverse_depth, lens.focus)))
-    mesh = grid_mesh(samples, weights, geometry.canvas, lens.margin(span), lens.focus)
+    mesh = grid_mesh(samples, weights, geometry.canvas, lens.margin(span) + geometry.beyond, lens.focus)
     # Only now: a subject in the focal plane must not flatten what is between it and the rest.
     mesh = replace(mesh, inverse_depth=lens.snap_to_focal_plane(mesh.inverse_depth))
     return Surface(mesh, geometry.picture)

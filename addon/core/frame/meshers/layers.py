@@ -39,7 +39,7 @@ def make(geometry: FrameGeometry) -> Surface:
     with stage("Mesh", FILLED, 1.0):
         mesh, texture, layers = layer_mesh(
             geometry.picture, geometry.depth_to_blur, geometry.lens, hidden, geometry.settings.quality.mesh,
-            geometry.clip.texture_memory,
+            geometry.clip.texture_memory, geometry.beyond,
         )  # fmt: skip
     return Surface(mesh, texture, bool(geometry.picture[..., 3].min() > 0.999), layers)
 

@@ -37,6 +37,8 @@ class FrameGeometry:
     """Of every pixel of the canvas, for meshers that need it; not yet `lens.untilted`."""
     own_lens: OwnLens | None = None
     """That the clip was filmed through, where its blur is to be taken into account."""
+    beyond: float = 0.0
+    """Pixels past the canvas's border that a steadier camera sees."""
 
     @property
     def frame(self) -> int:
