@@ -70,6 +70,25 @@ def lens(scene: bpy.types.Scene, frame: int, radius: float, focus: float, noise:
             data.dof.use_dof = cycles.use_adaptive_sampling = False
 
 
+@contextmanager
+def rolling_shutter(scene: bpy.types.Scene, readout: float) -> Iterator[None]:
+    """A camera that reads its rows one after the other, from the top, without motion blur: Cycles' own.
+
+    `readout` is the time from the first row to the last, of the time from a frame to the next; the middle
+    row is read at the frame.
+    """
+    render, cycles = scene.render, scene.cycles
+    before = render.use_motion_blur, render.motion_blur_shutter, render.motion_blur_position
+    rolled = cycles.rolling_shutter_type, cycles.rolling_shutter_duration
+    render.use_motion_blur, render.motion_blur_shutter, render.motion_blur_position = True, readout, "CENTER"
+    cycles.rolling_shutter_type, cycles.rolling_shutter_duration = "TOP", 0.0
+    try:
+        yield
+    finally:
+        render.use_motion_blur, render.motion_blur_shutter, render.motion_blur_position = before
+        cycles.rolling_shutter_type, cycles.rolling_shutter_duration = rolled
+
+
 def virtual_pinhole(
     scene: bpy.types.Scene, frame: int, offset: tuple[float, float], focus: float, samples: int, seed: int
 ) -> Picture:

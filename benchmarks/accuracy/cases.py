@@ -154,17 +154,19 @@ class GroundTruth:
                 image, xyz = replace(image, xy=xy, points=ids), np.concatenate([xyz, world])
             images.append(image)
         points = Points(xyz, np.zeros((len(xyz), 3), np.uint8), np.zeros(len(xyz)))
-        return Reconstruction(cameras.cameras, tuple(images), points)
+        return replace(cameras, images=tuple(images), points=points)
 
     def _corners(self, image: Image) -> tuple[Floats, Floats]:
         """(n, 3) places in the world of a frame's corners, and (n, 2) pixels where it sees them."""
         depth, camera = self.scene.depth(image.frame), self.scene.cameras.intrinsics(image)
         grey = to_gray8(self.scene.frame(image.frame))
         xy = new_corners(grey, np.zeros((0, 2), np.float32)).astype(np.float64) + 0.5
-        column, row = np.clip(xy, 0, [camera.width - 1, camera.height - 1]).astype(int).T
+        place = camera.pinhole_pixels(xy)
+        column, row = np.clip(place, 0, [camera.width - 1, camera.height - 1]).astype(int).T
         z = depth[row, column]
-        xy, z = xy[np.isfinite(z)], z[np.isfinite(z)]
-        local = np.column_stack([(xy - camera.principal_point) / camera.focal, np.ones(len(xy))]) * z[:, None]
+        xy, place, z = (each[np.isfinite(z)] for each in (xy, place, z))
+        rays = (place - camera.principal_point) / camera.focal
+        local = np.column_stack([rays, np.ones(len(rays))]) * z[:, None]
         return (local - image.translation) @ image.rotation, xy
 
     def _focus(self, frame: int, blur: int) -> Focus:

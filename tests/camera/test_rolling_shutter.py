@@ -71,6 +71,7 @@ def test_the_size_of_the_picture_does_not_matter() -> None:
 
 def test_a_canvas_shows_all_that_was_read() -> None:
     rolling = replace(LENSES["pinhole"], turn=TURN, readout=READOUTS["rows"])
+    rolling = replace(rolling, largest_turn=float(np.linalg.norm(TURN)))
     canvas = Canvas(rolling)
     assert canvas.pinhole.width > WIDTH and not canvas.pinhole.is_distorted
     y, x = np.mgrid[:HEIGHT, :WIDTH] / 40
@@ -108,6 +109,8 @@ def test_frames_turn_as_their_neighbours_stand() -> None:
         rotation_matrix(2 * np.array(camera.turn)), after.rotation @ before.rotation.T, atol=1e-12
     )
     assert np.isfinite(clip.intrinsics(clip.image_at(4)[0]).turn).all()
+    sizes = {Canvas(clip.intrinsics(each)).pinhole.read_at_once() for each in clip.images}
+    assert len(sizes) == 1
     # Without a rolling shutter, or where the camera holds still, nothing is resampled.
     assert not shaken((0.0, 0.0)).intrinsics(image).is_distorted
     still = tuple(replace(each, rotation=np.eye(3)) for each in clip.images)

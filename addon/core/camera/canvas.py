@@ -48,9 +48,9 @@ class Canvas:
             np.stack(np.meshgrid(across, [0.0, height]), axis=-1).reshape(-1, 2),
             np.stack(np.meshgrid([0.0, width], down), axis=-1).reshape(-1, 2),
         ])  # fmt: skip
-        reach = self.camera.pinhole_pixels(border)
+        reach, still = self.camera.pinhole_pixels(border), self.camera.read_at_once().pinhole_pixels(border)
         size = np.array([width, height])
-        padding = np.stack([-reach.min(axis=0), reach.max(axis=0) - size])
+        padding = np.stack([-still.min(axis=0), still.max(axis=0) - size]) + self._turning(still)
         if np.isnan(reach).any() or self._folds(reach) or np.any(padding > MAX_PADDING * size):
             raise UserError(
                 f"the lens ({self.camera.described()}) bends the picture's border beyond what a flat picture"
@@ -64,6 +64,13 @@ class Canvas:
             width=width + int(before[0] + after[0]), height=height + int(before[1] + after[1]),
             cx=plain.cx + float(before[0]), cy=plain.cy + float(before[1]),
         )  # fmt: skip
+
+    def _turning(self, reach: Floats) -> float:
+        """Pixels by which a rolling shutter moves pinhole pixels (n, 2) at most, in any frame of the clip."""
+        radius = np.linalg.norm((reach - self.camera.principal_point) / self.camera.focal, axis=1)
+        away = np.arctan(radius) + self.camera.most_read_away
+        moved = np.where(away < np.pi / 2, np.tan(away), np.inf) - radius
+        return float(moved.max() * self.camera.focal.max())
 
     def _folds(self, reach: Floats) -> bool:
         """Whether a place within the border, at pinhole pixels (n, 2), has no inverse or more than one."""

@@ -50,6 +50,8 @@ class Intrinsics:
     """All distortion terms of any other model than OPENCV, in COLMAP's order."""
     turn: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Rotation vector in radians by which the camera turns from this frame to the next, in its own axes."""
+    largest_turn: float = 0.0
+    """Radians of the largest such turn of the clip, by which all its canvases have one size."""
     readout: tuple[float, float] = (0.0, 0.0)
     """Time in which a rolling shutter reads the picture's width and its height, of the time from a frame to
     the next; positive where what is farther right or down is read later."""
@@ -117,7 +119,7 @@ class Intrinsics:
     @cached_property
     def _stages(self) -> tuple[distortion.Stage, ...]:
         lens = distortion.stages(self.model, tuple(self._named_terms.values()))
-        if not (any(self.readout) and any(self.turn)):
+        if not any(self.readout):
             return lens
         rate = np.asarray(self.readout) / [self.width, self.height]
         start = float(rate @ (self.principal_point - np.array([self.width, self.height]) / 2))
@@ -139,6 +141,11 @@ class Intrinsics:
         """(2,) principal point cx, cy in pixels."""
         return np.array([self.cx, self.cy])
 
+    @property
+    def most_read_away(self) -> float:
+        """Radians that the camera turns between the middle of the picture and its corners at most."""
+        return self.largest_turn * sum(map(abs, self.readout)) / 2
+
     def scaled(self, width: int, height: int) -> Intrinsics:
         """This camera with its picture resampled to width x height pixels."""
         sx, sy = width / self.width, height / self.height
@@ -149,7 +156,7 @@ class Intrinsics:
 
     def read_at_once(self) -> Intrinsics:
         """The same camera with a global shutter, as it stands when the middle of its picture is read."""
-        return replace(self, turn=(0.0, 0.0, 0.0), readout=(0.0, 0.0))
+        return replace(self, turn=(0.0, 0.0, 0.0), largest_turn=0.0, readout=(0.0, 0.0))
 
     def without_distortion(self) -> Intrinsics:
         """The pinhole of the same size in pixels, focal lengths and principal point."""

@@ -24,7 +24,7 @@ NEAREST = 1e-6
 """Share of a frame's median depth nearer than which a point is an error: it would outweigh all the others. By
 eye."""
 UNSEEN_TURN = 0.05
-"""Pixels by which a rolling shutter moves the border of a frame, with less of which it is taken as read at
+"""Pixels by which a rolling shutter moves the border of frames, with less of which they are taken as read at
 once: a fifth of a good solve's errors, and resampling would cost more."""
 
 
@@ -140,12 +140,10 @@ class Reconstruction:
         camera = self.cameras[image.camera]
         if not any(self.readout):
             return camera
-        turn = self.turn_at(image.frame)
-        share = np.hypot(*self.readout) / 2
-        if float(np.linalg.norm(turn)) * share * float(camera.focal.max()) < UNSEEN_TURN:
-            return camera
-        x, y, z = turn.tolist()
-        return replace(camera, turn=(x, y, z), readout=self.readout)
+        x, y, z = self.turn_at(image.frame).tolist()
+        largest = float(np.linalg.norm(self._turns[1], axis=1).max(initial=0.0))
+        rolling = replace(camera, turn=(x, y, z), largest_turn=largest, readout=self.readout)
+        return camera if rolling.most_read_away * camera.fx < UNSEEN_TURN else rolling
 
     def turn_at(self, frame: int) -> Floats:
         """(3,) rotation vector in radians from a frame to the next, in the frame's camera axes: of registered
