@@ -104,4 +104,6 @@ def _export_model(options: argparse.Namespace) -> None:
                 shutil.rmtree(part, ignore_errors=True)
     except OSError as error:
         raise UserError(f"{out} cannot be written: {error.strerror}") from error
+    if any(solved.reconstruction.readout):
+        say("COLMAP knows no rolling shutter: poses are those of the picture's middle")
     say(f"wrote {options.model}: {solved.summary}")
