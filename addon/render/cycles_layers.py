@@ -229,7 +229,7 @@ class CyclesScene:
                 bpy.ops.render.render(scene=self._scene.name)
             return {name: self._read(name) for name in names}
         except (RuntimeError, OSError) as error:
-            raise UserError(f"Cycles could not render the CG objects: {str(error).strip()}") from None
+            raise UserError(f"Cycles failed: {str(error).strip()}") from None
         finally:
             self._scene.compositing_node_group = None
             bpy.data.node_groups.remove(tree)

@@ -9,7 +9,6 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
-from mathutils import Vector
 
 from addon.core.base.child import Child
 from addon.core.camera.reconstruction import Intrinsics
@@ -18,11 +17,11 @@ from addon.render.cycles_layers import CyclesScene, Wanted
 from addon.scene.build import build
 from addon.scene.exr import read
 
+from ..lamps import LIGHT, place_lamp
 from ..scenes import slanted_shot
 
 LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
 DISTANCE = 8.0
-LIGHT = 5.0
 
 
 @pytest.fixture
@@ -117,28 +116,8 @@ def test_what_cycles_cannot_do_is_said(solved: bpy.types.Scene, monkeypatch: pyt
         return Child([sys.executable, "-c", "raise SystemExit('no')"], lambda _: None)
 
     monkeypatch.setattr(cg_process, "start", ended)
-    with pytest.raises(RuntimeError, match="the CG objects could not be rendered"):
+    with pytest.raises(RuntimeError, match="the CG objects of frame 2 could not be rendered"):
         bpy.ops.render.render(scene=solved.name)
-
-
-def place_lamp(scene: bpy.types.Scene, distance: float, side: float, across: float = 0.0) -> bpy.types.Object:
-    """A square of so many pixels that shines, at a distance before the camera, `across` times that to its
-    right."""
-    half, middle = side / 2 * distance / LENS.fx, across * distance
-    corners = [(middle + x * half, y * half, -distance) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
-    to_world = scene.camera.matrix_world.normalized()
-    mesh = bpy.data.meshes.new("lamp")
-    mesh.from_pydata([to_world @ Vector(corner) for corner in corners], [], [(0, 1, 2, 3)])
-    material = bpy.data.materials.new("light")
-    nodes = material.node_tree.nodes
-    nodes.clear()
-    light, out = nodes.new("ShaderNodeEmission"), nodes.new("ShaderNodeOutputMaterial")
-    light.inputs["Strength"].default_value = LIGHT
-    material.node_tree.links.new(light.outputs[0], out.inputs[0])
-    mesh.materials.append(material)
-    lamp = bpy.data.objects.new("lamp", mesh)
-    scene.collection.objects.link(lamp)
-    return lamp
 
 
 def rendered(scene: bpy.types.Scene, file: Path) -> np.ndarray:
