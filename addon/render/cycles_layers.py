@@ -106,11 +106,7 @@ def _read(path: Path) -> dict[str, np.ndarray]:
 
 
 def serve(scene: bpy.types.Scene, folder: Path, is_preview: bool) -> None:
-    """Draw what is wanted in a folder, until the process is ended; UserError where Cycles fails.
-
-    It stands in a file without handlers of Blender's: a signal ends a command only where Blender has not
-    called the code that runs, and that is told by files.
-    """
+    """Draw what is wanted in a folder, until the process is ended; UserError where Cycles fails."""
     cycles = CyclesScene(scene, folder, is_preview)
     while True:
         paths = sorted(folder.glob("*.wanted.npz"))

@@ -167,6 +167,29 @@ def test_no_process_stays_behind(blend: Path, tmp_path: Path, ended: str) -> Non
         assert not list(temporary.glob("virtual-aperture-*"))
 
 
+@pytest.mark.parametrize("ended", ["SIGTERM", "alone"])
+def test_who_draws_ahead_ends_while_it_waits(blend: Path, tmp_path: Path, ended: str) -> None:
+    """For Blender, which has not come to its first frame yet; also where it is killed."""
+    words = ["--scene", "Scene", "--frames", "1-9:1", "--reach", "4", "--into", str(tmp_path), "--child"]
+    process = subprocess.Popen(
+        [sys.executable, str(HEADLESS), "frames", str(blend), *words],
+        stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+    )  # fmt: skip
+    shared = SharedFrames(tmp_path)
+    shared.go_on_to(COUNT - 1)
+    assert process.stdin is not None
+    try:
+        until(lambda: shared.is_there(COUNT))
+        if ended == "SIGTERM":
+            process.terminate()
+        else:
+            process.stdin.close()
+        assert process.wait(10) == 128 + signal.SIGTERM
+    finally:
+        process.kill()
+        process.wait()
+
+
 def test_the_frame_is_named_where_cycles_fails(blend: Path, tmp_path: Path) -> None:
     temporary, out = tmp_path / "tmp", tmp_path / "o"
     temporary.mkdir()
