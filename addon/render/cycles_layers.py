@@ -244,7 +244,7 @@ class CyclesScene:
         return tree
 
     def _read(self, name: str) -> LinearRGBA:
-        """A picture (H, W, 4) that was written. Not by `imbuf`, which multiplies by alpha once more."""
+        """A picture (H, W, 4) that was written. Not by `imbuf`, which loses light where alpha is 0."""
         path = self._folder / f"{name}.exr"
         image = bpy.data.images.load(str(path), check_existing=False)
         try:
