@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 
 from addon.core.base.child import Child
+from addon.core.base.progress import Cancelled, reporting
 from addon.core.camera.reconstruction import Intrinsics
+from addon.core.warp.cg_layer import CGLayer
 from addon.render import cg_process
 from addon.render.cycles_layers import CyclesScene, Wanted
 from addon.scene.build import build
@@ -150,3 +152,53 @@ def test_the_process_ends_with_the_one_that_started_it(solved: bpy.types.Scene, 
         # As when the parent was killed.
         child.stdin.close()
         assert child.wait(20) != 0
+
+
+@pytest.mark.long
+def test_it_ends_in_the_midst_of_a_picture_too(solved: bpy.types.Scene) -> None:
+    """Cycles hears no signal while it renders, which may take minutes."""
+    place_lamp(solved, 4.0, 80)
+    solved.cycles.samples, solved.cycles.use_adaptive_sampling = 100_000_000, False
+    process = cg_process.CGProcess(solved.name)
+    looks = 0
+
+    def look(_stage: str, _share: float) -> None:
+        nonlocal looks
+        looks += 1
+        if looks > 200:
+            raise Cancelled
+
+    assert process._child is not None and process._child.process.stdin is not None
+    try:
+        with pytest.raises(Cancelled), reporting(look):
+            process.draw(solved.view_layers[0].name, 2, LENS, None)
+        process._child.process.stdin.close()
+        assert process._child.process.wait(15) != 0
+    finally:
+        process.end().join()
+
+
+def test_what_moves_is_blurred_by_the_shutter_at_its_own_depth(
+    solved: bpy.types.Scene, tmp_path: Path
+) -> None:
+    cycles_scene = CyclesScene(solved, tmp_path, is_preview=False)
+    lamp = place_lamp(solved, 4.0, 20)
+    step = 40 / LENS.fx * 4.0
+    for frame in (1, 2, 3):
+        lamp.location = (frame - 2) * step * solved.camera.matrix_world.normalized().col[0].xyz
+        lamp.keyframe_insert("location", frame=frame)
+    for curve in lamp.animation_data.action.layers[0].strips[0].channelbags[0].fcurves:
+        for key in curve.keyframe_points:
+            key.interpolation = "LINEAR"
+    # The camera stands.
+    solved.camera.animation_data_clear()
+    solved.cycles.samples = 256
+    solved.render.use_motion_blur, solved.render.motion_blur_shutter = True, 0.5
+    nothing = np.zeros((0, 0), np.float32)
+    drawn = cycles_scene.draw(Wanted(solved.view_layers[0].name, 2, LENS, 0, nothing))
+    alpha = drawn.pictures[0, 45, :, 3]
+    # A square of 20 pixels that goes 20 pixels: it covers the middle for all of the time but a moment.
+    row = np.arange(LENS.width) + 0.5 - 80
+    assert np.allclose(alpha, np.clip(1 - np.abs(row) / 20, 0, 1), atol=0.08)
+    layer = CGLayer.of(drawn.pictures[0], drawn.inverse_depths[0], 0, float(drawn.typical[0]))
+    assert layer is not None and np.allclose(layer.inverse_depth, 1 / 4, rtol=1e-3)
