@@ -1,4 +1,4 @@
-"""EXR files as depth networks write them: one channel, half floats, which Blender itself does not write."""
+"""EXR files as other programs write them: half floats in any channels, which Blender does not write."""
 
 from __future__ import annotations
 
@@ -8,12 +8,19 @@ import numpy as np
 
 
 def one_channel(values: np.ndarray, name: str = "Z") -> bytes:
-    """The bytes of an EXR, version 2, uncompressed, of (h, w) half floats in one channel (OpenEXR, "File
+    """The bytes of an EXR of (h, w) in one channel, as depth networks write them."""
+    return of_channels({name: values})
+
+
+def of_channels(values: dict[str, np.ndarray]) -> bytes:
+    """The bytes of an EXR, version 2, uncompressed, of (h, w) half floats by channel (OpenEXR, "File
     Layout")."""
-    height, width = values.shape
+    names = sorted(values)
+    height, width = values[names[0]].shape
     box = struct.pack("<4i", 0, 0, width - 1, height - 1)
+    listed = b"".join(name.encode() + b"\0" + struct.pack("<iB3xii", 1, 0, 1, 1) for name in names)
     attributes = {
-        ("channels", "chlist"): name.encode() + b"\0" + struct.pack("<iB3xii", 1, 0, 1, 1) + b"\0",
+        ("channels", "chlist"): listed + b"\0",
         ("compression", "compression"): b"\0",
         ("dataWindow", "box2i"): box,
         ("displayWindow", "box2i"): box,
@@ -26,9 +33,8 @@ def one_channel(values: np.ndarray, name: str = "Z") -> bytes:
     for (key, kind), data in attributes.items():
         header += key.encode() + b"\0" + kind.encode() + b"\0" + struct.pack("<i", len(data)) + data
     header += b"\0"
-    rows = [
-        struct.pack("<2i", row, 2 * width) + line.tobytes() for row, line in enumerate(values.astype("<f2"))
-    ]
+    lines = np.stack([values[name].astype("<f2") for name in names], axis=1)
+    rows = [struct.pack("<2i", row, line.nbytes) + line.tobytes() for row, line in enumerate(lines)]
     begin = len(header) + 8 * height
     table = b"".join(struct.pack("<Q", begin + row * len(rows[0])) for row in range(height))
     return header + table + b"".join(rows)

@@ -333,9 +333,12 @@ def _is_called_by_blender(frame: FrameType | None) -> bool:
         return True
     lists = (getattr(bpy.app.handlers, name) for name in dir(bpy.app.handlers))
     handlers = chain.from_iterable(each for each in lists if isinstance(each, list))
-    codes = (getattr(handler, "__code__", None) for handler in handlers)
-    called = {properties.__file__, *(code.co_filename for code in codes if code is not None)}
-    return any(caller.f_code.co_filename in called for caller, _ in traceback.walk_stack(frame))
+    # Not all that stands in their files: loops do that are to end.
+    called = {getattr(handler, "__code__", None) for handler in handlers}
+    return any(
+        caller.f_code in called or caller.f_code.co_filename == properties.__file__
+        for caller, _ in traceback.walk_stack(frame)
+    )
 
 
 def _check_interrupted() -> None:

@@ -75,7 +75,7 @@ class CGProcess:
         path = self._path("drawn")
         while not path.exists():
             checkpoint()
-            self._check()
+            self._check(scene_frame)
             time.sleep(LOOK)
         drawn = Layers.read(path)
         path.unlink()
@@ -87,21 +87,23 @@ class CGProcess:
     def _path(self, what: str) -> Path:
         return self._folder / f"{self._count:06d}.{what}.npz"
 
-    def _check(self) -> None:
-        """UserError where the process has ended."""
+    def _check(self, frame: int) -> None:
+        """UserError naming the frame where the process has ended."""
         if not self.is_alive:
             failure = self._child.failure if self._child is not None else None
             said = "its process ended" if failure is None else failure.text
-            raise UserError(f"the CG objects could not be rendered: {said}")
+            raise UserError(f"the CG objects of frame {frame} could not be rendered: {said}")
 
-    def end(self) -> None:
-        """End the process, without waiting for it, and remove its files."""
+    def end(self) -> threading.Thread:
+        """End the process, without waiting for it, and remove its files; the thread that does."""
 
         def leave() -> None:
             end([self._child] if self._child is not None else [])
             self._held.close()
 
-        threading.Thread(target=leave).start()
+        leaving = threading.Thread(target=leave)
+        leaving.start()
+        return leaving
 
 
 _process: CGProcess | None = None
@@ -133,22 +135,26 @@ def draw_cg(scene: bpy.types.Scene, layer: str) -> DrawCG | None:
 
 @contextmanager
 def kept() -> Iterator[None]:
-    """Within it the scene stays as it is, and one process draws the CG objects of all renders."""
+    """Within it the scene stays as it is, and one process draws the CG objects of all renders; at the end it
+    and its files are gone."""
     global _is_kept
     before, _is_kept = _is_kept, True
     try:
         yield
     finally:
         _is_kept = before
-        _end()
+        if (leaving := _end()) is not None:
+            # A command ends without waiting for threads.
+            leaving.join()
 
 
-def _end(*_: object) -> None:
-    """A render begins, ends or is cancelled, or another file is opened."""
+def _end(*_: object) -> threading.Thread | None:
+    """A render begins, ends or is cancelled, or another file is opened; what removes the process, if any."""
     global _process
-    if _process is not None and not _is_kept:
-        _process.end()
-        _process = None
+    if _process is None or _is_kept:
+        return None
+    leaving, _process = _process.end(), None
+    return leaving
 
 
 _on_change = persistent(_end)

@@ -106,11 +106,7 @@ def _read(path: Path) -> dict[str, np.ndarray]:
 
 
 def serve(scene: bpy.types.Scene, folder: Path, is_preview: bool) -> None:
-    """Draw what is wanted in a folder, until the process is ended; UserError where Cycles fails.
-
-    It stands in a file without handlers of Blender's: a signal ends a command only where Blender has not
-    called the code that runs, and that is told by files.
-    """
+    """Draw what is wanted in a folder, until the process is ended; UserError where Cycles fails."""
     cycles = CyclesScene(scene, folder, is_preview)
     while True:
         paths = sorted(folder.glob("*.wanted.npz"))
@@ -229,7 +225,7 @@ class CyclesScene:
                 bpy.ops.render.render(scene=self._scene.name)
             return {name: self._read(name) for name in names}
         except (RuntimeError, OSError) as error:
-            raise UserError(f"Cycles could not render the CG objects: {str(error).strip()}") from None
+            raise UserError(f"Cycles failed: {str(error).strip()}") from None
         finally:
             self._scene.compositing_node_group = None
             bpy.data.node_groups.remove(tree)
@@ -248,7 +244,7 @@ class CyclesScene:
         return tree
 
     def _read(self, name: str) -> LinearRGBA:
-        """A picture (H, W, 4) that was written. Not by `imbuf`, which multiplies by alpha once more."""
+        """A picture (H, W, 4) that was written. Not by `imbuf`, which loses light where alpha is 0."""
         path = self._folder / f"{name}.exr"
         image = bpy.data.images.load(str(path), check_existing=False)
         try:

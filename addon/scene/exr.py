@@ -13,7 +13,8 @@ from ..core.media import picture_file
 
 
 def read(picture: Path | bytes) -> NDArray[np.float32]:
-    """(H, W, 3 or 4) float32 of a file or its bytes, top row first; OSError where it is no picture."""
+    """(H, W, 3 or 4) float32 of a file or its bytes, premultiplied as it is stored, top row first; OSError
+    where it is no picture."""
     is_file = isinstance(picture, Path)
     image = imbuf.load(str(picture)) if is_file else imbuf.load_from_buffer(picture)
     if image is None:
@@ -23,6 +24,11 @@ def read(picture: Path | bytes) -> NDArray[np.float32]:
             shown = np.array(pixels, dtype=np.float32)[::-1]
     finally:
         image.free()
+    if shown.shape[2] == 4:
+        # It takes colours for straight and multiplies them; in the file they are premultiplied. Light where
+        # alpha is 0 is lost.
+        alpha = shown[..., 3:]
+        np.divide(shown[..., :3], alpha, out=shown[..., :3], where=alpha > 0)
     return shown if shown.shape[2] >= 3 else np.repeat(shown[..., :1], 3, axis=2)
 
 

@@ -19,6 +19,9 @@ from addon.core.media.clip import (
     to_gray8,
     to_linear,
 )
+from addon.core.media.picture_file import decode_picture
+
+from ..exr_files import of_channels
 
 
 def numbered_picture(number: int, width: int = 64, height: int = 48) -> np.ndarray:
@@ -100,6 +103,13 @@ def test_gray_pictures_become_colour(tmp_path: Path) -> None:
     picture = open_footage(tmp_path).read(1)
     assert picture.shape == (4, 6, 3) and np.all(picture == 77)
     assert np.all(to_gray8(picture) == 77)
+
+
+def test_colours_of_an_exr_stay_premultiplied_as_they_are_stored(scene: object) -> None:
+    values = np.array([[0.5, 0.25, 0.125]]), np.array([[0.5, 1.0, 0.25]])
+    data = of_channels({"R": values[0], "G": 0.5 * values[0], "B": 0.25 * values[0], "A": values[1]})
+    expected = np.stack([*(share * values[0] for share in (1, 0.5, 0.25)), values[1]], axis=2)
+    assert np.allclose(to_linear(decode_picture(data, "a.exr")), expected, atol=1e-6)
 
 
 def test_exr_through_blenders_decoder(tmp_path: Path, scene: object) -> None:

@@ -9,20 +9,21 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
-from mathutils import Vector
 
 from addon.core.base.child import Child
+from addon.core.base.progress import Cancelled, reporting
 from addon.core.camera.reconstruction import Intrinsics
+from addon.core.warp.cg_layer import CGLayer
 from addon.render import cg_process
 from addon.render.cycles_layers import CyclesScene, Wanted
 from addon.scene.build import build
 from addon.scene.exr import read
 
+from ..lamps import LIGHT, place_lamp
 from ..scenes import slanted_shot
 
 LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
 DISTANCE = 8.0
-LIGHT = 5.0
 
 
 @pytest.fixture
@@ -58,19 +59,29 @@ def test_it_is_in_the_picture_with_the_blur_of_its_distance(solved: bpy.types.Sc
 
 
 def test_the_lens_distorts_it_as_it_does_the_clip(scene: bpy.types.Scene, tmp_path: Path) -> None:
-    bent = replace(LENS, k1=-0.25)
+    bent = replace(LENS, k1=-0.2)
     shot = slanted_shot(tmp_path / "clip", bent)
     settings = build(scene, shot.footage, shot.reconstruction)
     settings.focus_distance, settings.aperture_radius = DISTANCE, 0.001
     settings.method, settings.views = "features", 4
-    scene.cycles.samples = 8
+    scene.cycles.samples = 16
     scene.frame_set(2)
-    place_lamp(scene, 3.0, 10, across=-0.4)
+    places = [(-0.5, 0.0), (0.45, -0.25), (-0.5, 0.28), (0.2, 0.2), (0.0, 0.0)]
+    for across, down in places:
+        place_lamp(scene, 3.0, 6, across, down)
     seen = rendered(scene, tmp_path / "bent.exr")
-    row, column = np.nonzero(seen[..., 0] > 0.9 * LIGHT)
-    expected = bent.project(np.array([-0.4, 0.0, 1.0]))
-    assert expected[0] - LENS.project(np.array([-0.4, 0.0, 1.0]))[0] > 2
-    assert [column.mean() + 0.5, row.mean() + 0.5] == pytest.approx(expected.tolist(), abs=0.7)
+    for across, down in places:
+        ray = np.array([across, down, 1.0])
+        expected = bent.project(ray)
+        column, row = (int(each) for each in expected)
+        # Less than the clip's white, light is the lamp's.
+        part = np.clip(seen[row - 6 : row + 7, column - 6 : column + 7, 0] - 1, 0, None)
+        found = [(part.sum(axis=axis) * np.arange(13)).sum() / part.sum() for axis in (0, 1)]
+        assert found[0] + column - 5.5 == pytest.approx(expected[0], abs=0.3), (across, down)
+        assert found[1] + row - 5.5 == pytest.approx(expected[1], abs=0.3), (across, down)
+    assert (
+        np.linalg.norm(bent.project(np.array([-0.5, 0.28, 1])) - LENS.project(np.array([-0.5, 0.28, 1]))) > 4
+    )
 
 
 def test_its_shadow_falls_on_the_clip_where_the_sun_puts_it(solved: bpy.types.Scene, tmp_path: Path) -> None:
@@ -117,28 +128,8 @@ def test_what_cycles_cannot_do_is_said(solved: bpy.types.Scene, monkeypatch: pyt
         return Child([sys.executable, "-c", "raise SystemExit('no')"], lambda _: None)
 
     monkeypatch.setattr(cg_process, "start", ended)
-    with pytest.raises(RuntimeError, match="the CG objects could not be rendered"):
+    with pytest.raises(RuntimeError, match="the CG objects of frame 2 could not be rendered"):
         bpy.ops.render.render(scene=solved.name)
-
-
-def place_lamp(scene: bpy.types.Scene, distance: float, side: float, across: float = 0.0) -> bpy.types.Object:
-    """A square of so many pixels that shines, at a distance before the camera, `across` times that to its
-    right."""
-    half, middle = side / 2 * distance / LENS.fx, across * distance
-    corners = [(middle + x * half, y * half, -distance) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
-    to_world = scene.camera.matrix_world.normalized()
-    mesh = bpy.data.meshes.new("lamp")
-    mesh.from_pydata([to_world @ Vector(corner) for corner in corners], [], [(0, 1, 2, 3)])
-    material = bpy.data.materials.new("light")
-    nodes = material.node_tree.nodes
-    nodes.clear()
-    light, out = nodes.new("ShaderNodeEmission"), nodes.new("ShaderNodeOutputMaterial")
-    light.inputs["Strength"].default_value = LIGHT
-    material.node_tree.links.new(light.outputs[0], out.inputs[0])
-    mesh.materials.append(material)
-    lamp = bpy.data.objects.new("lamp", mesh)
-    scene.collection.objects.link(lamp)
-    return lamp
 
 
 def rendered(scene: bpy.types.Scene, file: Path) -> np.ndarray:
@@ -161,3 +152,53 @@ def test_the_process_ends_with_the_one_that_started_it(solved: bpy.types.Scene, 
         # As when the parent was killed.
         child.stdin.close()
         assert child.wait(20) != 0
+
+
+@pytest.mark.long
+def test_it_ends_in_the_midst_of_a_picture_too(solved: bpy.types.Scene) -> None:
+    """Cycles hears no signal while it renders, which may take minutes."""
+    place_lamp(solved, 4.0, 80)
+    solved.cycles.samples, solved.cycles.use_adaptive_sampling = 100_000_000, False
+    process = cg_process.CGProcess(solved.name)
+    looks = 0
+
+    def look(_stage: str, _share: float) -> None:
+        nonlocal looks
+        looks += 1
+        if looks > 200:
+            raise Cancelled
+
+    assert process._child is not None and process._child.process.stdin is not None
+    try:
+        with pytest.raises(Cancelled), reporting(look):
+            process.draw(solved.view_layers[0].name, 2, LENS, None)
+        process._child.process.stdin.close()
+        assert process._child.process.wait(15) != 0
+    finally:
+        process.end().join()
+
+
+def test_what_moves_is_blurred_by_the_shutter_at_its_own_depth(
+    solved: bpy.types.Scene, tmp_path: Path
+) -> None:
+    cycles_scene = CyclesScene(solved, tmp_path, is_preview=False)
+    lamp = place_lamp(solved, 4.0, 20)
+    step = 40 / LENS.fx * 4.0
+    for frame in (1, 2, 3):
+        lamp.location = (frame - 2) * step * solved.camera.matrix_world.normalized().col[0].xyz
+        lamp.keyframe_insert("location", frame=frame)
+    for curve in lamp.animation_data.action.layers[0].strips[0].channelbags[0].fcurves:
+        for key in curve.keyframe_points:
+            key.interpolation = "LINEAR"
+    # The camera stands.
+    solved.camera.animation_data_clear()
+    solved.cycles.samples = 256
+    solved.render.use_motion_blur, solved.render.motion_blur_shutter = True, 0.5
+    nothing = np.zeros((0, 0), np.float32)
+    drawn = cycles_scene.draw(Wanted(solved.view_layers[0].name, 2, LENS, 0, nothing))
+    alpha = drawn.pictures[0, 45, :, 3]
+    # A square of 20 pixels that goes 20 pixels: it covers the middle for all of the time but a moment.
+    row = np.arange(LENS.width) + 0.5 - 80
+    assert np.allclose(alpha, np.clip(1 - np.abs(row) / 20, 0, 1), atol=0.08)
+    layer = CGLayer.of(drawn.pictures[0], drawn.inverse_depths[0], 0, float(drawn.typical[0]))
+    assert layer is not None and np.allclose(layer.inverse_depth, 1 / 4, rtol=1e-3)

@@ -14,7 +14,6 @@ import zipfile
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import bpy
 import cv2
@@ -32,6 +31,7 @@ from benchmarks.torture import clip
 from benchmarks.torture.bench import contents, file_limit
 
 from ..command_line import HEADLESS, done, headless, here
+from ..farm_jobs import tasks, words_of
 from ..movies import assert_same, frames_of_sound
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -59,33 +59,6 @@ def work(registered: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
     done("render", folder / "work", *LENS, "--for-movie", "--out", folder / "frames" / "######.png")
     done("render", folder / "work", *LENS, "--out", folder / "one.mp4")
     return folder / "work"
-
-
-def tasks(job: dict[str, Any], bundle: Path) -> dict[str, list[list[str]]]:
-    """The commands of each step as a scheduler runs them, with the bundle where it lies now."""
-    values = {each["name"]: each["default"] for each in job["parameterDefinitions"]}
-    values |= {name: str(bundle / values[name]) for name in ("Input", "Output")}
-    found = {}
-    for step in job["steps"]:
-        run = step["script"]["actions"]["onRun"]
-        space = step.get("parameterSpace", {}).get("taskParameterDefinitions", [{"name": "", "range": [""]}])[
-            0
-        ]
-        found[step["name"]] = commands = []
-        for value in space["range"]:
-            given = {f"Param.{name}": each for name, each in values.items()} | {
-                f"Task.Param.{space['name']}": value
-            }
-            words = [run["command"], *run["args"]]
-            for name, each in given.items():
-                words = [word.replace(f"{{{{{name}}}}}", each) for word in words]
-            commands.append(words)
-    return found
-
-
-def words_of(task: list[str]) -> list[str]:
-    """What follows the program in a task's command."""
-    return task[task.index(str(HEADLESS)) + 1 :]
 
 
 @pytest.mark.long

@@ -7,9 +7,11 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import bpy
 import numpy as np
 import pytest
 
+from ..lamps import LIGHT, place_lamp
 from .clips import SMALL, read_exr, write_scene
 from .conftest import PICTURES
 from .program import EXTENSION, Program, headless
@@ -21,7 +23,17 @@ AHEAD = f"__import__('sys').modules['{EXTENSION}.addon.render.frames_ahead']._ah
 
 @pytest.fixture(scope="module")
 def blend(folder: Path, registered: None) -> Path:
-    return write_scene(folder / "animation", SMALL, 64, FRAMES)
+    """With a CG object that moves, which each process that draws has drawn by one of its own."""
+    made = write_scene(folder / "animation", SMALL, 64, FRAMES)
+    bpy.ops.wm.open_mainfile(filepath=str(made))
+    scene = bpy.context.scene
+    lamp, right = place_lamp(scene, 4.0, 20), scene.camera.matrix_world.normalized().col[0].xyz
+    for frame, side in ((FRAMES[0], -1), (FRAMES[-1], 1)):
+        lamp.location = side * right
+        lamp.keyframe_insert("location", frame=frame)
+    scene.cycles.samples = 4
+    bpy.ops.wm.save_mainfile()
+    return made
 
 
 @pytest.fixture(scope="module")
@@ -59,11 +71,13 @@ def test_the_frames_are_the_headless_ones(program: Program, blend: Path, resourc
     program.shot("ended")
     program.close_window()
     assert program.ask(f"{AHEAD} is None")
-    out = blend.parent / "frames"
+    out, columns = blend.parent / "frames", list[float]()
     for frame in FRAMES:
         seen, expected = (read_exr(folder / f"{frame:04d}.exr") for folder in (out, one))
         assert expected[..., :3].std() > 0.05
         assert np.array_equal(seen, expected), frame
+        columns.append(np.nonzero(seen[..., :3].min(axis=2) > LIGHT / 2)[1].mean())
+    assert np.ptp(columns) > 20
 
 
 def test_esc_ends_all_processes(program: Program, blend: Path) -> None:

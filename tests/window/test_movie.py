@@ -8,12 +8,14 @@ from pathlib import Path
 
 import av
 import bpy
+import numpy as np
 import pytest
 
 from addon.core.media.clip import open_footage
 from addon.scene.build import build
 from benchmarks.torture import clip as solved
 
+from ..lamps import place_lamp
 from .conftest import PICTURES
 from .program import EXTENSION, Program
 from .screen import Screen
@@ -31,7 +33,8 @@ pytestmark = pytest.mark.usefixtures("in_order")
 
 @pytest.fixture(scope="module")
 def blend(folder: Path, registered: None) -> Path:
-    """A solved clip with sound, in focus; its output is what a solve sets."""
+    """A solved clip with sound, in focus, and a lamp that goes through it from left to right; its output is
+    what a solve sets."""
     made = folder / "movie"
     clip = solved.write_video(made, COUNT)
     bpy.ops.wm.read_homefile(app_template="", use_factory_startup=True)
@@ -40,6 +43,12 @@ def blend(folder: Path, registered: None) -> Path:
     bpy.ops.wm.save_as_mainfile(filepath=str(made / "scene.blend"))
     settings = build(bpy.context.scene, open_footage(clip), solved.truth(range(1, COUNT + 1)))
     settings.focus_distance, settings.views, settings.blur = 8.0, 32, 0.03
+    scene = bpy.context.scene
+    lamp, right = place_lamp(scene, 4.0, 10), scene.camera.matrix_world.normalized().col[0].xyz
+    for frame, side in ((1, -1), (COUNT, 1)):
+        lamp.location = side * right
+        lamp.keyframe_insert("location", frame=frame)
+    scene.cycles.samples = 4
     bpy.ops.wm.save_mainfile()
     return made / "scene.blend"
 
@@ -86,7 +95,17 @@ def test_one_press_gives_a_movie_with_sound(program: Program, blend: Path) -> No
         assert (picture.codec_context.name, picture.frames) == ("h264", COUNT)
         assert picture.average_rate == solved.RATE
         assert heard.duration * heard.time_base == pytest.approx(COUNT / solved.RATE, abs=0.05)
+    # It is in each frame, where it is keyed, though Blender showed another one meanwhile.
+    with av.open(str(blend.parent / "clip_render.mp4")) as made:
+        across = [middle_of_lamp(frame.to_ndarray(format="rgb24")) for frame in made.decode(video=0)]
+    assert across[-1] - across[0] == pytest.approx(2 * solved.LENS.fx / 4.0, rel=0.15)
+    assert np.diff(across).min() > -0.5
     assert any("clip_render.mp4" in line for line in program.ask("messages()"))
+
+
+def middle_of_lamp(shown: np.ndarray) -> float:
+    """Column of what is whiter than the clip."""
+    return float(np.nonzero(shown.min(axis=2) > 225)[1].mean())
 
 
 def test_a_movie_that_is_there_is_replaced_only_when_asked(program: Program, blend: Path) -> None:

@@ -11,10 +11,8 @@ from collections.abc import Callable, Mapping, Sequence
 
 from . import priority
 from .errors import UserError
-from .messages import Failure, Message, Result, decode
+from .messages import PATIENCE, Failure, Message, Result, decode
 
-PATIENCE = 10.0
-"""Seconds in which a process that was told to end must have ended; then it is killed."""
 REMEMBERED = 20
 """Last lines of standard error, in which a process that died says why."""
 

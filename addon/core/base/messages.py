@@ -12,6 +12,7 @@ import os
 import signal
 import sys
 import threading
+import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import TextIO
@@ -101,11 +102,23 @@ _parent: TextIO | None = None
 """Where messages go; None in a process that people started."""
 
 
-def speak(when_alone: Callable[[], object] = lambda: os.kill(os.getpid(), signal.SIGTERM)) -> None:
+PATIENCE = 10.0
+"""Seconds in which a process that was told to end must have ended; then it is killed."""
+
+
+def end_itself() -> None:
+    """End this process, at first politely: code that is not Python's hears no signal while it works, such as
+    Cycles in a render."""
+    os.kill(os.getpid(), signal.SIGTERM)
+    time.sleep(PATIENCE)
+    os.kill(os.getpid(), getattr(signal, "SIGKILL", signal.SIGTERM))
+
+
+def speak(when_alone: Callable[[], object] = end_itself) -> None:
     """From now on be the child of whoever started this process, as `Child` does.
 
     Standard output is for messages alone: what else is written to it goes nowhere. `when_alone` is called on
-    a thread when standard input closes, as it does when the parent has ended; by default SIGTERM is sent.
+    a thread when standard input closes, as it does when the parent has ended; by default the process ends.
     """
     global _parent
     sys.stdout.flush()

@@ -1,0 +1,226 @@
+"""CG objects that move, through all that renders a clip in other processes: the same pictures."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import av
+import bpy
+import cv2
+import numpy as np
+import pytest
+
+from addon.core.base import limits
+from addon.render.frames_ahead import SharedFrames
+from benchmarks.torture import clip
+from benchmarks.torture.bench import contents
+
+from ..command_line import HEADLESS, done
+from ..farm_jobs import tasks, words_of
+from ..lamps import place_lamp
+from ..movies import assert_same
+
+COUNT = 9
+"""Frames: one more than are worth other processes."""
+SIDE, ACROSS = 8, 0.3
+"""Of the lamp: pixels of its side, and how far it goes to either side of the middle, times its distance."""
+
+pytestmark = pytest.mark.usefixtures("registered")
+
+
+@pytest.fixture(scope="module")
+def blend(registered: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A tiny clip, in whose scene a lamp goes from left to right."""
+    folder = tmp_path_factory.mktemp("cg")
+    clip.solve(clip.write_video(folder / "clip", COUNT), folder / "work")
+    lens = "--focus-distance", "7", "--blur", "0.02", "--method", "features", "--views", "4"
+    done("save", folder / "work", *lens, "--no-copy", "--blend", folder / "cg.blend")
+    add_lamp(folder / "cg.blend")
+    done("render", folder / "cg.blend", "--out", folder / "one" / "####.png", "--jobs", 1)
+    return folder / "cg.blend"
+
+
+def add_lamp(blend: Path) -> None:
+    """Put a lamp that moves into a saved scene."""
+    bpy.ops.wm.open_mainfile(filepath=str(blend))
+    scene = bpy.context.scene
+    lamp = place_lamp(scene, 4.0, SIDE)
+    right = scene.camera.matrix_world.normalized().col[0].xyz
+    for frame, side in ((1, -1), (COUNT, 1)):
+        lamp.location = 4.0 * ACROSS * side * right
+        lamp.keyframe_insert("location", frame=frame)
+    scene.cycles.samples, scene.cycles.use_denoising = 4, False
+    bpy.ops.wm.save_mainfile()
+    Path(f"{blend}1").unlink()
+
+
+def test_it_moves_as_it_is_keyed(blend: Path) -> None:
+    scene_at = [place_of(path) for path in sorted((blend.parent / "one").iterdir())]
+    assert len(scene_at) == COUNT
+    bpy.ops.wm.open_mainfile(filepath=str(blend))
+    scene = bpy.context.scene
+    lamp = next(thing for thing in scene.objects if thing.name.startswith("lamp"))
+    for frame, seen in enumerate(scene_at, 1):
+        scene.frame_set(frame)
+        middle = sum((np.array(lamp.matrix_world @ v.co) for v in lamp.data.vertices), np.zeros(3)) / 4
+        local = np.array(scene.camera.matrix_world.normalized().inverted()) @ [*middle, 1]
+        expected = clip.LENS.project(local[:3] * [1, -1, -1])
+        assert seen == pytest.approx(expected.tolist(), abs=0.5)
+    assert scene_at[-1][0] - scene_at[0][0] > 2 * ACROSS * clip.LENS.fx - 5
+
+
+def place_of(picture: Path) -> list[float]:
+    """Column and row of what is whiter than the clip ever is."""
+    shown = cv2.imread(str(picture))
+    assert shown is not None
+    row, column = np.nonzero(shown.min(axis=2) > 250)
+    return [float(column.mean()) + 0.5, float(row.mean()) + 0.5]
+
+
+def test_by_processes_side_by_side(blend: Path, tmp_path: Path) -> None:
+    done("render", blend, "--out", tmp_path / "two" / "####.png", "--jobs", 2)
+    assert contents(tmp_path / "two") == contents(blend.parent / "one")
+
+
+def test_by_processes_that_draw_ahead(blend: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    taken = list[int]()
+    take = SharedFrames.take
+    monkeypatch.setattr(SharedFrames, "take", lambda self, frame: taken.append(frame) or take(self, frame))
+    pictures, before = {}, limits.chosen_threads()
+    for threads in (1, 2):
+        bpy.ops.wm.open_mainfile(filepath=str(blend))
+        render = bpy.context.scene.render
+        render.engine, render.filepath = "VIRTUAL_APERTURE", f"{tmp_path}/{threads}/####"
+        limits.limit_threads(threads)
+        try:
+            bpy.ops.render.render(animation=True)
+        finally:
+            limits.limit_threads(before)
+        pictures[threads] = pixels(tmp_path / str(threads))
+        assert bool(taken) == (threads > 1)
+    assert len(pictures[1]) == COUNT
+    one = pixels(blend.parent / "one")
+    for frame, picture in pictures[1].items():
+        assert np.array_equal(picture, one[frame]) and np.array_equal(picture, pictures[2][frame]), frame
+
+
+def pixels(folder: Path) -> dict[int, np.ndarray]:
+    return {int(path.stem): np.asarray(cv2.imread(str(path))) for path in folder.iterdir()}
+
+
+def test_by_a_farm_whose_scene_was_given_it(blend: Path, tmp_path: Path) -> None:
+    lens = "--focus-distance", "7", "--blur", "0.02", "--method", "features", "--views", "4"
+    done("farm", blend.parent / "work", *lens, "--chunk", 5, "--out", tmp_path / "job")
+    add_lamp(tmp_path / "job" / "input" / "scene.blend")
+    bundle = (tmp_path / "job").rename(tmp_path / "elsewhere")
+    steps = tasks(json.loads((bundle / "template.json").read_text()), bundle)
+    for task in [*steps["Render"], *steps["Join"]]:
+        done(*words_of(task))
+    found, one = pixels(bundle / "output" / "frames"), pixels(blend.parent / "one")
+    assert len(found) == COUNT
+    for frame, picture in found.items():
+        assert np.array_equal(picture, one[frame]), frame
+    assert (bundle / "output" / "movie.mp4").stat().st_size
+
+
+def test_by_render_clip(blend: Path, tmp_path: Path) -> None:
+    bpy.ops.wm.open_mainfile(filepath=str(blend))
+    scene = bpy.context.scene
+    scene.render.filepath = str(tmp_path / "clip.mp4")
+    assert bpy.ops.virtual_aperture.render_clip() == {"FINISHED"}
+    done("render", blend, "--out", tmp_path / "command.mp4")
+    assert_same(tmp_path / "clip.mp4", tmp_path / "command.mp4")
+    # Both are of these frames, less what H.264 takes.
+    one = pixels(blend.parent / "one")
+    with av.open(str(tmp_path / "clip.mp4")) as held:
+        for frame, shown in enumerate(held.decode(video=0), 1):
+            assert np.abs(shown.to_ndarray(format="bgr24").astype(float) - one[frame]).mean() < 6, frame
+
+
+@pytest.mark.skipif(not Path("/proc/self/cmdline").exists(), reason="processes are found in /proc")
+@pytest.mark.parametrize("ended", ["SIGTERM", "SIGKILL"])
+def test_no_process_stays_behind(blend: Path, tmp_path: Path, ended: str) -> None:
+    temporary, out = tmp_path / "tmp", tmp_path / "o"
+    temporary.mkdir()
+    process = subprocess.Popen(
+        [sys.executable, str(HEADLESS), "render", str(blend), "--out", f"{out}/####.png", "--jobs", "2"],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=os.environ | {"TMPDIR": str(temporary)},
+        start_new_session=True,
+    )  # fmt: skip
+    # The other process, and Cycles' of this one.
+    until(lambda: len(running(temporary)) > 1 and any(out.glob("0*.png")))
+    assert process.poll() is None
+    process.send_signal(getattr(signal, ended))
+    process.communicate()
+    until(lambda: not running(temporary))
+    if ended == "SIGTERM":
+        assert process.returncode == 143
+        assert not list(temporary.glob("virtual-aperture-*"))
+
+
+@pytest.mark.parametrize("ended", ["SIGTERM", "alone"])
+def test_who_draws_ahead_ends_while_it_waits(blend: Path, tmp_path: Path, ended: str) -> None:
+    """For Blender, which has not come to its first frame yet; also where it is killed."""
+    words = ["--scene", "Scene", "--frames", "1-9:1", "--reach", "4", "--into", str(tmp_path), "--child"]
+    process = subprocess.Popen(
+        [sys.executable, str(HEADLESS), "frames", str(blend), *words],
+        stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+    )  # fmt: skip
+    shared = SharedFrames(tmp_path)
+    shared.go_on_to(COUNT - 1)
+    assert process.stdin is not None
+    try:
+        until(lambda: shared.is_there(COUNT))
+        if ended == "SIGTERM":
+            process.terminate()
+        else:
+            process.stdin.close()
+        assert process.wait(10) == 128 + signal.SIGTERM
+    finally:
+        process.kill()
+        process.wait()
+
+
+def test_the_frame_is_named_where_cycles_fails(blend: Path, tmp_path: Path) -> None:
+    temporary, out = tmp_path / "tmp", tmp_path / "o"
+    temporary.mkdir()
+    process = subprocess.Popen(
+        [sys.executable, str(HEADLESS), "render", str(blend), "--out", f"{out}/####.png", "--jobs", "1"],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=os.environ | {"TMPDIR": str(temporary)},
+        text=True,
+    )  # fmt: skip
+    until(lambda: any(out.glob("0*.png")))
+    for each in running(temporary):
+        os.kill(each, signal.SIGKILL)
+    _, said = process.communicate()
+    assert process.returncode == 1
+    assert re.search(r"the CG objects of frame \d could not be rendered: .* SIGKILL", said), said
+    assert "Traceback" not in said and not running(temporary)
+    done("render", blend, "--out", tmp_path / "o" / "####.png", "--jobs", 1)
+    assert contents(out) == contents(blend.parent / "one")
+
+
+def running(temporary: Path) -> list[int]:
+    """Processes that were told of something in a folder."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
+        with contextlib.suppress(OSError):
+            if f"{temporary}/".encode() in path.read_bytes():
+                found.append(int(path.parent.name))
+    return found
+
+
+def until(is_so: Callable[[], bool]) -> None:
+    end = time.monotonic() + 60
+    while not is_so():
+        assert time.monotonic() < end
+        time.sleep(0.02)
