@@ -66,7 +66,8 @@ test-window: setup
 	@command -v "$${BLENDER:-blender}" >/dev/null \
 	  || { echo "make test-window: no Blender program; set BLENDER to one, or put blender on the path" >&2; exit 1; }
 	@$(PYTHON) tools/build_zip.py
-	@BACKEND=$(BACKEND) $(PYTHON) -m pytest $(WINDOW_TESTS)
+	@rm -rf build/window
+	@BACKEND=$(BACKEND) $(TESTS) $(WINDOW_TESTS)
 
 # Walks of many minutes, through a real clip, through that of a walker, and for the documentation's pictures.
 WALKS := tests/window/test_in_the_hands.py tests/window/test_pictures.py tests/window/test_walker_in_the_hands.py \

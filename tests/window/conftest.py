@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -22,7 +21,6 @@ def needed() -> None:
         pytest.exit("no Blender program: set BLENDER to one, or put blender on the path", 1)
     if missing := missing_programs():
         pytest.exit(f"{', '.join(missing)} not found: install what tools/debian-packages-window.txt lists", 1)
-    shutil.rmtree(PICTURES, ignore_errors=True)
 
 
 @pytest.fixture(scope="session")
