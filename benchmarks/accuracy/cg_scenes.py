@@ -35,9 +35,9 @@ GLOW = 0.7
 """Radiance of the white of an object that shines, so that what hides the sky from it has no part."""
 SAMPLES = 64
 LACQUER, LAMP, LAMP_SIDE, LAMP_AWAY = 0.05, 16.0, 0.35, 3.0
-"""Share of light that a lacquered object mirrors; radiance, side and distance of the lamp that it mirrors,
-lengths in radii of it, but the distance in metres. By eye: what is mirrored is about white, and a fifth as
-wide as the object."""
+"""Share of light that a lacquered object mirrors; radiance, least side in its radii and distance in metres of
+the lamp that it mirrors. By eye: what is mirrored is about white, and a tenth to a fifth as wide as the
+object."""
 TRAVEL = 24.0
 """Pixels of 640 across that an object which moves goes in a frame."""
 
@@ -189,6 +189,9 @@ def _finish(scene: bpy.types.Scene, number: int, thing: Thing, camera: Floats) -
     for each in scene.objects:
         if each.type == "LIGHT":
             each.light_linking.receiver_collection = others
+        elif each != found:
+            # A ray that is mirrored towards the lamp would end at the room's walls.
+            each.visible_glossy = False
     middle, radius = PLACES[scene.name.partition(".")[0]]
     _add_lamp(scene, found, np.array(middle), radius, thing, camera)
 
@@ -196,19 +199,20 @@ def _finish(scene: bpy.types.Scene, number: int, thing: Thing, camera: Floats) -
 def _add_lamp(
     scene: bpy.types.Scene, found: bpy.types.Object, middle: Floats, radius: float, thing: Thing, eye: Floats
 ) -> None:
-    """A square lamp for one object alone, mirrored in its right upper part."""
+    """A square lamp for one object alone, mirrored in its right part, which nothing hides."""
     to_eye = (eye - middle) / np.linalg.norm(eye - middle)
     if thing.is_board:
         turn = np.radians(20)
         normal = np.array([np.sin(turn), -np.cos(turn), 0.0])
-        place = middle + 0.4 * radius * np.array([np.cos(turn), np.sin(turn), 0.5])
+        place = middle + radius * np.array([0.72 * np.cos(turn), 0.72 * np.sin(turn), 0.2])
     else:
-        normal = to_eye + np.array([0.35, 0.0, 0.4])
+        normal = to_eye + np.array([0.9, 0.0, 0.2])
         normal /= np.linalg.norm(normal)
         place = middle + radius * normal
     ray = (place - eye) / np.linalg.norm(place - eye)
     mirrored = ray - 2 * (ray @ normal) * normal
-    side = LAMP_SIDE * radius if thing.is_board else 4 * LAMP_SIDE * radius
+    # A ball makes it small.
+    side = LAMP_SIDE * radius * (2 if thing.is_board else 12)
     light = bpy.data.lights.new("lamp", "AREA")
     light.shape, light.size = "SQUARE", side
     light.energy = LAMP * np.pi * side**2

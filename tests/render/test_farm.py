@@ -405,8 +405,9 @@ def test_what_fails_here_is_begun_again_elsewhere(monkeypatch: pytest.MonkeyPatc
 
 
 def test_who_is_done_first_takes_frames_of_others(monkeypatch: pytest.MonkeyPatch) -> None:
-    # The other process waits with its second frame until it is ended.
-    monkeypatch.setattr(launcher, "launcher", lambda: [sys.executable, "-c", SAYS])
+    # The other process says nothing until it is ended: how fast it starts has no part.
+    waits = "import sys; sys.stdin.readline()"
+    monkeypatch.setattr(launcher, "launcher", lambda: [sys.executable, "-c", waits])
     finished, drawn = list[int](), list[int]()
 
     def here(frames: Sequence[int], done: Callable[[int], None]) -> None:
