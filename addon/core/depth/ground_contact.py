@@ -146,7 +146,7 @@ def ground_below(
     few = random.integers(len(rays), size=min(len(rays), 1500))
     agree = _agree(rays[few] @ normals.T, values[few, None], options)
     foot = _foot(mask[part], options)[row, column]
-    # What stands upright behind may be the larger part, and what stands before it, too.
+    # What stands upright behind may be the larger part, or a rail that is before it.
     possible = np.array([_is_ground(normal, options) for normal in normals])
     possible &= ~_seen_through(rays[foot] @ normals.T, values[foot, None], options)
     agree = np.where(possible, agree.mean(axis=0), 0)
