@@ -13,7 +13,7 @@ from ..scene.lens import frame_options
 from ..scene.shot import Shot, shot_of
 from .frame_size import render_size, written_size
 
-PICTURES = 10
+PICTURES = 11
 """Version of the method: counted up when the same settings give another picture, so that a run that goes on
 does not mix them."""
 

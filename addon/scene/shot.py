@@ -38,7 +38,7 @@ from .paths import absolute
 
 KEPT_DEPTH = "depth"
 """Folder of a working folder where depth is kept."""
-DEPTHS = 10
+DEPTHS = 11
 """Version of the way that depth is found: counted up when the same options give another depth."""
 HIGHLIGHTS = 2
 """Version of the way that highlights are found, in the same way."""

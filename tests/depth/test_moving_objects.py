@@ -127,6 +127,21 @@ def test_a_wall_that_hides_the_feet_is_no_ground() -> None:
     assert ground_below(body, inverse, known, CAMERA, ContactOptions()) is None
 
 
+def test_a_rail_before_a_thing_is_no_ground() -> None:
+    """So low a plane leans by what noise there is, here as much as ground does; below the feet one looks past
+    it."""
+    mask, true = card([(-0.6, 4.0), (0.6, 4.0)], height=1.0)
+    inverse, bottom = street(), int(np.flatnonzero(mask.any(axis=1))[-1])
+    rail = np.s_[bottom + 9 : bottom + 35]
+    leaning = Plane(0.7 * np.array([0.0, 0.55, 0.8])).inverse_depth(rays())
+    inverse[rail] = leaning[rail]
+    apart = cv2.dilate(mask.astype(np.uint8), np.ones((7, 7), np.uint8)) == 0
+    found = ground_below(mask, inverse, apart, CAMERA, ContactOptions())
+    assert found is None or abs(found.normal[1] - 1 / EYE) < 0.01
+    depth, _, _ = placed(inverse, separated_as_one(mask))
+    assert off(depth, true, mask) < 0.05
+
+
 def test_where_a_thing_stands_is_told_by_what_stands_still_alone() -> None:
     mask, _ = card([(-0.4, 3.0), (0.4, 3.0)], height=1.7)
     found = standing_depth(MovingObject(mask), street(), CAMERA, MovingObjectOptions())

@@ -14,6 +14,7 @@ from addon.core.base.arrays import Floats, Map, Mask
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.depth.depth_store import DepthStore
 from addon.core.depth.multi_view_stereo import DenseDepth, PlaneSweepStereo
+from addon.core.depth.reprojection import in_place
 from addon.core.depth.temporal_fusion import FusionOptions, TemporalFusion, fused, sharpened, without_speckles
 
 from .. import planes
@@ -109,6 +110,31 @@ def test_what_a_frame_does_not_see_has_no_say() -> None:
     inverse[:, :, ::2] += 1
     weight = np.stack([np.full(SHAPE, w, np.float32) for w in (0.1, 0, 0)])
     np.testing.assert_allclose(fused(inverse, weight)[0], inverse[0], atol=1e-6)
+
+
+def test_who_sees_past_what_the_border_cuts_does_not_contradict_it() -> None:
+    """A camera rises over a ledge: from the second frame on it is below the picture, and of the wall behind
+    it ever more of what it hid is seen."""
+    ledge, away = SHAPE[0] - 20, 24 / (LENS.fy * NEAR)
+    rising = poses(np.outer(np.arange(4), [0, -away, 0]))
+    frames = {
+        n + 1: depth(n + 1, np.where(ledge + 24 * n <= Y, NEAR, WALL), 1.0) for n in range(len(rising.images))
+    }
+    seen = Given(frames, np.where(ledge <= Y, 60, 190).astype(np.float32))
+    found = TemporalFusion(rising, seen).at(1).inverse_depth  # type: ignore[arg-type]
+    np.testing.assert_allclose(found[ledge:, 10:-10], NEAR, atol=0.01)
+    np.testing.assert_allclose(found[10 : ledge - 2, 10:-10], WALL, atol=0.01)
+
+
+def test_how_near_others_would_see_something() -> None:
+    """In a frame beside, a place moves by its parallax, and is seen until that takes it past the border."""
+    apart = 0.5
+    (here, there), wall = poses(np.array([[0, 0, 0], [apart, 0, 0.0]])).images, depth(2, WALL, 1.0)
+    border, margin = 4, 7
+    nearest = in_place(wall, there, LENS, here, margin, border)[2][20, margin:-margin]
+    np.testing.assert_allclose(nearest, (X[0] - border) / (LENS.fx * apart), atol=1e-5)
+    # The frame itself sees what is at any depth.
+    assert np.isinf(in_place(replace(wall, frame=1), here, LENS, here, margin, border)[2]).all()
 
 
 # One frame

@@ -129,9 +129,9 @@ def test_depth_is_the_same_in_any_unit(scale: float) -> None:
 def test_depth_past_the_border_is_the_same_in_any_unit(scale: float) -> None:
     rng = np.random.default_rng(1)
     inverse = np.full((3, 60, 80), 0.2, np.float32) + rng.normal(0, 1e-4, (3, 60, 80)).astype(np.float32)
-    weight = np.ones_like(inverse)
+    weight, nearest = np.ones_like(inverse), np.full_like(inverse, np.inf)
     found = [
-        by * past_border(list(zip(each, weight, strict=True)), each[0, 10:-10, 10:-10], 0.01 / by)
+        by * past_border(list(zip(each, weight, nearest, strict=True)), each[0, 10:-10, 10:-10], 0.01 / by)
         for by, each in ((by, inverse / np.float32(by)) for by in (1.0, scale))
     ]
     assert np.isfinite(found[0]).sum() > 1000

@@ -15,21 +15,46 @@ from .view_selection import relative_pose
 
 def in_place(
     depth: DenseDepth, image: Image, camera: Intrinsics, here: Image, margin: int, border: int
-) -> tuple[Map, Map]:
+) -> tuple[Map, Map, Map]:
     """(h + 2 m, w + 2 m) inverse depth of a frame as another one, `here` with its `lens`, has it in its
-    picture and a `margin` of m pixels around; and its weight, 0 where the frame sees nothing.
+    picture and a `margin` of m pixels around; its weight, 0 where the frame sees nothing; and the largest
+    inverse depth at which the frame would see something there.
 
     Of what falls into a pixel it is the nearest. Weights are confidences, next to nothing in `border` pixels
     at the frame's own border.
     """
     if image.frame == here.frame:
         inverse, weight = (np.pad(part, margin) for part in (depth.inverse_depth, _weight(depth, border)))
-        return inverse, weight
+        return inverse, weight, np.full_like(inverse, np.inf)
     wide = replace(
         camera, width=camera.width + 2 * margin, height=camera.height + 2 * margin,
         cx=camera.cx + margin, cy=camera.cy + margin,
     )  # fmt: skip
-    return _reprojected(depth, image, wide, here, border)
+    return *_reprojected(depth, image, wide, here, border), _nearest_seen(depth, image, wide, here, border)
+
+
+def _nearest_seen(depth: DenseDepth, image: Image, camera: Intrinsics, here: Image, border: int) -> Map:
+    """(h, w) the largest inverse depth at which another frame would see what a frame's pixels show.
+
+    Nearer, it would be past its picture, less `border` pixels, or behind its camera: such a frame sees what
+    lies behind, and tells nothing of what stands before that. Homogeneous places are linear in inverse depth,
+    and so are the sides of the picture that they are on.
+    """
+    rotation, translation = relative_pose(here, image)
+    there = pixel_matrix(depth.pinhole)
+    far, step = there @ rotation @ np.linalg.inv(pixel_matrix(camera)), there @ translation
+    height, width = depth.inverse_depth.shape
+    sides = np.array([
+        [1, 0, -border], [-1, 0, width - 1 - border], [0, 1, -border], [0, -1, height - 1 - border],
+        [0, 0, 1],
+    ])  # fmt: skip
+    x, y = np.arange(camera.width, dtype=np.float32), np.arange(camera.height, dtype=np.float32)[:, None]
+    nearest = np.full((camera.height, camera.width), np.inf, np.float32)
+    for at, slope in zip(sides @ far, sides @ step, strict=True):
+        if slope < 0:
+            per_x, per_y, per_1 = (-at / slope).astype(np.float32)
+            np.minimum(nearest, per_x * x + (per_y * y + per_1), out=nearest)
+    return nearest
 
 
 def _weight(depth: DenseDepth, border: int) -> Map:

@@ -139,12 +139,14 @@ class TemporalFusion:
         own = next((depth for depth in depths if depth.frame == image.frame), None)
         stack = [self._in_place(depth, key, image) for depth, key in zip(depths, keys, strict=True)]
         inner = (slice(self._margin(frame), -self._margin(frame)),) * 2
-        unseen = np.mean(np.maximum.reduce([weight[inner] for _, weight in stack]) <= 0)
+        unseen = np.mean(np.maximum.reduce([weight[inner] for _, weight, _ in stack]) <= 0)
         if own is None and unseen > options.most_unseen:
             (own,) = self._single_frames([image.frame])
             stack.append(self._in_place(own, image, image))
-        inverses, weights = (np.stack([each[inner] for each in part]) for part in zip(*stack, strict=True))
-        inverse, confidence, level = fused(inverses, weights, options)
+        inverses, weights, nearest = (
+            np.stack([each[inner] for each in part]) for part in zip(*stack, strict=True)
+        )
+        inverse, confidence, level = fused(inverses, weights, nearest, options)
         checkpoint(1.0)
         picture = self._stereo.picture(frame)
         confidence = _suppress_outliers(picture, inverse, confidence, level, options)
@@ -158,9 +160,8 @@ class TemporalFusion:
         past = past_border(stack, inverse, level, options)
         return replace(found, inverse_depth=inverse, past_border=past)
 
-    def _in_place(self, depth: DenseDepth, image: Image, here: Image) -> tuple[Map, Map]:
-        """(h + 2 m, w + 2 m) inverse depth of a key frame in a frame's place and past its border, and its
-        weight, 0 where it sees nothing."""
+    def _in_place(self, depth: DenseDepth, image: Image, here: Image) -> tuple[Map, Map, Map]:
+        """What `in_place` tells of a key frame in a frame's place and past its border."""
         checkpoint(1.0)
         pinhole, margin = self._stereo.pinhole(here.frame), self._margin(here.frame)
         return in_place(depth, image, pinhole, here, margin, self._options.border)
@@ -201,21 +202,32 @@ class TemporalFusion:
 
 
 def fused(
-    inverse: Map, weight: Map, options: FusionOptions = FusionOptions(), level: float | None = None
+    inverse: Map,
+    weight: Map,
+    nearest: Map | None = None,
+    options: FusionOptions = FusionOptions(),
+    level: float | None = None,
 ) -> tuple[Map, Map, float]:
     """Of k inverse depths (k, h, w) with their weights (k, h, w): one (h, w), the confidence (h, w) in it,
     and the height of a level, where `level` does not tell it.
 
-    Weights are confidences in [0, 1], and 0 where a frame does not see the place.
+    Weights are confidences in [0, 1], and 0 where a frame does not see the place. `nearest` (k, h, w) are the
+    largest inverse depths at which frames would see something there, without bounds where it is None: what
+    is nearer is not contradicted by those that see past it.
     """
     weight = np.where(weight > 0, weight + np.float32(options.least_weight), np.float32(0))
-    total = weight.sum(axis=0)
-    median = np.full(inverse.shape[1:], np.inf, np.float32)
+    median, total = inverse.min(axis=0), weight.sum(axis=0)
     # So few are faster compared one with another than sorted.
     for value in inverse:
         checkpoint(1.0)
-        enough = 2 * np.einsum("khw,khw->hw", weight, inverse <= value) >= total
-        np.minimum(median, value, out=median, where=enough)
+        behind = inverse < value
+        before = np.einsum("khw,khw->hw", weight, ~behind)
+        if nearest is not None:
+            behind &= nearest >= value
+        against = np.einsum("khw,khw->hw", weight, behind)
+        enough = (before > against) & (value >= median)
+        np.copyto(median, value, where=enough)
+        np.copyto(total, before + against, where=enough)
     if level is None:
         level = level_of(median, options)
     agree = weight * (np.abs(inverse - median) <= np.float32(options.same_surface * level))
@@ -233,7 +245,7 @@ def level_of(inverse: Map, options: FusionOptions = FusionOptions()) -> float:
 
 
 def past_border(
-    stack: list[tuple[Map, Map]], inside: Map, level: float, options: FusionOptions = FusionOptions()
+    stack: list[tuple[Map, Map, Map]], inside: Map, level: float, options: FusionOptions = FusionOptions()
 ) -> Map:
     """(h + 2 m, w + 2 m) inverse depth around a frame of which others are sure, NaN elsewhere and within it.
 
@@ -244,13 +256,13 @@ def past_border(
     margin = (past.shape[0] - inside.shape[0]) // 2
     outside = np.ones(past.shape, bool)
     outside[margin:-margin, margin:-margin] = False
-    at = np.flatnonzero(outside & (np.maximum.reduce([weight for _, weight in stack]) > 0))
+    at = np.flatnonzero(outside & (np.maximum.reduce([weight for _, weight, _ in stack]) > 0))
     if not len(at):
         return past
-    inverses, weights = (
+    inverses, weights, nearest = (
         np.stack([each.ravel()[at] for each in part])[:, None] for part in zip(*stack, strict=True)
     )
-    inverse, confidence, _ = fused(inverses, weights, options, level)
+    inverse, confidence, _ = fused(inverses, weights, nearest, options, level)
     past.ravel()[at] = np.where(confidence[0] > options.unsure, inverse[0], np.float32(np.nan))
     # Gaps between what is known are of what lies behind, and what few pixels tell is noise.
     around = np.ones((5, 5), np.uint8)

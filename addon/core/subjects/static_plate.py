@@ -165,11 +165,11 @@ class StaticPlate:
         for image in self._around(frame):
             checkpoint()
             depth = self._without(self._depth(image.frame), moving(image.frame))
-            inverse, weight = in_place(depth, image, small, here, 0, 4)
+            inverse, weight, nearest = in_place(depth, image, small, here, 0, 4)
             # What moves in the frame itself hides what its plate shall show.
-            stack.append((inverse, np.where(depth.moving, 0, weight) if image is here else weight))
-        inverses, weights = (np.stack(part) for part in zip(*stack, strict=True))
-        inverse, _, _ = fused(inverses, weights)
+            stack.append((inverse, np.where(depth.moving, 0, weight) if image is here else weight, nearest))
+        inverses, weights, nearests = (np.stack(part) for part in zip(*stack, strict=True))
+        inverse, _, _ = fused(inverses, weights, nearests)
         unseen = weights.max(axis=0) <= 0
         pinhole = self._shown.pinhole(frame)
         return np.asarray(
