@@ -84,6 +84,9 @@ class Reconstruction:
     is_ordered: bool = True
     """Whether frames that follow each other were taken one after the other, as those of a clip: photos were
     not, and what is near to one is told by their cameras alone."""
+    readout: tuple[float, float] = (0.0, 0.0)
+    """Time to read the picture's width and its height, as shares of the time from a frame to the next;
+    positive where the right or the lower part is read later. Poses are those of the picture's middle."""
 
     @cached_property
     def frames(self) -> Ints:
