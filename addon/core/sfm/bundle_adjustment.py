@@ -321,7 +321,7 @@ def _moved(bundle: Bundle, basis: Floats, cameras: Floats, points: Floats, extra
     pose = cameras[: 6 * frames].reshape(frames, 6).copy()
     if extra == 1:
         change = float(np.clip(cameras[6 * frames], -0.3, 0.3))
-        bundle, shift, slide = _stretched(bundle, change)
+        bundle, shift, slide = stretched(bundle, change)
         pose[:, 3:] -= change * shift
         points = points - change * np.einsum("pij,pi->pj", basis, slide)
     elif extra:
@@ -339,7 +339,7 @@ def _moved(bundle: Bundle, basis: Floats, cameras: Floats, points: Floats, extra
     )
 
 
-def _stretched(bundle: Bundle, change: float) -> tuple[Bundle, Floats, Floats]:
+def stretched(bundle: Bundle, change: float) -> tuple[Bundle, Floats, Floats]:
     """The focal length changed by the factor exp(`change`), and the scene in depth, so that pictures stay.
 
     It is stretched along the first camera's axis, which cameras that look alike see nothing of. On its own, a

@@ -175,7 +175,7 @@ def _moving(
     solver = _Keyframes(keys, start, prior, parallax, progress, options)
     found, ratio = solver.zoom_or_not(tracks)
     depth = _depth(found.solution, options)
-    if ratio is None and found.lens is None:
+    if ratio is None and not found.searched:
         found = solver.with_lens(found)
         if found.lens is not None:
             depth = _depth(found.solution, options)
@@ -244,6 +244,8 @@ class _Found:
     """Of 1: how much of what the keyframes see is explained, and how closely."""
     lens: Lens | None = None
     """What was taken out of the tracks."""
+    searched: bool = False
+    """A lens was looked for."""
 
 
 @dataclass(frozen=True)
@@ -266,14 +268,14 @@ class _Keyframes:
         A focal length that changes unannounced leaves much unexplained; one that was given does not change.
         """
         found = None if self.prior.zooms else self._solution(tracks)
-        if found is not None and found.explained < self.options.good_explained:
+        if found is not None and not found.searched and found.explained < self.options.good_explained:
             found = self.with_lens(found)
         if found is not None and (not self.prior.free or found.explained >= self.options.good_explained):
             return found, None
         ratio = self_calibration.zoom_ratios(tracks)
         if found is not None and ratio.max() < self.options.min_growth * ratio.min():
             return found, None
-        other = self._solution(self_calibration.zoomed(tracks, ratio))
+        other = self._solution(self_calibration.zoomed(tracks, ratio), bends=False)
         if found is not None and other.score < self.options.min_zoom_gain * found.score:
             return found, None
         return other, ratio
@@ -283,11 +285,11 @@ class _Keyframes:
         self.progress("Looking for a lens", 0, 1)
         told = find_lens(found.solution, self.start, self._known, self.options.lens)
         if told is None:
-            return found
+            return replace(found, searched=True)
         made = told.solution
         share, score = self._explained(made)
         from_clip = told.focal_sigma < self._known / np.sqrt(2)
-        return _Found(made, found.method, told.focal_sigma, from_clip, share, score, told.lens)
+        return _Found(made, found.method, told.focal_sigma, from_clip, share, score, told.lens, True)
 
     @property
     def _known(self) -> float:
@@ -300,8 +302,16 @@ class _Keyframes:
         posed = float(np.isfinite(made.translation[self.keys, 0]).mean())
         return share * posed, solution.score(made, self.keys)
 
-    def _solution(self, tracks: Tracks) -> _Found:
-        """The best of what the ways make of the keyframes; UserError where none leads anywhere."""
+    def _is_doubtful(self, found: _Found | None) -> bool:
+        """Whether there is little parallax, and no solve, or one whose halves do not agree on depths."""
+        options = self.options
+        if self.parallax >= options.doubtful_parallax or found is None:
+            return self.parallax < options.doubtful_parallax
+        return self_calibration.halves_disagree(found.solution, options.calibration, options.small_motion)
+
+    def _solution(self, tracks: Tracks, bends: bool = True) -> _Found:
+        """The best of what the ways make of the keyframes, of a lens that may bend where that alone could
+        save it; UserError where none leads anywhere."""
         found: list[_Found] = []
         good, focal = self.options.good_explained, self.start
 
@@ -321,12 +331,12 @@ class _Keyframes:
         if not found or max(each.explained for each in found) < good:
             keep(self._at_once(tracks), "at once")
         best = max(found, key=lambda each: each.score, default=None)
-        if self.parallax < self.options.doubtful_parallax and (
-            best is None
-            or self_calibration.halves_disagree(
-                best.solution, self.options.calibration, self.options.small_motion
-            )
-        ):
+        doubtful = self._is_doubtful(best)
+        if doubtful and bends and best is not None:
+            # What a lens does may be taken for depth, another one in each half.
+            best = self.with_lens(best)
+            doubtful = self._is_doubtful(best)
+        if doubtful:
             raise only_turns(
                 f"{self.parallax:.2f} of 1000 px are not explained by turning, and do not agree on depth"
             )

@@ -19,7 +19,15 @@ from ..base.arrays import Floats, Ints
 from ..camera.intrinsics import Intrinsics
 from ..camera.reconstruction import Reconstruction
 from . import solution
-from .bundle_adjustment import Adjusted, AdjustmentOptions, Bundle, Observations, adjust, turns
+from .bundle_adjustment import (
+    Adjusted,
+    AdjustmentOptions,
+    Bundle,
+    Observations,
+    adjust,
+    stretched,
+    turns,
+)
 from .distortion import SIGMA, undistorted
 from .resection import in_camera, resected, turning_speeds
 from .self_calibration import CalibrationOptions, as_bundle, put_back
@@ -56,6 +64,8 @@ class LensOptions:
     """Relative standard deviation of a free focal length, times `CalibrationOptions.unmodelled`, past which a
     distortion cannot be told from it: the clip of a real desk, its camera's path 1 to 4 % of the depth, has
     0.08, and a focal length that runs off with k1."""
+    near: float = 0.1
+    """Relative distance from the focal length to begin with, past which the search begins there as well."""
     min_share: float = 0.4
     """Share of a term that each half of the clip must find by itself: 0.3 of a readout in one half of a
     meadow (real data) and 1.6 in the other are none."""
@@ -187,7 +197,7 @@ def find_lens(
     """
     fit = _Fit.of(made, made.tracks, known > 0, options)
     enough = len(fit.posed) >= options.min_keys and len(fit.bundle.points) >= options.min_tracks
-    found = fit.told() if enough else None
+    found = fit.told(start) if enough else None
     if found is None:
         return None
     terms, adjusted = found
@@ -286,21 +296,36 @@ class _Fit:
         sigma = self.options.compared.unmodelled * self.sigmas(found)[-len(SIGMA) :]
         return Lens(parameters_of(found), sigma * np.isin(np.arange(len(SIGMA)), terms), self.recorded)
 
-    def told(self) -> tuple[tuple[int, ...], Adjusted] | None:
-        """Which terms the clip tells, and the cameras with them."""
+    def told(self, start: float) -> tuple[tuple[int, ...], Adjusted] | None:
+        """Which terms the clip tells, and the cameras with them, whose focal length may be near `start`."""
         terms: tuple[int, ...] = (K1, ACROSS, DOWN)
         least = (1 - self.options.min_fall) * self.adjusted(()).cost
-        found = self.adjusted(terms)
+        found = self._best(start, terms)
         while terms and found.cost < least:
             kept = self._kept(found, terms)
             if kept == terms:
                 break
-            terms, found = kept, self.adjusted(kept)
+            terms, found = kept, self._after(found, kept)
         if K1 in terms:
-            both = self.adjusted((*terms, K2))
+            both = self._after(found, (*terms, K2))
             if K2 in self._kept(both, (*terms, K2)):
                 terms, found = (*terms, K2), both
         return (terms, found) if terms and found.cost < least and self._agrees(found, terms) else None
+
+    def _best(self, start: float, terms: tuple[int, ...]) -> Adjusted:
+        """From the solve's focal length, or, where that was led far away, from `start`: what a lens bends
+        can be taken for twice the focal length, from which no way leads back."""
+        found = self.adjusted(terms)
+        away = float(np.log(start / found.bundle.focal[0]))
+        if not self.free_focal or abs(away) < self.options.near:
+            return found
+        there = replace(self, bundle=stretched(found.bundle, away)[0], free_focal=False)
+        other = self._after(there.adjusted(terms, parameters_of(found)), terms)
+        return min(found, other, key=lambda each: each.cost)
+
+    def _after(self, found: Adjusted, terms: tuple[int, ...]) -> Adjusted:
+        """With some terms free, from what was found with others."""
+        return replace(self, bundle=found.bundle).adjusted(terms, parameters_of(found))
 
     def _kept(self, found: Adjusted, terms: tuple[int, ...]) -> tuple[int, ...]:
         """The terms that differ from 0 by more than chance; of the readouts the surer one alone, for a
