@@ -26,7 +26,7 @@ help:
 	@echo "make bench   speed against error, quick subset (SCENES=bars TRACK=T1 BLURS=16: a part)"
 	@echo "make bench-speed      what a clip costs and how that grows, kept in benchmarks/results; a frame by stage"
 	@echo "make bench-full       all of it, for hours; resumes where it was stopped"
-	@echo "make bench-solve      cameras against truth: thirteen motions and nine refusals, four trackers"
+	@echo "make bench-solve      cameras against truth: sixteen motions and nine refusals, four trackers"
 	@echo "make bench-stability  the hard numerical cases, a table"
 	@echo "make figures          the thesis's figures from our scenes, into docs/figures/"
 	@echo "make lint    ruff and mypy"

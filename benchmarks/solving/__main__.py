@@ -306,6 +306,7 @@ COLUMNS: tuple[tuple[str, Callable[[Row], str]], ...] = (
     ),
     ("focal %", lambda r: f"{r.figures['focal']:+.2f}"),
     ("claimed", lambda r: _claimed(r)),
+    ("k1 / readout", lambda r: _lens(r.claims)),
     ("lengths % (floor)", lambda r: f"{r.figures['lengths']:.2f} ({r.figures['lengths_floor']:.2f})"),
     ("stretch %", lambda r: f"{r.figures['stretch']:+.2f}"),
     ("1/z % med / 90", lambda r: f"{r.figures['inverse_depth']:.2f} / {r.figures['inverse_depth_90']:.2f}"),
@@ -323,6 +324,8 @@ LEGEND = """
 - *claimed*: what the solve says of its focal length, one standard deviation; x where the true one is over two
   away. "held": it was only assumed;
   in brackets what it was found to within.
+- *k1 / readout*: what it found of the lens and of the shutter, in frames; 0 is held. `scenes.py` has
+  the truth.
 - *lengths*: median |log| of how far ratios of a length along the view to one across it are off, and in
   brackets what the same tracks give with the true cameras. *stretch*: the median with its sign, by how much
   lengths along the view are too long on the whole.
@@ -370,6 +373,14 @@ def gain_of(message: str, claims: dict[str, Any]) -> float:
         return float(evidence["gain"]) if evidence else float("nan")
     found = re.search(r"GRIC (-?[\d.]+)\)", message)
     return float(found[1]) if found else float("nan")
+
+
+def _lens(claims: dict[str, Any]) -> str:
+    """The first radial term and the readout of the height that a solve found."""
+    if "readout" not in claims:
+        return ""
+    k1 = claims["distortion"]["terms"][0] if claims["distortion"] else 0.0
+    return f"{k1:.4g} / {claims['readout'][1]:.4g}"
 
 
 def _parallax(claims: dict[str, Any]) -> str:

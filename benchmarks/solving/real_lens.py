@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from addon.core.camera.intrinsics import Intrinsics
 from addon.core.camera.reconstruction import rotation_vector
 from sample_scenes.stage import Cameras, Floats
 
@@ -26,11 +27,15 @@ class RealLens:
     """Share by which the picture's corner is nearer to its middle than a pinhole's."""
     readout: float = 0.0
     """From the first row to the last."""
+    k1: float = 0.0
+    """First radial term of COLMAP's and OpenCV's model instead."""
 
     def ideal(self, xy: Floats, frame: int, cameras: Cameras, focal: float) -> Floats:
         """Where the wide pinhole `cameras` sees at the middle of `frame`, counted from 1, what this camera
         records at `xy` (n, 2); `focal` is that frame's."""
-        place = xy - [self.width / 2, self.height / 2]
+        cx, cy = self.width / 2, self.height / 2
+        lens = Intrinsics(self.width, self.height, focal, focal, cx, cy, self.k1)
+        place = lens.pinhole_pixels(xy) - [cx, cy]
         corner = np.hypot(self.width, self.height) / 2
         # The inverse of the polynomial of tracking programs: from the recorded place to the ideal one.
         place = place * (1 + self.distortion * (place**2).sum(axis=1, keepdims=True) / corner**2)

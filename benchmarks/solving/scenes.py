@@ -25,11 +25,18 @@ FOCAL = 700 / WIDTH
 APART = np.array([200.0, 0.0, 0.0])
 """Between the two places of the clip with a cut."""
 PAN_FRAMES = 30
+HELD_FRAMES = 40
 WIDE = (WIDTH + 96, HEIGHT + 54)
 """Pixels of the pinhole from whose picture a real camera's is taken."""
 REAL = RealLens(WIDTH, HEIGHT)
 BENT = RealLens(WIDTH, HEIGHT, distortion=0.03)
+ACTION = RealLens(WIDTH, HEIGHT, k1=-0.3)
+PHONE = RealLens(WIDTH, HEIGHT, k1=0.03)
 ROLLING = RealLens(WIDTH, HEIGHT, readout=0.020 * FPS)
+WIDER = (WIDTH + 160, HEIGHT + 90)
+"""The same for an action camera, whose corner is 22 % nearer to the middle than a pinhole's."""
+ACTION_FOCAL = 0.9 * WIDTH
+"""Pixels: with a shorter one the polynomial folds before the corner."""
 SLOW_ZOOM = FOCAL * WIDTH * np.linspace(0.95, 1.05, PAN_FRAMES)
 ONE_PER_CENT = 0.01 * WIDTH / (FOCAL * WIDTH) / (1 / 1.2 - 1 / 7.5)
 """Metres of path for which what is at 1.2 m and at 7.5 m move by 1 % of the width past each other."""
@@ -339,11 +346,40 @@ def tripod_parallax() -> Motion:
     )
 
 
+# Hands that hold real cameras
+
+
+def _held(name: str, title: str, lens: RealLens, focal: float = FOCAL * WIDTH, turns: float = 1.0) -> Motion:
+    """0.4 m by hand before things at 1.2 to 7.5 m, the gaze wandering by 10 degrees, through a lens; the hand
+    turns `turns` times as far as one usually does."""
+    share = np.linspace(0, 1, HELD_FRAMES)[:, None]
+    sway = tremor(HELD_FRAMES, np.random.default_rng(SEED + 12))
+    centre = (1 - share) * [-0.2, 0, 1.23] + share * [0.2, 0.05, 1.20] + 0.006 * sway[:, :3]
+    target = (1 - share) * [-0.2, 2.5, 1.05] + share * [0.25, 2.5, 1.15]
+    rotation, translation = look(centre, target - centre, turns * sway[:, 3:])
+    cameras = Cameras(*WIDER, focal, rotation, translation)
+    return replace(_motion(name, title, rack.stage().things, cameras), lens=lens)
+
+
+def held_action() -> Motion:
+    title = "0.4 m by hand through an action camera's lens, k1 -0.3"
+    return _held("held_action", title, ACTION, ACTION_FOCAL)
+
+
+def held_phone() -> Motion:
+    return _held("held_phone", "the same through a phone's, k1 0.03", PHONE)
+
+
+def held_rolling() -> Motion:
+    title = "the same with rows that are read in 20 ms, and a hand that shakes more"
+    return _held("held_rolling", title, ROLLING, turns=3.0)
+
+
 MOTIONS: dict[str, Callable[[], Motion]] = {
     made.__name__: made
     for made in (
         sideways, ahead, orbit, jitter, planar, weak, small, moving_object, rail, pan, static, textureless,
         cut, zoom, pan_distorted, pan_distorted_parallax, pan_rolling, pan_rolling_parallax, pan_zoom,
-        pan_zoom_parallax, tripod, tripod_parallax,
+        pan_zoom_parallax, tripod, tripod_parallax, held_action, held_phone, held_rolling,
     )
 }  # fmt: skip

@@ -65,7 +65,7 @@ def test_exact_places_give_the_scene_back() -> None:
 
 def test_derivatives_are_those_of_finite_differences() -> None:
     bundle, seen = scene(frames=3, points=5)
-    camera, point, basis = adjusting._derivatives(bundle, seen, bundle.in_camera(seen))
+    camera, point, basis = adjusting.pose_derivatives(bundle, seen, bundle.in_camera(seen))
     step = 1e-6
     for k in range(3):
         turn = rotation_matrix(step * np.eye(3)[k])

@@ -305,6 +305,24 @@ def test_loading_damage(work: Path) -> None:
         load_solve(work)
 
 
+@pytest.mark.parametrize(
+    ("said", "read"), [(None, (0.0, 0.0)), ([0.0, -0.4], (0.0, -0.4)), ([0.0, 2.0], None), ("x", None)]
+)
+def test_a_readout_is_kept_and_must_lie_within_a_frame(
+    work: Path, said: object, read: tuple[float, float] | None
+) -> None:
+    state = json.loads((work / "solve.json").read_text())
+    del state["digest"], state["report"]["readout"]
+    if said is not None:
+        state["report"]["readout"] = said
+    (work / "solve.json").write_text(json.dumps(state))
+    if read is None:
+        with pytest.raises(UserError, match="readout"):
+            load_solve(work)
+    else:
+        assert load_solve(work).reconstruction.readout == read
+
+
 def test_what_frames_show_besides_is_kept_and_its_damage_told(work: Path) -> None:
     solve = load_solve(work)
     added = [image.visible for image in solve.reconstruction.images]

@@ -81,8 +81,29 @@ class Adjusted:
     """Sum of the robust squared errors, in pixels squared."""
     error: float
     """Root mean square of the robust residuals, per coordinate, in pixels."""
-    focal_sigma: float
-    """Relative standard deviation of the common focal length of pinholes, else 0."""
+    influence: Floats
+    """(m, n) by how much each observation moved what all frames have in common: the logarithm of a common
+    focal length, then the distortion's parameters, 0 of those that are held. Not finite where nothing tells
+    them; (m, 0) where nothing is common, or each frame has its own focal length."""
+    point: Ints
+    """(m,) of the observations."""
+
+    @property
+    def focal_sigma(self) -> float:
+        """Relative standard deviation of the common focal length; 0 where nothing is common."""
+        return float(np.sqrt(self.covariance(self.point)[0, 0])) if self.influence.shape[1] else 0.0
+
+    def covariance(self, unit: Ints) -> Floats:
+        """(n, n) of what is common, from an estimate whose independent units are `unit` (m,).
+
+        A tracked feature's errors in successive frames are the same error: independent observations, as the
+        usual covariance takes them for, make it several times too sure. Liang and Zeger, "Longitudinal data
+        analysis using generalized linear models", 1986 (the sandwich estimator).
+        """
+        _, number = np.unique(unit, return_inverse=True)
+        with np.errstate(over="ignore", invalid="ignore"):
+            moved = summed(self.influence, number.astype(np.int32), int(number.max()) + 1)
+            return np.asarray(moved.T @ moved)
 
 
 @dataclass(frozen=True)
@@ -102,8 +123,8 @@ class _System:
     """(P, 3, C)"""
     basis: Floats
     """(P, 4, 3) tangents of the points."""
-    per_observation: tuple[Floats, Floats, Floats]
-    """Weighted (m, 2, 7) camera and (m, 2, 3) point derivatives and (m, 2) residuals."""
+    per_observation: tuple[Floats, Floats, Floats, Floats]
+    """Weighted (m, 2, 6) pose, (m, 2, c) common and (m, 2, 3) point derivatives and (m, 2) residuals."""
 
 
 def adjust(
@@ -141,11 +162,11 @@ def adjust(
         if damping > 1e8:
             break
     count = max(2 * len(seen.frame) - 6 * frames - 3 * len(bundle.points), 1)
-    sigma = _focal_sigma(system, seen, frames) if extra == 1 and bundle.distortion is None else 0.0
-    return Adjusted(bundle, system.cost, float(np.sqrt(system.cost / count)), sigma)
+    error = float(np.sqrt(system.cost / count))
+    return Adjusted(bundle, system.cost, error, _influence(system, seen, frames), seen.point)
 
 
-def _weights(residuals: Floats, loss: float) -> tuple[Floats, float]:
+def weights(residuals: Floats, loss: float) -> tuple[Floats, float]:
     """Huber's weights (m,) and the cost."""
     size = np.linalg.norm(residuals, axis=1)
     bad = ~np.isfinite(size)
@@ -156,7 +177,7 @@ def _weights(residuals: Floats, loss: float) -> tuple[Floats, float]:
 
 
 def _cost(bundle: Bundle, seen: Observations, loss: float, tie: float) -> float:
-    cost = _weights(_residuals(bundle, seen), loss)[1]
+    cost = weights(_residuals(bundle, seen), loss)[1]
     cost += tie * float((np.diff(np.log(bundle.focal)) ** 2).sum())
     if bundle.distortion is not None:
         cost += float(((bundle.distortion.parameters * loss / SIGMA) ** 2).sum())
@@ -174,10 +195,10 @@ def _system(bundle: Bundle, seen: Observations, loss: float, extra: int, tie: fl
     frames, count = len(bundle.focal), len(bundle.points)
     local = bundle.in_camera(seen)
     residuals = _residuals(bundle, seen)
-    weight, _ = _weights(residuals, loss)
+    weight, _ = weights(residuals, loss)
     root = np.sqrt(weight)[:, None]
     residuals = root * np.nan_to_num(residuals)
-    camera, point, basis = _derivatives(bundle, seen, local)
+    camera, point, basis = pose_derivatives(bundle, seen, local)
     bent = None
     if bundle.distortion is not None:
         ahead = np.where(local[:, 2:] > 0, local, [0.0, 0.0, 1.0])
@@ -195,8 +216,8 @@ def _system(bundle: Bundle, seen: Observations, loss: float, extra: int, tie: fl
     cross[seen.point[:, None, None], np.arange(3)[:, None], at[:, None, :]] = blocks[..., :6]
     full = np.zeros((columns, columns))
     right = np.zeros(columns)
-    own = _summed(np.einsum("mki,mkj->mij", camera, camera), seen.frame, frames)
-    own_right = _summed(np.einsum("mki,mk->mi", camera, residuals), seen.frame, frames)
+    own = summed(np.einsum("mki,mkj->mij", camera, camera), seen.frame, frames)
+    own_right = summed(np.einsum("mki,mk->mi", camera, residuals), seen.frame, frames)
     place = 6 * np.arange(frames)[:, None] + np.arange(6)
     full[place[:, :, None], place[:, None, :]] = own[:, :6, :6]
     right[: 6 * frames] = own_right[:, :6].ravel()
@@ -214,7 +235,7 @@ def _system(bundle: Bundle, seen: Observations, loss: float, extra: int, tie: fl
         right[zooms] += tie * change.T @ np.diff(np.log(bundle.focal))
     if bundle.distortion is not None and bent is not None:
         lens = columns - len(SIGMA) + np.arange(len(SIGMA))
-        mixed = _summed(np.einsum("mki,mkj->mij", camera, bent), seen.frame, frames)
+        mixed = summed(np.einsum("mki,mkj->mij", camera, bent), seen.frame, frames)
         np.add.at(full, (place[:, :, None], lens), mixed[:, :6])
         if extra:
             np.add.at(full, (lasts[:, None], lens), mixed[:, 6])
@@ -222,16 +243,18 @@ def _system(bundle: Bundle, seen: Observations, loss: float, extra: int, tie: fl
         full[lens[:, None], lens] = np.einsum("mki,mkj->ij", bent, bent) + np.diag((loss / SIGMA) ** 2)
         right[lens] = np.einsum("mki,mk->i", bent, residuals)
         right[lens] += (loss / SIGMA) ** 2 * bundle.distortion.parameters
-        cross[..., lens] = _summed(np.einsum("mki,mkj->mij", point, bent), seen.point, count)
+        cross[..., lens] = summed(np.einsum("mki,mkj->mij", point, bent), seen.point, count)
+    common = camera[..., 6 : 6 + (extra == 1)]
+    common = common if bent is None else np.concatenate([common, bent], axis=2)
     return _System(
         _cost(bundle, seen, loss, tie), full, right,
-        _summed(np.einsum("mki,mkj->mij", point, point), seen.point, count),
-        _summed(np.einsum("mki,mk->mi", point, residuals), seen.point, count), cross, basis,
-        (camera, point, residuals),
+        summed(np.einsum("mki,mkj->mij", point, point), seen.point, count),
+        summed(np.einsum("mki,mk->mi", point, residuals), seen.point, count), cross, basis,
+        (camera[..., :6], common, point, residuals),
     )  # fmt: skip
 
 
-def _derivatives(bundle: Bundle, seen: Observations, local: Floats) -> tuple[Floats, Floats, Floats]:
+def pose_derivatives(bundle: Bundle, seen: Observations, local: Floats) -> tuple[Floats, Floats, Floats]:
     """Of projections by (turn, shift, log of the focal length) (m, 2, 7), by points (m, 2, 3); tangents."""
     x, y, z = np.where(local[:, 2:] > 0, local, [0.0, 0.0, 1.0]).T
     focal, w = bundle.focal[seen.frame], bundle.points[seen.point, 3]
@@ -260,7 +283,7 @@ def _tangents(points: Floats) -> Floats:
     return whole[:, :, 1:]
 
 
-def _summed(values: Floats, index: Ints, count: int) -> Floats:
+def summed(values: Floats, index: Ints, count: int) -> Floats:
     """(count, ...) sums of (m, ...) by index (m,)."""
     order = np.argsort(index, kind="stable")
     numbers, starts = np.unique(index[order], return_index=True)
@@ -298,7 +321,7 @@ def _moved(bundle: Bundle, basis: Floats, cameras: Floats, points: Floats, extra
     pose = cameras[: 6 * frames].reshape(frames, 6).copy()
     if extra == 1:
         change = float(np.clip(cameras[6 * frames], -0.3, 0.3))
-        bundle, shift, slide = _stretched(bundle, change)
+        bundle, shift, slide = stretched(bundle, change)
         pose[:, 3:] -= change * shift
         points = points - change * np.einsum("pij,pi->pj", basis, slide)
     elif extra:
@@ -306,7 +329,7 @@ def _moved(bundle: Bundle, basis: Floats, cameras: Floats, points: Floats, extra
         bundle = replace(bundle, focal=bundle.focal * zoomed)
     if bundle.distortion is not None:
         bundle = replace(bundle, distortion=bundle.distortion.changed(cameras[-len(SIGMA) :]))
-    turn = _turns(pose[:, :3])
+    turn = turns(pose[:, :3])
     placed = bundle.points + np.einsum("pij,pj->pi", basis, points)
     return replace(
         bundle,
@@ -316,7 +339,7 @@ def _moved(bundle: Bundle, basis: Floats, cameras: Floats, points: Floats, extra
     )
 
 
-def _stretched(bundle: Bundle, change: float) -> tuple[Bundle, Floats, Floats]:
+def stretched(bundle: Bundle, change: float) -> tuple[Bundle, Floats, Floats]:
     """The focal length changed by the factor exp(`change`), and the scene in depth, so that pictures stay.
 
     It is stretched along the first camera's axis, which cameras that look alike see nothing of. On its own, a
@@ -339,7 +362,7 @@ def _stretched(bundle: Bundle, change: float) -> tuple[Bundle, Floats, Floats]:
     )  # fmt: skip
 
 
-def _turns(vectors: Floats) -> Floats:
+def turns(vectors: Floats) -> Floats:
     """(F, 3) axes times angles -> (F, 3, 3) rotations (Rodrigues)."""
     angle = np.linalg.norm(vectors, axis=1)[:, None, None]
     x, y, z = vectors.T
@@ -351,33 +374,29 @@ def _turns(vectors: Floats) -> Floats:
     return np.asarray(np.eye(3) + one * cross + two * cross @ cross)
 
 
-def _focal_sigma(system: _System, seen: Observations, frames: int) -> float:
-    """Relative standard deviation of the common focal length, from a covariance whose units are whole tracks.
-
-    A tracked feature's errors in successive frames are the same error: independent observations, as the usual
-    covariance takes them for, make it several times too sure. Liang and Zeger, "Longitudinal data analysis
-    using generalized linear models", 1986 (the sandwich estimator).
-    """
+def _influence(system: _System, seen: Observations, frames: int) -> Floats:
+    """As `Adjusted.influence`."""
+    pose, common, point, residual = system.per_observation
+    wanted = common.shape[2]
+    if not wanted or len(system.cameras) != 6 * frames + wanted:
+        return np.zeros((len(residual), 0))
     # Points infinitely far have a freedom that no picture tells of.
     heavy = system.point + np.eye(3) * (1e-10 * np.einsum("pii->p", system.point) + 1e-12)[:, None, None]
-    solved = np.linalg.inv(heavy) @ np.concatenate([system.cross, system.point_right[..., None]], axis=2)
+    solved = np.linalg.inv(heavy) @ system.cross
     flat, crossed = solved.reshape(-1, solved.shape[2]), system.cross.reshape(-1, system.cross.shape[2])
-    reduced = system.cameras - crossed.T @ flat[:, :-1]
-    camera, point, residual = system.per_observation
-    # Each observation's part in the reduced gradient, summed over its track.
-    eliminated = np.einsum("mki,mk->mi", point, residual)
-    count = len(system.point)
-    gradient = np.zeros((count, reduced.shape[0]))
-    own = np.einsum("mki,mk->mi", camera, residual)
-    gradient[seen.point[:, None], 6 * seen.frame[:, None] + np.arange(6)] = own[:, :6]
-    gradient[:, -1] += np.bincount(seen.point, weights=own[:, 6], minlength=count)
-    gradient -= np.einsum("pij,pi->pj", solved[..., :-1], _summed(eliminated, seen.point, count))
-    # Place, turn and scale of the whole are free, and the focal length is none of their affair.
+    reduced = system.cameras - crossed.T @ flat
+    # Place, turn and scale of the whole are free, and what is common is none of their affair.
     diagonal = np.einsum("ii->i", reduced)
     reduced[np.diag_indices_from(reduced)] += 1e-9 * (diagonal + diagonal.mean())
     try:
-        inverse = np.linalg.solve(reduced, np.eye(len(reduced))[-1])
+        inverse = np.linalg.solve(reduced, np.eye(len(reduced))[:, -wanted:])
     except np.linalg.LinAlgError:
-        return float("inf")
-    with np.errstate(over="ignore"):
-        return float(np.sqrt(((gradient @ inverse) ** 2).sum()))
+        return np.full((len(residual), wanted), np.inf)
+    with np.errstate(over="ignore", invalid="ignore"):
+        # Each observation's part in the reduced gradient: by its camera, and by its point's other cameras.
+        by_pose = np.einsum(
+            "mki,miw->mkw", pose, inverse[: 6 * frames].reshape(frames, 6, wanted)[seen.frame]
+        )
+        by_point = np.einsum("mki,miw->mkw", point, (solved @ inverse)[seen.point])
+        each = by_pose + common @ inverse[-wanted:] - by_point
+        return np.asarray(np.einsum("mkw,mk->mw", each, residual))

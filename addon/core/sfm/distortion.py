@@ -7,11 +7,11 @@ hand-held devices", 2010.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..base.arrays import Floats, Ints
+from ..base.arrays import Floats, Ints, Mask
 
 SIGMA = np.array([0.03, 0.03, 0.1, 0.05, 0.5, 0.5])
 """Standard deviations of `Distortion.parameters` before any picture is seen. By eye, and wide."""
@@ -26,14 +26,21 @@ class Distortion:
     parameters: Floats
     """(6,) principal point x, y in half diagonals; k1, k2: what is m half diagonals from it is seen at m (1 +
     k1 |m|^2 + k2 |m|^4); time to read the width and the height, of the time from a frame to the next."""
-    half_diagonal: float
-    """Pixels."""
+    size: tuple[int, int]
+    """Width and height of the picture in pixels."""
     speed: Floats
     """(F, 3) rotation vector from a frame to the next, in camera axes."""
+    free: Mask = field(default_factory=lambda: np.ones(len(SIGMA), bool))
+    """(6,) which of the parameters an adjustment may change."""
+
+    @property
+    def half_diagonal(self) -> float:
+        """Pixels."""
+        return float(np.hypot(*self.size)) / 2
 
     def turned(self, local: Floats, frame: Ints, xy: Floats) -> Floats:
         """Points (m, 3) in the axes of cameras `frame` (m,), when the places xy (m, 2) are read."""
-        when = xy @ self.parameters[4:] / (2 * self.half_diagonal)
+        when = xy @ (self.parameters[4:] / self.size)
         return np.asarray(local + np.cross(self.speed[frame] * when[:, None], local))
 
     def bent(self, place: Floats) -> Floats:
@@ -56,20 +63,23 @@ class Distortion:
         outer = place[:, :, None] * place[:, None, :]
         by_place = (1 + k1 * square + k2 * square**2)[..., None] * np.eye(2)
         by_place = by_place + (2 * k1 + 4 * k2 * square)[..., None] * outer
+        when = xy / self.size
         spin = np.cross(self.speed[frame], local)
+        # Of what was turned: the turn of what it was before, up to the third order.
+        spin = spin - (when @ self.parameters[4:])[:, None] * np.cross(self.speed[frame], spin)
         slide = (focal[:, None] * spin[:, :2] - unit * place * spin[:, 2:]) / local[:, 2:]
-        slide = np.einsum("mij,mj->mi", by_place, slide) / (2 * unit)
+        slide = np.einsum("mij,mj->mi", by_place, slide)
         by_parameters = np.empty((len(local), 2, len(SIGMA)))
         by_parameters[..., :2] = unit * np.eye(2)
         by_parameters[..., 2], by_parameters[..., 3] = unit * place * square, unit * place * square**2
-        by_parameters[..., 4], by_parameters[..., 5] = slide * xy[:, :1], slide * xy[:, 1:]
-        return by_place, by_parameters
+        by_parameters[..., 4], by_parameters[..., 5] = slide * when[:, :1], slide * when[:, 1:]
+        return by_place, by_parameters * self.free
 
     def changed(self, step: Floats) -> Distortion:
         """With the parameters (6,) that much larger, within what cameras have."""
         return replace(self, parameters=np.clip(self.parameters + step, -LIMITS, LIMITS))
 
 
-def undistorted(half_diagonal: float, speed: Floats) -> Distortion:
-    """A pinhole that reads all rows at once; `speed` (F, 3) and the half diagonal are as in `Distortion`."""
-    return Distortion(np.zeros(len(SIGMA)), half_diagonal, speed)
+def undistorted(size: tuple[int, int], speed: Floats) -> Distortion:
+    """A pinhole that reads all rows at once; `size` and `speed` (F, 3) are as in `Distortion`."""
+    return Distortion(np.zeros(len(SIGMA)), size, speed)

@@ -21,6 +21,7 @@ from ..camera.reconstruction import Reconstruction, normalise
 from . import self_calibration, small_motion, solution
 from .degeneracy import DegeneracyOptions, StaysError, check_motion, only_turns
 from .keyframes import KeyframeOptions, adjust, keyframe_features, keyframes, map_keyframes
+from .lens import Lens, LensOptions, find_lens
 from .report import STAYS
 from .self_calibration import CalibrationOptions
 from .small_motion import SmallMotionOptions
@@ -85,6 +86,8 @@ class MappingOptions:
     """The choice of keyframes."""
     calibration: CalibrationOptions = field(default_factory=CalibrationOptions)
     """The focal length, and whether the camera moves."""
+    lens: LensOptions = field(default_factory=LensOptions)
+    """What the lens and the shutter do to a pinhole's picture."""
     degeneracy: DegeneracyOptions = field(default_factory=DegeneracyOptions)
     """Whether there is motion to begin with."""
     stationary: StationaryOptions = field(default_factory=StationaryOptions)
@@ -122,6 +125,8 @@ class Mapped:
     """How much depth the clip tells; None where too few tracks could be compared."""
     weak_depth: float | None
     """Share of the range of depths to which one is known where the clip hardly tells it; else None."""
+    lens: Lens | None = None
+    """What the clip tells of its lens and its shutter; None where it was told nothing, or not looked for."""
 
 
 def reconstruct(
@@ -167,15 +172,15 @@ def _moving(
     """A camera that leaves its place, with a `parallax` in pixels of a 1,000-pixel frame."""
     keys = keyframes(tracks, options.keyframes)
     start = prior.focal or options.start_focal * max(tracks.width, tracks.height)
-    found, ratio = _Keyframes(keys, start, prior, parallax, progress, options).zoom_or_not(tracks)
-    best = found.solution
-    depth = depth_evidence(best, options.stationary)
+    solver = _Keyframes(keys, start, prior, parallax, progress, options)
+    found, ratio = solver.zoom_or_not(tracks)
+    depth = _depth(found.solution, options)
+    if ratio is None and not found.searched:
+        found = solver.with_lens(found)
+        if found.lens is not None:
+            depth = _depth(found.solution, options)
+    best, lens = found.solution, found.lens
     weak, sigma = None, found.focal_sigma
-    if depth is not None and depth.gain <= 0:
-        raise only_turns(
-            f"{depth.parallax:.2f} of 1000 px are beyond what any lens shows that turns, with"
-            f" {depth.noise:.2f} of noise, GRIC {depth.gain:.2f}"
-        )
     if depth is not None and depth.uncertainty >= options.stationary.weak:
         # A lens that is taken for depth is taken for a focal length, too.
         weak, sigma = depth.uncertainty, max(sigma, prior.sigma if prior.focal else options.start_sigma)
@@ -185,6 +190,8 @@ def _moving(
     solution.register_frames(best, progress)
     for step in range(2):
         progress("Adjusting", step, 2)
+        if lens is not None:
+            lens.take_out(best)
         solution.triangulate(best)
         solution.drop_bad(best)
         adjust(best, options.keyframes)
@@ -202,9 +209,20 @@ def _moving(
     if len(reconstruction.images) < 2 or len(reconstruction.points) < options.solution.min_points:
         raise UserError("too few points could be placed in 3D; film with more sideways movement")
     return Mapped(
-        normalise(reconstruction), found.method, sigma, found.focal_from_clip, parallax, angle,
-        explained, moving, ratio is not None, depth, weak,
+        normalise(reconstruction if lens is None else lens.recording(reconstruction)), found.method, sigma,
+        found.focal_from_clip, parallax, angle, explained, moving, ratio is not None, depth, weak, lens,
     )  # fmt: skip
+
+
+def _depth(made: Solution, options: MappingOptions) -> DepthEvidence | None:
+    """How much depth the clip tells; StaysError where a camera that turns explains it as well."""
+    depth = depth_evidence(made, options.stationary)
+    if depth is not None and depth.gain <= 0:
+        raise only_turns(
+            f"{depth.parallax:.2f} of 1000 px are beyond what any lens shows that turns, with"
+            f" {depth.noise:.2f} of noise, GRIC {depth.gain:.2f}"
+        )
+    return depth
 
 
 def versions() -> dict[str, str]:
@@ -224,6 +242,10 @@ class _Found:
     """Share of the keyframes registered times the share of their observations that take part."""
     score: float
     """Of 1: how much of what the keyframes see is explained, and how closely."""
+    lens: Lens | None = None
+    """What was taken out of the tracks."""
+    searched: bool = False
+    """A lens was looked for."""
 
 
 @dataclass(frozen=True)
@@ -246,18 +268,50 @@ class _Keyframes:
         A focal length that changes unannounced leaves much unexplained; one that was given does not change.
         """
         found = None if self.prior.zooms else self._solution(tracks)
+        if found is not None and not found.searched and found.explained < self.options.good_explained:
+            found = self.with_lens(found)
         if found is not None and (not self.prior.free or found.explained >= self.options.good_explained):
             return found, None
         ratio = self_calibration.zoom_ratios(tracks)
         if found is not None and ratio.max() < self.options.min_growth * ratio.min():
             return found, None
-        other = self._solution(self_calibration.zoomed(tracks, ratio))
+        other = self._solution(self_calibration.zoomed(tracks, ratio), bends=False)
         if found is not None and other.score < self.options.min_zoom_gain * found.score:
             return found, None
         return other, ratio
 
-    def _solution(self, tracks: Tracks) -> _Found:
-        """The best of what the ways make of the keyframes; UserError where none leads anywhere."""
+    def with_lens(self, found: _Found) -> _Found:
+        """The same with what the keyframes tell of the lens taken out of the tracks."""
+        self.progress("Looking for a lens", 0, 1)
+        told = find_lens(found.solution, self.start, self._known, self.options.lens)
+        if told is None:
+            return replace(found, searched=True)
+        made = told.solution
+        share, score = self._explained(made)
+        from_clip = told.focal_sigma < self._known / np.sqrt(2)
+        return _Found(made, found.method, told.focal_sigma, from_clip, share, score, told.lens, True)
+
+    @property
+    def _known(self) -> float:
+        """Relative standard deviation of the focal length to begin with; 0 holds it."""
+        return self.prior.sigma if self.prior.focal else self.options.start_sigma
+
+    def _explained(self, made: Solution) -> tuple[float, float]:
+        """As `_Found.explained` and `_Found.score`."""
+        share, _ = solution.explained(made)
+        posed = float(np.isfinite(made.translation[self.keys, 0]).mean())
+        return share * posed, solution.score(made, self.keys)
+
+    def _is_doubtful(self, found: _Found | None) -> bool:
+        """Whether there is little parallax, and no solve, or one whose halves do not agree on depths."""
+        options = self.options
+        if self.parallax >= options.doubtful_parallax or found is None:
+            return self.parallax < options.doubtful_parallax
+        return self_calibration.halves_disagree(found.solution, options.calibration, options.small_motion)
+
+    def _solution(self, tracks: Tracks, bends: bool = True) -> _Found:
+        """The best of what the ways make of the keyframes, of a lens that may bend where that alone could
+        save it; UserError where none leads anywhere."""
         found: list[_Found] = []
         good, focal = self.options.good_explained, self.start
 
@@ -277,12 +331,12 @@ class _Keyframes:
         if not found or max(each.explained for each in found) < good:
             keep(self._at_once(tracks), "at once")
         best = max(found, key=lambda each: each.score, default=None)
-        if self.parallax < self.options.doubtful_parallax and (
-            best is None
-            or self_calibration.halves_disagree(
-                best.solution, self.options.calibration, self.options.small_motion
-            )
-        ):
+        doubtful = self._is_doubtful(best)
+        if doubtful and bends and best is not None:
+            # What a lens does may be taken for depth, another one in each half.
+            best = self.with_lens(best)
+            doubtful = self._is_doubtful(best)
+        if doubtful:
             raise only_turns(
                 f"{self.parallax:.2f} of 1000 px are not explained by turning, and do not agree on depth"
             )
@@ -298,15 +352,12 @@ class _Keyframes:
         """A solution of the keyframes with its focal length refined, and how much of the clip it explains."""
         solution.triangulate(made)
         solution.drop_bad(made)
-        known = self.prior.sigma if self.prior.focal else self.options.start_sigma
         sigma, from_clip = self_calibration.refine_focal_length(
-            made, self.start, known, self.options.calibration
+            made, self.start, self._known, self.options.calibration
         )
         solution.triangulate(made)
         solution.drop_bad(made)
-        share, _ = solution.explained(made)
-        posed = float(np.isfinite(made.translation[self.keys, 0]).mean())
-        return _Found(made, method, sigma, from_clip, share * posed, solution.score(made, self.keys))
+        return _Found(made, method, sigma, from_clip, *self._explained(made))
 
     def _by_pairs(self, tracks: Tracks, focal: float, whole: Tracks | None = None) -> Solution | None:
         """COLMAP's incremental mapping; the solution is of the tracks `whole` if these are part of them."""

@@ -11,6 +11,7 @@ from ..base.arrays import Floats, Ints
 from ..base.counting import ranges
 from ..base.errors import Remedy, Words, with_words
 from ..camera.reconstruction import Reconstruction, outermost_angles
+from .resection import in_camera
 
 STAYS = "turning"
 """The method of a solve whose camera stays in its place: depth is that of maps."""
@@ -28,6 +29,62 @@ EXPLAINED = 0.8
 WRONG_ERROR, WRONG_SHARE = 4.0, 0.005
 """Mean reprojection error, in pixels and in long sides, above both of which a model is not of these frames:
 COLMAP drops observations from 4 pixels on, and half a per cent is what large pictures are allowed. By eye."""
+
+
+@dataclass(frozen=True)
+class LensReport:
+    """What a solve that looked for them found of its lens and its shutter; 0 is what it held."""
+
+    distortion: list[float]
+    """k1 and k2 of COLMAP's RADIAL and OpenCV's model."""
+    distortion_sigma: list[float]
+    """Their standard deviations."""
+    corner: float
+    """Share by which the picture's corner is farther from its middle than a pinhole shows it."""
+    readout: list[float]
+    """As `Reconstruction.readout`."""
+    readout_sigma: list[float]
+    """Their standard deviations."""
+    frame_ms: float | None
+    """Milliseconds from a frame to the next; None where the clip does not say."""
+
+    @classmethod
+    def of(cls, said: dict[str, Any]) -> LensReport | None:
+        """Of what a solver reported; None where it looked for no lens."""
+        if "readout" not in said:
+            return None
+        found = said.get("distortion") or {"terms": [0.0, 0.0], "sigma": [0.0, 0.0], "corner": 0.0}
+        fps = said.get("fps")
+        return cls(
+            found["terms"], found["sigma"], found["corner"], said["readout"], said["readout_sigma"],
+            1000 / fps if fps else None,
+        )  # fmt: skip
+
+    def lines(self) -> list[str]:
+        """For people."""
+        return [f"distortion    {self._bends()}", f"shutter       {self._reads()}"]
+
+    def _bends(self) -> str:
+        if not any(self.distortion):
+            return "not found, held at 0"
+        terms = ", ".join(
+            f"{name} {value:.4f} +- {sigma:.4f}" if value else f"{name} 0"
+            for name, value, sigma in zip(("k1", "k2"), self.distortion, self.distortion_sigma, strict=True)
+        )
+        where = "nearer to" if self.corner < 0 else "farther from"
+        return f"{terms}: the corner is {100 * abs(self.corner):.1f} % {where} the middle than a pinhole's"
+
+    def _reads(self) -> str:
+        if not any(self.readout):
+            return "rolling shutter not found"
+        axis = int(np.argmax(np.abs(self.readout)))
+        share, sigma = self.readout[axis], self.readout_sigma[axis]
+        first = ("left", "top")[axis] if share > 0 else ("right", "bottom")[axis]
+        unit, called = (self.frame_ms, "ms") if self.frame_ms else (100.0, "% of a frame's time")
+        return (
+            f"{('columns', 'rows')[axis]} are read in {unit * abs(share):.1f} +- {unit * sigma:.1f} {called},"
+            f" from the {first} on"
+        )
 
 
 @dataclass(frozen=True)
@@ -58,6 +115,8 @@ class Report:
     """Relative standard deviation; None where nobody said."""
     focal_from: str
     """"clip", "given", "guess" or "file"."""
+    lens: LensReport | None
+    """None where no lens was looked for: in files, zooms, and of cameras that stay."""
     angle: list[float] | None
     """Degrees between the outermost rays of a point: quartiles. None where no point is seen twice."""
     distances: list[float]
@@ -116,6 +175,7 @@ class Report:
             *bars,
             f"reprojection  {self._reprojection()}",
             f"focal length  {lens}{sigma}, {source[self.focal_from]}",
+            *(self.lens.lines() if self.lens is not None else []),
             f"parallax      {self._parallax()}",
             f"distances     {self.distances[0]:.4g} to {self.distances[2]:.4g}, {self.distances[1]:.4g} in"
             " the median, in the model's own unit",
@@ -169,7 +229,7 @@ def report(reconstruction: Reconstruction, frames: tuple[int, ...], said: dict[s
         [int(counts.min()), int(np.median(counts)), int(counts.max())],
         int(np.median([len(image.visible) for image in reconstruction.images])), _histogram(counts),
         _coverage(reconstruction), error, drift, [min(focal), max(focal)], sigma,
-        said.get("focal_from", "file"),
+        said.get("focal_from", "file"), LensReport.of(said),
         [float(q) for q in np.percentile(angle, (25, 50, 75))] if len(angle) else None,
         _distances(reconstruction), spread, explained, weak, list(said.get("notes", [])),
         *_advice(wrong, missing, sigma, said.get("focal_from", "file"), spread, explained, weak),
@@ -250,8 +310,7 @@ def _observations(reconstruction: Reconstruction) -> tuple[Ints, Floats, Floats]
     """Of all images in order: point (m,), residual (m, 2) in pixels, NaN behind the camera, and unit ray (m,
     3) in the world."""
     points, residuals, rays = [], [], []
-    for image in reconstruction.images:
-        local = image.to_camera(reconstruction.points.xyz[image.points])
+    for image, local in zip(reconstruction.images, in_camera(reconstruction), strict=True):
         points.append(image.points)
         miss = reconstruction.intrinsics(image).project(local) - image.xy
         residuals.append(np.where(local[:, 2:] > 0, miss, np.nan))

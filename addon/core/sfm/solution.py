@@ -45,6 +45,9 @@ class Solution:
     """(m,) observations that take part."""
     options: SolutionOptions = SolutionOptions()
     """By which observations, points and frames are kept."""
+    recorded: Floats | None = None
+    """(m, 2) places of the observations in the clip, where something of the camera was taken out of those of
+    `tracks`."""
 
     @property
     def centre(self) -> Floats:
@@ -225,7 +228,8 @@ def collect(solution: Solution) -> Reconstruction:
         if len(rows) >= solution.options.min_points and np.isfinite(solution.translation[index, 0]):
             ids: Ints = number[tracks.track[rows]].astype(np.int32)
             rotation, translation = solution.rotation[index], solution.translation[index]
-            images.append(Image(tracks.frames[index], rotation, translation, tracks.xy[rows], ids))
+            xy = (tracks.xy if solution.recorded is None else solution.recorded)[rows]
+            images.append(Image(tracks.frames[index], rotation, translation, xy, ids))
     lenses, camera = np.unique(solution.focal, return_inverse=True)
     width, height = tracks.width, tracks.height
     cameras = tuple(Intrinsics(width, height, f, f, width / 2, height / 2) for f in lenses.tolist())

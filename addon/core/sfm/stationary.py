@@ -80,7 +80,7 @@ def depth_evidence(made: Solution, options: StationaryOptions = StationaryOption
     loss = options.loss * long_side / 1000
     tie = (loss / options.zoom_step) ** 2
     focal = float(np.median(made.focal[posed]))
-    pinhole = undistorted(float(np.hypot(tracks.width, tracks.height)) / 2, _speeds(tracks, focal)[posed])
+    pinhole = undistorted((tracks.width, tracks.height), _speeds(tracks, focal)[posed])
     span = LongTracks(seen, kept, len(posed), loss)
 
     def adjusted(start: Bundle) -> Adjusted:

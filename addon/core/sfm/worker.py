@@ -29,10 +29,11 @@ from ..media.exif import photo_data
 from ..media.metadata import equivalent_focal
 from ..media.video import VideoInfo
 from ..readers.colmap_export import read_model, write_model
-from . import known_poses
+from . import known_poses, lens
 from .degeneracy import refuse_cuts
 from .known_cameras import read_cameras
 from .photo_matching import Photo, find_features, match_all
+from .report import STAYS
 from .tracks import Tracks, check_shape, cuts, track_features
 from .visibility import visible_points
 from .watching import Watch
@@ -187,6 +188,7 @@ def _solved(job: dict[str, Any], footage: Footage, tracks: Tracks) -> _Found:
     if metadata_focal:
         prior = incremental_mapping.FocalPrior(metadata_focal, METADATA_SIGMA)
     mapped = incremental_mapping.reconstruct(tracks, prior, _progress, job["may_stay"])
+    result = mapped.reconstruction
     said = {
         "focal_sigma": mapped.focal_sigma,
         "focal_held": not mapped.focal_from_clip,
@@ -198,8 +200,10 @@ def _solved(job: dict[str, Any], footage: Footage, tracks: Tracks) -> _Found:
         "depth_evidence": asdict(mapped.depth_evidence) if mapped.depth_evidence else None,
         "weak_depth": mapped.weak_depth,
         "triangulation_angle": mapped.angle,
+        # A zoom's lens, and that of a camera that stays, are not looked for.
+        **({} if mapped.zooms or mapped.method == STAYS else lens.said(mapped.lens, result.cameras[0].fx)),
     }
-    return _Found(mapped.reconstruction, mapped.moving, said)
+    return _Found(result, mapped.moving, said)
 
 
 def _held(job: dict[str, Any], tracks: Tracks, folder: Path) -> _Found:

@@ -108,8 +108,26 @@ def load_solve(work_dir: Path, clip: Path | None = None) -> Solve:
     frames = tuple(state["frames"])
     video = _video_of(footage, VideoInfo.parse(state.get("video")))
     is_stills = state.get("stills") is True
-    reconstruction = replace(_with_visible(work_dir / MODEL), is_ordered=not is_stills)
+    reconstruction = replace(
+        _with_visible(work_dir / MODEL), is_ordered=not is_stills, readout=_readout(work_dir, state)
+    )
     return Solve(work_dir, footage, frames, reconstruction, state["report"], video, is_stills)
+
+
+def _readout(work_dir: Path, state: dict[str, Any]) -> tuple[float, float]:
+    """As `Reconstruction.readout`, of a state; UserError where it is no time within a frame."""
+    said = state["report"].get("readout", [0.0, 0.0])
+    try:
+        across, down = (float(each) for each in said)
+    except (TypeError, ValueError):
+        across = down = float("nan")
+    if not max(abs(across), abs(down)) <= 1:
+        raise UserError(
+            f"the readout in {work_dir / STATE} is {said}, not two shares of a frame; solve again in its"
+            " place",
+            Remedy.AGAIN,
+        )
+    return across, down
 
 
 def _clip_of(work_dir: Path, state: dict[str, Any], clip: Path | None) -> Path:

@@ -1,0 +1,100 @@
+"""Poses of all frames from points that are known, at once; how fast the camera turns in each, and what points
+it sees where while rows are read."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..base.arrays import Floats, Ints
+from ..camera.reconstruction import Reconstruction, rotation_matrix, rotation_vector
+from .bundle_adjustment import Bundle, Observations, pose_derivatives, summed, turns, weights
+from .distortion import undistorted
+from .solution import Solution
+
+STEPS = 6
+"""Of Gauss and Newton's method, after which poses that begin between those of keyframes have settled."""
+
+
+def resected(made: Solution, kept: Ints) -> tuple[Floats, Floats]:
+    """(F, 3, 3) rotations and (F, 3) translations of all frames of a solve whose keyframes have poses, from
+    the points of its tracks `kept` (p,); registered frames keep theirs. Between them, poses begin between
+    those of their neighbours, and stay there where a frame sees too little."""
+    tracks = made.tracks
+    posed = np.nonzero(np.isfinite(made.translation[:, 0]))[0]
+    rotation, translation = _between(made, posed)
+    free = np.ones(len(rotation), bool)
+    free[posed] = False
+    known = np.isfinite(made.xyz[:, 0]) & np.isin(np.arange(tracks.count), kept)
+    rows = np.nonzero(free[tracks.frame_index] & known[tracks.track])[0]
+    points = np.column_stack([np.nan_to_num(made.xyz), np.ones(tracks.count)])
+    seen = Observations(tracks.frame_index[rows], tracks.track[rows], tracks.xy[rows] - made.centre)
+    bundle = Bundle(rotation, translation, points, made.focal)
+    for _ in range(STEPS):
+        bundle = _stepped(bundle, seen, made.max_error / 2)
+    return bundle.rotation, bundle.translation
+
+
+def _stepped(bundle: Bundle, seen: Observations, loss: float) -> Bundle:
+    """The poses after a step of Gauss and Newton's method, with Huber's loss from `loss` pixels."""
+    local = bundle.in_camera(seen)
+    residuals = bundle.residuals(seen)
+    residuals[local[:, 2] <= 0] = np.nan
+    weight = weights(residuals, loss)[0]
+    derived = pose_derivatives(bundle, seen, local)[0][..., :6]
+    heavy = derived * weight[:, None, None]
+    frames = len(bundle.focal)
+    normal = summed(np.einsum("mki,mkj->mij", heavy, derived), seen.frame, frames)
+    right = summed(np.einsum("mki,mk->mi", heavy, np.nan_to_num(residuals)), seen.frame, frames)
+    # Frames that see too little stay where they are.
+    normal += np.eye(6) * (1e-6 * np.einsum("fii->f", normal) + 1e-6)[:, None, None]
+    step = -np.linalg.solve(normal, right[..., None])[..., 0]
+    turn = turns(step[:, :3])
+    return Bundle(
+        turn @ bundle.rotation, np.einsum("fij,fj->fi", turn, bundle.translation) + step[:, 3:],
+        bundle.points, bundle.focal,
+    )  # fmt: skip
+
+
+def _between(made: Solution, posed: np.ndarray[tuple[int], np.dtype[np.intp]]) -> tuple[Floats, Floats]:
+    """Poses of all frames, those without one on the straight way between their neighbours'."""
+    frames = np.arange(len(made.translation))
+    after = np.clip(np.searchsorted(posed, frames), 1, len(posed) - 1)
+    first, last = posed[after - 1], posed[after]
+    share = np.clip((frames - first) / (last - first), 0, 1)
+    rotation = np.array(
+        [
+            rotation_matrix(s * rotation_vector(made.rotation[b] @ made.rotation[a].T)) @ made.rotation[a]
+            for a, b, s in zip(first, last, share, strict=True)
+        ]
+    )
+    centres = -np.einsum("fji,fj->fi", made.rotation, made.translation)
+    centre = centres[first] + share[:, None] * (centres[last] - centres[first])
+    return rotation, -np.einsum("fij,fj->fi", rotation, centre)
+
+
+def turning_speeds(rotation: Floats, frames: Ints) -> Floats:
+    """(F, 3) rotation vectors from a frame to the next, in camera axes, of world-to-camera rotations (F, 3,
+    3) of frames with numbers (F,): half of those from the one before to the one after, at the ends those of
+    one step."""
+    each = np.arange(len(frames))
+    before, after = np.maximum(each - 1, 0), np.minimum(each + 1, len(each) - 1)
+    gap = np.maximum(frames[after] - frames[before], 1)
+    steps = rotation[after] @ np.swapaxes(rotation[before], 1, 2)
+    return np.asarray(np.array([rotation_vector(step) for step in steps]) / gap[:, None])
+
+
+def in_camera(reconstruction: Reconstruction) -> list[Floats]:
+    """For each image (n, 3) the points that it observes in its camera's axes when they are read."""
+    images, readout = reconstruction.images, reconstruction.readout
+    local = [image.to_camera(reconstruction.points.xyz[image.points]) for image in images]
+    if not any(readout):
+        return local
+    speed = turning_speeds(np.array([image.rotation for image in images]), reconstruction.frames)
+    turned = []
+    for index, (image, points) in enumerate(zip(images, local, strict=True)):
+        camera = reconstruction.intrinsics(image)
+        shutter = undistorted((camera.width, camera.height), speed)
+        shutter = shutter.changed(np.array([0, 0, 0, 0, *readout]))
+        frame = np.full(len(points), index, np.int32)
+        turned.append(shutter.turned(points, frame, image.xy - [camera.width / 2, camera.height / 2]))
+    return turned
