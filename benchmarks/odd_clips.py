@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from fractions import Fraction
 from pathlib import Path
 
@@ -61,7 +63,7 @@ def write(
     `sound` is how many seconds of it there are, none without, with a click at each flash; it begins `late`.
     """
     lit = set(flashes)
-    with av.open(str(path), "w") as out:
+    with _priority_kept(), av.open(str(path), "w") as out:
         video = out.add_stream(codec, rate=25, options=options)
         assert isinstance(video, VideoStream)
         video.width, video.height = SIZE
@@ -81,6 +83,22 @@ def write(
                 out.mux(heard.encode(part))
             out.mux(heard.encode())
     return path
+
+
+@contextmanager
+def _priority_kept() -> Iterator[None]:
+    """Within it, what changes the scheduling policy of this thread does so in vain afterwards.
+
+    SVT-AV1 puts whoever encodes with it as root before all others (SCHED_FIFO), and what that starts then,
+    too: a render with all cores lets nothing else run.
+    """
+    known = hasattr(os, "sched_getscheduler")
+    policy = (os.sched_getscheduler(0), os.sched_getparam(0)) if known else None
+    try:
+        yield
+    finally:
+        if policy:
+            os.sched_setscheduler(0, *policy)
 
 
 def _drawn(times: Sequence[Fraction], lit: set[Fraction], block: int) -> Iterator[NDArray[np.uint8]]:
