@@ -155,13 +155,10 @@ class Reconstruction:
     def _turns(self) -> tuple[Ints, Floats]:
         """Frames (k,) whose pose is finite, and as `turn_at` (k, 3)."""
         known = [image for image in self.images if np.all(np.isfinite(image.rotation))]
-        result = np.zeros((len(known), 3))
-        for at in range(len(known)):
-            before, after = known[max(at - 1, 0)], known[min(at + 1, len(known) - 1)]
-            if after.frame > before.frame:
-                turn = rotation_vector(after.rotation @ before.rotation.T)
-                result[at] = turn / (after.frame - before.frame)
-        return np.array([image.frame for image in known], dtype=np.int32), result
+        frames = np.array([image.frame for image in known], dtype=np.int32)
+        if not known:
+            return frames, np.zeros((0, 3))
+        return frames, turning_speeds(np.array([image.rotation for image in known]), frames)
 
     def image_at(self, frame: int) -> tuple[Image, bool]:
         """The image of a frame, and whether its pose is interpolated between those of its neighbours.
@@ -217,6 +214,17 @@ def outermost_angles(rays: Floats, point: Ints, count: int) -> Floats:
     with np.errstate(invalid="ignore"):
         angle = np.degrees(np.linalg.norm(high - low, axis=1))
     return np.asarray(np.where(np.isfinite(angle), angle, np.nan))
+
+
+def turning_speeds(rotation: Floats, frames: Ints) -> Floats:
+    """(F, 3) rotation vectors from a frame to the next, in camera axes, of world-to-camera rotations (F, 3,
+    3) of frames with numbers (F,): half of those from the one before to the one after, at the ends those of
+    one step."""
+    each = np.arange(len(frames))
+    before, after = np.maximum(each - 1, 0), np.minimum(each + 1, len(each) - 1)
+    gap = np.maximum(frames[after] - frames[before], 1)
+    steps = rotation[after] @ np.swapaxes(rotation[before], 1, 2)
+    return np.asarray(np.array([rotation_vector(step) for step in steps]) / gap[:, None])
 
 
 def rotation_vector(matrix: Floats) -> Floats:

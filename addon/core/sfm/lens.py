@@ -17,7 +17,7 @@ import numpy as np
 
 from ..base.arrays import Floats, Ints
 from ..camera.intrinsics import Intrinsics
-from ..camera.reconstruction import Reconstruction
+from ..camera.reconstruction import Reconstruction, turning_speeds
 from . import solution
 from .bundle_adjustment import (
     Adjusted,
@@ -29,7 +29,7 @@ from .bundle_adjustment import (
     turns,
 )
 from .distortion import SIGMA, undistorted
-from .resection import in_camera, resected, turning_speeds
+from .resection import resected
 from .self_calibration import CalibrationOptions, as_bundle, put_back
 from .small_motion import select_observations
 from .solution import Solution
@@ -146,8 +146,11 @@ class Lens:
         found = replace(found, cameras=cameras, readout=self.readout)
         point = np.concatenate([image.points for image in found.images])
         missed = [
-            np.linalg.norm(found.intrinsics(image).project(local) - image.xy, axis=1)
-            for image, local in zip(found.images, in_camera(found), strict=True)
+            np.linalg.norm(
+                found.intrinsics(image).project(image.to_camera(found.points.xyz[image.points])) - image.xy,
+                axis=1,
+            )
+            for image in found.images
         ]
         views = np.bincount(point, minlength=len(found.points))
         error = np.bincount(point, np.concatenate(missed), len(found.points)) / np.maximum(views, 1)

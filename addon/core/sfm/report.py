@@ -11,7 +11,6 @@ from ..base.arrays import Floats, Ints
 from ..base.counting import ranges
 from ..base.errors import Remedy, Words, with_words
 from ..camera.reconstruction import Reconstruction, outermost_angles
-from .resection import in_camera
 
 STAYS = "turning"
 """The method of a solve whose camera stays in its place: depth is that of maps."""
@@ -310,8 +309,9 @@ def _observations(reconstruction: Reconstruction) -> tuple[Ints, Floats, Floats]
     """Of all images in order: point (m,), residual (m, 2) in pixels, NaN behind the camera, and unit ray (m,
     3) in the world."""
     points, residuals, rays = [], [], []
-    for image, local in zip(reconstruction.images, in_camera(reconstruction), strict=True):
+    for image in reconstruction.images:
         points.append(image.points)
+        local = image.to_camera(reconstruction.points.xyz[image.points])
         miss = reconstruction.intrinsics(image).project(local) - image.xy
         residuals.append(np.where(local[:, 2:] > 0, miss, np.nan))
         with np.errstate(invalid="ignore", divide="ignore"):

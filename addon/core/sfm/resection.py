@@ -1,14 +1,12 @@
-"""Poses of all frames from points that are known, at once; how fast the camera turns in each, and what points
-it sees where while rows are read."""
+"""Poses of all frames from points that are known, at once."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from ..base.arrays import Floats, Ints
-from ..camera.reconstruction import Reconstruction, rotation_matrix, rotation_vector
+from ..camera.reconstruction import rotation_matrix, rotation_vector
 from .bundle_adjustment import Bundle, Observations, pose_derivatives, summed, turns, weights
-from .distortion import undistorted
 from .solution import Solution
 
 STEPS = 6
@@ -70,31 +68,3 @@ def _between(made: Solution, posed: np.ndarray[tuple[int], np.dtype[np.intp]]) -
     centres = -np.einsum("fji,fj->fi", made.rotation, made.translation)
     centre = centres[first] + share[:, None] * (centres[last] - centres[first])
     return rotation, -np.einsum("fij,fj->fi", rotation, centre)
-
-
-def turning_speeds(rotation: Floats, frames: Ints) -> Floats:
-    """(F, 3) rotation vectors from a frame to the next, in camera axes, of world-to-camera rotations (F, 3,
-    3) of frames with numbers (F,): half of those from the one before to the one after, at the ends those of
-    one step."""
-    each = np.arange(len(frames))
-    before, after = np.maximum(each - 1, 0), np.minimum(each + 1, len(each) - 1)
-    gap = np.maximum(frames[after] - frames[before], 1)
-    steps = rotation[after] @ np.swapaxes(rotation[before], 1, 2)
-    return np.asarray(np.array([rotation_vector(step) for step in steps]) / gap[:, None])
-
-
-def in_camera(reconstruction: Reconstruction) -> list[Floats]:
-    """For each image (n, 3) the points that it observes in its camera's axes when they are read."""
-    images, readout = reconstruction.images, reconstruction.readout
-    local = [image.to_camera(reconstruction.points.xyz[image.points]) for image in images]
-    if not any(readout):
-        return local
-    speed = turning_speeds(np.array([image.rotation for image in images]), reconstruction.frames)
-    turned = []
-    for index, (image, points) in enumerate(zip(images, local, strict=True)):
-        camera = reconstruction.intrinsics(image)
-        shutter = undistorted((camera.width, camera.height), speed)
-        shutter = shutter.changed(np.array([0, 0, 0, 0, *readout]))
-        frame = np.full(len(points), index, np.int32)
-        turned.append(shutter.turned(points, frame, image.xy - [camera.width / 2, camera.height / 2]))
-    return turned
