@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 
 from ..base.arrays import Floats, Map
+from ..base.global_smoother import globally_smoothed
 
 
 @dataclass(frozen=True)
@@ -39,9 +40,7 @@ def interpolate(guide: Map, value: Map, weight: Map, default: float, options: Co
     picture = np.clip(guide, 0, 255).astype(np.uint8)
     scale = abs(default) or 1.0
     above, below = (
-        cv2.ximgproc.fastGlobalSmootherFilter(
-            picture, np.ascontiguousarray(part, np.float32), options.smoother_lambda, options.smoother_sigma
-        )
+        globally_smoothed(picture, part, options.smoother_lambda, options.smoother_sigma)
         for part in (weight * (value / scale - default / scale), weight)
     )
     return np.asarray(default + scale * above / (np.maximum(below, 0) + options.least_weight), np.float32)

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..base.arrays import Bytes, Map, Mask
 from ..base.errors import UserError
+from ..base.global_smoother import globally_smoothed
 from ..base.lru_cache import LRUCache
 from ..base.progress import checkpoint, part
 from ..camera.canvas import Canvas
@@ -360,9 +361,7 @@ def _extrapolated(
     weight = np.clip((confidence - options.unsure) / (1 - options.unsure), 0, 1) ** 2
     weight *= np.minimum(1 / nearness, options.behind_ratio) ** behind
     above, below = (
-        cv2.ximgproc.fastGlobalSmootherFilter(
-            picture, np.ascontiguousarray(part, np.float32), reach, options.smoother_sigma
-        )
+        globally_smoothed(picture, part, reach, options.smoother_sigma)
         for part in (weight * (nearness - 1), weight)
     )
     return np.asarray(median * (1 + above / (np.maximum(below, 0) + 1e-7)), np.float32)
@@ -375,8 +374,7 @@ def _smoothed(inverse: Map, level: float, options: FusionOptions) -> Map:
         return inverse
     scale = min(4 / level, 255 / (high - low))
     guide = ((inverse - low) * scale).astype(np.uint8)
-    smooth = cv2.ximgproc.fastGlobalSmootherFilter(guide, inverse, options.even_lambda, scale * level)
-    return np.asarray(smooth, np.float32)
+    return globally_smoothed(guide, inverse, options.even_lambda, scale * level)
 
 
 def sharpened(

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from ..base.arrays import Bytes, Ints, Map, Mask
+from ..base.global_smoother import globally_smoothed
 from .static_plate import Plate, summed
 
 
@@ -162,11 +163,7 @@ def propagated(picture: Bytes, odds: Map, weight: Map, options: SegmentationOpti
 def smoothed(picture: Bytes, values: Map, reach: float, options: SegmentationOptions) -> Map:
     """(h, w) values along the surfaces of a picture (h, w, 3): Min et al., "Fast global image smoothing based
     on weighted least squares", 2014, whose lambda is `reach`."""
-    return np.asarray(
-        cv2.ximgproc.fastGlobalSmootherFilter(
-            picture, np.ascontiguousarray(values, np.float32), reach, options.smoother_sigma
-        )
-    )
+    return globally_smoothed(picture, values, reach, options.smoother_sigma)
 
 
 @dataclass(frozen=True)
