@@ -28,8 +28,8 @@ picture, so the figures are comparisons with the source, and the pictures
 - **Subject keeps**: share of the source's detail (a band-pass of the brightness, regressed on the source's)
   on the subject, with the click; 1 is untouched. **By default**: the same with nothing picked. **Tiles
   lost**: share of the subject's tiles of 16 to 32 pixels with detail that kept less than {LOST:g} of it, with
-  the click. **Left elsewhere**: share of the detail outside the subject's surroundings; things at the subject's
-  distance are rightly sharp.
+  the click. **Left elsewhere**: share of the detail outside the subject's surroundings; things at the
+  subject's distance are rightly sharp.
 - **Noise**: standard deviation in 255ths in the flattest blurred places, source -> result. Blender's dither
   alone is {DITHER:g}. A star: noisier than the source and the dither together by over a tenth.
 - **Flicker**: change over time of blurred areas, aligned by the source's flow and smoothed, relative to the
