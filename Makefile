@@ -9,9 +9,11 @@ JOBS ?= 2
 # A part of the costs: make bench-speed PARTS="'growth with blur' 'equal error'"
 # A part of the solve benchmark: make bench-solve MOTIONS="ahead mover" TRACKERS=corners FOCAL=unknown
 SOLVES := $(if $(MOTIONS),--motions $(MOTIONS)) $(if $(TRACKERS),--trackers $(TRACKERS)) $(if $(FOCAL),--focal $(FOCAL))
+# A part of the gallery: make real CLIPS="dog cat"; of another checkout's code: make real PROGRAM=../old/addon/headless.py NAME=real-old
+REAL := $(if $(CLIPS),--clips $(CLIPS)) $(if $(PROGRAM),--program $(PROGRAM)) $(if $(NAME),--name $(NAME))
 BENCH := $(if $(SCENES),--scenes $(SCENES)) $(if $(TRACK),--track $(TRACK)) $(if $(BLURS),--blurs $(BLURS)) $(if $(METHODS),--methods $(METHODS))
 
-.PHONY: help setup demo test test-fast test-all test-window test-window-short pictures moving-picture torture sample bench bench-speed bench-full bench-solve bench-stability figures lint zip store clean
+.PHONY: help setup demo test test-fast test-all test-window test-window-short pictures moving-picture torture sample real bench bench-speed bench-full bench-solve bench-stability figures lint zip store clean
 help:
 	@echo "make demo    render the sample clip with depth of field and say where the video is"
 	@echo "make test    run the tests of the add-on"
@@ -23,6 +25,7 @@ help:
 	@echo "make moving-picture  the sample clip with its focus pulled, as the README opens with it"
 	@echo "make torture  kills, full disks, races and damaged files for hours; resumes (TRIES=100 FAULTS=\"movie jobs\")"
 	@echo "make sample SCENE=bars  a scene of the benchmark: .blend, clip and true cameras, into sample/"
+	@echo "make real    real clips (real data): solved or why not, detail, noise, flicker, masks; contact sheets to look at"
 	@echo "make bench   speed against error, quick subset (SCENES=bars TRACK=T1 BLURS=16: a part)"
 	@echo "make bench-speed      what a clip costs and how that grows, kept in benchmarks/results; a frame by stage"
 	@echo "make bench-full       all of it, for hours; resumes where it was stopped"
@@ -90,6 +93,9 @@ torture: setup
 
 sample: setup
 	@$(PYTHON) sample_scenes/filming.py $(SCENE) --out sample/$(SCENE)
+
+real: setup
+	@$(PYTHON) -m benchmarks.gallery $(REAL)
 
 bench: setup
 	@$(PYTHON) -m benchmarks.accuracy $(BENCH)
