@@ -198,7 +198,7 @@ def scene_of(solved: Solve) -> tuple[bpy.types.Scene, VirtualApertureSettings, F
 
 def wanted_frames(footage: Footage, frames: FrameRange | None) -> tuple[int, ...]:
     """Those of a clip that `--frames` asks for, all of them without; UserError where there are none."""
-    wanted = footage.frames if frames is None else frames.of(footage.frames)
+    wanted = footage.frames if frames is None else footage.of(frames)
     if not wanted:
         raise UserError(
             f"the solve has no frames {frames}; it has {footage.frames[0]} to {footage.frames[-1]}"

@@ -11,9 +11,10 @@ from ..core.base.errors import Remedy, UserError
 from ..core.base.file_names import check_file
 from ..core.base.streams import say
 from ..core.depth.user_maps import open_depth
-from ..core.media.clip import Footage, FrameRange, clip_files, open_footage
+from ..core.media.clip import Footage, FrameRange, open_footage
 from ..core.media.copying import copy_clip, copy_file, copy_pictures
 from ..core.media.masks import open_masks
+from ..core.media.sequence import clip_files
 from ..core.sfm.workspace import load_solve
 from ..render.blend_file import write_blend
 from ..render.output import check_folder, set_still

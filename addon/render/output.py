@@ -18,8 +18,9 @@ from ..core.base.file_names import check_file, checked_name, leads_nowhere
 from ..core.base.folder_lock import OutputLock
 from ..core.base.messages import Progress, send
 from ..core.frame.warped_frame import forecast
-from ..core.media.clip import Footage, is_pattern
+from ..core.media.clip import Footage
 from ..core.media.picture_file import PICTURES
+from ..core.media.sequence import is_pattern
 from ..scene.lens import frame_options
 from ..scene.shot import shot_of
 from . import cg_process, engine, frame_files, movie_file, movie_folder

@@ -17,6 +17,7 @@ from ..core.base.errors import UserError
 from ..core.camera.reconstruction import Reconstruction, typical_distance
 from ..core.media.clip import Footage
 from ..core.media.clip_identity import identity
+from ..core.media.sequence import blender_shift
 from ..core.sfm.workspace import default_work_dir
 from . import (
     aperture_cloud,
@@ -68,8 +69,7 @@ def build(
         settings.points.data.attributes.remove(settings.points.data.attributes[attribute])
     point_cloud.fill(settings.points.data, reconstruction)
     point_cloud.make_hidden(settings.points)
-    if footage.is_stills:
-        # No photo lies behind them (`_set_background`).
+    if _background_shift(footage) is None:
         point_cloud.show(settings.points, True)
     store.write(settings.points.data, reconstruction)
     settings.points.data[IDENTITY] = uuid.uuid4().hex
@@ -196,8 +196,8 @@ def _set_background(settings: VirtualApertureSettings, footage: Footage) -> None
         if old.image is not None:
             bpy.data.images.remove(old.image)
         data.background_images.remove(old)
-    if footage.is_stills:
-        # A sequence of Blender's goes by numbers, and all of one size.
+    shift = _background_shift(footage)
+    if shift is None:
         return
     image = bpy.data.images.load(str(first_file(footage)), check_existing=False)
     # Blender makes all paths relative when a .blend is saved for the first time, and no others later.
@@ -212,10 +212,18 @@ def _set_background(settings: VirtualApertureSettings, footage: Footage) -> None
     background.frame_method = "STRETCH"
     user = background.image_user
     user.frame_start = footage.frames[0]
-    user.frame_offset = footage.frames[0] - 1
+    user.frame_offset = footage.frames[0] - 1 + shift
     user.frame_duration = footage.frames[-1] - footage.frames[0] + 1
     user.use_auto_refresh = True
     data.show_background_images = True
+
+
+def _background_shift(footage: Footage) -> int | None:
+    """By how much the numbers of the clip's files differ from its frames; None where Blender cannot show the
+    clip: it takes photos for a sequence of one size, and the last number of a name for the counter."""
+    if footage.is_stills:
+        return None
+    return 0 if footage.is_video else blender_shift(footage.files, footage.frames)
 
 
 def first_file(footage: Footage) -> Path:

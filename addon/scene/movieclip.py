@@ -232,7 +232,10 @@ def _frame_numbers(clip: bpy.types.MovieClip, footage: Footage, notes: list[str]
         notes.append(f"the frames of {Path(clip.filepath).name} and {footage.path.name} are matched in order")
         return {place - clip.frame_offset: frame for place, frame in enumerate(footage.frames, start=1)}
     first = 1 if is_video else _number(Path(clip.filepath))
-    return {frame - first + 1 - clip.frame_offset: frame for frame in footage.frames}
+    return {
+        number - first + 1 - clip.frame_offset: frame
+        for number, frame in zip(footage.file_numbers, footage.frames, strict=True)
+    }
 
 
 def _number(path: Path) -> int:

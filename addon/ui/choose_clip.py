@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
 import bpy
 
 from ..core.base.errors import UserError
 from ..core.media.picture_file import PICTURES
+from ..core.media.sequence import pattern_of
 from .operators import Result, may_change, reported
 
 
@@ -67,14 +67,13 @@ def clip_of(chosen: Path) -> Path:
         raise UserError(f"{chosen} does not exist; choose a video, an image of a sequence or a folder")
     if chosen.is_dir() or chosen.suffix.lower() not in PICTURES:
         return chosen
-    number = re.search(r"\d+(?=\D*$)", chosen.stem)
-    if number is None:
+    pattern = pattern_of(chosen)
+    if pattern is None:
         raise UserError(
             f"{chosen.name} is a single image without a frame number; choose a video or an image of a"
             " sequence"
         )
-    stem = f"{chosen.stem[: number.start()]}{'#' * len(number[0])}{chosen.stem[number.end() :]}"
-    return chosen.with_name(f"{stem}{chosen.suffix}")
+    return pattern
 
 
 def relative(path: str) -> str:

@@ -7,8 +7,9 @@ from pathlib import Path
 import bpy
 
 from ..core.base.errors import UserError
-from ..core.media.clip import is_pattern, open_footage
+from ..core.media.clip import open_footage
 from ..core.media.find_clip import is_clip
+from ..core.media.sequence import is_pattern
 from ..scene.build import move_clip
 from ..scene.paths import absolute
 from .choose_clip import ShowsClips

@@ -12,7 +12,8 @@ import bpy
 
 from ..core.base.counting import counted
 from ..core.base.errors import UserError, with_words
-from ..core.media.clip import Footage, is_pattern
+from ..core.media.clip import Footage
+from ..core.media.sequence import is_pattern
 from ..core.readers.matching import Imported
 from ..core.sfm.process import SolveProcess
 from ..core.sfm.state import STATE

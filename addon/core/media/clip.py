@@ -1,7 +1,8 @@
 """Reading clips: video files and image sequences, in their true picture geometry.
 
 Pictures come out as RGB or RGBA with square pixels and upright. Frame numbers are the clip's own: a video's
-first picture is frame 1, as in Blender, and a sequence keeps the numbers of its file names, gaps included.
+first picture is frame 1, as in Blender, and a sequence keeps the numbers of its file names, gaps included,
+as far as Blender can address them (`sequence.frames_of`).
 """
 
 from __future__ import annotations
@@ -22,7 +23,15 @@ from ..base.nearest_fill import nearest
 from ..base.regular_file import regular_stat
 from .colour_space import SRGB
 from .frame_table import DEFAULT_RATE
-from .picture_file import ARRAY, PICTURES, Pixels, read_picture
+from .picture_file import PICTURES, Pixels, read_picture
+from .sequence import (
+    LAST_FRAME,
+    clip_files,
+    frames_of,
+    is_pattern,
+    name_numbers,
+    pattern_numbers,
+)
 from .video import VideoInfo, VideoReader, video_info
 
 MOST_STILLS = 100
@@ -76,6 +85,9 @@ class Footage:
     fps: float
     files: tuple[Path, ...] = ()
     """One per frame; empty for a video."""
+    numbers: tuple[int, ...] = ()
+    """Numbers in the files' names, one per frame, where Blender cannot address them; empty where they are
+    `frames`."""
     video: VideoInfo | None = None
     """Of a video: its frames' times, its sound's, and what is damaged."""
     is_stills: bool = False
@@ -99,13 +111,30 @@ class Footage:
     @property
     def notes(self) -> list[str]:
         """What the user should know of the clip, a line each."""
-        return self.video.notes if self.video is not None else []
+        if self.video is not None:
+            return self.video.notes
+        if not self.numbers:
+            return []
+        return [
+            f"the file names count from {self.numbers[0]} to {self.numbers[-1]}, but Blender's last frame is"
+            f" {LAST_FRAME}; the clip has {describe(self.frames)} instead"
+        ]
+
+    @property
+    def file_numbers(self) -> tuple[int, ...]:
+        """The number in each frame's file name; of a video and of photos the frames' own."""
+        return self.numbers or self.frames
 
     def seconds(self, frame: int) -> float:
         """When a frame is shown, in seconds from a video's frame 1, or from a sequence's first."""
         if self.video is not None:
             return float(self.video.seconds[frame - 1])
         return (frame - self.frames[0]) / self.fps
+
+    def of(self, wanted: FrameRange) -> tuple[int, ...]:
+        """The frames in a range, which may also count as the files' names do (`numbers`)."""
+        named = dict(zip(self.numbers, self.frames, strict=False))
+        return wanted.of(self.frames) or tuple(named[number] for number in wanted.of(named))
 
     def file(self, frame: int) -> Path:
         """The file that holds a frame."""
@@ -162,7 +191,7 @@ def open_footage(
     path = checked_name(_expanded(path))
     try:
         if is_pattern(path) or path.is_dir():
-            footage = _open_sequence(path, clip_files(path), fps, stills)
+            footage = _open_sequence(path, fps, stills)
         elif not path.exists():
             raise UserError(
                 f"{path} does not exist; choose a video file, a folder of images or a pattern like ####.png"
@@ -180,22 +209,14 @@ def open_footage(
             footage = Footage(path, numbers, info.width, info.height, info.fps, video=info)
     except OSError as error:
         raise UserError(f"{error.filename or path} cannot be read: {error.strerror or error}") from error
-    return footage if frames is None else _narrowed(footage, frames)
-
-
-def clip_files(path: Path) -> list[Path]:
-    """The files of a clip, by name: the video itself, the pictures of a folder or, where it has none, its
-    arrays, or those a pattern names.
-
-    UserError where a pattern's folder is missing, OSError where the folder cannot be listed.
-    """
-    if is_pattern(path):
-        return sorted(pattern_matches(path))
-    if path.is_dir():
-        there = list(path.iterdir())
-        pictures = [each for each in there if each.suffix.lower() in PICTURES]
-        return sorted(pictures or [each for each in there if each.suffix.lower() == ARRAY])
-    return [path]
+    footage = footage if frames is None else _narrowed(footage, frames)
+    if footage.frames[-1] > LAST_FRAME:
+        raise UserError(
+            f"{path.name} has {describe(footage.frames)}, but Blender's last frame is {LAST_FRAME}; choose"
+            " frames up to that",
+            Remedy.FRAMES,
+        )
+    return footage
 
 
 def _expanded(path: Path | str) -> Path:
@@ -275,36 +296,47 @@ def decode_srgb(encoded: NDArray[np.floating]) -> NDArray[np.floating]:
     return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
 
 
-def _open_sequence(path: Path, files: list[Path], fps: float | None, stills: bool) -> Footage:
+def _open_sequence(path: Path, fps: float | None, stills: bool) -> Footage:
+    by_pattern = pattern_numbers(path) if is_pattern(path) else None
+    files = clip_files(path) if by_pattern is None else sorted(by_pattern)
     if not files:
         raise UserError(f"{path} has no images; PNG, JPEG, TIFF and EXR are read")
     for file in files:
         checked_name(file)
-    numbered: dict[int, Path] = {}
-    numbers = [file_number(file) for file in files]
-    is_unnumbered = any(number is None for number in numbers)
-    stills = stills or (is_unnumbered and len(files) <= MOST_STILLS)
-    if stills or is_unnumbered:
-        files = sorted(files)
+    if by_pattern is None:
+        numbers = name_numbers([file.name for file in files])
+    else:
+        numbers = [by_pattern[file] for file in files]
+    stills = stills or (numbers is None and len(files) <= MOST_STILLS)
+    if stills or numbers is None:
         numbers = list(range(1, len(files) + 1))
+    numbered: dict[int, Path] = {}
     for number, file in zip(numbers, files, strict=True):
-        assert number is not None
         if number in numbered:
             raise UserError(
                 f"{numbered[number].name} and {file.name} are both frame {number}; keep one clip per"
-                " folder, or use a pattern like shot_####.png"
+                f" folder, or use a pattern like {_pattern_like(file, number)}"
             )
         numbered[number] = file
-    frames = tuple(sorted(numbered))
-    first = read_picture(numbered[frames[0]])
-    ordered = tuple(numbered[f] for f in frames)
+    frames = frames_of(sorted(numbered))
+    own = () if all(number == frame for number, frame in frames.items()) else tuple(frames)
+    ordered = tuple(numbered[number] for number in frames)
+    first = read_picture(ordered[0])
     rate = fps or float(DEFAULT_RATE)
-    return Footage(path, frames, first.shape[1], first.shape[0], rate, ordered, is_stills=stills)
+    size = first.shape[1], first.shape[0]
+    return Footage(path, tuple(frames.values()), *size, rate, ordered, own, is_stills=stills)
+
+
+def _pattern_like(file: Path, number: int) -> str:
+    """A pattern that matches the file and others that are named alike, with # for its frame number."""
+    digits = [run for run in re.finditer(r"\d+", file.stem) if int(run[0]) == number]
+    start, end = digits[-1].span() if digits else (len(file.stem), len(file.stem))
+    return f"{file.stem[:start]}{'#' * max(1, end - start)}{file.stem[end:]}{file.suffix}"
 
 
 def _narrowed(footage: Footage, wanted: FrameRange | Iterable[int]) -> Footage:
     if isinstance(wanted, FrameRange):
-        kept = wanted.of(footage.frames)
+        kept = footage.of(wanted)
         text = str(wanted)
     else:
         chosen = set(wanted)
@@ -312,43 +344,7 @@ def _narrowed(footage: Footage, wanted: FrameRange | Iterable[int]) -> Footage:
         text = "asked for"
     if not kept:
         raise UserError(f"{footage.path.name} has no frames {text}; it has {describe(footage.frames)}")
-    files = tuple(footage.file(f) for f in kept) if footage.files else ()
-    return replace(footage, frames=kept, files=files)
-
-
-_NUMBER = re.compile(r"#+|%0?(\d*)d")
-
-
-def is_pattern(path: Path) -> bool:
-    """Whether the path of a clip stands for numbered pictures: shot_####.png, shot_%04d.png.
-
-    A file or a folder that is really called that is no pattern.
-    """
-    return _NUMBER.search(path.name) is not None and not path.exists()
-
-
-def pattern_matches(path: Path) -> list[Path]:
-    """The files that a pattern names: # is one digit, %04d at least four. UserError without its folder.
-
-    Where none is named by all of its places, only the last one is taken for the frame's number, as in the
-    names of rendered frames: the # in `take #3_####.png` is a part of the name.
-    """
-    if not path.parent.is_dir():
-        raise UserError(f"{path.parent} does not exist; choose the folder that holds {path.name}")
-    names, places = list(path.parent.iterdir()), list(_NUMBER.finditer(path.name))
-    for numbers in (places, places[-1:]):
-        expression, end = "", 0
-        for place in numbers:
-            digits = place[1] or 1 if place[0].startswith("%") else len(place[0])
-            expression += re.escape(path.name[end : place.start()]) + rf"\d{{{digits},}}"
-            end = place.end()
-        expression += re.escape(path.name[end:])
-        if found := [each for each in names if re.fullmatch(expression, each.name)]:
-            return found
-    return []
-
-
-def file_number(path: Path) -> int | None:
-    """The frame that a file's name numbers: its last digits; None without."""
-    digits = re.findall(r"\d+", path.stem)
-    return int(digits[-1]) if digits else None
+    places = dict(zip(footage.frames, footage.files, strict=False))
+    numbers = dict(zip(footage.frames, footage.numbers, strict=False))
+    files = tuple(places[frame] for frame in kept if places)
+    return replace(footage, frames=kept, files=files, numbers=tuple(numbers[f] for f in kept if numbers))

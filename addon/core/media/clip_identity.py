@@ -6,7 +6,7 @@ from pathlib import Path
 
 from ..base.digest import Files
 from ..base.errors import UserError
-from .clip import clip_files
+from .sequence import clip_files
 
 SMALL = "2:"
 """Begins the identity of a small clip, by all of its bytes."""

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from ..base.errors import UserError
-from .clip import is_pattern, pattern_matches
 from .clip_identity import is_same_clip
+from .sequence import is_pattern, pattern_numbers
 
 LEVELS = 2
 """Folders below each other that are looked into."""
@@ -19,7 +19,7 @@ def clip_exists(path: Path) -> bool:
     """Whether a video, a folder, or at least one picture of a pattern is there."""
     try:
         if is_pattern(path):
-            return path.parent.is_dir() and any(pattern_matches(path))
+            return path.parent.is_dir() and any(pattern_numbers(path))
         return path.exists()
     except OSError:
         return False

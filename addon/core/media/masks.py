@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,6 +12,7 @@ from ..base.arrays import Map
 from ..base.errors import UserError
 from .clip import Footage
 from .picture_file import PICTURES, Pixels
+from .sequence import pattern_of
 from .side_files import SideFiles
 
 
@@ -53,13 +53,12 @@ def _pattern(path: Path) -> Path:
     """For one picture of a sequence the pattern of all of them; else the path itself."""
     if path.suffix.lower() not in PICTURES or not path.is_file():
         return path
-    found = re.fullmatch(r"(.*?)(\d+)(\D*)", path.stem)
-    if found is None:
+    pattern = pattern_of(path)
+    if pattern is None:
         raise UserError(
             f"masks: {path.name} has no frame number; name masks like mask_0001.png, one for each frame"
         )
-    before, number, after = found.groups()
-    return path.with_name(f"{before}{'#' * len(number)}{after}{path.suffix}")
+    return pattern
 
 
 def _opacity(picture: Pixels) -> Map:

@@ -11,8 +11,9 @@ from ..base.errors import UserError
 from ..base.lru_cache import LRUCache
 from ..base.npz import ArrayFile
 from ..base.regular_file import open_regular
-from .clip import Footage, file_number, is_pattern, open_footage
+from .clip import Footage, open_footage
 from .picture_file import ARRAY, ARRAYS, PICTURES, Pixels, decode_picture, grey
+from .sequence import is_litter, is_pattern, name_numbers
 
 PACKED = (ARRAY, ".zip")
 """Endings of the files that are read."""
@@ -82,16 +83,25 @@ def _zipped(path: Path) -> tuple[tuple[int, ...], Callable[[int], Pixels]]:
     members = dict[int, str]()
     try:
         with open_regular(path) as file, zipfile.ZipFile(file) as archive:
-            names = [name for name in archive.namelist() if Path(name).suffix.lower() in PICTURES]
+            names = [
+                name for name in archive.namelist()
+                if Path(name).suffix.lower() in PICTURES and not is_litter(name)
+            ]  # fmt: skip
     except zipfile.BadZipFile as error:
         raise ValueError(error) from None
-    for name in names:
-        number = file_number(Path(name))
-        if number is None or number in members:
-            raise ValueError(f"{name} in it needs a frame number of its own, as 00012.exr")
-        members[number] = name
-    if not members:
+    if not names:
         raise ValueError(f"it has no pictures; {', '.join(PICTURES)} are read")
+    numbers = name_numbers(names)
+    if numbers is None:
+        name = next(name for name in names if name_numbers([name]) is None)
+        raise ValueError(f"{name} in it has no frame number; name it like 00012.exr")
+    for name, number in zip(names, numbers, strict=True):
+        if number in members:
+            raise ValueError(
+                f"{members[number]} and {name} in it are both frame {number}; give each a number of its own,"
+                " like 00012.exr"
+            )
+        members[number] = name
 
     def decode(frame: int) -> Pixels:
         name = members[frame]

@@ -71,20 +71,26 @@ def match_frames(pictures: Footage, clip: Footage, kind: str) -> tuple[dict[int,
     """
     frames, notes = pictures.frames, []
     shifted = 1 if clip.is_video and frames[0] == 0 else 0
-    numbers = {number + shifted: number for number in frames}
-    if not set(clip.frames) <= set(numbers) and len(frames) == len(clip.frames):
+    named = dict(zip(pictures.file_numbers, frames, strict=True))
+    ways = (clip.file_numbers, clip.frames) if clip.numbers else (clip.frames,)
+    found = [
+        {frame: named[number - shifted] for frame, number in zip(clip.frames, way, strict=True)
+         if number - shifted in named}
+        for way in ways
+    ]  # fmt: skip
+    numbers = max(found, key=len)
+    if len(numbers) < len(clip.frames) == len(frames):
         numbers = dict(zip(clip.frames, frames, strict=True))
         notes.append(
             f"{kind}s belong to the clip in order: {pictures.path.name} has {describe(frames)},"
             f" the clip {describe(clip.frames)}"
         )
-    numbers = {frame: numbers[frame] for frame in clip.frames if frame in numbers}
     if not numbers:
         short = kind.split()[-1]
         raise UserError(
-            f"no {kind} in {pictures.path.name} belongs to the clip: the {short}s are {describe(frames)},"
-            f" the clip has {describe(clip.frames)}; number them like the clip, or provide one {short} for"
-            " every frame"
+            f"no {kind} in {pictures.path.name} belongs to the clip: the {short}s are"
+            f" {describe(pictures.file_numbers)}, the clip has {describe(clip.file_numbers)}; number them"
+            f" like the clip, or provide one {short} for every frame"
         )
     return numbers, notes
 

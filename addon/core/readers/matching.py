@@ -168,12 +168,13 @@ def _by_number(named: dict[int, Parts], footage: Footage) -> _Pairing:
     """By the last number in the name, from 0 where the clip counts from 1."""
     folder = _parts(str(footage.path))
     folder = (*folder[:-1], "") if footage.is_video or not footage.path.is_dir() else (*folder, "")
-    wanted = [(frame, str(frame), folder) for frame in footage.frames]
+    named_as = dict(zip(footage.frames, footage.file_numbers, strict=True))
+    wanted = [(frame, str(named_as[frame]), folder) for frame in footage.frames]
     plain = _chosen(named, wanted, _number)
     plain.note = "images are matched by the number in their names: they are the clip's frames of that number"
     if not any(_number(parts) == "0" for parts in named.values()):
         return plain
-    moved = _chosen(named, [(frame, str(frame - 1), folder) for frame in footage.frames], _number)
+    moved = _chosen(named, [(frame, str(named_as[frame] - 1), folder) for frame in footage.frames], _number)
     moved.note = "the model counts its images from 0, the clip its frames from 1"
     if footage.is_video or (footage.frames[0] == 1 and len(moved.frames) > len(plain.frames)):
         return moved

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import bpy
 
-from ...core.media.clip import is_pattern
+from ...core.media.sequence import is_pattern
 from .. import import_solve, notices, preferences
 from .panel import ClosedPanel, split
 
