@@ -28,6 +28,8 @@ class CGWanted:
     layer: str
     frame: int
     """The scene's."""
+    objects: tuple[int, ...]
+    """Session IDs of the objects. A hidden one that is shown again joins them unchanged."""
     version: int
     """Of the objects: counted up whenever something of them changes."""
 
@@ -38,15 +40,16 @@ class _Process:
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._process: CGProcess | None = None
-        self._of: tuple[str, int] | None = None
+        self._of: tuple[object, ...] | None = None
 
     def draw(self, wanted: CGWanted, pinhole: Intrinsics, depth: PixelDepth | None) -> CGObjects:
         """What `CGProcess.draw` draws, begun anew where the objects have changed."""
+        of = wanted.scene, wanted.objects, wanted.version
         with self._lock:
-            if self._process is None or self._of != (wanted.scene, wanted.version):
+            if self._process is None or self._of != of:
                 self._end()
                 self._process = CGProcess(wanted.scene, is_preview=True)
-                self._of = wanted.scene, wanted.version
+                self._of = of
             try:
                 return self._process.draw(wanted.layer, wanted.frame, pinhole, depth)
             except BaseException:
@@ -72,9 +75,8 @@ _kept: OrderedDict[CGWanted, tuple[Intrinsics, CGObjects]] = OrderedDict()
 
 def wanted(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> CGWanted | None:
     """The CG objects of a scene at its present frame; None where it has none."""
-    if not cg_objects(scene, layer):
-        return None
-    return CGWanted(scene.name, layer.name, scene.frame_current, _version)
+    objects = tuple(thing.session_uid for thing in cg_objects(scene, layer))
+    return CGWanted(scene.name, layer.name, scene.frame_current, objects, _version) if objects else None
 
 
 def draw_preview(asked: CGWanted | None, waits: bool) -> DrawCG | None:

@@ -20,14 +20,17 @@ MOST_LAYERS = 6
 
 
 def cg_objects(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> list[bpy.types.Object]:
-    """The objects of a view layer that are drawn: those that Cycles would show to the camera, but for what
-    was hidden because the camera goes through it, as long as that is hidden."""
+    """Return the objects of a view layer that are drawn into the clip.
+
+    These are the objects that Cycles would show to the camera, without those that a solve hid because the
+    camera goes through them, for as long as they are hidden.
+    """
     settings = scene.virtual_aperture
     ours = settings.points, settings.aperture
-    blocking = {entry.name for entry in settings.hidden}
+    blocking = {entry.thing for entry in settings.hidden}
     # Of an object that was just removed from the file, None is left.
     there = [thing for thing in layer.objects if thing is not None and thing not in ours]
-    there = [thing for thing in there if thing.name not in blocking or not thing.hide_get(view_layer=layer)]
+    there = [thing for thing in there if thing not in blocking or not thing.hide_get(view_layer=layer)]
     return [thing for thing in there if _is_geometry(thing) and thing.visible_camera and is_rendered(thing)]
 
 

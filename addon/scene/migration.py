@@ -32,6 +32,8 @@ def migrate(scene: bpy.types.Scene) -> None:
     if held is not None and PSNR_OF_2 in held:
         settings.target_psnr = held[PSNR_OF_2]
         del held[PSNR_OF_2]
+    for entry in settings.hidden:
+        entry.thing = entry.thing or scene.objects.get(entry.name)
     # It was written there at every change.
     blender_focus.follow(settings)
     settings.version = VERSION

@@ -102,8 +102,10 @@ MOVE_VIEWS = ("method", "quality", "views", "seed")
 """Options that say where the virtual cameras stand."""
 
 
-class VirtualApertureName(bpy.types.PropertyGroup):
-    """A name in a list; `name` is every property group's own."""
+class VirtualApertureHidden(bpy.types.PropertyGroup):
+    """An object in a list. Not its name: that changes when it is renamed or its scene is copied."""
+
+    thing: PointerProperty(type=bpy.types.Object)
 
 
 def _colour_spaces(_settings: object, _context: object, _typed: str) -> list[str]:
@@ -446,14 +448,14 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
     summary: StringProperty(name="Summary", description="One-line summary of the solve", options={"HIDDEN"})
     advice: StringProperty(name="Advice", description="What would improve the solve most", options={"HIDDEN"})
     hidden: CollectionProperty(
-        type=VirtualApertureName,
+        type=VirtualApertureHidden,
         name="Hidden",
         description="Objects hidden because they blocked the camera",
     )
 
 
 CLASSES = (
-    VirtualApertureName,
+    VirtualApertureHidden,
     *focus_marks.CLASSES,
     *subjects.CLASSES,
     VirtualApertureShape,

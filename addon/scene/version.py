@@ -6,8 +6,9 @@ import bpy
 
 from ..core.base.errors import UserError
 
-VERSION = 3
-"""2 had another name for the target PSNR, and wrote the focus distance into the camera (`migration`)."""
+VERSION = 4
+"""2 had another name for the target PSNR, and wrote the focus distance into the camera; 3 listed hidden
+objects by their names (`migration`)."""
 NEWER = "this scene was made with a newer Virtual Aperture; update the extension"
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import bpy
 import numpy as np
@@ -29,16 +28,13 @@ def show(scene: bpy.types.Scene, reconstruction: Reconstruction) -> None:
     settings = scene.virtual_aperture
     manager = bpy.context.window_manager
     windows = [window for window in manager.windows if window.scene == scene] if manager else []
-    layers = {window.view_layer for window in windows} or {scene.view_layers[0]}
     for window in windows:
         look_through_camera(window)
     # Clicks in Edit Mode are to find vertices: there is nothing else in the point cloud.
     scene.tool_settings.mesh_select_mode = (True, False, False)
-    settings.hidden.clear()
-    for layer in layers:
+    for layer in {window.view_layer for window in windows} or {scene.view_layers[0]}:
         make_active(settings.points, layer)
-        for thing in clear_the_way(settings, layer, reconstruction):
-            settings.hidden.add().name = thing.name
+    clear_the_way(scene, reconstruction)
 
 
 def look_through_camera(window: bpy.types.Window) -> None:
@@ -87,25 +83,32 @@ def make_active(points: bpy.types.Object, layer: bpy.types.ViewLayer) -> None:
     layer.objects.active = points
 
 
-def clear_the_way(
-    settings: Any, layer: bpy.types.ViewLayer, reconstruction: Reconstruction
-) -> list[bpy.types.Object]:
-    """Hide, with the eye, the user's objects that the camera goes through; which ones."""
+def clear_the_way(scene: bpy.types.Scene, reconstruction: Reconstruction) -> None:
+    """Hide the user's objects that the camera goes through, and list them in the settings.
+
+    They are hidden with the eye, in every view layer. Objects of an earlier solve's list stay on it while
+    they are hidden, and so do objects that the user had hidden before.
+    """
+    settings = scene.virtual_aperture
     ours = {settings.root, settings.camera, settings.points, settings.aperture}
     to_world = np.array(settings.root.matrix_world)
     centres = np.array([image.centre for image in reconstruction.images])
     centres = centres @ to_world[:3, :3].T + to_world[:3, 3]
-    found = [
-        thing
-        for thing in layer.objects
-        if thing not in ours
-        and thing.type in SOLID
-        and thing.visible_get(view_layer=layer)
-        and holds(thing, centres)
-    ]
-    for thing in found:
-        thing.hide_set(True, view_layer=layer)
-    return found
+    blocking = still_hidden(scene)
+    for thing in scene.objects:
+        is_candidate = thing not in ours and thing.type in SOLID and thing not in blocking
+        if is_candidate and _is_placed(thing) and holds(thing, centres):
+            blocking.append(thing)
+            for layer in layers_of(scene, thing):
+                thing.hide_set(True, view_layer=layer)
+    settings.hidden.clear()
+    for thing in blocking:
+        settings.hidden.add().thing = thing
+
+
+def _is_placed(thing: bpy.types.Object) -> bool:
+    """Whether Blender knows where an object is: it does not evaluate those disabled in viewports."""
+    return not thing.hide_viewport and any(not each.hide_viewport for each in thing.users_collection)
 
 
 def holds(thing: bpy.types.Object, places: Floats) -> bool:
@@ -119,14 +122,22 @@ def holds(thing: bpy.types.Object, places: Floats) -> bool:
     return bool(np.any(np.all((local >= corners.min(axis=0)) & (local <= corners.max(axis=0)), axis=1)))
 
 
-def still_hidden(scene: bpy.types.Scene) -> list[str]:
-    """Names of the objects that were hidden for the camera and still are."""
-    names = [entry.name for entry in scene.virtual_aperture.hidden]
-    return [name for name in names if name in scene.objects and scene.objects[name].hide_get()]
+def still_hidden(scene: bpy.types.Scene) -> list[bpy.types.Object]:
+    """Return the objects that were hidden for the camera and still are, in any view layer."""
+    things = [entry.thing for entry in scene.virtual_aperture.hidden]
+    return [
+        thing for thing in things if any(thing.hide_get(view_layer=each) for each in layers_of(scene, thing))
+    ]
 
 
-def hidden_words(names: list[str]) -> str:
-    """One line that says what was hidden."""
+def layers_of(scene: bpy.types.Scene, thing: bpy.types.Object | None) -> list[bpy.types.ViewLayer]:
+    """Return the view layers of a scene that hold an object."""
+    return [layer for layer in scene.view_layers if thing in layer.objects.values()]
+
+
+def hidden_words(things: Sequence[bpy.types.Object]) -> str:
+    """Describe in one line which objects were hidden."""
+    names = [thing.name for thing in things]
     if len(names) == 1:
         return f"{names[0]} blocked the camera and was hidden; Alt H shows it"
     return f"{', '.join(names)} blocked the camera and were hidden; Alt H shows them"

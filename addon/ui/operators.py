@@ -174,8 +174,8 @@ def solved_words(scene: bpy.types.Scene, summary: str) -> str:
 
 def report_hidden(operator: bpy.types.Operator, scene: bpy.types.Scene) -> None:
     """Say what was hidden for the camera, if anything."""
-    if names := after_solve.still_hidden(scene):
-        operator.report({"INFO"}, after_solve.hidden_words(names))
+    if things := after_solve.still_hidden(scene):
+        operator.report({"INFO"}, after_solve.hidden_words(things))
 
 
 class Solves:

@@ -12,12 +12,14 @@ import pytest
 
 from addon.core.base.child import Child
 from addon.core.base.progress import Cancelled, reporting
+from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.warp.cg_layer import CGLayer
-from addon.render import cg_process
+from addon.render import cg_preview, cg_process
 from addon.render.cycles_layers import CyclesScene, Wanted
 from addon.scene.build import build
 from addon.scene.exr import read
+from addon.scene.shot import shot_of
 
 from ..lamps import LIGHT, place_lamp
 from ..scenes import slanted_shot
@@ -202,3 +204,25 @@ def test_what_moves_is_blurred_by_the_shutter_at_its_own_depth(
     assert np.allclose(alpha, np.clip(1 - np.abs(row) / 20, 0, 1), atol=0.08)
     layer = CGLayer.of(drawn.pictures[0], drawn.inverse_depths[0], 0, float(drawn.typical[0]))
     assert layer is not None and np.allclose(layer.inverse_depth, 1 / 4, rtol=1e-3)
+
+
+def test_the_preview_draws_what_a_render_draws(solved: bpy.types.Scene) -> None:
+    """Also an object that a solve hid, once it is shown again: nothing of the object itself has changed."""
+    layer = solved.view_layers[0]
+    near, far = place_lamp(solved, 4.0, 20), place_lamp(solved, 8.0, 20)
+    solved.virtual_aperture.hidden.add().thing = far
+    far.hide_set(True)
+    canvas = Canvas(shot_of(solved).reconstruction.intrinsics(shot_of(solved).reconstruction.images[1]))
+    counts = []
+    try:
+        for _ in range(2):
+            with cg_process.kept():
+                draws = (
+                    cg_preview.draw_preview(cg_preview.wanted(solved, layer), True),
+                    cg_process.draw_cg(solved, layer.name),
+                )
+                counts.append([len(draw(2, canvas, None).layers) for draw in draws if draw is not None])
+            far.hide_set(False)
+    finally:
+        cg_preview._on_load()
+    assert near.visible_get() and counts == [[1, 1], [2, 2]]

@@ -62,6 +62,10 @@ def test_a_solve_is_looked_at_through_its_camera(default_scene: bpy.types.Scene,
     texts = " ".join(draw(panels.solve.VIRTUAL_APERTURE_PT_solve).texts)
     assert "12 of 12 frames registered" in texts
     assert "Cube blocked the camera and was hidden" in texts
+    # Solving again, and bringing the kept solve back, leave it so.
+    assert bpy.ops.virtual_aperture.solve() == {"FINISHED"}
+    assert cg_objects(scene, layer) == [far]
+    assert "Cube blocked the camera" in " ".join(draw(panels.solve.VIRTUAL_APERTURE_PT_solve).texts)
     cube.hide_set(False)
     assert set(cg_objects(scene, layer)) == {cube, far}
     assert "blocked the camera" not in " ".join(draw(panels.solve.VIRTUAL_APERTURE_PT_solve).texts)
@@ -97,12 +101,80 @@ def test_only_what_the_camera_goes_through_is_hidden(
     bpy.context.view_layer.update()
     after_solve.show(default_scene, shot.reconstruction)
     assert cube.hide_get() == hidden
-    assert after_solve.still_hidden(default_scene) == (["Cube"] if hidden else [])
+    assert after_solve.still_hidden(default_scene) == ([cube] if hidden else [])
 
 
+def solve(scene: bpy.types.Scene, shot: Shot) -> list[str]:
+    """What every solve and import does with the scene; names of the CG objects in any view layer."""
+    build(scene, shot.footage, shot.reconstruction)
+    after_solve.show(scene, shot.reconstruction)
+    return drawn_names(scene)
+
+
+def drawn_names(scene: bpy.types.Scene) -> list[str]:
+    return sorted({thing.name for layer in scene.view_layers for thing in cg_objects(scene, layer)})
+
+
+def elsewhere(shot: Shot, by: float) -> Shot:
+    """The same clip solved with all cameras moved."""
+    solved = shot.reconstruction
+    moved = [replace(i, translation=i.translation - i.rotation @ np.full(3, by)) for i in solved.images]
+    return replace(shot, reconstruction=replace(solved, images=tuple(moved)))
+
+
+def test_what_blocked_one_solve_is_not_drawn_with_the_next(
+    default_scene: bpy.types.Scene, tmp_path: Path
+) -> None:
+    scene, cube = default_scene, bpy.data.objects["Cube"]
+    scene.view_layers.new("Second")
+    shots = [slanted_shot(tmp_path / name, LENS) for name in "ab"]
+    for shot in (*shots, shots[1], elsewhere(shots[0], 20.0), shots[0]):
+        assert solve(scene, shot) == []
+        assert after_solve.still_hidden(scene) == [cube]
+    # A renamed one is no other, and neither are those of a copied scene and of an opened file.
+    cube.name = "Box"
+    assert drawn_names(scene) == []
+    bpy.ops.scene.new(type="FULL_COPY")
+    copied = bpy.context.scene
+    assert copied != scene and drawn_names(copied) == [] == solve(copied, shots[0])
+    assert [thing.name for thing in after_solve.still_hidden(copied)] == ["Box.001"]
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "a.blend"))
+    assert [drawn_names(scene) for scene in bpy.data.scenes] == [[], []]
+    # What the user shows is drawn, until the next solve.
+    scene = bpy.data.scenes[0]
+    cube = scene.objects["Box"]
+    cube.hide_set(False, view_layer=scene.view_layers[1])
+    assert drawn_names(scene) == ["Box"]
+    cube.hide_set(False, view_layer=scene.view_layers[0])
+    assert after_solve.still_hidden(scene) == []
+    assert solve(scene, elsewhere(shots[0], 20.0)) == ["Box"]
+    assert solve(scene, shots[1]) == []
+
+
+def test_what_was_hidden_before_a_solve_and_blocks_it_is_not_drawn(
+    default_scene: bpy.types.Scene, tmp_path: Path
+) -> None:
+    """Cycles draws what is hidden with the eye: a cube that the user pressed H on would fill the picture."""
+    scene, cube = default_scene, bpy.data.objects["Cube"]
+    for name, place in (("Hall", 0), ("Far", 40)):
+        thing = bpy.data.objects.new(name, cube.data)
+        thing.location.y = place
+        collection = bpy.data.collections.new(name)
+        scene.collection.children.link(collection)
+        collection.objects.link(thing)
+        bpy.context.view_layer.layer_collection.children[name].hide_viewport = True
+    cube.hide_set(True)
+    bpy.context.view_layer.update()
+    assert solve(scene, slanted_shot(tmp_path, LENS)) == ["Far"]
+    assert {thing.name for thing in after_solve.still_hidden(scene)} == {"Cube", "Hall"}
+
+
+@pytest.mark.usefixtures("scene")
 def test_what_was_hidden_is_said_in_one_line() -> None:
-    assert after_solve.hidden_words(["Cube"]) == "Cube blocked the camera and was hidden; Alt H shows it"
-    assert "A, B blocked the camera and were hidden" in after_solve.hidden_words(["A", "B"])
+    cube, ball = (bpy.data.objects.new(name, None) for name in ("Cube", "Ball"))
+    assert after_solve.hidden_words([cube]) == "Cube blocked the camera and was hidden; Alt H shows it"
+    assert "Cube, Ball blocked the camera and were hidden" in after_solve.hidden_words([cube, ball])
 
 
 def test_points_are_drawn_in_their_colours(scene: bpy.types.Scene, tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import pytest
 from addon.core.camera.reconstruction import Intrinsics
 from addon.scene import migration
 from addon.scene.build import build
+from addon.scene.cg_objects import cg_objects
 from addon.scene.version import VERSION
 from addon.ui import panels
 
@@ -46,6 +47,19 @@ def test_a_file_of_version_2_keeps_its_target(scene: bpy.types.Scene, tmp_path: 
     bpy.ops.wm.save_mainfile()
     bpy.ops.wm.open_mainfile(filepath=str(blend))
     assert bpy.context.scene.virtual_aperture.target_psnr == 0.0
+
+
+def test_a_file_of_version_3_knows_its_hidden_objects(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    cube = bpy.data.objects.new("Cube", bpy.data.meshes.new("Cube"))
+    scene.collection.objects.link(cube)
+    scene.virtual_aperture.hidden.add().name = "Cube"
+    scene.virtual_aperture.hidden.add().name = "Deleted"
+    bpy.ops.wm.open_mainfile(filepath=str(saved(scene, tmp_path, 3)))
+    scene = bpy.context.scene
+    assert [entry.thing for entry in scene.virtual_aperture.hidden] == [scene.objects["Cube"], None]
+    assert cg_objects(scene, scene.view_layers[0]) == [scene.objects["Cube"]]
+    scene.objects["Cube"].hide_set(True)
+    assert cg_objects(scene, scene.view_layers[0]) == []
 
 
 def test_a_scene_that_is_appended_is_brought_up_to_date(scene: bpy.types.Scene, tmp_path: Path) -> None:

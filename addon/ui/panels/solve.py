@@ -44,8 +44,8 @@ def _draw_solve(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     else:
         box.label(text="Solved", icon="CHECKMARK")
     depth_ahead.draw(box, settings)
-    if names := after_solve.still_hidden(context.scene):
-        wrapped(box, context, after_solve.hidden_words(names), icon="HIDE_ON")
+    if things := after_solve.still_hidden(context.scene):
+        wrapped(box, context, after_solve.hidden_words(things), icon="HIDE_ON")
 
 
 class VIRTUAL_APERTURE_PT_depth(ClosedPanel, bpy.types.Panel):  # noqa: N801
