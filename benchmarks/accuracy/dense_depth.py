@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
 
-from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Points, Reconstruction
 from addon.core.depth.multi_view_stereo import DenseDepth, PlaneSweepStereo
 from addon.core.depth.sparse import frame_features
@@ -166,7 +165,7 @@ def near_edges(true: Floats, jump: float) -> Mask:
 def triangles(reconstruction: Reconstruction, frame: int, shape: tuple[int, int]) -> Floats:
     """(h, w) inverse depth that is linear over Delaunay triangles of the features, outside the nearest's."""
     image, _ = reconstruction.image_at(frame)
-    features = frame_features(reconstruction, frame, Canvas(reconstruction.intrinsics(image)))
+    features = frame_features(reconstruction, frame, reconstruction.canvas(image))
     places = np.stack(np.meshgrid(np.arange(shape[1]) + 0.5, np.arange(shape[0]) + 0.5), axis=-1)
     inside = LinearNDInterpolator(features.projected, features.inverse_depth)(places)
     around = NearestNDInterpolator(features.projected, features.inverse_depth)(places)
@@ -176,7 +175,7 @@ def triangles(reconstruction: Reconstruction, frame: int, shape: tuple[int, int]
 def upright(result: DenseDepth, reconstruction: Reconstruction, shape: tuple[int, int]) -> tuple[Floats, ...]:
     """Inverse depth, confidence and what moves (h, w) in pixels of the source frame."""
     image, _ = reconstruction.image_at(result.frame)
-    canvas = Canvas(reconstruction.intrinsics(image))
+    canvas = reconstruction.canvas(image)
     grid = np.stack(np.meshgrid(np.arange(shape[1]) + 0.5, np.arange(shape[0]) + 0.5), axis=-1)
     at = canvas.features_from_source(grid) * (result.pinhole.width / canvas.pinhole.width) - 0.5
     maps = (result.inverse_depth, result.confidence, result.moving.astype(np.float32))
@@ -187,7 +186,7 @@ def upright(result: DenseDepth, reconstruction: Reconstruction, shape: tuple[int
 def in_metres(reconstruction: Reconstruction, frame: int, true: Floats) -> float:
     """The factor from a solve's inverse depths to the true ones (h, w): the median at its features."""
     image, _ = reconstruction.image_at(frame)
-    features = frame_features(reconstruction, frame, Canvas(reconstruction.intrinsics(image)))
+    features = frame_features(reconstruction, frame, reconstruction.canvas(image))
     column, row = np.clip(features.observed, 0, [true.shape[1] - 1, true.shape[0] - 1]).astype(int).T
     return float(np.median(true[row, column] / features.inverse_depth))
 

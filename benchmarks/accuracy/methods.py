@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from addon.core.base.errors import UserError
-from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Points, Reconstruction
 from addon.core.focus.focus import Focus
 from addon.core.frame.clip_context import ClipContext
@@ -243,7 +242,7 @@ def _with_picks(case: BenchmarkCase) -> tuple[Reconstruction, Focus]:
 
 def _dense_plan(case: BenchmarkCase, views: int) -> FramePlan:
     image, _ = case.reconstruction.image_at(case.frame)
-    canvas = Canvas(case.reconstruction.intrinsics(image))
+    canvas = case.reconstruction.canvas(image)
     height, width = case.depth.shape
     # Past the border the outermost pixel's depth goes on, as far as any view can see.
     margin = float(np.abs(case.disc).max()) / 2 + 2

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from addon.core.base.arrays import Floats
+from addon.core.base.errors import UserError
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction, rotation_matrix
 from addon.core.camera.steady_path import steady_path, zoomed
@@ -142,3 +143,51 @@ def test_a_blend_keeps_how_a_clip_was_read() -> None:
     assert found.readout == (0.0, 0.35)
     assert reconstruction_digest(found) == reconstruction_digest(clip)
     assert reconstruction_digest(replace(clip, readout=(0.0, 0.0))) != reconstruction_digest(clip)
+
+
+def folds(camera: Intrinsics) -> bool:
+    """Whether a lens folds its picture: by the Jacobian of lens and shutter at every tenth pixel."""
+    x, y = np.meshgrid(np.linspace(0, WIDTH, 65), np.linspace(0, HEIGHT, 37))
+    rays = (camera.pinhole_pixels(np.stack([x, y], axis=-1)) - camera.principal_point) / camera.focal
+    with np.errstate(invalid="ignore"):
+        return not bool(np.all(np.linalg.det(camera.distort_jacobian(rays)) > 0))
+
+
+@pytest.mark.parametrize("name", LENSES)
+def test_a_shutter_slower_than_the_picture_is_refused(name: str) -> None:
+    found = {True: 0, False: 0}
+    for direction in ((1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.6, 0.0, -0.8), (0.0, 1.0, 0.0)):
+        for angle in (0.05, 0.3, 0.45, 0.9, 1.2):
+            turn = (angle * direction[0], angle * direction[1], angle * direction[2])
+            rolling = replace(LENSES[name], turn=turn, readout=(0.0, 0.9))
+            expected = folds(rolling)
+            found[expected] += 1
+            if expected:
+                with pytest.raises(UserError, match="bends the picture's border"):
+                    Canvas(rolling).pinhole  # noqa: B018
+            else:
+                assert Canvas(rolling).pinhole.width >= WIDTH
+    assert min(found.values()) > 2
+
+
+def test_the_canvas_of_a_frame_is_made_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    clip, calls = shaken((0.0, 0.5)), 0
+    jacobian = Intrinsics.distort_jacobian
+
+    def counted(camera: Intrinsics, rays: Floats) -> Floats:
+        nonlocal calls
+        calls += 1
+        return jacobian(camera, rays)
+
+    monkeypatch.setattr(Intrinsics, "distort_jacobian", counted)
+    for size in (None, (320, 180)):
+        canvases = [clip.canvas(image, size) for image in clip.images]
+        assert all(
+            clip.canvas(image, size) is canvas for image, canvas in zip(clip.images, canvases, strict=True)
+        )
+        for image, canvas in zip(clip.images, canvases, strict=True):
+            camera = clip.intrinsics(image)
+            assert canvas.camera == (camera if size is None else camera.scaled(*size))
+            assert canvas.pinhole == Canvas(canvas.camera).pinhole
+    # The lens is tested once at each size, not once for each frame.
+    assert calls <= 2

@@ -4,18 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import cv2
 import numpy as np
 
 from ..base.arrays import Floats, LinearRGBA, Map, Mask
 from ..base.errors import UserError
-from .reconstruction import Intrinsics
+from .intrinsics import Intrinsics
 
 MAX_PADDING = 0.5
 """Share of the side that can be padded on either side at most, as strong barrel distortion sends corners to
 infinity. By eye."""
+STEPS = 33
+"""Places from the principal point to each place of the border at which a lens is tested for folds."""
+KEPT_LENSES = 8
+"""Lenses whose border is remembered, 400 kB each: those of a clip at the sizes that it is worked at."""
 CHUNK = 256
 """Rows that are resampled at once, as their places in double precision take more room than the picture."""
 
@@ -43,15 +47,12 @@ class Canvas:
         if not self.camera.is_distorted:
             return plain
         width, height = self.camera.width, self.camera.height
-        across, down = np.linspace(0, width, 65), np.linspace(0, height, 65)
-        border = np.concatenate([
-            np.stack(np.meshgrid(across, [0.0, height]), axis=-1).reshape(-1, 2),
-            np.stack(np.meshgrid([0.0, width], down), axis=-1).reshape(-1, 2),
-        ])  # fmt: skip
-        reach, still = self.camera.pinhole_pixels(border), self.camera.read_at_once().pinhole_pixels(border)
+        lens = _reach(self.camera.read_at_once())
         size = np.array([width, height])
-        padding = np.stack([-still.min(axis=0), still.max(axis=0) - size]) + self._turning(still)
-        if np.isnan(reach).any() or self._folds(reach) or np.any(padding > MAX_PADDING * size):
+        padding = np.stack([-lens.border.min(axis=0), lens.border.max(axis=0) - size])
+        padding += self._turning(lens.border)
+        reach = self.camera.pinhole_pixels(_border(width, height))
+        if np.isnan(reach).any() or lens.folds_of(self.camera) or np.any(padding > MAX_PADDING * size):
             raise UserError(
                 f"the lens ({self.camera.described()}) bends the picture's border beyond what a flat picture"
                 f" can show: it folds, lies 90 degrees from the axis, or would take more than"
@@ -71,14 +72,6 @@ class Canvas:
         away = np.arctan(radius) + self.camera.most_read_away
         moved = np.where(away < np.pi / 2, np.tan(away), np.inf) - radius
         return float(moved.max() * self.camera.focal.max())
-
-    def _folds(self, reach: Floats) -> bool:
-        """Whether a place within the border, at pinhole pixels (n, 2), has no inverse or more than one."""
-        rays = (reach - self.camera.principal_point) / self.camera.focal
-        on_the_way = np.linspace(0, 1, 33)[:, None, None] * rays
-        with np.errstate(over="ignore", invalid="ignore"):
-            # It is one-to-one as long as it mirrors nothing.
-            return not bool(np.all(np.linalg.det(self.camera.distort_jacobian(on_the_way)) > 0))
 
     def mask_to_source(self, mask: Mask) -> Mask:
         """A mask (h, w) of the canvas as the source frame (H, W) has it, with its distortion."""
@@ -114,6 +107,57 @@ class Canvas:
         if not self.camera.is_distorted:
             return picture
         return _resampled(picture, self.camera.width, self.camera.height, self.features_from_source)
+
+
+@dataclass(frozen=True)
+class _Reach:
+    """What a lens with a global shutter sees of the world, up to the border of its picture."""
+
+    border: Floats
+    """(n, 2) pinhole pixels of places along the picture's border."""
+    rays: Floats
+    """(s, n, 2) normalised pinhole coordinates from the principal point to the border."""
+    jacobian: Floats
+    """(s, n, 2, 2) derivative of the lens's `distort` there."""
+
+    @cached_property
+    def folds(self) -> bool:
+        """Whether the lens maps two rays to one place. It does not as long as it mirrors nothing."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            return not bool(np.all(np.linalg.det(self.jacobian) > 0))
+
+    def folds_of(self, camera: Intrinsics) -> bool:
+        """Whether this lens folds the picture with the rolling shutter of `camera`.
+
+        The shutter folds where the picture moves along the reading direction as fast as it is read: a ray is
+        then read twice, or never. Where it moves as fast against it, `RollingShutter.distort` does not
+        converge.
+        """
+        if self.folds or not any(camera.turn):
+            return self.folds
+        x, y = self.rays[..., 0], self.rays[..., 1]
+        turn_x, turn_y, turn_z = camera.turn
+        along = turn_x * y - turn_y * x
+        flow = np.stack([turn_y - turn_z * y - x * along, turn_z * x - turn_x - y * along], axis=-1)
+        rate = np.asarray(camera.readout) / [camera.width, camera.height] * camera.focal
+        return not bool(np.all(np.abs(np.sum(rate @ self.jacobian * flow, axis=-1)) < 1))
+
+
+@lru_cache(KEPT_LENSES)
+def _reach(lens: Intrinsics) -> _Reach:
+    """The reach of a lens with a global shutter; NaN where it sees nothing."""
+    border = lens.pinhole_pixels(_border(lens.width, lens.height))
+    rays = np.linspace(0, 1, STEPS)[:, None, None] * ((border - lens.principal_point) / lens.focal)
+    return _Reach(border, rays, lens.distort_jacobian(rays))
+
+
+def _border(width: int, height: int) -> Floats:
+    """(260, 2) pixels along the border of a picture."""
+    across, down = np.linspace(0, width, 65), np.linspace(0, height, 65)
+    return np.concatenate([
+        np.stack(np.meshgrid(across, [0.0, height]), axis=-1).reshape(-1, 2),
+        np.stack(np.meshgrid([0.0, width], down), axis=-1).reshape(-1, 2),
+    ])  # fmt: skip
 
 
 def _resampled(picture: LinearRGBA, width: int, height: int, place: Callable[[Floats], Floats]) -> LinearRGBA:

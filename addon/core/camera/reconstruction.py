@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ..base.arrays import Floats, Ints
 from ..base.errors import UserError
+from .canvas import Canvas
 from .intrinsics import Intrinsics as Intrinsics
 
 MEDIAN_DEPTH = 10.0
@@ -144,6 +145,27 @@ class Reconstruction:
         largest = float(np.linalg.norm(self._turns[1], axis=1).max(initial=0.0))
         rolling = replace(camera, turn=(x, y, z), largest_turn=largest, readout=self.readout)
         return camera if rolling.most_read_away * camera.fx < UNSEEN_TURN else rolling
+
+    def canvas(self, image: Image, size: tuple[int, int] | None = None) -> Canvas:
+        """Get the undistorted canvas of an image.
+
+        Args:
+            image: A registered frame, or one of `image_at`.
+            size: Width and height of the picture in pixels; the clip's own by default.
+
+        Returns:
+            The canvas. It is made once per frame and size.
+        """
+        key = image.frame, image.camera, size
+        if key not in self._canvases:
+            camera = self.intrinsics(image)
+            self._canvases[key] = Canvas(camera if size is None else camera.scaled(*size))
+        return self._canvases[key]
+
+    @cached_property
+    def _canvases(self) -> dict[tuple[int, int, tuple[int, int] | None], Canvas]:
+        """By frame, camera and size."""
+        return {}
 
     def turn_at(self, frame: int) -> Floats:
         """(3,) rotation vector in radians from a frame to the next, in the frame's camera axes: of registered

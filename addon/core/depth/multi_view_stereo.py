@@ -273,9 +273,10 @@ class PlaneSweepStereo:
 
     def _canvas(self, image: Image) -> Canvas:
         """The undistorted picture of a frame at the size worked at."""
-        camera = self._rec.intrinsics(image)
+        camera = self._rec.cameras[image.camera]
         zoom = min(1.0, self._options.long_side / max(camera.width, camera.height))
-        return Canvas(camera.scaled(max(round(camera.width * zoom), 1), max(round(camera.height * zoom), 1)))
+        size = max(round(camera.width * zoom), 1), max(round(camera.height * zoom), 1)
+        return self._rec.canvas(image, size)
 
     def _picture(self, image: Image) -> Bytes:
         """(h, w, 4) RGB as shown in the canvas, and 255 where the lens saw something, less what is masked."""

@@ -119,7 +119,7 @@ class UserDepth(DepthSource):
         """(H, W) inverse depth that a frame's map has along rays (H, W, 3) in its camera space, NaN past its
         border, or where it cannot be used. It is that along the camera's axis for which the third parts of
         the rays are 1."""
-        canvas = Canvas(self.reconstruction.intrinsics(image))
+        canvas = self.reconstruction.canvas(image)
         pinhole, ahead = canvas.pinhole, rays[..., 2]
         with np.errstate(divide="ignore", invalid="ignore"):
             places = rays[..., :2] / ahead[..., None] * pinhole.focal + pinhole.principal_point
@@ -173,7 +173,7 @@ def _pixels(canvas: Canvas) -> Floats:
 
 def _features(reconstruction: Reconstruction, frame: int) -> tuple[Floats, Floats]:
     image, _ = reconstruction.image_at(frame)
-    canvas = Canvas(reconstruction.intrinsics(image))
+    canvas = reconstruction.canvas(image)
     found = frame_features(reconstruction, frame, canvas)
     return canvas.features_to_source(found.observed), found.inverse_depth
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.arrays import Floats, Ints
-from ..camera.canvas import Canvas
 from ..camera.reconstruction import Reconstruction
 from ..depth.sparse import frame_features
 from .focus import Focus
@@ -26,7 +25,7 @@ def first_place(reconstruction: Reconstruction, frame: int) -> Place | None:
     """The nearest large thing round the middle of a frame, focused through feature points on it; None where
     the frame shows too few features."""
     image, _ = reconstruction.image_at(frame)
-    canvas = Canvas(reconstruction.intrinsics(image))
+    canvas = reconstruction.canvas(image)
     features = frame_features(reconstruction, frame, canvas)
     size = np.array([canvas.camera.width, canvas.camera.height])
     xy = canvas.features_to_source(features.observed) / size

@@ -8,7 +8,6 @@ import numpy as np
 
 from ..base.arrays import Ints
 from ..base.errors import UserError
-from ..camera.canvas import Canvas
 from ..camera.reconstruction import Intrinsics, Reconstruction
 from ..depth.sparse import frame_features, point_inverse_depths
 from ..optics.thin_lens import ThinLens
@@ -152,7 +151,7 @@ def largest_discs(
     Of all but the nearest and farthest 2 % of its points; 0 where none is on that side.
     """
     image, _ = reconstruction.image_at(frame)
-    canvas = Canvas(reconstruction.intrinsics(image))
+    canvas = reconstruction.canvas(image)
     features = frame_features(reconstruction, frame, canvas)
     if not len(features.points):
         return 0.0, 0.0
@@ -174,7 +173,7 @@ def sharp_distances(
 
 def _blur_of_unit_radius(reconstruction: Reconstruction, focus: Focus, frame: int) -> float:
     image, _ = reconstruction.image_at(frame)
-    canvas = Canvas(reconstruction.intrinsics(image))
+    canvas = reconstruction.canvas(image)
     # First: where nothing is in focus a million points need not be looked at.
     lens = focus.lens(reconstruction, frame, canvas.pinhole, 1.0)
     features = frame_features(reconstruction, frame, canvas)

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from ..base.arrays import Bytes, Floats
 from ..base.progress import checkpoint
-from ..camera.canvas import Canvas
 from ..camera.reconstruction import Reconstruction
 from ..depth.source import NO_PICTURE, DepthSource
 from ..media.clip import to_gray8
@@ -197,8 +196,8 @@ def _seen(
 ) -> tuple[Floats, NDArray[np.bool_]]:
     """Inverse depth (n,) at small pixels (n, 2) of a frame, and whether it moves by itself."""
     image, _ = clip.reconstruction.image_at(frame)
-    camera = clip.reconstruction.intrinsics(image)
-    canvas = Canvas(camera)
+    canvas = clip.reconstruction.canvas(image)
+    camera = canvas.camera
     depth = clip.depth.at(frame, canvas, NO_PICTURE)
     if depth is None:
         return np.zeros(len(points)), np.zeros(len(points), bool)

@@ -42,7 +42,7 @@ def pick(
     """
     check_place(reconstruction, frame, x, y)
     image, _ = reconstruction.image_at(frame)
-    canvas = Canvas(reconstruction.intrinsics(image))
+    canvas = reconstruction.canvas(image)
     return pick_features(frame_features(reconstruction, frame, canvas), canvas, x, y, options)
 
 

@@ -11,7 +11,6 @@ import numpy as np
 
 from ..base.arrays import Floats
 from ..base.errors import UserError
-from ..camera.canvas import Canvas
 from ..camera.reconstruction import Reconstruction
 from ..depth.source import NO_PICTURE, SURE, DepthSource, PixelDepth
 from ..depth.sparse import FrameFeatures, frame_features
@@ -97,7 +96,7 @@ class PlaceFinder:
         self._rec, self._depth, self._read = reconstruction, depth, read
         check_place(self._rec, frame, 0.5, 0.5)
         self._image, _ = self._rec.image_at(frame)
-        self._canvas = Canvas(self._rec.intrinsics(self._image))
+        self._canvas = self._rec.canvas(self._image)
 
     def glance(self, x: float, y: float) -> Glance:
         """What is known of fractions x, y of the picture without finding anything."""
@@ -238,6 +237,6 @@ def shown_at(place: Place, reconstruction: Reconstruction, frame: int) -> tuple[
         world = reconstruction.points.xyz[check_points(reconstruction, place.focus.points)].mean(axis=0)
     if world is None or not (local := image.to_camera(world))[2] > 0:
         return None
-    canvas = Canvas(reconstruction.intrinsics(image))
+    canvas = reconstruction.canvas(image)
     x, y = canvas.features_to_source(canvas.pinhole.project(local[None]))[0]
     return float(x / canvas.camera.width), float(y / canvas.camera.height)

@@ -10,7 +10,6 @@ import numpy as np
 from ..base.arrays import Mask
 from ..base.errors import UserError
 from ..base.progress import checkpoint
-from ..camera.canvas import Canvas
 from ..camera.reconstruction import Reconstruction
 from ..depth.source import NO_PICTURE, DepthSource
 from .focus import Focus
@@ -68,7 +67,7 @@ def _inverse_depths(
         if np.count_nonzero(shown) < LEAST_PIXELS:
             continue
         image, _ = reconstruction.image_at(frame)
-        canvas = Canvas(reconstruction.intrinsics(image))
+        canvas = reconstruction.canvas(image)
         # Its outline may be of what is behind it.
         inner = cv2.erode(shown.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
         rows, columns = np.nonzero(inner if np.count_nonzero(inner) >= LEAST_PIXELS else shown)

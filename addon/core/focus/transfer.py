@@ -133,7 +133,7 @@ def _image(reconstruction: Reconstruction, frame: int) -> Image:
 
 
 def _canvas(reconstruction: Reconstruction, frame: int) -> Canvas:
-    return Canvas(reconstruction.intrinsics(_image(reconstruction, frame)))
+    return reconstruction.canvas(_image(reconstruction, frame))
 
 
 def _width(reconstruction: Reconstruction, frame: int) -> int:

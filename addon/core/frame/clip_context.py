@@ -298,7 +298,7 @@ class ClipContext:
     def canvas(self, frame: int) -> Canvas:
         """The canvas of a frame at the clip's own size."""
         image, _ = self.reconstruction.image_at(frame)
-        return Canvas(self.reconstruction.intrinsics(image))
+        return self.reconstruction.canvas(image)
 
     def places(self, frame: int) -> PlaceFinder:
         """What finds the focus at places of a registered frame; see `PlaceFinder`."""

@@ -16,7 +16,6 @@ import cv2
 import numpy as np
 
 from ..base.arrays import Floats, Map
-from ..camera.canvas import Canvas
 from ..camera.reconstruction import Reconstruction
 from ..depth.source import PixelDepth
 from ..depth.sparse import frame_features
@@ -140,7 +139,7 @@ def _edges(reconstruction: Reconstruction, read: Callable[[int], Pixels], frame:
     """(n, 3) frame number, inverse depth, and variance in pixels^2 of the steepest edge beside each feature
     point of a frame that has one."""
     image, _ = reconstruction.image_at(frame)
-    canvas = Canvas(reconstruction.intrinsics(image))
+    canvas = reconstruction.canvas(image)
     features = frame_features(reconstruction, frame, canvas)
     light = to_linear(read(frame))[..., :3].mean(axis=2)
     smaller = min(1.0, LONGEST / max(light.shape))

@@ -10,7 +10,6 @@ import numpy as np
 from ..base.arrays import Floats, LinearRGBA
 from ..base.errors import UserError
 from ..base.progress import stage
-from ..camera.canvas import Canvas
 from ..camera.steady_path import LEVELS
 from ..depth.source import NO_PICTURE, SURE, PixelDepth
 from ..depth.sparse import frame_features
@@ -297,7 +296,7 @@ def _geometry(
     check_settings(settings)
     reconstruction = clip.reconstruction
     image, _ = reconstruction.image_at(frame)
-    canvas = Canvas(reconstruction.intrinsics(image).scaled(*size))
+    canvas = reconstruction.canvas(image, size)
     if MESHERS[settings.method].uses_given_depth:
         samples = clip.samples(frame, canvas)
     else:
