@@ -32,7 +32,8 @@ from .sequence import (
     name_numbers,
     pattern_numbers,
 )
-from .video import VideoInfo, VideoReader, video_info
+from .video import VideoReader, video_info
+from .video_info import VideoInfo
 
 MOST_STILLS = 100
 """Photos that can be matched each with all others: the pairs take a quarter of a second each."""
@@ -162,11 +163,13 @@ class Footage:
         picture = self._video.read(frame) if self.is_video else read_picture(self.file(frame))
         if picture.shape[:2] != (self.height, self.width) and not self.is_stills:
             where = self.file(frame).name if self.files else f"frame {frame}"
-            raise UserError(
+            problem = (
                 f"{where} is {picture.shape[1]}x{picture.shape[0]}, the clip is {self.width}x{self.height};"
-                " all frames of a clip must have one size; unordered photos can be solved as stills",
-                Remedy.STILLS,
+                " all frames of a clip must have one size"
             )
+            if self.is_video:
+                raise UserError(f"{problem}; choose frames before it", Remedy.FRAMES)
+            raise UserError(f"{problem}; unordered photos can be solved as stills", Remedy.STILLS)
         return picture
 
     def close(self) -> None:
@@ -216,6 +219,8 @@ def open_footage(
             " frames up to that",
             Remedy.FRAMES,
         )
+    if footage.video is not None and (problem := footage.video.other_shape(footage.frames)):
+        raise UserError(f"{path.name}: {problem}", Remedy.FRAMES)
     return footage
 
 
