@@ -8,7 +8,7 @@ as far as Blender can address them (`sequence.frames_of`).
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -17,6 +17,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.counting import common_step, ordinal
 from ..base.errors import Remedy, UserError
 from ..base.file_names import checked_name
 from ..base.nearest_fill import nearest
@@ -231,8 +232,10 @@ def _expanded(path: Path | str) -> Path:
         raise UserError(f"{path} does not exist: {error}") from None
 
 
-def describe(frames: tuple[int, ...]) -> str:
-    """For messages: "frames 1 to 118", or with its gaps counted."""
+def describe(frames: Sequence[int]) -> str:
+    """For messages: "frames 1 to 118", "every 2nd frame from 1 to 11", or with its gaps counted."""
+    if (step := common_step(frames)) > 1:
+        return f"every {ordinal(step)} frame from {frames[0]} to {frames[-1]}"
     missing = frames[-1] - frames[0] + 1 - len(frames)
     gaps = f" with {missing} missing" if missing else ""
     return f"frames {frames[0]} to {frames[-1]}{gaps}" if len(frames) > 1 else f"frame {frames[0]}"
