@@ -112,7 +112,7 @@ class VideoInfo:
             if not is_alike(width, height, across, down):
                 return (
                     f"the picture changes from {across}x{down} to {width}x{height} pixels at frame {begin};"
-                    f" choose frames before it, or make a clip of each part"
+                    " choose frames before it, or cut the clip there"
                 )
         return ""
 

@@ -101,8 +101,8 @@ def _recognised(path: Path) -> tuple[Reader, Path]:
         raise UserError(f"{path} has several models: {names}; name one of them")
     if held := _without_cameras(path):
         raise UserError(
-            f"{path.name} holds {held}, but no cameras, so it is no solve; solve the clip itself, or import"
-            " its cameras, and give that as depth maps",
+            f"{path.name} holds {held}, but no cameras, so it is not a solve; solve the clip itself, or"
+            " import its cameras, and give that as depth maps",
             Remedy.DEPTH_MAPS,
         )
     raise UserError(f"{path} is not a model in a known format; choose {SUPPORTED}")
