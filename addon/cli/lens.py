@@ -22,6 +22,7 @@ from ..core.depth.user_maps import open_depth
 from ..core.focus.focus import (
     FEWEST_IN_PLANE,
     Focus,
+    check_distance,
     check_points,
     largest_discs,
     radius_for_blur,
@@ -31,7 +32,7 @@ from ..core.focus.place import Place
 from ..core.focus.pull import FocusMark
 from ..core.frame.meshers import MESHERS
 from ..core.frame.options import FRAME_OPTIONS
-from ..core.media.clip import Footage, FrameRange, open_footage
+from ..core.media.clip import Footage, FrameRange, describe, open_footage
 from ..core.media.masks import open_masks
 from ..core.sfm.workspace import Solve
 from ..scene import aperture_cloud, colour_space, focus_marks
@@ -200,9 +201,7 @@ def wanted_frames(footage: Footage, frames: FrameRange | None) -> tuple[int, ...
     """Those of a clip that `--frames` asks for, all of them without; UserError where there are none."""
     wanted = footage.frames if frames is None else footage.of(frames)
     if not wanted:
-        raise UserError(
-            f"the solve has no frames {frames}; it has {footage.frames[0]} to {footage.frames[-1]}"
-        )
+        raise UserError(f"the solve has no frames {frames}; it has {describe(footage.frames)}")
     return wanted
 
 
@@ -229,9 +228,9 @@ def check_numbers(options: argparse.Namespace) -> None:
             "one of --focus-at, --focus-point, --focus-plane, --focus-distance and --focus-subject is"
             " needed; see --help"
         )
-    for name, value in (("blur", options.blur), ("aperture radius", options.aperture_radius)):
+    for name, value in (("--blur", options.blur), ("--aperture-radius", options.aperture_radius)):
         if value is not None and not value > 0:
-            raise UserError(f"the {name} is {value:g}; it must be greater than zero")
+            raise UserError(f"{name} is {value:g}; it must be greater than zero")
     if options.blur is not None and options.blur > MOST_BLUR:
         meant = f"; for {options.blur:g} % write {options.blur / 100:g}" if options.blur >= 1 else ""
         raise UserError(
@@ -241,7 +240,7 @@ def check_numbers(options: argparse.Namespace) -> None:
     if options.target_psnr and options.views:
         raise UserError("give the number of views or the target quality, not both")
     if options.focus_distance is not None and not options.focus_distance > 0:
-        raise UserError(f"the focus distance is {options.focus_distance:g}; it must be greater than zero")
+        raise UserError(f"--focus-distance is {options.focus_distance:g}; it must be greater than zero")
     _check_places(_focus_places(options))
     _check_tilt(options)
 
@@ -339,6 +338,8 @@ def _chosen_focus(
         check_points(reconstruction, focus.points)
         return focus, own, []
     if not options.focus_at and not options.focus_subject:
+        if options.focus_distance is not None:
+            check_distance(reconstruction, options.focus_distance, "--focus-distance")
         return Focus(distance=options.focus_distance), own, []
     shot = shot_of(settings.id_data)
     found = []

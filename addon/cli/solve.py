@@ -26,6 +26,7 @@ from .blend import open_scene
 from .depth import depth_of_solve
 from .options import UsageError, real
 from .paths import path
+from .words import IMPORT_WORDS
 
 
 def add_commands(
@@ -69,6 +70,10 @@ def add_commands(
         help="the clip that was solved (a phone's recording includes it)",
     )
     three.add_argument("--work", type=path, required=True, metavar="DIR", help="folder of the solve")
+    three.add_argument(
+        "--frames", dest="solve_frames", type=FrameRange.parse, metavar="A-B[:STEP]",
+        help="frames of the clip that were solved (all)",
+    )  # fmt: skip
     which = three.add_mutually_exclusive_group()
     which.add_argument("--clip", metavar="NAME", help="the movie clip in the .blend")
     which.add_argument(
@@ -79,7 +84,7 @@ def add_commands(
         help="with --camera: how many frames later the scene starts than the clip (0)",
     )  # fmt: skip
     three.add_argument("--again", action="store_true", help="replace this clip's solve in the folder")
-    three.set_defaults(command=import_model)
+    three.set_defaults(command=import_model, words=IMPORT_WORDS)
 
 
 def add_footage(
@@ -185,7 +190,7 @@ def import_model(options: argparse.Namespace) -> None:
     clip = options.footage or recorded_clip(options.model)
     if clip is None:
         raise UsageError("--footage is needed: the model does not include its clip; see --help")
-    footage = open_footage(clip)
+    footage = open_footage(clip, options.solve_frames)
     if options.camera is not None:
         found = _scene_camera(options, footage)
     elif options.model.suffix.lower() == ".blend":
@@ -193,7 +198,7 @@ def import_model(options: argparse.Namespace) -> None:
     else:
         found = read_reconstruction(options.model, footage)
     if found.lacks_points:
-        find_points(found, footage, work, options.again)
+        _wait(SolveProcess(footage.path, work, options.solve_frames, again=options.again, cameras=found))
     else:
         keep_import(found, footage, work, options.again)
     depth = recorded_depth(options.model, work) if options.camera is None else None
@@ -205,11 +210,6 @@ def import_model(options: argparse.Namespace) -> None:
         say(f"note: the phone's LiDAR depth is in {depth}: render with --depth {depth}")
     if advice := solved.quality.advised(options.words):
         say(advice)
-
-
-def find_points(found: Imported, footage: Footage, work: Path, again: bool) -> None:
-    """Find the points of a clip whose cameras are known, and keep them with these."""
-    _wait(SolveProcess(footage.path, work, again=again, cameras=found))
 
 
 def _scene_camera(options: argparse.Namespace, footage: Footage) -> Imported:

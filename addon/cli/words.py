@@ -7,6 +7,7 @@ from ..core.base.limits import KEPT_DEPTH
 
 WORDS: Words = {
     Remedy.FRAMES: "--frames A-B",
+    Remedy.STEP: "--frames A-B:STEP",
     Remedy.WORK_DIR: "--work DIR",
     Remedy.SOLVE: "headless.py solve FOOTAGE --work DIR",
     Remedy.AGAIN: "--again",
@@ -19,6 +20,9 @@ WORDS: Words = {
 SOLVED_WORDS: Words = {
     **WORDS,
     Remedy.FRAMES: "--solve-frames A-B",
+    Remedy.STEP: "--solve-frames A-B:STEP",
     Remedy.DEPTH_MAPS: "--depth PATH",
 }
 """Of commands whose `--frames` are those that are rendered, and whose depth maps are those of the lens."""
+IMPORT_WORDS: Words = {**WORDS, Remedy.DEPTH_MAPS: "render DIR --depth PATH"}
+"""Of `import`, whose depth maps are those of a later render."""

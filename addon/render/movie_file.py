@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 
 import bpy
@@ -12,8 +13,9 @@ from ..core.base import atomic
 from ..core.base.errors import UserError
 from ..core.base.messages import Progress, send
 from ..core.media.constant_rate import held_frames, movie_rate
-from ..scene.build import SOUND, blender_rate, sound_frame
+from ..scene.build import blender_rate
 from ..scene.shot import shot_of
+from ..scene.sound import SOUND, clip_sounds, sound_file, sound_frame
 from . import frame_files
 from .frame_size import written_size
 
@@ -41,7 +43,7 @@ def join(scene: bpy.types.Scene, files: dict[int, Path], out: Path) -> None:
     held, rate, moved = _schedule(scene, sorted(files))
     first = min(files)
     size = written_size(scene.render)
-    movie = bpy.data.scenes.new("Virtual Aperture Movie")
+    movie, opened = bpy.data.scenes.new("Virtual Aperture Movie"), ExitStack()
     try:
         _set_movie(movie, scene, out.suffix.lower(), size)
         movie.render.fps, movie.render.fps_base = blender_rate(rate)
@@ -51,8 +53,9 @@ def join(scene: bpy.types.Scene, files: dict[int, Path], out: Path) -> None:
             strip = strips.new_image("Frames", str(files[held[at]]), 1, first + at)
             for frame in held[at + 1 : at + STRIP]:
                 strip.elements.append(files[frame].name)
-        for sound in _sounds(scene):
-            strips.new_sound(SOUND, bpy.path.abspath(sound.sound.filepath), 2, moved(sound.frame_start))
+        for sound in clip_sounds(scene):
+            file = opened.enter_context(sound_file(sound.sound))
+            strips.new_sound(SOUND, str(file), 2, moved(sound.frame_start))
         with atomic.staged(out) as part:
             movie.render.filepath = frame_files.blender_path(part)
             send(Progress("movie", 0, 1))
@@ -63,6 +66,7 @@ def join(scene: bpy.types.Scene, files: dict[int, Path], out: Path) -> None:
             frame_files.refuse(out, frame_files.movie_problem(part, len(held), size))
     finally:
         bpy.data.scenes.remove(movie)
+        opened.close()
 
 
 def _schedule(scene: bpy.types.Scene, frames: list[int]) -> tuple[list[int], float, Callable[[float], int]]:
@@ -87,11 +91,6 @@ def _schedule(scene: bpy.types.Scene, frames: list[int]) -> tuple[list[int], flo
         return int(first + round(by * rate) - round((begin - sound) * rate))
 
     return [frames[place] for place in places], rate, moved
-
-
-def _sounds(scene: bpy.types.Scene) -> list[bpy.types.SoundStrip]:
-    editor = scene.sequence_editor
-    return [s for s in editor.strips if s.name.startswith(SOUND)] if editor is not None else []
 
 
 def hdr_display(scene: bpy.types.Scene) -> str:
@@ -129,7 +128,7 @@ def _set_movie(movie: bpy.types.Scene, scene: bpy.types.Scene, suffix: str, size
     ffmpeg.constant_rate_factor = "CUSTOM"
     ffmpeg.custom_constant_rate_factor = RATE_FACTOR
     ffmpeg.ffmpeg_preset = "GOOD"
-    sounds = [strip.sound for strip in _sounds(scene)]
+    sounds = [strip.sound for strip in clip_sounds(scene)]
     ffmpeg.audio_codec = "AAC" if sounds else "NONE"
     if sounds:
         ffmpeg.audio_mixrate = sounds[0].samplerate or ffmpeg.audio_mixrate

@@ -18,6 +18,7 @@ from ..core.camera.reconstruction import Reconstruction, typical_distance
 from ..core.media.clip import Footage
 from ..core.media.clip_identity import identity
 from ..core.media.sequence import blender_shift
+from ..core.media.video_frame import BlenderView
 from ..core.sfm.workspace import default_work_dir
 from . import (
     aperture_cloud,
@@ -33,11 +34,11 @@ from . import (
 from .paths import relative
 from .properties import VirtualApertureSettings
 from .shot import IDENTITY, forget, reconstruction_of
+from .sound import clip_sounds, move_sound, set_sound
 
 LEAST_SIDE = 4
 """Pixels; what is less, Blender takes for as many."""
 NAME = "Virtual Aperture"
-SOUND = f"{NAME} Sound"
 
 
 def build(
@@ -69,7 +70,7 @@ def build(
         settings.points.data.attributes.remove(settings.points.data.attributes[attribute])
     point_cloud.fill(settings.points.data, reconstruction)
     point_cloud.make_hidden(settings.points)
-    if _background_shift(footage) is None:
+    if _background_problem(footage):
         point_cloud.show(settings.points, True)
     store.write(settings.points.data, reconstruction)
     settings.points.data[IDENTITY] = uuid.uuid4().hex
@@ -78,7 +79,7 @@ def build(
     settings.clip_identity, settings.clip_name = identity(footage.path), footage.path.name
     settings.clip_first, settings.clip_last = footage.frames[0], footage.frames[-1]
     settings.clip_step = math.gcd(*(frame - footage.frames[0] for frame in footage.frames)) or 1
-    settings.clip_notes = "\n".join(footage.notes)
+    settings.clip_notes = "\n".join([*footage.notes, *_background_notes(footage)])
     depth_of_field.forget_scale(settings)
     focus_marks.clear(settings)
     if is_other:
@@ -86,7 +87,7 @@ def build(
     lens.reset(settings, int(reconstruction.frames[0]))
     aperture_cloud.update(settings)
     _set_output(scene, footage, is_other)
-    _set_sound(scene, footage)
+    set_sound(scene, footage)
     scene.frame_set(scene.frame_start)
     return settings
 
@@ -118,8 +119,8 @@ def move_clip(scene: bpy.types.Scene, footage: Footage) -> None:
     for background in settings.camera.data.background_images if settings.camera is not None else ():
         if background.image is not None and background.image.get(IDENTITY):
             background.image.filepath = relative(first_file(footage))
-    for strip in _sounds(scene):
-        strip.sound.filepath = relative(footage.path)
+    for strip in clip_sounds(scene):
+        move_sound(strip, footage)
 
 
 def _set_up_scene(scene: bpy.types.Scene, footage: Footage, reconstruction: Reconstruction) -> None:
@@ -196,9 +197,9 @@ def _set_background(settings: VirtualApertureSettings, footage: Footage) -> None
         if old.image is not None:
             bpy.data.images.remove(old.image)
         data.background_images.remove(old)
-    shift = _background_shift(footage)
-    if shift is None:
+    if _background_problem(footage):
         return
+    shift = 0 if footage.is_video else blender_shift(footage.files, footage.frames) or 0
     image = bpy.data.images.load(str(first_file(footage)), check_existing=False)
     # Blender makes all paths relative when a .blend is saved for the first time, and no others later.
     image.filepath = relative(first_file(footage))
@@ -210,6 +211,9 @@ def _set_background(settings: VirtualApertureSettings, footage: Footage) -> None
     background.image = image
     background.alpha = 1.0
     background.frame_method = "STRETCH"
+    view = footage.video.view if footage.video is not None else BlenderView.SAME
+    background.use_flip_x = view == BlenderView.FLIP_X
+    background.use_flip_y = view == BlenderView.FLIP_Y
     user = background.image_user
     user.frame_start = footage.frames[0]
     user.frame_offset = footage.frames[0] - 1 + shift
@@ -218,12 +222,22 @@ def _set_background(settings: VirtualApertureSettings, footage: Footage) -> None
     data.show_background_images = True
 
 
-def _background_shift(footage: Footage) -> int | None:
-    """By how much the numbers of the clip's files differ from its frames; None where Blender cannot show the
-    clip: it takes photos for a sequence of one size, and the last number of a name for the counter."""
+def _background_problem(footage: Footage) -> str:
+    """Why Blender cannot show the clip's pictures behind the camera; empty where it can."""
     if footage.is_stills:
-        return None
-    return 0 if footage.is_video else blender_shift(footage.files, footage.frames)
+        return "Blender shows sequences of one size only"
+    if footage.video is None:
+        is_shown = blender_shift(footage.files, footage.frames) is not None
+        return "" if is_shown else "Blender takes the last number of a file name for the frame"
+    return {
+        BlenderView.CROPPED: "Blender does not crop the clip as its file says",
+        BlenderView.TRACK: "Blender shows another video track of the file",
+    }.get(footage.video.view, "")
+
+
+def _background_notes(footage: Footage) -> list[str]:
+    problem = "" if footage.is_stills else _background_problem(footage)
+    return [f"the camera has no background image, because {problem}"] if problem else []
 
 
 def first_file(footage: Footage) -> Path:
@@ -266,38 +280,3 @@ def _without_files(folder: Path) -> Path:
     and so on without any."""
     numbered = (folder.with_name(f"{folder.name}_{n}") for n in itertools.count(2))
     return next(f for f in itertools.chain([folder], numbered) if not f.is_dir() or not any(f.iterdir()))
-
-
-def _sounds(scene: bpy.types.Scene) -> list[bpy.types.Strip]:
-    """The strips of the clip's sound."""
-    editor = scene.sequence_editor
-    return [s for s in editor.strips if s.name.startswith(SOUND)] if editor is not None else []
-
-
-def _set_sound(scene: bpy.types.Scene, footage: Footage) -> None:
-    """The clip's sound as a strip of the scene, so that movie output carries it."""
-    editor = scene.sequence_editor
-    for strip in _sounds(scene):
-        editor.strips.remove(strip)
-    if not footage.is_video:
-        return
-    editor = editor or scene.sequence_editor_create()
-    channel = 1 + max((s.channel for s in editor.strips), default=0)
-    try:
-        strip = editor.strips.new_sound(SOUND, str(footage.path), channel, 1)
-    except RuntimeError:
-        return
-    if strip.frame_duration <= 1:
-        editor.strips.remove(strip)
-        return
-    strip.sound.filepath = relative(footage.path)
-    strip.frame_start = sound_frame(footage)
-
-
-def sound_frame(footage: Footage) -> int:
-    """The frame of the timeline at which a clip's sound begins. Strips lie at whole frames.
-
-    The clip's first picture is frame 1, whatever range is rendered.
-    """
-    start = footage.video.sound if footage.video is not None else None
-    return 1 + round((start or 0.0) * footage.fps)

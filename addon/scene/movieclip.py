@@ -19,10 +19,18 @@ from ..core.base.errors import UserError
 from ..core.camera import distortion
 from ..core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
 from ..core.media.clip import Footage, describe
+from ..core.media.video_frame import BlenderView
 from ..core.readers.matching import ONLY_TURNS, Imported, at_one_place
 from .camera import FLIP
 
 FORMAT = "Blender movie clip"
+_SHOWN = {
+    BlenderView.FLIP_X: "mirrored",
+    BlenderView.FLIP_Y: "mirrored",
+    BlenderView.CROPPED: "uncropped",
+    BlenderView.TRACK: "by another video track",
+}
+"""How Blender shows a clip otherwise than players do."""
 GRAY = 128
 """The colour of points: tracks have none."""
 SAME_SHAPE = 0.01
@@ -64,6 +72,7 @@ def read_movie_clip(clip: bpy.types.MovieClip, footage: Footage) -> Imported:
     if len(clip.tracking.objects) > 1:
         others = ", ".join(item.name for item in clip.tracking.objects if not item.is_camera)
         notes.append(f"object tracks are ignored: {others}")
+    _check_view(clip, footage)
     lens = _intrinsics(clip, footage, notes)
     numbers = _frame_numbers(clip, footage, notes)
     tracks = _tracks(target, clip.name, notes)
@@ -83,6 +92,17 @@ def read_movie_clip(clip: bpy.types.MovieClip, footage: Footage) -> Imported:
     if at_one_place(reconstruction):
         notes.append(ONLY_TURNS)
     return Imported(reconstruction, FORMAT, tuple(notes))
+
+
+def _check_view(clip: bpy.types.MovieClip, footage: Footage) -> None:
+    """UserError where Blender tracked another picture than players, and we, show."""
+    view = footage.video.view if footage.video is not None else BlenderView.SAME
+    file = Path(bpy.path.abspath(clip.filepath))
+    if view and file.exists() and file.samefile(footage.path):
+        raise UserError(
+            f"Blender's Movie Clip Editor shows {footage.path.name} {_SHOWN[view]}, so its solve does not"
+            " fit; convert the clip, for example with FFmpeg, and track that"
+        )
 
 
 def _intrinsics(clip: bpy.types.MovieClip, footage: Footage, notes: list[str]) -> Intrinsics:

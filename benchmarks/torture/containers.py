@@ -10,7 +10,9 @@ from addon.core.base.errors import UserError
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.media.clip import Footage, open_footage
 
+from .. import odd_tracks
 from ..odd_clips import LISTS, SIZE, flashes_and_clicks, flipped, packets, steady, varying, write
+from ..odd_tracks import MATRICES, corners, encoded, pitch, with_clean_aperture, with_unknown_sound
 from . import clip
 from .bench import LENS, Try
 
@@ -26,6 +28,8 @@ CODED = 8
 """Grey levels by which a picture that is decoded whole differs at most from itself: none of it is made up."""
 HEARD = 0.003
 """Seconds by which lossy coding moves what is heard as a click's beginning."""
+PITCH = 0.02
+"""Relative error of a pitch that is found in half a second of sound."""
 OPUS = 0.0135
 """Seconds at its beginning that Blender leaves out of Opus: a packet, less its pre-skip."""
 
@@ -62,6 +66,34 @@ def odd(one: Try) -> None:
     known = HEARD + (OPUS if name.endswith(".webm") else 0.0)
     if np.abs(lit - heard - own).max() > shortest / 2 + known:
         one.verdict.add("wrong", f"{name}, {codec}: flashes {lit}, clicks {heard}, late {late}")
+
+
+def shown(one: Try) -> None:
+    """A clip that is turned or mirrored, cropped, beside a smaller track, or whose first sound nothing
+    decodes: shown as players do, and heard."""
+    matrix, small = one.dice.choice(MATRICES), corners()
+    large = np.kron(small, np.ones((2, 2, 1), np.uint8))
+    tracks = [[large] * 12, [small] * 12] if one.dice.random() < 0.5 else [[large] * 12]
+    one.dice.shuffle(tracks)
+    path = encoded(one.folder / "a.mp4", tracks, matrix=matrix, sounds=(440.0, 1000.0))
+    expected, tone = odd_tracks.shown(large, matrix), 440.0
+    if len(tracks) == 1 and one.dice.random() < 0.5:
+        with_clean_aperture(path, (SIZE[0] * 2 - 16, SIZE[1] * 2 - 8), right=4, down=-2)
+        expected = odd_tracks.shown(large[2:-6, 12:-4], matrix)
+    if one.dice.random() < 0.5:
+        with_unknown_sound(path)
+        tone = 1000.0
+    footage = open_footage(path)
+    if not np.array_equal(footage.read(one.dice.randint(1, 12)), expected):
+        one.verdict.add("wrong", f"{matrix}, {len(tracks)} tracks: {footage.width}x{footage.height}")
+        return
+    camera = Intrinsics(footage.width, footage.height, 120.0, 120.0, footage.width / 2, footage.height / 2)
+    movie = one.folder / "out.mp4"
+    run = one.run("render", clip.solve(path, one.folder / "work", camera), *LENS, "--out", movie)
+    if run.status:
+        one.verdict.add("lost", run.said[-300:])
+    elif abs(pitch(movie) / tone - 1) > PITCH:
+        one.verdict.add("wrong", f"a tone of {pitch(movie):.0f} Hz, not {tone:.0f}")
 
 
 def broken(one: Try) -> None:

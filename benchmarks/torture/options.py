@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import os
 import random
 from pathlib import Path
 
-from .bench import LENS, Try, contents
+import numpy as np
+
+from . import clip
+from .bench import FRAMES, LENS, Try, contents
 
 NUMBERS = (
     "nan", "-nan", "inf", "-inf", "1e400", "1e39", "-1", "", " ", "1_0", "\u0661", "\u00b2", "9" * 20,
@@ -30,6 +34,29 @@ def numbers(one: Try) -> None:
     words = ["--aperture", f"{name}={value}"] if name in SHAPE else [f"{name}={value}"]
     focus = LENS[2:] if name.startswith("--focus") else LENS
     _run(one, *focus, *(() if name == "--frames" else ("--frames", "3-4")), *words)
+
+
+def models(one: Try) -> None:
+    """What is no solve of the clip is given to `import`: refused in one line, which names what to do."""
+    path = one.folder / one.dice.choice(["depth.npz", "depth", "half.json", "network.onnx"])
+    cameras = clip.truth(range(1, FRAMES + 1, 2), clip.LENS)
+    if path.suffix == ".npz":
+        np.savez(path, depths=np.ones((FRAMES, 4, 6), np.float32))
+    elif path.suffix == ".json":
+        rows = [{"file_path": "", "transform_matrix": np.eye(4).tolist()} for _ in range(len(cameras.images))]
+        lens = {"w": clip.LENS.width, "h": clip.LENS.height, "fl_x": clip.LENS.fx, "fl_y": clip.LENS.fy}
+        path.write_text(json.dumps(lens | {"frames": rows}))
+    elif path.suffix:
+        path.write_bytes(b"network")
+    else:
+        clip.write_depth(path, 3)
+    run = one.run("import", path, "--footage", one.bench.clip, "--work", one.folder / "work")
+    lines = [line for line in run.said.splitlines() if line.startswith("error: ")]
+    wanted = "--frames A-B:STEP" if path.suffix == ".json" else "--depth PATH"
+    if run.status == 0 or len(lines) != 1 or wanted not in lines[0]:
+        one.verdict.add("wrong", f"{path.name}: {run.said[-300:]}")
+    if (one.folder / "work").exists():
+        one.verdict.add("leftover", "work")
 
 
 def places(one: Try) -> None:

@@ -7,6 +7,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from addon.core.media.clip import open_footage
+
+from . import clip
 from .bench import FRAMES, LENS, OTHER, Try, contents
 from .kills import SIGNALS, interrupt, moment
 from .mutations import mutate
@@ -54,6 +57,39 @@ def movie_folder(one: Try) -> None:
     # Moved out of the way, it is as if nothing had been.
     folder.rename(one.folder / "moved")
     one.expect({"a.mp4": one.bench.movie}, out, one.run(*words))
+
+
+NAMES = ("P{}.png", "{}.png", "desk_{}_v02.png", "take 2 #{}.png")
+FIRST = (1, 1048570, 1100335, 20250101115958, 2**63)
+"""Number of the first picture; Blender's last frame is 1048574. The true cameras (`clip.truth`) depend on
+frame numbers, which then begin at 1."""
+
+
+def names(one: Try) -> None:
+    """A clip and its masks by the names that cameras and versions give, with the files of macOS beside them:
+    the same pictures as by plain names."""
+    name, first = one.dice.choice(NAMES), one.dice.choice(FIRST)
+    rendered = []
+    for kind, number in (("plain", 1), ("odd", first)):
+        for what, source in (("clip", one.bench.clip.parent / "pictures"), ("masks", one.bench.masks)):
+            folder = one.folder / kind / what
+            folder.mkdir(parents=True)
+            for place, file in enumerate(sorted(source.iterdir())):
+                called = f"{1 + place:04d}.png" if kind == "plain" else name.format(number + place)
+                (folder / called).write_bytes(file.read_bytes())
+                if kind == "odd" and one.dice.random() < 0.5:
+                    (folder / f"._{called}").write_bytes(b"\0\5\x16\7")
+        clip_folder = one.folder / kind / "clip"
+        work, out = clip.solve(clip_folder, one.folder / kind / "work"), one.folder / kind / "out"
+        shown = open_footage(clip_folder).frames
+        words = ("--mask", one.folder / kind / "masks", "--frames", f"{shown[2]}-{shown[3]}")
+        run = one.run("render", work, *LENS, *words, "--out", out / "####.png")
+        if run.status:
+            one.verdict.add("lost", f"{name.format(first)}: {run.said[-300:]}")
+            return
+        rendered.append([np.asarray(cv2.imread(str(file))) for file in sorted(out.iterdir())])
+    if not np.array_equal(rendered[0], rendered[1]):
+        one.verdict.add("wrong", f"{name.format(first)}: other pictures than by plain names")
 
 
 def edited_frame(one: Try) -> None:

@@ -26,9 +26,12 @@ QUICK = (
     "middle",
     "not-files",
     "lies",
+    "names",
     "options",
+    "models",
     "places",
     "odd-clips",
+    "shown-clips",
     "broken-clips",
     "lists",
 )

@@ -315,7 +315,7 @@ def test_run_refuses_frames_that_the_clip_does_not_have_before_it_solves(
     work: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     words = ("run", work.parent / "clip", *FOCUS, "--frames", "7-9", "--out", tmp_path / "o" / "####.png")
-    assert "no frames 7-9; it has 1 to 6" in refusal(capfd, *words)
+    assert "no frames 7-9; it has frames 1 to 6" in refusal(capfd, *words)
     assert not (tmp_path / "o").exists()
 
 
@@ -334,3 +334,26 @@ def test_an_import_of_another_clip_s_model_is_told(
     said = capfd.readouterr().out
     assert "advice: the points miss the places where the frames show them by" in said
     assert "do not belong to this clip" in said
+
+
+def test_a_focus_nearer_than_anything_is_refused_by_its_option(
+    work: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "o" / "####.png"
+    words = ("--method", "features", "--views", "2", "--out", out, "--frames", "3")
+    for distance in ("1e-9", "0.01"):
+        said = refusal(capfd, "render", work, "--focus-distance", distance, *words)
+        assert f"--focus-distance is {float(distance):g}, but nothing in the clip is nearer than" in said
+        least = said.split("give a distance from ")[1].split()[0]
+    assert not out.parent.exists()
+    done = run_command([str(each) for each in ("render", work, "--focus-distance", least, *words)])
+    assert done == 0 and out.with_name("0003.png").exists()
+
+
+@pytest.mark.parametrize("option", ["--focus-distance", "--blur", "--aperture-radius"])
+def test_a_length_of_nothing_is_refused_by_its_option(
+    work: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str], option: str
+) -> None:
+    words = [*FOCUS, "--out", tmp_path / "####.png", "--frames", "3", option, "0"]
+    words = words[2:] if option == "--focus-distance" else words
+    assert f"{option} is 0; it must be greater than zero" in refusal(capfd, "render", work, *words)

@@ -220,6 +220,24 @@ def test_an_offset_is_a_blender_cameras(tmp_path: Path, shot: Shot) -> None:
     assert not (tmp_path / "work").exists()
 
 
+def test_cameras_of_every_second_frame(tmp_path: Path, shot: Shot) -> None:
+    half = replace(shot.known, images=shot.known.images[::2])
+    numbered = tuple(f"frame_{number:05d}.png" for number in range(1, 7))
+    path = files.transforms(tmp_path / "transforms.json", half, numbered)
+    words = ("import", path, "--footage", shot.clip, "--work", tmp_path / "work")
+    ended = here(*words)
+    assert ended.returncode == 1
+    assert "of every 2nd frame, import them for frames 1-12:2 alone (--frames A-B:STEP)" in ended.stderr
+    done(*words, "--frames", "1-12:2")
+    kept = load_solve(tmp_path / "work")
+    assert kept.frames == (1, 3, 5, 7, 9, 11) and not kept.quality.missing
+    # Of the whole clip, those between are the neighbours'.
+    named = files.transforms(tmp_path / "named.json", half, files.NAMES[::2])
+    said = done("import", named, "--footage", shot.clip, "--work", tmp_path / "all")
+    assert "advice: only every 2nd frame from 1 to 11 has a camera" in said
+    assert "or these frames alone (--frames A-B:STEP)" in said
+
+
 def test_photos_that_are_no_clip(data: Path, tmp_path: Path, registered: None) -> None:
     """Cameras that Bundler found for photos from wide apart, without its points: a solve would see cuts."""
     footage = open_footage(data / "kermit")

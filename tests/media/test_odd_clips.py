@@ -16,7 +16,7 @@ import pytest
 from addon.core.base.errors import UserError
 from addon.core.media.clip import open_footage
 from addon.core.media.frame_table import read_table
-from addon.core.media.video import VideoInfo
+from addon.core.media.video_info import VideoInfo
 from benchmarks.odd_clips import LISTS, flipped, packets, steady, varying, write
 
 

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import json
+import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from addon.core.base.errors import UserError
+from addon.cli.words import IMPORT_WORDS
+from addon.core.base.errors import Remedy, UserError
 from addon.core.camera.reconstruction import Reconstruction, rotation_matrix
 from addon.core.depth.user_maps import open_depth
-from addon.core.media.clip import Footage, open_footage
+from addon.core.focus.picking import check_place
+from addon.core.media.clip import Footage, FrameRange, open_footage
 from addon.core.readers import read_reconstruction, recorded_clip, recorded_depth, stray
 
 from .. import camera_files as files
@@ -202,7 +206,9 @@ def test_record3d_unpacks_its_pictures(tmp_path: Path, clip: Path, known: Recons
     for one, other in zip(found.images, known.images, strict=True):
         np.testing.assert_allclose(one.rotation, other.rotation, atol=1e-9)
         np.testing.assert_allclose(one.centre, other.centre, atol=1e-9)
-    # Once is enough, and what else lies there is not touched.
+    # Once is enough, and what else lies there is not touched, nor what the Finder puts beside it.
+    (own / "._000003.jpg").write_bytes(b"")
+    (own / ".DS_Store").write_bytes(b"")
     before = {file: file.stat().st_mtime_ns for file in own.iterdir()}
     assert recorded_clip(path) == own
     assert {file: file.stat().st_mtime_ns for file in own.iterdir()} == before
@@ -211,3 +217,55 @@ def test_record3d_unpacks_its_pictures(tmp_path: Path, clip: Path, known: Recons
         recorded_clip(path)
     assert (own / "000003.jpg").read_bytes() == b"mine"
     assert sorted(file.name for file in tmp_path.iterdir()) == ["walk.r3d", "walk_frames"]
+
+
+def every_second(known: Reconstruction) -> Reconstruction:
+    """The cameras of frames 1, 3, 5 and so on."""
+    return replace(known, images=known.images[::2])
+
+
+def test_cameras_of_every_second_frame_are_named_so(
+    tmp_path: Path, clip: Path, footage: Footage, known: Reconstruction
+) -> None:
+    half = every_second(known)
+    named = files.transforms(tmp_path / "named.json", half, files.NAMES[::2])
+    found = read_reconstruction(named, footage)
+    assert found.reconstruction.frames.tolist() == [1, 3, 5, 7, 9, 11]
+    assert "6 frames of the clip have no camera: every 2nd frame from 2 to 12" in found.notes
+    with pytest.raises(UserError, match="cameras for every 2nd frame from 1 to 11"):
+        check_place(found.reconstruction, 2, 0.5, 0.5)
+    arrays = files.megasam(tmp_path / "a_sgd_cvd_hr.npz", half)
+    with pytest.raises(UserError, match="of every 2nd frame, import them for frames 1-12:2 alone") as caught:
+        read_reconstruction(arrays, footage)
+    assert "list.txt" not in str(caught.value) and Remedy.STEP in caught.value.remedies
+    # Of those frames alone they are the cameras, however their pictures were numbered.
+    part = open_footage(clip, FrameRange(1, 12, 2))
+    numbered = tuple(f"frame_{number:05d}.png" for number in range(1, 7))
+    for path in (arrays, files.transforms(tmp_path / "numbered.json", half, numbered)):
+        assert_same(read_reconstruction(path, part).reconstruction, half)
+
+
+@pytest.mark.parametrize("name", ["depth.npz", "depth.zip", "depth", "depth.onnx"])
+def test_depth_without_cameras_is_told_from_a_solve(tmp_path: Path, footage: Footage, name: str) -> None:
+    path = tmp_path / name
+    if path.suffix == ".npz":
+        np.savez(path, depths=np.ones((12, 4, 6), np.float32))
+    elif path.suffix == ".zip":
+        with zipfile.ZipFile(path, "w") as archive:
+            archive.writestr("0001.exr", b"")
+    elif path.suffix:
+        path.write_bytes(b"network")
+    else:
+        path.mkdir()
+        (path / "0001.png").write_bytes(b"")
+    with pytest.raises(UserError, match=rf"{name} holds .*, but no cameras.* as depth maps") as caught:
+        read_reconstruction(path, footage)
+    assert str(caught.value.worded(IMPORT_WORDS)).endswith("(render DIR --depth PATH)")
+
+
+def test_a_folder_with_hidden_files_has_one_model(
+    tmp_path: Path, footage: Footage, known: Reconstruction
+) -> None:
+    path = files.transforms(tmp_path / "transforms.json", known)
+    path.with_name("._transforms.json").write_bytes(path.read_bytes())
+    assert_same(read_reconstruction(tmp_path, footage).reconstruction, known)

@@ -11,6 +11,8 @@ class Remedy(StrEnum):
 
     FRAMES = "frames"
     """Which frames of the clip are solved."""
+    STEP = "step"
+    """Which frames of the clip are solved, where they are every second one or fewer."""
     WORK_DIR = "work_dir"
     """The working folder."""
     SOLVE = "solve"

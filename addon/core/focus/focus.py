@@ -14,6 +14,8 @@ from ..optics.thin_lens import ThinLens
 
 FEWEST_IN_PLANE = 3
 """Points in focus that make a plane."""
+NEAREST = 0.01
+"""Of the distance of the nearest things: focused nearer, all blur discs are equal within 1 %."""
 COLLINEAR = 1e-3
 """Of the extent of points in focus: a plane through points that lie closer to a line is none. By eye."""
 IN_PLANE = 1e-6
@@ -119,6 +121,27 @@ def check_points(reconstruction: Reconstruction, points: tuple[int, ...]) -> Int
             f"there is no focus point {wrong[0]}; the points are 0 to {len(reconstruction.points) - 1}"
         )
     return ids.astype(np.int32)
+
+
+def check_distance(reconstruction: Reconstruction, distance: float, name: str) -> None:
+    """Check that a focal plane at a distance leaves some things sharper than others.
+
+    Args:
+        reconstruction: Solve of the clip.
+        distance: Depth along the optical axis, in scene units.
+        name: What the interface calls the distance.
+
+    Raises:
+        UserError: if the distance is nearer than `NEAREST` of that of everything in the clip.
+    """
+    images = [image for image in reconstruction.images if len(image.points)]
+    depths = [image.to_camera(reconstruction.points.xyz[image.points])[:, 2] for image in images]
+    nearest = min((float(np.percentile(z, 2)) for z in depths), default=0.0)
+    if distance < NEAREST * nearest:
+        raise UserError(
+            f"{name} is {distance:g}, but nothing in the clip is nearer than {nearest:.4g}, so all would be"
+            f" blurred alike; give a distance from {NEAREST * nearest:.4g} on, in the solve's own unit"
+        )
 
 
 def radius_for_blur(reconstruction: Reconstruction, focus: Focus, frame: int, blur: float) -> float:

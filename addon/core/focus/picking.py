@@ -12,6 +12,7 @@ from ..base.errors import UserError
 from ..camera.canvas import Canvas
 from ..camera.reconstruction import Reconstruction
 from ..depth.sparse import FrameFeatures, frame_features
+from ..media.clip import describe
 from .focus import Focus
 
 
@@ -53,9 +54,9 @@ def check_place(reconstruction: Reconstruction, frame: int, x: float, y: float) 
     if frame not in reconstruction.frames:
         if not reconstruction.images:
             raise UserError("the reconstruction has no registered frames; solve the clip again")
-        first, last = reconstruction.frames[[0, -1]]
         raise UserError(
-            f"frame {frame} has no camera to pick a focus in; registered frames are {first} to {last}"
+            f"frame {frame} has no camera to pick a focus in; there are cameras for"
+            f" {describe(reconstruction.frames.tolist())}"
         )
 
 

@@ -8,7 +8,7 @@ as far as Blender can address them (`sequence.frames_of`).
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -17,6 +17,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.counting import common_step, ordinal
 from ..base.errors import Remedy, UserError
 from ..base.file_names import checked_name
 from ..base.nearest_fill import nearest
@@ -32,7 +33,8 @@ from .sequence import (
     name_numbers,
     pattern_numbers,
 )
-from .video import VideoInfo, VideoReader, video_info
+from .video import VideoReader, video_info
+from .video_info import VideoInfo
 
 MOST_STILLS = 100
 """Photos that can be matched each with all others: the pairs take a quarter of a second each."""
@@ -162,11 +164,13 @@ class Footage:
         picture = self._video.read(frame) if self.is_video else read_picture(self.file(frame))
         if picture.shape[:2] != (self.height, self.width) and not self.is_stills:
             where = self.file(frame).name if self.files else f"frame {frame}"
-            raise UserError(
+            problem = (
                 f"{where} is {picture.shape[1]}x{picture.shape[0]}, the clip is {self.width}x{self.height};"
-                " all frames of a clip must have one size; unordered photos can be solved as stills",
-                Remedy.STILLS,
+                " all frames of a clip must have one size"
             )
+            if self.is_video:
+                raise UserError(f"{problem}; choose frames before it", Remedy.FRAMES)
+            raise UserError(f"{problem}; unordered photos can be solved as stills", Remedy.STILLS)
         return picture
 
     def close(self) -> None:
@@ -216,6 +220,8 @@ def open_footage(
             " frames up to that",
             Remedy.FRAMES,
         )
+    if footage.video is not None and (problem := footage.video.other_shape(footage.frames)):
+        raise UserError(f"{path.name}: {problem}", Remedy.FRAMES)
     return footage
 
 
@@ -226,8 +232,10 @@ def _expanded(path: Path | str) -> Path:
         raise UserError(f"{path} does not exist: {error}") from None
 
 
-def describe(frames: tuple[int, ...]) -> str:
-    """For messages: "frames 1 to 118", or with its gaps counted."""
+def describe(frames: Sequence[int]) -> str:
+    """For messages: "frames 1 to 118", "every 2nd frame from 1 to 11", or with its gaps counted."""
+    if (step := common_step(frames)) > 1:
+        return f"every {ordinal(step)} frame from {frames[0]} to {frames[-1]}"
     missing = frames[-1] - frames[0] + 1 - len(frames)
     gaps = f" with {missing} missing" if missing else ""
     return f"frames {frames[0]} to {frames[-1]}{gaps}" if len(frames) > 1 else f"frame {frames[0]}"

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import av
+from av.audio.stream import AudioStream
 from av.container import InputContainer
+from av.stream import Disposition
 from av.video.stream import VideoStream
 
 from ..base import memory
 from ..base.errors import UserError
+from .metadata import sound_codes
 
 DEMUXERS = (
     "apng", "asf", "av1", "avi", "dv", "flv", "gif", "gxf", "h264", "hevc", "ivf", "m4v", "matroska",
@@ -22,10 +26,32 @@ stranger's file must not choose what is read."""
 _OPTIONS = {"protocol_whitelist": "file", "format_whitelist": ",".join(DEMUXERS)}
 _LISTS = (b"ffconcat", b"#extm3u", b"v=0", b"<mpd", b"<?xml", b"[playlist]")
 """How the text of playlists begins."""
+_PREFERRED = 5_000_000
+"""Pixels by which FFmpeg's own program prefers a default track (`ffmpeg_mux_init.c`)."""
+
+
+@dataclass(frozen=True)
+class Sound:
+    """The sound of a video."""
+
+    start: float | None
+    """When the first sample of its track is heard, in seconds on the video's own clock; None where no track
+    can be decoded."""
+    track: int
+    """Place of the first track that can be decoded among those of sound."""
+    unknown: tuple[str, ...]
+    """Codecs of the tracks before it, which cannot be decoded."""
 
 
 def open_video(path: Path) -> tuple[InputContainer, VideoStream]:
-    """A video's container and its pictures, to be closed by the caller; UserError where it has none."""
+    """Open a video's container and its pictures, to be closed by the caller.
+
+    Of several video tracks the one that FFmpeg's own program takes: that with most pixels, a default one
+    before others, a cover last.
+
+    Raises:
+        UserError: if the file cannot be opened or has no pictures that can be decoded.
+    """
     name = path.name
     try:
         # Absolute, so that no name is taken for an address.
@@ -40,25 +66,65 @@ def open_video(path: Path) -> tuple[InputContainer, VideoStream]:
         raise UserError(
             f"{name} is not a video that can be read; convert it to H.264 and try again"
         ) from error
-    # Not a cover that a music player shows.
-    stream = container.streams.best("video")
-    if not isinstance(stream, VideoStream) or stream.codec_context is None:
+    stream = max(container.streams.video, key=_score, default=None)
+    if stream is None or not _score(stream):
         container.close()
         raise UserError(f"{name} has no frames that can be decoded; convert it to H.264 and try again")
     return container, stream
 
 
-def sound_start(path: Path) -> float | None:
-    """When the first sample of a video's sound is heard, in seconds on its own clock; None without sound.
+def _score(stream: VideoStream) -> int:
+    """FFmpeg's preference for a video track; 0 where it cannot be decoded."""
+    if stream.codec_context is None:
+        return 0
+    if Disposition.attached_pic in stream.disposition:
+        return 1
+    pixels = stream.codec_context.width * stream.codec_context.height
+    return 2 + pixels + _PREFERRED * (Disposition.default in stream.disposition)
 
-    Of the decoded sound: containers' own words for it leave out what encoders put before.
+
+def find_sound(path: Path) -> Sound | None:
+    """Find the first sound track of a video that can be decoded; None without any track.
+
+    Its start is that of the decoded sound: containers' own words for it leave out what encoders put before.
     """
+    unknown: list[str] = []
     container, _ = open_video(path)
     with container:
-        if not container.streams.audio:
-            return None
-        try:
-            first = next(container.decode(container.streams.audio[0]), None)
-        except av.FFmpegError:
-            return None
-        return None if first is None or first.time is None else float(first.time)
+        for track, stream in enumerate(container.streams.audio):
+            if track:
+                container.seek(0)
+            start = _start(container, stream)
+            if start is not None:
+                return Sound(start, track, tuple(unknown))
+            codes = sound_codes(path)
+            known = stream.codec_context.name if stream.codec_context is not None else ""
+            unknown.append(known or (codes[track] if track < len(codes) else "") or "unknown codec")
+        return Sound(None, 0, tuple(unknown)) if unknown else None
+
+
+def _start(container: InputContainer, stream: AudioStream) -> float | None:
+    """When a track's first sample is heard, in seconds; None where it cannot be decoded."""
+    if stream.codec_context is None:
+        return None
+    try:
+        first = next(container.decode(stream), None)
+    except av.FFmpegError:
+        return None
+    return None if first is None or first.time is None else float(first.time)
+
+
+def copy_sound(path: Path, track: int, out: Path) -> None:
+    """Copy one sound track of a video, as it is coded, into a file of its own, whose suffix is its format.
+
+    Raises:
+        OSError: if it cannot be written.
+    """
+    container, _ = open_video(path)
+    with container, av.open(str(out), "w") as copy:
+        source = container.streams.audio[track]
+        target = copy.add_stream_from_template(source)
+        for packet in container.demux(source):
+            if packet.dts is not None:
+                packet.stream = target
+                copy.mux(packet)

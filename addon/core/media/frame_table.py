@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ from av.packet import Packet
 from av.video.stream import VideoStream
 
 from ..base.progress import checkpoint
-from .container import open_video, sound_start
+from .container import Sound, find_sound, open_video
 
 DEFAULT_RATE = Fraction(24)
 """Frames a second of a clip that tells no usable rate: cinema's."""
@@ -60,8 +60,12 @@ class FrameTable:
     """Numbers of the frames that the decoder found damaged."""
     missing: int
     """Frames that the container promises past its end."""
-    sound: float | None
-    """Seconds from the first frame to the first sound; None without sound."""
+    sound: Sound | None
+    """Of the sound, with its start in seconds from the first frame; None without a sound track."""
+    sizes: tuple[tuple[int, int, int], ...]
+    """Where the size of the stored pictures begins or changes: frame number, width and height in pixels."""
+    is_interlaced: bool
+    """Whether most frames are marked as two fields of different times."""
 
 
 @dataclass
@@ -76,6 +80,10 @@ class _Pass:
     """Times of the frames, in the order in which they are shown."""
     keys: list[int] = field(default_factory=list)
     """Places in `frames` of key frames, which need no other frame."""
+    sizes: list[tuple[int, int, int]] = field(default_factory=list)
+    """Place in `frames` from which pictures have a width and height in pixels."""
+    interlaced: int = 0
+    """How many frames are marked as interlaced."""
     corrupt: set[int] = field(default_factory=set)
     """Places in `frames` of those that the decoder calls damaged."""
     broken: list[tuple[int | None, int]] = field(default_factory=list)
@@ -104,7 +112,7 @@ def read_table(path: Path) -> FrameTable:
             found = _read(container, stream, "NONE")
     container, stream = open_video(path)
     with container:
-        return _table(container, stream, found, sound_start(path))
+        return _table(container, stream, found, find_sound(path))
 
 
 def _read(container: InputContainer, stream: VideoStream, threads: str) -> _Pass:
@@ -165,21 +173,28 @@ def _decode(found: _Pass, packet: Packet[VideoStream]) -> None:
             found.corrupt.add(len(found.frames))
         if frame.key_frame:
             found.keys.append(len(found.frames))
+        if not found.sizes or found.sizes[-1][1:] != (frame.width, frame.height):
+            found.sizes.append((len(found.frames), frame.width, frame.height))
+        found.interlaced += frame.interlaced_frame
         found.frames.append(frame.pts)
 
 
-def _table(container: InputContainer, stream: VideoStream, found: _Pass, sound: float | None) -> FrameTable:
+def _table(container: InputContainer, stream: VideoStream, found: _Pass, sound: Sound | None) -> FrameTable:
     plausible = [rate for rate in (stream.guessed_rate, stream.average_rate) if rate and 0 < rate < 1000]
     rates = tuple(map(_fraction, plausible)) or (DEFAULT_RATE,)
     known = [time for time in found.frames if time is not None]
     is_timed = len(known) == len(found.frames) and bool(np.all(np.diff(known) > 0))
     tick = _fraction(stream.time_base) if stream.time_base else 1 / rates[0]
     missing = _missing(container, stream, found, rates[0])
+    is_interlaced = 2 * found.interlaced > len(found.frames)
     if not is_timed:
         near = {min(before, len(found.frames) - 1) for _, before in found.broken if before}
         damaged = tuple(sorted(at + 1 for at in near | found.corrupt))
         count = tuple(range(len(found.frames)))
-        return FrameTable((1, 1), count, False, rates, (1,), damaged, missing, None if sound is None else 0.0)
+        sizes = tuple((place + 1, width, height) for place, width, height in found.sizes)
+        return FrameTable(
+            (1, 1), count, False, rates, (1,), damaged, missing, _since(sound, None), sizes, is_interlaced
+        )
     lost = _lost(container, stream, found, known)
     times = sorted([*known, *lost])
     at = {time: number for number, time in enumerate(times, 1)}
@@ -187,10 +202,18 @@ def _table(container: InputContainer, stream: VideoStream, found: _Pass, sound: 
     bad |= {at[_nearest(times, time)] for time, before in found.broken if time is not None and before}
     keys = (1, *(at[known[each]] for each in found.keys if each)) if _is_whole(container) else (1,)
     begin = float(times[0] * tick) if times else 0.0
+    sizes = tuple((at[known[place]], width, height) for place, width, height in found.sizes)
     return FrameTable(
         (tick.numerator, tick.denominator), tuple(times), True, rates, keys, tuple(sorted(bad)), missing,
-        None if sound is None else sound - begin,
+        _since(sound, begin), sizes, is_interlaced,
     )  # fmt: skip
+
+
+def _since(sound: Sound | None, begin: float | None) -> Sound | None:
+    """The sound with its start counted from a time in seconds, or 0 where that is not known."""
+    if sound is None or sound.start is None:
+        return sound
+    return replace(sound, start=0.0 if begin is None else sound.start - begin)
 
 
 def _lost(container: InputContainer, stream: VideoStream, found: _Pass, known: list[int]) -> list[int]:

@@ -1,4 +1,4 @@
-"""What a clip's file says of its lens: QuickTime's keys, as phones write them into videos.
+"""What the boxes of a QuickTime or MP4 file say that FFmpeg leaves out: lens and codecs of sound.
 
 Apple, "QuickTime File Format", chapter "Metadata": moov > meta holds keys, which names, and ilst, the values.
 """
@@ -24,6 +24,20 @@ def equivalent_focal(video: Path) -> float | None:
     except (OSError, struct.error, IndexError, UnicodeDecodeError):
         return None
     return found if found is not None and PLAUSIBLE[0] < found < PLAUSIBLE[1] else None
+
+
+def sound_codes(video: Path) -> list[str]:
+    """The codec of each sound track by its four characters, such as "mp4a"; empty for other containers."""
+    codes = []
+    try:
+        for kind, track in _boxes(_moov(video)):
+            media = _inside(track, b"mdia") if kind == b"trak" else b""
+            if _inside(media, b"hdlr")[8:12] == b"soun":
+                entries = _inside(_inside(_inside(media, b"minf"), b"stbl"), b"stsd")
+                codes.append(entries[12:16].decode("ascii", "replace").strip())
+    except (OSError, struct.error):
+        return []
+    return codes
 
 
 def _moov(video: Path) -> bytes:

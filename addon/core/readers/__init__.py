@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import zipfile
 from pathlib import Path
 from typing import Protocol
 
-from ..base.errors import UserError
+from ..base.errors import Remedy, UserError
+from ..base.npz import array_shapes
+from ..base.regular_file import open_regular
 from ..media.clip import Footage
+from ..media.picture_file import ARRAY, ARRAYS, PICTURES
+from ..media.sequence import clip_files, is_litter
 from . import bundler, camera_arrays, colmap, nvm, record3d, stray, transforms, voodoo
 from .imported_model import ImportedModel
 from .matching import Imported, match
@@ -94,13 +99,38 @@ def _recognised(path: Path) -> tuple[Reader, Path]:
     if found:
         names = ", ".join(file.name for _, file in found)
         raise UserError(f"{path} has several models: {names}; name one of them")
+    if held := _without_cameras(path):
+        raise UserError(
+            f"{path.name} holds {held}, but no cameras, so it is not a solve; solve the clip itself, or"
+            " import its cameras, and give that as depth maps",
+            Remedy.DEPTH_MAPS,
+        )
     raise UserError(f"{path} is not a model in a known format; choose {SUPPORTED}")
+
+
+def _without_cameras(path: Path) -> str:
+    """What a file or folder holds that can be depth maps of a clip; empty where it holds nothing like it."""
+    try:
+        if path.suffix.lower() == ".onnx":
+            return "a network"
+        if path.suffix.lower() == ARRAY:
+            return "depth maps" if not set(ARRAYS).isdisjoint(array_shapes(path)) else ""
+        if path.is_dir():
+            return "pictures" if clip_files(path) else ""
+        with open_regular(path) as file, zipfile.ZipFile(file) as archive:
+            names = archive.namelist()
+        return "pictures" if any(Path(name).suffix.lower() in PICTURES for name in names) else ""
+    except (OSError, ValueError, zipfile.BadZipFile):
+        return ""
 
 
 def _models_in(folder: Path) -> list[tuple[Reader, Path]]:
     """The models in a folder, or where there is none, in the folder that Bundler makes in it."""
     for place in (folder, folder / "bundle"):
-        files = sorted(f for f in place.glob("*") if f.suffix.lower() in SUFFIXES and f.is_file())
+        files = sorted(
+            f for f in place.glob("*")
+            if f.suffix.lower() in SUFFIXES and not is_litter(f.name) and f.is_file()
+        )  # fmt: skip
         found = [(reader, file) for file in files for reader in READERS if reader.recognises(file)]
         if found:
             return found

@@ -27,6 +27,7 @@ from ..base.errors import UserError
 from ..base.npz import array_shapes, read_arrays
 from ..base.regular_file import read_regular
 from ..camera.reconstruction import Intrinsics, Reconstruction
+from ..media.sequence import is_litter
 from .imported_model import ImportedModel
 from .poses import OPENCV, cameras, finite, lens
 
@@ -80,7 +81,8 @@ def _kind(path: Path) -> str:
 
 def _poses_in(path: Path) -> Path | None:
     """The one file of poses in a folder of ViPE's results; None where it is none."""
-    found = sorted(path.glob("pose/*.npz")) if path.is_dir() else []
+    files = path.glob("pose/*.npz") if path.is_dir() else ()
+    found = [file for file in files if not is_litter(file.name)]
     return found[0] if len(found) == 1 and _kind(found[0]) == "ViPE" else None
 
 

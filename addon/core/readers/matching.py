@@ -14,10 +14,11 @@ from pathlib import PurePosixPath
 
 import numpy as np
 
-from ..base.counting import counted
-from ..base.errors import UserError
+from ..base.counting import common_step, counted, ordinal
+from ..base.errors import Remedy, UserError
 from ..camera.reconstruction import Image, Intrinsics, Reconstruction
 from ..media.clip import Footage, describe
+from . import bundler
 from .imported_model import ImportedModel
 
 SAME_ASPECT = 0.01
@@ -87,10 +88,11 @@ def match(model: ImportedModel, footage: Footage) -> Imported:
         are = "image of the model is" if len(left_out) == 1 else "images of the model are"
         notes.append(f"{len(left_out)} {are} not in the clip: {_some(left_out)}")
     frames = {image.frame for image in known}
-    without = [str(frame) for frame in footage.frames if frame not in frames]
+    without = [frame for frame in footage.frames if frame not in frames]
     if without:
         have = "frame of the clip has" if len(without) == 1 else "frames of the clip have"
-        notes.append(f"{len(without)} {have} no camera: {_some(without)}")
+        named = describe(without) if common_step(without) > 1 else _some(list(map(str, without)))
+        notes.append(f"{len(without)} {have} no camera: {named}")
     reconstruction = replace(model.reconstruction, images=tuple(known))
     reconstruction, scaled = _fitted(reconstruction, footage)
     notes += scaled
@@ -112,30 +114,49 @@ def _pair(model: ImportedModel, footage: Footage) -> _Pairing:
             f"frame {frame} of {footage.path.name} could be {first[-60:]} or {second[-60:]} of the"
             f" {model.format} model; remove one of them from the model or rename its pictures"
         )
-    if any(index in best.frames for index in registered):
+    found = [index in best.frames for index in registered]
+    # A program that was given every second frame numbers these from one to the next.
+    is_stepped = len(model.names) == len(footage.frames) and common_step(footage.frames) > 1
+    if all(found) or (any(found) and not (best is ways[-1] and is_stepped)):
         return best
     if len(model.names) == len(footage.frames):
         order = sorted(range(len(model.names)), key=lambda index: _natural(model.names[index]))
         by = "the order of their names" if named else "their order"
         note = f"the model's images are taken to be the clip's frames in {by}"
         return _Pairing(dict(zip(order, footage.frames, strict=True)), note=note)
-    raise UserError(_no_match(model, footage))
+    raise _no_match(model, footage)
 
 
-def _no_match(model: ImportedModel, footage: Footage) -> str:
+def _no_match(model: ImportedModel, footage: Footage) -> UserError:
     count = len(model.names)
     clip = f"{footage.path.name} has {describe(footage.frames)}"
+    every = if_every(count, footage.frames)
+    remedies = (Remedy.STEP,) if every else ()
     if not any(model.names):
-        return (
+        listed = ", or put list.txt beside the model" if model.format == bundler.FORMAT else ""
+        return UserError(
             f"the {model.format} model has {counted(count, 'camera')} without names, and {clip}: which"
-            " picture each is of is not known; give the footage that was solved, or for Bundler put list.txt"
-            " beside the model"
+            f" picture each is of is not known; give the footage that was solved{listed}{every}",
+            *remedies,
         )
     if footage.files:
         clip += f" ({_some([file.name for file in footage.files])})"
-    return (
+    return UserError(
         f"none of the {counted(count, 'image')} of the {model.format} model ({_some(list(model.names))})"
-        f" is in the clip: {clip}; give the footage that was solved"
+        f" is in the clip: {clip}; give the footage that was solved{every}",
+        *remedies,
+    )
+
+
+def if_every(cameras: int, frames: Sequence[int]) -> str:
+    """The end of an error where a clip has a multiple of a model's cameras, which may be of every second of
+    its frames; empty where it has not."""
+    step = round(len(frames) / max(cameras, 1))
+    if step < 2 or -(-len(frames) // step) != cameras:
+        return ""
+    return (
+        f"; if the cameras are of every {ordinal(step)} frame, import them for frames"
+        f" {frames[0]}-{frames[-1]}:{step} alone"
     )
 
 

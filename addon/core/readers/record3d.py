@@ -23,6 +23,7 @@ from ..base.atomic import PART, collect_orphans, owned
 from ..base.counting import counted
 from ..base.errors import UserError
 from ..base.regular_file import open_regular
+from ..media.sequence import is_litter
 from .imported_model import ImportedModel
 from .poses import OPENGL, cameras, finite, lens, to_world
 
@@ -135,7 +136,8 @@ def _unpacked(archive: zipfile.ZipFile, member: zipfile.ZipInfo, most: int) -> b
 
 
 def _check_unpacked(folder: Path, wanted: dict[str, zipfile.ZipInfo], path: Path) -> None:
-    there = {file.name: file.stat().st_size for file in folder.iterdir()} if folder.is_dir() else {}
+    files = [file for file in folder.iterdir() if not is_litter(file.name)] if folder.is_dir() else []
+    there = {file.name: file.stat().st_size for file in files}
     if there != {name: member.file_size for name, member in wanted.items()}:
         raise UserError(
             f"{folder} exists and is not what {path.name} unpacks to ({counted(len(wanted), 'picture')});"

@@ -16,8 +16,9 @@ import numpy as np
 
 from ..base.arrays import Floats, Ints, Mask
 from ..base.counting import counted
-from ..base.errors import UserError
+from ..base.errors import Remedy, UserError
 from ..camera.reconstruction import Image, Points, Reconstruction
+from ..readers.matching import if_every
 from . import solution
 from .solution import Solution, SolutionOptions
 from .tracks import Progress, Tracks
@@ -97,9 +98,10 @@ def triangulate(
     """
     progress("Comparing cameras", 0, 1)
     posed = np.isin(tracks.frames, cameras.frames)
+    every = if_every(len(cameras.images), tracks.frames)
     # Of frames without a pose nothing is asked, unless all are: then they are numbered otherwise.
     tracks = _of_frames(tracks, posed) if posed.sum() > 1 else tracks
-    miss = _fits(_Epipolar(cameras, tracks, _pairs(tracks, options), options), options)
+    miss = _fits(_Epipolar(cameras, tracks, _pairs(tracks, options), options), options, every)
     made = _rectified(cameras, tracks, options, miss)
     for step in range(2):
         progress("Adjusting", step, 2)
@@ -223,8 +225,9 @@ class _Epipolar:
         return lens.undistort((xy - lens.principal_point) / (focal * lens.focal))
 
 
-def _fits(epipolar: _Epipolar, options: KnownPoseOptions) -> float:
-    """By how much tracks miss; UserError where the cameras are not the clip's."""
+def _fits(epipolar: _Epipolar, options: KnownPoseOptions, every: str) -> float:
+    """By how much tracks miss; UserError, which ends in `every` (`if_every`), where the cameras are not the
+    clip's."""
     miss = epipolar.miss()
     if miss <= options.good:
         return miss
@@ -256,7 +259,8 @@ def _fits(epipolar: _Epipolar, options: KnownPoseOptions) -> float:
             missed = "hardly any of its frames has one of them, and"
         raise UserError(
             f"these cameras do not belong to this clip: {missed} no other frame offset or focal length"
-            " explains it; choose the clip they were made from"
+            f" explains it; choose the clip they were made from{every}",
+            *((Remedy.STEP,) if every else ()),
         )
     return miss
 

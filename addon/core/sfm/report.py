@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 
 from ..base.arrays import Floats, Ints
-from ..base.counting import ranges
+from ..base.counting import common_step, ranges
 from ..base.errors import Remedy, Words, with_words
 from ..camera.reconstruction import Reconstruction, outermost_angles
+from ..media.clip import describe
 
 STAYS = "turning"
 """The method of a solve whose camera stays in its place: depth is that of maps."""
@@ -231,13 +232,16 @@ def report(reconstruction: Reconstruction, frames: tuple[int, ...], said: dict[s
         said.get("focal_from", "file"), LensReport.of(said),
         [float(q) for q in np.percentile(angle, (25, 50, 75))] if len(angle) else None,
         _distances(reconstruction), spread, explained, weak, list(said.get("notes", [])),
-        *_advice(wrong, missing, sigma, said.get("focal_from", "file"), spread, explained, weak),
+        *_advice(
+            wrong, missing, list(frames), sigma, said.get("focal_from", "file"), spread, explained, weak
+        ),
     )  # fmt: skip
 
 
 def _advice(
     wrong: float | None,
     missing: list[int],
+    frames: list[int],
     sigma: float | None,
     source: str,
     depth: float | None,
@@ -257,6 +261,14 @@ def _advice(
             f"{100 * (1 - explained):.0f} % of what was tracked moves on its own or was tracked wrongly; if"
             " something moving fills much of the picture, solve a range of frames without it",
             (Remedy.FRAMES,),
+        )
+    without = set(missing)
+    places = [place for place, frame in enumerate(frames) if frame not in without]
+    if common_step(places) > 1:
+        return (
+            f"only {describe([frames[place] for place in places])} has a camera, and those between use their"
+            " neighbours'; import a camera for each, or these frames alone",
+            (Remedy.STEP,),
         )
     if missing:
         return (

@@ -27,7 +27,7 @@ from ..media import picture_file
 from ..media.clip import Footage, open_footage
 from ..media.exif import photo_data
 from ..media.metadata import equivalent_focal
-from ..media.video import VideoInfo
+from ..media.video_info import VideoInfo
 from ..readers.colmap_export import read_model, write_model
 from . import known_poses, lens
 from .degeneracy import refuse_cuts

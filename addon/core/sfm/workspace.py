@@ -25,7 +25,8 @@ from ..camera.reconstruction import Reconstruction, upright
 from ..media.clip import Footage, FrameRange, open_footage
 from ..media.clip_identity import identity
 from ..media.find_clip import clip_exists
-from ..media.video import VideoInfo, first_frame
+from ..media.video import first_frame
+from ..media.video_info import VideoInfo
 from ..readers.colmap_export import read_model, write_model
 from ..readers.matching import Imported
 from .report import Report, report
@@ -152,7 +153,8 @@ def _video_of(footage: Path, kept: VideoInfo | None) -> VideoInfo | None:
     """
     if kept is None or not footage.is_file() or kept.count > footage.stat().st_size:
         return None
-    return kept if (kept.width, kept.height, kept.colour_space) == first_frame(footage) else None
+    said = kept.width, kept.height, kept.colour_space, kept.view
+    return kept if said == first_frame(footage)[:4] else None
 
 
 def keep_visible(model: Path, points: Mapping[int, Ints]) -> None:

@@ -1,0 +1,150 @@
+"""A decoded frame of a video as players show it: cropped, upright, with square pixels."""
+
+from __future__ import annotations
+
+import struct
+from enum import StrEnum
+
+import cv2
+import numpy as np
+from av.sidedata.sidedata import Type
+from av.video.frame import VideoFrame
+from av.video.stream import VideoStream
+from numpy.typing import NDArray
+
+from .picture_file import Pixels
+
+_LUMA = {1: (0.2126, 0.0722), 5: (0.299, 0.114), 6: (0.299, 0.114), 9: (0.2627, 0.0593), 10: (0.2627, 0.0593)}
+"""Weights of red and blue in luma by the code of matrix coefficients (ITU-T H.273, table 4)."""
+_FULL = 2
+"""FFmpeg's code of a range that uses all values."""
+
+
+class BlenderView(StrEnum):
+    """How a video that is read by Blender differs from `upright`, measured with bpy 5.2."""
+
+    SAME = ""
+    FLIP_X = "flip_x"
+    """It is mirrored: Blender applies only the rotation of a display matrix."""
+    FLIP_Y = "flip_y"
+    CROPPED = "cropped"
+    """It has the rows and columns that the container hides."""
+    TRACK = "track"
+    """It is the first video track, and `container.open_video` takes another one."""
+
+
+def upright(frame: VideoFrame, stream: VideoStream) -> Pixels:
+    """Convert a decoded frame to the picture that players show.
+
+    Args:
+        frame: Decoded frame.
+        stream: Stream of the frame, with the container's cropping and the shape of its pixels.
+
+    Returns:
+        (H, W, 3) RGB, or (H, W, 4) with straight alpha, of square pixels: uint8, or uint16 over its whole
+        range where the frame has more than 8 bits.
+    """
+    picture = _rgb(frame, has_alpha(frame, stream))
+    top, bottom, left, right = cropping(stream)
+    if top + bottom < frame.height and left + right < frame.width:
+        picture = picture[top : frame.height - bottom, left : frame.width - right]  # type: ignore[assignment]
+    if _is_mirrored(frame):
+        # A display matrix that mirrors is its rotation after turning the picture upside down.
+        picture = picture[::-1]  # type: ignore[assignment]
+    turns = _turns(frame)
+    picture = np.ascontiguousarray(np.rot90(picture, turns))  # type: ignore[assignment]
+    across, down = 1, 1
+    if ratio := stream.sample_aspect_ratio:
+        across, down = ratio.numerator, ratio.denominator
+    if across <= 0 or down <= 0 or across == down:
+        return picture
+    height, width = picture.shape[:2]
+    # A clip that is shown on its side has its stored width upright.
+    size = (width, round(height * across / down)) if turns % 2 else (round(width * across / down), height)
+    return resized(picture, size)
+
+
+def resized(picture: Pixels, size: tuple[int, int]) -> Pixels:
+    """Resample a picture (H, W, 3 or 4) to a size (width, height) in pixels."""
+    shrinks = size[0] * size[1] < picture.shape[0] * picture.shape[1]
+    made: Pixels = cv2.resize(  # type: ignore[assignment]
+        picture, size, interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_CUBIC
+    )
+    return made
+
+
+def cropping(stream: VideoStream) -> tuple[int, int, int, int]:
+    """Pixels at top, bottom, left and right that a container hides: QuickTime's clean aperture, Matroska's
+    PixelCrop."""
+    data = stream.codec_context.coded_side_data.get("frame_cropping", b"")
+    return struct.unpack("<4I", data) if len(data) == 16 else (0, 0, 0, 0)
+
+
+def has_alpha(frame: VideoFrame, stream: VideoStream) -> bool:
+    """Whether a frame has transparency. The fourth byte of uncompressed RGB in AVI is padding."""
+    is_padding = stream.codec_context.name == "rawvideo" and stream.container.format.name == "avi"
+    return any(component.is_alpha for component in frame.format.components) and not is_padding
+
+
+def blender_view(frame: VideoFrame, stream: VideoStream) -> BlenderView:
+    """How Blender's picture of a frame differs from `upright`."""
+    if stream.index != stream.container.streams.video[0].index:
+        return BlenderView.TRACK
+    if any(cropping(stream)):
+        return BlenderView.CROPPED
+    if not _is_mirrored(frame):
+        return BlenderView.SAME
+    return BlenderView.FLIP_X if _turns(frame) % 2 else BlenderView.FLIP_Y
+
+
+def _turns(frame: VideoFrame) -> int:
+    """Quarter turns to the left of a frame's display matrix, without its mirroring."""
+    return round(frame.rotation / 90) % 4
+
+
+def _is_mirrored(frame: VideoFrame) -> bool:
+    """Whether the display matrix of a frame mirrors: its 2x2 part has a negative determinant."""
+    if Type.DISPLAYMATRIX not in frame.side_data:
+        return False
+    a, b, _, c, d, *_ = struct.unpack("<9i", bytes(frame.side_data[Type.DISPLAYMATRIX]))
+    return bool(a * d - b * c < 0)
+
+
+def _rgb(frame: VideoFrame, alpha: bool) -> Pixels:
+    """(H, W, 3 or 4) of a decoded frame as it is stored."""
+    if any(component.bits > 8 for component in frame.format.components):
+        return _deep_rgb(frame, alpha)
+    # Bicubic, of the planes of colour, too: what OpenCV and FFmpeg's own program use.
+    return np.asarray(
+        frame.to_ndarray(format="rgba" if alpha else "rgb24", interpolation="BICUBIC", threads=1), np.uint8
+    )
+
+
+def _deep_rgb(frame: VideoFrame, alpha: bool) -> NDArray[np.uint16]:
+    """(H, W, 3 or 4) uint16 of a decoded frame with more than 8 bits, over its whole range.
+
+    By floats: FFmpeg's own conversion to 16 bits leaves white at 65283 of 65535, in PQ a twentieth of the
+    light.
+    """
+    if frame.format.is_rgb or len(frame.format.components) < 3:
+        name = "rgba64le" if alpha else "rgb48le"
+        return np.asarray(frame.to_ndarray(format=name, interpolation="BICUBIC", threads=1), np.uint16)
+    name = "yuva444p16le" if alpha else "yuv444p16le"
+    planes = frame.to_ndarray(format=name, interpolation="BICUBIC", threads=1)
+    red, blue = _LUMA.get(frame.colorspace, _LUMA[1])
+    green = 1 - red - blue
+    # Limited ranges are 219 and 224 of 256 (ITU-T H.273, 8.3). A full one FFmpeg spreads over all 16 bits in
+    # luma, and moves up in the others, as seen in what it makes of known values.
+    chroma = 65536 - (1 << (16 - frame.format.components[1].bits))
+    full = frame.color_range == _FULL
+    scale = np.array([65535, chroma, chroma] if full else [219 << 8, 224 << 8, 224 << 8], np.float64)
+    matrix = np.array([
+        [1, 0, 2 - 2 * red],
+        [1, -blue * (2 - 2 * blue) / green, -red * (2 - 2 * red) / green],
+        [1, 2 - 2 * blue, 0],
+    ]) * (65535 / scale)  # fmt: skip
+    offset = -matrix @ np.array([0 if full else 4096, 32768, 32768])
+    yuv = np.ascontiguousarray(planes[..., :3], np.float32)
+    rgb = cv2.transform(yuv, np.column_stack([matrix, offset]).astype(np.float32))
+    colour = np.asarray(np.clip(rgb, 0, 65535) + 0.5, np.uint16)
+    return np.dstack([colour, planes[..., 3]]) if alpha else colour

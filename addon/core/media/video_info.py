@@ -1,0 +1,174 @@
+"""What is known of a video once it was decoded to its end, and what the user should know of it."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.counting import ranges
+from .video_frame import BlenderView
+
+LATE = 1.5
+"""Of the median time between frames: with one frame less between two, they are twice as far apart."""
+GAPS = 0.1
+"""Share of a clip's frames up to which late frames are reported; with more, the rate is what varies."""
+NAMED = 20
+"""Such frames that are named; one recorder leaves out hundreds."""
+SAME_SHAPE = 0.02
+"""Relative difference of two aspects that comes of rounding to whole blocks of 8 pixels, at 360 rows."""
+
+
+@dataclass(frozen=True)
+class VideoInfo:
+    """What is known of a video once it was decoded to its end, which takes milliseconds a frame."""
+
+    width: int
+    """Pixels across of the upright picture with square pixels."""
+    height: int
+    """Pixels down of the upright picture with square pixels."""
+    fps: float
+    """Frames a second: the rate that all frames keep, or the mean where there is none."""
+    tick: tuple[int, int]
+    """Seconds of a unit of time, as a fraction."""
+    times: tuple[int, ...]
+    """When each frame is shown, in ticks, increasing."""
+    is_timed: bool
+    """Whether the file holds the times; else they are the rate's."""
+    keys: tuple[int, ...]
+    """Numbers of the frames at which decoding may begin; only 1 where seeking is not exact."""
+    sound: float | None
+    """Seconds from the first frame until the sound begins, below 0 where it is first; None without sound."""
+    damaged: tuple[int, ...]
+    """Numbers of the frames that the decoder found damaged: it made up a part of them, or all."""
+    missing: int
+    """Frames that the file promises past its end."""
+    colour_space: str
+    """By its tags, as Blender names it (`colour_space.of_tags`)."""
+    view: BlenderView
+    """How Blender's own picture of it differs."""
+    sound_track: int
+    """Place of the sound among the tracks of sound: the first one that can be decoded."""
+    sizes: tuple[tuple[int, int, int], ...]
+    """Where the size of the stored pictures begins or changes: frame number, width and height in pixels."""
+    remarks: tuple[str, ...]
+    """What else the user should know, a line each."""
+
+    @classmethod
+    def parse(cls, kept: Any) -> VideoInfo | None:
+        """From the object that a file kept of it; None where there is none or it cannot be."""
+        try:
+            info = cls(
+                int(kept["width"]), int(kept["height"]), float(kept["fps"]),
+                (int(kept["tick"][0]), int(kept["tick"][1])), tuple(map(int, kept["times"])),
+                bool(kept["is_timed"]), tuple(map(int, kept["keys"])),
+                None if kept["sound"] is None else float(kept["sound"]),
+                tuple(map(int, kept["damaged"])), int(kept["missing"]), str(kept["colour_space"]),
+                BlenderView(kept["view"]), int(kept["sound_track"]),
+                tuple((int(at), int(across), int(down)) for at, across, down in kept["sizes"]),
+                tuple(map(str, kept["remarks"])),
+            )  # fmt: skip
+        except (KeyError, TypeError, ValueError, OverflowError, IndexError):
+            return None
+        return info if info._is_possible() else None
+
+    def _is_possible(self) -> bool:
+        in_clip = all(1 <= frame <= self.count for frame in self.keys + self.damaged)
+        rises = all(a < b for a, b in zip(self.times, self.times[1:], strict=False))
+        stored = all(1 <= frame <= self.count and min(size) > 0 for frame, *size in self.sizes)
+        sizes = min(self.count, self.width, self.height, *self.tick) > 0 and 0 < self.fps < 1000
+        begins = self.keys[:1] == (1,) and [frame for frame, _, _ in self.sizes[:1]] == [1]
+        counts = 0 <= self.missing <= self.count and self.sound_track >= 0
+        return sizes and stored and in_clip and rises and begins and counts
+
+    @property
+    def count(self) -> int:
+        """Frames that can be shown."""
+        return len(self.times)
+
+    @cached_property
+    def seconds(self) -> NDArray[np.float64]:
+        """(count,) when each frame is shown, in seconds from the first."""
+        ticks = np.array(self.times, dtype=np.int64)
+        return np.asarray((ticks - ticks[0]) * (self.tick[0] / self.tick[1]), np.float64)
+
+    @cached_property
+    def is_variable(self) -> bool:
+        """Whether some frame is shown half a frame or more from where a constant rate would show it."""
+        return not keeps_rate(self.seconds, self.fps)
+
+    def other_shape(self, frames: Sequence[int]) -> str:
+        """Why frames cannot be read as one clip: where their stored pictures have another shape than the
+        first one's; empty where all have the same."""
+        begins = [frame for frame, _, _ in self.sizes]
+        _, across, down = self.sizes[0]
+        for frame in frames:
+            begin, width, height = self.sizes[bisect_right(begins, frame) - 1]
+            if not is_alike(width, height, across, down):
+                return (
+                    f"the picture changes from {across}x{down} to {width}x{height} pixels at frame {begin};"
+                    " choose frames before it, or cut the clip there"
+                )
+        return ""
+
+    def _gaps(self) -> list[int]:
+        """Numbers of the frames after which the next comes late, where most come evenly."""
+        apart = np.diff(self.seconds)
+        late = apart > LATE * np.median(apart)
+        return (1 + np.flatnonzero(late)).tolist() if late.sum() <= GAPS * len(late) else []
+
+    @property
+    def notes(self) -> list[str]:
+        """What the user should know of the clip, a line each."""
+        notes = list(self.remarks)
+        if len(self.sizes) > 1:
+            scaled = ", ".join(
+                f"{width}x{height} from frame {at}" for at, width, height in self.sizes[:NAMED]
+            )
+            notes.append(
+                f"the stored pictures change their size ({scaled}); they are scaled to that of the first one"
+            )
+        if self.damaged:
+            one = len(self.damaged) == 1
+            notes.append(
+                f"{'frame' if one else 'frames'} {ranges(list(self.damaged))} of the clip"
+                f" {'is' if one else 'are'} damaged in the file: part of the picture is wrong, and nearby"
+                " frames may be, too; copy the clip again or leave them out"
+            )
+        if self.missing:
+            claimed = self.count + self.missing
+            lost = ranges(list(range(self.count + 1, claimed + 1)))
+            notes.append(
+                f"{'frame' if self.missing == 1 else 'frames'} {lost} of {claimed} cannot be read: the end"
+                " of the clip is missing; copy it again"
+            )
+        if gaps := self._gaps():
+            more = f" and {len(gaps) - NAMED} more" if len(gaps) > NAMED else ""
+            named = f"{'frame' if len(gaps) == 1 else 'frames'} {ranges(gaps[:NAMED])}{more}"
+            notes.append(f"after {named} of the clip there is a gap: frames were dropped or lost there")
+        if self.is_variable:
+            notes.append(
+                "the clip has a variable frame rate: movies from the command line keep each frame's time,"
+                f" but the timeline and image sequences run at {self.fps:.4g} frames a second, so sound"
+                " drifts there"
+            )
+        return notes
+
+
+def keeps_rate(seconds: NDArray[np.float64], fps: float) -> bool:
+    """Whether frames shown at `seconds` (n,) are all less than half a frame from a constant rate's.
+
+    That begins with the first frame, against which sound is set.
+    """
+    off = (seconds - seconds[:1]) * fps - np.arange(len(seconds))
+    return bool(np.all(np.abs(off) < 0.5 - 1e-6))
+
+
+def is_alike(width: int, height: int, across: int, down: int) -> bool:
+    """Whether two sizes in pixels have the same shape, but for rounding."""
+    return abs(width * down / (height * across) - 1) < SAME_SHAPE
