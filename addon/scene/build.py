@@ -33,6 +33,7 @@ from . import (
 from .paths import relative
 from .properties import VirtualApertureSettings
 from .shot import IDENTITY, forget, reconstruction_of
+from .timeline import check_frames
 
 LEAST_SIDE = 4
 """Pixels; what is less, Blender takes for as many."""
@@ -58,6 +59,7 @@ def build(
             f"{footage.path.name} is {footage.width}x{footage.height} pixels; Blender cannot render images"
             f" smaller than {LEAST_SIDE} pixels on a side"
         )
+    check_frames(footage)
     parts.leave_shared(scene)
     _set_up_scene(scene, footage, reconstruction)
     _set_up_objects(scene, reconstruction)
