@@ -268,10 +268,12 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
             left, right = (round(x * width) for x in (render.border_min_x, render.border_max_x))
             bottom, top = (round(y * height) for y in (render.border_min_y, render.border_max_y))
         result = self.begin_result(0, 0, right - left, top - bottom, layer=layer)
-        for name, picture in pictures.items():
-            # Blender's first row is the bottom one.
-            part = np.ascontiguousarray(picture[::-1][bottom:top, left:right], dtype=np.float32)
-            result.layers[0].passes[name].rect.foreach_set(part.reshape(-1))
+        # With stereoscopy each view has a pass of the same name.
+        for each in result.layers[0].passes:
+            if each.name in pictures:
+                # Blender's first row is the bottom one.
+                part = pictures[each.name][::-1][bottom:top, left:right]
+                each.rect.foreach_set(np.ascontiguousarray(part, dtype=np.float32).reshape(-1))
         return result
 
 

@@ -293,6 +293,8 @@ def render_movie(
 def set_still(scene: bpy.types.Scene, suffix: str, footage: Footage) -> None:
     """Write PNG or EXR, by the suffix, as deep as the clip and without anything that tells runs apart."""
     settings = scene.render.image_settings
+    # Each view would have a file of its own.
+    scene.render.use_multiview = False
     settings.media_type = "IMAGE"
     settings.file_format = STILLS[suffix]
     settings.color_mode = "RGBA" if suffix == ".exr" else "RGB"
