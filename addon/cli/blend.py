@@ -66,7 +66,9 @@ def open_blend(
         scene[GRADED] = file_digest(blend)
     render.use_compositing = render.use_sequencer = render.use_border = False
     view.view_transform, view.look, view.exposure, view.gamma = "Standard", "None", 0.0, 1.0
-    view.use_curve_mapping = False
+    view.use_curve_mapping = view.use_white_balance = False
+    scene.display_settings.display_device, render.dither_intensity = "sRGB", 1.0
+    render.image_settings.color_management = "FOLLOW_SCENE"
     return scene, settings, open_footage(clip.path, frames, info=clip.video, stills=clip.is_stills)
 
 
@@ -77,5 +79,6 @@ def _is_plain(scene: bpy.types.Scene) -> bool:
     is_cut = render.use_sequencer and editor and any(strip.type != "SOUND" for strip in editor.strips)
     looks = view.view_transform, view.look, view.exposure, view.gamma, view.use_curve_mapping
     has_own_look = render.image_settings.color_management == "OVERRIDE" or view.use_white_balance
+    has_own_look |= scene.display_settings.display_device != "sRGB" or render.dither_intensity != 1
     is_graded = has_own_look or looks != ("Standard", "None", 0.0, 1.0, False)
     return not (is_composited or is_cut or is_graded or render.use_border)

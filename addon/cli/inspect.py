@@ -24,6 +24,7 @@ from ..render.quiet import quiet
 from ..render.run_report import Inspector, replaced, write_picture
 from ..scene.lens import frame_options
 from ..scene.shot import shot_of
+from ..scene.timeline import go_to
 from .lens import add_lens, check_numbers, say_lens, scene_of, set_lens
 from .options import whole
 from .paths import path
@@ -68,7 +69,7 @@ def inspect(options: argparse.Namespace) -> None:
     set_lens(settings, solved, options, (options.frame,))
     say_lens(settings, solved.reconstruction, (options.frame,))
     # A focus that is followed is another one at each frame.
-    scene.frame_set(options.frame)
+    go_to(scene, options.frame)
     pictures, report = _inspected(scene, options.frame, options.debug)
     # What this frame does not have must not be left from another one.
     for file in there:

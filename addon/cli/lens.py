@@ -41,6 +41,7 @@ from ..scene.lens import frame_options, set_aperture, set_focus
 from ..scene.properties import VirtualApertureSettings
 from ..scene.shot import shot_of
 from ..scene.subjects import set_marked
+from ..scene.timeline import go_to
 from .aperture import add_aperture, placed, set_shape
 from .blend import is_blend
 from .options import Parser, UsageError, add_options, real, whole
@@ -392,10 +393,10 @@ def say_lens(
     """Say how large blur discs are, and what is sharp, in the first registered frame of `frames` (by default
     the clip's), with the focus that it has there."""
     scene, frame = settings.id_data, _registered(reconstruction, frames)
-    before = scene.frame_current
-    scene.frame_set(frame)
+    before, subframe = scene.frame_current, scene.frame_subframe
+    go_to(scene, frame)
     lens = frame_options(settings, reconstruction)
-    scene.frame_set(before)
+    scene.frame_set(before, subframe=subframe)
     say(_discs(reconstruction, lens.focus, frame, lens.radius))
     say(_sharp(reconstruction, lens.focus, frame, lens.radius))
 

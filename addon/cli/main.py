@@ -31,6 +31,7 @@ from ..render.launcher import CHILD
 from ..render.quiet import quiet
 from ..render.run_report import RunReport, check_report
 from ..scene import properties
+from ..scene.ignored import unseen
 from ..scene.paths import absolute
 from ..scene.shot import shot_of
 from . import cg, depth, export, farm, frames, inspect, save, solve
@@ -184,7 +185,7 @@ def _render(solved: Solve | None, options: argparse.Namespace) -> None:
     pictures = (settings.depth_maps, settings.masks) if solved is None else (options.depth, options.mask)
     _check_apart(options, footage.path, *(absolute(str(path)) for path in pictures if path))
     _check_interrupted()
-    for note in footage.notes:
+    for note in (*footage.notes, *unseen(scene)):
         say(f"note: {note}")
     out: Path = options.out.absolute()
     options.frames = _frames(options, footage)

@@ -46,11 +46,26 @@ def _on_write(scene: bpy.types.Scene, _: object = None) -> None:
         return
     if render.image_settings.file_format not in FORMATS:
         return
-    path = Path(render.frame_path(frame=scene.frame_current))
-    problem = frame_files.still_problem(path, written_size(render))
-    if problem:
-        path.unlink(missing_ok=True)
-        _end(f"frame {scene.frame_current}: {path} {problem} and was discarded; is the disk full?")
+    for path, size in written_files(scene).items():
+        if problem := frame_files.still_problem(path, size):
+            path.unlink(missing_ok=True)
+            cause = frame_files.likely_cause(problem)
+            _end(f"frame {scene.frame_current}: {path} {problem} and was discarded{cause}")
+
+
+def written_files(scene: bpy.types.Scene) -> dict[Path, tuple[int, int] | None]:
+    """Return the pictures that Blender writes of the present frame, and their sizes (width, height).
+
+    With stereoscopy each view has a file, or all share one, whose size is that of their arrangement: None.
+    """
+    render, frame = scene.render, scene.frame_current
+    if not render.use_multiview:
+        return {Path(render.frame_path(frame=frame)): written_size(render)}
+    if render.image_settings.views_format != "INDIVIDUAL":
+        return {Path(render.frame_path(frame=frame)): None}
+    views = render.stereo_views if render.views_format == "STEREO_3D" else render.views
+    names = [view.name for view in views if view.use]
+    return {Path(render.frame_path(frame=frame, view=name)): written_size(render) for name in names}
 
 
 @persistent

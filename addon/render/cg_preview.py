@@ -14,6 +14,7 @@ from ..core.camera.reconstruction import Intrinsics
 from ..core.depth.source import PixelDepth
 from ..core.frame.cg_layers import NO_CG, CGObjects, DrawCG
 from ..scene.cg_objects import cg_objects
+from ..scene.timeline import clip_frame
 from .cg_process import CGProcess
 
 KEPT = 8
@@ -27,7 +28,7 @@ class CGWanted:
     scene: str
     layer: str
     frame: int
-    """The scene's."""
+    """Of the scene's animation."""
     objects: tuple[int, ...]
     """Session IDs of the objects. A hidden one that is shown again joins them unchanged."""
     version: int
@@ -76,7 +77,7 @@ _kept: OrderedDict[CGWanted, tuple[Intrinsics, CGObjects]] = OrderedDict()
 def wanted(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> CGWanted | None:
     """The CG objects of a scene at its present frame; None where it has none."""
     objects = tuple(thing.session_uid for thing in cg_objects(scene, layer))
-    return CGWanted(scene.name, layer.name, scene.frame_current, objects, _version) if objects else None
+    return CGWanted(scene.name, layer.name, clip_frame(scene), objects, _version) if objects else None
 
 
 def draw_preview(asked: CGWanted | None, waits: bool) -> DrawCG | None:

@@ -28,6 +28,7 @@ from ..core.frame.cg_layers import CGObjects, DrawCG
 from ..core.warp.cg_layer import CGLayer
 from ..scene import main_thread
 from ..scene.cg_objects import cg_objects
+from ..scene.timeline import clip_frame
 from . import render_handlers
 from .blend_file import write_blend
 from .cycles_layers import LOOK, Layers, Wanted
@@ -116,7 +117,7 @@ def draw_cg(scene: bpy.types.Scene, layer: str) -> DrawCG | None:
     original = scene.original if scene.is_evaluated else scene
     if not cg_objects(original, original.view_layers[layer]):
         return None
-    scene_frame = scene.frame_current
+    scene_frame = clip_frame(scene)
 
     def draw(frame: int, canvas: Canvas, depth: PixelDepth | None) -> CGObjects:
         global _process

@@ -20,6 +20,7 @@ from ..core.base.errors import UserError
 from ..core.camera.reconstruction import Intrinsics
 from ..scene.camera import set_intrinsics, set_pixel_aspect
 from ..scene.cg_objects import cg_objects, has_shadows, split_by_depth
+from ..scene.timeline import go_to
 from .quiet import quiet
 
 LOOK = 0.02
@@ -46,7 +47,7 @@ class Wanted:
     layer: str
     """Name of the view layer."""
     frame: int
-    """The scene's."""
+    """Of the scene's animation."""
     pinhole: Intrinsics
     """Of the canvas."""
     margin: int
@@ -156,7 +157,7 @@ class CyclesScene:
         layer = scene.view_layers[wanted.layer]
         for each in scene.view_layers:
             each.use = each == layer
-        scene.frame_set(wanted.frame)
+        go_to(scene, wanted.frame)
         self._look(pinhole, margin)
         things = cg_objects(scene, layer)
         depsgraph = layer.depsgraph

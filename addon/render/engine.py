@@ -24,6 +24,7 @@ from ..scene.ignored import warn_of_ignored
 from ..scene.lens import frame_options
 from ..scene.remedy_words import WORDS
 from ..scene.shot import Shot, shot_of
+from ..scene.timeline import clip_frame, scene_time
 from . import frame_notes
 from .average import Drawn, OnFrame, render_frame
 from .cg_process import draw_cg
@@ -129,10 +130,12 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
             with PREVIEW.paused(), reporting(self._on_progress):
                 checkpoint()
                 warn_of_ignored(self, depsgraph.scene)
-                layer, size = depsgraph.view_layer_eval, render_size(scene.render)
-                with self._first_look(scene, size, layer.name):
-                    pictures = self._frame(scene, size, layer)
-                self._hand_over(pictures, scene.render, layer.name)
+                number, size = scene.frame_current, render_size(scene.render)
+                with self._at_whole_frame(depsgraph):
+                    scene, layer = depsgraph.scene_eval, depsgraph.view_layer_eval
+                    with self._first_look(scene, size, layer.name):
+                        pictures = self._frame(scene, number, size, layer)
+                self._hand_over(pictures, scene.render, depsgraph.view_layer_eval.name)
         except Cancelled:
             return
         except UserError as error:
@@ -153,14 +156,34 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
         self.report({"ERROR"}, text)
         self.error_set(text)
 
+    @contextmanager
+    def _at_whole_frame(self, depsgraph: bpy.types.Depsgraph) -> Iterator[None]:
+        """Evaluate the scene at the clip's frame, where Blender is between that and the next one.
+
+        *Time Remapping* and subframes lead there: focus and camera would not be those of the picture.
+        """
+        scene = depsgraph.scene_eval
+        now, frame = (scene.frame_current, scene.frame_subframe), clip_frame(scene)
+        if scene.frame_current_final == frame:
+            yield
+            return
+        self.frame_set(*scene_time(scene, frame))
+        try:
+            yield
+        finally:
+            self.frame_set(*now)
+
     def _frame(
-        self, scene: bpy.types.Scene, size: tuple[int, int], layer: bpy.types.ViewLayer
+        self, scene: bpy.types.Scene, number: int, size: tuple[int, int], layer: bpy.types.ViewLayer
     ) -> dict[str, LinearRGBA]:
-        """The frame (H, W, 4), and passes (H, W, 1), of a view layer, by name."""
+        """Return the frame (H, W, 4), and passes (H, W, 1), of a view layer, by name.
+
+        `number` is the scene's own of the frame, before any remapping.
+        """
         names = passes.wanted(layer)
         with stage("Clip", 0.0, 0.0):
             shot = shot_of(scene)
-        frame = shot.frame_at(scene.frame_current)
+        frame = shot.frame_at(clip_frame(scene))
         check_shape(shot, frame, size)
         lens = frame_options(scene.virtual_aperture, shot.reconstruction)
         pictures: dict[str, LinearRGBA] = {}
@@ -182,7 +205,7 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
                 self.watch.notes.append(text)
 
         if self.is_animation and self.watch.on_frame is None:
-            drawn = frame_ahead(scene, size[0] * size[1])
+            drawn = frame_ahead(scene, number, size[0] * size[1])
             if drawn is not None:
                 for text in drawn.notes:
                     note(text)
@@ -197,7 +220,7 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
         shown = None
         if not (bpy.app.background or self.is_animation):
             shot = shot_of(scene)
-            frame = shot.frame_at(scene.frame_current)
+            frame = shot.frame_at(clip_frame(scene))
             check_shape(shot, frame, size)
             lens = frame_options(scene.virtual_aperture, shot.reconstruction)
             wanted = Wanted(shot, frame, lens, size)
@@ -245,10 +268,12 @@ class VirtualApertureEngine(bpy.types.RenderEngine):
             left, right = (round(x * width) for x in (render.border_min_x, render.border_max_x))
             bottom, top = (round(y * height) for y in (render.border_min_y, render.border_max_y))
         result = self.begin_result(0, 0, right - left, top - bottom, layer=layer)
-        for name, picture in pictures.items():
-            # Blender's first row is the bottom one.
-            part = np.ascontiguousarray(picture[::-1][bottom:top, left:right], dtype=np.float32)
-            result.layers[0].passes[name].rect.foreach_set(part.reshape(-1))
+        # With stereoscopy each view has a pass of the same name.
+        for each in result.layers[0].passes:
+            if each.name in pictures:
+                # Blender's first row is the bottom one.
+                part = pictures[each.name][::-1][bottom:top, left:right]
+                each.rect.foreach_set(np.ascontiguousarray(part, dtype=np.float32).reshape(-1))
         return result
 
 

@@ -20,6 +20,7 @@ from ..core.frame.two_layers import two_layers
 from ..core.media.exr_file import write_exr
 from ..scene.lens import frame_options
 from ..scene.shot import shot_of
+from ..scene.timeline import go_to
 from .output import check_folder, numbered
 
 LAYERS, STMAPS = "layers", "stmap"
@@ -76,7 +77,7 @@ def _layers(scene: bpy.types.Scene, frames: Sequence[int], folder: Path) -> list
 
     def channels(frame: int) -> Channels:
         # The focus may be keyed.
-        scene.frame_set(frame)
+        go_to(scene, frame)
         options = frame_options(scene.virtual_aperture, shot.reconstruction)
         return two_layers(shot.context, frame, options, shot.size(frame)).channels()
 

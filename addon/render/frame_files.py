@@ -160,9 +160,15 @@ def _has_whole_segment(path: Path) -> bool:
 def refuse(path: Path, problem: str) -> None:
     """UserError for a file that was just written and is not right; nothing where there is no problem."""
     if problem:
-        raise UserError(
-            f"{path.name} {problem}; is the disk full? It was discarded; free some space and render again"
-        )
+        raise UserError(f"{path.name} {problem} and was discarded{likely_cause(problem)}")
+
+
+def likely_cause(problem: str) -> str:
+    """Return the end of a message about a file that was just written and is not right.
+
+    A picture of another size is whole: no disk is full then.
+    """
+    return "" if "should be" in problem else "; is the disk full? Free some space and render again"
 
 
 def _png_size(path: Path) -> tuple[int, int] | None:

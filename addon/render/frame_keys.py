@@ -11,6 +11,7 @@ from ..scene.colour_space import REC_709
 from ..scene.digests import drawn_digest, reconstruction_digest
 from ..scene.lens import frame_options
 from ..scene.shot import Shot, shot_of
+from ..scene.timeline import go_to
 from .frame_size import render_size, written_size
 
 PICTURES = 11
@@ -50,7 +51,7 @@ def _clip_key(scene: bpy.types.Scene) -> str:
 
 def _with_lens(scene: bpy.types.Scene, key: str, frame: int) -> str:
     """A key together with the lens at a frame: its settings may be keyed."""
-    scene.frame_set(frame)
+    go_to(scene, frame)
     lens = frame_options(scene.virtual_aperture, shot_of(scene).reconstruction)
     return hashlib.sha256(f"{key} {lens!r}".encode()).hexdigest()
 

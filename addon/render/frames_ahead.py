@@ -199,11 +199,13 @@ _is_tried = False
 """Whether the animation under way has been looked at."""
 
 
-def frame_ahead(scene: bpy.types.Scene, pixels: int) -> DrawnFrame | None:
-    """The present frame of an animation, of so many pixels, where another process draws it; None where it is
-    to be drawn here. With the animation's first frame processes begin, where they are worth it."""
+def frame_ahead(scene: bpy.types.Scene, frame: int, pixels: int) -> DrawnFrame | None:
+    """Return a frame of an animation, by the scene's number, that another process draws.
+
+    None where it is to be drawn here. With the animation's first frame processes begin, if its pictures have
+    enough `pixels` for that.
+    """
     global _ahead, _is_tried
-    frame = scene.frame_current
     try:
         if not _is_tried:
             _is_tried = True

@@ -23,6 +23,7 @@ from ..core.media.picture_file import PICTURES
 from ..core.media.sequence import is_pattern
 from ..scene.lens import frame_options
 from ..scene.shot import shot_of
+from ..scene.timeline import go_to
 from . import cg_process, engine, frame_files, movie_file, movie_folder
 from .frame_keys import frame_keys
 from .frame_size import render_size, written_size
@@ -113,11 +114,13 @@ class Planned:
 def plan_all(scene: bpy.types.Scene, frames: list[int]) -> Planned:
     """Look at every frame's lens, so that what is wrong shows before an hour of rendering."""
     shot = shot_of(scene)
+    if not any(layer.use for layer in scene.view_layers):
+        raise UserError(f"no view layer of {scene.name} is rendered; enable Use for Rendering for one")
     size = render_size(scene.render)
     counts, coarse = [], []
     for frame in frames:
         # The focus may be keyed.
-        scene.frame_set(frame)
+        go_to(scene, frame)
         lens = frame_options(scene.virtual_aperture, shot.reconstruction)
         expected = forecast(shot.context, frame, lens, size)
         counts.append(expected.views)
@@ -252,7 +255,7 @@ def _check_ours(frame: int, target: Path, key: str) -> None:
 def _render_still(scene: bpy.types.Scene, frame: int, target: Path, key: str, stamp: _Stamp | None) -> None:
     """One frame into its file; UserError, naming the frame, where anything is wrong with it."""
     render = scene.render
-    scene.frame_set(frame)
+    go_to(scene, frame)
     render.use_stamp_note, render.stamp_note_text = True, frame_files.note_of(key)
     with atomic.staged(target) as part:
         render.filepath = frame_files.blender_path(part)
@@ -290,6 +293,8 @@ def render_movie(
 def set_still(scene: bpy.types.Scene, suffix: str, footage: Footage) -> None:
     """Write PNG or EXR, by the suffix, as deep as the clip and without anything that tells runs apart."""
     settings = scene.render.image_settings
+    # Each view would have a file of its own.
+    scene.render.use_multiview = False
     settings.media_type = "IMAGE"
     settings.file_format = STILLS[suffix]
     settings.color_mode = "RGBA" if suffix == ".exr" else "RGB"

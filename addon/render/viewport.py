@@ -28,6 +28,7 @@ from ..scene import redraw
 from ..scene.lens import frame_options
 from ..scene.remedy_words import WORDS
 from ..scene.shot import shot_of
+from ..scene.timeline import clip_frame
 from . import cg_preview, message
 from .gpu_views import upload
 from .preview import FAIR, FINE, Half, Picture, Preview, Wanted
@@ -223,12 +224,12 @@ def _wanted(context: bpy.types.Context, depsgraph: bpy.types.Depsgraph, room: fl
     """What the viewport of a context shows where the camera's frame is so many pixels wide; UserError."""
     scene, shows = depsgraph.scene_eval, depsgraph.scene.virtual_aperture
     shot = shot_of(scene)
-    clip = shot.size(shot.frame_at(scene.frame_current))
+    clip = shot.size(shot.frame_at(clip_frame(scene)))
     # One of few sizes, so that a little zooming changes nothing.
     smaller = max(1, int(clip[0] / max(ROOM * room, 1)))
     return Wanted(
         shot,
-        shot.frame_at(scene.frame_current),
+        shot.frame_at(clip_frame(scene)),
         frame_options(scene.virtual_aperture, shot.reconstruction),
         (-(-clip[0] // smaller), -(-clip[1] // smaller)),
         "" if shows.viewport_shows == "LENS" else shows.viewport_shows.lower(),

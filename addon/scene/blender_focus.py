@@ -9,6 +9,7 @@ from __future__ import annotations
 import bpy
 
 from ..core.base.errors import UserError
+from .timeline import clip_frame
 
 PATH = "dof.focus_distance"
 """Of a camera's data."""
@@ -67,7 +68,7 @@ def check(settings: bpy.types.PropertyGroup) -> None:
     if thing is not None and away is not None and not away > 0:
         raise UserError(
             f"the focus object {thing.name} is not in front of the camera at frame"
-            f" {settings.id_data.frame_current}; move it, or clear Object under Focus and Lens"
+            f" {clip_frame(settings.id_data)}; move it, or clear Object under Focus and Lens"
         )
 
 

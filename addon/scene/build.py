@@ -35,6 +35,7 @@ from .paths import relative
 from .properties import VirtualApertureSettings
 from .shot import IDENTITY, forget, reconstruction_of
 from .sound import clip_sounds, move_sound, set_sound
+from .timeline import check_frames
 
 LEAST_SIDE = 4
 """Pixels; what is less, Blender takes for as many."""
@@ -59,6 +60,7 @@ def build(
             f"{footage.path.name} is {footage.width}x{footage.height} pixels; Blender cannot render images"
             f" smaller than {LEAST_SIDE} pixels on a side"
         )
+    check_frames(footage)
     parts.leave_shared(scene)
     _set_up_scene(scene, footage, reconstruction)
     _set_up_objects(scene, reconstruction)

@@ -21,6 +21,7 @@ from ..core.focus import focus as core_focus
 from . import lens
 from .camera import SENSOR
 from .shot import IDENTITY, reconstruction_of
+from .timeline import clip_frame
 
 NORMAL, PORTRAIT = 50.0, 2.0
 """Millimetres on a full frame, and metres: the lens and the distance that an assumed scale is of. The presets
@@ -158,7 +159,7 @@ def sharp_distances(settings: bpy.types.PropertyGroup) -> tuple[float, float] | 
     global _last
     if settings.points is None or not lens.is_in_focus(settings):
         return None
-    frame, focus = int(settings.id_data.frame_current), lens.focus_of(settings)
+    frame, focus = clip_frame(settings.id_data), lens.focus_of(settings)
     chosen = settings.aperture_radius if lens.has_radius(settings) else (settings.blur, settings.focus_frame)
     mesh = settings.points.original.data
     key = (mesh.get(IDENTITY), mesh.session_uid, frame, focus, chosen)

@@ -29,6 +29,7 @@ from ..core.focus.place import Place
 from ..core.focus.pull import FocusMark, unseen
 from . import focus_curve, lens
 from .shot import reconstruction_of
+from .timeline import clip_frame
 
 FOLLOWED, FOLLOWED_FRAMES = "followed", "followed_frames"
 """Custom properties of a place on a moving object: its distances, and the frames of those."""
@@ -270,7 +271,7 @@ def write(settings: bpy.types.PropertyGroup) -> None:
             return
         distances = focus_curve.write(settings, marks, hidden)
         lens.set_focus(settings, replace(focus, distance=distances[first.frame]), first.frame)
-        settings.focus_distance = focus_curve.value(settings, settings.id_data.frame_current)
+        settings.focus_distance = focus_curve.value(settings, clip_frame(settings.id_data))
         for mark in settings.marks.items:
             mark.distance = focus_curve.value(settings, mark.frame)
 

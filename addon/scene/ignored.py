@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import bpy
+
+from .timeline import clip_frame, is_remapped, scene_time
 
 OURS = ("use_pass_combined", "use_pass_z", "use_pass_cryptomatte_accurate")
 """Switches of view layers that ask for no pass that we lack; the second one is how Cryptomatte counts."""
@@ -18,7 +21,12 @@ def ignored(scene: bpy.types.Scene) -> tuple[str, ...]:
     settings: bpy.types.PropertyGroup = scene.virtual_aperture
     if settings.points is None:
         return ()
-    return tuple(line for lines in (_camera(scene), _frames(scene), _passes(scene)) for line in lines)
+    return (*unseen(scene), *_frames(scene), *_movie(scene))
+
+
+def unseen(scene: bpy.types.Scene) -> tuple[str, ...]:
+    """Return one readable line for each thing that no picture of the scene shows, whatever is rendered."""
+    return (*_camera(scene), *_views(scene), *_passes(scene))
 
 
 def _camera(scene: bpy.types.Scene) -> Iterator[str]:
@@ -34,10 +42,36 @@ def _frames(scene: bpy.types.Scene) -> Iterator[str]:
     # What older versions built does not know.
     if last < 1:
         return
-    if scene.frame_start < first:
-        yield f"Frames {scene.frame_start} to {first - 1} come before the clip and repeat its frame {first}"
-    if scene.frame_end > last:
-        yield f"Frames {last + 1} to {scene.frame_end} come after the clip and repeat its frame {last}"
+    if clip_frame(scene, scene.frame_start) < first:
+        before = math.ceil(_time(scene, first)) - 1
+        yield _outside(scene.frame_start, before, "before", first)
+    if clip_frame(scene, scene.frame_end) > last:
+        after = math.ceil(_time(scene, last + 1))
+        yield _outside(after, scene.frame_end, "after", last)
+
+
+def _outside(start: int, end: int, where: str, shown: int) -> str:
+    if start == end:
+        return f"Frame {start} comes {where} the clip and repeats its frame {shown}"
+    return f"Frames {start} to {end} come {where} the clip and repeat its frame {shown}"
+
+
+def _time(scene: bpy.types.Scene, frame: int) -> float:
+    return sum(scene_time(scene, frame))
+
+
+def _movie(scene: bpy.types.Scene) -> Iterator[str]:
+    if scene.virtual_aperture.render_as != "MOVIE":
+        return
+    if is_remapped(scene):
+        yield "Render Clip makes movies without Time Remapping; Render As: Frames uses it"
+    if scene.frame_step > 1:
+        yield "Render Clip makes movies of every frame, whatever Step is; Render As: Frames uses it"
+
+
+def _views(scene: bpy.types.Scene) -> Iterator[str]:
+    if scene.render.use_multiview:
+        yield "Stereoscopy is ignored: every view shows the clip as it is"
 
 
 def _passes(scene: bpy.types.Scene) -> Iterator[str]:

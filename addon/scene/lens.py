@@ -24,6 +24,7 @@ from ..core.frame.plan import FrameOptions
 from . import blender_focus
 from .option_properties import values_of
 from .shot import IDENTITY, reconstruction_of
+from .timeline import clip_frame
 
 BLUR_DIGITS = 4
 """Decimals that the field of the blur shows."""
@@ -303,7 +304,7 @@ def _distance(settings: bpy.types.PropertyGroup, focus: Focus, frame: int) -> fl
 
 
 def _frame(settings: bpy.types.PropertyGroup) -> int:
-    return int(settings.id_data.frame_current)
+    return clip_frame(settings.id_data)
 
 
 def registered(reconstruction: Reconstruction, frame: int) -> int:

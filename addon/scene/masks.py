@@ -12,6 +12,7 @@ import numpy as np
 from ..core.base.arrays import Floats, Map
 from ..core.base.nearest_fill import of_nearest
 from . import main_thread
+from .timeline import go_to
 
 CURVE = 16
 """Straight pieces that a curve between two points is drawn with."""
@@ -73,7 +74,7 @@ def drawn_mask(mask: bpy.types.Mask, frames: Iterable[int], size: tuple[int, int
         scene = bpy.data.scenes.new("Virtual Aperture Mask")
         try:
             for frame in wanted:
-                scene.frame_set(frame)
+                go_to(scene, frame)
                 evaluated = mask.original.evaluated_get(scene.view_layers[0].depsgraph)
                 found[frame] = layers_of(evaluated)
                 yield len(found)

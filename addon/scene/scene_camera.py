@@ -20,6 +20,7 @@ from ..core.media.clip import Footage
 from ..core.readers.matching import SAME_ASPECT, Imported
 from ..core.sfm.known_cameras import bare
 from .camera import FLIP
+from .timeline import go_to
 
 FORMAT = "Blender camera"
 BEYOND = 2000
@@ -120,7 +121,7 @@ def _sights(
     found = {}
     try:
         for frame in frames:
-            scene.frame_set(frame)
+            go_to(scene, frame)
             depsgraph = layer.depsgraph
             evaluated = camera.evaluated_get(depsgraph)
             if not evaluated.is_evaluated:

@@ -35,6 +35,7 @@ from .colour_space import REC_709, from_rec_709, space_of, working_space
 from .digests import drawn_digest, reconstruction_digest
 from .masks import DrawnMask, drawn_mask
 from .paths import absolute
+from .timeline import check_frames, clip_frame
 
 KEPT_DEPTH = "depth"
 """Folder of a working folder where depth is kept."""
@@ -231,9 +232,10 @@ def shot_of(scene: bpy.types.Scene) -> Shot:
         str(mesh.get(IDENTITY)), str(path), depth_path, masks_path, drawn.name_full if drawn else "",
         settings.colour_space, working_space(),
     )  # fmt: skip
-    if _last is None or _last[0] != key or _was_redrawn(_last[1], drawn, scene.frame_current):
+    if _last is None or _last[0] != key or _was_redrawn(_last[1], drawn, clip_frame(scene)):
         reconstruction = store.read(mesh)
         footage = open_footage(path, stills=not reconstruction.is_ordered)
+        check_frames(footage)
         depth = UserDepth.of(open_depth(Path(depth_path), footage), reconstruction) if depth_path else None
         masks = open_masks(Path(masks_path), footage) if masks_path else None
         size = (footage.width, footage.height)

@@ -16,6 +16,7 @@ from ..scene import aperture_cloud, blender_focus, focus_marks, lens
 from ..scene.depth_of_field import length_words
 from ..scene.point_cloud import ID_ATTRIBUTE
 from ..scene.shot import reconstruction_of
+from ..scene.timeline import clip_frame
 from .operators import Result, has_points, is_met, may_change, reported
 
 
@@ -33,7 +34,7 @@ def focus_on(
         lens.set_focus(settings, replace(lens.focus_of(settings), points=(), distance=1 / inverse), frame)
         # The points alone would hide it.
         lens.key_distance(settings)
-        said = f"The focus distance is keyed at frame {settings.id_data.frame_current}"
+        said = f"The focus distance is keyed at frame {clip_frame(settings.id_data)}"
     else:
         mark = focus_marks.put(settings, frame, places, add)
         away = length_words(settings, mark.distance)
@@ -69,7 +70,7 @@ class VIRTUAL_APERTURE_OT_set_focus(bpy.types.Operator):  # noqa: N801
             )
         own = lens.focus_of_settings(settings)
         focus = Focus(tuple(ids), through_points=own.through_points)
-        image, _ = reconstruction.image_at(context.scene.frame_current)
+        image, _ = reconstruction.image_at(clip_frame(context.scene))
         frame = image.frame
         # Whether there is a plane through them.
         focus.lens(reconstruction, frame, reconstruction.intrinsics(image).without_distortion(), 1.0)

@@ -12,6 +12,7 @@ from ..core.focus.focus import Focus
 from ..core.focus.place import Place
 from ..scene import aperture_cloud, blender_focus, focus_curve, focus_marks, lens
 from ..scene.depth_of_field import length_words
+from ..scene.timeline import clip_frame, go_to
 from . import thumbnails
 from .focus import focus_on
 from .operators import Result, has_focus, has_solve, is_met, may_change, reported
@@ -41,7 +42,7 @@ class ChangesMarks:
 
     @reported
     def execute(self: Any, context: bpy.types.Context) -> Result:
-        said = self.change(context.scene.virtual_aperture, context.scene.frame_current)
+        said = self.change(context.scene.virtual_aperture, clip_frame(context.scene))
         aperture_cloud.update(context.scene.virtual_aperture)
         self.report({"INFO"}, said)
         return {"FINISHED"}
@@ -58,7 +59,7 @@ class VIRTUAL_APERTURE_UL_focus_marks(bpy.types.UIList):  # noqa: N801
         self, context: bpy.types.Context, layout: bpy.types.UILayout, _data: object,
         mark: bpy.types.PropertyGroup, _icon: int, _active_data: object, _active: str, index: int = 0,
     ) -> None:  # fmt: skip
-        here = context.scene.frame_current == mark.frame
+        here = clip_frame(context.scene) == mark.frame
         row = layout.split(factor=FRAME, align=True)
         jump = row.operator(
             VIRTUAL_APERTURE_OT_jump_to_focus_mark.bl_idname, text=str(mark.frame), depress=here
@@ -83,13 +84,13 @@ class VIRTUAL_APERTURE_OT_hold_focus(bpy.types.Operator):  # noqa: N801
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        settings, frame = context.scene.virtual_aperture, context.scene.frame_current
+        settings, frame = context.scene.virtual_aperture, clip_frame(context.scene)
         is_free, message = focus_marks.at_frame(settings, frame) is None, f"Frame {frame} already has a mark"
         return may_change(cls, context) and has_focus(cls, context) and is_met(cls, is_free, message)
 
     @reported
     def execute(self, context: bpy.types.Context) -> Result:
-        settings, frame = context.scene.virtual_aperture, context.scene.frame_current
+        settings, frame = context.scene.virtual_aperture, clip_frame(context.scene)
         if blender_focus.distance(settings) is not None:
             raise UserError("focus is on an object; pick the focus instead")
         self.report({"INFO"}, focus_on(settings, frame, held(settings, frame), add=True))
@@ -146,7 +147,7 @@ class VIRTUAL_APERTURE_OT_jump_to_focus_mark(bpy.types.Operator):  # noqa: N801
 
     def execute(self, context: bpy.types.Context) -> Result:
         group = context.scene.virtual_aperture.marks
-        context.scene.frame_set(self.frame)
+        go_to(context.scene, self.frame)
         group.active = next((n for n, m in enumerate(group.items) if m.frame == self.frame), group.active)
         return {"FINISHED"}
 
@@ -167,7 +168,7 @@ class VIRTUAL_APERTURE_OT_jump_to_unseen(bpy.types.Operator):  # noqa: N801
     def execute(self, context: bpy.types.Context) -> Result:
         scene = context.scene
         frames = unseen_frames(scene.virtual_aperture)
-        scene.frame_set(next_of(frames, scene.frame_current))
+        go_to(scene, next_of(frames, clip_frame(scene)))
         return {"FINISHED"}
 
 

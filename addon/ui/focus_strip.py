@@ -17,6 +17,7 @@ from ..core.base.arrays import Floats
 from ..core.base.errors import UserError
 from ..scene import focus_marks
 from ..scene.depth_of_field import length_words
+from ..scene.timeline import clip_frame, go_to
 from . import thumbnails
 from .focus_list import ChangesMarks
 from .operators import Result
@@ -208,7 +209,7 @@ class VIRTUAL_APERTURE_OT_drag_focus_mark(ChangesMarks, bpy.types.Operator):  # 
         done = self.execute(context) if self.frame != self._from else {"FINISHED"}
         group = context.scene.virtual_aperture.marks
         group.active = next((n for n, m in enumerate(group.items) if m.frame == self.frame), group.active)
-        context.scene.frame_set(self.frame)
+        go_to(context.scene, self.frame)
         return done
 
     def _end(self, _context: bpy.types.Context) -> None:
@@ -265,7 +266,7 @@ def _draw() -> None:
         strip.top,
     )
     line([(strip.left, strip.track), (strip.right, strip.track)], GREY, scale)
-    now = strip.place_of(context.scene.frame_current)
+    now = strip.place_of(clip_frame(context.scene))
     line([(now, strip.track - 4 * scale), (now, strip.track + 6 * scale)], GREEN, 2 * scale)
     dragged = VIRTUAL_APERTURE_OT_drag_focus_mark.dragged
     order = sorted(range(len(strip.frames)), key=lambda n: n == settings.marks.active)

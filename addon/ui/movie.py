@@ -25,6 +25,7 @@ from ..render.movie_file import MOVIES
 from ..render.output import STILLS, check_output, claimed
 from ..scene.clip import footage_path
 from ..scene.paths import absolute
+from ..scene.timeline import clip_frame
 
 ENDING = "_render"
 """Of a movie's name, after the clip's: the clip may lie beside it."""
@@ -153,7 +154,8 @@ def begin(scene: bpy.types.Scene, out: Path, overwrite: bool) -> MovieRender:
     blend = Path(bpy.app.tempdir) / "virtual-aperture-movie.blend"
     write_blend(blend)
     words = ["render", str(blend), "--scene", scene.name, "--as-is", "--out", str(out)]
-    words += ["--frames", f"{scene.frame_start}-{scene.frame_end}"]
+    first, last = (clip_frame(scene, at) for at in (scene.frame_start, scene.frame_end))
+    words += ["--frames", f"{first}-{last}"]
     words += ["--scripts"] * (not bpy.app.autoexec_fail) + ["--overwrite"] * overwrite
     made.child = start(words, made.messages.put, yielding=not bpy.app.background)
     _movie = made

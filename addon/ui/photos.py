@@ -7,6 +7,7 @@ import bpy
 from ..core.base.errors import UserError
 from ..scene.shot import shot_of
 from ..scene.store import is_ordered
+from ..scene.timeline import go_to
 from .operators import Result, has_solve, is_met, reported
 
 _items: list[tuple[str, str, str]] = []
@@ -53,7 +54,7 @@ class VIRTUAL_APERTURE_OT_show_photo(bpy.types.Operator):  # noqa: N801
 
     @reported
     def execute(self, context: bpy.types.Context) -> Result:
-        context.scene.frame_set(int(self.photo))
+        go_to(context.scene, int(self.photo))
         return {"FINISHED"}
 
 

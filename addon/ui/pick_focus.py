@@ -7,6 +7,7 @@ import bpy
 from ..core.focus.place import Place
 from ..scene import aperture_cloud, focus_marks
 from ..scene.shot import shot_of
+from ..scene.timeline import clip_frame
 from .focus import focus_on
 from .operators import Result, reported
 from .pick_place import PicksPlaces
@@ -49,8 +50,8 @@ class VIRTUAL_APERTURE_OT_pick_focus(PicksPlaces, bpy.types.Operator):  # noqa: 
     @reported
     def execute(self, context: bpy.types.Context) -> Result:
         scene = context.scene
-        place = shot_of(scene).context.places(scene.frame_current).find(self.x, self.y)
-        self.report({"INFO"}, focus_on(scene.virtual_aperture, scene.frame_current, [place], self.add))
+        place = shot_of(scene).context.places(clip_frame(scene)).find(self.x, self.y)
+        self.report({"INFO"}, focus_on(scene.virtual_aperture, clip_frame(scene), [place], self.add))
         return {"FINISHED"}
 
     def picked(self) -> list[Place]:
@@ -67,7 +68,7 @@ class VIRTUAL_APERTURE_OT_pick_focus(PicksPlaces, bpy.types.Operator):  # noqa: 
 
     def confirm(self, context: bpy.types.Context) -> Result:
         self._end(context)
-        settings, frame = self._scene.virtual_aperture, self._scene.frame_current
+        settings, frame = self._scene.virtual_aperture, clip_frame(self._scene)
         if self._places:
             self.report({"INFO"}, focus_on(settings, frame, self._places, self.add))
             return {"FINISHED"}
@@ -83,7 +84,7 @@ class VIRTUAL_APERTURE_OT_pick_focus(PicksPlaces, bpy.types.Operator):  # noqa: 
     def _mark(self) -> bpy.types.PropertyGroup | None:
         """The mark that is picked again, if it is not a new one."""
         settings = self._scene.virtual_aperture
-        here = focus_marks.at_frame(settings, self._scene.frame_current)
+        here = focus_marks.at_frame(settings, clip_frame(self._scene))
         if here is None and not self.add and len(settings.marks.items) == 1:
             return settings.marks.items[0]
         return here

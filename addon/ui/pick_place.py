@@ -13,6 +13,7 @@ from ..core.frame.clip_context import ClipContext
 from ..scene.depth_of_field import length_words
 from ..scene.remedy_words import WORDS
 from ..scene.shot import shot_of
+from ..scene.timeline import clip_frame
 from .operators import Result, has_solve, is_met, may_change, reported
 from .pick_view import XY, CameraView, Overlay
 from .work import Work
@@ -71,7 +72,7 @@ class PicksPlaces:
             # There only the mesh can be undone.
             bpy.ops.object.mode_set(mode="OBJECT")
         self._context: ClipContext = shot_of(scene).context
-        self._finder = self._context.places(scene.frame_current)
+        self._finder = self._context.places(clip_frame(scene))
         self._view, self._scene = CameraView.of(context), scene
         self._overlay = Overlay(self._view, scene, joins=self.joins)
         self._places = self.picked()
@@ -142,7 +143,7 @@ class PicksPlaces:
 
     def _current_finder(self) -> PlaceFinder | None:
         """The finder of the frame that is shown now; None where it has no camera of its own."""
-        frame = self._scene.frame_current
+        frame = clip_frame(self._scene)
         if self._finder is None or self._finder.frame != frame:
             try:
                 self._finder = self._context.places(frame)
@@ -160,7 +161,7 @@ class PicksPlaces:
             return {"RUNNING_MODAL"}
         finder = self._current_finder()
         if finder is None:
-            self._say(f"Frame {self._scene.frame_current} was not solved; pick in another frame")
+            self._say(f"Frame {clip_frame(self._scene)} was not solved; pick in another frame")
             return {"RUNNING_MODAL"}
         self._overlay.mouse = at
         self._finding, self._shifted = Work(partial(finder.find, *at)), event.shift
@@ -217,7 +218,7 @@ class PicksPlaces:
         self._say("")
 
     def _shown_at(self, place: Place) -> XY | None:
-        return shown_at(place, self._context.reconstruction, self._scene.frame_current)
+        return shown_at(place, self._context.reconstruction, clip_frame(self._scene))
 
     def _show_picked(self) -> None:
         self._overlay.picked = [xy for each in self._places if (xy := self._shown_at(each)) is not None]

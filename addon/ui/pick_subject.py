@@ -14,6 +14,7 @@ from ..core.subjects.marked import CarriedSubject, MarkedSubject, Stroke, places
 from ..scene import redraw, subjects
 from ..scene.remedy_words import WORDS
 from ..scene.shot import reconstruction_of, shot_of
+from ..scene.timeline import clip_frame
 from .operators import Result, has_solve, is_met, may_change, reported
 from .pick_view import CameraView
 from .subject_view import SubjectOverlay
@@ -87,7 +88,7 @@ class VIRTUAL_APERTURE_OT_pick_subject(bpy.types.Operator):  # noqa: N801
     @reported
     def execute(self, context: bpy.types.Context) -> Result:
         scene, settings = context.scene, context.scene.virtual_aperture
-        frame = scene.frame_current
+        frame = clip_frame(scene)
         try:
             places = places_of(self.places.split())
         except ValueError:
@@ -179,7 +180,7 @@ class VIRTUAL_APERTURE_OT_pick_subject(bpy.types.Operator):  # noqa: N801
 
     def _press(self, event: bpy.types.Event) -> None:
         at = self._view.place(self._scene, event)
-        frame = self._scene.frame_current
+        frame = clip_frame(self._scene)
         if not self._view.is_through_camera() or at is None:
             self._say("Draw in the camera view (Numpad 0 looks through the camera)")
         elif frame not in self._context.reconstruction.frames:
@@ -200,7 +201,7 @@ class VIRTUAL_APERTURE_OT_pick_subject(bpy.types.Operator):  # noqa: N801
         elif event.type == "LEFTMOUSE" and event.value == "RELEASE":
             self._is_drawing = False
             self._follow(event)
-            stroke = Stroke(self._scene.frame_current, tuple(overlay.line), not overlay.takes)
+            stroke = Stroke(clip_frame(self._scene), tuple(overlay.line), not overlay.takes)
             self._steps.append(with_stroke(self._steps[-1], stroke, self._extends))
             overlay.line = []
             self._light_up()
@@ -230,7 +231,7 @@ class VIRTUAL_APERTURE_OT_pick_subject(bpy.types.Operator):  # noqa: N801
         """Find the subject in the frame that is shown now."""
         if self._work is not None:
             self._work.cancel()
-        frame, strokes = self._scene.frame_current, self._steps[-1]
+        frame, strokes = clip_frame(self._scene), self._steps[-1]
         self._lit, self._frame = None, frame
         self._overlay.strokes = [stroke for stroke in strokes if stroke.frame == frame]
         self._say("")
@@ -246,7 +247,7 @@ class VIRTUAL_APERTURE_OT_pick_subject(bpy.types.Operator):  # noqa: N801
 
     def _look(self) -> None:
         """Show what the work has found meanwhile; UserError where it cannot go on."""
-        if self._frame != self._scene.frame_current and not self._is_drawing:
+        if self._frame != clip_frame(self._scene) and not self._is_drawing:
             self._overlay.light_up(None)
             self._light_up()
         if self._lit is None or self._work is None:

@@ -8,6 +8,7 @@ import bpy
 
 from ..core.base.counting import ranges
 from ..render import frame_notes
+from ..scene.timeline import clip_frame, go_to
 from .operators import Result
 from .text import wrapped
 
@@ -27,7 +28,7 @@ class VIRTUAL_APERTURE_OT_jump_to_frame(bpy.types.Operator):  # noqa: N801
     frame: bpy.props.IntProperty(name="Frame")
 
     def execute(self, context: bpy.types.Context) -> Result:
-        context.scene.frame_set(self.frame)
+        go_to(context.scene, self.frame)
         return {"FINISHED"}
 
 
@@ -48,7 +49,7 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         numbers = ranges(list(note.frames))
         wrapped(row, context, f"Frame{'s' if len(note.frames) > 1 else ''} {numbers}: {note.text}")
         jump = row.operator(VIRTUAL_APERTURE_OT_jump_to_frame.bl_idname, text="", icon="NEXT_KEYFRAME")
-        jump.frame = next_of(note.frames, context.scene.frame_current)
+        jump.frame = next_of(note.frames, clip_frame(context.scene))
     if len(notes) > LONGEST:
         box.label(text=f"and {len(notes) - LONGEST} more, in the Info editor")
 

@@ -12,6 +12,7 @@ from ..core.focus.place import Place
 from ..core.frame.clip_context import ClipContext
 from ..scene import depth_of_field
 from ..scene.shot import shot_of
+from ..scene.timeline import clip_frame
 from .operators import Result, reported
 from .pick_place import PicksPlaces
 
@@ -68,7 +69,7 @@ class VIRTUAL_APERTURE_OT_set_scale(PicksPlaces, bpy.types.Operator):  # noqa: N
         settings = context.scene.virtual_aperture
         length = self.length
         if not length:
-            clip, frame = shot_of(context.scene).context, context.scene.frame_current
+            clip, frame = shot_of(context.scene).context, clip_frame(context.scene)
             length = length_between(clip, [clip.places(frame).find(*xy) for xy in (self.start, self.end)])
         settings.metres_per_unit = self.metres / length
         self.report({"INFO"}, f"The scale is set: {self.metres:.4g} m between the two places")

@@ -16,6 +16,7 @@ from ..core.frame.clip_context import ClipContext
 from ..core.subjects.stroke_cut import CarryOptions
 from ..scene import redraw, subjects
 from ..scene.shot import shot_of
+from ..scene.timeline import clip_frame
 from .focus import focus_on
 from .operators import Result, has_solve, is_met, may_change
 from .pick_subject import VIRTUAL_APERTURE_OT_pick_subject
@@ -58,7 +59,7 @@ class WorksOnActive(OfActive, WorksMeanwhile):
     def work(self, context: bpy.types.Context) -> Callable[[], Any]:
         subject = subjects.active(context.scene.virtual_aperture)
         assert subject is not None  # `poll` asks for it.
-        self._name, self._frame = subject.name, context.scene.frame_current
+        self._name, self._frame = subject.name, clip_frame(context.scene)
         return self.work_on(shot_of(context.scene).context)
 
     def work_on(self, clip: ClipContext) -> Callable[[], Any]:
@@ -162,7 +163,7 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         line = layout.row(align=True)
         line.label(text=f"Uncertain in {counted(len(unsure), 'frame')}", icon="QUESTION")
         jump = line.operator(VIRTUAL_APERTURE_OT_jump_to_frame.bl_idname, text="", icon="FRAME_NEXT")
-        jump.frame = next_of(unsure, context.scene.frame_current)
+        jump.frame = next_of(unsure, clip_frame(context.scene))
 
 
 CLASSES = (

@@ -7,6 +7,7 @@ from pathlib import Path
 import bpy
 
 from ...scene import blender_focus, depth_of_field, lens, version
+from ...scene.timeline import clip_frame
 from .. import (
     choose_clip,
     depth_ahead,
@@ -129,7 +130,7 @@ def _draw_solved(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
 
 def _draw_marks(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """What is in focus, and a button for the frame of each focus mark, and for another."""
-    settings, frame = context.scene.virtual_aperture, context.scene.frame_current
+    settings, frame = context.scene.virtual_aperture, clip_frame(context.scene)
     if (thing := blender_focus.focus_object(settings)) is not None:
         layout.label(text=f"In focus: {thing.name}", icon="OBJECT_DATA")
         return
