@@ -95,7 +95,7 @@ def render_frame(
     if small != size:
         result = enlarged(result, source, picture, _sharp_share(warped))
     if noise is not None:
-        result = grained(result, _lost(warped, noise, size), noise, frame, options.grain)
+        result = grained(result, _lost(warped, noise, size), noise, frame, options.grain, picture)
     if on_frame is not None:
         on_frame(Drawn(warped, source, time.perf_counter() - began))
     return result

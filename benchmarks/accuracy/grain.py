@@ -6,7 +6,11 @@ with the noise given back and without. Less the same picture recorded without no
 columns are the blur disc in pixels; the clip's standard deviation in the blurred half, of 255; what share of
 it is there without grain, and with it; that of four bands of the spatial spectrum, from coarse to fine; the
 largest correlation of what is added to two frames that follow each other; and the largest change in focus,
-of 255. `--clip FILE ...` prints what is measured of real clips instead, and what that takes.
+of 255.
+`--clips FOLDER ...` prints real clips instead: the noise that is found in the whole clip and in each third of
+it, and what that takes; and high-pass noise of 255 in the flattest places of the middle frame of what has the
+most: of the source, and behind a lens that blurs all of it alike, without grain and with it. Both results get
+Blender's dither of 1. Cameras and depth are made up, so no clip need be solved.
 """
 
 from __future__ import annotations
@@ -14,10 +18,11 @@ from __future__ import annotations
 import argparse
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import pairwise
+from operator import itemgetter
 from pathlib import Path
 
 import av
@@ -33,10 +38,10 @@ from addon.core.focus.focus import Focus
 from addon.core.frame.clip_context import ClipContext
 from addon.core.frame.highlights import HighlightSettings
 from addon.core.frame.plan import FrameOptions
-from addon.core.media.clip import encode_srgb, open_footage
-from addon.core.media.noise import measured
-from addon.core.media.picture_file import Pixels
+from addon.core.media.clip import encode_srgb, open_footage, to_linear
 from addon.render.average import render_frame
+
+from ..gallery import metrics
 
 Picture = NDArray[np.uint8]
 
@@ -46,6 +51,10 @@ RADIUS = 0.4
 """Scene units: discs of 34 pixels at `FAR`, with focus at `NEAR`."""
 SMALL = (0.0125, 0.03, 0.05, 0.1)
 """The same, of small discs: 1.1, 2.5, 4.2 and 8.4 pixels."""
+PARTS = 3
+"""Of a real clip, each with noise of its own: a solve may have only some of its frames."""
+DISC = 16.0
+"""Pixels of the blur disc everywhere in a frame of a real clip."""
 FRAMES, FRAME = 24, 9
 PACE = 1.3
 """Pixels that the picture moves by from a frame to the next."""
@@ -58,13 +67,16 @@ BANDS = (0.0, 0.125, 0.25, 0.375, 0.5)
 
 
 @dataclass(frozen=True)
-class HalfFar:
-    """Depth: the left half near, the right half far."""
+class Halves:
+    """Depth of the left and the right half of a picture."""
+
+    left: float
+    right: float
 
     def at(self, frame: int, canvas: Canvas, picture: LinearRGBA) -> PixelDepth:
         """Of a picture (H, W, 4) of any size."""
         rows, columns = picture.shape[:2]
-        inverse = np.where(np.arange(columns) < columns / 2, 1 / NEAR, 1 / FAR)
+        inverse = np.where(np.arange(columns) < columns / 2, 1 / self.left, 1 / self.right)
         return PixelDepth(np.tile(inverse, (rows, 1)), np.ones((rows, columns), np.float32))
 
     def kept(self, frame: int, canvas: Canvas) -> None:
@@ -88,15 +100,14 @@ def scene(frame: int) -> Map:
     return np.asarray(grey[..., None] * np.array([1.0, 0.92, 0.8]), np.float32)
 
 
-def reconstruction() -> Reconstruction:
-    """Cameras that move sideways as the picture does, and a few points."""
-    camera = Intrinsics(*SIZE, FOCAL, FOCAL, SIZE[0] / 2, SIZE[1] / 2)
+def reconstruction(camera: Intrinsics, frames: Sequence[int], depth: Halves) -> Reconstruction:
+    """Cameras that move sideways, and a few points."""
     random = np.random.default_rng(1)
-    xy = random.uniform((0, 0), SIZE, (100, 2))
-    depth = np.where(xy[:, 0] < SIZE[0] / 2, NEAR, FAR)
-    xyz = np.column_stack([(xy - camera.principal_point) / FOCAL, np.ones(100)]) * depth[:, None]
+    xy = random.uniform((0, 0), (camera.width, camera.height), (100, 2))
+    away = np.where(xy[:, 0] < camera.width / 2, depth.left, depth.right)
+    xyz = np.column_stack([(xy - camera.principal_point) / camera.focal, np.ones(100)]) * away[:, None]
     images = []
-    for frame in range(1, FRAMES + 1):
+    for frame in frames:
         moved = np.array([-0.001 * frame, 0.0, 0.0])
         images.append(
             Image(frame, np.eye(3), moved, camera.project(xyz + moved), np.arange(100, dtype=np.int32))
@@ -166,14 +177,26 @@ def _coded(frames: dict[int, Picture], rate: int) -> dict[int, Picture]:
         return found
 
 
-def drawn(frames: dict[int, Picture], frame: int, grain: float, radius: float) -> Map:
+def made(frames: dict[int, Picture]) -> ClipContext:
+    """A clip of frames of `scene`."""
+    camera, depth = Intrinsics(*SIZE, FOCAL, FOCAL, SIZE[0] / 2, SIZE[1] / 2), Halves(NEAR, FAR)
+    return ClipContext(reconstruction(camera, tuple(frames), depth), frames.__getitem__, depth)
+
+
+def drawn(clip: ClipContext, frame: int, grain: float, radius: float) -> Map:
     """(h, w, 3) a frame through a lens of an aperture's radius, of 255."""
-    clip = ClipContext(reconstruction(), frames.__getitem__, HalfFar())
+    camera = clip.reconstruction.cameras[0]
     lens = FrameOptions(
         Focus(distance=NEAR), radius, borrow=False, highlights=HighlightSettings(gain=0.0), grain=grain
     )
-    linear = render_frame(clip, frame, lens, SIZE, lambda note: None)[..., :3]
+    linear = render_frame(clip, frame, lens, (camera.width, camera.height), lambda note: None)[..., :3]
     return np.asarray(255 * encode_srgb(np.clip(linear, 0, 1)), np.float32)
+
+
+def written(shown: Map) -> Picture:
+    """A picture (h, w, 3), of 255, as Blender writes it to 8 bits with a dither of 1."""
+    dither = np.random.default_rng(2).uniform(-0.5, 0.5, (2, *shown.shape[:2], 1)).sum(axis=0)
+    return np.clip(np.rint(shown + dither), 0, 255).astype(np.uint8)
 
 
 def spectrum(noise: Map) -> NDArray[np.float64]:
@@ -192,9 +215,10 @@ def judged(kind: str, radius: float = RADIUS) -> str:
     flat = np.s_[BORDER : int(0.55 * SIZE[1]), SIZE[0] // 2 + 2 * BORDER : SIZE[0] - 2 * BORDER]
     sharp = np.s_[BORDER:-BORDER, BORDER : SIZE[0] // 2 - 2 * BORDER]
     without, grained = (
-        [drawn(frames, frame, amount, radius) for frame in (FRAME, FRAME + 1)] for amount in (0.0, 1.0)
+        [drawn(made(frames), frame, amount, radius) for frame in (FRAME, FRAME + 1)] for amount in (0.0, 1.0)
     )
-    smooth = drawn({**frames, FRAME: np.rint(clean[FRAME]).astype(np.uint8)}, FRAME, 0.0, radius)
+    noiseless = {**frames, FRAME: np.rint(clean[FRAME]).astype(np.uint8)}
+    smooth = drawn(made(noiseless), FRAME, 0.0, radius)
     own = (frames[FRAME] - clean[FRAME])[flat]
     before, after = (each[0][flat] - smooth[flat] for each in (without, grained))
     added = [(a - b)[flat] for a, b in zip(grained, without, strict=True)]
@@ -218,29 +242,33 @@ def _largest_correlation(one: Map, other: Map) -> float:
     return float(np.abs(near).max())
 
 
-def real(path: str) -> str:
-    """What is measured of a clip."""
+def of_clip(path: Path) -> str:
+    """A line of the table of real clips."""
     footage = open_footage(path)
-    began, reading = time.process_time(), [0.0]
-
-    def read(frame: int) -> Pixels:
-        start = time.process_time()
-        picture = footage.read(frame)
-        reading[0] += time.process_time() - start
-        return picture
-
-    noise = measured(read, footage.frames)
-    taken = time.process_time() - began
+    source = to_linear(footage.read(footage.frames[0]))
+    size = source.shape[1], source.shape[0]
+    camera, depth = Intrinsics(*size, size[0], size[0], size[0] / 2, size[1] / 2), Halves(FAR, FAR)
+    found, began = [], time.process_time()
+    parts = np.array_split(np.array(footage.frames), PARTS)
+    for frames in (footage.frames, *(tuple(map(int, part)) for part in parts)):
+        clip = ClipContext(reconstruction(camera, frames, depth), footage.read, depth)
+        noise = clip.noise(frames[0], size)
+        found.append((noise.strength if noise else 0.0, frames[len(frames) // 2], clip))
+    taken = (time.process_time() - began) / len(found)
+    _, frame, clip = max(found, key=itemgetter(0))
+    radius = DISC / (2 * camera.fx * (1 / NEAR - 1 / FAR))
+    without, grained = (written(drawn(clip, frame, amount, radius)) for amount in (0.0, 1.0))
+    before = np.rint(255 * encode_srgb(np.clip(to_linear(footage.read(frame))[..., :3], 0, 1)))
     footage.close()
-    name = "/".join(Path(path).parts[-2:])
-    spent = f"{taken:.2f} CPU s, {reading[0]:.2f} of them to read"
-    if noise is None:
-        return f"{name}: none measured; {spent}"
-    levels = " ".join(f"{255 * each:.2f}" for each in noise.sigma.mean(axis=1))
-    left = " ".join(f"{each:.2f}" for each in noise.left(np.array([2, 4, 8], np.float32)).mean(axis=1))
-    seen = "" if noise.is_visible else ", not visible"
-    strength = f"{255 * noise.strength:.2f} of 255{seen}"
-    return f"{name}: {strength}, by level {levels}; left in discs of 2, 4, 8 px {left}; {spent}"
+    nothing = np.zeros(size[::-1], bool)
+    smooth, noisy = (metrics.noise(before.astype(np.uint8), after, nothing) for after in (without, grained))
+    strengths = " ".join(f"{255 * strength:.2f}" if strength else "-" for strength, *_ in found)
+    line = f"| {path.stem} | {strengths} | {taken:.2f} | {frame} "
+    if np.isnan(noisy.result):
+        return line + "| nothing flat | | | | |"
+    most = float(np.hypot(noisy.source, metrics.DITHER))
+    figures = " | ".join(f"{each:.2f}" for each in (noisy.source, smooth.result, noisy.result, most))
+    return line + f"| {figures} | {'yes' if noisy.result <= max(most, smooth.result) else 'NO'} |"
 
 
 def main() -> None:
@@ -248,11 +276,20 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--clip", nargs="+", metavar="FILE", help="real clips, to be measured alone")
+    parser.add_argument("--clips", nargs="+", type=Path, metavar="PATH", help="folders and videos")
     options = parser.parse_args()
-    if options.clip:
-        for path in options.clip:
-            print(real(path), flush=True)
+    if options.clips:
+        videos = [
+            video
+            for path in options.clips
+            for video in (sorted(path.glob("*.m*")) if path.is_dir() else [path])
+        ]
+        print(
+            "| clip | noise found | CPU s | source | without grain | with | source and dither | no noisier |"
+        )
+        print("|---|---|---|---|---|---|---|---|")
+        for video in videos:
+            print(of_clip(video), flush=True)
         return
     print("noise                  disc sigma without   with   bands, coarse to fine     correlation   change")
     for kind in KINDS:

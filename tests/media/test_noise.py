@@ -11,11 +11,11 @@ import pytest
 from numpy.typing import NDArray
 
 from addon.core.base.arrays import Floats, Map
-from addon.core.media.noise import LEVELS, VISIBLE, Noise, measured
+from addon.core.media.noise import AXES, VISIBLE, Noise, measured
 
 SIZE = (320, 240)
 FRAMES = tuple(range(1, 13))
-STRENGTH = np.array([5.0, 3.0, 4.0])
+STRENGTH = 4.0
 """Of 255, standard deviation of red, green and blue."""
 
 type Read = Callable[[int], NDArray[np.uint8]]
@@ -47,7 +47,7 @@ def blurred(frame: int) -> Map:
     return np.asarray(noise / noise.std(axis=(0, 1)), np.float32)
 
 
-def clip(shown: Callable[[int], Map], noise: Callable[[int], Map], strength: Floats | Map) -> Read:
+def clip(shown: Callable[[int], Map], noise: Callable[[int], Map], strength: float | Map) -> Read:
     """A clip that shows something with noise of a strength, of 255."""
     return lambda frame: np.clip(np.rint(shown(frame) + strength * noise(frame)), 0, 255).astype(np.uint8)
 
@@ -73,33 +73,54 @@ def spread(picture: Map) -> Floats:
 @pytest.mark.parametrize("noise", [white, blurred])
 def test_its_strength_and_its_spectrum_are_found(noise: Callable[[int], Map]) -> None:
     measured_noise = noise_like(noise)
-    # Two dozen blocks, in each of which noise over three pixels has twenty independent values: thrice 3 %.
-    assert np.abs(255 * measured_noise.sigma / STRENGTH - 1).max() < 0.1
-    made = measured_noise.components(SIZE, 1).reshape(-1, 3)
-    anew = 255 * measured_noise.coloured(made, np.full(len(made), 0.5, np.float32)).reshape(*SIZE[::-1], 3)
-    assert np.abs(anew.std(axis=(0, 1)) / STRENGTH - 1).max() < 0.06
+    # Of the flattest blocks: a little less than there is on average, never more.
+    assert 0.9 < 255 * measured_noise.strength / STRENGTH < 1.02
+    anew = 255 * measured_noise.components(SIZE, 1) @ AXES.T
+    assert np.abs(anew.std(axis=(0, 1)) / (255 * measured_noise.strength) - 1).max() < 0.04
     assert np.abs(spread(anew) - spread(noise(1))).max() < 0.06
 
 
-def test_it_is_found_by_level() -> None:
-    strength = 6 - 4 * shades(1) / 255
-    sigma = 255 * found(clip(shades, white, strength)).sigma.mean(axis=1)
-    truth = 6 - 4 * (np.arange(LEVELS) + 0.5) / LEVELS
-    assert np.abs(sigma / truth - 1)[1:-1].max() < 0.06
-
-
-def test_colours_that_go_together_are_made_together() -> None:
+def test_brightness_and_colour_have_their_own() -> None:
     def grey(frame: int) -> Map:
         return np.repeat(white(frame)[..., :1], 3, axis=2)
 
     noise = found(clip(shades, grey, STRENGTH))
-    made = noise.components(SIZE, 1).reshape(-1, 3) @ noise.axes.T
+    made = (noise.components(SIZE, 1) @ AXES.T).reshape(-1, 3)
     assert np.corrcoef(made.T).min() > 0.95
+
+
+def test_a_picture_gets_no_more_than_it_shows() -> None:
+    """Left is all of the noise, right a quarter of it, and below nothing."""
+    shown = np.full((SIZE[1], SIZE[0], 3), 0.4, np.float32)
+    left, middle = np.s_[:, : SIZE[0] // 2], np.s_[: SIZE[1] // 2, SIZE[0] // 2 :]
+    noise, fine = noise_like(white), white(1) * np.float32(STRENGTH / 255)
+    shown[left] += fine[left]
+    shown[middle] += fine[middle] / 4
+    share = noise.share(shown)
+    assert share[20:-20, 20:140].mean() > 0.95
+    assert abs(share[20:100, 180:-20].mean() - 0.25) < 0.03
+    assert share[140:-20, 180:-20].max() == 0
+
+
+def test_flickering_lamps_and_texture_that_flow_does_not_find_are_no_noise() -> None:
+    """The flat sky has noise of 0.5 of 255, carried from frame to frame as codecs do; the street below is
+    another one in every frame."""
+
+    def night(frame: int) -> Map:
+        random = np.random.default_rng(frame)
+        grey = 20 + 0.5 * white(1)[..., 0]
+        grey[-120:] = cv2.resize(40 + 80 * random.random((40, 54), np.float32), (SIZE[0], 120))
+        for x, y in np.random.default_rng(0).integers((0, 40), (SIZE[0], 120), (12, 2)):
+            cv2.circle(grey, (int(x), int(y)), 2, float(random.uniform(100, 255)), -1)
+        return np.repeat(grey[..., None], 3, axis=2)
+
+    noise = measured(clip(night, white, 0.0), FRAMES)
+    assert noise is None or not noise.is_visible
 
 
 def test_noise_is_told_from_texture_by_what_moves() -> None:
     """All of the picture is texture, ten times as strong as the noise that is added to a part of it."""
-    nothing = measured(clip(leaves, white, np.zeros(3)), FRAMES)
+    nothing = measured(clip(leaves, white, 0.0), FRAMES)
     assert nothing is None or not nothing.is_visible
 
     def half(frame: int) -> Map:
@@ -108,11 +129,11 @@ def test_noise_is_told_from_texture_by_what_moves() -> None:
         return shown
 
     noise = found(clip(half, white, STRENGTH))
-    assert abs(255 * noise.strength / STRENGTH.mean() - 1) < 0.06
+    assert abs(255 * noise.strength / STRENGTH - 1) < 0.06
 
 
 def test_what_is_only_rounded_has_no_visible_noise() -> None:
-    clean = measured(clip(shades, white, np.zeros(3)), FRAMES)
+    clean = measured(clip(shades, white, 0.0), FRAMES)
     assert clean is None or clean.strength < 0.2 * VISIBLE
 
 
@@ -122,7 +143,7 @@ def test_one_frame_tells_nothing() -> None:
 
 def test_at_half_the_size_white_noise_is_half_as_strong() -> None:
     noise = noise_like(white)
-    assert np.abs(noise.at_scale(0.5).sigma / noise.sigma - 0.5).max() < 0.02
+    assert np.abs(noise.at_scale(0.5).sigma / noise.sigma - 0.5).max() < 0.03
     assert noise.at_scale(1.0) is noise
 
 
@@ -136,24 +157,9 @@ def test_what_a_disc_leaves() -> None:
     assert (coarse.left(np.array([4.0], np.float32)) > 1.5 * left[1]).all()
 
 
-def test_what_a_small_disc_takes_is_the_finer_part() -> None:
-    """What a disc leaves and what it takes make the whole, in each frequency of the kernels' spectra."""
-    noise = noise_like(blurred)
-    taken, whole = (np.abs(np.fft.fft2(each.kernels, (64, 64))) ** 2 for each in (noise.taken(2.0), noise))
-    lost = 1 - noise.left(np.full(1, 2.0, np.float32))[0] ** 2
-    share = lost[:, None, None] * taken / whole
-    assert np.abs(share[:, 0, 0]).max() < 0.05
-    frequency = np.fft.fftfreq(64)
-    for column in (6, 12, 18):
-        x = np.pi * 2.0 * frequency[column]
-        # The disc's transform 2 J1(x) / x, as a series.
-        disc = 1 - x**2 / 8 + x**4 / 192 - x**6 / 9216
-        assert np.abs(share[:, 0, column] - (1 - disc**2)).max() < 0.05
-
-
 def test_noise_of_a_frame_is_always_the_same_and_another_frames_is_not() -> None:
     noise = noise_like(white)
     one, again, other = (noise.components(SIZE, frame) for frame in (5, 5, 6))
     np.testing.assert_array_equal(one, again)
     assert abs(np.corrcoef(one.ravel(), other.ravel())[0, 1]) < 0.01
-    assert np.abs(one.std(axis=(0, 1)) - 1).max() < 0.02
+    assert np.abs(one.std(axis=(0, 1)) / noise.sigma[[0, 1, 1]] - 1).max() < 0.02

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -107,6 +108,21 @@ def test_half_of_it_is_half_as_strong(noisy: ClipContext, pair: tuple[Map, Map])
 def test_a_clip_without_noise_gets_none() -> None:
     clean = clip(0.0)
     np.testing.assert_array_equal(shown(clean, replace(LENS, grain=0.0)), shown(clean, LENS))
+
+
+def test_a_flat_sky_over_a_changing_street_gets_no_noise() -> None:
+    """The street is another one in every frame, the sky has no noise."""
+
+    def read(frame: int) -> Pixels:
+        random = np.random.default_rng(frame)
+        grey = np.full(SIZE[::-1], 20, np.uint8)
+        street = random.integers(60, 190, (16, 54), dtype=np.uint8)
+        grey[SIZE[1] // 2 :] = cv2.resize(street, (SIZE[0], SIZE[1] // 2), interpolation=cv2.INTER_CUBIC)
+        return np.repeat(grey[..., None], 3, axis=2)
+
+    night = replace(clip(), read=read)
+    added = shown(night, LENS) - shown(night, replace(LENS, grain=0.0))
+    np.testing.assert_array_equal(added[: SIZE[1] // 2 - 30], 0)
 
 
 def test_a_lens_with_distortion_has_it_where_it_is_soft() -> None:

@@ -1,8 +1,8 @@
-"""The clip's noise given back to what the blur took it from.
+"""Grain: noise like the clip's, where blur averaged the clip's own away.
 
-Averaging views averages noise away where they disagree, so what is out of focus looks pasted in beside what
-is sharp. How much of the noise is left follows from the blur disc and the noise's spectrum; painted on the
-frame's own mesh, and seen by its own views, that knows silhouettes, too.
+Without it, what is out of focus looks pasted in beside what is sharp. The blur disc and the noise's spectrum
+tell how much of the noise is left. That is painted on the frame's own mesh and seen by its own views, so it
+is right at silhouettes, too.
 """
 
 from __future__ import annotations
@@ -12,22 +12,21 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from ..base.arrays import Indices, LinearRGB, LinearRGBA, Map
+from ..base.arrays import LinearRGB, LinearRGBA, Map
 from ..camera.canvas import Canvas
 from ..media.clip import decode_srgb, encode_srgb
-from ..media.noise import Noise
+from ..media.noise import AXES, Noise
 from ..warp.mesh import WarpMesh
 from .detail import painted
 from .inspection import fewer_views
 from .warped_frame import WarpedFrame
 
 VIEWS = 8
-"""Views that tell what is lost: steps of an eighth at silhouettes, in the strength of noise, are not seen."""
-FINE = 2.0
-"""Pixels of a disc that takes the same part of the spectrum as all smaller ones; larger ones take more of the
-whole."""
+"""Views that show what is lost: steps of an eighth in the strength of noise are invisible."""
 LEAST = 1e-3
 """Share that counts as nothing: resampling for a lens with distortion rings by as much."""
+TRANSPARENT = np.float32(1e-6)
+"""Least alpha that colours are divided by."""
 
 
 def lost_frame(warped: WarpedFrame, noise: Noise, scale: float = 1.0) -> WarpedFrame:
@@ -64,35 +63,35 @@ def _smaller(warped: WarpedFrame) -> WarpedFrame:
     return replace(warped, plan=plan, cg=tuple(replace(each, mesh=within(each.mesh)) for each in warped.cg))
 
 
-def grained(picture: LinearRGBA, lost: Map, noise: Noise, frame: int, amount: float) -> LinearRGBA:
-    """A picture (H, W, 4) with `amount` of the noise that it lacks, by the mean (H, W, 3) of `lost_frame`.
+def grained(
+    picture: LinearRGBA, lost: Map, noise: Noise, frame: int, amount: float, source: LinearRGBA
+) -> LinearRGBA:
+    """Add the noise that a picture lacks. What lost nothing is not changed.
 
-    Made anew for each frame, the same for the same one. Where nothing is lost, nothing is changed.
+    Args:
+        picture: (H, W, 4) frame through the lens.
+        lost: (H, W, 3) mean of the views of `lost_frame`.
+        noise: Noise of the clip at this size.
+        frame: Its number: noise differs by frame, and is always the same in one.
+        amount: How much of it is added.
+        source: (H, W, 4) frame of the clip, which is nowhere less noisy than the result.
+
+    Returns:
+        (H, W, 4) picture with noise.
     """
     rows, columns = np.nonzero(cv2.max(cv2.max(lost[..., 0], lost[..., 1]), lost[..., 2]) > LEAST)
     if not len(rows):
         return picture
     height, width = picture.shape[:2]
     result, part = picture.copy(), picture[rows, columns]
-    components = _lacking(lost[rows, columns], noise, (width, height), frame, (rows, columns))
-    alpha = np.maximum(part[:, 3:], np.float32(1e-6))
-    shown = encode_srgb(part[:, :3] / alpha).astype(np.float32)
-    shown += np.float32(amount) * noise.coloured(components, shown.mean(axis=1))
-    result[rows, columns, :3] = decode_srgb(np.maximum(shown, 0)) * part[:, 3:]
+    # Variances add: 1 - (1 - lost)^2.
+    kept = 1 - np.clip(lost[rows, columns], 0, 1)
+    strength = np.float32(amount) * np.sqrt(1 - kept**2) * noise.share(_shown(source))[rows, columns, None]
+    made = (strength * noise.components((width, height), frame)[rows, columns]) @ AXES.T
+    result[rows, columns, :3] = decode_srgb(np.maximum(_shown(part) + made, 0)) * part[:, 3:]
     return result
 
 
-def _lacking(lost: Map, noise: Noise, size: tuple[int, int], frame: int, at: tuple[Indices, Indices]) -> Map:
-    """(n, 3) components of the noise that pixels at rows and columns (n,) lack, of a picture (width, height),
-    by the shares (n, 3) of their standard deviation that are lost."""
-    fine = noise.taken(FINE)
-    # Of variances, which add: 1 - (1 - lost)^2.
-    share = np.clip(lost, 0, 1)
-    share *= 2 - share
-    small = 1 - noise.left(np.full(1, FINE, np.float32)) ** 2
-    whole = np.clip((share - small) / (1 - small), 0, 1)
-    # Both are made of the same white noise.
-    common = (noise.kernels * fine.kernels).sum(axis=(1, 2))
-    variance = whole**2 + (1 - whole) ** 2 + 2 * common * whole * (1 - whole)
-    coarse, finer = (each.components(size, frame)[at] for each in (noise, fine))
-    return np.asarray((whole * coarse + (1 - whole) * finer) * np.sqrt(share / variance), np.float32)
+def _shown(picture: LinearRGBA) -> Map:
+    """(..., 3) display values of a picture (..., 4)."""
+    return encode_srgb(picture[..., :3] / np.maximum(picture[..., 3:], TRANSPARENT)).astype(np.float32)
