@@ -13,14 +13,14 @@ SOLVES := $(if $(MOTIONS),--motions $(MOTIONS)) $(if $(TRACKERS),--trackers $(TR
 REAL := $(if $(CLIPS),--clips $(CLIPS)) $(if $(PROGRAM),--program $(PROGRAM)) $(if $(NAME),--name $(NAME))
 BENCH := $(if $(SCENES),--scenes $(SCENES)) $(if $(TRACK),--track $(TRACK)) $(if $(BLURS),--blurs $(BLURS)) $(if $(METHODS),--methods $(METHODS))
 
-.PHONY: help setup demo test test-fast test-all test-window test-window-short pictures moving-picture torture sample real bench bench-speed bench-full bench-solve bench-stability figures lint zip store clean
+.PHONY: help setup demo test test-fast test-all test-window test-window-smoke pictures moving-picture torture sample real bench bench-speed bench-full bench-solve bench-stability figures lint zip store clean
 help:
 	@echo "make demo    render the sample clip with depth of field and say where the video is"
 	@echo "make test    run the tests of the add-on"
 	@echo "make test-fast  those that need neither Blender nor a solve nor another process"
 	@echo "make test-all  and long solves, real data and the benchmarks' own"
 	@echo "make test-window  drive a real Blender on a virtual screen with mouse and keys (BLENDER=PROGRAM); BACKEND=vulkan: a part of them"
-	@echo "make test-window-short  the same without four walks of many minutes through whole clips"
+	@echo "make test-window-smoke  a few of them, five minutes: install, drop a clip, solve, preview, pick focus, F12, a movie"
 	@echo "make pictures  take the documentation's pictures in a real Blender (BLENDER=PROGRAM), into docs/pictures/"
 	@echo "make moving-picture  the sample clip with its focus pulled, as the README opens with it"
 	@echo "make torture  kills, full disks, races and damaged files for hours; resumes (TRIES=100 FAULTS=\"movie jobs\")"
@@ -72,12 +72,8 @@ test-window: setup
 	@rm -rf build/window
 	@BACKEND=$(BACKEND) $(TESTS) $(WINDOW_TESTS)
 
-# Walks of many minutes, through a real clip, through that of a walker, and for the documentation's pictures.
-WALKS := tests/window/test_in_the_hands.py tests/window/test_pictures.py tests/window/test_walker_in_the_hands.py \
-	tests/window/test_first_panel.py
-
-test-window-short:
-	@$(MAKE) --no-print-directory test-window WINDOW_TESTS="tests/window $(WALKS:%=--ignore=%)"
+test-window-smoke:
+	@$(MAKE) --no-print-directory test-window JOBS=1 WINDOW_TESTS="-m smoke tests/window"
 
 pictures: setup
 	@$(PYTHON) tools/build_zip.py

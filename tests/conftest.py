@@ -46,6 +46,9 @@ DATA_FIXTURES = {"data", "duck"}
 def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line("markers", "data: needs real footage; given to tests by their fixtures")
     config.addinivalue_line("markers", "long: more than some ten seconds, for `make test-all`")
+    config.addinivalue_line(
+        "markers", "smoke: in a window, what a first film takes, for `make test-window-smoke`"
+    )
     config.pluginmanager.register(ending)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 
 import pytest
@@ -11,6 +10,8 @@ from addon.core.base.errors import UserError
 from addon.core.media.clip import FrameRange
 from addon.core.sfm.process import SolveProcess, SolveProgress
 from addon.core.sfm.workspace import Solve, load_solve
+
+from .waiting import until
 
 
 def solve(
@@ -31,11 +32,9 @@ def solve(
 
 
 def begun(process: SolveProcess) -> list[SolveProgress]:
-    """The first that the worker says; fails after a minute."""
-    end = time.monotonic() + 60
-    while not (said := process.poll()):
-        assert time.monotonic() < end, "the worker says nothing"
-        time.sleep(0.01)
+    """The first progress that the worker reports."""
+    said: list[SolveProgress] = []
+    until(lambda: said.extend(process.poll()) or said, "the worker reports nothing")
     return said
 
 

@@ -6,7 +6,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 from queue import SimpleQueue
 
@@ -15,6 +14,8 @@ import pytest
 from addon.core.base.child import Child, end
 from addon.core.base.errors import Remedy, UserError
 from addon.core.base.messages import Failure, Message, Progress, Result, Seen, Warned, decode, encode, send
+
+from ..waiting import until
 
 ROOT = Path(__file__).resolve().parents[2]
 SPEAK = "import os, sys; from addon.core.base.messages import *; speak();"
@@ -90,7 +91,7 @@ def test_a_process_that_dies_after_it_was_done_has_done_its_work() -> None:
 def test_a_process_that_does_not_listen_is_killed() -> None:
     queue: SimpleQueue[Message | None] = SimpleQueue()
     script = (
-        "import signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN); send(Result()); time.sleep(60)"
+        "import signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN); send(Result()); time.sleep(9000)"
     )
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
     child = Child([sys.executable, "-c", SPEAK + script], queue.put, environment=environment)
@@ -100,8 +101,16 @@ def test_a_process_that_does_not_listen_is_killed() -> None:
     end([child])
 
 
+def is_there(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
 def test_a_process_ends_with_the_one_that_started_it() -> None:
-    inner = SPEAK + "import time; print(os.getpid(), file=sys.stderr, flush=True); time.sleep(60)"
+    inner = SPEAK + "import time; print(os.getpid(), file=sys.stderr, flush=True); time.sleep(9000)"
     outer = (
         "import os, sys, time; from addon.core.base.child import Child;"
         f"child = Child([sys.executable, '-c', {inner!r}], print);\n"
@@ -115,10 +124,7 @@ def test_a_process_ends_with_the_one_that_started_it() -> None:
     assert ended.returncode == -signal.SIGKILL
     # The pipe is closed by the last of both.
     number = int(ended.stdout)
-    with pytest.raises(ProcessLookupError):
-        for _ in range(2000):
-            os.kill(number, 0)
-            time.sleep(0.01)
+    until(lambda: not is_there(number))
 
 
 def test_a_program_that_is_not_there_is_told() -> None:

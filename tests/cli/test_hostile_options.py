@@ -20,6 +20,7 @@ from addon.core.readers.colmap_export import write_model
 from addon.core.sfm.process import SolveProcess
 
 from ..scenes import slanted_plane, write_frames
+from ..waiting import PATIENCE
 
 HEADLESS = Path(__file__).resolve().parents[2] / "addon" / "headless.py"
 LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
@@ -277,7 +278,7 @@ def test_a_hangup_ends_it_with_a_line_unless_it_is_ignored(work: Path, tmp_path:
     while not process.stdout.readline().startswith("rendering"):
         assert process.poll() is None
     process.send_signal(signal.SIGHUP)
-    _, errors = process.communicate(timeout=300)
+    _, errors = process.communicate(timeout=PATIENCE)
     lines = [line for line in errors.splitlines() if "EGL" not in line and "nohup" not in line]
     expected = (0, []) if program else (129, ["error: interrupted; finished frames are kept"])
     assert (process.returncode, lines) == expected

@@ -100,6 +100,7 @@ def test_depth_that_is_found_ahead_is_what_renders_read(
         assert (tmp_path / "found" / name).read_bytes() == (tmp_path / "read" / name).read_bytes()
 
 
+@pytest.mark.long
 def test_a_solve_is_there_where_its_depth_cannot_be_kept(
     registered: None, solved: Solve, clip: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -33,6 +33,7 @@ from .. import planes
 from ..command_line import run
 from ..scenes import LENS, slanted_plane, write_frames
 from ..slanted_clip import FRAMES, LENS_OPTIONS, keep, listed, ready, rendered, video
+from ..waiting import PATIENCE
 
 __all__ = ["ready"]
 ROOT = Path(__file__).resolve().parents[2]
@@ -361,7 +362,7 @@ def test_litter_of_dead_processes_is_collected(tmp_path: Path, monkeypatch: pyte
 
 def test_a_killed_solve_leaves_nothing_after_the_next_start(tmp_path: Path) -> None:
     clip = planes.write_clip(tmp_path / "walk", planes.sideways(16))
-    temporary = tmp_path / "tmp"
+    temporary, work = tmp_path / "tmp", tmp_path / "work"
     temporary.mkdir()
     script = (
         "import os, sys; from pathlib import Path; from addon.core.sfm.process import SolveProcess\n"
@@ -370,11 +371,11 @@ def test_a_killed_solve_leaves_nothing_after_the_next_start(tmp_path: Path) -> N
         "os.kill(p._child.process.pid, 9); os._exit(0)"
     )
     env = os.environ | {"PYTHONPATH": str(ROOT), "TMPDIR": str(temporary)}
-    subprocess.run([sys.executable, "-c", script, clip, tmp_path / "work"], check=True, env=env, timeout=60)
-    assert list(temporary.iterdir()) and list((tmp_path / "work").iterdir())
+    subprocess.run([sys.executable, "-c", script, clip, work], check=True, env=env, timeout=PATIENCE)
+    assert list(temporary.iterdir()) and list(work.iterdir())
     again = script.splitlines()[0] + "\np = SolveProcess(Path(sys.argv[1]), Path(sys.argv[2])); p.cancel()"
-    subprocess.run([sys.executable, "-c", again, clip, tmp_path / "work"], check=True, env=env, timeout=60)
-    assert list(temporary.iterdir()) == [] == list((tmp_path / "work").iterdir())
+    subprocess.run([sys.executable, "-c", again, clip, work], check=True, env=env, timeout=PATIENCE)
+    assert list(temporary.iterdir()) == [] == list(work.iterdir())
 
 
 def test_two_clips_do_not_share_a_folder_where_no_locks_are_known(
@@ -413,7 +414,7 @@ def test_two_clips_race_into_one_folder(tmp_path: Path) -> None:
         )
         for clip in clips
     ]  # fmt: skip
-    errors = [process.communicate(timeout=120)[1] for process in both]
+    errors = [process.communicate(timeout=PATIENCE)[1] for process in both]
     assert sorted(process.returncode for process in both) == [0, 1]
     won = 0 if both[0].returncode == 0 else 1
     assert "is being solved into" in errors[1 - won] or "choose another folder" in errors[1 - won]

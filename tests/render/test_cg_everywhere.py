@@ -9,8 +9,6 @@ import re
 import signal
 import subprocess
 import sys
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 import av
@@ -28,6 +26,7 @@ from ..command_line import HEADLESS, done
 from ..farm_jobs import tasks, words_of
 from ..lamps import place_lamp
 from ..movies import assert_same
+from ..waiting import PATIENCE, until
 
 COUNT = 9
 """Frames: one more than are worth other processes."""
@@ -91,6 +90,7 @@ def test_by_processes_side_by_side(blend: Path, tmp_path: Path) -> None:
     assert contents(tmp_path / "two") == contents(blend.parent / "one")
 
 
+@pytest.mark.long
 def test_by_processes_that_draw_ahead(blend: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     taken = list[int]()
     take = SharedFrames.take
@@ -117,6 +117,7 @@ def pixels(folder: Path) -> dict[int, np.ndarray]:
     return {int(path.stem): np.asarray(cv2.imread(str(path))) for path in folder.iterdir()}
 
 
+@pytest.mark.long
 def test_by_a_farm_whose_scene_was_given_it(blend: Path, tmp_path: Path) -> None:
     lens = "--focus-distance", "7", "--blur", "0.02", "--method", "features", "--views", "4"
     done("farm", blend.parent / "work", *lens, "--chunk", 5, "--out", tmp_path / "job")
@@ -146,6 +147,7 @@ def test_by_render_clip(blend: Path, tmp_path: Path) -> None:
             assert np.abs(shown.to_ndarray(format="bgr24").astype(float) - one[frame]).mean() < 6, frame
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not Path("/proc/self/cmdline").exists(), reason="processes are found in /proc")
 @pytest.mark.parametrize("ended", ["SIGTERM", "SIGKILL"])
 def test_no_process_stays_behind(blend: Path, tmp_path: Path, ended: str) -> None:
@@ -184,12 +186,13 @@ def test_who_draws_ahead_ends_while_it_waits(blend: Path, tmp_path: Path, ended:
             process.terminate()
         else:
             process.stdin.close()
-        assert process.wait(10) == 128 + signal.SIGTERM
+        assert process.wait(PATIENCE) == 128 + signal.SIGTERM
     finally:
         process.kill()
         process.wait()
 
 
+@pytest.mark.long
 def test_the_frame_is_named_where_cycles_fails(blend: Path, tmp_path: Path) -> None:
     temporary, out = tmp_path / "tmp", tmp_path / "o"
     temporary.mkdir()
@@ -217,10 +220,3 @@ def running(temporary: Path) -> list[int]:
             if f"{temporary}/".encode() in path.read_bytes():
                 found.append(int(path.parent.name))
     return found
-
-
-def until(is_so: Callable[[], bool]) -> None:
-    end = time.monotonic() + 60
-    while not is_so():
-        assert time.monotonic() < end
-        time.sleep(0.02)

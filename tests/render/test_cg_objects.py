@@ -23,6 +23,7 @@ from addon.scene.shot import shot_of
 
 from ..lamps import LIGHT, place_lamp
 from ..scenes import slanted_shot
+from ..waiting import PATIENCE
 
 LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
 DISTANCE = 8.0
@@ -175,7 +176,7 @@ def test_it_ends_in_the_midst_of_a_picture_too(solved: bpy.types.Scene) -> None:
         with pytest.raises(Cancelled), reporting(look):
             process.draw(solved.view_layers[0].name, 2, LENS, None)
         process._child.process.stdin.close()
-        assert process._child.process.wait(15) != 0
+        assert process._child.process.wait(PATIENCE) != 0
     finally:
         process.end().join()
 

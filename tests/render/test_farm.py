@@ -33,6 +33,7 @@ from benchmarks.torture.bench import contents, file_limit
 from ..command_line import HEADLESS, done, headless, here
 from ..farm_jobs import tasks, words_of
 from ..movies import assert_same, frames_of_sound
+from ..waiting import until
 
 ROOT = Path(__file__).resolve().parents[2]
 LENS = ("--focus-distance", "7", "--blur", "0.05", "--method", "features", "--views", "4")
@@ -318,10 +319,9 @@ def children(process: int) -> list[int]:
     return [int(each) for each in Path(f"/proc/{process}/task/{process}/children").read_text().split()]
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="children are found in /proc")
-@pytest.mark.parametrize(
-    "ended", ["child", "Ctrl-C", pytest.param("SIGTERM", marks=pytest.mark.long), "SIGKILL"]
-)
+@pytest.mark.parametrize("ended", ["child", "Ctrl-C", "SIGTERM", "SIGKILL"])
 def test_jobs_that_are_ended(work: Path, tmp_path: Path, ended: str) -> None:
     out = tmp_path / "o" / "######.png"
     temporary = tmp_path / "tmp"
@@ -340,10 +340,7 @@ def test_jobs_that_are_ended(work: Path, tmp_path: Path, ended: str) -> None:
         process.send_signal(number)
         process.communicate()
         assert process.returncode == {"Ctrl-C": 130, "SIGTERM": 143, "SIGKILL": -9}[ended]
-        until = time.monotonic() + 15
-        while any(Path(f"/proc/{each}/cwd").exists() for each in running):
-            assert time.monotonic() < until, "they go on without their parent"
-            time.sleep(0.05)
+        until(lambda: not any(Path(f"/proc/{each}/cwd").exists() for each in running))
         done("render", work, *LENS, "--out", out)
     assert contents(out.parent) == contents(work.parent / "frames")
     if ended == "SIGKILL":
@@ -464,7 +461,8 @@ OPEN = (
 )
 
 
-@pytest.mark.parametrize("packed", [False, pytest.param(True, marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("packed", [False, True])
 def test_a_project_is_rendered_alike_in_two_other_places(work: Path, tmp_path: Path, packed: bool) -> None:
     home = tmp_path / "home"
     clip.write_masks(home / "my masks", COUNT)

@@ -15,6 +15,8 @@ from addon.render.gpu_views import egl_problem
 from benchmarks.torture import clip
 from benchmarks.torture.bench import HEADLESS, contents
 
+from ..waiting import PATIENCE
+
 LENS = ("--focus-distance", "7", "--blur", "0.05", "--method", "features", "--views", "4", "--frames", "1-3")
 MB = 2**20
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="limits are known on Linux only")
@@ -85,7 +87,7 @@ def test_a_thread_that_does_not_end_keeps_no_process() -> None:
         "print('wrote it')\nheadless._leave(3)"
     )
     done = subprocess.run(
-        [sys.executable, "-c", words], capture_output=True, text=True, check=False, timeout=60,
+        [sys.executable, "-c", words], capture_output=True, text=True, check=False, timeout=PATIENCE,
         cwd=HEADLESS.parents[1],
     )  # fmt: skip
     assert (done.returncode, done.stdout) == (3, "wrote it\n")

@@ -128,7 +128,9 @@ def found_of(hand: Hand) -> Found | None:
     return found
 
 
-@pytest.mark.parametrize("k1", [-0.3, pytest.param(-0.1, marks=pytest.mark.long), 0.05])
+@pytest.mark.parametrize(
+    "k1", [pytest.param(-0.3, marks=pytest.mark.long), pytest.param(-0.1, marks=pytest.mark.long), 0.05]
+)
 def test_a_lens_that_bends_is_found(k1: float) -> None:
     hand = Hand(k1=k1)
     found = found_of(hand)

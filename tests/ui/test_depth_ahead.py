@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -19,6 +18,7 @@ from addon.scene.subjects import set_marked
 from addon.ui import depth_ahead, panels
 from addon.ui.operators import build_scene
 
+from .. import waiting
 from ..recorder import draw
 from ..scenes import slanted_shot
 
@@ -38,12 +38,13 @@ def work(scene: bpy.types.Scene, tmp_path: Path) -> Iterator[Path]:
 
 
 def until(is_so: Callable[[], bool]) -> None:
-    """Let timers have their turns; AssertionError after a minute."""
-    end = time.monotonic() + 60
-    while not is_so():
-        assert time.monotonic() < end
+    """Let timers have their turns."""
+
+    def ticked() -> bool:
         depth_ahead._tick()
-        time.sleep(0.05)
+        return is_so()
+
+    waiting.until(lambda: is_so() or ticked(), every=0.05)
 
 
 def kept(work: Path) -> dict[str, int]:
@@ -100,7 +101,7 @@ def test_pausing_ends_the_process_and_finding_goes_on_later(scene: bpy.types.Sce
     assert found is not None and found.child is not None
     process = found.child.process
     bpy.ops.virtual_aperture.pause_depth()
-    assert process.wait(30) != 0
+    assert process.wait(waiting.PATIENCE) != 0
     assert depth_ahead.of(scene.virtual_aperture) is None
     assert "virtual_aperture.find_depth" in draw(panels.solve.VIRTUAL_APERTURE_PT_solve).operators
     bpy.ops.virtual_aperture.find_depth()
@@ -175,7 +176,7 @@ def test_another_file_ends_it(scene: bpy.types.Scene, work: Path) -> None:
     assert found is not None and found.child is not None
     process = found.child.process
     bpy.ops.wm.read_homefile(app_template="", use_empty=True, use_factory_startup=True)
-    assert process.wait(30) != 0
+    assert process.wait(waiting.PATIENCE) != 0
 
 
 def test_another_clip_has_no_part_in_it(scene: bpy.types.Scene, work: Path) -> None:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import bpy
@@ -15,6 +14,7 @@ from addon.ui import export
 
 from ..recorder import Recorder
 from ..scenes import LENS, slanted_plane, write_plane
+from ..waiting import until
 
 COUNT = 6
 
@@ -37,13 +37,6 @@ def shown() -> Recorder:
 
 def names(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.iterdir()) if folder.is_dir() else []
-
-
-def until(is_so: Callable[[], bool]) -> None:
-    end = time.monotonic() + 60
-    while not is_so():
-        assert time.monotonic() < end
-        time.sleep(0.05)
 
 
 def test_files_are_exported_in_the_background(scene: bpy.types.Scene, clip: Path) -> None:

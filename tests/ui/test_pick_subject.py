@@ -26,6 +26,7 @@ from .. import planes
 from ..recorder import Recorder, draw
 from ..scenes import slanted_shot
 from ..subjects import walls
+from ..waiting import PATIENCE
 
 LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
 OPERATORS = bpy.ops.virtual_aperture
@@ -204,10 +205,10 @@ def test_work_that_is_cancelled_ends_before_the_next_begins() -> None:
             log.append("ended")
 
     first = Work(endless)
-    assert entered.wait(60)
+    assert entered.wait(PATIENCE)
     second = Work(lambda: log.append("next"), after=first)
     first.cancel()
-    assert second.ended(60) and log == ["ended", "next"]
+    assert second.ended(PATIENCE) and log == ["ended", "next"]
     with pytest.raises(Cancelled):
         first.result()
 

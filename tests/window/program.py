@@ -14,6 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from .screen import Screen
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -22,11 +24,13 @@ DRIVER = Path(__file__).with_name("driver.py")
 EXTENSION = "bl_ext.user_default.virtual_aperture"
 BACKEND = os.environ.get("BACKEND", "")
 """Blender's graphics backend; empty for its own choice."""
-SLOWER = 6.0 if BACKEND else 1.0
-"""Times as long as usual may everything take: a software Vulkan driver compiles for a minute before a window
-is drawn for the first time, OpenGL for seconds."""
+SLOWER = 10.0
+"""Factor on all time-outs: the machine may be busy, and a software Vulkan driver compiles for a minute before
+a window is drawn for the first time."""
 START = 60.0 * SLOWER
 """Seconds in which the program must have started."""
+STILL = 0.2
+"""Seconds between two pictures of a screen that must be alike before it is called still."""
 
 
 def blender() -> str | None:
@@ -111,6 +115,7 @@ class Program:
             listener.close()
         self._answers = self._connection.makefile("r")
         self.ask("1")
+        screen.settle = self.settle
 
     def close(self) -> None:
         end(self._process)
@@ -148,6 +153,18 @@ class Program:
         for _ in range(3):
             self.ask("1")
             time.sleep(0.05)
+
+    def still(self) -> None:
+        """Wait until the screen shows the same twice, as when a menu has opened."""
+        before = None
+        for _ in range(50):
+            self.settle()
+            now = self.screen.picture()
+            if before is not None and np.array_equal(now, before):
+                return
+            before = now
+            time.sleep(STILL)
+        raise AssertionError("the screen goes on changing")
 
     def shot(self, name: str) -> Any:
         """A picture of the screen, kept under a name."""

@@ -6,6 +6,7 @@ import os
 import shutil
 import subprocess
 import time
+from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 
@@ -13,6 +14,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+SETTLED = 0.15
+"""Seconds until a program has looked what is under the mouse, where none is asked."""
 PROGRAMS = ("Xvfb", "matchbox-window-manager", "xdotool", "import")
 
 
@@ -26,6 +29,8 @@ class Screen:
 
     def __init__(self, size: tuple[int, int] = (1600, 1000)) -> None:
         self.size = size
+        self.settle: Callable[[], None] = lambda: time.sleep(SETTLED)
+        """Returns when a program has taken in the mouse's last move; the program sets its own."""
         self._server = subprocess.Popen(
             ["Xvfb", "-displayfd", "1", "-screen", "0", f"{size[0]}x{size[1]}x24", "+extension", "GLX",
              "-nolisten", "tcp", "-noreset"],
@@ -60,7 +65,7 @@ class Screen:
         """Move there, and click, with a key held down; buttons 4 and 5 are the wheel up and down."""
         self.move(x, y)
         # Blender looks what is under the mouse when it moves there.
-        time.sleep(0.15)
+        self.settle()
         if held:
             self._xdotool("keydown", held, "click", str(button), "keyup", held)
         else:
@@ -68,13 +73,13 @@ class Screen:
 
     def double_click(self, x: float, y: float) -> None:
         self.move(x, y)
-        time.sleep(0.15)
+        self.settle()
         self._xdotool("click", "--repeat", "2", "--delay", "60", "1")
 
     def drag(self, *places: tuple[float, float]) -> None:
         """With the left button from place to place, in small steps."""
         self.move(*places[0])
-        time.sleep(0.15)
+        self.settle()
         self._xdotool("mousedown", "1")
         for start, end in pairwise(places):
             for n in range(1, 11):

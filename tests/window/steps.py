@@ -33,8 +33,6 @@ FIRST, HEADER = 14, 28
 that are closed."""
 FOLDED = 0.5
 """Seconds until a panel has folded or unfolded, which is animated."""
-MENU = 0.5
-"""Seconds until Blender has drawn a menu after a drop."""
 
 
 def first_window(program: Program) -> None:
@@ -133,6 +131,5 @@ def drop(program: Program, file: Path) -> None:
     subprocess.run(
         [sys.executable, file_drop.__file__, x, y, str(file)], env=program.screen.environment, check=True
     )
-    program.settle()
-    time.sleep(MENU)
+    program.still()
     program.shot(f"drop_{file.stem}")

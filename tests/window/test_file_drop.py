@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -13,7 +12,7 @@ from ..foreign_models import write_clip, write_model
 from .conftest import PICTURES
 from .program import Program
 from .screen import Screen
-from .steps import MENU, PRESETS, drop
+from .steps import PRESETS, drop
 
 SETTINGS = "bpy.context.scene.virtual_aperture"
 LENS = f"[round({SETTINGS}.blur, 4), round({SETTINGS}.shape.obstruction, 2), {SETTINGS}.focus_distance]"
@@ -58,6 +57,7 @@ def test_a_model_without_a_clip_is_refused(program: Program, clips: Path) -> Non
     program.settle()
 
 
+@pytest.mark.smoke
 def test_a_dropped_picture_brings_its_sequence(program: Program, clips: Path) -> None:
     drop(program, sorted((clips / "walk").iterdir())[3])
     # Blender's own handlers take pictures, too: it asks, and underlines a letter of each.
@@ -75,8 +75,7 @@ def test_a_preset_is_chosen_and_undone(program: Program) -> None:
     # Beside the f-stop; a popover cannot be asked for by name.
     x, y = left + PRESETS * width, program.find(".f_stop", "VIEW_3D", "UI").y
     program.screen.click(x, y)
-    program.settle()
-    time.sleep(MENU)
+    program.still()
     program.shot("presets")
     program.screen.move(x - 20, y + MIRROR)
     program.settle()
@@ -95,8 +94,7 @@ def test_a_preset_is_chosen_and_undone(program: Program) -> None:
 def test_a_clip_that_loses_the_focus_is_asked_about(program: Program, clips: Path) -> None:
     drop(program, clips / "clip" / "shot_0001.png")
     program.screen.key("s")
-    program.settle()
-    time.sleep(MENU)
+    program.still()
     program.shot("asked")
     program.screen.key("Escape")
     program.settle()
@@ -107,8 +105,7 @@ def replace(program: Program, clip: Path) -> None:
     """Drop another clip, and answer the question whether what is in focus may be lost by yes."""
     drop(program, sorted(clip.iterdir())[0])
     program.screen.key("s")
-    program.settle()
-    time.sleep(MENU)
+    program.still()
     program.screen.key("Return")
 
 

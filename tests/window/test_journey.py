@@ -58,6 +58,7 @@ def rendered(program: Program, name: str) -> np.ndarray:
     return read_exr(file)
 
 
+@pytest.mark.smoke
 def test_default_start_file(program: Program) -> None:
     program.screen.move(*program.middle("VIEW_3D"))
     program.screen.key("Escape")  # the splash screen
@@ -67,6 +68,7 @@ def test_default_start_file(program: Program) -> None:
     assert program.ask("bpy.context.preferences.view.render_display_type") == "WINDOW"
 
 
+@pytest.mark.smoke
 def test_install_from_disk(program: Program, zip_file: Path) -> None:
     show_preferences(program, "EXTENSIONS")
     left, top, width, _ = program.rectangle("PREFERENCES", "WINDOW", 1)
@@ -81,6 +83,7 @@ def test_install_from_disk(program: Program, zip_file: Path) -> None:
     first_window(program)
 
 
+@pytest.mark.smoke
 def test_sidebar(program: Program) -> None:
     program.show_sidebar("Virtual Aperture")
     program.shot("sidebar")

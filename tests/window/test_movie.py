@@ -73,6 +73,7 @@ def files(blend: Path) -> set[str]:
     return {path.name for path in blend.parent.iterdir()}
 
 
+@pytest.mark.smoke
 def test_one_press_gives_a_movie_with_sound(program: Program, blend: Path) -> None:
     before, others = program.ask(KEPT), files(blend)
     began = time.monotonic()

@@ -74,6 +74,7 @@ def edited(program: Program, question: str, *keys: str) -> Any:
     return program.ask(question)
 
 
+@pytest.mark.smoke
 def test_a_click_sets_the_focus(program: Program) -> None:
     assert program.ask(POINTS) == []
     begin(program)
@@ -91,6 +92,7 @@ def test_a_click_sets_the_focus(program: Program) -> None:
     assert abs(x - GLOBE[0]) < 0.004 and abs(y - GLOBE[1]) < 0.006
 
 
+@pytest.mark.smoke
 def test_escape_leaves_it(program: Program) -> None:
     before = program.ask(POINTS)
     begin(program)
@@ -102,6 +104,7 @@ def test_escape_leaves_it(program: Program) -> None:
     assert program.ask(POINTS) == before
 
 
+@pytest.mark.smoke
 def test_shift_adds_ctrl_removes_enter_confirms(program: Program) -> None:
     globe = program.ask(POINTS)
     begin(program)

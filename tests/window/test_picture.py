@@ -78,6 +78,7 @@ def detail(picture: np.ndarray) -> float:
     return float(np.abs(np.diff(picture, axis=1)).mean())
 
 
+@pytest.mark.smoke
 def test_points_lie_over_the_clip_only_where_they_are_asked_for(program: Program) -> None:
     clip = seen(program, "clip")
     program.ask(f"{SETTINGS}.show_points = True")
@@ -87,6 +88,7 @@ def test_points_lie_over_the_clip_only_where_they_are_asked_for(program: Program
     assert np.array_equal(seen(program, "no_points"), clip)
 
 
+@pytest.mark.smoke
 def test_points_are_seen_while_focus_is_picked(program: Program) -> None:
     call(program, "preview")
     plain = seen(program, "preview")
@@ -98,6 +100,7 @@ def test_points_are_seen_while_focus_is_picked(program: Program) -> None:
     assert np.array_equal(seen(program, "picked"), plain)
 
 
+@pytest.mark.smoke
 def test_colours_are_the_renders_with_overlays_and_without(program: Program) -> None:
     standard = seen(program, "standard")
     manage_colours(program, "AgX", 1.0)

@@ -16,9 +16,9 @@ import numpy as np
 import pytest
 
 from benchmarks.accuracy.cases import FromVideo
-from benchmarks.accuracy.mask_metrics import outline_band
+from benchmarks.accuracy.mask_metrics import outline_band, stroke
 from benchmarks.accuracy.scenes import Staged
-from benchmarks.accuracy.subjects import PART, stroke
+from benchmarks.accuracy.subjects import PART
 
 from .conftest import PICTURES
 from .program import EXTENSION, Program
