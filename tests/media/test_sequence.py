@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import zipfile
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -13,13 +14,17 @@ import pytest
 
 from addon.core.base.errors import UserError
 from addon.core.camera.reconstruction import Intrinsics
+from addon.core.depth.user_maps import open_depth
 from addon.core.media.clip import Footage, FrameRange, open_footage
 from addon.core.media.masks import open_masks
 from addon.core.media.packed_pictures import open_packed
 from addon.core.media.sequence import LAST_FRAME, frames_of, pattern_of
+from addon.core.readers import read_reconstruction
 from addon.scene.build import build
+from addon.scene.movieclip import _frame_numbers
 from addon.ui.choose_clip import clip_of
 
+from .. import camera_files as files
 from ..scenes import slanted_plane
 
 LENS = Intrinsics(16, 12, 14.0, 14.0, 8.0, 6.0)
@@ -144,3 +149,23 @@ def test_hidden_files_of_an_archive_are_no_pictures(tmp_path: Path) -> None:
             archive.writestr(f"maps/._{file.name}", b"\0\5\x16\7")
     maps = open_packed(tmp_path / "maps.zip", open_footage(folder))
     assert maps.frames == (1, 2) and maps.read(2).shape == (LENS.height, LENS.width, 3)
+
+
+def test_large_numbers_in_an_archive_a_movie_clip_and_a_model_are_the_files(
+    scene: bpy.types.Scene, tmp_path: Path
+) -> None:
+    folder = pictures(tmp_path / "clip", [f"P{1100335 + at}.png" for at in range(4)])
+    footage = open_footage(folder)
+    with zipfile.ZipFile(tmp_path / "maps.zip", "w") as archive:
+        for number in (1100336, 1100338):
+            archive.write(folder / f"P{number}.png", f"{number}.png")
+    maps = open_depth(tmp_path / "maps.zip", footage)
+    assert maps.frames == (2, 4)
+    assert maps.stored(4)[0, 0, 0] == 30
+    movie_clip = bpy.data.movieclips.load(str(folder / "P1100335.png"))
+    assert _frame_numbers(movie_clip, footage, []) == {1: 1, 2: 2, 3: 3, 4: 4}
+    known = files.model()
+    half = replace(known, images=known.images[:3])
+    model = files.transforms(tmp_path / "model.json", half, ("1100336.jpg", "1100337.jpg", "1100338.jpg"))
+    reader = replace(footage, width=half.cameras[0].width, height=half.cameras[0].height)
+    assert read_reconstruction(model, reader).reconstruction.frames.tolist() == [2, 3, 4]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import av
@@ -11,9 +11,10 @@ import cv2
 import numpy as np
 import pytest
 
-from addon.core.base.errors import UserError
+from addon.core.base.errors import Remedy, UserError
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.media.clip import FrameRange, open_footage, to_linear
+from addon.core.media.sequence import LAST_FRAME
 from addon.core.media.video_info import VideoInfo
 from addon.render import movie_file
 from addon.scene.build import build
@@ -203,3 +204,14 @@ def test_pictures_that_change_their_shape_are_refused_with_the_frame(tmp_path: P
     with pytest.raises(UserError, match=r"from 64x48 to 48x64 pixels at frame 4; choose frames before it"):
         open_footage(path)
     assert open_footage(path, FrameRange(1, 3)).read(3).shape == (48, 64, 3)
+
+
+def test_a_video_past_blenders_last_frame_is_refused_but_for_frames_before_it(tmp_path: Path) -> None:
+    path = encoded(tmp_path / "a.mp4", [FRAMES])
+    info = open_footage(path).video
+    assert info is not None
+    days = replace(info, times=tuple(range(LAST_FRAME + 1)))
+    with pytest.raises(UserError, match="frames 1 to 1048575, but Blender's last frame is 1048574") as caught:
+        open_footage(path, info=days)
+    assert Remedy.FRAMES in caught.value.remedies
+    assert open_footage(path, FrameRange(2, 3), info=days).frames == (2, 3)
