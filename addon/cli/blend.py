@@ -9,10 +9,11 @@ import bpy
 
 from ..core.base.digest import file_digest
 from ..core.base.errors import UserError
-from ..core.media.clip import Footage, FrameRange, open_footage
+from ..core.media.clip import Footage
 from ..render.frame_keys import GRADED
 from ..render.quiet import quiet
 from ..scene.cg_objects import cg_objects
+from ..scene.clip import solved_part
 from ..scene.properties import VirtualApertureSettings
 from ..scene.shot import forget, shot_of
 
@@ -50,17 +51,14 @@ def open_blend(
     forget()
     scene = bpy.data.scenes[name] if name else scene
     settings: VirtualApertureSettings = scene.virtual_aperture
-    clip = shot_of(scene).footage
-    solved = FrameRange(settings.clip_first, settings.clip_last, max(settings.clip_step, 1))
-    # Older versions kept no range.
-    frames = solved.of(clip.frames) or clip.frames
+    solved = solved_part(settings, shot_of(scene).footage)
     render, view = scene.render, scene.view_settings
     render.engine = "VIRTUAL_APERTURE"
     scene.camera = scene.camera or settings.camera
     if as_is and not _is_plain(scene):
         if GRADED not in scene:  # as it is where this is a share of a run
             scene[GRADED] = uuid.uuid4().hex
-        return scene, settings, open_footage(clip.path, frames, info=clip.video, stills=clip.is_stills)
+        return scene, settings, solved
     if GRADED not in scene and any(cg_objects(scene, layer) for layer in scene.view_layers if layer.use):
         # Nor have they a key: with the same file they are the same.
         scene[GRADED] = file_digest(blend)
@@ -69,7 +67,7 @@ def open_blend(
     view.use_curve_mapping = view.use_white_balance = False
     scene.display_settings.display_device, render.dither_intensity = "sRGB", 1.0
     render.image_settings.color_management = "FOLLOW_SCENE"
-    return scene, settings, open_footage(clip.path, frames, info=clip.video, stills=clip.is_stills)
+    return scene, settings, solved
 
 
 def _is_plain(scene: bpy.types.Scene) -> bool:

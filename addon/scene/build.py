@@ -228,6 +228,8 @@ def _background_problem(footage: Footage) -> str:
     """Why Blender cannot show the clip's pictures behind the camera; empty where it can."""
     if footage.is_stills:
         return "Blender shows sequences of one size only"
+    if not footage.fills_display_window:
+        return "Blender shows an EXR's data window only"
     if footage.video is None:
         is_shown = blender_shift(footage.files, footage.frames) is not None
         return "" if is_shown else "Blender takes the last number of a file name for the frame"

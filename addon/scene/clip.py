@@ -9,6 +9,7 @@ from pathlib import Path
 import bpy
 
 from ..core.base.errors import Remedy, UserError
+from ..core.media.clip import Footage, FrameRange, open_footage
 from ..core.media.find_clip import clip_exists, find_clip, is_clip
 from ..core.sfm.workspace import recorded_clip
 from .paths import absolute, own_file
@@ -53,6 +54,13 @@ def solved_clip_path(settings: bpy.types.PropertyGroup) -> Path:
     if trouble.found is None:
         raise UserError(trouble.text, *(() if trouble.is_missing else (Remedy.SOLVE,)))
     return trouble.found
+
+
+def solved_part(settings: bpy.types.PropertyGroup, clip: Footage) -> Footage:
+    """Open the frames of the clip that were solved; older versions kept no range of them."""
+    solved = FrameRange(settings.clip_first, settings.clip_last, max(settings.clip_step, 1))
+    frames = solved.of(clip.frames) or clip.frames
+    return open_footage(clip.path, frames, info=clip.video, stills=clip.is_stills)
 
 
 def trouble_with(settings: bpy.types.PropertyGroup, at_a_glance: bool = True) -> Trouble | None:

@@ -30,7 +30,7 @@ from ..core.subjects.found import FoundSubjects, SubjectOptions
 from ..core.subjects.marked import ClipSubjects, MarkedSubject
 from ..core.subjects.stroke_cut import CarryOptions
 from . import gpu_matcher, store, subjects, version
-from .clip import solved_clip_path, work_dir
+from .clip import solved_clip_path, solved_part, work_dir
 from .colour_space import REC_709, from_rec_709, space_of, working_space
 from .digests import drawn_digest, reconstruction_digest
 from .masks import DrawnMask, drawn_mask
@@ -236,8 +236,9 @@ def shot_of(scene: bpy.types.Scene) -> Shot:
         reconstruction = store.read(mesh)
         footage = open_footage(path, stills=not reconstruction.is_ordered)
         check_frames(footage)
-        depth = UserDepth.of(open_depth(Path(depth_path), footage), reconstruction) if depth_path else None
-        masks = open_masks(Path(masks_path), footage) if masks_path else None
+        solved = solved_part(settings, footage) if depth_path or masks_path else footage
+        depth = UserDepth.of(open_depth(Path(depth_path), solved), reconstruction) if depth_path else None
+        masks = open_masks(Path(masks_path), solved) if masks_path else None
         size = (footage.width, footage.height)
         shapes = drawn_mask(drawn, footage.frames, size) if drawn else None
         work = work_dir(settings, path)

@@ -13,9 +13,8 @@ import bpy
 
 from ..core.base.errors import UserError
 from ..core.media.clip import Footage
+from ..core.media.sequence import LAST_FRAME
 
-LAST_FRAME = 1048574
-"""Blender's last frame; larger numbers are clamped to it without a word."""
 ROUNDING = 1e-3
 """Frames by which Blender may miss a whole number: its old and new lengths are at most 900."""
 PRECISION = 2.5e-7

@@ -268,15 +268,23 @@ def test_maps_find_their_frames(depths: dict[int, np.ndarray], clip: Footage, tm
     ordered = open_depth(folder, clip)
     assert ordered.numbers == {frame: place for place, frame in enumerate(FRAMES)}
     assert "in order" in ordered.notes[0]
-    # One map too few: the numbers must do, and only frame 1 has its own.
+    # A part of the clip takes those of its places, too.
+    assert open_depth(folder, part).numbers == {8: 1, 15: 2, 22: 3}
+    # One map too few: nothing tells which one.
     (folder / "e05.png").unlink()
+    with pytest.raises(UserError, match="maps has 5 depth maps, numbered 0 to 4, and the clip 6 frames"):
+        open_depth(folder, clip)
+    # Numbers that do more than count are those of frames.
+    (folder / "e00.png").rename(folder / "e08.png")
     fewer = open_depth(folder, clip)
-    assert fewer.numbers == {1: 1}
-    assert "5 of 6 frames without a depth map" in fewer.notes
-    with pytest.raises(UserError, match="frame 8 has no depth map in maps; there are maps for frame 1"):
-        fewer.read(8)
+    assert fewer.numbers == {1: 1, 8: 8}
+    assert fewer.notes == (
+        "3 of 5 depth maps belong to no frame of the clip", "4 of 6 frames without a depth map",
+    )  # fmt: skip
+    with pytest.raises(UserError, match=r"frame 15 has no depth map in maps; .* for frames 1 to 8"):
+        fewer.read(15)
     with pytest.raises(UserError, match="no depth map in maps belongs to the clip"):
-        open_depth(folder, part)
+        open_depth(folder, open_footage(clip.path, FrameRange(15, 29)))
 
 
 def test_maps_of_a_video_may_count_from_zero(depths: dict[int, np.ndarray], tmp_path: Path) -> None:

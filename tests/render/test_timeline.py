@@ -13,6 +13,7 @@ import pytest
 
 from addon.core.base.errors import UserError
 from addon.core.media.clip import open_footage
+from addon.core.media.sequence import LAST_FRAME
 from addon.core.readers.matching import Imported
 from addon.core.sfm.workspace import keep_import
 from addon.render import cg_process, engine, output
@@ -21,7 +22,7 @@ from addon.scene.build import build
 from addon.scene.exr import read
 from addon.scene.ignored import ignored, unseen
 from addon.scene.shot import shot_of
-from addon.scene.timeline import LAST_FRAME, clip_frame, go_to, scene_time
+from addon.scene.timeline import clip_frame, go_to, scene_time
 
 from ..command_line import done, here
 from ..lamps import place_lamp

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..base.arrays import Floats
 from ..base.errors import UserError
-from ..media.clip import Footage, describe
+from ..media.clip import DEPTH_MAP, Footage, describe
 from ..media.side_files import SideFiles
 from .depth_network import NETWORK, open_network
 
@@ -50,7 +50,7 @@ class DepthMap:
 class DepthMaps(SideFiles):
     """The depth maps of a clip."""
 
-    KIND = "depth map"
+    KIND = DEPTH_MAP
 
     def read(self, frame: int) -> DepthMap:
         """The map of one of the clip's frames; UserError where there is none or it holds no depth."""

@@ -7,6 +7,7 @@ as far as Blender can address them (`sequence.frames_of`).
 
 from __future__ import annotations
 
+import contextlib
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -21,8 +22,9 @@ from ..base.counting import common_step, ordinal
 from ..base.errors import Remedy, UserError
 from ..base.file_names import checked_name
 from ..base.nearest_fill import nearest
-from ..base.regular_file import regular_stat
+from ..base.regular_file import open_regular, regular_stat
 from .colour_space import SRGB
+from .exr_parts import read_header
 from .frame_table import DEFAULT_RATE
 from .picture_file import PICTURES, Pixels, read_picture
 from .sequence import (
@@ -38,6 +40,8 @@ from .video_info import VideoInfo
 
 MOST_STILLS = 100
 """Photos that can be matched each with all others: the pairs take a quarter of a second each."""
+DEPTH_MAP = "depth map"
+"""What a picture beside a clip is called that holds depth (`Footage.beside`)."""
 BRIGHTEST = 65504.0
 """The largest number that a half float holds: sums over hundreds of views of it stay finite."""
 
@@ -92,6 +96,8 @@ class Footage:
     `frames`."""
     video: VideoInfo | None = None
     """Of a video: its frames' times, its sound's, and what is damaged."""
+    beside: str = ""
+    """What its pictures are called where they lie beside a clip, as "mask"."""
     is_stills: bool = False
     """Whether the frames are photos in the order of their names, which no time has: of any sizes, `width` and
     `height` being those of the first."""
@@ -99,6 +105,11 @@ class Footage:
     @cached_property
     def _video(self) -> VideoReader:
         return VideoReader(self.path)
+
+    @property
+    def is_depth(self) -> bool:
+        """Whether its pictures are depth maps."""
+        return self.beside == DEPTH_MAP
 
     @property
     def is_video(self) -> bool:
@@ -115,12 +126,29 @@ class Footage:
         """What the user should know of the clip, a line each."""
         if self.video is not None:
             return self.video.notes
-        if not self.numbers:
-            return []
-        return [
-            f"the file names count from {self.numbers[0]} to {self.numbers[-1]}, but Blender's last frame is"
-            f" {LAST_FRAME}; the clip has {describe(self.frames)} instead"
-        ]
+        found = []
+        if self.numbers:
+            found.append(
+                f"the file names count from {self.numbers[0]} to {self.numbers[-1]}, but Blender's last frame"
+                f" is {LAST_FRAME}; the clip has {describe(self.frames)} instead"
+            )
+        if not self.fills_display_window:
+            found.append(
+                f"the pixels of {self.files[0].name}, its data window, are not all of its display window of"
+                f" {self.width}x{self.height}; the rest is empty, and what lies outside is cut off"
+            )
+        return found
+
+    @property
+    def fills_display_window(self) -> bool:
+        """Whether the first picture has the pixels of its whole frame and no others: an EXR may differ."""
+        first = self.files[0] if self.files else self.path
+        if first.suffix.lower() != ".exr":
+            return True
+        with contextlib.suppress(OSError, ValueError), open_regular(first) as file:
+            part = read_header(file).parts[0]
+            return part.data_window == part.display_window
+        return True
 
     @property
     def file_numbers(self) -> tuple[int, ...]:
@@ -137,6 +165,10 @@ class Footage:
         """The frames in a range, which may also count as the files' names do (`numbers`)."""
         named = dict(zip(self.numbers, self.frames, strict=False))
         return wanted.of(self.frames) or tuple(named[number] for number in wanted.of(named))
+
+    def whole(self) -> Footage:
+        """Open all frames of the clip that this is a part of."""
+        return open_footage(self.path, info=self.video, stills=self.is_stills)
 
     def file(self, frame: int) -> Path:
         """The file that holds a frame."""
@@ -161,9 +193,14 @@ class Footage:
         """
         if frame not in self.frames:
             raise UserError(f"{self.path.name} has no frame {frame}; it has {describe(self.frames)}")
-        picture = self._video.read(frame) if self.is_video else read_picture(self.file(frame))
+        picture = self._video.read(frame) if self.is_video else read_picture(self.file(frame), self.is_depth)
         if picture.shape[:2] != (self.height, self.width) and not self.is_stills:
             where = self.file(frame).name if self.files else f"frame {frame}"
+            if self.beside:
+                raise UserError(
+                    f"{where} is {picture.shape[1]}x{picture.shape[0]}, the first {self.beside} is"
+                    f" {self.width}x{self.height}; all must have one size and show the whole frame"
+                )
             problem = (
                 f"{where} is {picture.shape[1]}x{picture.shape[0]}, the clip is {self.width}x{self.height};"
                 " all frames of a clip must have one size"
@@ -184,18 +221,20 @@ def open_footage(
     fps: float | None = None,
     info: VideoInfo | None = None,
     stills: bool = False,
+    beside: str = "",
 ) -> Footage:
     """Open a video file, a folder of images, or a pattern such as `shot_####.png` or `shot_%04d.png`.
 
     `frames` narrows the clip to a range or to given frame numbers; `fps` is a sequence's rate; `info` is what
     is known of this very video, which is decoded to be counted otherwise. `stills` says that the pictures of
     a folder are photos in no order; those whose names hold no numbers are, unless they are more than
-    `MOST_STILLS`. Raises UserError, one line, for anything that cannot be read.
+    `MOST_STILLS`. `beside` is what pictures beside a clip are called (`Footage.beside`). Raises UserError,
+    one line, for anything that cannot be read.
     """
     path = checked_name(_expanded(path))
     try:
         if is_pattern(path) or path.is_dir():
-            footage = _open_sequence(path, fps, stills)
+            footage = _open_sequence(path, fps, stills, beside)
         elif not path.exists():
             raise UserError(
                 f"{path} does not exist; choose a video file, a folder of images or a pattern like ####.png"
@@ -210,7 +249,7 @@ def open_footage(
             regular_stat(path)
             info = video_info(path, info)
             numbers = tuple(range(1, info.count + 1))
-            footage = Footage(path, numbers, info.width, info.height, info.fps, video=info)
+            footage = Footage(path, numbers, info.width, info.height, info.fps, video=info, beside=beside)
     except OSError as error:
         raise UserError(f"{error.filename or path} cannot be read: {error.strerror or error}") from error
     footage = footage if frames is None else _narrowed(footage, frames)
@@ -304,7 +343,7 @@ def decode_srgb(encoded: NDArray[np.floating]) -> NDArray[np.floating]:
     return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
 
 
-def _open_sequence(path: Path, fps: float | None, stills: bool) -> Footage:
+def _open_sequence(path: Path, fps: float | None, stills: bool, beside: str) -> Footage:
     by_pattern = pattern_numbers(path) if is_pattern(path) else None
     files = clip_files(path) if by_pattern is None else sorted(by_pattern)
     if not files:
@@ -329,10 +368,10 @@ def _open_sequence(path: Path, fps: float | None, stills: bool) -> Footage:
     frames = frames_of(sorted(numbered))
     own = () if all(number == frame for number, frame in frames.items()) else tuple(frames)
     ordered = tuple(numbered[number] for number in frames)
-    first = read_picture(ordered[0])
+    first = read_picture(ordered[0], beside == DEPTH_MAP)
     rate = fps or float(DEFAULT_RATE)
     size = first.shape[1], first.shape[0]
-    return Footage(path, tuple(frames.values()), *size, rate, ordered, own, is_stills=stills)
+    return Footage(path, tuple(frames.values()), *size, rate, ordered, own, beside=beside, is_stills=stills)
 
 
 def _pattern_like(file: Path, number: int) -> str:

@@ -11,7 +11,7 @@ from ..base.errors import UserError
 from ..base.lru_cache import LRUCache
 from ..base.npz import ArrayFile
 from ..base.regular_file import open_regular
-from .clip import Footage, open_footage
+from .clip import DEPTH_MAP, Footage
 from .picture_file import ARRAY, ARRAYS, PICTURES, Pixels, decode_picture, grey
 from .sequence import is_litter, is_pattern, name_numbers
 
@@ -21,6 +21,12 @@ MOST = 256 << 20
 """Bytes of one picture of a .zip as it is unpacked: of 8192 x 8192 floats."""
 REMEMBERED = 256 << 20
 """Bytes of pictures as they were read: maps of frames around one are asked for again."""
+
+
+MISCOUNTED = 2
+"""Frames by which programs disagree on how many a video has."""
+LEAST_SHARE = 0.9
+"""Share of the frames of a short clip that makes the same difference no other rate."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +50,7 @@ def is_packed(path: Path) -> bool:
     return path.suffix.lower() in PACKED and not path.is_dir() and not is_pattern(path)
 
 
-def open_packed(path: Path, clip: Footage) -> PackedPictures:
+def open_packed(path: Path, clip: Footage, beside: str = "") -> PackedPictures:
     """The pictures of a file, for a clip that is open: the maps of an .npz, the first one being that of the
     clip's first frame, or the pictures of a .zip, which have the numbers of their names.
 
@@ -52,34 +58,38 @@ def open_packed(path: Path, clip: Footage) -> PackedPictures:
     """
     try:
         if path.suffix.lower() == ".zip":
-            numbers, decode = _zipped(path)
+            numbers, decode = _zipped(path, beside == DEPTH_MAP)
         else:
             numbers, decode = _stacked(path, clip)
     except (OSError, ValueError) as error:
         raise UserError(f"{path.name} cannot be read: {_reason(error)}") from error
     first = _readable(path, decode, numbers[0])
-    return PackedPictures(path, numbers, first.shape[1], first.shape[0], clip.fps, decode=decode)
+    size = first.shape[1], first.shape[0]
+    return PackedPictures(path, numbers, *size, clip.fps, beside=beside, decode=decode)
+
+
+def about_as_many(one: int, other: int) -> bool:
+    """Whether two counts of a clip's frames differ by no more than programs disagree on."""
+    few, many = sorted((one, other))
+    return many - few <= MISCOUNTED and few >= LEAST_SHARE * many
 
 
 def _stacked(path: Path, clip: Footage) -> tuple[tuple[int, ...], Callable[[int], Pixels]]:
-    array, frames = ArrayFile(path, ARRAYS), _all_frames(clip)
-    if array.count > len(frames):
+    array, whole = ArrayFile(path, ARRAYS), clip.whole()
+    numbers = next((part.frames for part in (whole, clip) if len(part.frames) == array.count), ())
+    if not numbers and about_as_many(array.count, len(whole.frames)):
+        numbers = whole.frames[: array.count]
+    if not numbers:
         raise ValueError(
-            f"it has {array.count} maps, the clip only {len(frames)} frames; check that it is this clip's"
+            f"it has {array.count} maps and the clip {len(whole.frames)} frames: it is not clear which they"
+            " belong to; make one for every frame, or save each as a file with its frame's number, as"
+            " depth_0001.npz"
         )
-    numbers = frames[: array.count]
     place = {number: index for index, number in enumerate(numbers)}
     return numbers, lambda frame: grey(array.read(place[frame]))
 
 
-def _all_frames(clip: Footage) -> tuple[int, ...]:
-    """The numbers of a clip's frames, also those that are not asked for."""
-    if clip.video is not None:
-        return tuple(range(1, clip.video.count + 1))
-    return open_footage(clip.path).frames
-
-
-def _zipped(path: Path) -> tuple[tuple[int, ...], Callable[[int], Pixels]]:
+def _zipped(path: Path, is_depth: bool) -> tuple[tuple[int, ...], Callable[[int], Pixels]]:
     members = dict[int, str]()
     try:
         with open_regular(path) as file, zipfile.ZipFile(file) as archive:
@@ -112,7 +122,7 @@ def _zipped(path: Path) -> tuple[tuple[int, ...], Callable[[int], Pixels]]:
                 data = archive.read(name)
         except (zipfile.BadZipFile, KeyError, EOFError, RuntimeError, NotImplementedError) as error:
             raise ValueError(f"{name} in it is damaged: {error}") from None
-        return decode_picture(data, name)
+        return decode_picture(data, name, is_depth)
 
     return tuple(sorted(members)), decode
 

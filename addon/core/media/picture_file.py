@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,7 +12,8 @@ from numpy.typing import NDArray
 
 from ..base.errors import UserError
 from ..base.npz import ArrayFile
-from ..base.regular_file import read_regular, regular_stat
+from ..base.regular_file import open_regular, read_regular, regular_stat
+from . import exr_parts
 
 Pixels = NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.float32]
 
@@ -34,26 +36,34 @@ ARRAYS = ("depths", "depth")
 Depth-Anything-3 and Depth Pro."""
 
 
-def read_picture(path: Path) -> Pixels:
-    """(H, W, 3 or 4) RGB or RGBA of a file as stored: uint8, uint16, or float32, which EXR is.
+def read_picture(path: Path, is_depth: bool = False) -> Pixels:
+    """Read a picture file.
 
-    UserError where it cannot be read or decoded.
+    Args:
+        path: The file.
+        is_depth: Whether it is a depth map: of several layers of an EXR the one that holds depth counts.
+
+    Returns:
+        (H, W, 3 or 4) RGB or RGBA as stored: uint8, uint16, or float32, which EXR is.
+
+    Raises:
+        UserError: if it cannot be read or decoded.
     """
     try:
-        return _decoded(path)
+        return _decoded(path, is_depth)
     except OSError as error:
         raise UserError(
             f"{path} cannot be read: {error.strerror or error}; restore it or leave the frame out"
         ) from error
 
 
-def _decoded(path: Path) -> Pixels:
+def _decoded(path: Path, is_depth: bool) -> Pixels:
     if regular_stat(path).st_size == 0:
         raise UserError(f"{path.name} is empty (0 bytes); export the sequence again")
     if path.suffix.lower() == ARRAY:
         return _read_array(path)
     if path.suffix.lower() == ".exr":
-        return _read_exr(path, path.name)
+        return _read_exr(path, path.name, is_depth)
     level = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     try:
         data = np.frombuffer(read_regular(path), dtype=np.uint8)
@@ -73,10 +83,10 @@ def _decoded(path: Path) -> Pixels:
     return to_rgb(picture)
 
 
-def decode_picture(data: bytes, name: str) -> Pixels:
+def decode_picture(data: bytes, name: str, is_depth: bool = False) -> Pixels:
     """As `read_picture`, of a file's bytes; `name` tells its kind. UserError where it cannot be decoded."""
     if name.lower().endswith(".exr"):
-        return _read_exr(data, name)
+        return _read_exr(data, name, is_depth)
     try:
         picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED | cv2.IMREAD_ANYCOLOR)
     except cv2.error:
@@ -92,12 +102,27 @@ def grey(values: NDArray[np.generic]) -> Pixels:
         return np.repeat(values.astype(np.float32)[..., None], 3, axis=2)
 
 
-def _read_exr(picture: Path | bytes, name: str) -> Pixels:
+def _read_exr(picture: Path | bytes, name: str, is_depth: bool) -> Pixels:
     if exr_decoder is None:
         raise UserError(f"{name} is an EXR, which can only be read inside Blender; convert it to 16-bit PNG")
+    header = None
     try:
-        return exr_decoder(picture)
+        with io.BytesIO(picture) if isinstance(picture, bytes) else open_regular(picture) as file:
+            header = exr_parts.read_header(file)
+        channel = exr_parts.depth_channel(header) if is_depth else None
+        part = header.parts[channel.part if channel is not None else 0]
+        if channel is not None and len(header.channels) > 1:
+            data = picture if isinstance(picture, bytes) else read_regular(picture)
+            picture = exr_parts.alone(data, header, channel)
+        return exr_parts.placed(exr_decoder(picture), part)
+    except exr_parts.LayerError as error:
+        raise UserError(f"{name} cannot be used: {error}") from error
     except (OSError, ValueError, RuntimeError) as error:
+        if not is_depth and header is not None and header.has_layers:
+            raise UserError(
+                f"{name} has layers, {exr_parts.listed(header.channels)}; frames and masks have one: save"
+                " them as OpenEXR, not as Multi-Layer EXR"
+            ) from error
         raise UserError(f"{name} cannot be decoded; export this frame again or leave it out") from error
 
 

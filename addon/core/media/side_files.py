@@ -6,9 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar, Self
 
+import numpy as np
+
 from ..base.errors import UserError
-from .clip import Footage, describe, open_footage
-from .packed_pictures import is_packed, open_packed
+from .clip import DEPTH_MAP, Footage, describe, open_footage
+from .packed_pictures import about_as_many, is_packed, open_packed
 from .picture_file import Pixels
 
 STRETCH = 0.02
@@ -25,7 +27,7 @@ class SideFiles:
     """What becomes of frames without one, at the end of the note that counts them."""
 
     footage: Footage
-    """The clip."""
+    """The clip, or the part of it that was solved."""
     pictures: Footage
     """The pictures beside it, which are read as a clip of their own."""
     numbers: dict[int, int]
@@ -38,7 +40,11 @@ class SideFiles:
         """The pictures of a clip in a folder, of a pattern, or packed into one file; UserError where there
         are none or none fits a frame."""
         try:
-            pictures = open_packed(path, footage) if is_packed(path) else open_footage(path)
+            pictures = (
+                open_packed(path, footage, cls.KIND)
+                if is_packed(path)
+                else open_footage(path, beside=cls.KIND)
+            )
         except UserError as error:
             raise UserError(f"{cls.KIND}s: {error}") from error
         numbers, notes = match_frames(pictures, footage, cls.KIND)
@@ -63,28 +69,44 @@ class SideFiles:
 
 
 def match_frames(pictures: Footage, clip: Footage, kind: str) -> tuple[dict[int, int], list[str]]:
-    """The clip's frame -> that of its picture, frames without one missing; and what the user should know.
+    """Match the pictures beside a clip to its frames.
 
-    They belong to the frames that their names number. Where these are not the clip's numbers but the counts
-    agree, they belong to the frames in order. A video's first frame is 1; pictures that begin at 0 begin
-    there. `kind` names one, as "depth map". UserError where none fits a frame.
+    If there are as many as the clip has frames, or as many as were solved, they belong to those by the
+    numbers in their names or, where these are others, in order. A video of the clip's length at another rate
+    is matched by time. Other counts are matched by the numbers alone. Numbers from 0 are those of a clip
+    from 1. Other counts of depth maps, which programs write, and of videos are refused where the numbers just
+    count from 0 or 1: they may be those of every second frame.
+
+    Args:
+        pictures: The pictures, opened as a clip.
+        clip: The clip, or the part of it that was solved.
+        kind: What one picture is called in messages, such as "depth map".
+
+    Returns:
+        The clip's frame -> that of its picture, frames without one missing; and notes for the user.
+
+    Raises:
+        UserError: if no picture belongs to a frame, or it is not clear which ones do.
     """
-    frames, notes = pictures.frames, []
-    shifted = 1 if clip.is_video and frames[0] == 0 else 0
-    named = dict(zip(pictures.file_numbers, frames, strict=True))
-    ways = (clip.file_numbers, clip.frames) if clip.numbers else (clip.frames,)
-    found = [
-        {frame: named[number - shifted] for frame, number in zip(clip.frames, way, strict=True)
-         if number - shifted in named}
-        for way in ways
-    ]  # fmt: skip
-    numbers = max(found, key=len)
-    if len(numbers) < len(clip.frames) == len(frames):
-        numbers = dict(zip(clip.frames, frames, strict=True))
+    whole, count, notes = clip.whole(), len(pictures.frames), list[str]()
+    timed = {} if count == len(whole.frames) else _by_time(pictures, whole)
+    part = next((each for each in (whole, clip) if len(each.frames) == count and not timed), None)
+    numbers = timed or _by_name(pictures, part or whole)
+    if timed:
+        notes.append(f"{kind}s are matched by time: {count} for the clip's {len(whole.frames)} frames")
+    elif part is None:
+        is_written = kind == DEPTH_MAP or pictures.video is not None
+        if is_written and _only_counts(pictures.file_numbers, whole):
+            raise UserError(_unclear(pictures, whole, kind))
+        if unused := count - len(set(numbers.values())):
+            notes.append(f"{unused} of {count} {kind}s belong to no frame of the clip")
+    elif len(numbers) < count:
+        numbers = dict(zip(part.frames, pictures.frames, strict=True))
         notes.append(
-            f"{kind}s belong to the clip in order: {pictures.path.name} has {describe(frames)},"
-            f" the clip {describe(clip.frames)}"
+            f"{kind}s belong to the clip in order: {pictures.path.name} has"
+            f" {describe(pictures.file_numbers)}, the clip {describe(part.file_numbers)}"
         )
+    numbers = {frame: numbers[frame] for frame in clip.frames if frame in numbers}
     if not numbers:
         short = kind.split()[-1]
         raise UserError(
@@ -95,8 +117,64 @@ def match_frames(pictures: Footage, clip: Footage, kind: str) -> tuple[dict[int,
     return numbers, notes
 
 
+def _by_name(pictures: Footage, clip: Footage) -> dict[int, int]:
+    """A clip's frame -> that of the picture whose name has its number."""
+    shifted = 1 if pictures.file_numbers[0] == 0 and clip.whole().file_numbers[0] == 1 else 0
+    named = dict(zip(pictures.file_numbers, pictures.frames, strict=True))
+    ways = (clip.file_numbers, clip.frames) if clip.numbers else (clip.frames,)
+    found = [
+        {frame: named[number - shifted] for frame, number in zip(clip.frames, way, strict=True)
+         if number - shifted in named}
+        for way in ways
+    ]  # fmt: skip
+    return max(found, key=len)
+
+
+def _by_time(pictures: Footage, clip: Footage) -> dict[int, int]:
+    """A video's frame -> the one of another video that is shown then; empty unless both are equally long."""
+    if pictures.video is None or clip.video is None:
+        return {}
+    theirs, ours = pictures.video.seconds, clip.video.seconds
+    slower = 1 / min(pictures.fps, clip.fps)
+    if abs(theirs[-1] + 1 / pictures.fps - ours[-1] - 1 / clip.fps) > slower:
+        return {}
+    nearest = np.abs(ours[:, None] - theirs).argmin(axis=1)
+    is_shown = np.abs(ours - theirs[nearest]) <= 0.5 / clip.fps
+    return {int(frame) + 1: int(nearest[frame]) + 1 for frame in np.flatnonzero(is_shown)}
+
+
+def _only_counts(numbers: tuple[int, ...], clip: Footage) -> bool:
+    """Whether numbers count pictures, from 0 or 1, and are too few or too many to be those of all frames."""
+    is_count = numbers[0] in (0, 1) and numbers[-1] - numbers[0] + 1 == len(numbers)
+    return is_count and not about_as_many(len(numbers), len(clip.frames))
+
+
+def _unclear(pictures: Footage, clip: Footage, kind: str) -> str:
+    count, numbers = len(pictures.frames), pictures.file_numbers
+    return (
+        f"{pictures.path.name} has {count} {kind}s, numbered {numbers[0]} to {numbers[-1]}, and the clip"
+        f" {len(clip.frames)} frames: it is not clear which they belong to. Provide one for every frame, or"
+        " number each like its frame, as 1, 3, 5 for every second one"
+    )
+
+
 def check_aspect(pictures: Footage, clip: Footage, kind: str) -> list[str]:
-    """What the user should know where they have another shape than the clip."""
-    if abs(pictures.width * clip.height / (pictures.height * clip.width) - 1) <= STRETCH:
+    """Check that the pictures beside a clip have its shape.
+
+    Returns:
+        A note where they are stretched over it.
+
+    Raises:
+        UserError: for depth maps that were cropped or padded: one side is the clip's, the other is not.
+    """
+    off = abs(pictures.width * clip.height / (pictures.height * clip.width) - 1)
+    is_cut = (pictures.width == clip.width) != (pictures.height == clip.height)
+    if off <= STRETCH and not is_cut:
         return []
-    return [f"the {kind}s are {pictures.width}x{pictures.height}, stretched over {clip.width}x{clip.height}"]
+    size, whole = (f"{each.width}x{each.height}" for each in (pictures, clip))
+    if is_cut and off > STRETCH and kind == DEPTH_MAP:
+        raise UserError(
+            f"the {kind}s are {size}, the clip is {whole}: they were cropped or padded. Maps of any size are"
+            " accepted, but each must show the whole frame"
+        )
+    return [f"the {kind}s are {size}, stretched over {whole}; each should show the whole frame"]
