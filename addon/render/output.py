@@ -115,7 +115,7 @@ def plan_all(scene: bpy.types.Scene, frames: list[int]) -> Planned:
     """Look at every frame's lens, so that what is wrong shows before an hour of rendering."""
     shot = shot_of(scene)
     if not any(layer.use for layer in scene.view_layers):
-        raise UserError(f"no view layer of {scene.name} is rendered; enable Use for Rendering in a view layer")
+        raise UserError(f"no view layer of {scene.name} is rendered; enable Use for Rendering")
     size = render_size(scene.render)
     counts, coarse = [], []
     for frame in frames:

@@ -84,7 +84,7 @@ def _properties(rna: bpy.types.Struct) -> Iterator[str]:
 
 OF_BLENDER = {
     "Get Extensions", "Install from Disk", "Add-ons", "New Scene", "File", "Edit", "Multi-Layer EXR",
-    "Clear Keyframes", "Universal Scene Description", "Alembic",
+    "Clear Keyframes", "Universal Scene Description", "Alembic", "Time Remapping", "Use for Rendering",
 }  # fmt: skip
 """What Blender writes by code of its own, seen in its window."""
 
