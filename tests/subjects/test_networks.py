@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import sys
 
-import cv2
 import numpy as np
 import pytest
 
 from addon.core.base.errors import UserError
 from addon.core.subjects.networks import FAR_FACES, POSES, Networks, Region, decoded
 from tests.conftest import ROOT
+
+from .figures import figure
 
 
 @pytest.fixture(scope="module")
@@ -19,19 +20,6 @@ def networks() -> Networks:
     if not found.exist:
         pytest.skip("the networks are not in addon/networks: run tools/networks.py")
     return found
-
-
-def figure(height: int = 240, width: int = 320) -> np.ndarray:
-    """(h, w, 3) a drawn person with a head, a body and limbs on a plain ground."""
-    picture = np.full((height, width, 3), (120, 150, 110), np.uint8)
-    skin, shirt, trousers = (205, 160, 130), (40, 60, 150), (50, 45, 45)
-    cv2.line(picture, (150, 140), (140, 215), trousers, 16, cv2.LINE_AA)
-    cv2.line(picture, (170, 140), (180, 215), trousers, 16, cv2.LINE_AA)
-    cv2.line(picture, (145, 80), (115, 140), skin, 10, cv2.LINE_AA)
-    cv2.line(picture, (175, 80), (205, 140), skin, 10, cv2.LINE_AA)
-    cv2.rectangle(picture, (138, 70), (182, 145), shirt, -1)
-    cv2.ellipse(picture, (160, 48), (15, 20), 0, 0, 360, skin, -1, cv2.LINE_AA)
-    return picture
 
 
 def test_the_files_are_those_that_the_code_loads(networks: Networks) -> None:
