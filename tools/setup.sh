@@ -30,3 +30,5 @@ for module in av bpy cv2 pycolmap; do
     exit 1
   fi
 done
+
+"$venv/bin/python" tools/networks.py

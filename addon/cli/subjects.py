@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from ..core.base import numbers
 from ..core.base.errors import UserError
-from ..core.subjects.marked import MarkedSubject, Stroke, places_of
+from ..core.subjects.strokes import MarkedSubject, Stroke, places_of
 from ..scene.subjects import DEFAULT_NAME
 from .options import UsageError
 

@@ -27,8 +27,9 @@ from ..core.media.masks import Masks, open_masks
 from ..core.media.picture_file import Pixels
 from ..core.sfm.state import STATE
 from ..core.subjects.found import FoundSubjects, SubjectOptions
-from ..core.subjects.marked import ClipSubjects, MarkedSubject
+from ..core.subjects.marked import ClipSubjects
 from ..core.subjects.stroke_cut import CarryOptions
+from ..core.subjects.strokes import MarkedSubject
 from . import gpu_matcher, store, subjects, version
 from .clip import solved_clip_path, solved_part, work_dir
 from .colour_space import REC_709, from_rec_709, space_of, working_space

@@ -14,7 +14,7 @@ from bpy.props import (
     StringProperty,
 )
 
-from ..core.subjects.marked import MarkedSubject, Stroke
+from ..core.subjects.strokes import MarkedSubject, Stroke
 from . import redraw
 
 DEFAULT_NAME = "Subject"

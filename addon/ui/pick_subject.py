@@ -10,7 +10,8 @@ import bpy
 from ..core.base.arrays import Mask
 from ..core.base.errors import UserError
 from ..core.base.progress import Cancelled
-from ..core.subjects.marked import CarriedSubject, MarkedSubject, Stroke, places_of, with_stroke
+from ..core.subjects.marked import CarriedSubject
+from ..core.subjects.strokes import MarkedSubject, Stroke, places_of, with_stroke
 from ..scene import redraw, subjects
 from ..scene.remedy_words import WORDS
 from ..scene.shot import reconstruction_of, shot_of

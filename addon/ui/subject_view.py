@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from ..core.base.arrays import Mask
-from ..core.subjects.marked import Stroke
+from ..core.subjects.strokes import Stroke
 from ..render.gpu_views import upload
 from .pick_view import GREEN, RING, WHITE, XY, Overlay, line, ring
 

@@ -25,7 +25,7 @@ from addon.core.media.clip import open_footage, to_gray8, to_linear
 from addon.core.sfm.process import SolveProcess
 from addon.core.sfm.tracks import new_corners
 from addon.core.sfm.workspace import load_solve
-from addon.core.subjects.marked import MarkedSubject, Stroke
+from addon.core.subjects.strokes import MarkedSubject, Stroke
 from addon.core.warp.disocclusion_fill import HiddenColours
 
 from .. import store

@@ -22,7 +22,7 @@ from addon.core.camera.canvas import Canvas
 from addon.core.depth.source import PixelDepth
 from addon.core.frame.clip_context import ClipContext
 from addon.core.frame.highlights import RESTORED
-from addon.core.subjects.marked import MarkedSubject, Stroke
+from addon.core.subjects.strokes import MarkedSubject, Stroke
 from sample_scenes import filming
 
 from .. import store

@@ -14,9 +14,9 @@ from addon.core.base.errors import UserError
 from addon.core.camera.canvas import Canvas
 from addon.core.depth.source import DepthSource, PixelDepth
 from addon.core.focus.subject import subject_place
-from addon.core.subjects.marked import MarkedSubject, Stroke
 from addon.core.subjects.segmentation import SegmentationOptions, contradiction
 from addon.core.subjects.static_plate import Plate, _sorted
+from addon.core.subjects.strokes import MarkedSubject, Stroke
 
 from ..scenes import texture
 from . import walls

@@ -12,7 +12,7 @@ from addon.core.base.messages import Progress
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.readers.matching import Imported
 from addon.core.sfm.workspace import keep_import
-from addon.core.subjects.marked import MarkedSubject, Stroke
+from addon.core.subjects.strokes import MarkedSubject, Stroke
 from addon.scene.shot import shot_of
 from addon.scene.subjects import set_marked
 from addon.ui import depth_ahead, panels

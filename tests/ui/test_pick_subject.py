@@ -12,7 +12,7 @@ import pytest
 from addon.core.base.progress import Cancelled, checkpoint
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.media.clip import open_footage
-from addon.core.subjects.marked import MarkedSubject, Stroke, with_stroke
+from addon.core.subjects.strokes import MarkedSubject, Stroke, with_stroke
 from addon.scene import subjects
 from addon.scene.build import build
 from addon.scene.shot import shot_of

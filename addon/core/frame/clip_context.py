@@ -33,8 +33,9 @@ from ..media.clip import to_linear
 from ..media.noise import Noise, measured
 from ..media.picture_file import Pixels
 from ..subjects.found import FoundSubjects
-from ..subjects.marked import CarriedSubject, ClipSubjects, MarkedSubject
+from ..subjects.marked import CarriedSubject, ClipSubjects
 from ..subjects.standing import StandingTrack
+from ..subjects.strokes import MarkedSubject
 from ..warp.disocclusion_fill import DisocclusionFill, HiddenColours
 from .highlights import RESTORED, ClipHighlights, HighlightSettings
 from .own_lens import OwnLens, own_lens

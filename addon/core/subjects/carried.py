@@ -1,0 +1,178 @@
+"""A subject carried from the frames in which it is known through the rest of the clip."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import cv2
+import numpy as np
+
+from ..base.arrays import Mask
+from ..base.progress import checkpoint
+from .cut import Cut, Neighbour, first_cut, next_cut
+from .flow import warped
+from .networks import Networks
+from .odds import overlap
+from .people import SEEN_IN, Person, overlap_of, people, sampled
+from .pictures import ClipPictures
+from .strokes import Stroke
+
+STROKE = 0.01
+"""Width of a stroke, over the long side."""
+MOST_PEOPLE = 4
+"""People who are followed: each costs 0.1 to 0.2 s of processor time a frame."""
+SAME_PERSON = 0.5
+"""Share of a person that a subject covers, from which on they are one."""
+UNSURE = 0.75
+"""Intersection over union with the place where flow carries a subject, below which a frame is unsure."""
+
+
+@dataclass
+class Track:
+    """A subject carried both ways from one frame, as far as it was asked for."""
+
+    pictures: ClipPictures
+    networks: Networks
+    start: int
+    """Frame in which it is known."""
+    first: Cut
+    """The subject there."""
+    _cuts: dict[int, list[Cut]] = field(default_factory=dict, repr=False)
+
+    def cut(self, frame: int) -> Cut:
+        """Return the subject in a frame; errors as of `ClipPictures.picture`."""
+        frames = self.pictures.frames
+        first, last = frames.index(self.start), frames.index(frame)
+        way = 1 if last > first else -1
+        cuts = self._cuts.setdefault(way, [self.first])
+        while len(cuts) <= abs(last - first):
+            checkpoint()
+            at = first + way * len(cuts)
+            cuts.append(self._next(cuts[-1], frames[at], way))
+        return cuts[abs(last - first)]
+
+    def _next(self, before: Cut, frame: int, way: int) -> Cut:
+        if not before.is_seen:
+            return before.gone()
+        place, agrees = self.pictures.flow.there(frame, -way)
+        beside = Neighbour(self.pictures.flow.step(frame, -way), agrees)
+        carried = warped(before.share, place)
+        return next_cut(self.networks, self.pictures.picture(frame), before, carried, [beside])
+
+
+@dataclass(frozen=True)
+class CarriedSubject:
+    """A subject that strokes mark in some frames of a clip.
+
+    It is carried both ways from each frame with strokes; between two such frames the nearer one counts more
+    (Bai et al., "Video SnapCut", 2009). Strokes in a frame in which the strokes before them have found the
+    subject correct it.
+    """
+
+    pictures: ClipPictures
+    networks: Networks
+    strokes: tuple[Stroke, ...]
+    _tracks: dict[int, Track] = field(default_factory=dict, repr=False, compare=False)
+
+    @cached_property
+    def marked_frames(self) -> list[int]:
+        """Frames with strokes that add, ascending; of a subject without such strokes, those with any."""
+        adding = {stroke.frame for stroke in self.strokes if stroke.adds}
+        correcting = {stroke.frame for stroke in self.strokes} if adding else set()
+        return sorted(adding | correcting)
+
+    def mask(self, frame: int) -> Mask:
+        """Return the subject (h, w) in a frame; errors as of `ClipPictures.picture`."""
+        return self.cut(frame).mask
+
+    def cut(self, frame: int) -> Cut:
+        """Return the subject in a frame; errors as of `ClipPictures.picture`."""
+        marked = self.marked_frames
+        before = max((each for each in marked if each <= frame), default=None)
+        after = min((each for each in marked if each >= frame), default=None)
+        ways = [self._track(start).cut(frame) for start in (before, after) if start is not None]
+        if before is None or after is None or before == after:
+            return ways[0]
+        near = (frame - before) / (after - before)
+        share = cv2.addWeighted(ways[0].share, 1 - near, ways[1].share, near, 0)
+        sure = max(min(way.sure for way in ways), overlap(ways[0].mask, ways[1].mask))
+        return replace(ways[0], share=np.asarray(share, np.float32), sure=sure)
+
+    def _track(self, start: int) -> Track:
+        if start not in self._tracks:
+            self._tracks[start] = Track(self.pictures, self.networks, start, self._marked(start))
+        return self._tracks[start]
+
+    def _marked(self, frame: int) -> Cut:
+        """The subject in a frame with strokes."""
+        number = next(i for i, stroke in enumerate(self.strokes) if stroke.frame == frame)
+        earlier = self.strokes[:number]
+        prior = None
+        if any(stroke.adds for stroke in earlier):
+            prior = CarriedSubject(self.pictures, self.networks, earlier).cut(frame).share
+        picture = self.pictures.picture(frame)
+        return first_cut(self.networks, picture, self._strokes_in(frame), self._beside(frame), prior)
+
+    def _beside(self, frame: int) -> list[Neighbour]:
+        frames, flow = self.pictures.frames, self.pictures.flow
+        at = frames.index(frame)
+        ways = [way for way in (-1, 1) if 0 <= at + way < len(frames)]
+        return [Neighbour(flow.step(frame, way), flow.there(frame, way)[1]) for way in ways]
+
+    def _strokes_in(self, frame: int) -> tuple[Mask, Mask]:
+        """(h, w) pixels that the strokes in a frame add, and those that they take away."""
+        height, width = self.pictures.picture(frame).shape[:2]
+        rasters = np.zeros((2, height, width), np.uint8)
+        thick = max(round(STROKE * max(height, width)), 1)
+        for stroke in (each for each in self.strokes if each.frame == frame):
+            at = np.array(stroke.places) * (width, height) - 0.5
+            line = np.rint(at * 16).astype(np.int32)[:, None]
+            cv2.polylines(rasters[0 if stroke.adds else 1], [line], False, 1, thick, shift=4)
+        return rasters[0] > 0, (rasters[1] > 0) & ~(rasters[0] > 0)
+
+
+@dataclass(frozen=True)
+class PeopleOfClip:
+    """The people of a clip who are its subjects, each followed through all frames.
+
+    People are looked for in a few frames; each who is not yet followed is followed from the frame in which
+    the networks agree most.
+    """
+
+    pictures: ClipPictures
+    networks: Networks
+
+    @cached_property
+    def tracks(self) -> list[Track]:
+        """Each person; none where fewer than `SEEN_IN` sampled frames show one. Errors as of `picture`."""
+        if not self.networks.exist:
+            return []
+        looked = {
+            frame: people(self.networks, self.pictures.picture(frame))
+            for frame in sampled(self.pictures.frames)
+        }
+        if sum(bool(found) for found in looked.values()) < min(SEEN_IN, len(looked)):
+            return []
+        waiting = sorted(
+            ((frame, person) for frame, found in looked.items() for person in found),
+            key=lambda each: -each[1].agreement,
+        )
+        found = list[Track]()
+        while waiting and len(found) < MOST_PEOPLE:
+            frame, person = waiting[0]
+            first = Cut.known(self.pictures.picture(frame), person.share, 1.0)
+            found.append(Track(self.pictures, self.networks, frame, first))
+            waiting = [each for each in waiting[1:] if not self._is(found[-1], *each)]
+        return found
+
+    @staticmethod
+    def _is(track: Track, frame: int, person: Person) -> bool:
+        """Whether a person in a frame is one who is followed already."""
+        return overlap_of(person.mask, track.cut(frame).mask) >= SAME_PERSON
+
+    def mask(self, frame: int) -> Mask:
+        """Return all of them (h, w) in a frame; errors as of `ClipPictures.picture`."""
+        shape = self.pictures.picture(frame).shape[:2]
+        masks = [each.cut(frame).mask for each in self.tracks]
+        return np.asarray(np.logical_or.reduce([np.zeros(shape, bool), *masks]))

@@ -1,0 +1,244 @@
+"""A subject cut out of one frame, from where it is expected to be."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+
+from ..base.arrays import Bytes, Map, Mask
+from ..base.global_smoother import globally_smoothed
+from ..base.progress import checkpoint
+from .networks import Networks
+from .odds import (
+    CROP,
+    OUTSIDE,
+    Box,
+    Colours,
+    body,
+    distance,
+    log_odds,
+    motion,
+    overlap,
+    probability,
+    recognised,
+    silhouette,
+)  # fmt: skip
+from .parts import touching
+
+SMOOTH_LAMBDA, SMOOTH_SIGMA = 40.0, 12.0
+"""Lambda and grey levels of the fast global smoother that brings log-odds to the picture's edges."""
+LEAST = 20
+"""Pixels of a subject that is seen."""
+AGREES = (0.35, 0.65)
+"""Intersection over union of the networks' silhouette with the subject, up to which they do not recognise it,
+and from which on they do."""
+CARRIED = (1.2, 0.4)
+"""Weight of the place where flow carries a subject: one that the networks do not recognise, and one that they
+do."""
+COLOUR = (3.0, 2.0)
+"""Log-odds that colours add at most: the same."""
+LEAP, FARTHER = 0.06, 1.5
+"""Distance from the carried place, over the subject's larger side, beyond which its log-odds are less by
+`FARTHER`: a limb may reach so far in a frame."""
+ISLAND = 0.02
+"""Share of a subject's largest part, with less of which a part is dropped."""
+LEARNED = 0.05
+"""Share of the colours that is learned from each frame."""
+LOST = 0.15
+"""Share of the area that a subject had, with less of which it is hidden or has left the picture: the rest
+would be carried as if it were the whole."""
+TRUST_LEARNED = 0.2
+"""Share of a frame in how far the networks are trusted."""
+
+
+@dataclass(frozen=True)
+class Cut:
+    """A subject in one frame, and what is known of it from the frames before."""
+
+    share: Map
+    """(h, w) float32 probability."""
+    colours: Colours
+    """Its colours."""
+    trust: float
+    """In [0, 1], how far the networks recognise it."""
+    area: float
+    """Pixels of it, the mean of the last frames."""
+    sure: float = 1.0
+    """In [0, 1], intersection over union with the place where it was expected."""
+
+    @classmethod
+    def known(cls, picture: Bytes, share: Map, trust: float) -> Cut:
+        """Return a subject that is known in a picture by its probability (h, w)."""
+        return cls(share, Colours.of(picture, share), trust, float(np.count_nonzero(share > 0.5)))
+
+    def gone(self) -> Cut:
+        """Return the subject where nothing of it is seen."""
+        return replace(self, share=np.zeros_like(self.share), sure=0.0)
+
+    @property
+    def mask(self) -> Mask:
+        """(h, w) the subject."""
+        return np.asarray(self.share > 0.5)
+
+    @property
+    def is_seen(self) -> bool:
+        """Whether enough of it is in the picture."""
+        return bool(np.count_nonzero(self.mask) >= LEAST)
+
+
+@dataclass(frozen=True)
+class Neighbour:
+    """A frame beside the one in which a subject is cut out."""
+
+    flow: Map
+    """(h, w, 2) pixels to it."""
+    agrees: Map
+    """(h, w) in [0, 1], how far flow back returns."""
+
+
+def first_cut(
+    networks: Networks,
+    picture: Bytes,
+    strokes: tuple[Mask, Mask],
+    neighbours: list[Neighbour],
+    prior: Map | None = None,
+) -> Cut:
+    """Cut out what strokes mark.
+
+    Args:
+        networks: The networks.
+        picture: (h, w, 3) uint8 RGB.
+        strokes: (h, w) pixels that belong to the subject, at least one, and pixels that do not.
+        neighbours: Frames beside it, whose motion counts.
+        prior: (h, w) probability of the subject before these strokes, which correct it; None of a new one.
+
+    Returns:
+        The subject.
+    """
+    adds, takes = strokes
+    marked = 4.0 * adds - 6.0 * takes
+    expected = adds if prior is None else (prior > 0.5) | adds
+    seen = _recognised_from(networks, picture, expected)
+    trust = _trust(seen, adds if prior is None else expected)
+    if prior is not None:
+        share = np.where(adds, 1, prior)
+    elif trust > 0.5:
+        share = probability(seen + marked)
+    else:
+        share = 0.9 * _grabbed(picture, adds, takes) + 0.05
+    share = np.asarray(np.where(takes, 0, share), np.float32)
+    for _ in range(4):
+        checkpoint()
+        share = _solved(picture, share, seen, trust, neighbours, marked, CARRIED[1], 2.5 * LEAP)
+        share = np.where(
+            touching(share > 0.5, adds if prior is None else expected) & ~takes, share, np.minimum(share, 0.3)
+        )
+        if np.count_nonzero(share > 0.5) < LEAST:
+            share = np.maximum(share, adds.astype(np.float32))
+    return Cut.known(picture, np.asarray(share, np.float32), trust)
+
+
+def next_cut(
+    networks: Networks, picture: Bytes, before: Cut, carried: Map, neighbours: list[Neighbour]
+) -> Cut:
+    """Cut a subject out of the frame after one in which it is known.
+
+    Args:
+        networks: The networks.
+        picture: (h, w, 3) uint8 RGB.
+        before: The subject in the frame before.
+        carried: (h, w) its probability there, where flow carries it.
+        neighbours: The frame before, and others whose motion counts.
+
+    Returns:
+        The subject; nothing of it where it is not seen any more.
+    """
+    checkpoint()
+    there = carried > 0.5
+    if np.count_nonzero(there) < LEAST:
+        return before.gone()
+    seen = recognised(networks, picture, there)
+    trust = (1 - TRUST_LEARNED) * before.trust + TRUST_LEARNED * _agreement(seen, there)
+    weight = trust * CARRIED[1] + (1 - trust) * CARRIED[0]
+    share = _solved(
+        picture, carried, seen, trust, neighbours, np.zeros_like(carried), weight, LEAP, before.colours
+    )
+    share = _without_islands(share, there)
+    found = Cut.known(picture, share, trust) if (share > 0.5).any() else before.gone()
+    if not found.is_seen or found.area < LOST * before.area:
+        return before.gone()
+    return replace(
+        found, colours=before.colours.mixed(found.colours, LEARNED), sure=overlap(share > 0.5, there),
+        area=(1 - TRUST_LEARNED) * before.area + TRUST_LEARNED * found.area,
+    )  # fmt: skip
+
+
+def _solved(
+    picture: Bytes, share: Map, seen: Map, trust: float, neighbours: list[Neighbour], marked: Map,
+    weight: float, leap: float, colours: Colours | None = None,
+) -> Map:  # fmt: skip
+    """(h, w) probability of a subject by all evidence, from the probability (h, w) that is expected."""
+    there = share > 0.5
+    if not there.any():
+        return share
+    box = Box.around(there)
+    side = max(box.right - box.left, box.bottom - box.top)
+    agrees = neighbours[0].agrees if neighbours else np.float32(1)
+    odds = np.where(seen > OUTSIDE, np.float32(trust), 1) * seen + marked
+    odds += weight * (0.3 + 0.7 * agrees) * log_odds(cv2.GaussianBlur(share, (0, 0), 1.5))
+    odds -= FARTHER * (3 - 2 * trust) * (distance(there) > leap * side)
+    most = trust * COLOUR[1] + (1 - trust) * COLOUR[0]
+    own = Colours.of(picture, share) if colours is None else colours
+    odds += np.where(seen > OUTSIDE, own.odds(picture, most), 0)
+    for each in neighbours:
+        odds += each.agrees * motion(each.flow, there) / len(neighbours)
+    return probability(globally_smoothed(picture, np.asarray(odds, np.float32), SMOOTH_LAMBDA, SMOOTH_SIGMA))
+
+
+def _recognised_from(networks: Networks, picture: Bytes, expected: Mask) -> Map:
+    """(h, w) log-odds of the networks, whose crop grows with the figure they find around a mask (h, w)."""
+    box = Box.around(expected, 1.5)
+    for _ in range(3):
+        found = silhouette(networks, picture, box)
+        part = touching((found > 0) | expected, expected)
+        box = Box.around(part, CROP)
+    person = body(networks, picture, box, part, 0.3)
+    return found if person is None else np.asarray((found + 2 * person) / 2, np.float32)
+
+
+def _trust(seen: Map, marked: Mask) -> float:
+    """In [0, 1] how far the networks recognise the subject under a stroke (h, w)."""
+    low, high = AGREES
+    return float(np.clip(((seen > 0)[marked].mean() - low) / (high - low), 0, 1))
+
+
+def _agreement(seen: Map, there: Mask) -> float:
+    """In [0, 1] how far the networks recognise a subject that is expected at a mask (h, w)."""
+    low, high = AGREES
+    return float(np.clip((overlap(seen > 0, there) - low) / (high - low), 0, 1))
+
+
+def _grabbed(picture: Bytes, adds: Mask, takes: Mask) -> Mask:
+    """(h, w) what has the colours of a stroke, near it (Rother et al., "GrabCut", 2004)."""
+    box = Box.around(adds, 1.8)
+    trimap = np.full(adds.shape, cv2.GC_BGD, np.uint8)
+    trimap[box.part] = cv2.GC_PR_BGD
+    near = distance(adds) < 0.12 * (box.right - box.left)
+    trimap[near & (trimap == cv2.GC_PR_BGD)] = cv2.GC_PR_FGD
+    trimap[adds], trimap[takes] = cv2.GC_FGD, cv2.GC_BGD
+    cv2.setRNGSeed(0)
+    models = np.zeros((1, 65)), np.zeros((1, 65))
+    bgr = np.ascontiguousarray(picture[..., ::-1])
+    cv2.grabCut(bgr, trimap, None, *models, 5, cv2.GC_INIT_WITH_MASK)  # type: ignore[call-overload]
+    return touching((trimap == cv2.GC_FGD) | (trimap == cv2.GC_PR_FGD), adds)
+
+
+def _without_islands(share: Map, there: Mask) -> Map:
+    """A probability (h, w) whose parts are where the subject is expected (h, w) and not too small."""
+    number, labels, stats, _ = cv2.connectedComponentsWithStats((share > 0.5).astype(np.uint8))
+    area = stats[:, cv2.CC_STAT_AREA] * (np.bincount(labels[there], minlength=number) > 0)
+    area[0] = 0
+    kept = area >= np.maximum(ISLAND * area.max(), 1)
+    return np.where(kept[labels], share, np.minimum(share, np.float32(0.3))).astype(np.float32)

@@ -1,0 +1,265 @@
+"""Small networks that recognise people, faces and animals, run by OpenCV on the processor.
+
+They are MediaPipe's (Bazarevsky et al., "BlazeFace", 2019; "BlazePose", 2020). The build fetches them into
+`addon/networks` (`tools/networks.py`); an extension that was built without them recognises nobody.
+"""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass
+from functools import cache, cached_property
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.arrays import Bytes, Floats, Map
+from ..base.errors import UserError
+
+FOLDER = Path(__file__).resolve().parents[2] / "networks"
+OVERLAP = 0.3
+"""Intersection over union from which on two detections are one, as MediaPipe merges them."""
+
+
+@dataclass(frozen=True)
+class Anchors:
+    """Places at which a detector looks: a side of its input and the strides of its layers, in pixels."""
+
+    side: int
+    strides: tuple[int, ...]
+
+    @cached_property
+    def centres(self) -> Floats:
+        """(n, 2) centres x, y in shares of the input; two anchors a cell for each layer of two or more."""
+        rows = []
+        for stride in dict.fromkeys(self.strides):
+            cells = self.side // stride
+            along = (np.arange(cells) + 0.5) / cells
+            layers = self.strides.count(stride)
+            grid = np.stack(np.meshgrid(along, along), axis=-1).reshape(-1, 2)
+            rows.append(np.repeat(grid, 2 * layers if layers > 1 or len(self.strides) > 1 else 1, axis=0))
+        return np.concatenate(rows)
+
+
+FAR_FACES = Anchors(192, (4,))
+POSES = Anchors(224, (8, 16, 32, 32, 32))
+
+
+@dataclass(frozen=True)
+class Detection:
+    """A face or a person in a picture."""
+
+    score: float
+    """Probability."""
+    box: Floats
+    """(4,) left, top, right, bottom, in pixels."""
+    points: Floats
+    """(n, 2) pixels. A face: eyes, nose, mouth, ears. A person: middle of the hips, a point on the circle
+    around the whole body, middle of the shoulders, a point on the circle around the upper body."""
+
+
+@dataclass(frozen=True)
+class Region:
+    """A turned square of a picture, in which a body stands upright."""
+
+    centre: Floats
+    """(2,) pixels."""
+    side: float
+    """Pixels."""
+    up: Floats
+    """(2,) unit vector towards the head."""
+
+    @classmethod
+    def of(cls, person: Detection) -> Region:
+        """Return the square around a whole body, 1.25 times as large as the circle around it."""
+        hips, rim = person.points[0], person.points[1]
+        radius = float(np.linalg.norm(rim - hips))
+        return cls(hips, 2.5 * radius, (rim - hips) / max(radius, 1e-9))
+
+    def to_square(self, side: int) -> Floats:
+        """Return the affine map (2, 3) from pixels of the picture to pixels of a square of `side` pixels."""
+        right = np.array([-self.up[1], self.up[0]])
+        turned = np.stack([right, -self.up]) * side / self.side
+        return np.column_stack([turned, side / 2 - turned @ self.centre])
+
+
+class Networks:
+    """The networks, loaded when they are first used; several threads may use them."""
+
+    def __init__(self, folder: Path = FOLDER) -> None:
+        self._folder = folder
+        self._lock = threading.Lock()
+
+    @property
+    def exist(self) -> bool:
+        """Whether the extension was built with them."""
+        return (self._folder / "pose_detection.onnx").is_file()
+
+    def silhouette(self, picture: Bytes) -> Map:
+        """Estimate where a picture shows a person or an animal that fills much of it.
+
+        Args:
+            picture: (h, w, 3) uint8 RGB, display-encoded.
+
+        Returns:
+            (h, w) float32 log-odds, the mean of two networks, limited to those of 0.02 and 0.98.
+        """
+        found = [
+            _log_odds(self._run("selfie_segmentation.tflite", _stretched(picture, 256, 256))[0]),
+            _log_odds(self._run("selfie_segmentation_landscape.tflite", _stretched(picture, 256, 144))[0]),
+        ]
+        size = picture.shape[1::-1]
+        both = [
+            cv2.resize(each.reshape(rows, 256), size) for each, rows in zip(found, (256, 144), strict=True)
+        ]
+        return np.asarray((both[0] + both[1]) / 2, np.float32)
+
+    def poses(self, picture: Bytes, least: float) -> list[Detection]:
+        """Detect people.
+
+        Args:
+            picture: (h, w, 3) uint8 RGB, display-encoded.
+            least: Probability from which on a person is returned.
+
+        Returns:
+            People, the surest first.
+        """
+        return self._detected("pose_detection.onnx", picture, POSES, least)
+
+    def faces(self, picture: Bytes, least: float) -> list[Detection]:
+        """Detect faces, those of a small part of the picture, too.
+
+        Args:
+            picture: (h, w, 3) uint8 RGB, display-encoded.
+            least: Probability from which on a face is returned.
+
+        Returns:
+            Faces, the surest first.
+        """
+        return self._detected("face_detection_full_range_sparse.onnx", picture, FAR_FACES, least)
+
+    def body(self, picture: Bytes, region: Region) -> tuple[Map, float]:
+        """Segment the person in a region.
+
+        Args:
+            picture: (h, w, 3) uint8 RGB, display-encoded.
+            region: Where the person is.
+
+        Returns:
+            (h, w) float32 probability, 0 outside of the region, and the probability that a person is there.
+        """
+        turned = region.to_square(256)
+        square = cv2.warpAffine(picture, turned, (256, 256), flags=cv2.INTER_AREA)
+        _, presence, mask = self._run("pose_landmark_full.tflite", _stretched(square, 256, 256))[:3]
+        found = 1 / (1 + np.exp(-np.clip(mask.reshape(256, 256), -30, 30)))
+        placed = cv2.warpAffine(
+            found, turned, picture.shape[1::-1], flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        )
+        return np.asarray(placed, np.float32), float(presence.item())
+
+    def _detected(self, name: str, picture: Bytes, anchors: Anchors, least: float) -> list[Detection]:
+        height, width = picture.shape[:2]
+        side = max(height, width)
+        square = np.zeros((side, side, 3), np.uint8)
+        left, top = (side - width) // 2, (side - height) // 2
+        square[top : top + height, left : left + width] = picture
+        found, scores = self._run(name, 2 * _stretched(square, anchors.side, anchors.side) - 1)
+        return decoded(found[0], scores.ravel(), anchors, least, np.array([left, top]), side)
+
+    def _run(self, name: str, blob: NDArray[np.float32]) -> tuple[NDArray[np.float32], ...]:
+        with self._lock:
+            net = _loaded(self._folder / name)
+            net.setInput(blob)
+            return tuple(net.forward(_outputs(net)))
+
+
+def decoded(
+    raw: NDArray[np.float32],
+    scores: NDArray[np.float32],
+    anchors: Anchors,
+    least: float,
+    corner: Floats,
+    side: int,
+) -> list[Detection]:
+    """Decode what a detector of MediaPipe's returns (weighted non-maximum suppression, as in BlazeFace).
+
+    Args:
+        raw: (n, 2k) centre, size and points of a detection at each of n anchors, in pixels of the input.
+        scores: (n,) log-odds.
+        anchors: Those of the network.
+        least: Probability from which on a detection is returned.
+        corner: (2,) pixels of the square input left of and above the picture.
+        side: Pixels of the square that the network saw.
+
+    Returns:
+        Detections in pixels of the picture, the surest first.
+    """
+    probability = 1 / (1 + np.exp(-np.clip(scores.astype(float), -100, 100)))
+    sure = np.flatnonzero(probability >= least)
+    sure = sure[np.argsort(-probability[sure], kind="stable")]
+    pairs = raw[sure].reshape(len(sure), raw.shape[1] // 2, 2).astype(float) / anchors.side
+    pairs[:, [0, *range(2, pairs.shape[1])]] += anchors.centres[sure, None]
+    boxes = np.concatenate([pairs[:, 0] - pairs[:, 1] / 2, pairs[:, 0] + pairs[:, 1] / 2], axis=1)
+    values = np.concatenate([boxes, *pairs[:, 2:].swapaxes(0, 1)], axis=1)
+    weights, found, left = probability[sure], list[Detection](), np.arange(len(sure))
+    while len(left):
+        near = _overlaps(boxes[left[0]], boxes[left]) > OVERLAP
+        near[0] = True
+        mean = (
+            np.average(values[left[near]], axis=0, weights=weights[left[near]]).reshape(-1, 2) * side - corner
+        )
+        found.append(Detection(float(weights[left[0]]), mean[:2].ravel(), mean[2:]))
+        left = left[~near]
+    return found
+
+
+def networks() -> Networks:
+    """Return the networks of this process."""
+    return _networks()
+
+
+def missing() -> UserError:
+    """Return the error of a build that has no networks."""
+    return UserError("people are not recognised: this build of the extension has no networks")
+
+
+@cache
+def _networks() -> Networks:
+    return Networks()
+
+
+@cache
+def _loaded(path: Path) -> cv2.dnn.Net:
+    if not path.is_file():
+        raise missing()
+    read = cv2.dnn.readNetFromONNX if path.suffix == ".onnx" else cv2.dnn.readNetFromTFLite
+    # The newer engine names one output of the TensorFlow Lite models, and is not as fast on them.
+    return read(str(path), cv2.dnn.ENGINE_CLASSIC)
+
+
+@cache
+def _outputs(net: cv2.dnn.Net) -> tuple[str, ...]:
+    """Names of a network's outputs in the order of the model."""
+    return tuple(sorted(net.getUnconnectedOutLayersNames()))
+
+
+def _stretched(picture: Bytes, width: int, height: int) -> NDArray[np.float32]:
+    """(1, 3, height, width) of a picture (h, w, 3), in [0, 1]."""
+    return np.asarray(
+        cv2.dnn.blobFromImage(cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA), 1 / 255)
+    )
+
+
+def _log_odds(probability: NDArray[np.float32]) -> NDArray[np.float32]:
+    limited = np.clip(probability, 0.02, 0.98)
+    return np.asarray(np.log(limited / (1 - limited)), np.float32)
+
+
+def _overlaps(box: Floats, boxes: Floats) -> Floats:
+    """(n,) intersection over union of a box (4,) and boxes (n, 4)."""
+    inside = np.minimum(box[2:], boxes[:, 2:]) - np.maximum(box[:2], boxes[:, :2])
+    shared = np.prod(np.clip(inside, 0, None), axis=1)
+    areas = np.prod(boxes[:, 2:] - boxes[:, :2], axis=1)
+    return np.asarray(shared / np.maximum(np.prod(box[2:] - box[:2]) + areas - shared, 1e-12))

@@ -1,0 +1,72 @@
+"""People who are a clip's subjects, found without the user."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..base.arrays import Bytes, Map, Mask
+from .networks import Networks, Region
+from .odds import CROP, PERSON, PRESENCE, Box, overlap, silhouette
+from .parts import touching
+
+AGREEMENT = 0.6
+"""Intersection over union of two independent networks, one that segments a detected person and one that
+segments the largest figure in a crop, from which on both see the same person. On 20 clips that nothing was
+tuned on, 38 of 38 were people; on seven clips without people none was found."""
+SAMPLED = 6
+"""Frames of a clip in which people are looked for."""
+SEEN_IN = 2
+"""Of those, that must show a person."""
+SMALLEST = 0.002
+"""Share of the picture of the smallest person that is a subject."""
+
+
+@dataclass(frozen=True)
+class Person:
+    """A person in one frame."""
+
+    agreement: float
+    """Intersection over union of both networks."""
+    share: Map
+    """(h, w) float32 probability of the person's pixels."""
+
+    @property
+    def mask(self) -> Mask:
+        """(h, w) the person."""
+        return np.asarray(self.share > 0.5)
+
+
+def people(networks: Networks, picture: Bytes) -> list[Person]:
+    """Find the people in a picture whom two independent networks see alike.
+
+    Args:
+        networks: The networks.
+        picture: (h, w, 3) uint8 RGB.
+
+    Returns:
+        The people, the surest first.
+    """
+    found = list[Person]()
+    for detected in networks.poses(picture, PERSON):
+        share, presence = networks.body(picture, Region.of(detected))
+        mask = share > 0.5
+        if presence < PRESENCE or mask.mean() < SMALLEST:
+            continue
+        figure = touching(silhouette(networks, picture, Box.around(mask, CROP)) > 0, mask)
+        agreement = overlap(figure, mask)
+        if agreement >= AGREEMENT and all(overlap(mask, each.mask) < 0.5 for each in found):
+            found.append(Person(agreement, share))
+    return sorted(found, key=lambda person: -person.agreement)
+
+
+def sampled(frames: Sequence[int]) -> list[int]:
+    """Return the frames of a clip in which people are looked for."""
+    return sorted({frames[round(at)] for at in np.linspace(0, len(frames) - 1, SAMPLED)})
+
+
+def overlap_of(person: Mask, subject: Mask) -> float:
+    """Return the share of a person (h, w) that a subject (h, w) covers."""
+    return float(np.count_nonzero(person & subject) / max(int(np.count_nonzero(person)), 1))

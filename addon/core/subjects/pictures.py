@@ -1,0 +1,57 @@
+"""Small pictures of a clip's frames, in which subjects are found, and optical flow between them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import cv2
+import numpy as np
+
+from ..base.arrays import Bytes
+from ..base.lru_cache import LRUCache
+from ..media.clip import encode_srgb
+from ..media.picture_file import Pixels
+from .flow import ClipFlow
+
+LONG_SIDE = 512
+"""Pixels of the long side. The networks see crops of at most 256 pixels; a guided filter finds the outline at
+the frame's own size."""
+KEPT = 48
+"""Pictures that are remembered."""
+
+
+@dataclass(frozen=True)
+class ClipPictures:
+    """Small pictures of a clip's frames."""
+
+    frames: tuple[int, ...]
+    """Numbers of the frames, ascending."""
+    read: Callable[[int], Pixels]
+    """A frame's picture (H, W, 3 or 4) as `Footage.read` gives it."""
+    _pictures: LRUCache[Bytes] = field(
+        default_factory=lambda: LRUCache[Bytes](KEPT), repr=False, compare=False
+    )
+
+    def picture(self, frame: int) -> Bytes:
+        """Return a frame's picture (h, w, 3), display-encoded RGB. Errors as of `read`."""
+        return self._pictures.get(frame, lambda: small(self.read(frame)))
+
+    @cached_property
+    def flow(self) -> ClipFlow:
+        """Optical flow between frames that follow each other."""
+        return ClipFlow(self.frames, self.picture)
+
+
+def small(stored: Pixels) -> Bytes:
+    """Return a picture (h, w, 3) of `LONG_SIDE` pixels, display-encoded RGB, of one as it is stored."""
+    colour = np.ascontiguousarray(stored[..., :3])
+    times = LONG_SIDE / max(colour.shape[:2])
+    size = tuple(max(round(side * times), 1) for side in colour.shape[1::-1])
+    shrunk = cv2.resize(colour, size, interpolation=cv2.INTER_AREA if times < 1 else cv2.INTER_LINEAR)
+    if shrunk.dtype == np.uint8:
+        return np.asarray(shrunk)
+    if shrunk.dtype == np.uint16:
+        return np.asarray(shrunk >> 8, np.uint8)
+    return np.rint(255 * encode_srgb(np.clip(shrunk, 0, 1))).astype(np.uint8)

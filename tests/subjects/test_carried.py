@@ -1,0 +1,181 @@
+"""Subjects cut out of one frame and carried through a clip, on drawn pictures with known truth."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import cv2
+import numpy as np
+import pytest
+
+from addon.core.subjects.carried import CarriedSubject, PeopleOfClip
+from addon.core.subjects.distance import SubjectDistance, change_of_size
+from addon.core.subjects.networks import Networks
+from addon.core.subjects.odds import Box, motion, overlap
+from addon.core.subjects.people import people
+from addon.core.subjects.pictures import ClipPictures, small
+from addon.core.subjects.strokes import Stroke
+
+from .figures import figure
+
+WIDTH, HEIGHT, FRAMES = 512, 288, 9
+
+
+@cache
+def texture(seed: int, tint: tuple[float, float, float]) -> np.ndarray:
+    """(h, w, 3) smooth noise around a colour."""
+    rng = np.random.default_rng(seed)
+    noise = sum(
+        cv2.resize(
+            rng.normal(0, 1, (HEIGHT // scale, WIDTH // scale)),
+            (WIDTH, HEIGHT),
+            interpolation=cv2.INTER_CUBIC,
+        )
+        for scale in (4, 8, 16)
+    )
+    return np.clip(np.array(tint) + 22 * np.asarray(noise)[..., None], 0, 255).astype(np.uint8)
+
+
+def disc(frame: int, radius: float = 40.0) -> np.ndarray:
+    """(h, w) a disc that moves 9 pixels a frame."""
+    y, x = np.mgrid[:HEIGHT, :WIDTH]
+    return np.asarray(np.hypot(x - 150 - 9 * frame, y - 140) < radius)
+
+
+def picture(frame: int, tint: tuple[float, float, float] = (130, 120, 115)) -> np.ndarray:
+    """(h, w, 3) the disc before a ground that moves 2 pixels a frame; by default of the same colours."""
+    ground = np.roll(texture(1, (120, 120, 120)), 2 * frame, axis=1)
+    thing = np.roll(texture(2, tint), 9 * frame, axis=1)
+    return np.where(disc(frame)[..., None], thing, ground).astype(np.uint8)
+
+
+@pytest.fixture(scope="module")
+def pictures() -> ClipPictures:
+    return ClipPictures(tuple(range(1, FRAMES + 1)), lambda frame: picture(frame - 1))
+
+
+@pytest.fixture(scope="module")
+def no_networks(tmp_path_factory: pytest.TempPathFactory) -> Networks:
+    return Networks(tmp_path_factory.mktemp("none"))
+
+
+def stroke(frame: int, adds: bool = True) -> Stroke:
+    x = (150 + 9 * (frame - 1)) / WIDTH
+    return Stroke(frame, ((x - 0.04, 0.42), (x + 0.04, 0.55)), adds)
+
+
+def test_a_stroke_is_carried_both_ways_by_motion_alone(pictures: ClipPictures, no_networks: Networks) -> None:
+    """No network knows a disc, and its colours are those of the ground."""
+    subject = CarriedSubject(pictures, no_networks, (stroke(5),))
+    found = [overlap(subject.mask(frame), disc(frame - 1)) for frame in pictures.frames]
+    assert min(found) > 0.8, found
+
+
+def test_a_later_stroke_corrects_and_keeps_the_rest(pictures: ClipPictures, no_networks: Networks) -> None:
+    before = CarriedSubject(pictures, no_networks, (stroke(5),))
+    corner = Stroke(7, ((0.9, 0.9), (0.95, 0.9)), adds=False)
+    after = CarriedSubject(pictures, no_networks, (stroke(5), corner))
+    assert after.marked_frames == [5, 7]
+    for frame in (5, 6, 7, 9):
+        assert overlap(after.mask(frame), before.mask(frame)) > 0.9
+
+
+def test_a_subject_that_leaves_the_picture_is_not_seen(no_networks: Networks) -> None:
+    """The picture is cut off on the right, so that the disc leaves it."""
+    clip = ClipPictures(tuple(range(1, 16)), lambda frame: picture(2 * (frame - 1), (190, 90, 60))[:, :300])
+    x = 150 / 300
+    subject = CarriedSubject(clip, no_networks, (Stroke(1, ((x - 0.06, 0.42), (x + 0.06, 0.55))),))
+    assert subject.cut(8).is_seen
+    assert not subject.cut(15).is_seen
+
+
+def test_motion_separates_what_colours_do_not() -> None:
+    mask = disc(3)
+    flow = np.zeros((HEIGHT, WIDTH, 2), np.float32)
+    flow[..., 0] = np.where(mask, 9, 2)
+    grown = cv2.dilate(mask.astype(np.uint8), np.ones((25, 25), np.uint8)) > 0
+    odds = motion(flow, grown)
+    assert (odds[mask] > 2).all() and (odds[~mask] < -2).all()
+
+
+def test_motion_says_nothing_where_all_moves_alike() -> None:
+    flow = np.full((HEIGHT, WIDTH, 2), 3, np.float32)
+    assert np.abs(motion(flow, disc(3))).max() < 0.01
+
+
+def test_a_box_is_a_square_within_the_picture() -> None:
+    mask = np.zeros((HEIGHT, WIDTH), bool)
+    mask[250:288, 480:512] = True
+    box = Box.around(mask, 2.0)
+    assert (box.right, box.bottom) == (WIDTH, HEIGHT)
+    assert box.right - box.left == box.bottom - box.top == 76
+
+
+def test_size_grows_as_flow_says() -> None:
+    y, x = np.mgrid[:HEIGHT, :WIDTH].astype(np.float32)
+    flow = 0.03 * np.dstack([x - 200, y - 150])
+    scale = change_of_size(flow, np.ones((HEIGHT, WIDTH), np.float32), disc(5))
+    assert scale == pytest.approx(1.03, abs=0.002)
+
+
+def test_distances_follow_size_and_ignore_a_wrong_contact() -> None:
+    """A square that grows by 2 % a frame; one contact of five is three times too near."""
+    count, growth = 16, 1.02
+    base = texture(5, (140, 110, 100))
+
+    def scaled(frame: int) -> np.ndarray:
+        turned = cv2.getRotationMatrix2D((256, 144), 0, growth ** (frame - 1))
+        return cv2.warpAffine(
+            base, turned, (WIDTH, HEIGHT), flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT
+        )
+
+    clip = ClipPictures(tuple(range(1, count + 1)), scaled)
+    share = np.zeros((HEIGHT, WIDTH), np.float32)
+    share[90:200, 200:320] = 1
+
+    class Shown:
+        mask = share > 0.5
+        is_seen = True
+
+    truth = {frame: 0.2 * growth ** (frame - 1) for frame in clip.frames}
+
+    def contact(frame: int) -> float | None:
+        if frame % 3 == 1:
+            return None
+        return 3 * truth[frame] if frame == 8 else truth[frame]
+
+    found = SubjectDistance(clip, lambda frame: Shown(), contact)  # type: ignore[arg-type]
+    for frame in clip.frames:
+        assert found.inverse_depth(frame) == pytest.approx(truth[frame], rel=0.02)
+
+
+def test_without_a_contact_no_distance_is_known() -> None:
+    clip = ClipPictures((1, 2), lambda frame: texture(5, (140, 110, 100)))
+
+    class Shown:
+        mask = disc(0)
+        is_seen = True
+
+    found = SubjectDistance(clip, lambda frame: Shown(), lambda frame: None)  # type: ignore[arg-type]
+    assert found.inverse_depth(1) is None
+
+
+def test_people_are_found_and_followed_and_nobody_in_a_texture() -> None:
+    networks = Networks()
+    if not networks.exist:
+        pytest.skip("the networks are not in addon/networks: run tools/networks.py")
+
+    def walking(frame: int) -> np.ndarray:
+        ground = cv2.resize(texture(1, (120, 150, 110)), (640, 480))
+        drawn = cv2.resize(figure(), (640, 480))
+        mask = np.abs(drawn.astype(int) - drawn[0, 0]).sum(axis=2) > 30
+        shift = 12 * (frame - 1) - 60
+        return np.where(np.roll(mask, shift, axis=1)[..., None], np.roll(drawn, shift, axis=1), ground)
+
+    clip = ClipPictures(tuple(range(1, 8)), walking)
+    assert not PeopleOfClip(ClipPictures((1, 2), lambda frame: texture(1, (120, 120, 120))), networks).tracks
+    assert people(networks, small(walking(4)))
+    found = PeopleOfClip(clip, networks)
+    assert len(found.tracks) == 1
+    middles = [np.argwhere(found.mask(frame)).mean(axis=0)[1] for frame in (1, 7)]
+    assert middles[1] - middles[0] == pytest.approx(72 * 512 / 640, abs=6)
