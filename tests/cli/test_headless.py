@@ -191,7 +191,7 @@ def bad_inputs(tmp: Path) -> dict[str, tuple[list[object], str]]:
         "one name for all": (["run", CLIP, *out[:2], "--out", tmp / "o.png"], "write ####.png"),
         "focus outside": (["run", CLIP, "--focus-at", "1.2,0.5", *out[2:]], "outside the picture"),
         "focus nonsense": (["run", CLIP, "--focus-at", "left", *out[2:]], "write X,Y"),
-        "negative aperture": (["run", CLIP, *out, "--aperture-radius", "-1"], "aperture radius is -1"),
+        "negative aperture": (["run", CLIP, *out, "--aperture-radius", "-1"], "--aperture-radius is -1"),
         "zero blur": (["run", CLIP, *out, "--blur", "0"], "blur is 0; it must be greater than zero"),
         "no views": (["run", CLIP, *out, "--views", "-3"], "views cannot be -3"),
         "views nonsense": (["run", CLIP, *out, "--views", "many"], "it can also be auto"),
