@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from . import containers, disks, kills, mutations, options, pans, races, sizes, strangers, users_files
+from . import containers, disks, kills, mutations, options, pans, races, scenes, sizes, strangers, users_files
 from .bench import Try
 
 MANY = 1_000_000
@@ -50,6 +50,8 @@ FAULTS = {
     "kept-depth": Fault("depth that an earlier run kept is damaged", mutations.kept_depth),
     "report": Fault("the file of reports is damaged", mutations.report),
     "blend": Fault("a property of a .blend is damaged", mutations.blend),
+    "scene-settings": Fault("a scene setting that frames do not depend on", scenes.settings),
+    "other-maps": Fault("depth maps of another rate, shape or format", scenes.maps),
     "movie-folder": Fault("files of the user's in a movie's folder of frames", users_files.movie_folder),
     "names": Fault("names as cameras and versions give them, beside hidden files", users_files.names),
     "own-report": Fault("a file of reports in the place of a solve's state", users_files.own_report),

@@ -34,6 +34,8 @@ QUICK = (
     "shown-clips",
     "broken-clips",
     "lists",
+    "scene-settings",
+    "other-maps",
 )
 
 

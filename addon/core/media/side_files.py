@@ -91,7 +91,7 @@ def match_frames(pictures: Footage, clip: Footage, kind: str) -> tuple[dict[int,
     whole, count, notes = clip.whole(), len(pictures.frames), list[str]()
     timed = {} if count == len(whole.frames) else _by_time(pictures, whole)
     part = next((each for each in (whole, clip) if len(each.frames) == count and not timed), None)
-    numbers = timed or _by_name(pictures, part or whole)
+    numbers = timed or _by_name(pictures, part or whole, whole.file_numbers[0])
     if timed:
         notes.append(f"{kind}s are matched by time: {count} for the clip's {len(whole.frames)} frames")
     elif part is None:
@@ -117,9 +117,9 @@ def match_frames(pictures: Footage, clip: Footage, kind: str) -> tuple[dict[int,
     return numbers, notes
 
 
-def _by_name(pictures: Footage, clip: Footage) -> dict[int, int]:
-    """A clip's frame -> that of the picture whose name has its number."""
-    shifted = 1 if pictures.file_numbers[0] == 0 and clip.whole().file_numbers[0] == 1 else 0
+def _by_name(pictures: Footage, clip: Footage, first: int) -> dict[int, int]:
+    """A clip's frame -> that of the picture whose name has its number; the whole clip begins at `first`."""
+    shifted = 1 if pictures.file_numbers[0] == 0 and first == 1 else 0
     named = dict(zip(pictures.file_numbers, pictures.frames, strict=True))
     ways = (clip.file_numbers, clip.frames) if clip.numbers else (clip.frames,)
     found = [
