@@ -17,8 +17,9 @@ from addon.core.media.clip import open_footage, to_linear
 from benchmarks import store
 from benchmarks.accuracy import metrics, report, subjects
 from benchmarks.accuracy.cases import FromVideo, GroundTruth, TrueDepth
-from benchmarks.accuracy.judge import Judge, Row
+from benchmarks.accuracy.judge import Judge
 from benchmarks.accuracy.mask_metrics import outline_band
+from benchmarks.accuracy.rows import Row
 from benchmarks.accuracy.scenes import Staged
 from sample_scenes import figure, filming, staging, truth
 from sample_scenes.shapes import box
