@@ -90,8 +90,12 @@ def run(todo: list[Stale], part: Part) -> list[str]:
         return done.returncode == 0
 
     jobs = [each for each in todo if each.reasons]
-    with ThreadPoolExecutor(SIDE_BY_SIDE) as pool:
+    pool = ThreadPoolExecutor(SIDE_BY_SIDE)
+    try:
         fine = list(pool.map(job, jobs))
+    finally:
+        # Ctrl-C ends the two jobs that run; no other begins.
+        pool.shutdown(cancel_futures=True)
     return [each.scene for each, good in zip(jobs, fine, strict=True) if not good]
 
 
