@@ -94,7 +94,7 @@ real: setup
 
 bench: setup
 	@$(PYTHON) -m benchmarks.accuracy $(BENCH)
-	@$(PYTHON) -m benchmarks.quoted
+	$(if $(STATUS),,@$(PYTHON) -m benchmarks.quoted)
 
 bench-speed: setup
 	@$(PYTHON) -m benchmarks.timings.speed $(if $(PARTS),--parts $(PARTS))

@@ -25,8 +25,9 @@ BLURRED = "fence"
 """The scene that is judged at every blur: many depth jumps, and no clipped lamps, so its truth is cheap."""
 FEW = ("no blur", "thesis", "layers", "normal", "Defocus")
 """Methods of the other blurs, and of scenes with subjects."""
-MAKING_S, ROW_S = 150.0, 8.0
-"""Processor seconds of a scene's clip, solve and truth, and of a row, where no run has measured them."""
+MAKING_S, ROW_S = 160.0, 4.0
+"""Processor seconds of a scene's clip, solve and truth, and of a row, where no run has measured
+them: those of walk and stroller."""
 
 
 class Wanted(NamedTuple):
@@ -114,7 +115,9 @@ def stale(name: str, part: Part, book: Book) -> Stale:
             reasons[each] = reason
             seconds += ROW_S if row is None else row.spent_s
     if reasons and not scene.is_filmed:
-        seconds += book.making_s.get(name, MAKING_S)
+        # Half of it is the truth, one for each blur.
+        blurs = len({each.blur for each in reasons})
+        seconds += book.making_s.get(name, MAKING_S * (1 + blurs) / 2)
     return Stale(name, reasons, seconds)
 
 
