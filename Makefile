@@ -5,15 +5,15 @@ PLATFORM ?= linux-x64
 # Test processes side by side; each has a Blender of its own.
 JOBS ?= 2
 
-# A part of the benchmark: make bench SCENES="bars slope" TRACK=T1 BLURS="16 32" METHODS=layers
+# A part of the benchmark: make bench SCENES="bars slope" TRACK=T1 BLURS="24 48" METHODS=layers
 # A part of the costs: make bench-speed PARTS="'growth with blur' 'equal error'"
 # A part of the solve benchmark: make bench-solve MOTIONS="ahead mover" TRACKERS=corners FOCAL=unknown
 SOLVES := $(if $(MOTIONS),--motions $(MOTIONS)) $(if $(TRACKERS),--trackers $(TRACKERS)) $(if $(FOCAL),--focal $(FOCAL))
 # A part of the gallery: make real CLIPS="dog cat"; of another checkout's code: make real PROGRAM=../old/addon/headless.py NAME=real-old
 REAL := $(if $(CLIPS),--clips $(CLIPS)) $(if $(PROGRAM),--program $(PROGRAM)) $(if $(NAME),--name $(NAME))
-BENCH := $(if $(SCENES),--scenes $(SCENES)) $(if $(TRACK),--track $(TRACK)) $(if $(BLURS),--blurs $(BLURS)) $(if $(METHODS),--methods $(METHODS))
+BENCH := $(if $(SCENES),--scenes $(SCENES)) $(if $(TRACK),--track $(TRACK)) $(if $(BLURS),--blurs $(BLURS)) $(if $(METHODS),--methods $(METHODS)) $(if $(STATUS),--status)
 
-.PHONY: help setup demo test test-fast test-all test-window test-window-smoke pictures moving-picture torture sample real bench bench-speed bench-full bench-solve bench-stability figures lint zip store clean
+.PHONY: help setup demo test test-fast test-all test-window test-window-smoke pictures moving-picture torture sample real bench bench-speed bench-solve bench-stability figures lint zip store clean
 help:
 	@echo "make demo    render the sample clip with depth of field and say where the video is"
 	@echo "make test    run the tests of the add-on"
@@ -26,9 +26,8 @@ help:
 	@echo "make torture  kills, full disks, races and damaged files for hours; resumes (TRIES=100 FAULTS=\"movie jobs\")"
 	@echo "make sample SCENE=bars  a scene of the benchmark: .blend, clip and true cameras, into sample/"
 	@echo "make real    real clips (real data): solved or why not, detail, noise, flicker, masks; contact sheets to look at"
-	@echo "make bench   speed against error, quick subset (SCENES=bars TRACK=T1 BLURS=16: a part)"
+	@echo "make bench   every method against a real lens, within the hour; resumes (STATUS=1: what is stale, SCENES=bars TRACK=T1: a part)"
 	@echo "make bench-speed      what a clip costs and how that grows, kept in benchmarks/results; a frame by stage"
-	@echo "make bench-full       all of it, for hours; resumes where it was stopped"
 	@echo "make bench-solve      cameras against truth: sixteen motions and nine refusals, four trackers"
 	@echo "make bench-stability  the hard numerical cases, a table"
 	@echo "make figures          the thesis's figures from our scenes, into docs/figures/"
@@ -95,17 +94,15 @@ real: setup
 
 bench: setup
 	@$(PYTHON) -m benchmarks.accuracy $(BENCH)
-	@$(PYTHON) -m benchmarks.timings.frame_costs
+	$(if $(STATUS),,@$(PYTHON) -m benchmarks.quoted)
 
 bench-speed: setup
 	@$(PYTHON) -m benchmarks.timings.speed $(if $(PARTS),--parts $(PARTS))
 	@$(PYTHON) -m benchmarks.timings.frame_costs
 
-bench-full: setup
-	@$(PYTHON) -m benchmarks.accuracy --full $(BENCH)
-
 bench-solve: setup
 	@$(PYTHON) -m benchmarks.solving $(SOLVES)
+	@$(PYTHON) -m benchmarks.quoted
 
 bench-stability: setup
 	@$(PYTHON) -m benchmarks.stability

@@ -1,7 +1,7 @@
 """How far sound and pictures are apart in movies of a clip whose rate varies.
 
-python -m benchmarks.sound_offset                 ten minutes; writes benchmarks/results/sound_offset.md
-python -m benchmarks.sound_offset --minutes 0.5   a look
+python -m benchmarks.special sound_offset                 ten minutes; writes results/sound_offset.md
+python -m benchmarks.special sound_offset --minutes 0.5   a look
 
 A clip changes between 24, 30 and 60 frames a second, flashes at frames spread over its length and clicks at
 each flash. Its own pictures take the way of rendered ones into a movie (`addon/render/movie_file.py`), with
@@ -51,7 +51,7 @@ def main() -> None:
     addon.register()
     lines = [
         "# Sound and pictures of a varying rate", "",
-        f"Written by `python -m benchmarks.sound_offset`; {store.provenance()}.",
+        f"Written by `python -m benchmarks.special sound_offset`; {store.provenance()}.",
         f"{options.minutes:g} minutes, 24, 30 and 60 frames a second for {options.each} s each in turn.", "",
         "| sound begins | frames of the clip, of the movie | its rate | a frame from its own time, largest |"
         " a flash from its click, largest | by the mean rate |",

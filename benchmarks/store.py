@@ -5,8 +5,9 @@ from __future__ import annotations
 import hashlib
 import os
 import subprocess
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import fields, is_dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -55,15 +56,29 @@ def sources(*names: str) -> list[Path]:
     return found
 
 
-def provenance() -> str:
-    """Of which code and on what a figure was measured: the commit, and the number of processors."""
+def commit() -> str:
+    """The commit of the working tree and today's date: with which code a figure was measured, and when."""
     git = ["git", "-C", str(ROOT)]
-    commit, changed = (
+    name, changed = (
         subprocess.run([*git, *words], capture_output=True, text=True, check=False).stdout.strip()
         for words in (["rev-parse", "--short", "HEAD"], ["status", "--short", "--", "addon"])
     )
-    changes = " with changes" if changed else ""
-    return f"commit {commit or 'unknown'}{changes}, {os.cpu_count()} processors"
+    return f"{name or 'unknown'}{' with changes' if changed else ''} ({datetime.now(UTC):%Y-%m-%d})"
+
+
+def measured_at(marks: Iterable[str], code: str, today: str) -> str:
+    """When rows were measured, by their marks of `commit`, for a document; `code` is the digest with which
+    all of them were up to date, `today` that of the code as it is."""
+    order = sorted(set(marks), key=lambda mark: mark.partition(" (")[::-1])
+    ends = dict.fromkeys([order[0], order[-1]]) if order else ["no commit"]
+    return f"measured at {' to '.join(ends)}" + ("" if code == today else ", of an earlier commit")
+
+
+def provenance(*names: str) -> str:
+    """Of which code and on what a figure was measured, for the head of a table: commit, date, digest of the
+    named sources (the add-on's where none are named) and number of processors."""
+    code = digest(sources(*(names or ("addon",))))
+    return f"commit {commit()}, code {code}, {os.cpu_count()} processors"
 
 
 def kept(folder: str, key: str, make: Callable[[], NDArray[Any]]) -> NDArray[Any]:

@@ -53,6 +53,11 @@ class Prop:
         turn = np.eye(3) if self.turn is None else self.turn[index]
         return turn, np.zeros(3) if self.travel is None else self.travel[index]
 
+    def cut(self, part: slice) -> Prop:
+        """The same thing in only some of the frames."""
+        travel, turn = (None if path is None else path[part] for path in (self.travel, self.turn))
+        return replace(self, travel=travel, turn=turn)
+
 
 @dataclass(frozen=True)
 class Cameras:
@@ -90,6 +95,10 @@ class Cameras:
         """The same cameras with pictures of another size and the same aspect."""
         return replace(self, width=width, height=height, focal=self.focal * width / self.width)
 
+    def cut(self, part: slice) -> Cameras:
+        """Only those of some frames."""
+        return replace(self, rotation=self.rotation[part], translation=self.translation[part])
+
 
 @dataclass(frozen=True)
 class Edge:
@@ -120,6 +129,11 @@ class Stage:
     sun: tuple[float, float, float] = (-0.45, -0.6, 0.66)
     """Direction to the light."""
     edges: tuple[Edge, ...] = ()
+
+    def cut(self, part: slice) -> Stage:
+        """The same stage, of which only some frames are filmed."""
+        things = tuple(thing.cut(part) for thing in self.things)
+        return replace(self, cameras=self.cameras.cut(part), things=things, focus=self.focus[part])
 
     @property
     def subjects(self) -> tuple[str, ...]:

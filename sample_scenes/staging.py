@@ -6,6 +6,8 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
+from addon.core.base.limits import chosen_threads
+
 from .stage import FPS, Cameras, Prop, Stage
 
 AMBIENT, SUNLIGHT = 0.45, 0.75
@@ -50,6 +52,13 @@ def set_output(scene: bpy.types.Scene, width: int, height: int) -> None:
     scene.display_settings.display_device = "sRGB"
     scene.cycles.device = "CPU"
     scene.cycles.use_adaptive_sampling = False
+    limit_threads(scene)
+
+
+def limit_threads(scene: bpy.types.Scene) -> None:
+    """Have Cycles use no more threads than the environment allows."""
+    if most := chosen_threads():
+        scene.render.threads_mode, scene.render.threads = "FIXED", most
 
 
 def add(scene: bpy.types.Scene, prop: Prop, material: bpy.types.Material) -> bpy.types.Object:

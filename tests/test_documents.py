@@ -7,6 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks import quoted, store
+from benchmarks.special import SPECIAL
+
 ROOT = Path(__file__).resolve().parents[1]
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), ROOT / "Makefile"])
 MADE = {".venv", "build", "dist", "demo", "sample", "shared"}
@@ -37,6 +40,8 @@ def test_what_is_named_is_there(document: Path) -> None:
             assert target in targets, f"make {target}"
         for module in re.findall(r"-m ((?:addon|benchmarks|sample_scenes)[\w.]*)", span):
             assert module_file(module), module
+        for name in re.findall(r"-m benchmarks\.special (\w+)", span):
+            assert name in SPECIAL or name == "NAME", f"benchmarks.special {name}"
         for path, name in re.findall(r"(tests/[\w/]*\.py)(?: -s)?(?: -k (\w+))?", span):
             assert (ROOT / path).is_file(), path
             assert not name or name == "NAME" or name in (ROOT / path).read_text(), f"{path} -k {name}"
@@ -47,6 +52,35 @@ def test_what_is_named_is_there(document: Path) -> None:
             assert (below / path).exists(), path
         if re.fullmatch(r"\w+\.py", span):
             assert [path for top in ("addon", "tests") for path in (ROOT / top).rglob(span)], span
+
+
+@pytest.mark.parametrize("name", quoted.DOCUMENTS)
+def test_quoted_figures_are_those_of_the_results(name: str) -> None:
+    """`python -m benchmarks.quoted` writes them after another run, or once the code has changed since."""
+    text = (ROOT / name).read_text()
+    assert quoted.BLOCK.search(text)
+    assert text == quoted.up_to_date(text), "run: python -m benchmarks.quoted"
+
+
+def test_quoted_figures_follow_the_results(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(quoted.QUOTED, "trackers", lambda: "28 of 28")
+    document = "| <!-- quoted trackers -->27 of 28<!-- end --> | and <!-- quoted trackers --><!-- end -->"
+    block = "<!-- quoted trackers -->28 of 28<!-- end -->"
+    assert quoted.up_to_date(document) == f"| {block} | and {block}"
+    with pytest.raises(KeyError):
+        quoted.up_to_date("<!-- quoted nothing --><!-- end -->")
+
+
+def test_figures_of_an_earlier_commit_are_marked() -> None:
+    marks = ["b2 (2026-11-22)", "a1 (2026-11-23)", "b2 (2026-11-22)"]
+    assert store.measured_at(marks, "1", "1") == "measured at b2 (2026-11-22) to a1 (2026-11-23)"
+    assert store.measured_at(marks[:1], "1", "2") == "measured at b2 (2026-11-22), of an earlier commit"
+
+
+def test_special_benchmarks_are_there() -> None:
+    for name, (package, _) in SPECIAL.items():
+        module = ROOT.joinpath(*package.split("."), f"{name}.py")
+        assert "\ndef main() -> None:" in module.read_text(), name
 
 
 def test_every_target_of_make_is_told() -> None:

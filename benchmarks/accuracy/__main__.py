@@ -1,144 +1,143 @@
-"""Speed against error: every method on every scene against a real lens's picture.
+"""Speed against error: every method on every scene against a real lens's picture, `make bench`.
 
-`python -m benchmarks.accuracy` runs the quick subset, `--full` everything, for hours; rows whose inputs have
-not changed are kept, so that a run resumes where it was stopped.
+Two processes work side by side, each on a scene of its own, with one thread. Rows whose inputs have not
+changed are kept, and so are clips, solves and truths, so that a run goes on where it was stopped.
 """
 
 from __future__ import annotations
 
 import argparse
-import contextlib
-import json
+import os
+import subprocess
+import sys
 import time
-from dataclasses import dataclass, replace
-from pathlib import Path
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
+from addon.core.base.limits import ONE_THREAD
 from sample_scenes import filming
 
-from . import methods, report
-from .judge import Judge, Row, as_dict, given_by
+from .. import store
+from ..cost import cpu_seconds
+from . import methods, report, rows
+from .judge import Judge, given_by
 from .methods import METHODS
-from .scenes import Scene, Staged
-from .shop import FOCUS, Shop
+from .plan import ALL_BLURS, TRACKS, Part, Stale, Wanted, possible, stale, tracks_of
+from .plan import report as status
+from .scenes import SIZE, Short
 
-type Rows = dict[tuple[object, ...], Row]
-
-RESULTS = Path(__file__).parents[1] / "results"
-SCENES = (*filming.STAGES, *FOCUS)
-
-
-@dataclass(frozen=True)
-class Plan:
-    """What to run."""
-
-    kind: str
-    parts: tuple[tuple[str, str], ...]
-    """Scenes and tracks."""
-    blurs: tuple[int, ...]
-    noise: float
-    """Of the truth: Cycles samples every pixel until its error is about this."""
-    quick: bool
-    methods: tuple[str, ...] = tuple(METHODS)
-
-
-QUICK = Plan("quick", (("bars", "T1"), ("bars", "T2"), ("slope", "T1")), (16,), 0.02, True)
-# People who walk are judged where they are asked for: `--scenes`, and `benchmarks.accuracy.subjects`.
-STILL = tuple(scene for scene in SCENES if scene not in filming.SUBJECTS)
-FULL = Plan("full", tuple((s, t) for s in STILL for t in ("T1", "T2")), (16, 32, 8, 64), 0.01, False)
+SIDE_BY_SIDE = 2
+ALONE = {**ONE_THREAD, "OPENBLAS_NUM_THREADS": "1"}
+"""The environment of a job; OpenBLAS's threads would wait for each other."""
 
 
 def main() -> None:
+    options = _options()
+    part = Part(options.scenes, options.track, options.blurs, options.methods)
+    scenes = [name for name in filming.STAGES if name in (part.scenes or filming.STAGES)]
+    if options.job:
+        run_scene(scenes[0], part)
+        return
+    if not options.report:
+        book = rows.load()
+        todo = sorted((stale(name, part, book) for name in scenes), key=lambda each: -each.seconds)
+        code = rows.code()
+        print(status(todo, SIDE_BY_SIDE), flush=True)
+        if options.status:
+            return
+        failed = run(todo, part)
+        if failed:
+            sys.exit(f"these scenes ended with an error, the others are measured: {', '.join(failed)}")
+        if part == Part():
+            with rows.changed() as book:
+                # Only now: until then the documents quote what an earlier plan has measured.
+                book.rows = {key: row for key, row in book.rows.items() if possible(key)}
+                book.code, book.width = code, SIZE[0]
+    print(report.write(rows.RESULTS, rows.load()))
+
+
+def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--full", action="store_true", help="everything, resumed where it was stopped")
-    parser.add_argument("--scenes", nargs="*", default=[], choices=SCENES, help="only these")
+    parser.add_argument("--scenes", nargs="*", default=(), choices=filming.STAGES, help="only these")
+    parser.add_argument("--track", nargs="*", default=(), choices=TRACKS, help="only these tracks")
+    parser.add_argument("--methods", nargs="*", default=(), choices=METHODS, help="only these")
     parser.add_argument(
-        "--track", choices=report.TRACKS, help="only true geometry, video, or that with mattes"
-    )
-    parser.add_argument("--methods", nargs="*", default=list(METHODS), choices=METHODS, help="only these")
-    parser.add_argument("--blurs", nargs="*", default=[], type=int, help="only these largest discs, in px")
-    parser.add_argument("--report", action="store_true", help="write tables and plots again, run nothing")
-    arguments = parser.parse_args()
-    plan = replace(FULL if arguments.full else QUICK, methods=tuple(arguments.methods))
-    parts = plan.parts
-    if arguments.scenes:
-        parts = tuple((s, t) for s in arguments.scenes for t in tracks_of(s))
-    parts = tuple(part for part in parts if arguments.track in (None, part[1]))
-    rows = load(plan)
-    if not arguments.report:
-        # A run that is stopped has then judged every scene at the most telling blur.
-        for blur in arguments.blurs or plan.blurs:
-            for name in dict.fromkeys(scene for scene, _ in parts):
-                run_scene(plan, name, tuple(t for s, t in parts if s == name), blur, rows)
-    print(report.write(RESULTS, plan.kind, list(rows.values())))
+        "--blurs", nargs="*", default=(), type=int, choices=ALL_BLURS,
+        help=f"only these largest discs, in pixels of a picture {SIZE[0]} wide",
+    )  # fmt: skip
+    parser.add_argument("--status", action="store_true", help="print what is stale, run nothing")
+    parser.add_argument("--report", action="store_true", help="write tables and plot again, run nothing")
+    parser.add_argument("--job", action="store_true", help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    for name in ("scenes", "track", "methods", "blurs"):
+        setattr(options, name, tuple(getattr(options, name)))
+    return options
 
 
-def tracks_of(scene: str) -> tuple[str, ...]:
-    """Those that a scene is judged on: with mattes where it has subjects."""
-    return tuple(report.TRACKS) if scene in filming.SUBJECTS else ("T1", "T2")
+def run(todo: list[Stale], part: Part) -> list[str]:
+    """Measure every scene that has stale rows, in their order; returns those that failed."""
+    options = {"--track": part.tracks, "--methods": part.methods, "--blurs": map(str, part.blurs)}
+    words = [word for name, values in options.items() for word in (name, *values)]
+    if any(each.reasons for each in todo):
+        with rows.changed() as book:
+            book.code = ""
+    begin = time.perf_counter()
+
+    def job(each: Stale) -> bool:
+        command = [sys.executable, "-m", "benchmarks.accuracy", "--job", *words, "--scenes", each.scene]
+        done = subprocess.run(command, cwd=store.ROOT, env={**os.environ, **ALONE}, check=False)
+        print(f"[{time.perf_counter() - begin:6.0f} s] {each.scene} ended with {done.returncode}", flush=True)
+        return done.returncode == 0
+
+    jobs = [each for each in todo if each.reasons]
+    pool = ThreadPoolExecutor(SIDE_BY_SIDE)
+    try:
+        fine = list(pool.map(job, jobs))
+    finally:
+        # Ctrl-C ends the two jobs that run; no other begins.
+        pool.shutdown(cancel_futures=True)
+    return [each.scene for each, good in zip(jobs, fine, strict=True) if not good]
 
 
-def run_scene(plan: Plan, name: str, tracks: tuple[str, ...], wanted: int, rows: Rows) -> None:
-    scene = open_scene(name, plan.noise)
-    if isinstance(scene, str):
-        print(f"{name}: skipped: {scene}", flush=True)
-        return
-    # A scene with apertures of its own is judged at the nearest of them.
-    blur = min(scene.blurs, key=lambda own: abs(own - wanted))
-    judge = Judge(scene, blur)
-    for track in tracks:
-        run_track(plan, judge, track, rows)
+def run_scene(name: str, part: Part) -> None:
+    """Measure the stale rows of a scene in this process."""
+    scene, began, spent = Short(name), cpu_seconds(), 0.0
+    was_filmed = scene.is_filmed
+    todo = stale(name, part, rows.load()).reasons
+    for blur in dict.fromkeys(each.blur for each in todo):
+        judge = Judge(scene, blur)
+        for track in tracks_of(name):
+            spent += run_track(
+                judge, track, [each for each in todo if (each.blur, each.track) == (blur, track)]
+            )
+    if not was_filmed:
+        with rows.changed() as book:
+            book.making_s[name] = round(cpu_seconds() - began - spent, 1)
 
 
-def run_track(plan: Plan, judge: Judge, track: str, rows: Rows) -> None:
-    wanted = [
-        (name, views)
-        for name, method in METHODS.items()
-        if name in plan.methods and track in method.tracks
-        for views in (method.quick if plan.quick else method.views)
-    ]
-    stale = [
-        (name, views) for name, views in wanted
-        if (row := rows.get((judge.scene.name, track, name, views, judge.blur))) is None
-        or row.inputs != judge.inputs(track, name)
-    ]  # fmt: skip
-    if not stale:
-        return
-    start = time.perf_counter()
+def run_track(judge: Judge, track: str, todo: list[Wanted]) -> float:
+    """Measure rows of one track at one blur; returns their processor seconds, without what is kept."""
+    if not todo:
+        return 0.0
     given = given_by(track, judge.scene)
+    # Before the clock: what is made once and kept.
+    truths, when, spent = judge.truths, store.commit(), 0.0
+    assert truths
     if not isinstance(given, str):
         # The first drawing compiles shaders, and finds what the frames around share: no frame's cost.
         methods.by_mesher("layers", given.case(judge.frames[0], judge.blur), 1)
-    for name, views in stale:
+    for each in todo:
+        began = cpu_seconds()
         if isinstance(given, str):
-            row = judge.refused(track, name, views, given)
+            row = judge.refused(track, each.method, each.views, given)
         else:
-            row = judge.row(track, given, name, views)
-        rows[row.key] = row
-        save(plan, rows)
-        print(f"[{time.perf_counter() - start:6.0f} s] {report.line(row)}", flush=True)
-
-
-def open_scene(name: str, noise: float) -> Scene | str:
-    """The scene, or why it is not there."""
-    if name in FOCUS:
-        return Shop.open(name)
-    return Staged(name, noise)
-
-
-def load(plan: Plan) -> Rows:
-    with contextlib.suppress(FileNotFoundError):
-        stored = json.loads((RESULTS / f"{plan.kind}.json").read_text())
-        rows = [Row(**each) for each in stored]
-        return {row.key: row for row in rows}
-    return {}
-
-
-def save(plan: Plan, rows: Rows) -> None:
-    RESULTS.mkdir(exist_ok=True)
-    part = RESULTS / f"{plan.kind}.part"
-    order = sorted(rows.values(), key=lambda row: (row.scene, row.track, row.blur_px, row.method, row.views))
-    part.write_text(json.dumps([as_dict(row) for row in order], indent=1))
-    part.rename(RESULTS / f"{plan.kind}.json")
+            row = judge.row(track, given, each.method, each.views)
+        spent += cpu_seconds() - began
+        row = replace(row, spent_s=cpu_seconds() - began, measured=when)
+        with rows.changed() as book:
+            book.rows[row.key] = row
+        print(report.line(row), flush=True)
+    return spent
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """CG objects in the clip, against Cycles drawing clip and objects through the lens together.
 
-    python -m benchmarks.accuracy.cg [--scenes bars walk] [--width 640] [--blur 32]
+    python -m benchmarks.special cg [--scenes bars walk] [--width 640] [--blur 32]
         [--gloss] [--motion-blur]
 
 The clip is a sample scene without the object, its depth is true (T1), and the object comes from the scene

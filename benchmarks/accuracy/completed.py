@@ -1,4 +1,4 @@
-"""What maps of a depth network add to a clip's own depth: `python -m benchmarks.accuracy.completed`.
+"""What maps of a depth network add to a clip's own depth: `python -m benchmarks.special completed`.
 
 PSNR against the real lens at 32 px with stereo alone, with the maps alone (the stand-in of `network_depth`),
 and with both; of the whole picture, and of where stereo is not sure, or of what shines. Cameras are found

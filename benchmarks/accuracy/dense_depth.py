@@ -1,6 +1,6 @@
 """Dense depth against the truth, beside Delaunay triangles of the sparse features' depth.
 
-`python -m benchmarks.accuracy.dense_depth [SCENE ...] [--pictures FOLDER]`. T1: true cameras, and the
+`python -m benchmarks.special dense_depth [SCENE ...] [--pictures FOLDER]`. T1: true cameras, and the
 features that tracking would take with their true depth; T2: the newest kept solve of the clip. "Dense" is
 what a frame's own sweep finds, "fused" what the product draws with.
 """

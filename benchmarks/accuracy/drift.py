@@ -1,5 +1,5 @@
 """Clips whose exposure and white balance drift, and whose lens darkens the corners:
-`python -m benchmarks.accuracy.drift`.
+`python -m benchmarks.special drift`.
 
 The frames of a scene are filmed anew as such a camera writes them: linear light times a gain of the frame and
 a share of the place, clipped, 8 bits. PSNR at 32 px of the frame in the middle, whose own gain is 1, where a

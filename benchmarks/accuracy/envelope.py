@@ -1,4 +1,4 @@
-"""Error over CPU seconds, with and without depth: `python -m benchmarks.accuracy.envelope`.
+"""Error over CPU seconds, with and without depth: `python -m benchmarks.special envelope`.
 
 The first judged frame of a few scenes at one blur. T1 has its depth given; in T2 it is found, and a method
 that needs that of every pixel pays what it takes in the mean over consecutive frames after the first. What
@@ -24,10 +24,10 @@ from addon.core.frame.quality import NORMAL, QUALITIES, Quality
 from .. import store
 from ..cost import measured
 from . import report
-from .__main__ import RESULTS
 from .cases import FromVideo, GroundTruth
-from .judge import Judge, Row
+from .judge import Judge
 from .methods import METHODS
+from .rows import RESULTS, Row
 from .scenes import Staged
 
 NOISE = 0.02
@@ -147,7 +147,7 @@ def text(curves: list[Curve], blur: int) -> str:
     """Markdown: a table a curve, and where ours is not the upper one."""
     lines = [
         f"# Error over cost, largest disc {blur} px", "",
-        f"`python -m benchmarks.accuracy.envelope`, {store.provenance()}. PSNR in dB against a real lens, of"
+        f"`python -m benchmarks.special envelope`, {store.provenance()}. PSNR in dB against a real lens, of"
         " one frame; unclipped: where no clipped highlight reaches. Draft, normal and final choose their"
         " number of views. Ours are " + ", ".join(OURS) + ".",
     ]  # fmt: skip

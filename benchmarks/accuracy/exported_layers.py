@@ -1,4 +1,4 @@
-"""Refocusing in Blender's compositor from a two-layer EXR: `python -m benchmarks.accuracy.exported_layers`.
+"""Refocusing in Blender's compositor from a two-layer EXR: `python -m benchmarks.special exported_layers`.
 
 With true depth (T1), against the real lens: our own frame, the compositor's Defocus of the sharp frame and
 its depth, and the compositor's recipe of docs/compositing.md from the exported file: what is nearer than the

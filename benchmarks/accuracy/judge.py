@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
 from functools import partial
-from typing import Any
 
 import cv2
 import numpy as np
@@ -20,6 +18,7 @@ from .cases import FromVideo, GroundTruth
 from .cases import track as track_of
 from .mask_metrics import outline_band
 from .methods import METHODS, Answer
+from .rows import Row
 from .scenes import Picture, Scene, Truth
 
 JUDGES = [
@@ -34,49 +33,6 @@ CODE = {
     for name, method in METHODS.items()
     for track in method.tracks
 }
-
-
-@dataclass(frozen=True)
-class Row:
-    """Scores are means over the judged frames; None where there is nothing to score."""
-
-    scene: str
-    track: str
-    method: str
-    views: int
-    blur_px: int
-    frames: int
-    inputs: str
-    """Hash of everything that the row depends on."""
-    noise_ceiling: float
-    """PSNR of one seed of the truth against the other."""
-    psnr: float | None = None
-    edge_psnr: float | None = None
-    in_focus_psnr: float | None = None
-    unclipped_psnr: float | None = None
-    """Of the pixels that no clipped highlight of the frame can reach."""
-    ssim: float | None = None
-    flip: float | None = None
-    rm: float | None = None
-    """Mean temporal difference against the truth's, frame to frame, of 0 to 1."""
-    rm_floor: float | None = None
-    """What the truth's own noise makes of that."""
-    warped: float | None = None
-    """The same along the true motion."""
-    subject_psnr: float | None = None
-    """Around the outlines of subjects that move: the pixels of `mask_metrics.outline_band`."""
-    subject_rm: float | None = None
-    triangles: int = 0
-    cpu_s: float | None = None
-    """Processor seconds a frame, all threads; reading, solving and truth are not in it."""
-    wall_s: float | None = None
-    peak_mb: float | None = None
-    note: str = ""
-    """Why there is no score."""
-
-    @property
-    def key(self) -> tuple[Any, ...]:
-        return (self.scene, self.track, self.method, self.views, self.blur_px)
 
 
 class Judge:
@@ -95,8 +51,9 @@ class Judge:
         return self._truths
 
     def inputs(self, track_name: str, name: str) -> str:
-        """Hash of what a row depends on."""
-        return store.digest(self.scene.key, self.blur, self.frames, track_name, CODE[name, track_name])
+        """Hashes of the scene and of the code that a row depends on."""
+        scene = store.digest(self.scene.key, self.blur, self.frames, track_name)
+        return f"{scene}-{CODE[name, track_name]}"
 
     def row(self, track_name: str, given: GroundTruth | FromVideo, name: str, views: int) -> Row:
         """Run the method on every judged frame and score it. A refusal becomes a row with a note."""
@@ -120,19 +77,20 @@ class Judge:
     ) -> Row:
         pictures = [self._cropped(answer.picture) for answer in answers]
         truths = [self._cropped(truth.picture) for truth in self.truths]
+        seeds = [(self._cropped(one), self._cropped(other)) for one, other in (t.seeds for t in self.truths)]
         warped = self._warped(pictures, truths)
 
         subjects = [self.scene.subject(frame) for frame in self.frames]
         bands = [self._cropped(outline_band(mask)) for mask in subjects if mask is not None]
 
         def score(masks: list[metrics.Mask]) -> float | None:
-            scores = map(metrics.psnr, pictures, truths, [self._cropped(mask) for mask in masks])
+            scores = map(metrics.unbiased_psnr, pictures, seeds, [self._cropped(mask) for mask in masks])
             return _mean(list(scores))
 
         return Row(
             self.scene.name, track_name, name, views, self.blur, len(self.frames),
             self.inputs(track_name, name), self._ceiling,
-            psnr=_mean(list(map(metrics.psnr, pictures, truths))),
+            psnr=_mean(list(map(metrics.unbiased_psnr, pictures, seeds))),
             edge_psnr=score([metrics.edge_band(1 / self.scene.depth(frame)) for frame in self.frames]),
             in_focus_psnr=score([metrics.in_focus(self._disc(frame)) for frame in self.frames]),
             unclipped_psnr=score(
@@ -142,7 +100,7 @@ class Judge:
             flip=_mean(list(map(metrics.flip, pictures, truths))),
             rm=_mean([metrics.rm(pictures, truths)]), rm_floor=self._rm_floor,
             warped=warped,
-            subject_psnr=_mean(list(map(metrics.psnr, pictures, truths, bands))),
+            subject_psnr=_mean(list(map(metrics.unbiased_psnr, pictures, seeds, bands))),
             subject_rm=_mean([metrics.rm(pictures, truths, bands)]) if bands else None,
             triangles=round(np.mean([a.triangles for a in answers])),
             cpu_s=_mean([c.cpu_s for c in costs]), wall_s=_mean([c.wall_s for c in costs]),
@@ -204,10 +162,6 @@ def save_picture(scene: str, track_name: str, blur: int, method: str, views: int
     name = f"{scene}-{track_name}-{blur}px-{method.replace(' ', '_')}-{views}.png"
     encoded = np.rint(255 * encode_srgb(np.clip(picture, 0, 1))).astype(np.uint8)
     cv2.imwrite(str(folder / name), encoded[..., ::-1])
-
-
-def as_dict(row: Row) -> dict[str, Any]:
-    return {name: round(v, 6) if isinstance(v, float) else v for name, v in asdict(row).items()}
 
 
 def _mean(values: Sequence[float]) -> float | None:

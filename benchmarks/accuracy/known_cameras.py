@@ -1,6 +1,6 @@
 """What cameras without points are worth beside a solve with points.
 
-`python -m benchmarks.accuracy.known_cameras [SCENE ...]` renders the judged frames of a scene at 32 px from
+`python -m benchmarks.special known_cameras [SCENE ...]` renders the judged frames of a scene at 32 px from
 our solve, imported with its points; from the same poses as an animated Blender camera, without points; and
 from the camera of the scene's own .blend. PSNR in dB against Cycles' thin lens, as the benchmark's T2.
 """

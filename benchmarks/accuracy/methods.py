@@ -26,7 +26,7 @@ from addon.core.optics.thin_lens import ThinLens
 from addon.core.warp.mesh import WarpMesh
 from addon.render.average import LEAST_COVER, Drawn, draw_mean, render_frame
 from addon.render.quiet import quiet
-from sample_scenes import cycles_views
+from sample_scenes import cycles_views, staging
 
 from . import oracle
 from .cases import BenchmarkCase, ClipWithFill
@@ -53,7 +53,6 @@ class Answer:
 class Method:
     run: Callable[[BenchmarkCase, int], Answer]
     views: tuple[int, ...]
-    quick: tuple[int, ...]
     sources: tuple[str, ...]
     """Files that it is made of: its figures are stale when one changes."""
     tracks: tuple[str, ...] = ("T1", "T2")
@@ -175,31 +174,26 @@ def with_layers(case: BenchmarkCase) -> BenchmarkCase:
 
 PRODUCT = ("addon/core", "addon/render")
 METHODS = {
-    "no blur": Method(no_blur, (0,), (0,), ()),
-    "thesis": Method(thesis, (4, 16, 64, 256), (16, 64, 256), PRODUCT),
+    "no blur": Method(no_blur, (0,), ()),
+    "thesis": Method(thesis, (16, 256), PRODUCT),
     "layers": Method(
-        partial(by_mesher, "layers"),
-        (4, 8, 12, 16, 24, 32, 64, 256),
-        (16, 64),
-        PRODUCT,
-        ("T1", "T2", "T3", "T4"),
-        depth=NORMAL,
+        partial(by_mesher, "layers"), (8, 24, 256), PRODUCT, ("T1", "T2", "T3", "T4"), depth=NORMAL
     ),
-    "draft": Method(partial(of_quality, DRAFT), (0,), (0,), PRODUCT, depth=DRAFT),
-    "normal": Method(partial(of_quality, NORMAL), (0,), (0,), PRODUCT, depth=NORMAL),
-    "final": Method(partial(of_quality, FINAL), (0,), (0,), PRODUCT, depth=FINAL),
+    "draft": Method(partial(of_quality, DRAFT), (0,), PRODUCT, depth=DRAFT),
+    "normal": Method(partial(of_quality, NORMAL), (0,), PRODUCT, depth=NORMAL),
+    "final": Method(partial(of_quality, FINAL), (0,), PRODUCT, depth=FINAL),
     "known fill": Method(
-        known_fill, (256,), (64,), (*PRODUCT, "benchmarks/accuracy/oracle.py"), ("T1",), with_layers
+        known_fill, (256,), (*PRODUCT, "benchmarks/accuracy/oracle.py"), ("T1",), with_layers
     ),
-    "features": Method(partial(by_mesher, "features"), (4, 16, 64), (64,), PRODUCT),
-    "grid": Method(partial(by_mesher, "grid"), (64,), (64,), PRODUCT),
-    "edges": Method(partial(by_mesher, "edges"), (64,), (64,), PRODUCT),
-    "dense mesh": Method(dense, (64,), (64,), PRODUCT, ("T1",), depth=NORMAL),
-    "Cycles": Method(cycles, (16,), (16,), PRODUCT),
-    "Cycles, our mesh": Method(cycles_layers, (4, 16, 64), (16,), PRODUCT, depth=NORMAL),
-    "Defocus": Method(defocus_node, (0,), (0,), ("benchmarks/accuracy/defocus.py",), depth=NORMAL),
-    "scatter": Method(scattered, (0,), (0,), ("benchmarks/accuracy/scatter.py",), depth=NORMAL),
-    "oracle": Method(knowing, (64,), (64,), ("benchmarks/accuracy/oracle.py",), ("T1",), with_layers),
+    "features": Method(partial(by_mesher, "features"), (16, 64), PRODUCT),
+    "grid": Method(partial(by_mesher, "grid"), (64,), PRODUCT),
+    "edges": Method(partial(by_mesher, "edges"), (64,), PRODUCT),
+    "dense mesh": Method(dense, (64,), PRODUCT, ("T1",), depth=NORMAL),
+    "Cycles": Method(cycles, (16,), PRODUCT),
+    "Cycles, our mesh": Method(cycles_layers, (16,), PRODUCT, depth=NORMAL),
+    "Defocus": Method(defocus_node, (0,), ("benchmarks/accuracy/defocus.py",), depth=NORMAL),
+    "scatter": Method(scattered, (0,), ("benchmarks/accuracy/scatter.py",), depth=NORMAL),
+    "oracle": Method(knowing, (64,), ("benchmarks/accuracy/oracle.py",), ("T1",), with_layers),
 }
 
 
@@ -276,6 +270,7 @@ def thin_lens(plan: FramePlan, picture: Picture, samples: int, seed: int = 0) ->
     try:
         camera = cycles_views.set_up(scene, warp, (pinhole.width, pinhole.height), samples)
         cycles_views.point_camera(scene, pinhole.focal, pinhole.principal_point, np.zeros(2), np.eye(2, 3))
+        staging.limit_threads(scene)
         scene.cycles.seed = seed
         camera.dof.use_dof = True
         camera.dof.focus_distance = 1 / (plan.lens.focus * unit)

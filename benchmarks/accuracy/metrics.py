@@ -45,6 +45,20 @@ def psnr(picture: Picture, truth: Picture, where: Mask | None = None) -> float:
     return float("inf") if error == 0 else float(-10 * np.log10(error))
 
 
+def unbiased_psnr(picture: Picture, seeds: tuple[Picture, Picture], where: Mask | None = None) -> float:
+    """`psnr` against the noise-free truth, of which two renders with independent noise are known.
+
+    The mean product of the picture's differences from both has their noise in it only by chance, while a mean
+    square would have it added. Infinite where nothing but noise is left, NaN where the mask has no pixel.
+    """
+    one, other = (_encoded(picture, seed) - _encoded(seed, seed) for seed in seeds)
+    product = one * other if where is None else (one * other)[where]
+    if product.size == 0:
+        return float("nan")
+    error = float(product.mean())
+    return float("inf") if error <= 0 else float(-10 * np.log10(error))
+
+
 def ssim(picture: Picture, truth: Picture) -> float:
     """Structural similarity in -1..1, the mean over the channels: Wang et al. 2004, equation 13.
 

@@ -14,7 +14,8 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator, NullLocator
 
 from . import metrics
-from .judge import Row
+from .plan import TRACKS
+from .rows import NAME, Book, Row, summary
 
 matplotlib.use("Agg")
 
@@ -49,77 +50,37 @@ STYLES = {
     "scatter": ("#A0508A", "X"), "oracle": ("#00775A", "^"),
 }  # fmt: skip
 """Colours and markers, after Okabe and Ito (2008), whose lighter ones are darkened to be read as text."""
-TRACKS = {
-    "T1": "T1: true depth and cameras", "T2": "T2: from the video alone",
-    "T3": "T3: from the video, true mattes", "T4": "T4: from the video, one stroke on each subject",
-}  # fmt: skip
 PLACES = ((1, 0), (0, 1), (0, -1), (-1, 0), (1, 1), (-1, 1), (1, -1), (-1, -1))
+
+HEAD = """# Our method against the others
+
+`make bench`, {measured}; code {code}; pictures {width} pixels wide.
+
+PSNR in dB against a real lens, without the truth's own noise, each method with the most views.
+*Gap closed*: ours less the thesis's over the oracle's less the thesis's.
+*Known fill*: the same, of ours with the true colours of what the frame hides, at the depth that we guess for
+it, which may be another surface's. *RM of thesis's*: squares without that of the truth's own noise, root of
+their ratio. A star: the truth's noise is as large as the error.
+"""
 
 type Label = tuple[float, float, str, str, float]
 """CPU seconds, dB, text, colour, size in points."""
 
 
-def write(folder: Path, kind: str, rows: list[Row]) -> str:
-    """Write `kind`-scene.md and .png for every scene, an overview plot and `kind`.md; returns the tables."""
-    rows = sorted(rows, key=lambda row: (row.scene, list(STYLES).index(row.method), row.views))
-    tables = []
-    for scene in dict.fromkeys(row.scene for row in rows):
-        own = [row for row in rows if row.scene == scene]
-        text = table(scene, own)
-        (folder / f"{kind}-{scene}.md").write_text(text)
-        tables.append(text)
-        plot(folder / f"{kind}-{scene}.png", scene, own)
-    overview(folder / f"{kind}.png", rows)
-    tables.append(summary(rows))
-    (folder / f"{kind}.md").write_text(tables[-1])
-    return "\n".join(tables)
-
-
-def summary(rows: list[Row]) -> str:
-    """Our method between the thesis's, Blender's and the oracle, each with the most views it was run with."""
-    heads = ("scene", "track", "disc", "thesis", "Defocus", "ours", "oracle", "gap closed",
-             "at edges", "known fill", "unclipped over Defocus", "FLIP of thesis's", "RM of thesis's",
-             "triangles")  # fmt: skip
-    best = {(row.scene, row.track, row.blur_px, row.method): row for row in rows if row.psnr is not None}
-    lines = [
-        "# Our method against the others", "",
-        "PSNR in dB against a real lens. Way to oracle: ours less the thesis's over the oracle's less the"
-        " thesis's. Told: both ways of ours with the true colours of what the frame hides, at the depth that"
-        " we guess for it, which may be another surface's. RM of the thesis's: squares without that of the"
-        " truth's own noise, root of their ratio.",
-        "", "| " + " | ".join(heads) + " |", "|" + "---|" * len(heads),
-    ]  # fmt: skip
-    for scene, track, blur in dict.fromkeys(key[:3] for key in best):
-        thesis, defocus, ours, known_fill, oracle = (
-            best.get((scene, track, blur, name))
-            for name in ("thesis", "Defocus", "layers", "known fill", "oracle")
-        )
-        if thesis is None or defocus is None or ours is None:
-            continue
-        scores = ["-" if row is None else f"{row.psnr:.2f}" for row in (thesis, defocus, ours, oracle)]
-        unclipped = (ours.unclipped_psnr or np.nan) - (defocus.unclipped_psnr or np.nan)
-        cells = (
-            scene, track, f"{blur} px", *scores, _way(thesis, ours, oracle, "psnr"),
-            _way(thesis, ours, oracle, "edge_psnr"),
-            " / ".join(_way(thesis, known_fill, oracle, name) for name in ("psnr", "edge_psnr")),
-            f"{unclipped:+.2f}", f"{(ours.flip or np.nan) / (thesis.flip or np.nan):.2f}",
-            f"{_flicker(ours) / _flicker(thesis):.2f}", str(ours.triangles),
-        )  # fmt: skip
-        lines.append("| " + " | ".join(cells) + " |")
-    return "\n".join([*lines, ""])
-
-
-def _way(thesis: Row, ours: Row | None, oracle: Row | None, name: str) -> str:
-    low, own, high = (None if row is None else getattr(row, name) for row in (thesis, ours, oracle))
-    if low is None or own is None or high is None:
-        return "-"
-    return f"{100 * (own - low) / (high - low):.0f} %"
-
-
-def _flicker(row: Row) -> float:
-    """RM without the truth's noise, which is independent of it; NaN where it is all of it."""
-    left = (row.rm or 0.0) ** 2 - (row.rm_floor or 0.0) ** 2
-    return float(np.sqrt(left)) if left > 0 else float("nan")
+def write(folder: Path, book: Book) -> str:
+    """Write the overview plot, and bench.md with the summary and a table for each scene; returns its text."""
+    order = [*STYLES]
+    rows = sorted(book.rows.values(), key=lambda row: (row.scene, order.index(row.method), row.views))
+    parts = [
+        HEAD.format(measured=book.measured(), code=book.code or "mixed", width=book.width),
+        summary(rows),
+    ]
+    scenes = dict.fromkeys(row.scene for row in rows)
+    parts += [table(scene, [row for row in rows if row.scene == scene]) for scene in scenes]
+    text = "\n".join(parts)
+    (folder / f"{NAME}.md").write_text(text)
+    overview(folder / f"{NAME}.png", book)
+    return text
 
 
 def line(row: Row) -> str:
@@ -134,7 +95,7 @@ def table(scene: str, rows: list[Row]) -> str:
     """The rows of one scene as Markdown, the best PSNR of each track and blur in bold."""
     columns = COLUMNS if any(row.subject_psnr is not None for row in rows) else STILL_COLUMNS
     heads = ["method", "views", *(head for head, _, _ in columns)]
-    lines = [f"# {scene}", ""]
+    lines = [f"## {scene}", ""]
     for track in sorted({row.track for row in rows}):
         for blur in sorted({row.blur_px for row in rows if row.track == track}):
             own = [row for row in rows if (row.track, row.blur_px) == (track, blur)]
@@ -142,7 +103,7 @@ def table(scene: str, rows: list[Row]) -> str:
             floors = [row.rm_floor for row in own if row.rm_floor is not None]
             flicker = f", {np.mean(floors):.4f} of RM" if floors else ""
             lines += [
-                f"## {track}, largest disc {blur} px, {own[0].frames} frames;"
+                f"### {track}, largest disc {blur} px, {own[0].frames} frames;"
                 f" the truth's noise: {ceiling:.1f} dB seed against seed{flicker}", "",
                 "| " + " | ".join(heads) + " |", "|" + "---|" * len(heads),
                 *(_line(row, max((r.psnr or 0) for r in own), columns) for row in own), "",
@@ -168,34 +129,19 @@ def _mark(row: Row) -> str:
     return "*" if metrics.within_noise(row.psnr or 0.0, row.noise_ceiling) else ""
 
 
-def plot(path: Path, scene: str, rows: list[Row]) -> None:
-    """Error over cost of one scene, a panel for each track and blur."""
-    scored = [row for row in rows if row.psnr is not None and row.cpu_s is not None]
-    panels = {
-        f"{TRACKS[track]}, disc {blur} px": [
-            row for row in scored if (row.track, row.blur_px) == (track, blur)
-        ]
-        for track, blur in sorted({(row.track, row.blur_px) for row in scored})
-    }
-    if panels:
-        draw(path, f"{scene} (small numbers: views)", panels)
-
-
-def overview(path: Path, rows: list[Row]) -> None:
-    """The mean of each track over the scenes that are complete, at the blur that most of them have."""
-    scored = [row for row in rows if row.psnr is not None]
+def overview(path: Path, book: Book) -> None:
+    """The mean of tracks T1 and T2 over the scenes that have every method, at the main blur."""
+    scored = [row for row in book.rows.values() if row.psnr is not None and row.track in ("T1", "T2")]
     if not scored:
         return
-    blurs = [row.blur_px for row in scored]
-    blur = max(set(blurs), key=lambda each: (blurs.count(each), each == 16))
     panels = {}
     for track in sorted({row.track for row in scored}):
-        own = [row for row in scored if row.track == track and row.blur_px == blur]
+        own = [row for row in scored if row.track == track and row.blur_px == book.blur]
         count = Counter(row.scene for row in own)
-        # A scene half judged, or whose hidden surfaces nobody knows, would take methods out of the mean.
+        # A scene half judged would take methods out of the mean.
         scenes = {scene for scene in count if count[scene] == max(count.values())}
         panels[f"{TRACKS[track]}, mean of {len(scenes)} scenes"] = [row for row in own if row.scene in scenes]
-    draw(path, f"Error over cost, largest blur disc {blur} px (small numbers: views)", panels)
+    draw(path, f"Error over cost, largest blur disc {book.blur} px (small numbers: views)", panels)
 
 
 def draw(path: Path, title: str, panels: dict[str, list[Row]]) -> None:

@@ -1,4 +1,4 @@
-"""Clips of a hand that shakes, whose rows are read in turn: `python -m benchmarks.accuracy.rolling`.
+"""Clips of a hand that shakes, whose rows are read in turn: `python -m benchmarks.special rolling`.
 
 Cycles films a scene with its own rolling shutter. One frame is drawn through the lens on the clip's own path,
 against Cycles' thin lens with the same shutter, and through the lens on a steadier path, against a thin lens

@@ -1,4 +1,4 @@
-"""Depth of a real room against a sensor's: `python -m benchmarks.accuracy.room` (real data).
+"""Depth of a real room against a sensor's: `python -m benchmarks.special room` (real data).
 
 Error of inverse depth in per cent of its range, mean and median over the pixels that the sensor knows, of the
 clip's own stereo; of maps alone, which are the sensor's as a network would have them (`network_depth`), or as

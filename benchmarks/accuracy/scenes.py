@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Protocol
@@ -30,6 +30,14 @@ Floats = NDArray[np.float64]
 Motion = tuple[Floats, NDArray[np.bool_]]
 
 FILM_SAMPLES = 16
+SIZE = (480, 270)
+"""Pixels of the pictures of `Short`, 9/16 of a sample scene's own."""
+FRAMES = 16
+"""Of a clip of `Short`."""
+BLURS = (0.0125, 0.025, 0.05, 0.1)
+"""Largest discs of `Short`, in shares of the width."""
+NOISE = 0.02
+"""Of the truth of `Short`: Cycles samples every pixel until its error is about this."""
 
 
 @dataclass(frozen=True)
@@ -109,7 +117,7 @@ class Staged:
     def __init__(self, name: str, noise: float) -> None:
         self.name = name
         self.noise = noise
-        self.blurs = (8, 16, 32, 64)
+        self.blurs: tuple[int, ...] = (8, 16, 32, 64)
 
     @cached_property
     def stage(self) -> Stage:
@@ -261,6 +269,31 @@ class Staged:
         code = store.digest(store.sources("benchmarks/accuracy/scenes.py", "benchmarks/accuracy/oracle.py"))
         stored = store.kept(f"{self.folder}/layers-{code}", f"{frame:04d}-{number}-{margin}", make)
         return oracle.Layer(stored[..., :4], np.ascontiguousarray(stored[..., 4]))
+
+
+class Short(Staged):
+    """A scene as `make bench` judges it: small pictures, and only the frames around the judged ones."""
+
+    def __init__(self, name: str, noise: float = NOISE) -> None:
+        super().__init__(name, noise)
+        self.blurs = tuple(round(share * SIZE[0]) for share in BLURS)
+
+    @cached_property
+    def stage(self) -> Stage:
+        made = filming.load(self.name)
+        first = max(len(made.cameras) // 2 - FRAMES // 2, 0)
+        made = made.cut(slice(first, first + FRAMES))
+        return replace(made, cameras=made.cameras.resized(*SIZE))
+
+    @property
+    def is_filmed(self) -> bool:
+        """Whether the whole clip is there."""
+        return (self._clip_folder / f"frame_{len(self.stage.cameras):04d}.png").exists()
+
+    def judged(self, blur: int) -> tuple[int, ...]:
+        """Two: the least that flicker is seen in."""
+        middle = len(self.stage.cameras) // 2
+        return (middle, middle + 1)
 
 
 def clipped(picture: Picture) -> Picture:

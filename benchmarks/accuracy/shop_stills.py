@@ -1,4 +1,4 @@
-"""The shop as photos in no order: `python -m benchmarks.accuracy.shop_stills [shop5 shop8 shop20]`.
+"""The shop as photos in no order: `python -m benchmarks.special shop_stills [shop5 shop8 shop20]`.
 
 True cameras, the middle view through a lens of 0.24 m. Depth and hidden colours come from one row of the
 light field (17 views), or from every second view of every second row (81, a quarter); beside them the true
@@ -53,10 +53,10 @@ class Photos(Shop):
         return folder
 
 
-def main(names: list[str]) -> None:
+def main() -> None:
     print("| focus, m | one row | a quarter | true depth, colours of the quarter |")
     print("|---|---|---|---|")
-    for name in names or list(FOCUS):
+    for name in sys.argv[1:] or list(FOCUS):
         scene = Shop.open(name)
         if isinstance(scene, str):
             raise SystemExit(scene)
@@ -72,4 +72,4 @@ def main(names: list[str]) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main()

@@ -1,4 +1,4 @@
-"""The shop through a lens of 0.24 m, no margin cut off: `python -m benchmarks.accuracy.shop_table`.
+"""The shop through a lens of 0.24 m, no margin cut off: `python -m benchmarks.special shop_table`.
 
 True cameras; depth is the scene's own (a sweep over more views than a clip has) or found from the clip's 34
 frames. The truth of a pixel is the mean of those of the disc's views that see it. PSNR at gamma 2.2.

@@ -1,4 +1,4 @@
-"""Clips carried by hand, drawn from a steadier path: `python -m benchmarks.accuracy.steady`.
+"""Clips carried by hand, drawn from a steadier path: `python -m benchmarks.special steady`.
 
 A frame through the lens of the steadier camera, by the true cameras and by depth that is true or found from
 the clip, against Cycles' thin lens on the same path; beside it the same frame through the lens on the

@@ -1,4 +1,4 @@
-"""Surfaces that fool stereo, each by itself: `python -m benchmarks.accuracy.surfaces`.
+"""Surfaces that fool stereo, each by itself: `python -m benchmarks.special surfaces`.
 
 PSNR against the real lens at 32 px with true cameras, within half of that of each of `surfaces.PLACES`: with
 depth that is found, and with the true depth; and the share of the place's own pixels whose found depth is

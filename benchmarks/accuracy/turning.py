@@ -1,4 +1,4 @@
-"""Clips whose camera stays in its place, with depth maps: `python -m benchmarks.accuracy.turning`.
+"""Clips whose camera stays in its place, with depth maps: `python -m benchmarks.special turning`.
 
 From the video and the maps alone, as the product solves and draws them, against the real lens; beside it
 Blender's Defocus with the same maps. They are exact, or as a network has them (`network_depth`). Scored are

@@ -38,6 +38,8 @@ from .ground_truth import Figures, Floats, Mask, Truth, measure
 from .scenes import MOTIONS, Motion
 
 RESULTS = Path(__file__).parents[1] / "results"
+CODE = (*store.SOLVER, "benchmarks/solving")
+"""What a row may depend on."""
 TRACKERS: tuple[str, ...] = getattr(tracks, "TRACKERS", ("corners",))
 FOCALS = ("unknown", "known")
 FILM_SAMPLES = 8
@@ -166,6 +168,8 @@ class Row:
     cpu_s: float = 0.0
     """Of the worker, both threads."""
     wall_s: float = 0.0
+    measured: str = ""
+    """Commit and date."""
 
     @property
     def key(self) -> tuple[str, str, str]:
@@ -196,7 +200,10 @@ def main() -> None:
                 run(clip, tracker, focal, rows)
     if arguments.film:
         return
-    text = table(list(rows.values()))
+    part = arguments.report or arguments.motions or arguments.trackers or arguments.focal
+    code = "" if part else today()
+    save(rows, code)
+    text = table(list(rows.values()), code)
     (RESULTS / "motions.md").write_text(text)
     print(text)
 
@@ -227,7 +234,7 @@ def run(clip: Clip, tracker: str, focal: str, rows: Rows) -> None:
     claims = {} if found is None else found.report | {"depth_sigma": found.quality.depth_sigma}
     row = Row(
         motion.name, tracker, focal, inputs, judged, verdict(motion, focal, message, figures, claims),
-        message, {} if figures is None else asdict(figures), claims, *cost,
+        message, {} if figures is None else asdict(figures), claims, *cost, store.commit(),
     )  # fmt: skip
     rows[row.key] = row
     save(rows)
@@ -340,8 +347,13 @@ LEGEND = """
 """
 
 
-def table(rows: list[Row]) -> str:
-    """All rows as Markdown, those of a motion together."""
+def today() -> str:
+    """Digest of the code as it is."""
+    return store.digest(store.sources(*CODE))
+
+
+def table(rows: list[Row], code: str = "") -> str:
+    """All rows as Markdown, those of a motion together; `code` as of `save`."""
     names = list(MOTIONS)
     rows = sorted(rows, key=lambda r: (names.index(r.motion), r.tracker, r.focal == "known"))
     heads = ["motion", "tracker", "focal", "verdict", *(head for head, _ in COLUMNS), "CPU s", "wall s"]
@@ -354,7 +366,8 @@ def table(rows: list[Row]) -> str:
         shown = row.verdict if row.verdict == "right" else f"**{row.verdict}**"
         lines.append("| " + " | ".join([row.motion, row.tracker, row.focal, shown, *cells, *cost]) + " |")
     right = sum(row.verdict == "right" for row in rows)
-    return "\n".join([*lines, "", f"{right} of {len(rows)} right.", LEGEND])
+    when = store.measured_at((row.measured for row in rows), code, today())
+    return "\n".join([*lines, "", f"{right} of {len(rows)} right. {when[0].upper()}{when[1:]}.", LEGEND])
 
 
 def line(row: Row) -> str:
@@ -401,7 +414,7 @@ def _claimed(row: Row) -> str:
 
 def load() -> Rows:
     with contextlib.suppress(FileNotFoundError):
-        rows = [Row(**each) for each in json.loads((RESULTS / "motions.json").read_text())]
+        rows = [Row(**each) for each in json.loads((RESULTS / "motions.json").read_text())["rows"]]
         # JSON has no NaN.
         for row in rows:
             row.figures.update((name, np.nan) for name, value in row.figures.items() if value is None)
@@ -409,7 +422,8 @@ def load() -> Rows:
     return {}
 
 
-def save(rows: Rows) -> None:
+def save(rows: Rows, code: str = "") -> None:
+    """Write the results file; `code` is the digest with which all rows are up to date, if they are."""
     RESULTS.mkdir(exist_ok=True)
     part = RESULTS / "motions.part"
     stored = [asdict(rows[key]) for key in sorted(rows)]
@@ -417,7 +431,7 @@ def save(rows: Rows) -> None:
         row["figures"] = {
             name: value if np.isfinite(value) else None for name, value in row["figures"].items()
         }
-    part.write_text(json.dumps(stored, indent=1, allow_nan=False))
+    part.write_text(json.dumps({"code": code, "rows": stored}, indent=1, allow_nan=False) + "\n")
     part.rename(RESULTS / "motions.json")
 
 

@@ -1,6 +1,6 @@
 """How many points a frame gains from other frames, and how many of them are truly there.
 
-`python -m benchmarks.solving.density [SCENE ...]` prints a table; it films and solves the scenes below
+`python -m benchmarks.special density [SCENE ...]` prints a table; it films and solves the scenes below
 build/figures first if need be. The truth is each point's own place in the scene: where the
 surface is that an observation of it lies on, at about the depth that was solved.
 """

@@ -1,6 +1,6 @@
 """A clip of thousands of frames, solved, against its truth.
 
-`python -m benchmarks.solving.long_clip [--frames 2000]`.
+`python -m benchmarks.special long_clip [--frames 2000]`.
 The camera walks along a wall with boards before it and looks about a little. All of it is textured planes, so
 a frame is drawn in milliseconds and its camera is known. Nothing that the first frame shows is to be seen in
 the last, nor in most of those between: keyframes, their matches and the drift are what is asked here.

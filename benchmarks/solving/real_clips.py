@@ -1,6 +1,6 @@
 """Real clips: whether they are solved or refused, and how much depth they show.
 
-`python -m benchmarks.solving.real_clips` solves those of the folder of real footage (`VA_DATA`) and writes
+`python -m benchmarks.special real_clips` solves those of the folder of real footage (`VA_DATA`) and writes
 the table `benchmarks/results/real_margins.md`; with names, only these, the other rows being kept.
 """
 
@@ -46,7 +46,7 @@ def table(rows: dict[str, dict[str, object]]) -> str:
     lines = [
         "# Depth in real clips", "",
         "*GRIC*, *parallax*, *noise* and *misfit* are as in [the table of motions](motions.md); those of a"
-        " refused clip are in its message (`python -m benchmarks.solving.real_clips`).", "",
+        " refused clip are in its message (`python -m benchmarks.special real_clips`).", "",
         "| clip | GRIC | parallax | noise | misfit | outcome |", "|---|---|---|---|---|---|",
     ]  # fmt: skip
     for name, row in rows.items():

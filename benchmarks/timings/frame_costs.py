@@ -1,4 +1,4 @@
-"""What a frame costs by stage, read to written file: `python -m benchmarks.timings.frame_costs`.
+"""What a frame costs by stage, read to written file: `python -m benchmarks.special frame_costs`.
 
 Consecutive frames of a sample scene with its true cameras, as it is and enlarged, go through the shipping
 code (Blender's render of our engine into PNG files) with their depth kept: it is found before, and timed

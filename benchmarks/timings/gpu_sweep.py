@@ -1,5 +1,5 @@
 """The plane sweep on the processor and on the GPU, their times and how far they are apart:
-`python -m benchmarks.timings.gpu_sweep`.
+`python -m benchmarks.special gpu_sweep`.
 
 Of a picture of noise with six neighbours, as large as those of small clips, of the sample scenes, and what
 larger ones are worked at in. The GPU's time ends with the winners in the processor's memory. Its first four

@@ -1,4 +1,4 @@
-"""What the interface waits for: python -m benchmarks.timings.interface [BLEND ...]
+"""What the interface waits for: python -m benchmarks.special interface [BLEND ...]
 
 Times of a preview's pictures by level, of frames that follow each other, with depth kept; of an import by its
 number of points, and of a move of the eyedropper among them; and of one view on this machine's GPU, from the

@@ -1,4 +1,4 @@
-"""What few views miss of many, and what they cost: `python -m benchmarks.timings.view_error`.
+"""What few views miss of many, and what they cost: `python -m benchmarks.special view_error`.
 
 A scene's first judged frame with its true depth, drawn through N views: plain, by Vogel's spiral, and with
 the texture prefiltered for N, at positions of equal shares. Scores are PSNR and that of the edge band, in dB,

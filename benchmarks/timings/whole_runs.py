@@ -1,4 +1,4 @@
-"""What a clip costs from command to written file: `python -m benchmarks.timings.whole_runs`.
+"""What a clip costs from command to written file: `python -m benchmarks.special whole_runs`.
 
 The bars scene with its true cameras, as it is and enlarged, is rendered by the command line in a process of
 its own, as a user would: with the depth to find, and then through another lens with the depth kept, in every

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -18,11 +18,14 @@ from addon.core.camera.reconstruction import Reconstruction
 from addon.core.frame.clip_context import ClipContext
 from benchmarks import cost, store
 from benchmarks.accuracy import __main__ as bench
-from benchmarks.accuracy import judge, oracle, report
+from benchmarks.accuracy import oracle, plan, report
+from benchmarks.accuracy import rows as row_file
 from benchmarks.accuracy.cases import FromVideo, GroundTruth, robust_line, weighted_median
-from benchmarks.accuracy.judge import Judge, Row, given_by
+from benchmarks.accuracy.judge import Judge, given_by
 from benchmarks.accuracy.methods import METHODS, with_layers
-from benchmarks.accuracy.scenes import Staged, clipped
+from benchmarks.accuracy.plan import Part, stale
+from benchmarks.accuracy.rows import Row
+from benchmarks.accuracy.scenes import FRAMES, SIZE, Short, Staged, clipped
 from sample_scenes import filming
 from sample_scenes.stage import Stage
 
@@ -161,48 +164,87 @@ def test_a_refusal_is_a_row(tiny: Tiny, monkeypatch: pytest.MonkeyPatch) -> None
 def test_a_run_resumes_and_repeats_what_has_changed(
     tiny: Tiny, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(bench, "RESULTS", tmp_path)
-    monkeypatch.setattr(bench, "METHODS", {name: METHODS[name] for name in ("no blur", "scatter")})
-    plan = replace(bench.QUICK, kind="trial")
-    bench.run_track(plan, Judge(tiny, BLUR), "T1", {})
-    first = json.loads((tmp_path / "trial.json").read_text())
-    assert [row["method"] for row in first] == ["no blur", "scatter"]
-    runs: list[str] = []
-    row_of = Judge.row
-    monkeypatch.setattr(Judge, "row", lambda self, *a: runs.append(a[2]) or row_of(self, *a))
-    bench.run_track(plan, Judge(tiny, BLUR), "T1", bench.load(plan))
-    assert runs == []
-    stale = bench.load(plan)
-    key = ("bars", "T1", "scatter", 0, BLUR)
-    stale[key] = replace(stale[key], inputs="other code")
-    bench.run_track(plan, Judge(tiny, BLUR), "T1", stale)
-    assert runs == ["scatter"]
+    monkeypatch.setattr(row_file, "RESULTS", tmp_path)
+    monkeypatch.setattr(plan, "METHODS", {name: METHODS[name] for name in ("no blur", "scatter")})
+    monkeypatch.setattr(plan, "MAIN_BLUR", BLUR)
+    monkeypatch.setattr(plan, "ALL_BLURS", (BLUR,))
+    monkeypatch.setattr(plan, "Short", lambda name: tiny)
+    monkeypatch.setattr(Tiny, "is_filmed", True, raising=False)
+    part = Part(tracks=("T1",))
+
+    def run() -> list[str]:
+        todo = list(stale("bars", part, row_file.load()).reasons)
+        bench.run_track(Judge(tiny, BLUR), "T1", todo)
+        return [each.method for each in todo]
+
+    assert run() == ["no blur", "scatter"]
+    assert run() == []
+    with row_file.changed() as book:
+        row = book.rows["bars", "T1", "scatter", 0, BLUR]
+        assert row.spent_s > 0 and "(20" in row.measured
+        book.rows[row.key] = replace(row, inputs=row.inputs.partition("-")[0] + "-other code")
+    told = stale("bars", part, row_file.load())
+    assert str(told).startswith("bars         1 rows stale (1 code changed)")
+    assert run() == ["scatter"]
 
 
-def test_a_run_may_be_of_some_methods(tiny: Tiny, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bench, "RESULTS", tmp_path)
-    rows: bench.Rows = {}
-    bench.run_track(replace(bench.QUICK, methods=("scatter",)), Judge(tiny, BLUR), "T1", rows)
-    assert [key[2] for key in rows] == ["scatter"]
+def test_a_plan_is_of_all_scenes_and_may_be_of_a_part() -> None:
+    whole = [each for name in filming.STAGES for each in plan.wanted(name, Part())]
+    assert {each.method for each in whole} == set(METHODS)
+    assert {each.blur for each in plan.wanted("bars", Part())} == {plan.MAIN_BLUR}
+    assert {each.blur for each in plan.wanted(plan.BLURRED, Part())} == set(plan.ALL_BLURS)
+    asked = list(plan.wanted("stroller", Part(tracks=("T2",), blurs=(48,), methods=("scatter",))))
+    assert asked == [plan.Wanted(48, "T2", "scatter", 0)]
+    assert plan.possible(("bars", "T1", "layers", 256, plan.MAIN_BLUR))
+    assert not plan.possible(("bars", "T1", "layers", 256, 32))
+
+
+def test_two_processes_write_one_results_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(row_file, "RESULTS", tmp_path)
+    monkeypatch.setattr(store, "FOLDER", tmp_path)
+
+    def add(number: int) -> None:
+        with row_file.changed() as book:
+            row = Row("bars", "T1", "layers", number, BLUR, 2, "", 40.0, psnr=30.0)
+            book.rows[row.key] = row
+
+    with ThreadPoolExecutor(8) as pool:
+        list(pool.map(add, range(40)))
+    assert len(row_file.load().rows) == 40
+
+
+def test_a_scene_of_the_benchmark_is_a_cut_of_the_sample_scene() -> None:
+    whole, short = filming.load("fence"), Short("fence")
+    stage, first = short.stage, len(whole.cameras) // 2 - FRAMES // 2
+    assert len(stage.cameras) == len(stage.focus) == FRAMES
+    assert (stage.cameras.width, stage.cameras.height) == SIZE
+    part = slice(first, first + FRAMES)
+    np.testing.assert_array_equal(stage.cameras.centres, whole.cameras.centres[part])
+    np.testing.assert_allclose(stage.focus_xy, whole.focus_xy[part] * SIZE[0] / whole.cameras.width)
+    for cut, thing in zip(stage.things, whole.things, strict=True):
+        for index in (0, FRAMES - 1):
+            np.testing.assert_array_equal(cut.pose(index)[1], thing.pose(first + index)[1])
+    assert short.judged(24) == (FRAMES // 2, FRAMES // 2 + 1)
 
 
 def test_only_scenes_with_subjects_have_mattes_given(tiny: Tiny) -> None:
     assert given_by("T3", tiny) == "no person, animal or vehicle moves in this scene"
     assert given_by("T4", tiny) == given_by("T3", tiny)
-    assert bench.tracks_of("stroller") == ("T1", "T2", "T3", "T4") and bench.tracks_of("bars") == ("T1", "T2")
+    assert plan.tracks_of("stroller") == ("T1", "T2", "T3", "T4") and plan.tracks_of("bars") == ("T1", "T2")
 
 
 def test_tables_and_plots_tell_every_row(rows: dict[tuple[str, int], Row], tmp_path: Path) -> None:
     noisy = replace(rows["scatter", 0], noise_ceiling=1.0)
     refused = replace(rows["no blur", 0], psnr=None, note="no parallax", track="T2")
-    text = report.write(tmp_path, "trial", [*rows.values(), noisy, refused])
+    found = [*rows.values(), noisy, refused]
+    text = report.write(
+        tmp_path, row_file.Book(96, rows={(*row.key, row.noise_ceiling): row for row in found})
+    )
     assert f"{noisy.psnr:.2f}*" in text or f"{noisy.psnr:.2f}***" in text
     assert "no parallax" in text
-    assert (
-        text.count("\n| ") == len(rows) + 2 + 2 + 2
-    )  # a head each for T1 and T2; and the summary's, and its row
-    files = {"trial-bars.md", "trial-bars.png", "trial.png", "trial.md"}
-    assert {path.name for path in tmp_path.iterdir()} == files
+    # A head and a line each of T1, T2 and the summary, and the summary's row.
+    assert text.count("\n| ") == len(found) + 2 + 2
+    assert {path.name for path in tmp_path.iterdir()} == {"bench.md", "bench.png"}
 
 
 def test_the_summary_tells_how_far_it_is_from_the_thesis_to_the_oracle(
@@ -217,7 +259,7 @@ def test_the_summary_tells_how_far_it_is_from_the_thesis_to_the_oracle(
         replace(named["oracle"], psnr=40.0),
         replace(named["Defocus"], psnr=29.0),
     ]
-    last = report.summary(made).strip().splitlines()[-1]
+    last = row_file.summary(made).strip().splitlines()[-1]
     assert "| 20.00 | 29.00 | 30.00 | 40.00 | 50 % | - | 75 % / - |" in last
     assert "| 0.25 | 0.50 |" in last
 
@@ -326,9 +368,3 @@ def test_cost_counts_processor_time_and_memory() -> None:
         assert 250 < spent.peak_mb < 450
     _, idle = cost.measured(lambda: time.sleep(0.3))
     assert idle.cpu_s < 0.2 < idle.wall_s
-
-
-def test_scenes_that_are_not_there_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("VA_DATA", str(tmp_path / "nothing"))
-    assert "VA_DATA" in str(bench.open_scene("shop5", 0.1))
-    assert judge.given_by("T1", Tiny("bars", 0.1)) is not None

@@ -36,6 +36,24 @@ def test_psnr_of_an_even_error() -> None:
     assert metrics.psnr(grey(0.6), grey(0.5)) == pytest.approx(20, abs=1e-4)
 
 
+def test_the_noise_of_a_truth_is_left_out() -> None:
+    """An even error of 0.01, 40 dB, under noise of 0.02 in each of two renders, whose mean has 37 dB."""
+    seeds = [
+        decode_srgb(0.5 + 0.02 * np.random.default_rng(seed).standard_normal((180, 320, 3))).astype(
+            np.float32
+        )
+        for seed in (1, 2)
+    ]
+    picture = grey(0.51, 180, 320)
+    assert metrics.psnr(picture, (seeds[0] + seeds[1]) / 2) < 36
+    assert metrics.unbiased_psnr(picture, (seeds[0], seeds[1])) == pytest.approx(40, abs=0.1)
+    left = np.zeros((180, 320), bool)
+    left[:, :160] = True
+    picture[:, 160:] = 1
+    assert metrics.unbiased_psnr(picture, (seeds[0], seeds[1]), left) == pytest.approx(40, abs=0.15)
+    assert math.isnan(metrics.unbiased_psnr(picture, (seeds[0], seeds[1]), np.zeros((180, 320), bool)))
+
+
 def test_psnr_counts_every_channel() -> None:
     picture, truth = grey(0.5, 2, 2), grey(0.5, 2, 2)
     picture[0, 0, 1] = 0

@@ -9,7 +9,7 @@ import pytest
 
 from addon.core.camera.reconstruction import Intrinsics
 from benchmarks.accuracy.envelope import Curve
-from benchmarks.accuracy.judge import Row
+from benchmarks.accuracy.rows import Row
 from benchmarks.timings import frame_costs, growth, speed, whole_runs
 
 from ..scenes import slanted_plane

@@ -17,8 +17,9 @@ from addon.core.media.clip import open_footage, to_linear
 from benchmarks import store
 from benchmarks.accuracy import metrics, report, subjects
 from benchmarks.accuracy.cases import FromVideo, GroundTruth, TrueDepth
-from benchmarks.accuracy.judge import Judge, Row
+from benchmarks.accuracy.judge import Judge
 from benchmarks.accuracy.mask_metrics import outline_band
+from benchmarks.accuracy.rows import Row
 from benchmarks.accuracy.scenes import Staged
 from sample_scenes import figure, filming, staging, truth
 from sample_scenes.shapes import box
@@ -251,7 +252,9 @@ def test_the_benchmark_scores_the_subjects_band(tiny: Tiny) -> None:
     pictures = [to_linear(tiny.frame(frame))[..., :3] for frame in judged.frames]
     truths = [truth.picture for truth in judged.truths]
     bands = [outline_band(tiny.subject(frame)) for frame in judged.frames]
-    assert row.subject_psnr == pytest.approx(np.mean(list(map(metrics.psnr, pictures, truths, bands))))
+    seeds = [truth.seeds for truth in judged.truths]
+    scores = list(map(metrics.unbiased_psnr, pictures, seeds, bands))
+    assert row.subject_psnr == pytest.approx(np.mean(scores))
     assert row.subject_rm == pytest.approx(metrics.rm(pictures, truths, bands))
 
 

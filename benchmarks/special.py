@@ -1,0 +1,62 @@
+"""Scenes and costs of one thing each: `python -m benchmarks.special NAME`, with `--help` for its options.
+
+Without a name it lists them.
+"""
+
+from __future__ import annotations
+
+import importlib
+import sys
+
+ACCURACY, TIMINGS, SOLVING = "benchmarks.accuracy", "benchmarks.timings", "benchmarks.solving"
+SPECIAL: dict[str, tuple[str, str]] = {
+    "cg": (ACCURACY, "a CG object half behind things of a clip; --gloss: lacquer, --motion-blur: a shutter"),
+    "completed": (ACCURACY, "a depth network's maps beside the clip's own depth, each alone and both"),
+    "contact_sheet": (ACCURACY, "crops of the duck clip, as in the README (real data)"),
+    "dense_depth": (ACCURACY, "depth maps against the truth, and their speckles"),
+    "drift": (
+        ACCURACY,
+        "exposure and white balance that drift, dark corners; --depth: depth then",
+    ),
+    "envelope": (ACCURACY, "error over CPU seconds of every quality and its rivals, depth given and counted"),
+    "exported_layers": (ACCURACY, "refocusing a two-layer EXR in Blender's compositor"),
+    "grain": (ACCURACY, "noise given back where blur took it; --clip FILE: what is measured of a clip"),
+    "highlight_radiance": (ACCURACY, "how bright clipped lamps are found to be"),
+    "known_cameras": (ACCURACY, "cameras without points, from a Blender camera, beside a solve"),
+    "lamps": (ACCURACY, "bulbs, a street at night and paper lanterns, clean and coded"),
+    "rolling": (ACCURACY, "a rolling shutter in a shaking hand: readout left out, true, found"),
+    "room": (ACCURACY, "depth of a real room against a sensor's (real data)"),
+    "shop_stills": (ACCURACY, "photos of a light field, one row of it and a quarter (real data)"),
+    "shop_table": (ACCURACY, "a light field that others rendered (real data)"),
+    "steady": (ACCURACY, "a steadier path against Cycles' lens there; --fill: its border filled"),
+    "subjects": (ACCURACY, "masks and depth of people and animals that walk"),
+    "surfaces": (ACCURACY, "what fools stereo: cut by the border, slats that repeat, lacquer"),
+    "turning": (ACCURACY, "a tripod, still and panned, with depth maps"),
+    "frame_costs": (TIMINGS, "CPU seconds of a frame by stage, and its memory"),
+    "gpu_sweep": (TIMINGS, "the plane sweep on the processor and on the GPU"),
+    "interface": (TIMINGS, "the preview, an import, and a move of the eyedropper"),
+    "view_error": (TIMINGS, "error over the number of views; --wish DB: of a wished error"),
+    "whole_runs": (TIMINGS, "a clip from command to written file"),
+    "density": (SOLVING, "points that a frame shows and did not track"),
+    "long_clip": (SOLVING, "a clip of 2,000 frames"),
+    "real_clips": (SOLVING, "which real clips show depth, and by what margin (real data)"),
+    "sound_offset": ("benchmarks", "how far sound and pictures are apart with a varying frame rate"),
+}
+"""By name, where its module lies and what it judges."""
+
+
+def main() -> None:
+    """Run the special benchmark that is named first, with the other arguments."""
+    if len(sys.argv) < 2 or sys.argv[1] not in SPECIAL:
+        listed = "\n".join(f"  {name:20}{what}" for name, (_, what) in SPECIAL.items())
+        print(f"python -m benchmarks.special NAME [OPTIONS], NAME being one of\n{listed}")
+        if len(sys.argv) > 1 and sys.argv[1] not in ("-h", "--help"):
+            sys.exit(f"there is no special benchmark {sys.argv[1]}")
+        return
+    name = sys.argv.pop(1)
+    sys.argv[0] = f"benchmarks.special {name}"
+    importlib.import_module(f"{SPECIAL[name][0]}.{name}").main()
+
+
+if __name__ == "__main__":
+    main()
