@@ -14,7 +14,7 @@ from ..scene.shot import Shot, shot_of
 from ..scene.timeline import go_to
 from .frame_size import render_size, written_size
 
-PICTURES = 11
+PICTURES = 12
 """Version of the method: counted up when the same settings give another picture, so that a run that goes on
 does not mix them."""
 
