@@ -139,7 +139,7 @@ class Footage:
             )
         return found
 
-    @property
+    @cached_property
     def fills_display_window(self) -> bool:
         """Whether the first picture has the pixels of its whole frame and no others: an EXR may differ."""
         first = self.files[0] if self.files else self.path
