@@ -58,9 +58,7 @@ def main() -> int:
             print(f"error: {wheel.name} is not the file that was pinned by its SHA-256", file=sys.stderr)
             return 1
         fill(Path(scratch) / "networks", wheel)
-        out.parent.mkdir(parents=True, exist_ok=True)
-        shutil.rmtree(out, ignore_errors=True)
-        shutil.copytree(Path(scratch) / "networks", out)
+        replace(out, Path(scratch) / "networks")
     print(f"{len(wanted)} networks in {os.path.relpath(out)}")
     return 0
 
@@ -84,6 +82,16 @@ def download(folder: Path) -> Path | None:
         capture_output=True, check=False,
     )  # fmt: skip
     return None if done.returncode else next(folder.glob("*.whl"), None)
+
+
+def replace(folder: Path, new: Path) -> None:
+    """Put a new folder in the place of one, whole or not at all."""
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name}-") as beside:
+        shutil.copytree(new, Path(beside) / "new")
+        if folder.exists():
+            folder.rename(Path(beside) / "old")
+        (Path(beside) / "new").rename(folder)
 
 
 def fill(folder: Path, wheel: Path) -> None:
