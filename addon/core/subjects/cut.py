@@ -10,7 +10,7 @@ import numpy as np
 from ..base.arrays import Bytes, Map, Mask
 from ..base.global_smoother import globally_smoothed
 from ..base.progress import checkpoint
-from .networks import Networks
+from .networks import Networks, log_odds
 from .odds import (
     CROP,
     OUTSIDE,
@@ -18,7 +18,6 @@ from .odds import (
     Colours,
     body,
     distance,
-    log_odds,
     motion,
     overlap,
     probability,

@@ -59,7 +59,8 @@ class SubjectDistance:
 
     An object of constant size has an inverse depth proportional to its size in the picture. Sizes come from
     flow within the subject, frame by frame; their unknown factor is the median over the frames in which the
-    subject is seen to stand on the ground. So distances never change faster than the subject's size does.
+    subject is seen to stand on the ground. From four such frames on, a drift of the size that is linear in
+    time is corrected, too.
     """
 
     pictures: ClipPictures

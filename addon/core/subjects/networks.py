@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import threading
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 from pathlib import Path
 
 import cv2
@@ -86,11 +86,12 @@ class Region:
 
 
 class Networks:
-    """The networks, loaded when they are first used; several threads may use them."""
+    """The networks, loaded when they are first used; several threads may use them, one at a time."""
 
     def __init__(self, folder: Path = FOLDER) -> None:
         self._folder = folder
         self._lock = threading.Lock()
+        self._loaded: dict[str, cv2.dnn.Net] = {}
 
     @property
     def exist(self) -> bool:
@@ -107,8 +108,8 @@ class Networks:
             (h, w) float32 log-odds, the mean of two networks, limited to those of 0.02 and 0.98.
         """
         found = [
-            _log_odds(self._run("selfie_segmentation.tflite", _stretched(picture, 256, 256))[0]),
-            _log_odds(self._run("selfie_segmentation_landscape.tflite", _stretched(picture, 256, 144))[0]),
+            log_odds(self._run("selfie_segmentation.tflite", _stretched(picture, 256, 256))[0]),
+            log_odds(self._run("selfie_segmentation_landscape.tflite", _stretched(picture, 256, 144))[0]),
         ]
         size = picture.shape[1::-1]
         both = [
@@ -170,9 +171,11 @@ class Networks:
 
     def _run(self, name: str, blob: NDArray[np.float32]) -> tuple[NDArray[np.float32], ...]:
         with self._lock:
-            net = _loaded(self._folder / name)
+            if name not in self._loaded:
+                self._loaded[name] = _read(self._folder / name)
+            net = self._loaded[name]
             net.setInput(blob)
-            return tuple(net.forward(_outputs(net)))
+            return tuple(net.forward(sorted(net.getUnconnectedOutLayersNames())))
 
 
 def decoded(
@@ -215,34 +218,17 @@ def decoded(
     return found
 
 
-def networks() -> Networks:
-    """Return the networks of this process."""
-    return _networks()
-
-
 def missing() -> UserError:
     """Return the error of a build that has no networks."""
     return UserError("people are not recognised: this build of the extension has no networks")
 
 
-@cache
-def _networks() -> Networks:
-    return Networks()
-
-
-@cache
-def _loaded(path: Path) -> cv2.dnn.Net:
+def _read(path: Path) -> cv2.dnn.Net:
     if not path.is_file():
         raise missing()
     read = cv2.dnn.readNetFromONNX if path.suffix == ".onnx" else cv2.dnn.readNetFromTFLite
-    # The newer engine names one output of the TensorFlow Lite models, and is not as fast on them.
+    # OpenCV's newer engine names only one output of the TensorFlow Lite models.
     return read(str(path), cv2.dnn.ENGINE_CLASSIC)
-
-
-@cache
-def _outputs(net: cv2.dnn.Net) -> tuple[str, ...]:
-    """Names of a network's outputs in the order of the model."""
-    return tuple(sorted(net.getUnconnectedOutLayersNames()))
 
 
 def _stretched(picture: Bytes, width: int, height: int) -> NDArray[np.float32]:
@@ -252,7 +238,8 @@ def _stretched(picture: Bytes, width: int, height: int) -> NDArray[np.float32]:
     )
 
 
-def _log_odds(probability: NDArray[np.float32]) -> NDArray[np.float32]:
+def log_odds(probability: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the log-odds of probabilities, limited to those of 0.02 and 0.98."""
     limited = np.clip(probability, 0.02, 0.98)
     return np.asarray(np.log(limited / (1 - limited)), np.float32)
 

@@ -14,8 +14,9 @@ from .parts import touching
 
 AGREEMENT = 0.6
 """Intersection over union of two independent networks, one that segments a detected person and one that
-segments the largest figure in a crop, from which on both see the same person. On 20 clips that nothing was
-tuned on, 38 of 38 were people; on seven clips without people none was found."""
+segments the largest figure in a crop, from which on both see the same person. An earlier study with these
+networks and this limit: on 20 clips of DAVIS all of 38 detections were people; on seven clips without people
+there was none; a wooden mannequin was taken for a person."""
 SAMPLED = 6
 """Frames of a clip in which people are looked for."""
 SEEN_IN = 2
