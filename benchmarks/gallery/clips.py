@@ -18,13 +18,14 @@ from numpy.typing import NDArray
 from addon.core.media.clip import Footage, open_footage
 
 from .. import store
+from .row_outlines import OUTLINES
 
 Mask = NDArray[np.bool_]
 Corners = tuple[tuple[float, float], ...]
 
 DATA = Path(os.environ.get("VA_DATA", store.ROOT.parent / "shared" / "data"))
 IN_A_ROW = 6
-"""Frames of a row, spread over the clip."""
+"""Frames of a row, spread over the clip. Each has a true mask or an outline in `row_outlines`."""
 CONSECUTIVE = 3
 """Frames from the middle one on that are rendered with a click, for flicker."""
 
@@ -91,11 +92,14 @@ class RealClip:
         return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_NEAREST) > 127)
 
     def subject(self, frame: int) -> Mask:
-        """(H, W) the subject: the true mask, or else the outline drawn on the middle frame."""
+        """(H, W) the subject: the true mask, or else the outline drawn on a frame of the row, or the middle
+        frame's for those near it."""
         mask = self.drawn_mask(frame)
-        if mask is None:
-            mask = polygon(self.outline, (self.footage.width, self.footage.height))
-        return mask
+        if mask is not None:
+            return mask
+        drawn = OUTLINES.get(self.name, {}).get(frame)
+        size = self.footage.width, self.footage.height
+        return polygon(corners(drawn) if drawn else self.outline, size)
 
 
 def polygon(corners: Corners, size: tuple[int, int]) -> Mask:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -24,7 +24,7 @@ from .commands import Ended
 from .metrics import Detail, Noise, Pixels
 from .stages import Steps
 
-MEASURING = "clips", "matte", "metrics", "scores"
+MEASURING = "clips", "matte", "metrics", "row_outlines", "scores"
 """Modules of this package that figures depend on."""
 DEEPEST = {np.dtype(np.uint8): 255.0, np.dtype(np.uint16): 65535.0}
 """Value of white by the kind of a picture."""
@@ -43,12 +43,13 @@ class Row:
     """Of the middle frame with a click."""
     by_default: float | None = None
     """Share of its detail that the subject keeps with nothing picked."""
+    row_keeps: tuple[float, float] | None = None
+    """Share of its detail that the subject keeps in the frames of the row: mean and least."""
     noise: Noise | None = None
     flicker: float | None = None
     overlap: float | None = None
     """Mean IoU of the program's matte and the true mask, over the frames that have both; 0 for a frame whose
     matte is empty. None where the data has no masks."""
-    overlap_frames: int = 0
 
     @property
     def failure(self) -> str:
@@ -76,42 +77,48 @@ def taken(steps: Steps, with_row: bool, run: bool = True) -> Row:
         return Row(clip, solve, None, None, None)
     default = steps.default(run)
     row = steps.row(run and with_row) if clip.has_row and not clicked.status else None
-    if clicked.status:
-        return Row(clip, solve, clicked, default, row)
-    return Row(clip, solve, clicked, default, row, **_figures(steps, default, row))
+    ended = Row(clip, solve, clicked, default, row)
+    return replace(ended, **_figures(steps, ended))
 
 
-def _figures(steps: Steps, default: Ended | None, row: Ended | None) -> dict[str, Any]:
+def _figures(steps: Steps, ended: Row) -> dict[str, Any]:
     """The figures of a row, as they are kept beside the pictures, or measured and kept."""
     own = [Path(__file__).with_name(f"{name}.py") for name in MEASURING]
     ends = [file for kind in ("click", "default", "row") if (file := steps.folder / f"{kind}.json").exists()]
     key, kept = store.digest(own, ends), steps.folder / "figures.json"
     held = json.loads(kept.read_text()) if kept.exists() else {}
     if held.get("key") != key:
-        held = {"key": key, **_measured(steps, default, row)}
+        held = {"key": key, **_measured(steps, ended)}
         kept.write_text(json.dumps(held, indent=1))
     del held["key"]
-    return held | {"detail": Detail(**held["detail"]), "noise": Noise(**held["noise"])}
+    for name, kind in (("detail", Detail), ("noise", Noise)):
+        if name in held:
+            held[name] = kind(**held[name])
+    return held
 
 
-def _measured(steps: Steps, default: Ended | None, row: Ended | None) -> dict[str, Any]:
-    """The figures of a row for JSON."""
-    clip, frames = steps.clip, steps.clip.near_middle
+def _measured(steps: Steps, ended: Row) -> dict[str, Any]:
+    """The figures of a row for JSON, of the steps that were not refused."""
+    clip, frames, found = steps.clip, steps.clip.near_middle, dict[str, Any]()
     sources = [shown(clip, frame) for frame in frames]
-    results = [read(steps.picture("click", frame)) for frame in frames]
     subjects = [clip.subject(frame) for frame in frames]
-    overlaps, by_default = list(_overlaps(steps, row)), None
-    if default is not None and not default.status:
+    if ended.default is not None and not ended.default.status:
         picture = read(steps.picture("default", clip.middle))
-        by_default = metrics.detail(sources[0], picture, subjects[0]).subject
-    return {
-        "detail": asdict(metrics.detail(sources[0], results[0], subjects[0])),
-        "by_default": by_default,
-        "noise": asdict(metrics.noise(sources[0], results[0], subjects[0])),
-        "flicker": metrics.flicker(sources, results, subjects),
-        "overlap": float(np.mean(overlaps)) if overlaps else None,
-        "overlap_frames": len(overlaps),
-    }
+        found["by_default"] = metrics.detail(sources[0], picture, subjects[0]).subject
+    if ended.is_rendered:
+        results = [read(steps.picture("click", frame)) for frame in frames]
+        found["detail"] = asdict(metrics.detail(sources[0], results[0], subjects[0]))
+        found["noise"] = asdict(metrics.noise(sources[0], results[0], subjects[0]))
+        found["flicker"] = metrics.flicker(sources, results, subjects)
+        if overlaps := list(_overlaps(steps, ended.row)):
+            found["overlap"] = float(np.mean(overlaps))
+    if ended.row is not None and not ended.row.status:
+        each = [
+            metrics.detail(shown(clip, frame), read(steps.picture("row", frame)), clip.subject(frame)).subject
+            for frame in clip.row
+        ]
+        found["row_keeps"] = float(np.mean(each)), min(each)
+    return found
 
 
 def _overlaps(steps: Steps, row: Ended | None) -> Iterator[float]:

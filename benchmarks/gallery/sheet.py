@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -20,6 +21,8 @@ CELL = 620, 400
 """Width and height of a picture's place on a page, in pixels."""
 LINE = 22
 """Pixels of a line of text."""
+LETTERS = 75
+"""Letters of a line that fit a cell."""
 QUALITY = 88
 RED, YELLOW = (230, 30, 30), (255, 230, 0)
 
@@ -56,7 +59,7 @@ def _clip(steps: Steps, row: Row) -> Pixels:
             cells.append(_titled(read(steps.picture(kind, clip.middle)), title))
         else:
             message = ended.message if ended is not None else row.failure or "not rendered"
-            cells.append(_titled(np.full((CELL[1], CELL[0], 3), 40, np.uint8), f"{title}: {message}"))
+            cells.append(_titled(_words(message), title))
     return np.hstack(cells)
 
 
@@ -86,6 +89,21 @@ def _marked(clip: RealClip) -> Pixels:
     return picture
 
 
+def _words(text: str) -> Pixels:
+    """A gray picture of a cell's size with a message on it."""
+    gray = np.full((CELL[1], CELL[0], 3), 40, np.uint8)
+    for number, line in enumerate(textwrap.wrap(text, LETTERS), 1):
+        _write_line(gray, line, (10, LINE * number))
+    return gray
+
+
+def _write_line(picture: Pixels, text: str, at: tuple[int, int]) -> None:
+    # OpenCV's letters are ASCII.
+    ascii_text = text.encode("ascii", "replace").decode()
+    face = cv2.FONT_HERSHEY_SIMPLEX
+    cv2.putText(picture, ascii_text, at, face, 0.45, (255, 255, 255), 1, cv2.LINE_AA)
+
+
 def _titled(picture: Pixels, title: str) -> Pixels:
     """A picture in a cell of a page, (CELL[1] + LINE, CELL[0], 3), as large as fits, under a line of text."""
     height, width = picture.shape[:2]
@@ -94,10 +112,7 @@ def _titled(picture: Pixels, title: str) -> Pixels:
     small = cv2.resize(picture, (int(scale * width), int(scale * height)), interpolation=how)
     cell = np.zeros((CELL[1] + LINE, CELL[0], 3), np.uint8)
     cell[LINE : LINE + small.shape[0], : small.shape[1]] = small
-    face = cv2.FONT_HERSHEY_SIMPLEX
-    # OpenCV's letters are ASCII.
-    ascii_title = title.encode("ascii", "replace").decode()
-    cv2.putText(cell, ascii_title, (4, LINE - 7), face, 0.45, (255, 255, 255), 1, cv2.LINE_AA)
+    _write_line(cell, title, (4, LINE - 7))
     return cell
 
 

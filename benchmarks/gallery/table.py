@@ -14,7 +14,7 @@ from .stages import BLUR, BUILD, Program
 
 HEADS = (
     "clip", "kind", "outcome", "solve, CPU s", "first frame", "next", "subject keeps", "by default",
-    "tiles lost", "left elsewhere", "noise", "flicker", "IoU", "seen",
+    "tiles lost", "left elsewhere", "in the row", "noise", "flicker", "IoU", "seen",
 )  # fmt: skip
 EXPLAINED = f"""\
 Every clip goes through the command line: *solve*; *render* of the middle frame and the two after it with
@@ -29,7 +29,8 @@ picture, so the figures are comparisons with the source, and the pictures
   on the subject, with the click; 1 is untouched. **By default**: the same with nothing picked. **Tiles
   lost**: share of the subject's tiles of 16 to 32 pixels with detail that kept less than {LOST:g} of it, with
   the click. **Left elsewhere**: share of the detail outside the subject's surroundings; things at the
-  subject's distance are rightly sharp.
+  subject's distance are rightly sharp. **In the row**: detail that the subject keeps in six frames spread
+  over the clip with the same click, mean / least.
 - **Noise**: standard deviation in 255ths in the flattest blurred places, source -> result. Blender's dither
   alone is {DITHER:g}. A star: noisier than the source and the dither together by over a tenth.
 - **Flicker**: change over time of blurred areas, aligned by the source's flow and smoothed, relative to the
@@ -60,12 +61,10 @@ def _cells(row: Row, seen: dict[str, str]) -> list[str]:
     cells.append("" if solve is None else f"{solve.cpu_s:.0f}")
     first, following = frame_costs(row)
     cells += [_number(first, 0), _number(following, 0)]
-    if row.detail is None:
-        cells += [""] * 4
-    else:
-        detail = row.detail
-        cells += [_number(detail.subject), _number(row.by_default)]
-        cells += [_number(detail.tiles_lost), _number(detail.elsewhere)]
+    detail = row.detail
+    cells += [_number(detail.subject) if detail else "", _number(row.by_default)]
+    cells += [_number(detail.tiles_lost), _number(detail.elsewhere)] if detail else ["", ""]
+    cells.append(" / ".join(map(_number, row.row_keeps)) if row.row_keeps else "")
     cells += [_noise(row), _number(row.flicker), _number(row.overlap)]
     assert clicked is None or solve is not None
     return [*cells, seen.get(row.clip.name, "")]
@@ -117,9 +116,11 @@ def _sums(rows: Sequence[Row]) -> list[str]:
     rendered = [row for row in run if row.is_rendered]
     moving = [row for row in rendered if row.clip.kind != "still"]
     total = sum(map(cpu_seconds, run))
+    solved = [row for row in run if row.solve is not None and not row.solve.status]
     lines = [
-        f"{len(run)} of {len(rows)} clips were run, {len(rendered)} solved and rendered. All commands took"
-        f" {total:.0f} CPU s: {total / 120:.0f} minutes on two idle cores.",
+        f"{len(run)} of {len(rows)} clips were run. {len(run) - len(solved)} were not solved; of"
+        f" {len(solved)} clicks {len(solved) - len(rendered)} were refused. All commands took {total:.0f} CPU"
+        f" s: {total / 120:.0f} minutes on two idle cores.",
     ]
     for name, those in (
         ("that move", moving),

@@ -148,6 +148,14 @@ def test_every_click_is_on_its_subject(data: Path) -> None:
         assert 0.002 < subject.mean() < 0.6, clip.name
 
 
+def test_every_frame_of_a_row_has_its_subject(data: Path) -> None:
+    for clip in clips.CLIPS:
+        for frame in clip.row if clip.has_row else ():
+            is_drawn = frame in clips.OUTLINES.get(clip.name, {})
+            assert is_drawn or clip.drawn_mask(frame) is not None, (clip.name, frame)
+            assert 0.005 < clip.subject(frame).mean() < 0.3, (clip.name, frame)
+
+
 def test_missing_data_is_an_error(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(clips, "DATA", tmp_path / "none")
     monkeypatch.setattr(sys, "argv", ["gallery"])
@@ -206,18 +214,20 @@ def test_a_row_of_the_table(monkeypatch: pytest.MonkeyPatch) -> None:
     clip = clips.CLIPS[0]
     clicked = replace(ENDED, cpu_s=30.0, first_cpu_s=20.0)
     detail, noise = metrics.Detail(0.9, 0.1, 0.2), metrics.Noise(0.3, 3.6)
-    row = Row(clip, ENDED, clicked, ENDED, ENDED, detail, 0.4, noise, 1.5, 0.75, 3)
+    row = Row(clip, ENDED, clicked, ENDED, ENDED, detail, 0.4, (0.8, 0.3), noise, 1.5, 0.75)
     refused = Row(clips.CLIPS[1], replace(ENDED, status=1, message=f"{clips.DATA}/clips/a pans"), *[None] * 3)
     program = stages.Program(commands.HEADLESS)
     monkeypatch.setattr(table, "SEEN", {program.commit: {clip.name: "whole, no halo"}})
     text = table.table([row, refused, Row(clips.CLIPS[2], *[None] * 4)], program)
     assert (
-        f"| {clip.name} | person | solved | 10 | 20 | 5 | 0.90 | 0.40 | 0.10 | 0.20 | 0.30 -> 3.60* | 1.50 |"
-        " 0.75 | whole, no halo |"
+        f"| {clip.name} | person | solved | 10 | 20 | 5 | 0.90 | 0.40 | 0.10 | 0.20 | 0.80 / 0.30 |"
+        " 0.30 -> 3.60* | 1.50 | 0.75 | whole, no halo |"
     ) in text
     assert "**not solved**: a pans" in text and str(clips.DATA) not in text
     assert "**not run**" in text
-    assert "2 of 3 clips were run, 1 solved and rendered. All commands took 70 CPU s" in text
+    assert (
+        "2 of 3 clips were run. 1 were not solved; of 1 clicks 0 were refused. All commands took 70" in text
+    )
     assert f"Noisier than the source with the dither: {clip.name}" in text
 
 
