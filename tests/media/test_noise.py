@@ -102,6 +102,15 @@ def test_a_picture_gets_no_more_than_it_shows() -> None:
     assert share[140:-20, 180:-20].max() == 0
 
 
+def test_a_flat_place_beside_strong_texture_gets_a_number() -> None:
+    """Sums of squares along a row, added and taken away again, become negative there."""
+    shown = np.full((SIZE[1], SIZE[0], 3), 0.5, np.float32)
+    shown[60:180, 60:180] = np.random.default_rng(1).random((120, 120, 1), np.float32)
+    share = noise_like(white).share(shown)
+    assert np.isfinite(share).all()
+    assert share[:, 200:].max() == 0
+
+
 def test_flickering_lamps_and_texture_that_flow_does_not_find_are_no_noise() -> None:
     """The flat sky has noise of 0.5 of 255, carried from frame to frame as codecs do; the street below is
     another one in every frame."""

@@ -30,6 +30,9 @@ BLOCK = 24
 pixels by 17 %."""
 BLOCKS = 1500
 """Blocks of a frame, at random places, so that they do not align with a codec's."""
+NEARBY = 12
+"""Side in pixels of the square in which a picture limits its noise. With 24, flat tiles beside texture come
+out 3 % noisier than the source and dither on two of 23 clips, with 12 on none."""
 OVERLAP = 8
 """Blocks that contain a pixel of a small frame, on average."""
 PAIRS = 4
@@ -138,7 +141,9 @@ class Noise:
             (H, W) share of its standard deviation, 1 at most.
         """
         own = _finest(self.components((TILE, TILE), 0) @ AXES.T).mean()
-        return np.asarray(np.sqrt(np.minimum(cv2.blur(_finest(picture), (BLOCK, BLOCK)) / own, 1)))
+        # Rounding makes the running sums of a box filter negative beside strong edges.
+        around = cv2.blur(_finest(picture), (NEARBY, NEARBY))
+        return np.asarray(np.sqrt(np.clip(around / own, 0, 1)), np.float32)
 
 
 def measured(read: Callable[[int], Pixels], frames: Sequence[int]) -> Noise | None:
