@@ -40,7 +40,7 @@ from .timeline import check_frames, clip_frame
 
 KEPT_DEPTH = "depth"
 """Folder of a working folder where depth is kept."""
-DEPTHS = 11
+DEPTHS = 12
 """Version of the way that depth is found: counted up when the same options give another depth."""
 HIGHLIGHTS = 2
 """Version of the way that highlights are found, in the same way."""

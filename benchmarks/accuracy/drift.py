@@ -176,6 +176,7 @@ def depth_row(filmed: Filmed) -> str:
         TrueGeometry(filmed).reconstruction([int(n) for n in scene.cameras.frames]), filmed.read
     )
     found, said = clip.stereo.at(frame).inverse_depth, clip.moving(frame)
+    said = np.zeros(found.shape, bool) if said is None else said
     true = cv2.resize(1 / scene.depth(frame), found.shape[1::-1], interpolation=cv2.INTER_NEAREST)
     off = np.abs(found - true) / np.maximum(true, 1e-9)
     shown = scene.moves(frame).astype(np.uint8)

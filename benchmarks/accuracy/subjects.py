@@ -150,8 +150,13 @@ def moving(given: Given) -> Callable[[int], Mask]:
 
 
 def automatic(given: Given) -> Callable[[int], Mask]:
-    """What is found without a word of the user's, before depth: `ClipContext.subjects`."""
-    return given.clip.subjects.mask
+    """Subjects that are found without the user, before depth: `ClipContext.subjects`."""
+
+    def mask(frame: int) -> Mask:
+        found = given.clip.subjects.mask(frame)
+        return np.zeros((1, 1), bool) if found is None else found
+
+    return mask
 
 
 def true_mattes(given: Given) -> Callable[[int], Mask]:

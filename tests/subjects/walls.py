@@ -12,6 +12,8 @@ import numpy as np
 from addon.core.base.arrays import Bytes, Mask
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
 from addon.core.frame.clip_context import ClipContext
+from addon.core.subjects.found import FoundSubjects
+from addon.core.subjects.marked import ClipSubjects
 
 from ..scenes import texture
 
@@ -69,13 +71,45 @@ def with_shadow(frame: int) -> Bytes:
     return np.where(disc(frame)[..., None], dark, still(frame)).astype(np.uint8)
 
 
+POLE, WIDE = 1.5, 6
+"""Distance of a pole that the camera passes at the beginning of the clip, and its width in pixels."""
+
+
+def _left(frame: int) -> int:
+    """The pole's first column."""
+    return round(LENS.cx + (-1.4 - camera(frame)) * LENS.fx / POLE)
+
+
+def pole(frame: int) -> Mask:
+    """(h, w) where the pole is."""
+    column = np.arange(WIDTH) - _left(frame)
+    return np.broadcast_to((column >= 0) & (column < WIDE), (HEIGHT, WIDTH))
+
+
+def with_pole(frame: int) -> Bytes:
+    """(h, w, 3) the frame with the pole, which the left border cuts and seven frames show."""
+    own = cv2.resize(texture(4 * WIDE, HEIGHT, 9), (WIDE, HEIGHT)) // 4 + np.array((10, 30, 150), np.uint8)
+    shown = own[:, np.clip(np.arange(WIDTH) - _left(frame), 0, WIDE - 1)]
+    return np.where(pole(frame)[..., None], shown, still(frame)).astype(np.uint8)
+
+
 @dataclass(frozen=True)
 class Filmed(ClipContext):
     """A clip of that scene."""
 
 
-def filmed(shown: Callable[[int], Bytes], frames: tuple[int, ...] = FRAMES) -> Filmed:
-    """A clip of pictures, with its true cameras and features of both walls."""
+@dataclass(frozen=True)
+class Sure(FoundSubjects):
+    """Subjects of a clip, whether or not anything moves for sure."""
+
+    @property
+    def is_sure(self) -> bool:  # type: ignore[override]
+        return True
+
+
+def filmed(shown: Callable[[int], Bytes], frames: tuple[int, ...] = FRAMES, is_sure: bool = False) -> Filmed:
+    """A clip of pictures, with its true cameras and features of both walls; `is_sure` has subjects looked for
+    in any case."""
     rng = np.random.default_rng(4)
     rows = []
     for depth, low, high in ((FAR, 4, EDGE - 4), (NEAR, EDGE + 4, HEIGHT - 4)):
@@ -89,7 +123,14 @@ def filmed(shown: Callable[[int], Bytes], frames: tuple[int, ...] = FRAMES) -> F
         images.append(Image(frame, np.eye(3), -centre, xy[seen], seen))
     grey = np.full((len(points), 3), 128, np.uint8)
     cloud = Points(points, grey, np.full(len(points), 0.1))
-    return Filmed(Reconstruction((LENS,), tuple(images), cloud), shown)
+    found = Reconstruction((LENS,), tuple(images), cloud)
+    return Filmed(found, shown, known_subjects=ClipSubjects(Sure(found, shown)) if is_sure else None)
+
+
+def moving(clip: ClipContext, frame: int) -> Mask:
+    """(h, w) what is found to move in a frame."""
+    found = clip.moving(frame)
+    return np.zeros((HEIGHT, WIDTH), bool) if found is None else found
 
 
 def overlap(one: Mask, other: Mask) -> float:

@@ -49,7 +49,7 @@ PNG = b"\x89PNG\r\n\x1a\n"
 """Begins a PNG, whose width and height stand at its 17th byte (ISO/IEC 15948)."""
 LONGEST_SIDE = 16384
 """Pixels of a mask at most, as of any picture that is drawn."""
-KINDS = "depth", "moving", "single", "coarse", "alone", "lost", "lamps"
+KINDS = "depth", "moving", "single", "coarse", "alone", "lost", "lamps", "gate"
 """What the names of files begin with; all others go where there is no room for the first."""
 RECOUNT = 10.0
 """Seconds after which files are counted again, which other processes write, too."""

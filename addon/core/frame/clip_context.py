@@ -114,16 +114,16 @@ class ClipContext:
         )  # fmt: skip
         return TemporalFusion(self.reconstruction, single_frame, store, quality.fusion)
 
-    def moving(self, frame: int) -> Mask:
-        """(h, w) what moves by itself in a frame, over the source frame at any size: the subjects that are
-        found, those that are marked, and what masks say. It is the same in every quality. Errors as of
-        `FoundSubjects.mask`."""
-        return self._moving.get(frame, lambda: self._all_moving(frame))
+    def moving(self, frame: int) -> Mask | None:
+        """(h, w) moving pixels of a frame, over the source frame at any size: those of subjects, found or
+        marked, and of masks; None where there are none of these. It is the same in every quality. Errors as
+        of `FoundSubjects.mask`."""
+        return self._moving.get(frame, lambda: self._all_moving(frame, alone=False))
 
-    def left_out(self, frame: int) -> Mask:
+    def left_out(self, frame: int) -> Mask | None:
         """(h, w) as `moving`, of frames that others take depth and colours from: by their own evidence alone,
         so that one frame does not ask for dozens."""
-        return self._left_out.get(frame, lambda: self._with_said(frame, self._found(frame, alone=True)))
+        return self._left_out.get(frame, lambda: self._all_moving(frame, alone=True))
 
     def subject(self, name: str, frame: int) -> Mask:
         """(h, w) a marked subject in a frame, over the source frame at any size; UserError for a name that no
@@ -134,26 +134,23 @@ class ClipContext:
             raise UserError(f"there is no subject {name!r}; there are: {names}")
         return self._marked_mask(marked, frame)
 
-    def _all_moving(self, frame: int) -> Mask:
-        return self._with_said(frame, self._found(frame, alone=False))
+    def _all_moving(self, frame: int, alone: bool) -> Mask | None:
+        """(h, w) moving pixels that were found in a frame, by its own evidence or also by that of frames
+        around, with marked subjects and masks.
 
-    def _found(self, frame: int, alone: bool) -> Mask:
-        """(h, w) what was found to move in a frame, by its own evidence or that of frames around, too.
-
-        In photos nothing is: which of them were taken before or after is not known, nor how much later.
+        In photos nothing is found: which of them were taken before or after is not known, nor how much later.
         """
-        if not self.reconstruction.is_ordered:
-            return np.zeros(self.subjects.picture(frame).shape[:2], bool)
-        return self.subjects.mask_alone(frame) if alone else self.subjects.mask(frame)
-
-    def _with_said(self, frame: int, found: Mask) -> Mask:
-        """(h, w) what was found to move in a frame (h, w), what is marked, and what masks say."""
-        for each in self.marked:
-            found = found | self._marked_mask(each, frame)
+        subjects = [self._marked_mask(each, frame) for each in self.marked]
+        if self.reconstruction.is_ordered:
+            found = self.subjects.mask_alone(frame) if alone else self.subjects.mask(frame)
+            subjects += [] if found is None else [found]
         said = self.masks(frame) if self.masks else None
+        if not subjects:
+            return None if said is None else np.asarray(said > FAINTEST)
+        all_found = np.logical_or.reduce(subjects)
         if said is None:
-            return found
-        larger = cv2.resize(found.astype(np.uint8), said.shape[1::-1], interpolation=cv2.INTER_LINEAR)
+            return np.asarray(all_found)
+        larger = cv2.resize(all_found.astype(np.uint8), said.shape[1::-1], interpolation=cv2.INTER_LINEAR)
         return np.asarray((said > FAINTEST) | (larger > 0))
 
     def _marked_mask(self, marked: MarkedSubject, frame: int) -> Mask:
@@ -178,11 +175,11 @@ class ClipContext:
         )
 
     @cached_property
-    def _moving(self) -> LRUCache[Mask]:
+    def _moving(self) -> LRUCache[Mask | None]:
         return LRUCache(KEPT_MASKS)
 
     @cached_property
-    def _left_out(self) -> LRUCache[Mask]:
+    def _left_out(self) -> LRUCache[Mask | None]:
         return LRUCache(KEPT_MASKS)
 
     @cached_property

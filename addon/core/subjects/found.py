@@ -20,6 +20,7 @@ from ..depth.multi_view_stereo import Moving
 from ..depth.object_tracks import ClipObjects
 from ..media.picture_file import Pixels
 from .flow import ClipFlow, brought_together
+from .gate import moves
 from .segmentation import SegmentationOptions, components, contradiction, segmented
 from .static_plate import LeftOut, PlateOptions, StaticPlate
 
@@ -27,6 +28,8 @@ KEPT_EVIDENCE = 16
 """Frames whose evidence is remembered: those around one, and some more."""
 KEPT_SOURCES = 64
 """Source frames of which it is remembered what moves in them: more than any frame needs."""
+DECISION = "gate-000000"
+"""File of a store with the decision whether the clip has moving objects."""
 
 
 @dataclass(frozen=True)
@@ -112,13 +115,30 @@ class FoundSubjects:
     matcher: Matcher = winning_levels
     """Finds the depth levels of pixels."""
 
-    def mask(self, frame: int) -> Mask:
-        """(h, w) what moves by itself, over the source frame with its distortion, at the size worked at."""
+    @cached_property
+    def is_sure(self) -> bool:
+        """Whether the clip certainly has moving objects. In other clips no subject is found: an apparent one
+        is a part of the static scene that few frames see."""
+        known = None if self.store is None else self.store.read(DECISION, ("moves",))
+        if known is not None:
+            return bool(known["moves"])
+        found = moves(self.reconstruction, self.read)
+        if self.store is not None:
+            self.store.write(DECISION, {"moves": np.array(found)})
+        return found
+
+    def mask(self, frame: int) -> Mask | None:
+        """(h, w) what moves by itself, over the source frame with its distortion, at the size worked at; None
+        for a clip without moving objects."""
+        if not self.is_sure:
+            return None
         return self._kept(frame, "moving", lambda: self._outlined(frame, *self.evidence.at(frame)))
 
-    def mask_alone(self, frame: int) -> Mask:
+    def mask_alone(self, frame: int) -> Mask | None:
         """(h, w) as `mask`, by the evidence of the frame itself: parts of an outline can be missing. In a
         fifth of the time, where the frames around are not asked for."""
+        if not self.is_sure:
+            return None
         return self._kept(frame, "alone", lambda: self._outlined(frame, *self.evidence.alone(frame)))
 
     def _kept(self, frame: int, kind: str, find: Callable[[], Mask]) -> Mask:

@@ -1,0 +1,197 @@
+"""Decide whether a clip certainly has moving objects, from the tracks of corners in sampled frames.
+
+In a still scene one 3D point explains each track. Single tracks contradict that in any clip: the corner
+between a pole and the wall behind it slides, and so does a reflection. On a moving object most neighbouring
+tracks contradict it.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator, Sequence
+
+import cv2
+import numpy as np
+
+from ..base.arrays import Bytes, Floats, Map, Mask
+from ..base.progress import checkpoint
+from ..camera.intrinsics import Intrinsics
+from ..camera.reconstruction import Image, Reconstruction
+from ..depth.view_selection import relative_pose
+from ..media.clip import to_gray8
+from ..media.picture_file import Pixels
+
+LONG_SIDE = 480
+"""Longer side of the pictures in which corners are followed, in pixels, at most."""
+SAMPLES = (8, 32)
+"""Least and largest number of sampled frames, evenly spaced; between them as many as cover the clip."""
+REACH = 8
+"""Registered frames before and after a sampled frame through which its corners are followed."""
+CORNERS, QUALITY, APART = 1500, 0.002, 7 / 480
+"""Largest number of corners in a frame, least strength as a share of the strongest corner's, and least
+distance between two as a share of the long side."""
+ROUND = 0.1
+"""Least ratio of the eigenvalues of a corner's structure tensor: tracks slide along straight edges. Without
+it a still clip of a potted plant has 9 tracks of moving objects, with it none."""
+WINDOW = 9
+"""Width of the window of optical flow, in pixels."""
+ROUND_TRIP = 0.5
+"""Largest error of flow there and back, in pixels."""
+RESIDUAL = 1 / 240
+"""Root mean square residual above which a track contradicts a still scene, as a share of the long side."""
+AROUND = 0.06
+"""Distance within which tracks are neighbours, as a share of the long side. With 0.09 a person who walks in a
+street at night has no tracks of moving objects."""
+AGREEING = 0.75
+"""Least share of a track's neighbours, itself included, that contradict a still scene on a moving object.
+Without it a still garden has 32 such tracks, with it none."""
+TRACKS = 8
+"""Tracks of moving objects that two sampled frames in a row must both have, measured by
+`python -m benchmarks.accuracy.automatic_subjects`."""
+
+
+def moves(reconstruction: Reconstruction, read: Callable[[int], Pixels]) -> bool:
+    """Return whether a clip certainly has moving objects; False for photos.
+
+    Args:
+        reconstruction: The registered frames of a clip.
+        read: Returns a frame's picture (H, W, 3 or 4), as `Footage.read`.
+
+    Raises:
+        UserError: A frame cannot be read.
+    """
+    if not reconstruction.is_ordered or len(reconstruction.images) < 2:
+        return False
+    counts = moving_tracks(reconstruction, read)
+    return any(min(pair) >= TRACKS for pair in itertools.pairwise(counts))
+
+
+def moving_tracks(reconstruction: Reconstruction, read: Callable[[int], Pixels]) -> Iterator[int]:
+    """Yield the number of tracks of moving objects in each sampled frame; arguments and errors as `moves`."""
+    images = reconstruction.images
+    edge = min(REACH, len(images) // 4)
+    samples = int(np.clip(len(images) // (2 * REACH), *SAMPLES))
+    for number in np.unique(np.linspace(edge, len(images) - 1 - edge, samples).round().astype(int)):
+        first = max(number - REACH, 0)
+        window, here = images[first : number + REACH + 1], number - first
+        pictures, cameras = zip(*(_small(reconstruction, image, read) for image in window), strict=True)
+        tracks = followed(pictures, here)
+        residual = still_residuals(tracks, window, cameras, here)
+        found = on_moving_objects(tracks[:, here], residual, pictures[here].shape)
+        yield int(np.count_nonzero(found))
+
+
+def _small(
+    reconstruction: Reconstruction, image: Image, read: Callable[[int], Pixels]
+) -> tuple[Bytes, Intrinsics]:
+    """Read a frame as grey levels (h, w), reduced and still distorted, with the camera of that size."""
+    checkpoint()
+    camera = reconstruction.intrinsics(image)
+    zoom = min(1.0, LONG_SIDE / max(camera.width, camera.height))
+    size = max(round(camera.width * zoom), 1), max(round(camera.height * zoom), 1)
+    grey = cv2.resize(to_gray8(read(image.frame)), size, interpolation=cv2.INTER_AREA)
+    return np.asarray(grey), camera.scaled(*size)
+
+
+def followed(pictures: Sequence[Bytes], here: int) -> Map:
+    """Follow the corners of one of several consecutive pictures both ways.
+
+    Args:
+        pictures: Grey levels (h, w) of each frame.
+        here: Index of the picture whose corners are followed.
+
+    Returns:
+        Tracks (n, frames, 2) in OpenCV's pixels; NaN where a corner is lost.
+    """
+    apart = APART * max(pictures[here].shape)
+    corners = cv2.goodFeaturesToTrack(pictures[here], CORNERS, QUALITY, apart, blockSize=5)
+    start = np.zeros((0, 2), np.float32) if corners is None else corners[:, 0]
+    if len(start):
+        values = cv2.cornerEigenValsAndVecs(pictures[here], 5, 3)[..., :2]
+        one, other = np.moveaxis(values[tuple(start.round().astype(int)[:, ::-1].T)], -1, 0)
+        start = start[np.minimum(one, other) >= ROUND * np.maximum(one, other)]
+    tracks = np.full((len(start), len(pictures), 2), np.nan, np.float32)
+    tracks[:, here] = start
+    for way in (-1, 1):
+        alive = np.arange(len(start))
+        last = len(pictures) - 1 if way > 0 else 0
+        for at in range(here, last, way):
+            if not len(alive):
+                break
+            places, kept = _flow(pictures[at], pictures[at + way], tracks[alive, at])
+            alive = alive[kept]
+            tracks[alive, at + way] = places[kept]
+    return tracks
+
+
+def _flow(picture: Bytes, other: Bytes, places: Map) -> tuple[Map, Mask]:
+    """Find places (n, 2) of a picture (h, w) in another one, with a mask (n,) of the reliable ones."""
+    size = {"winSize": (WINDOW, WINDOW), "maxLevel": 3}
+    there, seen, _ = cv2.calcOpticalFlowPyrLK(picture, other, places, None, **size)  # type: ignore[call-overload]
+    back, returned, _ = cv2.calcOpticalFlowPyrLK(other, picture, there, None, **size)  # type: ignore[call-overload]
+    inside = np.all((there >= 0) & (there <= np.array(picture.shape[::-1]) - 1), axis=1)
+    kept = (seen[:, 0] > 0) & (returned[:, 0] > 0) & inside
+    return there, kept & (np.linalg.norm(places - back, axis=1) < ROUND_TRIP)
+
+
+def still_residuals(tracks: Map, images: Sequence[Image], cameras: Sequence[Intrinsics], here: int) -> Floats:
+    """Measure how far each track is from that of a still point.
+
+    The point is the best one on the track's ray of frame `here`, at a positive or infinite distance.
+
+    Args:
+        tracks: (n, frames, 2) in OpenCV's pixels, NaN where lost.
+        images: The poses of these frames.
+        cameras: Their intrinsics, at the size of the pixels.
+        here: Index of the frame in which every track is known.
+
+    Returns:
+        Root mean square residuals (n,) in pixels; NaN for a track in a single frame.
+    """
+    lens = cameras[here]
+    pixels = [camera.pinhole_pixels(tracks[:, n].astype(float) + 0.5) for n, camera in enumerate(cameras)]
+    rays = _rays(pixels[here], lens)
+    seen = [n for n in range(len(images)) if n != here]
+    # In another camera the point at inverse depth d is at turned + d * shift.
+    poses = [relative_pose(images[here], images[n]) for n in seen]
+    turned = np.stack([rays @ rotation.T for rotation, _ in poses], axis=1)
+    shift = np.stack([translation for _, translation in poses])[None]
+    at = np.stack([_rays(pixels[n], cameras[n]) for n in seen], axis=1)[..., :2]
+    known = np.isfinite(at).all(axis=2)
+    constant = turned[..., :2] - at * turned[..., 2:]
+    slope = shift[..., :2] - at * shift[..., 2:]
+    inverse, weight = np.zeros(len(tracks)), np.ones(at.shape[:2])
+    for _ in range(3):
+        # Least squares in the picture, with the perspective division of the previous solution.
+        above = np.where(known, weight * (constant * slope).sum(axis=2), 0).sum(axis=1)
+        below = np.where(known, weight * (slope * slope).sum(axis=2), 0).sum(axis=1)
+        inverse = np.maximum(-above / np.maximum(below, 1e-12), 0)
+        depth = turned[..., 2] + inverse[:, None] * shift[..., 2]
+        weight = 1 / np.maximum(depth, 0.05) ** 2
+    squares = weight * ((constant + inverse[:, None, None] * slope) ** 2).sum(axis=2)
+    count = known.sum(axis=1)
+    mean = np.where(known, squares, 0).sum(axis=1) / np.maximum(count, 1)
+    return np.where(count > 0, lens.fx * np.sqrt(mean), np.nan)
+
+
+def _rays(pixels: Floats, camera: Intrinsics) -> Floats:
+    """Return rays (n, 3) with z = 1 through pixels (n, 2) of a camera without distortion."""
+    return np.column_stack([(pixels - camera.principal_point) / camera.focal, np.ones(len(pixels))])
+
+
+def on_moving_objects(places: Map, residual: Floats, shape: tuple[int, ...]) -> Mask:
+    """Find the tracks of moving objects.
+
+    Args:
+        places: (n, 2) in a picture.
+        residual: (n,) in pixels, NaN for tracks to be ignored.
+        shape: The picture's (h, w).
+
+    Returns:
+        Mask (n,): tracks that, with most of their neighbours, contradict a still scene.
+    """
+    contradicts = residual > RESIDUAL * max(shape)
+    near = np.linalg.norm(places[:, None] - places[None], axis=2) < AROUND * max(shape)
+    around = (near & np.isfinite(residual)).sum(axis=1)
+    agreeing = (near & contradicts).sum(axis=1)
+    return np.asarray(contradicts & (agreeing >= AGREEING * around))
