@@ -16,12 +16,14 @@ from addon.core.camera.reconstruction import Intrinsics, rotation_matrix
 from addon.core.depth.source import PixelDepth
 from addon.core.focus.focus import Focus
 from addon.core.frame.clip_context import ClipContext
-from addon.core.frame.highlight_discs import BRIGHT, MOST, without_small_highlights
+from addon.core.frame.highlight_discs import BRIGHT, MOST, TrackedDepth, without_small_highlights
 from addon.core.frame.highlights import HighlightSettings
 from addon.core.frame.plan import FrameOptions
 from addon.core.frame.warped_frame import WarpedFrame, mesh_frame
+from addon.core.media.clip import to_linear
 from addon.core.optics.aperture import Aperture
 
+from .. import planes
 from ..scenes import slanted_plane, texture
 
 SIZE = (240, 160)
@@ -193,6 +195,41 @@ def test_of_too_many_highlights_the_brightest_are_drawn() -> None:
     # In the picture they become brighter with every one, row by row.
     kept = rest[2:158:5, 2:238:5, 0].ravel() <= BRIGHT
     assert kept[-MOST:].all()
+
+
+def test_a_disc_is_as_large_as_its_feature_points_say_where_stereo_sees_the_background() -> None:
+    lamp = np.array([0.0, -0.6, 8.0])
+    corners = lamp + 0.06 * np.array([[-1, -1, 0], [1, -1, 0], [-1, 1, 0], [1, 1, 0]])
+    solve = planes.poses(planes.CENTRES, np.concatenate([planes.features(), corners]))
+    pictures = planes.clip(planes.CENTRES)
+    for picture, centre in zip(pictures, planes.CENTRES, strict=True):
+        x, y = planes.LENS.project((lamp - centre)[None])[0].round().astype(int)
+        picture[y - 2 : y + 2, x - 2 : x + 2] = 255
+    frame, radius = planes.MIDDLE, 0.35
+    source = to_linear(pictures[frame - 1])
+    source[98:102, 158:162, :3] = 40
+    clip = ClipContext(solve, lambda frame: pictures[frame - 1])
+    lens = FrameOptions(Focus(distance=4.0), radius, borrow=False)
+    found = mesh_frame(clip, frame, lens, planes.SIZE, source).highlight_discs
+    assert found is not None
+    (highlight,) = found.found
+    assert highlight.displacement == pytest.approx(radius * planes.FOCAL * (1 / 8 - 1 / 4), abs=0.2)
+
+
+@pytest.mark.parametrize(
+    ("place", "displacement", "expected"),
+    [((105, 72), -8.0, -8.0), ((105, 72), -15.0, -12.0), ((110, 72), -8.0, -12.0), ((98, 72), 0.0, -12.0)],
+    ids=["nearer", "farther", "beside it", "of another surface"],
+)
+def test_feature_points_of_a_highlight_alone_bring_it_nearer(
+    place: tuple[int, int], displacement: float, expected: float
+) -> None:
+    surfaces = np.full(SIZE[::-1], -12, np.float32)
+    surfaces[:, :100] = 0
+    tracked = TrackedDepth(np.array([place], np.float64), np.array([displacement], np.float32))
+    _, highlights = without_small_highlights(with_highlight(dark(), 101, 71), surfaces, Aperture(), tracked)
+    assert highlights is not None
+    assert highlights.found[0].displacement == pytest.approx(expected)
 
 
 def test_from_a_steadier_path_a_disc_stands_where_its_highlight_is_seen() -> None:

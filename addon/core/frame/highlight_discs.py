@@ -398,13 +398,29 @@ def _sampled(values: Map, at: Map, interpolation: int) -> Map:
     return np.asarray(found).ravel()[:count].reshape(at.shape[:-1])
 
 
-def without_small_highlights(
-    picture: LinearRGBA, displacement: Map, aperture: Aperture
-) -> tuple[LinearRGBA, HighlightDiscs | None]:
-    """A picture (H, W, 4) without the light of its highlights, which is that of small things over white whose
-    discs are `WIDER`, and these highlights; the same picture and None where it has none.
+@dataclass(frozen=True)
+class TrackedDepth:
+    """Feature points of a frame, whose depth is triangulated."""
 
-    `displacement` (H, W) is that of its pixels at the aperture's rim in pixels, relative to the focal plane.
+    places: Floats
+    """(n, 2) x and y in pixels of the canvas."""
+    displacement: Map
+    """(n,) pixels at the aperture's rim, relative to the focal plane."""
+
+
+def without_small_highlights(
+    picture: LinearRGBA, displacement: Map, aperture: Aperture, tracked: TrackedDepth | None = None
+) -> tuple[LinearRGBA, HighlightDiscs | None]:
+    """Take the light of small highlights, whose discs are `WIDER`, out of a picture.
+
+    Args:
+        picture: (H, W, 4), linear.
+        displacement: (H, W) pixels at the aperture's rim, relative to the focal plane.
+        aperture: The shape of the discs.
+        tracked: Feature points, where the displacement comes from stereo. See `_tracked`.
+
+    Returns:
+        The picture without that light, and the highlights; the same picture and None where it has none.
     """
     peak = brightest(picture)
     over = peak > WHITE
@@ -421,6 +437,9 @@ def without_small_highlights(
         part = _around(stats[number], 0)
         own = label[part] == number
         shift[number] = _median(displacement[part][own], peak[part][own])
+    if tracked is not None:
+        own = _nearest_of(label, np.isin(label, candidates), displacement, shift)
+        shift = _tracked(tracked, own, shift)
     candidates = candidates[2 * np.abs(shift[candidates]) >= WIDER * size[candidates]]
     candidates = candidates[np.argsort(-energy[candidates])][:MOST]
     if not len(candidates):
@@ -438,6 +457,21 @@ def without_small_highlights(
             float(shift[number]),
         ))  # fmt: skip
     return rest, HighlightDiscs(tuple(one for one in found if one.light.any()), aperture)
+
+
+def _tracked(tracked: TrackedDepth, own: Ints, shift: Floats) -> Floats:
+    """(c,) displacement of labels: the median of the feature points whose pixels are a label's `own` (H, W),
+    where that is nearer than `shift` (c,).
+
+    Stereo compares windows, which show more of the background than of a lamp of a few pixels. A lamp farther
+    than its own surface would be hidden by it.
+    """
+    height, width = own.shape
+    column, row = np.clip(np.floor(tracked.places).astype(int), 0, [width - 1, height - 1]).T
+    of, found = own[row, column], shift.copy()
+    for number in np.unique(of[of > 0]):
+        found[number] = max(shift[number], float(np.median(tracked.displacement[of == number])))
+    return found
 
 
 def _median(values: Map, weights: Map) -> float:

@@ -18,7 +18,7 @@ from ..warp.footprint import prefilter
 from ..warp.layered_depth_image import LayeredDepthImage
 from .cg_layers import NO_CG, CGObjects, CGSurface, DrawCG
 from .clip_context import ClipContext
-from .highlight_discs import HighlightDiscs, without_small_highlights
+from .highlight_discs import HighlightDiscs, TrackedDepth, without_small_highlights
 from .meshers import MESHERS
 from .meshers.layers import can_be_layered
 from .meshers.mesher import FrameGeometry, Mesher, Surface, Views
@@ -239,11 +239,22 @@ def _without_small_highlights(
         return geometry, None
     displacement = lens.displacement(lens.untilted_raster(depth.inverse_depth))
     picture, highlights = without_small_highlights(
-        geometry.picture, lens.snap_displacement(displacement.astype(np.float32)), settings.aperture
-    )
+        geometry.picture, lens.snap_displacement(displacement.astype(np.float32)), settings.aperture,
+        _tracked_depth(geometry),
+    )  # fmt: skip
     if highlights and steadier:
         highlights = replace(highlights, steadied=steadier)
     return replace(geometry, picture=picture), highlights
+
+
+def _tracked_depth(geometry: FrameGeometry) -> TrackedDepth | None:
+    """The frame's feature points; None where its depth is given, or blurs by what the clip's own lens has
+    left."""
+    if geometry.clip.given_depth is not None or geometry.own_lens is not None:
+        return None
+    samples, lens = geometry.samples, geometry.lens
+    displacement = lens.displacement(samples.inverse_depth).astype(np.float32)
+    return TrackedDepth(samples.observed, lens.snap_displacement(displacement))
 
 
 def drawn_size(settings: FrameOptions, size: tuple[int, int]) -> tuple[int, int]:
