@@ -118,6 +118,7 @@ def _draw_solved(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
     _draw_amount(layout, settings)
     notices.draw_ignored(layout, context)
     row = _large(layout)
+    notices.draw_shape(layout, context)
     # Without icons: in a narrow sidebar they would cut their names off.
     row.operator(render_clip.VIRTUAL_APERTURE_OT_render_frame.bl_idname)
     row.operator(render_clip.VIRTUAL_APERTURE_OT_render_clip.bl_idname)
