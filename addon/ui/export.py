@@ -44,6 +44,11 @@ class ExportRun(movie.MovieRender):
         left = "" if self.seconds_left is None else f", {movie.time_words(self.seconds_left)} left"
         return f"Export: {self.done} of {self.total} files{left}"
 
+    @property
+    def name(self) -> str:
+        """What is being made, in a sentence."""
+        return f"the export to {self.out.name}"
+
     def clear(self) -> None:
         """Remove what the process, which has ended, leaves unfinished; whole files stay."""
         collect_orphans(self.out)
@@ -152,7 +157,8 @@ class VIRTUAL_APERTURE_OT_export(bpy.types.Operator):  # noqa: N801
             frame_options(settings, reconstruction_of(settings))
         made = begin(scene, self.what, absolute(self.directory), self.overwrite)
         if not bpy.app.background:
-            bpy.app.timers.register(_tick, first_interval=LOOK)
+            # It goes on where another file is opened.
+            bpy.app.timers.register(_tick, first_interval=LOOK, persistent=True)
             return {"FINISHED"}
         while _tick() is not None:
             time.sleep(LOOK)

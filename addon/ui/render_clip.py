@@ -180,9 +180,9 @@ class VIRTUAL_APERTURE_OT_render_clip(_Render, bpy.types.Operator):  # noqa: N80
         return reported(VIRTUAL_APERTURE_OT_render_clip._finish)(self, context)
 
     def cancel(self, _context: bpy.types.Context) -> None:
-        """Called by Blender when another file is loaded meanwhile, or the question is answered by no."""
+        """End the movie, but keep its finished frames: Blender closes, or loads another file."""
         if self._movie is not None:
-            self._movie.cancel()
+            self._movie.leave()
 
     def _finish(self, _context: bpy.types.Context) -> Result:
         assert self._movie is not None
