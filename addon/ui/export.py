@@ -15,7 +15,7 @@ from ..render import export as exports
 from ..render.blend_file import write_blend
 from ..render.launcher import start
 from ..scene import redraw
-from ..scene.clip import solved_clip_path
+from ..scene.clip import footage_path, solved_clip_path, work_dir
 from ..scene.lens import frame_options
 from ..scene.paths import absolute
 from ..scene.remedy_words import WORDS
@@ -96,7 +96,10 @@ def _tick() -> float | None:
         redraw.panels()
     if _export.child is not None:
         return LOOK
-    if _export.depth is not None:
+    settings = bpy.context.scene.virtual_aperture
+    # Another file may have been opened since.
+    is_here = settings.footage and work_dir(settings, footage_path(settings)) == _export.depth
+    if _export.depth is not None and is_here:
         depth_ahead.begin_after_solve(_export.depth)
     return None
 
