@@ -28,7 +28,7 @@ from ..scene.timeline import clip_frame, scene_time
 from . import frame_notes
 from .average import Drawn, OnFrame, render_frame
 from .cg_process import draw_cg
-from .frame_size import render_size
+from .frame_size import render_size, shape_problem
 from .frames_ahead import frame_ahead
 from .gpu_views import egl_problem
 from .preview import FIRST, Wanted, has_depth, make_picture
@@ -287,12 +287,8 @@ def frame_title(scene: bpy.types.Scene, is_animation: bool) -> str:
 
 def check_shape(shot: Shot, frame: int, size: tuple[int, int]) -> None:
     """UserError where the render's shape is not that of the clip's frame: the picture would be stretched."""
-    clip = shot.size(frame)
-    if abs(size[0] * clip[1] - size[1] * clip[0]) > max(*size, *clip):
-        raise UserError(
-            f"the render size {size[0]}x{size[1]} has another shape than the clip's {clip[0]}x{clip[1]};"
-            " set the resolution back to the clip's and use the percentage or a border"
-        )
+    if problem := shape_problem(size, shot.size(frame)):
+        raise UserError(problem)
 
 
 CLASSES = (VirtualApertureEngine,)

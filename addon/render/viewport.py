@@ -27,10 +27,12 @@ from ..core.base.errors import UserError
 from ..scene import redraw
 from ..scene.lens import frame_options
 from ..scene.remedy_words import WORDS
-from ..scene.shot import shot_of
+from ..scene.shot import picture_size, shot_of
 from ..scene.timeline import clip_frame
 from . import cg_preview, message
+from .frame_size import render_size, shape_problem
 from .gpu_views import upload
+from .message import Rectangle
 from .preview import FAIR, FINE, Half, Picture, Preview, Wanted
 
 LOOK = 0.02
@@ -55,8 +57,8 @@ class Shown:
     clip: Any = None
     """and of the frame as it was shot, which is seen up to the share `wipe` of the width."""
     wipe: float = 0.0
-    frame: tuple[float, float, float, float] | None = None
-    """Left, bottom, width and height of the camera's frame in the region, in pixels; None where it is not
+    frame: Rectangle | None = None
+    """Left, bottom, width and height of the clip's picture in the region, in pixels; None where it is not
     seen."""
     said: str = ""
     """The message over it,"""
@@ -96,7 +98,8 @@ def draw(
         PREVIEW.want(wanted)
         _watch()
     picture = PREVIEW.best(wanted) or PREVIEW.latest(wanted) or shown.picture
-    shown.said = PREVIEW.problem(wanted)
+    shape = shape_problem(render_size(scene.render), wanted.shot.size(wanted.frame))
+    shown.said = PREVIEW.problem(wanted) or shape[:1].upper() + shape[1:]
     shown.level = _level(wanted, picture)
     if picture is None:
         return
@@ -135,7 +138,7 @@ def _draw_picture(shown: Shown) -> None:
     gpu.state.blend_set("NONE")
 
 
-def _corners(frame: tuple[float, float, float, float], places: Floats) -> Floats:
+def _corners(frame: Rectangle, places: Floats) -> Floats:
     """(n, 2) pixels of places (n, 2) in a frame, as shares of its width and height from the left bottom."""
     return np.asarray(places * frame[2:] + frame[:2])
 
@@ -149,7 +152,7 @@ def _shown_here(context: bpy.types.Context) -> Shown | None:
 
 
 def _clear_overlays() -> None:
-    """Take away what Blender's overlays hold of the camera's frame, which would lie over the picture."""
+    """Clear Blender's overlays in the rendered frame, among them the clip, stretched to the frame's shape."""
     context = bpy.context
     shown, space = _shown_here(context), context.space_data
     if shown is None or shown.frame is None or shown.picture is None or not space.overlay.show_overlays:
@@ -159,7 +162,8 @@ def _clear_overlays() -> None:
         # Its vertices are overlays, too.
         return
     shader: Any = gpu.shader.from_builtin("UNIFORM_COLOR")
-    corners = _corners(shown.frame, np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]))
+    output = output_in_region(context.region, context.region_data, context.scene) or shown.frame
+    corners = _corners(output, np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]))
     with gpu.matrix.push_pop(), gpu.matrix.push_pop_projection():
         gpu.matrix.load_matrix(Matrix.Identity(4))
         gpu.matrix.load_projection_matrix(_to_pixels(context.region))
@@ -189,11 +193,8 @@ def _draw_words() -> None:
         message.draw_label(shown.level, shown.frame, context.area, context.region, scale)
 
 
-def camera_frame(
-    context: bpy.types.Context, scene: bpy.types.Scene
-) -> tuple[float, float, float, float] | None:
-    """Left, bottom, width and height of the camera's frame in a viewport's region, in pixels; None where it
-    does not look through the solved camera."""
+def camera_frame(context: bpy.types.Context, scene: bpy.types.Scene) -> Rectangle | None:
+    """As `frame_in_region`, in a viewport's region; None where it does not look through the solved camera."""
     space, view, camera = context.space_data, context.region_data, scene.virtual_aperture.camera
     seen = space.camera if space.use_local_camera else scene.camera
     if view.view_perspective != "CAMERA" or camera is None or seen is None or seen.name != camera.name:
@@ -203,9 +204,30 @@ def camera_frame(
 
 def frame_in_region(
     region: bpy.types.Region, view: bpy.types.RegionView3D, scene: bpy.types.Scene
-) -> tuple[float, float, float, float] | None:
-    """Left, bottom, width and height of the solved camera's frame in a region that looks through it, in
-    pixels, which may reach past the region; None where it has no size there."""
+) -> Rectangle | None:
+    """Return left, bottom, width and height of the clip's picture in a region that looks through the solved
+    camera, in pixels. It may reach past the region; None where it has no size there.
+
+    It is the rendered frame, as wide in any case; where that has another shape than the clip, the picture is
+    lower or higher, about the same middle.
+    """
+    output = output_in_region(region, view, scene)
+    if output is None:
+        return None
+    size = render_size(scene.render)
+    with contextlib.suppress(UserError):
+        clip = picture_size(scene)
+        if shape_problem(size, clip):
+            left, bottom, width, height = output
+            fitting = height * (size[0] * clip[1]) / (size[1] * clip[0])
+            return left, bottom + (height - fitting) / 2, width, fitting
+    return output
+
+
+def output_in_region(
+    region: bpy.types.Region, view: bpy.types.RegionView3D, scene: bpy.types.Scene
+) -> Rectangle | None:
+    """Return the same of the rendered frame, whatever its shape."""
     camera = scene.virtual_aperture.camera
     # A view through a camera leaves its scale aside.
     to_world = camera.matrix_world.normalized()

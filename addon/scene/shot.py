@@ -270,6 +270,17 @@ def reconstruction_of(settings: bpy.types.PropertyGroup) -> Reconstruction:
     return _read[1]
 
 
+def picture_size(scene: bpy.types.Scene) -> tuple[int, int]:
+    """Return (width, height) in pixels of the clip's picture in the scene's frame, for which the footage need
+    not be there; UserError for a scene without a solve, or a photo without a camera."""
+    solved = reconstruction_of(scene.virtual_aperture)
+    if solved.is_ordered:
+        camera = solved.cameras[solved.images[0].camera]
+    else:
+        camera = solved.intrinsics(solved.image_at(clip_frame(scene))[0])
+    return camera.width, camera.height
+
+
 def points_mesh(settings: bpy.types.PropertyGroup) -> bpy.types.Mesh:
     """The mesh of the point cloud; UserError where the scene has none, or a newer version made it."""
     version.check(settings)

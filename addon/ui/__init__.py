@@ -10,6 +10,7 @@ from ..scene import preferences as user_preferences
 from . import (
     bokeh,
     choose_clip,
+    closing,
     depth_ahead,
     engine_panels,
     export,
@@ -48,6 +49,7 @@ CLASSES = (
     *movie.CLASSES,
     *render_clip.CLASSES,
     *export.CLASSES,
+    *closing.CLASSES,
     *find_clip.CLASSES,
     *restore.CLASSES,
     *photos.CLASSES,
@@ -95,6 +97,7 @@ def register() -> None:
     # After what takes overlays away from the preview's picture: the points are drawn over that.
     points_overlay.register()
     solve_view.register()
+    closing.register()
     depth_ahead.register()
     main_thread.start()
 
@@ -102,6 +105,7 @@ def register() -> None:
 def unregister() -> None:
     """Undo `register` in reverse order, end what is under way, and close the open clip."""
     operators.end_solve()
+    closing.unregister()
     movie.unregister()
     export.unregister()
     solve_view.unregister()

@@ -15,7 +15,7 @@ from ..render import export as exports
 from ..render.blend_file import write_blend
 from ..render.launcher import start
 from ..scene import redraw
-from ..scene.clip import solved_clip_path
+from ..scene.clip import footage_path, solved_clip_path, work_dir
 from ..scene.lens import frame_options
 from ..scene.paths import absolute
 from ..scene.remedy_words import WORDS
@@ -43,6 +43,11 @@ class ExportRun(movie.MovieRender):
             return "Export: starting"
         left = "" if self.seconds_left is None else f", {movie.time_words(self.seconds_left)} left"
         return f"Export: {self.done} of {self.total} files{left}"
+
+    @property
+    def name(self) -> str:
+        """What is being made, in a sentence."""
+        return f"the export to {self.out.name}"
 
     def clear(self) -> None:
         """Remove what the process, which has ended, leaves unfinished; whole files stay."""
@@ -91,7 +96,10 @@ def _tick() -> float | None:
         redraw.panels()
     if _export.child is not None:
         return LOOK
-    if _export.depth is not None:
+    settings = bpy.context.scene.virtual_aperture
+    # Another file may have been opened since.
+    is_here = settings.footage and work_dir(settings, footage_path(settings)) == _export.depth
+    if _export.depth is not None and is_here:
         depth_ahead.begin_after_solve(_export.depth)
     return None
 
@@ -152,7 +160,8 @@ class VIRTUAL_APERTURE_OT_export(bpy.types.Operator):  # noqa: N801
             frame_options(settings, reconstruction_of(settings))
         made = begin(scene, self.what, absolute(self.directory), self.overwrite)
         if not bpy.app.background:
-            bpy.app.timers.register(_tick, first_interval=LOOK)
+            # It goes on where another file is opened.
+            bpy.app.timers.register(_tick, first_interval=LOOK, persistent=True)
             return {"FINISHED"}
         while _tick() is not None:
             time.sleep(LOOK)

@@ -8,6 +8,7 @@ import os
 import queue
 import threading
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -90,16 +91,30 @@ class MovieRender:
         left = "" if self.seconds_left is None else f", {time_words(self.seconds_left)} left"
         return f"Movie: {self.done} of {self.total} frames{left}"
 
+    @property
+    def name(self) -> str:
+        """What is being made, in a sentence."""
+        return f"the movie {self.out.name}"
+
     def cancel(self) -> None:
         """End it, without waiting for that; nothing of it stays. Harmless once it has ended."""
-        child, self.child = self.child, None
-        if child is not None:
-            self.is_cancelled = True
-            threading.Thread(target=self._leave, args=(child,)).start()
+        self._end(self.clear)
 
-    def _leave(self, child: Child) -> None:
-        end([child])
-        self.clear()
+    def leave(self) -> None:
+        """End it as `cancel` does, but keep what another run continues from."""
+        self._end(lambda: None)
+
+    def _end(self, then: Callable[[], None]) -> None:
+        child, self.child = self.child, None
+        if child is None:
+            return
+        self.is_cancelled = True
+
+        def ended() -> None:
+            end([child])
+            then()
+
+        threading.Thread(target=ended).start()
 
     def clear(self) -> None:
         """Remove what the process, which has ended, leaves unfinished."""

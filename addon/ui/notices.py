@@ -8,7 +8,7 @@ from ..core.base.errors import UserError
 from ..scene import parts
 from ..scene.clip import trouble_with
 from ..scene.ignored import ignored
-from . import depth_ahead
+from . import depth_ahead, render_clip
 from .find_clip import VIRTUAL_APERTURE_OT_find_clip
 from .operators import VIRTUAL_APERTURE_OT_solve, check_may_change, running_solve, sentence
 from .pick_subject import VIRTUAL_APERTURE_OT_pick_subject
@@ -72,6 +72,15 @@ def draw_depth(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         box = layout.box()
         wrapped(box, context, sentence(found.warning), icon="QUESTION")
         box.operator(VIRTUAL_APERTURE_OT_pick_subject.bl_idname, icon="BRUSH_DATA")
+
+
+def draw_shape(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Report an output size of another shape than the clip's, with the way out."""
+    problem = render_clip.output_problem(context.scene)
+    if problem:
+        box = layout.box()
+        wrapped(box, context, sentence(problem), icon="ERROR")
+        box.operator(render_clip.VIRTUAL_APERTURE_OT_use_clip_size.bl_idname, icon="FULLSCREEN_ENTER")
 
 
 def draw_ignored(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:

@@ -7,12 +7,24 @@ from typing import Any
 
 import bpy
 
+from ..core.base.errors import UserError
+from ..render.frame_size import render_size, shape_problem
 from ..scene import parts, redraw
 from ..scene.clip import solved_clip_path
 from ..scene.lens import frame_options
-from ..scene.shot import reconstruction_of
+from ..scene.shot import picture_size, reconstruction_of
 from . import depth_ahead, movie
-from .operators import LOOK, NO_CAMERA, Result, has_focus, is_met, refused, reported
+from .operators import (
+    LOOK,
+    NO_CAMERA,
+    Result,
+    has_focus,
+    has_solve,
+    is_met,
+    may_change,
+    refused,
+    reported,
+)
 
 
 def can_render(cls: Any, context: bpy.types.Context) -> bool:
@@ -29,6 +41,32 @@ def prepare_render(scene: bpy.types.Scene) -> None:
     scene.render.engine = "VIRTUAL_APERTURE"
     # Whichever camera it is: the picture is the clip's.
     scene.camera = scene.camera or settings.camera
+
+
+def output_problem(scene: bpy.types.Scene) -> str:
+    """Return why the clip cannot be rendered at the scene's size; empty where it can."""
+    try:
+        return shape_problem(render_size(scene.render), picture_size(scene))
+    except UserError:
+        return ""
+
+
+class VIRTUAL_APERTURE_OT_use_clip_size(bpy.types.Operator):  # noqa: N801
+    """Set the output resolution to the clip's. The percentage stays"""
+
+    bl_idname = "virtual_aperture.use_clip_size"
+    bl_label = "Use Clip Size"
+    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return may_change(cls, context) and has_solve(cls, context)
+
+    @reported
+    def execute(self, context: bpy.types.Context) -> Result:
+        render = context.scene.render
+        render.resolution_x, render.resolution_y = picture_size(context.scene)
+        return {"FINISHED"}
 
 
 class _Render:
@@ -142,9 +180,9 @@ class VIRTUAL_APERTURE_OT_render_clip(_Render, bpy.types.Operator):  # noqa: N80
         return reported(VIRTUAL_APERTURE_OT_render_clip._finish)(self, context)
 
     def cancel(self, _context: bpy.types.Context) -> None:
-        """Called by Blender when another file is loaded meanwhile, or the question is answered by no."""
+        """End the movie, but keep its finished frames: Blender closes, or loads another file."""
         if self._movie is not None:
-            self._movie.cancel()
+            self._movie.leave()
 
     def _finish(self, _context: bpy.types.Context) -> Result:
         assert self._movie is not None
@@ -160,4 +198,8 @@ class VIRTUAL_APERTURE_OT_render_clip(_Render, bpy.types.Operator):  # noqa: N80
         return {"FINISHED"}
 
 
-CLASSES = (VIRTUAL_APERTURE_OT_render_frame, VIRTUAL_APERTURE_OT_render_clip)
+CLASSES = (
+    VIRTUAL_APERTURE_OT_render_frame,
+    VIRTUAL_APERTURE_OT_render_clip,
+    VIRTUAL_APERTURE_OT_use_clip_size,
+)

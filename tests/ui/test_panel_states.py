@@ -12,6 +12,7 @@ from addon.core.camera.reconstruction import Intrinsics
 from addon.core.readers.matching import Imported
 from addon.core.sfm.process import SolveProgress
 from addon.core.sfm.workspace import keep_import
+from addon.scene.build import build
 from addon.ui import depth_ahead, panels
 from addon.ui.operators import build_scene
 from addon.ui.solving import Solving
@@ -63,6 +64,10 @@ def marked(settings: Settings, _folder: Path) -> None:
     settings.subjects.items[0].unsure = "2"
 
 
+def of_another_shape(settings: Settings, _folder: Path) -> None:
+    bpy.context.scene.render.resolution_y = 160
+
+
 def moved(settings: Settings, folder: Path) -> None:
     (folder / "clip").rename(folder / "clip2")
 
@@ -108,7 +113,7 @@ def solving_the_wrong_one(settings: Settings, folder: Path) -> None:
 
 
 STATES: list[tuple[str, Callable[[Settings, Path], None], str]] = [
-    ("no clip", no_clip, "Drop a clip on the viewport, or choose one"),
+    ("no clip", no_clip, "or choose a clip or a folder of images"),
     ("clip chosen", chosen, "Solve the clip to find its camera motion"),
     ("solving", solving, "Registered 3 of 12 frames About 40 s left, ESC cancels"),
     ("solved", solved, "In focus: the nearest large object"),
@@ -116,6 +121,7 @@ STATES: list[tuple[str, Callable[[Settings, Path], None], str]] = [
     ("in focus", focused, "In focus: Points"),
     ("with a scale", with_scale, "full-frame equivalent"),
     ("with a subject", marked, "Uncertain in 1 frame"),
+    ("another output shape", of_another_shape, "size 160x160 has another shape than the clip's 160x90"),
     ("clip moved", moved, "locate it with Find Clip"),
     ("wrong clip", wrong, "the chosen clip is other"),
     ("solving the other clip", solving_the_wrong_one, "Reading the clip ESC cancels"),
@@ -159,3 +165,15 @@ def test_panels_draw(
         group, operator = name.split(".")
         # It answers whether it may be pressed; why not is a message, without which a button is a riddle.
         getattr(getattr(bpy.ops, group), operator).poll()
+
+
+def test_the_clip_size_is_the_way_out_of_another_shape(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    shot = slanted_shot(tmp_path / "clip", LENS)
+    build(scene, shot.footage, shot.reconstruction)
+    use = "virtual_aperture.use_clip_size"
+    render = scene.render
+    render.resolution_x, render.resolution_y, render.resolution_percentage = 1000, 1000, 50
+    assert use in draw(panels.main.VIRTUAL_APERTURE_PT_main).operators
+    assert bpy.ops.virtual_aperture.use_clip_size() == {"FINISHED"}
+    assert (render.resolution_x, render.resolution_y, render.resolution_percentage) == (160, 90, 50)
+    assert use not in draw(panels.main.VIRTUAL_APERTURE_PT_main).operators

@@ -127,7 +127,7 @@ def drawn(closed: bool) -> tuple[set[str], set[str], str]:
 def test_panels_show_the_next_step(scene: bpy.types.Scene, tmp_path: Path) -> None:
     assert all(panel.bl_category == "Virtual Aperture" for panel in panels.CLASSES)
     props, operators, texts = drawn(closed=False)
-    assert "Drop a clip on the viewport" in texts
+    assert "Drop a video or an image of a sequence" in texts
     assert (props, operators) == (set(), {"virtual_aperture.choose_clip"})
     shot = slanted_shot(tmp_path, LENS)
     settings = scene.virtual_aperture

@@ -120,6 +120,10 @@ class Program:
     def close(self) -> None:
         end(self._process)
 
+    def wait_end(self) -> None:
+        """Wait until Blender has ended by itself."""
+        self._process.wait(30 * SLOWER)
+
     def said(self) -> str:
         """What Blender printed."""
         return self.console.read_text(errors="replace")

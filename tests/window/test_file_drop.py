@@ -57,6 +57,14 @@ def test_a_model_without_a_clip_is_refused(program: Program, clips: Path) -> Non
     program.settle()
 
 
+def test_blender_hands_no_add_on_a_folder(program: Program, clips: Path) -> None:
+    # Else the panel and docs/first_clip.md need not send users to File > Import.
+    heard = program.ask("len(messages())")
+    drop(program, clips / "walk")
+    assert program.ask(f"{SETTINGS}.footage") == "" and not program.ask(SOLVING)
+    assert program.ask("len(messages())") == heard
+
+
 @pytest.mark.smoke
 def test_a_dropped_picture_brings_its_sequence(program: Program, clips: Path) -> None:
     drop(program, sorted((clips / "walk").iterdir())[3])

@@ -133,3 +133,47 @@ def test_a_movie_that_is_there_is_replaced_only_when_asked(program: Program, ble
         time.sleep(0.1)
     program.shot("cancelled")
     assert out.stat().st_mtime_ns == written
+
+
+def test_closing_blender_asks_first_and_keeps_finished_frames(
+    program: Program, screen: Screen, resources: Path, blend: Path
+) -> None:
+    out = blend.parent / "clip_render.mp4"
+    out.unlink()
+    program.ask(
+        "for thing in bpy.data.objects:\n"
+        "    # With CG objects in the picture another run begins anew.\n"
+        "    thing.hide_render |= thing.type == 'MESH'\n"
+        "bpy.context.scene.virtual_aperture.views = 400\n"
+        "bpy.ops.wm.save_mainfile()\n"
+        "None"
+    )
+    pressed(program)
+    program.wait(f"{MOVIE}.done > 1", 120)
+    # Blender itself asks only about unsaved changes.
+    assert not program.ask("bpy.data.is_dirty")
+    program.screen.move(*program.middle("VIEW_3D"))
+    for key in ("Escape", "Return"):
+        program.screen.key("ctrl+q")
+        time.sleep(1)
+        program.shot(f"closing_{key}")
+        if key == "Escape":
+            program.screen.key(key)
+            program.settle()
+            assert program.ask(f"{MOVIE}.child is not None")
+    program.screen.key("Return")
+    program.wait_end()
+    kept = {path: path.stat().st_mtime_ns for path in (blend.parent / f"{out.name}.frames").glob("*.png")}
+    assert kept and not out.exists()
+    again = Program(screen, resources, PICTURES / "movie", str(blend))
+    try:
+        again.screen.move(*again.middle("VIEW_3D"))
+        again.screen.key("Escape")
+        again.settle()
+        again.show_sidebar("Virtual Aperture")
+        pressed(again)
+        again.wait(f"{MOVIE}.done > {len(kept)}", 120)
+        assert {path: path.stat().st_mtime_ns for path in kept} == kept
+        again.press("virtual_aperture.cancel_movie", across=0.87)
+    finally:
+        again.close()

@@ -6,6 +6,7 @@ import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -143,6 +144,48 @@ def test_a_message_of_the_preview_has_a_dark_ground(program: Program) -> None:
     assert np.percentile(ground, 60) < 80 and ground.max() > 240
     program.ask(f"{SETTINGS}.depth_maps = ''")
     program.wait(f"not {PREVIEW}.is_busy()", 200)
+
+
+def middle_rows(program: Program, name: str) -> np.ndarray:
+    """The picture in the viewport, (90, 160, 3), without what the toolbar and the sidebar cover."""
+    program.screen.move(*program.middle("VIEW_3D", "HEADER"))
+    program.wait(f"not {PREVIEW}.is_busy()", 200)
+    program.settle()
+    left, bottom, width, height, _, tall = program.ask(FRAME)
+    x, y = program.rectangle("VIEW_3D")[:2]
+    top = y + tall - bottom - height
+    shot = program.shot(name)[round(top) : round(top + height), round(x + left) : round(x + left + width)]
+    return np.asarray(cv2.resize(shot, (160, 90), interpolation=cv2.INTER_AREA)[30:60, 40:120]).astype(float)
+
+
+def above_the_picture(program: Program, name: str) -> np.ndarray:
+    """Pixels of the viewport just above the clip's picture, beside the toolbar and the sidebar."""
+    left, bottom, width, height, _, tall = program.ask(FRAME)
+    x, y = program.rectangle("VIEW_3D")[:2]
+    top, middle = round(y + tall - bottom - height), round(x + left + width / 2)
+    return np.asarray(program.shot(name)[top - 60 : top - 10, middle - 100 : middle + 100]).astype(float)
+
+
+def test_a_picture_keeps_its_shape_in_an_output_of_another_shape(program: Program) -> None:
+    clip = middle_rows(program, "clip_shape")
+    for width, height in ((360, 640), (640, 240)):
+        program.ask(f"r = bpy.context.scene.render; r.resolution_x, r.resolution_y = {width}, {height}; None")
+        seen = middle_rows(program, f"shape_{width}x{height}")
+        across, up = program.ask(FRAME)[2:4]
+        assert across / up == pytest.approx(640 / 360, rel=0.01)
+        assert np.corrcoef(seen.ravel(), clip.ravel())[0, 1] > 0.97
+        (said,) = program.ask(f"[s.said for s in {VIEWPORT}._in_regions.values() if s.said]")
+        assert said.startswith(f"The render size {width}x{height} has another shape than the clip's 640x360")
+        if width < height:
+            # Blender stretches the camera's background image to the frame.
+            assert above_the_picture(program, f"shape_{width}x{height}").std() < 2
+    program.press("virtual_aperture.use_clip_size")
+    assert program.ask("[bpy.context.scene.render.resolution_x, bpy.context.scene.render.resolution_y]") == [
+        640,
+        360,
+    ]
+    assert program.ask(f"[s.said for s in {VIEWPORT}._in_regions.values() if s.said]") == []
+    assert np.abs(middle_rows(program, "clip_shape_again") - clip).mean() < 1
 
 
 def test_a_preview_can_be_ended_when_objects_were_deleted(program: Program) -> None:

@@ -15,6 +15,8 @@ from .tracks import Tracks, cuts
 PHOTOS = 3
 """Pictures a cut or fewer are photos rather than a clip of several shots: kermit (real data) has 11 pictures,
 and 5 times the tracker is lost. By eye."""
+FINE = 64
+"""Parts of a clip between whose ends a fast scroll is looked for: its tracks soon leave the picture."""
 
 
 class StaysError(UserError):
@@ -29,6 +31,14 @@ class DegeneracyOptions:
     """Tracks that two frames must share to be compared."""
     min_motion: float = 0.3
     """Median motion of the tracks in pixels of a 1,000-pixel frame; less is a still camera."""
+    still: float = 2.0
+    """Motion in pixels of a 1,000-pixel frame up to which a track stands still, as a page's header does."""
+    scrolled: float = 50.0
+    """Median motion of the other tracks, in the same pixels, from which on they are compared: noise is below
+    1 % of it."""
+    alike: float = 0.01
+    """Share of the median motion by which a tenth of the tracks may move otherwise. Scrolling pages, also in
+    H.264, have up to 0.007; seven real clips 0.03 (a pan over distant roofs) to 5."""
     focals: tuple[float, ...] = (0.5, 0.6, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0, 3.0)
     """Focal lengths, in long sides of the frame, with which a pure rotation is tried."""
 
@@ -37,10 +47,13 @@ def check_motion(tracks: Tracks, options: DegeneracyOptions = DegeneracyOptions(
     """Pixels (of a frame 1,000 pixels long) that stay unexplained by the best pure rotation.
 
     A pan, even with a perfect reprojection error, has one depth for all points (a "confident fake"), and
-    neither the reprojection error nor the triangulation angle shows it. Raises UserError where the clip has
-    too few features or the camera stands still; of a camera that only turns, `only_turns` tells.
+    neither the reprojection error nor the triangulation angle shows it.
+
+    Raises:
+        UserError: The clip has too few features, the camera stands still, or the picture only slides. Cameras
+            that only turn are refused later, by `only_turns`.
     """
-    pairs = [p for p in (tracks.shared(i, j) for i, j in _pairs(tracks)) if len(p[0]) >= options.min_shared]
+    pairs = _shared(tracks, 8, options)
     if not pairs:
         raise UserError(
             f"fewer than {options.min_shared} features can be followed through the clip; it has too little"
@@ -53,6 +66,13 @@ def check_motion(tracks: Tracks, options: DegeneracyOptions = DegeneracyOptions(
         raise StaysError(
             "the camera does not move in this clip; depth needs a camera that moves sideways a little, or"
             " depth maps of the clip",
+            Remedy.DEPTH_MAPS,
+        )
+    if _only_slides(tracks, options):
+        raise StaysError(
+            "everything that moves in this clip moves alike, as on a page that scrolls: a flat or distant"
+            " picture shows no depth; film near and far things with a camera that moves sideways, or solve"
+            " it with depth maps",
             Remedy.DEPTH_MAPS,
         )
     residuals = [min(rotation_residual(a, b, tracks, focal) for focal in options.focals) for a, b in pairs]
@@ -113,10 +133,36 @@ def kabsch(a: Floats, b: Floats) -> Floats:
     return np.asarray(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)
 
 
-def _pairs(tracks: Tracks) -> list[tuple[int, int]]:
-    """Pairs of frames with wide gaps: the whole clip, its halves, quarters, eighths."""
+def _only_slides(tracks: Tracks, options: DegeneracyOptions) -> bool:
+    """Whether all moving tracks have one motion, between any two frames in which they move far enough."""
+    unit = 1000 / max(tracks.width, tracks.height)
+    judged = False
+    for a, b in _shared(tracks, FINE, options):
+        flow = (b - a) * unit
+        flow = flow[np.linalg.norm(flow, axis=1) > options.still]
+        if len(flow) < options.min_shared:
+            continue
+        common = np.median(flow, axis=0)
+        motion = float(np.linalg.norm(common))
+        if motion < options.scrolled:
+            continue
+        judged = True
+        if np.percentile(np.linalg.norm(flow - common, axis=1), 90) > options.alike * motion:
+            return False
+    return judged
+
+
+def _shared(tracks: Tracks, parts: int, options: DegeneracyOptions) -> list[tuple[Floats, Floats]]:
+    """Places (n, 2) and (n, 2) of the tracks shared by `_pairs`, of those that share enough."""
+    pairs = (tracks.shared(i, j) for i, j in _pairs(tracks, parts))
+    return [pair for pair in pairs if len(pair[0]) >= options.min_shared]
+
+
+def _pairs(tracks: Tracks, parts: int) -> list[tuple[int, int]]:
+    """Indices of pairs of frames: the ends of the clip, of its halves, quarters, ... up to so many parts."""
     last = len(tracks.frames) - 1
-    cuts = [np.linspace(0, last, parts + 1).round().astype(int) for parts in (1, 2, 4, 8)]
+    powers = range(parts.bit_length())
+    cuts = [np.linspace(0, last, 2**power + 1).round().astype(int) for power in powers]
     return sorted({(int(i), int(j)) for c in cuts for i, j in pairwise(c) if j > i})
 
 

@@ -33,6 +33,8 @@ MOST_MARKS = 5
 """Focus marks that have a button each: more would be too narrow in a sidebar 250 pixels wide."""
 BUTTON = 12
 """Pixels of a row that a small button takes of its text, at a resolution scale of 1. By eye."""
+HINT = "Drop a video or an image of a sequence on the viewport, or choose a clip or a folder of images"
+"""Blender hands no add-on a folder that is dropped."""
 UNIT = 0.75
 """Share of a row that a number has which is followed by words. By eye."""
 
@@ -58,7 +60,7 @@ class VIRTUAL_APERTURE_PT_main(Panel, bpy.types.Panel):  # noqa: N801
         if solving is not None:
             _draw_solving(layout, solving)
         elif not settings.footage:
-            wrapped(layout, context, "Drop a clip on the viewport, or choose one", icon="IMPORT")
+            wrapped(layout, context, HINT, icon="IMPORT")
             _large(layout).operator(choose_clip.VIRTUAL_APERTURE_OT_choose_clip.bl_idname, icon="FILEBROWSER")
         elif settings.points is None:
             _draw_unsolved(layout, context)
@@ -116,6 +118,7 @@ def _draw_solved(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
         _large(layout).operator(focus.VIRTUAL_APERTURE_OT_set_focus.bl_idname, icon="PIVOT_MEDIAN")
     _draw_marks(layout, context)
     _draw_amount(layout, settings)
+    notices.draw_shape(layout, context)
     notices.draw_ignored(layout, context)
     row = _large(layout)
     # Without icons: in a narrow sidebar they would cut their names off.
