@@ -305,9 +305,8 @@ class PlaneSweepStereo:
             return np.zeros((canvas.pinhole.height, canvas.pinhole.width), bool)
         size = (canvas.camera.width, canvas.camera.height)
         share = cv2.resize(np.asarray(255 * mask, np.uint8), size, interpolation=cv2.INTER_AREA)
-        shown = np.dstack([share] * 4)
-        shown = _straightened(shown, canvas) if canvas.camera.is_distorted else shown
-        return np.asarray(shown[..., 0] > 255 * FAINTEST)
+        shown = _straightened(share, canvas) if canvas.camera.is_distorted else share
+        return np.asarray(shown > 255 * FAINTEST)
 
     def _range(self, image: Image) -> tuple[float, float]:
         """Least and largest inverse depth that anything in a frame may have."""
@@ -382,8 +381,6 @@ def _displayed(picture: Pixels) -> Bytes:
 
 
 def _straightened(picture: Bytes, canvas: Canvas) -> Bytes:
-    """A picture (h, w, 4) of the lens as the canvas has it, 0 where the lens saw nothing."""
-    pinhole = canvas.pinhole
-    grid = np.stack(np.meshgrid(np.arange(pinhole.width) + 0.5, np.arange(pinhole.height) + 0.5), axis=-1)
-    at = np.nan_to_num(canvas.features_to_source(grid) - 0.5, nan=-9.0).astype(np.float32)
+    """A picture (h, w) or (h, w, 4) of the lens as the canvas has it, 0 where the lens saw nothing."""
+    at = np.nan_to_num(canvas.canvas_map(), nan=-9.0)
     return np.asarray(cv2.remap(picture, at, None, cv2.INTER_LINEAR), np.uint8)  # type: ignore[call-overload]
