@@ -45,6 +45,9 @@ def _problem() -> str:
     """Why the memory that this process may have does not even do for loading Blender, which would crash; or
     an empty string."""
     _load_folder()
+    # Before Blender loads NumPy.
+    for name, value in importlib.import_module(f"{PACKAGE}.core.base.child").ONE_BLAS_THREAD.items():
+        os.environ.setdefault(name, value)
     # Before Blender opens files of its own.
     importlib.import_module(f"{PACKAGE}.core.base.streams").open_all()
     memory = importlib.import_module(f"{PACKAGE}.core.base.memory")

@@ -72,6 +72,17 @@ def test_only_messages_are_heard_whatever_is_printed() -> None:
     assert messages == [Progress("a", 1, 2), Result()] and child.failure is None
 
 
+@pytest.mark.parametrize(("said", "expected"), [(None, "1"), ("3", "3")])
+def test_a_process_has_one_blas_thread_unless_the_user_says_more(
+    said: str | None, expected: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
+    if said:
+        monkeypatch.setenv("OPENBLAS_NUM_THREADS", said)
+    _, messages = heard("send(Progress(os.environ['OPENBLAS_NUM_THREADS'], 1, 2)); send(Result())")
+    assert messages[0] == Progress(expected, 1, 2)
+
+
 def test_a_process_that_did_not_say_that_it_is_done_has_failed() -> None:
     child, _ = heard("")
     assert child.failure == Failure("the process ended with status 0", 0)

@@ -14,7 +14,7 @@ from addon.core.base.arrays import Floats
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Reconstruction
 from addon.core.depth.multi_view_stereo import DenseDepth, PlaneSweepStereo, StereoOptions
-from addon.core.depth.view_selection import SelectionOptions, select_source_views
+from addon.core.depth.view_selection import SelectionOptions, parallaxes, select_source_views
 from addon.core.media.clip import decode_srgb, encode_srgb
 
 from .. import planes
@@ -259,9 +259,9 @@ def test_neighbours_are_chosen_by_baseline_and_not_by_count() -> None:
         steps = np.linspace(-0.4, 0.4, count)
         images = poses(np.column_stack([steps, 0 * steps, 0 * steps])).images
         own = images[count // 2]
-        near = select_source_views(
-            own, LENS, ((i, LENS) for i in images), (0.1, 0.25), (12.0, 4.0), SelectionOptions()
-        )
+        options = SelectionOptions()
+        seen = parallaxes(own, LENS, ((i, LENS) for i in images), (0.1, 0.25), options)
+        near = select_source_views(own, seen, (12.0, 4.0), options)
         chosen.append(sorted(round(one.image.centre[0], 1) for one in near))
         assert sorted(one.side for one in near) == [-1, -1, 1, 1]
     assert chosen[0] == chosen[1] == [-0.3, -0.1, 0.1, 0.3]

@@ -16,6 +16,12 @@ from .messages import PATIENCE, Failure, Message, Result, decode
 REMEMBERED = 20
 """Last lines of standard error, in which a process that died says why."""
 
+ONE_BLAS_THREAD = {"OPENBLAS_NUM_THREADS": "1", "VECLIB_MAXIMUM_THREADS": "1"}
+"""Environment of our processes; the user's own variables take precedence, and Blender's own process keeps
+its environment. Our matrices are small, and threads of OpenBLAS or Accelerate wait for each other: on an idle
+machine with two cores, a solve of 87 frames at 368x480 takes 24.3 and 23.8 instead of 31.9 and 29.6 CPU s
+(two runs each), and 22.9 and 22.5 instead of 24.2 and 22.6 s of wall time."""
+
 Hear = Callable[[Message | None], object]
 
 
@@ -36,7 +42,8 @@ class Child:
         try:
             self.process = subprocess.Popen(
                 command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-                encoding="utf-8", errors="replace", env={**environment, "PYTHONUNBUFFERED": "1"},
+                encoding="utf-8", errors="replace",
+                env={**ONE_BLAS_THREAD, **environment, "PYTHONUNBUFFERED": "1"},
                 # Ctrl-C is for whoever started it, who ends it.
                 start_new_session=True,
                 creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0)

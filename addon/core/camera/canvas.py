@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import itertools
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
@@ -12,6 +12,7 @@ import numpy as np
 from ..base.arrays import Floats, LinearRGBA, Map, Mask
 from ..base.errors import UserError
 from .intrinsics import Intrinsics
+from .smooth_places import SmoothPlaces
 
 MAX_PADDING = 0.5
 """Share of the side that can be padded on either side at most, as strong barrel distortion sends corners to
@@ -77,8 +78,7 @@ class Canvas:
         """A mask (h, w) of the canvas as the source frame (H, W) has it, with its distortion."""
         if not self.camera.is_distorted:
             return mask
-        share = np.dstack([mask.astype(np.float32)] * 4)
-        return np.asarray(self.to_source(share)[..., 0] > 0.5)
+        return np.asarray(self.to_source(mask.astype(np.float32)) > 0.5)
 
     def features_from_source(self, xy: Floats) -> Floats:
         """Source pixels (n, 2) -> canvas pixels (n, 2)."""
@@ -90,23 +90,55 @@ class Canvas:
         return np.asarray(self.camera.distort(rays) * self.camera.focal + self.camera.principal_point)
 
     def from_source(self, picture: LinearRGBA) -> LinearRGBA:
-        """(H, W, 4) float32 source frame -> the canvas picture, mirrored where the lens saw nothing."""
+        """Resample a source frame onto the canvas, mirrored where the lens saw nothing.
+
+        Args:
+            picture: (H, W, 4) or (H, W) float32.
+
+        Returns:
+            (h, w, 4) or (h, w) float32.
+        """
         if not self.camera.is_distorted:
             return picture
-        return _resampled(picture, self.pinhole.width, self.pinhole.height, self.features_to_source)
+        return _resampled(picture, self._in_source, self.pinhole.height)
+
+    def canvas_map(self) -> Map:
+        """Get where the source frame shows the canvas's pixels.
+
+        Returns:
+            (h, w, 2) pixels for `cv2.remap`, whose first pixel's centre is (0, 0). They are NaN where the
+            lens sees nothing.
+        """
+        return np.asarray(self._in_source.rows(0, self.pinhole.height) - 0.5, np.float32)
 
     def source_map(self) -> Map:
-        """(H, W, 2) where the canvas shows the source frame's pixels, for `cv2.remap`, whose first pixel's
-        centre is (0, 0)."""
-        camera = self.camera
-        grid = np.stack(np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5), axis=-1)
-        return np.asarray(self.features_from_source(grid) - 0.5, np.float32)
+        """Get where the canvas shows the source frame's pixels.
+
+        Returns:
+            (H, W, 2) pixels for `cv2.remap`, whose first pixel's centre is (0, 0).
+        """
+        return np.asarray(self._in_canvas.rows(0, self.camera.height) - 0.5, np.float32)
+
+    @property
+    def _in_source(self) -> SmoothPlaces:
+        return SmoothPlaces(self.pinhole.width, self.pinhole.height, self.features_to_source)
+
+    @property
+    def _in_canvas(self) -> SmoothPlaces:
+        return SmoothPlaces(self.camera.width, self.camera.height, self.features_from_source)
 
     def to_source(self, picture: LinearRGBA) -> LinearRGBA:
-        """(h, w, 4) float32 canvas picture -> (H, W, 4) in the geometry of the source frame."""
+        """Resample a canvas picture into the geometry of the source frame.
+
+        Args:
+            picture: (h, w, 4) or (h, w) float32.
+
+        Returns:
+            (H, W, 4) or (H, W) float32.
+        """
         if not self.camera.is_distorted:
             return picture
-        return _resampled(picture, self.camera.width, self.camera.height, self.features_from_source)
+        return _resampled(picture, self._in_canvas, self.camera.height)
 
 
 @dataclass(frozen=True)
@@ -160,19 +192,14 @@ def _border(width: int, height: int) -> Floats:
     ])  # fmt: skip
 
 
-def _resampled(picture: LinearRGBA, width: int, height: int, place: Callable[[Floats], Floats]) -> LinearRGBA:
-    """(height, width, 4) of a picture: each pixel is that at `place`, which takes pixel centres (h, w, 2) to
-    pixels (h, w, 2) of the picture."""
-    result = np.empty((height, width, picture.shape[2]), dtype=np.float32)
-    for first in range(0, height, CHUNK):
-        rows = np.arange(first, min(first + CHUNK, height))
-        grid = np.stack(np.meshgrid(np.arange(width) + 0.5, rows + 0.5), axis=-1)
-        result[rows] = _sample(picture, place(grid))
-    return result
+def _resampled(picture: LinearRGBA, places: SmoothPlaces, height: int) -> LinearRGBA:
+    """A picture (H, W, 4) or (H, W) at `places` of `height` rows."""
+    edges = [*range(0, height, CHUNK), height]
+    return np.concatenate([_sample(picture, places.rows(*rows)) for rows in itertools.pairwise(edges)])
 
 
 def _sample(picture: LinearRGBA, xy: Floats) -> LinearRGBA:
-    """(h, w, 4) of a picture at pixels (h, w, 2), mirrored past its border."""
+    """A picture (H, W, 4) or (H, W) at pixels (h, w, 2), mirrored past its border."""
     # OpenCV counts from the centre of the first pixel, COLMAP from its corner. Lanczos keeps the
     # sharpness that two bilinear passes would lose; its overshoot below black is cut.
     at = (xy - 0.5).astype(np.float32)

@@ -15,6 +15,7 @@ from typing import Protocol
 import numpy as np
 
 from ..base.arrays import Floats as Floats
+from ..base.arrays import Indices
 
 PARAMETERS: dict[str, tuple[str, ...]] = {
     "SIMPLE_PINHOLE": ("f", "cx", "cy"),
@@ -260,15 +261,19 @@ class RollingShutter:
     """That of (0, 0), after the middle of the picture."""
 
     def distort(self, rays: Floats) -> Floats:
-        """Rays (..., 2) as they are read. When that is depends on where: repeated until it stays."""
-        seen = self._through_lens(rays)
+        """Rays (..., 2) as they are read. When that is depends on where: repeated for each until it stays."""
+        flat = rays.reshape(-1, 2)
+        seen = self._through_lens(flat).copy()
+        turning = _Turning.of(np.stack([flat[:, 0], flat[:, 1], np.ones(len(flat))]), self.turn)
+        left = np.arange(len(seen))
         for _ in range(READINGS):
-            last = seen
-            ahead = self._turned(rays, self._when(last))
-            seen = self._through_lens(ahead[..., :2] / ahead[..., 2:])
-            if not np.any(np.abs(seen - last) > SETTLED):
+            last = seen[left]
+            x, y, z = turning.among(left).at(self._when(last))
+            seen[left] = now = self._through_lens(np.stack([x / z, y / z], axis=-1))
+            left = left[np.any(np.abs(now - last) > SETTLED, axis=-1)]
+            if not len(left):
                 break
-        return seen
+        return seen.reshape(rays.shape)
 
     def jacobian(self, rays: Floats) -> Floats:
         """(..., 2, 2) derivative at rays (..., 2), that of the time of reading included."""
@@ -309,13 +314,50 @@ class RollingShutter:
 
 def turned(points: Floats, turn: Sequence[float] | Floats, when: Floats) -> Floats:
     """Points (..., 3) in the axes of a camera that has turned for times `when` (...), where `turn` (..., 3)
-    is the rotation vector of a time of one, in radians (Rodrigues)."""
-    angle = np.linalg.norm(turn, axis=-1, keepdims=True)
-    axis = np.asarray(turn) / np.where(angle > 0, angle, 1.0)
-    angle = angle * np.asarray(when)[..., None]
-    cosine = np.cos(angle)
-    along = np.sum(axis * points, axis=-1, keepdims=True) * axis
-    return np.asarray(cosine * points + np.sin(angle) * np.cross(axis, points) + (1 - cosine) * along)
+    is the rotation vector of a time of one, in radians."""
+    return np.moveaxis(_Turning.of(np.moveaxis(points, -1, 0), turn).at(when), 0, -1).copy()
+
+
+@dataclass(frozen=True)
+class _Turning:
+    """Points in the axes of a camera that turns (Rodrigues), at any time.
+
+    Coordinates come first: NumPy takes several times as long where they come last.
+    """
+
+    points: Floats
+    """(3, ...) at time 0."""
+    across: Floats
+    """(3, ...) cross products of the turn's axis with the points."""
+    along: Floats
+    """(3, ...) their parts along the axis."""
+    angle: Floats
+    """(...) radians in a time of one."""
+
+    @classmethod
+    def of(cls, points: Floats, turn: Sequence[float] | Floats) -> _Turning:
+        """Of points (3, ...) and a rotation vector (..., 3) in radians of a time of one."""
+        angle = np.linalg.norm(turn, axis=-1, keepdims=True)
+        a, b, c = axis = np.moveaxis(turn / np.where(angle > 0, angle, 1.0), -1, 0)
+        x, y, z = points
+        along = a * x + b * y + c * z
+        across = np.stack([b * z - c * y, c * x - a * z, a * y - b * x])
+        return cls(points, across, np.stack([along * one for one in axis]), angle[..., 0])
+
+    def among(self, which: Indices) -> _Turning:
+        """Of some of the points (3, n), with the same turn for all."""
+        if len(which) == self.points.shape[1]:
+            return self
+        return _Turning(self.points[:, which], self.across[:, which], self.along[:, which], self.angle)
+
+    def at(self, when: Floats) -> Floats:
+        """(3, ...) at times (...)."""
+        angle = self.angle * np.asarray(when)
+        cosine, sine = np.cos(angle), np.sin(angle)
+        return np.stack([
+            cosine * point + sine * across + (1 - cosine) * along
+            for point, across, along in zip(self.points, self.across, self.along, strict=True)
+        ])  # fmt: skip
 
 
 def stages(model: str, terms: Sequence[float]) -> tuple[Stage, ...]:

@@ -28,7 +28,7 @@ def opacity_over(canvas: Canvas, mask: Map | Mask) -> Map:
     how = cv2.INTER_AREA if mask.shape[1] > size[0] else cv2.INTER_LINEAR
     share = cv2.resize(np.asarray(mask, np.float32), size, interpolation=how)
     if canvas.camera.is_distorted:
-        share = canvas.from_source(np.dstack([share] * 4))[..., 0]
+        share = canvas.from_source(share)
     return np.asarray(np.clip(share, 0, 1), np.float32)
 
 

@@ -28,7 +28,7 @@ from .object_tracks import ClipObjects, Subject
 from .plane_sweep import View, small_picture
 from .source import FAINTEST
 from .sparse import frame_features
-from .view_selection import Neighbour, SelectionOptions, relative_pose, select_source_views
+from .view_selection import Neighbour, SelectionOptions, parallaxes, relative_pose, select_source_views
 
 Moving = Callable[[int], Map | Mask | None]
 """(h, w), at any size, the opacity in [0, 1] of what moves by itself in a source frame; None where nothing is
@@ -42,8 +42,6 @@ class StereoOptions:
 
     long_side: int = 960
     """Pixels of the longer side that is worked at. Past it, time and memory grow and a blur gains little."""
-    kept_pictures: int = 64
-    """Pictures that are remembered, so that a clip taken in order reads each frame about once. By eye."""
     widest_parallax: float = 0.1
     """Of the longer side, by which the scene's depths should move apart in the farthest neighbour. By eye."""
     depth_parallaxes: tuple[float, ...] = (1.0, 0.6, 0.3)
@@ -97,6 +95,10 @@ class StereoOptions:
         )
 
 
+KEPT_PICTURES = 128 << 20
+"""Bytes of pictures that are remembered: 64 of 960x540 pixels, or all of a clip at a third of that size."""
+KEPT_SPANS = 64
+"""Frames whose range of depths and possible source views are remembered."""
 PHOTO_LEVELS = 160
 """Largest number of depth levels of photos. By eye."""
 COARSE = StereoOptions(long_side=320)
@@ -148,7 +150,9 @@ class PlaneSweepStereo:
         self._rec, self._read, self._options, self._mask = reconstruction, read, options, mask
         self._finds_motion, self._subjects = finds_motion, subjects
         self._unmatched, self._unseen, self._matcher = unmatched or mask, unseen or mask, matcher
-        self._pictures = LRUCache[Bytes](options.kept_pictures)
+        self._pictures = LRUCache[Bytes](KEPT_PICTURES, lambda picture: picture.nbytes)
+        self._ranges = LRUCache[tuple[float, float]](KEPT_SPANS)
+        self._parallaxes = LRUCache[list[tuple[Image, float]]](2 * KEPT_SPANS)
 
     def at(self, frame: int) -> DenseDepth:
         """The depth of a frame, by itself; errors as `matched`."""
@@ -305,12 +309,15 @@ class PlaneSweepStereo:
             return np.zeros((canvas.pinhole.height, canvas.pinhole.width), bool)
         size = (canvas.camera.width, canvas.camera.height)
         share = cv2.resize(np.asarray(255 * mask, np.uint8), size, interpolation=cv2.INTER_AREA)
-        shown = np.dstack([share] * 4)
-        shown = _straightened(shown, canvas) if canvas.camera.is_distorted else shown
-        return np.asarray(shown[..., 0] > 255 * FAINTEST)
+        shown = _straightened(share, canvas) if canvas.camera.is_distorted else share
+        return np.asarray(shown > 255 * FAINTEST)
 
     def _range(self, image: Image) -> tuple[float, float]:
         """Least and largest inverse depth that anything in a frame may have."""
+        return self._ranges.get(image.frame, lambda: self._found_range(image))
+
+    def _found_range(self, image: Image) -> tuple[float, float]:
+        """The range that `_range` remembers."""
         local, ahead = seen_by(image, self._rec, np.arange(len(self._rec.points), dtype=np.int32))
         camera = self._rec.intrinsics(image)
         xy = camera.project(local)
@@ -350,10 +357,15 @@ class PlaneSweepStereo:
     ) -> list[Neighbour]:
         """The source views in which a span of inverse depths moves apart by shares of the widest parallax."""
         pinhole = self._canvas(image).pinhole
-        others = [(other, self._canvas(other).pinhole) for other in self._rec.images if other is not image]
-        widest = self._options.widest_parallax
+        selection, widest = self._options.selection, self._options.widest_parallax
+
+        def found() -> list[tuple[Image, float]]:
+            others = [(each, self._canvas(each).pinhole) for each in self._rec.images if each is not image]
+            return parallaxes(image, pinhole, others, span, selection)
+
         wanted = [share * widest * max(pinhole.width, pinhole.height) for share in shares]
-        return select_source_views(image, pinhole, others, span, wanted, self._options.selection)
+        possible = self._parallaxes.get((image.frame, span), found)
+        return select_source_views(image, possible, wanted, selection)
 
     def _view(self, image: Image, own: Bytes, near: Neighbour, middle: float) -> View:
         """A source view with its homographies, as bright as the frame (h, w, 4) at an inverse depth."""
@@ -382,8 +394,6 @@ def _displayed(picture: Pixels) -> Bytes:
 
 
 def _straightened(picture: Bytes, canvas: Canvas) -> Bytes:
-    """A picture (h, w, 4) of the lens as the canvas has it, 0 where the lens saw nothing."""
-    pinhole = canvas.pinhole
-    grid = np.stack(np.meshgrid(np.arange(pinhole.width) + 0.5, np.arange(pinhole.height) + 0.5), axis=-1)
-    at = np.nan_to_num(canvas.features_to_source(grid) - 0.5, nan=-9.0).astype(np.float32)
+    """A picture (h, w) or (h, w, 4) of the lens as the canvas has it, 0 where the lens saw nothing."""
+    at = np.nan_to_num(canvas.canvas_map(), nan=-9.0)
     return np.asarray(cv2.remap(picture, at, None, cv2.INTER_LINEAR), np.uint8)  # type: ignore[call-overload]

@@ -21,6 +21,11 @@ def kept_depth(store: DepthStore | None, kind: str, frame: int, pinhole: Pinhole
     return None if kept is None else _dense(frame, kept, through)
 
 
+def not_kept(store: DepthStore | None, kind: str, frames: Sequence[int], pinhole: Pinhole) -> list[int]:
+    """Those of some frames whose depth, of one of the store's kinds, would have to be found."""
+    return [frame for frame in frames if kept_depth(store, kind, frame, pinhole) is None]
+
+
 def found_once(
     store: DepthStore | None,
     kind: str,

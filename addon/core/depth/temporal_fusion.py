@@ -19,7 +19,7 @@ from ..camera.reconstruction import Image, Reconstruction
 from .depth_store import DepthStore
 from .multi_view_stereo import DenseDepth, PlaneSweepStereo
 from .reprojection import in_place
-from .shared_depth import found_once, kept_depth
+from .shared_depth import found_once, kept_depth, not_kept
 from .source import extended
 from .view_selection import nearest_views, stride
 
@@ -190,9 +190,7 @@ class TemporalFusion:
         there = {frame: depth for frame in frames if (depth := self._kept.known(frame)) is not None}
         new = [frame for frame in frames if frame not in there]
         pinhole = self._stereo.pinhole
-        self._stereo.prefetch(
-            [frame for frame in new if kept_depth(self._store, "single", frame, pinhole) is None]
-        )
+        self._stereo.prefetch(not_kept(self._store, "single", new, pinhole))
 
         def find(frame: int) -> DenseDepth:
             with part(new.index(frame), len(new)):

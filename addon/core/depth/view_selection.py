@@ -87,28 +87,41 @@ def nearest_views(reconstruction: Reconstruction, image: Image, count: int | Non
     return [other for _, _, other in sorted(ranked, key=lambda each: each[:2])[:count]]
 
 
-def select_source_views(
+def parallaxes(
     image: Image,
     camera: Intrinsics,
     others: Iterable[tuple[Image, Intrinsics]],
     span: tuple[float, float],
-    wanted: Sequence[float],
     options: SelectionOptions,
-) -> list[Neighbour]:
-    """For each wanted parallax in pixels the best frame on either side, if there is one.
+) -> list[tuple[Image, float]]:
+    """Find the frames that can be source views of a frame.
 
-    `lens` and those beside the others are pinholes; `span` is the least and the largest inverse depth, in
-    1 / scene units.
+    Args:
+        image: The frame.
+        camera: Its pinhole.
+        others: Other frames with their pinholes.
+        span: Least and largest inverse depth, in 1 / scene units.
+        options: What excludes a frame.
+
+    Returns:
+        Those of the others that see enough of the same, each with the median distance in pixels between the
+        places of both ends of `span`.
     """
     share = np.linspace(0.1, 0.9, 5)
     grid = np.stack(np.meshgrid(share * camera.width, share * camera.height), axis=-1).reshape(-1, 2)
     rays = np.column_stack([(grid - camera.principal_point) / camera.focal, np.ones(len(grid))])
-    found = [
+    return [
         (other, parallax)
         for other, pinhole in others
         if other.frame != image.frame
         and (parallax := _parallax(image, other, pinhole, rays, span, options)) is not None
     ]
+
+
+def select_source_views(
+    image: Image, found: Sequence[tuple[Image, float]], wanted: Sequence[float], options: SelectionOptions
+) -> list[Neighbour]:
+    """For each wanted parallax in pixels the best frame on either side, if there is one, of `parallaxes`."""
     if not found:
         return []
     baselines = np.array([image.rotation @ (other.centre - image.centre) for other, _ in found])

@@ -156,11 +156,9 @@ def shares_of(mean: LinearRGBA, canvas: Canvas) -> LinearRGBA:
 
 def _own(canvas: Canvas) -> Mask:
     """(h, w) pixels of the canvas that the source frame shows; the others are mirrored."""
-    pinhole = canvas.pinhole
     if not canvas.camera.is_distorted:
-        return np.ones((pinhole.height, pinhole.width), bool)
-    grid = np.stack(np.meshgrid(np.arange(pinhole.width) + 0.5, np.arange(pinhole.height) + 0.5), axis=-1)
-    place = canvas.features_to_source(grid)
+        return np.ones((canvas.pinhole.height, canvas.pinhole.width), bool)
+    place = canvas.canvas_map() + 0.5
     return np.asarray(np.all((place >= 0) & (place <= [canvas.camera.width, canvas.camera.height]), axis=2))
 
 

@@ -49,10 +49,6 @@ SHARES = {
 """Which part of the whole each stage is, from the times of the duck and the sample clip."""
 
 
-ONE_BLAS_THREAD = {"OPENBLAS_NUM_THREADS": "1", "VECLIB_MAXIMUM_THREADS": "1"}
-"""Environment of the worker: its matrices are small, and threads of OpenBLAS or Accelerate wait for each
-other. With it, a solve of 90 frames at 854x480 takes 22 instead of 32 s of processor time on an idle
-machine."""
 CAMERAS = "cameras.json"
 """In the folder of a solve, the cameras that are held."""
 CLOUD = "cloud"
@@ -272,4 +268,4 @@ def _environment() -> dict[str, str]:
     # and the wheels on the path that Blender made for them.
     above = Path(__file__).resolve().parents[3]
     paths = [str(above), *(p for p in sys.path if p)]
-    return os.environ | ONE_BLAS_THREAD | {"PYTHONPATH": os.pathsep.join(paths)}
+    return os.environ | {"PYTHONPATH": os.pathsep.join(paths)}

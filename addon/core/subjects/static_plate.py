@@ -26,7 +26,7 @@ from ..depth.multi_view_stereo import (
     pixel_matrix,
 )
 from ..depth.reprojection import in_place
-from ..depth.shared_depth import found_once
+from ..depth.shared_depth import found_once, not_kept
 from ..depth.temporal_fusion import fused, level_of
 from ..depth.view_selection import relative_pose, stride
 from ..media.picture_file import Pixels
@@ -214,7 +214,9 @@ class StaticPlate:
             self._depths.get(frame, partial(_given, depth))
 
     def _coarse(self, frames: Sequence[int]) -> dict[int, DenseDepth]:
-        return found_once(self.store, "coarse", frames, self._sweep.pinhole, self._sweep.at)
+        pinhole = self._sweep.pinhole
+        self._sweep.prefetch(not_kept(self.store, "coarse", frames, pinhole))
+        return found_once(self.store, "coarse", frames, pinhole, self._sweep.at)
 
     def around(self, frame: int) -> list[int]:
         """The source frames of a frame."""
