@@ -108,7 +108,7 @@ def test_a_flat_place_beside_strong_texture_gets_a_number() -> None:
     shown[60:180, 60:180] = np.random.default_rng(1).random((120, 120, 1), np.float32)
     share = noise_like(white).share(shown)
     assert np.isfinite(share).all()
-    assert share[:, 200:].max() == 0
+    assert share[:, 200:].max() < 1e-6
 
 
 def test_flickering_lamps_and_texture_that_flow_does_not_find_are_no_noise() -> None:
