@@ -165,7 +165,7 @@ def still_residuals(tracks: Map, images: Sequence[Image], cameras: Sequence[Intr
         # Least squares in the picture, with the perspective division of the previous solution.
         above = np.where(known, weight * (constant * slope).sum(axis=2), 0).sum(axis=1)
         below = np.where(known, weight * (slope * slope).sum(axis=2), 0).sum(axis=1)
-        inverse = np.maximum(-above / np.maximum(below, 1e-12), 0)
+        inverse = np.maximum(np.divide(-above, below, out=np.zeros_like(above), where=below > 0), 0)
         depth = turned[..., 2] + inverse[:, None] * shift[..., 2]
         weight = 1 / np.maximum(depth, 0.05) ** 2
     squares = weight * ((constant + inverse[:, None, None] * slope) ** 2).sum(axis=2)
