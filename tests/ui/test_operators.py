@@ -183,6 +183,17 @@ CASES = {
         "Pick what should be sharp first",
         undo="", why="it writes files; as Blender's own render",
     ),
+    "use_clip_size": Case(
+        "ui/test_panel_states.py::test_the_clip_size_is_the_way_out_of_another_shape",
+        "ui/test_panel_states.py::test_the_clip_size_is_the_way_out_of_another_shape",
+        "Solve the clip first",
+    ),
+    "close_blender": Case(
+        "ui/test_operators.py::test_blender_is_not_closed_by_us_where_nothing_is_made",
+        "ui/test_operators.py::test_blender_is_not_closed_by_us_where_nothing_is_made",
+        "Nothing is being rendered or exported",
+        undo="", why="it closes Blender; tests/window/test_movie.py does so",
+    ),
     "cancel_movie": Case(
         "ui/test_movie.py::test_nothing_stays_of_a_movie_that_is_cancelled",
         "ui/test_movie.py::test_nothing_stays_of_a_movie_that_is_cancelled",
@@ -283,6 +294,11 @@ def test_the_preview_is_shown_and_ended(scene: bpy.types.Scene, tmp_path: Path) 
         bpy.data.objects.remove(settings.camera)
         with pytest.raises(RuntimeError, match="The camera was deleted"):
             preview()
+
+
+def test_blender_is_not_closed_by_us_where_nothing_is_made(scene: bpy.types.Scene) -> None:
+    with pytest.raises(RuntimeError, match="Nothing is being rendered or exported"):
+        bpy.ops.virtual_aperture.close_blender()
 
 
 def test_nothing_is_paused_where_nothing_is_under_way(scene: bpy.types.Scene) -> None:

@@ -168,6 +168,8 @@ def test_panels_draw(
 
 
 def test_the_clip_size_is_the_way_out_of_another_shape(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    with pytest.raises(RuntimeError, match="Solve the clip first"):
+        bpy.ops.virtual_aperture.use_clip_size()
     shot = slanted_shot(tmp_path / "clip", LENS)
     build(scene, shot.footage, shot.reconstruction)
     use = "virtual_aperture.use_clip_size"
