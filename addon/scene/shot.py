@@ -26,9 +26,9 @@ from ..core.media.colour_space import ColourSpace
 from ..core.media.masks import Masks, open_masks
 from ..core.media.picture_file import Pixels
 from ..core.sfm.state import STATE
+from ..core.subjects.clip_subjects import ClipSubjects
 from ..core.subjects.found import FoundSubjects, SubjectOptions
-from ..core.subjects.marked import ClipSubjects
-from ..core.subjects.stroke_cut import CarryOptions
+from ..core.subjects.networks import Networks
 from ..core.subjects.strokes import MarkedSubject
 from . import gpu_matcher, store, subjects, version
 from .clip import solved_clip_path, solved_part, work_dir
@@ -40,7 +40,7 @@ from .timeline import check_frames, clip_frame
 
 KEPT_DEPTH = "depth"
 """Folder of a working folder where depth is kept."""
-DEPTHS = 12
+DEPTHS = 13
 """Version of the way that depth is found: counted up when the same options give another depth."""
 HIGHLIGHTS = 2
 """Version of the way that highlights are found, in the same way."""
@@ -165,7 +165,7 @@ class Shot:
         """16 hexadecimal digits of all that the depth found in the clip in a quality depends on, as its files
         are now."""
         marked = tuple(each.key for each in self.subjects)
-        return self._key(marked, quality.stereo, quality.fusion, SubjectOptions(), CarryOptions())
+        return self._key(marked, quality.stereo, quality.fusion, SubjectOptions(), Networks().exist)
 
     def _subject_key(self) -> str:
         """The same of what moves by itself, whatever is marked."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from typing import Any
 
 import bpy
@@ -10,7 +9,7 @@ import bpy
 from ..core.base.arrays import Mask
 from ..core.base.errors import UserError
 from ..core.base.progress import Cancelled
-from ..core.subjects.marked import CarriedSubject
+from ..core.subjects.carried import CarriedSubject
 from ..core.subjects.strokes import MarkedSubject, Stroke, places_of, with_stroke
 from ..scene import redraw, subjects
 from ..scene.remedy_words import WORDS
@@ -31,16 +30,14 @@ KEYS = (
 
 
 class LitUp:
-    """What of a subject is known in a frame: see `CarriedSubject.looks`."""
+    """What of a subject is known in a frame."""
 
     def __init__(self, carried: CarriedSubject, frame: int) -> None:
         self.carried, self.frame = carried, frame
         self.mask: Mask | None = None
 
     def __call__(self) -> Mask:
-        for look in self.carried.looks(self.frame):
-            self.mask = look
-        assert self.mask is not None
+        self.mask = self.carried.mask(self.frame)
         return self.mask
 
 
@@ -239,9 +236,6 @@ class VIRTUAL_APERTURE_OT_pick_subject(bpy.types.Operator):  # noqa: N801
         is_registered = frame in self._context.reconstruction.frames
         if not any(each.adds for each in strokes) or not is_registered:
             self._overlay.light_up(None)
-            if is_registered:
-                # What a stroke will ask for, while it is drawn.
-                self._work = Work(partial(self._context.subjects.evidence.at, frame), after=self._work)
             return
         self._lit = LitUp(self._context.carried(MarkedSubject(self._name, strokes)), frame)
         self._work = Work(self._lit, after=self._work)

@@ -13,7 +13,7 @@ from ..core.base.errors import UserError
 from ..core.base.progress import part
 from ..core.focus.place import Place
 from ..core.frame.clip_context import ClipContext
-from ..core.subjects.stroke_cut import CarryOptions
+from ..core.subjects.carried import UNSURE
 from ..scene import redraw, subjects
 from ..scene.shot import shot_of
 from ..scene.timeline import clip_frame
@@ -118,7 +118,7 @@ def unsure_frames(clip: ClipContext, name: str) -> list[int]:
     found = []
     for number, frame in enumerate(frames):
         with part(number, len(frames)):
-            if carried.cut(frame).sure < CarryOptions().unsure:
+            if carried.cut(frame).sure < UNSURE:
                 found.append(frame)
             # Kept for renders.
             clip.subject(name, frame)

@@ -89,11 +89,13 @@ class PlaceFinder:
         depth: DepthSource,
         read: Callable[[int], Pixels],
         frame: int,
+        subject_at: Callable[[float, float], Place | None] = lambda x, y: None,
     ) -> None:
-        """`read` gives a frame's picture (H, W, 3 or 4), by which what moves is followed. UserError for a
-        frame without a camera of its own."""
+        """`read` gives a frame's picture (H, W, 3 or 4), by which what moves is followed; `subject_at` the
+        whole subject at fractions of the picture. UserError for a frame without a camera of its own."""
         self.frame = frame
         self._rec, self._depth, self._read = reconstruction, depth, read
+        self._subject_at = subject_at
         check_place(self._rec, frame, 0.5, 0.5)
         self._image, _ = self._rec.image_at(frame)
         self._canvas = self._rec.canvas(self._image)
@@ -112,11 +114,14 @@ class PlaceFinder:
     def find(self, x: float, y: float) -> Place:
         """What is in focus at fractions x, y of the picture (0, 0 = top left), its depth found if need be.
 
-        The surface that the very pixel shows: through the four points around that are near (`NEAR`) and on
-        it, else by the pixel's own depth. Where that is not sure, the points that are near come first. Raises
-        UserError where nothing is known of the place, and outside of the picture.
+        The whole of a subject that is there; else the surface that the very pixel shows: through the four
+        points around that are near (`NEAR`) and on it, else by the pixel's own depth. Where that is not sure,
+        the points that are near come first. Raises UserError where nothing is known of the place, and outside
+        of the picture.
         """
         check_place(self._rec, self.frame, x, y)
+        if (subject := self._subject_at(x, y)) is not None:
+            return subject
         if self._known is None:
             self._known = self._depth.at(self.frame, self._canvas, NO_PICTURE)
         known = self._known

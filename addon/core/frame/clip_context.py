@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import cv2
 import numpy as np
 
-from ..base.arrays import Floats, LinearRGBA, Mask
+from ..base.arrays import Floats, LinearRGBA, Map, Mask
 from ..base.errors import UserError
 from ..base.lru_cache import LRUCache
 from ..base.progress import stage
@@ -32,9 +32,13 @@ from ..focus.subject import subject_place
 from ..media.clip import to_linear
 from ..media.noise import Noise, measured
 from ..media.picture_file import Pixels
+from ..subjects.carried import CarriedSubject
+from ..subjects.clip_subjects import ClipSubject, ClipSubjects, united
+from ..subjects.distance import SubjectDistance
 from ..subjects.found import FoundSubjects
-from ..subjects.marked import CarriedSubject, ClipSubjects
-from ..subjects.standing import StandingTrack
+from ..subjects.matte import matte
+from ..subjects.pictures import displayed
+from ..subjects.standing import Standing
 from ..subjects.strokes import MarkedSubject
 from ..warp.disocclusion_fill import DisocclusionFill, HiddenColours
 from .highlights import RESTORED, ClipHighlights, HighlightSettings
@@ -107,7 +111,7 @@ class ClipContext:
             )  # fmt: skip
             return TemporalFusion(self.reconstruction, alone, options=quality.fusion)
         store = self._store_of(quality)
-        subjects = [Subject(partial(self._marked_mask, each), self._standing(each)) for each in self.marked]
+        subjects = [Subject(each.mask, self._distance(each).inverse_depth) for each in self.every_subject]
         single_frame = PlaneSweepStereo(
             self.reconstruction, self.read, quality.stereo, self.moving, finds_motion=False,
             subjects=subjects, unmatched=self.left_out, unseen=self.masks or _nothing, matcher=self.matcher,
@@ -128,11 +132,34 @@ class ClipContext:
     def subject(self, name: str, frame: int) -> Mask:
         """(h, w) a marked subject in a frame, over the source frame at any size; UserError for a name that no
         subject has, else as of `FoundSubjects.mask`."""
+        return self._named(name).mask(frame)
+
+    def _named(self, name: str) -> ClipSubject:
+        """A subject by its name; UserError for a name that no subject has."""
         marked = next((each for each in self.marked if each.name == name), None)
-        if marked is None:
-            names = ", ".join(each.name for each in self.marked) or "none"
+        if marked is not None:
+            return self._subjects.marked(marked)
+        found = next((each for each in self.every_subject if each.name == name), None)
+        if found is None:
+            names = ", ".join(each.name for each in self.every_subject) or "none"
             raise UserError(f"there is no subject {name!r}; there are: {names}")
-        return self._marked_mask(marked, frame)
+        return found
+
+    @cached_property
+    def every_subject(self) -> list[ClipSubject]:
+        """The subjects that are marked, and the people who are not among them."""
+        marked = [self._subjects.marked(each) for each in self.marked]
+        return [*marked, *self._subjects.others(marked)]
+
+    def subject_at(self, frame: int, x: float, y: float) -> ClipSubject | None:
+        """Return the subject at fractions x, y of a frame's picture, (0, 0) top left; None elsewhere. Errors
+        as of `subject`."""
+        for each in self.every_subject:
+            mask = each.mask(frame)
+            rows, columns = mask.shape
+            if mask[min(int(y * rows), rows - 1), min(int(x * columns), columns - 1)]:
+                return each
+        return None
 
     def _all_moving(self, frame: int, alone: bool) -> Mask | None:
         """(h, w) moving pixels that were found in a frame, by its own evidence or also by that of frames
@@ -140,24 +167,19 @@ class ClipContext:
 
         In photos nothing is found: which of them were taken before or after is not known, nor how much later.
         """
-        subjects = [self._marked_mask(each, frame) for each in self.marked]
+        subjects = [each.mask(frame) for each in self.every_subject]
         if self.reconstruction.is_ordered:
             found = self.subjects.mask_alone(frame) if alone else self.subjects.mask(frame)
-            subjects += [] if found is None else [found]
+            if found is not None:
+                subjects.append(without_known(found, united(subjects)) if subjects else found)
         said = self.masks(frame) if self.masks else None
         if not subjects:
             return None if said is None else np.asarray(said > FAINTEST)
-        all_found = np.logical_or.reduce(subjects)
+        all_found = united(subjects)
         if said is None:
-            return np.asarray(all_found)
+            return all_found
         larger = cv2.resize(all_found.astype(np.uint8), said.shape[1::-1], interpolation=cv2.INTER_LINEAR)
         return np.asarray((said > FAINTEST) | (larger > 0))
-
-    def _marked_mask(self, marked: MarkedSubject, frame: int) -> Mask:
-        carried, store = self.carried(marked), self._mask_store
-        if store is None:
-            return carried.mask(frame)
-        return store.moving(frame, lambda: carried.mask(frame), f"moving-{marked.key}")
 
     def carried(self, marked: MarkedSubject) -> CarriedSubject:
         """A marked subject in the frames of the clip; what was carried is remembered."""
@@ -170,9 +192,8 @@ class ClipContext:
 
     @cached_property
     def _subjects(self) -> ClipSubjects:
-        return self.known_subjects or ClipSubjects(
-            FoundSubjects(self.reconstruction, self.read, self.masks, matcher=self.matcher)
-        )
+        found = FoundSubjects(self.reconstruction, self.read, self.masks, matcher=self.matcher)
+        return self.known_subjects or ClipSubjects(found)
 
     @cached_property
     def _moving(self) -> LRUCache[Mask | None]:
@@ -286,7 +307,7 @@ class ClipContext:
         if self.reconstruction.stays:
             return FirstKnown((*given, *([] if maps is None else [maps]), NoDepth(), sparse))
         better = self.stereo_of(quality.better) if quality.better else None
-        stereo = StereoDepth(self.stereo_of(quality), better, self.masks)
+        stereo = StereoDepth(self.stereo_of(quality), better, partial(self._opacity, quality))
         return FirstKnown((*given, stereo if maps is None else CompletedDepth(stereo, maps), sparse))
 
     def has_depth(self, frame: int, quality: Quality) -> bool:
@@ -300,29 +321,56 @@ class ClipContext:
 
     def places(self, frame: int) -> PlaceFinder:
         """What finds the focus at places of a registered frame; see `PlaceFinder`."""
-        return PlaceFinder(self.reconstruction, self.depth_source(), self.read, frame)
+        return PlaceFinder(
+            self.reconstruction, self.depth_source(), self.read, frame, partial(self._place_on_subject, frame)
+        )
+
+    def _place_on_subject(self, frame: int, x: float, y: float) -> Place | None:
+        """The whole subject at a place of a frame, in focus; None beside all of them."""
+        if self.reconstruction.stays or self.given_depth is not None or self.maps is not None:
+            return None
+        subject = self.subject_at(frame, x, y)
+        return None if subject is None else replace(self._focus_on(subject, frame), xy=(x, y))
 
     def subject_place(self, name: str, frame: int) -> Place:
-        """A marked subject as a place in focus, followed through the clip; errors as of `subject`."""
-        mask = partial(self.subject, name)
-        mask(frame)
-        source = self.reconstruction, self.depth_source(), mask, frame, name
+        """A subject as a place in focus, followed through the clip; errors as of `subject`."""
+        return self._focus_on(self._named(name), frame)
+
+    def _focus_on(self, subject: ClipSubject, frame: int) -> Place:
+        subject.mask(frame)
+        source = self.reconstruction, self.depth_source(), subject.mask, frame, subject.name
         if self.given_depth is not None or self.maps is not None:
             return subject_place(*source)
-        (marked,) = (each for each in self.marked if each.name == name)
-        return subject_place(*source, self._standing(marked))
+        return subject_place(*source, self._distance(subject).inverse_depth)
 
-    def _standing(self, marked: MarkedSubject) -> Callable[[int], float | None]:
-        """The inverse depth of a marked subject by frame, where it stands on the ground."""
-        if marked.key not in self._tracks:
-            frames = tuple(int(frame) for frame in self.reconstruction.frames)
-            alone = partial(self.subjects.standing, partial(self._marked_mask, marked))
-            self._tracks[marked.key] = StandingTrack(frames, alone)
-        return self._tracks[marked.key].inverse_depth
+    def _distance(self, subject: ClipSubject) -> SubjectDistance:
+        """How far a subject is through the clip."""
+        if subject.key not in self._distances:
+            standing = Standing(self.subjects.plates, self._known_moving)
+            self._distances[subject.key] = SubjectDistance(
+                self._subjects.pictures, subject.mask, partial(standing.inverse_depth, subject.mask)
+            )
+        return self._distances[subject.key]
+
+    def _known_moving(self, frame: int) -> Mask:
+        """(h, w) all subjects in a frame; there is at least one."""
+        return united([each.mask(frame) for each in self.every_subject])
 
     @cached_property
-    def _tracks(self) -> dict[str, StandingTrack]:
+    def _distances(self) -> dict[str, SubjectDistance]:
         return {}
+
+    def _opacity(self, quality: Quality, frame: int) -> Map | Mask | None:
+        """(H, W) in [0, 1], the opacity of subjects and of what masks show; None where neither is known."""
+        said = self.masks(frame) if self.masks else None
+        known = self.every_subject if quality.finds_subjects else []
+        if not known:
+            return said
+        picture = displayed(self.read(frame))
+        mattes = [matte(picture, each.share(frame)) for each in known]
+        if said is not None:
+            mattes.append(cv2.resize(np.asarray(said, np.float32), picture.shape[1::-1]))
+        return np.asarray(np.maximum.reduce(mattes))
 
     @cached_property
     def texture_memory(self) -> ReusedMemory:
@@ -368,6 +416,16 @@ class ClipContext:
 
 def _nothing(frame: int) -> None:
     """A mask of which nothing is known."""
+
+
+def without_known(found: Mask, known: Mask) -> Mask:
+    """Return moving pixels (h, w) without the connected parts that known subjects (H, W) mostly cover."""
+    covered = cv2.resize(known.astype(np.uint8), found.shape[1::-1], interpolation=cv2.INTER_NEAREST)
+    number, labels, stats, _ = cv2.connectedComponentsWithStats(found.astype(np.uint8))
+    shared = np.bincount(labels[covered > 0], minlength=number)
+    kept = 2 * shared < stats[:, cv2.CC_STAT_AREA]
+    kept[0] = False
+    return np.asarray(kept[labels])
 
 
 def no_picture(frame: int) -> Pixels:

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..base.arrays import Floats, Map, Mask
 from ..base.progress import checkpoint
-from .cut import LEAST, Cut
+from .cut import LEAST
 from .pictures import ClipPictures
 
 INLIER = 1.0
@@ -64,8 +64,8 @@ class SubjectDistance:
     """
 
     pictures: ClipPictures
-    cut: Callable[[int], Cut]
-    """The subject in a frame."""
+    mask: Callable[[int], Mask]
+    """The subject (h, w) in a frame, at the size of the pictures."""
     standing: Callable[[int], float | None]
     """Its inverse depth in 1 / scene units by its contact with the ground; None where that is not seen."""
 
@@ -85,7 +85,7 @@ class SubjectDistance:
         changes = list[float]()
         for frame in frames[:-1]:
             checkpoint()
-            mask, scale = self.cut(frame).mask, None
+            mask, scale = self.mask(frame), None
             if np.count_nonzero(mask) >= LEAST:
                 scale = change_of_size(flow.step(frame, 1), flow.there(frame, 1)[1], mask)
             changes.append(np.log(scale) if scale else 0.0)
@@ -106,7 +106,7 @@ class SubjectDistance:
     def _looked_at(self) -> list[int]:
         """Numbers of frames that show the subject, spread over the clip."""
         frames = self.pictures.frames
-        shown = [at for at in range(len(frames)) if self.cut(frames[at]).is_seen]
+        shown = [at for at in range(len(frames)) if np.count_nonzero(self.mask(frames[at])) >= LEAST]
         chosen = np.linspace(0, len(shown) - 1, min(CONTACTS, len(shown)))
         return sorted({shown[round(each)] for each in chosen})
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property, partial
 
 import cv2
@@ -12,12 +12,11 @@ import numpy as np
 from ..base.arrays import Bytes, Map, Mask
 from ..base.lru_cache import LRUCache
 from ..base.progress import checkpoint
-from ..camera.reconstruction import Image, Reconstruction
+from ..camera.reconstruction import Reconstruction
 from ..depth.depth_store import DepthStore
 from ..depth.matching import Matcher, winning_levels
-from ..depth.moving_objects import MovingObjectOptions, standing_depth
+from ..depth.moving_objects import MovingObjectOptions
 from ..depth.multi_view_stereo import Moving
-from ..depth.object_tracks import ClipObjects
 from ..media.picture_file import Pixels
 from .flow import ClipFlow, brought_together
 from .gate import moves
@@ -66,10 +65,6 @@ class Evidence:
     """What moves in a source frame, and is left out of the static scene."""
     find_left_out: Callable[[Sequence[int]], object]
     """Has that be found for source frames."""
-    tells: Callable[[int, int], bool] = lambda frame, source: True
-    """Whether a source frame tells the colours of a frame's static scene."""
-    otherwise: LeftOut | None = None
-    """What is left out of a source frame that does not; `left_out` if None."""
     _single: LRUCache[tuple[Map, Map]] = field(
         default_factory=lambda: LRUCache[tuple[Map, Map]](KEPT_EVIDENCE), repr=False, compare=False
     )
@@ -85,10 +80,7 @@ class Evidence:
         sources = self.plates.around(frame)
         self.plates.find_depth(sources)
         self.find_left_out(sources)
-        tells, otherwise = partial(self.tells, frame), self.otherwise or self.left_out
-        plate = self.plates.plate(
-            frame, lambda source: (self.left_out if tells(source) else otherwise)(source), tells
-        )
+        plate = self.plates.plate(frame, self.left_out)
         return contradiction(self.plates.picture(frame), plate, self.options.segmentation)
 
     def alone(self, frame: int) -> tuple[Map, Map]:
@@ -159,50 +151,10 @@ class FoundSubjects:
         """What tells them."""
         return self._after(self.options.passes)
 
-    def evidence_without(
-        self, subject: Callable[[int], Mask], tells: Callable[[int, int], bool] = lambda frame, source: True
-    ) -> Evidence:
-        """The same with a `subject` (h, w) of source frames left out of the static scene, besides what is
-        found, and its colours from those source frames alone that `tells` (frame, source) says are to."""
-        found, kept = partial(self._left_out, self.options.passes), LRUCache[Mask](KEPT_SOURCES)
-        return replace(
-            self._after(self.options.passes),
-            left_out=lambda frame: kept.get(frame, lambda: found(frame) | self._grown(subject(frame))),
-            tells=tells,
-            otherwise=found,
-        )
-
     def _after(self, passes: int) -> Evidence:
         """The evidence after so many passes over source frames."""
         left_out, find = (partial(each, passes) for each in (self._left_out, self._find_left_out))
         return Evidence(self.plates, self.flow, self.options, left_out, find)
-
-    def standing(self, subject: Callable[[int], Mask], frame: int) -> float | None:
-        """The median inverse depth, in 1 / scene units, of a subject (h, w) over source frames at any size,
-        where it stands, as `standing_depth`; None where that is not told, or it is not seen.
-
-        By the coarse depth that plates are made from: in a tenth of the time that all pixels' depth takes.
-        """
-        plates = self.plates
-        image, _ = self.reconstruction.image_at(frame)
-
-        def shown(other: Image) -> Mask:
-            return plates.on_canvas(other, subject(other.frame))
-
-        def left_out(other: int) -> Mask:
-            there, _ = self.reconstruction.image_at(other)
-            return self._left_out(self.options.passes, other) | self._grown(shown(there))
-
-        mask = shown(image)
-        if not mask.any():
-            return None
-        inverse = plates.inverse_depth(frame, left_out)
-        clip = ClipObjects(
-            self.reconstruction.images, lambda other: plates.canvas(other.frame).pinhole, shown, [shown]
-        )
-        options = replace(self.options.objects, sides=0)
-        (found,) = (each for each in clip.of(image, mask) if each.mask.any())
-        return standing_depth(found, inverse, plates.canvas(frame).pinhole, options)
 
     @cached_property
     def plates(self) -> StaticPlate:

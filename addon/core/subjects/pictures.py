@@ -49,9 +49,16 @@ def small(stored: Pixels) -> Bytes:
     colour = np.ascontiguousarray(stored[..., :3])
     times = LONG_SIDE / max(colour.shape[:2])
     size = tuple(max(round(side * times), 1) for side in colour.shape[1::-1])
-    shrunk = cv2.resize(colour, size, interpolation=cv2.INTER_AREA if times < 1 else cv2.INTER_LINEAR)
-    if shrunk.dtype == np.uint8:
-        return np.asarray(shrunk)
-    if shrunk.dtype == np.uint16:
-        return np.asarray(shrunk >> 8, np.uint8)
-    return np.rint(255 * encode_srgb(np.clip(shrunk, 0, 1))).astype(np.uint8)
+    return displayed(
+        np.asarray(cv2.resize(colour, size, interpolation=cv2.INTER_AREA if times < 1 else cv2.INTER_LINEAR))
+    )
+
+
+def displayed(stored: Pixels) -> Bytes:
+    """Return a picture (H, W, 3), display-encoded RGB, of one (H, W, 3 or 4) as it is stored."""
+    colour = np.ascontiguousarray(stored[..., :3])
+    if colour.dtype == np.uint8:
+        return np.asarray(colour, np.uint8)
+    if colour.dtype == np.uint16:
+        return np.asarray(colour // np.uint16(256), np.uint8)
+    return np.rint(255 * encode_srgb(np.clip(colour, 0, 1))).astype(np.uint8)

@@ -1,71 +1,63 @@
-"""How far a marked subject is that stands on the ground: smooth over time, so that all of it stays in
-focus."""
+"""Where the subjects of a clip stand on the ground."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 
-EVERY = 3
-"""Registered frames from one in which it is looked at to the next: a tenth of a second. By eye."""
-SIDES = 3
-"""Of those, before and after one, that tell how far it is there, too: half a second. By eye."""
-LEAST = 2
-"""Of those, that must show where it stands."""
-NEARER = 70.0
-"""Percentile of what they tell: a foot that is lifted, or lost against the ground, seems farther. By eye."""
+from ..base.arrays import Mask
+from ..camera.reconstruction import Image
+from ..depth.moving_objects import MovingObjectOptions, standing_depth
+from ..depth.object_tracks import ClipObjects
+from .static_plate import StaticPlate
+
+GROWN = 7
+"""Pixels across the dilation of moving pixels, whose outline is no static scene."""
 
 
 @dataclass(frozen=True)
-class StandingTrack:
-    """The inverse depth, in 1 / scene units, of a subject where it stands, through a clip.
+class Standing:
+    """The depth of subjects by their contact with the ground, seen in one frame at a time.
 
-    A line through the frames around, looked at `EVERY` few frames and interpolated between: continuous, and
-    the same whichever frame was asked for before.
+    The ground is known from a coarse depth of the static scene, in a tenth of the time of all pixels' depth.
+    Errors as of `PlaneSweepStereo.at`.
     """
 
-    frames: tuple[int, ...]
-    """The registered frames, ascending."""
-    alone: Callable[[int], float | None]
-    """What a frame alone tells; None where it does not show where the subject stands."""
-    _alone: dict[int, float | None] = field(default_factory=dict, repr=False, compare=False)
-    _smooth: dict[int, float | None] = field(default_factory=dict, repr=False, compare=False)
+    plates: StaticPlate
+    moving: Callable[[int], Mask]
+    """All moving pixels (h, w) of a source frame, at any size."""
 
-    def inverse_depth(self, frame: int) -> float | None:
-        """That of a frame; None where no frame around shows where the subject stands."""
-        number = min(int(np.searchsorted(self.frames, frame)), len(self.frames) - 1)
-        before, past = divmod(number, EVERY)
-        one, other = self._smoothed(before), self._smoothed(before + 1) if past else None
-        if one is None or other is None:
-            return one if other is None else other
-        share = past / EVERY
-        return (1 - share) * one + share * other
+    def inverse_depth(self, subject: Callable[[int], Mask], frame: int) -> float | None:
+        """Estimate the median inverse depth of a subject in a frame.
 
-    def _smoothed(self, step: int) -> float | None:
-        """That of the frame after so many times `EVERY`."""
-        if step not in self._smooth:
-            around = range(step - SIDES, step + SIDES + 1)
-            known = [(each - step, value) for each in around if (value := self._seen(each)) is not None]
-            self._smooth[step] = _at_zero(*np.array(known).T) if len(known) >= LEAST else None
-        return self._smooth[step]
+        Args:
+            subject: Its pixels (h, w) in a source frame, at any size.
+            frame: Number of a registered frame.
 
-    def _seen(self, step: int) -> float | None:
-        number = step * EVERY
-        if not 0 <= number < len(self.frames):
+        Returns:
+            In 1 / scene units; None where no ground is seen below it, or it is not seen.
+        """
+        plates = self.plates
+        image, _ = plates.reconstruction.image_at(frame)
+
+        def shown(other: Image) -> Mask:
+            return plates.on_canvas(other, subject(other.frame))
+
+        mask = shown(image)
+        if not mask.any():
             return None
-        if step not in self._alone:
-            self._alone[step] = self.alone(self.frames[number])
-        return self._alone[step]
+        inverse = plates.inverse_depth(frame, self._left_out)
+        clip = ClipObjects(
+            plates.reconstruction.images, lambda other: plates.canvas(other.frame).pinhole, shown, [shown]
+        )
+        (found,) = (each for each in clip.of(image, mask) if each.mask.any())
+        options = replace(MovingObjectOptions(), sides=0)
+        return standing_depth(found, inverse, plates.canvas(frame).pinhole, options)
 
-
-def _at_zero(times: np.ndarray, values: np.ndarray) -> float:
-    """The value at time 0 of a line (Theil, 1950) that `NEARER` of the values (n,) at times (n,) are
-    below."""
-    slope = 0.0
-    # Beyond what is known a line would run away.
-    if len(times) > 2 and times.min() <= 0 <= times.max():
-        one, other = np.triu_indices(len(times), 1)
-        slope = float(np.median((values[other] - values[one]) / (times[other] - times[one])))
-    return float(np.percentile(values - slope * times, NEARER))
+    def _left_out(self, frame: int) -> Mask:
+        image, _ = self.plates.reconstruction.image_at(frame)
+        mask = self.plates.on_canvas(image, self.moving(frame))
+        return np.asarray(cv2.dilate(mask.astype(np.uint8), np.ones((GROWN, GROWN), np.uint8)) > 0)

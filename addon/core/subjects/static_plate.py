@@ -43,11 +43,6 @@ def nothing(_frame: int) -> None:
     """Nothing is known to move in any frame."""
 
 
-def always(_frame: int) -> bool:
-    """Any source frame tells."""
-    return True
-
-
 @dataclass(frozen=True)
 class PlateOptions:
     """How many frames the plate comes from, and how large it is."""
@@ -176,14 +171,13 @@ class StaticPlate:
             cv2.resize(_inpainted(inverse, unseen), (pinhole.width, pinhole.height)), np.float32
         )
 
-    def plate(self, frame: int, moving: LeftOut = nothing, tells: Callable[[int], bool] = always) -> Plate:
-        """The plate (h, w) of a frame, without what is `moving` (h, w) by source frame, by the colours of
-        those source frames that it `tells` of."""
+    def plate(self, frame: int, moving: LeftOut = nothing) -> Plate:
+        """The plate (h, w) of a frame, without what is `moving` (h, w) by source frame."""
         here, _ = self.reconstruction.image_at(frame)
         inverse, own = self.inverse_depth(frame, moving), self.picture(frame)
         seen = [
             warped for image in self._around(frame)
-            if abs(image.frame - frame) >= self.options.apart and tells(image.frame)
+            if abs(image.frame - frame) >= self.options.apart
             and (warped := self._seen_by(image, here, inverse, own, moving(image.frame))) is not None
         ]  # fmt: skip
         if not seen:

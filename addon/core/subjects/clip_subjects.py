@@ -1,0 +1,125 @@
+"""The subjects of a clip: its people, and those that the user marks."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import cv2
+import numpy as np
+
+from ..base.arrays import Bytes, Mask
+from ..depth.depth_store import LONGEST_SIDE, DepthStore, decoded, encoded
+from .carried import SAME_PERSON, CarriedSubject, PeopleOfClip
+from .cut import Cut
+from .found import FoundSubjects
+from .networks import Networks
+from .people import overlap_of, sampled
+from .pictures import ClipPictures
+from .strokes import MarkedSubject
+
+KEPT_SUBJECTS = 12
+"""Marked subjects that are remembered: a clip's, and those before the last strokes."""
+
+
+@dataclass(frozen=True)
+class ClipSubject:
+    """One subject in all frames of a clip. Errors as of `ClipPictures.picture`."""
+
+    name: str
+    """For people."""
+    key: str
+    """Of what it was found from; part of the names of kept files."""
+    cut: Callable[[int], Cut]
+    """The subject in a frame, carried there."""
+    store: DepthStore | None = None
+    """Where its mattes are kept."""
+
+    def share(self, frame: int) -> Bytes:
+        """Return its probability (h, w) in 255ths over a source frame."""
+        if self.store is None:
+            return self._found(frame)
+        return self.store.made([frame], self._file, self._kept, self._made)[frame]
+
+    def mask(self, frame: int) -> Mask:
+        """Return the subject (h, w) over a source frame."""
+        return np.asarray(self.share(frame) > 127)
+
+    def _found(self, frame: int) -> Bytes:
+        return np.rint(255 * self.cut(frame).share).astype(np.uint8)
+
+    def _file(self, frame: int) -> str:
+        return f"moving-{self.key}-{frame:06d}"
+
+    def _kept(self, frame: int) -> Bytes | None:
+        kept = self.store.read(self._file(frame), ("share",)) if self.store else None
+        share = None if kept is None else decoded(kept["share"], LONGEST_SIDE)
+        return None if share is None else np.asarray(share, np.uint8)
+
+    def _made(self, frame: int) -> Bytes:
+        share = self._found(frame)
+        if self.store:
+            self.store.write(self._file(frame), {"share": encoded(share)})
+        return share
+
+
+@dataclass(frozen=True)
+class ClipSubjects:
+    """The subjects of a clip, whatever is marked."""
+
+    found: FoundSubjects
+    """Whatever contradicts the static scene."""
+    networks: Networks = field(default_factory=Networks)
+    _carried: OrderedDict[str, CarriedSubject] = field(default_factory=OrderedDict, repr=False, compare=False)
+
+    @cached_property
+    def pictures(self) -> ClipPictures:
+        """Small pictures of the registered frames."""
+        frames = tuple(int(frame) for frame in self.found.reconstruction.frames)
+        return ClipPictures(frames, self.found.read)
+
+    def carried(self, marked: MarkedSubject) -> CarriedSubject:
+        """Return a marked subject, carried through the clip; the last `KEPT_SUBJECTS` are remembered."""
+        new = CarriedSubject(self.pictures, self.networks, marked.strokes)
+        carried = self._carried.setdefault(marked.key, new)
+        self._carried.move_to_end(marked.key)
+        while len(self._carried) > KEPT_SUBJECTS:
+            self._carried.popitem(last=False)
+        return carried
+
+    def marked(self, marked: MarkedSubject) -> ClipSubject:
+        """Return a marked subject in all frames."""
+        return ClipSubject(marked.name, marked.key, self.carried(marked).cut, self.found.store)
+
+    @cached_property
+    def people(self) -> list[ClipSubject]:
+        """Each of the people who are the clip's subjects; none without networks, and in photos, whose order
+        is not known."""
+        if not self.found.reconstruction.is_ordered:
+            return []
+        tracks = PeopleOfClip(self.pictures, self.networks).tracks
+        return [
+            ClipSubject(f"person {number}", f"person{number}", track.cut, self.found.store)
+            for number, track in enumerate(tracks, 1)
+        ]
+
+    def others(self, marked: Sequence[ClipSubject]) -> list[ClipSubject]:
+        """Return the people whom no marked subject covers in the frames that people are looked for in."""
+        return [person for person in self.people if not any(self._is_same(person, each) for each in marked)]
+
+    def _is_same(self, person: ClipSubject, marked: ClipSubject) -> bool:
+        frames = sampled(self.pictures.frames)
+        shown = [(mask, marked.mask(frame)) for frame in frames if (mask := person.mask(frame)).any()]
+        return bool(shown) and float(np.median([overlap_of(*pair) for pair in shown])) >= SAME_PERSON
+
+
+def united(masks: Sequence[Mask]) -> Mask:
+    """Return the union (H, W) of masks over one frame, at the size of the largest; at least one mask."""
+    largest = max(masks, key=lambda mask: mask.size)
+    if all(mask.shape == largest.shape for mask in masks):
+        return np.asarray(np.logical_or.reduce(masks))
+    size = largest.shape[::-1]
+    larger = (cv2.resize(mask.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0 for mask in masks)
+    return np.asarray(np.logical_or.reduce(list(larger)))

