@@ -54,7 +54,7 @@ class Track:
 
     def _next(self, before: Cut, frame: int, way: int) -> Cut:
         if not before.is_seen:
-            return before.gone()
+            return next_cut(self.networks, self.pictures.picture(frame), before, before.expected, [])
         place, agrees = self.pictures.flow.there(frame, -way)
         beside = Neighbour(self.pictures.flow.step(frame, -way), agrees)
         carried = warped(before.share, place)

@@ -48,6 +48,8 @@ LEARNED = 0.05
 LOST = 0.15
 """Share of the area that a subject had, with less of which it is hidden or has left the picture: the rest
 would be carried as if it were the whole."""
+WHOLE = 0.8
+"""Share of that area from which on it is seen whole."""
 TRUST_LEARNED = 0.2
 """Share of a frame in how far the networks are trusted."""
 
@@ -66,6 +68,12 @@ class Cut:
     """Pixels of it, the mean of the last frames."""
     sure: float = 1.0
     """In [0, 1], intersection over union with the place where it was expected."""
+    whole: Map | None = None
+    """(h, w) its probability in the last frame that showed most of it; None where that is this frame."""
+    velocity: tuple[float, float] = (0.0, 0.0)
+    """Pixels a frame of its centroid before then, right and down."""
+    since: int = 0
+    """Frames since then."""
 
     @classmethod
     def known(cls, picture: Bytes, share: Map, trust: float) -> Cut:
@@ -73,8 +81,22 @@ class Cut:
         return cls(share, Colours.of(picture, share), trust, float(np.count_nonzero(share > 0.5)))
 
     def gone(self) -> Cut:
-        """Return the subject where nothing of it is seen."""
-        return replace(self, share=np.zeros_like(self.share), sure=0.0)
+        """Return the subject in the next frame, where nothing of it is seen."""
+        return replace(
+            self, share=np.zeros_like(self.share), sure=0.0, whole=self.last_whole, since=self.since + 1
+        )
+
+    @property
+    def last_whole(self) -> Map:
+        """(h, w) its probability in the last frame that showed most of it."""
+        return self.share if self.whole is None else self.whole
+
+    @property
+    def expected(self) -> Map:
+        """(h, w) its probability in the next frame if it goes on at its velocity."""
+        x, y = np.array(self.velocity) * (self.since + 1)
+        moved = np.array([[1, 0, x], [0, 1, y]])
+        return np.asarray(cv2.warpAffine(self.last_whole, moved, self.share.shape[::-1]))
 
     @property
     def mask(self) -> Mask:
@@ -168,10 +190,27 @@ def next_cut(
     found = Cut.known(picture, share, trust) if (share > 0.5).any() else before.gone()
     if not found.is_seen or found.area < LOST * before.area:
         return before.gone()
+    found = replace(found, sure=overlap(share > 0.5, there))
+    if found.area < WHOLE * before.area:
+        # Its centroid moves as it is hidden, and its colours are those of the rest.
+        return replace(
+            found, colours=before.colours, area=before.area, whole=before.last_whole,
+            velocity=before.velocity, since=before.since + 1,
+        )  # fmt: skip
     return replace(
-        found, colours=before.colours.mixed(found.colours, LEARNED), sure=overlap(share > 0.5, there),
+        found, colours=before.colours.mixed(found.colours, LEARNED), velocity=_velocity(before, found),
         area=(1 - TRUST_LEARNED) * before.area + TRUST_LEARNED * found.area,
     )  # fmt: skip
+
+
+def _velocity(before: Cut, found: Cut) -> tuple[float, float]:
+    """Pixels a frame of a subject that was seen whole in the frame before; else as before."""
+    if before.since:
+        return before.velocity
+    (row, column), (next_row, next_column) = (np.argwhere(each.mask).mean(axis=0) for each in (before, found))
+    new = next_column - column, next_row - row
+    old = before.velocity if any(before.velocity) else new
+    return tuple(0.7 * one + 0.3 * other for one, other in zip(old, new, strict=True))  # type: ignore[return-value]
 
 
 def _solved(

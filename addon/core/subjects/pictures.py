@@ -16,7 +16,7 @@ from ..media.picture_file import Pixels
 from .flow import ClipFlow
 
 LONG_SIDE = 512
-"""Pixels of the long side. The networks see crops of at most 256 pixels; a guided filter finds the outline at
+"""Pixels of the long side at most. The networks see crops of at most 256 pixels; a guided filter finds the outline at
 the frame's own size."""
 KEPT = 48
 """Pictures that are remembered."""
@@ -45,13 +45,11 @@ class ClipPictures:
 
 
 def small(stored: Pixels) -> Bytes:
-    """Return a picture (h, w, 3) of `LONG_SIDE` pixels, display-encoded RGB, of one as it is stored."""
+    """Return a picture (h, w, 3), its long side at most `LONG_SIDE`, display-encoded RGB, of a stored one."""
     colour = np.ascontiguousarray(stored[..., :3])
-    times = LONG_SIDE / max(colour.shape[:2])
+    times = min(LONG_SIDE / max(colour.shape[:2]), 1)
     size = tuple(max(round(side * times), 1) for side in colour.shape[1::-1])
-    return displayed(
-        np.asarray(cv2.resize(colour, size, interpolation=cv2.INTER_AREA if times < 1 else cv2.INTER_LINEAR))
-    )
+    return displayed(np.asarray(cv2.resize(colour, size, interpolation=cv2.INTER_AREA)))
 
 
 def displayed(stored: Pixels) -> Bytes:
@@ -60,5 +58,5 @@ def displayed(stored: Pixels) -> Bytes:
     if colour.dtype == np.uint8:
         return np.asarray(colour, np.uint8)
     if colour.dtype == np.uint16:
-        return np.asarray(colour // np.uint16(256), np.uint8)
+        return np.asarray(np.asarray(colour, np.uint16) // 256, np.uint8)
     return np.rint(255 * encode_srgb(np.clip(colour, 0, 1))).astype(np.uint8)
