@@ -14,6 +14,7 @@ SPECIAL: dict[str, tuple[str, str]] = {
     "completed": (ACCURACY, "a depth network's maps beside the clip's own depth, each alone and both"),
     "contact_sheet": (ACCURACY, "crops of the duck clip, as in the README (real data)"),
     "dense_depth": (ACCURACY, "depth maps against the truth, and their speckles"),
+    "drawn_masks": (ACCURACY, "subjects of real clips against hand-drawn masks (real data)"),
     "drift": (
         ACCURACY,
         "exposure and white balance that drift, dark corners; --depth: depth then",

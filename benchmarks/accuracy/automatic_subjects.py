@@ -28,8 +28,8 @@ from addon.core.media.clip import open_footage
 from addon.core.sfm.process import SolveProcess
 from addon.core.sfm.workspace import load_solve
 from addon.core.subjects import gate
+from addon.core.subjects.clip_subjects import ClipSubjects
 from addon.core.subjects.found import FoundSubjects
-from addon.core.subjects.marked import ClipSubjects
 from sample_scenes import filming
 
 from .. import store

@@ -14,6 +14,8 @@ from .metrics import Mask
 
 PART = "moving"
 """What the kept files' names begin with, and the name of the mask in them."""
+SHARE, HALF = "share", 127
+"""The name of a probability instead, and its value from which on a pixel is the subject's."""
 
 
 def used(work: Path, frame: int, shape: tuple[int, ...]) -> Mask | None:
@@ -34,7 +36,8 @@ def used(work: Path, frame: int, shape: tuple[int, ...]) -> Mask | None:
 def _read(file: Path) -> Mask | None:
     try:
         with np.load(file) as held:
-            plane = decoded(held[PART], LONGEST_SIDE)
-    except (OSError, ValueError, KeyError, zipfile.BadZipFile):
+            kept = next(held[part] for part in (PART, SHARE) if part in held)
+            plane, least = decoded(kept, LONGEST_SIDE), 0 if PART in held else HALF
+    except (OSError, ValueError, StopIteration, zipfile.BadZipFile):
         return None
-    return None if plane is None else np.asarray(np.asarray(plane, np.float32) > 0)
+    return None if plane is None else np.asarray(np.asarray(plane, np.float32) > least)

@@ -152,11 +152,7 @@ def test_distances_follow_size_and_ignore_a_wrong_contact() -> None:
 def test_without_a_contact_no_distance_is_known() -> None:
     clip = ClipPictures((1, 2), lambda frame: texture(5, (140, 110, 100)))
 
-    class Shown:
-        mask = disc(0)
-        is_seen = True
-
-    found = SubjectDistance(clip, lambda frame: Shown(), lambda frame: None)  # type: ignore[arg-type]
+    found = SubjectDistance(clip, lambda frame: disc(0), lambda frame: None)
     assert found.inverse_depth(1) is None
 
 

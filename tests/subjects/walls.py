@@ -12,8 +12,8 @@ import numpy as np
 from addon.core.base.arrays import Bytes, Mask
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
 from addon.core.frame.clip_context import ClipContext
+from addon.core.subjects.clip_subjects import ClipSubjects
 from addon.core.subjects.found import FoundSubjects
-from addon.core.subjects.marked import ClipSubjects
 
 from ..scenes import texture
 
@@ -135,4 +135,5 @@ def moving(clip: ClipContext, frame: int) -> Mask:
 
 def overlap(one: Mask, other: Mask) -> float:
     """Intersection over union."""
+    other = cv2.resize(other.astype(np.uint8), one.shape[::-1], interpolation=cv2.INTER_NEAREST) > 0
     return np.count_nonzero(one & other) / max(np.count_nonzero(one | other), 1)

@@ -134,13 +134,13 @@ class PlaneSweepStereo:
         options: StereoOptions = StereoOptions(),
         mask: Moving | None = None,
         finds_motion: bool = True,
-        subjects: Sequence[Subject] = (),
+        subjects: Callable[[], Sequence[Subject]] = tuple,
         unmatched: Moving | None = None,
         unseen: Moving | None = None,
         matcher: Matcher = winning_levels,
     ) -> None:
         """`read` gives a frame's picture as `Footage.read` does; `mask` what is known to move by itself, of
-        which each of `subjects` is one thing; where `finds_motion`, more may be found.
+        which each of `subjects()` is one thing; where `finds_motion`, more may be found.
 
         `mask` is asked for of frames whose objects are placed and of some around; where it takes long to
         find, `unmatched` may tell less of it in frames that are swept, and `unseen` in their many source
@@ -240,12 +240,11 @@ class PlaneSweepStereo:
     @cached_property
     def _objects(self) -> ClipObjects:
         """What moves, thing by thing."""
-        subjects = [
-            lambda image, each=each: self.on_canvas(image, each.mask(image.frame)) for each in self._subjects
-        ]
+        known = self._subjects()
+        subjects = [lambda image, each=each: self.on_canvas(image, each.mask(image.frame)) for each in known]
         return ClipObjects(
             self._rec.images, lambda image: self._canvas(image).pinhole, self._masked, subjects,
-            lambda number, frame: self._subjects[number].inverse_depth(frame),
+            lambda number, frame: known[number].inverse_depth(frame),
         )  # fmt: skip
 
     def pinhole(self, frame: int) -> Intrinsics:

@@ -111,12 +111,15 @@ class ClipContext:
             )  # fmt: skip
             return TemporalFusion(self.reconstruction, alone, options=quality.fusion)
         store = self._store_of(quality)
-        subjects = [Subject(each.mask, self._distance(each).inverse_depth) for each in self.every_subject]
         single_frame = PlaneSweepStereo(
             self.reconstruction, self.read, quality.stereo, self.moving, finds_motion=False,
-            subjects=subjects, unmatched=self.left_out, unseen=self.masks or _nothing, matcher=self.matcher,
+            subjects=self._placed_subjects, unmatched=self.left_out, unseen=self.masks or _nothing,
+            matcher=self.matcher,
         )  # fmt: skip
         return TemporalFusion(self.reconstruction, single_frame, store, quality.fusion)
+
+    def _placed_subjects(self) -> list[Subject]:
+        return [Subject(each.mask, self._distance(each).inverse_depth) for each in self.every_subject]
 
     def moving(self, frame: int) -> Mask | None:
         """(h, w) moving pixels of a frame, over the source frame at any size: those of subjects, found or

@@ -13,6 +13,7 @@ from ..base.progress import checkpoint
 from .networks import Networks, log_odds
 from .odds import (
     CROP,
+    INLIER,
     OUTSIDE,
     Box,
     Colours,
@@ -23,6 +24,7 @@ from .odds import (
     probability,
     recognised,
     silhouette,
+    stroke_motion,
 )  # fmt: skip
 from .parts import touching
 
@@ -41,6 +43,9 @@ COLOUR = (3.0, 2.0)
 LEAP, FARTHER = 0.06, 1.5
 """Distance from the carried place, over the subject's larger side, beyond which its log-odds are less by
 `FARTHER`: a limb may reach so far in a frame."""
+ITERATIONS, SETTLED = 12, 0.98
+"""Most times that a subject under strokes is cut out again, and intersection over union of two results in a
+row from which on it is done."""
 ISLAND = 0.02
 """Share of a subject's largest part, with less of which a part is dropped."""
 LEARNED = 0.05
@@ -148,16 +153,20 @@ def first_cut(
     elif trust > 0.5:
         share = probability(seen + marked)
     else:
-        share = 0.9 * _grabbed(picture, adds, takes) + 0.05
+        start = _moved(adds, neighbours)
+        share = 0.9 * (_grabbed(picture, adds, takes) if start is None else start) + 0.05
     share = np.asarray(np.where(takes, 0, share), np.float32)
-    for _ in range(4):
+    for _ in range(ITERATIONS):
         checkpoint()
+        before = share > 0.5
         share = _solved(picture, share, seen, trust, neighbours, marked, CARRIED[1], 2.5 * LEAP)
         share = np.where(
             touching(share > 0.5, adds if prior is None else expected) & ~takes, share, np.minimum(share, 0.3)
         )
         if np.count_nonzero(share > 0.5) < LEAST:
             share = np.maximum(share, adds.astype(np.float32))
+        if overlap(before, share > 0.5) > SETTLED:
+            break
     return Cut.known(picture, np.asarray(share, np.float32), trust)
 
 
@@ -256,6 +265,16 @@ def _agreement(seen: Map, there: Mask) -> float:
     """In [0, 1] how far the networks recognise a subject that is expected at a mask (h, w)."""
     low, high = AGREES
     return float(np.clip((overlap(seen > 0, there) - low) / (high - low), 0, 1))
+
+
+def _moved(adds: Mask, neighbours: list[Neighbour]) -> Mask | None:
+    """(h, w) what moves as the pixels under a stroke (h, w) do; None where those move as the background."""
+    if not neighbours:
+        return None
+    odds = np.mean([each.agrees * stroke_motion(each.flow, adds) for each in neighbours], axis=0)
+    if np.median(odds[adds]) < INLIER:
+        return None
+    return touching((odds > 0) | adds, adds)
 
 
 def _grabbed(picture: Bytes, adds: Mask, takes: Mask) -> Mask:

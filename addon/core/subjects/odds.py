@@ -162,6 +162,34 @@ def motion(flow: Map, there: Mask) -> Map:
     return np.asarray(np.clip(off, -MOTION, MOTION), np.float32)
 
 
+def stroke_motion(flow: Map, stroke: Mask) -> Map:
+    """Compare each pixel's motion with that under a stroke and with the background's.
+
+    The background moves by a homography, fitted by RANSAC to flow beside the stroke; the subject by the
+    median translation under the stroke.
+
+    Args:
+        flow: (h, w, 2) pixels to a neighbour frame.
+        stroke: (h, w) pixels that belong to the subject; not empty.
+
+    Returns:
+        (h, w) log-odds as of `motion`.
+    """
+    height, width = stroke.shape
+    columns, rows = np.meshgrid(np.arange(2, width, 5), np.arange(2, height, 5))
+    at = np.column_stack([columns.ravel(), rows.ravel()])
+    at = at[~stroke[at[:, 1], at[:, 0]]]
+    cv2.setRNGSeed(0)
+    ends = (at + flow[at[:, 1], at[:, 0]]).astype(np.float32)
+    background, _ = cv2.findHomography(at.astype(np.float32), ends, cv2.RANSAC, INLIER)
+    if background is None:
+        return np.zeros(stroke.shape, np.float32)
+    own = np.eye(3)
+    own[:2, 2] = np.median(flow[stroke], axis=0)
+    off = _residual(flow, background) - _residual(flow, own)
+    return np.asarray(np.clip(off, -MOTION, MOTION), np.float32)
+
+
 def _residual(flow: Map, model: Floats) -> Map:
     """(h, w) pixels, at most `FAR`, by which flow leaves a homography (3, 3)."""
     height, width = flow.shape[:2]

@@ -16,8 +16,8 @@ from ..media.picture_file import Pixels
 from .flow import ClipFlow
 
 LONG_SIDE = 512
-"""Pixels of the long side at most. The networks see crops of at most 256 pixels; a guided filter finds the outline at
-the frame's own size."""
+"""Pixels of the long side. The networks see crops of at most 256 pixels; a guided filter finds the
+outline at the frame's own size."""
 KEPT = 48
 """Pictures that are remembered."""
 
@@ -45,9 +45,9 @@ class ClipPictures:
 
 
 def small(stored: Pixels) -> Bytes:
-    """Return a picture (h, w, 3), its long side at most `LONG_SIDE`, display-encoded RGB, of a stored one."""
+    """Return a picture (h, w, 3), its long side `LONG_SIDE`, display-encoded RGB, of a stored one."""
     colour = np.ascontiguousarray(stored[..., :3])
-    times = min(LONG_SIDE / max(colour.shape[:2]), 1)
+    times = LONG_SIDE / max(colour.shape[:2])
     size = tuple(max(round(side * times), 1) for side in colour.shape[1::-1])
     return displayed(np.asarray(cv2.resize(colour, size, interpolation=cv2.INTER_AREA)))
 

@@ -1,0 +1,89 @@
+"""Subjects of real clips against hand-drawn masks (real data), without a solve.
+
+`python -m benchmarks.special drawn_masks [--clips NAME ...] [--pictures FOLDER]`. *Stroke*: a line down the
+middle of the true mask of the middle frame, carried through the clip. *Automatic*: the people of the clip,
+all of them.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from addon.core.media.clip import open_footage
+from addon.core.subjects.carried import CarriedSubject, PeopleOfClip
+from addon.core.subjects.networks import Networks
+from addon.core.subjects.pictures import ClipPictures
+from addon.core.subjects.strokes import Stroke
+
+from ..cost import cpu_seconds
+from ..solving.real_clips import DATA
+from .mask_metrics import Mask, boundary_f, iou, stroke
+
+CORNERS = 5
+"""Of the stroke."""
+
+
+def main() -> None:
+    """Print the table."""
+    folder = DATA / "masks"
+    if not folder.is_dir():
+        raise SystemExit(f"{folder} is missing: it has hand-drawn masks of real clips")
+    parser = argparse.ArgumentParser(description=__doc__)
+    names = sorted(path.name for path in folder.iterdir() if path.is_dir())
+    parser.add_argument("--clips", nargs="+", default=names, choices=names, metavar="NAME")
+    parser.add_argument("--pictures", type=Path, metavar="FOLDER", help="every tenth frame with its mask")
+    options = parser.parse_args()
+    print(
+        "| clip | how | mean IoU | least | over 0.85 | boundary F | CPU s a frame |\n|---|---|---|---|---|---|---|"
+    )
+    for name in options.clips:
+        _judge(name, options.pictures)
+
+
+def _judge(name: str, pictures: Path | None) -> None:
+    footage = open_footage(DATA / "clips" / f"{name}.mp4")
+    truths = {frame: truth for frame in footage.frames if (truth := _truth(name, frame)) is not None}
+    small, networks = ClipPictures(footage.frames, footage.read), Networks()
+    middle = footage.frames[len(footage.frames) // 2]
+    places = stroke(truths[middle], CORNERS)
+    line = Stroke(middle, tuple((float(x), float(y)) for x, y in places))
+    ways: dict[str, Callable[[int], Mask]] = {
+        "stroke": CarriedSubject(small, networks, (line,)).mask,
+        "automatic": PeopleOfClip(small, networks).mask,
+    }
+    for way, find in ways.items():
+        began = cpu_seconds()
+        found = {frame: _sized(find(frame), truth.shape) for frame, truth in truths.items()}
+        cost = (cpu_seconds() - began) / len(found)
+        values = np.array([iou(found[frame], truth) for frame, truth in truths.items()])
+        outline = np.mean([boundary_f(found[frame], truth) for frame, truth in truths.items()])
+        print(f"| {name} | {way} | {values.mean():.2f} | {values.min():.2f} | {(values > 0.85).mean():.2f}"
+              f" | {outline:.2f} | {cost:.2f} |", flush=True)  # fmt: skip
+        if pictures is not None:
+            pictures.mkdir(parents=True, exist_ok=True)
+            rows = [_shown(footage.read(frame)[..., 2::-1], found[frame]) for frame in list(found)[::10]]
+            cv2.imwrite(str(pictures / f"{name}_{way}.jpg"), np.vstack(rows))
+    footage.close()
+
+
+def _truth(name: str, frame: int) -> Mask | None:
+    drawn = cv2.imread(str(DATA / "masks" / name / f"{frame - 1:05d}.png"), cv2.IMREAD_GRAYSCALE)
+    return None if drawn is None else np.asarray(drawn > 127)
+
+
+def _sized(mask: Mask, shape: tuple[int, ...]) -> Mask:
+    return np.asarray(cv2.resize(mask.astype(np.uint8), shape[1::-1], interpolation=cv2.INTER_LINEAR) > 0)
+
+
+def _shown(picture: np.ndarray, mask: Mask) -> np.ndarray:
+    """A picture (h, w, 3), darker outside a mask."""
+    return np.where(_sized(mask, picture.shape)[..., None], picture, picture // 3).astype(np.uint8)
+
+
+if __name__ == "__main__":
+    main()
