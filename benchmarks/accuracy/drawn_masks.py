@@ -38,9 +38,8 @@ def main() -> None:
     parser.add_argument("--clips", nargs="+", default=names, choices=names, metavar="NAME")
     parser.add_argument("--pictures", type=Path, metavar="FOLDER", help="every tenth frame with its mask")
     options = parser.parse_args()
-    print(
-        "| clip | how | mean IoU | least | over 0.85 | boundary F | CPU s a frame |\n|---|---|---|---|---|---|---|"
-    )
+    columns = "clip", "how", "mean IoU", "least", "over 0.85", "boundary F", "CPU s a frame"
+    print(f"| {' | '.join(columns)} |\n{'|---' * len(columns)}|")
     for name in options.clips:
         _judge(name, options.pictures)
 

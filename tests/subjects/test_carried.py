@@ -133,10 +133,6 @@ def test_distances_follow_size_and_ignore_a_wrong_contact() -> None:
     share = np.zeros((HEIGHT, WIDTH), np.float32)
     share[90:200, 200:320] = 1
 
-    class Shown:
-        mask = share > 0.5
-        is_seen = True
-
     truth = {frame: 0.2 * growth ** (frame - 1) for frame in clip.frames}
 
     def contact(frame: int) -> float | None:
@@ -144,7 +140,7 @@ def test_distances_follow_size_and_ignore_a_wrong_contact() -> None:
             return None
         return 3 * truth[frame] if frame == 8 else truth[frame]
 
-    found = SubjectDistance(clip, lambda frame: Shown(), contact)  # type: ignore[arg-type]
+    found = SubjectDistance(clip, lambda frame: share > 0.5, contact)
     for frame in clip.frames:
         assert found.inverse_depth(frame) == pytest.approx(truth[frame], rel=0.02)
 

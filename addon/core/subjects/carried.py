@@ -112,7 +112,20 @@ class CarriedSubject:
         if any(stroke.adds for stroke in earlier):
             prior = CarriedSubject(self.pictures, self.networks, earlier).cut(frame).share
         picture = self.pictures.picture(frame)
-        return first_cut(self.networks, picture, self._strokes_in(frame), self._beside(frame), prior)
+        first = first_cut(self.networks, picture, self._strokes_in(frame), self._beside(frame), prior)
+        return first if prior is not None else self._settled(frame, first)
+
+    def _settled(self, frame: int, first: Cut) -> Cut:
+        """A subject carried to frames beside it and back, which shows more of how it moves."""
+        frames = self.pictures.frames
+        at = frames.index(frame)
+        adds, takes = self._strokes_in(frame)
+        for other in frames[max(at - 1, 0) : at + 2]:
+            there = Track(self.pictures, self.networks, frame, first).cut(other)
+            back = Track(self.pictures, self.networks, other, there).cut(frame)
+            share = np.where(takes, 0, np.where(adds, 1, back.share))
+            first = replace(back, share=np.asarray(share, np.float32), sure=1.0)
+        return first
 
     def _beside(self, frame: int) -> list[Neighbour]:
         frames, flow = self.pictures.frames, self.pictures.flow

@@ -201,6 +201,9 @@ def next_cut(
         return before.gone()
     found = replace(found, sure=overlap(share > 0.5, there))
     if found.area < WHOLE * before.area:
+        if before.colours.odds(picture, COLOUR[0])[found.mask].mean() < 0:
+            # Flow sticks to the rim of what hides it.
+            return before.gone()
         # Its centroid moves as it is hidden, and its colours are those of the rest.
         return replace(
             found, colours=before.colours, area=before.area, whole=before.last_whole,
