@@ -162,19 +162,6 @@ def _placed(moving_object: MovingObject, around: Surroundings, options: MovingOb
     return np.full(mask.shape, max(told)) if told else None
 
 
-def standing_depth(
-    moving_object: MovingObject, inverse: Map, pinhole: Intrinsics, options: MovingObjectOptions
-) -> float | None:
-    """The median inverse depth of an object where it stands, by that (h, w) of what stands still and without
-    regard to what it hides; where no ground is seen, that below its lowest pixels, and None without any."""
-    mask, gap = moving_object.mask, np.ones((2 * options.contact.gap + 1,) * 2, np.uint8)
-    apart = cv2.dilate(mask.astype(np.uint8), gap) == 0
-    around = Surroundings(inverse, ~mask, apart, np.zeros_like(mask), pinhole)
-    ground = ground_below(mask, inverse, apart, pinhole, options.contact)
-    found = None if ground is None else _standing(moving_object, ground, around, options)
-    return _ground(mask, ~mask, inverse, options) if found is None else float(np.median(found[mask]))
-
-
 def _part(mask: Mask, beside: int) -> tuple[slice, slice]:
     """Where an object (h, w) is, and so many pixels beside: nothing farther plays a part."""
     rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))

@@ -351,7 +351,7 @@ class ClipContext:
         if subject.key not in self._distances:
             standing = Standing(self.subjects.plates, self._known_moving)
             self._distances[subject.key] = SubjectDistance(
-                self._subjects.pictures, subject.mask, partial(standing.inverse_depth, subject.mask)
+                self._subjects.pictures, subject.mask, partial(standing.inverse_depths, subject.mask)
             )
         return self._distances[subject.key]
 

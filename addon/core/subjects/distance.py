@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -22,8 +22,8 @@ LARGEST_CHANGE = 1.15
 """Ratio of sizes in consecutive frames beyond which flow is wrong."""
 CONTACTS = 12
 """Frames of a clip in which the place where a subject stands is looked for."""
-SURE_DRIFT = 4
-"""Contacts from which on a drift of the size, linear in time, is corrected."""
+HEIGHTS, SURE_DRIFT = 60, 8
+"""Frames by whose outlines the drift of sizes is estimated, at most and at least."""
 
 
 def change_of_size(flow: Map, agrees: Map, mask: Mask) -> float | None:
@@ -55,67 +55,63 @@ def change_of_size(flow: Map, agrees: Map, mask: Mask) -> float | None:
 
 @dataclass(frozen=True)
 class SubjectDistance:
-    """Inverse depth of a subject in every frame that shows it.
+    """Inverse depth of a subject in every frame.
 
     An object of constant size has an inverse depth proportional to its size in the picture. Sizes come from
-    flow within the subject, frame by frame; their unknown factor is the median over the frames in which the
-    subject is seen to stand on the ground. From four such frames on, a drift of the size that is linear in
-    time is corrected, too.
+    flow within the subject, frame by frame; their drift, linear in time, is corrected by the height of the
+    subject's outline. One factor for the clip is the median over the frames in which the subject is seen to
+    stand on the ground.
     """
 
     pictures: ClipPictures
     mask: Callable[[int], Mask]
     """The subject (h, w) in a frame, at the size of the pictures."""
-    standing: Callable[[int], float | None]
-    """Its inverse depth in 1 / scene units by its contact with the ground; None where that is not seen."""
+    standing: Callable[[Sequence[int]], Mapping[int, float]]
+    """Its inverse depth in 1 / scene units by its contact with the ground, for those frames that show it."""
 
     def inverse_depth(self, frame: int) -> float | None:
         """Return the inverse depth in 1 / scene units; None where no frame shows where the subject stands."""
-        frames = self.pictures.frames
-        return (
-            None
-            if self._factors is None
-            else float(self._sizes[frames.index(frame)] * self._factors[frames.index(frame)])
-        )
+        factor = self._factor
+        return None if factor is None else float(factor * self._sizes[self.pictures.frames.index(frame)])
 
     @cached_property
     def _sizes(self) -> Floats:
         """(n,) size in each frame, relative to the first."""
         frames, flow = self.pictures.frames, self.pictures.flow
-        changes = list[float]()
-        for frame in frames[:-1]:
+        changes, heights = list[float](), list[float]()
+        for number, frame in enumerate(frames):
             checkpoint()
             mask, scale = self.mask(frame), None
-            if np.count_nonzero(mask) >= LEAST:
+            heights.append(_height(mask))
+            if np.count_nonzero(mask) >= LEAST and number + 1 < len(frames):
                 scale = change_of_size(flow.step(frame, 1), flow.there(frame, 1)[1], mask)
             changes.append(np.log(scale) if scale else 0.0)
-        return np.exp(np.concatenate([[0.0], np.cumsum(changes)]))
+        sizes = np.concatenate([[0.0], np.cumsum(changes[:-1])])
+        known = np.flatnonzero(np.isfinite(heights))
+        known = known[:: max(len(known) // HEIGHTS, 1)]
+        if len(known) >= SURE_DRIFT:
+            one, other = np.triu_indices(len(known), 1)
+            off = np.log(np.array(heights)[known]) - sizes[known]
+            # Theil, "A rank-invariant method of linear and polynomial regression analysis", 1950.
+            drift = np.median((off[other] - off[one]) / (known[other] - known[one]))
+            sizes = sizes + drift * np.arange(len(sizes))
+        return np.asarray(np.exp(sizes))
 
     @cached_property
-    def _factors(self) -> Floats | None:
-        """(n,) inverse depth over size in each frame."""
-        frames = self.pictures.frames
-        known = [(at, found) for at in self._looked_at if (found := self.standing(frames[at])) is not None]
-        if not known:
-            return None
-        at = np.array([each[0] for each in known])
-        off = np.log([each[1] for each in known]) - np.log(self._sizes[at])
-        return np.exp(_line(at, off, len(frames)))
-
-    @property
-    def _looked_at(self) -> list[int]:
-        """Numbers of frames that show the subject, spread over the clip."""
+    def _factor(self) -> float | None:
+        """Inverse depth over size."""
         frames = self.pictures.frames
         shown = [at for at in range(len(frames)) if np.count_nonzero(self.mask(frames[at])) >= LEAST]
         chosen = np.linspace(0, len(shown) - 1, min(CONTACTS, len(shown)))
-        return sorted({shown[round(each)] for each in chosen})
+        looked_at = sorted({shown[round(each)] for each in chosen})
+        found = self.standing([frames[at] for at in looked_at])
+        factors = [found[frames[at]] / self._sizes[at] for at in looked_at if frames[at] in found]
+        return float(np.median(factors)) if factors else None
 
 
-def _line(at: Floats, values: Floats, count: int) -> Floats:
-    """(count,) a line through most of some values: Theil, "A rank-invariant method of linear and polynomial
-    regression analysis", 1950; their median where there are too few."""
-    slope = 0.0
-    if len(at) >= SURE_DRIFT:
-        one, other = np.triu_indices(len(at), 1)
-        slope = float(np.median((values[other] - values[one]) / (at[other] - at[one])))
-    return np.asarray(np.median(values - slope * at) + slope * np.arange(count))
+def _height(mask: Mask) -> float:
+    """Pixels; NaN of a subject that is cut by the picture's upper or lower border, or not seen."""
+    rows = np.flatnonzero(mask.any(axis=1))
+    if np.count_nonzero(mask) < LEAST or rows[0] == 0 or rows[-1] == len(mask) - 1:
+        return np.nan
+    return float(len(rows))
