@@ -13,7 +13,7 @@ from addon.core.base.arrays import Floats, Map, Mask
 from addon.core.camera.intrinsics import Intrinsics
 from addon.core.depth.completion import CompletionOptions
 from addon.core.depth.ground_contact import ContactOptions, Plane, ground_below, rays_of
-from addon.core.depth.moving_objects import MovingObjectOptions, place_moving_objects, standing_depth
+from addon.core.depth.moving_objects import MovingObjectOptions, place_moving_objects
 from addon.core.depth.object_tracks import MovingObject, OverlapTrack, Sighting, separated
 from addon.core.depth.source import SURE
 
@@ -140,20 +140,6 @@ def test_a_rail_before_a_thing_is_no_ground() -> None:
     assert found is None or abs(found.normal[1] - 1 / EYE) < 0.01
     depth, _, _ = placed(inverse, separated_as_one(mask))
     assert off(depth, true, mask) < 0.05
-
-
-def test_where_a_thing_stands_is_told_by_what_stands_still_alone() -> None:
-    mask, _ = card([(-0.4, 3.0), (0.4, 3.0)], height=1.7)
-    found = standing_depth(MovingObject(mask), street(), CAMERA, MovingObjectOptions())
-    assert found == pytest.approx(1 / 3, rel=0.02)
-    # Where there is no ground, it is what is below.
-    wall = np.full_like(street(), 1 / WALL)
-    found = standing_depth(MovingObject(mask), wall, CAMERA, MovingObjectOptions())
-    assert found == pytest.approx(1 / WALL, rel=0.02)
-    beneath = mask.copy()
-    beneath[-1] = True
-    beneath[mask.argmax(axis=0).max() :, mask.any(axis=0)] = True
-    assert standing_depth(MovingObject(beneath), wall, CAMERA, MovingObjectOptions()) is None
 
 
 def test_a_thing_whose_depth_is_known_is_upright_there() -> None:

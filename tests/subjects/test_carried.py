@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 
 import cv2
@@ -130,17 +131,17 @@ def test_distances_follow_size_and_ignore_a_wrong_contact() -> None:
         )
 
     clip = ClipPictures(tuple(range(1, count + 1)), scaled)
-    share = np.zeros((HEIGHT, WIDTH), np.float32)
-    share[90:200, 200:320] = 1
+
+    def square_in(frame: int) -> np.ndarray:
+        x, y = np.meshgrid(np.arange(WIDTH) - 256, np.arange(HEIGHT) - 144)
+        return np.asarray(np.maximum(abs(x), abs(y)) < 55 * growth ** (frame - 1))
 
     truth = {frame: 0.2 * growth ** (frame - 1) for frame in clip.frames}
 
-    def contact(frame: int) -> float | None:
-        if frame % 3 == 1:
-            return None
-        return 3 * truth[frame] if frame == 8 else truth[frame]
+    def contacts(frames: Sequence[int]) -> dict[int, float]:
+        return {each: (3 if each == 8 else 1) * truth[each] for each in frames if each % 3 != 1}
 
-    found = SubjectDistance(clip, lambda frame: share > 0.5, contact)
+    found = SubjectDistance(clip, lambda frame: square_in(frame), contacts)
     for frame in clip.frames:
         assert found.inverse_depth(frame) == pytest.approx(truth[frame], rel=0.02)
 
@@ -148,7 +149,7 @@ def test_distances_follow_size_and_ignore_a_wrong_contact() -> None:
 def test_without_a_contact_no_distance_is_known() -> None:
     clip = ClipPictures((1, 2), lambda frame: texture(5, (140, 110, 100)))
 
-    found = SubjectDistance(clip, lambda frame: disc(0), lambda frame: None)
+    found = SubjectDistance(clip, lambda frame: disc(0), lambda frames: {})
     assert found.inverse_depth(1) is None
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -14,6 +15,7 @@ from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstr
 from addon.core.frame.clip_context import ClipContext
 from addon.core.subjects.clip_subjects import ClipSubjects
 from addon.core.subjects.found import FoundSubjects
+from addon.core.subjects.networks import Networks
 
 from ..scenes import texture
 
@@ -22,6 +24,8 @@ LENS = Intrinsics(WIDTH, HEIGHT, 220.0, 220.0, 120.0, 80.0)
 FRAMES = tuple(range(1, 33))
 FAR, NEAR, EDGE = 8.0, 4.0, 118
 """Distances of the two walls, and the row from which on the near one is seen."""
+NONE = Path("none")
+"""Folder without networks: textures deceive them."""
 RADIUS = 20
 
 
@@ -124,7 +128,8 @@ def filmed(shown: Callable[[int], Bytes], frames: tuple[int, ...] = FRAMES, is_s
     grey = np.full((len(points), 3), 128, np.uint8)
     cloud = Points(points, grey, np.full(len(points), 0.1))
     found = Reconstruction((LENS,), tuple(images), cloud)
-    return Filmed(found, shown, known_subjects=ClipSubjects(Sure(found, shown)) if is_sure else None)
+    motion = Sure(found, shown) if is_sure else FoundSubjects(found, shown)
+    return Filmed(found, shown, known_subjects=ClipSubjects(motion, Networks(NONE)))
 
 
 def moving(clip: ClipContext, frame: int) -> Mask:
@@ -133,7 +138,12 @@ def moving(clip: ClipContext, frame: int) -> Mask:
     return np.zeros((HEIGHT, WIDTH), bool) if found is None else found
 
 
+def sized(mask: Mask, shape: tuple[int, ...]) -> Mask:
+    """A mask at another size (h, w)."""
+    return np.asarray(cv2.resize(mask.astype(np.uint8), shape[::-1], interpolation=cv2.INTER_NEAREST) > 0)
+
+
 def overlap(one: Mask, other: Mask) -> float:
-    """Intersection over union."""
-    other = cv2.resize(other.astype(np.uint8), one.shape[::-1], interpolation=cv2.INTER_NEAREST) > 0
+    """Intersection over union, at the size of the first."""
+    other = sized(other, one.shape)
     return np.count_nonzero(one & other) / max(np.count_nonzero(one | other), 1)

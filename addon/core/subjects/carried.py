@@ -54,7 +54,7 @@ class Track:
 
     def _next(self, before: Cut, frame: int, way: int) -> Cut:
         if not before.is_seen:
-            return next_cut(self.networks, self.pictures.picture(frame), before, before.expected, [])
+            return before.gone()
         place, agrees = self.pictures.flow.there(frame, -way)
         beside = Neighbour(self.pictures.flow.step(frame, -way), agrees)
         carried = warped(before.share, place)
@@ -124,7 +124,7 @@ class CarriedSubject:
             there = Track(self.pictures, self.networks, frame, first).cut(other)
             back = Track(self.pictures, self.networks, other, there).cut(frame)
             share = np.where(takes, 0, np.where(adds, 1, back.share))
-            first = replace(back, share=np.asarray(share, np.float32), sure=1.0)
+            first = Cut.known(self.pictures.picture(frame), np.asarray(share, np.float32), back.trust)
         return first
 
     def _beside(self, frame: int) -> list[Neighbour]:

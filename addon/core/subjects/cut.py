@@ -43,7 +43,7 @@ COLOUR = (3.0, 2.0)
 LEAP, FARTHER = 0.06, 1.5
 """Distance from the carried place, over the subject's larger side, beyond which its log-odds are less by
 `FARTHER`: a limb may reach so far in a frame."""
-ITERATIONS, SETTLED = 12, 0.98
+ITERATIONS, SETTLED = 6, 0.98
 """Most times that a subject under strokes is cut out again, and intersection over union of two results in a
 row from which on it is done."""
 ISLAND = 0.02
@@ -55,6 +55,9 @@ LOST = 0.15
 would be carried as if it were the whole."""
 WHOLE = 0.8
 """Share of that area from which on it is seen whole."""
+LIKE = 0.5
+"""Mean log-odds of the colours of a part of a subject, of which the rest is hidden; colours of neither have
+0."""
 TRUST_LEARNED = 0.2
 """Share of a frame in how far the networks are trusted."""
 
@@ -73,12 +76,6 @@ class Cut:
     """Pixels of it, the mean of the last frames."""
     sure: float = 1.0
     """In [0, 1], intersection over union with the place where it was expected."""
-    whole: Map | None = None
-    """(h, w) its probability in the last frame that showed most of it; None where that is this frame."""
-    velocity: tuple[float, float] = (0.0, 0.0)
-    """Pixels a frame of its centroid before then, right and down."""
-    since: int = 0
-    """Frames since then."""
 
     @classmethod
     def known(cls, picture: Bytes, share: Map, trust: float) -> Cut:
@@ -86,22 +83,8 @@ class Cut:
         return cls(share, Colours.of(picture, share), trust, float(np.count_nonzero(share > 0.5)))
 
     def gone(self) -> Cut:
-        """Return the subject in the next frame, where nothing of it is seen."""
-        return replace(
-            self, share=np.zeros_like(self.share), sure=0.0, whole=self.last_whole, since=self.since + 1
-        )
-
-    @property
-    def last_whole(self) -> Map:
-        """(h, w) its probability in the last frame that showed most of it."""
-        return self.share if self.whole is None else self.whole
-
-    @property
-    def expected(self) -> Map:
-        """(h, w) its probability in the next frame if it goes on at its velocity."""
-        x, y = np.array(self.velocity) * (self.since + 1)
-        moved = np.array([[1, 0, x], [0, 1, y]])
-        return np.asarray(cv2.warpAffine(self.last_whole, moved, self.share.shape[::-1]))
+        """Return the subject where nothing of it is seen."""
+        return replace(self, share=np.zeros_like(self.share), sure=0.0)
 
     @property
     def mask(self) -> Mask:
@@ -146,8 +129,8 @@ def first_cut(
     adds, takes = strokes
     marked = 4.0 * adds - 6.0 * takes
     expected = adds if prior is None else (prior > 0.5) | adds
-    seen = _recognised_from(networks, picture, expected)
-    trust = _trust(seen, adds if prior is None else expected)
+    seen, settled = _recognised_from(networks, picture, expected)
+    trust = _trust(seen, adds if prior is None else expected) * settled
     if prior is not None:
         share = np.where(adds, 1, prior)
     elif trust > 0.5:
@@ -156,6 +139,11 @@ def first_cut(
         start = _moved(adds, neighbours)
         share = 0.9 * (_grabbed(picture, adds, takes) if start is None else start) + 0.05
     share = np.asarray(np.where(takes, 0, share), np.float32)
+    if (share > 0.5).any():
+        # Or it would grow again in each iteration.
+        box = Box.around(share > 0.5)
+        reach = 2.5 * LEAP * max(box.right - box.left, box.bottom - box.top)
+        marked = marked - FARTHER * (3 - 2 * trust) * (distance(share > 0.5) > reach)
     for _ in range(ITERATIONS):
         checkpoint()
         before = share > 0.5
@@ -201,28 +189,14 @@ def next_cut(
         return before.gone()
     found = replace(found, sure=overlap(share > 0.5, there))
     if found.area < WHOLE * before.area:
-        if before.colours.odds(picture, COLOUR[0])[found.mask].mean() < 0:
+        if before.colours.odds(picture, COLOUR[0])[found.mask].mean() < LIKE:
             # Flow sticks to the rim of what hides it.
             return before.gone()
-        # Its centroid moves as it is hidden, and its colours are those of the rest.
-        return replace(
-            found, colours=before.colours, area=before.area, whole=before.last_whole,
-            velocity=before.velocity, since=before.since + 1,
-        )  # fmt: skip
+        return replace(found, colours=before.colours, area=before.area)
     return replace(
-        found, colours=before.colours.mixed(found.colours, LEARNED), velocity=_velocity(before, found),
+        found, colours=before.colours.mixed(found.colours, LEARNED),
         area=(1 - TRUST_LEARNED) * before.area + TRUST_LEARNED * found.area,
     )  # fmt: skip
-
-
-def _velocity(before: Cut, found: Cut) -> tuple[float, float]:
-    """Pixels a frame of a subject that was seen whole in the frame before; else as before."""
-    if before.since:
-        return before.velocity
-    (row, column), (next_row, next_column) = (np.argwhere(each.mask).mean(axis=0) for each in (before, found))
-    new = next_column - column, next_row - row
-    old = before.velocity if any(before.velocity) else new
-    return tuple(0.7 * one + 0.3 * other for one, other in zip(old, new, strict=True))  # type: ignore[return-value]
 
 
 def _solved(
@@ -247,27 +221,34 @@ def _solved(
     return probability(globally_smoothed(picture, np.asarray(odds, np.float32), SMOOTH_LAMBDA, SMOOTH_SIGMA))
 
 
-def _recognised_from(networks: Networks, picture: Bytes, expected: Mask) -> Map:
-    """(h, w) log-odds of the networks, whose crop grows with the figure they find around a mask (h, w)."""
-    box = Box.around(expected, 1.5)
-    for _ in range(3):
+def _recognised_from(networks: Networks, picture: Bytes, expected: Mask) -> tuple[Map, float]:
+    """(h, w) log-odds of the networks, whose crop grows with the figure they find around a mask (h, w), and
+    in [0, 1] how far they find the same figure in the last two crops: in mere texture they do not."""
+    box, part = Box.around(expected, 1.5), expected
+    for _ in range(4):
+        before = part
         found = silhouette(networks, picture, box)
         part = touching((found > 0) | expected, expected)
         box = Box.around(part, CROP)
+    settled = _within(overlap(before, part))
     person = body(networks, picture, box, part, 0.3)
-    return found if person is None else np.asarray((found + 2 * person) / 2, np.float32)
+    return (found if person is None else np.asarray((found + 2 * person) / 2, np.float32)), settled
 
 
 def _trust(seen: Map, marked: Mask) -> float:
     """In [0, 1] how far the networks recognise the subject under a stroke (h, w)."""
-    low, high = AGREES
-    return float(np.clip(((seen > 0)[marked].mean() - low) / (high - low), 0, 1))
+    return _within(float((seen > 0)[marked].mean()))
 
 
 def _agreement(seen: Map, there: Mask) -> float:
     """In [0, 1] how far the networks recognise a subject that is expected at a mask (h, w)."""
+    return _within(overlap(seen > 0, there))
+
+
+def _within(overlap: float) -> float:
+    """In [0, 1] where an intersection over union is between both of `AGREES`."""
     low, high = AGREES
-    return float(np.clip((overlap(seen > 0, there) - low) / (high - low), 0, 1))
+    return float(np.clip((overlap - low) / (high - low), 0, 1))
 
 
 def _moved(adds: Mask, neighbours: list[Neighbour]) -> Mask | None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..base.arrays import Mask
 from ..base.progress import checkpoint
-from ..depth.ground_contact import ContactOptions, Plane, contact, ground_below
+from ..depth.ground_contact import ContactOptions, Plane, contact, ground_below, rays_of, upright
 from ..depth.view_selection import relative_pose
 from .static_plate import StaticPlate
 
@@ -31,7 +31,7 @@ class Standing:
     """All moving pixels (h, w) of a source frame, at any size."""
 
     def inverse_depths(self, subject: Callable[[int], Mask], frames: Sequence[int]) -> dict[int, float]:
-        """Estimate the inverse depth at which a subject touches the ground.
+        """Estimate the median inverse depth of a subject that stands upright where it touches the ground.
 
         A frame in which the ground around the subject is no plane takes that of the frame nearest in time.
 
@@ -51,8 +51,10 @@ class Standing:
             plane = self._seen_from(planes[nearest], nearest, frame)
             pinhole = self.plates.canvas(frame).pinhole
             touch = None if plane is None else contact(masks[frame], plane, pinhole, ContactOptions())
-            if plane is not None and touch is not None and (inverse := touch.inverse_depth(0.0, plane)) > 0:
-                found[frame] = inverse
+            if plane is not None and touch is not None and (base := touch.inverse_depth(0.0, plane)) > 0:
+                rows, columns = np.nonzero(masks[frame])
+                rays = rays_of(pinhole, np.column_stack([columns, rows]).astype(float) + 0.5)
+                found[frame] = float(np.median(upright(base, touch.column, 0.0, plane, rays)))
         return found
 
     def _shown(self, subject: Callable[[int], Mask], frame: int) -> Mask:

@@ -1,0 +1,77 @@
+"""Where subjects stand on the ground."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from addon.core.base.arrays import Map, Mask
+from addon.core.camera.intrinsics import Intrinsics
+from addon.core.camera.reconstruction import Image
+from addon.core.subjects.standing import Standing
+
+CAMERA = Intrinsics(320, 180, 260.0, 260.0, 160.0, 60.0)
+EYE, WALL = 1.6, 0.05
+"""Height of the camera over a level ground, and inverse depth of what is behind that."""
+
+
+@dataclass(frozen=True)
+class Street:
+    """Plates of a street, seen from a place at each frame."""
+
+    blind: frozenset[int] = frozenset()
+    """Frames in which the ground is not seen."""
+
+    @property
+    def reconstruction(self) -> SimpleNamespace:
+        return SimpleNamespace(image_at=lambda frame: (image(frame), None))
+
+    def canvas(self, frame: int) -> SimpleNamespace:
+        return SimpleNamespace(pinhole=CAMERA)
+
+    def on_canvas(self, image: Image, mask: Mask) -> Mask:
+        return mask
+
+    def inverse_depth(self, frame: int, left_out: object) -> Map:
+        rows = np.arange(CAMERA.height) + 0.5 - CAMERA.cy
+        ground = np.maximum(rows / CAMERA.fy / EYE, WALL)
+        inverse = np.full(CAMERA.height, WALL) if frame in self.blind else ground
+        return np.repeat(inverse[:, None], CAMERA.width, axis=1).astype(np.float32)
+
+
+def image(frame: int) -> Image:
+    """A camera that moves to the right."""
+    nothing = np.zeros((0, 2)), np.zeros(0, np.int32)
+    return Image(frame, np.eye(3), np.array([-0.2 * frame, 0.0, 0.0]), *nothing)
+
+
+def person(distance: float, frame: int) -> Mask:
+    """(h, w) someone at x = 0, 1.7 high."""
+    mask = np.zeros((CAMERA.height, CAMERA.width), bool)
+    left, right = (round(CAMERA.cx + CAMERA.fx * (side - 0.2 * frame) / distance) for side in (-0.25, 0.25))
+    foot, head = (round(CAMERA.cy + CAMERA.fy * y / distance) for y in (EYE, EYE - 1.7))
+    mask[max(head, 0) : foot, left:right] = True
+    return mask
+
+
+def standing(*blind: int) -> Standing:
+    return Standing(Street(frozenset(blind)), lambda frame: person(4.0, frame))  # type: ignore[arg-type]
+
+
+def test_a_subject_is_as_far_as_the_ground_below_it() -> None:
+    found = standing().inverse_depths(lambda frame: person(4.0, frame), [0, 1, 2])
+    assert found == {frame: pytest.approx(1 / 4, rel=0.02) for frame in (0, 1, 2)}
+
+
+def test_a_frame_without_a_plane_takes_that_of_another_one() -> None:
+    found = standing(0, 2).inverse_depths(lambda frame: person(4.0 + frame / 2, frame), [0, 1, 2])
+    assert found == {frame: pytest.approx(1 / (4.0 + frame / 2), rel=0.03) for frame in (0, 1, 2)}
+
+
+def test_without_ground_or_feet_nothing_is_known() -> None:
+    assert standing(0, 1).inverse_depths(lambda frame: person(4.0, frame), [0, 1]) == {}
+    assert standing().inverse_depths(lambda frame: person(2.0, frame), [0]) == {}
+    assert standing().inverse_depths(lambda frame: np.zeros_like(person(4.0, 0)), [0]) == {}
