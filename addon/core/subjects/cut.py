@@ -55,6 +55,13 @@ LOST = 0.15
 would be carried as if it were the whole."""
 WHOLE = 0.8
 """Share of that area from which on it is seen whole."""
+CLICK = 0.1
+"""Extent of a stroke, over the long side, below which it shows nothing of the subject's size."""
+BOXES = (0.4, 0.2, 1.0)
+"""Sides of the squares around such a stroke in which the networks look for its subject, over the long side,
+the first one that they recognise it in. Six clips with drawn masks, one click each in 16 frames: from the first
+of them, intersection over union of 0.39 to 0.83 in 10 frames of people and animals, and none of a square as
+large as the click; a night walker is not recognised in the whole picture."""
 TRUST_LEARNED = 0.2
 """Share of a frame in how far the networks are trusted."""
 
@@ -146,15 +153,16 @@ def first_cut(
     adds, takes = strokes
     marked = 4.0 * adds - 6.0 * takes
     expected = adds if prior is None else (prior > 0.5) | adds
-    seen = _recognised_from(networks, picture, expected)
-    trust = _trust(seen, adds if prior is None else expected)
+    seen, trust = _recognised_first(networks, picture, expected, adds if prior is None else expected)
     if prior is not None:
         share = np.where(adds, 1, prior)
     elif trust > 0.5:
         share = probability(seen + marked)
     else:
         start = _moved(adds, neighbours)
-        share = 0.9 * (_grabbed(picture, adds, takes) if start is None else start) + 0.05
+        start = _grabbed(picture, adds, takes) if start is None else start
+        share = 0.9 * start + 0.05
+        seen = _recognised_from(networks, picture, start, Box.around(start, CROP))
     share = np.asarray(np.where(takes, 0, share), np.float32)
     for _ in range(ITERATIONS):
         checkpoint()
@@ -247,9 +255,25 @@ def _solved(
     return probability(globally_smoothed(picture, np.asarray(odds, np.float32), SMOOTH_LAMBDA, SMOOTH_SIGMA))
 
 
-def _recognised_from(networks: Networks, picture: Bytes, expected: Mask) -> Map:
-    """(h, w) log-odds of the networks, whose crop grows with the figure they find around a mask (h, w)."""
-    box = Box.around(expected, 1.5)
+def _recognised_first(networks: Networks, picture: Bytes, expected: Mask, marked: Mask) -> tuple[Map, float]:
+    """(h, w) log-odds of the networks around a mask (h, w), and in [0, 1] how far they recognise what is under
+    a stroke (h, w)."""
+    box, long_side = Box.around(expected, 1.5), max(expected.shape)
+    extent = Box.around(expected)
+    boxes = [box]
+    if max(extent.right - extent.left, extent.bottom - extent.top) < CLICK * long_side:
+        middle = np.argwhere(expected).mean(axis=0)
+        boxes = [Box.square(middle, side * long_side, expected.shape) for side in BOXES]
+    for box in boxes:
+        seen = _recognised_from(networks, picture, expected, box)
+        if (trust := _trust(seen, marked)) > 0.5:
+            break
+    return seen, trust
+
+
+def _recognised_from(networks: Networks, picture: Bytes, expected: Mask, box: Box) -> Map:
+    """(h, w) log-odds of the networks, whose crop grows or shrinks from a box to the figure they find around a
+    mask (h, w)."""
     for _ in range(3):
         found = silhouette(networks, picture, box)
         part = touching((found > 0) | expected, expected)
