@@ -151,8 +151,12 @@ class ClipContext:
     @cached_property
     def every_subject(self) -> list[ClipSubject]:
         """The subjects that are marked, and the people who are not among them."""
-        marked = [self._subjects.marked(each) for each in self.marked]
-        return [*marked, *self._subjects.others(marked)]
+        return [*(self._subjects.marked(each) for each in self.marked), *self.people]
+
+    @cached_property
+    def people(self) -> list[ClipSubject]:
+        """The people of the clip whom no marked subject covers."""
+        return self._subjects.others([self._subjects.marked(each) for each in self.marked])
 
     def subject_at(self, frame: int, x: float, y: float) -> ClipSubject | None:
         """Return the subject at fractions x, y of a frame's picture, (0, 0) top left; None elsewhere. Errors

@@ -58,10 +58,10 @@ WHOLE = 0.8
 CLICK = 0.1
 """Extent of a stroke, over the long side, below which it shows nothing of the subject's size."""
 BOXES = (0.4, 0.2, 1.0)
-"""Sides of the squares around such a stroke in which the networks look for its subject, over the long side,
-the first one that they recognise it in. Six clips with drawn masks, one click each in 16 frames: from the first
-of them, intersection over union of 0.39 to 0.83 in 10 frames of people and animals, and none of a square as
-large as the click; a night walker is not recognised in the whole picture."""
+"""Sides, over the long side, of the squares around such a stroke in which the networks look for its subject;
+the first in which they recognise it counts. One click in each of 16 frames of six clips with drawn masks: in
+the first square the networks' figure has an intersection over union of 0.39 to 0.83 in the 11 frames with
+people and animals; a walker at night is not recognised in the whole picture, a car only there."""
 TRUST_LEARNED = 0.2
 """Share of a frame in how far the networks are trusted."""
 
@@ -256,8 +256,8 @@ def _solved(
 
 
 def _recognised_first(networks: Networks, picture: Bytes, expected: Mask, marked: Mask) -> tuple[Map, float]:
-    """(h, w) log-odds of the networks around a mask (h, w), and in [0, 1] how far they recognise what is under
-    a stroke (h, w)."""
+    """(h, w) log-odds of the networks around a mask (h, w), and in [0, 1] how far they recognise the pixels
+    under a stroke (h, w)."""
     box, long_side = Box.around(expected, 1.5), max(expected.shape)
     extent = Box.around(expected)
     boxes = [box]
@@ -272,8 +272,8 @@ def _recognised_first(networks: Networks, picture: Bytes, expected: Mask, marked
 
 
 def _recognised_from(networks: Networks, picture: Bytes, expected: Mask, box: Box) -> Map:
-    """(h, w) log-odds of the networks, whose crop grows or shrinks from a box to the figure they find around a
-    mask (h, w)."""
+    """(h, w) log-odds of the networks, whose crop goes from a box to the figure they find around a mask
+    (h, w)."""
     for _ in range(3):
         found = silhouette(networks, picture, box)
         part = touching((found > 0) | expected, expected)
