@@ -63,10 +63,10 @@ def view(
     return np.repeat(np.clip(picture + noise, 0, 255).astype(np.uint8)[..., None], 3, axis=2)
 
 
-def write_clip(folder: Path, pictures: list[NDArray[np.uint8]]) -> Path:
-    """A folder of PNGs from frame 1 on."""
+def write_clip(folder: Path, pictures: list[NDArray[np.uint8]], first: int = 1) -> Path:
+    """A folder of PNGs from a first frame on."""
     folder.mkdir()
-    for frame, picture in enumerate(pictures, 1):
+    for frame, picture in enumerate(pictures, first):
         cv2.imwrite(str(folder / f"shot_{frame:04d}.png"), picture)
     return folder
 

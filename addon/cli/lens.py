@@ -37,10 +37,11 @@ from ..core.media.masks import open_masks
 from ..core.sfm.workspace import Solve
 from ..scene import aperture_cloud, colour_space, focus_marks
 from ..scene.build import build
+from ..scene.clicks import place_at
 from ..scene.lens import frame_options, set_aperture, set_focus
 from ..scene.properties import VirtualApertureSettings
 from ..scene.shot import shot_of
-from ..scene.subjects import set_marked
+from ..scene.subjects import mark_new, set_marked
 from ..scene.timeline import go_to
 from .aperture import add_aperture, placed, set_shape
 from .blend import is_blend
@@ -342,13 +343,15 @@ def _chosen_focus(
         if options.focus_distance is not None:
             check_distance(reconstruction, options.focus_distance, "--focus-distance")
         return Focus(distance=options.focus_distance), own, []
-    shot = shot_of(settings.id_data)
     found = []
     first = _registered(reconstruction, frames)
     for x, y, frame in map(_place, options.focus_at or ()):
-        found.append(shot.context.places(first if frame is None else frame).find(x, y))
+        finder = shot_of(settings.id_data).context.places(first if frame is None else frame)
+        found.append(place_at(settings.id_data, finder, x, y)())
+        if marked := mark_new(settings, found[-1:]):
+            say(f"{marked} and in focus")
     for name, frame in focused_subjects(options):
-        found.append(shot.context.subject_place(name, first if frame is None else frame))
+        found.append(shot_of(settings.id_data).context.subject_place(name, first if frame is None else frame))
     found.sort(key=lambda place: place.frame)
     for place in found:
         say(f"in focus: {place.distance:.4g} away at frame {place.frame}, from {place.source}")

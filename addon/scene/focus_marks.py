@@ -288,9 +288,13 @@ def set_first(settings: bpy.types.PropertyGroup, reconstruction: Reconstruction)
         return
     frame = int(reconstruction.frames[0])
     place = first_place(reconstruction, frame)
-    if place is None:
-        return
-    put(settings, frame, [place])
+    if place is not None:
+        put_first(settings, place)
+
+
+def put_first(settings: bpy.types.PropertyGroup, place: Place) -> None:
+    """Put a place in focus that nobody has picked."""
+    put(settings, place.frame, [place])
     settings.marks.is_first = True
 
 

@@ -123,6 +123,14 @@ class Shot:
         """The shot with others marked."""
         return replace(self, subjects=marked, filmed=self._filmed, found=self._found)
 
+    def apart(self) -> Shot:
+        """Return the shot with its own clip, which shares nothing with this one but what is kept on disk:
+        another thread may work with it."""
+        footage = open_footage(
+            self.footage.path, self.footage.frames, info=self.footage.video, stills=self.footage.is_stills
+        )
+        return replace(self, footage=footage, filmed=None, found=None)
+
     @cached_property
     def _filmed(self) -> Filmed:
         return self.filmed or Filmed(self.footage, self.masks, self.drawn, self.space)

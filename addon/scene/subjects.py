@@ -14,6 +14,7 @@ from bpy.props import (
     StringProperty,
 )
 
+from ..core.focus.place import Place
 from ..core.subjects.strokes import MarkedSubject, Stroke
 from . import redraw
 
@@ -94,9 +95,18 @@ def active(settings: bpy.types.PropertyGroup) -> bpy.types.PropertyGroup | None:
     return group.items[group.active] if group.active < len(group.items) else None
 
 
-def free_name(settings: bpy.types.PropertyGroup) -> str:
-    """The name of a new subject."""
-    return _free(DEFAULT_NAME, {each.name for each in settings.subjects.items})
+def free_name(settings: bpy.types.PropertyGroup, taken: Collection[str] = ()) -> str:
+    """Return the name of a new subject, other than names that are `taken` beside those of the subjects."""
+    return _free(DEFAULT_NAME, {*taken, *(each.name for each in settings.subjects.items)})
+
+
+def mark_new(settings: bpy.types.PropertyGroup, places: Sequence[Place]) -> str:
+    """Mark the new subjects that places are on; their names and a verb, empty where there are none."""
+    names = [each.marks.name for each in places if each.marks is not None]
+    for each in places:
+        if each.marks is not None:
+            set_strokes(settings, each.marks.name, each.marks.strokes)
+    return f"{', '.join(names)} {'is' if len(names) == 1 else 'are'} marked" if names else ""
 
 
 def set_marked(settings: bpy.types.PropertyGroup, subjects: Sequence[MarkedSubject]) -> None:

@@ -16,6 +16,7 @@ from . import (
     export,
     file_import,
     find_clip,
+    first_person,
     focus,
     focus_list,
     focus_strip,
@@ -99,6 +100,7 @@ def register() -> None:
     solve_view.register()
     closing.register()
     depth_ahead.register()
+    first_person.register()
     main_thread.start()
 
 
@@ -116,6 +118,7 @@ def unregister() -> None:
     frames_ahead.unregister()
     frame_notes.unregister()
     main_thread.stop()
+    first_person.unregister()
     depth_ahead.unregister()
     focus_sync.unregister()
     exr.unregister()

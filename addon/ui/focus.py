@@ -12,7 +12,7 @@ import numpy as np
 from ..core.base.errors import UserError
 from ..core.focus.focus import Focus
 from ..core.focus.place import Place
-from ..scene import aperture_cloud, blender_focus, focus_marks, lens
+from ..scene import aperture_cloud, blender_focus, focus_marks, lens, subjects
 from ..scene.depth_of_field import length_words
 from ..scene.point_cloud import ID_ATTRIBUTE
 from ..scene.shot import reconstruction_of
@@ -27,6 +27,7 @@ def focus_on(
 
     Where the focus distance has keys of the user's, the pick is the next of them.
     """
+    marked = subjects.mark_new(settings, places)
     released = blender_focus.release(settings)
     after = f"; {released} is no longer the focus object" if released else ""
     if focus_marks.are_keys_users(settings):
@@ -34,13 +35,19 @@ def focus_on(
         lens.set_focus(settings, replace(lens.focus_of(settings), points=(), distance=1 / inverse), frame)
         # The points alone would hide it.
         lens.key_distance(settings)
-        said = f"The focus distance is keyed at frame {clip_frame(settings.id_data)}"
+        keyed = f"he focus distance is keyed at frame {clip_frame(settings.id_data)}"
+        said = f"{marked}; t{keyed}" if marked else f"T{keyed}"
     else:
         mark = focus_marks.put(settings, frame, places, add)
         away = length_words(settings, mark.distance)
         marks = len(settings.marks.items)
         pulled = f", mark {settings.marks.active + 1} of {marks}" if marks > 1 else ""
-        said = f"In focus at frame {frame}: {mark.name}, {away} away{pulled}"
+        what = (
+            f"{marked} and in focus at frame {frame}:"
+            if marked
+            else f"In focus at frame {frame}: {mark.name},"
+        )
+        said = f"{what} {away} away{pulled}"
     aperture_cloud.update(settings)
     return said + after
 

@@ -20,6 +20,7 @@ from .operators import (
     Result,
     Solves,
     build_scene,
+    focus_on_person,
     has_clip,
     is_idle,
     is_met,
@@ -78,6 +79,7 @@ class Import:
         depth_ahead.stop()
         solve, refocus = build_scene(context.scene, footage, folder)
         depth_ahead.begin_after_solve(folder)
+        focus_on_person(self, context.scene)
         report_hidden(self, context.scene)
         self.report({"INFO"}, f"{found.format}: {solved_words(context.scene, solve.summary)}")
         for note in (*found.notes, *([refocus] if refocus else [])):

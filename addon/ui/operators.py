@@ -25,7 +25,7 @@ from ..scene.lens import focal_of, is_in_focus
 from ..scene.paths import absolute
 from ..scene.refocus import keep_focus, restore_focus
 from ..scene.remedy_words import WORDS
-from . import after_solve, depth_ahead
+from . import after_solve, depth_ahead, first_person
 from .solving import Solving
 
 Result = set[str]
@@ -168,8 +168,18 @@ def kept_words(folder: Path) -> str:
 
 def solved_words(scene: bpy.types.Scene, summary: str) -> str:
     """One line of what was solved, and what was put in focus."""
-    first = "; focused on the nearest large object near the centre. Pick Focus changes that"
-    return summary + (first if scene.virtual_aperture.marks.is_first else "")
+    marks = scene.virtual_aperture.marks
+    if not marks.is_first:
+        return summary
+    return f"{summary}; focused on {marks.items[0].places[0].source}. Pick Focus changes that"
+
+
+def focus_on_person(operator: bpy.types.Operator, scene: bpy.types.Scene) -> None:
+    """Put the nearest person in focus where nobody has picked a focus, as `first_person.focus`."""
+    try:
+        first_person.focus(scene)
+    except UserError as error:
+        operator.report({"WARNING"}, f"People were not looked for: {error.worded(WORDS)}")
 
 
 def report_hidden(operator: bpy.types.Operator, scene: bpy.types.Scene) -> None:
@@ -290,6 +300,7 @@ class Solves:
         solve, note = build_scene(scene, process.clip, process.work_dir)
         scene.virtual_aperture.work_dir = self._folder_set
         depth_ahead.begin_after_solve(process.work_dir)
+        focus_on_person(self, scene)
         report_hidden(self, scene)
         notes = solve.quality.notes if self._cameras is not None else []
         for each in (*notes, *([note] if note else [])):

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import bpy
 
-from ..core.focus.place import Place
+from ..core.focus.place import Place, PlaceFinder
 from ..scene import aperture_cloud, focus_marks
+from ..scene.clicks import place_at
 from ..scene.shot import shot_of
 from ..scene.timeline import clip_frame
 from .focus import focus_on
 from .operators import Result, reported
 from .pick_place import PicksPlaces
+from .pick_view import XY
 
 
 class VIRTUAL_APERTURE_OT_pick_focus(PicksPlaces, bpy.types.Operator):  # noqa: N801
@@ -50,7 +54,8 @@ class VIRTUAL_APERTURE_OT_pick_focus(PicksPlaces, bpy.types.Operator):  # noqa: 
     @reported
     def execute(self, context: bpy.types.Context) -> Result:
         scene = context.scene
-        place = shot_of(scene).context.places(clip_frame(scene)).find(self.x, self.y)
+        finder = shot_of(scene).context.places(clip_frame(scene))
+        place = place_at(scene, finder, self.x, self.y)()
         self.report({"INFO"}, focus_on(scene.virtual_aperture, clip_frame(scene), [place], self.add))
         return {"FINISHED"}
 
@@ -59,6 +64,10 @@ class VIRTUAL_APERTURE_OT_pick_focus(PicksPlaces, bpy.types.Operator):  # noqa: 
         places = list(focus_marks.places_of(mark)) if mark is not None and len(mark.places) else []
         self._had_places = bool(places)
         return places
+
+    def search(self, finder: PlaceFinder, at: XY) -> Callable[[], Place]:
+        taken = [place.marks.name for place in self._places if place.marks is not None]
+        return place_at(self._scene, finder, *at, taken)
 
     def took(self, context: bpy.types.Context, place: Place, shift: bool) -> Result:
         if shift:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -48,6 +49,10 @@ class PicksPlaces:
     def took(self, context: bpy.types.Context, place: Place, shift: bool) -> Result:
         """A place was picked."""
         raise NotImplementedError
+
+    def search(self, finder: PlaceFinder, at: XY) -> Callable[[], Place]:
+        """Return what finds the place that is picked by a click, in a thread; UserError where nothing can."""
+        return partial(finder.find, *at)
 
     def confirm(self, context: bpy.types.Context) -> Result:
         """Take what was picked."""
@@ -164,7 +169,7 @@ class PicksPlaces:
             self._say(f"Frame {clip_frame(self._scene)} was not solved; pick in another frame")
             return {"RUNNING_MODAL"}
         self._overlay.mouse = at
-        self._finding, self._shifted = Work(partial(finder.find, *at)), event.shift
+        self._finding, self._shifted = Work(self.search(finder, at)), event.shift
         if self._finding.ended(AT_ONCE):
             return self._found(context)
         self._timer = context.window_manager.event_timer_add(LOOK, window=context.window)

@@ -21,7 +21,7 @@ from .focus import focus_on
 from .operators import Result, has_solve, is_met, may_change
 from .pick_subject import VIRTUAL_APERTURE_OT_pick_subject
 from .report_list import VIRTUAL_APERTURE_OT_jump_to_frame, next_of
-from .work import WorksMeanwhile
+from .works_meanwhile import WorksMeanwhile
 
 
 class VIRTUAL_APERTURE_UL_subjects(bpy.types.UIList):  # noqa: N801

@@ -21,6 +21,7 @@ from addon.scene.shot import Shot
 
 from .. import planes
 from ..planes import HEIGHT, LENS, PLANES, STEPS, WIDTH, clip, features, poses
+from ..subjects import walls
 
 CENTRES = np.column_stack([STEPS, 0.1 * STEPS**2, STEPS])
 """To the side, and ahead as far."""
@@ -127,3 +128,25 @@ def test_the_command_line_says_how_far_and_follows(
     true = PLANE - CENTRES[[0, FRAME - 1, -1], 2]
     # Whatever a unit is.
     np.testing.assert_allclose(np.array(distances) / distances[1], true / true[1], rtol=0.01)
+
+
+def test_the_command_line_marks_the_subject_that_is_clicked(
+    registered: None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    few = tuple(range(11, 22))
+    footage = planes.write_clip(
+        tmp_path / "walls", [walls.with_disc(frame)[..., ::-1] for frame in few], few[0]
+    )
+    (tmp_path / "model").mkdir()
+    write_model(tmp_path / "model", walls.filmed(walls.with_disc, few).reconstruction)
+    words = ["import", str(tmp_path / "model"), "--footage", str(footage), "--work", str(tmp_path / "work")]
+    assert run_command(words) == 0
+    x, y = walls.place(16)
+    at = f"{x / walls.WIDTH},{y / walls.HEIGHT}"
+    words = ["save", str(tmp_path / "work"), "--blend", str(tmp_path / "a.blend"), "--focus-at", f"{at}@16"]
+    assert run_command(words) == 0
+    said = capsys.readouterr().out
+    assert "Subject is marked and in focus" in said and "from the subject Subject, seen" in said
+    settings = bpy.context.scene.virtual_aperture
+    assert [each.name for each in settings.subjects.items] == ["Subject"]
+    assert len(settings.marks.items[0].places[0]["followed_frames"]) == len(few)

@@ -72,6 +72,11 @@ def test_a_stroke_is_carried_both_ways_by_motion_alone(pictures: ClipPictures, n
     assert min(found) > 0.8, found
 
 
+def test_a_click_marks_a_subject(pictures: ClipPictures, no_networks: Networks) -> None:
+    click = Stroke(5, (((150 + 9 * 4) / WIDTH, 0.48),))
+    assert overlap(CarriedSubject(pictures, no_networks, (click,)).mask(5), disc(4)) > 0.8
+
+
 def test_a_later_stroke_corrects_and_keeps_the_rest(pictures: ClipPictures, no_networks: Networks) -> None:
     before = CarriedSubject(pictures, no_networks, (stroke(5),))
     corner = Stroke(7, ((0.9, 0.9), (0.95, 0.9)), adds=False)

@@ -18,6 +18,7 @@ from addon.core.subjects.found import FoundSubjects
 from addon.core.subjects.networks import Networks
 
 from ..scenes import texture
+from .figures import figure
 
 WIDTH, HEIGHT = 240, 160
 LENS = Intrinsics(WIDTH, HEIGHT, 220.0, 220.0, 120.0, 80.0)
@@ -67,6 +68,15 @@ def with_disc(frame: int) -> Bytes:
     shift = np.array([[1, 0, x - 30], [0, 1, y - 30]])
     own = cv2.warpAffine(texture(60, 60, 3), shift, (WIDTH, HEIGHT), borderMode=cv2.BORDER_REFLECT)
     return np.where(disc(frame)[..., None], own, still(frame)).astype(np.uint8)
+
+
+def with_person(frame: int) -> Bytes:
+    """(h, w, 3) the frame with a drawn person who walks."""
+    drawn = figure()
+    there = (np.abs(drawn.astype(int) - drawn[0, 0]).sum(axis=2) > 30).astype(np.uint8)
+    walked = np.array([[0.6, 0, 3 * (frame - 16) + 24], [0, 0.6, 10]])
+    own = cv2.warpAffine(drawn, walked, (WIDTH, HEIGHT), flags=cv2.INTER_AREA)
+    return np.where(cv2.warpAffine(there, walked, (WIDTH, HEIGHT))[..., None] > 0, own, still(frame))
 
 
 def with_shadow(frame: int) -> Bytes:

@@ -134,6 +134,34 @@ def test_the_panel_lists_subjects(scene: bpy.types.Scene, settings: bpy.types.Pr
     assert not settings.subjects.items[0].unsure
 
 
+FEW = tuple(range(11, 22))
+
+
+def walls_in(scene: bpy.types.Scene, folder: Path) -> bpy.types.PropertyGroup:
+    """A scene with eleven frames of the disc before walls."""
+    pictures = [walls.with_disc(frame)[..., ::-1] for frame in FEW]
+    footage = open_footage(planes.write_clip(folder / "walls", pictures, FEW[0]))
+    return build(scene, footage, walls.filmed(walls.with_disc, FEW).reconstruction)
+
+
+def test_a_picked_focus_marks_the_subject_that_is_clicked(
+    scene: bpy.types.Scene, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    settings = walls_in(scene, tmp_path)
+    scene.frame_set(FRAME)
+    assert OPERATORS.pick_focus(x=200 / walls.WIDTH, y=140 / walls.HEIGHT) == {"FINISHED"}
+    assert not len(settings.subjects.items) and "In focus at frame 16" in capsys.readouterr().out
+    x, y = walls.place(FRAME)
+    assert OPERATORS.pick_focus(x=x / walls.WIDTH, y=y / walls.HEIGHT) == {"FINISHED"}
+    assert "Subject is marked and in focus at frame 16: " in capsys.readouterr().out
+    (subject,), (mark,) = settings.subjects.items, settings.marks.items
+    assert subject.name == "Subject" and mark.name == "Subject" and mark.frame == FRAME
+    assert len(mark.places[0]["followed_frames"]) == len(FEW)
+    # It is known now: nothing more is marked.
+    assert OPERATORS.pick_focus(x=x / walls.WIDTH, y=y / walls.HEIGHT) == {"FINISHED"}
+    assert len(settings.subjects.items) == 1 and "In focus at frame 16: Subject" in capsys.readouterr().out
+
+
 def test_a_subject_is_carried_and_in_focus(
     scene: bpy.types.Scene, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

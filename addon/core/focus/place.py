@@ -15,6 +15,7 @@ from ..camera.reconstruction import Reconstruction
 from ..depth.source import NO_PICTURE, SURE, DepthSource, PixelDepth
 from ..depth.sparse import FrameFeatures, frame_features
 from ..media.picture_file import Pixels
+from ..subjects.strokes import MarkedSubject
 from .focus import Focus, check_points
 from .follow import follow
 from .picking import check_place, pick_features
@@ -48,6 +49,8 @@ class Place:
     """Distances by frame of a place on what moves by itself, as far as it could be followed."""
     xy: tuple[float, float] | None = None
     """Fractions of the picture at which it was picked, (0, 0) top left."""
+    marks: MarkedSubject | None = None
+    """New subject of the clip that the place is on."""
 
 
 @dataclass(frozen=True)
@@ -111,13 +114,24 @@ class PlaceFinder:
             return Glance(1 / self._inverse_depth(points), self._seen_at(points))
         return Glance(1 / pixel.inverse_depth if pixel.is_known else None, nothing)
 
-    def find(self, x: float, y: float) -> Place:
-        """What is in focus at fractions x, y of the picture (0, 0 = top left), its depth found if need be.
+    def find(self, x: float, y: float, new_subject: Callable[[], Place | None] = lambda: None) -> Place:
+        """Find what is in focus at a place of the picture, and its depth if it is not known yet.
 
         The whole of a subject that is there; else the surface that the very pixel shows: through the four
         points around that are near (`NEAR`) and on it, else by the pixel's own depth. Where that is not sure,
-        the points that are near come first. Raises UserError where nothing is known of the place, and outside
-        of the picture.
+        the points that are near come first.
+
+        Args:
+            x: Share of the picture's width from the left.
+            y: Share of its height from the top.
+            new_subject: Returns the whole of a subject that is not known yet, or None. It is called where the
+                depth is unknown or the pixel moves by itself, and comes first there.
+
+        Returns:
+            The place.
+
+        Raises:
+            UserError: If nothing is known of the place, or it is outside of the picture.
         """
         check_place(self._rec, self.frame, x, y)
         if (subject := self._subject_at(x, y)) is not None:
@@ -127,7 +141,11 @@ class PlaceFinder:
         known = self._known
         pixel = _Pixel(0.0, 0.0, False) if known is None else self._pixel(known, x, y)
         points, away = self._points(x, y)
-        if points is not None and (not pixel.is_sure or self._is_on(pixel, points)):
+        is_on_points = points is not None and (not pixel.is_sure or self._is_on(pixel, points))
+        is_unknown = not (is_on_points or pixel.is_known)
+        if (pixel.moves or is_unknown) and (subject := new_subject()) is not None:
+            return subject
+        if points is not None and is_on_points:
             numbers = ", ".join(map(str, points.points))
             source = f"points {numbers}, within {away:.0f} px of the place"
             return Place(points, self.frame, 1 / self._inverse_depth(points), source, xy=(x, y))

@@ -151,8 +151,12 @@ class ClipContext:
     @cached_property
     def every_subject(self) -> list[ClipSubject]:
         """The subjects that are marked, and the people who are not among them."""
-        marked = [self._subjects.marked(each) for each in self.marked]
-        return [*marked, *self._subjects.others(marked)]
+        return [*(self._subjects.marked(each) for each in self.marked), *self.people]
+
+    @cached_property
+    def people(self) -> list[ClipSubject]:
+        """The people of the clip whom no marked subject covers."""
+        return self._subjects.others([self._subjects.marked(each) for each in self.marked])
 
     def subject_at(self, frame: int, x: float, y: float) -> ClipSubject | None:
         """Return the subject at fractions x, y of a frame's picture, (0, 0) top left; None elsewhere. Errors
@@ -328,9 +332,14 @@ class ClipContext:
             self.reconstruction, self.depth_source(), self.read, frame, partial(self._place_on_subject, frame)
         )
 
+    @property
+    def may_focus_on_subjects(self) -> bool:
+        """Whether a click may focus on a whole subject: its distance comes from the clip alone."""
+        return not (self.reconstruction.stays or self.given_depth is not None or self.maps is not None)
+
     def _place_on_subject(self, frame: int, x: float, y: float) -> Place | None:
         """The whole subject at a place of a frame, in focus; None beside all of them."""
-        if self.reconstruction.stays or self.given_depth is not None or self.maps is not None:
+        if not self.may_focus_on_subjects:
             return None
         subject = self.subject_at(frame, x, y)
         return None if subject is None else replace(self._focus_on(subject, frame), xy=(x, y))

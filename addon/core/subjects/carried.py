@@ -112,14 +112,14 @@ class CarriedSubject:
         if any(stroke.adds for stroke in earlier):
             prior = CarriedSubject(self.pictures, self.networks, earlier).cut(frame).share
         picture = self.pictures.picture(frame)
-        first = first_cut(self.networks, picture, self._strokes_in(frame), self._beside(frame), prior)
+        first = first_cut(self.networks, picture, self.strokes_in(frame), self._beside(frame), prior)
         return first if prior is not None else self._settled(frame, first)
 
     def _settled(self, frame: int, first: Cut) -> Cut:
         """A subject carried to frames beside it and back, which shows more of how it moves."""
         frames = self.pictures.frames
         at = frames.index(frame)
-        adds, takes = self._strokes_in(frame)
+        adds, takes = self.strokes_in(frame)
         for other in frames[max(at - 1, 0) : at + 2]:
             there = Track(self.pictures, self.networks, frame, first).cut(other)
             back = Track(self.pictures, self.networks, other, there).cut(frame)
@@ -133,13 +133,15 @@ class CarriedSubject:
         ways = [way for way in (-1, 1) if 0 <= at + way < len(frames)]
         return [Neighbour(flow.step(frame, way), flow.there(frame, way)[1]) for way in ways]
 
-    def _strokes_in(self, frame: int) -> tuple[Mask, Mask]:
-        """(h, w) pixels that the strokes in a frame add, and those that they take away."""
+    def strokes_in(self, frame: int) -> tuple[Mask, Mask]:
+        """Return the pixels (h, w) that the strokes in a frame add, and those that they take away."""
         height, width = self.pictures.picture(frame).shape[:2]
         rasters = np.zeros((2, height, width), np.uint8)
         thick = max(round(STROKE * max(height, width)), 1)
         for stroke in (each for each in self.strokes if each.frame == frame):
-            at = np.array(stroke.places) * (width, height) - 0.5
+            # OpenCV draws nothing of a line with one corner.
+            places = stroke.places if len(stroke.places) > 1 else 2 * stroke.places
+            at = np.array(places) * (width, height) - 0.5
             line = np.rint(at * 16).astype(np.int32)[:, None]
             cv2.polylines(rasters[0 if stroke.adds else 1], [line], False, 1, thick, shift=4)
         return rasters[0] > 0, (rasters[1] > 0) & ~(rasters[0] > 0)

@@ -58,6 +58,13 @@ WHOLE = 0.8
 LIKE = 0.5
 """Mean log-odds of the colours of a part of a subject, of which the rest is hidden; colours of neither have
 0."""
+CLICK = 0.1
+"""Extent of a stroke, over the long side, below which it shows nothing of the subject's size."""
+BOXES = (0.4, 0.2, 1.0)
+"""Sides, over the long side, of the squares around such a stroke in which the networks look for its subject;
+the first in which they recognise it counts. One click in each of 16 frames of six clips with drawn masks: in
+the first square the networks' figure has an intersection over union of 0.39 to 0.83 in the 11 frames with
+people and animals; a walker at night is not recognised in the whole picture, a car only there."""
 TRUST_LEARNED = 0.2
 """Share of a frame in how far the networks are trusted."""
 
@@ -129,15 +136,16 @@ def first_cut(
     adds, takes = strokes
     marked = 4.0 * adds - 6.0 * takes
     expected = adds if prior is None else (prior > 0.5) | adds
-    seen, settled = _recognised_from(networks, picture, expected)
-    trust = _trust(seen, adds if prior is None else expected) * settled
+    seen, trust = _recognised_first(networks, picture, expected, adds if prior is None else expected)
     if prior is not None:
         share = np.where(adds, 1, prior)
     elif trust > 0.5:
         share = probability(seen + marked)
     else:
         start = _moved(adds, neighbours)
-        share = 0.9 * (_grabbed(picture, adds, takes) if start is None else start) + 0.05
+        start = _grabbed(picture, adds, takes) if start is None else start
+        share = 0.9 * start + 0.05
+        seen, _ = _recognised_from(networks, picture, start > 0.5, Box.around(start > 0.5, CROP))
     share = np.asarray(np.where(takes, 0, share), np.float32)
     if (share > 0.5).any():
         # Or it would grow again in each iteration.
@@ -221,10 +229,27 @@ def _solved(
     return probability(globally_smoothed(picture, np.asarray(odds, np.float32), SMOOTH_LAMBDA, SMOOTH_SIGMA))
 
 
-def _recognised_from(networks: Networks, picture: Bytes, expected: Mask) -> tuple[Map, float]:
-    """(h, w) log-odds of the networks, whose crop grows with the figure they find around a mask (h, w), and
-    in [0, 1] how far they find the same figure in the last two crops: in mere texture they do not."""
-    box, part = Box.around(expected, 1.5), expected
+def _recognised_first(networks: Networks, picture: Bytes, expected: Mask, marked: Mask) -> tuple[Map, float]:
+    """(h, w) log-odds of the networks around a mask (h, w), and in [0, 1] how far they recognise the pixels
+    under a stroke (h, w)."""
+    box, long_side = Box.around(expected, 1.5), max(expected.shape)
+    extent = Box.around(expected)
+    boxes = [box]
+    if max(extent.right - extent.left, extent.bottom - extent.top) < CLICK * long_side:
+        middle = np.argwhere(expected).mean(axis=0)
+        boxes = [Box.square(middle, side * long_side, expected.shape) for side in BOXES]
+    for box in boxes:
+        seen, settled = _recognised_from(networks, picture, expected, box)
+        if (trust := _trust(seen, marked) * settled) > 0.5:
+            break
+    return seen, trust
+
+
+def _recognised_from(networks: Networks, picture: Bytes, expected: Mask, box: Box) -> tuple[Map, float]:
+    """(h, w) log-odds of the networks, whose crop goes from a box to the figure they find around a mask
+    (h, w), and in [0, 1] how far they find the same figure in the last two crops: in mere texture they do
+    not."""
+    part = expected
     for _ in range(4):
         before = part
         found = silhouette(networks, picture, box)

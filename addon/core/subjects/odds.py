@@ -8,6 +8,7 @@ measured one by one.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -44,11 +45,18 @@ class Box:
     def around(cls, mask: Mask, times: float = 1.0) -> Box:
         """Return the square around a mask (h, w), so many times as large as it, moved into the picture."""
         rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
-        height, width = mask.shape
         side = times * max(len(range(rows[0], rows[-1] + 1)), len(range(columns[0], columns[-1] + 1)), 16)
+        middle = (rows[0] + rows[-1] + 1) / 2, (columns[0] + columns[-1] + 1) / 2
+        return cls.square(middle, side, mask.shape)
+
+    @classmethod
+    def square(cls, middle: Sequence[float] | Floats, side: float, shape: Sequence[int]) -> Box:
+        """Return the square of a side, pixels, around a row and a column, moved into a picture of a shape
+        (h, w, ...)."""
+        height, width = shape[:2]
         across, down = min(side, width), min(side, height)
-        left = float(np.clip((columns[0] + columns[-1] + 1 - across) / 2, 0, width - across))
-        top = float(np.clip((rows[0] + rows[-1] + 1 - down) / 2, 0, height - down))
+        left = float(np.clip(middle[1] - across / 2, 0, width - across))
+        top = float(np.clip(middle[0] - down / 2, 0, height - down))
         return cls(round(left), round(top), round(left + across), round(top + down))
 
     @property

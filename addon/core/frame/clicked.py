@@ -1,0 +1,95 @@
+"""What a click puts in focus, with a subject that the click itself marks where nobody has marked one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from ..base.arrays import Mask
+from ..base.progress import part
+from ..depth.source import FAINTEST
+from ..focus.place import Place, PlaceFinder
+from ..subjects.carried import SAME_PERSON
+from ..subjects.cut import LEAST
+from ..subjects.people import overlap_of
+from ..subjects.strokes import MarkedSubject, Stroke
+from .clip_context import ClipContext
+
+LARGEST = 0.5
+"""Share of the picture of the largest subject that a click may mark: more is the background."""
+
+
+def clicked(
+    clip: ClipContext,
+    finder: PlaceFinder,
+    x: float,
+    y: float,
+    name: str,
+    marking: Callable[[MarkedSubject], ClipContext],
+) -> Place:
+    """Find what a click puts in focus.
+
+    Where the depth is unknown or the pixel moves by itself, and no known subject is there, the click marks a
+    new subject.
+
+    Args:
+        clip: The clip.
+        finder: The one of the clip and the frame.
+        x: Share of the picture's width from the left.
+        y: Share of its height from the top.
+        name: Name of the new subject.
+        marking: Returns the clip with one more subject.
+
+    Returns:
+        The place in focus. Its `marks` is the new subject, which the caller adds to those of the clip.
+
+    Raises:
+        UserError: As of `PlaceFinder.find`.
+    """
+    return finder.find(x, y, partial(_new_subject, clip, finder.frame, x, y, name, marking))
+
+
+def _new_subject(
+    clip: ClipContext,
+    frame: int,
+    x: float,
+    y: float,
+    name: str,
+    marking: Callable[[MarkedSubject], ClipContext],
+) -> Place | None:
+    """The subject that a click cuts out of a frame, in focus; None where it cuts out none."""
+    if not clip.may_focus_on_subjects or not clip.reconstruction.is_ordered or _is_masked(clip, frame, x, y):
+        return None
+    # As the .blend keeps it: what is found now is found again by the key of its strokes.
+    at = float(np.float32(x)), float(np.float32(y))
+    new = MarkedSubject(name, (Stroke(frame, (at,)),))
+    mask = clip.carried(new).mask(frame)
+    if not _is_subject(mask, clip.carried(new).strokes_in(frame)[0]):
+        return None
+    for known in clip.every_subject:
+        if overlap_of(mask, known.mask(frame)) >= SAME_PERSON:
+            # The click was beside its outline.
+            return replace(clip.subject_place(known.name, frame), xy=(x, y))
+    marked = marking(new)
+    frames = sorted(map(int, clip.reconstruction.frames), key=lambda other: abs(other - frame))
+    for number, other in enumerate(frames):
+        with part(number, len(frames)):
+            marked.subject(name, other)
+    return replace(marked.subject_place(name, frame), xy=(x, y), marks=new)
+
+
+def _is_subject(mask: Mask, click: Mask) -> bool:
+    """Whether a mask (h, w) is larger than the click (h, w) alone, and no background."""
+    return bool(np.count_nonzero(mask & ~click) >= LEAST and mask.mean() <= LARGEST)
+
+
+def _is_masked(clip: ClipContext, frame: int, x: float, y: float) -> bool:
+    """Whether the user's masks show a subject at a place: they are its outline already."""
+    mask = clip.masks(frame) if clip.masks else None
+    if mask is None:
+        return False
+    rows, columns = mask.shape
+    return bool(mask[min(int(y * rows), rows - 1), min(int(x * columns), columns - 1)] > FAINTEST)

@@ -1,0 +1,77 @@
+"""The nearest person of a clip, who is in focus before anybody has picked anything."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+
+from ..base.arrays import Bytes, Mask
+from ..focus.place import Place
+from ..subjects.networks import Networks
+from ..subjects.people import SMALLEST
+from ..subjects.pictures import displayed
+from .clip_context import ClipContext
+
+HEAD = 1 / 3
+"""Share of a person's height, from the top, in which the face is."""
+FACE = 0.5
+"""Probability from which on a face is one."""
+
+
+def nearest_person(clip: ClipContext, networks: Networks | None = None) -> Place | None:
+    """Find the nearest person in the first frame that shows one.
+
+    Args:
+        clip: The clip.
+        networks: Those that find the face; by default those of the extension.
+
+    Returns:
+        The whole person, followed through the clip, at the face where one is seen; None without people.
+
+    Raises:
+        UserError: If a frame cannot be read.
+    """
+    people = clip.people if clip.may_focus_on_subjects else []
+    for frame in map(int, clip.reconstruction.frames if people else ()):
+        shown = [person for person in people if person.mask(frame).mean() >= SMALLEST]
+        if not shown:
+            continue
+        places = [clip.subject_place(person.name, frame) for person in shown]
+        nearest = int(np.argmin([place.distance for place in places]))
+        mask = shown[nearest].mask(frame)
+        xy = face_of(networks or Networks(), displayed(clip.read(frame)), mask)
+        return replace(places[nearest], source="the nearest person", xy=xy or middle_of(mask))
+    return None
+
+
+def face_of(networks: Networks, picture: Bytes, person: Mask) -> tuple[float, float] | None:
+    """Find a person's face.
+
+    Args:
+        networks: The networks.
+        picture: (H, W, 3) uint8 RGB, display-encoded.
+        person: (h, w) the person's pixels, at any size; not empty.
+
+    Returns:
+        Its centre in shares of the picture, (0, 0) top left; None where no face is seen on the person.
+    """
+    mask = cv2.resize(person.astype(np.uint8), picture.shape[1::-1], interpolation=cv2.INTER_NEAREST) > 0
+    rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
+    bottom = rows[0] + max(round(HEAD * len(range(rows[0], rows[-1] + 1))), 1)
+    upper = np.s_[rows[0] : bottom, columns[0] : columns[-1] + 1]
+    height, width = mask.shape
+    for face in networks.faces(np.ascontiguousarray(picture[upper]), FACE) if networks.exist else ():
+        x, y = (face.box[:2] + face.box[2:]) / 2 + [columns[0], rows[0]]
+        if 0 <= x < width and 0 <= y < bottom and mask[int(y), int(x)]:
+            return float(x / width), float(y / height)
+    return None
+
+
+def middle_of(mask: Mask) -> tuple[float, float]:
+    """Return the pixel of a mask (h, w), not empty, that is nearest to its centroid, as shares of the
+    picture."""
+    at = np.argwhere(mask)
+    y, x = at[np.linalg.norm(at - at.mean(axis=0), axis=1).argmin()] + 0.5
+    return float(x / mask.shape[1]), float(y / mask.shape[0])

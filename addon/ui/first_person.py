@@ -1,0 +1,130 @@
+"""The nearest person in focus after a solve, found in the background while nobody has picked a focus."""
+
+from __future__ import annotations
+
+import contextlib
+from dataclasses import dataclass
+
+import bpy
+from bpy.app.handlers import persistent
+
+from ..core.base.errors import UserError
+from ..core.focus.place import Place
+from ..core.frame.first_person import nearest_person
+from ..scene import aperture_cloud, focus_marks, redraw
+from ..scene.shot import IDENTITY, points_mesh, shot_of
+from .work import Work
+
+LOOK = 0.5
+"""Seconds between two looks at the search."""
+
+
+@dataclass(frozen=True)
+class Search:
+    """A search for the nearest person that is under way."""
+
+    work: Work[Place | None]
+    scene: str
+    """The scene's name: it may be renamed or removed meanwhile."""
+    solve: str
+    """Identity of the solve that it looks in."""
+
+    def settings(self) -> bpy.types.PropertyGroup | None:
+        """The settings that still wait for the result; None where the focus was picked or the clip solved
+        again meanwhile."""
+        scene = bpy.data.scenes.get(self.scene)
+        if scene is None or scene.virtual_aperture.points is None:
+            return None
+        settings = scene.virtual_aperture
+        waits = settings.marks.is_first and _identity(settings) == self.solve
+        return settings if waits else None
+
+
+_search: Search | None = None
+
+
+def focus(scene: bpy.types.Scene) -> None:
+    """Put the nearest person in focus where nobody has picked a focus: in the window once one is found, else
+    now. UserError as of `shot_of` and `nearest_person`."""
+    global _search
+    settings = scene.virtual_aperture
+    stop()
+    if not settings.marks.is_first:
+        return
+    if bpy.app.background:
+        _put(settings, nearest_person(shot_of(scene).context))
+        return
+    # The preview works with the scene's own shot meanwhile.
+    apart = shot_of(scene).apart()
+    work = Work(lambda: nearest_person(apart.context), pauses_preview=False)
+    _search = Search(work, scene.name, _identity(settings))
+    if not bpy.app.timers.is_registered(_tick):
+        bpy.app.timers.register(_tick, first_interval=LOOK)
+
+
+def stop() -> None:
+    """End the search that is under way."""
+    global _search
+    if _search is not None:
+        _search.work.cancel()
+    _search = None
+
+
+def _identity(settings: bpy.types.PropertyGroup) -> str:
+    return str(points_mesh(settings).get(IDENTITY))
+
+
+def _put(settings: bpy.types.PropertyGroup, place: Place | None) -> None:
+    if place is not None:
+        focus_marks.put_first(settings, place)
+        aperture_cloud.update(settings)
+
+
+def _is_operating() -> bool:
+    """Whether an operator of the extension waits for the mouse, whose step of undo comes first."""
+    windows = bpy.context.window_manager.windows
+    modal = (operator.bl_idname for window in windows for operator in window.modal_operators)
+    return any(name.startswith("VIRTUAL_APERTURE_OT_") for name in modal)
+
+
+def _tick() -> float | None:
+    """A timer's turn; None when the search has ended."""
+    search = _search
+    if search is None:
+        return None
+    settings = search.settings()
+    if settings is None:
+        stop()
+        return None
+    if not search.work.ended() or _is_operating():
+        return LOOK
+    stop()
+    # An unreadable frame is reported where it is rendered; the focus is as it was.
+    if isinstance(search.work.error, UserError):
+        return None
+    place = search.work.result()
+    _put(settings, place)
+    if place is not None:
+        window = bpy.context.window_manager.windows[0]
+        with bpy.context.temp_override(window=window):
+            bpy.ops.ed.undo_push(message="Focus on Nearest Person")
+        redraw.panels()
+    return None
+
+
+@persistent
+def _on_leave(*_: object) -> None:
+    stop()
+
+
+def register() -> None:
+    """End the search when another file is opened."""
+    bpy.app.handlers.load_pre.append(_on_leave)
+
+
+def unregister() -> None:
+    """Undo `register`, and end the search."""
+    stop()
+    with contextlib.suppress(ValueError):
+        bpy.app.timers.unregister(_tick)
+    bpy.app.handlers.load_pre.remove(_on_leave)

@@ -1,0 +1,103 @@
+"""A click on a subject that nobody has marked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from addon.core.base.arrays import Bytes
+from addon.core.base.errors import UserError
+from addon.core.depth.multi_view_stereo import DenseDepth
+from addon.core.focus.place import Place
+from addon.core.frame.clicked import clicked
+from addon.core.frame.clip_context import ClipContext
+from addon.core.subjects.clip_subjects import ClipSubjects
+from addon.core.subjects.networks import Networks
+from addon.core.subjects.strokes import MarkedSubject
+
+from . import walls
+from .walls import HEIGHT, LENS, WIDTH, disc, filmed, overlap, place
+
+FRAME, FEW = 16, tuple(range(11, 22))
+
+
+def click(clip: ClipContext, x: float, y: float, name: str = "Subject") -> Place:
+    """What a click at pixels of `FRAME` puts in focus."""
+
+    def marking(new: MarkedSubject) -> ClipContext:
+        return replace(clip, marked=(*clip.marked, new), known_subjects=clip._subjects)
+
+    return clicked(clip, clip.places(FRAME), x / WIDTH, y / HEIGHT, name, marking)
+
+
+@pytest.fixture(scope="module")
+def clip() -> walls.Filmed:
+    return without_networks(filmed(walls.with_disc, FEW))
+
+
+def without_networks[C: ClipContext](clip: C) -> C:
+    """A clip in which nobody is recognised: its subjects are found by motion."""
+    return replace(clip, known_subjects=ClipSubjects(clip.subjects, Networks(Path("none"))))
+
+
+def test_a_click_on_what_moves_marks_all_of_it(clip: walls.Filmed) -> None:
+    found = click(clip, *place(FRAME), name="Disc")
+    assert found.marks is not None and found.marks.name == "Disc" and "the subject Disc" in found.source
+    assert sorted(found.followed) == list(FEW)
+    assert found.xy == (place(FRAME)[0] / WIDTH, place(FRAME)[1] / HEIGHT)
+    marked = replace(clip, marked=(found.marks,), known_subjects=clip._subjects)
+    assert min(overlap(marked.subject("Disc", frame), disc(frame)) for frame in FEW) > 0.75
+    # The next click finds it, beside its outline, too.
+    again = click(marked, *place(FRAME))
+    assert again.marks is None and "the subject Disc" in again.source
+    assert again.distance == pytest.approx(found.distance)
+
+
+def test_a_click_on_what_stands_still_is_as_without_subjects(clip: walls.Filmed) -> None:
+    found = click(clip, 200, 140)
+    assert found.marks is None and not found.followed
+    assert found.distance == pytest.approx(walls.NEAR, rel=0.03)
+    assert str(found) == str(clip.places(FRAME).find(200 / WIDTH, 140 / HEIGHT))
+
+
+@dataclass(frozen=True)
+class Unknown(walls.Filmed):
+    """The clip with features of the near wall alone, and depth that is not sure anywhere."""
+
+    @cached_property
+    def stereo(self) -> Unknown:  # type: ignore[override]
+        return self
+
+    def at(self, frame: int) -> DenseDepth:
+        """What stereo is asked for."""
+        nothing = np.zeros((HEIGHT, WIDTH), np.float32)
+        return DenseDepth(frame, nothing + 0.2, nothing, nothing > 0, LENS)
+
+    def kept(self, frame: int) -> None:
+        """Nothing."""
+
+
+def test_a_click_where_nothing_is_known_marks_a_subject_but_no_background() -> None:
+    clip = unknown(walls.with_disc)
+    x, y = place(FRAME)
+    with pytest.raises(UserError, match="of frame 16 is unknown"):
+        clip.places(FRAME).find(x / WIDTH, y / HEIGHT)
+    found = click(clip, x, y)
+    assert found.marks is not None and found.distance < walls.FAR
+    with pytest.raises(UserError, match="of frame 16 is unknown"):
+        click(unknown(walls.still), 30, 30)
+
+
+def unknown(shown: Callable[[int], Bytes]) -> Unknown:
+    """A clip of pictures, of which nothing is known around the disc."""
+    made = filmed(shown, FEW)
+    images = []
+    for image in made.reconstruction.images:
+        far = image.xy[:, 1] > walls.EDGE
+        images.append(replace(image, xy=image.xy[far], points=image.points[far]))
+    return without_networks(Unknown(replace(made.reconstruction, images=tuple(images)), shown))

@@ -1,0 +1,92 @@
+"""The nearest person, who is in focus before anybody has picked anything."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from addon.core.base.arrays import Mask
+from addon.core.focus.focus import Focus
+from addon.core.focus.place import Place
+from addon.core.frame.first_person import face_of, middle_of, nearest_person
+from addon.core.media.clip import open_footage
+from addon.core.subjects.clip_subjects import ClipSubject
+from addon.core.subjects.cut import Cut
+from addon.core.subjects.networks import Networks
+from addon.core.subjects.people import people
+from addon.core.subjects.pictures import displayed, small
+
+from . import walls
+from .figures import figure
+from .walls import HEIGHT, WIDTH
+
+NONE = Networks(Path("none"))
+NAMES = {"far": 7.0, "near": 3.0, "late": 1.0}
+"""People, and how far away they are."""
+
+
+def standing(name: str, frame: int) -> Mask:
+    """(h, w) where a person is: nobody in the first frame, and `late` from frame 5 on."""
+    mask = np.zeros((HEIGHT, WIDTH), bool)
+    if frame >= (5 if name == "late" else 2):
+        left = 40 * (1 + list(NAMES).index(name))
+        mask[40:120, left : left + 20] = True
+    return mask
+
+
+@dataclass(frozen=True)
+class Crowd(walls.Filmed):
+    """A clip of people who are known."""
+
+    @cached_property
+    def people(self) -> list[ClipSubject]:
+        def cut(name: str, frame: int) -> Cut:
+            known = Cut.known(walls.still(frame), standing(name, 5).astype(np.float32), 1.0)
+            return replace(known, share=standing(name, frame).astype(np.float32))
+
+        return [ClipSubject(name, name, lambda frame, name=name: cut(name, frame)) for name in NAMES]
+
+    def subject_place(self, name: str, frame: int) -> Place:
+        away = NAMES[name]
+        followed = dict.fromkeys(walls.FRAMES, away)
+        return Place(Focus(distance=away), frame, away, name, followed=followed)
+
+
+def test_the_nearest_person_in_the_first_frame_that_shows_one_is_in_focus() -> None:
+    clip = walls.filmed(walls.still)
+    found = nearest_person(Crowd(clip.reconstruction, clip.read), NONE)
+    assert found is not None and (found.frame, found.distance) == (2, NAMES["near"])
+    assert found.source == "the nearest person" and sorted(found.followed) == list(walls.FRAMES)
+    assert found.xy == pytest.approx((90 / WIDTH, 80 / HEIGHT), abs=0.01)
+
+
+def test_without_people_nobody_is_in_focus() -> None:
+    clip = walls.filmed(walls.still, (1, 2, 3))
+    assert nearest_person(clip) is None
+
+
+def test_the_middle_of_a_person_is_on_it() -> None:
+    ring = cv2.circle(np.zeros((60, 80), np.uint8), (40, 30), 20, 1, 4) > 0
+    x, y = middle_of(ring)
+    assert ring[int(y * 60), int(x * 80)]
+
+
+def test_without_a_face_there_is_none() -> None:
+    """The drawn person has a head and no face."""
+    person = (np.abs(figure().astype(int) - figure()[0, 0]).sum(axis=2)) > 30
+    assert face_of(Networks(), figure(), person) is None
+
+
+def test_a_face_is_found_on_a_person(data: Path) -> None:
+    """Of two who talk, the one who faces the camera."""
+    networks = Networks()
+    if not networks.exist:
+        pytest.skip("the networks are not in addon/networks: run tools/networks.py")
+    stored = open_footage(data / "clips" / "people_two_talk_street_1.mp4").read(37)
+    (person,) = people(networks, small(stored))
+    assert face_of(networks, displayed(stored), person.mask) == pytest.approx((0.571, 0.392), abs=0.02)

@@ -1,0 +1,44 @@
+"""The nearest person in focus after a solve."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+import pytest
+
+from addon.core.focus.focus import Focus
+from addon.core.focus.place import Place
+from addon.core.media.clip import open_footage
+from addon.core.subjects.networks import Networks
+from addon.scene import focus_marks
+from addon.scene.build import build
+from addon.ui import first_person, panels
+
+from .. import planes
+from ..recorder import draw
+from ..subjects import walls
+
+FEW = tuple(range(11, 22))
+
+
+def test_the_nearest_person_takes_the_place_of_the_first_focus(
+    scene: bpy.types.Scene, tmp_path: Path
+) -> None:
+    if not Networks().exist:
+        pytest.skip("the networks are not in addon/networks: run tools/networks.py")
+    pictures = [walls.with_person(frame)[..., ::-1] for frame in FEW]
+    footage = open_footage(planes.write_clip(tmp_path / "walls", pictures, FEW[0]))
+    reconstruction = walls.filmed(walls.with_person, FEW).reconstruction
+    settings = build(scene, footage, reconstruction)
+    focus_marks.set_first(settings, reconstruction)
+    assert settings.marks.is_first and not settings.marks.items[0].places[0].get("followed")
+    first_person.focus(scene)
+    (mark,) = settings.marks.items
+    assert settings.marks.is_first and mark.name == "Subject" and mark.frame == FEW[0]
+    assert list(mark.places[0]["followed_frames"]) == list(FEW)
+    assert "In focus: the nearest person" in " ".join(draw(panels.main.VIRTUAL_APERTURE_PT_main).texts)
+    # Another focus that somebody has picked stays.
+    focus_marks.put(settings, FEW[2], [Place(Focus(distance=5.0), FEW[2], 5.0, "a distance")])
+    first_person.focus(scene)
+    assert not settings.marks.is_first and settings.marks.items[0].distance == 5.0
