@@ -23,6 +23,7 @@ from bpy.props import (
 
 from ..core.base.errors import UserError
 from ..core.camera.reconstruction import Reconstruction
+from ..core.depth.sparse import point_inverse_depths
 from ..core.focus.first_focus import first_place
 from ..core.focus.focus import Focus
 from ..core.focus.place import Place
@@ -290,6 +291,11 @@ def set_first(settings: bpy.types.PropertyGroup, reconstruction: Reconstruction)
     place = first_place(reconstruction, frame)
     if place is None:
         return
+    points = np.array(place.focus.points, np.int32)
+    inverse = [point_inverse_depths(reconstruction, int(each), points) for each in reconstruction.frames]
+    if np.isnan(inverse).all(axis=1).any():
+        # The camera turns away from it.
+        place = replace(place, focus=Focus(distance=place.distance))
     put(settings, frame, [place])
     settings.marks.is_first = True
 
