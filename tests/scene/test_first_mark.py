@@ -32,6 +32,23 @@ def test_a_camera_that_turns_away_from_the_first_focus_keeps_its_distance(
     assert focus.inverse_depth(turned, last.frame) == distance
 
 
+def test_a_camera_that_passes_the_first_focus_keeps_its_distance(
+    scene: bpy.types.Scene, tmp_path: Path
+) -> None:
+    shot = slanted_shot(tmp_path / "clip", LENS)
+    first, *others, last = shot.reconstruction.images
+    settings = build(scene, shot.footage, shot.reconstruction)
+    focus_marks.set_first(settings, shot.reconstruction)
+    distance = settings.focus_distance
+    focus_marks.clear(settings)
+    lens.clear_points(settings)
+    near = replace(last, translation=last.translation - [0.0, 0.0, 0.8 * distance])
+    moved = replace(shot.reconstruction, images=(first, *others, near))
+    settings = build(scene, shot.footage, moved)
+    focus_marks.set_first(settings, moved)
+    assert settings.marks.is_first and not lens.focus_of(settings).points
+
+
 def test_points_stay_in_focus_where_every_camera_has_them_ahead(
     scene: bpy.types.Scene, tmp_path: Path
 ) -> None:
