@@ -23,6 +23,7 @@ from bpy.props import (
 
 from ..core.base.errors import UserError
 from ..core.camera.reconstruction import Reconstruction
+from ..core.depth.sparse import point_inverse_depths
 from ..core.focus.first_focus import first_place
 from ..core.focus.focus import Focus
 from ..core.focus.place import Place
@@ -31,6 +32,10 @@ from . import focus_curve, lens
 from .shot import reconstruction_of
 from .timeline import clip_frame
 
+NEARER = 3.0
+"""Times that the first focus may come nearer before it stays at its distance instead. In a clip of a
+restaurant the camera passes its points: at their distance, discs of all else are as wide as a quarter of the
+picture."""
 FOLLOWED, FOLLOWED_FRAMES = "followed", "followed_frames"
 """Custom properties of a place on a moving object: its distances, and the frames of those."""
 
@@ -288,8 +293,15 @@ def set_first(settings: bpy.types.PropertyGroup, reconstruction: Reconstruction)
         return
     frame = int(reconstruction.frames[0])
     place = first_place(reconstruction, frame)
-    if place is not None:
-        put_first(settings, place)
+    if place is None:
+        return
+    points = np.array(place.focus.points, np.int32)
+    inverse = [point_inverse_depths(reconstruction, int(each), points) for each in reconstruction.frames]
+    ahead, nearest = (~np.isnan(inverse)).any(axis=1), np.nanmax(inverse)
+    if not ahead.all() or nearest * place.distance > NEARER:
+        # The camera turns away from it, or passes it, and a lens of this aperture would blur all else away.
+        place = replace(place, focus=Focus(distance=place.distance))
+    put_first(settings, place)
 
 
 def put_first(settings: bpy.types.PropertyGroup, place: Place) -> None:
