@@ -18,7 +18,7 @@ SEEN: dict[str, dict[str, str]] = {
         "vehicle_scooter_davis_1": "click: whole and sharp, specks of sharp foliage behind it",
         "still_garden_shaky_1": "as a lens; a pale arc in the sky beside the lamp post",
         "still_roof_hlg10_rot_1": "small blur, right",
-        "night_hall_lights_1": "discs grow with distance, right",
+        "night_hall_lights_1": "discs grow with distance; as small as in the sheet no fault is seen",
         "plant_on_desk": "click refused; nothing picked: small blur, right",
         "duck": "right",
         "room": "click: sofa sharp, door frame before it blurred, right; nothing picked: refused",
