@@ -1,6 +1,6 @@
 """What automatic subjects cost in still scenes, and gain in scenes with moving objects.
 
-`python -m benchmarks.accuracy.automatic_subjects [--scenes ...] [--clips ...]`: for scenes PSNR against the
+`python -m benchmarks.special automatic_subjects [--scenes ...] [--clips ...]`: for scenes PSNR against the
 real lens at 32 px, in the whole picture, near depth jumps and around subjects, with automatic subjects off,
 always on, and as the product decides (`addon/core/subjects/gate.py`); for real clips the decision alone.
 *tracks* is the number of moving tracks that two sampled frames in a row both have, the best two of the clip.
