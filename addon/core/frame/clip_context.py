@@ -10,8 +10,6 @@ import cv2
 import numpy as np
 
 from ..base.arrays import Floats, LinearRGBA, Map, Mask
-from ..base.errors import UserError
-from ..base.lru_cache import LRUCache
 from ..base.progress import stage
 from ..base.reused_memory import ReusedMemory
 from ..camera.canvas import Canvas
@@ -21,8 +19,7 @@ from ..depth.completed_depth import CompletedDepth
 from ..depth.depth_store import DepthStore
 from ..depth.matching import Matcher, winning_levels
 from ..depth.multi_view_stereo import Moving, PlaneSweepStereo, StereoOptions
-from ..depth.object_tracks import Subject
-from ..depth.source import FAINTEST, DepthSource, FirstKnown, PixelDepth
+from ..depth.source import DepthSource, FirstKnown, PixelDepth
 from ..depth.sparse import DepthSamples
 from ..depth.sparse_depth import SparseDepth
 from ..depth.stereo_depth import NoDepth, StereoDepth
@@ -33,20 +30,14 @@ from ..media.clip import to_linear
 from ..media.noise import Noise, measured
 from ..media.picture_file import Pixels
 from ..subjects.carried import CarriedSubject
-from ..subjects.clip_subjects import ClipSubject, ClipSubjects, united
-from ..subjects.distance import SubjectDistance
+from ..subjects.clip_subjects import ClipSubject, ClipSubjects
 from ..subjects.found import FoundSubjects
-from ..subjects.matte import matte
-from ..subjects.pictures import displayed
-from ..subjects.standing import Standing
 from ..subjects.strokes import MarkedSubject
 from ..warp.disocclusion_fill import DisocclusionFill, HiddenColours
 from .highlights import RESTORED, ClipHighlights, HighlightSettings
+from .moving_parts import MovingParts
 from .own_lens import OwnLens, own_lens
 from .quality import NORMAL, Quality
-
-KEPT_MASKS = 64
-"""Masks of what moves that are remembered: of the frames around one, from which hidden colours come."""
 
 
 @dataclass(frozen=True)
@@ -113,84 +104,42 @@ class ClipContext:
         store = self._store_of(quality)
         single_frame = PlaneSweepStereo(
             self.reconstruction, self.read, quality.stereo, self.moving, finds_motion=False,
-            subjects=self._placed_subjects, unmatched=self.left_out, unseen=self.masks or _nothing,
+            subjects=self._parts.placed, unmatched=self.left_out, unseen=self.masks or _nothing,
             matcher=self.matcher,
         )  # fmt: skip
         return TemporalFusion(self.reconstruction, single_frame, store, quality.fusion)
 
-    def _placed_subjects(self) -> list[Subject]:
-        return [Subject(each.mask, self._distance(each).inverse_depth) for each in self.every_subject]
-
     def moving(self, frame: int) -> Mask | None:
-        """(h, w) moving pixels of a frame, over the source frame at any size: those of subjects, found or
-        marked, and of masks; None where there are none of these. It is the same in every quality. Errors as
-        of `FoundSubjects.mask`."""
-        return self._moving.get(frame, lambda: self._all_moving(frame, alone=False))
+        """Return the moving pixels of a frame; see `MovingParts.mask`."""
+        return self._parts.mask(frame)
 
     def left_out(self, frame: int) -> Mask | None:
-        """(h, w) as `moving`, of frames that others take depth and colours from: by their own evidence alone,
-        so that one frame does not ask for dozens."""
-        return self._left_out.get(frame, lambda: self._all_moving(frame, alone=True))
+        """Return the pixels of a frame that others take no depth and colours from; see
+        `MovingParts.left_out`."""
+        return self._parts.left_out(frame)
 
     def subject(self, name: str, frame: int) -> Mask:
-        """(h, w) a marked subject in a frame, over the source frame at any size; UserError for a name that no
+        """Return a subject (h, w) in a frame, over the source frame at any size; UserError for a name that no
         subject has, else as of `FoundSubjects.mask`."""
-        return self._named(name).mask(frame)
+        return self._parts.named(name).mask(frame)
 
-    def _named(self, name: str) -> ClipSubject:
-        """A subject by its name; UserError for a name that no subject has."""
-        marked = next((each for each in self.marked if each.name == name), None)
-        if marked is not None:
-            return self._subjects.marked(marked)
-        found = next((each for each in self.every_subject if each.name == name), None)
-        if found is None:
-            names = ", ".join(each.name for each in self.every_subject) or "none"
-            raise UserError(f"there is no subject {name!r}; there are: {names}")
-        return found
-
-    @cached_property
+    @property
     def every_subject(self) -> list[ClipSubject]:
         """The subjects that are marked, and the people who are not among them."""
-        return [*(self._subjects.marked(each) for each in self.marked), *self.people]
+        return self._parts.every_subject
 
-    @cached_property
+    @property
     def people(self) -> list[ClipSubject]:
         """The people of the clip whom no marked subject covers."""
-        return self._subjects.others([self._subjects.marked(each) for each in self.marked])
-
-    def subject_at(self, frame: int, x: float, y: float) -> ClipSubject | None:
-        """Return the subject at fractions x, y of a frame's picture, (0, 0) top left; None elsewhere. Errors
-        as of `subject`."""
-        for each in self.every_subject:
-            mask = each.mask(frame)
-            rows, columns = mask.shape
-            if mask[min(int(y * rows), rows - 1), min(int(x * columns), columns - 1)]:
-                return each
-        return None
-
-    def _all_moving(self, frame: int, alone: bool) -> Mask | None:
-        """(h, w) moving pixels that were found in a frame, by its own evidence or also by that of frames
-        around, with marked subjects and masks.
-
-        In photos nothing is found: which of them were taken before or after is not known, nor how much later.
-        """
-        subjects = [each.mask(frame) for each in self.every_subject]
-        if self.reconstruction.is_ordered:
-            found = self.subjects.mask_alone(frame) if alone else self.subjects.mask(frame)
-            if found is not None:
-                subjects.append(without_known(found, united(subjects)) if subjects else found)
-        said = self.masks(frame) if self.masks else None
-        if not subjects:
-            return None if said is None else np.asarray(said > FAINTEST)
-        all_found = united(subjects)
-        if said is None:
-            return all_found
-        larger = cv2.resize(all_found.astype(np.uint8), said.shape[1::-1], interpolation=cv2.INTER_LINEAR)
-        return np.asarray((said > FAINTEST) | (larger > 0))
+        return self._parts.people
 
     def carried(self, marked: MarkedSubject) -> CarriedSubject:
-        """A marked subject in the frames of the clip; what was carried is remembered."""
+        """Return a marked subject in the frames of the clip; what was carried is remembered."""
         return self._subjects.carried(marked)
+
+    @cached_property
+    def _parts(self) -> MovingParts:
+        return MovingParts(self.reconstruction, self.read, self._subjects, self.marked, self.masks)
 
     @property
     def subjects(self) -> FoundSubjects:
@@ -201,18 +150,6 @@ class ClipContext:
     def _subjects(self) -> ClipSubjects:
         found = FoundSubjects(self.reconstruction, self.read, self.masks, matcher=self.matcher)
         return self.known_subjects or ClipSubjects(found)
-
-    @cached_property
-    def _moving(self) -> LRUCache[Mask | None]:
-        return LRUCache(KEPT_MASKS)
-
-    @cached_property
-    def _left_out(self) -> LRUCache[Mask | None]:
-        return LRUCache(KEPT_MASKS)
-
-    @cached_property
-    def _mask_store(self) -> DepthStore | None:
-        return self._store_of(NORMAL)
 
     def _store_of(self, quality: Quality) -> DepthStore | None:
         """The one store of a quality: each counts what it writes."""
@@ -314,7 +251,9 @@ class ClipContext:
         if self.reconstruction.stays:
             return FirstKnown((*given, *([] if maps is None else [maps]), NoDepth(), sparse))
         better = self.stereo_of(quality.better) if quality.better else None
-        stereo = StereoDepth(self.stereo_of(quality), better, partial(self._opacity, quality))
+        stereo = StereoDepth(
+            self.stereo_of(quality), better, self._parts.opacity if quality.finds_subjects else self._masked
+        )
         return FirstKnown((*given, stereo if maps is None else CompletedDepth(stereo, maps), sparse))
 
     def has_depth(self, frame: int, quality: Quality) -> bool:
@@ -341,48 +280,22 @@ class ClipContext:
         """The whole subject at a place of a frame, in focus; None beside all of them."""
         if not self.may_focus_on_subjects:
             return None
-        subject = self.subject_at(frame, x, y)
+        subject = self._parts.at(frame, x, y)
         return None if subject is None else replace(self._focus_on(subject, frame), xy=(x, y))
 
     def subject_place(self, name: str, frame: int) -> Place:
         """A subject as a place in focus, followed through the clip; errors as of `subject`."""
-        return self._focus_on(self._named(name), frame)
+        return self._focus_on(self._parts.named(name), frame)
 
     def _focus_on(self, subject: ClipSubject, frame: int) -> Place:
         subject.mask(frame)
         source = self.reconstruction, self.depth_source(), subject.mask, frame, subject.name
         if self.given_depth is not None or self.maps is not None:
             return subject_place(*source)
-        return subject_place(*source, self._distance(subject).inverse_depth)
+        return subject_place(*source, self._parts.distance(subject).inverse_depth)
 
-    def _distance(self, subject: ClipSubject) -> SubjectDistance:
-        """How far a subject is through the clip."""
-        if subject.key not in self._distances:
-            standing = Standing(self.subjects.plates, self._known_moving)
-            self._distances[subject.key] = SubjectDistance(
-                self._subjects.pictures, subject.mask, partial(standing.inverse_depths, subject.mask)
-            )
-        return self._distances[subject.key]
-
-    def _known_moving(self, frame: int) -> Mask:
-        """(h, w) all subjects in a frame; there is at least one."""
-        return united([each.mask(frame) for each in self.every_subject])
-
-    @cached_property
-    def _distances(self) -> dict[str, SubjectDistance]:
-        return {}
-
-    def _opacity(self, quality: Quality, frame: int) -> Map | Mask | None:
-        """(H, W) in [0, 1], the opacity of subjects and of what masks show; None where neither is known."""
-        said = self.masks(frame) if self.masks else None
-        known = self.every_subject if quality.finds_subjects else []
-        if not known:
-            return said
-        picture = displayed(self.read(frame))
-        mattes = [matte(picture, each.share(frame)) for each in known]
-        if said is not None:
-            mattes.append(cv2.resize(np.asarray(said, np.float32), picture.shape[1::-1]))
-        return np.asarray(np.maximum.reduce(mattes))
+    def _masked(self, frame: int) -> Map | Mask | None:
+        return self.masks(frame) if self.masks else None
 
     @cached_property
     def texture_memory(self) -> ReusedMemory:
@@ -428,16 +341,6 @@ class ClipContext:
 
 def _nothing(frame: int) -> None:
     """A mask of which nothing is known."""
-
-
-def without_known(found: Mask, known: Mask) -> Mask:
-    """Return moving pixels (h, w) without the connected parts that known subjects (H, W) mostly cover."""
-    covered = cv2.resize(known.astype(np.uint8), found.shape[1::-1], interpolation=cv2.INTER_NEAREST)
-    number, labels, stats, _ = cv2.connectedComponentsWithStats(found.astype(np.uint8))
-    shared = np.bincount(labels[covered > 0], minlength=number)
-    kept = 2 * shared < stats[:, cv2.CC_STAT_AREA]
-    kept[0] = False
-    return np.asarray(kept[labels])
 
 
 def no_picture(frame: int) -> Pixels:

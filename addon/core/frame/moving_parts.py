@@ -1,0 +1,152 @@
+"""The moving parts of a clip's frames: subjects that are found or marked, and masks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property, partial
+
+import cv2
+import numpy as np
+
+from ..base.arrays import Map, Mask
+from ..base.errors import UserError
+from ..base.lru_cache import LRUCache
+from ..camera.reconstruction import Reconstruction
+from ..depth.multi_view_stereo import Moving
+from ..depth.object_tracks import Subject
+from ..depth.source import FAINTEST
+from ..media.picture_file import Pixels
+from ..subjects.clip_subjects import ClipSubject, ClipSubjects, united
+from ..subjects.distance import SubjectDistance
+from ..subjects.matte import matte
+from ..subjects.pictures import displayed
+from ..subjects.standing import Standing
+from ..subjects.strokes import MarkedSubject
+
+KEPT_MASKS = 64
+"""Masks of moving pixels that are remembered: those of the frames around one, from which hidden colours
+come."""
+
+
+@dataclass(frozen=True)
+class MovingParts:
+    """Which pixels of each frame move, and how far they are. Errors as of `FoundSubjects.mask`."""
+
+    reconstruction: Reconstruction
+    read: Callable[[int], Pixels]
+    """A frame's picture (H, W, 3 or 4) as `Footage.read` gives it."""
+    subjects: ClipSubjects
+    """Where subjects are found."""
+    marked: tuple[MarkedSubject, ...]
+    """Subjects that the user has marked by strokes."""
+    masks: Moving | None
+    """The opacity in [0, 1] of moving pixels by the user's masks, (h, w) of a source frame at any size."""
+
+    @cached_property
+    def every_subject(self) -> list[ClipSubject]:
+        """The subjects that are marked, and the people who are not among them."""
+        return [*(self.subjects.marked(each) for each in self.marked), *self.people]
+
+    @cached_property
+    def people(self) -> list[ClipSubject]:
+        """The people of the clip whom no marked subject covers."""
+        return self.subjects.others([self.subjects.marked(each) for each in self.marked])
+
+    def named(self, name: str) -> ClipSubject:
+        """Return a subject by its name; UserError for a name that no subject has."""
+        marked = next((each for each in self.marked if each.name == name), None)
+        if marked is not None:
+            return self.subjects.marked(marked)
+        found = next((each for each in self.every_subject if each.name == name), None)
+        if found is None:
+            names = ", ".join(each.name for each in self.every_subject) or "none"
+            raise UserError(f"there is no subject {name!r}; there are: {names}")
+        return found
+
+    def at(self, frame: int, x: float, y: float) -> ClipSubject | None:
+        """Return the subject at fractions x, y of a frame's picture, (0, 0) top left; None beside all."""
+        for each in self.every_subject:
+            mask = each.mask(frame)
+            rows, columns = mask.shape
+            if mask[min(int(y * rows), rows - 1), min(int(x * columns), columns - 1)]:
+                return each
+        return None
+
+    def mask(self, frame: int) -> Mask | None:
+        """Return the moving pixels (h, w) of a frame, over the source frame at any size: those of subjects,
+        found or marked, and of masks; None where there are none of these. Each quality has the same."""
+        return self._masks.get(frame, lambda: self._moving(frame, self.subjects.found.mask))
+
+    def left_out(self, frame: int) -> Mask | None:
+        """Return (h, w) as `mask`, of frames that others take depth and colours from: by their own evidence
+        alone, so that one frame does not need that of dozens."""
+        return self._left_out.get(frame, lambda: self._moving(frame, self.subjects.found.mask_alone))
+
+    def placed(self) -> list[Subject]:
+        """Return every subject with its distance."""
+        return [Subject(each.mask, self.distance(each).inverse_depth) for each in self.every_subject]
+
+    def distance(self, subject: ClipSubject) -> SubjectDistance:
+        """Return the distance of a subject through the clip."""
+        if subject.key not in self._distances:
+            standing = Standing(self.subjects.found.plates, self._known)
+            self._distances[subject.key] = SubjectDistance(
+                self.subjects.pictures, subject.mask, partial(standing.inverse_depths, subject.mask)
+            )
+        return self._distances[subject.key]
+
+    def opacity(self, frame: int) -> Map | Mask | None:
+        """Return the opacity (H, W) in [0, 1] of subjects and masks; None where neither is known."""
+        masked = self.masks(frame) if self.masks else None
+        if not self.every_subject:
+            return masked
+        picture = displayed(self.read(frame))
+        mattes = [matte(picture, each.share(frame)) for each in self.every_subject]
+        if masked is not None:
+            mattes.append(cv2.resize(np.asarray(masked, np.float32), picture.shape[1::-1]))
+        return np.asarray(np.maximum.reduce(mattes))
+
+    def _known(self, frame: int) -> Mask:
+        """(h, w) all subjects in a frame; there is at least one."""
+        return united([each.mask(frame) for each in self.every_subject])
+
+    def _moving(self, frame: int, find: Callable[[int], Mask | None]) -> Mask | None:
+        """(h, w) subjects and masks of a frame, and moving pixels that a function finds.
+
+        In photos nothing is found: their order in time is not known.
+        """
+        subjects = [each.mask(frame) for each in self.every_subject]
+        if self.reconstruction.is_ordered and (found := find(frame)) is not None:
+            subjects.append(without_known(found, united(subjects)) if subjects else found)
+        masked = self.masks(frame) if self.masks else None
+        if not subjects:
+            return None if masked is None else np.asarray(masked > FAINTEST)
+        if masked is None:
+            return united(subjects)
+        whole = cv2.resize(
+            united(subjects).astype(np.uint8), masked.shape[1::-1], interpolation=cv2.INTER_LINEAR
+        )
+        return np.asarray((masked > FAINTEST) | (whole > 0))
+
+    @cached_property
+    def _masks(self) -> LRUCache[Mask | None]:
+        return LRUCache(KEPT_MASKS)
+
+    @cached_property
+    def _left_out(self) -> LRUCache[Mask | None]:
+        return LRUCache(KEPT_MASKS)
+
+    @cached_property
+    def _distances(self) -> dict[str, SubjectDistance]:
+        return {}
+
+
+def without_known(found: Mask, known: Mask) -> Mask:
+    """Return moving pixels (h, w) without the connected parts that known subjects (H, W) mostly cover."""
+    covered = cv2.resize(known.astype(np.uint8), found.shape[1::-1], interpolation=cv2.INTER_NEAREST)
+    number, labels, stats, _ = cv2.connectedComponentsWithStats(found.astype(np.uint8))
+    shared = np.bincount(labels[covered > 0], minlength=number)
+    kept = 2 * shared < stats[:, cv2.CC_STAT_AREA]
+    kept[0] = False
+    return np.asarray(kept[labels])
