@@ -1,7 +1,7 @@
 """Subjects of real clips against hand-drawn masks (real data), without a solve.
 
 `python -m benchmarks.special drawn_masks [--clips NAME ...] [--pictures FOLDER]`. *Stroke*: a line down the
-middle of the true mask of the middle frame, carried through the clip. *Automatic*: the people of the clip,
+middle of the true mask nearest the middle frame, carried through the clip. *Automatic*: the people of the clip,
 all of them.
 """
 
@@ -48,7 +48,8 @@ def _judge(name: str, pictures: Path | None) -> None:
     footage = open_footage(DATA / "clips" / f"{name}.mp4")
     truths = {frame: truth for frame in footage.frames if (truth := _truth(name, frame)) is not None}
     small, networks = ClipPictures(footage.frames, footage.read), Networks()
-    middle = footage.frames[len(footage.frames) // 2]
+    half = footage.frames[len(footage.frames) // 2]
+    middle = min(truths, key=lambda frame: abs(frame - half))
     places = stroke(truths[middle], CORNERS)
     line = Stroke(middle, tuple((float(x), float(y)) for x, y in places))
     ways: dict[str, Callable[[int], Mask]] = {
@@ -71,8 +72,8 @@ def _judge(name: str, pictures: Path | None) -> None:
 
 
 def _truth(name: str, frame: int) -> Mask | None:
-    drawn = cv2.imread(str(DATA / "masks" / name / f"{frame - 1:05d}.png"), cv2.IMREAD_GRAYSCALE)
-    return None if drawn is None else np.asarray(drawn > 127)
+    file = DATA / "masks" / name / f"{frame - 1:05d}.png"
+    return np.asarray(cv2.imread(str(file), cv2.IMREAD_GRAYSCALE) > 127) if file.is_file() else None
 
 
 def _sized(mask: Mask, shape: tuple[int, ...]) -> Mask:

@@ -27,6 +27,7 @@ from .odds import (
     stroke_motion,
 )  # fmt: skip
 from .parts import touching
+from .people import overlap_of
 
 SMOOTH_LAMBDA, SMOOTH_SIGMA = 40.0, 12.0
 """Lambda and grey levels of the fast global smoother that brings log-odds to the picture's edges."""
@@ -65,6 +66,9 @@ BOXES = (0.4, 0.2, 1.0)
 the first in which they recognise it counts. One click in each of 16 frames of six clips with drawn masks: in
 the first square the networks' figure has an intersection over union of 0.39 to 0.83 in the 11 frames with
 people and animals; a walker at night is not recognised in the whole picture, a car only there."""
+CARRIER = 0.5
+"""Share of the pixels that move as a stroke, with less of which a figure of the networks is only a part of
+the subject: a rider without the scooter has 0.2 to 0.4, whole people and a cow 0.6 to 0.9."""
 TRUST_LEARNED = 0.2
 """Share of a frame in how far the networks are trusted."""
 
@@ -139,13 +143,15 @@ def first_cut(
     seen, trust = _recognised_first(networks, picture, expected, adds if prior is None else expected)
     if prior is not None:
         share = np.where(adds, 1, prior)
-    elif trust > 0.5:
-        share = probability(seen + marked)
     else:
-        start = _moved(adds, neighbours)
-        start = _grabbed(picture, adds, takes) if start is None else start
-        share = 0.9 * start + 0.05
-        seen, _ = _recognised_from(networks, picture, start > 0.5, Box.around(start > 0.5, CROP))
+        moved = _moved(adds, neighbours)
+        if trust > 0.5 and (moved is None or overlap_of(moved, touching((seen > 0) | adds, adds)) > CARRIER):
+            share = probability(seen + marked)
+        else:
+            start = _grabbed(picture, adds, takes) if moved is None else moved
+            share = 0.9 * start + 0.05
+            seen, _ = _recognised_from(networks, picture, start, Box.around(start, CROP))
+            trust = min(trust, _agreement(seen, start))
     share = np.asarray(np.where(takes, 0, share), np.float32)
     if (share > 0.5).any():
         # Or it would grow again in each iteration.

@@ -42,7 +42,7 @@ class ClipFlow:
         def found() -> Map:
             checkpoint()
             grey = [cv2.cvtColor(self.picture(one), cv2.COLOR_RGB2GRAY) for one in (frame, other)]
-            search = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
+            search = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
             return np.asarray(search.calc(*grey, None), np.float32)  # type: ignore[call-overload]
 
         return self._flows.get(key, found)
