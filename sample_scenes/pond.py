@@ -25,13 +25,6 @@ SIZE = (480, 270)
 FOCAL = 620 / WIDTH
 WET = {"water": (0.8, 0.0)}
 """Of what mirrors: the share of light that is mirrored, and the roughness."""
-PLACES = {
-    "borders": ("reeds", "branches", "rails"),
-    "posts": ("posts",),
-    "tree": ("tree",),
-    "water": ("water",),
-}
-"""Things by what is hard about them."""
 
 
 def stage() -> Stage:

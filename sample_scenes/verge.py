@@ -24,12 +24,6 @@ SIZE = (480, 270)
 FOCAL = 700 / WIDTH
 WET = {"floor": (0.55, 0.0)}
 """Of what mirrors: the share of light that is mirrored, and the roughness."""
-PLACES = {
-    "borders": ("poles", "slats", "twigs", "blades"),
-    "leaves": ("bush",),
-    "floor": ("floor",),
-}
-"""Things by what is hard about them."""
 
 
 def stage() -> Stage:

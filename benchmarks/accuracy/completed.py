@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 
 from addon.core.base.errors import UserError
-from addon.core.depth.temporal_fusion import FusionOptions
+from addon.core.depth.map_fusion import FusionOptions
 from addon.core.frame.clip_context import ClipContext
 from sample_scenes import gloss
 

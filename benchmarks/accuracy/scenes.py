@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from addon.core.camera.reconstruction import Reconstruction
+from addon.core.depth.map_fusion import FusionOptions, level_of, past_border
 from addon.core.depth.multi_view_stereo import DenseDepth
 from addon.core.depth.reprojection import in_place
-from addon.core.depth.temporal_fusion import FusionOptions, level_of, past_border
 from addon.core.media.clip import decode_srgb, encode_srgb
 from addon.render.quiet import quiet
 from sample_scenes import filming, staging, truth

@@ -12,7 +12,7 @@ import pytest
 from addon.core.base.arrays import Floats, Map, Mask
 from addon.core.camera.intrinsics import Intrinsics
 from addon.core.depth.completion import CompletionOptions
-from addon.core.depth.ground_contact import ContactOptions, Plane, ground_below, rays_of
+from addon.core.depth.ground_contact import Plane, ground_below, rays_of
 from addon.core.depth.moving_objects import MovingObjectOptions, place_moving_objects
 from addon.core.depth.object_tracks import MovingObject, OverlapTrack, Sighting, separated
 from addon.core.depth.source import SURE
@@ -124,7 +124,7 @@ def test_a_wall_that_hides_the_feet_is_no_ground() -> None:
     inverse[low] = wall[low]
     body = card([(-0.3, 4.0), (0.3, 4.0)], height=1.7)[0] & ~low
     known = ~cv2.dilate(body.astype(np.uint8), np.ones((7, 7), np.uint8)).astype(bool) & low
-    assert ground_below(body, inverse, known, CAMERA, ContactOptions()) is None
+    assert ground_below(body, inverse, known, CAMERA) is None
 
 
 def test_a_rail_before_a_thing_is_no_ground() -> None:
@@ -136,7 +136,7 @@ def test_a_rail_before_a_thing_is_no_ground() -> None:
     leaning = Plane(0.7 * np.array([0.0, 0.55, 0.8])).inverse_depth(rays())
     inverse[rail] = leaning[rail]
     apart = cv2.dilate(mask.astype(np.uint8), np.ones((7, 7), np.uint8)) == 0
-    found = ground_below(mask, inverse, apart, CAMERA, ContactOptions())
+    found = ground_below(mask, inverse, apart, CAMERA)
     assert found is None or abs(found.normal[1] - 1 / EYE) < 0.01
     depth, _, _ = placed(inverse, separated_as_one(mask))
     assert off(depth, true, mask) < 0.05

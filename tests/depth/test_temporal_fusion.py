@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from addon.core.base.arrays import Floats, Map, Mask
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.depth.depth_store import DepthStore
+from addon.core.depth.map_fusion import FusionOptions, fused, sharpened, without_speckles
 from addon.core.depth.multi_view_stereo import DenseDepth, PlaneSweepStereo
 from addon.core.depth.reprojection import in_place
-from addon.core.depth.temporal_fusion import FusionOptions, TemporalFusion, fused, sharpened, without_speckles
+from addon.core.depth.temporal_fusion import TemporalFusion
 
 from .. import planes
 from ..planes import CENTRES, LENS, MIDDLE, RANGE, clip, features, poses, truth

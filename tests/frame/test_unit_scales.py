@@ -11,9 +11,9 @@ import pytest
 
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
+from addon.core.depth.map_fusion import past_border
 from addon.core.depth.multi_view_stereo import PlaneSweepStereo
 from addon.core.depth.sparse import frame_features
-from addon.core.depth.temporal_fusion import past_border
 from addon.core.focus.focus import Focus
 from addon.core.frame.clip_context import ClipContext
 from addon.core.frame.warped_frame import FrameOptions, WarpedFrame, mesh_frame

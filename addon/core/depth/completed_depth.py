@@ -13,11 +13,11 @@ import numpy as np
 
 from ..base.arrays import LinearRGBA, Map
 from ..camera.canvas import Canvas
+from .map_fusion import FusionOptions, level_of, sharpened
 from .multi_view_stereo import DenseDepth
 from .source import NO_PICTURE, DepthSource, PixelDepth
 from .sparse import DepthSamples
 from .stereo_depth import ORIGIN, StereoDepth, whole_depth
-from .temporal_fusion import FusionOptions, level_of, sharpened
 
 
 @dataclass(frozen=True)

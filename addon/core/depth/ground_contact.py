@@ -1,7 +1,7 @@
 """Where a moving object stands: the ground around it, and the line along which it touches that.
 
 Coordinates are those of a pinhole camera: x right, y down, z forward, in scene units; a ray is (x / z, y / z,
-1).
+1). Constants are set by eye on scenes with true depth, where no other reason is given.
 """
 
 from __future__ import annotations
@@ -14,49 +14,43 @@ import numpy as np
 from ..base.arrays import Floats, Map, Mask
 from ..camera.intrinsics import Intrinsics
 
-
-@dataclass(frozen=True)
-class ContactOptions:
-    """What counts as ground, and as a line of contact with it. By eye on scenes with true depth, but where
-    another reason is told."""
-
-    beside: float = 0.5
-    """Of an object's larger side, around its lowest part in which ground is looked for."""
-    above: float = 0.15
-    """The same upwards: ground behind feet."""
-    below: float = 0.3
-    """The same downwards."""
-    gap: int = 3
-    """Pixels around what moves whose depth may be a mixture."""
-    tolerance: float = 0.03
-    """Share of its inverse depth by which a pixel of the ground may leave the plane."""
-    tries: int = 64
-    """Samples of RANSAC: with half of the pixels on the plane, all fail once in 5,000 objects."""
-    least_pixels: int = 60
-    """Pixels that tell a plane."""
-    least_share: float = 0.5
-    """Share of the pixels there that must lie on the plane."""
-    least_rise: float = 0.5
-    """Cosine between the plane's normal and the picture's vertical from which on it is a ground, 60 degrees:
-    a wall or a hedge behind is none."""
-    most_roll: float = 0.35
-    """Sine of the angle by which it may lean to a side of the picture, 20 degrees: what is guessed of a dark
-    floor leans by more."""
-    steepest: float = 1.0
-    """Depth over width of a line of contact, 45 degrees: what hovers, as a paw that is lifted, seems to be on
-    the ground far behind. With 1.7 an animal's depth is off by up to 0.3, from single frames, with this by
-    0.02."""
-    least_width: float = 0.5
-    """Share of an object's width along which it must touch the ground for its sides to be at different
-    depths."""
-    foot: int = 4
-    """Pixels below an object's lower outline, past `gap`, in which what it stands on is seen. By eye."""
-    seen_through: float = 0.5
-    """Share of what is seen there that may lie behind a ground, by twice `tolerance`: ground hides what is
-    behind it. The rail of the bench's fence, low and wide, is a plane that leans by any angle, and was now
-    and then the ground of the tram behind it: 28.4 instead of 34.0 dB (32 px, from the video alone)."""
-    border: int = 3
-    """Pixels from the picture's lower border within which an object may go on beyond."""
+BESIDE = 0.5
+"""Of an object's larger side, around its lowest part in which ground is looked for."""
+ABOVE = 0.15
+"""The same upwards: ground behind feet."""
+BELOW = 0.3
+"""The same downwards."""
+GAP = 3
+"""Pixels around what moves whose depth may be a mixture."""
+TOLERANCE = 0.03
+"""Share of its inverse depth by which a pixel of the ground may leave the plane."""
+TRIES = 64
+"""Samples of RANSAC: with half of the pixels on the plane, all fail once in 5,000 objects."""
+LEAST_PIXELS = 60
+"""Pixels that tell a plane."""
+LEAST_SHARE = 0.5
+"""Share of the pixels there that must lie on the plane."""
+LEAST_RISE = 0.5
+"""Cosine between the plane's normal and the picture's vertical from which on it is a ground, 60 degrees:
+a wall or a hedge behind is none."""
+MOST_ROLL = 0.35
+"""Sine of the angle by which it may lean to a side of the picture, 20 degrees: what is guessed of a dark
+floor leans by more."""
+STEEPEST = 1.0
+"""Depth over width of a line of contact, 45 degrees: what hovers, as a paw that is lifted, seems to be on
+the ground far behind. With 1.7 an animal's depth is off by up to 0.3, from single frames, with this by
+0.02."""
+LEAST_WIDTH = 0.5
+"""Share of an object's width along which it must touch the ground for its sides to be at different
+depths."""
+FOOT = 4
+"""Pixels below an object's lower outline, past `GAP`, in which what it stands on is seen. By eye."""
+SEEN_THROUGH = 0.5
+"""Share of what is seen there that may lie behind a ground, by twice `TOLERANCE`: ground hides what is
+behind it. The rail of the bench's fence, low and wide, is a plane that leans by any angle, and was now
+and then the ground of the tram behind it: 28.4 instead of 34.0 dB (32 px, from the video alone)."""
+BORDER = 3
+"""Pixels from the picture's lower border within which an object may go on beyond."""
 
 
 @dataclass(frozen=True)
@@ -114,9 +108,7 @@ def rays_of(pinhole: Intrinsics, xy: Floats) -> Floats:
     return np.concatenate([at, np.ones((*at.shape[:-1], 1))], axis=-1)
 
 
-def ground_below(
-    mask: Mask, inverse: Map, known: Mask, pinhole: Intrinsics, options: ContactOptions
-) -> Plane | None:
+def ground_below(mask: Mask, inverse: Map, known: Mask, pinhole: Intrinsics) -> Plane | None:
     """The plane of the ground around the lowest part of an object (h, w), of inverse depths (h, w) where they
     are `known` (h, w); None where nothing there is a ground.
 
@@ -126,68 +118,68 @@ def ground_below(
     rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
     side, bottom = max(np.ptp(rows), np.ptp(columns)) + 1, rows[-1]
     top, end = (
-        max(bottom - int(options.above * side), 0),
-        bottom + int(options.below * side) + options.gap + 2,
+        max(bottom - int(ABOVE * side), 0),
+        bottom + int(BELOW * side) + GAP + 2,
     )
-    left = max(columns[0] - int(options.beside * side), 0)
-    part = np.s_[top:end, left : columns[-1] + int(options.beside * side)]
+    left = max(columns[0] - int(BESIDE * side), 0)
+    part = np.s_[top:end, left : columns[-1] + int(BESIDE * side)]
     row, column = np.nonzero(known[part])
-    if len(row) < options.least_pixels:
+    if len(row) < LEAST_PIXELS:
         return None
     rays = rays_of(pinhole, np.column_stack([column + left + 0.5, row + top + 0.5]))
     values = inverse[part][row, column].astype(np.float64)
     random = np.random.default_rng(0)
-    chosen = random.integers(len(rays), size=(options.tries, 3))
+    chosen = random.integers(len(rays), size=(TRIES, 3))
     samples = rays[chosen]
     flat = np.abs(np.linalg.det(samples)) > 1e-9
     if not flat.any():
         return None
     normals = np.linalg.solve(samples[flat], values[chosen][flat][..., None])[..., 0]
     few = random.integers(len(rays), size=min(len(rays), 1500))
-    agree = _agree(rays[few] @ normals.T, values[few, None], options)
-    foot = _foot(mask[part], options)[row, column]
+    agree = _agree(rays[few] @ normals.T, values[few, None])
+    foot = _foot(mask[part])[row, column]
     # What stands upright behind may be the larger part, or a rail that is before it.
-    possible = np.array([_is_ground(normal, options) for normal in normals])
-    possible &= ~_seen_through(rays[foot] @ normals.T, values[foot, None], options)
+    possible = np.array([_is_ground(normal) for normal in normals])
+    possible &= ~_seen_through(rays[foot] @ normals.T, values[foot, None])
     agree = np.where(possible, agree.mean(axis=0), 0)
     best = normals[int(agree.argmax())]
     for _ in range(2):
-        inside = _agree(rays @ best, values, options)
-        if np.count_nonzero(inside) < options.least_pixels:
+        inside = _agree(rays @ best, values)
+        if np.count_nonzero(inside) < LEAST_PIXELS:
             return None
         best = np.linalg.lstsq(rays[inside], values[inside], rcond=None)[0]
-    enough = _agree(rays @ best, values, options).mean() >= options.least_share
-    hides = not _seen_through(rays[foot] @ best, values[foot], options)
-    return Plane(best) if enough and hides and _is_ground(best, options) else None
+    enough = _agree(rays @ best, values).mean() >= LEAST_SHARE
+    hides = not _seen_through(rays[foot] @ best, values[foot])
+    return Plane(best) if enough and hides and _is_ground(best) else None
 
 
-def _foot(mask: Mask, options: ContactOptions) -> Mask:
+def _foot(mask: Mask) -> Mask:
     """(h, w) what is seen just below an object's (h, w) lower outline."""
     height = len(mask)
     bottoms = height - np.argmax(mask[::-1], axis=0)
     below = np.arange(height)[:, None] - bottoms
-    return np.asarray(mask.any(axis=0) & (below >= 0) & (below < options.gap + options.foot))
+    return np.asarray(mask.any(axis=0) & (below >= 0) & (below < GAP + FOOT))
 
 
-def _seen_through(plane: Floats, values: Floats, options: ContactOptions) -> Mask:
+def _seen_through(plane: Floats, values: Floats) -> Mask:
     """(...) whether inverse depths (n, ...) are mostly behind planes (n, ...) that would hide them."""
     if not len(values):
         return np.zeros(plane.shape[1:], bool)
-    behind = values < plane * (1 - 2 * options.tolerance)
-    return np.asarray(behind.mean(axis=0) > options.seen_through)
+    behind = values < plane * (1 - 2 * TOLERANCE)
+    return np.asarray(behind.mean(axis=0) > SEEN_THROUGH)
 
 
-def _agree(plane: Floats, values: Floats, options: ContactOptions) -> Mask:
+def _agree(plane: Floats, values: Floats) -> Mask:
     """Whether inverse depths are those of a plane there."""
-    return np.abs(plane - values) <= options.tolerance * values
+    return np.abs(plane - values) <= TOLERANCE * values
 
 
-def _is_ground(normal: Floats, options: ContactOptions) -> bool:
+def _is_ground(normal: Floats) -> bool:
     length = np.linalg.norm(normal)
-    return bool(normal[1] > options.least_rise * length and abs(normal[0]) < options.most_roll * length)
+    return bool(normal[1] > LEAST_RISE * length and abs(normal[0]) < MOST_ROLL * length)
 
 
-def contact(mask: Mask, ground: Plane, pinhole: Intrinsics, options: ContactOptions) -> Contact | None:
+def contact(mask: Mask, ground: Plane, pinhole: Intrinsics) -> Contact | None:
     """Where an object (h, w) touches the ground; None where that is not in the picture.
 
     Its outline's lower convex hull touches the ground at its corners, and goes along it between them: at
@@ -196,7 +188,7 @@ def contact(mask: Mask, ground: Plane, pinhole: Intrinsics, options: ContactOpti
     columns = np.flatnonzero(mask.any(axis=0))
     height = mask.shape[0]
     bottoms = height - np.argmax(mask[::-1, columns], axis=0)
-    if not len(columns) or bottoms.max() >= height - options.border:
+    if not len(columns) or bottoms.max() >= height - BORDER:
         return None
     outline = np.column_stack([columns + 0.5, bottoms]).astype(np.float32)
     hull = cv2.convexHull(outline).reshape(-1, 2).astype(np.float64)
@@ -213,12 +205,12 @@ def contact(mask: Mask, ground: Plane, pinhole: Intrinsics, options: ContactOpti
     column = float(rays_of(pinhole, np.array([columns.mean() + 0.5, 0.0]))[0])
     _, forward, right = ground.directions(column)
     across, along = places @ right, places @ forward
-    gentle = np.abs(np.diff(along)) <= options.steepest * np.abs(np.diff(across))
+    gentle = np.abs(np.diff(along)) <= STEEPEST * np.abs(np.diff(across))
     first = nearest - int(np.argmin(np.append(gentle[:nearest][::-1], False)))
     last = nearest + int(np.argmin(np.append(gentle[nearest:], False)))
     own = rays[seen][[first, last], 0]
     width = np.ptp(rays_of(pinhole, outline[[0, -1]].astype(np.float64))[:, 0])
-    if np.ptp(own) < options.least_width * width or first == last:
+    if np.ptp(own) < LEAST_WIDTH * width or first == last:
         return Contact(places[nearest], column, 0.0)
     slope = (along[last] - along[first]) / (across[last] - across[first])
     return Contact(places[nearest], column, float(slope))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import cv2
@@ -12,7 +12,7 @@ import numpy as np
 from ..base.arrays import Floats, Map, Mask
 from ..camera.intrinsics import Intrinsics
 from .completion import CompletionOptions, interpolate
-from .ground_contact import Contact, ContactOptions, Plane, contact, ground_below, rays_of, upright
+from .ground_contact import GAP, TOLERANCE, Contact, Plane, contact, ground_below, rays_of, upright
 from .object_tracks import MovingObject, Sighting
 
 
@@ -21,8 +21,6 @@ class MovingObjectOptions:
     """The placing of moving objects. Set by eye, then judged on the scenes with true depth by
     `python -m benchmarks.accuracy.dense_depth` and `python -m benchmarks.accuracy.subjects`."""
 
-    contact: ContactOptions = field(default_factory=ContactOptions)
-    """What is ground, and where it is touched."""
     sides: int = 2
     """Frames before and after, `STEP` apart, whose contact tells the depth, too: half a second of a walk, a
     jump. Errors of figures that walk are half of those of single frames, over steps of 1 to 4 frames the
@@ -120,7 +118,7 @@ def place_moving_objects(
     weight = np.where(moving, 0, confidence + np.float32(completion.least_weight)).astype(np.float32)
     around = interpolate(guide, inverse, weight, float(np.median(inverse)), completion)
     sure = ~moving & (confidence > options.moving_confidence)
-    gap = np.ones((2 * options.contact.gap + 1,) * 2, np.uint8)
+    gap = np.ones((2 * GAP + 1,) * 2, np.uint8)
     apart = sure & (cv2.dilate(moving.astype(np.uint8), gap) == 0)
     surroundings = Surroundings(inverse.copy(), sure, apart, occluding, pinhole)
     for each in objects:
@@ -142,7 +140,7 @@ def place_moving_objects(
 def _placed(moving_object: MovingObject, around: Surroundings, options: MovingObjectOptions) -> Floats | None:
     """(h, w) the inverse depth of an object, wherever its pixels are; None where nothing tells it."""
     mask, part = moving_object.mask, _part(moving_object.mask, options.ring_outer)
-    ground = ground_below(mask, around.inverse, around.apart, around.pinhole, options.contact)
+    ground = ground_below(mask, around.inverse, around.apart, around.pinhole)
     beside = around.sure[part]
     if ground is not None:
         # Ground is no more hidden by what stands on it than it is touched.
@@ -172,7 +170,7 @@ def _part(mask: Mask, beside: int) -> tuple[slice, slice]:
 def _on(ground: Plane, around: Surroundings, options: MovingObjectOptions) -> Mask:
     """(h, w) what lies on the ground."""
     plane = ground.inverse_depth(around.rays)
-    return np.asarray(np.abs(around.inverse - plane) <= 2 * options.contact.tolerance * np.abs(plane))
+    return np.asarray(np.abs(around.inverse - plane) <= 2 * TOLERANCE * np.abs(plane))
 
 
 def _standing(
@@ -208,7 +206,7 @@ def _contacts(
     found = []
     for each in sightings:
         plane = ground.seen_from(each.rotation, each.translation)
-        touch = None if plane is None else contact(each.mask, plane, each.pinhole, options.contact)
+        touch = None if plane is None else contact(each.mask, plane, each.pinhole)
         if plane is not None and touch is not None:
             found.append((each, plane, touch))
     return found

@@ -16,9 +16,9 @@ from ..camera.canvas import Canvas
 from ..camera.reconstruction import Image, Reconstruction
 from .completed_depth import stepped
 from .map_fit import ClipFit, Fitted, FrameLine, fit_clip, fit_depth, frame_line, steadied
+from .map_fusion import level_of
 from .source import DepthSource, PixelDepth
 from .sparse import DepthSamples, frame_features
-from .temporal_fusion import level_of
 from .user_maps import DepthMaps
 from .view_selection import every_nth, stride
 

@@ -17,13 +17,14 @@ from ..camera.reconstruction import Reconstruction
 from ..camera.steady_path import SteadyPath, steady_path
 from ..depth.completed_depth import CompletedDepth
 from ..depth.depth_store import DepthStore
+from ..depth.map_fusion import FusionOptions
 from ..depth.matching import Matcher, winning_levels
 from ..depth.multi_view_stereo import Moving, PlaneSweepStereo, StereoOptions
 from ..depth.source import DepthSource, FirstKnown, PixelDepth
 from ..depth.sparse import DepthSamples
 from ..depth.sparse_depth import SparseDepth
 from ..depth.stereo_depth import NoDepth, StereoDepth
-from ..depth.temporal_fusion import FusionOptions, TemporalFusion
+from ..depth.temporal_fusion import TemporalFusion
 from ..focus.place import Place, PlaceFinder
 from ..focus.subject import subject_place
 from ..media.clip import to_linear

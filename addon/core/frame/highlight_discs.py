@@ -4,9 +4,8 @@ Few views draw such a highlight as a pattern of copies, as each shows it at a pl
 is taken out of the picture before that is painted on a mesh (`without_small_highlights`), and the disc is
 added to the mean of the views (`HighlightDiscs.light`), at a cost that does not depend on their number:
 Potmesil and Chakravarty, "Synthetic image generation with a lens and aperture camera model", 1982, spread
-every pixel like that. What stands before a highlight clips its disc as it clips the views: along the way from
-the highlight to a place of the aperture, surfaces are looked for as in Policarpo, Oliveira and Comba,
-"Real-time relief mapping on arbitrary polygonal surfaces", 2005.
+every pixel like that. Surfaces before a highlight clip its disc as they clip the views
+(`highlight_surfaces.py`).
 """
 
 from __future__ import annotations
@@ -22,10 +21,10 @@ import numpy as np
 from ..base.arrays import Floats, Ints, LinearRGB, LinearRGBA, Map, Mask
 from ..base.progress import checkpoint
 from ..optics.aperture import RED_AND_BLUE, SUBSAMPLES, Aperture
-from ..optics.thin_lens import ThinLens
 from ..warp.cg_layer import CGLayer
 from ..warp.clipped_blobs import brightest
 from ..warp.layered_depth_image import LayeredDepthImage, inpainted
+from .highlight_surfaces import NEARER, Surfaces
 from .plan import FramePlan
 from .steadied import Steadied
 from .vignetting import LEAST_LEFT, barrel_shift, light_left
@@ -46,23 +45,11 @@ FINEST = 8
 """Parts of a pixel by which radii of discs differ: a brightness that is right to 0.8 % at 16 pixels."""
 LEAST_RADIUS = 0.5
 """Pixels of the radius of a disc, at least: within a pixel there is nothing of its shape to see."""
-NEARER = 1.0
-"""Pixels of displacement, at least, that a surface is nearer by than a highlight which it hides: less is the
-noise of depth, and the jump at which surfaces are cut."""
 PARTS = 8
 """Parts across and down, at most, that a highlight is cut in where something may hide some of it. Of 1, 4, 6,
 8 and 16: bars (32 px, true depth) has 34.4, 35.2, 35.3, 35.35 and 35.36 dB."""
-WIDTHS = 0.0, 1.0, 2.0, 4.0, 8.0
-"""Pixels over which what hides a part of a highlight is blurred, as the part is no point: the next
-smaller."""
 CHANNELS = 126
 """Of a picture that OpenCV 5 filters: 128 at most."""
-LOOKED_AT = 1 << 20
-"""Places that are looked at at once, so that arrays of them take tens of megabytes."""
-LONGEST = 1 << 10
-"""Places in a row of the maps that OpenCV gets."""
-OUTSIDE = 1.15
-"""Radii of the aperture to which what hides a highlight is looked for: discs are wider by the highlight."""
 
 
 @dataclass(frozen=True)
@@ -144,7 +131,7 @@ class HighlightDiscs:
         total: LinearRGB = np.zeros((height, width, 3), np.float32)
         own = plan.canvas.pinhole if self.steadied is None else self.steadied.own_canvas.pinhole
         lens = plan.lens if self.steadied is None else self.steadied.own_lens
-        before = _Surfaces(layers, cg, lens, (own.height, own.width))
+        before = Surfaces(layers, cg, lens, (own.height, own.width))
         for one, focal_plane in product(self.found, _focal_planes(plan)):
             checkpoint()
             focused = replace(one, light=one.light * focal_plane.channels)
@@ -161,7 +148,7 @@ class HighlightDiscs:
         return total
 
     def _discs(
-        self, one: SmallHighlight, plan: FramePlan, before: _Surfaces, focal_plane: _FocalPlane
+        self, one: SmallHighlight, plan: FramePlan, before: Surfaces, focal_plane: _FocalPlane
     ) -> tuple[LinearRGB, Ints]:
         """The light (n, h, w, 3) of the discs of a highlight's parts as far as it arrives, focused as a focal
         plane is, and the rows and columns (n, 2) where they begin, which may be outside of the canvas."""
@@ -171,7 +158,7 @@ class HighlightDiscs:
         radius = np.round(FINEST * displacement * pinhole.focal / pinhole.fx) / FINEST
         kernel = _kernel(self.aperture, float(radius[0]), float(radius[1]))
         reach = [n // 2 for n in kernel.shape]
-        steps = before.steps(one)
+        steps = before.steps(one.place, max(one.light.shape[:2]), one.displacement)
         # What hides a highlight covers another part of the disc of each of its places.
         light, corner = seen_here.parts(PARTS if len(steps) else 1)
         begin = corner - np.array(reach, np.int32)
@@ -264,138 +251,6 @@ def _within_barrel(plan: FramePlan, place: Floats, radius: Floats, reach: list[i
     soft = 0.5 / np.abs(radius).min()
     share = (1 + soft - np.hypot(x[None, :], y[:, None])) / (2 * soft)
     return np.asarray(np.clip(share, 0, 1), np.float32)
-
-
-class _Surfaces:
-    """The surfaces of a frame, on the raster of its layers."""
-
-    def __init__(
-        self,
-        layers: tuple[LayeredDepthImage, ...],
-        cg: Sequence[CGLayer],
-        lens: ThinLens,
-        size: tuple[int, int],
-    ) -> None:
-        """`size` (height, width) is the canvas's, in the middle of the raster."""
-        shown = []
-        for one in layers:
-            assert one.drawn is not None
-            past = one.is_far & one.drawn
-            own = np.where(past, one.near_disparity, one.front_disparity)
-            # Where a near surface ends in the air, what is seen beside it is none of it.
-            beside = cv2.dilate(past.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-            shown.append((own, np.where(beside & ~one.drawn, 0, one.front[..., 3]), one.jump))
-        shown.append((layers[-1].back_disparity, np.ones_like(shown[0][1]), layers[-1].jump))
-        raster = shown[0][1].shape
-        margin = (raster[0] - size[0]) // 2, (raster[1] - size[1]) // 2
-        for each in cg:
-            alone = each.on_raster(margin, raster)
-            # Their silhouettes are those of their alpha.
-            shown.append((alone.displacement(lens), alone.picture[..., 3], np.inf))
-        self._surfaces = [(lens.snap_displacement(d), _Blurred(a), j) for d, a, j in shown]
-        self._nearest = np.max(
-            [np.where(a.sharp > 0, d, -np.inf) for d, a, _ in self._surfaces], axis=0
-        )  # fmt: skip
-        self._least = max(NEARER, layers[-1].jump)
-        self._corner = np.array([(n - own) // 2 for n, own in zip(self._nearest.shape, size, strict=True)])
-        self._focal = lens.pinhole.focal / lens.pinhole.fx
-
-    def transmittance(
-        self, displacement: float, steps: Floats, places: Floats, widths: Floats, ways: Floats
-    ) -> Floats:
-        """(n,) share of the light that comes from places (n, 2) of a highlight, in pixels, to places of the
-        aperture (n, 2) in shares of its radius: from parts as many pixels (n,) wide, of one displacement in
-        pixels, past what is nearer by `steps` (s,).
-        """
-        way = ways * self._focal
-        count = -(-len(steps) * len(way) // LOOKED_AT)
-        some = np.array_split(np.arange(len(way)), count)
-        return np.concatenate(
-            [self._along(displacement, steps, places[each], widths[each], way[each]) for each in some]
-        )
-
-    def _along(
-        self, displacement: float, steps: Floats, places: Floats, widths: Floats, way: Floats
-    ) -> Floats:
-        """(n,) share of the light that passes on ways (n, 2), which are pixels of the frame for each pixel of
-        displacement that a surface is nearer by; else as of `transmittance`."""
-        # What is nearer by t is before the highlight, seen from p, if it is seen at place + t p by the frame.
-        along = (self._on_raster(places) + steps[:, None, None] * way).astype(np.float32)
-        passed = np.ones(len(way))
-        for disparity, alpha, jump in self._surfaces:
-            at = _sampled(disparity, along, cv2.INTER_NEAREST)
-            over = at - displacement - steps[:, None].astype(np.float32)
-            # The way goes on to behind the surface, which is in one piece there.
-            crossed = (over[:-1] > 0) & (over[1:] <= 0) & (np.abs(np.diff(at, axis=0)) <= jump)
-            crossed &= np.diff(steps)[:, None] <= 1
-            step, which = np.nonzero(crossed)
-            if not len(step):
-                continue
-            before, behind = over[step, which], over[step + 1, which]
-            share = (before / (before - behind))[:, None]
-            met = along[step, which] + share * (along[step + 1, which] - along[step, which])
-            # From one side of the highlight to the other, another place of it is before the same pixel.
-            blur = widths[which] * np.abs(1 + (steps[step] + share[:, 0]) / displacement)
-            levels = np.searchsorted(WIDTHS, blur, "right") - 1
-            left = np.ones(len(way))
-            for level in np.unique(levels):
-                some = levels == level
-                values = _sampled(alpha.by(int(level)), met[some], cv2.INTER_LINEAR)
-                np.minimum.at(left, which[some], 1 - values)
-            passed *= left
-        return passed
-
-    def _on_raster(self, places: Floats) -> Floats:
-        """(..., 2) columns and rows of places in pixels, a pixel's middle being a whole number."""
-        return np.asarray(places + self._corner[::-1] - 0.5)
-
-    def steps(self, one: SmallHighlight) -> Floats:
-        """(n,) by how much nearer surfaces are, in pixels of displacement, that may hide some of a highlight:
-        whole numbers, rising, around what there is; none where nothing is near enough."""
-        farthest = OUTSIDE * max(0.0, float(self._nearest.max()) - one.displacement)
-        if farthest < self._least:
-            return np.zeros(0)
-        wide = max(one.light.shape[:2]) / 2
-        x0, y0 = self._on_raster(one.place)
-        low = [max(0, int(n - wide - farthest)) for n in (y0, x0)]
-        high = [int(n + wide + farthest) + 2 for n in (y0, x0)]
-        part = self._nearest[low[0] : high[0], low[1] : high[1]]
-        nearer = part - one.displacement
-        row, column = np.nonzero(nearer >= self._least)
-        nearer = nearer[row, column]
-        away = np.hypot(row + low[0] - y0, column + low[1] - x0)
-        nearer = nearer[OUTSIDE * nearer >= away - wide - 1]
-        whole = np.unique(np.floor(nearer).astype(int))
-        return np.unique(np.concatenate([whole - 1, whole, whole + 1, whole + 2])).astype(np.float64)
-
-
-class _Blurred:
-    """Opacities (H, W), blurred by each of `WIDTHS` when that is asked for."""
-
-    def __init__(self, alpha: Map) -> None:
-        self.sharp = np.ascontiguousarray(alpha)
-        self._wider = {0: self.sharp}
-
-    def by(self, level: int) -> Map:
-        """(H, W) blurred by one of `WIDTHS`."""
-        if level not in self._wider:
-            blurred = cv2.GaussianBlur(self.sharp, (0, 0), WIDTHS[level] / np.sqrt(12))
-            self._wider[level] = np.asarray(blurred, np.float32)
-        return self._wider[level]
-
-
-def _sampled(values: Map, at: Map, interpolation: int) -> Map:
-    """(...) values of a raster (H, W) at columns and rows (..., 2); past its border as at it."""
-    count = int(np.prod(at.shape[:-1]))
-    # OpenCV takes pictures of less than 32,768 pixels a side only.
-    places = np.zeros((-(-count // LONGEST) * LONGEST, 2), np.float32)
-    places[:count] = at.reshape(-1, 2)
-    if not count:
-        return np.zeros(at.shape[:-1], np.float32)
-    found = cv2.remap(
-        values, places.reshape(-1, LONGEST, 2), None, interpolation, borderMode=cv2.BORDER_REPLICATE  # type: ignore[call-overload]
-    )  # fmt: skip
-    return np.asarray(found).ravel()[:count].reshape(at.shape[:-1])
 
 
 @dataclass(frozen=True)

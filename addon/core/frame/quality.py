@@ -5,8 +5,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
+from ..depth.map_fusion import FusionOptions
 from ..depth.multi_view_stereo import COARSE, StereoOptions
-from ..depth.temporal_fusion import FusionOptions
 from ..warp.layered_mesh import LayeredMeshOptions
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -17,33 +16,27 @@ PHOTOS = 3
 and 5 times the tracker is lost. By eye."""
 FINE = 64
 """Parts of a clip between whose ends a fast scroll is looked for: its tracks soon leave the picture."""
+MIN_SHARED = 40
+"""Tracks that two frames must share to be compared. By eye."""
+MIN_MOTION = 0.3
+"""Median motion of the tracks in pixels of a 1,000-pixel frame; less is a still camera. By eye."""
+STILL = 2.0
+"""Motion in pixels of a 1,000-pixel frame up to which a track stands still, as a page's header does."""
+SCROLLED = 50.0
+"""Median motion of the other tracks, in the same pixels, from which on they are compared: noise is below 1 %
+of it."""
+ALIKE = 0.01
+"""Share of the median motion by which a tenth of the tracks may move otherwise. Scrolling pages, also in
+H.264, have up to 0.007; seven real clips 0.03 (a pan over distant roofs) to 5."""
+FOCALS = (0.5, 0.6, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0, 3.0)
+"""Focal lengths, in long sides of the frame, with which a pure rotation is tried."""
 
 
 class StaysError(UserError):
     """The camera of a clip stays in its place, so that pictures tell no depth."""
 
 
-@dataclass(frozen=True)
-class DegeneracyOptions:
-    """When a clip has no motion to solve. By eye."""
-
-    min_shared: int = 40
-    """Tracks that two frames must share to be compared."""
-    min_motion: float = 0.3
-    """Median motion of the tracks in pixels of a 1,000-pixel frame; less is a still camera."""
-    still: float = 2.0
-    """Motion in pixels of a 1,000-pixel frame up to which a track stands still, as a page's header does."""
-    scrolled: float = 50.0
-    """Median motion of the other tracks, in the same pixels, from which on they are compared: noise is below
-    1 % of it."""
-    alike: float = 0.01
-    """Share of the median motion by which a tenth of the tracks may move otherwise. Scrolling pages, also in
-    H.264, have up to 0.007; seven real clips 0.03 (a pan over distant roofs) to 5."""
-    focals: tuple[float, ...] = (0.5, 0.6, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0, 3.0)
-    """Focal lengths, in long sides of the frame, with which a pure rotation is tried."""
-
-
-def check_motion(tracks: Tracks, options: DegeneracyOptions = DegeneracyOptions()) -> float:
+def check_motion(tracks: Tracks) -> float:
     """Pixels (of a frame 1,000 pixels long) that stay unexplained by the best pure rotation.
 
     A pan, even with a perfect reprojection error, has one depth for all points (a "confident fake"), and
@@ -53,29 +46,29 @@ def check_motion(tracks: Tracks, options: DegeneracyOptions = DegeneracyOptions(
         UserError: The clip has too few features, the camera stands still, or the picture only slides. Cameras
             that only turn are refused later, by `only_turns`.
     """
-    pairs = _shared(tracks, 8, options)
+    pairs = _shared(tracks, 8)
     if not pairs:
         raise UserError(
-            f"fewer than {options.min_shared} features can be followed through the clip; it has too little"
+            f"fewer than {MIN_SHARED} features can be followed through the clip; it has too little"
             " texture or is blurred: choose another range of frames",
             Remedy.FRAMES,
         )
     unit = 1000 / max(tracks.width, tracks.height)
     motion = max(float(np.median(np.linalg.norm(b - a, axis=1))) for a, b in pairs) * unit
-    if motion < options.min_motion:
+    if motion < MIN_MOTION:
         raise StaysError(
             "the camera does not move in this clip; depth needs a camera that moves sideways a little, or"
             " depth maps of the clip",
             Remedy.DEPTH_MAPS,
         )
-    if _only_slides(tracks, options):
+    if _only_slides(tracks):
         raise StaysError(
             "everything that moves in this clip moves alike, as on a page that scrolls: a flat or distant"
             " picture shows no depth; film near and far things with a camera that moves sideways, or solve"
             " it with depth maps",
             Remedy.DEPTH_MAPS,
         )
-    residuals = [min(rotation_residual(a, b, tracks, focal) for focal in options.focals) for a, b in pairs]
+    residuals = [min(rotation_residual(a, b, tracks, focal) for focal in FOCALS) for a, b in pairs]
     return max(residuals) * unit
 
 
@@ -133,29 +126,29 @@ def kabsch(a: Floats, b: Floats) -> Floats:
     return np.asarray(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)
 
 
-def _only_slides(tracks: Tracks, options: DegeneracyOptions) -> bool:
+def _only_slides(tracks: Tracks) -> bool:
     """Whether all moving tracks have one motion, between any two frames in which they move far enough."""
     unit = 1000 / max(tracks.width, tracks.height)
     judged = False
-    for a, b in _shared(tracks, FINE, options):
+    for a, b in _shared(tracks, FINE):
         flow = (b - a) * unit
-        flow = flow[np.linalg.norm(flow, axis=1) > options.still]
-        if len(flow) < options.min_shared:
+        flow = flow[np.linalg.norm(flow, axis=1) > STILL]
+        if len(flow) < MIN_SHARED:
             continue
         common = np.median(flow, axis=0)
         motion = float(np.linalg.norm(common))
-        if motion < options.scrolled:
+        if motion < SCROLLED:
             continue
         judged = True
-        if np.percentile(np.linalg.norm(flow - common, axis=1), 90) > options.alike * motion:
+        if np.percentile(np.linalg.norm(flow - common, axis=1), 90) > ALIKE * motion:
             return False
     return judged
 
 
-def _shared(tracks: Tracks, parts: int, options: DegeneracyOptions) -> list[tuple[Floats, Floats]]:
+def _shared(tracks: Tracks, parts: int) -> list[tuple[Floats, Floats]]:
     """Places (n, 2) and (n, 2) of the tracks shared by `_pairs`, of those that share enough."""
     pairs = (tracks.shared(i, j) for i, j in _pairs(tracks, parts))
-    return [pair for pair in pairs if len(pair[0]) >= options.min_shared]
+    return [pair for pair in pairs if len(pair[0]) >= MIN_SHARED]
 
 
 def _pairs(tracks: Tracks, parts: int) -> list[tuple[int, int]]:

@@ -19,7 +19,7 @@ from ..base.arrays import Floats, Ints
 from ..base.errors import Remedy, UserError
 from ..camera.reconstruction import Reconstruction, normalise
 from . import self_calibration, small_motion, solution
-from .degeneracy import DegeneracyOptions, StaysError, check_motion, only_turns
+from .degeneracy import StaysError, check_motion, only_turns
 from .keyframes import KeyframeOptions, adjust, keyframe_features, keyframes, map_keyframes
 from .lens import Lens, LensOptions, find_lens
 from .report import STAYS
@@ -88,8 +88,6 @@ class MappingOptions:
     """The focal length, and whether the camera moves."""
     lens: LensOptions = field(default_factory=LensOptions)
     """What the lens and the shutter do to a pinhole's picture."""
-    degeneracy: DegeneracyOptions = field(default_factory=DegeneracyOptions)
-    """Whether there is motion to begin with."""
     stationary: StationaryOptions = field(default_factory=StationaryOptions)
     """Whether a camera that stays in its place explains the clip."""
     shifts: ShiftOptions = field(default_factory=ShiftOptions)
@@ -142,7 +140,7 @@ def reconstruct(
     else such a clip is refused. Raises UserError with the reason where the clip has no solution.
     """
     try:
-        parallax = check_motion(tracks, options.degeneracy)
+        parallax = check_motion(tracks)
         if not may_stay or parallax >= options.told_parallax:
             return _moving(tracks, prior, parallax, progress, options)
     except StaysError:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..base.arrays import Mask
 from ..base.progress import checkpoint
-from ..depth.ground_contact import ContactOptions, Plane, contact, ground_below, rays_of, upright
+from ..depth.ground_contact import Plane, contact, ground_below, rays_of, upright
 from ..depth.view_selection import relative_pose
 from .static_plate import StaticPlate
 
@@ -50,7 +50,7 @@ class Standing:
             nearest = min(planes, key=lambda other: abs(other - frame))
             plane = self._seen_from(planes[nearest], nearest, frame)
             pinhole = self.plates.canvas(frame).pinhole
-            touch = None if plane is None else contact(masks[frame], plane, pinhole, ContactOptions())
+            touch = None if plane is None else contact(masks[frame], plane, pinhole)
             if plane is not None and touch is not None and (base := touch.inverse_depth(0.0, plane)) > 0:
                 rows, columns = np.nonzero(masks[frame])
                 rays = rays_of(pinhole, np.column_stack([columns, rows]).astype(float) + 0.5)
@@ -65,9 +65,7 @@ class Standing:
         """The ground around a subject (h, w) in a frame, in its camera's space."""
         checkpoint()
         inverse = self.plates.inverse_depth(frame, self._left_out)
-        return ground_below(
-            mask, inverse, ~self._left_out(frame), self.plates.canvas(frame).pinhole, ContactOptions()
-        )
+        return ground_below(mask, inverse, ~self._left_out(frame), self.plates.canvas(frame).pinhole)
 
     def _seen_from(self, plane: Plane, frame: int, other: int) -> Plane | None:
         """A plane in a frame's camera space, in that of another frame."""

@@ -16,6 +16,7 @@ from ..camera.canvas import Canvas
 from ..camera.reconstruction import Image, Reconstruction
 from ..depth.depth_store import DepthStore
 from ..depth.exposure import exposed_as
+from ..depth.map_fusion import fused, level_of
 from ..depth.matching import Matcher, winning_levels
 from ..depth.multi_view_stereo import (
     COARSE,
@@ -27,7 +28,6 @@ from ..depth.multi_view_stereo import (
 )
 from ..depth.reprojection import in_place
 from ..depth.shared_depth import found_once, not_kept
-from ..depth.temporal_fusion import fused, level_of
 from ..depth.view_selection import relative_pose, stride
 from ..media.picture_file import Pixels
 

@@ -1,0 +1,171 @@
+"""The surfaces of a frame that hide some of a highlight's disc.
+
+Along the way from a highlight to a place of the aperture, surfaces are looked for as in Policarpo, Oliveira
+and Comba, "Real-time relief mapping on arbitrary polygonal surfaces", 2005.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+
+from ..base.arrays import Floats, Map
+from ..optics.thin_lens import ThinLens
+from ..warp.cg_layer import CGLayer
+from ..warp.layered_depth_image import LayeredDepthImage
+
+NEARER = 1.0
+"""Pixels of displacement, at least, that a surface is nearer by than a highlight which it hides: less is the
+noise of depth, and the jump at which surfaces are cut."""
+WIDTHS = 0.0, 1.0, 2.0, 4.0, 8.0
+"""Pixels over which what hides a part of a highlight is blurred, as the part is no point: the next
+smaller."""
+LOOKED_AT = 1 << 20
+"""Places that are looked at at once, so that arrays of them take tens of megabytes."""
+LONGEST = 1 << 10
+"""Places in a row of the maps that OpenCV gets."""
+OUTSIDE = 1.15
+"""Radii of the aperture to which what hides a highlight is looked for: discs are wider by the highlight."""
+
+
+class Surfaces:
+    """The surfaces of a frame, on the raster of its layers."""
+
+    def __init__(
+        self,
+        layers: tuple[LayeredDepthImage, ...],
+        cg: Sequence[CGLayer],
+        lens: ThinLens,
+        size: tuple[int, int],
+    ) -> None:
+        """`size` (height, width) is the canvas's, in the middle of the raster."""
+        shown = []
+        for one in layers:
+            assert one.drawn is not None
+            past = one.is_far & one.drawn
+            own = np.where(past, one.near_disparity, one.front_disparity)
+            # Where a near surface ends in the air, what is seen beside it is none of it.
+            beside = cv2.dilate(past.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+            shown.append((own, np.where(beside & ~one.drawn, 0, one.front[..., 3]), one.jump))
+        shown.append((layers[-1].back_disparity, np.ones_like(shown[0][1]), layers[-1].jump))
+        raster = shown[0][1].shape
+        margin = (raster[0] - size[0]) // 2, (raster[1] - size[1]) // 2
+        for each in cg:
+            alone = each.on_raster(margin, raster)
+            # Their silhouettes are those of their alpha.
+            shown.append((alone.displacement(lens), alone.picture[..., 3], np.inf))
+        self._surfaces = [(lens.snap_displacement(d), _Blurred(a), j) for d, a, j in shown]
+        self._nearest = np.max(
+            [np.where(a.sharp > 0, d, -np.inf) for d, a, _ in self._surfaces], axis=0
+        )  # fmt: skip
+        self._least = max(NEARER, layers[-1].jump)
+        self._corner = np.array([(n - own) // 2 for n, own in zip(self._nearest.shape, size, strict=True)])
+        self._focal = lens.pinhole.focal / lens.pinhole.fx
+
+    def transmittance(
+        self, displacement: float, steps: Floats, places: Floats, widths: Floats, ways: Floats
+    ) -> Floats:
+        """(n,) share of the light that comes from places (n, 2) of a highlight, in pixels, to places of the
+        aperture (n, 2) in shares of its radius: from parts as many pixels (n,) wide, of one displacement in
+        pixels, past what is nearer by `steps` (s,).
+        """
+        way = ways * self._focal
+        count = -(-len(steps) * len(way) // LOOKED_AT)
+        some = np.array_split(np.arange(len(way)), count)
+        return np.concatenate(
+            [self._along(displacement, steps, places[each], widths[each], way[each]) for each in some]
+        )
+
+    def _along(
+        self, displacement: float, steps: Floats, places: Floats, widths: Floats, way: Floats
+    ) -> Floats:
+        """(n,) share of the light that passes on ways (n, 2), which are pixels of the frame for each pixel of
+        displacement that a surface is nearer by; else as of `transmittance`."""
+        # What is nearer by t is before the highlight, seen from p, if it is seen at place + t p by the frame.
+        along = (self._on_raster(places) + steps[:, None, None] * way).astype(np.float32)
+        passed = np.ones(len(way))
+        for disparity, alpha, jump in self._surfaces:
+            at = _sampled(disparity, along, cv2.INTER_NEAREST)
+            over = at - displacement - steps[:, None].astype(np.float32)
+            # The way goes on to behind the surface, which is in one piece there.
+            crossed = (over[:-1] > 0) & (over[1:] <= 0) & (np.abs(np.diff(at, axis=0)) <= jump)
+            crossed &= np.diff(steps)[:, None] <= 1
+            step, which = np.nonzero(crossed)
+            if not len(step):
+                continue
+            before, behind = over[step, which], over[step + 1, which]
+            share = (before / (before - behind))[:, None]
+            met = along[step, which] + share * (along[step + 1, which] - along[step, which])
+            # From one side of the highlight to the other, another place of it is before the same pixel.
+            blur = widths[which] * np.abs(1 + (steps[step] + share[:, 0]) / displacement)
+            levels = np.searchsorted(WIDTHS, blur, "right") - 1
+            left = np.ones(len(way))
+            for level in np.unique(levels):
+                some = levels == level
+                values = _sampled(alpha.by(int(level)), met[some], cv2.INTER_LINEAR)
+                np.minimum.at(left, which[some], 1 - values)
+            passed *= left
+        return passed
+
+    def _on_raster(self, places: Floats) -> Floats:
+        """(..., 2) columns and rows of places in pixels, a pixel's middle being a whole number."""
+        return np.asarray(places + self._corner[::-1] - 0.5)
+
+    def steps(self, place: Floats, size: int, displacement: float) -> Floats:
+        """Find by how much nearer surfaces are that may hide some of a highlight.
+
+        Args:
+            place: (2,) x and y of its middle, in pixels of the canvas.
+            size: Its larger side in pixels.
+            displacement: Pixels at the aperture's rim, relative to the focal plane.
+
+        Returns:
+            (n,) whole pixels of displacement, ascending, around those of the surfaces; none where no surface
+            is near enough.
+        """
+        farthest = OUTSIDE * max(0.0, float(self._nearest.max()) - displacement)
+        if farthest < self._least:
+            return np.zeros(0)
+        wide = size / 2
+        x0, y0 = self._on_raster(place)
+        low = [max(0, int(n - wide - farthest)) for n in (y0, x0)]
+        high = [int(n + wide + farthest) + 2 for n in (y0, x0)]
+        part = self._nearest[low[0] : high[0], low[1] : high[1]]
+        nearer = part - displacement
+        row, column = np.nonzero(nearer >= self._least)
+        nearer = nearer[row, column]
+        away = np.hypot(row + low[0] - y0, column + low[1] - x0)
+        nearer = nearer[OUTSIDE * nearer >= away - wide - 1]
+        whole = np.unique(np.floor(nearer).astype(int))
+        return np.unique(np.concatenate([whole - 1, whole, whole + 1, whole + 2])).astype(np.float64)
+
+
+class _Blurred:
+    """Opacities (H, W), blurred by each of `WIDTHS` when that is asked for."""
+
+    def __init__(self, alpha: Map) -> None:
+        self.sharp = np.ascontiguousarray(alpha)
+        self._wider = {0: self.sharp}
+
+    def by(self, level: int) -> Map:
+        """(H, W) blurred by one of `WIDTHS`."""
+        if level not in self._wider:
+            blurred = cv2.GaussianBlur(self.sharp, (0, 0), WIDTHS[level] / np.sqrt(12))
+            self._wider[level] = np.asarray(blurred, np.float32)
+        return self._wider[level]
+
+
+def _sampled(values: Map, at: Map, interpolation: int) -> Map:
+    """(...) values of a raster (H, W) at columns and rows (..., 2); past its border as at it."""
+    count = int(np.prod(at.shape[:-1]))
+    # OpenCV takes pictures of less than 32,768 pixels a side only.
+    places = np.zeros((-(-count // LONGEST) * LONGEST, 2), np.float32)
+    places[:count] = at.reshape(-1, 2)
+    if not count:
+        return np.zeros(at.shape[:-1], np.float32)
+    found = cv2.remap(
+        values, places.reshape(-1, LONGEST, 2), None, interpolation, borderMode=cv2.BORDER_REPLICATE  # type: ignore[call-overload]
+    )  # fmt: skip
+    return np.asarray(found).ravel()[:count].reshape(at.shape[:-1])
