@@ -305,7 +305,11 @@ def set_first(settings: bpy.types.PropertyGroup, reconstruction: Reconstruction)
 
 
 def put_first(settings: bpy.types.PropertyGroup, place: Place) -> None:
-    """Put a place in focus that nobody has picked."""
+    """Put a place in focus that nobody has picked. Where the scale is assumed, the blur stays as it is shown
+    and the aperture follows."""
+    if not settings.metres_per_unit > 0:
+        with lens.writing():
+            settings.aperture_radius = 0.0
     put(settings, place.frame, [place])
     settings.marks.is_first = True
 
