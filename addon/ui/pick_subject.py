@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import bpy
@@ -37,7 +38,9 @@ class LitUp:
         self.mask: Mask | None = None
 
     def __call__(self) -> Mask:
-        self.mask = self.carried.mask(self.frame)
+        for mask in self.carried.masks(self.frame):
+            self.mask = mask
+        assert self.mask is not None
         return self.mask
 
 
@@ -233,9 +236,13 @@ class VIRTUAL_APERTURE_OT_pick_subject(bpy.types.Operator):  # noqa: N801
         self._lit, self._frame = None, frame
         self._overlay.strokes = [stroke for stroke in strokes if stroke.frame == frame]
         self._say("")
-        is_registered = frame in self._context.reconstruction.frames
-        if not any(each.adds for each in strokes) or not is_registered:
+        if frame not in self._context.reconstruction.frames:
             self._overlay.light_up(None)
+            return
+        if not any(each.adds for each in strokes):
+            self._overlay.light_up(None)
+            # The stroke that comes is lit up sooner.
+            self._work = Work(partial(self._context.prepare_subject, frame), after=self._work)
             return
         self._lit = LitUp(self._context.carried(MarkedSubject(self._name, strokes)), frame)
         self._work = Work(self._lit, after=self._work)

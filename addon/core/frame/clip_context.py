@@ -137,6 +137,10 @@ class ClipContext:
         """Return a marked subject in the frames of the clip; what was carried is remembered."""
         return self._subjects.carried(marked)
 
+    def prepare_subject(self, frame: int) -> None:
+        """Read and load ahead what a stroke in a frame needs; UserError where a frame cannot be read."""
+        self._subjects.prepare(frame)
+
     @cached_property
     def _parts(self) -> MovingParts:
         return MovingParts(self.reconstruction, self.read, self._subjects, self.marked, self.masks)
