@@ -384,7 +384,8 @@ def _name_of(places: Sequence[Place]) -> str:
         return "Places"
     (place,) = places
     if place.followed:
-        return "Subject"
+        name = place.subject or "subject"
+        return f"{name[0].upper()}{name[1:]}"
     if place.xy is not None or place.world is not None:
         return "Place"
     if place.focus.points:

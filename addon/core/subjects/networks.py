@@ -232,14 +232,12 @@ def decoded(
     return found
 
 
-def missing() -> UserError:
-    """Return the error of a build that has no networks."""
-    return UserError("people are not recognised: this build of the extension has no networks")
+MISSING = "people are not recognised: this build of the extension has no networks"
 
 
 def _read(path: Path) -> cv2.dnn.Net:
     if not path.is_file():
-        raise missing()
+        raise UserError(MISSING)
     read = cv2.dnn.readNetFromONNX if path.suffix == ".onnx" else cv2.dnn.readNetFromTFLite
     # OpenCV's newer engine names only one output of the TensorFlow Lite models.
     return read(str(path), cv2.dnn.ENGINE_CLASSIC)
