@@ -20,8 +20,10 @@ from addon.core.subjects.clip_subjects import PEOPLE, ClipSubject, ClipSubjects
 from addon.core.subjects.cut import Cut
 from addon.core.subjects.found import FoundSubjects
 from addon.core.subjects.networks import Detection, Networks
+from addon.core.subjects.odds import overlap
 from addon.core.subjects.people import people
 from addon.core.subjects.pictures import displayed, small
+from addon.core.subjects.strokes import MarkedSubject, Stroke, down, nearest_to
 
 from . import walls
 from .figures import figure
@@ -97,6 +99,29 @@ def test_people_are_looked_for_once(tmp_path: Path) -> None:
     nobody = FoundSubjects(clip.reconstruction, walls.still, store=DepthStore(tmp_path, lambda: 16 * "b"))
     assert ClipSubjects(nobody, Counting()).people == ClipSubjects(nobody, blind := Counting()).people == []
     assert blind.calls == 0
+
+
+def test_a_correction_keeps_the_person_who_was_found() -> None:
+    if not Networks().exist:
+        pytest.skip("the networks are not in addon/networks: run tools/networks.py")
+    clip = walls.filmed(walls.with_person, tuple(range(11, 17)))
+    found = ClipSubjects(FoundSubjects(clip.reconstruction, clip.read))
+    (person,) = found.people
+    mask = person.mask(14)
+    strokes = Stroke(14, down(mask, 5)), Stroke(14, ((0.02, 0.02), (0.05, 0.02)), adds=False)
+    marked = found.marked(MarkedSubject("subject", strokes))
+    for frame in (11, 14, 16):
+        assert overlap(marked.mask(frame), person.mask(frame)) > 0.9, frame
+    assert not found.others([marked])
+
+
+def test_a_stroke_corrects_the_person_it_is_beside() -> None:
+    masks = {name: standing(name, 5) for name in NAMES}
+    assert nearest_to(Stroke(5, ((49 / WIDTH, 80 / HEIGHT),)), masks) == "far"
+    x = (40 * 4 + 10) / WIDTH
+    assert nearest_to(Stroke(5, ((x, 0.0), (x, 30 / HEIGHT))), masks) is None
+    assert nearest_to(Stroke(5, ((x - 45 / WIDTH, 60 / HEIGHT),)), masks) == "late"
+    assert nearest_to(Stroke(5, ((0.5, 0.5),)), {"nobody": np.zeros((HEIGHT, WIDTH), bool)}) is None
 
 
 def test_the_middle_of_a_person_is_on_it() -> None:

@@ -137,9 +137,20 @@ class ClipContext:
         """Return a marked subject in the frames of the clip; what was carried is remembered."""
         return self._subjects.carried(marked)
 
-    def prepare_subject(self, frame: int) -> None:
-        """Read and load ahead what a stroke in a frame needs; UserError where a frame cannot be read."""
+    def prepare_subject(self, frame: int) -> dict[str, Mask]:
+        """Read and load ahead what a stroke in a frame needs.
+
+        Returns:
+            (h, w) the people in the frame, by name, over the source frame; none while they would have to be
+            looked for.
+
+        Raises:
+            UserError: If a frame cannot be read.
+        """
         self._subjects.prepare(frame)
+        if not self._subjects.knows_people:
+            return {}
+        return {person.name: person.mask(frame) for person in self.people}
 
     @cached_property
     def _parts(self) -> MovingParts:

@@ -202,7 +202,7 @@ class PeopleOfClip:
         while waiting and len(found) < MOST_PEOPLE:
             frame, person = waiting[0]
             # As it is kept.
-            share = np.rint(255 * person.share).astype(np.float32) / 255
+            share = np.rint(255 * person.share).astype(np.float32) / np.float32(255)
             first = Cut.known(self.pictures.picture(frame), share, 1.0)
             found.append(Track(self.pictures, self.networks, frame, first))
             waiting = [each for each in waiting[1:] if not self._is(found[-1], *each)]

@@ -104,6 +104,12 @@ class ClipSubjects:
         """Return a marked subject in all frames."""
         return ClipSubject(marked.name, marked.key, self.carried(marked).cut, self.found.store)
 
+    @property
+    def knows_people(self) -> bool:
+        """Whether `people` need not be looked for."""
+        store = self.found.store
+        return "people" in self.__dict__ or (store is not None and store.is_kept(PEOPLE))
+
     @cached_property
     def people(self) -> list[ClipSubject]:
         """Each of the people who are the clip's subjects; none without networks, and in photos, whose order
@@ -132,7 +138,7 @@ class ClipSubjects:
             share = shares[number * rows : (number + 1) * rows]
             if share.shape != picture.shape[:2]:
                 return None
-            first = Cut.known(picture, np.asarray(share / np.float32(255), np.float32), 1.0)
+            first = Cut.known(picture, np.asarray(share, np.float32) / np.float32(255), 1.0)
             tracks.append(Track(self.pictures, self.networks, frame, first))
         return tracks
 
