@@ -22,7 +22,7 @@ from addon.scene.build import build
 from addon.scene.shot import shot_of
 from addon.ui import panels
 from addon.ui.pick_subject import LitUp, Shown
-from addon.ui.subject_view import INSIDE, OUTLINE, tinted
+from addon.ui.pick_view import INSIDE, OUTLINE, tinted
 from addon.ui.subjects import VIRTUAL_APERTURE_UL_subjects
 from addon.ui.work import Work
 

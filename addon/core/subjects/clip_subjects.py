@@ -138,7 +138,8 @@ class ClipSubjects:
             share = shares[number * rows : (number + 1) * rows]
             if share.shape != picture.shape[:2]:
                 return None
-            first = Cut.known(picture, np.asarray(share, np.float32) / np.float32(255), 1.0)
+            share = np.asarray(share, np.float32) / np.float32(255)
+            first = Cut.known(picture, np.asarray(share, np.float32), 1.0)
             tracks.append(Track(self.pictures, self.networks, frame, first))
         return tracks
 
