@@ -1,8 +1,8 @@
 """Subjects of real clips against hand-drawn masks (real data), without a solve.
 
 `python -m benchmarks.special drawn_masks [--clips NAME ...] [--ways WAY ...] [--pictures FOLDER]`. *Stroke*:
-a line down the middle of the true mask of the middle frame, carried through the clip. *Click*: its innermost
-pixel alone. *Automatic*: the people of the clip, all of them.
+a line down the middle of the true mask in the middle frame that has one, carried through the clip. *Click*:
+its innermost pixel alone. *Automatic*: the people of the clip, all of them.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def _judge(name: str, ways: Sequence[str], pictures: Path | None) -> None:
     footage = open_footage(DATA / "clips" / f"{name}.mp4")
     truths = {frame: truth for frame in footage.frames if (truth := _truth(name, frame)) is not None}
     small, networks = ClipPictures(footage.frames, footage.read), Networks()
-    middle = footage.frames[len(footage.frames) // 2]
+    middle = sorted(truths)[len(truths) // 2]
     finds: dict[str, Callable[[int], Mask]] = {
         way: CarriedSubject(small, networks, (Stroke(middle, down(truths[middle], corners)),)).mask
         for way, corners in CORNERS.items()
@@ -73,8 +73,12 @@ def _judge(name: str, ways: Sequence[str], pictures: Path | None) -> None:
 
 
 def _truth(name: str, frame: int) -> Mask | None:
-    drawn = cv2.imread(str(DATA / "masks" / name / f"{frame - 1:05d}.png"), cv2.IMREAD_GRAYSCALE)
-    return None if drawn is None else np.asarray(drawn > 127)
+    file = DATA / "masks" / name / f"{frame - 1:05d}.png"
+    if not file.is_file():
+        return None
+    drawn = cv2.imread(str(file), cv2.IMREAD_GRAYSCALE)
+    assert drawn is not None, file
+    return np.asarray(drawn > 127)
 
 
 def _sized(mask: Mask, shape: tuple[int, ...]) -> Mask:
