@@ -305,7 +305,11 @@ def set_first(settings: bpy.types.PropertyGroup, reconstruction: Reconstruction)
 
 
 def put_first(settings: bpy.types.PropertyGroup, place: Place) -> None:
-    """Put a place in focus that nobody has picked."""
+    """Put a place in focus that nobody has picked. Where the scale is assumed, the blur stays as it is shown
+    and the aperture follows."""
+    if not settings.metres_per_unit > 0:
+        with lens.writing():
+            settings.aperture_radius = 0.0
     put(settings, place.frame, [place])
     settings.marks.is_first = True
 
@@ -380,7 +384,8 @@ def _name_of(places: Sequence[Place]) -> str:
         return "Places"
     (place,) = places
     if place.followed:
-        return "Subject"
+        name = place.subject or "subject"
+        return f"{name[0].upper()}{name[1:]}"
     if place.xy is not None or place.world is not None:
         return "Place"
     if place.focus.points:

@@ -177,7 +177,7 @@ class Shot:
 
     def _subject_key(self) -> str:
         """The same of what moves by itself, whatever is marked."""
-        return self._key(SubjectOptions())
+        return self._key(SubjectOptions(), Networks().exist)
 
     def _highlight_key(self) -> str:
         """The same of highlights, whatever moves."""

@@ -62,6 +62,11 @@ def focus(scene: bpy.types.Scene) -> None:
         bpy.app.timers.register(_tick, first_interval=LOOK)
 
 
+def words() -> str:
+    """Return a line about the search that is under way; empty without one."""
+    return "" if _search is None else f"Looking for people {_search.work.stage}"
+
+
 def stop() -> None:
     """End the search that is under way."""
     global _search
@@ -80,11 +85,13 @@ def _put(settings: bpy.types.PropertyGroup, place: Place | None) -> None:
         aperture_cloud.update(settings)
 
 
-def _is_operating() -> bool:
-    """Whether an operator of the extension waits for the mouse, whose step of undo comes first."""
+def _must_wait(settings: bpy.types.PropertyGroup) -> bool:
+    """Whether the scene may not be changed now: an operator of the extension waits for the mouse, Blender
+    renders, or the point cloud is in Edit Mode, where undo knows nothing but the mesh."""
     windows = bpy.context.window_manager.windows
     modal = (operator.bl_idname for window in windows for operator in window.modal_operators)
-    return any(name.startswith("VIRTUAL_APERTURE_OT_") for name in modal)
+    is_operating = any(name.startswith("VIRTUAL_APERTURE_OT_") for name in modal)
+    return is_operating or bpy.app.is_job_running("RENDER") or settings.points.mode == "EDIT"
 
 
 def _tick() -> float | None:
@@ -95,10 +102,15 @@ def _tick() -> float | None:
     settings = search.settings()
     if settings is None:
         stop()
+        redraw.panels()
         return None
-    if not search.work.ended() or _is_operating():
+    if not search.work.ended():
+        redraw.panels()
+        return LOOK
+    if _must_wait(settings):
         return LOOK
     stop()
+    redraw.panels()
     # An unreadable frame is reported where it is rendered; the focus is as it was.
     if isinstance(search.work.error, UserError):
         return None
@@ -108,7 +120,6 @@ def _tick() -> float | None:
         window = bpy.context.window_manager.windows[0]
         with bpy.context.temp_override(window=window):
             bpy.ops.ed.undo_push(message="Focus on Nearest Person")
-        redraw.panels()
     return None
 
 

@@ -67,7 +67,7 @@ class VIRTUAL_APERTURE_OT_pick_focus(PicksPlaces, bpy.types.Operator):  # noqa: 
 
     def search(self, finder: PlaceFinder, at: XY) -> Callable[[], Place]:
         taken = [place.marks.name for place in self._places if place.marks is not None]
-        return place_at(self._scene, finder, *at, taken)
+        return place_at(self._scene, finder, *at, taken, self._seen.append)
 
     def took(self, context: bpy.types.Context, place: Place, shift: bool) -> Result:
         if shift:

@@ -8,6 +8,7 @@ from typing import Any
 
 import bpy
 
+from ..core.base.arrays import Mask
 from ..core.base.errors import UserError
 from ..core.focus.place import Glance, Place, PlaceFinder, shown_at
 from ..core.frame.clip_context import ClipContext
@@ -40,6 +41,8 @@ class PicksPlaces:
     _timer: bpy.types.Timer | None = None
     _finding: Work[Place] | None = None
     """A place that is looked for: where its depth must be found first, that takes seconds."""
+    _seen: list[Mask]
+    """(h, w) the subject that the place is on, once it is seen."""
     _shifted = False
     """Whether Shift was held for it."""
     _finder: PlaceFinder | None = None
@@ -169,6 +172,7 @@ class PicksPlaces:
             self._say(f"Frame {clip_frame(self._scene)} was not solved; pick in another frame")
             return {"RUNNING_MODAL"}
         self._overlay.mouse = at
+        self._seen = []
         self._finding, self._shifted = Work(self.search(finder, at)), event.shift
         if self._finding.ended(AT_ONCE):
             return self._found(context)
@@ -181,7 +185,10 @@ class PicksPlaces:
         if event.type == "TIMER":
             if self._finding.ended():
                 return self._found(context)
-            self._overlay.text = f"Finding the depth here {self._finding.stage}"
+            if self._seen and self._overlay.mask is None:
+                self._overlay.light_up(self._seen[-1])
+            what = "subject in all frames" if self._seen else "depth here"
+            self._overlay.text = f"Finding the {what} {self._finding.stage}"
             self._say(f"{self._overlay.text}    (ESC: Cancel)", "")
         return {"PASS_THROUGH"} if event.type in {"TIMER", "MOUSEMOVE"} else {"RUNNING_MODAL"}
 
@@ -239,6 +246,7 @@ class PicksPlaces:
         if self._finding is not None:
             self._finding.cancel()
             self._finding = None
+            self._overlay.light_up(None)
         if self._timer is not None:
             context.window_manager.event_timer_remove(self._timer)
             self._timer = None

@@ -9,8 +9,10 @@ import bpy
 from ..core.base.arrays import Mask
 from ..core.base.errors import UserError
 from ..core.base.progress import Cancelled
+from ..core.frame.clip_context import ClipContext
 from ..core.subjects.carried import CarriedSubject
-from ..core.subjects.strokes import MarkedSubject, Stroke, places_of, with_stroke
+from ..core.subjects.clip_subjects import united
+from ..core.subjects.strokes import MarkedSubject, Stroke, down, nearest_to, places_of, with_stroke
 from ..scene import redraw, subjects
 from ..scene.remedy_words import WORDS
 from ..scene.shot import reconstruction_of, shot_of
@@ -21,6 +23,9 @@ from .subject_view import SubjectOverlay
 from .work import LOOK, Work
 
 EXAMPLE = "0.44,0.26 0.45,0.5"
+NOTHING = "There is nothing to take away from yet"
+CORNERS = 5
+"""Corners of the stroke that marks a person who was found."""
 APART = 0.004
 """Share of the picture between two corners of a stroke."""
 KEYS = (
@@ -37,8 +42,32 @@ class LitUp:
         self.mask: Mask | None = None
 
     def __call__(self) -> Mask:
-        self.mask = self.carried.mask(self.frame)
+        for mask in self.carried.masks(self.frame):
+            self.mask = mask
+        assert self.mask is not None
         return self.mask
+
+
+class Shown:
+    """People whom nobody has marked, in a frame in which a stroke may follow."""
+
+    def __init__(self, context: ClipContext, frame: int) -> None:
+        self.context, self.frame = context, frame
+        self.masks: dict[str, Mask] = {}
+        """(h, w) each of them."""
+        self.mask: Mask | None = None
+        """(h, w) all of them."""
+
+    def __call__(self) -> Mask | None:
+        self.masks = self.context.prepare_subject(self.frame)
+        if self.masks:
+            self.mask = united(list(self.masks.values()))
+        return self.mask
+
+    def marked(self, stroke: Stroke) -> tuple[Stroke, ...]:
+        """Strokes that mark the person whom a stroke is to correct; none where it is beside them all."""
+        person = nearest_to(stroke, self.masks) if stroke.frame == self.frame else None
+        return () if person is None else (Stroke(self.frame, down(self.masks[person], CORNERS)),)
 
 
 class VIRTUAL_APERTURE_OT_pick_subject(bpy.types.Operator):  # noqa: N801
@@ -75,7 +104,7 @@ class VIRTUAL_APERTURE_OT_pick_subject(bpy.types.Operator):  # noqa: N801
     """Of the class: one is under way."""
     _timer: bpy.types.Timer | None = None
     _work: Work[Any] | None = None
-    _lit: LitUp | None = None
+    _lit: LitUp | Shown | None = None
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -183,8 +212,8 @@ class VIRTUAL_APERTURE_OT_pick_subject(bpy.types.Operator):  # noqa: N801
             self._say("Draw in the camera view (Numpad 0 looks through the camera)")
         elif frame not in self._context.reconstruction.frames:
             self._say(f"Frame {frame} was not solved; draw in another frame")
-        elif event.ctrl and not any(stroke.adds for stroke in self._steps[-1]):
-            self._say("There is nothing to take away from yet")
+        elif event.ctrl and not self._shown.masks and not any(stroke.adds for stroke in self._steps[-1]):
+            self._say(NOTHING)
         else:
             self._is_drawing, self._extends = True, event.shift
             self._overlay.line, self._overlay.takes = [at], event.ctrl
@@ -200,9 +229,15 @@ class VIRTUAL_APERTURE_OT_pick_subject(bpy.types.Operator):  # noqa: N801
             self._is_drawing = False
             self._follow(event)
             stroke = Stroke(clip_frame(self._scene), tuple(overlay.line), not overlay.takes)
-            self._steps.append(with_stroke(self._steps[-1], stroke, self._extends))
+            known = self._steps[-1]
+            if not any(each.adds for each in known) and (self._extends or overlay.takes):
+                known = self._shown.marked(stroke)
+            if not stroke.adds and not known:
+                self._say(NOTHING)
+            else:
+                self._steps.append(with_stroke(known, stroke, self._extends))
+                self._light_up()
             overlay.line = []
-            self._light_up()
         self._view.area.tag_redraw()
         return {"RUNNING_MODAL"}
 
@@ -233,11 +268,15 @@ class VIRTUAL_APERTURE_OT_pick_subject(bpy.types.Operator):  # noqa: N801
         self._lit, self._frame = None, frame
         self._overlay.strokes = [stroke for stroke in strokes if stroke.frame == frame]
         self._say("")
-        is_registered = frame in self._context.reconstruction.frames
-        if not any(each.adds for each in strokes) or not is_registered:
+        self._shown = Shown(self._context, frame)
+        if frame not in self._context.reconstruction.frames:
             self._overlay.light_up(None)
             return
-        self._lit = LitUp(self._context.carried(MarkedSubject(self._name, strokes)), frame)
+        if any(each.adds for each in strokes):
+            self._lit = LitUp(self._context.carried(MarkedSubject(self._name, strokes)), frame)
+        else:
+            self._overlay.light_up(None)
+            self._lit = self._shown
         self._work = Work(self._lit, after=self._work)
 
     def _look(self) -> None:
@@ -250,7 +289,8 @@ class VIRTUAL_APERTURE_OT_pick_subject(bpy.types.Operator):  # noqa: N801
         if self._lit.mask is not None and self._lit.mask is not self._overlay.mask:
             self._overlay.light_up(self._lit.mask)
         if not self._work.ended():
-            self._say(f"Finding {self._name} {self._work.stage}")
+            if self._lit is not self._shown:
+                self._say(f"Finding {self._name} {self._work.stage}")
             return
         self._lit = None
         self._say("")

@@ -7,10 +7,12 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import bpy
+import cv2
 import numpy as np
 
-from ..core.base.arrays import Floats
+from ..core.base.arrays import Floats, Mask
 from ..core.base.errors import UserError
+from ..render.gpu_views import upload
 from ..render.viewport import frame_in_region
 
 XY = tuple[float, float]
@@ -19,6 +21,10 @@ SEGMENTS = 24
 RING, FEATURE, PICKED = 9.0, 4.0, 6.0
 """Radii in pixels at a resolution scale of 1: round the mouse, of features, of picked places."""
 WHITE, GREEN, SHADE = (1.0, 1.0, 1.0, 1.0), (0.25, 1.0, 0.35, 1.0), (0.0, 0.0, 0.0, 0.6)
+TINT = (0.15, 0.75, 1.0)
+"""Linear RGB of what is lit up: it stands out from skin, leaves and asphalt."""
+INSIDE, OUTLINE = 0.5, 1.0
+"""Opacities. By eye."""
 TEXT = 13
 """Points."""
 
@@ -128,6 +134,9 @@ class Overlay:
     """Whether the point cloud is seen with it."""
     joins: bool = False
     """Whether a line goes from the last picked place to the mouse."""
+    mask: Mask | None = None
+    """(h, w) over the source frame: a subject that is lit up."""
+    _texture: Any = None
     _handle: Any = None
 
     def begin(self) -> None:
@@ -144,10 +153,16 @@ class Overlay:
             _overlays[:] = [each for each in _overlays if each is not self]
             self.view.area.tag_redraw()
 
+    def light_up(self, mask: Mask | None) -> None:
+        """Show a subject (h, w) over the source frame."""
+        self.mask, self._texture = mask, None
+        self.view.area.tag_redraw()
+
     def draw(self) -> None:
         if bpy.context.area != self.view.area or not self.view.is_through_camera():
             return
         scale = bpy.context.preferences.system.ui_scale
+        self.draw_mask()
         for place in self.view.pixels(self.scene, self.features):
             line(ring(place, FEATURE * scale), GREEN, scale)
         for place in self.view.pixels(self.scene, self.picked):
@@ -160,12 +175,39 @@ class Overlay:
         line(ring(place, RING * scale), WHITE, 1.5 * scale)
         _text(self.text, place, self.view.right_border(), scale)
 
+    def draw_mask(self) -> None:
+        """Draw the subject that is lit up."""
+        import gpu
+        from gpu_extras.batch import batch_for_shader
+
+        corners = self.view.pixels(self.scene, [(0, 1), (1, 1), (1, 0), (0, 0)])
+        if self.mask is None or not corners:
+            return
+        if self._texture is None:
+            self._texture = upload(tinted(self.mask))
+            self._texture.filter_mode(True)
+        shader = gpu.shader.from_builtin("IMAGE")
+        gpu.state.blend_set("ALPHA_PREMULT")
+        shader.bind()
+        shader.uniform_sampler("image", self._texture)
+        content = {"pos": corners, "texCoord": [(0, 1), (1, 1), (1, 0), (0, 0)]}
+        batch_for_shader(shader, "TRI_FAN", content).draw(shader)
+        gpu.state.blend_set("NONE")
+
 
 def _drawer(overlay: Overlay) -> Callable[[], None]:
     def draw() -> None:
         overlay.draw()
 
     return draw
+
+
+def tinted(mask: Mask) -> np.ndarray:
+    """(h, w, 4) float32, premultiplied: the tint inside a mask (h, w), stronger on its outline."""
+    inside = mask.astype(np.uint8)
+    rim = inside - cv2.erode(inside, np.ones((3, 3), np.uint8), borderValue=0)
+    alpha = np.where(rim > 0, OUTLINE, INSIDE * inside).astype(np.float32)
+    return alpha[..., None] * np.array([*TINT, 1.0], np.float32)
 
 
 def ring(middle: XY, radius: float) -> Floats:

@@ -1,14 +1,14 @@
 """Subjects of real clips against hand-drawn masks (real data), without a solve.
 
-`python -m benchmarks.special drawn_masks [--clips NAME ...] [--pictures FOLDER]`. *Stroke*: a line down the
-middle of the true mask nearest the middle frame, carried through the clip. *Automatic*: the people of the clip,
-all of them.
+`python -m benchmarks.special drawn_masks [--clips NAME ...] [--ways WAY ...] [--pictures FOLDER]`. *Stroke*:
+a line down the middle of the true mask in the middle frame that has one, carried through the clip. *Click*:
+its innermost pixel alone. *Automatic*: the people of the clip, all of them.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import cv2
@@ -18,14 +18,15 @@ from addon.core.media.clip import open_footage
 from addon.core.subjects.carried import CarriedSubject, PeopleOfClip
 from addon.core.subjects.networks import Networks
 from addon.core.subjects.pictures import ClipPictures
-from addon.core.subjects.strokes import Stroke
+from addon.core.subjects.strokes import Stroke, down
 
 from ..cost import cpu_seconds
 from ..solving.real_clips import DATA
-from .mask_metrics import Mask, boundary_f, iou, stroke
+from .mask_metrics import Mask, boundary_f, iou
 
-CORNERS = 5
-"""Of the stroke."""
+CORNERS = {"stroke": 5, "click": 1}
+"""Of the line that marks the subject."""
+WAYS = (*CORNERS, "automatic")
 
 
 def main() -> None:
@@ -36,27 +37,27 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     names = sorted(path.name for path in folder.iterdir() if path.is_dir())
     parser.add_argument("--clips", nargs="+", default=names, choices=names, metavar="NAME")
+    parser.add_argument("--ways", nargs="+", default=WAYS, choices=WAYS, metavar="WAY")
     parser.add_argument("--pictures", type=Path, metavar="FOLDER", help="every tenth frame with its mask")
     options = parser.parse_args()
     columns = "clip", "how", "mean IoU", "least", "over 0.85", "boundary F", "CPU s a frame"
     print(f"| {' | '.join(columns)} |\n{'|---' * len(columns)}|")
     for name in options.clips:
-        _judge(name, options.pictures)
+        _judge(name, options.ways, options.pictures)
 
 
-def _judge(name: str, pictures: Path | None) -> None:
+def _judge(name: str, ways: Sequence[str], pictures: Path | None) -> None:
     footage = open_footage(DATA / "clips" / f"{name}.mp4")
     truths = {frame: truth for frame in footage.frames if (truth := _truth(name, frame)) is not None}
     small, networks = ClipPictures(footage.frames, footage.read), Networks()
-    half = footage.frames[len(footage.frames) // 2]
-    middle = min(truths, key=lambda frame: abs(frame - half))
-    places = stroke(truths[middle], CORNERS)
-    line = Stroke(middle, tuple((float(x), float(y)) for x, y in places))
-    ways: dict[str, Callable[[int], Mask]] = {
-        "stroke": CarriedSubject(small, networks, (line,)).mask,
-        "automatic": PeopleOfClip(small, networks).mask,
+    middle = sorted(truths)[len(truths) // 2]
+    finds: dict[str, Callable[[int], Mask]] = {
+        way: CarriedSubject(small, networks, (Stroke(middle, down(truths[middle], corners)),)).mask
+        for way, corners in CORNERS.items()
     }
-    for way, find in ways.items():
+    finds["automatic"] = PeopleOfClip(small, networks).mask
+    for way in ways:
+        find = finds[way]
         began = cpu_seconds()
         found = {frame: _sized(find(frame), truth.shape) for frame, truth in truths.items()}
         cost = (cpu_seconds() - began) / len(found)
@@ -73,7 +74,11 @@ def _judge(name: str, pictures: Path | None) -> None:
 
 def _truth(name: str, frame: int) -> Mask | None:
     file = DATA / "masks" / name / f"{frame - 1:05d}.png"
-    return np.asarray(cv2.imread(str(file), cv2.IMREAD_GRAYSCALE) > 127) if file.is_file() else None
+    if not file.is_file():
+        return None
+    drawn = cv2.imread(str(file), cv2.IMREAD_GRAYSCALE)
+    assert drawn is not None, file
+    return np.asarray(drawn > 127)
 
 
 def _sized(mask: Mask, shape: tuple[int, ...]) -> Mask:

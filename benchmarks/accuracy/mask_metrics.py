@@ -13,6 +13,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from addon.core.subjects.strokes import down
+
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
@@ -117,12 +119,4 @@ def stroke(mask: Mask, places: int) -> Floats:
 
     In shares of the picture's size, right and down; bands that have no pixel are left out.
     """
-    deep = cv2.distanceTransform(np.pad(mask, 1).astype(np.uint8), cv2.DIST_L2, 5)[1:-1, 1:-1]
-    rows = np.flatnonzero(mask.any(axis=1))
-    found = []
-    for band in np.array_split(np.arange(rows[0], rows[-1] + 1), places) if len(rows) else ():
-        own = deep[band[0] : band[-1] + 1] if len(band) else np.zeros((1, 1))
-        if own.any():
-            row, column = np.unravel_index(int(own.argmax()), own.shape)
-            found.append(((column + 0.5) / mask.shape[1], (band[0] + row + 0.5) / mask.shape[0]))
-    return np.array(found).reshape(-1, 2)
+    return np.array(down(mask, places)).reshape(-1, 2)

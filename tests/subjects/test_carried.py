@@ -77,6 +77,29 @@ def test_a_click_marks_a_subject(pictures: ClipPictures, no_networks: Networks) 
     assert overlap(CarriedSubject(pictures, no_networks, (click,)).mask(5), disc(4)) > 0.8
 
 
+def test_a_first_cut_is_shown_before_frames_beside_it_settle_it(
+    pictures: ClipPictures, no_networks: Networks
+) -> None:
+    subject = CarriedSubject(pictures, no_networks, (stroke(5),))
+    first, settled = subject.masks(5)
+    assert overlap(first, disc(4)) > 0.7 and np.array_equal(settled, subject.mask(5))
+    assert len(list(subject.masks(6))) == len(list(subject.masks(5))) == 1
+
+
+def test_a_correction_begins_with_what_was_carried(pictures: ClipPictures, no_networks: Networks) -> None:
+    asked = list[tuple[Stroke, ...]]()
+    before = CarriedSubject(pictures, no_networks, (stroke(5),))
+
+    def carried(strokes: tuple[Stroke, ...]) -> CarriedSubject:
+        asked.append(strokes)
+        return before
+
+    corner = Stroke(7, ((0.9, 0.9), (0.95, 0.9)), adds=False)
+    after = CarriedSubject(pictures, no_networks, (*before.strokes, corner), carried)
+    assert overlap(after.mask(7), before.mask(7)) > 0.9
+    assert asked == [before.strokes]
+
+
 def test_a_later_stroke_corrects_and_keeps_the_rest(pictures: ClipPictures, no_networks: Networks) -> None:
     before = CarriedSubject(pictures, no_networks, (stroke(5),))
     corner = Stroke(7, ((0.9, 0.9), (0.95, 0.9)), adds=False)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from addon.core.base.arrays import Bytes
+from addon.core.base.arrays import Bytes, Mask
 from addon.core.base.errors import UserError
 from addon.core.depth.multi_view_stereo import DenseDepth
 from addon.core.focus.place import Place
@@ -26,13 +26,19 @@ from .walls import HEIGHT, LENS, WIDTH, disc, filmed, overlap, place
 FRAME, FEW = 16, tuple(range(11, 22))
 
 
-def click(clip: ClipContext, x: float, y: float, name: str = "Subject") -> Place:
+def click(
+    clip: ClipContext,
+    x: float,
+    y: float,
+    name: str = "Subject",
+    seen: Callable[[Mask], object] = lambda mask: None,
+) -> Place:
     """What a click at pixels of `FRAME` puts in focus."""
 
     def marking(new: MarkedSubject) -> ClipContext:
         return replace(clip, marked=(*clip.marked, new), known_subjects=clip._subjects)
 
-    return clicked(clip, clip.places(FRAME), x / WIDTH, y / HEIGHT, name, marking)
+    return clicked(clip, clip.places(FRAME), x / WIDTH, y / HEIGHT, name, marking, seen)
 
 
 @pytest.fixture(scope="module")
@@ -46,20 +52,26 @@ def without_networks[C: ClipContext](clip: C) -> C:
 
 
 def test_a_click_on_what_moves_marks_all_of_it(clip: walls.Filmed) -> None:
-    found = click(clip, *place(FRAME), name="Disc")
+    seen = list[Mask]()
+    found = click(clip, *place(FRAME), name="Disc", seen=seen.append)
     assert found.marks is not None and found.marks.name == "Disc" and "the subject Disc" in found.source
     assert sorted(found.followed) == list(FEW)
     assert found.xy == (place(FRAME)[0] / WIDTH, place(FRAME)[1] / HEIGHT)
     marked = replace(clip, marked=(found.marks,), known_subjects=clip._subjects)
     assert min(overlap(marked.subject("Disc", frame), disc(frame)) for frame in FEW) > 0.75
     # The next click finds it, beside its outline, too.
-    again = click(marked, *place(FRAME))
+    again = click(marked, *place(FRAME), seen=seen.append)
     assert again.marks is None and "the subject Disc" in again.source
     assert again.distance == pytest.approx(found.distance)
+    for mask in seen:
+        assert np.array_equal(mask, marked.subject("Disc", FRAME))
+    assert len(seen) == 2
 
 
 def test_a_click_on_what_stands_still_is_as_without_subjects(clip: walls.Filmed) -> None:
-    found = click(clip, 200, 140)
+    seen = list[Mask]()
+    found = click(clip, 200, 140, seen=seen.append)
+    assert not seen
     assert found.marks is None and not found.followed
     assert found.distance == pytest.approx(walls.NEAR, rel=0.03)
     assert str(found) == str(clip.places(FRAME).find(200 / WIDTH, 140 / HEIGHT))

@@ -10,16 +10,20 @@ import cv2
 import numpy as np
 import pytest
 
-from addon.core.base.arrays import Mask
+from addon.core.base.arrays import Bytes, Mask
+from addon.core.depth.depth_store import DepthStore, encoded
 from addon.core.focus.focus import Focus
 from addon.core.focus.place import Place
 from addon.core.frame.first_person import face_of, middle_of, nearest_person
 from addon.core.media.clip import open_footage
-from addon.core.subjects.clip_subjects import ClipSubject
+from addon.core.subjects.clip_subjects import PEOPLE, ClipSubject, ClipSubjects
 from addon.core.subjects.cut import Cut
-from addon.core.subjects.networks import Networks
+from addon.core.subjects.found import FoundSubjects
+from addon.core.subjects.networks import Detection, Networks
+from addon.core.subjects.odds import overlap
 from addon.core.subjects.people import people
 from addon.core.subjects.pictures import displayed, small
+from addon.core.subjects.strokes import MarkedSubject, Stroke, down, nearest_to
 
 from . import walls
 from .figures import figure
@@ -68,6 +72,56 @@ def test_the_nearest_person_in_the_first_frame_that_shows_one_is_in_focus() -> N
 def test_without_people_nobody_is_in_focus() -> None:
     clip = walls.filmed(walls.still, (1, 2, 3))
     assert nearest_person(clip) is None
+
+
+def test_people_are_looked_for_once(tmp_path: Path) -> None:
+    class Counting(Networks):
+        calls = 0
+
+        def poses(self, picture: Bytes, least: float) -> list[Detection]:
+            self.calls += 1
+            return super().poses(picture, least)
+
+    if not Networks().exist:
+        pytest.skip("the networks are not in addon/networks: run tools/networks.py")
+    clip = walls.filmed(walls.with_person, tuple(range(11, 17)))
+    store = DepthStore(tmp_path, lambda: 16 * "a")
+    found = FoundSubjects(clip.reconstruction, clip.read, store=store)
+    first, second = (ClipSubjects(found, Counting()) for _ in range(2))
+    (person,) = first.people
+    (again,) = second.people
+    assert (first.networks.calls > 0, second.networks.calls) == (True, 0)
+    for frame in (11, 16):
+        assert np.array_equal(again.cut(frame).share, person.cut(frame).share)
+    # A file of pictures of another size.
+    store.write(PEOPLE, {"frames": np.array([11]), "shares": encoded(np.zeros((5, 7), np.uint8))})
+    assert len(ClipSubjects(found, Counting()).people) == 1
+    nobody = FoundSubjects(clip.reconstruction, walls.still, store=DepthStore(tmp_path, lambda: 16 * "b"))
+    assert ClipSubjects(nobody, Counting()).people == ClipSubjects(nobody, blind := Counting()).people == []
+    assert blind.calls == 0
+
+
+def test_a_correction_keeps_the_person_who_was_found() -> None:
+    if not Networks().exist:
+        pytest.skip("the networks are not in addon/networks: run tools/networks.py")
+    clip = walls.filmed(walls.with_person, tuple(range(11, 17)))
+    found = ClipSubjects(FoundSubjects(clip.reconstruction, clip.read))
+    (person,) = found.people
+    mask = person.mask(14)
+    strokes = Stroke(14, down(mask, 5)), Stroke(14, ((0.02, 0.02), (0.05, 0.02)), adds=False)
+    marked = found.marked(MarkedSubject("subject", strokes))
+    for frame in (11, 14, 16):
+        assert overlap(marked.mask(frame), person.mask(frame)) > 0.9, frame
+    assert not found.others([marked])
+
+
+def test_a_stroke_corrects_the_person_it_is_beside() -> None:
+    masks = {name: standing(name, 5) for name in NAMES}
+    assert nearest_to(Stroke(5, ((49 / WIDTH, 80 / HEIGHT),)), masks) == "far"
+    x = (40 * 4 + 10) / WIDTH
+    assert nearest_to(Stroke(5, ((x, 0.0), (x, 30 / HEIGHT))), masks) is None
+    assert nearest_to(Stroke(5, ((x - 45 / WIDTH, 60 / HEIGHT),)), masks) == "late"
+    assert nearest_to(Stroke(5, ((0.5, 0.5),)), {"nobody": np.zeros((HEIGHT, WIDTH), bool)}) is None
 
 
 def test_the_middle_of_a_person_is_on_it() -> None:

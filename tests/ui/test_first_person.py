@@ -23,7 +23,7 @@ FEW = tuple(range(11, 22))
 
 
 def test_the_nearest_person_takes_the_place_of_the_first_focus(
-    scene: bpy.types.Scene, tmp_path: Path
+    scene: bpy.types.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if not Networks().exist:
         pytest.skip("the networks are not in addon/networks: run tools/networks.py")
@@ -33,12 +33,20 @@ def test_the_nearest_person_takes_the_place_of_the_first_focus(
     settings = build(scene, footage, reconstruction)
     focus_marks.set_first(settings, reconstruction)
     assert settings.marks.is_first and not settings.marks.items[0].places[0].get("followed")
+    blur, distance = settings.blur, settings.focus_distance
     first_person.focus(scene)
     (mark,) = settings.marks.items
-    assert settings.marks.is_first and mark.name == "Subject" and mark.frame == FEW[0]
+    assert settings.marks.is_first and mark.name == "Person 1" and mark.frame == FEW[0]
     assert list(mark.places[0]["followed_frames"]) == list(FEW)
+    assert abs(settings.focus_distance / distance - 1) > 0.1
+    assert settings.blur == pytest.approx(blur, rel=1e-5)
     assert "In focus: the nearest person" in " ".join(draw(panels.main.VIRTUAL_APERTURE_PT_main).texts)
+    missing = "People are not recognised: this build of the extension has no networks"
+    assert missing not in " ".join(draw(panels.main.VIRTUAL_APERTURE_PT_main).texts)
+    monkeypatch.setattr(Networks, "exist", False)
+    assert missing in " ".join(draw(panels.main.VIRTUAL_APERTURE_PT_main).texts)
     # Another focus that somebody has picked stays.
     focus_marks.put(settings, FEW[2], [Place(Focus(distance=5.0), FEW[2], 5.0, "a distance")])
     first_person.focus(scene)
     assert not settings.marks.is_first and settings.marks.items[0].distance == 5.0
+    assert missing not in " ".join(draw(panels.main.VIRTUAL_APERTURE_PT_main).texts)

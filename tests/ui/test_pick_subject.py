@@ -14,13 +14,15 @@ from addon.core.base.progress import Cancelled, checkpoint
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.media.clip import open_footage
 from addon.core.media.picture_file import Pixels
+from addon.core.subjects.clip_subjects import ClipSubjects
+from addon.core.subjects.networks import Networks
 from addon.core.subjects.strokes import MarkedSubject, Stroke, with_stroke
 from addon.scene import subjects
 from addon.scene.build import build
 from addon.scene.shot import shot_of
 from addon.ui import panels
-from addon.ui.pick_subject import LitUp
-from addon.ui.subject_view import INSIDE, OUTLINE, tinted
+from addon.ui.pick_subject import LitUp, Shown
+from addon.ui.pick_view import INSIDE, OUTLINE, tinted
 from addon.ui.subjects import VIRTUAL_APERTURE_UL_subjects
 from addon.ui.work import Work
 
@@ -204,6 +206,22 @@ def test_a_subject_lights_up_from_the_frames_beside_it() -> None:
     assert work.ended(60) and work.result() is lit.mask
     assert walls.overlap(work.result(), walls.disc(FRAME)) > 0.85
     assert asked <= set(range(FRAME - 2, FRAME + 3))
+
+
+def test_a_person_who_was_found_is_shown_and_taken_over_by_a_correction() -> None:
+    if not Networks().exist:
+        pytest.skip("the networks are not in addon/networks: run tools/networks.py")
+    filmed = walls.filmed(walls.with_person, tuple(range(11, 17)))
+    clip = replace(filmed, known_subjects=ClipSubjects(filmed.subjects))
+    # While people would have to be looked for, a stroke waits for nothing.
+    assert Shown(clip, 14)() is None
+    (person,) = clip.people
+    shown = Shown(clip, 14)
+    assert np.array_equal(shown(), person.mask(14))
+    y, x = np.argwhere(person.mask(14)).mean(axis=0) / person.mask(14).shape
+    (stroke,) = shown.marked(Stroke(14, ((x, y),), adds=False))
+    assert stroke.frame == 14 and stroke.adds and len(stroke.places) == 5
+    assert shown.marked(Stroke(15, ((x, y),))) == shown.marked(Stroke(14, ((0.01, 0.01),))) == ()
 
 
 def test_a_stroke_leaves_what_is_known_of_the_clip(

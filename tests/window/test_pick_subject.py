@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from .conftest import PICTURES
-from .program import EXTENSION, Program
+from .program import Program
 from .screen import Screen
 from .steps import MARKS, MODAL, SETTINGS, over
 
@@ -24,12 +24,6 @@ START = (
 """As its button does: the panel that has it is closed to begin with."""
 GLOBE = (0.53, 0.45)
 """Place in the sample clip's first frame, fractions of the picture."""
-OTHER = 5
-"""A frame in which no other test draws."""
-KNOWN = (
-    f"{OTHER} in __import__('sys').modules['{EXTENSION}.addon.scene.shot']"
-    ".shot_of(bpy.context.scene).context.subjects.evidence._single"
-)
 BLUER = 25
 """Grey levels by which the tint makes blue stronger against red."""
 
@@ -96,16 +90,6 @@ def drag(program: Program, held: str = "", down: float = 0.0) -> None:
 
 def ended(program: Program) -> None:
     program.wait(f"not ({PICKING})")
-    program.settle()
-
-
-def test_the_scene_around_is_found_before_a_stroke_is_drawn(program: Program) -> None:
-    program.ask(f"bpy.context.scene.frame_set({OTHER}); None")
-    start(program)
-    program.wait(KNOWN, 200)
-    program.screen.key("Escape")
-    ended(program)
-    program.ask("bpy.context.scene.frame_set(1); None")
     program.settle()
 
 

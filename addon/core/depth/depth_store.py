@@ -3,7 +3,8 @@
 FOLDER/KEY/depth-000123.npz    a frame's inverse depth in 12 bits, its confidence in 4, what moves in it, and
                                inverse depth past its border
 FOLDER/KEY/moving-000123.npz   what moves in a frame
-FOLDER/KEY/moving-SUBJECT-000123.npz   the part of it that a marked subject has
+FOLDER/KEY/moving-SUBJECT-000123.npz   the probability of a marked subject or a person
+FOLDER/KEY/moving-people.npz   the people of the clip, each in the frame in which they were found
 FOLDER/KEY/single-000123.npz, coarse-000123.npz   a key frame's depth by itself, and that of a source frame of
                                the static scene, before others are fused with it
 FOLDER/KEY/alone-000123.npz, alone-PASS-000123.npz   what moves in a frame by its own evidence

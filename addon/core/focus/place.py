@@ -49,6 +49,8 @@ class Place:
     """Distances by frame of a place on what moves by itself, as far as it could be followed."""
     xy: tuple[float, float] | None = None
     """Fractions of the picture at which it was picked, (0, 0) top left."""
+    subject: str = ""
+    """Name of the subject that it is the whole of."""
     marks: MarkedSubject | None = None
     """New subject of the clip that the place is on."""
 

@@ -51,7 +51,8 @@ def subject_place(
     values = [found[each] for each in known]
     followed = dict(zip(frames, (1 / np.interp(frames, known, values)).tolist(), strict=True))
     source = f"the subject {name}, seen from frame {known[0]} to {known[-1]}"
-    return Place(Focus(distance=followed[frame]), frame, followed[frame], source, followed=followed)
+    distance = followed[frame]
+    return Place(Focus(distance=distance), frame, distance, source, followed=followed, subject=name)
 
 
 def _inverse_depths(

@@ -29,6 +29,7 @@ def clicked(
     y: float,
     name: str,
     marking: Callable[[MarkedSubject], ClipContext],
+    seen: Callable[[Mask], object] = lambda mask: None,
 ) -> Place:
     """Find what a click puts in focus.
 
@@ -42,6 +43,7 @@ def clicked(
         y: Share of its height from the top.
         name: Name of the new subject.
         marking: Returns the clip with one more subject.
+        seen: Called with the subject (h, w) in the frame, before it is found in all other frames.
 
     Returns:
         The place in focus. Its `marks` is the new subject, which the caller adds to those of the clip.
@@ -49,7 +51,9 @@ def clicked(
     Raises:
         UserError: As of `PlaceFinder.find`.
     """
-    return finder.find(x, y, partial(_new_subject, clip, finder.frame, x, y, name, marking))
+    if (known := clip.subject_at(finder.frame, x, y)) is not None:
+        seen(known.mask(finder.frame))
+    return finder.find(x, y, partial(_new_subject, clip, finder.frame, x, y, name, marking, seen))
 
 
 def _new_subject(
@@ -59,6 +63,7 @@ def _new_subject(
     y: float,
     name: str,
     marking: Callable[[MarkedSubject], ClipContext],
+    seen: Callable[[Mask], object],
 ) -> Place | None:
     """The subject that a click cuts out of a frame, in focus; None where it cuts out none."""
     if not clip.may_focus_on_subjects or not clip.reconstruction.is_ordered or _is_masked(clip, frame, x, y):
@@ -69,6 +74,7 @@ def _new_subject(
     mask = clip.carried(new).mask(frame)
     if not _is_subject(mask, clip.carried(new).strokes_in(frame)[0]):
         return None
+    seen(mask)
     for known in clip.every_subject:
         if overlap_of(mask, known.mask(frame)) >= SAME_PERSON:
             # The click was beside its outline.

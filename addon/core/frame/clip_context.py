@@ -138,6 +138,21 @@ class ClipContext:
         """Return a marked subject in the frames of the clip; what was carried is remembered."""
         return self._subjects.carried(marked)
 
+    def prepare_subject(self, frame: int) -> dict[str, Mask]:
+        """Read and load ahead what a stroke in a frame needs.
+
+        Returns:
+            (h, w) the people in the frame, by name, over the source frame; none while they would have to be
+            looked for.
+
+        Raises:
+            UserError: If a frame cannot be read.
+        """
+        self._subjects.prepare(frame)
+        if not self._subjects.knows_people:
+            return {}
+        return {person.name: person.mask(frame) for person in self.people}
+
     @cached_property
     def _parts(self) -> MovingParts:
         return MovingParts(self.reconstruction, self.read, self._subjects, self.marked, self.masks)
@@ -277,11 +292,14 @@ class ClipContext:
         """Whether a click may focus on a whole subject: its distance comes from the clip alone."""
         return not (self.reconstruction.stays or self.given_depth is not None or self.maps is not None)
 
+    def subject_at(self, frame: int, x: float, y: float) -> ClipSubject | None:
+        """Return the subject at fractions x, y of a frame's picture that a click focuses on; None beside all
+        of them. Errors as of `places`."""
+        return self._parts.at(frame, x, y) if self.may_focus_on_subjects else None
+
     def _place_on_subject(self, frame: int, x: float, y: float) -> Place | None:
         """The whole subject at a place of a frame, in focus; None beside all of them."""
-        if not self.may_focus_on_subjects:
-            return None
-        subject = self._parts.at(frame, x, y)
+        subject = self.subject_at(frame, x, y)
         return None if subject is None else replace(self._focus_on(subject, frame), xy=(x, y))
 
     def subject_place(self, name: str, frame: int) -> Place:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import cv2
 import numpy as np
 
-from ..base.arrays import Mask
+from ..base.arrays import Map, Mask
 from ..base.progress import checkpoint
 from .cut import Cut, Neighbour, first_cut, next_cut
 from .flow import warped
@@ -73,7 +74,10 @@ class CarriedSubject:
     pictures: ClipPictures
     networks: Networks
     strokes: tuple[Stroke, ...]
+    carried: Callable[[tuple[Stroke, ...]], CarriedSubject] | None = None
+    """Returns the subject of fewer strokes, which may be carried already."""
     _tracks: dict[int, Track] = field(default_factory=dict, repr=False, compare=False)
+    _firsts: dict[int, tuple[Cut, bool]] = field(default_factory=dict, repr=False, compare=False)
 
     @cached_property
     def marked_frames(self) -> list[int]:
@@ -85,6 +89,13 @@ class CarriedSubject:
     def mask(self, frame: int) -> Mask:
         """Return the subject (h, w) in a frame; errors as of `ClipPictures.picture`."""
         return self.cut(frame).mask
+
+    def masks(self, frame: int) -> Iterator[Mask]:
+        """Yield the subject (h, w) in a frame, the last time as `mask`; of a frame with strokes first as its
+        cut is before it is compared with the frames beside it. Errors as of `ClipPictures.picture`."""
+        if frame in self.marked_frames and frame not in self._tracks:
+            yield self._first(frame)[0].mask
+        yield self.mask(frame)
 
     def cut(self, frame: int) -> Cut:
         """Return the subject in a frame; errors as of `ClipPictures.picture`."""
@@ -106,14 +117,26 @@ class CarriedSubject:
 
     def _marked(self, frame: int) -> Cut:
         """The subject in a frame with strokes."""
-        number = next(i for i, stroke in enumerate(self.strokes) if stroke.frame == frame)
-        earlier = self.strokes[:number]
-        prior = None
-        if any(stroke.adds for stroke in earlier):
-            prior = CarriedSubject(self.pictures, self.networks, earlier).cut(frame).share
-        picture = self.pictures.picture(frame)
-        first = first_cut(self.networks, picture, self.strokes_in(frame), self._beside(frame), prior)
-        return first if prior is not None else self._settled(frame, first)
+        first, corrects = self._first(frame)
+        return first if corrects else self._settled(frame, first)
+
+    def _first(self, frame: int) -> tuple[Cut, bool]:
+        """The subject in a frame with strokes, and whether these correct what earlier ones have found."""
+        if frame not in self._firsts:
+            number = next(i for i, stroke in enumerate(self.strokes) if stroke.frame == frame)
+            prior = self._prior(frame, self.strokes[:number])
+            picture, strokes = self.pictures.picture(frame), self.strokes_in(frame)
+            beside = neighbours(self.pictures, frame)
+            first = first_cut(self.networks, picture, strokes, beside, prior)
+            self._firsts[frame] = first, prior is not None
+        return self._firsts[frame]
+
+    def _prior(self, frame: int, earlier: tuple[Stroke, ...]) -> Map | None:
+        """(h, w) its probability in a frame by earlier strokes; None where none of them adds."""
+        if not any(stroke.adds for stroke in earlier):
+            return None
+        known = self.carried or partial(CarriedSubject, self.pictures, self.networks)
+        return known(earlier).cut(frame).share
 
     def _settled(self, frame: int, first: Cut) -> Cut:
         """A subject carried to frames beside it and back, which shows more of how it moves."""
@@ -127,12 +150,6 @@ class CarriedSubject:
             first = Cut.known(self.pictures.picture(frame), np.asarray(share, np.float32), back.trust)
         return first
 
-    def _beside(self, frame: int) -> list[Neighbour]:
-        frames, flow = self.pictures.frames, self.pictures.flow
-        at = frames.index(frame)
-        ways = [way for way in (-1, 1) if 0 <= at + way < len(frames)]
-        return [Neighbour(flow.step(frame, way), flow.there(frame, way)[1]) for way in ways]
-
     def strokes_in(self, frame: int) -> tuple[Mask, Mask]:
         """Return the pixels (h, w) that the strokes in a frame add, and those that they take away."""
         height, width = self.pictures.picture(frame).shape[:2]
@@ -145,6 +162,14 @@ class CarriedSubject:
             line = np.rint(at * 16).astype(np.int32)[:, None]
             cv2.polylines(rasters[0 if stroke.adds else 1], [line], False, 1, thick, shift=4)
         return rasters[0] > 0, (rasters[1] > 0) & ~(rasters[0] > 0)
+
+
+def neighbours(pictures: ClipPictures, frame: int) -> list[Neighbour]:
+    """Return the frames before and after one; errors as of `ClipPictures.picture`."""
+    at, last = pictures.frames.index(frame), len(pictures.frames) - 1
+    ways = [way for way in (-1, 1) if 0 <= at + way <= last]
+    flow = pictures.flow
+    return [Neighbour(flow.step(frame, way), flow.there(frame, way)[1]) for way in ways]
 
 
 @dataclass(frozen=True)
@@ -176,7 +201,9 @@ class PeopleOfClip:
         found = list[Track]()
         while waiting and len(found) < MOST_PEOPLE:
             frame, person = waiting[0]
-            first = Cut.known(self.pictures.picture(frame), person.share, 1.0)
+            # As it is kept.
+            share = np.rint(255 * person.share).astype(np.float32) / np.float32(255)
+            first = Cut.known(self.pictures.picture(frame), share, 1.0)
             found.append(Track(self.pictures, self.networks, frame, first))
             waiting = [each for each in waiting[1:] if not self._is(found[-1], *each)]
         return found

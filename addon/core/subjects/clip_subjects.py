@@ -12,14 +12,16 @@ import numpy as np
 
 from ..base.arrays import Bytes, Mask
 from ..depth.depth_store import LONGEST_SIDE, DepthStore, decoded, encoded
-from .carried import SAME_PERSON, CarriedSubject, PeopleOfClip
+from .carried import SAME_PERSON, CarriedSubject, PeopleOfClip, Track, neighbours
 from .cut import Cut
 from .found import FoundSubjects
 from .networks import Networks
 from .people import overlap_of, sampled
 from .pictures import ClipPictures
-from .strokes import MarkedSubject
+from .strokes import MarkedSubject, Stroke
 
+PEOPLE = "moving-people"
+"""Name of the kept file of the frames in which people are known, and their probability there."""
 KEPT_SUBJECTS = 12
 """Marked subjects that are remembered: a clip's, and those before the last strokes."""
 
@@ -82,28 +84,72 @@ class ClipSubjects:
 
     def carried(self, marked: MarkedSubject) -> CarriedSubject:
         """Return a marked subject, carried through the clip; the last `KEPT_SUBJECTS` are remembered."""
-        new = CarriedSubject(self.pictures, self.networks, marked.strokes)
+        new = CarriedSubject(self.pictures, self.networks, marked.strokes, self._by_strokes)
         carried = self._carried.setdefault(marked.key, new)
         self._carried.move_to_end(marked.key)
         while len(self._carried) > KEPT_SUBJECTS:
             self._carried.popitem(last=False)
         return carried
 
+    def _by_strokes(self, strokes: tuple[Stroke, ...]) -> CarriedSubject:
+        return self.carried(MarkedSubject("", strokes))
+
+    def prepare(self, frame: int) -> None:
+        """Read and load ahead what the cut of a subject in a frame needs; errors as of
+        `ClipPictures.picture`."""
+        neighbours(self.pictures, frame)
+        self.networks.load()
+
     def marked(self, marked: MarkedSubject) -> ClipSubject:
         """Return a marked subject in all frames."""
         return ClipSubject(marked.name, marked.key, self.carried(marked).cut, self.found.store)
+
+    @property
+    def knows_people(self) -> bool:
+        """Whether `people` need not be looked for."""
+        store = self.found.store
+        return "people" in self.__dict__ or (store is not None and store.is_kept(PEOPLE))
 
     @cached_property
     def people(self) -> list[ClipSubject]:
         """Each of the people who are the clip's subjects; none without networks, and in photos, whose order
         is not known."""
-        if not self.found.reconstruction.is_ordered:
+        if not self.found.reconstruction.is_ordered or not self.networks.exist:
             return []
-        tracks = PeopleOfClip(self.pictures, self.networks).tracks
+        tracks = self._kept_people()
+        if tracks is None:
+            tracks = PeopleOfClip(self.pictures, self.networks).tracks
+            self._keep_people(tracks)
         return [
             ClipSubject(f"person {number}", f"person{number}", track.cut, self.found.store)
             for number, track in enumerate(tracks, 1)
         ]
+
+    def _kept_people(self) -> list[Track] | None:
+        """The people of the clip as they are kept, not yet carried; None where they are not."""
+        kept = self.found.store and self.found.store.read(PEOPLE, ("frames", "shares"))
+        shares = decoded(kept["shares"], LONGEST_SIDE) if kept else None
+        if not kept or shares is None:
+            return None
+        tracks = []
+        for number, frame in enumerate(map(int, kept["frames"])):
+            picture = self.pictures.picture(frame)
+            rows = len(picture)
+            share = shares[number * rows : (number + 1) * rows]
+            if share.shape != picture.shape[:2]:
+                return None
+            share = np.asarray(share, np.float32) / np.float32(255)
+            first = Cut.known(picture, np.asarray(share, np.float32), 1.0)
+            tracks.append(Track(self.pictures, self.networks, frame, first))
+        return tracks
+
+    def _keep_people(self, tracks: list[Track]) -> None:
+        if self.found.store is not None:
+            # There is no PNG without pixels.
+            shares = [np.rint(255 * track.first.share).astype(np.uint8) for track in tracks]
+            planes = np.vstack(shares or [np.zeros((1, 1), np.uint8)])
+            frames = np.array([track.start for track in tracks], int)
+            self.found.store.write(PEOPLE, {"frames": frames, "shares": encoded(planes)})
 
     def others(self, marked: Sequence[ClipSubject]) -> list[ClipSubject]:
         """Return the people whom no marked subject covers in the frames that people are looked for in."""

@@ -63,9 +63,7 @@ CLICK = 0.1
 """Extent of a stroke, over the long side, below which it shows nothing of the subject's size."""
 BOXES = (0.4, 0.2, 1.0)
 """Sides, over the long side, of the squares around such a stroke in which the networks look for its subject;
-the first in which they recognise it counts. One click in each of 16 frames of six clips with drawn masks: in
-the first square the networks' figure has an intersection over union of 0.39 to 0.83 in the 11 frames with
-people and animals; a walker at night is not recognised in the whole picture, a car only there."""
+the first in which they recognise it counts. `benchmarks/accuracy/drawn_masks.py` measures clicks."""
 CARRIER = 0.5
 """Share of the pixels that move as a stroke, with less of which a figure of the networks is only a part of
 the subject: a rider without the scooter has 0.2 to 0.4, whole people and a cow 0.6 to 0.9."""

@@ -6,11 +6,13 @@ from pathlib import Path
 
 import bpy
 
+from ...core.subjects.networks import MISSING, Networks
 from ...scene import blender_focus, depth_of_field, lens, version
 from ...scene.timeline import clip_frame
 from .. import (
     choose_clip,
     depth_ahead,
+    first_person,
     focus,
     focus_list,
     lens_presets,
@@ -117,6 +119,7 @@ def _draw_solved(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
         wrapped(layout, context, "Select vertices on what should be sharp, ideally four", icon="INFO")
         _large(layout).operator(focus.VIRTUAL_APERTURE_OT_set_focus.bl_idname, icon="PIVOT_MEDIAN")
     _draw_marks(layout, context)
+    _draw_missing(layout, context)
     _draw_amount(layout, settings)
     notices.draw_shape(layout, context)
     notices.draw_ignored(layout, context)
@@ -128,6 +131,8 @@ def _draw_solved(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
     movie.draw(layout)
     report_list.draw(layout, context)
     # Last: no button moves under the mouse when it ends.
+    if searching := first_person.words():
+        layout.label(text=searching, icon="TIME")
     depth_ahead.draw_progress(layout, settings)
 
 
@@ -155,6 +160,12 @@ def _draw_marks(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         )  # fmt: skip
         jump.frame = mark.frame
     row.operator(pick_focus.VIRTUAL_APERTURE_OT_pick_focus.bl_idname, text="", icon="ADD").add = True
+
+
+def _draw_missing(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Report that people cannot be in focus by themselves; nothing once a focus is picked."""
+    if context.scene.virtual_aperture.marks.is_first and not Networks().exist:
+        wrapped(layout, context, operators.sentence(MISSING), icon="INFO")
 
 
 def _draw_amount(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:

@@ -1,0 +1,74 @@
+"""A click of *Pick Focus* on a subject that nobody has marked: with mouse and keys, in this order."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from .. import planes
+from ..subjects import walls
+from .conftest import PICTURES
+from .program import Program
+from .screen import Screen
+from .steps import MARKS, PICKING, SETTINGS, begin, over
+
+FRAMES, FRAME = tuple(range(11, 22)), 16
+SUBJECTS = f"[each.name for each in {SETTINGS}.subjects.items]"
+FOLLOWED = f"list({SETTINGS}.marks.items[0].places[0].get('followed_frames', []))"
+
+pytestmark = pytest.mark.usefixtures("in_order")
+
+
+@pytest.fixture(scope="module")
+def blend(folder: Path, registered: None) -> Path:
+    """A disc that moves by itself before two walls, with the true cameras."""
+    import bpy
+
+    from addon.core.media.clip import open_footage
+    from addon.scene.build import build
+
+    made = folder / "disc"
+    made.mkdir()
+    pictures = [walls.with_disc(frame)[..., ::-1] for frame in FRAMES]
+    footage = open_footage(planes.write_clip(made / "clip", pictures, FRAMES[0]))
+    bpy.ops.wm.read_homefile(app_template="", use_factory_startup=True)
+    bpy.data.objects.remove(bpy.data.objects["Cube"])
+    build(bpy.context.scene, footage, walls.filmed(walls.with_disc, FRAMES).reconstruction)
+    bpy.context.scene.frame_set(FRAME)
+    bpy.ops.wm.save_as_mainfile(filepath=str(made / "scene.blend"))
+    return made / "scene.blend"
+
+
+@pytest.fixture(scope="module")
+def program(screen: Screen, resources: Path, blend: Path) -> Iterator[Program]:
+    made = Program(screen, resources, PICTURES / "click_subject", str(blend))
+    made.screen.move(*made.middle("VIEW_3D"))
+    made.screen.key("Escape")
+    made.settle()
+    made.show_sidebar("Virtual Aperture")
+    yield made
+    made.close()
+
+
+def test_a_click_marks_the_subject_and_focuses_on_all_of_it(program: Program) -> None:
+    begin(program)
+    x, y = walls.place(FRAME)
+    program.screen.click(*over(program, (x / walls.WIDTH, y / walls.HEIGHT)))
+    began = time.monotonic()
+    while program.ask(PICKING):
+        program.shot("finding")
+    program.tell_time(time.monotonic() - began, "a click marks a subject and focuses on it")
+    program.settle()
+    program.shot("clicked")
+    assert program.ask(SUBJECTS) == ["Subject"] and program.ask(FOLLOWED) == list(FRAMES)
+    assert program.ask(f"{SETTINGS}.marks.items[0].name") == "Subject"
+
+
+def test_one_step_of_undo_takes_both_back(program: Program) -> None:
+    program.screen.key("ctrl+z")
+    program.wait(f"{SUBJECTS} == [] and {MARKS} == []")
+    program.screen.key("ctrl+shift+z")
+    program.wait(f"{SUBJECTS} == ['Subject'] and len({MARKS}) == 1")
