@@ -306,6 +306,10 @@ def set_first(settings: bpy.types.PropertyGroup, reconstruction: Reconstruction)
 
 def put_first(settings: bpy.types.PropertyGroup, place: Place) -> None:
     """Put a place in focus that nobody has picked."""
+    if reconstruction_of(settings).stays:
+        # All points are equally far, and a focus on them has chosen an aperture as wide as can be.
+        with lens.writing():
+            settings.follows_blur = True
     put(settings, place.frame, [place])
     settings.marks.is_first = True
 
