@@ -10,6 +10,7 @@ import numpy as np
 
 from ..core.base.arrays import Floats
 from ..core.base.errors import UserError
+from ..core.depth.sparse_depth import SparseDepth
 from ..core.frame.clip_context import ClipContext, no_picture
 from ..core.frame.warped_frame import view_offsets
 from . import depth_of_field
@@ -56,6 +57,6 @@ def _positions(settings: bpy.types.PropertyGroup) -> Floats:
     reconstruction = reconstruction_of(settings)
     image, _ = reconstruction.image_at(settings.focus_frame)
     camera = reconstruction.intrinsics(image)
-    clip = ClipContext(reconstruction, no_picture)
+    clip = ClipContext(reconstruction, no_picture, SparseDepth(reconstruction))
     size = camera.width, camera.height
     return view_offsets(clip, image.frame, frame_options(settings, reconstruction), size)

@@ -291,8 +291,7 @@ def set_first(settings: bpy.types.PropertyGroup, reconstruction: Reconstruction)
     """Put the nearest large thing round the middle in focus, unless anything is, or keys are there."""
     if lens.is_in_focus(settings) or lens.has_keys(settings, "focus_distance") or settings.marks.items:
         return
-    frame = int(reconstruction.frames[0])
-    place = first_place(reconstruction, frame)
+    place = first_place(reconstruction, int(reconstruction.frames[0]))
     if place is None:
         return
     points = np.array(place.focus.points, np.int32)
@@ -305,8 +304,7 @@ def set_first(settings: bpy.types.PropertyGroup, reconstruction: Reconstruction)
 
 
 def put_first(settings: bpy.types.PropertyGroup, place: Place) -> None:
-    """Put a place in focus that nobody has picked. Where the scale is assumed, the blur stays as it is shown
-    and the aperture follows."""
+    """Put a place in focus that nobody has picked. With an assumed scale, the aperture follows the blur."""
     if not settings.metres_per_unit > 0:
         with lens.writing():
             settings.aperture_radius = 0.0

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
+import numpy as np
 import pytest
 
+from addon.core.camera.reconstruction import Image, Points
 from addon.core.focus.focus import Focus
 from addon.core.focus.place import Place
 from addon.core.media.clip import open_footage
@@ -20,6 +23,31 @@ from ..recorder import draw
 from ..subjects import walls
 
 FEW = tuple(range(11, 22))
+
+
+def test_the_aperture_is_chosen_again_for_a_person_before_a_camera_that_stays(
+    scene: bpy.types.Scene, tmp_path: Path
+) -> None:
+    """All points of such a solve are at one distance, which the first focus is at."""
+    footage = open_footage(planes.write_clip(tmp_path / "still", [walls.still(each) for each in FEW], FEW[0]))
+    moving = walls.filmed(walls.still, FEW).reconstruction
+    camera = moving.cameras[0]
+    x, y = np.meshgrid(np.linspace(5, camera.width - 5, 12), np.linspace(5, camera.height - 5, 8))
+    xy = np.column_stack([x.ravel(), y.ravel()])
+    rays = np.column_stack([(xy - camera.principal_point) / camera.focal, np.ones(len(xy))])
+    xyz = 10 * rays / np.linalg.norm(rays, axis=1, keepdims=True)
+    seen = np.arange(len(xy), dtype=np.int32)
+    images = tuple(Image(each, np.eye(3), np.zeros(3), xy, seen) for each in FEW)
+    points = Points(xyz, np.zeros((len(xy), 3), np.uint8), np.zeros(len(xy)))
+    still = replace(moving, images=images, points=points)
+    assert still.stays
+    settings = build(scene, footage, still)
+    wished = settings.blur
+    focus_marks.set_first(settings, still)
+    assert settings.marks.is_first and settings.aperture_radius > 0
+    followed = dict.fromkeys(FEW, 2.5)
+    focus_marks.put_first(settings, Place(Focus(distance=2.5), FEW[0], 2.5, "somebody", followed=followed))
+    assert settings.blur == pytest.approx(wished, rel=0.05)
 
 
 def test_the_nearest_person_takes_the_place_of_the_first_focus(

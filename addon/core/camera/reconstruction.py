@@ -6,6 +6,7 @@ of the first pixel at (0.5, 0.5). All geometry is float64.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -342,9 +343,9 @@ def upright(reconstruction: Reconstruction) -> Reconstruction:
     return _moved(reconstruction, 1.0)
 
 
-def _moved(reconstruction: Reconstruction, scale: float) -> Reconstruction:
-    images = reconstruction.images
-    centre = np.mean([image.centre for image in images], axis=0)
+def level_axes(images: Sequence[Image]) -> Floats:
+    """Return unit vectors (3, 3) to the right of cameras, forward and up, along world axes, by the mean up
+    direction and the mean viewing direction."""
     up = -np.mean([image.rotation[1] for image in images], axis=0)
     forward = np.mean([image.rotation[2] for image in images], axis=0)
     # A clip that turns all the way round has no mean direction; then the first camera gives it.
@@ -353,7 +354,13 @@ def _moved(reconstruction: Reconstruction, scale: float) -> Reconstruction:
     z = up / np.linalg.norm(up)
     x = np.cross(forward, z)
     x /= np.linalg.norm(x)
-    turn = np.stack([x, np.cross(z, x), z])
+    return np.stack([x, np.cross(z, x), z])
+
+
+def _moved(reconstruction: Reconstruction, scale: float) -> Reconstruction:
+    images = reconstruction.images
+    centre = np.mean([image.centre for image in images], axis=0)
+    turn = level_axes(images)
 
     def moved(image: Image) -> Image:
         rotation = image.rotation @ turn.T

@@ -17,10 +17,11 @@ from ..camera.reconstruction import Reconstruction
 from ..camera.steady_path import SteadyPath, steady_path
 from ..depth.completed_depth import CompletedDepth
 from ..depth.depth_store import DepthStore
+from ..depth.flat_scene import EstimatedDepth
 from ..depth.map_fusion import FusionOptions
 from ..depth.matching import Matcher, winning_levels
 from ..depth.multi_view_stereo import Moving, PlaneSweepStereo, StereoOptions
-from ..depth.source import DepthSource, FirstKnown, PixelDepth
+from ..depth.source import FAINTEST, DepthSource, FirstKnown, PixelDepth
 from ..depth.sparse import DepthSamples
 from ..depth.sparse_depth import SparseDepth
 from ..depth.stereo_depth import NoDepth, StereoDepth
@@ -39,6 +40,9 @@ from .highlights import RESTORED, ClipHighlights, HighlightSettings
 from .moving_parts import MovingParts
 from .own_lens import OwnLens, own_lens
 from .quality import NORMAL, Quality
+
+MIXED = 5
+"""Pixels across the dilation of the soft edge of a matte, as `warp` takes it for mixed."""
 
 
 @dataclass(frozen=True)
@@ -265,12 +269,18 @@ class ClipContext:
         sparse, maps = SparseDepth(self.reconstruction), self.maps
         given = [] if self.given_depth is None else [self.given_depth]
         if self.reconstruction.stays:
-            return FirstKnown((*given, *([] if maps is None else [maps]), NoDepth(), sparse))
+            return FirstKnown((*given, self._estimated if maps is None else maps, NoDepth(), sparse))
         better = self.stereo_of(quality.better) if quality.better else None
         stereo = StereoDepth(
             self.stereo_of(quality), better, self._parts.opacity if quality.finds_subjects else self._masked
         )
         return FirstKnown((*given, stereo if maps is None else CompletedDepth(stereo, maps), sparse))
+
+    @cached_property
+    def _estimated(self) -> EstimatedDepth:
+        """Depth of a camera that stays in its place."""
+        parts = self._parts
+        return EstimatedDepth(self.reconstruction, lambda: parts.scene, parts.in_scene, parts.opacity)
 
     def has_depth(self, frame: int, quality: Quality) -> bool:
         """Whether the depth of a frame is given or kept, and need not be found; errors as of `depth`."""
@@ -290,7 +300,7 @@ class ClipContext:
     @property
     def may_focus_on_subjects(self) -> bool:
         """Whether a click may focus on a whole subject: its distance comes from the clip alone."""
-        return not (self.reconstruction.stays or self.given_depth is not None or self.maps is not None)
+        return self.given_depth is None and self.maps is None
 
     def subject_at(self, frame: int, x: float, y: float) -> ClipSubject | None:
         """Return the subject at fractions x, y of a frame's picture that a click focuses on; None beside all
@@ -349,7 +359,21 @@ class ClipContext:
             )
         fill = self._disocclusion[highlights]
         found = fill.reprojected(frame, canvas, picture, depth.inverse_depth, depth.moving, depth.past_border)
-        return found.colours
+        if not self.reconstruction.stays or depth.opacity is None:
+            return found.colours
+        # A camera that seems to stay moves by a pixel or two: too much for taking mixed pixels apart.
+        sheer = (depth.opacity > FAINTEST) & (depth.opacity < 1 - FAINTEST)
+        mixed = cv2.dilate(sheer.astype(np.uint8), np.ones((MIXED, MIXED), np.uint8)) > 0
+
+        def beyond_edges(places: Floats, inverse_depth: Floats) -> tuple[Map, Mask]:
+            colour, known = found.colours(places, inverse_depth)
+            column, row = np.floor(places).astype(int).T
+            inside = (column >= 0) & (row >= 0) & (column < mixed.shape[1]) & (row < mixed.shape[0])
+            known = known.copy()
+            known[inside] &= ~mixed[row[inside], column[inside]]
+            return colour, known
+
+        return beyond_edges
 
     def samples(self, frame: int, canvas: Canvas) -> DepthSamples:
         """Places of known depth for a coarse mesh: of what is given, else the frame's feature points."""

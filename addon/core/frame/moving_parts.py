@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 
@@ -13,6 +13,7 @@ from ..base.arrays import Map, Mask
 from ..base.errors import UserError
 from ..base.lru_cache import LRUCache
 from ..camera.reconstruction import Reconstruction
+from ..depth.flat_scene import FlatScene, Outline, flat_scene, outline
 from ..depth.multi_view_stereo import Moving
 from ..depth.object_tracks import Subject
 from ..depth.source import FAINTEST
@@ -20,6 +21,7 @@ from ..media.picture_file import Pixels
 from ..subjects.clip_subjects import ClipSubject, ClipSubjects, united
 from ..subjects.distance import SubjectDistance
 from ..subjects.matte import matte
+from ..subjects.people import sampled
 from ..subjects.pictures import displayed
 from ..subjects.standing import Standing
 from ..subjects.strokes import MarkedSubject
@@ -87,14 +89,50 @@ class MovingParts:
         """Return every subject with its distance."""
         return [Subject(each.mask, self.distance(each).inverse_depth) for each in self.every_subject]
 
+    def in_scene(self) -> list[Subject]:
+        """Return every subject, and all that masks show as one, with the distance in `scene`."""
+        if (masks := self.masks) is None:
+            return self.placed()
+
+        def masked(frame: int) -> Mask:
+            mask = masks(frame)
+            return np.zeros((1, 1), bool) if mask is None else np.asarray(mask > FAINTEST)
+
+        return [
+            Subject(masked, lambda frame: self.inverse_depths(masked, [frame]).get(frame)),
+            *self.placed(),
+        ]
+
     def distance(self, subject: ClipSubject) -> SubjectDistance:
         """Return the distance of a subject through the clip."""
         if subject.key not in self._distances:
-            standing = Standing(self.subjects.found.plates, self._known)
+            stays = self.reconstruction.stays
+            ground = self if stays else Standing(self.subjects.found.plates, self._known)
             self._distances[subject.key] = SubjectDistance(
-                self.subjects.pictures, subject.mask, partial(standing.inverse_depths, subject.mask)
+                self.subjects.pictures, subject.mask, partial(ground.inverse_depths, subject.mask)
             )
         return self._distances[subject.key]
+
+    @cached_property
+    def scene(self) -> FlatScene:
+        """The scene around a camera that stays in its place, by the people of the clip."""
+        frames = sampled(self.subjects.pictures.frames)
+        people = [list(self._outlines(each.mask, frames).values()) for each in self.subjects.people]
+        return flat_scene(self.reconstruction, people)
+
+    def _outlines(self, mask: Callable[[int], Mask], frames: Sequence[int]) -> dict[int, Outline]:
+        """The outlines of a subject in those frames that show it."""
+        found = dict[int, Outline]()
+        for frame in frames:
+            image, _ = self.reconstruction.image_at(frame)
+            if (seen := outline(mask(frame), image, self.reconstruction.canvas(image))) is not None:
+                found[frame] = seen
+        return found
+
+    def inverse_depths(self, mask: Callable[[int], Mask], frames: Sequence[int]) -> dict[int, float]:
+        """Return what `Standing.inverse_depths` does, of a subject in `scene`."""
+        seen = self._outlines(mask, frames)
+        return {frame: self.scene.standing(each) for frame, each in seen.items()}
 
     def opacity(self, frame: int) -> Map | Mask | None:
         """Return the opacity (H, W) in [0, 1] of subjects and masks; None where neither is known."""

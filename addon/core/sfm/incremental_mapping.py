@@ -146,11 +146,13 @@ def reconstruct(
     except StaysError:
         if not may_stay:
             raise
-    return _staying(tracks, prior, progress, options)
+    return staying(tracks, prior, progress, options)
 
 
-def _staying(tracks: Tracks, prior: FocalPrior, progress: Progress, options: MappingOptions) -> Mapped:
-    """A camera that turns in its place."""
+def staying(
+    tracks: Tracks, prior: FocalPrior, progress: Progress, options: MappingOptions = MappingOptions()
+) -> Mapped:
+    """Solve a clip by how the camera turns in its place; arguments and errors as of `reconstruct`."""
     focal = prior.focal or options.start_focal * max(tracks.width, tracks.height)
     known = prior.sigma if prior.focal else options.start_sigma
     found = turned(tracks, focal, known, progress)

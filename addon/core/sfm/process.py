@@ -17,7 +17,7 @@ from ..base.errors import Remedy, UserError
 from ..base.messages import Failure, Message, Progress, Seen
 from ..camera.focal_length import Focal, in_pixels
 from ..depth.placed_points import placed
-from ..depth.user_maps import open_depth
+from ..depth.user_maps import DepthMaps, open_depth
 from ..media.clip import FrameRange, open_footage
 from ..media.clip_identity import identity
 from ..media.video import video_info
@@ -44,6 +44,8 @@ SHARES = {
     "Finding how the camera turns": (0.8, 0.93),
     "Registering frames": (0.8, 0.82),
     "Adjusting": (0.82, 0.93),
+    "Reading pictures": (0.93, 0.93),
+    "Looking for people": (0.93, 0.93),
     "Looking for points": (0.93, 1.0),
 }
 """Which part of the whole each stage is, from the times of the duck and the sample clip."""
@@ -213,17 +215,16 @@ class SolveProcess:
         said = json.loads((self._staging.folder / "report.json").read_text(encoding="utf-8"))
         self._options["stills"] = said["stills"]
         try:
-            if said["method"] == STAYS:
-                self._place(self._staging.folder / MODEL)
+            if said["method"] == STAYS and self._maps is not None:
+                self._place(self._staging.folder / MODEL, self._maps)
             self._staging.keep(self.clip, self._identity, self._options, said)
         finally:
             self._clean()
         self.finished = True
 
-    def _place(self, model: Path) -> None:
+    def _place(self, model: Path, maps: DepthMaps) -> None:
         """Give the points of a camera that stays in its place the distances of the depth maps."""
-        assert self._maps is not None
-        write_model(model, placed(read_model(model), self._maps))
+        write_model(model, placed(read_model(model), maps))
 
     def _clean(self) -> None:
         if self._staging is not None:

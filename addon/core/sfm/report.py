@@ -14,7 +14,12 @@ from ..camera.reconstruction import Reconstruction, outermost_angles
 from ..media.clip import describe
 
 STAYS = "turning"
-"""The method of a solve whose camera stays in its place: depth is that of maps."""
+"""The method of a solve whose camera stays in its place: depth is that of maps, or estimated."""
+ESTIMATED = (
+    "No depth in this clip: the background's distance is estimated; depth maps of the clip are more exact:"
+    " solve it again with them"
+)
+"""Advice for a clip that is solved for its people alone."""
 WEAK = 30
 """Feature points; a frame with fewer has a mesh that knows little."""
 GRID = (8, 6)
@@ -233,7 +238,8 @@ def report(reconstruction: Reconstruction, frames: tuple[int, ...], said: dict[s
         [float(q) for q in np.percentile(angle, (25, 50, 75))] if len(angle) else None,
         _distances(reconstruction), spread, explained, weak, list(said.get("notes", [])),
         *_advice(
-            wrong, missing, list(frames), sigma, said.get("focal_from", "file"), spread, explained, weak
+            wrong, missing, list(frames), sigma, said.get("focal_from", "file"), spread, explained, weak,
+            bool(said.get("depth_estimated")),
         ),
     )  # fmt: skip
 
@@ -247,9 +253,10 @@ def _advice(
     depth: float | None,
     explained: float | None,
     weak: list[int],
+    estimated: bool,
 ) -> tuple[str, tuple[Remedy, ...]]:
     """The one thing that would help most, and where to set it. `wrong` is a reprojection error that cannot
-    be."""
+    be; `estimated` whether the clip shows no depth."""
     if wrong is not None:
         return (
             f"the points miss the places where the frames show them by {wrong:.0f} px: these cameras do not"
@@ -262,6 +269,8 @@ def _advice(
             " something moving fills much of the picture, solve a range of frames without it",
             (Remedy.FRAMES,),
         )
+    if estimated:
+        return (ESTIMATED, (Remedy.DEPTH_MAPS,))
     without = set(missing)
     places = [place for place, frame in enumerate(frames) if frame not in without]
     if common_step(places) > 1:

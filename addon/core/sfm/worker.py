@@ -10,7 +10,7 @@ import signal
 import sys
 import time
 import traceback
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +32,7 @@ from ..readers.colmap_export import read_model, write_model
 from . import known_poses, lens
 from .degeneracy import refuse_cuts
 from .known_cameras import read_cameras
+from .people_left_out import without_people
 from .photo_matching import Photo, find_features, match_all
 from .report import STAYS
 from .tracks import Tracks, check_shape, cuts, track_features
@@ -48,6 +49,7 @@ POINTS_TAKEN = (
     "the cameras show no depth, because they hardly move: the model's own points are used, and how well"
     " they fit the clip is unknown"
 )
+LEFT_OUT = "the people in the clip were left out of the solve"
 ZOOMED = "the clip looks as if its lens zooms; if it does not, set the focal length"
 PATIENCE = 5.0
 """Seconds in which a process that ends has let go of all that it held."""
@@ -180,14 +182,35 @@ class _Found:
 
 
 def _solved(job: dict[str, Any], footage: Footage, tracks: Tracks) -> _Found:
-    """Both found from the clip."""
+    """Both found from the clip; where it would be refused, once more without the people in it."""
+    try:
+        return _mapped(job, footage, tracks, bool(job["may_stay"]))
+    except UserError:
+        still = without_people(tracks, footage, _progress)
+        if still is None:
+            raise
+    try:
+        # Subjects have distances without parallax, too.
+        found = _mapped(job, footage, still, True)
+    except UserError as error:
+        raise type(error)(f"{error} ({LEFT_OUT})", *error.remedies) from None
+    people = np.setdiff1d(tracks.track, still.track)
+    said = found.said | {"notes": [*found.said["notes"], LEFT_OUT]}
+    said["depth_estimated"] = found.said["method"] == STAYS and not job["may_stay"]
+    return replace(found, moving=np.union1d(found.moving, people).astype(np.int32), said=said)
+
+
+def _mapped(job: dict[str, Any], footage: Footage, tracks: Tracks, may_stay: bool) -> _Found:
+    """Both found from tracks."""
     from . import incremental_mapping
 
     prior = incremental_mapping.FocalPrior(**job["lens"])
     metadata_focal = None if prior.focal or prior.zooms else _metadata_focal(footage)
     if metadata_focal:
         prior = incremental_mapping.FocalPrior(metadata_focal, METADATA_SIGMA)
-    mapped = incremental_mapping.reconstruct(tracks, prior, _progress, job["may_stay"])
+    mapped = incremental_mapping.reconstruct(tracks, prior, _progress, may_stay)
+    if may_stay and not job["may_stay"] and mapped.weak_depth is not None:
+        mapped = incremental_mapping.staying(tracks, prior, _progress)
     result = mapped.reconstruction
     said = {
         "focal_sigma": mapped.focal_sigma,

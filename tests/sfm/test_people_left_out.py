@@ -1,0 +1,201 @@
+"""Leaving people out of a clip's tracks, and solving a clip that they fill."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from addon.core.base.errors import Remedy
+from addon.core.base.messages import Failure, Message, Result, decode
+from addon.core.frame.clip_context import ClipContext
+from addon.core.frame.first_person import nearest_person
+from addon.core.media.clip import FrameRange, open_footage
+from addon.core.readers.colmap_export import read_model
+from addon.core.sfm.people_left_out import outside, without_people
+from addon.core.sfm.report import STAYS, report
+from addon.core.sfm.tracks import Tracks
+from addon.core.subjects.networks import Networks
+
+from .. import planes
+from ..solving import refused, solve
+from ..subjects.figures import figure
+
+FRAMES = 16
+TOP = 80
+"""Row from which on someone stays in place in the pictures of `followed`."""
+
+
+def tracks(xy: dict[int, list[tuple[float, float]]]) -> Tracks:
+    """Tracks in a clip of 100x50 pixels by their places in all frames."""
+    count = len(next(iter(xy.values())))
+    rows = [(frame, track, places[frame]) for frame in range(count) for track, places in sorted(xy.items())]
+    frame, track, place = zip(*rows, strict=True)
+    return Tracks(
+        tuple(range(5, 5 + count)), 100, 50, np.array(frame, np.int32), np.array(track, np.int32),
+        np.array(place), np.zeros((max(xy) + 1, 3), np.uint8),
+    )  # fmt: skip
+
+
+def test_tracks_that_are_mostly_on_masks_are_left_out_and_numbers_stay() -> None:
+    inside, margin, away = (70.0, 20.0), (49.2, 20.0), (20.0, 20.0)
+    given = tracks(
+        {0: [away] * 4, 1: [inside] * 4, 2: [inside, inside, inside, away], 3: [margin] * 4,
+         4: [inside, away, away, away], 5: [(100.0, 50.0)] * 4, 6: [(0.0, 0.0)] * 4}
+    )  # fmt: skip
+    # Half the size of the clip: its right half, in all frames.
+    mask = np.zeros((25, 50), bool)
+    mask[:, 25:] = True
+    asked = list[int]()
+
+    def of(frame: int) -> np.ndarray:
+        asked.append(frame)
+        return mask
+
+    left = outside(given, of)
+    assert asked == [5, 6, 7, 8]
+    assert np.unique(left.track).tolist() == [0, 4, 6]
+    assert left.count == given.count and len(left.xy) == 12
+    for index in range(4):
+        number, places = left.in_frame(index)
+        assert number.tolist() == [0, 4, 6] and places[0].tolist() == list(away)
+
+
+def test_a_track_is_judged_by_the_mask_of_each_frame() -> None:
+    """One person walks to the right, another point stays where they were."""
+    given = tracks({0: [(10.0, 25.0), (40.0, 25.0), (70.0, 25.0)], 1: [(10.0, 25.0)] * 3})
+
+    def of(frame: int) -> np.ndarray:
+        mask = np.zeros((50, 100), bool)
+        mask[:, 30 * (frame - 5) : 30 * (frame - 5) + 20] = True
+        return mask
+
+    assert np.unique(outside(given, of).track).tolist() == [1]
+
+
+def test_nothing_is_left_out_without_networks_or_people(tmp_path: Path) -> None:
+    clip = open_footage(planes.write_clip(tmp_path / "walk", planes.sideways(6)))
+    given = tracks({0: [(10.0, 25.0)] * 6})
+    assert without_people(given, clip, lambda *_: None, Networks(tmp_path / "none")) is None
+    assert without_people(given, clip, lambda *_: None) is None
+
+
+def test_tracks_on_a_person_are_left_out_and_progress_is_told(tmp_path: Path) -> None:
+    if not Networks().exist:
+        pytest.skip("the networks are not in addon/networks: run tools/networks.py")
+    clip = open_footage(planes.write_clip(tmp_path / "person", [figure()[..., ::-1]] * 6))
+    # On the shirt, and beside the person.
+    given = Tracks(
+        clip.frames, 320, 240, np.repeat(np.arange(6), 2).astype(np.int32),
+        np.tile([0, 1], 6).astype(np.int32),
+        np.tile([[160.0, 105.0], [40.0, 60.0]], (6, 1)), np.zeros((2, 3), np.uint8),
+    )  # fmt: skip
+    steps = list[tuple[str, int, int]]()
+    left = without_people(given, clip, lambda *step: steps.append(step))
+    assert left is not None and np.unique(left.track).tolist() == [1] and len(left.xy) == 6
+    assert {stage for stage, _, _ in steps} == {"Reading pictures", "Looking for people"}
+    assert all(0 <= done <= total == 6 for _, done, total in steps)
+
+
+def followed() -> list[np.ndarray]:
+    """A camera that walks past planes beside someone who stays in place in its picture, and fills it."""
+    pictures, texture = planes.sideways(FRAMES), planes.pattern(320, 240 - TOP, 9)
+    for seed, picture in enumerate(pictures):
+        noise = np.random.default_rng(seed).normal(0, 1, texture.shape)
+        picture[TOP:] = np.clip(texture + noise, 0, 255).astype(np.uint8)[..., None]
+    return pictures
+
+
+GIVEN = f"""
+import sys
+import numpy as np
+from addon.core.sfm import worker
+from addon.core.sfm.people_left_out import outside
+
+mask = np.zeros((240, 320), bool)
+mask[{TOP}:] = True
+worker.without_people = lambda tracks, footage, progress: outside(tracks, lambda frame: mask)
+sys.exit(worker.main(sys.argv[1]))
+"""
+
+
+def solved_with_mask(clip: Path, frames: int, folder: Path) -> list[Message]:
+    """What the worker says of a clip in which people are where `GIVEN` puts them."""
+    folder.mkdir()
+    job = {
+        "footage": str(clip), "frames": list(range(1, frames + 1)), "video": None, "stills": False,
+        "folder": str(folder), "tracker": "harris", "may_stay": False, "cameras": None,
+        "lens": {"focal": None, "zooms": False},
+    }  # fmt: skip
+    (folder / "job.json").write_text(json.dumps(job))
+    command = [sys.executable, "-c", GIVEN, str(folder / "job.json")]
+    # It ends itself where its standard input does.
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as worker:
+        assert worker.stdout is not None
+        return [message for line in worker.stdout if (message := decode(line))]
+
+
+@pytest.mark.long
+def test_a_clip_that_is_refused_is_solved_without_its_people(tmp_path: Path) -> None:
+    clip = planes.write_clip(tmp_path / "beside", followed())
+    assert "the camera does not move" in refused(clip, tmp_path / "work")
+
+    assert isinstance(solved_with_mask(clip, FRAMES, tmp_path / "solve")[-1], Result)
+    report = json.loads((tmp_path / "solve" / "report.json").read_text())
+    assert report["registered"] == FRAMES and report["reprojection_error"] < 0.5
+    assert report["explained"] > 0.9
+    assert "the people in the clip were left out of the solve" in report["notes"]
+    found = read_model(tmp_path / "solve" / "model")
+    assert all((image.xy[:, 1] < TOP).all() for image in found.images)
+    # The camera walks steadily.
+    steps = np.linalg.norm(np.diff([image.centre for image in found.images], axis=0), axis=1)
+    assert steps.min() > 0.5 * steps.max()
+    moving = np.load(tmp_path / "solve" / "model" / "moving.npz")
+    assert np.mean(moving["xy"][:, 1] >= TOP) > 0.8
+
+
+def test_a_clip_without_a_solution_is_refused_and_the_people_named(tmp_path: Path) -> None:
+    grey = [np.full((240, 320, 3), 128, np.uint8)] * 6
+    said = solved_with_mask(planes.write_clip(tmp_path / "grey", grey), 6, tmp_path / "solve")[-1]
+    assert isinstance(said, Failure) and "features" in said.text
+    assert "the people in the clip were left out of the solve" in said.text
+    assert said.remedies == (Remedy.FRAMES,)
+
+
+def test_a_still_camera_is_solved_for_the_people_before_it(tmp_path: Path) -> None:
+    clip = planes.write_clip(tmp_path / "still", [planes.view(np.zeros(3), np.zeros(3))] * 6)
+    assert "the camera does not move" in refused(clip, tmp_path / "work")
+
+    assert isinstance(solved_with_mask(clip, 6, tmp_path / "solve")[-1], Result)
+    said = json.loads((tmp_path / "solve" / "report.json").read_text())
+    assert said["method"] == STAYS and said["depth_estimated"] and said["registered"] == 6
+    found = read_model(tmp_path / "solve" / "model")
+    assert found.stays
+    told = report(found, tuple(range(1, 7)), said)
+    assert told.advice.startswith("No depth in this clip: the background's distance is estimated")
+    assert told.remedies == (Remedy.DEPTH_MAPS,)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["people_two_portrait_1", "people_two_talk_street_1"])
+def test_real_clips_of_people_without_parallax_are_solved(data: Path, tmp_path: Path, name: str) -> None:
+    if not Networks().exist:
+        pytest.skip("the networks are not in addon/networks: run tools/networks.py")
+    solved = solve(data / "clips" / f"{name}.mp4", tmp_path / "work", frames=FrameRange(1, 40))
+    assert solved.reconstruction.stays and len(solved.reconstruction.images) == 40
+    assert solved.quality.explained is not None and solved.quality.explained > 0.8
+    context = ClipContext(solved.reconstruction, open_footage(data / "clips" / f"{name}.mp4").read)
+    place = nearest_person(context)
+    assert place is not None and place.source == "the nearest person"
+    away = np.array([place.followed[frame] for frame in sorted(place.followed)])
+    assert away.min() > 1 and away.max() < 5 and np.abs(np.diff(np.log(away))).max() < 0.05
+
+
+@pytest.mark.long
+def test_a_real_clip_of_trees_without_parallax_stays_refused(data: Path, tmp_path: Path) -> None:
+    said = refused(data / "clips" / "still_trees_1.mp4", tmp_path / "work")
+    assert "the camera only turns in this clip" in said
