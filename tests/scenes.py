@@ -11,6 +11,7 @@ import numpy as np
 
 from addon.core.base.arrays import LinearRGBA
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction, rotation_matrix
+from addon.core.depth.sparse_depth import SparseDepth
 from addon.core.depth.user_depth import UserDepth
 from addon.core.frame.clip_context import ClipContext, no_picture
 from addon.core.frame.plan import FrameOptions, FramePlan
@@ -117,5 +118,5 @@ def planned(
     if settings.method == "layers":
         settings = replace(settings, method="features")
     blank = np.zeros((size[1], size[0], 4), np.float32)
-    clip = ClipContext(reconstruction, no_picture, depth)
+    clip = ClipContext(reconstruction, no_picture, depth or SparseDepth(reconstruction))
     return warp_frame(clip, frame, settings, size, blank if picture is None else picture).plan

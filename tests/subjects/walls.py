@@ -10,7 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from addon.core.base.arrays import Bytes, Mask
+from addon.core.base.arrays import Bytes, Floats, Mask
 from addon.core.camera.reconstruction import Image, Intrinsics, Points, Reconstruction
 from addon.core.frame.clip_context import ClipContext
 from addon.core.subjects.clip_subjects import ClipSubjects
@@ -70,13 +70,22 @@ def with_disc(frame: int) -> Bytes:
     return np.where(disc(frame)[..., None], own, still(frame)).astype(np.uint8)
 
 
-def with_person(frame: int) -> Bytes:
-    """(h, w, 3) the frame with a drawn person who walks."""
+def _walked(frame: int) -> Floats:
+    """(2, 3) from the drawn person to the frame."""
+    return np.array([[0.6, 0, 3 * (frame - 16) + 24], [0, 0.6, 10]])
+
+
+def person(frame: int) -> Mask:
+    """(h, w) where the drawn person is."""
     drawn = figure()
     there = (np.abs(drawn.astype(int) - drawn[0, 0]).sum(axis=2) > 30).astype(np.uint8)
-    walked = np.array([[0.6, 0, 3 * (frame - 16) + 24], [0, 0.6, 10]])
-    own = cv2.warpAffine(drawn, walked, (WIDTH, HEIGHT), flags=cv2.INTER_AREA)
-    return np.where(cv2.warpAffine(there, walked, (WIDTH, HEIGHT))[..., None] > 0, own, still(frame))
+    return np.asarray(cv2.warpAffine(there, _walked(frame), (WIDTH, HEIGHT)) > 0)
+
+
+def with_person(frame: int) -> Bytes:
+    """(h, w, 3) the frame with a drawn person who walks."""
+    own = cv2.warpAffine(figure(), _walked(frame), (WIDTH, HEIGHT), flags=cv2.INTER_AREA)
+    return np.where(person(frame)[..., None], own, still(frame))
 
 
 def with_shadow(frame: int) -> Bytes:

