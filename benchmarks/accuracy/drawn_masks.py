@@ -52,7 +52,7 @@ def _judge(name: str, ways: Sequence[str], pictures: Path | None) -> None:
     small, networks = ClipPictures(footage.frames, footage.read), Networks()
     middle = sorted(truths)[len(truths) // 2]
     finds: dict[str, Callable[[int], Mask]] = {
-        way: CarriedSubject(small, networks, (Stroke(middle, down(truths[middle], corners)),)).mask
+        way: CarriedSubject(small, networks, (Stroke(middle, down(_solid(truths[middle]), corners)),)).mask
         for way, corners in CORNERS.items()
     }
     finds["automatic"] = PeopleOfClip(small, networks).mask
@@ -79,6 +79,12 @@ def _truth(name: str, frame: int) -> Mask | None:
     drawn = cv2.imread(str(file), cv2.IMREAD_GRAYSCALE)
     assert drawn is not None, file
     return np.asarray(drawn > 127)
+
+
+def _solid(mask: Mask) -> Mask:
+    """A mask (h, w) without its parts that are thinner than a hundredth of the width: nobody draws there."""
+    side = max(round(mask.shape[1] / 100), 1)
+    return np.asarray(cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, np.ones((side, side))) > 0)
 
 
 def _sized(mask: Mask, shape: tuple[int, ...]) -> Mask:

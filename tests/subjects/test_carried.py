@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from addon.core.subjects.carried import CarriedSubject, PeopleOfClip
-from addon.core.subjects.distance import SubjectDistance, change_of_size
+from addon.core.subjects.distance import SubjectDistance
+from addon.core.subjects.flow import change_of_size
 from addon.core.subjects.networks import Networks
 from addon.core.subjects.odds import Box, motion, overlap
 from addon.core.subjects.people import people

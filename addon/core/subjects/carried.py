@@ -11,7 +11,7 @@ import numpy as np
 
 from ..base.arrays import Map, Mask
 from ..base.progress import checkpoint
-from .cut import Cut, Neighbour, first_cut, next_cut
+from .cut import Cut, Neighbour, carries, first_cut, moved_with, next_cut
 from .flow import warped
 from .networks import Networks
 from .odds import overlap
@@ -200,13 +200,21 @@ class PeopleOfClip:
         )
         found = list[Track]()
         while waiting and len(found) < MOST_PEOPLE:
-            frame, person = waiting[0]
-            # As it is kept.
-            share = np.rint(255 * person.share).astype(np.float32) / np.float32(255)
-            first = Cut.known(self.pictures.picture(frame), share, 1.0)
-            found.append(Track(self.pictures, self.networks, frame, first))
+            found.append(Track(self.pictures, self.networks, waiting[0][0], self._first(*waiting[0])))
             waiting = [each for each in waiting[1:] if not self._is(found[-1], *each)]
         return found
+
+    def _first(self, frame: int, person: Person) -> Cut:
+        """A person, with what carries them, in the frame in which they are known."""
+        picture, beside = self.pictures.picture(frame), neighbours(self.pictures, frame)
+        share, trust = person.share, 1.0
+        if carries(moved_with(person.mask, beside), person.mask):
+            strokes = person.mask, np.zeros_like(person.mask)
+            whole = first_cut(self.networks, picture, strokes, beside)
+            share, trust = whole.share, whole.trust
+        # As it is kept.
+        share = np.rint(255 * share).astype(np.float32) / np.float32(255)
+        return Cut.known(picture, share, trust)
 
     @staticmethod
     def _is(track: Track, frame: int, person: Person) -> bool:

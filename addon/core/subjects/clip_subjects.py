@@ -127,7 +127,7 @@ class ClipSubjects:
 
     def _kept_people(self) -> list[Track] | None:
         """The people of the clip as they are kept, not yet carried; None where they are not."""
-        kept = self.found.store and self.found.store.read(PEOPLE, ("frames", "shares"))
+        kept = self.found.store and self.found.store.read(PEOPLE, ("frames", "trusts", "shares"))
         shares = decoded(kept["shares"], LONGEST_SIDE) if kept else None
         if not kept or shares is None:
             return None
@@ -139,7 +139,7 @@ class ClipSubjects:
             if share.shape != picture.shape[:2]:
                 return None
             share = np.asarray(share, np.float32) / np.float32(255)
-            first = Cut.known(picture, np.asarray(share, np.float32), 1.0)
+            first = Cut.known(picture, np.asarray(share, np.float32), float(kept["trusts"][number]))
             tracks.append(Track(self.pictures, self.networks, frame, first))
         return tracks
 
@@ -149,7 +149,8 @@ class ClipSubjects:
             shares = [np.rint(255 * track.first.share).astype(np.uint8) for track in tracks]
             planes = np.vstack(shares or [np.zeros((1, 1), np.uint8)])
             frames = np.array([track.start for track in tracks], int)
-            self.found.store.write(PEOPLE, {"frames": frames, "shares": encoded(planes)})
+            trusts = np.array([track.first.trust for track in tracks], float)
+            self.found.store.write(PEOPLE, {"frames": frames, "trusts": trusts, "shares": encoded(planes)})
 
     def others(self, marked: Sequence[ClipSubject]) -> list[ClipSubject]:
         """Return the people whom no marked subject covers in the frames that people are looked for in."""

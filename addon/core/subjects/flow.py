@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import cv2
 import numpy as np
 
-from ..base.arrays import Bytes, Map
+from ..base.arrays import Bytes, Map, Mask
 from ..base.lru_cache import LRUCache
 from ..base.progress import checkpoint
 
@@ -16,6 +16,13 @@ KEPT = 24
 """Flows that are remembered: of twelve frames to the next one and back."""
 AGREE = 1.5
 """Pixels by which flow there and back may miss where it began. By eye."""
+
+INLIER = 1.0
+"""Pixels within which flow in a subject agrees with one similarity."""
+LEAST_FLOW = 30
+"""Pixels of a subject whose flow there and back agrees, from which on flow gives its change of size."""
+LARGEST_CHANGE = 1.15
+"""Ratio of sizes in consecutive frames beyond which flow is wrong."""
 
 
 @dataclass(frozen=True)
@@ -107,3 +114,30 @@ def brought_together(
     rest = (1 - weight) * np.minimum(total, 1)
     both = np.maximum(weight + rest, np.float32(1e-6))
     return (weight * value + rest * above / total) / both, weight + rest
+
+
+def change_of_size(flow: Map, agrees: Map, mask: Mask) -> float | None:
+    """Estimate how much larger a subject is in the next frame.
+
+    Args:
+        flow: (h, w, 2) pixels to the next frame.
+        agrees: (h, w) in [0, 1], how far flow back returns.
+        mask: (h, w) the subject.
+
+    Returns:
+        The scale of the similarity that most flow within it agrees with (RANSAC), None where too little is
+        known.
+    """
+    inner = cv2.erode(mask.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    rows, columns = np.nonzero(inner & (agrees > 0.5))
+    if len(rows) < LEAST_FLOW:
+        return None
+    at = np.column_stack([columns, rows]).astype(np.float32)
+    cv2.setRNGSeed(0)
+    similarity, _ = cv2.estimateAffinePartial2D(
+        at, at + flow[rows, columns], method=cv2.RANSAC, ransacReprojThreshold=INLIER
+    )
+    if similarity is None:
+        return None
+    scale = float(np.hypot(similarity[0, 0], similarity[0, 1]))
+    return scale if 1 / LARGEST_CHANGE < scale < LARGEST_CHANGE else None
