@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from addon.core.base.arrays import Map, Mask
+from addon.core.base.arrays import Floats, Map, Mask
 from addon.core.camera.intrinsics import Intrinsics
 from addon.core.camera.reconstruction import Image
 from addon.core.subjects.standing import Standing
@@ -24,10 +24,19 @@ class Street:
 
     blind: frozenset[int] = frozenset()
     """Frames in which the ground is not seen."""
+    on_person: int = 0
+    """Feature points across the person, at 4; there are 48 on both sides."""
 
     @property
     def reconstruction(self) -> SimpleNamespace:
-        return SimpleNamespace(image_at=lambda frame: (image(frame), None))
+        sides = np.stack(np.meshgrid([-0.8, -0.7, 0.7, 0.8], np.linspace(-1, 1, 12), [4.5]), -1)
+        own = np.stack(np.meshgrid(*(np.linspace(-0.15, 0.15, self.on_person),) * 2, [4.0]), -1)
+        xyz = np.concatenate([sides.reshape(-1, 3), own.reshape(-1, 3)])
+        return SimpleNamespace(
+            points=SimpleNamespace(xyz=xyz),
+            intrinsics=lambda _image: CAMERA,
+            image_at=lambda frame: (seeing(image(frame), xyz), None),
+        )
 
     def canvas(self, frame: int) -> SimpleNamespace:
         return SimpleNamespace(pinhole=CAMERA)
@@ -46,6 +55,14 @@ def image(frame: int) -> Image:
     """A camera that moves to the right."""
     nothing = np.zeros((0, 2)), np.zeros(0, np.int32)
     return Image(frame, np.eye(3), np.array([-0.2 * frame, 0.0, 0.0]), *nothing)
+
+
+def seeing(image: Image, xyz: Floats) -> Image:
+    """The camera with those of points (n, 3) that it sees."""
+    there = xyz @ image.rotation.T + image.translation
+    at = there[:, :2] / there[:, 2:] * CAMERA.focal + CAMERA.principal_point
+    inside = ((at > 0) & (at < (CAMERA.width, CAMERA.height))).all(axis=1)
+    return replace(image, xy=at[inside], points=np.flatnonzero(inside))
 
 
 def person(distance: float, frame: int) -> Mask:
@@ -71,7 +88,19 @@ def test_a_frame_without_a_plane_takes_that_of_another_one() -> None:
     assert found == {frame: pytest.approx(1 / (4.0 + frame / 2), rel=0.03) for frame in (0, 1, 2)}
 
 
-def test_without_ground_or_feet_nothing_is_known() -> None:
-    assert standing(0, 1).inverse_depths(lambda frame: person(4.0, frame), [0, 1]) == {}
+def test_without_a_plane_a_subject_is_as_far_as_what_is_beneath_its_feet() -> None:
+    found = standing(0, 1).inverse_depths(lambda frame: person(4.0, frame), [0, 1])
+    assert found == {frame: pytest.approx(WALL) for frame in (0, 1)}
+
+
+def test_feature_points_tell_how_far_a_subject_is_that_stands_still() -> None:
+    """Even where its place on the ground is wrong; a few points on someone who moves are errors."""
+    for across, distance in ((8, 4.0), (1, 5.0)):
+        place = Standing(Street(on_person=across), lambda frame: person(5.0, frame))  # type: ignore[arg-type]
+        found = place.inverse_depths(lambda frame: person(5.0, frame), [0, 1])
+        assert found == {frame: pytest.approx(1 / distance, rel=0.03) for frame in (0, 1)}, across
+
+
+def test_without_feet_nothing_is_known() -> None:
     assert standing().inverse_depths(lambda frame: person(2.0, frame), [0]) == {}
     assert standing().inverse_depths(lambda frame: np.zeros_like(person(4.0, 0)), [0]) == {}

@@ -49,6 +49,9 @@ SEEN_THROUGH = 0.5
 """Share of what is seen there that may lie behind a ground, by twice `TOLERANCE`: ground hides what is
 behind it. The rail of the bench's fence, low and wide, is a plane that leans by any angle, and was now
 and then the ground of the tram behind it: 28.4 instead of 34.0 dB (32 px, from the video alone)."""
+DOMINANT = 0.75
+"""Share of the pixels around an object on a plane, from which on it is a ground even where pixels below the
+object lie behind it: depth is wrong beneath the feet of a man who walks away, which frames around hide."""
 BORDER = 3
 """Pixels from the picture's lower border within which an object may go on beyond."""
 
@@ -140,17 +143,18 @@ def ground_below(mask: Mask, inverse: Map, known: Mask, pinhole: Intrinsics) -> 
     foot = _foot(mask[part])[row, column]
     # What stands upright behind may be the larger part, or a rail that is before it.
     possible = np.array([_is_ground(normal) for normal in normals])
-    possible &= ~_seen_through(rays[foot] @ normals.T, values[foot, None])
-    agree = np.where(possible, agree.mean(axis=0), 0)
+    share = agree.mean(axis=0)
+    possible &= ~_seen_through(rays[foot] @ normals.T, values[foot, None]) | (share >= DOMINANT)
+    agree = np.where(possible, share, 0)
     best = normals[int(agree.argmax())]
     for _ in range(2):
         inside = _agree(rays @ best, values)
         if np.count_nonzero(inside) < LEAST_PIXELS:
             return None
         best = np.linalg.lstsq(rays[inside], values[inside], rcond=None)[0]
-    enough = _agree(rays @ best, values).mean() >= LEAST_SHARE
-    hides = not _seen_through(rays[foot] @ best, values[foot])
-    return Plane(best) if enough and hides and _is_ground(best) else None
+    whole = float(_agree(rays @ best, values).mean())
+    hides = whole >= DOMINANT or not _seen_through(rays[foot] @ best, values[foot])
+    return Plane(best) if whole >= LEAST_SHARE and hides and _is_ground(best) else None
 
 
 def _foot(mask: Mask) -> Mask:

@@ -16,11 +16,23 @@ from .static_plate import StaticPlate
 
 GROWN = 7
 """Pixels across the dilation of moving pixels, whose outline is no static scene."""
+STILL = 0.2
+"""Density of feature points within a subject, over that around it, from which on the subject stands still: of
+people and animals in 13 clips, moving ones have at most 0.05, a man who waits 0.37 and a sitting cat 0.68."""
+INSET, AROUND = 5, 61
+"""Pixels across the erosion of a subject whose feature points count, and across the dilation that gives its
+surroundings."""
+LEAST_POINTS = 8
+"""Feature points within a subject from which on they give its distance."""
+FEET = 0.1
+"""Share of a subject's height, at its lower end, beneath which the ground is at its distance."""
+BELOW = 4
+"""Pixels of that ground."""
 
 
 @dataclass(frozen=True)
 class Standing:
-    """The depth of subjects by their contact with the ground.
+    """The depth of subjects by their contact with the ground, or by feature points on them.
 
     The ground is known from a coarse depth of the static scene, in a tenth of the time of all pixels' depth.
     Errors as of `PlaneSweepStereo.at`.
@@ -31,9 +43,11 @@ class Standing:
     """All moving pixels (h, w) of a source frame, at any size."""
 
     def inverse_depths(self, subject: Callable[[int], Mask], frames: Sequence[int]) -> dict[int, float]:
-        """Estimate the median inverse depth of a subject that stands upright where it touches the ground.
+        """Estimate the median inverse depth of a subject.
 
-        A frame in which the ground around the subject is no plane takes that of the frame nearest in time.
+        A subject that stands still has feature points of its own. Another one stands upright where it touches
+        the ground; a frame in which the ground around it is no plane takes that of the frame nearest in time.
+        Where no frame has such a plane, the subject is as far as the static scene beneath its feet.
 
         Args:
             subject: Its pixels (h, w) in a source frame, at any size.
@@ -42,11 +56,16 @@ class Standing:
         Returns:
             In 1 / scene units, by frame; without those in which no contact is seen.
         """
+        if points := self._by_points(subject, frames):
+            return points
         masks = {frame: self._shown(subject, frame) for frame in frames}
         shown = [frame for frame in frames if masks[frame].any()]
         planes = {frame: plane for frame in shown if (plane := self._ground(frame, masks[frame])) is not None}
+        if not planes:
+            beneath = {frame: self._beneath(frame, masks[frame]) for frame in shown}
+            return {frame: inverse for frame, inverse in beneath.items() if inverse is not None}
         found = dict[int, float]()
-        for frame in shown if planes else ():
+        for frame in shown:
             nearest = min(planes, key=lambda other: abs(other - frame))
             plane = self._seen_from(planes[nearest], nearest, frame)
             pinhole = self.plates.canvas(frame).pinhole
@@ -56,6 +75,39 @@ class Standing:
                 rays = rays_of(pinhole, np.column_stack([columns, rows]).astype(float) + 0.5)
                 found[frame] = float(np.median(upright(base, touch.column, 0.0, plane, rays)))
         return found
+
+    def _by_points(self, subject: Callable[[int], Mask], frames: Sequence[int]) -> dict[int, float]:
+        """The median inverse depth of the feature points on a subject that stands still; else nothing."""
+        densities, found = list[float](), dict[int, float]()
+        for frame in frames:
+            mask = subject(frame).astype(np.uint8)
+            inside = cv2.erode(mask, np.ones((INSET, INSET), np.uint8)) > 0
+            around = cv2.dilate(mask, np.ones((AROUND, AROUND), np.uint8)) > 0
+            around &= cv2.dilate(mask, np.ones((INSET, INSET), np.uint8)) == 0
+            if not inside.any() or not around.any():
+                continue
+            image, _ = self.plates.reconstruction.image_at(frame)
+            width = self.plates.reconstruction.intrinsics(image).width
+            columns, rows = (image.xy * mask.shape[1] / width).astype(int).T
+            at = np.clip(rows, 0, len(mask) - 1), np.clip(columns, 0, mask.shape[1] - 1)
+            own, others = inside[at], around[at]
+            densities.append(own.sum() / inside.sum() * around.sum() / max(int(others.sum()), 1))
+            if np.count_nonzero(own) >= LEAST_POINTS:
+                points = self.plates.reconstruction.points.xyz[image.points[own]]
+                found[frame] = float(np.median(1 / (points @ image.rotation[2] + image.translation[2])))
+        return found if densities and np.median(densities) >= STILL else {}
+
+    def _beneath(self, frame: int, mask: Mask) -> float | None:
+        """The median inverse depth of the static scene just below a subject (h, w); None where the picture
+        cuts it off."""
+        rows = np.flatnonzero(mask.any(axis=1))
+        top = rows[-1] - int(FEET * len(rows))
+        below = np.zeros_like(mask)
+        grown = cv2.dilate(mask[top:].astype(np.uint8), np.ones((2 * (GROWN // 2 + BELOW) + 1, 1), np.uint8))
+        below[top:] = (grown > 0) & ~self._left_out(frame)[top:]
+        if rows[-1] >= len(mask) - BELOW or not below.any():
+            return None
+        return float(np.median(self.plates.inverse_depth(frame, self._left_out)[below]))
 
     def _shown(self, subject: Callable[[int], Mask], frame: int) -> Mask:
         image, _ = self.plates.reconstruction.image_at(frame)
