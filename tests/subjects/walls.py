@@ -131,8 +131,8 @@ class Sure(FoundSubjects):
 
 
 def filmed(shown: Callable[[int], Bytes], frames: tuple[int, ...] = FRAMES, is_sure: bool = False) -> Filmed:
-    """A clip of pictures, with its true cameras and features of both walls; `is_sure` has subjects looked for
-    in any case."""
+    """A clip of pictures, with its true cameras and features of both walls where these are seen; `is_sure` has
+    subjects looked for in any case."""
     rng = np.random.default_rng(4)
     rows = []
     for depth, low, high in ((FAR, 4, EDGE - 4), (NEAR, EDGE + 4, HEIGHT - 4)):
@@ -143,6 +143,9 @@ def filmed(shown: Callable[[int], Bytes], frames: tuple[int, ...] = FRAMES, is_s
         centre = np.array([camera(frame), 0, 0])
         xy = LENS.project(points - centre)
         seen = np.flatnonzero(np.all((xy > 0) & (xy < [WIDTH, HEIGHT]), axis=1)).astype(np.int32)
+        columns, rows = xy[seen].astype(int).T
+        wall = np.all(shown(frame) == still(frame), axis=2)
+        seen = seen[wall[rows, columns]]
         images.append(Image(frame, np.eye(3), -centre, xy[seen], seen))
     grey = np.full((len(points), 3), 128, np.uint8)
     cloud = Points(points, grey, np.full(len(points), 0.1))
