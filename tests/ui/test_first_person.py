@@ -61,12 +61,13 @@ def test_the_nearest_person_takes_the_place_of_the_first_focus(
     settings = build(scene, footage, reconstruction)
     focus_marks.set_first(settings, reconstruction)
     assert settings.marks.is_first and not settings.marks.items[0].places[0].get("followed")
-    blur, distance = settings.blur, settings.focus_distance
+    focus_marks.put_first(settings, Place(Focus(distance=walls.FAR), FEW[0], walls.FAR, "the far wall"))
+    blur = settings.blur
     first_person.focus(scene)
     (mark,) = settings.marks.items
     assert settings.marks.is_first and mark.name == "Person 1" and mark.frame == FEW[0]
     assert list(mark.places[0]["followed_frames"]) == list(FEW)
-    assert abs(settings.focus_distance / distance - 1) > 0.1
+    assert settings.focus_distance == pytest.approx(walls.NEAR, rel=0.02)
     assert settings.blur == pytest.approx(blur, rel=1e-5)
     assert "In focus: the nearest person" in " ".join(draw(panels.main.VIRTUAL_APERTURE_PT_main).texts)
     missing = "People are not recognised: this build of the extension has no networks"
