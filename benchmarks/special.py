@@ -22,6 +22,7 @@ SPECIAL: dict[str, tuple[str, str]] = {
     ),
     "envelope": (ACCURACY, "error over CPU seconds of every quality and its rivals, depth given and counted"),
     "exported_layers": (ACCURACY, "refocusing a two-layer EXR in Blender's compositor"),
+    "focus_distances": ("benchmarks.gallery", "distance of followed subjects of real clips (real data)"),
     "grain": (ACCURACY, "noise given back where blur took it; --clip FILE: what is measured of a clip"),
     "highlight_radiance": (ACCURACY, "how bright clipped lamps are found to be"),
     "known_cameras": (ACCURACY, "cameras without points, from a Blender camera, beside a solve"),

@@ -24,6 +24,8 @@ class Street:
 
     blind: frozenset[int] = frozenset()
     """Frames in which the ground is not seen."""
+    deep: frozenset[int] = frozenset()
+    """Those in which everything below the horizon is much too far, besides."""
     on_person: int = 0
     """Feature points across the person, at 4; there are 48 on both sides."""
 
@@ -48,6 +50,8 @@ class Street:
         rows = np.arange(CAMERA.height) + 0.5 - CAMERA.cy
         ground = np.maximum(rows / CAMERA.fy / EYE, WALL)
         inverse = np.full(CAMERA.height, WALL) if frame in self.blind else ground
+        if frame in self.deep:
+            inverse = np.where(rows < 90, inverse, WALL / 4)
         return np.repeat(inverse[:, None], CAMERA.width, axis=1).astype(np.float32)
 
 
@@ -91,6 +95,13 @@ def test_a_frame_without_a_plane_takes_that_of_another_one() -> None:
 def test_without_a_plane_a_subject_is_as_far_as_what_is_beneath_its_feet() -> None:
     found = standing(0, 1).inverse_depths(lambda frame: person(4.0, frame), [0, 1])
     assert found == {frame: pytest.approx(WALL) for frame in (0, 1)}
+
+
+def test_a_frame_that_places_a_subject_behind_what_it_hides_is_left_out() -> None:
+    street = Street(frozenset({0, 1, 2}), frozenset({1, 2}))
+    for frames, there in (([0, 1, 2], {0: WALL}), ([1, 2], {1: WALL / 4, 2: WALL / 4})):
+        place = Standing(street, lambda frame: person(4.0, frame))  # type: ignore[arg-type]
+        assert place.inverse_depths(lambda frame: person(4.0, frame), frames) == pytest.approx(there)
 
 
 def test_feature_points_tell_how_far_a_subject_is_that_stands_still() -> None:

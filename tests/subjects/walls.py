@@ -131,8 +131,8 @@ class Sure(FoundSubjects):
 
 
 def filmed(shown: Callable[[int], Bytes], frames: tuple[int, ...] = FRAMES, is_sure: bool = False) -> Filmed:
-    """A clip of pictures, with its true cameras and features of both walls where these are seen; `is_sure` has
-    subjects looked for in any case."""
+    """A clip of pictures, with its true cameras and features of both walls where these are seen. `is_sure`
+    looks for subjects in any case."""
     rng = np.random.default_rng(4)
     rows = []
     for depth, low, high in ((FAR, 4, EDGE - 4), (NEAR, EDGE + 4, HEIGHT - 4)):

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
-from ..base.arrays import Mask
+from ..base.arrays import Map, Mask
 from ..base.progress import checkpoint
 from ..depth.ground_contact import Plane, contact, ground_below, rays_of, upright
 from ..depth.view_selection import relative_pose
@@ -59,19 +59,30 @@ class Standing:
         if points := self._by_points(subject, frames):
             return points
         masks = {frame: self._shown(subject, frame) for frame in frames}
-        shown = [frame for frame in frames if masks[frame].any()]
-        planes = {frame: plane for frame in shown if (plane := self._ground(frame, masks[frame])) is not None}
+        masks = {frame: mask for frame, mask in masks.items() if mask.any()}
+        static = {frame: self.plates.inverse_depth(frame, self._left_out) for frame in masks}
+        found = self._by_ground(masks, static)
+        hidden = {frame: float(np.median(static[frame][masks[frame]])) for frame in found}
+        return {frame: inverse for frame, inverse in found.items() if inverse >= hidden[frame]} or found
+
+    def _by_ground(self, masks: Mapping[int, Mask], static: Mapping[int, Map]) -> dict[int, float]:
+        """The median inverse depth of a subject by the ground that it stands on."""
+        planes = {
+            frame: plane
+            for frame, mask in masks.items()
+            if (plane := self._ground(frame, mask, static[frame])) is not None
+        }
         if not planes:
-            beneath = {frame: self._beneath(frame, masks[frame]) for frame in shown}
+            beneath = {frame: self._beneath(frame, mask, static[frame]) for frame, mask in masks.items()}
             return {frame: inverse for frame, inverse in beneath.items() if inverse is not None}
         found = dict[int, float]()
-        for frame in shown:
+        for frame, mask in masks.items():
             nearest = min(planes, key=lambda other: abs(other - frame))
             plane = self._seen_from(planes[nearest], nearest, frame)
             pinhole = self.plates.canvas(frame).pinhole
-            touch = None if plane is None else contact(masks[frame], plane, pinhole)
+            touch = None if plane is None else contact(mask, plane, pinhole)
             if plane is not None and touch is not None and (base := touch.inverse_depth(0.0, plane)) > 0:
-                rows, columns = np.nonzero(masks[frame])
+                rows, columns = np.nonzero(mask)
                 rays = rays_of(pinhole, np.column_stack([columns, rows]).astype(float) + 0.5)
                 found[frame] = float(np.median(upright(base, touch.column, 0.0, plane, rays)))
         return found
@@ -97,7 +108,7 @@ class Standing:
                 found[frame] = float(np.median(1 / (points @ image.rotation[2] + image.translation[2])))
         return found if densities and np.median(densities) >= STILL else {}
 
-    def _beneath(self, frame: int, mask: Mask) -> float | None:
+    def _beneath(self, frame: int, mask: Mask, static: Map) -> float | None:
         """The median inverse depth of the static scene just below a subject (h, w); None where the picture
         cuts it off."""
         rows = np.flatnonzero(mask.any(axis=1))
@@ -107,17 +118,16 @@ class Standing:
         below[top:] = (grown > 0) & ~self._left_out(frame)[top:]
         if rows[-1] >= len(mask) - BELOW or not below.any():
             return None
-        return float(np.median(self.plates.inverse_depth(frame, self._left_out)[below]))
+        return float(np.median(static[below]))
 
     def _shown(self, subject: Callable[[int], Mask], frame: int) -> Mask:
         image, _ = self.plates.reconstruction.image_at(frame)
         return self.plates.on_canvas(image, subject(frame))
 
-    def _ground(self, frame: int, mask: Mask) -> Plane | None:
+    def _ground(self, frame: int, mask: Mask, static: Map) -> Plane | None:
         """The ground around a subject (h, w) in a frame, in its camera's space."""
         checkpoint()
-        inverse = self.plates.inverse_depth(frame, self._left_out)
-        return ground_below(mask, inverse, ~self._left_out(frame), self.plates.canvas(frame).pinhole)
+        return ground_below(mask, static, ~self._left_out(frame), self.plates.canvas(frame).pinhole)
 
     def _seen_from(self, plane: Plane, frame: int, other: int) -> Plane | None:
         """A plane in a frame's camera space, in that of another frame."""
