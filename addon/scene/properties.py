@@ -116,7 +116,7 @@ def _colour_spaces(_settings: object, _context: object, _typed: str) -> list[str
 class VirtualApertureSettings(bpy.types.PropertyGroup):
     """The clip, what is in focus, and how much blur."""
 
-    # The default is not written into files: it is the version of those that hold none (see `migration`).
+    # The default is not written into files, so a saved version never equals it.
     version: IntProperty(default=1, options={"HIDDEN"})
     footage: StringProperty(
         name="Clip",
