@@ -29,9 +29,9 @@ from addon.core.frame.report import Used, frame_report, mesh_error, summary
 from addon.core.frame.warped_frame import WarpedFrame, warp_frame
 from addon.core.media.clip import to_linear
 from addon.core.warp.layered_depth_image import Fill
-from addon.core.warp.layered_mesh import LayeredMeshOptions
+from addon.core.warp.layered_mesh import ERROR, RELATIVE_ERROR, LayeredMeshOptions
 from addon.core.warp.mesh import WarpMesh
-from addon.core.warp.quadtree import QuadtreeOptions, triangulate
+from addon.core.warp.quadtree import SILHOUETTE_ERROR, triangulate
 from addon.core.warp.rasterise import at_pixels
 from addon.render.average import Drawn, draw_shares
 
@@ -314,7 +314,7 @@ def test_the_report_is_that_of_the_mesh() -> None:
     triangles = len(warped.plan.mesh.triangles)
     assert report.triangles == triangles
     assert report.of_pixel_grid == pytest.approx(100 * triangles / (2 * SIZE[0] * SIZE[1]))
-    assert report.bound == (LayeredMeshOptions.error, LayeredMeshOptions.relative_error)
+    assert report.bound == (ERROR, RELATIVE_ERROR)
     assert report.own + report.borrowed + report.inpainted == pytest.approx(100, abs=0.01)
     assert report.sure == pytest.approx(50)
     assert (report.frame, report.method, report.why, report.views) == (
@@ -348,7 +348,7 @@ def test_the_error_made_is_what_the_mesh_misses() -> None:
         interpolated(drawn, (row * columns + column)[mesh.triangles]) - np.pad(depth, margin, "edge")
     )
     assert miss.max() == pytest.approx(slow.max()) and miss.mean() == pytest.approx(slow.mean())
-    assert 0 < miss.mean() < miss.max() < 1.5 * QuadtreeOptions.silhouette_error * allowed.max()
+    assert 0 < miss.mean() < miss.max() < 1.5 * SILHOUETTE_ERROR * allowed.max()
     assert np.mean(miss <= allowed) > 0.95
 
 

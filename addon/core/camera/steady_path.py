@@ -38,7 +38,7 @@ MOST_PARALLAX = 0.03
 shows behind them then, frames around have mostly seen. By eye."""
 FILLED = 0.08
 """Of the picture's width, how far past the border a steadier camera sees at most where that is filled: other
-frames' depth is brought in for a tenth (`FusionOptions.beyond`), and blur discs reach into it, too."""
+frames' depth is brought in for a tenth (`map_fusion.BEYOND`), and blur discs reach into it, too."""
 TRIES = 12
 """Bisections, by which strengths and zooms are found to a thousandth."""
 ALONG = 9

@@ -11,7 +11,7 @@ import numpy as np
 from ..base.arrays import Floats, LinearRGBA, Map
 from ..base.counting import counted, ranges
 from ..depth.source import SURE
-from ..warp.layered_mesh import LayeredMeshOptions
+from ..warp.layered_mesh import ERROR, RELATIVE_ERROR
 from ..warp.rasterise import at_pixels
 from .inspection import SOURCES, blur_discs, largest_shown, surface_of
 from .warped_frame import WarpedFrame
@@ -114,7 +114,7 @@ def frame_report(warped: WarpedFrame, shares: LinearRGBA, draw_seconds: float) -
     bound, mean, worst, within = None, None, None, None
     if warped.layers:
         miss, allowed = mesh_error(warped)
-        bound = (LayeredMeshOptions.error, LayeredMeshOptions.relative_error)
+        bound = (ERROR, RELATIVE_ERROR)
         mean, worst = float(miss.mean()), float(miss.max())
         within = 100 * float(np.mean(miss <= allowed))
     return FrameReport(
@@ -148,7 +148,7 @@ def mesh_error(warped: WarpedFrame) -> tuple[Floats, Floats]:
         measured = seen & covered
         wanted = plan.lens.snap_displacement(shift[measured])
         off.append(np.abs(drawn[measured] - wanted))
-        allowed.append(LayeredMeshOptions.error + LayeredMeshOptions.relative_error * np.abs(wanted))
+        allowed.append(ERROR + RELATIVE_ERROR * np.abs(wanted))
         if number < len(layers):
             # A silhouette's pixels show both.
             seen &= (~covered | layers[number].mixed) & ~layers[number].disoccluded
