@@ -396,12 +396,11 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
             ),
             ("BLUR", "Blur Discs", "Circles of confusion: white in focus, warm nearer, cool farther", 2),
             ("DEPTH", "Depth", "Inverse depth: red is near, blue is far", 3),
-            ("WIREFRAME", "Mesh", "The warp mesh drawn over the clip", 4),
             (
                 "SOURCES",
                 "Sources",
                 "Where pixels come from: gray this frame, green other frames, red invented",
-                5,
+                4,
             ),
         ],
         options=set(),

@@ -207,7 +207,7 @@ def triangulated(
             split.mixed, split.is_far, split.disoccluded,
         )  # fmt: skip
         # Snapping can double what neighbours differ by.
-        jobs.append((made, 2 * split.jump, error, options.quadtree))
+        jobs.append((made, 2 * split.jump, error))
         # What is left is a guess here, or cannot be seen.
         error = error.copy()
         error[split.occluded & ~split.disoccluded] = np.inf
