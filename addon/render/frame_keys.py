@@ -16,7 +16,7 @@ from ..scene.timeline import go_to
 from .frame_size import render_size, written_size
 
 ROOMS = "core", "scene", "render"
-"""Folders of the add-on whose code pictures depend on: a run that goes on does not mix those of other code."""
+"""Folders of the add-on whose code pictures depend on: a run that goes on mixes none of other code."""
 GRADED = "virtual_aperture_run"
 """Property of a scene in which other things have a part in the pictures, such as the compositor or CG
 objects: they are not looked into, so it says which run, or file, they are of."""
