@@ -13,7 +13,7 @@ import numpy as np
 
 from ..base.arrays import LinearRGBA, Map
 from ..camera.canvas import Canvas
-from .map_fusion import LEVELS, SAME_SURFACE, SURE, UNSURE, FusionOptions, level_of, sharpened
+from .map_fusion import LEVELS, SAME_SURFACE, SURE, UNSURE, level_of, sharpened
 from .multi_view_stereo import DenseDepth
 from .source import NO_PICTURE, DepthSource, PixelDepth
 from .sparse import DepthSamples
@@ -23,13 +23,13 @@ from .stereo_depth import ORIGIN, StereoDepth, whole_depth
 REACHES = (0.02, 0.06, 0.2, 0.6)
 """Of the long side: standard deviations of the windows in which scale and shift are fitted."""
 SPARSE = 0.02
-"""Share of a window that is sure at which half of what it tells is believed. By eye."""
+"""Share of a window that is sure at which half of what it tells is believed. Chosen by inspection."""
 GRID = 4
 """Pixels that a window's sums are made at: the smallest window has three times as many."""
 BEND = 0.1
 """Of the range of inverse depths: deviation from its mean at which a window tells its own slope."""
 EXTRAPOLATED = 2.0
-"""Deviations from a window's mean beyond which its slope says nothing. By eye."""
+"""Deviations from a window's mean beyond which its slope says nothing. Chosen by inspection."""
 MISS = 3.0
 """Levels from the map at which sure depth loses half of its weight."""
 ROUNDS = 4
@@ -38,17 +38,17 @@ SOFT = 0.008
 """Of the long side: how far from an edge a map is soft."""
 SHARP = 0.7
 """Share of what a map changes by within that, which neighbours have where its edge is not soft: those of
-`benchmarks/accuracy/network_depth.py` have 0.3, a rendered map's 1. By eye."""
+`benchmarks/accuracy/network_depth.py` have 0.3, a rendered map's 1. Chosen by inspection."""
 AROUND = 0.02
 """Of the long side: standard deviation of what is around a pixel."""
 DENSE = 0.5
-"""Share of sure depth around from which on edges are stereo's. By eye."""
+"""Share of sure depth around from which on edges are stereo's. Chosen by inspection."""
 BELIEVED = (0.5, 0.9)
 """Shares of sure depth around below which depth that contradicts the map is none, and from which on it is
 believed: of a phone's room, 0.1 to 0.6 around what is wrong and 0.5 to 1 around what is right; of the
 bench's scenes 0.7 to 1."""
 CONTRADICTION = 5.0
-"""Levels from the map at which most of that is meant. By eye."""
+"""Levels from the map at which most of that is meant. Chosen by inspection."""
 EDGE = 4.0
 """Levels within that reach at which a map has an edge, and tells nothing."""
 
@@ -128,14 +128,10 @@ def _line(shape: Map, value: Map, slope: Map, mean: Map, reach: Map) -> Map:
     return np.asarray(value + slope * np.clip(shape - mean, -reach, reach), np.float32)
 
 
-def completed(
-    depth: DenseDepth,
-    given: Map,
-) -> DenseDepth:
+def completed(depth: DenseDepth, given: Map) -> DenseDepth:
     """Depth found by stereo with a map's shape, `given` (h, w) in the same unit, where it is not sure."""
-    fusion = FusionOptions()
     inverse = depth.inverse_depth
-    level = max(level_of(inverse, fusion), level_of(given, fusion))
+    level = max(level_of(inverse), level_of(given))
     if level <= 0:
         return depth
     own = np.clip((depth.confidence - UNSURE) / (SURE - UNSURE), 0, 1)

@@ -17,58 +17,63 @@ TINY = float(np.finfo(np.float32).tiny)
 
 
 LEAST_FRAMES = 8
-"""Frames of a short clip that may help, even if that needs a smaller step. By eye."""
+"""Frames of a short clip that may help, even if that needs a smaller step. Chosen by inspection."""
 KEPT_FRAMES = 8
 """Frames whose own depth is remembered: those on both sides and two more."""
 LEAST_WEIGHT = 0.02
-"""Weight, against 1, of a depth of which nothing is sure. By eye."""
+"""Weight, against 1, of a depth of which nothing is sure. Chosen by inspection."""
 LEVELS = 50
-"""Levels in the range of inverse depths. By eye, about as many as the sweep has."""
+"""Levels in the range of inverse depths. Chosen by inspection, about as many as the sweep has."""
 SAME_SURFACE = 1.5
-"""Levels within which depths are one surface. By eye."""
+"""Levels within which depths are one surface. Chosen by inspection."""
 SURE_FRAMES = 2
-"""Sum of confidences that agree with which a depth is sure. By eye."""
+"""Sum of confidences that agree with which a depth is sure. Chosen by inspection."""
 UNSURE = 0.1
-"""Confidence up to which a pixel's depth is that of its surroundings. By eye."""
+"""Confidence up to which a pixel's depth is that of its surroundings. Chosen by inspection."""
 SURE = 0.5
-"""Confidence from which on a pixel's depth is its own. By eye."""
+"""Confidence from which on a pixel's depth is its own. Chosen by inspection."""
 FAR_LAMBDA = 4000.0
-"""Lambda of the fast global smoother that extrapolates sure depth. By eye."""
+"""Lambda of the fast global smoother that extrapolates sure depth. Chosen by inspection."""
 HOLE_LAMBDA = 50.0
 """Lambda of that smoother within holes of what is sure: with it fence has 34.04 instead of 33.93 dB
 (32 px, from the video alone) and a fifth to a third fewer triangles."""
 SMOOTHER_SIGMA = 6.0
-"""Grey levels at which both smoothers stop. By eye."""
+"""Grey levels at which both smoothers stop. Chosen by inspection."""
 HOLE_WINDOW = 0.02
 """Of the long side: what is around a pixel in a hole. With 0.04 fence has 34.14 instead of 34.19 dB, and
 a hole is left in the duck's frame 107."""
 HOLE_SHARE = (0.5, 0.7)
-"""Shares of own depths around a pixel below which it is in no hole, and from which on it is. By eye."""
+"""Shares of own depths around a pixel below which it is in no hole, and from which on it is. Chosen by
+inspection."""
 BEHIND_POWER = 4.0
-"""What is not sure beside something near is behind it: weight is depth to this power. By eye."""
+"""What is not sure beside something near is behind it: weight is depth to this power. Chosen by
+inspection."""
 BEHIND_RATIO = 1.2
-"""Depths, against the median, beyond which that weight grows no more. By eye."""
+"""Depths, against the median, beyond which that weight grows no more. Chosen by inspection."""
 EVEN_LAMBDA = 15.0
-"""Lambda of the smoother along the surfaces found, which a level stops. By eye."""
+"""Lambda of the smoother along the surfaces found, which a level stops. Chosen by inspection."""
 JUMP = 4.0
-"""Levels within `RAMP` pixels that make a jump of a ramp. By eye."""
+"""Levels within `RAMP` pixels that make a jump of a ramp. Chosen by inspection."""
 LARGEST_SPECKLE = 6
-"""Pixels of a hole in a surface that are too few for their texture to prove it. By eye."""
+"""Pixels of a hole in a surface that are too few for their texture to prove it. Chosen by inspection."""
 RAMP = 2
-"""Pixels within which such a jump is one. By eye."""
+"""Pixels within which such a jump is one. Chosen by inspection."""
 SLOPE_RATIO = 1.8
-"""Times as high as within `RAMP` pixels that a slope is within twice as many, a jump not. By eye."""
+"""Times as high as within `RAMP` pixels that a slope is within twice as many, a jump not. Chosen by
+inspection."""
 OUTLIER_WINDOW = 0.05
-"""Of the long side: what is around a pixel whose depth may be an outlier. By eye."""
+"""Of the long side: what is around a pixel whose depth may be an outlier. Chosen by inspection."""
 OUTLIER_SHARES = (0.6, 0.95)
-"""Shares of sure pixels there below which its depth must be that of the others, and from which on it may
-be any. By eye, on the duck's frame 60: its mesh has 4.6 instead of 10.4 % of the grid's triangles."""
+"""Shares of sure pixels there below which its depth must be that of the others, and from which on it may be
+any. Chosen by inspection, on the duck's frame 60: its mesh has 4.6 instead of 10.4 % of the grid's
+triangles."""
 OUTLIER = 4.0
-"""Levels from the others at which a depth is an outlier. By eye."""
+"""Levels from the others at which a depth is an outlier. Chosen by inspection."""
 LEAST_NEARNESS = 1e-6
-"""Inverse depth, against the median one, below which what is far is as good as infinitely far. By eye."""
+"""Inverse depth, against the median one, below which what is far is as good as infinitely far. Chosen by
+inspection."""
 BORDER = 4
-"""Pixels at the border that know too little around them. By eye."""
+"""Pixels at the border that know too little around them. Chosen by inspection."""
 BEYOND = 0.1
 """Of the long side, to which depth is found past the border: a disc of a fifth of it reaches so far."""
 
@@ -80,12 +85,12 @@ class FusionOptions:
 
     step: int = 4
     """Every so many-th registered frame helps those around it, the same ones for frames that follow each
-    other: each is found once, and what is unsure does not flicker. By eye."""
+    other: each is found once, and what is unsure does not flicker. Chosen by inspection."""
     most_unseen: float = 0.02
     """Share of a frame that no key frame may see, beyond which it is swept itself, as with less than 0 every
-    frame is. By eye."""
+    frame is. Chosen by inspection."""
     sides: int = 3
-    """Frames that help on either side. By eye."""
+    """Frames that help on either side. Chosen by inspection."""
 
 
 def fused(

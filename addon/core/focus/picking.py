@@ -18,7 +18,7 @@ POINTS = 4
 """Points that are chosen: the thesis averages four."""
 RANGE_WEIGHT = 0.1
 """Cost of the chosen points' range of inverse depths, against a cost of 1 for what their mean misses the
-surface under the click by: by eye, at silhouettes of the sample clip."""
+surface under the click by: chosen by inspection, at silhouettes of the sample clip."""
 SOFTENING = 2.0
 """Pixels from the click within which features count alike: about their accuracy."""
 FRONTAL = 0.1

@@ -68,7 +68,7 @@ def read(path: Path, size: tuple[int, int]) -> ImportedModel:
     observations, lost = observations_of(model.numbers, model.starts, 4, len(model.names), images)
     size = picture_size(path.parent, list(model.names)) or size
     point = np.array(header.fixed[1:4:2] if header.fixed else size) / (1 if header.fixed else 2)
-    is_absolute = np.count_nonzero(observations.xy < 0) <= NEGATIVE * observations.xy.size
+    is_absolute = int(np.count_nonzero(observations.xy < 0)) <= NEGATIVE * observations.xy.size
     if is_absolute:
         notes.append("features are in absolute pixels, as COLMAP writes them")
     lenses, converted = _lenses(text, header, model, point, is_absolute, size)

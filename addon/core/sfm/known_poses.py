@@ -24,11 +24,11 @@ from .solution import LARGEST_ERROR, MIN_POINTS, MIN_VIEWS, Solution
 from .tracks import Progress, Tracks
 
 PAIRS = 24
-"""Pairs of frames that are looked at. By eye."""
+"""Pairs of frames that are looked at. Chosen by inspection."""
 MOST_SHARED = 200
-"""Tracks of a pair that are looked at. By eye, for time."""
+"""Tracks of a pair that are looked at. Chosen by inspection, for time."""
 LASTING = 0.5
-"""Share of a frame's tracks that the other frame of a pair has, too, at least. By eye."""
+"""Share of a frame's tracks that the other frame of a pair has, too, at least. Chosen by inspection."""
 GOOD = 0.3
 """Pixels by which tracks miss in the median below which no other frame numbers are tried. Our own solves'
 poses miss by 0.06 to 0.13 (of bars, walk and stroller), a phone-like walk's (real data, room) by 0.8; one
@@ -38,17 +38,18 @@ MISFIT = 4.0
 clips backwards, or with y and z the other way round, miss by 5 to 130; a network's that is off by 0.2
 degrees misses by 3."""
 UNEXPLAINED = 0.25
-"""Share of what tracks move by that poses leave, above which they are of something else. By eye: right
-ones leave 1 %."""
+"""Share of what tracks move by that poses leave, above which they are of something else. Chosen by
+inspection: right ones leave 1 %."""
 BETTER = 0.5
 """Factor of what is missed by which other frame numbers, or another focal length, must make it less."""
 OVERLAP = 0.5
-"""Share of the pairs, at least, that other frame numbers have poses for. By eye."""
+"""Share of the pairs, at least, that other frame numbers have poses for. Chosen by inspection."""
 LARGEST_OFFSET = 2000
-"""Frames of the farthest that is tried. By eye, for time."""
+"""Frames of the farthest that is tried. Chosen by inspection, for time."""
 SLACK = 3.0
 """Times what tracks miss in the median, a point's observation may be off, where that is more than
-`solution.LARGEST_ERROR`: poses of networks and of phones miss by more than a solve does. By eye."""
+`solution.LARGEST_ERROR`: poses of networks and of phones miss by more than a solve does. Chosen by
+inspection."""
 
 
 class NoDepthError(UserError):
@@ -58,7 +59,7 @@ class NoDepthError(UserError):
 FOCALS = tuple((1.03 ** np.arange(-24, 25)).tolist())
 """Factors of the focal length that are tried: half to twice."""
 ROUNDS = 6
-"""Of weighing observations anew. By eye."""
+"""Of weighing observations anew. Chosen by inspection."""
 NEAREST = 0.01
 """Of the median depth: observations nearer to the camera count no more than this."""
 FAR = 1e4

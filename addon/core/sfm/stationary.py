@@ -29,7 +29,7 @@ LOSS = 1.0
 """From which on an error loses weight (Huber)."""
 ZOOM_STEP = 0.1
 """Relative change of the focal length from a keyframe to the next that costs as much as an observation
-that is off by `LOSS`. By eye, and wide: the pictures decide."""
+that is off by `LOSS`. Chosen by inspection, and wide: the pictures decide."""
 TELLING = 90.0
 """Percentile of the tracks by their parallax that is reported: something near that fills a tenth of the
 picture before a far background tells depth."""

@@ -21,7 +21,7 @@ from ..base.arrays import Floats, Map, Mask
 RADIUS = 6
 """Pixels from a patch's middle to its border."""
 STIFFNESS = 0.3
-"""Resistance of the affine map, in shares of what the patch says about its place. By eye."""
+"""Resistance of the affine map, in shares of what the patch says about its place. Chosen by inspection."""
 BLOCK = 1 << 14
 """Patches that are sampled at once: OpenCV takes no picture with more rows than 15 bits count."""
 

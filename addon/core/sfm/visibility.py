@@ -25,17 +25,18 @@ from .template_tracking import sample, square
 from .tracks import LONG_SIDE, Progress
 
 FLAT = 0.5
-"""Standard deviation in grey levels below which a patch shows nothing. By eye."""
+"""Standard deviation in grey levels below which a patch shows nothing. Chosen by inspection."""
 MIDGREY = 128.0
 """Grey level taken off before squares are added up in single precision."""
 
 
 RADIUS = 4
-"""Pixels from the middle to the border of the patches that are compared. By eye."""
+"""Pixels from the middle to the border of the patches that are compared. Chosen by inspection."""
 LONG_SIDE = LONG_SIDE
 """Pixels of the longer side to which larger frames are shrunk, as for tracking."""
 SOFTEN = 1.0
-"""Standard deviation in pixels of the blur that frames get first, against noise and aliasing. By eye."""
+"""Standard deviation in pixels of the blur that frames get first, against noise and aliasing. Chosen by
+inspection."""
 MIN_VIEWS = 5
 """Frames that must have observed a point."""
 MAX_ERROR_RATIO = 2.0
@@ -56,7 +57,7 @@ MAX_CONTRAST_RATIO = 2.0
 
 
 REACH = 60
-"""Frames within which a point must have been observed to be looked for at all. By eye."""
+"""Frames within which a point must have been observed to be looked for at all. Chosen by inspection."""
 
 
 @dataclass(frozen=True)

@@ -29,23 +29,25 @@ from .mesh import WarpMesh
 SOLVER_ACCURACY = 1e-9
 """Of the right hand side, what conjugate gradients may leave: far below what a pixel shows."""
 SOLVER_STEPS = 2000
-"""Steps of conjugate gradients at most. By eye."""
+"""Steps of conjugate gradients at most. Chosen by inspection."""
 
 
 COLUMNS = 64
-"""Cells across the picture. By eye."""
+"""Cells across the picture. Chosen by inspection."""
 STIFFNESS = 0.02
-"""Cost of a step of inverse depth between two vertices, against missing a feature by as much. By eye."""
+"""Cost of a step of inverse depth between two vertices, against missing a feature by as much. Chosen by
+inspection."""
 FADE = 10
-"""Registered frames in which a feature comes and goes. By eye."""
+"""Registered frames in which a feature comes and goes. Chosen by inspection."""
 MARGIN_CELLS = 8
-"""Cells past the border at most; a wide margin has large ones. By eye."""
+"""Cells past the border at most; a wide margin has large ones. Chosen by inspection."""
 RANGE_MARGIN = 0.25
-"""Of the features' range of inverse depths, by which vertices may leave it. By eye."""
+"""Of the features' range of inverse depths, by which vertices may leave it. Chosen by inspection."""
 TALLEST = 4
-"""Ratio of height to width above which cells are larger, or there would be thousands of rows. By eye."""
+"""Ratio of height to width above which cells are larger, or there would be thousands of rows. Chosen by
+inspection."""
 OUTLIER_NEIGHBOURS = 8
-"""Features around one that it is compared with. By eye."""
+"""Features around one that it is compared with. Chosen by inspection."""
 
 
 def grid_mesh(

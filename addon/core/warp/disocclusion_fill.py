@@ -36,35 +36,37 @@ STEP = 8
 """Every so many-th registered frame is a source, the same ones for frames that follow each other: then
 colours are, too. By `python -m benchmarks.accuracy`: bars have 32.32 dB, with every fourth 32.28."""
 SPAN = 32
-"""Registered frames before and after, up to which frames are sources. By eye."""
+"""Registered frames before and after, up to which frames are sources. Chosen by inspection."""
 LEAST_FRAMES = 8
 """Frames of a short clip that are sources, even if that needs a smaller step: the shop gains 0.9 dB at 5
 m (`python -m benchmarks.accuracy.shop_table`)."""
 KEPT_PICTURES = 12
 """Pictures that are remembered, so that each is read once: those of both sides and four more."""
 LONGEST_SIDE = 1920
-"""Pixels of the long side of these pictures at most, for memory. By eye."""
+"""Pixels of the long side of these pictures at most, for memory. Chosen by inspection."""
 OCCLUDER_MARGIN = 0.04
-"""Of the inverse depth, by which something must be nearer to hide what lies behind. By eye."""
+"""Of the inverse depth, by which something must be nearer to hide what lies behind. Chosen by inspection."""
 GRID = 3
-"""Pixels between places of the frame's own surfaces that are projected into the others. By eye."""
+"""Pixels between places of the frame's own surfaces that are projected into the others. Chosen by
+inspection."""
 SQUARE = 6
 """Pixels across the squares of another frame that what is projected there hides: twice `GRID`."""
 WIDEST = 2
-"""Squares at most that something near hides around itself. By eye."""
+"""Squares at most that something near hides around itself. Chosen by inspection."""
 BEYOND = 0.1
-"""Of the long side, by which the frame's surfaces are taken to go on past its border. By eye."""
+"""Of the long side, by which the frame's surfaces are taken to go on past its border. Chosen by
+inspection."""
 SILHOUETTE_MARGIN = 1.0
 """Pixels beside something nearer that may show it in part: mixed pixels."""
 GAINS = (0.5, 2.0)
-"""Least and largest ratio of exposures between frames: a stop. By eye."""
+"""Least and largest ratio of exposures between frames: a stop. Chosen by inspection."""
 MOVING_MARGIN = 0.004
-"""Of the long side, by which what moves is taken to be wider than it was found. By eye."""
+"""Of the long side, by which what moves is taken to be wider than it was found. Chosen by inspection."""
 AGREEMENT = 0.06
-"""Difference of colours (square root of linear light) that frames may disagree by. By eye."""
+"""Difference of colours (square root of linear light) that frames may disagree by. Chosen by inspection."""
 LEAST_SEEN = 0.5
 """Share of what the frame shows around a place that the others must see as it does, to be believed there.
-By eye; with this test fence gains 0.5 dB (32 px, true depth)."""
+Chosen by inspection; with this test fence gains 0.5 dB (32 px, true depth)."""
 
 
 class DisocclusionFill:

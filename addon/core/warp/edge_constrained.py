@@ -22,27 +22,31 @@ from ..media.clip import encode_srgb
 from .mesh import WarpMesh, delaunay, distinct, nearest_mean, ring
 
 SHORTEST = 8.0
-"""Pixels of an edge that counts. By eye."""
+"""Pixels of an edge that counts. Chosen by inspection."""
 TRIM = 1.5
-"""Pixels less at either end, so that the rows of edges that meet at a corner do not cross. By eye."""
+"""Pixels less at either end, so that the rows of edges that meet at a corner do not cross. Chosen by
+inspection."""
 PIECE = 8.0
-"""Pixels between two vertices of an edge at most. By eye."""
+"""Pixels between two vertices of an edge at most. Chosen by inspection."""
 GAP = 0.75
-"""Pixels from an edge to the row of vertices on either side of it. By eye."""
+"""Pixels from an edge to the row of vertices on either side of it. Chosen by inspection."""
 DISCONTINUITY = 3.0
-"""Pixels of disparity at the aperture's rim by which both sides of an edge move apart. By eye."""
+"""Pixels of disparity at the aperture's rim by which both sides of an edge move apart. Chosen by
+inspection."""
 CLEARANCE = 2.5
-"""Pixels beside an edge within which a feature is on both sides; where depth jumps, none. By eye."""
+"""Pixels beside an edge within which a feature is on both sides; where depth jumps, none. Chosen by
+inspection."""
 OTHER_SIDE = 10.0
-"""Pixels that a feature within the clearance is farther from the other side than from its own. By eye."""
+"""Pixels that a feature within the clearance is farther from the other side than from its own. Chosen by
+inspection."""
 ALONG = 0.4
-"""Weight of a feature's distance along an edge, against that across it. By eye."""
+"""Weight of a feature's distance along an edge, against that across it. Chosen by inspection."""
 FEATURES = 3
-"""Features on one side of a vertex, whose median depth it gets. By eye."""
+"""Features on one side of a vertex, whose median depth it gets. Chosen by inspection."""
 CANDIDATES = 10
-"""Nearest features, of which those that no other edge hides tell a vertex's depth. By eye."""
+"""Nearest features, of which those that no other edge hides tell a vertex's depth. Chosen by inspection."""
 REACH = 60.0
-"""Pixels, those along the edge weighted, beyond which a feature says nothing of it. By eye."""
+"""Pixels, those along the edge weighted, beyond which a feature says nothing of it. Chosen by inspection."""
 SPLITS = 6
 """Rounds of splitting pieces of edges that are no sides yet: from 8 pixels to less than one."""
 CHUNK = 2_000_000

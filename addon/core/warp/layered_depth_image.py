@@ -29,7 +29,7 @@ EXTRAPOLATION = 16
 """Pixels by which surfaces go on past a silhouette, more than a view sees of them: the widest cell of
 the mesh there, 2 ** `quadtree.COARSEST_AT_SILHOUETTES`."""
 LEAST_SILHOUETTE = 32
-"""Pixels of a silhouette that is left for the next split; fewer are noise. By eye."""
+"""Pixels of a silhouette that is left for the next split; fewer are noise. Chosen by inspection."""
 RISE = 0.5
 """Of the least jump, by which a far surface may rise from a pixel to the next: diagonally it is half
 more, and still no jump."""

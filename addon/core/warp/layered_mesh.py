@@ -34,16 +34,18 @@ aperture's disc of 96 pixels in 16 views has footprints of 12."""
 
 
 ERROR = 0.33
-"""Pixels by which a view may see a place of the mesh beside where its depth puts it. By eye, with bars
-and foreground of `python -m benchmarks.accuracy`: a third of a pixel of noise is no silhouette."""
+"""Pixels by which a view may see a place of the mesh beside where its depth puts it. Chosen by inspection,
+with bars and foreground of `python -m benchmarks.accuracy`: a third of a pixel of noise is no silhouette."""
 RELATIVE_ERROR = 0.03
-"""Of the blur's radius at a place, by which a view may see it yet farther off. By eye."""
+"""Of the blur's radius at a place, by which a view may see it yet farther off. Chosen by inspection."""
 JUMP = 0.19
-"""Of the largest blur's radius, by which neighbours must be displaced apart to be cut. By eye."""
+"""Of the largest blur's radius, by which neighbours must be displaced apart to be cut. Chosen by
+inspection."""
 JUMP_BOUNDS = (1.0, 3.0)
-"""Pixels: least and largest such displacement, whatever the blur is. By eye."""
+"""Pixels: least and largest such displacement, whatever the blur is. Chosen by inspection."""
 WIDEST = 0.25
-"""Of the long side; surfaces displaced farther from the focal plane than that come back to it. By eye."""
+"""Of the long side; surfaces displaced farther from the focal plane than that come back to it. Chosen by
+inspection."""
 
 
 @dataclass(frozen=True)
