@@ -237,7 +237,7 @@ def motion_outliers(before: Places, after: Places, moves: Places, cell: int) -> 
 def neighbour_consistency(before: Places, after: Places, cell: int, jump: float) -> tuple[Mask, Mask]:
     """(n,) which points moved like two others in the cells around, and which have enough others there.
 
-    Alike is by less than `jump` pixels, or a share of the move. One other may be chance.
+    Alike is by less than `JUMP` pixels, or a share of the move. One other may be chance.
     """
     if not len(before):
         return np.zeros(0, bool), np.zeros(0, bool)

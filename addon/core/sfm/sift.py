@@ -182,7 +182,7 @@ class Matcher:
 
 
 def matched(before: Descriptors, after: Descriptors) -> tuple[Ints, Ints]:
-    """Rows of (n, d) and (m, d) descriptors that belong together: each other's best by `max_ratio`."""
+    """Rows of (n, d) and (m, d) descriptors that belong together: each other's best by `MAX_RATIO`."""
     if len(before) < 2 or len(after) < 2:
         return np.zeros(0, np.int32), np.zeros(0, np.int32)
     squared = before @ after.T

@@ -15,7 +15,7 @@ from .tracks import Progress, Tracks
 LARGEST_ERROR = 2.0
 """Reprojection error of a kept observation at most, in pixels of a 1,000-pixel frame."""
 CLOSE = 0.25
-"""Share of `max_error` at which an observation no longer speaks for a solution."""
+"""Share of `LARGEST_ERROR` at which an observation no longer speaks for a solution."""
 MIN_POINTS = 12
 """Points that a frame must see to have a pose, and that a model must have."""
 MIN_VIEWS = 3
@@ -86,7 +86,7 @@ def empty(tracks: Tracks, focal: float, largest_error: float = LARGEST_ERROR) ->
 def explained(solution: Solution) -> tuple[float, Ints]:
     """Share of lasting tracks' observations that take part, and the lasting tracks (k,) without a point.
 
-    Lasting are tracks that `min_views` registered frames see.
+    Lasting are tracks that `MIN_VIEWS` registered frames see.
     """
     tracks = solution.tracks
     posed = np.isfinite(solution.translation[tracks.frame_index, 0])
@@ -152,7 +152,7 @@ def triangulate(solution: Solution) -> None:
 
 def nearest_points(solution: Solution, rows: Mask, weights: Floats | None = None) -> Floats:
     """(count, 3) points where the rays of the observations `rows` (m,) come closest, by least squares with
-    `weights` (m,); NaN where fewer than `min_views` of a track are among them, or these are parallel."""
+    `weights` (m,); NaN where fewer than `MIN_VIEWS` of a track are among them, or these are parallel."""
     tracks = solution.tracks
     track, frame = tracks.track[rows], tracks.frame_index[rows]
     centres, rays = solution.rays()

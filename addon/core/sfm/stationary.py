@@ -42,7 +42,7 @@ WEAK = 0.18
 
 @dataclass(frozen=True)
 class DepthEvidence:
-    """How much depth a clip shows. Lengths are in pixels of a 1,000-pixel frame, of the `telling` percentile
+    """How much depth a clip shows. Lengths are in pixels of a 1,000-pixel frame, of the `TELLING` percentile
     of the tracks."""
 
     parallax: float

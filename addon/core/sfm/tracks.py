@@ -140,7 +140,7 @@ def run(
     progress: Progress = lambda *_: None,
     watch: Watch = lambda *_: None,
 ) -> Tracks:
-    """What a tracker makes of a clip; frames are shrunk to `long_side`, places are the source's."""
+    """What a tracker makes of a clip; frames are shrunk to `LONG_SIDE`, places are the source's."""
     zoom = min(1.0, LONG_SIDE / max(footage.width, footage.height))
     numbers: list[NDArray[np.int64]] = []
     places: list[NDArray[np.float32]] = []

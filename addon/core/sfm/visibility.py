@@ -210,7 +210,7 @@ class _Sights:
 
 
 def _has_neighbours(reconstruction: Reconstruction, image: Image, rows: Ints) -> Mask:
-    """(n,) which points have `min_neighbours` observed ones around them at their depth.
+    """(n,) which points have `MIN_NEIGHBOURS` observed ones around them at their depth.
 
     Counted in cells of the picture and of inverse depth, which takes no more time than there are points.
     """
@@ -299,7 +299,7 @@ def _parts(radius: int) -> Map:
 
 
 def _softened(picture: Pixels) -> tuple[Map, Floats]:
-    """A frame in grey, at most `long_side` long, blurred by `soften` pixels; its scale (2,)."""
+    """A frame in grey, at most `LONG_SIDE` long, blurred by `SOFTEN` pixels; its scale (2,)."""
     gray = to_gray8(picture)
     zoom = min(1.0, LONG_SIDE / max(gray.shape))
     size = (round(gray.shape[1] * zoom), round(gray.shape[0] * zoom))

@@ -117,7 +117,7 @@ def outliers(xy: Floats, inverse_depth: Floats, neighbours: int) -> Mask:
 def membrane(x: Floats, y: Floats, xy: Floats, values: Floats, weights: Floats, stiffness: float) -> Floats:
     """(h, w) values at vertices on lines x (w,) and y (h,): stretched over those (n,) at places (n, 2).
 
-    Minimises the weighted squares of what the bilinear interpolation misses at the places, and `stiffness`
+    Minimises the weighted squares of what the bilinear interpolation misses at the places, and `STIFFNESS`
     times those of the steps between vertices, both of what the best plane leaves over: planes come out
     exactly. (The paper warps by a homography first, for the same reason.)
     """

@@ -165,7 +165,7 @@ def conforming(
 ) -> tuple[Floats, Floats, Ints, Ints]:
     """Delaunay triangles (t, 3) of places (n, 2) that have pieces (p, 2), pairs of places, as sides.
 
-    A piece that is none is split in the middle, `splits` times, but not below a pixel. Returned are places
+    A piece that is none is split in the middle, `SPLITS` times, but not below a pixel. Returned are places
     and inverse depths with the middles, triangles, and pieces as they are then.
     """
     triangles = delaunay(xy)
