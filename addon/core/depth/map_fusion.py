@@ -14,8 +14,6 @@ from .source import extended
 
 TINY = float(np.finfo(np.float32).tiny)
 """The smallest normal number of single precision, for what must not be zero, in whichever unit."""
-
-
 LEAST_FRAMES = 8
 """Frames of a short clip that may help, even if that needs a smaller step. Chosen by inspection."""
 KEPT_FRAMES = 8

@@ -21,7 +21,6 @@ Numbers = NDArray[np.int64]
 
 Detector = Callable[[Bytes, Places], Places]
 
-
 # Chosen by inspection of results, unless a line below gives a measurement.
 CELLS = 36
 """Cells along the frame's long side, each of which is kept filled with points."""
@@ -31,7 +30,6 @@ MIN_NEIGHBOURS = 6
 """Points around without which nothing is said of a point's motion."""
 SAME_MOTION = 0.3
 """Share of its own motion by which a point may always move otherwise than its neighbours."""
-
 
 # Chosen by inspection of results, unless a line below gives a measurement.
 MAX_ROUND_TRIP = 0.5
@@ -237,7 +235,7 @@ def motion_outliers(before: Places, after: Places, moves: Places, cell: int) -> 
 def neighbour_consistency(before: Places, after: Places, cell: int, jump: float) -> tuple[Mask, Mask]:
     """(n,) which points moved like two others in the cells around, and which have enough others there.
 
-    Alike is by less than `JUMP` pixels, or a share of the move. One other may be chance.
+    Alike is by less than `jump` pixels, or a share of the move. One other may be chance.
     """
     if not len(before):
         return np.zeros(0, bool), np.zeros(0, bool)

@@ -40,7 +40,6 @@ K1, K2, ACROSS, DOWN = 2, 3, 4, 5
 PINHOLE = np.zeros(len(SIGMA))
 """Those of a camera that neither bends nor reads its picture bit by bit."""
 
-
 # Chosen by inspection of results, unless a line below gives a measurement.
 COMPARED = CalibrationOptions(longest=800, longest_in_frame=30)
 """Which tracks tell it."""

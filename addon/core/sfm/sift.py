@@ -19,7 +19,6 @@ from .template_tracking import Patches, Rows
 
 Descriptors = NDArray[np.float32]
 
-
 # Chosen by inspection of results, unless a line below gives a measurement.
 CONTRAST = 0.01
 """Contrast of a keypoint at least, of 1; a quarter of OpenCV's default: weak regions must have some."""

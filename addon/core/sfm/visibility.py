@@ -28,12 +28,8 @@ FLAT = 0.5
 """Standard deviation in grey levels below which a patch shows nothing. Chosen by inspection."""
 MIDGREY = 128.0
 """Grey level taken off before squares are added up in single precision."""
-
-
 RADIUS = 4
 """Pixels from the middle to the border of the patches that are compared. Chosen by inspection."""
-LONG_SIDE = LONG_SIDE
-"""Pixels of the longer side to which larger frames are shrunk, as for tracking."""
 SOFTEN = 1.0
 """Standard deviation in pixels of the blur that frames get first, against noise and aliasing. Chosen by
 inspection."""
@@ -54,8 +50,6 @@ MIN_HALF_CORRELATION = 0.93
 """Correlation with a half of the patch that another frame saw, from which on a point looks the same."""
 MAX_CONTRAST_RATIO = 2.0
 """Largest ratio of the contrasts of two patches that look the same, either way."""
-
-
 REACH = 60
 """Frames within which a point must have been observed to be looked for at all. Chosen by inspection."""
 

@@ -30,8 +30,6 @@ SOLVER_ACCURACY = 1e-9
 """Of the right hand side, what conjugate gradients may leave: far below what a pixel shows."""
 SOLVER_STEPS = 2000
 """Steps of conjugate gradients at most. Chosen by inspection."""
-
-
 COLUMNS = 64
 """Cells across the picture. Chosen by inspection."""
 STIFFNESS = 0.02

@@ -30,8 +30,6 @@ HiddenColours = Callable[[Floats, Floats], tuple[LinearRGB, Mask]]
 GAIN_PLACES = 20_000
 """Places, evenly chosen, of which exposures are compared: with ratios that spread by a tenth, their median is
 right to a thousandth."""
-
-
 STEP = 8
 """Every so many-th registered frame is a source, the same ones for frames that follow each other: then
 colours are, too. By `python -m benchmarks.accuracy`: bars have 32.32 dB, with every fourth 32.28."""

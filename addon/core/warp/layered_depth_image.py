@@ -23,8 +23,6 @@ from .matting import MattingOptions, Surfaces, behind, matted, parted, surfaces_
 Fill = Callable[[Map, Mask], tuple[LinearRGB, Mask]]
 """Colours (H, W, 3) of a surface of disparities (H, W) where a mask (H, W) asks for them, and where (H, W)
 they are known."""
-
-
 EXTRAPOLATION = 16
 """Pixels by which surfaces go on past a silhouette, more than a view sees of them: the widest cell of
 the mesh there, 2 ** `quadtree.COARSEST_AT_SILHOUETTES`."""

@@ -31,8 +31,6 @@ TILE = 64
 SPARE = 16
 """Pixels around what is drawn of a front that are refined, too: whoever blurs its texture looks so far. An
 aperture's disc of 96 pixels in 16 views has footprints of 12."""
-
-
 ERROR = 0.33
 """Pixels by which a view may see a place of the mesh beside where its depth puts it. Chosen by inspection,
 with bars and foreground of `python -m benchmarks.accuracy`: a third of a pixel of noise is no silhouette."""

@@ -17,8 +17,6 @@ from ..base.progress import checkpoint
 
 CHUNK = 1 << 17
 """Pixels of cells that are looked at at once, so that arrays of them stay in a processor's cache."""
-
-
 COARSEST = 6
 """A cell is at most 2 to this power pixels wide. Chosen by inspection."""
 COARSEST_AT_SILHOUETTES = 4
