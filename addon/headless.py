@@ -26,38 +26,25 @@ PACKAGE = "addon"
 def main(arguments: list[str]) -> int:
     """Run one command; the exit status."""
     try:
-        if "bpy" not in sys.modules and (problem := _problem()):
-            return _refused(problem)
+        if "bpy" not in sys.modules:
+            _prepare()
         commands = _commands()
         importlib.import_module(commands.__name__.removesuffix("cli.main") + "core.base.memory").keep_freed()
     except (ImportError, MemoryError) as error:
-        return _refused(f"the program cannot be loaded: {error}".splitlines()[0])
+        with contextlib.suppress(OSError):
+            why = f"error: the program cannot be loaded: {error}".splitlines()[0]
+            print(why, file=sys.stderr, flush=True)
+        return 1
     return int(commands.run_command(arguments))
 
 
-def _refused(problem: str) -> int:
-    with contextlib.suppress(OSError):
-        print(f"error: {problem}", file=sys.stderr, flush=True)
-    return 1
-
-
-def _problem() -> str:
-    """Why the memory that this process may have does not even do for loading Blender, which would crash; or
-    an empty string."""
+def _prepare() -> None:
     _load_folder()
     # Before Blender loads NumPy.
     for name, value in importlib.import_module(f"{PACKAGE}.core.base.child").ONE_BLAS_THREAD.items():
         os.environ.setdefault(name, value)
     # Before Blender opens files of its own.
     importlib.import_module(f"{PACKAGE}.core.base.streams").open_all()
-    memory = importlib.import_module(f"{PACKAGE}.core.base.memory")
-    errors = importlib.import_module(f"{PACKAGE}.core.base.errors")
-    memory.keep_to_one_arena()
-    try:
-        memory.check("the program", memory.PROGRAM)
-    except errors.UserError as error:
-        return str(error)
-    return ""
 
 
 def _commands() -> ModuleType:

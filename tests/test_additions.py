@@ -17,7 +17,6 @@ ACTS = {
         "render/preview.py",
         "cli/main.py",
         "cli/lens.py",
-        "scene/migration.py",
     },
 }
 """By example, where else it is read because it acts there: any option has such a place."""

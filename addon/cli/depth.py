@@ -116,7 +116,7 @@ def _say_jumps(shot: Shot, frames: Sequence[int]) -> None:
 
 
 def _one_by_one(shot: Shot, frames: Sequence[int], done: Callable[[int], None]) -> UserError | None:
-    start_gpu((shot.footage.width, shot.footage.height))
+    start_gpu()
     stereo = shot.context.stereo
     for frame in frames:
         stereo.at(frame)

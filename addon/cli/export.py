@@ -15,7 +15,6 @@ from ..core.media.clip import FrameRange
 from ..core.readers.colmap_export import export_model
 from ..core.sfm.workspace import load_solve
 from ..render import export as exports
-from ..render.gpu_views import check_memory
 from ..render.launcher import CHILD
 from ..render.output import check_apart
 from ..render.quiet import quiet
@@ -74,7 +73,6 @@ def export(options: argparse.Namespace) -> None:
         if not is_blend(options.work):
             set_lens(settings, solved, options, frames)
         say_lens(settings, shot_of(scene).reconstruction, frames)
-        check_memory((footage.width, footage.height))
     files = exports.planned(scene, options.what, frames, out)
     exports.check_free(files, options.overwrite)
     silent = contextlib.nullcontext(1) if options.debug else quiet(1)

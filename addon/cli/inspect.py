@@ -19,7 +19,7 @@ from ..core.sfm.workspace import load_solve
 from ..render import output
 from ..render.average import render_frame
 from ..render.frame_size import render_size
-from ..render.gpu_views import check_gpu, check_memory
+from ..render.gpu_views import check_gpu
 from ..render.quiet import quiet
 from ..render.run_report import Inspector, replaced, write_picture
 from ..scene.lens import frame_options
@@ -87,7 +87,6 @@ def _inspected(scene: bpy.types.Scene, frame: int, debug: bool) -> tuple[dict[st
     # The pictures are of the frame as the clip has it.
     lens = replace(frame_options(scene.virtual_aperture, shot.reconstruction), stabilize=0.0)
     size = render_size(scene.render)
-    check_memory(size)
     check_gpu()
     with contextlib.nullcontext(1) if debug else quiet(1):
         render_frame(shot.context, frame, lens, size, lambda note: None, inspector.on_frame)

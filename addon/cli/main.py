@@ -25,8 +25,7 @@ from ..core.sfm.workspace import Solve, default_work_dir, load_solve
 from ..render import engine, jobs, movie_file, movie_folder, output
 from ..render.blend_file import write_blend
 from ..render.frame_keys import run_key
-from ..render.frame_size import render_size
-from ..render.gpu_views import check_gpu, check_memory
+from ..render.gpu_views import check_gpu
 from ..render.launcher import CHILD
 from ..render.quiet import quiet
 from ..render.run_report import RunReport, check_report
@@ -209,7 +208,6 @@ def _render(solved: Solve | None, options: argparse.Namespace) -> None:
         set_lens(settings, solved, options, () if options.for_movie else frames)
     reconstruction = shot_of(scene).reconstruction
     say_lens(settings, reconstruction, frames)
-    check_memory(render_size(scene.render), is_movie)
     planned = output.plan_all(scene, frames)
     least, most = planned.views
     count = str(least) if least == most else f"{least} to {most}"

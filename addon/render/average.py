@@ -64,7 +64,6 @@ def render_frame(
     `note` is called with what the user should know, `on_frame` with the frame when it is drawn; `draw_cg`
     draws the CG objects in it. Passes checkpoints.
     """
-    gpu_views.check_memory(size)
     with stage("Reading", 0.0, READ):
         picture = resized(clip.picture(frame, options.highlights), size)
         small = drawn_size(options, size)

@@ -6,6 +6,7 @@ import hashlib
 
 import bpy
 
+from ..core.base.code import code_digest
 from ..core.media.clip_identity import clip_digest
 from ..scene.colour_space import REC_709
 from ..scene.digests import drawn_digest, reconstruction_digest
@@ -14,10 +15,8 @@ from ..scene.shot import Shot, shot_of
 from ..scene.timeline import go_to
 from .frame_size import render_size, written_size
 
-PICTURES = 12
-"""Version of the method: counted up when the same settings give another picture, so that a run that goes on
-does not mix them."""
-
+ROOMS = "core", "scene", "render"
+"""Folders of the add-on whose code pictures depend on: a run that goes on mixes none of other code."""
 GRADED = "virtual_aperture_run"
 """Property of a scene in which other things have a part in the pictures, such as the compositor or CG
 objects: they are not looked into, so it says which run, or file, they are of."""
@@ -39,7 +38,7 @@ def _clip_key(scene: bpy.types.Scene) -> str:
     """Of all but the lens."""
     shot = shot_of(scene)
     parts = (
-        PICTURES, clip_digest(shot.footage.path), reconstruction_digest(shot.reconstruction),
+        code_digest(*ROOMS), clip_digest(shot.footage.path), reconstruction_digest(shot.reconstruction),
         _depth_digest(shot), shot.masks and clip_digest(shot.masks.pictures.path),
         shot.drawn and drawn_digest(shot.drawn),
         render_size(scene.render), written_size(scene.render), *([shot.space.name] if shot.space else []),

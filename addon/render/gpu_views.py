@@ -16,7 +16,6 @@ import numpy as np
 from gpu_extras.batch import batch_for_shader
 from numpy.typing import NDArray
 
-from ..core.base import memory
 from ..core.base.arrays import LinearRGBA
 from ..core.base.errors import UserError
 from ..core.frame.plan import FramePlan
@@ -116,22 +115,10 @@ def check_gpu() -> None:
         )
 
 
-def start_gpu(size: tuple[int, int]) -> None:
-    """Have a GPU context where one can be had, and memory to draw pictures (width, height): depth is found
-    without, too, but a real GPU sweeps faster."""
+def start_gpu() -> None:
+    """Have a GPU context where one can be had: depth is found without, too, but a real GPU sweeps faster."""
     with contextlib.suppress(UserError):
-        check_memory(size)
         check_gpu()
-
-
-def check_memory(size: tuple[int, int], is_movie: bool = False) -> None:
-    """UserError where this process may not have the memory to draw pictures (width, height), or a movie.
-
-    Asked ahead of the GPU context and of each frame, which Blender and Mesa do not survive without it.
-    """
-    width, height = size
-    what, need = ("a movie of", memory.MOVIE) if is_movie else ("drawing", memory.DRAWING)
-    memory.check(f"{what} {width}x{height} pixels", need, width * height)
 
 
 def egl_problem() -> str:

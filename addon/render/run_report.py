@@ -127,8 +127,7 @@ def _entry(held: object) -> FrameReport | None:
     names = [one.name for one in fields(FrameReport)]
     if not isinstance(held, dict) or set(held) != set(names):
         return None
-    bound = held["bound"]
-    return FrameReport(**held | {"bound": tuple(bound) if bound else None})
+    return FrameReport(**held)
 
 
 def replaced(path: Path, write: Callable[[Path], object]) -> None:

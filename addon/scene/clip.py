@@ -44,8 +44,7 @@ def footage_path(settings: bpy.types.PropertyGroup) -> Path:
 def solved_clip_path(settings: bpy.types.PropertyGroup) -> Path:
     """Where the clip of the scene's solve lies: where the path leads, or where it was found again.
 
-    UserError where another clip is chosen, or it is not found. What older versions built knows no identity:
-    there the path is taken as it is.
+    UserError where another clip is chosen, or it is not found.
     """
     path = footage_path(settings)
     trouble = trouble_with(settings, at_a_glance=False)
@@ -57,10 +56,9 @@ def solved_clip_path(settings: bpy.types.PropertyGroup) -> Path:
 
 
 def solved_part(settings: bpy.types.PropertyGroup, clip: Footage) -> Footage:
-    """Open the frames of the clip that were solved; older versions kept no range of them."""
-    solved = FrameRange(settings.clip_first, settings.clip_last, max(settings.clip_step, 1))
-    frames = solved.of(clip.frames) or clip.frames
-    return open_footage(clip.path, frames, info=clip.video, stills=clip.is_stills)
+    """Open the frames of the clip that were solved."""
+    solved = FrameRange(settings.clip_first, settings.clip_last, settings.clip_step)
+    return open_footage(clip.path, solved.of(clip.frames), info=clip.video, stills=clip.is_stills)
 
 
 def trouble_with(settings: bpy.types.PropertyGroup, at_a_glance: bool = True) -> Trouble | None:
@@ -68,7 +66,7 @@ def trouble_with(settings: bpy.types.PropertyGroup, at_a_glance: bool = True) ->
 
     Cheap enough for a panel; without `at_a_glance` all bytes of a large clip are read once.
     """
-    if settings.points is None or not settings.footage or not settings.clip_identity:
+    if settings.points is None or not settings.footage:
         return None
     path, wanted, name = footage_path(settings), settings.clip_identity, settings.clip_name
     if not clip_exists(path):

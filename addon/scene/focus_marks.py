@@ -164,7 +164,7 @@ def put(
 
 
 def _add_present(settings: bpy.types.PropertyGroup) -> None:
-    """A mark of what is in focus without one, as in older files: points, or a distance."""
+    """A mark of what is in focus without one: points that a script set, or a distance."""
     focus, distance, frame = lens.focus_of_settings(settings), settings.focus_distance, settings.focus_frame
     if focus.points or distance > 0:
         mark = settings.marks.items.add()

@@ -39,9 +39,6 @@ def _camera(scene: bpy.types.Scene) -> Iterator[str]:
 
 def _frames(scene: bpy.types.Scene) -> Iterator[str]:
     first, last = scene.virtual_aperture.clip_first, scene.virtual_aperture.clip_last
-    # What older versions built does not know.
-    if last < 1:
-        return
     if clip_frame(scene, scene.frame_start) < first:
         before = math.ceil(_time(scene, first)) - 1
         yield _outside(scene.frame_start, before, "before", first)

@@ -116,7 +116,7 @@ def _colour_spaces(_settings: object, _context: object, _typed: str) -> list[str
 class VirtualApertureSettings(bpy.types.PropertyGroup):
     """The clip, what is in focus, and how much blur."""
 
-    # The default is not written into files: it is the version of those that hold none (see `migration`).
+    # The default is not written into files, so a saved version never equals it.
     version: IntProperty(default=1, options={"HIDDEN"})
     footage: StringProperty(
         name="Clip",
@@ -396,12 +396,11 @@ class VirtualApertureSettings(bpy.types.PropertyGroup):
             ),
             ("BLUR", "Blur Discs", "Circles of confusion: white in focus, warm nearer, cool farther", 2),
             ("DEPTH", "Depth", "Inverse depth: red is near, blue is far", 3),
-            ("WIREFRAME", "Mesh", "The warp mesh drawn over the clip", 4),
             (
                 "SOURCES",
                 "Sources",
                 "Where pixels come from: gray this frame, green other frames, red invented",
-                5,
+                4,
             ),
         ],
         options=set(),

@@ -12,6 +12,7 @@ import bpy
 import numpy as np
 
 from ..core.base.arrays import Floats, Map
+from ..core.base.code import code_digest
 from ..core.base.errors import UserError
 from ..core.base.lru_cache import LRUCache
 from ..core.camera.reconstruction import Reconstruction
@@ -40,10 +41,6 @@ from .timeline import check_frames, clip_frame
 
 KEPT_DEPTH = "depth"
 """Folder of a working folder where depth is kept."""
-DEPTHS = 13
-"""Version of the way that depth is found: counted up when the same options give another depth."""
-HIGHLIGHTS = 2
-"""Version of the way that highlights are found, in the same way."""
 IDENTITY = "virtual_aperture_identity"
 REMEMBERED = 256 << 20
 """Bytes of pictures as they were read."""
@@ -181,11 +178,11 @@ class Shot:
 
     def _highlight_key(self) -> str:
         """The same of highlights, whatever moves."""
-        return _digest("highlights", HIGHLIGHTS, self._clip_digests)
+        return _digest("highlights", code_digest("core"), self._clip_digests)
 
     def _key(self, *options: object) -> str:
         masks = self.masks and clip_digest(self.masks.pictures.path), self.drawn and drawn_digest(self.drawn)
-        return _digest(DEPTHS, self._clip_digests, masks, options)
+        return _digest(code_digest("core"), self._clip_digests, masks, options)
 
     @property
     def _clip_digests(self) -> tuple[str, ...]:

@@ -16,7 +16,6 @@ from ..core.camera.reconstruction import Image, Intrinsics, Points, Reconstructi
 
 PREFIX = "virtual_aperture_"
 VERSION = 3
-"""1 knew no other lenses than OPENCV and had neither their models nor their terms, 2 no rolling shutter."""
 READOUT = PREFIX + "readout"
 IS_ORDERED = PREFIX + "is_ordered"
 MODELS = tuple(PARAMETERS)
@@ -63,8 +62,11 @@ def read(mesh: bpy.types.Mesh) -> Reconstruction:
     version = mesh.get(PREFIX + "version")
     if version is None:
         raise UserError(f"the mesh {mesh.name!r} holds no solve; solve the clip or import a solve of it")
-    if version > VERSION:
-        raise UserError("this file was made with a newer Virtual Aperture; update the extension")
+    if version != VERSION:
+        raise UserError(
+            f"another version of Virtual Aperture made the solve in {mesh.name!r}; update the extension, or"
+            " solve the clip again"
+        )
 
     def array(name: str) -> NDArray[np.float64]:
         return np.array(mesh[PREFIX + name], dtype=np.float64)
@@ -78,10 +80,7 @@ def read(mesh: bpy.types.Mesh) -> Reconstruction:
     seen = np.split(integers("seen_points"), splits)
     xy = np.split(array("seen_xy").reshape(-1, 2), splits)
     cameras = integers("image_cameras")
-    # Files of the first versions know of none.
-    counts = integers("visible_counts") if PREFIX + "visible_counts" in mesh else np.zeros(len(seen), int)
-    more = integers("visible_points") if counts.any() else np.zeros(0, np.int32)
-    visible = np.split(more, np.cumsum(counts)[:-1])
+    visible = np.split(integers("visible_points"), np.cumsum(integers("visible_counts"))[:-1])
     images = tuple(
         Image(int(frame), rotations[i], translations[i], xy[i], seen[i], int(cameras[i]), visible[i])
         for i, frame in enumerate(integers("frames"))
@@ -89,14 +88,12 @@ def read(mesh: bpy.types.Mesh) -> Reconstruction:
     points = Points(
         array("xyz").reshape(-1, 3), integers("rgb").reshape(-1, 3).astype(np.uint8), array("error")
     )
-    rows = array("cameras").reshape(-1, 10)
-    models, terms = np.full(len(rows), MODELS.index("OPENCV")), np.zeros((len(rows), MOST_TERMS))
-    if version > 1:
-        models, terms = integers("lens_models"), array("lens_terms").reshape(-1, MOST_TERMS)
+    rows, terms = array("cameras").reshape(-1, 10), array("lens_terms").reshape(-1, MOST_TERMS)
     lenses = tuple(
-        _intrinsics(row, MODELS[model], more) for row, model, more in zip(rows, models, terms, strict=True)
+        _intrinsics(row, MODELS[model], more)
+        for row, model, more in zip(rows, integers("lens_models"), terms, strict=True)
     )
-    across, down = mesh.get(READOUT, (0.0, 0.0))
+    across, down = mesh[READOUT]
     return Reconstruction(lenses, images, points, is_ordered(mesh), (float(across), float(down)))
 
 

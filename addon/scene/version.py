@@ -7,8 +7,7 @@ import bpy
 from ..core.base.errors import UserError
 
 VERSION = 4
-"""2 had another name for the target PSNR, and wrote the focus distance into the camera; 3 listed hidden
-objects by their names (`migration`)."""
+"""To be raised where a release reads a scene in another way than the one before it."""
 NEWER = "this scene was made with a newer Virtual Aperture; update the extension"
 
 

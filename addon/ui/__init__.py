@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ..render import background, cg_preview, cg_process, engine, frame_notes, frames_ahead, viewport
-from ..scene import clip, exr, focus_sync, main_thread, migration, passes, paths, properties, shot
+from ..scene import clip, exr, file_handlers, focus_sync, main_thread, passes, paths, properties, shot
 from ..scene import preferences as user_preferences
 from . import (
     bokeh,
@@ -82,7 +82,7 @@ def register() -> None:
     file_import.register()
     lens_presets.register()
     paths.register()
-    migration.register()
+    file_handlers.register()
     exr.register()
     focus_sync.register()
     thumbnails.register()
@@ -122,7 +122,7 @@ def unregister() -> None:
     depth_ahead.unregister()
     focus_sync.unregister()
     exr.unregister()
-    migration.unregister()
+    file_handlers.unregister()
     paths.unregister()
     background.unregister()
     lens_presets.unregister()

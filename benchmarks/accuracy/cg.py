@@ -147,7 +147,7 @@ def judge(name: str, thing: Thing, width: int, blur: int, save: str = "") -> Non
     context = ClipContext(plain.cameras, read, TrueDepth(plain))
     size = plain.stage.cameras.width, plain.stage.cameras.height
     lens = FrameOptions(Focus(distance=focus), radius)
-    start_gpu(size)
+    start_gpu()
     scene = product_scene(plain, thing)
     scene.frame_set(frame)
 

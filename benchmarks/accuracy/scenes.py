@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from addon.core.camera.reconstruction import Reconstruction
-from addon.core.depth.map_fusion import FusionOptions, level_of, past_border
+from addon.core.depth.map_fusion import BEYOND, BORDER, FusionOptions, level_of, past_border
 from addon.core.depth.multi_view_stereo import DenseDepth
 from addon.core.depth.reprojection import in_place
 from addon.core.media.clip import decode_srgb, encode_srgb
@@ -209,7 +209,7 @@ class Staged:
         """From the frames that fusion has for it."""
         options, (here, _) = FusionOptions(), self.cameras.image_at(frame)
         camera = self.cameras.intrinsics(here)
-        margin, span = int(options.beyond * camera.width), options.sides * options.step
+        margin, span = int(BEYOND * camera.width), options.sides * options.step
         stack = []
         for image in self.cameras.images:
             apart = abs(image.frame - frame)
@@ -218,7 +218,7 @@ class Staged:
                 known = DenseDepth(
                     image.frame, inverse, np.ones_like(inverse), self.moves(image.frame), camera
                 )
-                stack.append(in_place(known, image, camera, here, margin, options.border))
+                stack.append(in_place(known, image, camera, here, margin, BORDER))
         inside = (1 / self.depth(frame)).astype(np.float32)
         return past_border(stack, inside, level_of(inside))
 

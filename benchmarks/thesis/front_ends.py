@@ -13,7 +13,7 @@ import numpy as np
 
 from addon.core.base.arrays import Bytes, Ints
 from addon.core.media.clip import Footage
-from addon.core.sfm.klt import KLTOptions, Numbers, Places, follow
+from addon.core.sfm.klt import HARRIS_K, Numbers, Places, follow
 from addon.core.sfm.sift import Keypoints, epipolar, keypoints, make_sift, matched
 from addon.core.sfm.tracks import Tracks, run, track_features
 
@@ -30,7 +30,7 @@ def harris_klt(footage: Footage) -> Tracks:
 
     def detect(gray: Bytes, free: Bytes) -> Places:
         found = cv2.goodFeaturesToTrack(
-            gray, 0, QUALITY, APART, mask=free, useHarrisDetector=True, k=KLTOptions.harris_k
+            gray, 0, QUALITY, APART, mask=free, useHarrisDetector=True, k=HARRIS_K
         )
         return np.zeros((0, 2), np.float32) if found is None else np.float32(found).reshape(-1, 2)
 

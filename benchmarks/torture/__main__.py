@@ -95,8 +95,7 @@ def table(entries: Iterable[dict[str, Any]]) -> str:
         "Crash: ended by a signal that nobody sent, or by an error that is not one readable line.",
         "Leftover: files or processes that are there after the next run.",
         "Wrong success: status 0, and not the pictures of the reference.",
-        "Little memory: 0.3 to 3 GiB of address space; where Blender could not start, that is told before it",
-        "is loaded. Pictures of 16,384 x 9,216 are more than software OpenGL holds, whatever the memory.", "",
+        "Pictures of 16,384 x 9,216 are more than software OpenGL holds, whatever the memory.", "",
     ]  # fmt: skip
     return "\n".join(lines + notes)
 

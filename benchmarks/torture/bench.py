@@ -172,11 +172,6 @@ def file_limit(size: int) -> Callable[[], None]:
     return limit
 
 
-def memory_limit(size: int) -> Callable[[], None]:
-    """So many bytes of address space."""
-    return lambda: resource.setrlimit(resource.RLIMIT_AS, (size, size))
-
-
 class Bench:
     """The tiny clip, its solve, and what untouched runs give."""
 

@@ -68,8 +68,7 @@ FAULTS = {
     "broken-clips": Fault("a packet of a clip is damaged, or its end is missing", containers.broken),
     "lists": Fault("a list of files by the name of a video", containers.lists),
     "pans": Fault("a pan through a lens that bends, zooms or is read row by row", pans.pan, 10),
-    "memory": Fault("little memory", sizes.memory),
     "wide": Fault("pictures of 16,384 x 96", sizes.wide, 10),
-    "large": Fault("pictures of 16,384 x 9,216, little memory or enough", sizes.large, 6),
+    "large": Fault("pictures of 16,384 x 9,216", sizes.large, 6),
     "long": Fault("2,000 frames, ended six times", sizes.long, 3),
 }

@@ -1,4 +1,4 @@
-"""Large pictures, long clips, and little memory."""
+"""Large pictures and long clips."""
 
 from __future__ import annotations
 
@@ -10,35 +10,12 @@ import numpy as np
 from addon.core.camera.reconstruction import Intrinsics
 
 from . import clip
-from .bench import DENSE, LENS, Try, contents, memory_limit
+from .bench import LENS, Try, contents
 from .kills import SIGNALS, interrupt
 
 WIDE = Intrinsics(16384, 96, 14000.0, 14000.0, 8192.0, 48.0)
 LARGE = Intrinsics(16384, 9216, 14000.0, 14000.0, 8192.0, 4608.0)
 LONG = 2000
-
-
-def memory(one: Try) -> None:
-    """A limit of the address space, for a sequence, one with masks, or a movie: refused, or as without."""
-    size = int(one.dice.uniform(0.3, 3.0) * 2**30)
-    out = one.folder / "out" / "####.png"
-    words: tuple[object, ...] = ("render", one.bench.work, *LENS, "--out", out)
-    expected = one.bench.frames
-    kind = one.dice.choice(["sequence", "masked", "movie"])
-    if kind == "masked":
-        words = ("render", one.bench.work, *DENSE, "--mask", one.bench.masks, "--out", out)
-        expected = one.bench.masked
-    elif kind == "movie":
-        out = one.folder / "out" / "a.mp4"
-        words = ("render", one.bench.work, *LENS, "--out", out)
-        expected = {"a.mp4": one.bench.movie}
-    run = one.run(*words, limits=memory_limit(size))
-    there = contents(out.parent)
-    if run.status == 0 and there != expected:
-        one.verdict.add("wrong", f"{size >> 20} MiB, {kind}: {run.said[-300:]}")
-    one.check_partial(expected, out.parent)
-    again = ["--overwrite"] * (kind == "movie" and out.exists())
-    one.expect(expected, out, one.run(*words, *again))
 
 
 def wide(one: Try) -> None:
@@ -47,18 +24,18 @@ def wide(one: Try) -> None:
 
 
 def large(one: Try) -> None:
-    """Pictures of 16,384 by 9,216 pixels, and memory for them or not."""
+    """Pictures of 16,384 by 9,216 pixels."""
     # Minutes on an idle machine: a picture of a quarter of that takes one and a half.
     one.patience = 1800
-    _large(one, LARGE, int(one.dice.uniform(2, 24) * 2**30) if one.dice.random() < 0.7 else None)
+    _large(one, LARGE)
 
 
-def _large(one: Try, camera: Intrinsics, limit: int | None = None) -> None:
+def _large(one: Try, camera: Intrinsics) -> None:
     pictures = clip.write_pictures(one.folder / "clip", 2, camera)
     work = clip.solve(pictures, one.folder / "work", camera)
     out = one.folder / "out" / "####.png"
     words = ("render", work, *LENS[:-1], "2", "--frames", "1", "--out", out)
-    run = one.run(*words, limits=memory_limit(limit) if limit else None)
+    run = one.run(*words)
     path = out.parent / "0001.png"
     if run.status:
         if path.exists():

@@ -240,16 +240,3 @@ def test_every_lens_is_kept_in_the_blend(scene: object, tmp_path: Path) -> None:
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "lenses.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "lenses.blend"))
     assert store.read(bpy.data.meshes["points"]).cameras == lenses
-
-
-def test_a_blend_of_the_first_version_still_loads(scene: object) -> None:
-    import bpy
-
-    from addon.scene import store
-
-    before = slanted_plane(lens_of("OPENCV"))
-    mesh = bpy.data.meshes.new("points")
-    store.write(mesh, before)
-    mesh[store.PREFIX + "version"] = 1
-    del mesh[store.PREFIX + "lens_models"], mesh[store.PREFIX + "lens_terms"]
-    assert store.read(mesh).cameras == before.cameras

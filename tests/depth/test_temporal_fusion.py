@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from addon.core.base.arrays import Floats, Map, Mask
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.depth.depth_store import DepthStore
-from addon.core.depth.map_fusion import FusionOptions, fused, sharpened, without_speckles
+from addon.core.depth.map_fusion import BORDER, LEVELS, FusionOptions, fused, sharpened, without_speckles
 from addon.core.depth.multi_view_stereo import DenseDepth, PlaneSweepStereo
 from addon.core.depth.reprojection import in_place
 from addon.core.depth.temporal_fusion import TemporalFusion
@@ -201,7 +201,7 @@ def test_a_disputed_shelf_joins_the_surface_nearer_in_depth() -> None:
     for share, expected in ((0.7, NEAR), (0.3, WALL)):
         inverse = np.where(X < 160, NEAR, WALL).astype(np.float32)
         inverse[shelf] = WALL + share * (NEAR - WALL)
-        level = (NEAR - WALL) / OPTIONS.levels
+        level = (NEAR - WALL) / LEVELS
         np.testing.assert_array_equal(sharpened(inverse, level, shelf)[shelf], np.float32(expected))
         # What is sure may be a thing of its own.
         np.testing.assert_array_equal(sharpened(inverse, level, ~shelf)[shelf], inverse[shelf])
@@ -254,7 +254,7 @@ def test_frames_are_brought_into_place() -> None:
     found = TemporalFusion(shot, Given(frames)).at(MIDDLE)  # type: ignore[arg-type]
     off = np.abs(found.inverse_depth - truth(CENTRES[MIDDLE - 1])) / RANGE
     # No frame says anything of the first and last rows.
-    off = off[OPTIONS.border : -OPTIONS.border]
+    off = off[BORDER:-BORDER]
     assert np.mean(off > 0.05) < 0.01 and np.median(off) < 0.01
     assert (found.confidence > 0.5).mean() > 0.9
 
@@ -272,7 +272,7 @@ def test_past_the_border_depth_is_that_of_the_frames_that_see_it() -> None:
     assert not known[margin:-margin, margin:-margin].any()
     # No frame saw what is above.
     assert known[: margin - 2].mean() < 0.01
-    beside = (slice(margin + OPTIONS.border, -margin - OPTIONS.border), slice(0, margin))
+    beside = (slice(margin + BORDER, -margin - BORDER), slice(0, margin))
     near = true[beside] > 0.2
     assert near.mean() > 0.3 and known[beside][near].mean() > 0.9
     off = np.abs(past - true)[known] / RANGE
@@ -428,7 +428,7 @@ def test_a_wrong_pixel_beside_a_silhouette_does_not_spread() -> None:
 
 def test_slopes_and_thin_things_stay() -> None:
     # The whole range within the picture: as steep as surfaces are that are seen at all.
-    level = (NEAR - WALL) / OPTIONS.levels
+    level = (NEAR - WALL) / LEVELS
     slope = np.broadcast_to(np.linspace(WALL, NEAR, 60), (40, 60)).astype(np.float32)
     np.testing.assert_array_equal(sharpened(slope, level), slope)
     for wide in (1, 2, 3):

@@ -25,7 +25,7 @@ from addon.core.base.folder_lock import FolderLock
 from addon.core.base.regular_file import is_regular, open_regular, read_regular
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.depth.depth_store import DepthStore, KeptDepth
-from addon.core.media import exif, metadata
+from addon.core.media import exif
 from addon.core.media.clip import open_footage
 from addon.core.media.clip_identity import identity
 from addon.core.media.copying import copy_file
@@ -100,7 +100,7 @@ def test_only_files_are_read(
 @pytest.mark.parametrize("make", [pipe, device])
 def test_what_is_no_file_tells_nothing(tmp_path: Path, make: Callable[[Path], Path]) -> None:
     path = make(tmp_path / "a.mp4")
-    assert metadata.equivalent_focal(path) is None and exif.photo_data(path) is None
+    assert exif.photo_data(path) is None
     assert not is_clip(path, "2:" + "0" * 64)
     assert not any(reader.recognises(path) for reader in (nvm, voodoo, bundler))
     assert "cannot be read back" in frame_files.still_problem(path)

@@ -14,6 +14,7 @@ import pytest
 from addon.core.base.errors import Remedy, UserError
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.media.clip import FrameRange, open_footage, to_linear
+from addon.core.media.container import equivalent_focal
 from addon.core.media.sequence import LAST_FRAME
 from addon.core.media.video_info import VideoInfo
 from addon.render import movie_file
@@ -127,6 +128,23 @@ def test_a_sound_that_cannot_be_decoded_is_named(scene: bpy.types.Scene, tmp_pat
     assert "(apac) cannot be decoded: movies are silent" in note
     with av.open(str(joined(scene, path, tmp_path / "movie.mp4"))) as movie:
         assert not movie.streams.audio
+
+
+@pytest.mark.parametrize(("written", "read"), [("26", 26.0), ("26.5", 26.5), ("0", None), ("wide", None)])
+def test_the_equivalent_focal_length_is_read(tmp_path: Path, written: str, read: float | None) -> None:
+    source = encoded(tmp_path / "a.mov", [[corners()] * 2])
+    assert equivalent_focal(source) is None
+    with (
+        av.open(str(source)) as pictures,
+        av.open(str(tmp_path / "b.mov"), "w", options={"movflags": "use_metadata_tags"}) as out,
+    ):
+        out.metadata["com.apple.quicktime.camera.focal_length.35mm_equivalent"] = written
+        copy = out.add_stream_from_template(pictures.streams.video[0])
+        for packet in pictures.demux(pictures.streams.video[0]):
+            if packet.dts is not None:
+                packet.stream = copy
+                out.mux(packet)
+    assert equivalent_focal(tmp_path / "b.mov") == read
 
 
 @pytest.mark.parametrize(

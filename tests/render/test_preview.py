@@ -266,7 +266,7 @@ def test_the_clip_lies_beside(wanted: Wanted) -> None:
     assert np.abs(both.clip.astype(float) - both.linear).max() > 0.05
 
 
-@pytest.mark.parametrize("name", [name for name in NAMES if name != "layers"])
+@pytest.mark.parametrize("name", NAMES)
 def test_what_a_frame_is_drawn_from(wanted: Wanted, name: str) -> None:
     shown = make_picture(replace(wanted, shows=name), FAIR)
     lens = make_picture(wanted, FAIR)

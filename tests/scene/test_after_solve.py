@@ -334,7 +334,7 @@ def test_the_browser_shows_clips_and_folders_only(registered: None) -> None:
     assert all(properties[f"filter_{kind}"].default for kind in ("movie", "image", "folder"))
 
 
-def test_an_old_file_without_a_summary_still_draws(scene: bpy.types.Scene, tmp_path: Path) -> None:
+def test_a_scene_without_a_summary_still_draws(scene: bpy.types.Scene, tmp_path: Path) -> None:
     shot = slanted_shot(tmp_path, LENS)
     settings = build(scene, shot.footage, shot.reconstruction)
     assert settings.summary == ""

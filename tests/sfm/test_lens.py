@@ -20,8 +20,8 @@ from addon.core.camera.canvas import Canvas
 from addon.core.camera.intrinsics import Intrinsics
 from addon.core.camera.reconstruction import rotation_matrix, rotation_vector
 from addon.core.camera.stmap import redistort_map
-from addon.core.sfm import report, resection, solution
-from addon.core.sfm.lens import Found, LensOptions, find_lens, said
+from addon.core.sfm import lens, report, resection, solution
+from addon.core.sfm.lens import Found, find_lens, said
 from addon.core.sfm.process import SolveProcess
 from addon.core.sfm.self_calibration import CalibrationOptions, refine_focal_length
 from addon.core.sfm.solution import Solution
@@ -104,11 +104,11 @@ class Hand:
         tracks, rotation, translation = self.tracks()
         made = solution.empty(tracks, START)
         made.rotation[::every], made.translation[::every] = rotation[::every], translation[::every]
-        wide = replace(made, options=solution.SolutionOptions(max_error=40))
+        wide = replace(made, largest_error=40.0)
         solution.triangulate(wide)
         solution.drop_bad(wide)
         refine_focal_length(wide, START, KNOWN, CalibrationOptions(longest=300))
-        made = replace(wide, options=solution.SolutionOptions())
+        made = replace(wide, largest_error=solution.LARGEST_ERROR)
         solution.triangulate(made)
         solution.drop_bad(made)
         refine_focal_length(made, START, KNOWN, CalibrationOptions(longest=300))
@@ -228,12 +228,13 @@ def test_frames_between_keyframes_are_placed_at_once() -> None:
     assert np.ptp(np.degrees(turned)) < 0.3
 
 
-def test_the_lens_is_found_with_a_focal_length_that_is_given() -> None:
+def test_the_lens_is_found_with_a_focal_length_that_is_given(monkeypatch: pytest.MonkeyPatch) -> None:
     hand = Hand(k1=-0.1)
     made = hand.solved()
     made.focal[:] = FOCAL
     # Of many keyframes only some are looked at, and the others follow.
-    found = find_lens(made, FOCAL, 0.0, LensOptions(keys=16))
+    monkeypatch.setattr(lens, "KEYS", 16)
+    found = find_lens(made, FOCAL, 0.0)
     assert found is not None and np.all(found.solution.focal == FOCAL)
     assert np.isfinite(found.solution.translation).all() and found.solution.used.mean() > 0.98
     assert found.lens.intrinsics(FOCAL).k1 == pytest.approx(-0.1, abs=0.01)

@@ -334,7 +334,7 @@ def test_what_frames_show_besides_is_kept_and_its_damage_told(work: Path) -> Non
     with pytest.raises(UserError, match=r"visible\.npz was changed or damaged after the solve") as raised:
         load_solve(work)
     assert raised.value.remedies == (Remedy.AGAIN,)
-    # Older solves do not tell what they wrote.
+    # A state that was edited by hand may leave out what it wrote.
     state = json.loads((work / "solve.json").read_text())
     (work / "solve.json").write_text(
         json.dumps({k: v for k, v in state.items() if k not in ("model", "digest")})

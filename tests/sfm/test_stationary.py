@@ -70,7 +70,7 @@ class Filmed:
 
     def depth_evidence(self) -> stationary.DepthEvidence:
         """Of what a solver makes of it that begins with the true cameras, and takes them for pinholes."""
-        made = solution.empty(self.tracks, FOCAL, solution.SolutionOptions(max_error=30))
+        made = solution.empty(self.tracks, FOCAL, largest_error=30)
         made.focal[:], made.rotation[:], made.translation[:] = self.focal, self.rotation, self.translation
         solution.triangulate(made)
         bundle, seen, posed, kept = self_calibration.as_bundle(made, self_calibration.CalibrationOptions())

@@ -156,12 +156,12 @@ def test_long_tracks_do_not_creep(tmp_path: Path, tracker: str) -> None:
     assert np.percentile(error[span >= 20], 90) < 0.4
 
 
-def test_flow_alone_would_creep(tmp_path: Path) -> None:
+def test_flow_alone_would_creep(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     clip, to = zoomed(30, 1.01)
     folder = planes.write_clip(tmp_path / "clip", clip)
     held, span = ends(tracked(folder), to)
-    options = klt.KLTOptions(template=template_tracking.TemplateOptions(max_move=0.0))
-    free, free_span = ends(run(klt.TwoScales(klt.new_harris, options), open_footage(folder)), to)
+    monkeypatch.setattr(template_tracking, "MAX_MOVE", 0.0)
+    free, free_span = ends(run(klt.TwoScales(klt.new_harris), open_footage(folder)), to)
     assert np.median(held[span >= 20]) < 0.6 * np.median(free[free_span >= 20])
 
 

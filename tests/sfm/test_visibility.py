@@ -16,7 +16,7 @@ from addon.core.depth.sparse import frame_features
 from addon.core.media.clip import Footage, open_footage
 from addon.core.sfm import visibility
 from addon.core.sfm.tracks import new_corners
-from addon.core.sfm.visibility import Visible, visible_points
+from addon.core.sfm.visibility import MIN_VIEWS, RADIUS, Visible, visible_points
 from benchmarks.solving import density
 from sample_scenes.stage import Cameras, Stage
 from sample_scenes.truth import Geometry
@@ -103,7 +103,7 @@ def test_what_is_seen_is_found_and_what_is_hidden_is_not(
     found: tuple[Reconstruction, dict[int, Visible]], world: NDArray[np.float64]
 ) -> None:
     reconstruction, visible = found
-    known = reconstruction.views_per_point >= visibility.VisibilityOptions.min_views
+    known = reconstruction.views_per_point >= MIN_VIEWS
     right = wrong = there = 0
     for index, image in enumerate(reconstruction.images):
         points = visible[image.frame].points
@@ -122,7 +122,7 @@ def test_what_is_seen_is_found_and_what_is_hidden_is_not(
 def hidden_near(index: int, world: NDArray[np.float64]) -> NDArray[np.bool_]:
     """(n,) whether something else is within the patch around a point."""
     local = (world - CENTRES[index]) @ rotation(index).T
-    xy, reach = LENS.project(local), visibility.VisibilityOptions.radius + 2
+    xy, reach = LENS.project(local), RADIUS + 2
     around = [hit(index, xy + np.array([x, 0]))[:, 2] for x in (-reach, reach)]
     return np.any([np.abs(z - world[:, 2]) > 0.1 for z in around], axis=0)
 
@@ -150,8 +150,8 @@ def test_some_frames_are_found_like_all(
     for frame, each in some.items():
         np.testing.assert_array_equal(each.points, visible[frame].points)
     read.clear()
-    options = visibility.VisibilityOptions(reach=1)
-    near = visible_points(reconstruction, footage, frames=[3], options=options)
+    monkeypatch.setattr(visibility, "REACH", 1)
+    near = visible_points(reconstruction, footage, frames=[3])
     assert read == [2, 3, 4]
     assert 0 < near[3].candidates < visible[3].candidates
 
@@ -207,7 +207,7 @@ def test_points_that_are_poorly_known_are_left_out(footage: Footage, world: NDAr
     points = np.concatenate([each.points for each in visible_points(measured, footage).values()])
     assert len(points) > 300
     assert (points % 3 > 0).all()
-    assert (measured.views_per_point[points] >= visibility.VisibilityOptions.min_views).all()
+    assert (measured.views_per_point[points] >= MIN_VIEWS).all()
 
 
 def test_what_is_found_counts_among_a_frames_features(world: NDArray[np.float64]) -> None:

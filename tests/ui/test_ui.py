@@ -150,7 +150,7 @@ def test_panels_show_the_next_step(scene: bpy.types.Scene, tmp_path: Path) -> No
     props, operators, _ = drawn(closed=True)
     assert {"focus_object", "(focus_distance)", "aperture_radius", "frame_start", "quality"} <= props
     assert {"virtual_aperture.hold_focus", "virtual_aperture.remove_focus_mark"} <= operators
-    # What an older file holds.
+    # Points that a script set.
     settings.marks.items.clear()
     props, operators, texts = drawn(closed=True)
     assert "3 points, picked at frame 1" in texts

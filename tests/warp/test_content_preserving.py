@@ -16,7 +16,8 @@ from addon.core.focus.focus import Focus
 from addon.core.frame.plan import FrameOptions
 from addon.core.warp import content_preserving
 from addon.core.warp.content_preserving import (
-    GridMeshOptions,
+    OUTLIER_NEIGHBOURS,
+    STIFFNESS,
     allowed,
     conjugate_gradients,
     fading,
@@ -30,7 +31,7 @@ from ..scenes import planned, slanted_plane
 Floats = NDArray[np.float64]
 LENS = Intrinsics(320, 180, 270.0, 270.0, 160.0, 90.0)
 SIZE = (320, 180)
-STIFFNESS = GridMeshOptions.stiffness
+STIFFNESS = STIFFNESS
 CANVAS = Canvas(LENS)
 X, Y = np.linspace(-20, 340, 37), np.linspace(-20, 200, 23)
 
@@ -144,14 +145,14 @@ def test_a_wild_feature_is_left_out_and_a_thin_thing_is_not() -> None:
     xy = scattered(60)
     values = np.where(xy[:, 0] < 160, 0.1, 0.2) + 1e-4 * xy[:, 1]
     values[7] = 3.0
-    assert np.nonzero(outliers(xy, values, GridMeshOptions.outlier_neighbours))[0].tolist() == [7]
+    assert np.nonzero(outliers(xy, values, OUTLIER_NEIGHBOURS))[0].tolist() == [7]
     clean = grid_mesh(features(np.delete(xy, 7, 0), np.delete(values, 7)), np.ones(59), CANVAS, 9.0, 0.1)
     spoilt = grid_mesh(features(xy, values), np.ones(60), CANVAS, 9.0, 0.1)
     within = inside(clean.xy)
     assert np.abs(clean.inverse_depth - spoilt.inverse_depth)[within].max() < 0.02
     # One feature alone before a wall, as deep as others elsewhere.
     values[7] = 0.1 if xy[7, 0] > 160 else 0.2
-    assert not outliers(xy, values, GridMeshOptions.outlier_neighbours).any()
+    assert not outliers(xy, values, OUTLIER_NEIGHBOURS).any()
 
 
 def test_no_triangle_flips_in_mild_discs() -> None:

@@ -15,8 +15,11 @@ from addon.core.camera.reconstruction import Intrinsics
 from addon.core.depth.sparse import DepthSamples
 from addon.core.focus.focus import Focus
 from addon.core.frame.plan import FrameOptions
+from addon.core.warp import edge_constrained
 from addon.core.warp.edge_constrained import (
-    EdgeOptions,
+    GAP,
+    PIECE,
+    TRIM,
     are_sides,
     conforming,
     detected,
@@ -101,9 +104,9 @@ def test_edges_are_sides_of_triangles(turn: float) -> None:
     )
     assert are_sides(pieces, triangles).all()
     length = np.linalg.norm(xy[pieces[:, 1]] - xy[pieces[:, 0]], axis=1)
-    assert length.max() <= EdgeOptions.piece + 1e-9
+    assert length.max() <= PIECE + 1e-9
     perimeter = np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1).sum()
-    assert length.sum() == pytest.approx(2 * (perimeter - 4 * 2 * EdgeOptions.trim))
+    assert length.sum() == pytest.approx(2 * (perimeter - 4 * 2 * TRIM))
     assert np.array_equal(depth[: len(rows.xy)], rows.inverse_depth)
 
 
@@ -112,7 +115,7 @@ def test_each_side_of_an_edge_has_its_own_depth() -> None:
     mesh = edge_mesh(found, CANVAS, 10.0, card(), SCALE)
     down = np.linspace(TOP + 5, BOTTOM - 5, 30)
     for x, before, behind in ((LEFT, -1, 1), (RIGHT, 1, -1)):
-        off = 2 * EdgeOptions.gap
+        off = 2 * GAP
         outside = drawn(mesh, np.column_stack([np.full(30, x + before * off), down]))
         within = drawn(mesh, np.column_stack([np.full(30, x + behind * off), down]))
         assert np.allclose(outside, FAR, atol=0.02) and np.allclose(within, NEAR, atol=0.02)
@@ -196,11 +199,11 @@ def test_the_mesh_covers_the_canvas_and_its_margin_once() -> None:
     assert np.isfinite(mesh.inverse_depth).all()
 
 
-def test_parts_make_the_same_whole() -> None:
+def test_parts_make_the_same_whole(monkeypatch: pytest.MonkeyPatch) -> None:
     found, edges = features(), detected(card(17.0))
     whole = edge_rows(edges, found.observed, found.inverse_depth, SIZE, SCALE)
-    small = EdgeOptions(chunk=1000)
-    parts = edge_rows(edges, found.observed, found.inverse_depth, SIZE, SCALE, small)
+    monkeypatch.setattr(edge_constrained, "CHUNK", 1000)
+    parts = edge_rows(edges, found.observed, found.inverse_depth, SIZE, SCALE)
     assert np.array_equal(whole.xy, parts.xy) and np.array_equal(whole.inverse_depth, parts.inverse_depth)
     assert len(whole.xy) > 80
 

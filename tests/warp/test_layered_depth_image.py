@@ -18,9 +18,9 @@ from addon.core.optics.aperture_sampling import vogel_disc
 from addon.core.optics.registration import exact_registration
 from addon.core.optics.thin_lens import ThinLens
 from addon.core.warp.layered_depth_image import LayeredDepthImage, depth_peel, inpainted, split
-from addon.core.warp.layered_mesh import FINER, LayeredMeshOptions
+from addon.core.warp.layered_mesh import FINER, WIDEST, LayeredMeshOptions
 from addon.core.warp.mesh import WarpMesh
-from addon.core.warp.quadtree import QuadtreeOptions, Surfaces, triangulate
+from addon.core.warp.quadtree import SILHOUETTE_ERROR, Surfaces, triangulate
 from addon.render import gpu_views
 from sample_scenes import cycles_views
 
@@ -122,7 +122,7 @@ def test_the_error_is_bounded_and_there_are_no_cracks(error: float) -> None:
     # A fan's triangles are smaller than the two that were measured, but not the same; what is steep may
     # be off by more.
     assert np.quantile(np.abs(found - depth), 0.9) < error
-    assert np.abs(found - depth).max() < 1.5 * QuadtreeOptions.silhouette_error * error
+    assert np.abs(found - depth).max() < 1.5 * SILHOUETTE_ERROR * error
     total = np.abs(areas(triangles, SIZE[1])).sum()
     assert total == (SIZE[0] - 1) * (SIZE[1] - 1)
 
@@ -445,9 +445,9 @@ def test_cycles_draws_the_same() -> None:
 
 def test_what_is_displaced_out_of_the_picture_comes_back() -> None:
     mesh, texture, _ = make_mesh(scene(), 3 * SHIFT * SIZE[1] / NEAR, FAR, 150.0)
-    margin = LayeredMeshOptions.widest * SIZE[1] + 2
+    margin = WIDEST * SIZE[1] + 2
     assert mesh.xy.min() == 0.5 - margin
-    assert np.abs(150 * mesh.inverse_depth - FAR).max() <= LayeredMeshOptions.widest * SIZE[1] + 1e-9
+    assert np.abs(150 * mesh.inverse_depth - FAR).max() <= WIDEST * SIZE[1] + 1e-9
     assert texture.shape[1] == FINER * (SIZE[1] + 2 * margin)
 
 

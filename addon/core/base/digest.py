@@ -1,11 +1,9 @@
-"""Digests of files by all of their bytes, wherever they lie and whenever they were copied.
+"""Digests of files by all of their bytes, remembered while the system reports the files unchanged.
 
-Reading takes time: SHA-256 is done with 1.3 GiB a second where the processor has instructions for it, as
-those since 2019 have, and BLAKE2b with half of that; a disk may be slower. So what was read is remembered
-with what the system says of the file: its path, size, times of modification and change in ns, and inode. For
-large files that is kept on disk, for the next process. Who changes a file and puts its time of modification
-back is seen by the time of change, which nobody can set; Windows has none, and there such a change is not
-seen where the file was read before.
+SHA-256 reads 1.3 GiB a second where the processor has instructions for it, as those since 2019 have. So a
+digest is remembered with each file's path, size, inode, and times of modification and change in ns; for large
+files on disk, too, for the next process. The time of change, which nobody can set, shows a change whose time
+of modification was put back. Windows has none.
 """
 
 from __future__ import annotations
@@ -16,7 +14,7 @@ import json
 import os
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from . import atomic
@@ -25,21 +23,16 @@ from .progress import checkpoint
 from .regular_file import open_regular, read_regular, regular_stat
 
 LARGE = 64 << 20
-"""Bytes of a file from which on `Files.sample` reads the head, the tail and `SAMPLES` pieces, which takes a
-tenth of a second; and its whole digest is kept on disk. By eye."""
-SAMPLES, PIECE = 64, 256 << 10
-MANY = 512 << 20
-"""Bytes of pictures together from which on it reads `FEW_SAMPLES` pieces of `FEW_PIECE` bytes of each: a
-clip of minutes in EXR."""
-FEW_SAMPLES, FEW_PIECE = 4, 16 << 10
+"""Bytes of files together from which on they are not read at a glance, and their digest is kept on disk: a
+tenth of a second's reading."""
 SETTLED = 3.0
 """Seconds since a file was changed after which a further change has another time. FAT counts
 in steps of two."""
 MOST_KEPT = 1000
-"""Digests kept on disk, 130 bytes each; the oldest go first."""
+"""Digests kept on disk, 130 bytes each; the oldest are dropped first."""
 
 _known: dict[str, str] = {}
-"""Digests by `Files.key`: an unchanged file is not read again in the same process."""
+"""Digests by `Files._key`: an unchanged file is not read again in the same process."""
 
 
 def file_digest(path: Path) -> str:
@@ -48,82 +41,56 @@ def file_digest(path: Path) -> str:
 
 
 class Files:
-    """One file, or the pictures of a sequence, as the system tells of them now."""
+    """One file, or the pictures of a sequence, in the state that the system reports now."""
 
     def __init__(self, paths: Sequence[Path], named: bool) -> None:
-        """`named` has the names of the files in their digests. UserError where one is none, or not there."""
+        """With `named` the digest covers the names of the files, too. UserError where one is missing."""
         self._paths, self._named = paths, named
         self._states = [_stat(path) for path in paths]
+        self.size = sum(state.st_size for state in self._states)
 
     @property
-    def is_sampled(self) -> bool:
-        """Whether `sample` leaves out bytes."""
-        sizes = [state.st_size for state in self._states]
-        return max(sizes, default=0) > LARGE or (len(sizes) > 1 and sum(sizes) > MANY)
-
-    def digest(self) -> str:
-        """64 hexadecimal digits of all bytes, in the order given. UserError where one cannot be read."""
-        if self._named:
-            return self.remembered("files", lambda: self._joined(file_digest), keep=self.is_sampled)
-        return self.remembered("file", lambda: _digest(self._paths[0], sys.maxsize, 0, 0), self.is_sampled)
+    def is_large(self) -> bool:
+        """Whether reading all takes too long for a panel."""
+        return self.size > LARGE
 
     def known_digest(self) -> str | None:
         """`digest`, where it is remembered; else None."""
-        return _recall(self.key("files" if self._named else "file"), self.is_sampled)
+        key = self._key()
+        if key not in _known and self.is_large and key in (kept := _kept()):
+            _known[key] = kept[key]
+        return _known.get(key)
 
-    def sample(self) -> str:
-        """`digest` of small files; of many or large ones the sizes and samples, in a tenth of a second.
-
-        Quick for any clip, so that a panel can ask. Files that differ in it are different. UserError where
-        one cannot be read.
-        """
-        if not self.is_sampled:
-            return self.digest()
-        if not self._named:
-            return self.remembered("sample", lambda: _digest(self._paths[0], LARGE, SAMPLES, PIECE))
-        if sum(state.st_size for state in self._states) <= MANY:
-            return self._joined(lambda path: Files([path], named=False).sample())
-        few = FEW_SAMPLES * FEW_PIECE, FEW_SAMPLES, FEW_PIECE
-        return self.remembered("samples", lambda: self._joined(lambda path: _digest(path, *few)))
-
-    def remembered(self, kind: str, make: Callable[[], str], keep: bool = False) -> str:
-        """A kind of digest of the files: remembered, with `keep` also on disk, or made by reading them.
-
-        UserError where `make` raises OSError.
-        """
-        key, began = self.key(kind), time.time()
-        found = _recall(key, keep)
-        if found is not None:
-            return found
+    def digest(self) -> str:
+        """64 hexadecimal digits of all bytes, in the order given. UserError where one cannot be read."""
+        if (known := self.known_digest()) is not None:
+            return known
+        key, began = self._key(), time.time()
         try:
-            found = make()
+            found = self._joined() if self._named else _digest(self._paths[0])
         except OSError as error:
             where = error.filename or self._paths[0]
             raise UserError(f"{where} cannot be read: {error.strerror or error}") from None
-        if Files(self._paths, self._named).key(kind) == key:
+        if Files(self._paths, self._named)._key() == key:
             _known[key] = found
-            if keep and self._is_settled(began):
+            times = [when for state in self._states for when in (state.st_mtime, state.st_ctime)]
+            if self.is_large and all(abs(began - when) > SETTLED for when in times):
                 _keep(key, found)
         return found
 
-    def key(self, kind: str) -> str:
-        """32 hexadecimal digits of what the system tells: others once a file is changed."""
-        parts = [kind]
+    def _joined(self) -> str:
+        digest = hashlib.sha256()
+        for path in self._paths:
+            digest.update(f"{path.name}\n{file_digest(path)}\n".encode(errors="surrogateescape"))
+        return digest.hexdigest()
+
+    def _key(self) -> str:
+        """32 hexadecimal digits of what the system reports: others once a file is changed."""
+        parts = [str(self._named)]
         for path, state in zip(self._paths, self._states, strict=True):
             times = state.st_mtime_ns, state.st_ctime_ns
             parts.append(f"{path.absolute()}\n{state.st_size} {times} {state.st_ino}")
         return hashlib.sha256("\n".join(parts).encode(errors="surrogateescape")).hexdigest()[:32]
-
-    def _is_settled(self, now: float) -> bool:
-        """Whether a change from `now` (seconds) on gives each file another time than it has."""
-        times = [when for state in self._states for when in (state.st_mtime, state.st_ctime)]
-        return all(abs(now - when) > SETTLED for when in times)
-
-    def _joined(self, digest_of: Callable[[Path], str]) -> str:
-        digest = hashlib.sha256()
-        for path in self._paths:
-            digest.update(f"{path.name}\n{digest_of(path)}\n".encode(errors="surrogateescape"))
-        return digest.hexdigest()
 
 
 def _stat(path: Path) -> os.stat_result:
@@ -133,28 +100,16 @@ def _stat(path: Path) -> os.stat_result:
         raise UserError(f"{path} cannot be read: {error.strerror or error}") from None
 
 
-def _recall(key: str, is_kept: bool) -> str | None:
-    if key not in _known and is_kept and key in (kept := _kept()):
-        _known[key] = kept[key]
-    return _known.get(key)
-
-
-def _digest(path: Path, whole: int, samples: int, length: int) -> str:
-    """Of the size and all bytes of a file of at most `whole` bytes, else of `samples` pieces of `length`."""
+def _digest(path: Path) -> str:
+    """64 hexadecimal digits of the size and all bytes of a file."""
     with open_regular(path) as file:
-        size = os.fstat(file.fileno()).st_size
-        digest = hashlib.sha256(str(size).encode())
-        if size <= whole:
-            left = size
-            # No more than it had: what grows, or has no size, such as the system's own, would never end.
-            while left > 0 and (piece := file.read(min(left, 1 << 20))):
-                digest.update(piece)
-                left -= len(piece)
-                checkpoint()
-        else:
-            for number in range(samples):
-                file.seek((size - length) * number // (samples - 1))
-                digest.update(file.read(length))
+        left = os.fstat(file.fileno()).st_size
+        digest = hashlib.sha256(str(left).encode())
+        # No more than it had: what grows, or has no size, such as the system's own, would never end.
+        while left > 0 and (piece := file.read(min(left, 1 << 20))):
+            digest.update(piece)
+            left -= len(piece)
+            checkpoint()
     return digest.hexdigest()
 
 
@@ -170,7 +125,7 @@ def _store() -> Path:
 
 
 def _kept() -> dict[str, str]:
-    """Digests by `Files.key` that processes kept, the oldest first; none where that cannot be read."""
+    """Digests by `Files._key` that processes kept, the oldest first; none where that cannot be read."""
     try:
         kept = json.loads(read_regular(_store(), 1 << 20))
     except (OSError, ValueError, RecursionError, RuntimeError):  # RuntimeError: there is no home

@@ -8,7 +8,7 @@ import subprocess
 from typing import Any
 
 YIELDING = 10
-"""Niceness, of 0 to 19, of a process that works while others are waited for. By eye."""
+"""Niceness, of 0 to 19, of a process that works while others are waited for. Chosen by inspection."""
 CREATION_FLAGS = getattr(subprocess, "BELOW_NORMAL_PRIORITY_CLASS", 0)
 """Of `subprocess.Popen` on Windows, for the same."""
 

@@ -16,7 +16,7 @@ from .smooth_places import SmoothPlaces
 
 MAX_PADDING = 0.5
 """Share of the side that can be padded on either side at most, as strong barrel distortion sends corners to
-infinity. By eye."""
+infinity. Chosen by inspection."""
 STEPS = 33
 """Places from the principal point to each place of the border at which a lens is tested for folds."""
 KEPT_LENSES = 8

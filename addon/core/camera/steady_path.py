@@ -27,7 +27,7 @@ from .reconstruction import (
 
 PERIOD = 60.0
 """Frames of the period of a shake that is halved by a strength of 1/2: two seconds, as steps and breath take
-less and moves that are meant take more. By eye."""
+less and moves that are meant take more. Chosen by inspection."""
 LONGEST = 3000.0
 """Frames of the longest such period: beyond it the normal equations lose their last digits."""
 MOST_ZOOM = 1.25
@@ -35,10 +35,10 @@ MOST_ZOOM = 1.25
 eye."""
 MOST_PARALLAX = 0.03
 """Of the picture's width, by which near and far things are seen apart from where the clip has them: what
-shows behind them then, frames around have mostly seen. By eye."""
+shows behind them then, frames around have mostly seen. Chosen by inspection."""
 FILLED = 0.08
 """Of the picture's width, how far past the border a steadier camera sees at most where that is filled: other
-frames' depth is brought in for a tenth (`FusionOptions.beyond`), and blur discs reach into it, too."""
+frames' depth is brought in for a tenth (`map_fusion.BEYOND`), and blur discs reach into it, too."""
 TRIES = 12
 """Bisections, by which strengths and zooms are found to a thousandth."""
 ALONG = 9

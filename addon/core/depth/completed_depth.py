@@ -13,84 +13,78 @@ import numpy as np
 
 from ..base.arrays import LinearRGBA, Map
 from ..camera.canvas import Canvas
-from .map_fusion import FusionOptions, level_of, sharpened
+from .map_fusion import LEVELS, SAME_SURFACE, SURE, UNSURE, level_of, sharpened
 from .multi_view_stereo import DenseDepth
 from .source import NO_PICTURE, DepthSource, PixelDepth
 from .sparse import DepthSamples
 from .stereo_depth import ORIGIN, StereoDepth, whole_depth
 
-
-@dataclass(frozen=True)
-class TieOptions:
-    """How a map is tied to sure depth. Set by eye, judged by `python -m benchmarks.accuracy.completed`."""
-
-    reaches: tuple[float, ...] = (0.02, 0.06, 0.2, 0.6)
-    """Of the long side: standard deviations of the windows in which scale and shift are fitted."""
-    sparse: float = 0.02
-    """Share of a window that is sure at which half of what it tells is believed. By eye."""
-    grid: int = 4
-    """Pixels that a window's sums are made at: the smallest window has three times as many."""
-    bend: float = 0.1
-    """Of the range of inverse depths: deviation from its mean at which a window tells its own slope."""
-    extrapolated: float = 2.0
-    """Deviations from a window's mean beyond which its slope says nothing. By eye."""
-    miss: float = 3.0
-    """Levels from the map at which sure depth loses half of its weight."""
-    rounds: int = 4
-    """Fits, each with the weights of the one before."""
-    soft: float = 0.008
-    """Of the long side: how far from an edge a map is soft."""
-    sharp: float = 0.7
-    """Share of what a map changes by within that, which neighbours have where its edge is not soft: those of
-    `benchmarks/accuracy/network_depth.py` have 0.3, a rendered map's 1. By eye."""
-    around: float = 0.02
-    """Of the long side: standard deviation of what is around a pixel."""
-    dense: float = 0.5
-    """Share of sure depth around from which on edges are stereo's. By eye."""
-    believed: tuple[float, float] = (0.5, 0.9)
-    """Shares of sure depth around below which depth that contradicts the map is none, and from which on it is
-    believed: of a phone's room, 0.1 to 0.6 around what is wrong and 0.5 to 1 around what is right; of the
-    bench's scenes 0.7 to 1."""
-    contradiction: float = 5.0
-    """Levels from the map at which most of that is meant. By eye."""
-    edge: float = 4.0
-    """Levels within that reach at which a map has an edge, and tells nothing."""
+# Chosen by inspection of results, unless a line below gives a measurement.
+REACHES = (0.02, 0.06, 0.2, 0.6)
+"""Of the long side: standard deviations of the windows in which scale and shift are fitted."""
+SPARSE = 0.02
+"""Share of a window that is sure at which half of what it tells is believed. Chosen by inspection."""
+GRID = 4
+"""Pixels that a window's sums are made at: the smallest window has three times as many."""
+BEND = 0.1
+"""Of the range of inverse depths: deviation from its mean at which a window tells its own slope."""
+EXTRAPOLATED = 2.0
+"""Deviations from a window's mean beyond which its slope says nothing. Chosen by inspection."""
+MISS = 3.0
+"""Levels from the map at which sure depth loses half of its weight."""
+ROUNDS = 4
+"""Fits, each with the weights of the one before."""
+SOFT = 0.008
+"""Of the long side: how far from an edge a map is soft."""
+SHARP = 0.7
+"""Share of what a map changes by within that, which neighbours have where its edge is not soft: those of
+`benchmarks/accuracy/network_depth.py` have 0.3, a rendered map's 1. Chosen by inspection."""
+AROUND = 0.02
+"""Of the long side: standard deviation of what is around a pixel."""
+DENSE = 0.5
+"""Share of sure depth around from which on edges are stereo's. Chosen by inspection."""
+BELIEVED = (0.5, 0.9)
+"""Shares of sure depth around below which depth that contradicts the map is none, and from which on it is
+believed: of a phone's room, 0.1 to 0.6 around what is wrong and 0.5 to 1 around what is right; of the
+bench's scenes 0.7 to 1."""
+CONTRADICTION = 5.0
+"""Levels from the map at which most of that is meant. Chosen by inspection."""
+EDGE = 4.0
+"""Levels within that reach at which a map has an edge, and tells nothing."""
 
 
-def tied(
-    inverse: Map, sure: Map, given: Map, level: float, options: TieOptions = TieOptions()
-) -> tuple[Map, Map]:
+def tied(inverse: Map, sure: Map, given: Map, level: float) -> tuple[Map, Map]:
     """(h, w) a map's inverse depths `given` (h, w) brought to the sure ones of `inverse` (h, w), and how far
     (h, w) in [0, 1] the map is to be believed: not beside its edges, which are soft.
 
     `sure` (h, w) in [0, 1] weighs; `level` is a step of inverse depth that is hardly seen. Scale and shift
     follow windows of several sizes.
     """
-    around = 2 * _softness(given, options) + 1
+    around = 2 * _softness(given) + 1
     kernel = np.ones((around, around), np.uint8)
     steep = cv2.dilate(given, kernel) - cv2.erode(given, kernel)
-    trust = np.exp(-((steep / (options.edge * level)) ** 2)).astype(np.float32)
+    trust = np.exp(-((steep / (EDGE * level)) ** 2)).astype(np.float32)
     middle = float(np.median(given))
-    shape = (given - np.float32(middle)) / np.float32(options.bend * FusionOptions().levels * level)
+    shape = (given - np.float32(middle)) / np.float32(BEND * LEVELS * level)
     weight, off = sure * trust, inverse - given
     change = np.zeros_like(given)
-    for _ in range(options.rounds):
-        near = 1 / (1 + ((off - change) / (options.miss * level)) ** 2)
-        change = _fitted(shape, off, weight * (near * near).astype(np.float32), options)
-    return stepped(np.maximum(given + change, 0).astype(np.float32), level, options), trust
+    for _ in range(ROUNDS):
+        near = 1 / (1 + ((off - change) / (MISS * level)) ** 2)
+        change = _fitted(shape, off, weight * (near * near).astype(np.float32))
+    return stepped(np.maximum(given + change, 0).astype(np.float32), level), trust
 
 
-def stepped(given: Map, level: float, options: TieOptions = TieOptions()) -> Map:
+def stepped(given: Map, level: float) -> Map:
     """(h, w) a map's inverse depths `given` (h, w) with steps of several levels where its edges are soft.
 
     A pixel at a time, as Kramer and Bruckner have it: of three surfaces the one between stays where it is
     wide enough to be flat. Where there is a step already nothing is soft.
     """
-    reach, kernel = _softness(given, options), np.ones((3, 3), np.uint8)
+    reach, kernel = _softness(given), np.ones((3, 3), np.uint8)
     around = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
     rise, most = (cv2.dilate(given, each) - cv2.erode(given, each) for each in (kernel, around))
-    is_soft = sharpened(given, level, options=replace(FusionOptions(), ramp=reach)) != given
-    is_soft &= cv2.dilate(rise, around) <= options.sharp * most
+    is_soft = sharpened(given, level, ramp=reach) != given
+    is_soft &= cv2.dilate(rise, around) <= SHARP * most
     steps = given
     for _ in range(2 * reach):
         low, high = cv2.erode(steps, kernel), cv2.dilate(steps, kernel)
@@ -98,22 +92,22 @@ def stepped(given: Map, level: float, options: TieOptions = TieOptions()) -> Map
     return np.asarray(steps, np.float32)
 
 
-def _softness(given: Map, options: TieOptions) -> int:
+def _softness(given: Map) -> int:
     """Pixels from an edge within which a map is soft."""
-    return max(int(options.soft * max(given.shape)), 1)
+    return max(int(SOFT * max(given.shape)), 1)
 
 
-def _fitted(shape: Map, off: Map, weight: Map, options: TieOptions) -> Map:
+def _fitted(shape: Map, off: Map, weight: Map) -> Map:
     """(h, w) `off` (h, w) as a slope and an offset over `shape` (h, w), by least squares in windows: in each
     size what the larger ones left, the less of it the less there is in the window."""
-    size = max(shape.shape[1] // options.grid, 1), max(shape.shape[0] // options.grid, 1)
+    size = max(shape.shape[1] // GRID, 1), max(shape.shape[0] // GRID, 1)
     small, left, weight = (
         cv2.resize(part, size, interpolation=cv2.INTER_AREA) for part in (shape, off * weight, weight)
     )
     left = left / np.maximum(weight, np.float32(1e-6))
     found = np.zeros_like(small)
     whole = np.zeros_like(shape)
-    for reach in sorted(options.reaches, reverse=True):
+    for reach in sorted(REACHES, reverse=True):
         sigma = reach * max(size)
         one, mean, square, value, both = (
             cv2.GaussianBlur(weight * part, (0, 0), sigma, borderType=cv2.BORDER_REFLECT)
@@ -122,9 +116,9 @@ def _fitted(shape: Map, off: Map, weight: Map, options: TieOptions) -> Map:
         one = np.maximum(one, np.float32(1e-9))
         mean, value = mean / one, value / one
         spread = np.maximum(square / one - mean * mean, 0)
-        shrunk = one / (one + np.float32(options.sparse))
+        shrunk = one / (one + np.float32(SPARSE))
         slope = shrunk * (both / one - mean * value) / (spread + 1)
-        parts = shrunk * value, slope, mean, options.extrapolated * np.sqrt(spread)
+        parts = shrunk * value, slope, mean, EXTRAPOLATED * np.sqrt(spread)
         found = found + _line(small, *parts)
         whole += _line(shape, *(cv2.resize(part, shape.shape[::-1]) for part in parts))
     return whole
@@ -134,32 +128,27 @@ def _line(shape: Map, value: Map, slope: Map, mean: Map, reach: Map) -> Map:
     return np.asarray(value + slope * np.clip(shape - mean, -reach, reach), np.float32)
 
 
-def completed(
-    depth: DenseDepth,
-    given: Map,
-    options: TieOptions = TieOptions(),
-) -> DenseDepth:
+def completed(depth: DenseDepth, given: Map) -> DenseDepth:
     """Depth found by stereo with a map's shape, `given` (h, w) in the same unit, where it is not sure."""
-    fusion = FusionOptions()
     inverse = depth.inverse_depth
-    level = max(level_of(inverse, fusion), level_of(given, fusion))
+    level = max(level_of(inverse), level_of(given))
     if level <= 0:
         return depth
-    own = np.clip((depth.confidence - fusion.unsure) / (fusion.sure - fusion.unsure), 0, 1)
+    own = np.clip((depth.confidence - UNSURE) / (SURE - UNSURE), 0, 1)
     own = np.where(depth.moving, np.float32(0), own).astype(np.float32)
     # Where little is sure, what seems so is mostly chance, and does not outweigh a map that it contradicts.
-    around = cv2.GaussianBlur(own, (0, 0), options.around * max(own.shape))
-    low, high = options.believed
+    around = cv2.GaussianBlur(own, (0, 0), AROUND * max(own.shape))
+    low, high = BELIEVED
     dense = np.clip((around - low) / (high - low), 0, 1)
-    shape, trust = tied(inverse, own * dense, given, level, options)
-    contradicts = 1 - np.exp(-(((shape - inverse) / (options.contradiction * level)) ** 2))
+    shape, trust = tied(inverse, own * dense, given, level)
+    contradicts = 1 - np.exp(-(((shape - inverse) / (CONTRADICTION * level)) ** 2))
     own = (own * (1 - contradicts * (1 - dense))).astype(np.float32)
     # Amid what is sure an edge is known better from that.
-    share = np.maximum(trust, 1 - np.minimum(around / options.dense, 1)) * (1 - own)
+    share = np.maximum(trust, 1 - np.minimum(around / DENSE, 1)) * (1 - own)
     # Depths too far apart are two surfaces', and a pixel gets one of them.
-    apart = np.abs(shape - inverse) > fusion.same_surface * level
+    apart = np.abs(shape - inverse) > SAME_SURFACE * level
     share = np.where(apart, share > 0.5, share).astype(np.float32)
-    confidence = np.maximum(depth.confidence, fusion.sure * share).astype(np.float32)
+    confidence = np.maximum(depth.confidence, SURE * share).astype(np.float32)
     whole = (share * shape + (1 - share) * inverse).astype(np.float32)
     return replace(depth, inverse_depth=whole, confidence=confidence)
 

@@ -13,21 +13,22 @@ from ..base.global_smoother import globally_smoothed
 
 @dataclass(frozen=True)
 class CompletionOptions:
-    """Edge-aware interpolation and smooth surfaces. Set by eye, then judged
+    """Edge-aware interpolation and smooth surfaces. Chosen by inspection, then judged
     together on the scenes with true depth by `python -m benchmarks.accuracy.dense_depth`."""
 
     smoother_lambda: float = 400.0
-    """Lambda of the fast global smoother that interpolates known depth. By eye."""
+    """Lambda of the fast global smoother that interpolates known depth. Chosen by inspection."""
     smoother_sigma: float = 6.0
-    """Grey levels at which that smoother stops. By eye."""
+    """Grey levels at which that smoother stops. Chosen by inspection."""
     least_weight: float = 1e-6
-    """Weight, against 1 for a known pixel, of the default depth where nothing known reaches. By eye."""
+    """Weight, against 1 for a known pixel, of the default depth where nothing known reaches. Chosen by
+    inspection."""
     filter_window: int = 9
-    """Pixels across the bilateral filter that smooths surfaces. By eye."""
+    """Pixels across the bilateral filter that smooths surfaces. Chosen by inspection."""
     filter_sigma_level: float = 1.5
-    """Levels: standard deviation of that bilateral filter in depth. By eye."""
+    """Levels: standard deviation of that bilateral filter in depth. Chosen by inspection."""
     filter_sigma_space: float = 3.0
-    """Pixels: standard deviation of that bilateral filter in the picture. By eye."""
+    """Pixels: standard deviation of that bilateral filter in the picture. Chosen by inspection."""
 
 
 def interpolate(guide: Map, value: Map, weight: Map, default: float, options: CompletionOptions) -> Map:

@@ -11,7 +11,7 @@ FOOT = 255 * 0.055
 """Grey levels, which added to those of sRGB (IEC 61966-2-1) make them a power of light, but for the darkest:
 light times a factor is levels times one."""
 CLIPPED = 250
-"""Grey level from which on a pixel may be clipped, and tells nothing of its light. By eye."""
+"""Grey level from which on a pixel may be clipped, and tells nothing of its light. Chosen by inspection."""
 LEAST = 0.004
 """Relative difference of levels that is left alone: a step of 8 bits in white."""
 

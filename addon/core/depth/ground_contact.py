@@ -1,7 +1,7 @@
 """Where a moving object stands: the ground around it, and the line along which it touches that.
 
 Coordinates are those of a pinhole camera: x right, y down, z forward, in scene units; a ray is (x / z, y / z,
-1). Constants are set by eye on scenes with true depth, where no other reason is given.
+1). Constants are chosen by inspection on scenes with true depth, where no other reason is given.
 """
 
 from __future__ import annotations
@@ -44,7 +44,8 @@ LEAST_WIDTH = 0.5
 """Share of an object's width along which it must touch the ground for its sides to be at different
 depths."""
 FOOT = 4
-"""Pixels below an object's lower outline, past `GAP`, in which what it stands on is seen. By eye."""
+"""Pixels below an object's lower outline, past `GAP`, in which what it stands on is seen. Chosen by
+inspection."""
 SEEN_THROUGH = 0.5
 """Share of what is seen there that may lie behind a ground, by twice `TOLERANCE`: ground hides what is
 behind it. The rail of the bench's fence, low and wide, is a plane that leans by any angle, and was now

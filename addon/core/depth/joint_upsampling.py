@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -11,20 +9,15 @@ from numpy.typing import NDArray
 from ..base.arrays import Floats, LinearRGBA
 from ..base.progress import checkpoint
 
-
-@dataclass(frozen=True)
-class UpsamplingOptions:
-    """When a pixel takes one neighbour's depth instead of their mean, and whose."""
-
-    colour_distance: float = 0.04
-    """Distance of colours (display values, 0 to 1) that counts as much as a small picture's pixel. By eye."""
-    discontinuity: float = 0.03
-    """Share of the largest inverse depth; where neighbours differ by more, none is a mean. By eye."""
+COLOUR_DISTANCE = 0.04
+"""Distance of colours (display values, 0 to 1) that counts as much as a small picture's pixel. Chosen by
+inspection."""
+DISCONTINUITY = 0.03
+"""Share of the largest inverse depth; where neighbours differ by more, none is a mean. Chosen by
+inspection."""
 
 
-def upsampled(
-    depth: NDArray[np.floating], picture: LinearRGBA, options: UpsamplingOptions = UpsamplingOptions()
-) -> Floats:
+def upsampled(depth: NDArray[np.floating], picture: LinearRGBA) -> Floats:
     """(H, W) of small inverse depths (h, w), their jumps where the large picture (H, W, 4) has its edges.
 
     Of the four neighbours in the small picture the one is taken that is nearest and most alike in colour.
@@ -57,13 +50,13 @@ def upsampled(
         np.minimum(low, value, out=low)
         np.maximum(high, value, out=high)
     # Colours are compared where that tells anything.
-    row, column = np.nonzero(high - low > options.discontinuity * float(small.max(initial=0)))
+    row, column = np.nonzero(high - low > DISCONTINUITY * float(small.max(initial=0)))
     own, best = shown[row, column], np.full(len(row), np.inf, np.float32)
     for weight, (rows_of, columns_of) in zip(weights, neighbours, strict=True):
         checkpoint(1.0)
         at = rows_of[row], columns_of[column]
         unlike = own - guide[at]
-        off = np.sqrt(np.einsum("nc,nc->n", unlike, unlike)) / np.float32(options.colour_distance)
+        off = np.sqrt(np.einsum("nc,nc->n", unlike, unlike)) / np.float32(COLOUR_DISTANCE)
         off += 1 - weight[row, column]
         nearer = off < best
         best[nearer] = off[nearer]

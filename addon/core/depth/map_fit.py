@@ -20,35 +20,41 @@ from .user_maps import DepthMap, DepthMaps
 KINDS = ("depth", "inverse")
 """What a map may hold of a stored value d: z = a d + b, or 1 / z = a d + b."""
 MIN_POINTS = 8
-"""Feature points with fewer of which a frame's own fit says nothing. By eye."""
+"""Feature points with fewer of which a frame's own fit says nothing. Chosen by inspection."""
 DISCONTINUITY = 0.1
-"""Of the inverse depth: no depth is made up between neighbouring pixels that differ by more. By eye."""
+"""Of the inverse depth: no depth is made up between neighbouring pixels that differ by more. Chosen by
+inspection."""
 NEAREST = 10.0
-"""Times the inverse depth of the nearest feature: what lies nearer is a glitch of the map. By eye."""
+"""Times the inverse depth of the nearest feature: what lies nearer is a glitch of the map. Chosen by
+inspection."""
 SAMPLES = 9
-"""Frames that decide what the maps of the clip have in common. By eye."""
+"""Frames that decide what the maps of the clip have in common. Chosen by inspection."""
 EXPLAINS = 0.9
-"""A fit that misses by more than this share of what one depth for all would, explains nothing. By eye."""
+"""A fit that misses by more than this share of what one depth for all would, explains nothing. Chosen by
+inspection."""
 USUAL = 3.0
-"""Times what the clip's fits miss: a frame that is worse is not merely short of depth range. By eye."""
+"""Times what the clip's fits miss: a frame that is worse is not merely short of depth range. Chosen by
+inspection."""
 CAP = 15.0
-"""Times the median deviation of inverse depths: no wrong point counts for more. By eye."""
+"""Times the median deviation of inverse depths: no wrong point counts for more. Chosen by inspection."""
 LEAST_CAP = 0.1
-"""Of the median inverse depth: the least that a wrong point may count for. By eye."""
+"""Of the median inverse depth: the least that a wrong point may count for. Chosen by inspection."""
 TRIALS = 300
 """Random pairs of points whose lines are tried: of half wrong points, 75 are right in the mean."""
 SCORED = 600
-"""Points by which these lines are judged. By eye, for time."""
+"""Points by which these lines are judged. Chosen by inspection, for time."""
 REACH = 4.0
-"""Times the residual's scale: what is farther off is wrong. By eye."""
+"""Times the residual's scale: what is farther off is wrong. Chosen by inspection."""
 TIGHTEST = 0.005
 """Of the clip's median inverse depth: how far scale and shift of a frame may always stray from the clip's. By
 eye."""
 
 INDEPENDENT = 50
-"""Features at most whose errors have nothing in common: a bent map is wrong alike for neighbours. By eye."""
+"""Features at most whose errors have nothing in common: a bent map is wrong alike for neighbours. Chosen by
+inspection."""
 SLOWEST = 5e-4
-"""A frame, of the clip's median inverse depth: by how much scale and shift may always change. By eye."""
+"""A frame, of the clip's median inverse depth: by how much scale and shift may always change. Chosen by
+inspection."""
 MEDIAN_SQUARE = 0.455
 """The median of the square of a normal variable, over its variance."""
 

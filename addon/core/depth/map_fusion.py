@@ -14,83 +14,87 @@ from .source import extended
 
 TINY = float(np.finfo(np.float32).tiny)
 """The smallest normal number of single precision, for what must not be zero, in whichever unit."""
+LEAST_FRAMES = 8
+"""Frames of a short clip that may help, even if that needs a smaller step. Chosen by inspection."""
+KEPT_FRAMES = 8
+"""Frames whose own depth is remembered: those on both sides and two more."""
+LEAST_WEIGHT = 0.02
+"""Weight, against 1, of a depth of which nothing is sure. Chosen by inspection."""
+LEVELS = 50
+"""Levels in the range of inverse depths. Chosen by inspection, about as many as the sweep has."""
+SAME_SURFACE = 1.5
+"""Levels within which depths are one surface. Chosen by inspection."""
+SURE_FRAMES = 2
+"""Sum of confidences that agree with which a depth is sure. Chosen by inspection."""
+UNSURE = 0.1
+"""Confidence up to which a pixel's depth is that of its surroundings. Chosen by inspection."""
+SURE = 0.5
+"""Confidence from which on a pixel's depth is its own. Chosen by inspection."""
+FAR_LAMBDA = 4000.0
+"""Lambda of the fast global smoother that extrapolates sure depth. Chosen by inspection."""
+HOLE_LAMBDA = 50.0
+"""Lambda of that smoother within holes of what is sure: with it fence has 34.04 instead of 33.93 dB
+(32 px, from the video alone) and a fifth to a third fewer triangles."""
+SMOOTHER_SIGMA = 6.0
+"""Grey levels at which both smoothers stop. Chosen by inspection."""
+HOLE_WINDOW = 0.02
+"""Of the long side: what is around a pixel in a hole. With 0.04 fence has 34.14 instead of 34.19 dB, and
+a hole is left in the duck's frame 107."""
+HOLE_SHARE = (0.5, 0.7)
+"""Shares of own depths around a pixel below which it is in no hole, and from which on it is. Chosen by
+inspection."""
+BEHIND_POWER = 4.0
+"""What is not sure beside something near is behind it: weight is depth to this power. Chosen by
+inspection."""
+BEHIND_RATIO = 1.2
+"""Depths, against the median, beyond which that weight grows no more. Chosen by inspection."""
+EVEN_LAMBDA = 15.0
+"""Lambda of the smoother along the surfaces found, which a level stops. Chosen by inspection."""
+JUMP = 4.0
+"""Levels within `RAMP` pixels that make a jump of a ramp. Chosen by inspection."""
+LARGEST_SPECKLE = 6
+"""Pixels of a hole in a surface that are too few for their texture to prove it. Chosen by inspection."""
+RAMP = 2
+"""Pixels within which such a jump is one. Chosen by inspection."""
+SLOPE_RATIO = 1.8
+"""Times as high as within `RAMP` pixels that a slope is within twice as many, a jump not. Chosen by
+inspection."""
+OUTLIER_WINDOW = 0.05
+"""Of the long side: what is around a pixel whose depth may be an outlier. Chosen by inspection."""
+OUTLIER_SHARES = (0.6, 0.95)
+"""Shares of sure pixels there below which its depth must be that of the others, and from which on it may be
+any. Chosen by inspection, on the duck's frame 60: its mesh has 4.6 instead of 10.4 % of the grid's
+triangles."""
+OUTLIER = 4.0
+"""Levels from the others at which a depth is an outlier. Chosen by inspection."""
+LEAST_NEARNESS = 1e-6
+"""Inverse depth, against the median one, below which what is far is as good as infinitely far. Chosen by
+inspection."""
+BORDER = 4
+"""Pixels at the border that know too little around them. Chosen by inspection."""
+BEYOND = 0.1
+"""Of the long side, to which depth is found past the border: a disc of a fifth of it reaches so far."""
 
 
 @dataclass(frozen=True)
 class FusionOptions:
-    """Fusion of frames and the fill where they know nothing. Depths are compared in levels: 1 / `levels` of
+    """Fusion of frames and the fill where they know nothing. Depths are compared in levels: 1 / `LEVELS` of
     the range of inverse depths, from the 1st to the 99th percentile."""
 
     step: int = 4
     """Every so many-th registered frame helps those around it, the same ones for frames that follow each
-    other: each is found once, and what is unsure does not flicker. By eye."""
+    other: each is found once, and what is unsure does not flicker. Chosen by inspection."""
     most_unseen: float = 0.02
     """Share of a frame that no key frame may see, beyond which it is swept itself, as with less than 0 every
-    frame is. By eye."""
+    frame is. Chosen by inspection."""
     sides: int = 3
-    """Frames that help on either side. By eye."""
-    least_frames: int = 8
-    """Frames of a short clip that may help, even if that needs a smaller step. By eye."""
-    kept_frames: int = 8
-    """Frames whose own depth is remembered: those on both sides and two more."""
-    least_weight: float = 0.02
-    """Weight, against 1, of a depth of which nothing is sure. By eye."""
-    levels: int = 50
-    """Levels in the range of inverse depths. By eye, about as many as the sweep has."""
-    same_surface: float = 1.5
-    """Levels within which depths are one surface. By eye."""
-    sure_frames: float = 2
-    """Sum of confidences that agree with which a depth is sure. By eye."""
-    unsure: float = 0.1
-    """Confidence up to which a pixel's depth is that of its surroundings. By eye."""
-    sure: float = 0.5
-    """Confidence from which on a pixel's depth is its own. By eye."""
-    far_lambda: float = 4000.0
-    """Lambda of the fast global smoother that extrapolates sure depth. By eye."""
-    hole_lambda: float = 50.0
-    """Lambda of that smoother within holes of what is sure: with it fence has 34.04 instead of 33.93 dB
-    (32 px, from the video alone) and a fifth to a third fewer triangles."""
-    smoother_sigma: float = 6.0
-    """Grey levels at which both smoothers stop. By eye."""
-    hole_window: float = 0.02
-    """Of the long side: what is around a pixel in a hole. With 0.04 fence has 34.14 instead of 34.19 dB, and
-    a hole is left in the duck's frame 107."""
-    hole_share: tuple[float, float] = (0.5, 0.7)
-    """Shares of own depths around a pixel below which it is in no hole, and from which on it is. By eye."""
-    behind_power: float = 4.0
-    """What is not sure beside something near is behind it: weight is depth to this power. By eye."""
-    behind_ratio: float = 1.2
-    """Depths, against the median, beyond which that weight grows no more. By eye."""
-    even_lambda: float = 15.0
-    """Lambda of the smoother along the surfaces found, which a level stops. By eye."""
-    jump: float = 4.0
-    """Levels within `ramp` pixels that make a jump of a ramp. By eye."""
-    largest_speckle: int = 6
-    """Pixels of a hole in a surface that are too few for their texture to prove it. By eye."""
-    ramp: int = 2
-    """Pixels within which such a jump is one. By eye."""
-    slope_ratio: float = 1.8
-    """Times as high as within `ramp` pixels that a slope is within twice as many, a jump not. By eye."""
-    outlier_window: float = 0.05
-    """Of the long side: what is around a pixel whose depth may be an outlier. By eye."""
-    outlier_shares: tuple[float, float] = (0.6, 0.95)
-    """Shares of sure pixels there below which its depth must be that of the others, and from which on it may
-    be any. By eye, on the duck's frame 60: its mesh has 4.6 instead of 10.4 % of the grid's triangles."""
-    outlier: float = 4.0
-    """Levels from the others at which a depth is an outlier. By eye."""
-    least_nearness: float = 1e-6
-    """Inverse depth, against the median one, below which what is far is as good as infinitely far. By eye."""
-    border: int = 4
-    """Pixels at the border that know too little around them. By eye."""
-    beyond: float = 0.1
-    """Of the long side, to which depth is found past the border: a disc of a fifth of it reaches so far."""
+    """Frames that help on either side. Chosen by inspection."""
 
 
 def fused(
     inverse: Map,
     weight: Map,
     nearest: Map | None = None,
-    options: FusionOptions = FusionOptions(),
     level: float | None = None,
 ) -> tuple[Map, Map, float]:
     """Of k inverse depths (k, h, w) with their weights (k, h, w): one (h, w), the confidence (h, w) in it,
@@ -100,7 +104,7 @@ def fused(
     largest inverse depths at which frames would see something there, without bounds where it is None: what
     is nearer is not contradicted by those that see past it.
     """
-    weight = np.where(weight > 0, weight + np.float32(options.least_weight), np.float32(0))
+    weight = np.where(weight > 0, weight + np.float32(LEAST_WEIGHT), np.float32(0))
     median, total = inverse.min(axis=0), weight.sum(axis=0)
     # So few are faster compared one with another than sorted.
     for value in inverse:
@@ -114,24 +118,22 @@ def fused(
         np.copyto(median, value, where=enough)
         np.copyto(total, before + against, where=enough)
     if level is None:
-        level = level_of(median, options)
-    agree = weight * (np.abs(inverse - median) <= np.float32(options.same_surface * level))
+        level = level_of(median)
+    agree = weight * (np.abs(inverse - median) <= np.float32(SAME_SURFACE * level))
     agreed = agree.sum(axis=0)
     mean = (agree * inverse).sum(axis=0) / np.maximum(agreed, 1e-9)
     share = np.clip(1.5 * agreed / np.maximum(total, 1e-9) - 0.25, 0, 1)
-    confidence = np.clip(agreed / min(options.sure_frames, len(inverse)), 0, 1) * share
+    confidence = np.clip(agreed / min(SURE_FRAMES, len(inverse)), 0, 1) * share
     return np.where(agreed > 0, mean, median).astype(np.float32), confidence.astype(np.float32), level
 
 
-def level_of(inverse: Map, options: FusionOptions = FusionOptions()) -> float:
+def level_of(inverse: Map) -> float:
     """Height of a level of inverse depths (h, w)."""
     low, high = np.percentile(inverse, [1, 99])
-    return float(high - low) / options.levels
+    return float(high - low) / LEVELS
 
 
-def past_border(
-    stack: list[tuple[Map, Map, Map]], inside: Map, level: float, options: FusionOptions = FusionOptions()
-) -> Map:
+def past_border(stack: list[tuple[Map, Map, Map]], inside: Map, level: float) -> Map:
     """(h + 2 m, w + 2 m) inverse depth around a frame of which others are sure, NaN elsewhere and within it.
 
     `stack` is what `in_place` tells of the others, with a margin of m pixels; `inside` (h, w) the frame's own
@@ -147,8 +149,8 @@ def past_border(
     inverses, weights, nearest = (
         np.stack([each.ravel()[at] for each in part])[:, None] for part in zip(*stack, strict=True)
     )
-    inverse, confidence, _ = fused(inverses, weights, nearest, options, level)
-    past.ravel()[at] = np.where(confidence[0] > options.unsure, inverse[0], np.float32(np.nan))
+    inverse, confidence, _ = fused(inverses, weights, nearest, level)
+    past.ravel()[at] = np.where(confidence[0] > UNSURE, inverse[0], np.float32(np.nan))
     # Gaps between what is known are of what lies behind, and what few pixels tell is noise.
     around = np.ones((5, 5), np.uint8)
     known = (~np.isnan(past)).astype(np.uint8)
@@ -157,39 +159,35 @@ def past_border(
     wide = extended(inside, past, margin)
     behind = cv2.erode(np.where(known > 0, wide, np.float32(np.inf)), around)
     wide = np.where((known == 0) & (behind <= wide.max()), behind, wide)
-    wide = sharpened(cv2.medianBlur(wide, 5), level, options=options)
+    wide = sharpened(cv2.medianBlur(wide, 5), level)
     return np.where(outside & (dense > 0), wide, np.float32(np.nan))
 
 
-def without_outliers(
-    picture: Bytes, inverse: Map, confidence: Map, level: float, options: FusionOptions
-) -> Map:
+def without_outliers(picture: Bytes, inverse: Map, confidence: Map, level: float) -> Map:
     """(h, w) confidence, little where depth is another than that of what is sure around, and little of that
     or the pixel itself is sure: what is found amid what cannot be found is mostly chance. Where most around
     is sure, what is as deep as its rim is no chance."""
-    own, (low, high) = _own_share(confidence, options), options.outlier_shares
-    sure = (confidence > options.unsure).astype(np.float32)
-    share = _mean_around(sure, options.outlier_window, options.border)
+    own, (low, high) = _own_share(confidence), OUTLIER_SHARES
+    sure = (confidence > UNSURE).astype(np.float32)
+    share = _mean_around(sure, OUTLIER_WINDOW, BORDER)
     free = np.clip((share - low) / (high - low), 0, 1) * own
     # Where almost all is one depth there are no levels, and whatever is another one is an outlier.
-    outlier = max(options.outlier * level, TINY)
-    surroundings = _extrapolated(
-        picture, inverse, confidence, options.far_lambda, options.behind_power, options
-    )
-    rim = _extrapolated(picture, inverse, confidence, options.hole_lambda, 0.0, options)
+    outlier = max(OUTLIER * level, TINY)
+    surroundings = _extrapolated(picture, inverse, confidence, FAR_LAMBDA, BEHIND_POWER)
+    rim = _extrapolated(picture, inverse, confidence, HOLE_LAMBDA, 0.0)
     with np.errstate(over="ignore"):
         off = ((inverse - np.stack([surroundings, rim])) / outlier) ** 2
     as_surroundings, as_rim = np.exp(-off)
     kept = confidence * (free + (1 - free) * as_surroundings)
-    in_hole = _in_hole(own, options.outlier_window, options)
-    return np.asarray(np.maximum(kept, options.sure * in_hole * as_rim), np.float32)
+    in_hole = _in_hole(own, OUTLIER_WINDOW)
+    return np.asarray(np.maximum(kept, SURE * in_hole * as_rim), np.float32)
 
 
-def _in_hole(own: Map, window: float, options: FusionOptions) -> Map:
+def _in_hole(own: Map, window: float) -> Map:
     """(h, w) how far each pixel has such with depths of their own on most sides, within a window (of the long
     side)."""
-    low, high = options.hole_share
-    share = (_mean_around(own, window, options.border) - low) / (high - low)
+    low, high = HOLE_SHARE
+    share = (_mean_around(own, window, BORDER) - low) / (high - low)
     return np.asarray(np.clip(share, 0, 1), np.float32)
 
 
@@ -205,9 +203,7 @@ def _mean_around(values: Map, window: float, border: int) -> Map:
     return np.asarray(total / np.maximum(known, 1e-6), np.float32)
 
 
-def filled(
-    picture: Bytes, inverse: Map, confidence: Map, level: float, options: FusionOptions
-) -> tuple[Map, Mask]:
+def filled(picture: Bytes, inverse: Map, confidence: Map, level: float) -> tuple[Map, Mask]:
     """Inverse depth (h, w) where it is sure, elsewhere extrapolated along a picture's (h, w, 3) surfaces; and
     where (h, w) the two disagree.
 
@@ -215,81 +211,74 @@ def filled(
     picture's edges are faint. Depths too far apart are two surfaces', and a pixel gets one of them.
     """
     far, close = (
-        _extrapolated(picture, inverse, confidence, reach, options.behind_power, options)
-        for reach in (options.far_lambda, options.hole_lambda)
+        _extrapolated(picture, inverse, confidence, reach, BEHIND_POWER)
+        for reach in (FAR_LAMBDA, HOLE_LAMBDA)
     )
-    own = _own_share(confidence, options)
-    in_hole = _in_hole(own, options.hole_window, options)
+    own = _own_share(confidence)
+    in_hole = _in_hole(own, HOLE_WINDOW)
     around = in_hole * close + (1 - in_hole) * far
-    disputed = (np.abs(inverse - around) > options.same_surface * level) & (own < 1)
+    disputed = (np.abs(inverse - around) > SAME_SURFACE * level) & (own < 1)
     own = np.where(disputed, own > 0.5, own)
     return np.asarray(np.maximum(own * inverse + (1 - own) * around, 0), np.float32), disputed
 
 
-def _own_share(confidence: Map, options: FusionOptions) -> Map:
+def _own_share(confidence: Map) -> Map:
     """(h, w) share that a pixel's own depth has in what it gets."""
-    share = (confidence - options.unsure) / (options.sure - options.unsure)
+    share = (confidence - UNSURE) / (SURE - UNSURE)
     return np.asarray(np.clip(share, 0, 1), np.float32)
 
 
-def _extrapolated(
-    picture: Bytes, inverse: Map, confidence: Map, reach: float, behind: float, options: FusionOptions
-) -> Map:
+def _extrapolated(picture: Bytes, inverse: Map, confidence: Map, reach: float, behind: float) -> Map:
     """(h, w) the sure inverse depth along a picture's (h, w, 3) surfaces, weighted by depth to the power of
     `behind`; `reach` is the smoother's lambda.
 
     Min et al., "Fast global image smoothing based on weighted least squares", 2014.
     """
     median = float(np.median(inverse)) or 1.0
-    nearness = np.maximum(inverse / median, options.least_nearness)
-    weight = np.clip((confidence - options.unsure) / (1 - options.unsure), 0, 1) ** 2
-    weight *= np.minimum(1 / nearness, options.behind_ratio) ** behind
+    nearness = np.maximum(inverse / median, LEAST_NEARNESS)
+    weight = np.clip((confidence - UNSURE) / (1 - UNSURE), 0, 1) ** 2
+    weight *= np.minimum(1 / nearness, BEHIND_RATIO) ** behind
     above, below = (
-        globally_smoothed(picture, part, reach, options.smoother_sigma)
-        for part in (weight * (nearness - 1), weight)
+        globally_smoothed(picture, part, reach, SMOOTHER_SIGMA) for part in (weight * (nearness - 1), weight)
     )
     return np.asarray(median * (1 + above / (np.maximum(below, 0) + 1e-7)), np.float32)
 
 
-def even(inverse: Map, level: float, options: FusionOptions) -> Map:
+def even(inverse: Map, level: float) -> Map:
     """Inverse depth (h, w) smooth along surfaces, whose edges are where it changes by a level or more."""
     low, high = float(inverse.min()), float(inverse.max())
     if level <= 0 or high <= low:
         return inverse
     scale = min(4 / level, 255 / (high - low))
     guide = ((inverse - low) * scale).astype(np.uint8)
-    return globally_smoothed(guide, inverse, options.even_lambda, scale * level)
+    return globally_smoothed(guide, inverse, EVEN_LAMBDA, scale * level)
 
 
-def sharpened(
-    inverse: Map, level: float, disputed: Mask | bool = False, options: FusionOptions = FusionOptions()
-) -> Map:
+def sharpened(inverse: Map, level: float, disputed: Mask | bool = False, ramp: int = RAMP) -> Map:
     """Inverse depth (h, w) whose jumps of several levels are steps.
 
     Matching leaves ramps and shelves at silhouettes, which no surface is at: their pixels join the nearer end
     in depth (Kramer and Bruckner, "Iterations of a non-linear transformation for enhancement of digital
     images", 1975). A slope goes on beyond, and stays. Where depth is `disputed` (h, w) nothing is a slope,
-    and ends are looked for twice as far.
+    and ends are looked for twice as far. `ramp` is in pixels, as `RAMP`.
     """
-    jump = options.jump * level
-    near, wide = (
-        np.ones((2 * reach + 1, 2 * reach + 1), np.uint8) for reach in (options.ramp, 2 * options.ramp)
-    )
+    jump = JUMP * level
+    near, wide = (np.ones((2 * reach + 1, 2 * reach + 1), np.uint8) for reach in (ramp, 2 * ramp))
     # Single wrong pixels are no end of a ramp.
     ends = cv2.medianBlur(inverse, 3)
     low, high = cv2.erode(ends, near), cv2.dilate(ends, near)
     lowest, highest = cv2.erode(ends, wide), cv2.dilate(ends, wide)
-    ramp = (high - low > jump) & (highest - lowest < options.slope_ratio * (high - low))
+    is_ramp = (high - low > jump) & (highest - lowest < SLOPE_RATIO * (high - low))
     loose = disputed & (highest - lowest > jump)
     low, high = np.where(loose, lowest, low), np.where(loose, highest, high)
     nearer = np.where(high - inverse < inverse - low, high, low)
-    return np.where(ramp | loose, nearer, inverse).astype(np.float32)
+    return np.where(is_ramp | loose, nearer, inverse).astype(np.float32)
 
 
-def without_speckles(inverse: Map, level: float, options: FusionOptions = FusionOptions()) -> Map:
+def without_speckles(inverse: Map, level: float) -> Map:
     """Inverse depth (h, w) without holes of a few pixels in a surface: they take the depth of their rims."""
     rim = cv2.morphologyEx(inverse, cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
-    deep = rim - inverse > options.jump * level
+    deep = rim - inverse > JUMP * level
     _, label, found, _ = cv2.connectedComponentsWithStats(deep.astype(np.uint8), connectivity=8)
-    is_speckle = deep & (found[:, cv2.CC_STAT_AREA] <= options.largest_speckle)[label]
+    is_speckle = deep & (found[:, cv2.CC_STAT_AREA] <= LARGEST_SPECKLE)[label]
     return np.where(is_speckle, rim, inverse).astype(np.float32)

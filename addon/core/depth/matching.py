@@ -16,23 +16,24 @@ from .semiglobal import STEPS, Costs, SemiglobalOptions, best_levels, semiglobal
 
 @dataclass(frozen=True)
 class MatchingOptions:
-    """How a level is chosen and trusted. Set by eye, then judged together on the scenes with true depth by
-    `python -m benchmarks.accuracy.dense_depth`."""
+    """How a level is chosen and trusted. Chosen by inspection, then judged together on the scenes with true
+    depth by `python -m benchmarks.accuracy.dense_depth`."""
 
     prior_cost: float = 3.0
-    """Grey levels by which levels far from a feature's own depth cost more. By eye."""
+    """Grey levels by which levels far from a feature's own depth cost more. Chosen by inspection."""
     prior_reach: float = 4.0
-    """Levels from a feature's own from which on all others cost the same. By eye."""
+    """Levels from a feature's own from which on all others cost the same. Chosen by inspection."""
     rival_margin: float = 3.0
-    """Summed cost in grey levels: a level within so much of the best one is its rival. By eye."""
+    """Summed cost in grey levels: a level within so much of the best one is its rival. Chosen by
+    inspection."""
     rival_share: float = 0.2
-    """Share of levels that are rivals with which the best one means nothing. By eye."""
+    """Share of levels that are rivals with which the best one means nothing. Chosen by inspection."""
     texture_window: int = 9
-    """Pixels across the window in which the best level must beat the mean one. By eye."""
+    """Pixels across the window in which the best level must beat the mean one. Chosen by inspection."""
     least_texture: float = 0.4
-    """Grey levels by which the best level must beat the mean there to tell anything. By eye."""
+    """Grey levels by which the best level must beat the mean there to tell anything. Chosen by inspection."""
     no_match: float = 0.875
-    """Of the truncated mismatch, at which nothing was found at all. By eye."""
+    """Of the truncated mismatch, at which nothing was found at all. Chosen by inspection."""
     sweep: SweepOptions = field(default_factory=SweepOptions)
     """Matching cost."""
     semiglobal: SemiglobalOptions = field(default_factory=SemiglobalOptions)

@@ -16,9 +16,10 @@ from .view_selection import relative_pose
 
 STEP = 3
 """Registered frames from one in which an object is looked for to the next: a tenth of a second, in which it
-still overlaps itself. By eye."""
+still overlaps itself. Chosen by inspection."""
 SAME_AREA = 1.6
-"""Times that an object's area may change in so many frames: two that meet change by more. By eye."""
+"""Times that an object's area may change in so many frames: two that meet change by more. Chosen by
+inspection."""
 
 GAP = 6
 """Pixels between parts of one object, at most: hair, and fingers that are lost against what is behind. By

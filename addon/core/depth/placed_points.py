@@ -18,9 +18,9 @@ from ..media.clip import describe
 from .user_maps import DepthMaps
 
 FRAMES = 40
-"""Frames whose maps place the points. By eye."""
+"""Frames whose maps place the points. Chosen by inspection."""
 JUDGED = 5
-"""Frames by which it is judged what the maps hold. By eye."""
+"""Frames by which it is judged what the maps hold. Chosen by inspection."""
 REACH = 32
 """Of the long side, how far apart the three pixels are that are to be on a line: beyond a map's noise."""
 STRAIGHTEST = 10.0
@@ -29,7 +29,7 @@ of 27 maps right, 26: of the bench's scenes, true and as a network has them, and
 ROUNDS = 4
 """Times that points and the maps' scales are found from each other."""
 FARTHEST = 0.01
-"""Of the median inverse distance: the least that a point may have. By eye."""
+"""Of the median inverse distance: the least that a point may have. Chosen by inspection."""
 
 
 def placed(reconstruction: Reconstruction, maps: DepthMaps) -> Reconstruction:

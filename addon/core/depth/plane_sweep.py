@@ -24,19 +24,21 @@ UNSEEN = 65535
 
 @dataclass(frozen=True)
 class SweepOptions:
-    """Matching cost. Set by eye, then judged together on the scenes with true depth by `python -m
+    """Matching cost. Chosen by inspection, then judged together on the scenes with true depth by `python -m
     benchmarks.accuracy.dense_depth`."""
 
     truncation: int = 8
-    """Grey levels: differences are cut there, as a larger one is another surface. By eye."""
+    """Grey levels: differences are cut there, as a larger one is another surface. Chosen by inspection."""
     least_depth_ratio: float = 0.05
-    """A plane whose depth shrinks below this share on the way to a neighbour is left out for it. By eye."""
+    """A plane whose depth shrinks below this share on the way to a neighbour is left out for it. Chosen by
+    inspection."""
     guide_radius: int = 2
-    """Pixels: radius of the guided filter that gathers costs. By eye."""
+    """Pixels: radius of the guided filter that gathers costs. Chosen by inspection."""
     guide_epsilon: float = 30.0
-    """Squared grey levels that count as one surface in that guided filter. By eye."""
+    """Squared grey levels that count as one surface in that guided filter. Chosen by inspection."""
     far_preference: float = 0.1
-    """Grey levels by which the farthest is preferred to the nearest: what is plain is often sky. By eye."""
+    """Grey levels by which the farthest is preferred to the nearest: what is plain is often sky. Chosen by
+    inspection."""
 
 
 @dataclass(frozen=True)

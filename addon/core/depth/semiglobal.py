@@ -32,15 +32,16 @@ CHECKED = 4
 
 @dataclass(frozen=True)
 class SemiglobalOptions:
-    """Costs of a change of depth. Set by eye, then judged together on the scenes with true depth by `python
-    -m benchmarks.accuracy.dense_depth`."""
+    """Costs of a change of depth. Chosen by inspection, then judged together on the scenes with true depth by
+    `python -m benchmarks.accuracy.dense_depth`."""
 
     p1: float = 0.6
-    """Grey levels: cost of a change of depth by one level. By eye."""
+    """Grey levels: cost of a change of depth by one level. Chosen by inspection."""
     p2: float = 10.0
-    """Grey levels: cost of a larger change where the picture has no edge. By eye."""
+    """Grey levels: cost of a larger change where the picture has no edge. Chosen by inspection."""
     p2_halved_at: float = 8.0
-    """Grey levels between neighbouring pixels at which a larger change of depth costs half. By eye."""
+    """Grey levels between neighbouring pixels at which a larger change of depth costs half. Chosen by
+    inspection."""
 
 
 def semiglobal(costs: Costs, guide: Map, options: SemiglobalOptions) -> Costs:

@@ -13,9 +13,10 @@ from ..camera.canvas import Canvas
 from .sparse import DepthSamples
 
 SURE = 0.1
-"""Confidence in [0, 1] from which on a pixel's depth is known: by eye."""
+"""Confidence in [0, 1] from which on a pixel's depth is known: chosen by inspection."""
 FAINTEST = 0.04
-"""Opacity up to which a matte says nothing: about what JPEG leaves around white things. By eye."""
+"""Opacity up to which a matte says nothing: about what JPEG leaves around white things. Chosen by
+inspection."""
 NO_PICTURE: LinearRGBA = np.zeros((0, 0, 4), np.float32)
 """Instead of a picture, where only the geometry is asked for."""
 

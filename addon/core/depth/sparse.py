@@ -11,7 +11,8 @@ from ..camera.canvas import Canvas
 from ..camera.reconstruction import Reconstruction, seen_by
 
 MAX_REPROJECTION_ERROR = 3.0
-"""Pixels; a feature that misses its own 3D point by more was tracked wrongly in this frame. By eye."""
+"""Pixels; a feature that misses its own 3D point by more was tracked wrongly in this frame. Chosen by
+inspection."""
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,10 @@ from ..camera.canvas import Canvas
 from ..camera.reconstruction import Image, Reconstruction
 from .depth_store import DepthStore
 from .map_fusion import (
+    BEYOND,
+    BORDER,
+    KEPT_FRAMES,
+    LEAST_FRAMES,
     FusionOptions,
     even,
     filled,
@@ -47,7 +51,7 @@ class TemporalFusion:
     ) -> None:
         """`single_frame` finds each frame's own depth; `store` keeps what was found."""
         self._rec, self._stereo, self._options, self._store = reconstruction, single_frame, options, store
-        self._kept = LRUCache[DenseDepth](options.kept_frames)
+        self._kept = LRUCache[DenseDepth](KEPT_FRAMES)
 
     def at(self, frame: int) -> DenseDepth:
         """The depth of a frame as it is kept, else found; errors as `PlaneSweepStereo.at`."""
@@ -85,35 +89,35 @@ class TemporalFusion:
         inverses, weights, nearest = (
             np.stack([each[inner] for each in part]) for part in zip(*stack, strict=True)
         )
-        inverse, confidence, level = fused(inverses, weights, nearest, options)
+        inverse, confidence, level = fused(inverses, weights, nearest)
         checkpoint(1.0)
         picture = self._stereo.picture(frame)
-        confidence = without_outliers(picture, inverse, confidence, level, options)
+        confidence = without_outliers(picture, inverse, confidence, level)
         checkpoint(1.0)
-        inverse, disputed = filled(picture, inverse, confidence, level, options)
+        inverse, disputed = filled(picture, inverse, confidence, level)
         checkpoint(1.0)
-        inverse = sharpened(even(inverse, level, options), level, disputed, options)
+        inverse = sharpened(even(inverse, level), level, disputed)
         found = self._stereo.with_moving_objects(frame, inverse, confidence)
         # What was filled may have changed the range.
-        inverse = without_speckles(found.inverse_depth, level_of(found.inverse_depth, options), options)
-        past = past_border(stack, inverse, level, options)
+        inverse = without_speckles(found.inverse_depth, level_of(found.inverse_depth))
+        past = past_border(stack, inverse, level)
         return replace(found, inverse_depth=inverse, past_border=past)
 
     def _in_place(self, depth: DenseDepth, image: Image, here: Image) -> tuple[Map, Map, Map]:
         """What `in_place` tells of a key frame in a frame's place and past its border."""
         checkpoint(1.0)
         pinhole, margin = self._stereo.pinhole(here.frame), self._margin(here.frame)
-        return in_place(depth, image, pinhole, here, margin, self._options.border)
+        return in_place(depth, image, pinhole, here, margin, BORDER)
 
     def _margin(self, frame: int) -> int:
         """Pixels past a frame's border to which depth is found."""
         pinhole = self._stereo.pinhole(frame)
-        return max(int(self._options.beyond * max(pinhole.width, pinhole.height)), 1)
+        return max(int(BEYOND * max(pinhole.width, pinhole.height)), 1)
 
     def _around(self, frame: int) -> list[Image]:
         """The key frames that tell a frame's depth, itself if it is one; the clip's last frame is one."""
         options, images = self._options, self._rec.images
-        step = stride(self._rec, options.step, options.least_frames)
+        step = stride(self._rec, options.step, LEAST_FRAMES)
         at, span = int(np.searchsorted(self._rec.frames, frame)), options.sides * step
         if not self._rec.is_ordered:
             beside = nearest_views(self._rec, self._rec.image_at(frame)[0], 2 * options.sides)

@@ -23,10 +23,10 @@ from .user_maps import DepthMaps
 from .view_selection import every_nth, stride
 
 COLUMNS = 100
-"""Samples across the picture that coarse meshes take of a depth map: by eye."""
+"""Samples across the picture that coarse meshes take of a depth map: chosen by inspection."""
 
 AROUND = 4
-"""Frames on either side by which a frame's scale and shift are steadied. By eye."""
+"""Frames on either side by which a frame's scale and shift are steadied. Chosen by inspection."""
 KEPT_LINES = 64
 """Frames whose own scale and shift are remembered: a few numbers each."""
 
@@ -36,9 +36,9 @@ BEHIND_STEP, BEHIND_SPAN, LEAST_BEHIND = 8, 32, 8
 """Of a camera that stays: every so many-th frame, up to so many before and after, or of a short clip so many
 in all, tell what is behind; those that colours of it are from (`FillOptions`)."""
 LEAST_AROUND = 3
-"""Of these frames that must see a place. By eye."""
+"""Of these frames that must see a place. Chosen by inspection."""
 LONGEST_BEHIND = 960
-"""Pixels of the long side that what is behind is found at: as depth is. By eye."""
+"""Pixels of the long side that what is behind is found at: as depth is. Chosen by inspection."""
 
 
 @dataclass(frozen=True)

@@ -18,9 +18,10 @@ from ..media.side_files import SideFiles
 from .depth_network import NETWORK, open_network
 
 GREY_TOLERANCE = 0.01
-"""Of the value, by which channels of a grey picture may differ. By eye, for lossy files."""
+"""Of the value, by which channels of a grey picture may differ. Chosen by inspection, for lossy files."""
 GREY_STEPS = 2
-"""Steps of whole numbers by which channels of a grey picture may differ besides. By eye, for lossy files."""
+"""Steps of whole numbers by which channels of a grey picture may differ besides. Chosen by inspection, for
+lossy files."""
 
 
 @dataclass(frozen=True)

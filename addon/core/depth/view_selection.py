@@ -11,7 +11,7 @@ from ..base.arrays import Floats
 from ..camera.reconstruction import Image, Intrinsics, Reconstruction
 
 SPREAD = 16
-"""Photos from which one takes the colours that it does not show, at most. By eye."""
+"""Photos from which one takes the colours that it does not show, at most. Chosen by inspection."""
 
 
 @dataclass(frozen=True)
@@ -19,11 +19,13 @@ class SelectionOptions:
     """Which frames can be source views."""
 
     least_depth_ratio: float = 0.1
-    """A place whose depth shrinks below this share on the way to a frame is out of its sight. By eye."""
+    """A place whose depth shrinks below this share on the way to a frame is out of its sight. Chosen by
+    inspection."""
     least_overlap: float = 0.5
-    """Share of the picture that a source view has to see. By eye."""
+    """Share of the picture that a source view has to see. Chosen by inspection."""
     frame_penalty: float = 0.005
-    """How much worse a frame is for each frame of distance in time, in logarithms of its parallax. By eye."""
+    """How much worse a frame is for each frame of distance in time, in logarithms of its parallax. Chosen by
+    inspection."""
 
 
 @dataclass(frozen=True)

@@ -12,13 +12,14 @@ from .picking import pick_features
 from .place import Place
 
 WINDOW = 0.6
-"""Of the picture's width and height, around its middle, where the thing is looked for. By eye."""
+"""Of the picture's width and height, around its middle, where the thing is looked for. Chosen by
+inspection."""
 CELLS = 12
 """Cells along each side of that window: a cell counts once, however many features its texture has."""
 LARGE = 0.15
-"""Share of the window's cells with features that a thing must have. By eye."""
+"""Share of the window's cells with features that a thing must have. Chosen by inspection."""
 THICK = 0.12
-"""Relative difference of inverse depths within which features are on one thing. By eye."""
+"""Relative difference of inverse depths within which features are on one thing. Chosen by inspection."""
 
 
 def first_place(reconstruction: Reconstruction, frame: int) -> Place | None:

@@ -17,9 +17,11 @@ FEWEST_IN_PLANE = 3
 NEAREST = 0.01
 """Of the distance of the nearest things: focused nearer, all blur discs are equal within 1 %."""
 COLLINEAR = 1e-3
-"""Of the extent of points in focus: a plane through points that lie closer to a line is none. By eye."""
+"""Of the extent of points in focus: a plane through points that lie closer to a line is none. Chosen by
+inspection."""
 IN_PLANE = 1e-6
-"""Of the distance of points in focus: a camera that is closer to their plane sees it as a line. By eye."""
+"""Of the distance of points in focus: a camera that is closer to their plane sees it as a line. Chosen by
+inspection."""
 
 
 @dataclass(frozen=True)

@@ -16,35 +16,30 @@ from ..depth.source import NO_PICTURE, DepthSource
 from ..media.clip import to_gray8
 from ..media.picture_file import Pixels
 
-
-@dataclass(frozen=True)
-class FollowOptions:
-    """How a place is followed. All by eye, on the tram behind the fence of the sample scene `fence` and the
-    moving card of tests/focus/test_focus_follow.py."""
-
-    long_side: int = 640
-    """Pixels of the longer side of the pictures in which it is followed."""
-    radius: float = 0.02
-    """Share of that size, around the place: the moving object's pixels within are followed as well, and
-    vote."""
-    step: int = 4
-    """Pixels between those."""
-    agree: float = 1.0
-    """Pixels by which flow there and back may miss where it began."""
-    least: float = 0.3
-    """Share of those pixels that must be left, or the place is lost."""
-    jerk: float = 2.0
-    """Pixels,"""
-    jerk_share: float = 0.4
-    """Share of the last step by which a step may differ from it and still be the object's own."""
-    longest_hidden: int = 12
-    """Frames that it may be hidden, going on as it went, before it is lost."""
-    alike: float = 0.15
-    """Relative difference of inverse depths of the same moving object, `every` frames apart."""
-    every: int = 3
-    """Frames between two whose depth is asked for: those between are interpolated."""
-    smooth: int = 3
-    """Such depths, of which the median is taken."""
+# Chosen by inspection of results, unless a line below gives a measurement.
+LONG_SIDE = 640
+"""Pixels of the longer side of the pictures in which it is followed."""
+RADIUS = 0.02
+"""Share of that size, around the place: the moving object's pixels within are followed as well, and
+vote."""
+STEP = 4
+"""Pixels between those."""
+AGREE = 1.0
+"""Pixels by which flow there and back may miss where it began."""
+LEAST = 0.3
+"""Share of those pixels that must be left, or the place is lost."""
+JERK = 2.0
+"""Pixels,"""
+JERK_SHARE = 0.4
+"""Share of the last step by which a step may differ from it and still be the object's own."""
+LONGEST_HIDDEN = 12
+"""Frames that it may be hidden, going on as it went, before it is lost."""
+ALIKE = 0.15
+"""Relative difference of inverse depths of the same moving object, `EVERY` frames apart."""
+EVERY = 3
+"""Frames between two whose depth is asked for: those between are interpolated."""
+SMOOTH = 3
+"""Such depths, of which the median is taken."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +58,6 @@ def follow(
     frame: int,
     place: Floats,
     inverse_depth: float,
-    options: FollowOptions = FollowOptions(),
 ) -> dict[int, float]:
     """Distances by registered frame of what is at a place (2,) in pixels of a source frame, where it has this
     inverse depth there and moves by itself; of none but that frame where it cannot be followed.
@@ -75,56 +69,54 @@ def follow(
     clip = _Clip(reconstruction, depth, read)
     frames = [int(each) for each in reconstruction.frames]
     at = frames.index(frame)
-    start = _pixels_around(clip, frame, place, inverse_depth, options)
+    start = _pixels_around(clip, frame, place, inverse_depth)
     found = {frame: inverse_depth}
     for way in (frames[at:], frames[at::-1]):
-        found |= _one_way(clip, way, start, inverse_depth, options)
+        found |= _one_way(clip, way, start, inverse_depth)
     known = sorted(found)
-    inverse = _median(np.array([found[each] for each in known]), options.smooth)
+    inverse = _median(np.array([found[each] for each in known]), SMOOTH)
     between = [each for each in frames if known[0] <= each <= known[-1]]
     return dict(zip(between, (1 / np.interp(between, known, inverse)).tolist(), strict=True))
 
 
-def _one_way(
-    clip: _Clip, way: Sequence[int], start: Floats, start_depth: float, options: FollowOptions
-) -> dict[int, float]:
+def _one_way(clip: _Clip, way: Sequence[int], start: Floats, start_depth: float) -> dict[int, float]:
     """Inverse depths by frame of pixels (n, 2) of the first frame of a way, which has `start_depth`, as far
     as they are followed."""
     flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
-    points, before, seen_at = start, _grey(clip, way[0], options), list[tuple[int, int, float]]()
+    points, before, seen_at = start, _grey(clip, way[0]), list[tuple[int, int, float]]()
     step: Floats | None = None
     hidden = 0
     for number, frame in enumerate(way[1:], 1):
         checkpoint()
-        now = _grey(clip, frame, options)
+        now = _grey(clip, frame)
         there, back = flow.calc(before, now, None), flow.calc(now, before, None)
-        seen = _step(there, back, points, options)
-        if seen is not None and _goes_on(seen, step, options):
+        seen = _step(there, back, points)
+        if seen is not None and _goes_on(seen, step):
             step, hidden = seen, 0
         else:
             # Something passes before it: it goes on as it went.
             hidden += 1
-        if step is None or hidden > options.longest_hidden:
+        if step is None or hidden > LONGEST_HIDDEN:
             break
         points = points + step
         if not ((points[0] >= 0) & (points[0] < now.shape[::-1])).all():
             break
-        if not hidden and (number % options.every == 0 or frame == way[-1]):
-            depth = _depth_of_object(clip, frame, points, options)
+        if not hidden and (number % EVERY == 0 or frame == way[-1]):
+            depth = _depth_of_object(clip, frame, points)
             if depth is not None:
                 seen_at.append((number, frame, depth))
         before = now
-    return _of_one_object(seen_at, start_depth, options)
+    return _of_one_object(seen_at, start_depth)
 
 
-def _step(there: Floats, back: Floats, points: Floats, options: FollowOptions) -> Floats | None:
+def _step(there: Floats, back: Floats, points: Floats) -> Floats | None:
     """(2,) pixels by which a flow (h, w, 2) takes most of the points (n, 2), of those that the flow `back`
     returns: what passes before some of them does not take them along. None where too few are."""
     steps = _at(there, points)
     after = points + steps
     inside = ((after >= 0) & (after < there.shape[1::-1])).all(axis=1)
-    right = inside & (np.linalg.norm(steps + _at(back, after), axis=1) < options.agree)
-    if not inside[0] or right.sum() < max(options.least * len(points), 1):
+    right = inside & (np.linalg.norm(steps + _at(back, after), axis=1) < AGREE)
+    if not inside[0] or right.sum() < max(LEAST * len(points), 1):
         return None
     return np.asarray(np.median(steps[right], axis=0))
 
@@ -135,33 +127,29 @@ def _at(flow: Floats, points: Floats) -> Floats:
     return np.asarray(found[:, 0], np.float64)
 
 
-def _pixels_around(
-    clip: _Clip, frame: int, place: Floats, inverse_depth: float, options: FollowOptions
-) -> Floats:
+def _pixels_around(clip: _Clip, frame: int, place: Floats, inverse_depth: float) -> Floats:
     """(n, 2) small pixels of the moving object around a place (2,) in source pixels, that one first."""
     image, _ = clip.reconstruction.image_at(frame)
     camera = clip.reconstruction.intrinsics(image)
-    zoom = _zoom(camera.width, camera.height, options)
-    reach = options.radius * options.long_side
-    steps = np.arange(-reach, reach + 1, options.step)
+    zoom = _zoom(camera.width, camera.height)
+    reach = RADIUS * LONG_SIDE
+    steps = np.arange(-reach, reach + 1, STEP)
     around = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
     around = np.vstack([np.zeros((1, 2)), around[np.linalg.norm(around, axis=1) <= reach]]) + place * zoom
-    inverse, moving = _seen(clip, frame, around, options)
-    same = moving & (np.abs(inverse - inverse_depth) < options.alike * inverse_depth)
+    inverse, moving = _seen(clip, frame, around)
+    same = moving & (np.abs(inverse - inverse_depth) < ALIKE * inverse_depth)
     same[0] = True
     return np.asarray(around[same])
 
 
-def _depth_of_object(clip: _Clip, frame: int, points: Floats, options: FollowOptions) -> float | None:
+def _depth_of_object(clip: _Clip, frame: int, points: Floats) -> float | None:
     """Median inverse depth of what moves at small pixels (n, 2) of a frame; None where too little does."""
-    inverse, moving = _seen(clip, frame, points, options)
-    enough = moving.sum() >= max(options.least * len(points), 1)
+    inverse, moving = _seen(clip, frame, points)
+    enough = moving.sum() >= max(LEAST * len(points), 1)
     return float(np.median(inverse[moving])) if enough else None
 
 
-def _of_one_object(
-    seen_at: Sequence[tuple[int, int, float]], start_depth: float, options: FollowOptions
-) -> dict[int, float]:
+def _of_one_object(seen_at: Sequence[tuple[int, int, float]], start_depth: float) -> dict[int, float]:
     """By frame the inverse depths, each with how many frames it is away, that are the same object's.
 
     They are like the last one. After a while without any the object may have come nearer: one that two next
@@ -170,12 +158,12 @@ def _of_one_object(
     found, last, accepted = dict[int, float](), start_depth, 0
     unsure: tuple[int, float] | None = None
     for number, frame, depth in seen_at:
-        if abs(depth - last) < options.alike * last:
+        if abs(depth - last) < ALIKE * last:
             found[frame] = last = depth
             accepted, unsure = number, None
-        elif number - accepted > options.every:
-            alike = options.alike * (number - accepted) / options.every
-            if unsure is not None and abs(depth - unsure[1]) < options.alike * unsure[1]:
+        elif number - accepted > EVERY:
+            alike = ALIKE * (number - accepted) / EVERY
+            if unsure is not None and abs(depth - unsure[1]) < ALIKE * unsure[1]:
                 found[unsure[0]], found[frame] = unsure[1], depth
                 last, accepted, unsure = depth, number, None
             elif abs(depth - last) < alike * last:
@@ -183,17 +171,15 @@ def _of_one_object(
     return found
 
 
-def _goes_on(step: Floats, before: Floats | None, options: FollowOptions) -> bool:
+def _goes_on(step: Floats, before: Floats | None) -> bool:
     """Whether a step (2,) in pixels is like the one before, as of something with a mass."""
     if before is None:
         return True
-    most = max(options.jerk, options.jerk_share * float(np.linalg.norm(before)))
+    most = max(JERK, JERK_SHARE * float(np.linalg.norm(before)))
     return bool(np.linalg.norm(step - before) < most)
 
 
-def _seen(
-    clip: _Clip, frame: int, points: Floats, options: FollowOptions
-) -> tuple[Floats, NDArray[np.bool_]]:
+def _seen(clip: _Clip, frame: int, points: Floats) -> tuple[Floats, NDArray[np.bool_]]:
     """Inverse depth (n,) at small pixels (n, 2) of a frame, and whether it moves by itself."""
     image, _ = clip.reconstruction.image_at(frame)
     canvas = clip.reconstruction.canvas(image)
@@ -201,21 +187,21 @@ def _seen(
     depth = clip.depth.at(frame, canvas, NO_PICTURE)
     if depth is None:
         return np.zeros(len(points)), np.zeros(len(points), bool)
-    places = canvas.features_from_source(points / _zoom(camera.width, camera.height, options))
+    places = canvas.features_from_source(points / _zoom(camera.width, camera.height))
     inverse, _, moving = depth.at_places(places, canvas)
     return inverse, moving & (inverse > 0)
 
 
-def _grey(clip: _Clip, frame: int, options: FollowOptions) -> Bytes:
+def _grey(clip: _Clip, frame: int) -> Bytes:
     """(h, w) a frame, small."""
     picture = to_gray8(clip.read(frame))
-    zoom = _zoom(picture.shape[1], picture.shape[0], options)
+    zoom = _zoom(picture.shape[1], picture.shape[0])
     size = max(round(picture.shape[1] * zoom), 1), max(round(picture.shape[0] * zoom), 1)
     return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA))
 
 
-def _zoom(width: int, height: int, options: FollowOptions) -> float:
-    return min(1.0, options.long_side / max(width, height))
+def _zoom(width: int, height: int) -> float:
+    return min(1.0, LONG_SIDE / max(width, height))
 
 
 def _median(values: Floats, window: int) -> Floats:

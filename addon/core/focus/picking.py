@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
@@ -15,26 +14,19 @@ from ..depth.sparse import FrameFeatures, frame_features
 from ..media.clip import describe
 from .focus import Focus
 
-
-@dataclass(frozen=True)
-class PickOptions:
-    """How feature points are chosen for a click."""
-
-    points: int = 4
-    """Points that are chosen: the thesis averages four."""
-    range_weight: float = 0.1
-    """Cost of the chosen points' range of inverse depths, against a cost of 1 for what their mean misses the
-    surface under the click by: by eye, at silhouettes of the sample clip."""
-    softening: float = 2.0
-    """Pixels from the click within which features count alike: about their accuracy."""
-    frontal: float = 0.1
-    """Weight of a surface that faces the camera against what features around the click tell of its tilt: by
-    eye, where features lie in a row."""
+POINTS = 4
+"""Points that are chosen: the thesis averages four."""
+RANGE_WEIGHT = 0.1
+"""Cost of the chosen points' range of inverse depths, against a cost of 1 for what their mean misses the
+surface under the click by: chosen by inspection, at silhouettes of the sample clip."""
+SOFTENING = 2.0
+"""Pixels from the click within which features count alike: about their accuracy."""
+FRONTAL = 0.1
+"""Weight of a surface that faces the camera against what features around the click tell of its tilt: by
+eye, where features lie in a row."""
 
 
-def pick(
-    reconstruction: Reconstruction, frame: int, x: float, y: float, options: PickOptions = PickOptions()
-) -> Focus:
+def pick(reconstruction: Reconstruction, frame: int, x: float, y: float) -> Focus:
     """The focus points for a click at fractions x, y of the picture (0, 0 = top left) of a frame.
 
     Of the features nearest to the click the four are taken whose mean depth is that of the surface under the
@@ -44,7 +36,7 @@ def pick(
     check_place(reconstruction, frame, x, y)
     image, _ = reconstruction.image_at(frame)
     canvas = reconstruction.canvas(image)
-    return pick_features(frame_features(reconstruction, frame, canvas), canvas, x, y, options)
+    return pick_features(frame_features(reconstruction, frame, canvas), canvas, x, y)
 
 
 def check_place(reconstruction: Reconstruction, frame: int, x: float, y: float) -> None:
@@ -60,25 +52,23 @@ def check_place(reconstruction: Reconstruction, frame: int, x: float, y: float) 
         )
 
 
-def pick_features(
-    features: FrameFeatures, canvas: Canvas, x: float, y: float, options: PickOptions = PickOptions()
-) -> Focus:
+def pick_features(features: FrameFeatures, canvas: Canvas, x: float, y: float) -> Focus:
     """What is `pick`, of a frame's features on its canvas; UserError where they are fewer than two."""
     if len(features.points) < 2:
         raise UserError(
             f"frame {features.frame} has fewer than two feature points; pick the focus in another frame"
         )
     click = canvas.features_from_source(np.array([[x * canvas.camera.width, y * canvas.camera.height]]))
-    near = _nearest(features.observed, click[0], 3 * options.points)
+    near = _nearest(features.observed, click[0], 3 * POINTS)
     distance = np.linalg.norm(features.observed[near] - click, axis=1)
     # A neighbour at twice the distance of the fourth says little about the clicked place.
-    near = near[distance <= 2 * distance[min(options.points, len(near)) - 1]]
+    near = near[distance <= 2 * distance[min(POINTS, len(near)) - 1]]
     inverse = features.inverse_depth[near]
-    under = _surface(features.observed[near] - click, inverse, options)
-    agree = np.argsort(np.abs(inverse - under), kind="stable")[: 2 * options.points]
-    fours = np.array(list(combinations(agree, min(options.points, len(agree)))))
+    under = _surface(features.observed[near] - click, inverse)
+    agree = np.argsort(np.abs(inverse - under), kind="stable")[: 2 * POINTS]
+    fours = np.array(list(combinations(agree, min(POINTS, len(agree)))))
     chosen = inverse[fours]
-    cost = np.abs(chosen.mean(axis=1) - under) + options.range_weight * np.ptp(chosen, axis=1)
+    cost = np.abs(chosen.mean(axis=1) - under) + RANGE_WEIGHT * np.ptp(chosen, axis=1)
     return Focus(points=tuple(int(p) for p in features.points[near[fours[np.argmin(cost)]]]))
 
 
@@ -94,7 +84,7 @@ def _nearest(places: Floats, place: Floats, count: int) -> Ints:
     return np.asarray(near[np.argsort(away[near], kind="stable")])
 
 
-def _surface(offsets: Floats, inverse: Floats, options: PickOptions) -> float:
+def _surface(offsets: Floats, inverse: Floats) -> float:
     """Inverse depth at a click of the surface that most of the features (n, 2) pixels beside it are on.
 
     A plane's inverse depth (n,) is linear over the picture: weighted least squares with Cauchy's weights from
@@ -102,14 +92,14 @@ def _surface(offsets: Floats, inverse: Floats, options: PickOptions) -> float:
     least-squares", 1977). Close features count more; few that lie in a row tell little of the tilt.
     """
     distance = np.linalg.norm(offsets, axis=1)
-    closeness = 1 / (distance + options.softening)
+    closeness = 1 / (distance + SOFTENING)
     order = np.argsort(inverse, kind="stable")
     half = np.searchsorted(np.cumsum(closeness[order]), closeness.sum() / 2)
-    across = np.column_stack([np.ones(len(inverse)), offsets / (distance.max() + options.softening)])
+    across = np.column_stack([np.ones(len(inverse)), offsets / (distance.max() + SOFTENING)])
     plane = np.array([inverse[order[half]], 0.0, 0.0])
     for _ in range(5):
         miss = np.abs(inverse - across @ plane)
         weight = closeness / (1 + (miss / (2 * max(float(np.median(miss)), 1e-9 * inverse.max()))) ** 2)
-        flat = np.diag([0.0, 1.0, 1.0]) * options.frontal * weight.sum()
+        flat = np.diag([0.0, 1.0, 1.0]) * FRONTAL * weight.sum()
         plane = np.linalg.solve(across.T @ (across * weight[:, None]) + flat, across.T @ (weight * inverse))
     return float(plane[0])

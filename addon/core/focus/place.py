@@ -27,10 +27,10 @@ depths from the dense depth; at 0.1 one of four is not, at 0.2 every second one.
 
 SAME = 0.05
 """Of the range of a frame's inverse depths, up to which the mean of the points around a pixel may be off what
-that shows: about a twentieth of the largest blur. By eye."""
+that shows: about a twentieth of the largest blur. Chosen by inspection."""
 OTHER = 0.1
-"""Of that range, from which on one of those points is on something else. By eye, at silhouettes of the sample
-clip. Not of the depth itself: that is nearly the same for all that is far away."""
+"""Of that range, from which on one of those points is on something else. Chosen by inspection, at silhouettes
+of the sample clip. Not of the depth itself: that is nearly the same for all that is far away."""
 
 
 @dataclass(frozen=True)

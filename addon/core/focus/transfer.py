@@ -14,7 +14,8 @@ from .focus import FEWEST_IN_PLANE, Focus
 from .place import Place
 
 NEAR = 0.006
-"""Of the picture's width: how far from a point's old place a new one may be; 4 pixels of 640, by eye."""
+"""Of the picture's width: how far from a point's old place a new one may be; 4 pixels of 640, chosen by
+inspection."""
 UNLIKE = 0.2
 """Relative difference of inverse depths, scales brought together, above which a place close by is another
 surface, past a silhouette."""

@@ -32,7 +32,8 @@ from .vignetting import LEAST_LEFT, barrel_shift, light_left
 WHITE = 1.02
 """Linear light over which a pixel is a highlight's, 1 being white: resampling rings by less."""
 BRIGHT = 1.5
-"""Linear light that the brightest pixel of a highlight has at least: copies of less do not show. By eye."""
+"""Linear light that the brightest pixel of a highlight has at least: copies of less do not show. Chosen by
+inspection."""
 WIDER = 1.0
 """Times that a disc is at least as wide as its highlight. Of 4, 1.5, 1, 0.5 and 0.2: bars (32 px, true depth)
 has 33.7, 34.3, 35.2, 35.2 and 35.2 dB."""

@@ -32,25 +32,28 @@ STEP, LEAST_FRAMES = 8, 8
 """Every so many-th registered frame is a source, of a short clip more, as for hidden colours
 (`FillOptions`)."""
 POOLED = 8
-"""Frames, evenly over the clip, whose light sources tell of what kinds the clip's are. By eye."""
+"""Frames, evenly over the clip, whose light sources tell of what kinds the clip's are. Chosen by
+inspection."""
 SPAN = 16
-"""Registered frames before and after, up to which frames are sources. By eye."""
+"""Registered frames before and after, up to which frames are sources. Chosen by inspection."""
 KEPT = 64 << 20
 """Bytes of frames' highlights that are remembered, and of the light that they lost."""
 NEAREST = 1.2
-"""Of the largest inverse depth of a frame's features, what a light source may have. By eye."""
+"""Of the largest inverse depth of a frame's features, what a light source may have. Chosen by inspection."""
 MOST_PARALLAX = 0.05
 """Of the long side, that a light source may move by, besides by the camera's turn, where no feature tells
 depth."""
 BESIDE = 0.004
-"""Of the long side, that a light source may be beside its epipolar line: 2.6 of 640 pixels. By eye."""
+"""Of the long side, that a light source may be beside its epipolar line: 2.6 of 640 pixels. Chosen by
+inspection."""
 ALIKE = 1.1
-"""Logarithm of the ratio of two blobs' areas that may be one light source: a factor of three. By eye."""
+"""Logarithm of the ratio of two blobs' areas that may be one light source: a factor of three. Chosen by
+inspection."""
 UNLIKE = 4.0
-"""Pixels beside the line that count as much as a ratio of areas of e. By eye."""
+"""Pixels beside the line that count as much as a ratio of areas of e. Chosen by inspection."""
 
 MOST_GAIN = 1000.0
-"""Of the light that clipping took: a hundred times what was ever missing. By eye."""
+"""Of the light that clipping took: a hundred times what was ever missing. Chosen by inspection."""
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,6 @@
-"""Pictures of what a frame is drawn from: depth, confidence, mesh, layers, sources, blur, focus, highlights.
+"""Pictures of what a frame is drawn from: depth, sources, blur and focus.
 
-All are (H, W, 3) uint8 sRGB in the geometry of the source frame, but for what lies behind, which is two such
-pictures side by side.
+All are (H, W, 3) uint8 sRGB in the geometry of the source frame.
 """
 
 from __future__ import annotations
@@ -21,13 +20,12 @@ from ..warp.layered_depth_image import LayeredDepthImage
 from ..warp.layered_mesh import FINER
 from ..warp.mesh import WarpMesh
 from ..warp.rasterise import at_pixels
-from .plan import FramePlan
 from .warped_frame import WarpedFrame
 
 Shown = NDArray[np.uint8]
 
-NAMES = ("depth", "confidence", "wireframe", "layers", "sources", "blur", "focus", "highlights")
-"""Of all pictures, in the order in which they tell of a frame."""
+NAMES = ("depth", "sources", "blur", "focus")
+"""All pictures, in display order."""
 SOURCES = ("inpainted", "borrowed", "own")
 """Where a pixel's light comes from, in the order of red, green and blue: made up from beside, or mirrored at
 the border; other frames; the frame itself."""
@@ -35,35 +33,22 @@ SOURCE_VIEWS = 16
 """Views that tell the shares of the sources."""
 LARGEST_TEXTURE = 4096
 """Pixels of the longer side of a texture that only tells inside from outside."""
-DARK = 0.3
-"""Of a frame's brightness that is left beneath what is drawn over it."""
 TINT = 0.45
-"""Of the tint, in what lies behind."""
+"""Largest share of the tint."""
 GREEN, RED = (0.0, 0.8, 0.2), (0.95, 0.1, 0.1)
-FAR_SIDES, NEAR_SIDES = (0.35, 0.65, 1.0), (1.0, 0.6, 0.1)
-"""Colours of the sides of triangles."""
 WARM = ((1.0, 1.0, 1.0), (1.0, 0.55, 0.1), (0.55, 0.0, 0.0))
 COLD = ((1.0, 1.0, 1.0), (0.3, 0.6, 1.0), (0.0, 0.0, 0.5))
 """In focus, half way, and where discs are largest: before the focal plane, and beyond."""
 NEARER, FARTHER = (0.1, 0.3, 1.0), (0.1, 0.8, 0.2)
 """Tints of what lies before what is in focus, and beyond."""
-STOPS = 6.0
-"""Over white, that have the last colour in the picture of highlights: 64 times white."""
-OVER_WHITE = 1.02
-"""Linear light from which on a pixel counts as brighter than white: resampling rings by less."""
 SHARE = 99.0
 """Per cent of the pixels that the scales of depth and blur show; the rest has their last colour."""
-BEYOND = 0.1
-"""Of the sides, past which triangles of a lens with distortion are not shown."""
-FINE = 4
-"""Binary digits of a pixel, to which lines are drawn."""
 
 
 def pictures(warped: WarpedFrame, source: LinearRGBA, shares: LinearRGBA) -> dict[str, Shown]:
     """Every picture of a frame that there is to make, by name.
 
-    `source` (H, W, 4) is the frame, linear; `shares` (H, W, 3) what `shares_of` gives. A method without
-    confidence or without layers has no pictures of them.
+    `source` (H, W, 4) is the frame, linear; `shares` (H, W, 3) what `shares_of` gives.
     """
     made = {name: picture(name, warped, source, shares) for name in NAMES}
     return {name: shown for name, shown in made.items() if shown is not None}
@@ -78,21 +63,12 @@ def picture(
     match name:
         case "depth":
             return _in_source(_depth(inverse_depth(warped)), plan.canvas)
-        case "confidence" if warped.depth is not None and warped.depth.confidence is not None:
-            grey = np.repeat(_bytes(warped.depth.confidence)[..., None], 3, axis=2)
-            return _in_source(grey, plan.canvas)
-        case "wireframe":
-            return _wireframe(plan, frame, _is_far(warped))
-        case "layers" if warped.layers:
-            return _behind(warped, frame)
         case "sources" if shares is not None:
             return _sources(shares, frame)
         case "blur":
             return _in_source(_blur(blur_discs(warped)), plan.canvas)
         case "focus":
             return _focus(_in_source(_focus_tint(warped), plan.canvas), frame)
-        case "highlights":
-            return _over_white(source[..., :3], frame)
     return None
 
 
@@ -246,14 +222,6 @@ def _depth(inverse: Floats) -> Shown:
     return np.where(known[..., None], colour, 0).astype(np.uint8)
 
 
-def _is_far(warped: WarpedFrame) -> Mask:
-    """(T,) triangles of the farthest surface; of one surface, all are."""
-    mesh = warped.plan.mesh
-    if not warped.layers:
-        return np.ones(len(mesh.triangles), bool)
-    return np.asarray(surface_of(warped)[mesh.triangles[:, 0]] == len(warped.layers))
-
-
 def surface_of(warped: WarpedFrame) -> NDArray[np.intp]:
     """(V,) which surface of a mesh of layers vertices are on, 0 for the nearest."""
     height = warped.texture.shape[0] / (len(warped.layers) + 1)
@@ -266,51 +234,6 @@ def opaque_triangles(warped: WarpedFrame) -> int:
     if not warped.layers:
         return len(mesh.triangles)
     return int(np.count_nonzero(surface_of(warped)[mesh.triangles[:, 0]] == len(warped.layers)))
-
-
-def _wireframe(plan: FramePlan, frame: Shown, far: Mask) -> Shown:
-    """The sides of the triangles over the frame (H, W, 3), those of the near surface in another colour."""
-    mesh, pinhole = plan.mesh, plan.canvas.pinhole
-    corners = mesh.xy[mesh.triangles]
-    size = np.array([pinhole.width, pinhole.height])
-    drawn = ((corners.max(axis=1) > 0) & (corners.min(axis=1) < size)).all(axis=1)
-    xy = mesh.xy
-    if plan.canvas.camera.is_distorted:
-        # Far past the border a lens's distortion means nothing.
-        known = ((xy > -BEYOND * size) & (xy < (1 + BEYOND) * size)).all(axis=1)
-        drawn &= known[mesh.triangles].all(axis=1)
-        xy = plan.canvas.features_to_source(xy)
-    fixed = np.round((np.nan_to_num(xy) - 0.5) * (1 << FINE)).astype(np.int32)
-    result = DARK * frame.astype(np.float32)
-    for rows, colour in ((drawn & far, FAR_SIDES), (drawn & ~far, NEAR_SIDES)):
-        lines = np.zeros(frame.shape[:2], np.uint8)
-        if rows.any():
-            cv2.polylines(lines, list(fixed[mesh.triangles[rows]]), True, 255, 1, cv2.LINE_AA, FINE)
-        share = lines[..., None] / np.float32(255)
-        result += share * (255 * np.array(colour, np.float32) - result)
-    return np.round(result).astype(np.uint8)
-
-
-def _behind(warped: WarpedFrame, frame: Shown) -> Shown:
-    """(H, 2 W, 3) the farthest surface where it is behind another one, over the darkened frame; the same with
-    what other frames lent green and what was made up red."""
-    layers, canvas = warped.layers, warped.plan.canvas
-    inner = _inner(layers[0], canvas)
-    behind, mixed = (
-        np.any([getattr(split, name)[inner] for split in layers], axis=0) for name in ("disoccluded", "mixed")
-    )
-    borrowed = _origins(warped)[-1][1][inner]
-    shown = _encoded(layers[-1].back[inner][..., :3])
-    colour = np.where(borrowed[..., None], GREEN, RED) * 255
-    tinted = np.round((1 - TINT) * shown + TINT * colour).astype(np.uint8)
-    both = behind | mixed
-    plain, marked = _in_source(shown, canvas), _in_source(tinted, canvas)
-    is_behind, is_both = (
-        _in_source(255 * mask.astype(np.uint8), canvas)[..., None] > 127 for mask in (behind, both)
-    )
-    dark = np.round(DARK * frame).astype(np.uint8)
-    left = np.where(is_both, plain, dark)
-    return np.concatenate([left, np.where(is_behind, marked, left)], axis=1)
 
 
 def _sources(shares: LinearRGBA, frame: Shown) -> Shown:
@@ -347,15 +270,6 @@ def _focus(tint: Shown, frame: Shown) -> Shown:
     """The frame (H, W, 3) clear where it is in focus, blue before and green beyond, by `_focus_tint`."""
     share = tint[..., 3:] / np.float32(255)
     return np.asarray(np.round((1 - share) * frame + share * tint[..., :3]), np.uint8)
-
-
-def _over_white(linear: LinearRGBA, frame: Shown) -> Shown:
-    """How many stops over white a frame's pixels (H, W, 3) are, recovered or recorded, over the darkened
-    frame: blue just over it, red from `STOPS` on."""
-    peak = linear.max(axis=2)
-    colour = cv2.applyColorMap(_bytes(np.log2(np.maximum(peak, 1)) / STOPS), cv2.COLORMAP_TURBO)[..., ::-1]
-    dark = np.round(DARK * frame).astype(np.uint8)
-    return np.where((peak > OVER_WHITE)[..., None], colour, dark).astype(np.uint8)
 
 
 def largest_shown(signed: Floats) -> float:

@@ -8,12 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from ..base.arrays import Floats, LinearRGBA, Map
+from ..base.arrays import LinearRGBA, Map
 from ..base.counting import counted, ranges
 from ..depth.source import SURE
-from ..warp.layered_mesh import LayeredMeshOptions
-from ..warp.rasterise import at_pixels
-from .inspection import SOURCES, blur_discs, largest_shown, surface_of
+from .inspection import SOURCES, blur_discs, largest_shown
 from .warped_frame import WarpedFrame
 
 CHOSEN, SURE_ENOUGH, GIVEN = "as chosen", "its depth is sure enough", "its depth is known"
@@ -36,14 +34,6 @@ class FrameReport:
     triangles: int
     of_pixel_grid: float
     """Triangles as a share of those of a mesh with a vertex for every pixel."""
-    bound: tuple[float, float] | None
-    """Pixels by which a view may see the mesh beside where the depth puts it, and of the blur's radius there
-    how much more (a share); `quadtree.AT_SILHOUETTES` times that where depth jumps."""
-    error_mean: float | None
-    error_largest: float | None
-    """Pixels by which the outermost view sees the mesh beside its place."""
-    within_bound: float | None
-    """Share of the pixels where the outermost view keeps the `bound`."""
     own: float
     borrowed: float
     inpainted: float
@@ -68,15 +58,10 @@ class FrameReport:
             lines.append("camera: interpolated from its neighbours, the frame was not solved")
         if self.sure is not None:
             lines.append(f"depth: sure in {self.sure:.1f} % of the pixels")
-        mesh = f"mesh: {self.triangles:,} triangles, {self.of_pixel_grid:.1f} % of those of the pixel grid"
-        if self.bound is not None:
-            mesh += (
-                f"; off by {self.error_mean:.2f} px on average and {self.error_largest:.2f} px at most,"
-                f" {self.within_bound:.1f} % within {self.bound[0]:g} px and {100 * self.bound[1]:g} % of the"
-                " blur's radius"
-            )
         return [
-            *lines, mesh, f"pixels: {_shares(self.own, self.borrowed, self.inpainted)}",
+            *lines,
+            f"mesh: {self.triangles:,} triangles, {self.of_pixel_grid:.1f} % of those of the pixel grid",
+            f"pixels: {_shares(self.own, self.borrowed, self.inpainted)}",
             f"blur: discs of {self.blur_median:.1f} px (median) to {self.blur_largest:.1f} px;"
             f" the picture's last colours are {self.blur_shown:.1f} px",
             f"time: depth {self.depth_seconds:.1f} s, mesh and what it borrows {self.mesh_seconds:.1f} s,"
@@ -111,48 +96,12 @@ def frame_report(warped: WarpedFrame, shares: LinearRGBA, draw_seconds: float) -
     known = np.abs(signed[np.isfinite(signed)])
     median, largest = (float(f(known)) if len(known) else 0.0 for f in (np.median, np.max))
     parts = {n: 100 * float(shares[..., k].mean(dtype=np.float64)) for k, n in enumerate(SOURCES)}
-    bound, mean, worst, within = None, None, None, None
-    if warped.layers:
-        miss, allowed = mesh_error(warped)
-        bound = (LayeredMeshOptions.error, LayeredMeshOptions.relative_error)
-        mean, worst = float(miss.mean()), float(miss.max())
-        within = 100 * float(np.mean(miss <= allowed))
     return FrameReport(
         used.frame, used.method, used.why, plan.pose_interpolated, sure, len(plan.offsets), triangles,
-        100 * triangles / (2 * camera.width * camera.height), bound, mean, worst, within,
+        100 * triangles / (2 * camera.width * camera.height),
         parts["own"], parts["borrowed"], parts["inpainted"], median, largest, largest_shown(signed),
         warped.depth_seconds, warped.mesh_seconds, draw_seconds,
     )  # fmt: skip
-
-
-def mesh_error(warped: WarpedFrame) -> tuple[Floats, Floats]:
-    """(n,) pixels by which the outermost view sees the mesh beside where depth puts it, and what is allowed.
-
-    Of every pixel of all surfaces that is seen from the frame's own place: what lies behind is a guess.
-    """
-    plan, layers = warped.plan, warped.layers
-    shape = layers[0].disoccluded.shape
-    margin = np.array(shape[::-1]) - [plan.canvas.pinhole.width, plan.canvas.pinhole.height]
-    mesh = plan.mesh
-    surface = surface_of(warped)[mesh.triangles[:, 0]]
-    off, allowed = [], []
-    seen = np.ones(shape, bool)
-    for number in range(len(layers) + 1):
-        rows = mesh.triangles[surface == number]
-        drawn = at_pixels(mesh.xy + margin / 2, plan.lens.displacement(mesh.inverse_depth), rows, shape)
-        covered = np.isfinite(drawn)
-        shift = layers[-1].back_disparity
-        if number < len(layers):
-            shift = layers[number].front_disparity
-            covered &= ~layers[number].is_far
-        measured = seen & covered
-        wanted = plan.lens.snap_displacement(shift[measured])
-        off.append(np.abs(drawn[measured] - wanted))
-        allowed.append(LayeredMeshOptions.error + LayeredMeshOptions.relative_error * np.abs(wanted))
-        if number < len(layers):
-            # A silhouette's pixels show both.
-            seen &= (~covered | layers[number].mixed) & ~layers[number].disoccluded
-    return np.concatenate(off), np.concatenate(allowed)
 
 
 def _confidence(warped: WarpedFrame) -> Map | None:

@@ -17,7 +17,7 @@ from ..optics.aperture_sampling import MAX_VIEWS
 from .warped_frame import MeshedFrame, WarpedFrame
 
 PILOT = 4
-"""Views of each of the two sets: one more ring would be dearer than what it tells. By eye."""
+"""Views of each of the two sets: one more ring would be dearer than what it tells. Chosen by inspection."""
 MEAN_GAIN = 1.0
 """dB that the mean of both sets is better than they differ, at least: 0.97 to 4.8, found as `FIRST_GAIN`."""
 FIRST, FIRST_GAIN, DOUBLING = 8, 5.6, 3.9

@@ -27,7 +27,7 @@ from .plan import FrameOptions, FramePlan
 from .steadied import Steadied, steadied
 
 FEWEST_SURE = 0.05
-"""Share of the picture whose depth must be known for layers: by eye."""
+"""Share of the picture whose depth must be known for layers: chosen by inspection."""
 TOO_LARGE = "its blur discs are too large for layers"
 TOO_UNSURE = f"the depth of less than {100 * FEWEST_SURE:g} % of its pixels can be found in the clip"
 DEEP = 0.6

@@ -10,19 +10,18 @@ from .sequence import clip_files
 
 SMALL = "2:"
 """Begins the identity of a small clip, by all of its bytes."""
-WHOLE = "3:"
-"""Begins the identity of a large clip: of its samples, by which another one is recognised at a glance, and of
-all of its bytes."""
+LARGE = "4:"
+"""Begins the identity of a large clip: its size in bytes, which can be compared at a glance, and then the
+digest of all bytes."""
 
 
 def identity(path: Path) -> str:
-    """A clip's identity, by the contents of a video or the names and contents of a sequence's pictures.
+    """Identify a clip by the contents of a video, or the names and contents of a sequence's pictures.
 
-    All of them are read, again only when the sizes or times of the files change. UserError where one cannot
-    be.
+    All bytes are read, again only when the sizes or times of the files change. UserError where one cannot be.
     """
     files = _files(path)
-    return f"{WHOLE}{files.sample()}:{files.digest()}" if files.is_sampled else SMALL + files.digest()
+    return f"{LARGE}{files.size}:{files.digest()}" if files.is_large else SMALL + files.digest()
 
 
 def clip_digest(path: Path) -> str:
@@ -36,15 +35,15 @@ def clip_digest(path: Path) -> str:
 def is_same_clip(path: Path, wanted: str, at_a_glance: bool = False) -> bool:
     """Whether a clip has an identity. UserError where it cannot be read.
 
-    With `at_a_glance` a large clip that was not read since it was changed is judged by its samples: a panel
+    With `at_a_glance` a large clip that was not read since it was changed is judged by its size: a panel
     cannot wait for the whole.
     """
     files = _files(path)
-    if not files.is_sampled:
+    if not files.is_large:
         return SMALL + files.digest() == wanted
-    sample, _, whole = wanted.removeprefix(WHOLE).partition(":")
-    return files.sample() == sample and (
-        (files.known_digest() if at_a_glance else files.digest()) in (None, whole)
+    size, _, digest = wanted.removeprefix(LARGE).partition(":")
+    return str(files.size) == size and (
+        (files.known_digest() if at_a_glance else files.digest()) in (None, digest)
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from av.video.stream import VideoStream
 
 from ..base import memory
 from ..base.errors import UserError
-from .metadata import sound_codes
+from ..camera.focal_length import PLAUSIBLE
 
 DEMUXERS = (
     "apng", "asf", "av1", "avi", "dv", "flv", "gif", "gxf", "h264", "hevc", "ivf", "m4v", "matroska",
@@ -26,6 +27,7 @@ stranger's file must not choose what is read."""
 _OPTIONS = {"protocol_whitelist": "file", "format_whitelist": ",".join(DEMUXERS)}
 _LISTS = (b"ffconcat", b"#extm3u", b"v=0", b"<mpd", b"<?xml", b"[playlist]")
 """How the text of playlists begins."""
+_EQUIVALENT = "com.apple.quicktime.camera.focal_length.35mm_equivalent"
 _PREFERRED = 5_000_000
 """Pixels by which FFmpeg's own program prefers a default track (`ffmpeg_mux_init.c`)."""
 
@@ -57,7 +59,7 @@ def open_video(path: Path) -> tuple[InputContainer, VideoStream]:
         # Absolute, so that no name is taken for an address.
         container = av.open(str(path.absolute()), options=_OPTIONS)
     except av.FFmpegError as error:
-        if memory.is_scarce():
+        if memory.is_shortage(error):
             raise memory.shortage(f"{name} cannot be opened") from None
         with path.open("rb") as file:
             head = file.read(64).lstrip(b"\xef\xbb\xbf \r\n\t").lower()
@@ -97,10 +99,40 @@ def find_sound(path: Path) -> Sound | None:
             start = _start(container, stream)
             if start is not None:
                 return Sound(start, track, tuple(unknown))
-            codes = sound_codes(path)
-            known = stream.codec_context.name if stream.codec_context is not None else ""
-            unknown.append(known or (codes[track] if track < len(codes) else "") or "unknown codec")
+            unknown.append(_codec(container, stream))
         return Sound(None, 0, tuple(unknown)) if unknown else None
+
+
+def _codec(container: InputContainer, stream: AudioStream) -> str:
+    """Name of a track's codec: FFmpeg's where it has one, else its four characters in the file."""
+    if stream.codec_context is not None:
+        return stream.codec_context.name
+    level = av.logging.get_level()
+    av.logging.set_level(av.logging.INFO)  # below it FFmpeg describes nothing
+    try:
+        described = container.dumps_format()
+    finally:
+        av.logging.set_level(level)
+    found = re.search(rf"Stream #0:{stream.index}\b.*?Audio: (?:none|unknown)? ?\(?(\w+)", described)
+    return found[1] if found else "unknown codec"
+
+
+def equivalent_focal(path: Path) -> float | None:
+    """Read the 35 mm equivalent in millimetres from a video's own metadata.
+
+    Returns:
+        None where the file holds none, or one that no lens has.
+
+    Raises:
+        UserError: if the file cannot be opened.
+    """
+    container, _ = open_video(path)
+    with container:
+        try:
+            found = float(container.metadata.get(_EQUIVALENT, ""))
+        except ValueError:
+            return None
+    return found if PLAUSIBLE[0] < found < PLAUSIBLE[1] else None
 
 
 def _start(container: InputContainer, stream: AudioStream) -> float | None:

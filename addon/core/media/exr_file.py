@@ -23,7 +23,7 @@ _ZIP, _ZIP_ROWS = 3, 16
 """The compression, and how many rows it takes together."""
 _KINDS = {np.dtype(np.float16): 1, np.dtype(np.float32): 2}
 LEVEL = 4
-"""Of zlib: little larger files than of its default, sooner. By eye."""
+"""Of zlib: little larger files than of its default, sooner. Chosen by inspection."""
 
 
 def write_exr(path: Path, channels: Mapping[str, Channel]) -> None:

@@ -14,6 +14,7 @@ from av.container import InputContainer
 from av.packet import Packet
 from av.video.stream import VideoStream
 
+from ..base import memory
 from ..base.progress import checkpoint
 from .container import Sound, find_sound, open_video
 
@@ -144,7 +145,11 @@ def _packets(container: InputContainer) -> Iterator[Packet[Any]]:
     while True:
         try:
             yield next(packets)
-        except (StopIteration, av.FFmpegError):
+        except StopIteration:
+            return
+        except av.FFmpegError as error:
+            if memory.is_shortage(error):
+                raise
             return
 
 
@@ -164,7 +169,9 @@ def _count(found: _Pass, packet: Packet[VideoStream]) -> None:
 def _decode(found: _Pass, packet: Packet[VideoStream]) -> None:
     try:
         frames = packet.decode()
-    except av.FFmpegError:
+    except av.FFmpegError as error:
+        if memory.is_shortage(error):
+            raise
         if not packet.is_discard:
             found.broken.append((packet.pts, len(found.frames)))
         return

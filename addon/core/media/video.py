@@ -89,8 +89,6 @@ class VideoReader:
             found = self._decode_to(info, frame)
         if found is None:
             self.close()
-            if memory.is_scarce():
-                raise memory.shortage(f"frame {frame} of {self._path.name} cannot be decoded")
             raise UserError(
                 f"frame {frame} of {self._path.name} cannot be decoded; the file may be cut off: convert it"
                 " again or leave the frame out",
@@ -144,21 +142,17 @@ def _decoded(container: InputContainer, stream: VideoStream) -> Iterable[VideoFr
     for packet in container.demux(stream):
         try:
             yield from packet.decode()
-        except av.FFmpegError:
-            if memory.is_scarce():
-                return
+        except av.FFmpegError as error:
+            if memory.is_shortage(error):
+                raise
 
 
 def _decode_all(path: Path) -> VideoInfo:
     table = read_table(path)
     if not table.times:
-        if memory.is_scarce():
-            raise memory.shortage(f"{path.name} cannot be decoded")
         raise UserError(f"{path.name} has no frame that can be decoded; convert it to H.264 and try again")
     claimed = len(table.times) + table.missing
     if table.missing > MISSING * claimed:
-        if memory.is_scarce():
-            raise memory.shortage(f"{path.name} cannot be decoded to its end")
         raise UserError(
             f"{path.name} is cut off: frame {len(table.times) + 1} of {claimed} cannot be decoded; copy or"
             " convert it again"

@@ -30,7 +30,8 @@ LEAST_LIGHT = 1e-3
 MOST_LOST = 0.99
 """Largest share of light that apodisation may take at the rim: nothing at all would be a smaller aperture."""
 MOST_AXIAL = 0.5
-"""Largest share by which colours may focus apart: at 1, red and blue would be focused at infinity. By eye."""
+"""Largest share by which colours may focus apart: at 1, red and blue would be focused at infinity. Chosen by
+inspection."""
 RED_AND_BLUE = [0, 2]
 """Channels that `Aperture.axial_colour` focuses farther away: a lens that is corrected for two colours has
 its shortest focal length between them, in green."""

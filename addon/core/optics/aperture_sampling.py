@@ -13,9 +13,10 @@ MIN_VIEWS, MAX_VIEWS = 16, 512
 """Bounds of the automatic number of views: fewer show as copies of highlights, more are not told apart. By
 eye."""
 LEAST_PREFILTERED = 8
-"""Of the automatic number with a prefiltered texture, where highlights have no copies. By eye."""
+"""Of the automatic number with a prefiltered texture, where highlights have no copies. Chosen by
+inspection."""
 MOST_VIEWS = 4096
-"""Views that can be asked for: eight times those that are not told apart from more. By eye."""
+"""Views that can be asked for: eight times those that are not told apart from more. Chosen by inspection."""
 
 MOST_RELAXED = 128
 """Positions up to which they are relaxed to the end, in at most a second."""

@@ -8,7 +8,7 @@ from ..base.arrays import Floats, LinearRGB
 from .aperture import RED_AND_BLUE, Aperture
 
 MARGIN = 1.12
-"""Half of the picture's side, in radii of the aperture. By eye."""
+"""Half of the picture's side, in radii of the aperture. Chosen by inspection."""
 BRIGHTEST = 99
 """Per cent of the open places that are no brighter than white: less than a soap bubble's rim."""
 CORNER = float(np.sqrt(0.5))

@@ -22,15 +22,16 @@ from ..camera.reconstruction import Intrinsics
 ACCEPTABLE = 1500
 """Picture diagonals per acceptable circle of confusion: the photographer's rule for depth of field."""
 MAX_BLUR = 16.0
-"""Picture diagonals; in a larger disc nothing is left of what it comes from. By eye."""
+"""Picture diagonals; in a larger disc nothing is left of what it comes from. Chosen by inspection."""
 MAX_RADIUS = 100.0
-"""Focus distances; with a larger aperture radius the focal plane as good as lies in the lens. By eye."""
+"""Focus distances; with a larger aperture radius the focal plane as good as lies in the lens. Chosen by
+inspection."""
 NEAREST_LINE = 2.0
 """Aperture radii, at which a tilted focal plane may come to the middle of the lens; at 1 it would touch the
-aperture, and blur discs there would have no end. By eye."""
+aperture, and blur discs there would have no end. Chosen by inspection."""
 LIFT = 2.0
 """Times the picture's half, up to which inverse depths without a plane's tilt are positive: meshes reach past
-the border. By eye."""
+the border. Chosen by inspection."""
 PAST_BORDER = 2.0
 """Pixels that a mesh reaches past what any view sees, so that no view's resampling meets its end."""
 

@@ -1,9 +1,9 @@
 """VisualSFM's N-view match files: NVM_V3, with FixedK, NVM_V3_R9T, and those that COLMAP writes.
 
 Camera: focal length, world-to-camera quaternion w x y z and projection centre (R9T: rotation and
-translation), axes as ours. What the format leaves open is decided by what reprojects best: features are
-relative to the principal point (VisualSFM) or in absolute pixels (COLMAP); the radial parameter r
-undistorts, x_u = x_d (1 + r x_d^2) (Wu et al., "Multicore bundle adjustment", 2011), or is COLMAP's -k1.
+translation), axes as ours. VisualSFM writes features relative to the principal point, and a radial
+parameter r that undistorts, x_u = x_d (1 + r x_d^2) (Wu et al., "Multicore bundle adjustment", 2011); COLMAP
+writes absolute pixels, which are not negative, and -k1.
 """
 
 from __future__ import annotations
@@ -20,7 +20,6 @@ from ..base.regular_file import open_regular
 from ..camera.reconstruction import Image, Intrinsics, matrix_from_quaternion
 from .building import (
     ACCURATE,
-    Observations,
     assemble,
     check_size,
     observations_of,
@@ -32,8 +31,12 @@ from .imported_model import ImportedModel
 from .parsing import Numbers, Text
 
 FORMAT = "VisualSFM NVM"
-SAMPLE = 20_000
-"""Features that decide between conventions."""
+NEGATIVE = 0.05
+"""Share of the features' coordinates that may be negative in absolute pixels; relative to the principal point
+about half of them are."""
+MISS = 0.05
+"""Share of the picture's width that points may project from their features, in the median: files of other
+footage miss by more. Chosen by inspection of imported models."""
 
 
 def recognises(path: Path) -> bool:
@@ -64,11 +67,20 @@ def read(path: Path, size: tuple[int, int]) -> ImportedModel:
     images = [replace(camera.image, camera=index) for index, camera in enumerate(model.cameras)]
     observations, lost = observations_of(model.numbers, model.starts, 4, len(model.names), images)
     size = picture_size(path.parent, list(model.names)) or size
-    convention = _convention(path, header, model, observations, xyz, size)
-    lenses, converted = _lenses(text, header, model, convention, size)
-    observations = replace(observations, xy=observations.xy + convention.origin)
-    notes += [*lost, *converted, *convention.notes, *check_size(path, size, observations.xy)]
+    point = np.array(header.fixed[1:4:2] if header.fixed else size) / (1 if header.fixed else 2)
+    is_absolute = int(np.count_nonzero(observations.xy < 0)) <= NEGATIVE * observations.xy.size
+    if is_absolute:
+        notes.append("features are in absolute pixels, as COLMAP writes them")
+    lenses, converted = _lenses(text, header, model, point, is_absolute, size)
+    observations = replace(observations, xy=observations.xy + (0 if is_absolute else point))
+    notes += [*lost, *converted, *check_size(path, size, observations.xy)]
     reconstruction = assemble(lenses, images, observations, xyz, rgb)
+    miss = float(np.median(reconstruction.points.error))
+    if not miss < MISS * size[0]:
+        raise UserError(
+            f"{path}: the points project {miss:.0f} pixels from their features in pictures of"
+            f" {size[0]}x{size[1]}; give the footage that was solved"
+        )
     return ImportedModel(f"{FORMAT} ({header.version})", reconstruction, model.names, tuple(notes))
 
 
@@ -99,21 +111,6 @@ class _Model:
     numbers: Numbers
     starts: NDArray[np.int64]
     """(points,) index of each point's first number."""
-
-
-@dataclass(frozen=True)
-class _Convention:
-    """One reading of what the format leaves open."""
-
-    origin: Floats
-    """(2,) what is added to a feature's position."""
-    principal_point: Floats
-    """(2,)"""
-    fixed: bool
-    """Focal lengths are the header's, not each camera's."""
-    undistorts: bool
-    """The radial parameter is VisualSFM's, not COLMAP's."""
-    notes: tuple[str, ...] = ()
 
 
 def _header(text: Text) -> _Header:
@@ -211,95 +208,27 @@ def _model(text: Text, names: tuple[str, ...], cameras: list[_Camera], points: i
     return _Model(names, cameras, numbers, starts)
 
 
-def _convention(
-    path: Path, header: _Header, model: _Model, observations: Observations, xyz: Floats, size: tuple[int, int]
-) -> _Convention:
-    """Of all readings of the file the one under which its points project to its features."""
-    centre, zero = np.array(size) / 2, np.zeros(2)
-    point = centre
-    if header.fixed:
-        # Some write it from the centre, and no feature tells.
-        given = np.array([header.fixed[1], header.fixed[3]])
-        point = given if np.linalg.norm(given - centre) < np.linalg.norm(given) else centre + given
-    readings = [
-        _Convention(origin, point, fixed, undistorts)
-        for fixed in ([True, False] if header.fixed else [False])
-        for undistorts in (True, False)
-        for origin in (point, zero, centre)
-    ]
-    few = np.unique(np.linspace(0, max(len(observations.image) - 1, 0), SAMPLE).astype(np.int64))
-    if not len(observations.image):
-        return readings[0]
-    sample = Observations(observations.image[few], observations.point[few], observations.xy[few])
-    misses = [_miss(header, model, reading, sample, xyz, size) for reading in readings]
-    best = int(np.argmin(misses))
-    if not misses[best] < 0.05 * size[0]:
-        raise UserError(
-            f"{path}: the points project {misses[best]:.0f} pixels from their features in pictures of"
-            f" {size[0]}x{size[1]}; give the footage that was solved"
-        )
-    note: tuple[str, ...] = ()
-    if np.allclose(readings[best].origin, 0):
-        note = ("features are in absolute pixels, as COLMAP writes them",)
-    return replace(readings[best], notes=note)
-
-
-def _miss(
-    header: _Header,
-    model: _Model,
-    reading: _Convention,
-    sample: Observations,
-    xyz: Floats,
-    size: tuple[int, int],
-) -> float:
-    """Median distance in pixels between features and their points, under one reading."""
-    misses = []
-    for camera in model.cameras:
-        rows = np.flatnonzero(sample.image == camera.image.frame)
-        intrinsics, _ = _intrinsics(header, camera, reading, size)
-        if intrinsics is None or not len(rows):
-            misses.append(np.full(len(rows), np.inf))
-            continue
-        place = intrinsics.project(camera.image.to_camera(xyz[sample.point[rows]]))
-        with np.errstate(over="ignore", invalid="ignore"):
-            miss = np.linalg.norm(place - sample.xy[rows] - reading.origin, axis=1)
-        misses.append(np.where(np.isfinite(miss), miss, np.inf))
-    return float(np.median(np.concatenate(misses)))
-
-
-def _intrinsics(
-    header: _Header, camera: _Camera, reading: _Convention, size: tuple[int, int]
-) -> tuple[Intrinsics | None, float]:
-    """A camera's lens under a reading and by how many pixels it misses; None where the picture would fold."""
-    fx = fy = camera.focal
-    radial = camera.radial
-    if reading.fixed and header.fixed:
-        fx, _, fy, _, radial = header.fixed
-    cx, cy = map(float, reading.principal_point)
-    intrinsics = Intrinsics(*size, fx, fy, cx, cy)
-    if radial == 0:
-        return intrinsics, 0.0
-    if not reading.undistorts:
-        return replace(intrinsics, k1=-radial), 0.0
-    return undistorting(intrinsics, radial, 0.0) or (None, 0.0)
-
-
 def _lenses(
-    text: Text, header: _Header, model: _Model, convention: _Convention, size: tuple[int, int]
+    text: Text, header: _Header, model: _Model, point: Floats, is_absolute: bool, size: tuple[int, int]
 ) -> tuple[list[Intrinsics], list[str]]:
+    """The cameras' lenses with the principal point (2,), and notes on how well they are converted."""
     lenses: list[Intrinsics] = []
     worst = 0.0
     for camera in model.cameras:
-        intrinsics, miss = _intrinsics(header, camera, convention, size)
-        if intrinsics is None:
+        fx, _, fy, _, radial = header.fixed or (camera.focal, 0.0, camera.focal, 0.0, camera.radial)
+        lens = Intrinsics(*size, fx, fy, float(point[0]), float(point[1]))
+        if is_absolute or radial == 0:
+            lenses.append(replace(lens, k1=-radial) if radial else lens)
+            continue
+        found = undistorting(lens, radial, 0.0)
+        if found is None:
             raise text.wrong(
                 "the radial distortion of a lens, under which the picture does not fold", camera.line
             )
-        lenses.append(intrinsics)
-        worst = max(worst, miss)
-    notes = []
-    if worst > ACCURATE:
-        notes.append(
-            f"the lens distortion is converted with an error of up to {worst:.2f} pixels in the corners"
-        )
-    return lenses, notes
+        lenses.append(found[0])
+        worst = max(worst, found[1])
+    if worst <= ACCURATE:
+        return lenses, []
+    return lenses, [
+        f"the lens distortion is converted with an error of up to {worst:.2f} pixels in the corners"
+    ]

@@ -17,7 +17,7 @@ from .distortion import SIGMA, Distortion
 
 @dataclass(frozen=True)
 class AdjustmentOptions:
-    """When an adjustment ends. By eye."""
+    """When an adjustment ends. Chosen by inspection."""
 
     steps: int = 60
     """Steps of Levenberg's and Marquardt's method at most, rejected ones included."""

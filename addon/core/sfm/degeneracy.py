@@ -13,13 +13,14 @@ from .tracks import Tracks, cuts
 
 PHOTOS = 3
 """Pictures a cut or fewer are photos rather than a clip of several shots: kermit (real data) has 11 pictures,
-and 5 times the tracker is lost. By eye."""
+and 5 times the tracker is lost. Chosen by inspection."""
 FINE = 64
 """Parts of a clip between whose ends a fast scroll is looked for: its tracks soon leave the picture."""
 MIN_SHARED = 40
-"""Tracks that two frames must share to be compared. By eye."""
+"""Tracks that two frames must share to be compared. Chosen by inspection."""
 MIN_MOTION = 0.3
-"""Median motion of the tracks in pixels of a 1,000-pixel frame; less is a still camera. By eye."""
+"""Median motion of the tracks in pixels of a 1,000-pixel frame; less is a still camera. Chosen by
+inspection."""
 STILL = 2.0
 """Motion in pixels of a 1,000-pixel frame up to which a track stands still, as a page's header does."""
 SCROLLED = 50.0

@@ -8,7 +8,7 @@ zoom is taken out of the tracks before, and given back to the frames after the k
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 # The order matters: imported after pycolmap, OpenCV's PNG writer frees memory twice.
 import cv2
@@ -20,14 +20,12 @@ from ..base.errors import Remedy, UserError
 from ..camera.reconstruction import Reconstruction, normalise
 from . import self_calibration, small_motion, solution
 from .degeneracy import StaysError, check_motion, only_turns
-from .keyframes import KeyframeOptions, adjust, keyframe_features, keyframes, map_keyframes
-from .lens import Lens, LensOptions, find_lens
+from .keyframes import adjust, keyframe_features, keyframes, map_keyframes
+from .lens import Lens, find_lens
 from .report import STAYS
-from .self_calibration import CalibrationOptions
-from .small_motion import SmallMotionOptions
-from .solution import Solution, SolutionOptions
-from .stabilised import ShiftOptions, refuse_shifted
-from .stationary import DepthEvidence, StationaryOptions, depth_evidence
+from .solution import MIN_POINTS, Solution
+from .stabilised import refuse_shifted
+from .stationary import WEAK, DepthEvidence, depth_evidence
 from .tracks import Progress, Tracks
 from .turning import turned
 
@@ -49,53 +47,34 @@ class FocalPrior:
         return self.focal is None or self.sigma > 0
 
 
-@dataclass(frozen=True)
-class MappingOptions:
-    """Which ways are tried to solve a clip's keyframes, and what their outcome must explain.
-
-    By eye unless a field says otherwise; the outcome is judged by the solves of `make bench-solve`.
-    """
-
-    start_focal: float = 0.85
-    """Focal length to begin with, in long sides of the frame: a phone's main camera."""
-    start_sigma: float = 0.2
-    """Relative standard deviation of a focal length that nobody gave."""
-    longer_focal: float = 1.3
-    """Factor of the first focal length that gives a second one to begin with."""
-    min_parallax: float = 1.0
-    """Pixels of a 1,000-pixel frame that no rotation explains; with less, pairs of pictures are not tried: it
-    is a trembling hand, or only turns."""
-    told_parallax: float = 0.3
-    """Pixels of a 1,000-pixel frame that no rotation explains; with less, depth from elsewhere is
-    better than any that they tell. As much as a still camera may move."""
-    doubtful_parallax: float = 10.0
-    """Pixels of a 1,000-pixel frame that no rotation explains; with less, the clip's halves are to find the
-    same depths."""
-    good_explained: float = 0.8
-    """Share of the observations that a good solve explains; less, and something moves by itself or went
-    wrong: other ways are tried."""
-    min_explained: float = 0.565
-    """Share of the observations below which a solve is refused. Between the clips of `benchmarks.solving`,
-    where a thing of 30 % of the picture that goes its own way leaves 0.58 to 0.63 and the solve is right, and
-    0.47 to 0.55 of shifted ones."""
-    min_growth: float = 1.05
-    """Ratio of the picture's scales over a clip below which it is not tested whether the lens zooms."""
-    min_zoom_gain: float = 1.1
-    """Factor by which the score of a zoom that nobody announced must exceed that of one focal length."""
-    keyframes: KeyframeOptions = field(default_factory=KeyframeOptions)
-    """The choice of keyframes."""
-    calibration: CalibrationOptions = field(default_factory=CalibrationOptions)
-    """The focal length, and whether the camera moves."""
-    lens: LensOptions = field(default_factory=LensOptions)
-    """What the lens and the shutter do to a pinhole's picture."""
-    stationary: StationaryOptions = field(default_factory=StationaryOptions)
-    """Whether a camera that stays in its place explains the clip."""
-    shifts: ShiftOptions = field(default_factory=ShiftOptions)
-    """Whether the pictures were shifted after they were taken."""
-    solution: SolutionOptions = field(default_factory=SolutionOptions)
-    """What is kept of observations, points and frames."""
-    small_motion: SmallMotionOptions = field(default_factory=SmallMotionOptions)
-    """The tracks that span the keyframes, for solving them at once and for checks of the outcome."""
+# Chosen by inspection of results, unless a line below gives a measurement.
+START_FOCAL = 0.85
+"""Focal length to begin with, in long sides of the frame: a phone's main camera."""
+START_SIGMA = 0.2
+"""Relative standard deviation of a focal length that nobody gave."""
+LONGER_FOCAL = 1.3
+"""Factor of the first focal length that gives a second one to begin with."""
+MIN_PARALLAX = 1.0
+"""Pixels of a 1,000-pixel frame that no rotation explains; with less, pairs of pictures are not tried: it
+is a trembling hand, or only turns."""
+TOLD_PARALLAX = 0.3
+"""Pixels of a 1,000-pixel frame that no rotation explains; with less, depth from elsewhere is
+better than any that they tell. As much as a still camera may move."""
+DOUBTFUL_PARALLAX = 10.0
+"""Pixels of a 1,000-pixel frame that no rotation explains; with less, the clip's halves are to find the
+same depths."""
+GOOD_EXPLAINED = 0.8
+"""Share of the observations that a good solve explains; less, and something moves by itself or went
+wrong: other ways are tried."""
+MIN_EXPLAINED = 0.565
+"""Share of the observations below which a solve is refused. Between the clips of `benchmarks.solving`,
+where a thing of 30 % of the picture that goes its own way leaves 0.58 to 0.63 and the solve is right, and
+0.47 to 0.55 of shifted ones."""
+MIN_GROWTH = 1.05
+"""Ratio of the picture's scales over a clip below which it is not tested whether the lens zooms."""
+MIN_ZOOM_GAIN = 1.1
+"""Factor by which the score of a zoom that nobody announced must exceed that of one focal length."""
+"""What the lens and the shutter do to a pinhole's picture."""
 
 
 @dataclass(frozen=True)
@@ -132,7 +111,6 @@ def reconstruct(
     prior: FocalPrior,
     progress: Progress,
     may_stay: bool = False,
-    options: MappingOptions = MappingOptions(),
 ) -> Mapped:
     """Cameras and points of a clip from its tracks, normalised.
 
@@ -141,24 +119,22 @@ def reconstruct(
     """
     try:
         parallax = check_motion(tracks)
-        if not may_stay or parallax >= options.told_parallax:
-            return _moving(tracks, prior, parallax, progress, options)
+        if not may_stay or parallax >= TOLD_PARALLAX:
+            return _moving(tracks, prior, parallax, progress)
     except StaysError:
         if not may_stay:
             raise
-    return staying(tracks, prior, progress, options)
+    return staying(tracks, prior, progress)
 
 
-def staying(
-    tracks: Tracks, prior: FocalPrior, progress: Progress, options: MappingOptions = MappingOptions()
-) -> Mapped:
+def staying(tracks: Tracks, prior: FocalPrior, progress: Progress) -> Mapped:
     """Solve a clip by how the camera turns in its place; arguments and errors as of `reconstruct`."""
-    focal = prior.focal or options.start_focal * max(tracks.width, tracks.height)
-    known = prior.sigma if prior.focal else options.start_sigma
+    focal = prior.focal or START_FOCAL * max(tracks.width, tracks.height)
+    known = prior.sigma if prior.focal else START_SIGMA
     found = turned(tracks, focal, known, progress)
     share, moving = solution.explained(found.solution)
     reconstruction = solution.collect(found.solution)
-    if len(reconstruction.images) < 2 or len(reconstruction.points) < options.solution.min_points:
+    if len(reconstruction.images) < 2 or len(reconstruction.points) < MIN_POINTS:
         raise UserError("too little of this clip stands still; choose another range of frames")
     return Mapped(
         normalise(reconstruction), STAYS, found.focal_sigma, found.focal_from_clip, 0.0, 0.0, share, moving,
@@ -166,27 +142,25 @@ def staying(
     )  # fmt: skip
 
 
-def _moving(
-    tracks: Tracks, prior: FocalPrior, parallax: float, progress: Progress, options: MappingOptions
-) -> Mapped:
+def _moving(tracks: Tracks, prior: FocalPrior, parallax: float, progress: Progress) -> Mapped:
     """A camera that leaves its place, with a `parallax` in pixels of a 1,000-pixel frame."""
-    keys = keyframes(tracks, options.keyframes)
-    start = prior.focal or options.start_focal * max(tracks.width, tracks.height)
-    solver = _Keyframes(keys, start, prior, parallax, progress, options)
+    keys = keyframes(tracks)
+    start = prior.focal or START_FOCAL * max(tracks.width, tracks.height)
+    solver = _Keyframes(keys, start, prior, parallax, progress)
     found, ratio = solver.zoom_or_not(tracks)
-    depth = _depth(found.solution, options)
+    depth = _depth(found.solution)
     if ratio is None and not found.searched:
         found = solver.with_lens(found)
         if found.lens is not None:
-            depth = _depth(found.solution, options)
+            depth = _depth(found.solution)
     best, lens = found.solution, found.lens
     weak, sigma = None, found.focal_sigma
-    if depth is not None and depth.uncertainty >= options.stationary.weak:
+    if depth is not None and depth.uncertainty >= WEAK:
         # A lens that is taken for depth is taken for a focal length, too.
-        weak, sigma = depth.uncertainty, max(sigma, prior.sigma if prior.focal else options.start_sigma)
-    refuse_shifted(best, keys, options.shifts, options.small_motion)
+        weak, sigma = depth.uncertainty, max(sigma, prior.sigma if prior.focal else START_SIGMA)
+    refuse_shifted(best, keys)
     if ratio is not None:
-        self_calibration.refine_zoom(best, tracks, ratio, options.calibration)
+        self_calibration.refine_zoom(best, tracks, ratio)
     solution.register_frames(best, progress)
     for step in range(2):
         progress("Adjusting", step, 2)
@@ -194,11 +168,11 @@ def _moving(
             lens.take_out(best)
         solution.triangulate(best)
         solution.drop_bad(best)
-        adjust(best, options.keyframes)
+        adjust(best)
     solution.drop_bad(best)
     angle = solution.drop_shallow(best)
     explained, moving = solution.explained(best)
-    if explained < options.min_explained:
+    if explained < MIN_EXPLAINED:
         raise UserError(
             f"only {100 * explained:.0f} % of what was tracked fits a scene that stands still: too much"
             " moves on its own, or the pictures were stabilised or warped afterwards; choose another range"
@@ -206,7 +180,7 @@ def _moving(
             Remedy.FRAMES,
         )
     reconstruction = solution.collect(best)
-    if len(reconstruction.images) < 2 or len(reconstruction.points) < options.solution.min_points:
+    if len(reconstruction.images) < 2 or len(reconstruction.points) < MIN_POINTS:
         raise UserError("too few points could be placed in 3D; film with more sideways movement")
     return Mapped(
         normalise(reconstruction if lens is None else lens.recording(reconstruction)), found.method, sigma,
@@ -214,9 +188,9 @@ def _moving(
     )  # fmt: skip
 
 
-def _depth(made: Solution, options: MappingOptions) -> DepthEvidence | None:
+def _depth(made: Solution) -> DepthEvidence | None:
     """How much depth the clip tells; StaysError where a camera that turns explains it as well."""
-    depth = depth_evidence(made, options.stationary)
+    depth = depth_evidence(made)
     if depth is not None and depth.gain <= 0:
         raise only_turns(
             f"{depth.parallax:.2f} of 1000 px are beyond what any lens shows that turns, with"
@@ -260,7 +234,6 @@ class _Keyframes:
     parallax: float
     """Pixels of a 1,000-pixel frame that no rotation explains."""
     progress: Progress
-    options: MappingOptions
 
     def zoom_or_not(self, tracks: Tracks) -> tuple[_Found, Floats | None]:
         """What comes of the keyframes, and (F,) by how much the lens zooms if it does.
@@ -268,22 +241,22 @@ class _Keyframes:
         A focal length that changes unannounced leaves much unexplained; one that was given does not change.
         """
         found = None if self.prior.zooms else self._solution(tracks)
-        if found is not None and not found.searched and found.explained < self.options.good_explained:
+        if found is not None and not found.searched and found.explained < GOOD_EXPLAINED:
             found = self.with_lens(found)
-        if found is not None and (not self.prior.free or found.explained >= self.options.good_explained):
+        if found is not None and (not self.prior.free or found.explained >= GOOD_EXPLAINED):
             return found, None
         ratio = self_calibration.zoom_ratios(tracks)
-        if found is not None and ratio.max() < self.options.min_growth * ratio.min():
+        if found is not None and ratio.max() < MIN_GROWTH * ratio.min():
             return found, None
         other = self._solution(self_calibration.zoomed(tracks, ratio), bends=False)
-        if found is not None and other.score < self.options.min_zoom_gain * found.score:
+        if found is not None and other.score < MIN_ZOOM_GAIN * found.score:
             return found, None
         return other, ratio
 
     def with_lens(self, found: _Found) -> _Found:
         """The same with what the keyframes tell of the lens taken out of the tracks."""
         self.progress("Looking for a lens", 0, 1)
-        told = find_lens(found.solution, self.start, self._known, self.options.lens)
+        told = find_lens(found.solution, self.start, self._known)
         if told is None:
             return replace(found, searched=True)
         made = told.solution
@@ -294,7 +267,7 @@ class _Keyframes:
     @property
     def _known(self) -> float:
         """Relative standard deviation of the focal length to begin with; 0 holds it."""
-        return self.prior.sigma if self.prior.focal else self.options.start_sigma
+        return self.prior.sigma if self.prior.focal else START_SIGMA
 
     def _explained(self, made: Solution) -> tuple[float, float]:
         """As `_Found.explained` and `_Found.score`."""
@@ -304,30 +277,29 @@ class _Keyframes:
 
     def _is_doubtful(self, found: _Found | None) -> bool:
         """Whether there is little parallax, and no solve, or one whose halves do not agree on depths."""
-        options = self.options
-        if self.parallax >= options.doubtful_parallax or found is None:
-            return self.parallax < options.doubtful_parallax
-        return self_calibration.halves_disagree(found.solution, options.calibration, options.small_motion)
+        if self.parallax >= DOUBTFUL_PARALLAX or found is None:
+            return self.parallax < DOUBTFUL_PARALLAX
+        return self_calibration.halves_disagree(found.solution)
 
     def _solution(self, tracks: Tracks, bends: bool = True) -> _Found:
         """The best of what the ways make of the keyframes, of a lens that may bend where that alone could
         save it; UserError where none leads anywhere."""
         found: list[_Found] = []
-        good, focal = self.options.good_explained, self.start
+        good, focal = GOOD_EXPLAINED, self.start
 
         def keep(made: Solution | None, method: str) -> None:
             if made is not None:
                 self.progress("Settling the focal length", 0, 1)
                 found.append(self._judged(made, method))
 
-        if self.parallax >= self.options.min_parallax:
+        if self.parallax >= MIN_PARALLAX:
             keep(self._by_pairs(tracks, focal), "pairs")
             if found and found[0].explained < good:
                 # It may have fastened upon what moves: what it explains is taken away, and the rest tried.
                 keep(self._by_pairs(_without(tracks, found[0].solution), focal, tracks), "pairs")
             if found and self.prior.free and max(found, key=lambda each: each.score).explained < good:
                 # Or it began with too short a lens and holds a flat background for all there is.
-                keep(self._by_pairs(tracks, self.options.longer_focal * focal), "pairs")
+                keep(self._by_pairs(tracks, LONGER_FOCAL * focal), "pairs")
         if not found or max(each.explained for each in found) < good:
             keep(self._at_once(tracks), "at once")
         best = max(found, key=lambda each: each.score, default=None)
@@ -352,20 +324,18 @@ class _Keyframes:
         """A solution of the keyframes with its focal length refined, and how much of the clip it explains."""
         solution.triangulate(made)
         solution.drop_bad(made)
-        sigma, from_clip = self_calibration.refine_focal_length(
-            made, self.start, self._known, self.options.calibration
-        )
+        sigma, from_clip = self_calibration.refine_focal_length(made, self.start, self._known)
         solution.triangulate(made)
         solution.drop_bad(made)
         return _Found(made, method, sigma, from_clip, *self._explained(made))
 
     def _by_pairs(self, tracks: Tracks, focal: float, whole: Tracks | None = None) -> Solution | None:
         """COLMAP's incremental mapping; the solution is of the tracks `whole` if these are part of them."""
-        features = keyframe_features(tracks, self.keys, self.options.keyframes)
+        features = keyframe_features(tracks, self.keys)
         model = map_keyframes(tracks, features, focal, self.progress)
-        if model is None or model.num_points3D() < self.options.solution.min_points:
+        if model is None or model.num_points3D() < MIN_POINTS:
             return None
-        made = solution.empty(whole or tracks, focal, self.options.solution)
+        made = solution.empty(whole or tracks, focal)
         support = np.zeros(tracks.count, int)
         for number in model.reg_image_ids():
             image, index = model.images[number], self.keys[number - 1]
@@ -383,11 +353,11 @@ class _Keyframes:
 
     def _at_once(self, tracks: Tracks) -> Solution | None:
         """One adjustment of all keyframes from nothing; None where too few tracks span them."""
-        span = small_motion.long_tracks(tracks, self.keys, self.options.small_motion)
-        if len(span.tracks) < 4 * self.options.solution.min_points:
+        span = small_motion.long_tracks(tracks, self.keys)
+        if len(span.tracks) < 4 * MIN_POINTS:
             return None
         placed = small_motion.general_motion(span, small_motion.rotation_only(span, self.start).bundle)
-        made = solution.empty(tracks, self.start, self.options.solution)
+        made = solution.empty(tracks, self.start)
         made.rotation[self.keys] = placed.bundle.rotation
         made.translation[self.keys] = placed.bundle.translation
         made.xyz[span.tracks] = placed.bundle.world

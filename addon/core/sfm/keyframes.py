@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 # The order matters: imported after pycolmap, OpenCV's PNG writer frees memory twice.
@@ -25,22 +24,18 @@ THREADS = 1
 """Number of pycolmap's threads. With more, the order in which pairs are stored and sums are added up is
 whatever thread was faster, and the same clip gives one model today and another tomorrow."""
 
-
-@dataclass(frozen=True)
-class KeyframeOptions:
-    """Which frames are solved first, and by how much of what was tracked. By eye."""
-
-    least: int = 40
-    """Keyframes at least, of a clip that has as many frames."""
-    step: float = 0.06
-    """Median motion of the tracks from a keyframe to the next, at most, in long sides of the frame."""
-    features: int = 500
-    """Median number of features in a keyframe past which only an even choice of the tracks is mapped."""
-    observations: int = 400_000
-    """Observations past which only an even choice of the tracks takes part in an adjustment of all frames."""
+# Chosen by inspection of results, unless a line below gives a measurement.
+LEAST = 40
+"""Keyframes at least, of a clip that has as many frames."""
+STEP = 0.06
+"""Median motion of the tracks from a keyframe to the next, at most, in long sides of the frame."""
+FEATURES = 500
+"""Median number of features in a keyframe past which only an even choice of the tracks is mapped."""
+OBSERVATIONS = 400_000
+"""Observations past which only an even choice of the tracks takes part in an adjustment of all frames."""
 
 
-def keyframes(tracks: Tracks, options: KeyframeOptions = KeyframeOptions()) -> list[int]:
+def keyframes(tracks: Tracks) -> list[int]:
     """Indices of frames at equal steps of image motion, first and last included."""
     count = len(tracks.frames)
     flow = np.zeros(count)
@@ -48,14 +43,12 @@ def keyframes(tracks: Tracks, options: KeyframeOptions = KeyframeOptions()) -> l
         a, b = tracks.shared(index - 1, index)
         flow[index] = np.median(np.linalg.norm(b - a, axis=1)) if len(a) else 1.0
     path = np.cumsum(flow + 1e-3)
-    wanted = (path[-1] - path[0]) / (options.step * max(tracks.width, tracks.height)) + 1
-    steps = np.linspace(path[0], path[-1], min(max(options.least, round(wanted)), count))
+    wanted = (path[-1] - path[0]) / (STEP * max(tracks.width, tracks.height)) + 1
+    steps = np.linspace(path[0], path[-1], min(max(LEAST, round(wanted)), count))
     return sorted(set(np.clip(np.searchsorted(path, steps - 1e-9), 0, count - 1).tolist()) | {0, count - 1})
 
 
-def keyframe_features(
-    tracks: Tracks, keys: list[int], options: KeyframeOptions = KeyframeOptions()
-) -> list[tuple[Ints, Floats]]:
+def keyframe_features(tracks: Tracks, keys: list[int]) -> list[tuple[Ints, Floats]]:
     """Track numbers (n,) and places (n, 2) of each keyframe, without those that would only cost time.
 
     Poses need no more than an even choice of the tracks; the others get their points later, and take part
@@ -63,7 +56,7 @@ def keyframe_features(
     """
     features = [tracks.in_frame(index) for index in keys]
     median = float(np.median([len(ids) for ids, _ in features]))
-    kept = np.random.default_rng(0).random(tracks.count) < options.features / max(median, 1.0)
+    kept = np.random.default_rng(0).random(tracks.count) < FEATURES / max(median, 1.0)
     return [(ids[kept[ids]], xy[kept[ids]]) for ids, xy in features]
 
 
@@ -168,10 +161,10 @@ def _new_camera(tracks: Tracks, focal: float, number: int = 1) -> pycolmap.Camer
     )
 
 
-def adjust(solution: Solution, options: KeyframeOptions = KeyframeOptions()) -> None:
+def adjust(solution: Solution) -> None:
     """Bundle adjustment of all poses and points, intrinsics held."""
     tracks = solution.tracks
-    share = options.observations / max(int(solution.used.sum()), 1)
+    share = OBSERVATIONS / max(int(solution.used.sum()), 1)
     chosen = np.random.default_rng(0).random(tracks.count) < share
     rows = np.nonzero(solution.used & chosen[tracks.track])[0]
     images = tracks.frame_index[rows]

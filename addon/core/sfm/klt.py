@@ -7,72 +7,60 @@ pixel's middle at (0, 0), and of the size that is tracked at.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from ..base.arrays import Bytes, Mask
-from .template_tracking import Patches, Rows, TemplateOptions
+from .template_tracking import Patches, Rows
 
 Places = NDArray[np.float32]
 Numbers = NDArray[np.int64]
 
 Detector = Callable[[Bytes, Places], Places]
 
+# Chosen by inspection of results, unless a line below gives a measurement.
+CELLS = 36
+"""Cells along the frame's long side, each of which is kept filled with points."""
+AROUND = 2
+"""Cells to every side in which a point's neighbours are looked for."""
+MIN_NEIGHBOURS = 6
+"""Points around without which nothing is said of a point's motion."""
+SAME_MOTION = 0.3
+"""Share of its own motion by which a point may always move otherwise than its neighbours."""
 
-@dataclass(frozen=True)
-class CellOptions:
-    """The cells of a frame, each of which is to hold a point and has neighbours. By eye."""
-
-    cells: int = 36
-    """Cells along the frame's long side, each of which is kept filled with points."""
-    around: int = 2
-    """Cells to every side in which a point's neighbours are looked for."""
-    min_neighbours: int = 6
-    """Points around without which nothing is said of a point's motion."""
-    same_motion: float = 0.3
-    """Share of its own motion by which a point may always move otherwise than its neighbours."""
-
-
-@dataclass(frozen=True)
-class KLTOptions:
-    """Corners and the optical flow that follows them. By eye."""
-
-    max_round_trip: float = 0.5
-    """Pixels between a point and where flow there and back puts it, at most."""
-    window: tuple[int, int] = (9, 9)
-    """Pixels across the flow's window along x and y. Small, so that few see two surfaces at once; what a
-    small one knows less well, `Patches` mends."""
-    levels: int = 4
-    """Highest level of the flow's pyramid, 0 being the frame itself."""
-    border: int = 4
-    """Pixels at the frame's edge where no corner is taken: the flow's window would reach over it."""
-    quality: float = 0.002
-    """Smaller eigenvalue of a corner's structure tensor at least, as a share of the frame's largest."""
-    min_strength: float = 1e-12
-    """Eigenvalue or response of a corner at least, whatever the frame: a plain one has none."""
-    harris_k: float = 0.04
-    """Weight of the squared trace in Harris's response, as he chose it."""
-    min_found: float = 0.5
-    """Share of the points that should be found again; else the picture has jumped, flashed, or been cut."""
-    min_left: float = 0.1
-    """Share of the points below which those found again are chance, and count as lost."""
-    patience: int = 3
-    """Frames after which points that were lost all at once are given up."""
-    jump: float = 1.0
-    """Pixels in one frame by which a point may move otherwise than before, or than its neighbours."""
-    coarse_scale: int = 4
-    """Times that frames are made smaller where texture is so weak that only large features stand out."""
-    coarse_cells: int = 12
-    """Cells along the long side of a smaller frame that are kept filled."""
-    coarse_quality: float = 0.0002
-    """As `quality`, for corners of a smaller frame."""
-    grid: CellOptions = field(default_factory=CellOptions)
-    """The cells of a frame."""
-    template: TemplateOptions = field(default_factory=TemplateOptions)
-    """How the patches of points are found again."""
+# Chosen by inspection of results, unless a line below gives a measurement.
+MAX_ROUND_TRIP = 0.5
+"""Pixels between a point and where flow there and back puts it, at most."""
+WINDOW = (9, 9)
+"""Pixels across the flow's window along x and y. Small, so that few see two surfaces at once; what a
+small one knows less well, `Patches` mends."""
+LEVELS = 4
+"""Highest level of the flow's pyramid, 0 being the frame itself."""
+BORDER = 4
+"""Pixels at the frame's edge where no corner is taken: the flow's window would reach over it."""
+QUALITY = 0.002
+"""Smaller eigenvalue of a corner's structure tensor at least, as a share of the frame's largest."""
+MIN_STRENGTH = 1e-12
+"""Eigenvalue or response of a corner at least, whatever the frame: a plain one has none."""
+HARRIS_K = 0.04
+"""Weight of the squared trace in Harris's response, as he chose it."""
+MIN_FOUND = 0.5
+"""Share of the points that should be found again; else the picture has jumped, flashed, or been cut."""
+MIN_LEFT = 0.1
+"""Share of the points below which those found again are chance, and count as lost."""
+PATIENCE = 3
+"""Frames after which points that were lost all at once are given up."""
+JUMP = 1.0
+"""Pixels in one frame by which a point may move otherwise than before, or than its neighbours."""
+COARSE_SCALE = 4
+"""Times that frames are made smaller where texture is so weak that only large features stand out."""
+COARSE_CELLS = 12
+"""Cells along the long side of a smaller frame that are kept filled."""
+COARSE_QUALITY = 0.0002
+"""As `QUALITY`, for corners of a smaller frame."""
 
 
 @dataclass
@@ -98,9 +86,9 @@ class _Points(Rows):
 class KLTTracker:
     """Follows points through frames that are shown to it one after the other."""
 
-    def __init__(self, detect: Detector, options: KLTOptions = KLTOptions()) -> None:
+    def __init__(self, detect: Detector) -> None:
         """`detect` finds new points (k, 2) in a frame (H, W) beside those there are (n, 2)."""
-        self._detect, self._options = detect, options
+        self._detect = detect
         self._born = 0
         self._before: Bytes | None = None
         self._points = _Points.new(0, np.zeros((0, 2), np.float32))
@@ -128,8 +116,8 @@ class KLTTracker:
         self._points = _Points.new(self._born, np.zeros((0, 2), np.float32))
 
     def _follow(self, before: Bytes, gray: Bytes) -> None:
-        old, self._points = self._points, _tracked(before, self._points, gray, self._options)
-        if len(self._points) < self._options.min_left * len(old):
+        old, self._points = self._points, _tracked(before, self._points, gray)
+        if len(self._points) < MIN_LEFT * len(old):
             self._points = self._points.kept(np.zeros(len(self._points), bool))
             if self._lost is None:
                 self._lost = (before, old, 0)
@@ -137,26 +125,25 @@ class KLTTracker:
         if self._lost is not None:
             # A flash lasts a frame or two, and then the points are where they were before it.
             seen, lost, age = self._lost
-            again = _tracked(seen, lost, gray, self._options)
-            self._lost = (seen, lost, age + 1) if age + 1 < self._options.patience else None
-            if len(again) >= self._options.min_found * len(lost):
+            again = _tracked(seen, lost, gray)
+            self._lost = (seen, lost, age + 1) if age + 1 < PATIENCE else None
+            if len(again) >= MIN_FOUND * len(lost):
                 self._points, self._lost = again.joined(self._points), None
 
 
 class TwoScales:
     """Follows small features and, where a frame has none, large ones in frames made smaller."""
 
-    def __init__(self, detect: Detector, options: KLTOptions = KLTOptions()) -> None:
+    def __init__(self, detect: Detector) -> None:
         """As `KLTTracker`'s."""
-        self._options = options
-        self._fine, self._coarse = KLTTracker(detect, options), KLTTracker(self._weak, options)
+        self._fine, self._coarse = KLTTracker(detect), KLTTracker(self._weak)
         self._names = [np.zeros(0, np.int64), np.zeros(0, np.int64)]
         self._taken = np.zeros((0, 2), np.float32)
 
     def step(self, gray: Bytes) -> tuple[Numbers, Places]:
         """IDs (n,) and places (n, 2) in pixels of the points that a frame (h, w) shows, from both scales."""
         number, place = self._fine.step(gray)
-        size = tuple(max(side // self._options.coarse_scale, 1) for side in gray.shape[::-1])
+        size = tuple(max(side // COARSE_SCALE, 1) for side in gray.shape[::-1])
         zoom = np.array(gray.shape[::-1]) / size
         self._taken = ((place + 0.5) / zoom - 0.5).astype(np.float32)
         if self._fine.lost:
@@ -170,8 +157,8 @@ class TwoScales:
 
     def _weak(self, gray: Bytes, points: Places) -> Places:
         points = np.concatenate([points, self._taken])
-        options, strength = self._options, cv2.cornerMinEigenVal(gray, 3)
-        return _corners(gray, points, strength, options.coarse_quality, options.coarse_cells, options)
+        strength = cv2.cornerMinEigenVal(gray, 3)
+        return _corners(gray, points, strength, COARSE_QUALITY, COARSE_CELLS)
 
     def _named(self, which: int, numbers: Numbers) -> Numbers:
         """One follower's track numbers among both's."""
@@ -183,28 +170,26 @@ class TwoScales:
         return np.asarray(names[numbers])
 
 
-def _tracked(before: Bytes, points: _Points, after: Bytes, options: KLTOptions) -> _Points:
+def _tracked(before: Bytes, points: _Points, after: Bytes) -> _Points:
     """The points of one frame that are found again in another, there."""
-    found = _found(points, *follow(before, after, points.places, None, options), before, after, options)
-    if len(found) >= options.min_found * len(points):
+    found = _found(points, *follow(before, after, points.places, None), before, after)
+    if len(found) >= MIN_FOUND * len(points):
         return found
     # Light that changes and moves that are too long for flow are taken out first.
     alike = same_brightness(after, before)
-    moved = follow(before, alike, points.places, shift(before, alike), options)
-    again = _found(points, *moved, before, after, options)
+    moved = follow(before, alike, points.places, shift(before, alike))
+    again = _found(points, *moved, before, after)
     return max(found, again, key=len)
 
 
-def _found(
-    points: _Points, places: Places, kept: Mask, before: Bytes, after: Bytes, options: KLTOptions
-) -> _Points:
+def _found(points: _Points, places: Places, kept: Mask, before: Bytes, after: Bytes) -> _Points:
     """The points that were kept (n,), at their places in `after`, without those that went elsewhere."""
     found = points.kept(kept)
     old, last = found.places, found.moves
-    found.places, good = found.patches.refined(after.astype(np.float32), places, options.template)
+    found.places, good = found.patches.refined(after.astype(np.float32), places)
     found.moves = found.places - old
-    cell = cell_size(before, options.grid.cells)
-    good &= ~motion_outliers(old, found.places, last, cell, options)
+    cell = cell_size(before, CELLS)
+    good &= ~motion_outliers(old, found.places, last, cell)
     return found.kept(good)
 
 
@@ -213,7 +198,6 @@ def follow(
     after: Bytes,
     points: Places,
     guess: tuple[float, float] | None = None,
-    options: KLTOptions = KLTOptions(),
 ) -> tuple[Places, Mask]:
     """Positions (k, 2) in `after` of those of (n, 2) points that flow there and back agrees on, and which.
 
@@ -221,7 +205,7 @@ def follow(
     """
     if not len(points):
         return points, np.zeros(0, bool)
-    flow = {"winSize": options.window, "maxLevel": options.levels}
+    flow = {"winSize": WINDOW, "maxLevel": LEVELS}
     there = back = None
     if guess is not None:
         flow["flags"] = cv2.OPTFLOW_USE_INITIAL_FLOW
@@ -230,29 +214,25 @@ def follow(
     back, returned, _ = cv2.calcOpticalFlowPyrLK(after, before, there, back, **flow)  # type: ignore[call-overload]
     size = np.array([after.shape[1], after.shape[0]])
     good = (found.ravel() == 1) & (returned.ravel() == 1)
-    good &= np.linalg.norm(back - points, axis=1) < options.max_round_trip
+    good &= np.linalg.norm(back - points, axis=1) < MAX_ROUND_TRIP
     good &= np.all((there >= 0) & (there <= size - 1), axis=1)
     return there[good], good
 
 
-def motion_outliers(
-    before: Places, after: Places, moves: Places, cell: int, options: KLTOptions = KLTOptions()
-) -> Mask:
+def motion_outliers(before: Places, after: Places, moves: Places, cell: int) -> Mask:
     """(n,) which points jumped: moved otherwise than all around, and than they did before, by `moves` (n, 2).
 
     Only gross errors. Whatever moves in company stays, and so does a lone near point before a far wall, which
     no epipolar geometry could tell from an error: with a wall alone it is not determined.
     """
-    jumped: Mask = np.linalg.norm(after - before - moves, axis=1) > options.jump
+    jumped: Mask = np.linalg.norm(after - before - moves, axis=1) > JUMP
     if not jumped.any():
         return jumped
-    alike, judged = neighbour_consistency(before, after, cell, options.jump, options.grid)
+    alike, judged = neighbour_consistency(before, after, cell, JUMP)
     return np.asarray(jumped & judged & ~alike)
 
 
-def neighbour_consistency(
-    before: Places, after: Places, cell: int, jump: float, grid: CellOptions = CellOptions()
-) -> tuple[Mask, Mask]:
+def neighbour_consistency(before: Places, after: Places, cell: int, jump: float) -> tuple[Mask, Mask]:
     """(n,) which points moved like two others in the cells around, and which have enough others there.
 
     Alike is by less than `jump` pixels, or a share of the move. One other may be chance.
@@ -260,7 +240,7 @@ def neighbour_consistency(
     if not len(before):
         return np.zeros(0, bool), np.zeros(0, bool)
     move = after - before
-    around = grid.around
+    around = AROUND
     column, row = (before // cell).astype(int).T + around
     held = np.full((row.max() + around + 1, column.max() + around + 1), -1)
     held[row, column] = np.arange(len(before))
@@ -268,8 +248,8 @@ def neighbour_consistency(
     beside = held[row[:, None, None] + offset[:, None], column[:, None, None] + offset].reshape(len(row), -1)
     other = (beside >= 0) & (beside != np.arange(len(before))[:, None])
     apart = np.where(other, np.linalg.norm(move[beside] - move[:, None], axis=2), np.inf)
-    allowed = np.maximum(jump, grid.same_motion * np.linalg.norm(move, axis=1))
-    return np.partition(apart, 1, axis=1)[:, 1] < allowed, other.sum(axis=1) >= grid.min_neighbours
+    allowed = np.maximum(jump, SAME_MOTION * np.linalg.norm(move, axis=1))
+    return np.partition(apart, 1, axis=1)[:, 1] < allowed, other.sum(axis=1) >= MIN_NEIGHBOURS
 
 
 def same_brightness(gray: Bytes, other: Bytes) -> Bytes:
@@ -294,27 +274,25 @@ def cell_size(picture: Bytes | Places, cells: int) -> int:
     return int(np.ceil(max(picture.shape) / cells))
 
 
-def new_corners(gray: Bytes, points: Places, options: KLTOptions = KLTOptions()) -> Places:
+def new_corners(gray: Bytes, points: Places) -> Places:
     """Corners (k, 2) for the cells of the frame that hold no point: borders and weak regions included.
 
     The strongest corner of each empty cell, if it is a corner at all. Shi and Tomasi, "Good features to
     track", 1994: the smaller eigenvalue of the structure tensor.
     """
     strength = cv2.cornerMinEigenVal(gray, 3)
-    return _corners(gray, points, strength, options.quality, options.grid.cells, options)
+    return _corners(gray, points, strength, QUALITY, CELLS)
 
 
-def new_harris(gray: Bytes, points: Places, options: KLTOptions = KLTOptions()) -> Places:
+def new_harris(gray: Bytes, points: Places) -> Places:
     """As `new_corners`, by Harris's response (Harris and Stephens, 1988), which goes with its square."""
-    strength = cv2.cornerHarris(gray, 3, 3, options.harris_k)
-    return _corners(gray, points, strength, options.quality**2, options.grid.cells, options)
+    strength = cv2.cornerHarris(gray, 3, 3, HARRIS_K)
+    return _corners(gray, points, strength, QUALITY**2, CELLS)
 
 
-def _corners(
-    gray: Bytes, points: Places, strength: Places, quality: float, cells: int, options: KLTOptions
-) -> Places:
-    least = max(quality * float(strength.max()), options.min_strength)
-    edge = options.border
+def _corners(gray: Bytes, points: Places, strength: Places, quality: float, cells: int) -> Places:
+    least = max(quality * float(strength.max()), MIN_STRENGTH)
+    edge = BORDER
     strength[:edge] = strength[-edge:] = strength[:, :edge] = strength[:, -edge:] = 0
     corners = best_of_cells(strength, least, points, cells).astype(np.float32)
     # OpenCV refines nothing in pictures that are hardly larger than its window.

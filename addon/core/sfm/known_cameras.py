@@ -14,9 +14,10 @@ from ..camera.intrinsics import Intrinsics
 from ..camera.reconstruction import Image, Points, Reconstruction, seen_by
 
 CELLS = (24, 16)
-"""Across and down a picture, of each of which one point is enough for focus and range. By eye."""
+"""Across and down a picture, of each of which one point is enough for focus and range. Chosen by
+inspection."""
 MOST_POINTS = 20_000
-"""Of a cloud that no picture observes. By eye."""
+"""Of a cloud that no picture observes. Chosen by inspection."""
 
 
 def bare(images: tuple[Image, ...], lenses: tuple[Intrinsics, ...]) -> Reconstruction:

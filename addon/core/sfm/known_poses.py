@@ -20,40 +20,36 @@ from ..base.errors import Remedy, UserError
 from ..camera.reconstruction import Image, Points, Reconstruction
 from ..readers.matching import if_every
 from . import solution
-from .solution import Solution, SolutionOptions
+from .solution import LARGEST_ERROR, MIN_POINTS, MIN_VIEWS, Solution
 from .tracks import Progress, Tracks
 
-
-@dataclass(frozen=True)
-class KnownPoseOptions:
-    """When poses are taken to be those of the clip. Pixels are those of a 1,000-pixel frame."""
-
-    pairs: int = 24
-    """Pairs of frames that are looked at. By eye."""
-    most_shared: int = 200
-    """Tracks of a pair that are looked at. By eye, for time."""
-    lasting: float = 0.5
-    """Share of a frame's tracks that the other frame of a pair has, too, at least. By eye."""
-    good: float = 0.3
-    """Pixels by which tracks miss in the median below which no other frame numbers are tried. Our own solves'
-    poses miss by 0.06 to 0.13 (of bars, walk and stroller), a phone-like walk's (real data, room) by 0.8; one
-    frame too late by 1.0 to 16, with a focal length of 10 % more by 0.3 to 4."""
-    misfit: float = 4.0
-    """Pixels by which tracks miss in the median above which poses are of something else: those of the same
-    clips backwards, or with y and z the other way round, miss by 5 to 130; a network's that is off by 0.2
-    degrees misses by 3."""
-    unexplained: float = 0.25
-    """Share of what tracks move by that poses leave, above which they are of something else. By eye: right
-    ones leave 1 %."""
-    better: float = 0.5
-    """Factor of what is missed by which other frame numbers, or another focal length, must make it less."""
-    overlap: float = 0.5
-    """Share of the pairs, at least, that other frame numbers have poses for. By eye."""
-    largest_offset: int = 2000
-    """Frames of the farthest that is tried. By eye, for time."""
-    slack: float = 3.0
-    """Times what tracks miss in the median, a point's observation may be off, where that is more than
-    `SolutionOptions.max_error`: poses of networks and of phones miss by more than a solve does. By eye."""
+PAIRS = 24
+"""Pairs of frames that are looked at. Chosen by inspection."""
+MOST_SHARED = 200
+"""Tracks of a pair that are looked at. Chosen by inspection, for time."""
+LASTING = 0.5
+"""Share of a frame's tracks that the other frame of a pair has, too, at least. Chosen by inspection."""
+GOOD = 0.3
+"""Pixels by which tracks miss in the median below which no other frame numbers are tried. Our own solves'
+poses miss by 0.06 to 0.13 (of bars, walk and stroller), a phone-like walk's (real data, room) by 0.8; one
+frame too late by 1.0 to 16, with a focal length of 10 % more by 0.3 to 4."""
+MISFIT = 4.0
+"""Pixels by which tracks miss in the median above which poses are of something else: those of the same
+clips backwards, or with y and z the other way round, miss by 5 to 130; a network's that is off by 0.2
+degrees misses by 3."""
+UNEXPLAINED = 0.25
+"""Share of what tracks move by that poses leave, above which they are of something else. Chosen by
+inspection: right ones leave 1 %."""
+BETTER = 0.5
+"""Factor of what is missed by which other frame numbers, or another focal length, must make it less."""
+OVERLAP = 0.5
+"""Share of the pairs, at least, that other frame numbers have poses for. Chosen by inspection."""
+LARGEST_OFFSET = 2000
+"""Frames of the farthest that is tried. Chosen by inspection, for time."""
+SLACK = 3.0
+"""Times what tracks miss in the median, a point's observation may be off, where that is more than
+`solution.LARGEST_ERROR`: poses of networks and of phones miss by more than a solve does. Chosen by
+inspection."""
 
 
 class NoDepthError(UserError):
@@ -63,7 +59,7 @@ class NoDepthError(UserError):
 FOCALS = tuple((1.03 ** np.arange(-24, 25)).tolist())
 """Factors of the focal length that are tried: half to twice."""
 ROUNDS = 6
-"""Of weighing observations anew. By eye."""
+"""Of weighing observations anew. Chosen by inspection."""
 NEAREST = 0.01
 """Of the median depth: observations nearer to the camera count no more than this."""
 FAR = 1e4
@@ -88,7 +84,6 @@ def triangulate(
     cameras: Reconstruction,
     tracks: Tracks,
     progress: Progress = lambda *_: None,
-    options: KnownPoseOptions = KnownPoseOptions(),
 ) -> Known:
     """Points of a clip's tracks before cameras whose frames are the clip's, their own points left aside.
 
@@ -101,8 +96,8 @@ def triangulate(
     every = if_every(len(cameras.images), tracks.frames)
     # Of frames without a pose nothing is asked, unless all are: then they are numbered otherwise.
     tracks = _of_frames(tracks, posed) if posed.sum() > 1 else tracks
-    miss = _fits(_Epipolar(cameras, tracks, _pairs(tracks, options), options), options, every)
-    made = _rectified(cameras, tracks, options, miss)
+    miss = _fits(_Epipolar(cameras, tracks, _pairs(tracks)), every)
+    made = _rectified(cameras, tracks, miss)
     for step in range(2):
         progress("Adjusting", step, 2)
         _place(made)
@@ -110,7 +105,7 @@ def triangulate(
     solution.drop_shallow(made)
     explained, moving = solution.explained(made)
     found = _collected(cameras, tracks, made)
-    if len(found.points) < made.options.min_points:
+    if len(found.points) < MIN_POINTS:
         raise NoDepthError(
             f"of {counted(tracks.count, 'tracked feature')} only {len(found.points)} could be placed in 3D"
             " with these cameras: they hardly move, or only turn, so the clip shows no depth"
@@ -141,21 +136,21 @@ class _Pair:
     """(n, 2) places in pixels of the source frames."""
 
 
-def _pairs(tracks: Tracks, options: KnownPoseOptions) -> list[_Pair]:
+def _pairs(tracks: Tracks) -> list[_Pair]:
     """Pairs over the whole clip, each as far apart as enough tracks last; UserError where there are none."""
     count, found = len(tracks.frames), []
-    for i in np.unique(np.linspace(0, count - 2, min(options.pairs, count - 1)).round().astype(int)).tolist():
+    for i in np.unique(np.linspace(0, count - 2, min(PAIRS, count - 1)).round().astype(int)).tolist():
         here = len(tracks.in_frame(i)[0])
         best = None
         for gap in 2 ** np.arange(8):
             if i + gap >= count:
                 break
             a, b = tracks.shared(i, i + int(gap))
-            if len(a) < max(12, options.lasting * here):
+            if len(a) < max(12, LASTING * here):
                 break
             best = _Pair(i, i + int(gap), a, b)
         if best is not None:
-            step = -(-len(best.a) // options.most_shared)
+            step = -(-len(best.a) // MOST_SHARED)
             found.append(replace(best, a=best.a[::step], b=best.b[::step]))
     if not found:
         raise UserError(
@@ -172,7 +167,6 @@ class _Epipolar:
     cameras: Reconstruction
     tracks: Tracks
     pairs: list[_Pair]
-    options: KnownPoseOptions
 
     @cached_property
     def _images(self) -> dict[int, Image]:
@@ -186,7 +180,7 @@ class _Epipolar:
             one, other = (self._images.get(self.tracks.frames[index] + offset) for index in (pair.i, pair.j))
             if one is not None and other is not None:
                 found.append(self._distances(one, other, pair, focal))
-        if len(found) < self.options.overlap * len(self.pairs):
+        if len(found) < OVERLAP * len(self.pairs):
             return float("nan")
         scale = 1000 / max(self.tracks.width, self.tracks.height)
         return float(np.median(np.concatenate(found))) * scale
@@ -225,22 +219,22 @@ class _Epipolar:
         return lens.undistort((xy - lens.principal_point) / (focal * lens.focal))
 
 
-def _fits(epipolar: _Epipolar, options: KnownPoseOptions, every: str) -> float:
+def _fits(epipolar: _Epipolar, every: str) -> float:
     """By how much tracks miss; UserError, which ends in `every` (`if_every`), where the cameras are not the
     clip's."""
     miss = epipolar.miss()
-    if miss <= options.good:
+    if miss <= GOOD:
         return miss
     clip, posed = np.array(epipolar.tracks.frames), epipolar.cameras.frames
     first, last = (
-        max(-options.largest_offset, min(at, options.largest_offset))
+        max(-LARGEST_OFFSET, min(at, LARGEST_OFFSET))
         for at in (int(posed[0] - clip[-1]), int(posed[-1] - clip[0]))
     )
-    allowed = min(options.misfit, max(options.unexplained * epipolar.moved, options.good))
+    allowed = min(MISFIT, max(UNEXPLAINED * epipolar.moved, GOOD))
     by_offset, offset = _least(lambda each: epipolar.miss(offset=int(each)), range(first, last + 1))
     by_focal, focal = _least(lambda each: epipolar.miss(focal=each), FOCALS)
     found = min(by_offset, by_focal)
-    if found <= min(allowed, options.better * miss if np.isfinite(miss) else allowed):
+    if found <= min(allowed, BETTER * miss if np.isfinite(miss) else allowed):
         then = f"the error would then be {found:.1f} pixels in 1000"
         then += f", instead of {miss:.1f}" if np.isfinite(miss) else ""
         if by_focal < by_offset:
@@ -271,7 +265,7 @@ def _least(miss: Callable[[float], float], tried: Sequence[float]) -> tuple[floa
     return min(found, default=(float("inf"), 0.0))
 
 
-def _rectified(cameras: Reconstruction, tracks: Tracks, options: KnownPoseOptions, miss: float) -> Solution:
+def _rectified(cameras: Reconstruction, tracks: Tracks, miss: float) -> Solution:
     """The tracks as pinholes with the principal point in the middle would see them, and the poses."""
     at = {image.frame: image for image in cameras.images}
     images = [at[frame] for frame in tracks.frames]
@@ -282,10 +276,7 @@ def _rectified(cameras: Reconstruction, tracks: Tracks, options: KnownPoseOption
         low, high = np.searchsorted(tracks.frame_index, [index, index + 1])
         focal[index] = lens.fx
         xy[low:high] = lens.undistort((xy[low:high] - lens.principal_point) / lens.focal) * lens.fx + centre
-    own = SolutionOptions()
-    made = solution.empty(
-        replace(tracks, xy=xy), 1.0, replace(own, max_error=max(own.max_error, options.slack * miss))
-    )
+    made = solution.empty(replace(tracks, xy=xy), 1.0, max(LARGEST_ERROR, SLACK * miss))
     made.focal = focal
     made.rotation = np.array([image.rotation for image in images])
     made.translation = np.array([image.translation for image in images])
@@ -298,7 +289,7 @@ def _place(made: Solution) -> None:
     made.xyz[:] = np.nan
     made.used = np.isfinite(tracks.xy).all(axis=1)
     views = np.bincount(tracks.track[made.used], minlength=tracks.count)
-    wanted = (views >= made.options.min_views)[tracks.track] & made.used
+    wanted = (views >= MIN_VIEWS)[tracks.track] & made.used
     weights = np.ones(len(tracks.xy))
     scale = made.max_error / 2
     for _ in range(ROUNDS):
@@ -320,7 +311,7 @@ def _collected(cameras: Reconstruction, tracks: Tracks, made: Solution) -> Recon
     error = made.errors()
     used = made.used & np.isfinite(made.xyz[tracks.track, 0])
     views = np.bincount(tracks.track[used], minlength=tracks.count)
-    kept = views >= made.options.min_views
+    kept = views >= MIN_VIEWS
     used &= kept[tracks.track]
     number = (np.cumsum(kept) - 1).astype(np.int32)
     total = np.bincount(tracks.track[used], error[used], tracks.count)

@@ -10,7 +10,7 @@ hand-held devices", 2010.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -30,7 +30,7 @@ from .bundle_adjustment import (
 )
 from .distortion import SIGMA, undistorted
 from .resection import resected
-from .self_calibration import CalibrationOptions, as_bundle, put_back
+from .self_calibration import UNMODELLED, CalibrationOptions, as_bundle, put_back
 from .small_motion import select_observations
 from .solution import Solution
 from .tracks import Tracks
@@ -40,43 +40,36 @@ K1, K2, ACROSS, DOWN = 2, 3, 4, 5
 PINHOLE = np.zeros(len(SIGMA))
 """Those of a camera that neither bends nor reads its picture bit by bit."""
 
-
-@dataclass(frozen=True)
-class LensOptions:
-    """When a lens or a shutter is believed. By eye, between clips with truth and real ones, where no field
-    says how (`make bench-solve`)."""
-
-    compared: CalibrationOptions = field(
-        default_factory=lambda: CalibrationOptions(longest=800, longest_in_frame=30)
-    )
-    """Which tracks tell it."""
-    min_tracks: int = 60
-    """Tracks with fewer of which, in either half of the clip, nothing is looked for."""
-    min_keys: int = 12
-    """Keyframes with fewer of which nothing is looked for."""
-    keys: int = 60
-    """Keyframes that are looked at, at most, at even steps; the others follow from their points."""
-    blocks: int = 8
-    """Parts of the clip whose errors are taken to be independent of each other's."""
-    sigmas: float = 4.0
-    """Standard deviations by which a term must differ from 0: two, times `CalibrationOptions.unmodelled`."""
-    focal_sigma: float = 0.05
-    """Relative standard deviation of a free focal length, times `CalibrationOptions.unmodelled`, past which a
-    distortion cannot be told from it: the clip of a real desk, its camera's path 1 to 4 % of the depth, has
-    0.08, and a focal length that runs off with k1."""
-    near: float = 0.1
-    """Relative distance from the focal length to begin with, past which the search begins there as well."""
-    min_share: float = 0.4
-    """Share of a term that each half of the clip must find by itself: 0.3 of a readout in one half of a
-    meadow (real data) and 1.6 in the other are none."""
-    min_fall: float = 0.002
-    """Share of the squared errors that what is found must explain."""
-    rounds: int = 3
-    """Times that it is found again, at most, with what is left of the tracks when it is taken out."""
-    settled: float = 1e-3
-    """Change of every parameter at which that is enough."""
-    adjustment: AdjustmentOptions = field(default_factory=lambda: AdjustmentOptions(settled=1e-6))
-    """When an adjustment fits well enough."""
+# Chosen by inspection of results, unless a line below gives a measurement.
+COMPARED = CalibrationOptions(longest=800, longest_in_frame=30)
+"""Which tracks tell it."""
+MIN_TRACKS = 60
+"""Tracks with fewer of which, in either half of the clip, nothing is looked for."""
+MIN_KEYS = 12
+"""Keyframes with fewer of which nothing is looked for."""
+BLOCKS = 8
+"""Parts of the clip whose errors are taken to be independent of each other's."""
+SIGMAS = 4.0
+"""Standard deviations by which a term must differ from 0: two, times `self_calibration.UNMODELLED`."""
+FOCAL_SIGMA = 0.05
+"""Relative standard deviation of a free focal length, times `self_calibration.UNMODELLED`, past which a
+distortion cannot be told from it: the clip of a real desk, its camera's path 1 to 4 % of the depth, has
+0.08, and a focal length that runs off with k1."""
+NEAR = 0.1
+"""Relative distance from the focal length to begin with, past which the search begins there as well."""
+MIN_SHARE = 0.4
+"""Share of a term that each half of the clip must find by itself: 0.3 of a readout in one half of a
+meadow (real data) and 1.6 in the other are none."""
+MIN_FALL = 0.002
+"""Share of the squared errors that what is found must explain."""
+ROUNDS = 3
+"""Times that it is found again, at most, with what is left of the tracks when it is taken out."""
+SETTLED = 1e-3
+"""Change of every parameter at which that is enough."""
+ADJUSTMENT = AdjustmentOptions(settled=1e-6)
+"""When an adjustment fits well enough."""
+KEYS = 60
+"""Keyframes that are looked at, at most, at even steps; the others follow from their points."""
 
 
 @dataclass(frozen=True)
@@ -191,15 +184,13 @@ class Found:
     """Relative standard deviation of the focal length, what was known before included."""
 
 
-def find_lens(
-    made: Solution, start: float, known: float, options: LensOptions = LensOptions()
-) -> Found | None:
+def find_lens(made: Solution, start: float, known: float) -> Found | None:
     """What the keyframes of a solve tell of the lens and the shutter; None where they tell nothing.
 
     The focal length is refined beside it, as by `refine_focal_length` with `start` and `known`.
     """
-    fit = _Fit.of(made, made.tracks, known > 0, options)
-    enough = len(fit.posed) >= options.min_keys and len(fit.bundle.points) >= options.min_tracks
+    fit = _Fit.of(made, made.tracks, known > 0)
+    enough = len(fit.posed) >= MIN_KEYS and len(fit.bundle.points) >= MIN_TRACKS
     found = fit.told(start) if enough else None
     if found is None:
         return None
@@ -209,14 +200,14 @@ def find_lens(
         xyz=made.xyz.copy(),
     )  # fmt: skip
     lens = fit.lens(adjusted, terms)
-    for _ in range(options.rounds):
+    for _ in range(ROUNDS):
         if not lens.is_one:
             return None
         fit.put(trial, adjusted, lens)
-        fit = _Fit.of(trial, made.tracks, known > 0, options)
+        fit = _Fit.of(trial, made.tracks, known > 0)
         adjusted = fit.adjusted(terms, lens.parameters)
         before, lens = lens, fit.lens(adjusted, terms)
-        if np.abs(lens.parameters - before.parameters).max() < options.settled:
+        if np.abs(lens.parameters - before.parameters).max() < SETTLED:
             break
     sigma = fit.focal_sigma(adjusted)
     if known > 0:
@@ -247,15 +238,14 @@ class _Fit:
     recorded: Tracks
     loss: float
     free_focal: bool
-    options: LensOptions
 
     @classmethod
-    def of(cls, made: Solution, recorded: Tracks, free_focal: bool, options: LensOptions) -> _Fit:
-        bundle, _, posed, kept = as_bundle(made, options.compared)
+    def of(cls, made: Solution, recorded: Tracks, free_focal: bool) -> _Fit:
+        bundle, _, posed, kept = as_bundle(made, COMPARED)
         seen = select_observations(recorded, posed, kept, made.used)
         speed = turning_speeds(resected(made, kept)[0], np.array(recorded.frames))
-        whole = cls(bundle, seen, posed, kept, speed, recorded, made.max_error / 2, free_focal, options)
-        some = np.linspace(0, len(posed) - 1, min(len(posed), options.keys)).round().astype(np.int32)
+        whole = cls(bundle, seen, posed, kept, speed, recorded, made.max_error / 2, free_focal)
+        some = np.linspace(0, len(posed) - 1, min(len(posed), KEYS)).round().astype(np.int32)
         return whole if len(some) == len(posed) else whole._part(bundle, some)
 
     def adjusted(self, terms: Sequence[int], parameters: Floats = PINHOLE) -> Adjusted:
@@ -265,7 +255,7 @@ class _Fit:
         lens = replace(undistorted(size, self.speed[self.posed]), free=free, parameters=parameters * free)
         start = replace(self.bundle, distortion=lens)
         how = "common" if self.free_focal else "held"
-        return adjust(start, self.seen, self.loss, how, options=self.options.adjustment)
+        return adjust(start, self.seen, self.loss, how, options=ADJUSTMENT)
 
     def put(self, made: Solution, found: Adjusted, lens: Lens) -> None:
         """Go on with a solve from what was found, the lens taken out of its tracks."""
@@ -284,25 +274,25 @@ class _Fit:
     def sigmas(self, found: Adjusted) -> Floats:
         """(n,) standard deviations of what is common, if tracks and parts of the clip each have an error in
         common. Cameron, Gelbach and Miller, "Robust inference with multiway clustering", 2011."""
-        block = self.seen.frame * self.options.blocks // len(self.posed)
-        both = self.seen.point.astype(np.int64) * self.options.blocks + block
+        block = self.seen.frame * BLOCKS // len(self.posed)
+        both = self.seen.point.astype(np.int64) * BLOCKS + block
         one, other, shared = (np.diag(found.covariance(unit)) for unit in (self.seen.point, block, both))
         # A difference of estimates may be too small by chance.
         return np.asarray(np.sqrt(np.maximum(one + other - shared, np.maximum(one, other))))
 
     def focal_sigma(self, found: Adjusted) -> float:
         """Relative standard deviation of the focal length, with what no covariance knows; 0 where held."""
-        return self.options.compared.unmodelled * float(self.sigmas(found)[0]) if self.free_focal else 0.0
+        return UNMODELLED * float(self.sigmas(found)[0]) if self.free_focal else 0.0
 
     def lens(self, found: Adjusted, terms: Sequence[int]) -> Lens:
         """What was found."""
-        sigma = self.options.compared.unmodelled * self.sigmas(found)[-len(SIGMA) :]
+        sigma = UNMODELLED * self.sigmas(found)[-len(SIGMA) :]
         return Lens(parameters_of(found), sigma * np.isin(np.arange(len(SIGMA)), terms), self.recorded)
 
     def told(self, start: float) -> tuple[tuple[int, ...], Adjusted] | None:
         """Which terms the clip tells, and the cameras with them, whose focal length may be near `start`."""
         terms: tuple[int, ...] = (K1, ACROSS, DOWN)
-        least = (1 - self.options.min_fall) * self.adjusted(()).cost
+        least = (1 - MIN_FALL) * self.adjusted(()).cost
         found = self._best(start, terms)
         while terms and found.cost < least:
             kept = self._kept(found, terms)
@@ -320,7 +310,7 @@ class _Fit:
         can be taken for twice the focal length, from which no way leads back."""
         found = self.adjusted(terms)
         away = float(np.log(start / found.bundle.focal[0]))
-        if not self.free_focal or abs(away) < self.options.near:
+        if not self.free_focal or abs(away) < NEAR:
             return found
         there = replace(self, bundle=stretched(found.bundle, away)[0], free_focal=False)
         other = self._after(there.adjusted(terms, parameters_of(found)), terms)
@@ -335,8 +325,8 @@ class _Fit:
         shutter reads either rows or columns."""
         sigma = self.sigmas(found)[-len(SIGMA) :]
         times = np.abs(parameters_of(found)) / np.maximum(sigma, 1e-12)
-        kept = [term for term in terms if times[term] > self.options.sigmas]
-        if self.free_focal and self.focal_sigma(found) > self.options.focal_sigma:
+        kept = [term for term in terms if times[term] > SIGMAS]
+        if self.free_focal and self.focal_sigma(found) > FOCAL_SIGMA:
             kept = [term for term in kept if term not in (K1, K2)]
         if ACROSS in kept and DOWN in kept:
             kept.remove(ACROSS if times[ACROSS] < times[DOWN] else DOWN)
@@ -347,12 +337,12 @@ class _Fit:
         whole = _effects(found)
         for half in np.array_split(np.arange(len(self.posed), dtype=np.int32), 2):
             part = self._part(found.bundle, half)
-            if len(part.bundle.points) < self.options.min_tracks:
+            if len(part.bundle.points) < MIN_TRACKS:
                 return False
             own = part.adjusted(terms, parameters_of(found))
-            sigma = self.options.compared.unmodelled * part.sigmas(own)[-len(SIGMA) :]
+            sigma = UNMODELLED * part.sigmas(own)[-len(SIGMA) :]
             spread = 2 * np.array([sigma[K1], sigma[ACROSS], sigma[DOWN]])
-            alike = _effects(own) * np.sign(whole) >= self.options.min_share * np.abs(whole)
+            alike = _effects(own) * np.sign(whole) >= MIN_SHARE * np.abs(whole)
             if not np.all(alike | (np.abs(_effects(own) - whole) <= spread)):
                 return False
         return True

@@ -34,27 +34,23 @@ from .tracks import Progress
 
 MODEL = "SIMPLE_RADIAL"
 
-
-@dataclass(frozen=True)
-class PhotoMappingOptions:
-    """How photos are solved. By eye unless a field says otherwise."""
-
-    start_focal: float = 0.85
-    """Focal length to begin with where nothing tells it, in long sides of the photo: a phone's main camera.
-    Wide angles correct it."""
-    wide_angles: tuple[float, ...] = (8.0, 4.0)
-    """Degrees between two photos of a point to begin with, at which focal lengths are found, too; COLMAP's 16
-    fail on photos taken from one place with a stretched arm."""
-    narrow_angles: tuple[float, ...] = (2.0, 1.0)
-    """Degrees with which focal lengths are held: see `keyframes.map_keyframes`."""
-    enough: float = 0.8
-    """Share of the photos with which no other angle is tried."""
-    max_error: float = 4.0
-    """Pixels of a 1,000-pixel photo by which a match may miss its epipolar line: lenses bend."""
-    min_angle: float = 0.5
-    """Median degrees between a point's outermost rays below which there is no depth in the photos."""
-    min_points: int = 12
-    """Points that a model must have."""
+# Chosen by inspection of results, unless a line below gives a measurement.
+START_FOCAL = 0.85
+"""Focal length to begin with where nothing tells it, in long sides of the photo: a phone's main camera.
+Wide angles correct it."""
+WIDE_ANGLES = (8.0, 4.0)
+"""Degrees between two photos of a point to begin with, at which focal lengths are found, too; COLMAP's 16
+fail on photos taken from one place with a stretched arm."""
+NARROW_ANGLES = (2.0, 1.0)
+"""Degrees with which focal lengths are held: see `keyframes.map_keyframes`."""
+ENOUGH = 0.8
+"""Share of the photos with which no other angle is tried."""
+MAX_ERROR = 4.0
+"""Pixels of a 1,000-pixel photo by which a match may miss its epipolar line: lenses bend."""
+MIN_ANGLE = 0.5
+"""Median degrees between a point's outermost rays below which there is no depth in the photos."""
+MIN_POINTS = 12
+"""Points that a model must have."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +70,6 @@ def place_photos(
     focal: Callable[[Photo], float | None],
     is_held: bool,
     progress: Progress,
-    options: PhotoMappingOptions = PhotoMappingOptions(),
 ) -> Placed:
     """Cameras and points of photos from their matches, normalised.
 
@@ -83,23 +78,23 @@ def place_photos(
     """
     with temporary_folder() as folder:
         database = folder / "database.db"
-        lens_of = _write_database(database, photos, matches, focal, options)
+        lens_of = _write_database(database, photos, matches, focal)
         progress("Placing photos", 0, len(photos))
         verification = pycolmap.TwoViewGeometryOptions()
         longest = max(max(photo.width, photo.height) for photo in photos)
-        verification.ransac.max_error = options.max_error * longest / 1000
+        verification.ransac.max_error = MAX_ERROR * longest / 1000
         verification.ransac.random_seed = 0
         threads = pycolmap.GeometricVerifierOptions()
         threads.num_threads = THREADS
         pycolmap.geometric_verification(database, threads, two_view_geometry_options=verification)
         tried: list[tuple[pycolmap.Reconstruction, bool]] = []
-        angles = [(angle, not is_held) for angle in options.wide_angles]
-        angles += [(angle, False) for angle in options.narrow_angles]
+        angles = [(angle, not is_held) for angle in WIDE_ANGLES]
+        angles += [(angle, False) for angle in NARROW_ANGLES]
         for angle, frees in angles:
-            model = _mapped(database, folder, angle, frees, longest, len(photos), progress, options)
+            model = _mapped(database, folder, angle, frees, longest, len(photos), progress)
             if model is not None:
                 tried.append((model, frees))
-                if model.num_reg_images() >= options.enough * len(photos):
+                if model.num_reg_images() >= ENOUGH * len(photos):
                     break
     if not tried:
         raise UserError(
@@ -109,7 +104,7 @@ def place_photos(
     best, is_calibrated = max(tried, key=lambda each: (each[0].num_reg_images(), each[0].num_points3D()))
     reconstruction = normalise(_collected(best, photos, lens_of))
     angle = _median_angle(reconstruction)
-    if angle < options.min_angle:
+    if angle < MIN_ANGLE:
         raise UserError(
             f"these photos are taken from one place ({angle:.2f} degrees between them): too little parallax;"
             " take them from places a step apart"
@@ -122,7 +117,6 @@ def _write_database(
     photos: Sequence[Photo],
     matches: dict[tuple[int, int], Ints],
     focal: Callable[[Photo], float | None],
-    options: PhotoMappingOptions,
 ) -> list[int]:
     """The photos, image i + 1 being photo i, as COLMAP reads them; the numbers of their cameras."""
     known = [focal(photo) for photo in photos]
@@ -134,7 +128,7 @@ def _write_database(
     with pycolmap.Database.open(path) as database, pycolmap.DatabaseTransaction(database):
         for (width, height, own), number in numbers.items():
             camera = pycolmap.Camera.create_from_model_name(
-                number, MODEL, focal_length=own or options.start_focal * max(width, height), width=width,
+                number, MODEL, focal_length=own or START_FOCAL * max(width, height), width=width,
                 height=height,
             )  # fmt: skip
             # COLMAP does not free a length in two views that has a prior, and a guess is better than none.
@@ -166,7 +160,6 @@ def _mapped(
     longest: int,
     count: int,
     progress: Progress,
-    options: PhotoMappingOptions,
 ) -> pycolmap.Reconstruction | None:
     """The best model at an angle to begin with; None where there is none."""
     settings = mapper_options(angle)
@@ -175,7 +168,7 @@ def _mapped(
     mapper = settings.mapper
     mapper.abs_pose_refine_focal_length = mapper.abs_pose_refine_extra_params = frees
     mapper.init_min_num_inliers = 30
-    mapper.filter_max_reproj_error = max(2.0, options.max_error * longest / 2000)
+    mapper.filter_max_reproj_error = max(2.0, MAX_ERROR * longest / 2000)
     mapper.abs_pose_max_error = 3 * mapper.filter_max_reproj_error
     done = [2]
 
@@ -188,7 +181,7 @@ def _mapped(
         database, folder, folder / "model", settings, next_image_callback=next_image
     )
     best = max(models.values(), key=lambda m: (m.num_reg_images(), m.num_points3D()), default=None)
-    is_good = best is not None and best.num_reg_images() > 1 and best.num_points3D() >= options.min_points
+    is_good = best is not None and best.num_reg_images() > 1 and best.num_points3D() >= MIN_POINTS
     return best if is_good else None
 
 

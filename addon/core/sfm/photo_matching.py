@@ -22,19 +22,15 @@ from ..media.picture_file import Pixels
 from .sift import Descriptors, keypoints, make_sift, matched
 from .tracks import Progress
 
-
-@dataclass(frozen=True)
-class MatchingOptions:
-    """What is looked for in photos. By eye."""
-
-    long_side: int = 1600
-    """Pixels of the longer side; larger photos are shrunk for their features."""
-    features: int = 4000
-    """The strongest keypoints of a photo that are matched, of up to `few` photos."""
-    few: int = 30
-    """Photos past which fewer of their keypoints are matched, so that all pairs take minutes, not hours."""
-    least_features: int = 2000
-    """The strongest keypoints of a photo that are matched, of many photos."""
+# Chosen by inspection of results, unless a line below gives a measurement.
+LONG_SIDE = 1600
+"""Pixels of the longer side; larger photos are shrunk for their features."""
+FEATURES = 4000
+"""The strongest keypoints of a photo that are matched, of up to `FEW` photos."""
+FEW = 30
+"""Photos past which fewer of their keypoints are matched, so that all pairs take minutes, not hours."""
+LEAST_FEATURES = 2000
+"""The strongest keypoints of a photo that are matched, of many photos."""
 
 
 @dataclass(frozen=True)
@@ -53,9 +49,7 @@ class Photo:
     """(n, 3) sRGB."""
 
 
-def find_features(
-    footage: Footage, progress: Progress, options: MatchingOptions = MatchingOptions()
-) -> list[Photo]:
+def find_features(footage: Footage, progress: Progress) -> list[Photo]:
     """The features of all photos; UserError where there are too few photos or too many, or one cannot be
     read."""
     count = len(footage.frames)
@@ -64,20 +58,18 @@ def find_features(
             f"{footage.path.name} has {counted(count, 'photo')}; 2 to {MOST_STILLS} can be matched with"
             " each other; put those of one scene in a folder"
         )
-    most = options.features if count <= options.few else options.least_features
+    most = FEATURES if count <= FEW else LEAST_FEATURES
     sift, found = make_sift(0.01), []
     for done, frame in enumerate(footage.frames):
         progress("Finding features", done, count)
-        found.append(_features(sift, footage.read(frame), frame, footage.file(frame).name, most, options))
+        found.append(_features(sift, footage.read(frame), frame, footage.file(frame).name, most))
     return found
 
 
-def _features(
-    sift: cv2.SIFT, picture: Pixels, frame: int, name: str, most: int, options: MatchingOptions
-) -> Photo:
+def _features(sift: cv2.SIFT, picture: Pixels, frame: int, name: str, most: int) -> Photo:
     height, width = picture.shape[:2]
     gray: Bytes = to_gray8(picture)
-    zoom = min(1.0, options.long_side / max(width, height))
+    zoom = min(1.0, LONG_SIDE / max(width, height))
     if zoom < 1:
         size = (max(round(width * zoom), 1), max(round(height * zoom), 1))
         gray = np.asarray(cv2.resize(gray, size, interpolation=cv2.INTER_AREA), np.uint8)

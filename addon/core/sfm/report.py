@@ -33,7 +33,8 @@ UNTOLD_DEPTH = 0.5
 EXPLAINED = 0.8
 WRONG_ERROR, WRONG_SHARE = 4.0, 0.005
 """Mean reprojection error, in pixels and in long sides, above both of which a model is not of these frames:
-COLMAP drops observations from 4 pixels on, and half a per cent is what large pictures are allowed. By eye."""
+COLMAP drops observations from 4 pixels on, and half a per cent is what large pictures are allowed. Chosen by
+inspection."""
 
 
 @dataclass(frozen=True)

@@ -8,29 +8,31 @@ import numpy as np
 
 from ..base.arrays import Floats, Ints
 from .bundle_adjustment import AdjustmentOptions, Bundle, Observations, adjust
-from .small_motion import SmallMotionOptions, agreement, select_observations
-from .solution import Solution
+from .small_motion import agreement, select_observations
+from .solution import MIN_VIEWS, Solution
 from .tracks import Tracks
+
+# Chosen by inspection of results, unless a line below gives a measurement.
+UNMODELLED = 2.0
+"""Factor by which errors of focal lengths on clips with truth exceed what the covariance says of them,
+which knows nothing of occlusions and highlights (`make bench-solve`)."""
+MIN_AGREEMENT = 0.6
+"""Rank correlation of the depths from the clip's two halves below which there is no depth in it."""
+ZOOM_STEP = 0.02
+"""Relative change of the focal length from a keyframe to the next that costs as much as all tracks that
+miss by a tenth of a pixel."""
+ZOOM_STEPS = 200
+"""Steps of an adjustment with a focal length a frame, which takes more of them than others."""
 
 
 @dataclass(frozen=True)
 class CalibrationOptions:
-    """How focal lengths are refined, and when a moving camera is believed. By eye where no field says how."""
+    """Which tracks take part in an adjustment. Chosen by inspection of results."""
 
-    unmodelled: float = 2.0
-    """Factor by which errors of focal lengths on clips with truth exceed what the covariance says of them,
-    which knows nothing of occlusions and highlights (`make bench-solve`)."""
     longest: int = 1500
     """Number of the clip's longest tracks to find a focal length by."""
     longest_in_frame: int = 60
     """Number of each frame's longest tracks that are taken beside the clip's."""
-    min_agreement: float = 0.6
-    """Rank correlation of the depths from the clip's two halves below which there is no depth in it."""
-    zoom_step: float = 0.02
-    """Relative change of the focal length from a keyframe to the next that costs as much as all tracks that
-    miss by a tenth of a pixel."""
-    zoom_steps: int = 200
-    """Steps of an adjustment with a focal length a frame, which takes more of them than others."""
 
 
 def refine_focal_length(
@@ -47,7 +49,7 @@ def refine_focal_length(
         return 0.0, False
     bundle, seen, posed, kept = as_bundle(made, options)
     freed = adjust(bundle, seen, made.max_error / 2, "common")
-    sigma = max(options.unmodelled * freed.focal_sigma, 1e-4)
+    sigma = max(UNMODELLED * freed.focal_sigma, 1e-4)
     weight = known**2 / (known**2 + sigma**2) if np.isfinite(sigma) else 0.0
     wanted = float(np.exp((1 - weight) * np.log(start) + weight * np.log(freed.bundle.focal[0])))
     # On the way to a focal length that the clip does not determine, poses and points have to follow.
@@ -57,7 +59,9 @@ def refine_focal_length(
     return float(1 / np.sqrt(1 / known**2 + 1 / sigma**2)), weight > 0.5
 
 
-def as_bundle(made: Solution, options: CalibrationOptions) -> tuple[Bundle, Observations, Ints, Ints]:
+def as_bundle(
+    made: Solution, options: CalibrationOptions = CalibrationOptions()
+) -> tuple[Bundle, Observations, Ints, Ints]:
     """The keyframes and the best of their points for an adjustment; frames (k,) and tracks (p,) that they
     are."""
     tracks = made.tracks
@@ -69,7 +73,7 @@ def as_bundle(made: Solution, options: CalibrationOptions) -> tuple[Bundle, Obse
     frame = tracks.frame_index[by_frame]
     place = np.arange(len(frame)) - np.searchsorted(frame, frame)
     kept = np.union1d(longest, tracks.track[by_frame[place < options.longest_in_frame]]).astype(np.int32)
-    kept = kept[views[kept] >= made.options.min_views]
+    kept = kept[views[kept] >= MIN_VIEWS]
     points = np.column_stack([made.xyz[kept], np.ones(len(kept))])
     points /= np.linalg.norm(points, axis=1, keepdims=True)
     return (
@@ -86,12 +90,12 @@ def put_back(made: Solution, bundle: Bundle, posed: Ints, kept: Ints) -> None:
     made.xyz[kept] = bundle.world
 
 
-def halves_disagree(made: Solution, options: CalibrationOptions, motion: SmallMotionOptions) -> bool:
+def halves_disagree(made: Solution) -> bool:
     """Whether the clip's two halves find different depths: reprojection errors of a pan look as good as those
     of any other solve."""
-    bundle, seen, _, _ = as_bundle(made, options)
-    correlation = agreement(seen, bundle, motion)
-    return correlation is not None and correlation < options.min_agreement
+    bundle, seen, _, _ = as_bundle(made)
+    correlation = agreement(seen, bundle)
+    return correlation is not None and correlation < MIN_AGREEMENT
 
 
 # Zoom
@@ -130,18 +134,14 @@ def zoomed(tracks: Tracks, ratio: Floats) -> Tracks:
     return replace(tracks, xy=(tracks.xy - centre) / ratio[tracks.frame_index, None] + centre)
 
 
-def refine_zoom(
-    made: Solution, tracks: Tracks, ratio: Floats, options: CalibrationOptions = CalibrationOptions()
-) -> None:
+def refine_zoom(made: Solution, tracks: Tracks, ratio: Floats) -> None:
     """Turn a solution of tracks whose zoom, `ratio` (F,), was taken out into one of `tracks`, with a focal
     length a frame."""
     made.tracks = tracks
     made.focal = made.focal * ratio
-    bundle, seen, posed, kept = as_bundle(made, options)
-    tie = 0.01 * len(kept) / options.zoom_step**2
-    refined = adjust(
-        bundle, seen, made.max_error / 2, "each", tie, AdjustmentOptions(steps=options.zoom_steps)
-    )
+    bundle, seen, posed, kept = as_bundle(made)
+    tie = 0.01 * len(kept) / ZOOM_STEP**2
+    refined = adjust(bundle, seen, made.max_error / 2, "each", tie, AdjustmentOptions(steps=ZOOM_STEPS))
     put_back(made, refined.bundle, posed, kept)
     # Between the keyframes the picture's growth is the better guide.
     frames = np.arange(len(tracks.frames))

@@ -7,45 +7,37 @@ pixel's middle at (0, 0).
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from ..base.arrays import Bytes, Ints, Mask
-from .klt import CellOptions, Numbers, Places, best_of_cells, cell_size, neighbour_consistency
-from .template_tracking import Patches, Rows, TemplateOptions
+from .klt import CELLS, Numbers, Places, best_of_cells, cell_size, neighbour_consistency
+from .template_tracking import Patches, Rows
 
 Descriptors = NDArray[np.float32]
 
-
-@dataclass(frozen=True)
-class SIFTOptions:
-    """Keypoints and how they are matched. By eye where a field names no paper."""
-
-    contrast: float = 0.01
-    """Contrast of a keypoint at least, of 1; a quarter of OpenCV's default: weak regions must have some."""
-    per_cell: int = 3
-    """Keypoints in each cell of the frame, at most, that are matched."""
-    max_ratio: float = 0.8
-    """Distance of the best match over the second best's, at most (Lowe's paper, section 7.1)."""
-    patience: int = 10
-    """Frames after which a keypoint that was followed and is not found any more is given up."""
-    max_epipolar: float = 1.0
-    """Pixels between a match and its epipolar line, at most."""
-    jump: float = 2.0
-    """Pixels a frame by which a match may move otherwise than its neighbours."""
-    min_support: int = 16
-    """Matches that must agree on how the camera moved."""
-    min_agreeing: float = 0.5
-    """Share of all matches that must agree on how the camera moved; across a cut, chance has fewer."""
-    renew: float = 0.9
-    """Share of the points followed below which new ones are looked for: finding them is slow."""
-    grid: CellOptions = field(default_factory=CellOptions)
-    """The cells of a frame."""
-    template: TemplateOptions = field(default_factory=TemplateOptions)
-    """How the patches of points are found again."""
+# Chosen by inspection of results, unless a line below gives a measurement.
+CONTRAST = 0.01
+"""Contrast of a keypoint at least, of 1; a quarter of OpenCV's default: weak regions must have some."""
+PER_CELL = 3
+"""Keypoints in each cell of the frame, at most, that are matched."""
+MAX_RATIO = 0.8
+"""Distance of the best match over the second best's, at most (Lowe's paper, section 7.1)."""
+PATIENCE = 10
+"""Frames after which a keypoint that was followed and is not found any more is given up."""
+MAX_EPIPOLAR = 1.0
+"""Pixels between a match and its epipolar line, at most."""
+JUMP = 2.0
+"""Pixels a frame by which a match may move otherwise than its neighbours."""
+MIN_SUPPORT = 16
+"""Matches that must agree on how the camera moved."""
+MIN_AGREEING = 0.5
+"""Share of all matches that must agree on how the camera moved; across a cut, chance has fewer."""
+RENEW = 0.9
+"""Share of the points followed below which new ones are looked for: finding them is slow."""
 
 
 @dataclass
@@ -87,14 +79,13 @@ def keypoints(sift: cv2.SIFT, gray: Bytes, mask: Bytes | None = None, described:
 class Detector:
     """SIFT's keypoints for `KLTTracker`, the strongest of each cell that holds no point."""
 
-    def __init__(self, options: SIFTOptions = SIFTOptions()) -> None:
-        self._options = options
-        self._sift = make_sift(options.contrast)
+    def __init__(self) -> None:
+        self._sift = make_sift(CONTRAST)
         self._last_count = 0.0
 
     def __call__(self, gray: Bytes, points: Places) -> Places:
         """New points (k, 2) of a frame (H, W) beside those there are (n, 2); none while there are enough."""
-        if len(points) > self._options.renew * self._last_count:
+        if len(points) > RENEW * self._last_count:
             return np.zeros((0, 2), np.float32)
         found = keypoints(self._sift, gray, described=False)
         column, row = np.clip(np.rint(found.places).astype(int), 0, np.array(gray.shape[::-1]) - 1).T
@@ -102,7 +93,7 @@ class Detector:
         weakest_first = np.argsort(found.response)
         strength[row[weakest_first], column[weakest_first]] = found.response[weakest_first]
         which[row[weakest_first], column[weakest_first]] = weakest_first
-        column, row = best_of_cells(strength, 0.0, points, self._options.grid.cells).T
+        column, row = best_of_cells(strength, 0.0, points, CELLS).T
         self._last_count = float(len(points) + len(column))
         return np.asarray(found.places[which[row, column]], np.float32)
 
@@ -127,13 +118,12 @@ class _Known(Rows):
 class Matcher:
     """Matches the keypoints of frames that are shown to it one after the other."""
 
-    def __init__(self, options: SIFTOptions = SIFTOptions()) -> None:
-        self._options = options
-        self._sift = make_sift(options.contrast)
+    def __init__(self) -> None:
+        self._sift = make_sift(CONTRAST)
         self._born = 0
         self._index = 0
         self._known = self._new(Keypoints.none())
-        self._past: deque[tuple[Numbers, Places]] = deque(maxlen=options.patience)
+        self._past: deque[tuple[Numbers, Places]] = deque(maxlen=PATIENCE)
 
     def _new(self, found: Keypoints) -> _Known:
         count = len(found.places)
@@ -147,13 +137,13 @@ class Matcher:
     def step(self, gray: Bytes) -> tuple[Numbers, Places]:
         """Track numbers (n,), ascending, and places (n, 2) in the next frame (H, W)."""
         found = keypoints(self._sift, gray)
-        options, cell = self._options, cell_size(gray, self._options.grid.cells)
-        found = found.kept(strongest_of_cells(found, cell, options.per_cell))
-        old, new = matched(self._known.looks, found.descriptors, options)
+        cell = cell_size(gray, CELLS)
+        found = found.kept(strongest_of_cells(found, cell, PER_CELL))
+        old, new = matched(self._known.looks, found.descriptors)
         good = self._agreeing(self._known.kept(old), found.places[new], cell)
         again, new = self._known.kept(old[good]), new[good]
         picture = gray.astype(np.float32)
-        again.places, alike = again.patches.refined(picture, found.places[new], options.template)
+        again.places, alike = again.patches.refined(picture, found.places[new])
         again.looks, again.seen = found.descriptors[new], np.full(len(new), self._index)
         again.views += 1
         rest = np.ones(len(found.places), bool)
@@ -163,7 +153,7 @@ class Matcher:
         now.patches.learn(picture, now.places)
         # What had been followed, and is not long gone, may come back.
         lost = ~np.isin(self._known.numbers, now.numbers) & (self._known.views > 1)
-        lost &= self._index - self._known.seen < self._options.patience
+        lost &= self._index - self._known.seen < PATIENCE
         self._known = self._known.kept(lost).joined(now)
         self._past.appendleft((now.numbers, now.places))
         self._index += 1
@@ -181,19 +171,17 @@ class Matcher:
             candidates = np.nonzero((age == each) | good)[0]
             _, here, there = np.intersect1d(known.numbers[candidates], numbers, return_indices=True)
             rows = candidates[here]
-            now, jump = places[rows], self._options.jump * each
-            alike, judged = neighbour_consistency(before[there], now, cell, jump, self._options.grid)
+            now, jump = places[rows], JUMP * each
+            alike, judged = neighbour_consistency(before[there], now, cell, jump)
             # A wall alone does not determine the fundamental matrix for what stands before it.
-            fits = alike | (epipolar(before[there], now, self._options) & ~judged)
-            if fits.sum() >= max(self._options.min_support, self._options.min_agreeing * len(fits)):
+            fits = alike | (epipolar(before[there], now) & ~judged)
+            if fits.sum() >= max(MIN_SUPPORT, MIN_AGREEING * len(fits)):
                 good[rows[fits & (age[rows] == each)]] = True
         return good
 
 
-def matched(
-    before: Descriptors, after: Descriptors, options: SIFTOptions = SIFTOptions()
-) -> tuple[Ints, Ints]:
-    """Rows of (n, d) and (m, d) descriptors that belong together: each other's best by `max_ratio`."""
+def matched(before: Descriptors, after: Descriptors) -> tuple[Ints, Ints]:
+    """Rows of (n, d) and (m, d) descriptors that belong together: each other's best by `MAX_RATIO`."""
     if len(before) < 2 or len(after) < 2:
         return np.zeros(0, np.int32), np.zeros(0, np.int32)
     squared = before @ after.T
@@ -204,19 +192,19 @@ def matched(
     best = squared.argmin(axis=1)
     first = squared[rows, best]
     squared[rows, best] = np.inf
-    clear = np.maximum(first, 0) < options.max_ratio**2 * squared.min(axis=1)
+    clear = np.maximum(first, 0) < MAX_RATIO**2 * squared.min(axis=1)
     squared[rows, best] = first
     old = np.nonzero(clear)[0]
     old = old[squared[:, best[old]].argmin(axis=0) == old]
     return old.astype(np.int32), best[old].astype(np.int32)
 
 
-def epipolar(before: Places, after: Places, options: SIFTOptions = SIFTOptions()) -> Mask:
+def epipolar(before: Places, after: Places) -> Mask:
     """(n,) which pairs fit one fundamental matrix; none where there are too few to find it."""
     if len(before) < 8:
         return np.zeros(len(before), bool)
     # OpenCV's newer estimators fail an assertion where all pairs move alike.
-    matrix, fits = cv2.findFundamentalMat(before, after, cv2.FM_RANSAC, options.max_epipolar, 0.999, 500)
+    matrix, fits = cv2.findFundamentalMat(before, after, cv2.FM_RANSAC, MAX_EPIPOLAR, 0.999, 500)
     return np.zeros(len(before), bool) if matrix is None else np.asarray(fits.ravel() == 1)
 
 

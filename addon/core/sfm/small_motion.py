@@ -19,19 +19,15 @@ from .bundle_adjustment import Adjusted, Bundle, Observations, adjust
 from .degeneracy import kabsch
 from .tracks import Tracks
 
-
-@dataclass(frozen=True)
-class SmallMotionOptions:
-    """Which tracks span a clip, and when the depths of its halves can be compared. By eye."""
-
-    min_share: float = 0.4
-    """Share of the keyframes in which a track must be seen."""
-    min_views: int = 4
-    """Keyframes in which a track must be seen, and of a half of them to have a depth from it."""
-    min_common: int = 30
-    """Points with a depth from both halves of a clip, with fewer of which these are not compared."""
-    loss: float = 1.0
-    """Pixels of a 1,000-pixel frame from which on a reprojection error loses weight (Huber)."""
+# Chosen by inspection of results, unless a line below gives a measurement.
+MIN_SHARE = 0.4
+"""Share of the keyframes in which a track must be seen."""
+MIN_VIEWS = 4
+"""Keyframes in which a track must be seen, and of a half of them to have a depth from it."""
+MIN_COMMON = 30
+"""Points with a depth from both halves of a clip, with fewer of which these are not compared."""
+LOSS = 1.0
+"""Pixels of a 1,000-pixel frame from which on a reprojection error loses weight (Huber)."""
 
 
 @dataclass(frozen=True)
@@ -46,16 +42,14 @@ class LongTracks:
     """Pixels."""
 
 
-def long_tracks(
-    tracks: Tracks, keys: list[int], options: SmallMotionOptions = SmallMotionOptions()
-) -> LongTracks:
+def long_tracks(tracks: Tracks, keys: list[int]) -> LongTracks:
     """The tracks that are seen in enough of the keyframes `keys`, indices of the clip's frames."""
     in_keys = np.isin(tracks.frame_index, keys)
     views = np.bincount(tracks.track[in_keys], minlength=tracks.count)
-    least = max(options.min_views, options.min_share * len(keys))
+    least = max(MIN_VIEWS, MIN_SHARE * len(keys))
     kept = np.nonzero(views >= least)[0].astype(np.int32)
     seen = select_observations(tracks, np.array(keys, np.int32), kept, in_keys)
-    return LongTracks(seen, kept, len(keys), options.loss * max(tracks.width, tracks.height) / 1000)
+    return LongTracks(seen, kept, len(keys), LOSS * max(tracks.width, tracks.height) / 1000)
 
 
 def select_observations(
@@ -101,18 +95,16 @@ def general_motion(span: LongTracks, start: Bundle) -> Adjusted:
     return found
 
 
-def agreement(
-    seen: Observations, bundle: Bundle, options: SmallMotionOptions = SmallMotionOptions()
-) -> float | None:
+def agreement(seen: Observations, bundle: Bundle) -> float | None:
     """Rank correlation of the points' inverse depths from the clip's first half and from its second.
 
     Depth that is really there is found twice; what follows from noise and drift of the tracks is not. None
     where too few points are seen in both halves.
     """
     half = (len(bundle.focal) + 1) // 2
-    halves = [_inverse_depths(seen, bundle, seen.frame // half == n, options.min_views) for n in (0, 1)]
+    halves = [_inverse_depths(seen, bundle, seen.frame // half == n, MIN_VIEWS) for n in (0, 1)]
     both = np.all(np.isfinite(halves), axis=0)
-    if both.sum() < options.min_common:
+    if both.sum() < MIN_COMMON:
         return None
     first, second = (np.argsort(np.argsort(each[both])).astype(np.float64) for each in halves)
     return float(np.corrcoef(first, second)[0, 1])

@@ -11,21 +11,17 @@ from ..base.arrays import Floats, Ints, Mask
 from ..camera.reconstruction import Image, Intrinsics, Points, Reconstruction, outermost_angles
 from .tracks import Progress, Tracks
 
-
-@dataclass(frozen=True)
-class SolutionOptions:
-    """Which observations, points and frames are kept. By eye."""
-
-    max_error: float = 2.0
-    """Reprojection error of a kept observation at most, in pixels of a 1,000-pixel frame."""
-    close: float = 0.25
-    """Share of `max_error` at which an observation no longer speaks for a solution."""
-    min_points: int = 12
-    """Points that a frame must see to have a pose, and that a model must have."""
-    min_views: int = 3
-    """Frames that must see a kept point, and a track that counts as a lasting one."""
-    min_angle: float = 0.3
-    """Degrees between the outermost rays of a kept point that are enough in any clip."""
+# Chosen by inspection of results, unless a line below gives a measurement.
+LARGEST_ERROR = 2.0
+"""Reprojection error of a kept observation at most, in pixels of a 1,000-pixel frame."""
+CLOSE = 0.25
+"""Share of `LARGEST_ERROR` at which an observation no longer speaks for a solution."""
+MIN_POINTS = 12
+"""Points that a frame must see to have a pose, and that a model must have."""
+MIN_VIEWS = 3
+"""Frames that must see a kept point, and a track that counts as a lasting one."""
+MIN_ANGLE = 0.3
+"""Degrees between the outermost rays of a kept point that are enough in any clip."""
 
 
 @dataclass
@@ -43,8 +39,8 @@ class Solution:
     """(count, 3); NaN where a track has no point."""
     used: Mask
     """(m,) observations that take part."""
-    options: SolutionOptions = SolutionOptions()
-    """By which observations, points and frames are kept."""
+    largest_error: float = LARGEST_ERROR
+    """Reprojection error of a kept observation at most, in pixels of a 1,000-pixel frame."""
     recorded: Floats | None = None
     """(m, 2) places of the observations in the clip, where something of the camera was taken out of those of
     `tracks`."""
@@ -57,7 +53,7 @@ class Solution:
     @property
     def max_error(self) -> float:
         """Pixels by which an observation may be off."""
-        return self.options.max_error * max(self.tracks.width, self.tracks.height) / 1000
+        return self.largest_error * max(self.tracks.width, self.tracks.height) / 1000
 
     def rays(self) -> tuple[Floats, Floats]:
         """(F, 3) camera centres and (m, 3) unit world directions of all observations."""
@@ -78,23 +74,23 @@ class Solution:
         return np.where(local[:, 2] <= 0, np.inf, error)
 
 
-def empty(tracks: Tracks, focal: float, options: SolutionOptions = SolutionOptions()) -> Solution:
+def empty(tracks: Tracks, focal: float, largest_error: float = LARGEST_ERROR) -> Solution:
     """No pose and no point yet."""
     frames = len(tracks.frames)
     return Solution(
         tracks, np.full(frames, focal), np.full((frames, 3, 3), np.nan), np.full((frames, 3), np.nan),
-        np.full((tracks.count, 3), np.nan), np.ones(len(tracks.xy), bool), options,
+        np.full((tracks.count, 3), np.nan), np.ones(len(tracks.xy), bool), largest_error,
     )  # fmt: skip
 
 
 def explained(solution: Solution) -> tuple[float, Ints]:
     """Share of lasting tracks' observations that take part, and the lasting tracks (k,) without a point.
 
-    Lasting are tracks that `min_views` registered frames see.
+    Lasting are tracks that `MIN_VIEWS` registered frames see.
     """
     tracks = solution.tracks
     posed = np.isfinite(solution.translation[tracks.frame_index, 0])
-    lasting = np.bincount(tracks.track[posed], minlength=tracks.count) >= solution.options.min_views
+    lasting = np.bincount(tracks.track[posed], minlength=tracks.count) >= MIN_VIEWS
     rows = posed & lasting[tracks.track]
     without = np.nonzero(lasting & np.isnan(solution.xyz[:, 0]))[0]
     return float(solution.used[rows].mean()) if rows.any() else 0.0, without.astype(np.int32)
@@ -110,10 +106,10 @@ def score(solution: Solution, keys: list[int]) -> float:
     is_key = np.zeros(len(tracks.frames), bool)
     is_key[keys] = True
     rows = is_key[tracks.frame_index]
-    lasting = np.bincount(tracks.track[rows], minlength=tracks.count) >= solution.options.min_views
+    lasting = np.bincount(tracks.track[rows], minlength=tracks.count) >= MIN_VIEWS
     rows &= lasting[tracks.track]
     error = np.where(solution.used, solution.errors(), np.inf)[rows]
-    share = np.nan_to_num(error, nan=np.inf) / (solution.options.close * solution.max_error)
+    share = np.nan_to_num(error, nan=np.inf) / (CLOSE * solution.max_error)
     return float(np.maximum(1 - share**2, 0).mean()) if rows.any() else 0.0
 
 
@@ -125,7 +121,7 @@ def register_frames(solution: Solution, progress: Progress) -> None:
         progress("Registering frames", done, len(missing))
         ids, xy = tracks.in_frame(int(index))
         known = np.isfinite(solution.xyz[ids, 0])
-        if known.sum() < solution.options.min_points:
+        if known.sum() < MIN_POINTS:
             continue
         world, seen = solution.xyz[ids[known]], xy[known]
         lens = np.diag([solution.focal[index], solution.focal[index], 1.0])
@@ -135,7 +131,7 @@ def register_frames(solution: Solution, progress: Progress) -> None:
             world, seen, lens, None, iterationsCount=200,
             reprojectionError=2 * solution.max_error, flags=cv2.SOLVEPNP_SQPNP,
         )  # fmt: skip
-        if not found or inliers is None or len(inliers) < max(solution.options.min_points, 0.3 * known.sum()):
+        if not found or inliers is None or len(inliers) < max(MIN_POINTS, 0.3 * known.sum()):
             continue
         rows = inliers.ravel()
         turn, shift = cv2.solvePnPRefineLM(world[rows], seen[rows], lens, None, turn, shift)
@@ -149,16 +145,14 @@ def triangulate(solution: Solution) -> None:
     # What was dropped with another pose or focal length is tried again.
     solution.used = np.ones(len(tracks.xy), bool)
     posed = np.isfinite(solution.translation[:, 0])
-    wanted = np.isnan(solution.xyz[:, 0]) & (
-        np.bincount(tracks.track, minlength=tracks.count) >= solution.options.min_views
-    )
+    wanted = np.isnan(solution.xyz[:, 0]) & (np.bincount(tracks.track, minlength=tracks.count) >= MIN_VIEWS)
     xyz = nearest_points(solution, wanted[tracks.track] & posed[tracks.frame_index])
     solution.xyz[wanted] = xyz[wanted]
 
 
 def nearest_points(solution: Solution, rows: Mask, weights: Floats | None = None) -> Floats:
     """(count, 3) points where the rays of the observations `rows` (m,) come closest, by least squares with
-    `weights` (m,); NaN where fewer than `min_views` of a track are among them, or these are parallel."""
+    `weights` (m,); NaN where fewer than `MIN_VIEWS` of a track are among them, or these are parallel."""
     tracks = solution.tracks
     track, frame = tracks.track[rows], tracks.frame_index[rows]
     centres, rays = solution.rays()
@@ -169,7 +163,7 @@ def nearest_points(solution: Solution, rows: Mask, weights: Floats | None = None
     right = np.zeros((tracks.count, 3))
     np.add.at(system, track, away)
     np.add.at(right, track, np.einsum("mij,mj->mi", away, centres[frame]))
-    good = np.bincount(track, minlength=tracks.count) >= solution.options.min_views
+    good = np.bincount(track, minlength=tracks.count) >= MIN_VIEWS
     # Nearly parallel rays make the system singular: no depth.
     total = np.bincount(track, None if weights is None else weights[rows], tracks.count)
     good[good] = np.linalg.eigvalsh(system[good])[:, 0] > 1e-10 * total[good]
@@ -188,7 +182,7 @@ def drop_bad(solution: Solution) -> None:
     seen = np.bincount(tracks.track, weights=posed, minlength=tracks.count)
     views = np.bincount(tracks.track[solution.used], minlength=tracks.count)
     # A point that half of its own observations contradict moves on its own or was tracked wrongly.
-    solution.xyz[(views < solution.options.min_views) | (views < 0.5 * seen)] = np.nan
+    solution.xyz[(views < MIN_VIEWS) | (views < 0.5 * seen)] = np.nan
     solution.used &= np.isfinite(solution.xyz[tracks.track, 0])
 
 
@@ -205,7 +199,7 @@ def drop_shallow(solution: Solution) -> float:
     angle = outermost_angles(towards, tracks.track[used], tracks.count)
     placed = np.isfinite(solution.xyz[:, 0]) & np.isfinite(angle)
     median = float(np.median(angle[placed])) if placed.any() else 0.0
-    solution.xyz[~(angle >= min(solution.options.min_angle, median / 3))] = np.nan
+    solution.xyz[~(angle >= min(MIN_ANGLE, median / 3))] = np.nan
     solution.used &= np.isfinite(solution.xyz[tracks.track, 0])
     kept = angle[np.isfinite(solution.xyz[:, 0])]
     return float(np.median(kept)) if len(kept) else 0.0
@@ -216,7 +210,7 @@ def collect(solution: Solution) -> Reconstruction:
     tracks, used = solution.tracks, solution.used
     count = tracks.count
     views = np.bincount(tracks.track[used], minlength=count)
-    kept = np.isfinite(solution.xyz[:, 0]) & (views >= solution.options.min_views)
+    kept = np.isfinite(solution.xyz[:, 0]) & (views >= MIN_VIEWS)
     number = np.cumsum(kept) - 1
     total = np.bincount(tracks.track[used], weights=solution.errors()[used], minlength=count)
     points = Points(solution.xyz[kept], tracks.rgb[kept], total[kept] / views[kept])
@@ -225,7 +219,7 @@ def collect(solution: Solution) -> Reconstruction:
     observed = np.nonzero(used)[0]
     first = np.searchsorted(tracks.frame_index[observed], np.arange(1, len(tracks.frames)))
     for index, rows in enumerate(np.split(observed, first)):
-        if len(rows) >= solution.options.min_points and np.isfinite(solution.translation[index, 0]):
+        if len(rows) >= MIN_POINTS and np.isfinite(solution.translation[index, 0]):
             ids: Ints = number[tracks.track[rows]].astype(np.int32)
             rotation, translation = solution.rotation[index], solution.translation[index]
             xy = (tracks.xy if solution.recorded is None else solution.recorded)[rows]

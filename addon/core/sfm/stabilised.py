@@ -20,24 +20,20 @@ import numpy as np
 from ..base.arrays import Floats, Ints
 from ..base.errors import Remedy, UserError
 from .bundle_adjustment import Observations
-from .small_motion import SmallMotionOptions, long_tracks
-from .solution import Solution
+from .small_motion import long_tracks
+from .solution import CLOSE, Solution
 
-
-@dataclass(frozen=True)
-class ShiftOptions:
-    """When pictures are taken to be shifted. By eye."""
-
-    rounds: int = 40
-    """Rounds of alternating least squares."""
-    min_tracks: int = 40
-    """Tracks that two keyframes must share to begin with, and whose depths can be compared."""
-    min_gain: float = 1.2
-    """Ratio of the scores of shifted pictures and of cameras that turn, past which a clip is refused."""
-    telling_score: float = 0.5
-    """Score of shifted pictures (1 explains all) past which they tell the order of the tracks' motion."""
-    min_order: float = 0.5
-    """Absolute rank correlation of a solve's inverse depths with motion below which they contradict it."""
+# Chosen by inspection of results, unless a line below gives a measurement.
+ROUNDS = 40
+"""Rounds of alternating least squares."""
+MIN_TRACKS = 40
+"""Tracks that two keyframes must share to begin with, and whose depths can be compared."""
+MIN_GAIN = 1.2
+"""Ratio of the scores of shifted pictures and of cameras that turn, past which a clip is refused."""
+TELLING_SCORE = 0.5
+"""Score of shifted pictures (1 explains all) past which they tell the order of the tracks' motion."""
+MIN_ORDER = 0.5
+"""Absolute rank correlation of a solve's inverse depths with motion below which they contradict it."""
 
 
 @dataclass(frozen=True)
@@ -50,9 +46,7 @@ class Shifted:
     """(m,) pixels by which it misses each observation."""
 
 
-def fit_shifts(
-    seen: Observations, frames: int, points: int, loss: float, options: ShiftOptions = ShiftOptions()
-) -> Shifted | None:
+def fit_shifts(seen: Observations, frames: int, points: int, loss: float) -> Shifted | None:
     """Of observations in so many frames of so many points; `loss` in pixels. None where they hang together
     too little."""
     frame, point, xy = seen.frame, seen.point, seen.xy
@@ -61,7 +55,7 @@ def fit_shifts(
     flow = place - place[0]
     spread = [
         float(np.nanmedian(np.abs(f - np.nanmedian(f, axis=0))))
-        if np.isfinite(f[:, 0]).sum() >= options.min_tracks else 0.0
+        if np.isfinite(f[:, 0]).sum() >= MIN_TRACKS else 0.0
         for f in flow
     ]  # fmt: skip
     widest = int(np.argmax(spread))
@@ -75,7 +69,7 @@ def fit_shifts(
     weight = np.where(np.isfinite(depth), 1.0, 0.0)[point]
     move, shift = np.zeros((frames, 2)), np.zeros((frames, 2))
     error = np.zeros(len(xy))
-    for _ in range(options.rounds):
+    for _ in range(ROUNDS):
         move, shift = _slopes(depth[point], xy - at[point], weight, frame, frames)
         displacement = move[frame]
         depth, at = _common_slope(displacement, xy - shift[frame], _weight(error, loss), point, points)
@@ -133,14 +127,12 @@ class Compared:
 def compare(
     made: Solution,
     keys: list[int],
-    options: ShiftOptions,
-    motion: SmallMotionOptions,
 ) -> Compared | None:
     """A solve of the keyframes `keys` beside shifts; None where too few tracks span them."""
-    span = long_tracks(made.tracks, keys, motion)
-    if len(span.tracks) < options.min_tracks:
+    span = long_tracks(made.tracks, keys)
+    if len(span.tracks) < MIN_TRACKS:
         return None
-    found = fit_shifts(span.seen, span.frames, len(span.tracks), span.loss, options)
+    found = fit_shifts(span.seen, span.frames, len(span.tracks), span.loss)
     if found is None:
         return None
     index = np.array(keys)[span.seen.frame]
@@ -150,11 +142,11 @@ def compare(
         at = local[:, :2] / local[:, 2:] * made.focal[index, None]
     own = np.linalg.norm(at - span.seen.xy, axis=1)
     own = np.where(local[:, 2] > 0, own, np.inf)
-    close = made.options.close * made.max_error
+    close = CLOSE * made.max_error
     middle = keys[len(keys) // 2]
     depth = (world @ made.rotation[middle].T + made.translation[middle])[:, 2]
     good = np.isfinite(depth) & (depth > 0)
-    enough = good.sum() >= options.min_tracks
+    enough = good.sum() >= MIN_TRACKS
     order = _rank_correlation(1 / depth[good], found.inverse_depth[good]) if enough else 1.0
     return Compared(_score(own, close), _score(found.error, close), abs(order))
 
@@ -162,19 +154,17 @@ def compare(
 def refuse_shifted(
     made: Solution,
     keys: list[int],
-    options: ShiftOptions,
-    motion: SmallMotionOptions,
 ) -> None:
     """UserError for a clip whose pictures were shifted, or whose depths are not in the order of motion."""
-    compared = compare(made, keys, options, motion)
+    compared = compare(made, keys)
     if compared is None:
         return
-    if compared.shifted > options.min_gain * compared.solved:
+    if compared.shifted > MIN_GAIN * compared.solved:
         raise UserError(
             "this clip was stabilised so that something in mid-scene stays in place, which makes near and"
             " far look alike; solve the clip as it was filmed, without stabilisation"
         )
-    if compared.shifted > options.telling_score and compared.order < options.min_order:
+    if compared.shifted > TELLING_SCORE and compared.order < MIN_ORDER:
         raise UserError(
             "the depth found contradicts which things pass in front of others in this clip; choose another"
             " range of frames, or film with more sideways movement",

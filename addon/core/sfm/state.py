@@ -16,7 +16,7 @@ from ..media.clip_identity import is_same_clip
 STATE = "solve.json"
 MODEL = "model"
 DIGEST = "digest"
-"""Of all else in a state; older states have none."""
+"""Of all else in a state; one that was edited by hand may leave it out."""
 VERSION = 1
 LONGEST = 64 << 20
 """Bytes of a state at most: a frame's number takes ten, so it has room for days of video."""
@@ -97,7 +97,7 @@ def model_digests(model: Path) -> dict[str, str]:
 def check_model(model: Path, state: dict[str, Any]) -> None:
     """UserError naming the file of a model that is not the one that the state was written with.
 
-    Older states do not tell.
+    One that was edited by hand may leave that out.
     """
     digests = state.get("model", {})
     for name, digest in digests.items() if isinstance(digests, dict) else ():

@@ -8,7 +8,7 @@ motion segmentation and model selection", 1998.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,35 +21,28 @@ from .small_motion import LongTracks, general_motion, robust_turn, rotation_only
 from .solution import Solution
 from .tracks import Tracks
 
-
-@dataclass(frozen=True)
-class StationaryOptions:
-    """What is compared, and when depth counts as observable. Lengths are in pixels of a 1,000-pixel frame."""
-
-    compared: CalibrationOptions = field(
-        default_factory=lambda: CalibrationOptions(longest=300, longest_in_frame=12)
-    )
-    """Which tracks are compared."""
-    min_tracks: int = 40
-    """Tracks with fewer of which nothing is compared."""
-    loss: float = 1.0
-    """From which on an error loses weight (Huber)."""
-    zoom_step: float = 0.1
-    """Relative change of the focal length from a keyframe to the next that costs as much as an observation
-    that is off by `loss`. By eye, and wide: the pictures decide."""
-    telling: float = 90.0
-    """Percentile of the tracks by their parallax that is reported: something near that fills a tenth of the
-    picture before a far background tells depth."""
-    adjustment: AdjustmentOptions = field(default_factory=lambda: AdjustmentOptions(settled=1e-5))
-    """When the cameras that are compared fit well enough."""
-    weak: float = 0.18
-    """Share of the range of depths; where the solve knows a depth no better, its report says so. Pans with
-    1 % of the width as parallax have 0.21 to 0.47, handheld clips up to 0.16 (`make bench-solve`)."""
+COMPARED = CalibrationOptions(longest=300, longest_in_frame=12)
+"""Which tracks are compared."""
+MIN_TRACKS = 40
+"""Tracks with fewer of which nothing is compared."""
+LOSS = 1.0
+"""From which on an error loses weight (Huber)."""
+ZOOM_STEP = 0.1
+"""Relative change of the focal length from a keyframe to the next that costs as much as an observation
+that is off by `LOSS`. Chosen by inspection, and wide: the pictures decide."""
+TELLING = 90.0
+"""Percentile of the tracks by their parallax that is reported: something near that fills a tenth of the
+picture before a far background tells depth."""
+ADJUSTMENT = AdjustmentOptions(settled=1e-5)
+"""When the cameras that are compared fit well enough."""
+WEAK = 0.18
+"""Share of the range of depths; where the solve knows a depth no better, its report says so. Pans with
+1 % of the width as parallax have 0.21 to 0.47, handheld clips up to 0.16 (`make bench-solve`)."""
 
 
 @dataclass(frozen=True)
 class DepthEvidence:
-    """How much depth a clip shows. Lengths are in pixels of a 1,000-pixel frame, of the `telling` percentile
+    """How much depth a clip shows. Lengths are in pixels of a 1,000-pixel frame, of the `TELLING` percentile
     of the tracks."""
 
     parallax: float
@@ -71,35 +64,33 @@ class DepthEvidence:
         return float(np.sqrt(max(self.misfit**2 - self.noise**2, 0.0))) / max(self.parallax, 1e-9)
 
 
-def depth_evidence(made: Solution, options: StationaryOptions = StationaryOptions()) -> DepthEvidence | None:
+def depth_evidence(made: Solution) -> DepthEvidence | None:
     """How much depth the tracks show that a solve of the keyframes agrees with; None for too few of them."""
-    bundle, seen, posed, kept = as_bundle(made, options.compared)
-    if len(kept) < options.min_tracks:
+    bundle, seen, posed, kept = as_bundle(made, COMPARED)
+    if len(kept) < MIN_TRACKS:
         return None
     tracks, long_side = made.tracks, max(made.tracks.width, made.tracks.height)
-    loss = options.loss * long_side / 1000
-    tie = (loss / options.zoom_step) ** 2
+    loss = LOSS * long_side / 1000
+    tie = (loss / ZOOM_STEP) ** 2
     focal = float(np.median(made.focal[posed]))
     pinhole = undistorted((tracks.width, tracks.height), _speeds(tracks, focal)[posed])
     span = LongTracks(seen, kept, len(posed), loss)
 
     def adjusted(start: Bundle) -> Adjusted:
-        return adjust(start, seen, loss, "each", tie, options.adjustment)
+        return adjust(start, seen, loss, "each", tie, ADJUSTMENT)
 
     turning = adjusted(replace(rotation_only(span, focal).bundle, distortion=pinhole)).bundle
     moving = adjusted(replace(bundle, distortion=pinhole))
-    found = _compared((turning, moving.bundle, bundle), span, long_side, options)
+    found = _compared((turning, moving.bundle, bundle), span, long_side)
     if found.gain > 0:
         return found
     # What a lens does may be taken for depth in the solve, from which no way leads to the best camera.
     other = adjusted(general_motion(span, turning).bundle)
     best = min(moving, other, key=lambda each: each.cost)
-    return _compared((turning, best.bundle, bundle), span, long_side, options)
+    return _compared((turning, best.bundle, bundle), span, long_side)
 
 
-def _compared(
-    cameras: tuple[Bundle, Bundle, Bundle], span: LongTracks, long_side: int, options: StationaryOptions
-) -> DepthEvidence:
+def _compared(cameras: tuple[Bundle, Bundle, Bundle], span: LongTracks, long_side: int) -> DepthEvidence:
     """Of what the one that turns, the one that moves and the solve leave of the same tracks.
 
     `long_side` is the picture's, in pixels, and stands for what is behind a camera.
@@ -111,9 +102,7 @@ def _compared(
         1000 / long_side * np.sqrt(np.bincount(seen.point, each**2, tracks) / views) for each in errors
     )
     beyond = np.sqrt(np.maximum(turned**2 - moved**2, 0))
-    parallax, noise, misfit = (
-        float(np.percentile(each, options.telling)) for each in (beyond, moved, solved)
-    )
+    parallax, noise, misfit = (float(np.percentile(each, TELLING)) for each in (beyond, moved, solved))
     return DepthEvidence(parallax, noise, misfit, _gain(errors[0], errors[1], tracks, span.frames))
 
 

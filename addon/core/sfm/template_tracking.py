@@ -21,7 +21,7 @@ from ..base.arrays import Floats, Map, Mask
 RADIUS = 6
 """Pixels from a patch's middle to its border."""
 STIFFNESS = 0.3
-"""Resistance of the affine map, in shares of what the patch says about its place. By eye."""
+"""Resistance of the affine map, in shares of what the patch says about its place. Chosen by inspection."""
 BLOCK = 1 << 14
 """Patches that are sampled at once: OpenCV takes no picture with more rows than 15 bits count."""
 
@@ -37,23 +37,19 @@ BASIS = square(RADIUS)
 WEIGHT = np.exp(-(BASIS[1:] ** 2).sum(axis=0) / (2 * (0.9 * RADIUS) ** 2))
 WEIGHT = (WEIGHT / WEIGHT.sum()).astype(np.float32)
 
-
-@dataclass(frozen=True)
-class TemplateOptions:
-    """How a patch is found again. By eye, on clips with known motion as in `tests/sfm/test_tracks.py`."""
-
-    iterations: int = 2
-    """Gauss-Newton steps towards the best fit; they start from the fit of the frame before."""
-    max_unlike: float = 0.3
-    """One minus the correlation with what a patch was, from which on it is something else."""
-    noise: float = 2.0
-    """Multiple of the median unexplained variance that is put down to noise: weak patches have more of it."""
-    max_unlike_with_noise: float = 0.7
-    """As `max_unlike`, whatever the noise."""
-    max_move: float = 1.5
-    """Pixels that a fit may move a point away from where the flow put it."""
-    max_stretch: float = 2.0
-    """Determinant of the affine map, or its inverse, past which the patch is taken anew."""
+# Chosen by inspection of results, unless a line below gives a measurement.
+ITERATIONS = 2
+"""Gauss-Newton steps towards the best fit; they start from the fit of the frame before."""
+MAX_UNLIKE = 0.3
+"""One minus the correlation with what a patch was, from which on it is something else."""
+NOISE = 2.0
+"""Multiple of the median unexplained variance that is put down to noise: weak patches have more of it."""
+MAX_UNLIKE_WITH_NOISE = 0.7
+"""As `MAX_UNLIKE`, whatever the noise."""
+MAX_MOVE = 1.5
+"""Pixels that a fit may move a point away from where the flow put it."""
+MAX_STRETCH = 2.0
+"""Determinant of the affine map, or its inverse, past which the patch is taken anew."""
 
 
 @dataclass
@@ -126,9 +122,7 @@ class Patches(Rows):
         self.patch[rows], self.slope[rows] = patch, slope * WEIGHT
         self.map[rows], self.known[rows] = np.eye(2), True
 
-    def refined(
-        self, gray: Map, places: Map, options: TemplateOptions = TemplateOptions()
-    ) -> tuple[Map, Mask]:
+    def refined(self, gray: Map, places: Map) -> tuple[Map, Mask]:
         """Places (n, 2), near given ones, where a frame (H, W) fits the patches best; (n,) which are alike.
 
         A point whose patch is not known, or not whole in this frame, stays where it is and counts as alike.
@@ -140,7 +134,7 @@ class Patches(Rows):
             return places, alike
         at, turn = places[rows].astype(np.float64), self.map[rows]
         patch, slope, inverse = self.patch[rows], self.slope[rows], self.inverse[rows]
-        for _ in range(options.iterations):
+        for _ in range(ITERATIONS):
             seen, _ = _normalised(sample(gray, at, turn))
             error = (seen - patch)[:, None] * slope @ BASIS.T
             step = np.einsum("nij,nj->ni", inverse, error.reshape(-1, 6)).astype(np.float64)
@@ -149,11 +143,11 @@ class Patches(Rows):
             at -= np.einsum("nij,nj->ni", turn, np.clip(step[:, ::3], -1, 1))
         seen, spread = _normalised(sample(gray, at, turn))
         unlike = 1 - (seen * patch) @ WEIGHT
-        noise = options.noise * np.median(unlike * spread**2) / spread**2
-        alike[rows] = unlike < np.minimum(options.max_unlike + noise, options.max_unlike_with_noise)
-        near = np.linalg.norm(at - places[rows], axis=1) < options.max_move
+        noise = NOISE * np.median(unlike * spread**2) / spread**2
+        alike[rows] = unlike < np.minimum(MAX_UNLIKE + noise, MAX_UNLIKE_WITH_NOISE)
+        near = np.linalg.norm(at - places[rows], axis=1) < MAX_MOVE
         area = np.linalg.det(turn)
-        steady = (area > 1 / options.max_stretch) & (area < options.max_stretch)
+        steady = (area > 1 / MAX_STRETCH) & (area < MAX_STRETCH)
         good = near & steady & alike[rows]
         moved = places.copy()
         moved[rows[good]] = at[good]

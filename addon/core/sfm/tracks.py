@@ -20,8 +20,8 @@ from ..base.counting import counted
 from ..base.errors import Remedy, UserError
 from ..media.clip import Footage, to_gray8
 from ..media.picture_file import Pixels
-from .klt import KLTOptions, TwoScales, follow, new_corners, new_harris
-from .sift import Detector, Matcher, SIFTOptions
+from .klt import TwoScales, follow, new_corners, new_harris
+from .sift import Detector, Matcher
 
 __all__ = ["TRACKERS", "Progress", "Tracks", "check_shape", "cuts", "follow", "new_corners", "track_features"]
 
@@ -34,25 +34,17 @@ Watch = Callable[[Pixels, Floats], None]
 """Called with each frame (H, W, 3 or 4) as stored and places (n, 2) of its features, as fractions of its
 size."""
 
-
-@dataclass(frozen=True)
-class TrackingOptions:
-    """How a clip is looked at while its features are tracked. By eye."""
-
-    long_side: int = 960
-    """Pixels of the longer side; larger frames are shrunk for tracking."""
-    short_side: int = 16
-    """Pixels of the other side, at least, once shrunk: less has no room for features and what is around."""
-    min_correlation: float = 0.35
-    """Correlation of a frame with the one before, shifted to fit, below which it shows something else."""
-    thumbnail: int = 64
-    """Width in pixels at which frames are compared."""
-    min_overlap: float = 0.4
-    """Share of the picture, at least, that two frames shifted to fit have in common."""
-    klt: KLTOptions = field(default_factory=KLTOptions)
-    """Corners and optical flow."""
-    sift: SIFTOptions = field(default_factory=SIFTOptions)
-    """Keypoints and matching."""
+# Chosen by inspection of results, unless a line below gives a measurement.
+LONG_SIDE = 960
+"""Pixels of the longer side; larger frames are shrunk for tracking."""
+SHORT_SIDE = 16
+"""Pixels of the other side, at least, once shrunk: less has no room for features and what is around."""
+MIN_CORRELATION = 0.35
+"""Correlation of a frame with the one before, shifted to fit, below which it shows something else."""
+THUMBNAIL = 64
+"""Width in pixels at which frames are compared."""
+MIN_OVERLAP = 0.4
+"""Share of the picture, at least, that two frames shifted to fit have in common."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +98,6 @@ def track_features(
     footage: Footage,
     progress: Progress,
     tracker: str = TRACKERS[0],
-    options: TrackingOptions = TrackingOptions(),
     watch: Watch = lambda *_: None,
 ) -> Tracks:
     """Follow features through all frames of the clip by one of `TRACKERS`.
@@ -114,10 +105,10 @@ def track_features(
     Raises UserError for an unknown tracker and for a clip with too few frames to follow anything.
     """
     made: dict[str, Callable[[], Tracker]] = {
-        "corners": lambda: TwoScales(partial(new_corners, options=options.klt), options.klt),
-        "harris": lambda: TwoScales(partial(new_harris, options=options.klt), options.klt),
-        "sift-klt": lambda: TwoScales(Detector(options.sift), options.klt),
-        "sift": lambda: Matcher(options.sift),
+        "corners": lambda: TwoScales(partial(new_corners)),
+        "harris": lambda: TwoScales(partial(new_harris)),
+        "sift-klt": lambda: TwoScales(Detector()),
+        "sift": lambda: Matcher(),
     }
     if tracker not in made:
         raise UserError(f"there is no tracker {tracker!r}; choose one of {', '.join(TRACKERS)}")
@@ -127,14 +118,14 @@ def track_features(
             " moving camera are needed; photos can be solved as stills",
             Remedy.STILLS,
         )
-    tracks = run(made[tracker](), footage, progress, options, watch)
+    tracks = run(made[tracker](), footage, progress, watch)
     return _followed(tracks) if tracker == "sift" else tracks
 
 
-def check_shape(footage: Footage, options: TrackingOptions = TrackingOptions()) -> None:
+def check_shape(footage: Footage) -> None:
     """UserError for a clip whose pictures are too small or too long for features that tell a camera."""
     width, height = footage.width, footage.height
-    long_side, short_side = options.long_side, options.short_side
+    long_side, short_side = LONG_SIDE, SHORT_SIDE
     if min(width, height) * min(1.0, long_side / max(width, height)) < short_side:
         raise UserError(
             f"{footage.path.name} is {width}x{height} pixels; features can only be followed in images of at"
@@ -146,11 +137,10 @@ def run(
     tracker: Tracker,
     footage: Footage,
     progress: Progress = lambda *_: None,
-    options: TrackingOptions = TrackingOptions(),
     watch: Watch = lambda *_: None,
 ) -> Tracks:
-    """What a tracker makes of a clip; frames are shrunk to `long_side`, places are the source's."""
-    zoom = min(1.0, options.long_side / max(footage.width, footage.height))
+    """What a tracker makes of a clip; frames are shrunk to `LONG_SIDE`, places are the source's."""
+    zoom = min(1.0, LONG_SIDE / max(footage.width, footage.height))
     numbers: list[NDArray[np.int64]] = []
     places: list[NDArray[np.float32]] = []
     colours: list[NDArray[np.uint8]] = []
@@ -168,8 +158,8 @@ def run(
         born += len(number) - int(new)
         numbers.append(number.astype(np.int32))
         places.append(place)
-        small = thumbnail(gray, options.thumbnail)
-        correlations[done] = 1.0 if before is None else correlation(before, small, options.min_overlap)
+        small = thumbnail(gray, THUMBNAIL)
+        correlations[done] = 1.0 if before is None else correlation(before, small, MIN_OVERLAP)
         before = small
     # The shrunk size is rounded, so that its two scales differ a little.
     scale = np.array([footage.width / gray.shape[1], footage.height / gray.shape[0]])
@@ -181,7 +171,7 @@ def run(
     )  # fmt: skip
 
 
-def cuts(tracks: Tracks, options: TrackingOptions = TrackingOptions()) -> tuple[int, ...]:
+def cuts(tracks: Tracks) -> tuple[int, ...]:
     """Indices of the frames that begin another shot.
 
     There no track lives on from before, and the picture, shifted as a pan would shift it, is not like the one
@@ -196,23 +186,19 @@ def cuts(tracks: Tracks, options: TrackingOptions = TrackingOptions()) -> tuple[
     # Tracks that began before each frame and end in it or after it.
     across = np.concatenate([[0], np.cumsum(born)[:-1]]) - np.cumsum(died)
     seen = np.bincount(tracks.frame_index, minlength=frames) > 0
-    unlike = (
-        tracks.correlations < options.min_correlation if len(tracks.correlations) else np.ones(frames, bool)
-    )
+    unlike = tracks.correlations < MIN_CORRELATION if len(tracks.correlations) else np.ones(frames, bool)
     cut = seen & unlike & (across == 0) & (np.cumsum(seen) > 1)
     return tuple(np.nonzero(cut)[0].tolist())
 
 
-def thumbnail(gray: Bytes, width: int = TrackingOptions.thumbnail) -> NDArray[np.float32]:
+def thumbnail(gray: Bytes, width: int = THUMBNAIL) -> NDArray[np.float32]:
     """A frame (H, W) made `width` pixels wide, its slow changes of brightness taken out."""
     size = (width, max(round(width * gray.shape[0] / gray.shape[1]), 1))
     small = cv2.resize(gray, size, interpolation=cv2.INTER_AREA).astype(np.float32)
     return np.asarray(small - cv2.GaussianBlur(small, (0, 0), width / 16), np.float32)
 
 
-def correlation(
-    a: NDArray[np.float32], b: NDArray[np.float32], overlap: float = TrackingOptions.min_overlap
-) -> float:
+def correlation(a: NDArray[np.float32], b: NDArray[np.float32], overlap: float = MIN_OVERLAP) -> float:
     """The best correlation of two pictures (h, w) over all shifts that leave a share `overlap` in common.
 
     0 for pictures without contrast. Lewis, "Fast normalized cross-correlation", 1995.

@@ -15,30 +15,26 @@ from ..camera.reconstruction import MEDIAN_DEPTH
 from . import solution
 from .bundle_adjustment import adjust
 from .small_motion import LongTracks, robust_turn, rotation_only, select_observations
-from .solution import Solution, SolutionOptions
+from .solution import MIN_POINTS, Solution
 from .tracks import Progress, Tracks
 
-
-@dataclass(frozen=True)
-class TurningOptions:
-    """Which frames and tracks tell how a camera turns. By eye."""
-
-    keys: int = 60
-    """Frames that are adjusted at once; the others follow from their points."""
-    in_frame: int = 40
-    """Tracks that are adjusted with each of them, the longest that it sees."""
-    min_views: int = 3
-    """Of these frames that must see such a track."""
-    still: float = 3.0
-    """Times the median error of tracks from which on one moves by itself."""
-    least_turn: float = 3.0
-    """Degrees of turning with less of which it tells nothing of the focal length."""
-    bounds: tuple[float, float] = (0.4, 2.5)
-    """Focal lengths, in long sides of the frame, beyond which what turning tells of them is not believed."""
-    loss: float = 1.0
-    """Pixels of a 1,000-pixel frame from which on a reprojection error loses weight (Huber)."""
-    rounds: int = 3
-    """Times that points are found again without what misses them."""
+# Chosen by inspection of results, unless a line below gives a measurement.
+KEYS = 60
+"""Frames that are adjusted at once; the others follow from their points."""
+IN_FRAME = 40
+"""Tracks that are adjusted with each of them, the longest that it sees."""
+MIN_VIEWS = 3
+"""Of these frames that must see such a track."""
+STILL = 3.0
+"""Times the median error of tracks from which on one moves by itself."""
+LEAST_TURN = 3.0
+"""Degrees of turning with less of which it tells nothing of the focal length."""
+BOUNDS = (0.4, 2.5)
+"""Focal lengths, in long sides of the frame, beyond which what turning tells of them is not believed."""
+LOSS = 1.0
+"""Pixels of a 1,000-pixel frame from which on a reprojection error loses weight (Huber)."""
+ROUNDS = 3
+"""Times that points are found again without what misses them."""
 
 
 @dataclass(frozen=True)
@@ -58,24 +54,23 @@ def turned(
     focal: float,
     known: float,
     progress: Progress,
-    options: TurningOptions = TurningOptions(),
 ) -> Turned:
     """How the camera of a clip turns, from a focal length in pixels that is known up to a relative standard
     deviation, 0 to hold it. UserError where too little is seen to tell."""
     progress("Finding how the camera turns", 0, 2)
     last = len(tracks.frames) - 1
-    keys = np.unique(np.linspace(0, last, min(options.keys, last + 1)).round().astype(np.int32))
-    span = _spanning(tracks, keys, _longest(tracks, keys, options), options)
+    keys = np.unique(np.linspace(0, last, min(KEYS, last + 1)).round().astype(np.int32))
+    span = _spanning(tracks, keys, _longest(tracks, keys))
     found = rotation_only(span, focal)
     # What moves by itself would take the focal length along.
     error = np.linalg.norm(found.bundle.residuals(span.seen), axis=1)
     still = np.bincount(span.seen.point, error, minlength=len(span.tracks)) / np.bincount(span.seen.point)
-    span = _spanning(tracks, keys, span.tracks[still < options.still * np.median(still)], options)
+    span = _spanning(tracks, keys, span.tracks[still < STILL * np.median(still)])
     found = rotation_only(span, focal)
     sigma, from_clip = known, False
-    if known > 0 and _angle(found.bundle.rotation) > options.least_turn:
+    if known > 0 and _angle(found.bundle.rotation) > LEAST_TURN:
         free = adjust(found.bundle, span.seen, span.loss, "common")
-        low, high = options.bounds
+        low, high = BOUNDS
         share = free.bundle.focal[0] / max(tracks.width, tracks.height)
         if 0 < free.focal_sigma < known and low < share < high:
             found, sigma, from_clip = free, free.focal_sigma, True
@@ -83,10 +78,10 @@ def turned(
     made = solution.empty(tracks, float(found.bundle.focal[0]))
     made.translation[:] = 0.0
     made.rotation[keys] = found.bundle.rotation
-    _place(made, options)
+    _place(made)
     for index in np.setdiff1d(np.arange(last + 1), keys):
         made.rotation[index] = _turn_of(made, int(index))
-    _place(made, options)
+    _place(made)
     solution.drop_bad(made)
     return Turned(made, sigma, from_clip)
 
@@ -97,18 +92,18 @@ def _angle(rotation: Floats) -> float:
     return float(np.degrees(np.arccos(np.clip(cosine.min(), -1, 1))))
 
 
-def _longest(tracks: Tracks, keys: Ints, options: TurningOptions) -> Ints:
+def _longest(tracks: Tracks, keys: Ints) -> Ints:
     """Numbers (k,) of the longest tracks of each of some frames `keys`, indices of the clip's frames."""
     views = np.bincount(tracks.track[np.isin(tracks.frame_index, keys)], minlength=tracks.count)
     seen = [tracks.in_frame(int(key))[0] for key in keys]
-    longest = [ids[np.argsort(-views[ids], kind="stable")[: options.in_frame]] for ids in seen]
+    longest = [ids[np.argsort(-views[ids], kind="stable")[:IN_FRAME]] for ids in seen]
     kept = np.unique(np.concatenate(longest))
-    return np.asarray(kept[views[kept] >= min(options.min_views, len(keys))], np.int32)
+    return np.asarray(kept[views[kept] >= min(MIN_VIEWS, len(keys))], np.int32)
 
 
-def _spanning(tracks: Tracks, keys: Ints, kept: Ints, options: TurningOptions) -> LongTracks:
+def _spanning(tracks: Tracks, keys: Ints, kept: Ints) -> LongTracks:
     """What some frames `keys` see of tracks `kept`; UserError where these are too few."""
-    least = SolutionOptions().min_points
+    least = MIN_POINTS
     if len(kept) < least:
         raise UserError(
             f"fewer than {least} features can be followed for long in this clip; choose another range of"
@@ -116,17 +111,17 @@ def _spanning(tracks: Tracks, keys: Ints, kept: Ints, options: TurningOptions) -
             Remedy.FRAMES,
         )
     seen = select_observations(tracks, keys, kept, np.isin(tracks.frame_index, keys))
-    return LongTracks(seen, kept, len(keys), options.loss * max(tracks.width, tracks.height) / 1000)
+    return LongTracks(seen, kept, len(keys), LOSS * max(tracks.width, tracks.height) / 1000)
 
 
-def _place(made: Solution, options: TurningOptions) -> None:
+def _place(made: Solution) -> None:
     """Points in the mean direction of their rays, of those that do not miss it by twice the median."""
     tracks = made.tracks
     _, rays = made.rays()
     posed = np.isfinite(rays[:, 0])
     rays = np.where(posed[:, None], rays, 0.0)
     weight = posed.astype(np.float64)
-    for _ in range(options.rounds):
+    for _ in range(ROUNDS):
         towards = np.zeros((tracks.count, 3))
         np.add.at(towards, tracks.track, weight[:, None] * rays)
         size = np.linalg.norm(towards, axis=1, keepdims=True)
@@ -141,7 +136,7 @@ def _turn_of(made: Solution, index: int) -> Floats:
     """(3, 3) rotation of a frame from the points that it sees; NaN where they are too few."""
     ids, xy = made.tracks.in_frame(index)
     known: Mask = np.isfinite(made.xyz[ids, 0])
-    if np.count_nonzero(known) < made.options.min_points:
+    if np.count_nonzero(known) < MIN_POINTS:
         return np.full((3, 3), np.nan)
     rays = np.column_stack([(xy[known] - made.centre) / made.focal[index], np.ones(np.count_nonzero(known))])
     rays /= np.linalg.norm(rays, axis=1, keepdims=True)

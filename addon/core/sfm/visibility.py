@@ -22,47 +22,36 @@ from ..camera.reconstruction import Image, Reconstruction, seen_by
 from ..media.clip import Footage, to_gray8
 from ..media.picture_file import Pixels
 from .template_tracking import sample, square
-from .tracks import Progress, TrackingOptions
+from .tracks import LONG_SIDE, Progress
 
 FLAT = 0.5
-"""Standard deviation in grey levels below which a patch shows nothing. By eye."""
+"""Standard deviation in grey levels below which a patch shows nothing. Chosen by inspection."""
 MIDGREY = 128.0
 """Grey level taken off before squares are added up in single precision."""
-
-
-@dataclass(frozen=True)
-class VisibilityOptions:
-    """When a point is taken to be seen in a frame in which it was not tracked.
-
-    Thresholds were found with `python -m benchmarks.solving.density`, which counts the points that are wrong
-    in scenes with known depth: 0.3 to 1.5 % of them.
-    """
-
-    reach: int = 60
-    """Frames within which a point must have been observed to be looked for at all. By eye."""
-    radius: int = 4
-    """Pixels from the middle to the border of the patches that are compared. By eye."""
-    long_side: int = TrackingOptions.long_side
-    """Pixels of the longer side to which larger frames are shrunk, as for tracking."""
-    soften: float = 1.0
-    """Standard deviation in pixels of the blur that frames get first, against noise and aliasing. By eye."""
-    min_views: int = 5
-    """Frames that must have observed a point."""
-    max_error_ratio: float = 2.0
-    """Largest reprojection error of a point, as a multiple of the median one."""
-    neighbourhood: float = 1 / 16
-    """Distance, as a share of the frame's long side, within which observed points tell a point's depth."""
-    min_neighbours: int = 2
-    """Observed points within `neighbourhood` that must lie at a point's depth."""
-    same_depth: float = 0.06
-    """Difference in inverse depth, as a share of the frame's largest, up to which depths are taken for equal:
-    they blur alike."""
-    min_correlation: float = 0.85
-    """Correlation with the patch that another frame saw, from which on a point looks the same."""
-    min_half_correlation: float = 0.93
-    """Correlation with a half of the patch that another frame saw, from which on a point looks the same."""
-    max_contrast_ratio: float = 2.0
-    """Largest ratio of the contrasts of two patches that look the same, either way."""
+RADIUS = 4
+"""Pixels from the middle to the border of the patches that are compared. Chosen by inspection."""
+SOFTEN = 1.0
+"""Standard deviation in pixels of the blur that frames get first, against noise and aliasing. Chosen by
+inspection."""
+MIN_VIEWS = 5
+"""Frames that must have observed a point."""
+MAX_ERROR_RATIO = 2.0
+"""Largest reprojection error of a point, as a multiple of the median one."""
+NEIGHBOURHOOD = 1 / 16
+"""Distance, as a share of the frame's long side, within which observed points tell a point's depth."""
+MIN_NEIGHBOURS = 2
+"""Observed points within `NEIGHBOURHOOD` that must lie at a point's depth."""
+SAME_DEPTH = 0.06
+"""Difference in inverse depth, as a share of the frame's largest, up to which depths are taken for equal:
+they blur alike."""
+MIN_CORRELATION = 0.85
+"""Correlation with the patch that another frame saw, from which on a point looks the same."""
+MIN_HALF_CORRELATION = 0.93
+"""Correlation with a half of the patch that another frame saw, from which on a point looks the same."""
+MAX_CONTRAST_RATIO = 2.0
+"""Largest ratio of the contrasts of two patches that look the same, either way."""
+REACH = 60
+"""Frames within which a point must have been observed to be looked for at all. Chosen by inspection."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +73,6 @@ def visible_points(
     footage: Footage,
     frames: Iterable[int] | None = None,
     progress: Progress = lambda stage, done, total: None,
-    options: VisibilityOptions = VisibilityOptions(),
 ) -> dict[int, Visible]:
     """For registered frames (all, or those given) the points that they show besides those they observed.
 
@@ -94,11 +82,11 @@ def visible_points(
     images = reconstruction.images
     wanted = None if frames is None else set(frames)
     requested = np.array([wanted is None or image.frame in wanted for image in images], bool)
-    search = _Search(reconstruction, options)
+    search = _Search(reconstruction)
     for index, image in enumerate(images):
         progress("Looking for points", index, len(images))
-        if requested[max(index - options.reach, 0) : index + options.reach + 1].any():
-            search.see(index, *_softened(footage.read(image.frame), options), bool(requested[index]))
+        if requested[max(index - REACH, 0) : index + REACH + 1].any():
+            search.see(index, *_softened(footage.read(image.frame)), bool(requested[index]))
         search.sights.passed(index)
     return {images[index].frame: search.found(int(index)) for index in np.nonzero(requested)[0]}
 
@@ -115,11 +103,10 @@ class _Waiting:
 class _Search:
     """What is known of points and frames as the frames go by."""
 
-    def __init__(self, reconstruction: Reconstruction, options: VisibilityOptions) -> None:
-        self.sights = _Sights(reconstruction, options)
-        self._options = options
+    def __init__(self, reconstruction: Reconstruction) -> None:
+        self.sights = _Sights(reconstruction)
         self._reconstruction = reconstruction
-        self._patches = np.zeros((len(reconstruction.points), square(options.radius).shape[1]), np.float16)
+        self._patches = np.zeros((len(reconstruction.points), square(RADIUS).shape[1]), np.float16)
         self._waiting: dict[int, list[_Waiting]] = {}
         self._accepted: dict[int, list[Ints]] = {}
         self._counts: dict[int, tuple[int, int]] = {}
@@ -129,14 +116,14 @@ class _Search:
         decides."""
         image = self._reconstruction.images[index]
         upright = np.tile(np.eye(2), (len(image.points), 1, 1))
-        patch = square(self._options.radius)
+        patch = square(RADIUS)
         self._patches[image.points] = sample(gray, image.xy * zoom - 0.5, upright, patch)
         if requested:
             rows, source = self.sights.candidates(index)
-            near = _has_neighbours(self._reconstruction, image, rows, self._options)
+            near = _has_neighbours(self._reconstruction, image, rows)
             self._counts[index], self._accepted[index] = (len(rows), int(np.sum(~near))), []
             rows, source = rows[near], source[near]
-            looks = _looks(self._reconstruction, index, rows, source, gray, zoom, self._options.radius)
+            looks = _looks(self._reconstruction, index, rows, source, gray, zoom, RADIUS)
             before = source < index
             self._decide(_Waiting(index, rows[before], looks[before]))
             for later in np.unique(source[~before]):
@@ -146,7 +133,7 @@ class _Search:
             self._decide(each)
 
     def _decide(self, waiting: _Waiting) -> None:
-        good = _alike(self._patches[waiting.points], waiting.looks, self._options)
+        good = _alike(self._patches[waiting.points], waiting.looks)
         self._accepted[waiting.index].append(waiting.points[good])
 
     def found(self, index: int) -> Visible:
@@ -159,8 +146,8 @@ class _Search:
 class _Sights:
     """When each point was last seen and will be seen next, as the frames go by."""
 
-    def __init__(self, reconstruction: Reconstruction, options: VisibilityOptions) -> None:
-        self._reach = options.reach
+    def __init__(self, reconstruction: Reconstruction) -> None:
+        self._reach = REACH
         self._reconstruction = reconstruction
         images, count = reconstruction.images, len(reconstruction.points)
         index = np.repeat(np.arange(len(images)), [len(image.points) for image in images])
@@ -172,9 +159,9 @@ class _Sights:
         self._follows = np.split(follows, np.searchsorted(index, np.arange(1, len(images))))
         self._last, self._next = np.full(count, -1), np.full(count, len(images))
         error = reconstruction.points.error
-        self._good = reconstruction.views_per_point >= options.min_views
+        self._good = reconstruction.views_per_point >= MIN_VIEWS
         median = np.median(error[self._good]) if self._good.any() else 0.0
-        self._good &= error <= options.max_error_ratio * median
+        self._good &= error <= MAX_ERROR_RATIO * median
         np.minimum.at(self._next, points, index)
         self._centres = np.array([image.centre for image in images])
 
@@ -216,10 +203,8 @@ class _Sights:
         return np.asarray(away / np.linalg.norm(away, axis=1, keepdims=True))
 
 
-def _has_neighbours(
-    reconstruction: Reconstruction, image: Image, rows: Ints, options: VisibilityOptions
-) -> Mask:
-    """(n,) which points have `min_neighbours` observed ones around them at their depth.
+def _has_neighbours(reconstruction: Reconstruction, image: Image, rows: Ints) -> Mask:
+    """(n,) which points have `MIN_NEIGHBOURS` observed ones around them at their depth.
 
     Counted in cells of the picture and of inverse depth, which takes no more time than there are points.
     """
@@ -231,7 +216,7 @@ def _has_neighbours(
     nearest = float(np.percentile(1 / observed[ahead, 2], 98))
     long_side = max(camera.width, camera.height)
     # A point's cell and two more on each side are on average as far as the others may be.
-    cell = np.array([options.neighbourhood * long_side] * 2 + [options.same_depth * nearest]) / 2.5
+    cell = np.array([NEIGHBOURHOOD * long_side] * 2 + [SAME_DEPTH * nearest]) / 2.5
     size = np.ceil(np.array([camera.width, camera.height, 1.25 * nearest]) / cell).astype(int)
 
     def number(place: Floats, depth: Floats) -> tuple[NDArray[np.intp], ...]:
@@ -243,7 +228,7 @@ def _has_neighbours(
     count = np.pad(count, 2)
     for axis in range(3):
         count = sliding_window_view(count, 5, axis).sum(axis=-1)
-    return np.asarray(count[number(camera.project(local), local[:, 2])] >= options.min_neighbours)
+    return np.asarray(count[number(camera.project(local), local[:, 2])] >= MIN_NEIGHBOURS)
 
 
 def _looks(
@@ -281,26 +266,22 @@ def _looks(
     return sample(gray, place * zoom - 0.5, maps, square(radius + 1))
 
 
-def _alike(patches: NDArray[np.floating], looks: Map, options: VisibilityOptions) -> Mask:
+def _alike(patches: NDArray[np.floating], looks: Map) -> Mask:
     """(n,) which patches (n, p) are found in looks (n, q), a pixel wider on each side, at any whole shift.
 
     As a whole, or one half of them very well: beside a silhouette the other half is of something else.
     """
-    side = 2 * options.radius + 1
+    side = 2 * RADIUS + 1
     wide = looks.reshape(-1, side + 2, side + 2) - MIDGREY
     seen = sliding_window_view(wide, (side, side), (1, 2)).reshape(len(looks), 9, side * side)
     known = patches.astype(np.float32)[:, None] - MIDGREY
-    parts = _parts(options.radius)
+    parts = _parts(RADIUS)
     mean, expected = seen @ parts, known @ parts
     spread = np.sqrt(np.maximum(seen**2 @ parts - mean**2, FLAT**2))
     contrast = np.sqrt(np.maximum(known**2 @ parts - expected**2, FLAT**2))
     both = (seen * known) @ parts - mean * expected
-    good = both / (spread * contrast) > np.array(
-        [options.min_correlation] + [options.min_half_correlation] * 4
-    )
-    good &= (spread < options.max_contrast_ratio * contrast) & (
-        contrast < options.max_contrast_ratio * spread
-    )
+    good = both / (spread * contrast) > np.array([MIN_CORRELATION] + [MIN_HALF_CORRELATION] * 4)
+    good &= (spread < MAX_CONTRAST_RATIO * contrast) & (contrast < MAX_CONTRAST_RATIO * spread)
     return np.asarray(good.any(axis=(1, 2)))
 
 
@@ -311,11 +292,11 @@ def _parts(radius: int) -> Map:
     return np.asarray(inside / inside.sum(axis=0), np.float32)
 
 
-def _softened(picture: Pixels, options: VisibilityOptions) -> tuple[Map, Floats]:
-    """A frame in grey, at most `long_side` long, blurred by `soften` pixels; its scale (2,)."""
+def _softened(picture: Pixels) -> tuple[Map, Floats]:
+    """A frame in grey, at most `LONG_SIDE` long, blurred by `SOFTEN` pixels; its scale (2,)."""
     gray = to_gray8(picture)
-    zoom = min(1.0, options.long_side / max(gray.shape))
+    zoom = min(1.0, LONG_SIDE / max(gray.shape))
     size = (round(gray.shape[1] * zoom), round(gray.shape[0] * zoom))
     small = cv2.resize(gray, size, interpolation=cv2.INTER_AREA) if zoom < 1 else gray
-    blurred = cv2.GaussianBlur(small.astype(np.float32), (0, 0), options.soften)
+    blurred = cv2.GaussianBlur(small.astype(np.float32), (0, 0), SOFTEN)
     return np.asarray(blurred, np.float32), np.array(size) / gray.shape[::-1]

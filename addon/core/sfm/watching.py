@@ -17,12 +17,13 @@ from ..media.clip import to_rgb8
 from ..media.picture_file import Pixels
 
 WIDTH, MOST = 480, 500
-"""Pixels across of a picture, and features, that are told: by eye, enough to follow the work."""
+"""Pixels across of a picture, and features, that are told: chosen by inspection, enough to follow the
+work."""
 EVERY = 0.5
 """Seconds between two that are told. A redraw of a window takes 0.06 to 0.3 s in software OpenGL, from the
 cores that solve."""
 QUALITY = 80
-"""Of the JPEG: by eye. 20 to 40 KB."""
+"""Of the JPEG: chosen by inspection. 20 to 40 KB."""
 
 
 class Watch:

@@ -25,8 +25,8 @@ from ..camera.focal_length import from_equivalent, is_plausible
 from ..camera.reconstruction import Reconstruction, upright
 from ..media import picture_file
 from ..media.clip import Footage, open_footage
+from ..media.container import equivalent_focal
 from ..media.exif import photo_data
-from ..media.metadata import equivalent_focal
 from ..media.video_info import VideoInfo
 from ..readers.colmap_export import read_model, write_model
 from . import known_poses, lens

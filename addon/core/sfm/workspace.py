@@ -47,7 +47,7 @@ class Solve:
     reconstruction: Reconstruction
     report: dict[str, Any]
     video: VideoInfo | None = None
-    """What is known of the clip; None where it is no video, or an older version solved it."""
+    """What is known of the clip; None where it is no video."""
     is_stills: bool = False
     """As of `Footage`."""
 

@@ -10,20 +10,15 @@ import numpy as np
 from ..base.arrays import Floats, Indices, Map, Mask
 from .source_view import Places
 
-
-@dataclass(frozen=True)
-class GridOptions:
-    """Resolution of the bilateral grid, and what is unlike its surroundings."""
-
-    cells: int = 80
-    """Cells along the picture's longer side. By eye."""
-    depths: int = 32
-    """Steps of inverse depth. By eye."""
-    window: int = 7
-    """Cells across what is around a place. By eye."""
-    unlike: float = 0.1
-    """Difference of colours (square root of linear light) from all that is around. By eye; with this test
-    walk closes 76 instead of 68 % of the gap to the oracle at edges (32 px, true depth)."""
+CELLS = 80
+"""Cells along the picture's longer side. Chosen by inspection."""
+DEPTHS = 32
+"""Steps of inverse depth. Chosen by inspection."""
+WINDOW = 7
+"""Cells across what is around a place. Chosen by inspection."""
+UNLIKE = 0.1
+"""Difference of colours (square root of linear light) from all that is around. Chosen by inspection; with
+this test walk closes 76 instead of 68 % of the gap to the oracle at edges (32 px, true depth)."""
 
 
 @dataclass(frozen=True)
@@ -48,25 +43,25 @@ class BilateralGrid:
     step: float
     """Inverse depth from a step to the next."""
     unlike: float
-    """`GridOptions.unlike`."""
+    """`UNLIKE`."""
 
     @classmethod
-    def of(cls, places: Places, root: Map, seen: Map, alike: Map, options: GridOptions) -> BilateralGrid:
+    def of(cls, places: Places, root: Map, seen: Map, alike: Map) -> BilateralGrid:
         """Of places, at least one, with the square roots (3, n) of their linear colours, which other frames
         saw so many times (n,), and alike so many times (n,)."""
         first, last = float(places.inverse.min()), float(places.inverse.max())
         size = np.array([places.x.max(), places.y.max()], np.float64)
-        cell = float(max(size)) / options.cells
-        step = (last - first) / (options.depths - 1) or 1.0
-        shape = (options.depths, *(size[::-1] / cell).astype(int) + 1)
+        cell = float(max(size)) / CELLS
+        step = (last - first) / (DEPTHS - 1) or 1.0
+        shape = (DEPTHS, *(size[::-1] / cell).astype(int) + 1)
         at = _cells(places, (first, step, cell), shape)
         total, same = (
-            _summed(np.bincount(at, values, np.prod(shape)).reshape(shape), options.window)
+            _summed(np.bincount(at, values, np.prod(shape)).reshape(shape), WINDOW)
             for values in (seen, alike)
         )
         share = np.where(total > 1e-6, same / np.maximum(total, 1e-6), 1)
-        low, high = (sign * _least(at, sign * root, shape, options.window) for sign in (1, -1))
-        return cls(share, low, high, size, cell, first, step, options.unlike)
+        low, high = (sign * _least(at, sign * root, shape, WINDOW) for sign in (1, -1))
+        return cls(share, low, high, size, cell, first, step, UNLIKE)
 
     def cells(self, places: Places) -> Indices:
         """(n,) indices of the cells that places are in."""

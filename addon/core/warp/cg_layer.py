@@ -19,7 +19,7 @@ FAINT = 1e-3
 SOLID = 0.5
 """Alpha from which on a pixel's depth is that of what is seen in it."""
 STEP = 2
-"""Pixels from a vertex of the mesh to the next. By eye: what is round stays round."""
+"""Pixels from a vertex of the mesh to the next. Chosen by inspection: what is round stays round."""
 
 
 @dataclass(frozen=True)

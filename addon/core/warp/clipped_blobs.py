@@ -17,7 +17,8 @@ from ..base.progress import checkpoint
 LUMA = np.array([0.2126, 0.7152, 0.0722], np.float32)
 """Shares of channels in the luma of BT.709, which clips are coded by: colours have half of its resolution."""
 NEAR = 1.5
-"""Pixels, standard deviation, within which what is around a blob tells what is behind it. By eye."""
+"""Pixels, standard deviation, within which what is around a blob tells what is behind it. Chosen by
+inspection."""
 PAD = 5
 """Pixels around a blob in which its surroundings are looked at."""
 EDGE_CONTRAST = 0.15
@@ -32,17 +33,17 @@ SPREADS = (0.38, 1.5)
 """Least and largest one that is believed."""
 THICKNESS = (0.02, 0.04)
 """Of the long side: up to the first, a blob's thickness is a light source's; from the second on it is a sky,
-a wall or a window. By eye."""
+a wall or a window. Chosen by inspection."""
 LENGTH = (0.1, 0.2)
-"""Of the long side: as `THICKNESS`, of a blob's length. By eye."""
+"""Of the long side: as `THICKNESS`, of a blob's length. Chosen by inspection."""
 AMONG = (0.0, 0.25)
 """Share of large clipped areas in the surroundings, from none to so much that a blob is a piece of them: sky
-between leaves. By eye."""
+between leaves. Chosen by inspection."""
 AROUND = 0.02
-"""Of the long side, how far these surroundings reach. By eye."""
+"""Of the long side, how far these surroundings reach. Chosen by inspection."""
 GROUND = (0.4, 0.8)
 """Linear light of what is around a blob: beside the first it may be a light source, beside the second it is
-noise on something white. By eye."""
+noise on something white. Chosen by inspection."""
 FLAT = (0.012, 0.022)
 """Linear light over the threshold, mean of a blob's pixels: from the second on they are clipped but for
 noise, up to the first they are paint that is nearly white, as in walk and fence (else 0.7, 0.3 dB less)."""

@@ -16,7 +16,6 @@ the paper, changed results by up to 0.16 dB, less than a softer membrane does, a
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -30,27 +29,23 @@ from .mesh import WarpMesh
 SOLVER_ACCURACY = 1e-9
 """Of the right hand side, what conjugate gradients may leave: far below what a pixel shows."""
 SOLVER_STEPS = 2000
-"""Steps of conjugate gradients at most. By eye."""
-
-
-@dataclass(frozen=True)
-class GridMeshOptions:
-    """Resolution and stiffness of the content-preserving grid."""
-
-    columns: int = 64
-    """Cells across the picture. By eye."""
-    stiffness: float = 0.02
-    """Cost of a step of inverse depth between two vertices, against missing a feature by as much. By eye."""
-    fade: int = 10
-    """Registered frames in which a feature comes and goes. By eye."""
-    margin_cells: int = 8
-    """Cells past the border at most; a wide margin has large ones. By eye."""
-    range_margin: float = 0.25
-    """Of the features' range of inverse depths, by which vertices may leave it. By eye."""
-    tallest: float = 4
-    """Ratio of height to width above which cells are larger, or there would be thousands of rows. By eye."""
-    outlier_neighbours: int = 8
-    """Features around one that it is compared with. By eye."""
+"""Steps of conjugate gradients at most. Chosen by inspection."""
+COLUMNS = 64
+"""Cells across the picture. Chosen by inspection."""
+STIFFNESS = 0.02
+"""Cost of a step of inverse depth between two vertices, against missing a feature by as much. Chosen by
+inspection."""
+FADE = 10
+"""Registered frames in which a feature comes and goes. Chosen by inspection."""
+MARGIN_CELLS = 8
+"""Cells past the border at most; a wide margin has large ones. Chosen by inspection."""
+RANGE_MARGIN = 0.25
+"""Of the features' range of inverse depths, by which vertices may leave it. Chosen by inspection."""
+TALLEST = 4
+"""Ratio of height to width above which cells are larger, or there would be thousands of rows. Chosen by
+inspection."""
+OUTLIER_NEIGHBOURS = 8
+"""Features around one that it is compared with. Chosen by inspection."""
 
 
 def grid_mesh(
@@ -59,7 +54,6 @@ def grid_mesh(
     canvas: Canvas,
     margin: float,
     flat: float,
-    options: GridMeshOptions = GridMeshOptions(),
 ) -> WarpMesh:
     """The grid over the canvas and `margin` pixels past its border, two triangles a cell.
 
@@ -67,8 +61,8 @@ def grid_mesh(
     UserError where the grid cannot be found.
     """
     width, height = canvas.pinhole.width, canvas.pinhole.height
-    step = max(width, height / options.tallest) / options.columns
-    x, y = (_lines(side, step, margin, options.margin_cells) for side in (width, height))
+    step = max(width, height / TALLEST) / COLUMNS
+    x, y = (_lines(side, step, margin, MARGIN_CELLS) for side in (width, height))
     inside = np.all((features.observed >= 0) & (features.observed <= [width, height]), axis=1)
     inside &= np.isfinite(features.inverse_depth) & (features.inverse_depth > 0)
     known, inverse, weights = features.observed[inside], features.inverse_depth[inside], weights[inside]
@@ -76,9 +70,9 @@ def grid_mesh(
     xy = np.column_stack([across.ravel(), down.ravel()])
     depth = np.full(len(xy), flat)
     if len(known):
-        right = ~outliers(known, inverse, options.outlier_neighbours)
-        depth = membrane(x, y, known[right], inverse[right], weights[right], options.stiffness).ravel()
-    low, high = allowed(features.inverse_depth, flat, options)
+        right = ~outliers(known, inverse, OUTLIER_NEIGHBOURS)
+        depth = membrane(x, y, known[right], inverse[right], weights[right], STIFFNESS).ravel()
+    low, high = allowed(features.inverse_depth, flat)
     first = (len(x) * np.arange(len(y) - 1)[:, None] + np.arange(len(x) - 1)).ravel()
     below = first + len(x)
     triangles = np.concatenate([
@@ -87,16 +81,14 @@ def grid_mesh(
     return WarpMesh(xy, xy, np.clip(depth, low, high), triangles.astype(np.int32))
 
 
-def allowed(
-    inverse_depth: Floats, flat: float, options: GridMeshOptions = GridMeshOptions()
-) -> tuple[float, float]:
+def allowed(inverse_depth: Floats, flat: float) -> tuple[float, float]:
     """Least and largest inverse depth of a grid over features of inverse depths (n,), or twice `flat` without
     any; the grid's margin has to do for both."""
     usable = inverse_depth[np.isfinite(inverse_depth) & (inverse_depth > 0)]
     low, high = float(usable.min(initial=np.inf)), float(usable.max(initial=-np.inf))
     if not len(usable):
         return flat, flat
-    spare = options.range_margin * (high - low)
+    spare = RANGE_MARGIN * (high - low)
     return max(low - spare, 0.0), high + spare
 
 
@@ -123,7 +115,7 @@ def outliers(xy: Floats, inverse_depth: Floats, neighbours: int) -> Mask:
 def membrane(x: Floats, y: Floats, xy: Floats, values: Floats, weights: Floats, stiffness: float) -> Floats:
     """(h, w) values at vertices on lines x (w,) and y (h,): stretched over those (n,) at places (n, 2).
 
-    Minimises the weighted squares of what the bilinear interpolation misses at the places, and `stiffness`
+    Minimises the weighted squares of what the bilinear interpolation misses at the places, and `STIFFNESS`
     times those of the steps between vertices, both of what the best plane leaves over: planes come out
     exactly. (The paper warps by a homography first, for the same reason.)
     """
@@ -185,16 +177,14 @@ def conjugate_gradients(applied: Callable[[Floats], Floats], wanted: Floats, dia
     )
 
 
-def fading(
-    reconstruction: Reconstruction, frame: int, points: Ints, options: GridMeshOptions = GridMeshOptions()
-) -> Floats:
+def fading(reconstruction: Reconstruction, frame: int, points: Ints) -> Floats:
     """(n,) weights in (0, 1] of a frame's points: low in the first and last frames that see them, as many as
     they fade in.
 
     The clip's own ends do not count: what is seen up to there is not about to go. Points -1, which no
     frame tracks, have 1.
     """
-    frames, fade = reconstruction.frames, options.fade
+    frames, fade = reconstruction.frames, FADE
     before = reconstruction.images[: np.searchsorted(frames, frame)][: -fade - 1 : -1]
     after = reconstruction.images[np.searchsorted(frames, frame, side="right") :][:fade]
     weights = np.ones(len(points))

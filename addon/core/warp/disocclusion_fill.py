@@ -7,7 +7,7 @@ inside its picture and not hidden there by anything that this frame shows, its c
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -21,7 +21,7 @@ from ..depth.source import extended
 from ..depth.view_selection import every_nth, stride
 from ..media.clip import to_linear
 from ..media.picture_file import Pixels
-from .bilateral_grid import BilateralGrid, GridOptions
+from .bilateral_grid import BilateralGrid
 from .source_view import CHUNK, Places, Reprojection, SourceView
 
 HiddenColours = Callable[[Floats, Floats], tuple[LinearRGB, Mask]]
@@ -30,47 +30,41 @@ HiddenColours = Callable[[Floats, Floats], tuple[LinearRGB, Mask]]
 GAIN_PLACES = 20_000
 """Places, evenly chosen, of which exposures are compared: with ratios that spread by a tenth, their median is
 right to a thousandth."""
-
-
-@dataclass(frozen=True)
-class FillOptions:
-    """Which frames are sources of colours, and when they are believed."""
-
-    step: int = 8
-    """Every so many-th registered frame is a source, the same ones for frames that follow each other: then
-    colours are, too. By `python -m benchmarks.accuracy`: bars have 32.32 dB, with every fourth 32.28."""
-    span: int = 32
-    """Registered frames before and after, up to which frames are sources. By eye."""
-    least_frames: int = 8
-    """Frames of a short clip that are sources, even if that needs a smaller step: the shop gains 0.9 dB at 5
-    m (`python -m benchmarks.accuracy.shop_table`)."""
-    kept_pictures: int = 12
-    """Pictures that are remembered, so that each is read once: those of both sides and four more."""
-    longest_side: int = 1920
-    """Pixels of the long side of these pictures at most, for memory. By eye."""
-    occluder_margin: float = 0.04
-    """Of the inverse depth, by which something must be nearer to hide what lies behind. By eye."""
-    grid: int = 3
-    """Pixels between places of the frame's own surfaces that are projected into the others. By eye."""
-    square: int = 6
-    """Pixels across the squares of another frame that what is projected there hides: twice `grid`."""
-    widest: int = 2
-    """Squares at most that something near hides around itself. By eye."""
-    beyond: float = 0.1
-    """Of the long side, by which the frame's surfaces are taken to go on past its border. By eye."""
-    silhouette_margin: float = 1.0
-    """Pixels beside something nearer that may show it in part: mixed pixels."""
-    gains: tuple[float, float] = (0.5, 2.0)
-    """Least and largest ratio of exposures between frames: a stop. By eye."""
-    moving_margin: float = 0.004
-    """Of the long side, by which what moves is taken to be wider than it was found. By eye."""
-    agreement: float = 0.06
-    """Difference of colours (square root of linear light) that frames may disagree by. By eye."""
-    least_seen: float = 0.5
-    """Share of what the frame shows around a place that the others must see as it does, to be believed there.
-    By eye; with this test fence gains 0.5 dB (32 px, true depth)."""
-    surroundings: GridOptions = field(default_factory=GridOptions)
-    """How what the frame shows around a place is remembered."""
+STEP = 8
+"""Every so many-th registered frame is a source, the same ones for frames that follow each other: then
+colours are, too. By `python -m benchmarks.accuracy`: bars have 32.32 dB, with every fourth 32.28."""
+SPAN = 32
+"""Registered frames before and after, up to which frames are sources. Chosen by inspection."""
+LEAST_FRAMES = 8
+"""Frames of a short clip that are sources, even if that needs a smaller step: the shop gains 0.9 dB at 5
+m (`python -m benchmarks.accuracy.shop_table`)."""
+KEPT_PICTURES = 12
+"""Pictures that are remembered, so that each is read once: those of both sides and four more."""
+LONGEST_SIDE = 1920
+"""Pixels of the long side of these pictures at most, for memory. Chosen by inspection."""
+OCCLUDER_MARGIN = 0.04
+"""Of the inverse depth, by which something must be nearer to hide what lies behind. Chosen by inspection."""
+GRID = 3
+"""Pixels between places of the frame's own surfaces that are projected into the others. Chosen by
+inspection."""
+SQUARE = 6
+"""Pixels across the squares of another frame that what is projected there hides: twice `GRID`."""
+WIDEST = 2
+"""Squares at most that something near hides around itself. Chosen by inspection."""
+BEYOND = 0.1
+"""Of the long side, by which the frame's surfaces are taken to go on past its border. Chosen by
+inspection."""
+SILHOUETTE_MARGIN = 1.0
+"""Pixels beside something nearer that may show it in part: mixed pixels."""
+GAINS = (0.5, 2.0)
+"""Least and largest ratio of exposures between frames: a stop. Chosen by inspection."""
+MOVING_MARGIN = 0.004
+"""Of the long side, by which what moves is taken to be wider than it was found. Chosen by inspection."""
+AGREEMENT = 0.06
+"""Difference of colours (square root of linear light) that frames may disagree by. Chosen by inspection."""
+LEAST_SEEN = 0.5
+"""Share of what the frame shows around a place that the others must see as it does, to be believed there.
+Chosen by inspection; with this test fence gains 0.5 dB (32 px, true depth)."""
 
 
 class DisocclusionFill:
@@ -81,15 +75,14 @@ class DisocclusionFill:
         reconstruction: Reconstruction,
         read: Callable[[int], Pixels],
         moving: Callable[[int], Mask | None] | None = None,
-        options: FillOptions = FillOptions(),
     ) -> None:
         """`read` gives a frame's picture as `Footage.read` does.
 
         `moving` gives (h, w), at any size, what moves by itself in a source frame: its colours are not taken,
         and in the frame that is filled it hides nothing, for elsewhere it stands somewhere else.
         """
-        self._rec, self._read, self._moving, self._options = reconstruction, read, moving, options
-        self._pictures = LRUCache[LinearRGB](options.kept_pictures)
+        self._rec, self._read, self._moving = reconstruction, read, moving
+        self._pictures = LRUCache[LinearRGB](KEPT_PICTURES)
 
     def reprojected(
         self,
@@ -106,39 +99,38 @@ class DisocclusionFill:
         `moving` (h, w), at any size, what moves by itself there, if that is known, `past_border`
         (H + 2 m, W + 2 m) what is `PixelDepth.past_border`. UserError where another frame cannot be read.
         """
-        options = self._options
         image, _ = self._rec.image_at(frame)
         target = self._target(image.frame, canvas, picture, inverse_depth, moving, past_border)
         sources = []
         seen, alike = np.zeros((2, len(target.places)), np.float32)
-        step = stride(self._rec, options.step, options.least_frames)
-        others = every_nth(self._rec, frame, step, options.span)
+        step = stride(self._rec, STEP, LEAST_FRAMES)
+        others = every_nth(self._rec, frame, step, SPAN)
         for number, other in enumerate(others):
             with part(number, len(others)):
                 source, colours = self._source_view(image, canvas, other, target)
             seen += np.isfinite(colours[0])
-            alike += _differ(np.sqrt(colours), target.root) < options.agreement
+            alike += _differ(np.sqrt(colours), target.root) < AGREEMENT
             sources.append(source)
-        surroundings = BilateralGrid.of(target.places, target.root, seen, alike, options.surroundings)
-        return ReprojectedColours(tuple(sources), surroundings, options)
+        surroundings = BilateralGrid.of(target.places, target.root, seen, alike)
+        return ReprojectedColours(tuple(sources), surroundings)
 
     def _source_view(
         self, image: Image, canvas: Canvas, other: Image, target: _TargetView
     ) -> tuple[SourceView, Map]:
         """What another frame sees, and its colours (3, n) of the places that the target view shows; infinite
         where it does not see them."""
-        camera, options = self._rec.intrinsics(other), self._options
+        camera = self._rec.intrinsics(other)
         picture = self._pictures.get(other.frame, lambda: self._linear(other.frame))
         checkpoint(0.5)
         reprojection = Reprojection.between(image, canvas.pinhole, other, camera)
-        apart = options.grid * camera.fx / canvas.pinhole.fx
-        nearest = _nearest(reprojection, target.occluders, apart, options)
+        apart = GRID * camera.fx / canvas.pinhole.fx
+        nearest = _nearest(reprojection, target.occluders, apart)
         checkpoint(0.7)
-        hides = _hides(nearest, self._wide(other.frame), camera, options)
+        hides = _hides(nearest, self._wide(other.frame), camera)
         source = SourceView(other.frame, reprojection, picture, hides, np.ones(3, np.float32))
         colours = np.concatenate([source.colours(some) for some in _parts(target.places)], axis=1)
         checkpoint(0.8)
-        gain = _gain(target.colour[:, target.still], colours[:, target.still], options.gains)
+        gain = _gain(target.colour[:, target.still], colours[:, target.still], GAINS)
         return replace(source, gain=gain), colours * gain[:, None]
 
     def _target(
@@ -153,19 +145,19 @@ class DisocclusionFill:
         """What a frame shows, thinned out, of a picture (H, W, 4) and inverse depths (H, W), where `moving`
         (h, w) tells what moves by itself, or None that it is to be found; `past_border` (H + 2 m, W + 2 m)
         what is known around it."""
-        options, shape = self._options, inverse_depth.shape
-        grid = options.grid
+        shape = inverse_depth.shape
+        grid = GRID
         rows, columns = (np.arange(min(grid // 2, n - 1), n, grid) for n in shape)
         at = np.ix_(rows, columns)
         y, x = np.meshgrid(rows, columns, indexing="ij")
         # Surfaces go on past the border.
-        beyond = grid * int(options.beyond * max(shape) / grid)
+        beyond = grid * int(BEYOND * max(shape) / grid)
         inverse = extended(inverse_depth, past_border, beyond)
         around = [np.arange(grid // 2 - beyond, n + beyond, grid) for n in shape]
         ring_y, ring_x = (part.ravel() for part in np.meshgrid(*around, indexing="ij"))
         past = (ring_y < 0) | (ring_y >= shape[0]) | (ring_x < 0) | (ring_x >= shape[1])
         least = cv2.erode(inverse, np.ones((3, 3), np.uint8))
-        edge_y, edge_x = np.nonzero(inverse > np.float32(1 + options.occluder_margin) * least)
+        edge_y, edge_x = np.nonzero(inverse > np.float32(1 + OCCLUDER_MARGIN) * least)
         y, x = (
             np.concatenate(part)
             for part in (
@@ -202,7 +194,7 @@ class DisocclusionFill:
         """A mask (h, w) and a little more; None where nothing is in it."""
         if mask is None or not mask.any():
             return None
-        around = 2 * int(np.ceil(self._options.moving_margin * max(mask.shape))) + 1
+        around = 2 * int(np.ceil(MOVING_MARGIN * max(mask.shape))) + 1
         return np.asarray(cv2.dilate(mask.astype(np.uint8), np.ones((around, around))) > 0)
 
     def _linear(self, frame: int) -> LinearRGB:
@@ -210,7 +202,7 @@ class DisocclusionFill:
         checkpoint()
         picture = to_linear(self._read(frame))[..., :3]
         checkpoint()
-        zoom = self._options.longest_side / max(picture.shape)
+        zoom = LONGEST_SIDE / max(picture.shape)
         if zoom < 1:
             picture = cv2.resize(picture, None, fx=zoom, fy=zoom, interpolation=cv2.INTER_AREA)
         return np.ascontiguousarray(np.maximum(picture, 0), np.float32)
@@ -224,8 +216,6 @@ class ReprojectedColours:
     """The source frames."""
     surroundings: BilateralGrid
     """What the frame itself shows, and how often the others see the same."""
-    options: FillOptions
-    """When the others are believed."""
 
     def colours(self, places: Floats, inverse: Floats) -> tuple[LinearRGB, Mask]:
         """Linear colours (n, 3) of places (n, 2), canvas pixels, at inverse depths (n,), and which (n,) are
@@ -251,12 +241,12 @@ class ReprojectedColours:
         known = np.sum([np.isfinite(colour[0]) for colour in found], axis=0)
         middle = _median(found, known)
         root = np.sqrt(middle.T)
-        agree = np.sum([_differ(np.sqrt(one), root) < self.options.agreement for one in found], axis=0)
+        agree = np.sum([_differ(np.sqrt(one), root) < AGREEMENT for one in found], axis=0)
         around = self.surroundings
         sound = (known > 0) & (2 * agree >= known)
         supported = np.flatnonzero(sound)
         cells = around.cells(places.among(supported))
-        sound[supported] = around.alike(cells) >= self.options.least_seen
+        sound[supported] = around.alike(cells) >= LEAST_SEEN
         # One frame alone has nobody to agree with.
         single = known[supported] == 1
         alone = supported[single]
@@ -269,7 +259,7 @@ class _TargetView:
     """What the frame that is filled shows itself, thinned out."""
 
     places: Places
-    """Every `FillOptions.grid` pixels of the canvas."""
+    """Every `GRID` pixels of the canvas."""
     colour: Map
     """(3, n) linear colour of the places."""
     root: Map
@@ -295,13 +285,13 @@ def _within(mask: Mask | None, share: Floats) -> Mask:
     return np.asarray(mask[row, column])
 
 
-def _nearest(reprojection: Reprojection, places: Places, apart: float, options: FillOptions) -> Map:
+def _nearest(reprojection: Reprojection, places: Places, apart: float) -> Map:
     """(r, c) largest inverse depth of the places in each square of the other picture, 0 where none is.
 
     `apart` is how many pixels of the other picture they are apart if they are as far from it: then all
     squares between are theirs.
     """
-    square, camera = options.square, reprojection.camera
+    square, camera = SQUARE, reprojection.camera
     size = -(-camera.height // square), -(-camera.width // square)
     nearest = np.zeros(size, np.float32)
     x, y, ratio = reprojection(places)
@@ -309,8 +299,8 @@ def _nearest(reprojection: Reprojection, places: Places, apart: float, options: 
     x, y, ratio = x[inside], y[inside], ratio[inside]
     at = (y / square).astype(np.int32) * size[1] + (x / square).astype(np.int32)
     inverse = places.inverse[inside] / ratio
-    wide = np.minimum(np.ceil((apart / np.maximum(ratio, 1e-9) / square - 1) / 2), options.widest)
-    for reach in range(options.widest + 1):
+    wide = np.minimum(np.ceil((apart / np.maximum(ratio, 1e-9) / square - 1) / 2), WIDEST)
+    for reach in range(WIDEST + 1):
         mine = np.maximum(wide, 0) == reach
         if mine.any():
             of_those = np.zeros(size, np.float32)
@@ -319,12 +309,12 @@ def _nearest(reprojection: Reprojection, places: Places, apart: float, options: 
     return nearest
 
 
-def _hides(nearest: Map, moving: Mask | None, camera: Intrinsics, options: FillOptions) -> Map:
+def _hides(nearest: Map, moving: Mask | None, camera: Intrinsics) -> Map:
     """(H, W) least inverse depth at which something is not hidden in each pixel of a lens, infinite where it
     moves (h, w); `nearest` (r, c) is what stands before all else in its squares."""
-    square, margin = options.square, int(options.silhouette_margin)
+    square, margin = SQUARE, int(SILHOUETTE_MARGIN)
     whole = cv2.resize(
-        nearest / np.float32(1 + options.occluder_margin),
+        nearest / np.float32(1 + OCCLUDER_MARGIN),
         (nearest.shape[1] * square, nearest.shape[0] * square), interpolation=cv2.INTER_NEAREST,
     )[: camera.height, : camera.width]  # fmt: skip
     hides = cv2.dilate(whole, np.ones((2 * margin + 1,) * 2))

@@ -21,37 +21,36 @@ from ..depth.sparse import DepthSamples
 from ..media.clip import encode_srgb
 from .mesh import WarpMesh, delaunay, distinct, nearest_mean, ring
 
-
-@dataclass(frozen=True)
-class EdgeOptions:
-    """Which edges count, where their vertices lie, and which features tell their depth."""
-
-    shortest: float = 8.0
-    """Pixels of an edge that counts. By eye."""
-    trim: float = 1.5
-    """Pixels less at either end, so that the rows of edges that meet at a corner do not cross. By eye."""
-    piece: float = 8.0
-    """Pixels between two vertices of an edge at most. By eye."""
-    gap: float = 0.75
-    """Pixels from an edge to the row of vertices on either side of it. By eye."""
-    discontinuity: float = 3.0
-    """Pixels of disparity at the aperture's rim by which both sides of an edge move apart. By eye."""
-    clearance: float = 2.5
-    """Pixels beside an edge within which a feature is on both sides; where depth jumps, none. By eye."""
-    other_side: float = 10.0
-    """Pixels that a feature within the clearance is farther from the other side than from its own. By eye."""
-    along: float = 0.4
-    """Weight of a feature's distance along an edge, against that across it. By eye."""
-    features: int = 3
-    """Features on one side of a vertex, whose median depth it gets. By eye."""
-    candidates: int = 10
-    """Nearest features, of which those that no other edge hides tell a vertex's depth. By eye."""
-    reach: float = 60.0
-    """Pixels, those along the edge weighted, beyond which a feature says nothing of it. By eye."""
-    splits: int = 6
-    """Rounds of splitting pieces of edges that are no sides yet: from 8 pixels to less than one."""
-    chunk: int = 2_000_000
-    """Pairs of places and features that are looked at at once, so that tables take tens of megabytes."""
+SHORTEST = 8.0
+"""Pixels of an edge that counts. Chosen by inspection."""
+TRIM = 1.5
+"""Pixels less at either end, so that the rows of edges that meet at a corner do not cross. Chosen by
+inspection."""
+PIECE = 8.0
+"""Pixels between two vertices of an edge at most. Chosen by inspection."""
+GAP = 0.75
+"""Pixels from an edge to the row of vertices on either side of it. Chosen by inspection."""
+DISCONTINUITY = 3.0
+"""Pixels of disparity at the aperture's rim by which both sides of an edge move apart. Chosen by
+inspection."""
+CLEARANCE = 2.5
+"""Pixels beside an edge within which a feature is on both sides; where depth jumps, none. Chosen by
+inspection."""
+OTHER_SIDE = 10.0
+"""Pixels that a feature within the clearance is farther from the other side than from its own. Chosen by
+inspection."""
+ALONG = 0.4
+"""Weight of a feature's distance along an edge, against that across it. Chosen by inspection."""
+FEATURES = 3
+"""Features on one side of a vertex, whose median depth it gets. Chosen by inspection."""
+CANDIDATES = 10
+"""Nearest features, of which those that no other edge hides tell a vertex's depth. Chosen by inspection."""
+REACH = 60.0
+"""Pixels, those along the edge weighted, beyond which a feature says nothing of it. Chosen by inspection."""
+SPLITS = 6
+"""Rounds of splitting pieces of edges that are no sides yet: from 8 pixels to less than one."""
+CHUNK = 2_000_000
+"""Pairs of places and features that are looked at at once, so that tables take tens of megabytes."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +73,6 @@ def edge_mesh(
     margin: float,
     picture: LinearRGBA,
     scale: float,
-    options: EdgeOptions = EdgeOptions(),
 ) -> WarpMesh:
     """The mesh of features and edges, extrapolated past the border by `margin` pixels.
 
@@ -84,19 +82,17 @@ def edge_mesh(
     keep = distinct(features, canvas)
     xy, inverse = features.observed[keep], features.inverse_depth[keep]
     size = canvas.pinhole.width, canvas.pinhole.height
-    rows = edge_rows(detected(picture, options), xy, inverse, size, scale, options)
-    free = _far_from(rows.edges, xy, options)
+    rows = edge_rows(detected(picture), xy, inverse, size, scale)
+    free = _far_from(rows.edges, xy)
     xy = np.concatenate([rows.xy, xy[free]])
     inverse = np.concatenate([rows.inverse_depth, inverse[free]])
     outside = ring(canvas, max(margin, 2.0))
     inverse = np.concatenate([inverse, nearest_mean(xy, inverse, outside)])
-    xy, inverse, triangles, _ = conforming(
-        np.concatenate([xy, outside]), inverse, rows.pieces, options.splits
-    )
+    xy, inverse, triangles, _ = conforming(np.concatenate([xy, outside]), inverse, rows.pieces, SPLITS)
     return WarpMesh(xy, xy, inverse, triangles)
 
 
-def detected(picture: LinearRGBA, options: EdgeOptions = EdgeOptions()) -> Floats:
+def detected(picture: LinearRGBA) -> Floats:
     """(m, 2, 2) both ends of the straight edges in a linear picture (h, w, 3 or 4), in pixels.
 
     Grompone von Gioi et al., "LSD: a fast line segment detector with a false detection control", 2010.
@@ -107,7 +103,7 @@ def detected(picture: LinearRGBA, options: EdgeOptions = EdgeOptions()) -> Float
         return np.zeros((0, 2, 2))
     # OpenCV counts from the centre of the first pixel.
     ends = np.asarray(found, np.float64).reshape(-1, 2, 2) + 0.5
-    return ends[np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) >= options.shortest]
+    return ends[np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) >= SHORTEST]
 
 
 def edge_rows(
@@ -116,7 +112,6 @@ def edge_rows(
     inverse: Floats,
     size: tuple[int, int],
     scale: float,
-    options: EdgeOptions = EdgeOptions(),
 ) -> Rows:
     """Rows of vertices along those edges (m, 2, 2) near which depth varies: two where it jumps, else one.
 
@@ -125,21 +120,21 @@ def edge_rows(
     """
     middle = edges.mean(axis=1)
     varies = [
-        np.ptp(inverse[_nearest(middle[some], xy, options.candidates)], axis=1)
-        for some in _chunks(len(edges), len(xy), options.chunk)
+        np.ptp(inverse[_nearest(middle[some], xy, CANDIDATES)], axis=1)
+        for some in _chunks(len(edges), len(xy), CHUNK)
     ]
-    wanted = np.nonzero(np.concatenate([*varies, np.zeros(0)]) * scale > options.discontinuity)[0]
+    wanted = np.nonzero(np.concatenate([*varies, np.zeros(0)]) * scale > DISCONTINUITY)[0]
     walls = _walls(edges, size)
-    edge, place = _sampled(_trimmed(edges[wanted], options.trim), options.piece)
+    edge, place = _sampled(_trimmed(edges[wanted], TRIM), PIECE)
     own = wanted[edge].astype(np.int32)
     along = (edges[wanted, 1] - edges[wanted, 0])[edge]
     along /= np.linalg.norm(along, axis=1)[:, None]
     across = np.column_stack([-along[:, 1], along[:, 0]])
-    chunks = _chunks(len(place), len(xy), options.chunk)
+    chunks = _chunks(len(place), len(xy), CHUNK)
     left, right = (
         np.concatenate([
             *(
-                _side_depth(place[c], along[c], sign * across[c], walls, own[c], xy, inverse, options)
+                _side_depth(place[c], along[c], sign * across[c], walls, own[c], xy, inverse)
                 for c in chunks
             ),
             np.zeros(0),
@@ -147,14 +142,14 @@ def edge_rows(
         for sign in (-1, 1)
     )  # fmt: skip
     jump = np.nan_to_num(np.abs(left - right) * scale)
-    apart = (_medians(edge, jump, len(wanted)) > options.discontinuity)[edge]
+    apart = (_medians(edge, jump, len(wanted)) > DISCONTINUITY)[edge]
     known = np.isfinite(left) & np.isfinite(right)
     parts = [
         _row(known & kind, edge, place + shift * across, depth)
         for kind, shift, depth in (
             (~apart, 0.0, (left + right) / 2),
-            (apart, -options.gap, left),
-            (apart, options.gap, right),
+            (apart, -GAP, left),
+            (apart, GAP, right),
         )
     ]
     first = np.cumsum([0, *(len(part[0]) for part in parts)])
@@ -166,11 +161,11 @@ def edge_rows(
 
 
 def conforming(
-    xy: Floats, inverse: Floats, pieces: Ints, splits: int = EdgeOptions.splits
+    xy: Floats, inverse: Floats, pieces: Ints, splits: int = SPLITS
 ) -> tuple[Floats, Floats, Ints, Ints]:
     """Delaunay triangles (t, 3) of places (n, 2) that have pieces (p, 2), pairs of places, as sides.
 
-    A piece that is none is split in the middle, `splits` times, but not below a pixel. Returned are places
+    A piece that is none is split in the middle, `SPLITS` times, but not below a pixel. Returned are places
     and inverse depths with the middles, triangles, and pieces as they are then.
     """
     triangles = delaunay(xy)
@@ -242,7 +237,6 @@ def _side_depth(
     edge: Ints,
     xy: Floats,
     inverse: Floats,
-    options: EdgeOptions,
 ) -> Floats:
     """(v,) inverse depth beside places (v, 2) of edges (v,), on the side of `across` (v, 2); NaN where none
     is known.
@@ -251,17 +245,17 @@ def _side_depth(
     """
     off = xy - place[:, None]
     over, past = (np.einsum("vnk,vk->vn", off, axis) for axis in (across, along))
-    far = np.hypot(over, options.along * past)
-    far[over < 0] += options.other_side
-    far[(over < -options.clearance) | (far > options.reach)] = np.inf
-    count = options.candidates
+    far = np.hypot(over, ALONG * past)
+    far[over < 0] += OTHER_SIDE
+    far[(over < -CLEARANCE) | (far > REACH)] = np.inf
+    count = CANDIDATES
     near = np.argpartition(far, min(count, len(xy)) - 1, axis=1)[:, :count]
     far = np.take_along_axis(far, near, axis=1)
     ray, feature = np.nonzero(np.isfinite(far))
-    eye = (place + options.gap * across)[ray]
-    hidden = _hidden(eye, xy[near[ray, feature]], walls, edge[ray], options.clearance)
+    eye = (place + GAP * across)[ray]
+    hidden = _hidden(eye, xy[near[ray, feature]], walls, edge[ray], CLEARANCE)
     far[ray[hidden], feature[hidden]] = np.inf
-    order = np.argsort(far, axis=1)[:, : options.features]
+    order = np.argsort(far, axis=1)[:, :FEATURES]
     known = np.isfinite(np.take_along_axis(far, order, axis=1))
     value = np.take_along_axis(inverse[near], order, axis=1)
     value = np.sort(np.where(known, value, np.inf), axis=1)
@@ -320,13 +314,13 @@ def _joined(xy: Floats, inverse: Floats, pieces: Ints, edges: Floats, size: tupl
     return Rows(xy[kept[keep]], inverse[kept[keep]], pieces.astype(np.int32), edges)
 
 
-def _far_from(edges: Floats, xy: Floats, options: EdgeOptions) -> Mask:
+def _far_from(edges: Floats, xy: Floats) -> Mask:
     """(n,) places (n, 2) farther than the clearance from all of edges (m, 2, 2)."""
     start, way = edges[:, 0], edges[:, 1] - edges[:, 0]
     result = np.ones(len(xy), bool)
-    for some in _chunks(len(xy), len(edges), options.chunk):
+    for some in _chunks(len(xy), len(edges), CHUNK):
         off = xy[some, None] - start
         share = np.clip((off * way).sum(axis=2) / (way**2).sum(axis=1), 0, 1)
         distance = np.linalg.norm(off - share[..., None] * way, axis=2)
-        result[some] = distance.min(axis=1, initial=np.inf) > options.clearance
+        result[some] = distance.min(axis=1, initial=np.inf) > CLEARANCE
     return result

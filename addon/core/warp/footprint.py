@@ -32,8 +32,8 @@ BISECTIONS = 16
 WIDEST = 256.0
 """Texels; wider footprints are blurred as this one, wider than most that layers are displaced by."""
 BURIED = 8
-"""Pixels from what a view may see, half of `LayerOptions.extrapolation`: so far behind a near surface, what
-shows next is that surface itself."""
+"""Pixels from what a view may see, half of `layered_depth_image.EXTRAPOLATION`: so far behind a near surface,
+what shows next is that surface itself."""
 
 
 @dataclass(frozen=True)

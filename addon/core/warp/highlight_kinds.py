@@ -28,7 +28,8 @@ AREAS: Floats = np.geomspace(1.0, 512.0, 10)
 LIKE_AREA, LIKE_RADIANCE = 0.7, 0.25
 """Logarithms of ratios of areas, and of radiances, within which light sources are of one kind."""
 KNOWN = 1.0
-"""As many light sources of the clip count as much as what is known of light sources before. By eye."""
+"""As many light sources of the clip count as much as what is known of light sources before. Chosen by
+inspection."""
 ROUNDS = 20
 """Of expectation maximisation."""
 TINT_AXES: Floats = np.array([[-0.42, 0.91], [0.91, 0.42]])
@@ -36,9 +37,11 @@ TINT_AXES: Floats = np.array([[-0.42, 0.91], [0.91, 0.42]])
 lie, linear sRGB, and the one across."""
 TINT_MEAN: Floats = np.array([-0.35, 0.0])
 TINT_SPREAD: Floats = np.array([0.6, 0.45])
-"""Mean and standard deviation of light sources' colours in these: warm white, of about 4,000 K. By eye."""
+"""Mean and standard deviation of light sources' colours in these: warm white, of about 4,000 K. Chosen by
+inspection."""
 TINT_RATIO = 0.5
-"""Logarithm, standard deviation of a channel's ratio to the largest, as a rim tells it. By eye."""
+"""Logarithm, standard deviation of a channel's ratio to the largest, as a rim tells it. Chosen by
+inspection."""
 LEAST_TINT, LEAST_DOUBT = 0.02, 0.2
 """Of a rim's largest channel: what each has at least, and what it is off by at least."""
 UNCLIPPED = 0.8

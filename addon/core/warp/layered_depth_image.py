@@ -9,7 +9,7 @@ pixels means the same for any scene and aperture, and float32 is exact where the
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -23,22 +23,16 @@ from .matting import MattingOptions, Surfaces, behind, matted, parted, surfaces_
 Fill = Callable[[Map, Mask], tuple[LinearRGB, Mask]]
 """Colours (H, W, 3) of a surface of disparities (H, W) where a mask (H, W) asks for them, and where (H, W)
 they are known."""
-
-
-@dataclass(frozen=True)
-class LayerOptions:
-    """How surfaces are extrapolated past silhouettes."""
-
-    extrapolation: int = 16
-    """Pixels by which surfaces go on past a silhouette, more than a view sees of them: the widest cell of
-    the mesh there, 2 ** `QuadtreeOptions.coarsest_at_silhouettes`."""
-    least_silhouette: int = 32
-    """Pixels of a silhouette that is left for the next split; fewer are noise. By eye."""
-    rise: float = 0.5
-    """Of the least jump, by which a far surface may rise from a pixel to the next: diagonally it is half
-    more, and still no jump."""
-    matting: MattingOptions = field(default_factory=MattingOptions)
-    """How mixed pixels are divided."""
+EXTRAPOLATION = 16
+"""Pixels by which surfaces go on past a silhouette, more than a view sees of them: the widest cell of
+the mesh there, 2 ** `quadtree.COARSEST_AT_SILHOUETTES`."""
+LEAST_SILHOUETTE = 32
+"""Pixels of a silhouette that is left for the next split; fewer are noise. Chosen by inspection."""
+RISE = 0.5
+"""Of the least jump, by which a far surface may rise from a pixel to the next: diagonally it is half
+more, and still no jump."""
+MATTING = MattingOptions()
+"""How mixed pixels are divided."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +75,6 @@ def depth_peel(
     disparity: Map,
     jumps: tuple[float, ...],
     fill: Fill | None = None,
-    options: LayerOptions = LayerOptions(),
     opacity: Map | None = None,
     far: Map | None = None,
 ) -> tuple[LayeredDepthImage, ...]:
@@ -95,7 +88,7 @@ def depth_peel(
     """
     found: list[LayeredDepthImage] = []
     for jump in jumps:
-        layers = split(picture, disparity, jump, min(jumps), fill, options, opacity, far)
+        layers = split(picture, disparity, jump, min(jumps), fill, opacity, far)
         if layers.mixed.any() or (jump == jumps[-1] and not found):
             found.append(layers)
             picture, disparity = layers.back, layers.back_disparity
@@ -108,7 +101,6 @@ def split(
     jump: float,
     least: float,
     fill: Fill | None = None,
-    options: LayerOptions = LayerOptions(),
     opacity: Map | None = None,
     far: Map | None = None,
 ) -> LayeredDepthImage:
@@ -122,33 +114,33 @@ def split(
     near_side, far_side = _silhouettes(disparity, jump)
     mixed = near_side | far_side
     checkpoint(0.2)
-    surfaces = surfaces_beside(picture, disparity, mixed, jump, options.matting)
+    surfaces = surfaces_beside(picture, disparity, mixed, jump, MATTING)
     checkpoint(0.3)
     others = np.zeros_like(mixed)
     if least < jump:
-        others = _without_specks(_silhouettes(disparity, least)[0] & ~mixed, options.least_silhouette)
+        others = _without_specks(_silhouettes(disparity, least)[0] & ~mixed, LEAST_SILHOUETTE)
     away = _distance_along_surface(disparity, others, jump)
     matte = None if opacity is None else _matte(opacity, disparity, surfaces, jump)
     sheer = np.zeros_like(mixed) if matte is None else matte < 1
-    beyond = _extrapolated(disparity, surfaces, jump, least, away, sheer, far, options)
+    beyond = _extrapolated(disparity, surfaces, jump, least, away, sheer, far)
     sheer &= beyond.occluded | mixed
     checkpoint(0.4)
     colour = _colour(picture)
     reprojected = np.zeros(disparity.shape, bool)
     if fill is not None:
         seen, known = fill(beyond.far, beyond.disoccluded | mixed)
-        surfaces = with_reprojected(surfaces, picture[mixed, :3], seen[mixed], known[mixed], options.matting)
+        surfaces = with_reprojected(surfaces, picture[mixed, :3], seen[mixed], known[mixed], MATTING)
         reprojected = known & (beyond.disoccluded | sheer)
         colour[reprojected] = seen[reprojected]
     checkpoint(0.5)
     front, front_disparity = picture.copy(), disparity.copy()
-    alpha, front[mixed, :3], beside = matted(picture[mixed, :3], surfaces, options.matting)
+    alpha, front[mixed, :3], beside = matted(picture[mixed, :3], surfaces, MATTING)
     colour[mixed] = np.where((sheer & reprojected)[mixed, None], colour[mixed], beside)
     front[mixed, 3], front_disparity[mixed] = alpha, surfaces.near_disparity
     known = ~(beyond.occluded | sheer) | reprojected
     if opacity is not None and matte is not None and sheer.any():
         # Of what is seen through, the pixel itself tells the colour behind.
-        through = sheer & ~reprojected & (matte < options.matting.most_through)
+        through = sheer & ~reprojected & (matte < MATTING.most_through)
         near = inpainted(_colour(picture), opacity >= 1 - FAINTEST)
         colour[through] = behind(picture[through, :3], matte[through], near[through])
         known |= through
@@ -241,7 +233,6 @@ def _extrapolated(
     away: Map,
     sheer: Mask,
     known: Map | None,
-    options: LayerOptions,
 ) -> _Extrapolated:
     """The surfaces of the nearest silhouette at each pixel; `away` (H, W) is how far the others are, and
     behind what is `sheer` (H, W) the far surface is seen however far the silhouette is. `known` (H, W) tells
@@ -255,7 +246,7 @@ def _extrapolated(
     both, distance = of_nearest(np.dstack([near, far]), seeds)
     before, behind = both[..., 0], both[..., 1]
     checkpoint(0.4)
-    gap, reach = disparity - behind, options.extrapolation
+    gap, reach = disparity - behind, EXTRAPOLATION
     occluded = distance <= np.minimum(gap + 2 + reach, away)
     if sheer.any():
         occluded |= cv2.distanceTransform((~sheer).astype(np.uint8), cv2.DIST_L2, 5) <= reach
@@ -270,7 +261,7 @@ def _extrapolated(
         # A comparison with NaN is false.
         far = np.where(occluded & (disparity - known > jump), known, far)
     if least < jump:
-        far = np.where(occluded, _rising(far, disparity, occluded, seeds, jump, options.rise * least), far)
+        far = np.where(occluded, _rising(far, disparity, occluded, seeds, jump, RISE * least), far)
     checkpoint(0.4)
     near = np.where(is_far, before, near)
     near = _smoothed(near, is_far | seeds, is_far, jump)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -15,9 +15,9 @@ from ..base.side_by_side import side_by_side
 from ..depth.source import PixelDepth, extended
 from ..optics.thin_lens import ThinLens
 from .disocclusion_fill import HiddenColours
-from .layered_depth_image import Fill, LayeredDepthImage, LayerOptions, depth_peel
+from .layered_depth_image import Fill, LayeredDepthImage, depth_peel
 from .mesh import WarpMesh
-from .quadtree import QuadtreeOptions, Surfaces, Triangles, triangulate
+from .quadtree import DISOCCLUDED_ERROR, Surfaces, Triangles, triangulate
 
 FINER = 2
 """Times as fine as the frame is its texture: a view loses less by looking between its pixels."""
@@ -31,21 +31,25 @@ TILE = 64
 SPARE = 16
 """Pixels around what is drawn of a front that are refined, too: whoever blurs its texture looks so far. An
 aperture's disc of 96 pixels in 16 views has footprints of 12."""
+ERROR = 0.33
+"""Pixels by which a view may see a place of the mesh beside where its depth puts it. Chosen by inspection,
+with bars and foreground of `python -m benchmarks.accuracy`: a third of a pixel of noise is no silhouette."""
+RELATIVE_ERROR = 0.03
+"""Of the blur's radius at a place, by which a view may see it yet farther off. Chosen by inspection."""
+JUMP = 0.19
+"""Of the largest blur's radius, by which neighbours must be displaced apart to be cut. Chosen by
+inspection."""
+JUMP_BOUNDS = (1.0, 3.0)
+"""Pixels: least and largest such displacement, whatever the blur is. Chosen by inspection."""
+WIDEST = 0.25
+"""Of the long side; surfaces displaced farther from the focal plane than that come back to it. Chosen by
+inspection."""
 
 
 @dataclass(frozen=True)
 class LayeredMeshOptions:
     """How exact a layered mesh is, and where it is cut."""
 
-    error: float = 0.33
-    """Pixels by which a view may see a place of the mesh beside where its depth puts it. By eye, with bars
-    and foreground of `python -m benchmarks.accuracy`: a third of a pixel of noise is no silhouette."""
-    relative_error: float = 0.03
-    """Of the blur's radius at a place, by which a view may see it yet farther off. By eye."""
-    jump: float = 0.19
-    """Of the largest blur's radius, by which neighbours must be displaced apart to be cut. By eye."""
-    jump_bounds: tuple[float, float] = (1.0, 3.0)
-    """Pixels: least and largest such displacement, whatever the blur is. By eye."""
     first_jump: float = 0.5
     """Of the largest blur's radius, outliers left out, by which neighbours are cut first, so that three
     surfaces can meet. By `python -m benchmarks.accuracy`: fence has 35.1 instead of 33.8 dB (32 px, true
@@ -55,12 +59,6 @@ class LayeredMeshOptions:
     is prefiltered, that costs 0.04 to 0.16 dB at 640x360 (bars, walk, fence, blocks, 32 px, 16 views) and
     leaves a phone's frames the same to 60 dB; at 1920x1080 it saves a fifth of a frame's time and a third
     of its memory (scratch scripts; `python -m benchmarks.timings.frame_costs`)."""
-    widest: float = 0.25
-    """Of the long side; surfaces displaced farther from the focal plane than that come back to it. By eye."""
-    layers: LayerOptions = field(default_factory=LayerOptions)
-    """How the frame is split in surfaces."""
-    quadtree: QuadtreeOptions = field(default_factory=QuadtreeOptions)
-    """How coarse the triangles are."""
 
 
 def layer_mesh(
@@ -83,7 +81,7 @@ def layer_mesh(
 
     Triangles are ordered from far to near (Shade et al., "Layered depth images", 1998).
     """
-    reach, focus = options.widest * max(picture.shape[:2]), thin_lens.disparity_scale * thin_lens.focus
+    reach, focus = WIDEST * max(picture.shape[:2]), thin_lens.disparity_scale * thin_lens.focus
     fill = None if hidden is None else _fill_of(hidden, picture, thin_lens)
 
     def relative(inverse_depth: Floats | Map) -> Map:
@@ -106,7 +104,7 @@ def layer_mesh(
     # What is just outside does not say how the picture is split.
     own = np.abs(shift[margin:-margin, margin:-margin])
     largest = float(own.max())
-    jump = float(np.clip(options.jump * largest, *options.jump_bounds))
+    jump = float(np.clip(JUMP * largest, *JUMP_BOUNDS))
     # A few wrong depths must not say what is large.
     typical_largest = float(np.percentile(own[::4, ::4], 99.9))
     first = options.first_jump * typical_largest
@@ -118,7 +116,7 @@ def layer_mesh(
     behind = None
     if depth.behind is not None:
         behind = np.pad(relative(depth.behind), margin, constant_values=np.nan)
-    layers = depth_peel(wide, shift, jumps, fill, options.layers, opacity, behind)
+    layers = depth_peel(wide, shift, jumps, fill, opacity, behind)
     found = triangulated(layers, thin_lens.snap_displacement, options)
     surfaces = [(found[-1][0].far, found[-1][1].far, len(layers))]
     drawn = []
@@ -200,7 +198,7 @@ def triangulated(
 ) -> list[tuple[Surfaces, Triangles]]:
     """The surfaces (h, w) of each layered depth image where `snap` draws them, and their triangles;
     disparities in pixels are relative to the focal plane."""
-    error: Map = np.asarray(options.error + options.relative_error * np.abs(layers[-1].back_disparity))
+    error: Map = np.asarray(ERROR + RELATIVE_ERROR * np.abs(layers[-1].back_disparity))
     jobs = []
     for split in layers:
         checkpoint(0.55)
@@ -209,11 +207,11 @@ def triangulated(
             split.mixed, split.is_far, split.disoccluded,
         )  # fmt: skip
         # Snapping can double what neighbours differ by.
-        jobs.append((made, 2 * split.jump, error, options.quadtree))
+        jobs.append((made, 2 * split.jump, error))
         # What is left is a guess here, or cannot be seen.
         error = error.copy()
         error[split.occluded & ~split.disoccluded] = np.inf
-        error[split.disoccluded] *= np.float32(options.quadtree.disoccluded_error)
+        error[split.disoccluded] *= np.float32(DISOCCLUDED_ERROR)
     found = side_by_side(lambda job: triangulate(*job), jobs)
     return [(made, triangles) for (made, *_), triangles in zip(jobs, found, strict=True)]
 

@@ -21,7 +21,7 @@ from ..depth.sparse import DepthSamples, FrameFeatures
 MIN_FEATURES = 3
 """Features that a triangle takes."""
 MERGE = 0.5
-"""Pixels across a cell of which one feature is kept: closer ones would make slivers. By eye."""
+"""Pixels across a cell of which one feature is kept: closer ones would make slivers. Chosen by inspection."""
 
 
 @dataclass(frozen=True)

@@ -17,23 +17,17 @@ from ..base.progress import checkpoint
 
 CHUNK = 1 << 17
 """Pixels of cells that are looked at at once, so that arrays of them stay in a processor's cache."""
-
-
-@dataclass(frozen=True)
-class QuadtreeOptions:
-    """How coarse cells may be, and where errors weigh less."""
-
-    coarsest: int = 6
-    """A cell is at most 2 to this power pixels wide. By eye."""
-    coarsest_at_silhouettes: int = 4
-    """A cell with a silhouette is at most 2 to this power pixels wide: so far surfaces go on past it."""
-    silhouette_error: float = 6
-    """Times the error that is allowed where depth jumps. With it bars take 4.9 instead of 7.1 % of the grid's
-    triangles from the video alone, foreground 8.1 instead of 13.2, both without loss."""
-    disoccluded_error: float = 24
-    """Times the error that is allowed where depth is extrapolated, as it is a guess. By eye."""
-    bend: float = 0.5
-    """Share of a change of depth that must not be straight on to be a small jump. By eye."""
+COARSEST = 6
+"""A cell is at most 2 to this power pixels wide. Chosen by inspection."""
+COARSEST_AT_SILHOUETTES = 4
+"""A cell with a silhouette is at most 2 to this power pixels wide: so far surfaces go on past it."""
+SILHOUETTE_ERROR = 6
+"""Times the error that is allowed where depth jumps. With it bars take 4.9 instead of 7.1 % of the grid's
+triangles from the video alone, foreground 8.1 instead of 13.2, both without loss."""
+DISOCCLUDED_ERROR = 24
+"""Times the error that is allowed where depth is extrapolated, as it is a guess. Chosen by inspection."""
+BEND = 0.5
+"""Share of a change of depth that must not be straight on to be a small jump. Chosen by inspection."""
 
 
 @dataclass(frozen=True)
@@ -68,9 +62,7 @@ class Triangles:
     """(H, W) the pixels that the near surface's triangles cover, their rim included."""
 
 
-def triangulate(
-    surfaces: Surfaces, jump: float, error: float | Map, options: QuadtreeOptions = QuadtreeOptions()
-) -> Triangles:
+def triangulate(surfaces: Surfaces, jump: float, error: float | Map) -> Triangles:
     """Triangles that interpolate the surfaces within `error`, one or of every pixel (H, W), in their unit.
 
     Neighbours (diagonal ones too) whose depths are more than `jump` apart are not connected. A restricted
@@ -79,13 +71,13 @@ def triangulate(
     Herzen and Barr, "Accurate triangulations of deformed, intersecting surfaces", 1987.
     """
     height, width = surfaces.own.shape
-    coarsest = options.coarsest
+    coarsest = COARSEST
     raster = _padded(surfaces, coarsest)
     columns = raster.own.shape[1]
     checkpoint(0.6)
     whole = ~_any(raster.mixed) & (_range(raster.own) <= jump)
     checkpoint(0.6)
-    split = _split(raster, whole, _allowed(error, (height, width), whole.shape), options)
+    split = _split(raster, whole, _allowed(error, (height, width), whole.shape))
     checkpoint(0.6)
     two = _any(raster.mixed | ((raster.near != raster.far) & ~raster.is_far))
     two_surfaces = [two]
@@ -175,7 +167,7 @@ def _allowed(error: float | Map, shape: tuple[int, int], cells: tuple[int, ...])
     return _of_corners(whole, np.minimum)
 
 
-def _split(raster: Surfaces, whole: Mask, error: Map, options: QuadtreeOptions) -> list[Mask]:
+def _split(raster: Surfaces, whole: Mask, error: Map) -> list[Mask]:
     """For each level the cells (R, C) that need finer ones; `whole` (H - 1, W - 1) tells which of those a
     pixel wide are connected, `error` (H - 1, W - 1) what they may miss."""
     split = [np.zeros_like(whole)]
@@ -185,11 +177,11 @@ def _split(raster: Surfaces, whole: Mask, error: Map, options: QuadtreeOptions) 
     low, high = (_of_corners(raster.own, combine) for combine in (np.minimum, np.maximum))
     changes = high - low
     checkpoint(0.6)
-    steep = (changes > error) & (_bent(raster.own) > options.bend * changes)
-    of_near = (~raster.is_far).astype(np.float32) / np.float32(options.silhouette_error)
-    of_far = raster.disoccluded.astype(np.float32) / np.float32(options.disoccluded_error)
-    of_far[raster.is_far | raster.mixed] = 1 / options.silhouette_error
-    for level in range(1, options.coarsest + 1):
+    steep = (changes > error) & (_bent(raster.own) > BEND * changes)
+    of_near = (~raster.is_far).astype(np.float32) / np.float32(SILHOUETTE_ERROR)
+    of_far = raster.disoccluded.astype(np.float32) / np.float32(DISOCCLUDED_ERROR)
+    of_far[raster.is_far | raster.mixed] = 1 / SILHOUETTE_ERROR
+    for level in range(1, COARSEST + 1):
         checkpoint(0.6)
         error, low, high = _halved(error, np.minimum), _halved(low, np.minimum), _halved(high, np.maximum)
         silhouette, doubled, steep = (_halved(one, np.logical_or) for one in (silhouette, doubled, steep))
@@ -200,11 +192,11 @@ def _split(raster: Surfaces, whole: Mask, error: Map, options: QuadtreeOptions) 
         wide = wide[:, :-2] | wide[:, 1:-1] | wide[:, 2:]
         needed = _halved(wide, np.logical_or)
         one = ~silhouette & ~doubled
-        if level > options.coarsest_at_silhouettes:
+        if level > COARSEST_AT_SILHOUETTES:
             needed |= silhouette
         # Triangles between the corners miss no more than the whole range.
         rough = np.nonzero(one & ~needed & (high - low > error))
-        allowed = np.where(steep, options.silhouette_error, 1)[rough] * error[rough]
+        allowed = np.where(steep, SILHOUETTE_ERROR, 1)[rough] * error[rough]
         needed[rough] = _worst(raster.own, None, rough, level) > allowed
         checkpoint(0.6)
         rough = np.nonzero(~one & ~needed)

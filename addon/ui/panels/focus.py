@@ -24,7 +24,7 @@ class VIRTUAL_APERTURE_PT_focus(ClosedPanel, bpy.types.Panel):  # noqa: N801
         if len(settings.marks.items):
             focus_list.draw(marks, context)
         elif count:
-            # Points of older files, and of scripts, make no marks.
+            # Points that a script sets make no marks.
             _draw_points(marks, settings, by_points)
         column = layout.column()
         column.active = not by_points and not by_own

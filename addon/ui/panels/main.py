@@ -105,7 +105,7 @@ def _draw_solved(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
     if advice := settings.advice:
         wrapped(layout, context, operators.sentence(advice), icon="INFO")
     else:
-        # Files of before summaries do not say how good it is.
+        # Scenes that the command line builds have no summary.
         layout.label(text="Good solve" if settings.summary else "Solved", icon="CHECKMARK")
     notices.draw_depth(layout, context)
     row = _large(layout)

@@ -9,7 +9,7 @@ from ...base.arrays import Floats
 from ...base.progress import stage
 from ...optics.thin_lens import ThinLens
 from ...warp.disocclusion_fill import HiddenColours
-from ...warp.layered_mesh import LayeredMeshOptions, layer_mesh
+from ...warp.layered_mesh import WIDEST, layer_mesh
 from .mesher import FrameGeometry, Mesher, Surface, equal_share_views
 
 FILLED = 0.25
@@ -18,7 +18,7 @@ FILLED = 0.25
 
 def can_be_layered(lens: ThinLens, blur: float) -> bool:
     """Whether blur discs of `blur` pixels leave anything of a frame's surfaces to be drawn by layers."""
-    return blur / 2 < LayeredMeshOptions.widest * max(lens.pinhole.width, lens.pinhole.height)
+    return blur / 2 < WIDEST * max(lens.pinhole.width, lens.pinhole.height)
 
 
 def make(geometry: FrameGeometry) -> Surface:

@@ -1,0 +1,53 @@
+"""Scenes that are saved, and scenes that are appended from another .blend."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+from bpy.app.handlers import persistent
+
+from . import paths
+from .version import VERSION
+
+
+def _on_save(*_: object) -> None:
+    for scene in bpy.data.scenes:
+        settings = scene.virtual_aperture
+        if scene.library is None and settings.footage and settings.version < VERSION:
+            settings.version = VERSION
+
+
+def _on_import(imported: bpy.types.BlendImportContext) -> None:
+    """Scenes that were appended: their paths are relative to the .blend that they come from."""
+    for item in imported.import_items:
+        if item.id_type != "SCENE" or item.id is None or item.id.library is not None:
+            continue
+        if item.source_library is not None:
+            file = Path(bpy.path.abspath(item.source_library.filepath))
+            _from_folder(item.id, str(file.parent))
+
+
+def _from_folder(scene: bpy.types.Scene, folder: str) -> None:
+    """Paths that were relative to a folder, relative to this .blend."""
+    for owner, name in paths.owned(scene):
+        if (value := getattr(owner, name)).startswith("//"):
+            setattr(owner, name, paths.relative(bpy.path.abspath(value, start=folder)))
+
+
+_HANDLERS = [
+    (bpy.app.handlers.blend_import_post, persistent(_on_import)),
+    (bpy.app.handlers.save_pre, persistent(_on_save)),
+]
+
+
+def register() -> None:
+    """Look at scenes when they are appended and saved."""
+    for called, ours in _HANDLERS:
+        called.append(ours)
+
+
+def unregister() -> None:
+    """Undo `register`."""
+    for called, ours in _HANDLERS:
+        called.remove(ours)
