@@ -46,7 +46,7 @@ def _problem() -> str:
     an empty string."""
     _load_folder()
     # Before Blender loads NumPy.
-    for name, value in importlib.import_module(f"{PACKAGE}.core.base.child").ONE_BLAS_THREAD.items():
+    for name, value in importlib.import_module(f"{PACKAGE}.core.base.job").ONE_BLAS_THREAD.items():
         os.environ.setdefault(name, value)
     # Before Blender opens files of its own.
     importlib.import_module(f"{PACKAGE}.core.base.streams").open_all()

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import bpy
 
-from ..core.base.child import Child, Hear
+from ..core.base import limits
+from ..core.base.job import Job
 
 HEADLESS = Path(__file__).resolve().parents[1] / "headless.py"
 CHILD = "--child"
@@ -25,9 +26,7 @@ def launcher() -> list[str]:
     return [sys.executable, str(HEADLESS)]
 
 
-def start(
-    arguments: Sequence[str], hear: Hear, yielding: bool = False, environment: Mapping[str, str] | None = None
-) -> Child:
-    """Start a command of this command line, with more in its environment; arguments and errors as of
-    `Child`."""
-    return Child([*launcher(), *arguments, CHILD], hear, yielding, {**os.environ, **(environment or {})})
+def start(job: Job, arguments: Sequence[str], yielding: bool = False, one_thread: bool = False) -> None:
+    """Have a command of this command line do a job; `yielding` and errors as of `Job.start`."""
+    environment = os.environ | (limits.ONE_THREAD if one_thread else {})
+    job.start([*launcher(), *arguments, CHILD], yielding, environment)

@@ -18,7 +18,7 @@ _keys: list[tuple[Any, Any]] = []
 """Key maps, and our items in them."""
 
 
-def work() -> movie.MovieRender | None:
+def work() -> movie.MovieJob | None:
     """Return the movie or the export that is being made, if any."""
     return movie.under_way() or export.under_way()
 

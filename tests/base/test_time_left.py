@@ -7,8 +7,11 @@ from itertools import pairwise
 import pytest
 
 from addon.cli import solve
+from addon.core.base.job import Job
+from addon.core.base.messages import Progress
 from addon.core.base.time_left import TimeLeft
-from addon.core.sfm.process import SHARES, SolveProgress
+from addon.core.sfm.process import SolveProgress
+from addon.core.sfm.worker import SHARES
 from addon.render import output
 
 
@@ -42,13 +45,14 @@ def test_the_line_of_a_solve_never_jumps(
 ) -> None:
     now = [0.0]
     monkeypatch.setattr(solve.time, "monotonic", lambda: now[0])
-    line = solve._ProgressLine()
+    line, job = solve._ProgressLine(), Job()
     low, high = SHARES["Solving cameras"]
     estimates: list[tuple[float, float | None]] = []
     # Three tries of the cameras, the first two given up near their end.
     for share in (0.1, low, high - 0.01, low, high - 0.01, low, high, 0.95, 0.99):
         now[0] += 30
-        line.show(SolveProgress(f"Stage{share} 1/2", share))
+        job._progressed(Progress(f"Stage{share}", 1, 2, share=share))
+        line.show(SolveProgress(f"Stage{share} 1/2", share, job.left))
         said = capsys.readouterr().out
         estimates.append((now[0], float(said.split("about ")[1].split()[0]) if "left" in said else None))
     assert sum(left is not None for _, left in estimates) >= 3

@@ -87,7 +87,7 @@ def _draw_clip(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) ->
 def _draw_solving(layout: bpy.types.UILayout, solving: Solving) -> None:
     bar = _large(layout)
     bar.progress(factor=solving.step.share, text=solving.step.text)
-    left = left_words(solving.left)
+    left = left_words(solving.step.left)
     layout.label(text=f"{left}, ESC cancels" if left else "ESC cancels", icon="TIME")
 
 
