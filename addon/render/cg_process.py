@@ -51,11 +51,12 @@ class CGProcess:
         self._folder = self._held.enter_context(temporary_folder())
         try:
             # Files are written on the main thread, which a render waits for.
-            main_thread.call(lambda: write_blend(self._folder / "scene.blend"))
-            words = ["cg", str(self._folder / "scene.blend"), "--scene", scene]
-            words += ["--preview"] * is_preview
-            words += ["--scripts"] * (not bpy.app.autoexec_fail)
-            start(self._job, words, yielding=not bpy.app.background)
+            blend = self._folder / "scene.blend"
+            main_thread.call(lambda: write_blend(blend))
+            start(
+                self._job, blend.with_suffix(".json"), ["cg"], scene, yielding=not bpy.app.background,
+                blend=str(blend), is_preview=is_preview,
+            )  # fmt: skip
         except BaseException:
             self.end()
             raise

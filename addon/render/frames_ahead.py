@@ -150,14 +150,16 @@ class FramesAhead:
         try:
             # Files are written on the main thread, which the render waits for.
             main_thread.call(lambda: write_blend(made.shared.blend))
-            words = ["frames", str(made.shared.blend), "--scene", scene.name]
-            words += ["--frames", f"{frames[0]}-{frames[-1]}:{scene.frame_step}"]
-            words += ["--reach", str(WAITING * count), "--into", str(made.shared.folder)]
-            words += ["--scripts"] * (not bpy.app.autoexec_fail)
-            for _ in range(count):
-                # A window goes first.
+            blend = made.shared.blend
+            for number in range(count):
                 made.jobs.append(Job())
-                start(made.jobs[-1], words, yielding=not bpy.app.background, one_thread=True)
+                start(
+                    made.jobs[-1], blend.with_name(f"job-{number}.json"), ["frames"], scene.name,
+                    # A window goes first.
+                    yielding=not bpy.app.background, one_thread=True, blend=str(blend),
+                    into=str(made.shared.folder), reach=WAITING * count,
+                    frames=[frames[0], frames[-1] + 1, scene.frame_step],
+                )  # fmt: skip
             limits.limit_threads(1)
         except BaseException:
             made.end()

@@ -12,7 +12,6 @@ from ..core.base.counting import ranges
 from ..core.base.errors import UserError
 from ..core.base.job import Job, end
 from ..core.base.messages import Progress, Warned
-from .launcher import start
 
 TRIES = 2
 """How often a share is begun before its frames are given up."""
@@ -25,8 +24,8 @@ PROCESS, A_PIXEL = 900 * memory.MB, 1500
 """Bytes that a process takes at its peak, and for each pixel of a frame besides: one that finds depth and
 draws it took 1.2 GB at 640x360 and 2.2 GB at 1280x720 (the largest resident set, of one thread)."""
 
-Command = Callable[[Sequence[int], int], list[str]]
-"""Arguments of the command line that render frames as the share of this number."""
+Start = Callable[[Job, Sequence[int], int], None]
+"""Has another process do a job, which renders frames as the share of this number."""
 Here = Callable[[Sequence[int], Callable[[int], None]], None]
 """Renders frames in this process, and tells of each one that is done."""
 
@@ -54,10 +53,10 @@ class _Share:
     tries: int = 0
     job: Job = field(default_factory=Job)
 
-    def start(self, command: Command) -> None:
+    def begin(self, start: Start) -> None:
         self.tries += 1
         self.job = Job()
-        start(self.job, command(self.todo, self.number), one_thread=True)
+        start(self.job, self.todo, self.number)
 
     @property
     def has_failed(self) -> bool:
@@ -67,7 +66,7 @@ class _Share:
 def render_side_by_side(
     frames: Sequence[int],
     count: int,
-    command: Command,
+    start: Start,
     here: Here,
     done: Callable[[int], None],
     note: Callable[[str], None],
@@ -90,7 +89,7 @@ def render_side_by_side(
                 elif isinstance(message, Warned):
                     note(message.text)
             if not share.job.is_running and share.has_failed and share.tries < TRIES:
-                share.start(command)
+                share.begin(start)
 
     def drawn(frame: int) -> None:
         own.todo.remove(frame)
@@ -99,7 +98,7 @@ def render_side_by_side(
 
     try:
         for share in others:
-            share.start(command)
+            share.begin(start)
         own.tries += 1
         try:
             here(list(own.todo), drawn)
@@ -108,7 +107,7 @@ def render_side_by_side(
                 own.todo = [behind.todo.pop()]
                 here(list(own.todo), drawn)
         except UserError:
-            own.start(command)
+            own.begin(start)
         while any(share.job.is_running for share in every):
             listen()
             time.sleep(LOOK)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import sys
 from collections.abc import Sequence
@@ -10,11 +11,12 @@ from pathlib import Path
 import bpy
 
 from ..core.base import limits
+from ..core.base.atomic import write_bytes
 from ..core.base.job import Job
 
 HEADLESS = Path(__file__).resolve().parents[1] / "headless.py"
-CHILD = "--child"
-"""Option of commands: be a child, as `messages.speak` has it."""
+JOB = "--job"
+"""Before the file of a job, instead of a command."""
 
 
 def launcher() -> list[str]:
@@ -26,7 +28,23 @@ def launcher() -> list[str]:
     return [sys.executable, str(HEADLESS)]
 
 
-def start(job: Job, arguments: Sequence[str], yielding: bool = False, one_thread: bool = False) -> None:
-    """Have a command of this command line do a job; `yielding` and errors as of `Job.start`."""
+def start(
+    job: Job,
+    file: Path,
+    arguments: Sequence[object],
+    scene: str = "",
+    yielding: bool = False,
+    one_thread: bool = False,
+    **more: object,
+) -> None:
+    """Have another process of this command line do a job, which it reads in a file.
+
+    `arguments` are those of a command, or the name of one of `engine_jobs.JOBS`; people cannot ask for a
+    .blend's `scene` and for `more`. `yielding` as of `Job.start`; UserError as its, and where the file cannot
+    be written.
+    """
+    told = {"arguments": [str(each) for each in arguments], "scene": scene, **more}
+    told["scripts"] = not bpy.app.autoexec_fail
+    write_bytes(file, json.dumps(told).encode())
     environment = os.environ | (limits.ONE_THREAD if one_thread else {})
-    job.start([*launcher(), *arguments, CHILD], yielding, environment)
+    job.start([*launcher(), JOB, str(file)], yielding, environment)

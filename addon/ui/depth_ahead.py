@@ -48,7 +48,8 @@ def begin(work: Path) -> None:
     global _ahead
     stop()
     made = DepthAhead(work)
-    start(made, ["depth", str(_opened(work))], yielding=True)
+    file = Path(bpy.app.tempdir) / "virtual-aperture-depth.json"
+    start(made, file, ["depth", _opened(work)], yielding=True)
     _ahead = made
     _remember(work, True)
     if not bpy.app.timers.is_registered(_tick):

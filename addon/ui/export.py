@@ -75,11 +75,10 @@ def begin(scene: bpy.types.Scene, what: str, folder: Path, overwrite: bool) -> E
     exports.check_free(exports.planned(scene, what, frames, folder), overwrite)
     blend = Path(bpy.app.tempdir) / "virtual-aperture-export.blend"
     write_blend(blend)
-    words = ["export", str(blend), "--scene", scene.name, "--what", what, "--out", str(folder)]
+    words = ["export", blend, "--what", what, "--out", folder, *["--overwrite"] * overwrite]
     words += ["--frames", f"{frames[0]}-{frames[-1]}"]
-    words += ["--scripts"] * (not bpy.app.autoexec_fail) + ["--overwrite"] * overwrite
     made = ExportJob(folder)
-    start(made, words, yielding=not bpy.app.background)
+    start(made, blend.with_suffix(".json"), words, scene.name, yielding=not bpy.app.background)
     # Both would take all processors.
     made.depth = depth_ahead.under_way()
     if made.depth is not None:

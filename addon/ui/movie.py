@@ -99,11 +99,10 @@ def begin(scene: bpy.types.Scene, out: Path, overwrite: bool) -> MovieJob:
     made = MovieJob(out)
     blend = Path(bpy.app.tempdir) / "virtual-aperture-movie.blend"
     write_blend(blend)
-    words = ["render", str(blend), "--scene", scene.name, "--as-is", "--out", str(out)]
     first, last = (clip_frame(scene, at) for at in (scene.frame_start, scene.frame_end))
-    words += ["--frames", f"{first}-{last}"]
-    words += ["--scripts"] * (not bpy.app.autoexec_fail) + ["--overwrite"] * overwrite
-    start(made, words, yielding=not bpy.app.background)
+    words = ["render", blend, "--out", out, "--frames", f"{first}-{last}", *["--overwrite"] * overwrite]
+    yielding = not bpy.app.background
+    start(made, blend.with_suffix(".json"), words, scene.name, yielding, as_is=True)
     _movie = made
     return made
 
