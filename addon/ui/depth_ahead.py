@@ -19,7 +19,7 @@ from ..scene.clip import footage_path, work_dir
 from ..scene.colour_space import REC_709, working_space
 from ..scene.remedy_words import WORDS
 from ..scene.subjects import marked_of
-from .text import left_words
+from .text import progress_row
 
 LOOK = 0.5
 """Seconds between two looks at the process."""
@@ -70,10 +70,11 @@ def _opened(work: Path) -> Path:
     return blend
 
 
-def begin_after_solve(work: Path) -> None:
-    """`begin` where somebody sits before a window; the panel says what cannot be started."""
+def begin_after_solve(work: Path | None) -> None:
+    """`begin` where somebody sits before a window and there is a folder; the panel says what cannot be
+    started."""
     global _ahead
-    if bpy.app.background:
+    if bpy.app.background or work is None:
         return
     try:
         begin(work)
@@ -88,6 +89,14 @@ def stop() -> None:
     if _ahead is not None:
         _ahead.leave()
     _ahead = None
+
+
+def give_way() -> Path | None:
+    """`stop` for work that takes all processors, too; the folder for `begin_after_solve` to go on with."""
+    work = under_way()
+    if work is not None:
+        stop()
+    return work
 
 
 def pause() -> None:
@@ -203,12 +212,9 @@ def draw_progress(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup)
     found = of(settings)
     if found is None or not found.is_running:
         return False
-    text = f"Depth: {found.done} of {found.total} frames" if found.total else "Depth: starting"
-    row = layout.row(align=True)
-    row.progress(factor=found.share, text=text)
-    row.operator(VIRTUAL_APERTURE_OT_pause_depth.bl_idname, text="", icon="PAUSE")
-    if left := left_words(found.left):
-        layout.label(text=left, icon="TIME")
+    words = f"Depth: {found.done} of {found.total} frames" if found.total else "Depth: starting"
+    stop = VIRTUAL_APERTURE_OT_pause_depth.bl_idname
+    progress_row(layout, words, found.share, found.left, stop, "PAUSE")
     return True
 
 

@@ -22,7 +22,7 @@ from ..scene.remedy_words import WORDS
 from ..scene.shot import reconstruction_of, shot_of
 from . import depth_ahead, movie
 from .operators import Result, has_focus, has_solve, is_met, reported, sentence
-from .text import wrapped
+from .text import progress_row, wrapped
 
 LOOK = 0.5
 """Seconds between two looks at the process."""
@@ -39,10 +39,7 @@ class ExportJob(movie.MovieJob):
     @property
     def words(self) -> str:
         """How far it is, in a few words."""
-        if not self.total:
-            return "Export: starting"
-        left = "" if self.left is None else f", {movie.time_words(self.left)} left"
-        return f"Export: {self.done} of {self.total} files{left}"
+        return f"Export: {self.done} of {self.total} files" if self.total else "Export: starting"
 
     @property
     def name(self) -> str:
@@ -79,10 +76,7 @@ def begin(scene: bpy.types.Scene, what: str, folder: Path, overwrite: bool) -> E
     words += ["--frames", f"{frames[0]}-{frames[-1]}"]
     made = ExportJob(folder)
     start(made, blend.with_suffix(".json"), words, scene.name, yielding=not bpy.app.background)
-    # Both would take all processors.
-    made.depth = depth_ahead.under_way()
-    if made.depth is not None:
-        depth_ahead.stop()
+    made.depth = depth_ahead.give_way()
     _export = made
     return made
 
@@ -97,8 +91,7 @@ def _tick() -> float | None:
         return LOOK
     settings = bpy.context.scene.virtual_aperture
     # Another file may have been opened since.
-    is_here = settings.footage and work_dir(settings, footage_path(settings)) == _export.depth
-    if _export.depth is not None and is_here:
+    if settings.footage and work_dir(settings, footage_path(settings)) == _export.depth:
         depth_ahead.begin_after_solve(_export.depth)
     return None
 
@@ -106,9 +99,8 @@ def _tick() -> float | None:
 def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """The button, or how far the export is with a button to cancel it; and what became of the last one."""
     if _export is not None and _export.is_running:
-        row = layout.row(align=True)
-        row.progress(factor=_export.share, text=_export.words)
-        row.operator(VIRTUAL_APERTURE_OT_cancel_export.bl_idname, text="", icon="X")
+        stop = VIRTUAL_APERTURE_OT_cancel_export.bl_idname
+        progress_row(layout, _export.words, _export.share, _export.left, stop)
         return
     layout.operator(VIRTUAL_APERTURE_OT_export.bl_idname, icon="EXPORT")
     if _export is None:

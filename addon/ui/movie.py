@@ -20,6 +20,7 @@ from ..render.output import STILLS, check_output, claimed
 from ..scene.clip import footage_path
 from ..scene.paths import absolute
 from ..scene.timeline import clip_frame
+from .text import progress_row
 
 ENDING = "_render"
 """Of a movie's name, after the clip's: the clip may lie beside it."""
@@ -37,10 +38,7 @@ class MovieJob(Job):
         """How far it is, in a few words."""
         if self.stage == JOINING:
             return "Writing the movie"
-        if not self.total:
-            return "Movie: starting"
-        left = "" if self.left is None else f", {time_words(self.left)} left"
-        return f"Movie: {self.done} of {self.total} frames{left}"
+        return f"Movie: {self.done} of {self.total} frames" if self.total else "Movie: starting"
 
     @property
     def name(self) -> str:
@@ -54,14 +52,6 @@ class MovieJob(Job):
             movie_folder.clear(self.out)
         with contextlib.suppress(OSError):
             self.out.parent.rmdir()  # where it holds nothing
-
-
-def time_words(seconds: float) -> str:
-    """A length of time as short as it can be read: "40 s", "3 min", "2 h 05 min"."""
-    minutes = round(seconds / 60)
-    if seconds < 60:
-        return f"{max(round(seconds), 1)} s"
-    return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60:02d} min"
 
 
 _movie: MovieJob | None = None
@@ -117,11 +107,11 @@ def draw(layout: bpy.types.UILayout) -> None:
     it; nothing where there is none."""
     if _movie is None:
         return
-    row = layout.row(align=True)
     if _movie.is_running:
-        row.progress(factor=_movie.share, text=_movie.words)
-        row.operator(VIRTUAL_APERTURE_OT_cancel_movie.bl_idname, text="", icon="X")
+        stop = VIRTUAL_APERTURE_OT_cancel_movie.bl_idname
+        progress_row(layout, _movie.words, _movie.share, _movie.left, stop)
     elif _is_of(bpy.context.scene, _movie) and _movie.out.exists():
+        row = layout.row(align=True)
         row.label(text=_movie.out.name, icon="CHECKMARK")
         row.operator("wm.path_open", text="", icon="PLAY").filepath = str(_movie.out)
 

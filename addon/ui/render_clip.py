@@ -145,10 +145,7 @@ class VIRTUAL_APERTURE_OT_render_clip(_Render, bpy.types.Operator):  # noqa: N80
         frame_options(settings, reconstruction_of(settings))
         solved_clip_path(settings)
         made = self._movie = movie.begin(scene, movie.movie_path(scene), self.overwrite)
-        # Both would take all processors.
-        self._depth = depth_ahead.under_way()
-        if self._depth is not None:
-            depth_ahead.stop()
+        self._depth = depth_ahead.give_way()
         return made
 
     def _now(self, context: bpy.types.Context) -> Result:
@@ -186,8 +183,7 @@ class VIRTUAL_APERTURE_OT_render_clip(_Render, bpy.types.Operator):  # noqa: N80
 
     def _finish(self, _context: bpy.types.Context) -> Result:
         assert self._movie is not None
-        if self._depth is not None:
-            depth_ahead.begin_after_solve(self._depth)
+        depth_ahead.begin_after_solve(self._depth)
         for warning in self._movie.warnings:
             self.report({"WARNING"}, warning)
         if self._movie.failure is not None:

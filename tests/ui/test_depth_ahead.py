@@ -16,7 +16,7 @@ from addon.core.sfm.workspace import keep_import
 from addon.core.subjects.strokes import MarkedSubject, Stroke
 from addon.scene.shot import shot_of
 from addon.scene.subjects import set_marked
-from addon.ui import depth_ahead, panels
+from addon.ui import depth_ahead, panels, text
 from addon.ui.operators import build_scene
 
 from .. import waiting
@@ -148,6 +148,12 @@ def test_how_long_it_will_still_take(
     texts = draw(panels.main.VIRTUAL_APERTURE_PT_main).texts
     depth_ahead._ahead = None
     assert "Depth: 12 of 20 frames" in texts and "About 40 s left" in texts
+
+
+def test_time_left_is_short() -> None:
+    words = [text.left_words(seconds) for seconds in (None, 0.2, 61, 91, 3599, 7500)]
+    assert words[:3] == ["", "About 0 s left", "About 61 s left"]
+    assert words[3:] == ["About 2 min left", "About 1 h 00 min left", "About 2 h 05 min left"]
 
 
 def test_a_process_that_dies_is_told(scene: bpy.types.Scene, work: Path) -> None:

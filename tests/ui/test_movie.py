@@ -206,9 +206,3 @@ def test_odd_sizes_lose_a_row_or_column(scene: bpy.types.Scene) -> None:
         render.use_border = False
         crop_to_even(render)
         assert written_size(render) == (wide // 2 * 2, high // 2 * 2)
-
-
-def test_time_left_is_short() -> None:
-    assert [movie.time_words(s) for s in (0.2, 59, 61, 3599, 7500)] == [
-        "1 s", "59 s", "1 min", "1 h 00 min", "2 h 05 min",
-    ]  # fmt: skip
