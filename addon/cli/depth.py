@@ -11,8 +11,9 @@ from ..core.base.atomic import temporary_folder
 from ..core.base.counting import counted, ranges
 from ..core.base.errors import UserError
 from ..core.base.job import Job
-from ..core.base.messages import Progress, Warned, send
+from ..core.base.messages import Warned, send
 from ..core.base.streams import say
+from ..core.base.time_left import Clock
 from ..core.media.clip import FrameRange
 from ..core.sfm.workspace import Solve, load_solve
 from ..core.subjects.steadiness import jumps
@@ -80,7 +81,7 @@ def keep_depth(
     shot = shot_of(scene)
     if shot.reconstruction.stays:
         return UserError("there is no depth to find because the camera does not move; use depth maps")
-    clock = _Said(len(frames))
+    clock = Clock("depth", len(frames), say, "depth of frame {}")
     with sharing(options, len(frames), shot) as count:
         if count == 1:
             problem = _one_by_one(shot, frames, clock.tick)
@@ -146,15 +147,3 @@ def _side_by_side(
         except UserError as error:
             return error
     return None
-
-
-class _Said:
-    """Progress, said frame by frame."""
-
-    def __init__(self, count: int) -> None:
-        self._count, self._done = count, 0
-
-    def tick(self, frame: int) -> None:
-        self._done += 1
-        say(f"depth of frame {frame}: {self._done} of {self._count}")
-        send(Progress("depth", self._done, self._count, frame))

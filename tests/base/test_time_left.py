@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from itertools import pairwise
 
 import pytest
@@ -9,10 +10,9 @@ import pytest
 from addon.cli import solve
 from addon.core.base.job import Job
 from addon.core.base.messages import Progress
-from addon.core.base.time_left import TimeLeft
+from addon.core.base.time_left import Clock, TimeLeft
 from addon.core.sfm.process import SolveProgress
 from addon.core.sfm.worker import SHARES
-from addon.render import output
 
 
 def test_even_work_is_told_from_when_it_can_be() -> None:
@@ -62,15 +62,15 @@ def test_the_line_of_a_solve_never_jumps(
 
 def test_the_first_frame_tells_nothing_of_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
     now, estimates = [0.0], []
-    monkeypatch.setattr(output.time, "monotonic", lambda: now[0])
-    clock = output._Clock(5, estimates.append)
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+    clock = Clock("frames", 5, estimates.append)
     for frame, seconds in ((11, 40.0), (12, 4.0), (13, 6.0), (14, 5.0), (15, 5.0)):
         now[0] += seconds
         clock.tick(frame)
     assert estimates == [
         "frame 11: 1 of 5, 40.0 s",
-        "frame 12: 2 of 5, 4.0 s a frame, 0 min 12 s left",
-        "frame 13: 3 of 5, 5.0 s a frame, 0 min 10 s left",
-        "frame 14: 4 of 5, 5.0 s a frame, 0 min 05 s left",
-        "frame 15: 5 of 5, 5.0 s a frame, 0 min 00 s left",
+        "frame 12: 2 of 5, 4.0 s each, 0 min 12 s left",
+        "frame 13: 3 of 5, 5.0 s each, 0 min 10 s left",
+        "frame 14: 4 of 5, 5.0 s each, 0 min 05 s left",
+        "frame 15: 5 of 5, 5.0 s each, 0 min 00 s left",
     ]
