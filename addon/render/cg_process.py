@@ -53,10 +53,8 @@ class CGProcess:
             # Files are written on the main thread, which a render waits for.
             blend = self._folder / "scene.blend"
             main_thread.call(lambda: write_blend(blend))
-            start(
-                self._job, blend.with_suffix(".json"), ["cg"], scene, yielding=not bpy.app.background,
-                blend=str(blend), is_preview=is_preview,
-            )  # fmt: skip
+            file = blend.with_suffix(".json")
+            start(self._job, file, ["cg"], scene, blend=str(blend), is_preview=is_preview)
         except BaseException:
             self.end()
             raise

@@ -151,13 +151,11 @@ class FramesAhead:
             # Files are written on the main thread, which the render waits for.
             main_thread.call(lambda: write_blend(made.shared.blend))
             blend = made.shared.blend
-            for number in range(count):
+            for _ in range(count):
                 made.jobs.append(Job())
                 start(
-                    made.jobs[-1], blend.with_name(f"job-{number}.json"), ["frames"], scene.name,
-                    # A window goes first.
-                    yielding=not bpy.app.background, one_thread=True, blend=str(blend),
-                    into=str(made.shared.folder), reach=WAITING * count,
+                    made.jobs[-1], blend.with_suffix(".json"), ["frames"], scene.name, one_thread=True,
+                    blend=str(blend), into=str(made.shared.folder), reach=WAITING * count,
                     frames=[frames[0], frames[-1] + 1, scene.frame_step],
                 )  # fmt: skip
             limits.limit_threads(1)

@@ -33,18 +33,16 @@ def start(
     file: Path,
     arguments: Sequence[object],
     scene: str = "",
-    yielding: bool = False,
     one_thread: bool = False,
     **more: object,
 ) -> None:
-    """Have another process of this command line do a job, which it reads in a file.
+    """Have another process of this command line do a job, which it reads in a file. A window goes first.
 
     `arguments` are those of a command, or the name of one of `engine_jobs.JOBS`; people cannot ask for a
-    .blend's `scene` and for `more`. `yielding` as of `Job.start`; UserError as its, and where the file cannot
-    be written.
+    .blend's `scene` and for `more`. UserError where the file cannot be written, and as of `Job.start`.
     """
     told = {"arguments": [str(each) for each in arguments], "scene": scene, **more}
     told["scripts"] = not bpy.app.autoexec_fail
     write_bytes(file, json.dumps(told).encode())
     environment = os.environ | (limits.ONE_THREAD if one_thread else {})
-    job.start([*launcher(), JOB, str(file)], yielding, environment)
+    job.start([*launcher(), JOB, str(file)], not bpy.app.background, environment)

@@ -49,7 +49,7 @@ def begin(work: Path) -> None:
     stop()
     made = DepthAhead(work)
     file = Path(bpy.app.tempdir) / "virtual-aperture-depth.json"
-    start(made, file, ["depth", _opened(work)], yielding=True)
+    start(made, file, ["depth", _opened(work)])
     _ahead = made
     _remember(work, True)
     if not bpy.app.timers.is_registered(_tick):

@@ -75,7 +75,7 @@ def begin(scene: bpy.types.Scene, what: str, folder: Path, overwrite: bool) -> E
     words = ["export", blend, "--what", what, "--out", folder, *["--overwrite"] * overwrite]
     words += ["--frames", f"{frames[0]}-{frames[-1]}"]
     made = ExportJob(folder)
-    start(made, blend.with_suffix(".json"), words, scene.name, yielding=not bpy.app.background)
+    start(made, blend.with_suffix(".json"), words, scene.name)
     made.depth = depth_ahead.give_way()
     _export = made
     return made

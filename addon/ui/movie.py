@@ -91,8 +91,7 @@ def begin(scene: bpy.types.Scene, out: Path, overwrite: bool) -> MovieJob:
     write_blend(blend)
     first, last = (clip_frame(scene, at) for at in (scene.frame_start, scene.frame_end))
     words = ["render", blend, "--out", out, "--frames", f"{first}-{last}", *["--overwrite"] * overwrite]
-    yielding = not bpy.app.background
-    start(made, blend.with_suffix(".json"), words, scene.name, yielding, as_is=True)
+    start(made, blend.with_suffix(".json"), words, scene.name, as_is=True)
     _movie = made
     return made
 
