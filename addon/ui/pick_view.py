@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,6 +13,7 @@ import numpy as np
 from ..core.base.arrays import Floats, Mask
 from ..core.base.errors import UserError
 from ..core.subjects.strokes import Stroke
+from ..render import overlay
 from ..render.gpu_views import upload
 from ..render.viewport import frame_in_region
 
@@ -147,21 +148,18 @@ class Overlay:
     mask: Mask | None = None
     """(h, w) over the source frame: a subject that is lit up."""
     _texture: Any = None
-    _handle: Any = None
 
     def begin(self) -> None:
         """Draw from now on."""
         _overlays.append(self)
-        self._handle = bpy.types.SpaceView3D.draw_handler_add(_drawer(self), (), "WINDOW", "POST_PIXEL")
+        overlay.show(self.draw)
         self.view.area.tag_redraw()
 
     def end(self) -> None:
         """Draw no more."""
-        if self._handle is not None:
-            bpy.types.SpaceView3D.draw_handler_remove(self._handle, "WINDOW")
-            self._handle = None
-            _overlays[:] = [each for each in _overlays if each is not self]
-            self.view.area.tag_redraw()
+        overlay.hide(self.draw)
+        _overlays[:] = [each for each in _overlays if each is not self]
+        self.view.area.tag_redraw()
 
     def light_up(self, mask: Mask | None) -> None:
         """Show a subject (h, w) over the source frame."""
@@ -197,29 +195,13 @@ class Overlay:
 
     def _draw_mask(self) -> None:
         """Draw the subject that is lit up."""
-        import gpu
-        from gpu_extras.batch import batch_for_shader
-
-        corners = self.view.pixels(self.scene, [(0, 1), (1, 1), (1, 0), (0, 0)])
+        corners = self.view.pixels(self.scene, [(0, 1), (1, 0)])
         if self.mask is None or not corners:
             return
         if self._texture is None:
             self._texture = upload(tinted(self.mask))
             self._texture.filter_mode(True)
-        shader = gpu.shader.from_builtin("IMAGE")
-        gpu.state.blend_set("ALPHA_PREMULT")
-        shader.bind()
-        shader.uniform_sampler("image", self._texture)
-        content = {"pos": corners, "texCoord": [(0, 1), (1, 1), (1, 0), (0, 0)]}
-        batch_for_shader(shader, "TRI_FAN", content).draw(shader)
-        gpu.state.blend_set("NONE")
-
-
-def _drawer(overlay: Overlay) -> Callable[[], None]:
-    def draw() -> None:
-        overlay.draw()
-
-    return draw
+        overlay.draw_texture(self._texture, (*corners[0], *corners[1]), "ALPHA_PREMULT", overlay.TOP_DOWN)
 
 
 def tinted(mask: Mask) -> np.ndarray:
