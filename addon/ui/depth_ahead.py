@@ -93,9 +93,10 @@ def stop() -> None:
 
 def give_way() -> Path | None:
     """`stop` for work that takes all processors, too; the folder for `begin_after_solve` to go on with."""
-    work = under_way()
-    if work is not None:
-        stop()
+    if _ahead is None or not _ahead.is_running:
+        return None
+    work = _ahead.work
+    stop()
     return work
 
 
@@ -112,11 +113,6 @@ def _remember(work: Path, finds_depth: bool) -> None:
         settings = scene.virtual_aperture
         if scene.library is None and settings.footage and _folder(settings) == work:
             settings.finds_depth = finds_depth
-
-
-def under_way() -> Path | None:
-    """The working folder for which depth is being found."""
-    return _ahead.work if _ahead is not None and _ahead.is_running else None
 
 
 def of(settings: bpy.types.PropertyGroup) -> DepthAhead | None:
