@@ -100,5 +100,4 @@ def test_every_command_is_in_the_reference() -> None:
     named = re.findall(
         r'\.add_parser\(\s*"(\w+)"', "".join(p.read_text() for p in (ROOT / "addon" / "cli").glob("*.py"))
     )
-    # For the engine alone.
-    assert documented == set(named) - {"cg", "frames"}
+    assert documented == set(named)

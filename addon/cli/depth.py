@@ -10,15 +10,16 @@ import bpy
 from ..core.base.atomic import temporary_folder
 from ..core.base.counting import counted, ranges
 from ..core.base.errors import UserError
-from ..core.base.messages import Progress, Warned, send
+from ..core.base.job import Job
+from ..core.base.messages import Warned, send
 from ..core.base.streams import say
+from ..core.base.time_left import Clock
 from ..core.media.clip import FrameRange
 from ..core.sfm.workspace import Solve, load_solve
 from ..core.subjects.steadiness import jumps
-from ..render import jobs
+from ..render import jobs, launcher
 from ..render.blend_file import write_blend
 from ..render.gpu_views import start_gpu
-from ..render.launcher import CHILD
 from ..scene.shot import Shot, shot_of
 from .blend import is_blend, open_blend
 from .lens import add_moving, add_work, scene_of, set_moving, wanted_frames
@@ -39,8 +40,6 @@ def add_command(
     )
     add_moving(command)
     add_jobs(command)
-    # For the panel, which finds depth in the background.
-    command.add_argument(CHILD, action="store_true", help=argparse.SUPPRESS)
     command.set_defaults(command=depth)
 
 
@@ -82,7 +81,7 @@ def keep_depth(
     shot = shot_of(scene)
     if shot.reconstruction.stays:
         return UserError("there is no depth to find because the camera does not move; use depth maps")
-    clock = _Said(len(frames))
+    clock = Clock("depth", len(frames), say, "depth of frame {}")
     with sharing(options, len(frames), shot) as count:
         if count == 1:
             problem = _one_by_one(shot, frames, clock.tick)
@@ -135,27 +134,16 @@ def _side_by_side(
         blend = scratch / "scene.blend"
         write_blend(blend)
 
-        def command(share: Sequence[int], number: int) -> list[str]:
-            return ["depth", str(blend), "--jobs", "1", "--frames", f"{share[0]}-{share[-1]}:{step}"]
+        def start(job: Job, share: Sequence[int], number: int) -> None:
+            words = ["depth", blend, "--jobs", 1, "--frames", f"{share[0]}-{share[-1]}:{step}"]
+            launcher.start(job, scratch / f"job-{number}.json", words, one_thread=True)
 
         def here(share: Sequence[int], done: Callable[[int], None]) -> None:
             if problem := _one_by_one(shot, share, done):
                 raise problem
 
         try:
-            jobs.render_side_by_side(frames, count, command, here, done, say)
+            jobs.render_side_by_side(frames, count, start, here, done, say)
         except UserError as error:
             return error
     return None
-
-
-class _Said:
-    """Progress, said frame by frame."""
-
-    def __init__(self, count: int) -> None:
-        self._count, self._done = count, 0
-
-    def tick(self, frame: int) -> None:
-        self._done += 1
-        say(f"depth of frame {frame}: {self._done} of {self._count}")
-        send(Progress("depth", self._done, self._count, frame))

@@ -15,7 +15,6 @@ from ..core.media.clip import FrameRange
 from ..core.readers.colmap_export import export_model
 from ..core.sfm.workspace import load_solve
 from ..render import export as exports
-from ..render.launcher import CHILD
 from ..render.output import check_apart
 from ..render.quiet import quiet
 from ..scene.paths import absolute
@@ -42,10 +41,6 @@ def add_command(
     one.add_argument("--frames", type=FrameRange.parse, metavar="A-B[:STEP]", help="frames to export (all)")
     one.add_argument("--overwrite", action="store_true", help="replace existing files")
     add_lens(one, required=False)
-    # For the panel, which exports in the background.
-    one.add_argument(CHILD, action="store_true", help=argparse.SUPPRESS)
-    one.add_argument("--scene", default="", help=argparse.SUPPRESS)
-    one.add_argument("--scripts", action="store_true", help=argparse.SUPPRESS)
     one.set_defaults(command=export)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import json
 import signal
 import traceback
 from collections.abc import Callable, Sequence
@@ -17,24 +18,26 @@ from ..core.base import memory, streams
 from ..core.base.atomic import collect_temporary, temporary_folder
 from ..core.base.counting import counted, ranges
 from ..core.base.errors import UserError, Words
+from ..core.base.job import Job
 from ..core.base.messages import Failure, Result, Warned, send, speak
 from ..core.base.streams import say, say_to
 from ..core.media.clip import Footage, FrameRange
 from ..core.sfm.state import STATE
 from ..core.sfm.workspace import Solve, default_work_dir, load_solve
-from ..render import engine, jobs, movie_file, movie_folder, output
+from ..render import engine, jobs, launcher, movie_file, movie_folder, output
 from ..render.blend_file import write_blend
 from ..render.frame_keys import run_key
 from ..render.gpu_views import check_gpu
-from ..render.launcher import CHILD
+from ..render.launcher import JOB
 from ..render.quiet import quiet
 from ..render.run_report import RunReport, check_report
 from ..scene import properties
 from ..scene.ignored import unseen
 from ..scene.paths import absolute
 from ..scene.shot import shot_of
-from . import cg, depth, export, farm, frames, inspect, save, solve
+from . import depth, export, farm, inspect, save, solve
 from .blend import is_blend, open_blend
+from .engine_jobs import JOBS
 from .lens import (
     add_lens,
     add_work,
@@ -61,6 +64,8 @@ def parser() -> argparse.ArgumentParser:
     top.set_defaults(words=WORDS)
     common = Parser(add_help=False)
     common.add_argument("--debug", action="store_true", help="show a traceback with errors")
+    # What only a job's file says.
+    common.set_defaults(child=False, scene="", scripts=False, as_is=False)
     commands = top.add_subparsers(required=True, metavar="COMMAND")
 
     solve.add_commands(commands, common)
@@ -74,11 +79,6 @@ def parser() -> argparse.ArgumentParser:
         action="store_true",
         help="render frames for join: every frame of the range, in even sizes",
     )
-    # For processes that others started to render a share, or the movie of a file that is open in a window.
-    two.add_argument(CHILD, action="store_true", help=argparse.SUPPRESS)
-    two.add_argument("--scene", default="", help=argparse.SUPPRESS)
-    for name in ("--scripts", "--as-is"):
-        two.add_argument(name, action="store_true", help=argparse.SUPPRESS)
     _add_output(two)
     two.set_defaults(command=render)
 
@@ -89,16 +89,25 @@ def parser() -> argparse.ArgumentParser:
     solve.add_solve_frames(three)
     add_lens(three, required=True)
     _add_output(three)
-    three.set_defaults(command=run, words=SOLVED_WORDS)
-    three.set_defaults(for_movie=False, child=False, scene="", scripts=False, as_is=False)
+    three.set_defaults(command=run, words=SOLVED_WORDS, for_movie=False)
 
     save.add_command(commands, common)
     export.add_command(commands, common)
     farm.add_commands(commands, common)
     inspect.add_command(commands, common)
-    frames.add_command(commands, common)
-    cg.add_command(commands, common)
     return top
+
+
+def _options(arguments: list[str]) -> argparse.Namespace:
+    """The options of a command, or of a job that another process of ours has started this one for."""
+    if arguments[:1] != [JOB]:
+        return parser().parse_args(arguments)
+    speak()
+    told = json.loads(Path(arguments[1]).read_text(encoding="utf-8"))
+    own = JOBS.get(told["arguments"][0])
+    options = argparse.Namespace(command=own, words=WORDS) if own else parser().parse_args(told["arguments"])
+    vars(options).update(told, child=True)
+    return options
 
 
 def _add_frames(command: argparse.ArgumentParser, description: str) -> None:
@@ -280,18 +289,18 @@ def _side_by_side(
         with temporary_folder() as scratch:
             blend = scratch / "scene.blend"
             write_blend(blend)
-            reports = [scratch / f"{number}.json" for number in range(count)]
+            reports = [scratch / f"report-{number}.json" for number in range(count)]
 
-            def command(frames: Sequence[int], number: int) -> list[str]:
-                words = ["render", str(blend), "--jobs", "1", "--out", str(out)]
+            def start(job: Job, frames: Sequence[int], number: int) -> None:
+                words = ["render", blend, "--jobs", 1, "--out", out]
                 words += ["--frames", f"{frames[0]}-{frames[-1]}:{step}"]
-                words += ["--scene", scene.name]
-                words += ["--scripts"] * options.scripts + ["--as-is"] * options.as_is
                 words += ["--for-movie"] * is_movie + ["--overwrite"] * (is_movie or options.overwrite)
-                return words + (["--report", str(reports[number])] if options.report else [])
+                words += ["--report", reports[number]] if options.report else []
+                file = scratch / f"job-{number}.json"
+                launcher.start(job, file, words, scene.name, one_thread=True, as_is=options.as_is)
 
             try:
-                jobs.render_side_by_side(todo, count, command, here, done, report)
+                jobs.render_side_by_side(todo, count, start, here, done, report)
             finally:
                 for path in reports:
                     run_report.take_over(path)
@@ -354,10 +363,8 @@ def run_command(arguments: list[str]) -> int:
     before = {number: signal.signal(number, _interrupt) for number in _ending()}
     try:
         collect_temporary()
-        options = parser().parse_args(arguments)
+        options = _options(arguments)
         words = options.words
-        if getattr(options, "child", False):
-            speak()
         options.command(options)
         _check_interrupted()
         streams.check()

@@ -60,8 +60,9 @@ def add_command(
     one.add_argument(
         "--no-copy", action="store_true", help="refer to the clip, pictures and solve where they are"
     )
-    # Of a farm's job.
-    one.add_argument("--lens", type=path, metavar="FILE.json", help=argparse.SUPPRESS)
+    one.add_argument(
+        "--lens", type=path, metavar="FILE.json", help="take the lens from a file of a farm's job"
+    )
     add_lens(one, required=False)
     one.set_defaults(command=save)
 

@@ -12,7 +12,6 @@ import bpy
 
 from ..core.base.errors import UserError, Words
 from ..core.base.streams import say
-from ..core.base.time_left import TimeLeft
 from ..core.camera.focal_length import Focal, from_equivalent, from_field_of_view, from_sensor
 from ..core.media.clip import Footage, FrameRange, open_footage
 from ..core.readers import read_reconstruction, recorded_clip, recorded_depth
@@ -264,15 +263,13 @@ class _ProgressLine:
 
     def __init__(self) -> None:
         self._shown = time.monotonic()
-        self._left = TimeLeft(self._shown)
         self._stage = ""
 
     def show(self, step: SolveProgress) -> None:
         now = time.monotonic()
         stage = step.text.rsplit(" ", 1)[0]
-        left = self._left.at(now, step.share)
         if stage == self._stage and now - self._shown < 5:
             return
         self._stage, self._shown = stage, now
-        remaining = f", about {left:.0f} s left" if left is not None else ""
+        remaining = f", about {step.left:.0f} s left" if step.left is not None else ""
         say(f"solving: {step.text}{remaining}")

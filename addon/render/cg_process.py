@@ -18,8 +18,8 @@ import numpy as np
 from bpy.app.handlers import persistent
 
 from ..core.base.atomic import temporary_folder
-from ..core.base.child import Child, end
 from ..core.base.errors import UserError
+from ..core.base.job import Job, end_meanwhile
 from ..core.base.progress import checkpoint
 from ..core.camera.canvas import Canvas
 from ..core.camera.reconstruction import Intrinsics
@@ -47,15 +47,14 @@ class CGProcess:
         UserError where that cannot be."""
         self._held = ExitStack()
         self._count = 0
-        self._child: Child | None = None
+        self._job = Job()
         self._folder = self._held.enter_context(temporary_folder())
         try:
             # Files are written on the main thread, which a render waits for.
-            main_thread.call(lambda: write_blend(self._folder / "scene.blend"))
-            words = ["cg", str(self._folder / "scene.blend"), "--scene", scene]
-            words += ["--preview"] * is_preview
-            words += ["--scripts"] * (not bpy.app.autoexec_fail)
-            self._child = start(words, lambda _: None, yielding=not bpy.app.background)
+            blend = self._folder / "scene.blend"
+            main_thread.call(lambda: write_blend(blend))
+            file = blend.with_suffix(".json")
+            start(self._job, file, ["cg"], scene, blend=str(blend), is_preview=is_preview)
         except BaseException:
             self.end()
             raise
@@ -63,7 +62,8 @@ class CGProcess:
     @property
     def is_alive(self) -> bool:
         """Whether it may draw on."""
-        return self._child is not None and self._child.process.poll() is None
+        self._job.poll()
+        return self._job.is_running
 
     def draw(self, layer: str, scene_frame: int, pinhole: Intrinsics, depth: PixelDepth | None) -> CGObjects:
         """CG objects at a frame of the scene, as the pinhole of a canvas sees them; UserError where the
@@ -91,20 +91,13 @@ class CGProcess:
     def _check(self, frame: int) -> None:
         """UserError naming the frame where the process has ended."""
         if not self.is_alive:
-            failure = self._child.failure if self._child is not None else None
+            failure = self._job.failure
             said = "its process ended" if failure is None else failure.text
             raise UserError(f"the CG objects of frame {frame} could not be rendered: {said}")
 
     def end(self) -> threading.Thread:
         """End the process, without waiting for it, and remove its files; the thread that does."""
-
-        def leave() -> None:
-            end([self._child] if self._child is not None else [])
-            self._held.close()
-
-        leaving = threading.Thread(target=leave)
-        leaving.start()
-        return leaving
+        return end_meanwhile([self._job], self._held.close)
 
 
 _process: CGProcess | None = None

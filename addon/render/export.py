@@ -13,7 +13,7 @@ from ..core.base.arrays import Map
 from ..core.base.atomic import collect_orphans, staged
 from ..core.base.errors import Remedy, UserError
 from ..core.base.file_names import check_file
-from ..core.base.messages import Progress, send
+from ..core.base.time_left import Clock
 from ..core.camera import stmap
 from ..core.camera.canvas import Canvas
 from ..core.frame.two_layers import two_layers
@@ -64,12 +64,12 @@ def check_free(files: Sequence[Exported], overwrite: bool) -> None:
 def write(files: Sequence[Exported], report: Callable[[str], None]) -> None:
     """Write files, each whole or not at all. Passes checkpoints; UserError naming the file or frame."""
     collect_orphans(files[0].file.parent)
-    for done, each in enumerate(files, 1):
+    clock = Clock("export", len(files), report)
+    for each in files:
         channels = each.channels()
         with staged(each.file) as part:
             write_exr(part, channels)
-        send(Progress("export", done, len(files), each.frame))
-        report(f"{each.file.name}: {done} of {len(files)}")
+        clock.tick(each.frame, each.file.name)
 
 
 def _layers(scene: bpy.types.Scene, frames: Sequence[int], folder: Path) -> list[Exported]:

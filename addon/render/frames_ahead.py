@@ -14,7 +14,6 @@ FOLDER/frame-000012.npz          what was drawn of it
 from __future__ import annotations
 
 import contextlib
-import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -28,9 +27,9 @@ from bpy.app.handlers import persistent
 from ..core.base import limits
 from ..core.base.arrays import LinearRGBA
 from ..core.base.atomic import temporary_folder
-from ..core.base.child import Child, end
 from ..core.base.errors import UserError
 from ..core.base.file_lock import FileLock
+from ..core.base.job import Job, end_meanwhile
 from ..core.base.progress import checkpoint
 from ..scene import main_thread
 from . import jobs, render_handlers
@@ -140,7 +139,7 @@ class FramesAhead:
     """Of the folder."""
     threads: int
     """That the user lets work side by side."""
-    children: list[Child] = field(default_factory=list)
+    jobs: list[Job] = field(default_factory=list)
     _last: tuple[int, DrawnFrame] | None = None
 
     @classmethod
@@ -151,14 +150,14 @@ class FramesAhead:
         try:
             # Files are written on the main thread, which the render waits for.
             main_thread.call(lambda: write_blend(made.shared.blend))
-            words = ["frames", str(made.shared.blend), "--scene", scene.name]
-            words += ["--frames", f"{frames[0]}-{frames[-1]}:{scene.frame_step}"]
-            words += ["--reach", str(WAITING * count), "--into", str(made.shared.folder)]
-            words += ["--scripts"] * (not bpy.app.autoexec_fail)
+            blend = made.shared.blend
             for _ in range(count):
-                # A window goes first.
-                yielding = not bpy.app.background
-                made.children.append(start(words, lambda _: None, yielding, limits.ONE_THREAD))
+                made.jobs.append(Job())
+                start(
+                    made.jobs[-1], blend.with_suffix(".json"), ["frames"], scene.name, one_thread=True,
+                    blend=str(blend), into=str(made.shared.folder), reach=WAITING * count,
+                    frames=[frames[0], frames[-1] + 1, scene.frame_step],
+                )  # fmt: skip
             limits.limit_threads(1)
         except BaseException:
             made.end()
@@ -184,14 +183,8 @@ class FramesAhead:
 
     def end(self) -> None:
         """End the processes, without waiting for it, and remove what they have drawn."""
-
         limits.limit_threads(self.threads)
-
-        def leave() -> None:
-            end(self.children)
-            self.held.close()
-
-        threading.Thread(target=leave).start()
+        end_meanwhile(self.jobs, self.held.close)
 
 
 _ahead: FramesAhead | None = None

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import itertools
-import queue
+import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from ..core.base import limits, memory
-from ..core.base.child import Child, end
 from ..core.base.counting import ranges
 from ..core.base.errors import UserError
-from ..core.base.messages import Message, Progress, Warned
-from .launcher import start
+from ..core.base.job import Job, end
+from ..core.base.messages import Progress, Warned
 
 TRIES = 2
 """How often a share is begun before its frames are given up."""
+LOOK = 0.02
+"""Seconds between two looks at the other processes."""
 
 LEAST_SHARE = 8
 """Frames that are worth a process of its own: it takes 2 to 3 s to start, as two frames do."""
@@ -23,8 +24,8 @@ PROCESS, A_PIXEL = 900 * memory.MB, 1500
 """Bytes that a process takes at its peak, and for each pixel of a frame besides: one that finds depth and
 draws it took 1.2 GB at 640x360 and 2.2 GB at 1280x720 (the largest resident set, of one thread)."""
 
-Command = Callable[[Sequence[int], int], list[str]]
-"""Arguments of the command line that render frames as the share of this number."""
+Start = Callable[[Job, Sequence[int], int], None]
+"""Has another process do a job, which renders frames as the share of this number."""
 Here = Callable[[Sequence[int], Callable[[int], None]], None]
 """Renders frames in this process, and tells of each one that is done."""
 
@@ -50,13 +51,22 @@ class _Share:
     todo: list[int]
     """Those that it has not said to be done."""
     tries: int = 0
-    child: Child | None = None
+    job: Job = field(default_factory=Job)
+
+    def begin(self, start: Start) -> None:
+        self.tries += 1
+        self.job = Job()
+        start(self.job, self.todo, self.number)
+
+    @property
+    def has_failed(self) -> bool:
+        return bool(self.todo) and self.job.failure is not None
 
 
 def render_side_by_side(
     frames: Sequence[int],
     count: int,
-    command: Command,
+    start: Start,
     here: Here,
     done: Callable[[int], None],
     note: Callable[[str], None],
@@ -68,37 +78,27 @@ def render_side_by_side(
     naming the frames that are not done at the end. Whatever else is raised here, Ctrl-C included, ends all of
     them; where this process is killed they end by themselves.
     """
-    events: queue.Queue[tuple[_Share, Message | None]] = queue.Queue()
-    own, *others = (_Share(number, todo) for number, todo in enumerate(shares(frames, count)))
-    left, failed = len(others), list[_Share]()
+    every = own, *others = [_Share(number, todo) for number, todo in enumerate(shares(frames, count))]
 
-    def hear(share: _Share, message: Message | None) -> None:
-        nonlocal left
-        if isinstance(message, Progress) and message.frame in share.todo:
-            share.todo.remove(message.frame)
-            done(message.frame)
-        elif isinstance(message, Warned):
-            note(message.text)
-        if message is not None:
-            return
-        assert share.child is not None
-        if share.child.failure is None or not share.todo:
-            left -= 1
-        elif share.tries < TRIES:
-            _start(share, command, events)
-        else:
-            failed.append(share)
-            left -= 1
+    def listen() -> None:
+        for share in [share for share in every if share.job.is_running]:
+            for message in share.job.poll():
+                if isinstance(message, Progress) and message.frame in share.todo:
+                    share.todo.remove(message.frame)
+                    done(message.frame)
+                elif isinstance(message, Warned):
+                    note(message.text)
+            if not share.job.is_running and share.has_failed and share.tries < TRIES:
+                share.begin(start)
 
     def drawn(frame: int) -> None:
         own.todo.remove(frame)
         done(frame)
-        while not events.empty():
-            hear(*events.get())
+        listen()
 
     try:
         for share in others:
-            _start(share, command, events)
+            share.begin(start)
         own.tries += 1
         try:
             here(list(own.todo), drawn)
@@ -107,26 +107,18 @@ def render_side_by_side(
                 own.todo = [behind.todo.pop()]
                 here(list(own.todo), drawn)
         except UserError:
-            _start(own, command, events)
-            left += 1
-        while left:
-            hear(*events.get())
+            own.begin(start)
+        while any(share.job.is_running for share in every):
+            listen()
+            time.sleep(LOOK)
     finally:
-        end([share.child for share in (own, *others) if share.child is not None])
+        end([share.job for share in every])
+    failed = [share for share in every if share.has_failed]
     if failed:
         lost = sorted(frame for share in failed for frame in share.todo)
-        whys = [share.child.failure for share in failed if share.child is not None]
-        reasons = sorted({why.text for why in whys if why is not None})
-        remedies = {remedy for why in whys if why is not None for remedy in why.remedies}
+        whys = [share.job.failure for share in failed if share.job.failure is not None]
+        remedies = {remedy for why in whys for remedy in why.remedies}
         raise UserError(
-            f"frames {ranges(lost)} could not be finished: {'; '.join(reasons)}", *sorted(remedies)
+            f"frames {ranges(lost)} could not be finished: {'; '.join(sorted({why.text for why in whys}))}",
+            *sorted(remedies),
         )
-
-
-def _start(share: _Share, command: Command, events: queue.Queue[tuple[_Share, Message | None]]) -> None:
-    share.tries += 1
-    share.child = start(
-        command(share.todo, share.number),
-        lambda message: events.put((share, message)),
-        environment=limits.ONE_THREAD,
-    )

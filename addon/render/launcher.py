@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import json
 import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import bpy
 
-from ..core.base.child import Child, Hear
+from ..core.base import limits
+from ..core.base.atomic import write_bytes
+from ..core.base.job import Job
 
 HEADLESS = Path(__file__).resolve().parents[1] / "headless.py"
-CHILD = "--child"
-"""Option of commands: be a child, as `messages.speak` has it."""
+JOB = "--job"
+"""Before the file of a job, instead of a command."""
 
 
 def launcher() -> list[str]:
@@ -26,8 +29,20 @@ def launcher() -> list[str]:
 
 
 def start(
-    arguments: Sequence[str], hear: Hear, yielding: bool = False, environment: Mapping[str, str] | None = None
-) -> Child:
-    """Start a command of this command line, with more in its environment; arguments and errors as of
-    `Child`."""
-    return Child([*launcher(), *arguments, CHILD], hear, yielding, {**os.environ, **(environment or {})})
+    job: Job,
+    file: Path,
+    arguments: Sequence[object],
+    scene: str = "",
+    one_thread: bool = False,
+    **more: object,
+) -> None:
+    """Have another process of this command line do a job, which it reads in a file. A window goes first.
+
+    `arguments` are those of a command, or the name of one of `engine_jobs.JOBS`; people cannot ask for a
+    .blend's `scene` and for `more`. UserError where the file cannot be written, and as of `Job.start`.
+    """
+    told = {"arguments": [str(each) for each in arguments], "scene": scene, **more}
+    told["scripts"] = not bpy.app.autoexec_fail
+    write_bytes(file, json.dumps(told).encode())
+    environment = os.environ | (limits.ONE_THREAD if one_thread else {})
+    job.start([*launcher(), JOB, str(file)], not bpy.app.background, environment)

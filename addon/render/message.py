@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 import blf
 import bpy
-import gpu
-import numpy as np
-from gpu_extras.batch import batch_for_shader
+
+from .overlay import Rectangle, fill
 
 FONT = 0
 POINTS, SMALL = 11, 9
@@ -18,9 +16,7 @@ WIDEST = 0.7
 """Of the width that headers and sidebars leave free, a message's most."""
 PADDING, SPACING = 8.0, 16.0
 """Pixels from the text to the ground's border, and from line to line, at a resolution scale of 1."""
-LIGHT, GROUND = (1.0, 1.0, 1.0, 1.0), (0.0, 0.0, 0.0, 0.75)
-
-Rectangle = tuple[float, float, float, float]
+LIGHT = (1.0, 1.0, 1.0, 1.0)
 
 
 def lines(text: str, width: float, scale: float = 1.0, breaks: bool = False) -> list[str]:
@@ -101,15 +97,3 @@ def draw_label(
     blf.color(FONT, *LIGHT)
     blf.position(FONT, left + gap, top - gap - 0.8 * height, 0)
     blf.draw(FONT, text)
-
-
-def fill(rectangle: Rectangle) -> None:
-    """Draw the dark ground of a message, in pixels of the region."""
-    left, bottom, right, top = rectangle
-    corners = np.array([[left, bottom], [right, bottom], [right, top], [left, top]], np.float32)
-    shader: Any = gpu.shader.from_builtin("UNIFORM_COLOR")
-    gpu.state.blend_set("ALPHA")
-    shader.bind()
-    shader.uniform_float("color", GROUND)
-    batch_for_shader(shader, "TRI_FAN", {"pos": corners}).draw(shader)
-    gpu.state.blend_set("NONE")

@@ -28,6 +28,8 @@ HDR = ("Rec.2100-HLG", "Rec.2100-PQ")
 HDR_EXPOSURE = float(np.log2(2.03))
 """Stops: Blender reads such a clip with white at 203 cd/m2 (ITU-R BT.2408), and writes it at 100."""
 
+JOINING = "movie"
+"""The stage in which all frames are there and the movie is being written."""
 STRIP = 500
 """Frames of an image strip: appending one to n copies all n, which takes a minute at 36,000."""
 
@@ -58,7 +60,7 @@ def join(scene: bpy.types.Scene, files: dict[int, Path], out: Path) -> None:
             strips.new_sound(SOUND, str(file), 2, moved(sound.frame_start))
         with atomic.staged(out) as part:
             movie.render.filepath = frame_files.blender_path(part)
-            send(Progress("movie", 0, 1))
+            send(Progress(JOINING, 1, 1))
             try:
                 bpy.ops.render.render(animation=True, scene=movie.name)
             except RuntimeError as error:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import time
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
@@ -16,7 +15,7 @@ from ..core.base.counting import counted, ranges
 from ..core.base.errors import Remedy, UserError
 from ..core.base.file_names import check_file, checked_name, leads_nowhere
 from ..core.base.folder_lock import OutputLock
-from ..core.base.messages import Progress, send
+from ..core.base.time_left import Clock
 from ..core.frame.warped_frame import forecast
 from ..core.media.clip import Footage
 from ..core.media.picture_file import PICTURES
@@ -148,7 +147,7 @@ def render_sequence(
     keys = frame_keys(scene, frames)
     todo = {frame: _stamp(targets[frame]) for frame in _missing(targets, keys, overwrite, report)}
     set_still(scene, out.suffix.lower(), shot_of(scene).footage)
-    clock = _Clock(len(todo), report)
+    clock = Clock("frames", len(todo), report)
 
     def here(frames: Sequence[int], done: Callable[[int], None]) -> None:
         with cg_process.kept():
@@ -324,29 +323,3 @@ def numbered(name: str, frame: int) -> str:
     end = name.rindex("#") + 1
     start = len(name[:end].rstrip("#"))
     return name[:start] + f"{frame:0{end - start}d}" + name[end:]
-
-
-class _Clock:
-    """Progress lines with the time left.
-
-    The first frame finds depth for its neighbours, too: it costs several times as much as each of the others,
-    and tells nothing of them.
-    """
-
-    def __init__(self, total: int, report: Report) -> None:
-        self._total, self._report = total, report
-        self._start = self._first = time.monotonic()
-        self._done = 0
-
-    def tick(self, frame: int) -> None:
-        self._done += 1
-        send(Progress("frames", self._done, self._total, frame))
-        now = time.monotonic()
-        line = f"frame {frame}: {self._done} of {self._total}"
-        if self._done == 1:
-            self._first = now
-            self._report(f"{line}, {now - self._start:.1f} s")
-            return
-        each = (now - self._first) / (self._done - 1)
-        left = round(each * (self._total - self._done))
-        self._report(f"{line}, {each:.1f} s a frame, {left // 60} min {left % 60:02d} s left")

@@ -29,10 +29,10 @@ from ..scene.lens import frame_options
 from ..scene.remedy_words import WORDS
 from ..scene.shot import picture_size, shot_of
 from ..scene.timeline import clip_frame
-from . import cg_preview, message
+from . import cg_preview, message, overlay
 from .frame_size import render_size, shape_problem
 from .gpu_views import upload
-from .message import Rectangle
+from .overlay import Rectangle, draw_texture
 from .preview import FAIR, FINE, Half, Picture, Preview, Wanted
 
 LOOK = 0.02
@@ -68,7 +68,6 @@ class Shown:
 
 _in_regions: WeakValueDictionary[int, Shown] = WeakValueDictionary()
 """By region, as long as Blender keeps the engine that draws it."""
-_handlers: list[Any] = []
 
 
 def update(shown: Shown, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
@@ -127,15 +126,10 @@ def _draw_picture(shown: Shown) -> None:
     # An older picture may have no clip beside it.
     wipe = shown.wipe if shown.clip is not None else 0.0
     parts = [(shown.clip, 0.0, wipe)] if wipe else []
-    shader = gpu.shader.from_builtin("IMAGE")
-    gpu.state.blend_set("ALPHA_PREMULT")
+    left, bottom, width, height = shown.frame
     for texture, begin, end in (*parts, (shown.texture, wipe, 1.0)):
-        places = np.array([[begin, 0.0], [end, 0.0], [end, 1.0], [begin, 1.0]])
-        content = {"pos": _corners(shown.frame, places).tolist(), "texCoord": places.tolist()}
-        shader.bind()
-        shader.uniform_sampler("image", texture)
-        batch_for_shader(shader, "TRI_FAN", content).draw(shader)
-    gpu.state.blend_set("NONE")
+        where = left + begin * width, bottom, left + end * width, bottom + height
+        draw_texture(texture, where, "ALPHA_PREMULT", (begin, 0.0, end, 1.0))
 
 
 def _corners(frame: Rectangle, places: Floats) -> Floats:
@@ -316,17 +310,16 @@ _forget = persistent(_on_load)
 
 def register() -> None:
     """Draw from now on; there is nothing to draw in without a window."""
-    if not bpy.app.background:
-        for drawing, when in ((_clear_overlays, "POST_VIEW"), (_draw_words, "POST_PIXEL")):
-            _handlers.append(bpy.types.SpaceView3D.draw_handler_add(drawing, (), "WINDOW", when))
+    overlay.show(_clear_overlays, "POST_VIEW")
+    overlay.show(_draw_words)
     bpy.app.handlers.load_pre.append(_forget)
 
 
 def unregister() -> None:
     """Undo `register`, and end what is shown and under way."""
     end()
-    while _handlers:
-        bpy.types.SpaceView3D.draw_handler_remove(_handlers.pop(), "WINDOW")
+    overlay.hide(_clear_overlays)
+    overlay.hide(_draw_words)
     bpy.app.handlers.load_pre.remove(_forget)
     if bpy.app.timers.is_registered(_tick):
         bpy.app.timers.unregister(_tick)

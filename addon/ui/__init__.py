@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..render import background, cg_preview, cg_process, engine, frame_notes, frames_ahead, viewport
+from ..render import background, cg_preview, cg_process, engine, frame_notes, frames_ahead, overlay, viewport
 from ..scene import clip, exr, file_handlers, focus_sync, main_thread, passes, paths, properties, shot
 from ..scene import preferences as user_preferences
 from . import (
@@ -87,7 +87,7 @@ def register() -> None:
     focus_sync.register()
     thumbnails.register()
     bokeh.register()
-    focus_strip.register()
+    overlay.show(focus_strip.draw)
     background.register()
     frame_notes.register()
     frames_ahead.register()
@@ -96,8 +96,8 @@ def register() -> None:
     # After what ends the preview where another file is opened, which may wait for the process.
     cg_preview.register()
     # After what takes overlays away from the preview's picture: the points are drawn over that.
-    points_overlay.register()
-    solve_view.register()
+    overlay.show(points_overlay.draw, "POST_VIEW")
+    overlay.show(solve_view.draw)
     closing.register()
     depth_ahead.register()
     first_person.register()
@@ -110,8 +110,8 @@ def unregister() -> None:
     closing.unregister()
     movie.unregister()
     export.unregister()
-    solve_view.unregister()
-    points_overlay.unregister()
+    for draw in (solve_view.draw, focus_strip.draw, points_overlay.draw):
+        overlay.hide(draw)
     viewport.unregister()
     cg_preview.unregister()
     cg_process.unregister()
@@ -129,7 +129,6 @@ def unregister() -> None:
     file_import.unregister()
     engine_panels.unregister()
     clip.forget()
-    focus_strip.unregister()
     thumbnails.unregister()
     bokeh.unregister()
     shot.forget()

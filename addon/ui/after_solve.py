@@ -10,7 +10,8 @@ import numpy as np
 
 from ..core.base.arrays import Floats
 from ..core.camera.reconstruction import Reconstruction
-from ..render.message import Rectangle, free_part
+from ..render.message import free_part
+from ..render.overlay import Rectangle
 from ..render.viewport import frame_in_region
 
 MARGIN = 0.98

@@ -13,12 +13,13 @@ import bpy
 
 from . import export, movie
 from .operators import Result, is_met
+from .text import left_words
 
 _keys: list[tuple[Any, Any]] = []
 """Key maps, and our items in them."""
 
 
-def work() -> movie.MovieRender | None:
+def work() -> movie.MovieJob | None:
     """Return the movie or the export that is being made, if any."""
     return movie.under_way() or export.under_way()
 
@@ -37,9 +38,9 @@ class VIRTUAL_APERTURE_OT_close_blender(bpy.types.Operator):  # noqa: N801
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
         made = work()
         assert made is not None
+        words = filter(None, (made.words, left_words(made.left), "Finished files are kept"))
         answer: Result = context.window_manager.invoke_confirm(
-            self, event, title=f"Close Blender and end {made.name}?",
-            message=f"{made.words}. Finished files are kept",
+            self, event, title=f"Close Blender and end {made.name}?", message=". ".join(words),
             confirm_text="Close Blender", icon="WARNING",
         )  # fmt: skip
         return answer

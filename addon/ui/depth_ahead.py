@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 import contextlib
-import queue
-import threading
-import time
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import bpy
 from bpy.app.handlers import persistent
 
-from ..core.base.child import Child, end
 from ..core.base.errors import UserError
-from ..core.base.messages import Message, Progress, Warned
-from ..core.base.time_left import TimeLeft
+from ..core.base.job import Job
+from ..core.base.messages import Failure
 from ..core.sfm.state import STATE
 from ..render.blend_file import write_blend
 from ..render.launcher import start
@@ -24,59 +19,23 @@ from ..scene.clip import footage_path, work_dir
 from ..scene.colour_space import REC_709, working_space
 from ..scene.remedy_words import WORDS
 from ..scene.subjects import marked_of
-from .text import left_words
+from .text import progress_row
 
 LOOK = 0.5
 """Seconds between two looks at the process."""
 
 
-@dataclass
-class DepthAhead:
+class DepthAhead(Job):
     """The process that finds the depth of a solved clip's frames and keeps it in its working folder."""
 
-    work: Path
-    messages: queue.SimpleQueue[Message | None] = field(default_factory=queue.SimpleQueue)
-    done: int = 0
-    total: int = 0
-    """Frames; 0 until the process has said it."""
-    problem: str = ""
-    """Why it failed."""
-    warning: str = ""
-    """What it said that the user should know."""
-    left: float | None = None
-    """Seconds that it will still take; None while nobody can say."""
-    child: Child | None = None
-    """None once it has ended."""
-    _first: int = 0
-    """Frames that were done when it began."""
-    _time_left: TimeLeft | None = None
+    def __init__(self, work: Path) -> None:
+        super().__init__()
+        self.work = work
 
-    def hear(self) -> bool:
-        """Take in what the process said; whether it said anything."""
-        heard = False
-        while self.child is not None:
-            try:
-                message = self.messages.get_nowait()
-            except queue.Empty:
-                break
-            heard = True
-            if message is None:
-                failure = self.child.failure
-                self.problem = failure.error.worded(WORDS) if failure is not None else ""
-                self.child = None
-            elif isinstance(message, Progress):
-                self._progressed(message.done, message.total)
-            elif isinstance(message, Warned):
-                self.warning = message.text
-        return heard
-
-    def _progressed(self, done: int, total: int) -> None:
-        now = time.monotonic()
-        if self._time_left is None:
-            # What an earlier run found is there at once, and says nothing of the pace.
-            self._first, self._time_left = done, TimeLeft(now)
-        self.done, self.total = done, total
-        self.left = self._time_left.at(now, (done - self._first) / max(total - self._first, 1))
+    @property
+    def problem(self) -> str:
+        """Why it failed, in the interface's words; empty where it has not."""
+        return "" if self.failure is None else self.failure.error.worded(WORDS)
 
 
 _ahead: DepthAhead | None = None
@@ -89,7 +48,8 @@ def begin(work: Path) -> None:
     global _ahead
     stop()
     made = DepthAhead(work)
-    made.child = start(["depth", str(_opened(work))], made.messages.put, yielding=True)
+    file = Path(bpy.app.tempdir) / "virtual-aperture-depth.json"
+    start(made, file, ["depth", _opened(work)])
     _ahead = made
     _remember(work, True)
     if not bpy.app.timers.is_registered(_tick):
@@ -110,23 +70,34 @@ def _opened(work: Path) -> Path:
     return blend
 
 
-def begin_after_solve(work: Path) -> None:
-    """`begin` where somebody sits before a window; the panel says what cannot be started."""
+def begin_after_solve(work: Path | None) -> None:
+    """`begin` where somebody sits before a window and there is a folder; the panel says what cannot be
+    started."""
     global _ahead
-    if bpy.app.background:
+    if bpy.app.background or work is None:
         return
     try:
         begin(work)
     except UserError as error:
-        _ahead = DepthAhead(work, problem=error.worded(WORDS))
+        _ahead = DepthAhead(work)
+        _ahead.failure = Failure(str(error), remedies=error.remedies)
 
 
 def stop() -> None:
     """End what is under way, without waiting for its end; what was found is kept."""
     global _ahead
-    if _ahead is not None and _ahead.child is not None:
-        threading.Thread(target=end, args=([_ahead.child],), daemon=True).start()
+    if _ahead is not None:
+        _ahead.leave()
     _ahead = None
+
+
+def give_way() -> Path | None:
+    """`stop` for work that takes all processors, too; the folder for `begin_after_solve` to go on with."""
+    if _ahead is None or not _ahead.is_running:
+        return None
+    work = _ahead.work
+    stop()
+    return work
 
 
 def pause() -> None:
@@ -144,11 +115,6 @@ def _remember(work: Path, finds_depth: bool) -> None:
             settings.finds_depth = finds_depth
 
 
-def under_way() -> Path | None:
-    """The working folder for which depth is being found."""
-    return _ahead.work if _ahead is not None and _ahead.child is not None else None
-
-
 def of(settings: bpy.types.PropertyGroup) -> DepthAhead | None:
     """What is under way, or has ended, for the clip that is shown."""
     if _ahead is None or not settings.footage or _ahead.work != _folder(settings):
@@ -164,11 +130,11 @@ def _tick() -> float | None:
     """A timer's turn: panels show how far it is; None when it has ended."""
     if _ahead is None:
         return None
-    if _ahead.hear():
+    if _ahead.poll() or not _ahead.is_running:
         redraw.panels()
-    if _ahead.child is not None:
+    if _ahead.is_running:
         return LOOK
-    if not _ahead.problem:
+    if _ahead.failure is None:
         _remember(_ahead.work, False)
     return None
 
@@ -201,7 +167,7 @@ class VIRTUAL_APERTURE_OT_find_depth(bpy.types.Operator):  # noqa: N801
             cls.poll_message_set("Solve the clip first")
             return False
         found = of(settings)
-        if found is not None and found.child is not None:
+        if found is not None and found.is_running:
             cls.poll_message_set("Depth is being found")
             return False
         return True
@@ -227,7 +193,7 @@ class VIRTUAL_APERTURE_OT_pause_depth(bpy.types.Operator):  # noqa: N801
 
     @classmethod
     def poll(cls, _context: bpy.types.Context) -> bool:
-        if _ahead is not None and _ahead.child is not None:
+        if _ahead is not None and _ahead.is_running:
             return True
         cls.poll_message_set("Depth is not being found")
         return False
@@ -240,14 +206,11 @@ class VIRTUAL_APERTURE_OT_pause_depth(bpy.types.Operator):  # noqa: N801
 def draw_progress(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> bool:
     """How far it is, with a button to pause it; whether it is under way."""
     found = of(settings)
-    if found is None or found.child is None:
+    if found is None or not found.is_running:
         return False
-    text = f"Depth: {found.done} of {found.total} frames" if found.total else "Depth: starting"
-    row = layout.row(align=True)
-    row.progress(factor=found.done / max(found.total, 1), text=text)
-    row.operator(VIRTUAL_APERTURE_OT_pause_depth.bl_idname, text="", icon="PAUSE")
-    if left := left_words(found.left):
-        layout.label(text=left, icon="TIME")
+    words = f"Depth: {found.done} of {found.total} frames" if found.total else "Depth: starting"
+    stop = VIRTUAL_APERTURE_OT_pause_depth.bl_idname
+    progress_row(layout, words, found.share, found.left, stop, "PAUSE")
     return True
 
 

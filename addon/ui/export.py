@@ -22,7 +22,7 @@ from ..scene.remedy_words import WORDS
 from ..scene.shot import reconstruction_of, shot_of
 from . import depth_ahead, movie
 from .operators import Result, has_focus, has_solve, is_met, reported, sentence
-from .text import wrapped
+from .text import progress_row, wrapped
 
 LOOK = 0.5
 """Seconds between two looks at the process."""
@@ -30,7 +30,7 @@ FOLDER = "export"
 """Suggested, beside what Render Clip writes."""
 
 
-class ExportRun(movie.MovieRender):
+class ExportJob(movie.MovieJob):
     """The process that writes the files of an export into the folder `out`."""
 
     depth: Path | None = None
@@ -39,10 +39,7 @@ class ExportRun(movie.MovieRender):
     @property
     def words(self) -> str:
         """How far it is, in a few words."""
-        if not self.total:
-            return "Export: starting"
-        left = "" if self.seconds_left is None else f", {movie.time_words(self.seconds_left)} left"
-        return f"Export: {self.done} of {self.total} files{left}"
+        return f"Export: {self.done} of {self.total} files" if self.total else "Export: starting"
 
     @property
     def name(self) -> str:
@@ -56,16 +53,16 @@ class ExportRun(movie.MovieRender):
             self.out.rmdir()  # where it holds nothing
 
 
-_export: ExportRun | None = None
+_export: ExportJob | None = None
 """The last one of this Blender: there are not two at once."""
 
 
-def under_way() -> ExportRun | None:
+def under_way() -> ExportJob | None:
     """The export that is being written."""
-    return _export if _export is not None and _export.child is not None else None
+    return _export if _export is not None and _export.is_running else None
 
 
-def begin(scene: bpy.types.Scene, what: str, folder: Path, overwrite: bool) -> ExportRun:
+def begin(scene: bpy.types.Scene, what: str, folder: Path, overwrite: bool) -> ExportJob:
     """Have the frames of the scene's range exported; UserError where that cannot be, or would replace files
     unasked."""
     global _export
@@ -75,15 +72,11 @@ def begin(scene: bpy.types.Scene, what: str, folder: Path, overwrite: bool) -> E
     exports.check_free(exports.planned(scene, what, frames, folder), overwrite)
     blend = Path(bpy.app.tempdir) / "virtual-aperture-export.blend"
     write_blend(blend)
-    words = ["export", str(blend), "--scene", scene.name, "--what", what, "--out", str(folder)]
+    words = ["export", blend, "--what", what, "--out", folder, *["--overwrite"] * overwrite]
     words += ["--frames", f"{frames[0]}-{frames[-1]}"]
-    words += ["--scripts"] * (not bpy.app.autoexec_fail) + ["--overwrite"] * overwrite
-    made = ExportRun(folder)
-    made.child = start(words, made.messages.put, yielding=not bpy.app.background)
-    # Both would take all processors.
-    made.depth = depth_ahead.under_way()
-    if made.depth is not None:
-        depth_ahead.stop()
+    made = ExportJob(folder)
+    start(made, blend.with_suffix(".json"), words, scene.name)
+    made.depth = depth_ahead.give_way()
     _export = made
     return made
 
@@ -92,30 +85,28 @@ def _tick() -> float | None:
     """A timer's turn: panels show how far it is; None when it has ended."""
     if _export is None:
         return None
-    if _export.hear():
+    if _export.poll() or not _export.is_running:
         redraw.panels()
-    if _export.child is not None:
+    if _export.is_running:
         return LOOK
     settings = bpy.context.scene.virtual_aperture
     # Another file may have been opened since.
-    is_here = settings.footage and work_dir(settings, footage_path(settings)) == _export.depth
-    if _export.depth is not None and is_here:
+    if settings.footage and work_dir(settings, footage_path(settings)) == _export.depth:
         depth_ahead.begin_after_solve(_export.depth)
     return None
 
 
 def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """The button, or how far the export is with a button to cancel it; and what became of the last one."""
-    if _export is not None and _export.child is not None:
-        row = layout.row(align=True)
-        row.progress(factor=_export.done / max(_export.total, 1), text=_export.words)
-        row.operator(VIRTUAL_APERTURE_OT_cancel_export.bl_idname, text="", icon="X")
+    if _export is not None and _export.is_running:
+        stop = VIRTUAL_APERTURE_OT_cancel_export.bl_idname
+        progress_row(layout, _export.words, _export.share, _export.left, stop)
         return
     layout.operator(VIRTUAL_APERTURE_OT_export.bl_idname, icon="EXPORT")
     if _export is None:
         return
-    if _export.problem is not None:
-        wrapped(layout, context, sentence(_export.problem.worded(WORDS)), icon="ERROR")
+    if _export.failure is not None:
+        wrapped(layout, context, sentence(_export.failure.error.worded(WORDS)), icon="ERROR")
     elif _export.out.is_dir():
         row = layout.row(align=True)
         row.label(text=f"Exported to {_export.out.name}", icon="CHECKMARK")
@@ -165,8 +156,8 @@ class VIRTUAL_APERTURE_OT_export(bpy.types.Operator):  # noqa: N801
             return {"FINISHED"}
         while _tick() is not None:
             time.sleep(LOOK)
-        if made.problem is not None:
-            raise made.problem
+        if made.failure is not None:
+            raise made.failure.error
         self.report({"INFO"}, f"Exported to {made.out}")
         return {"FINISHED"}
 
@@ -191,7 +182,7 @@ def unregister() -> None:
     """End the export that is under way."""
     global _export
     if _export is not None:
-        _export.cancel()
+        _export.leave(_export.clear)
     _export = None
     with contextlib.suppress(ValueError):
         bpy.app.timers.unregister(_tick)

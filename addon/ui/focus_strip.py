@@ -8,20 +8,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import bpy
 import numpy as np
 
 from ..core.base.arrays import Floats
 from ..core.base.errors import UserError
+from ..render.overlay import TOP_DOWN, draw_texture, fill
 from ..scene import focus_marks
 from ..scene.depth_of_field import length_words
 from ..scene.timeline import clip_frame, go_to
 from . import thumbnails
 from .focus_list import ChangesMarks
 from .operators import Result
-from .pick_view import GREEN, SHADE, WHITE, XY, line
+from .pick_view import GREEN, SHADE, WHITE, line
 
 SIDE, GAP, EDGE, ROW, TRACK = 48.0, 26.0, 12.0, 14.0, 12.0
 """Pixels at a resolution scale of 1: a thumbnail's side, what is free between two, the strip's edge, a row of
@@ -33,8 +33,6 @@ SLACK = 4
 GREY = (0.75, 0.75, 0.75, 1.0)
 PICKERS = {"VIRTUAL_APERTURE_OT_pick_focus", "VIRTUAL_APERTURE_OT_pick_subject"}
 """Operators whose clicks go to the picture, which the strip would cover."""
-
-_handler: Any = None
 
 
 def spread(places: Sequence[float], apart: float, low: float, high: float) -> Floats:
@@ -253,18 +251,15 @@ class VIRTUAL_APERTURE_GGT_focus_strip(bpy.types.GizmoGroup):  # noqa: N801
         gizmo.target_set_operator(VIRTUAL_APERTURE_OT_drag_focus_mark.bl_idname)
 
 
-def _draw() -> None:
+def draw() -> None:
+    """Draw the strip of the scene's focus marks."""
     context = bpy.context
     strip = strip_of(context)
     if strip is None:
         return
     settings, scale = context.scene.virtual_aperture, strip.scale
-    _fill(
-        strip.left - SIDE / 2 * scale - EDGE * scale,
-        strip.bottom,
-        strip.right + (SIDE / 2 + EDGE) * scale,
-        strip.top,
-    )
+    beyond = (SIDE / 2 + EDGE) * scale
+    fill((strip.left - beyond, strip.bottom, strip.right + beyond, strip.top), SHADE)
     line([(strip.left, strip.track), (strip.right, strip.track)], GREY, scale)
     now = strip.place_of(clip_frame(context.scene))
     line([(now, strip.track - 4 * scale), (now, strip.track + 6 * scale)], GREEN, 2 * scale)
@@ -288,46 +283,17 @@ def _draw_mark(
     tick = strip.place_of(frame)
     line([(tick, strip.track), (middle, strip.track + TRACK * scale)], colour, scale)
     settings = mark.id_data.virtual_aperture
-    corners = [
-        (middle - half, low),
-        (middle + half, low),
-        (middle + half, low + 2 * half),
-        (middle - half, low + 2 * half),
-    ]
-    _draw_picture(corners, thumbnails.texture(settings, mark))
-    line([*corners, corners[0]], colour, (2 if colour != GREY else 1) * scale)
+    left, right, high = middle - half, middle + half, low + 2 * half
+    texture = thumbnails.texture(settings, mark)
+    if texture is None:
+        fill((left, low, right, high), SHADE)
+    else:
+        draw_texture(texture, (left, low, right, high), part=TOP_DOWN)
+    rim = [(left, low), (right, low), (right, high), (left, high), (left, low)]
+    line(rim, colour, (2 if colour != GREY else 1) * scale)
     away = length_words(settings, mark.distance)
     for row, text in enumerate((f"{frame}  {away}", mark.name)):
         _text(text, middle, low - (row + 0.85) * ROW * scale, colour, scale)
-
-
-def _draw_picture(corners: Sequence[XY], texture: Any) -> None:
-    """A thumbnail in a rectangle, counterclockwise from its bottom left; a dark one where there is none."""
-    import gpu
-    from gpu_extras.batch import batch_for_shader
-
-    if texture is None:
-        _fill(*corners[0], *corners[2])
-        return
-    shader = gpu.shader.from_builtin("IMAGE")
-    shader.bind()
-    shader.uniform_sampler("image", texture)
-    content = {"pos": corners, "texCoord": [(0, 1), (1, 1), (1, 0), (0, 0)]}
-    batch_for_shader(shader, "TRI_FAN", content).draw(shader)
-
-
-def _fill(left: float, bottom: float, right: float, top: float) -> None:
-    """A rectangle that darkens what is behind it."""
-    import gpu
-    from gpu_extras.batch import batch_for_shader
-
-    shader = gpu.shader.from_builtin("UNIFORM_COLOR")
-    gpu.state.blend_set("ALPHA")
-    shader.bind()
-    shader.uniform_float("color", SHADE)
-    corners = [(left, bottom), (right, bottom), (right, top), (left, top)]
-    batch_for_shader(shader, "TRI_FAN", {"pos": corners}).draw(shader)
-    gpu.state.blend_set("NONE")
 
 
 def _text(text: str, middle: float, bottom: float, colour: tuple[float, ...], scale: float) -> None:
@@ -337,21 +303,6 @@ def _text(text: str, middle: float, bottom: float, colour: tuple[float, ...], sc
     blf.color(0, *colour)
     blf.position(0, middle - blf.dimensions(0, text)[0] / 2, bottom, 0)
     blf.draw(0, text)
-
-
-def register() -> None:
-    """Draw from now on; there is nothing to draw in without a window."""
-    global _handler
-    if not bpy.app.background:
-        _handler = bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_PIXEL")
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    global _handler
-    if _handler is not None:
-        bpy.types.SpaceView3D.draw_handler_remove(_handler, "WINDOW")
-        _handler = None
 
 
 CLASSES = (

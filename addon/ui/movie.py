@@ -5,116 +5,45 @@ from __future__ import annotations
 
 import contextlib
 import os
-import queue
-import threading
-import time
-from collections.abc import Callable
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import bpy
 
-from ..core.base.child import Child, end
 from ..core.base.errors import UserError
-from ..core.base.messages import Message, Progress, Warned
-from ..core.base.time_left import TimeLeft
+from ..core.base.job import Job
 from ..core.media.picture_file import PICTURES
 from ..render import movie_folder
 from ..render.blend_file import write_blend
 from ..render.launcher import start
-from ..render.movie_file import MOVIES
+from ..render.movie_file import JOINING, MOVIES
 from ..render.output import STILLS, check_output, claimed
 from ..scene.clip import footage_path
 from ..scene.paths import absolute
 from ..scene.timeline import clip_frame
+from .text import progress_row
 
 ENDING = "_render"
 """Of a movie's name, after the clip's: the clip may lie beside it."""
 
 
-@dataclass
-class MovieRender:
+class MovieJob(Job):
     """The process that renders a movie."""
 
-    out: Path
-    messages: queue.SimpleQueue[Message | None] = field(default_factory=queue.SimpleQueue)
-    done: int = 0
-    total: int = 0
-    """Frames; 0 until the process has said it."""
-    is_joining: bool = False
-    """Whether all frames are there, and the movie is being written."""
-    seconds_left: float | None = None
-    problem: UserError | None = None
-    """Why it failed."""
-    warnings: list[str] = field(default_factory=list)
-    child: Child | None = None
-    """None once it has ended."""
-    is_cancelled: bool = False
-    _left: TimeLeft | None = None
-
-    def hear(self) -> bool:
-        """Take in what the process said; whether it said anything."""
-        heard = False
-        while self.child is not None:
-            try:
-                message = self.messages.get_nowait()
-            except queue.Empty:
-                break
-            heard = True
-            if message is None:
-                failure = self.child.failure
-                self.problem = failure.error if failure is not None else None
-                self.child = None
-            elif isinstance(message, Progress):
-                self._on_progress(message)
-            elif isinstance(message, Warned):
-                self.warnings.append(message.text)
-        return heard
-
-    def _on_progress(self, message: Progress) -> None:
-        self.is_joining = message.stage == "movie"
-        if self.is_joining:
-            return
-        self.done, self.total = message.done, message.total
-        # The first frame finds depth for its neighbours, too: it tells nothing of the others' pace.
-        self._left = self._left or TimeLeft(time.monotonic())
-        rest = max(self.total - 1, 1)
-        self.seconds_left = self._left.at(time.monotonic(), (self.done - 1) / rest)
+    def __init__(self, out: Path) -> None:
+        super().__init__()
+        self.out = out
 
     @property
     def words(self) -> str:
         """How far it is, in a few words."""
-        if self.is_joining:
+        if self.stage == JOINING:
             return "Writing the movie"
-        if not self.total:
-            return "Movie: starting"
-        left = "" if self.seconds_left is None else f", {time_words(self.seconds_left)} left"
-        return f"Movie: {self.done} of {self.total} frames{left}"
+        return f"Movie: {self.done} of {self.total} frames" if self.total else "Movie: starting"
 
     @property
     def name(self) -> str:
         """What is being made, in a sentence."""
         return f"the movie {self.out.name}"
-
-    def cancel(self) -> None:
-        """End it, without waiting for that; nothing of it stays. Harmless once it has ended."""
-        self._end(self.clear)
-
-    def leave(self) -> None:
-        """End it as `cancel` does, but keep what another run continues from."""
-        self._end(lambda: None)
-
-    def _end(self, then: Callable[[], None]) -> None:
-        child, self.child = self.child, None
-        if child is None:
-            return
-        self.is_cancelled = True
-
-        def ended() -> None:
-            end([child])
-            then()
-
-        threading.Thread(target=ended).start()
 
     def clear(self) -> None:
         """Remove what the process, which has ended, leaves unfinished."""
@@ -125,15 +54,7 @@ class MovieRender:
             self.out.parent.rmdir()  # where it holds nothing
 
 
-def time_words(seconds: float) -> str:
-    """A length of time as short as it can be read: "40 s", "3 min", "2 h 05 min"."""
-    minutes = round(seconds / 60)
-    if seconds < 60:
-        return f"{max(round(seconds), 1)} s"
-    return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60:02d} min"
-
-
-_movie: MovieRender | None = None
+_movie: MovieJob | None = None
 """The last one of this Blender: it takes as many processes as fit, so there are not two."""
 
 
@@ -160,26 +81,24 @@ def _without_number(name: str) -> str:
     return name.rstrip("#").rstrip("_-. ")
 
 
-def begin(scene: bpy.types.Scene, out: Path, overwrite: bool) -> MovieRender:
+def begin(scene: bpy.types.Scene, out: Path, overwrite: bool) -> MovieJob:
     """Have the scene's frames rendered as a movie; UserError where that cannot be, or would replace a file
     unasked."""
     global _movie
     check_output(out, overwrite)
-    made = MovieRender(out)
+    made = MovieJob(out)
     blend = Path(bpy.app.tempdir) / "virtual-aperture-movie.blend"
     write_blend(blend)
-    words = ["render", str(blend), "--scene", scene.name, "--as-is", "--out", str(out)]
     first, last = (clip_frame(scene, at) for at in (scene.frame_start, scene.frame_end))
-    words += ["--frames", f"{first}-{last}"]
-    words += ["--scripts"] * (not bpy.app.autoexec_fail) + ["--overwrite"] * overwrite
-    made.child = start(words, made.messages.put, yielding=not bpy.app.background)
+    words = ["render", blend, "--out", out, "--frames", f"{first}-{last}", *["--overwrite"] * overwrite]
+    start(made, blend.with_suffix(".json"), words, scene.name, as_is=True)
     _movie = made
     return made
 
 
-def under_way() -> MovieRender | None:
+def under_way() -> MovieJob | None:
     """The movie that is being rendered."""
-    return _movie if _movie is not None and _movie.child is not None else None
+    return _movie if _movie is not None and _movie.is_running else None
 
 
 def draw(layout: bpy.types.UILayout) -> None:
@@ -187,19 +106,19 @@ def draw(layout: bpy.types.UILayout) -> None:
     it; nothing where there is none."""
     if _movie is None:
         return
-    row = layout.row(align=True)
-    if _movie.child is not None:
-        row.progress(factor=_movie.done / max(_movie.total, 1), text=_movie.words)
-        row.operator(VIRTUAL_APERTURE_OT_cancel_movie.bl_idname, text="", icon="X")
+    if _movie.is_running:
+        stop = VIRTUAL_APERTURE_OT_cancel_movie.bl_idname
+        progress_row(layout, _movie.words, _movie.share, _movie.left, stop)
     elif _is_of(bpy.context.scene, _movie) and _movie.out.exists():
+        row = layout.row(align=True)
         row.label(text=_movie.out.name, icon="CHECKMARK")
         row.operator("wm.path_open", text="", icon="PLAY").filepath = str(_movie.out)
 
 
-def _is_of(scene: bpy.types.Scene, made: MovieRender) -> bool:
+def _is_of(scene: bpy.types.Scene, made: MovieJob) -> bool:
     """Whether a movie is what the scene's clip was written to."""
     has_clip = bool(scene.virtual_aperture.footage)
-    return made.problem is None and has_clip and made.out == movie_path(scene)
+    return made.failure is None and has_clip and made.out == movie_path(scene)
 
 
 class VIRTUAL_APERTURE_OT_cancel_movie(bpy.types.Operator):  # noqa: N801
@@ -224,7 +143,7 @@ def unregister() -> None:
     """End the movie that is under way."""
     global _movie
     if _movie is not None:
-        _movie.cancel()
+        _movie.leave(_movie.clear)
     _movie = None
 
 

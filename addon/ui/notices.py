@@ -68,9 +68,9 @@ def draw_depth(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         return
     if found.problem:
         wrapped(layout.box(), context, f"Depth was not found: {found.problem}", icon="ERROR")
-    elif found.warning and not len(settings.subjects.items):
+    elif found.warnings and not len(settings.subjects.items):
         box = layout.box()
-        wrapped(box, context, sentence(found.warning), icon="QUESTION")
+        wrapped(box, context, sentence(found.warnings[-1]), icon="QUESTION")
         box.operator(VIRTUAL_APERTURE_OT_pick_subject.bl_idname, icon="BRUSH_DATA")
 
 

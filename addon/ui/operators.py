@@ -210,10 +210,8 @@ class Solves:
     def _start(self, context: bpy.types.Context) -> Solving:
         settings = context.scene.virtual_aperture
         clip, self._folder_set = self.solved_clip(settings)
-        # It looks into the folder that is about to change, and takes the cores.
-        self._depth = depth_ahead.under_way()
-        if self._depth is not None:
-            depth_ahead.stop()
+        # It also looks into the folder that is about to change.
+        self._depth = depth_ahead.give_way()
         # The user may go to another scene meanwhile.
         self._scene = context.scene.name
         return Solving(
@@ -257,7 +255,7 @@ class Solves:
         assert self._process is not None
         if event.type == "ESC":
             self._end(context)
-            self._resume_depth()
+            depth_ahead.begin_after_solve(self._depth)
             self.report({"WARNING"}, "Solve cancelled; nothing was changed")
             return {"CANCELLED"}
         if event.type != "TIMER":
@@ -277,7 +275,7 @@ class Solves:
             return result
         except UserError as error:
             self._end(context)
-            self._resume_depth()
+            depth_ahead.begin_after_solve(self._depth)
             self.report({"ERROR"}, error.worded(WORDS))
             return {"CANCELLED"}
         except Exception:
@@ -307,10 +305,6 @@ class Solves:
             self.report({"WARNING"}, each)
         self.report({"INFO"}, solved_words(scene, solve.summary))
         return {"FINISHED"}
-
-    def _resume_depth(self) -> None:
-        if self._depth is not None:
-            depth_ahead.begin_after_solve(self._depth)
 
     def _end(self, context: bpy.types.Context) -> None:
         assert self._process is not None

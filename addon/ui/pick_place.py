@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import partial
-from typing import Any
 
 import bpy
 
 from ..core.base.arrays import Mask
 from ..core.base.errors import UserError
 from ..core.focus.place import Glance, Place, PlaceFinder, shown_at
-from ..core.frame.clip_context import ClipContext
 from ..scene.depth_of_field import length_words
 from ..scene.remedy_words import WORDS
-from ..scene.shot import shot_of
 from ..scene.timeline import clip_frame
-from .operators import Result, has_solve, is_met, may_change, reported
-from .pick_view import XY, CameraView, Overlay
+from .operators import Result
+from .pick_in_view import PicksInView
+from .pick_view import XY, Overlay
 from .work import Work
 
 AT_ONCE = 0.05
@@ -28,23 +27,16 @@ CLOSE = 25.0
 """Pixels, at a resolution scale of 1, from a click within which a picked place is meant."""
 
 
-class PicksPlaces:
+class PicksPlaces(PicksInView):
     """A mixin of operators: `took` is called with each place that was found, `confirm` when Enter is
     pressed."""
 
-    hint = ""
-    """What mouse and keys do, for the header of the view."""
     joins = False
     """Whether a line goes from what was picked to the mouse."""
-    _running = False
-    """Of the mixin: one is under way."""
-    _timer: bpy.types.Timer | None = None
-    _finding: Work[Place] | None = None
-    """A place that is looked for: where its depth must be found first, that takes seconds."""
     _seen: list[Mask]
     """(h, w) the subject that the place is on, once it is seen."""
     _shifted = False
-    """Whether Shift was held for it."""
+    """Whether Shift was held for the place that is being found."""
     _finder: PlaceFinder | None = None
     _places: list[Place]
     """What was picked."""
@@ -61,63 +53,28 @@ class PicksPlaces:
         """Take what was picked."""
         raise NotImplementedError
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        message = "A place is being picked; click in the camera view"
-        is_idle = is_met(cls, not PicksPlaces._running, message)
-        return is_idle and may_change(cls, context) and has_solve(cls, context)
+    def overlay(self) -> Overlay:
+        self._finder = self._context.places(clip_frame(self._scene))
+        return Overlay(self._view, self._scene, joins=self.joins)
 
-    def invoke(self: Any, context: bpy.types.Context, _event: bpy.types.Event) -> Result:
-        result: Result = (
-            self.execute(context) if bpy.app.background else reported(type(self).begin)(self, context)
-        )
-        return result
-
-    def begin(self: Any, context: bpy.types.Context) -> Result:
-        """Take clicks from now on; UserError where that cannot be."""
-        scene, settings = context.scene, context.scene.virtual_aperture
-        if settings.points.mode == "EDIT":
-            # There only the mesh can be undone.
-            bpy.ops.object.mode_set(mode="OBJECT")
-        self._context: ClipContext = shot_of(scene).context
-        self._finder = self._context.places(clip_frame(scene))
-        self._view, self._scene = CameraView.of(context), scene
-        self._overlay = Overlay(self._view, scene, joins=self.joins)
+    def begun(self, context: bpy.types.Context) -> None:
         self._places = self.picked()
-        self._overlay.begin()
         self._show_picked()
         self._say("")
-        context.window.cursor_modal_set("EYEDROPPER")
-        context.window_manager.modal_handler_add(self)
-        PicksPlaces._running = True
-        return {"RUNNING_MODAL"}
 
     def picked(self) -> list[Place]:
         """What is picked to begin with."""
         return []
 
-    def modal(self: Any, context: bpy.types.Context, event: bpy.types.Event) -> Result:
-        try:
-            result: Result = self._modal(context, event)
-            return result
-        except UserError as error:
-            self._end(context)
-            self.report({"ERROR"}, error.worded(WORDS))
-            return {"CANCELLED"}
-        except Exception:
-            # Else the cursor would stay, and the next one be refused.
-            self._end(context)
-            raise
-
-    def _modal(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
+    def on_event(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
         if event.type in {"ESC", "RIGHTMOUSE"} and event.value == "PRESS":
-            if self._finding is not None:
-                self._stop_finding(context)
+            if self._work is not None:
+                self._stop(context)
                 self._say("")
                 return {"RUNNING_MODAL"}
             self._end(context)
             return {"CANCELLED"}
-        if self._finding is not None:
+        if self._work is not None:
             return self._wait(context, event)
         if event.type == "MOUSEMOVE":
             self._look(event)
@@ -128,10 +85,6 @@ class PicksPlaces:
             return self._click(context, event)
         # The view may be moved, and another frame shown.
         return {"PASS_THROUGH"}
-
-    def cancel(self, context: bpy.types.Context) -> None:
-        """Called by Blender when another file is loaded meanwhile."""
-        self._end(context)
 
     def _look(self, event: bpy.types.Event) -> None:
         """What is under the mouse, shown beside it."""
@@ -173,36 +126,36 @@ class PicksPlaces:
             return {"RUNNING_MODAL"}
         self._overlay.mouse = at
         self._seen = []
-        self._finding, self._shifted = Work(self.search(finder, at)), event.shift
-        if self._finding.ended(AT_ONCE):
+        self._work, self._shifted = Work(self.search(finder, at)), event.shift
+        if self._work.ended(AT_ONCE):
             return self._found(context)
         self._timer = context.window_manager.event_timer_add(LOOK, window=context.window)
         self._say("Finding the depth here    (ESC: Cancel)", "")
         return {"RUNNING_MODAL"}
 
     def _wait(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
-        assert self._finding is not None
+        assert self._work is not None
         if event.type == "TIMER":
-            if self._finding.ended():
+            if self._work.ended():
                 return self._found(context)
             if self._seen and self._overlay.mask is None:
                 self._overlay.light_up(self._seen[-1])
             what = "subject in all frames" if self._seen else "depth here"
-            self._overlay.text = f"Finding the {what} {self._finding.stage}"
+            self._overlay.text = f"Finding the {what} {self._work.stage}"
             self._say(f"{self._overlay.text}    (ESC: Cancel)", "")
         return {"PASS_THROUGH"} if event.type in {"TIMER", "MOUSEMOVE"} else {"RUNNING_MODAL"}
 
     def _found(self, context: bpy.types.Context) -> Result:
         """Take in what was found, or say why nothing was."""
-        finding = self._finding
-        self._stop_finding(context)
-        assert finding is not None
-        if isinstance(finding.error, UserError):
-            text = finding.error.worded(WORDS)
+        work = self._work
+        assert work is not None
+        self._stop(context)
+        if isinstance(work.error, UserError):
+            text = work.error.worded(WORDS)
             self._overlay.text = "The depth here is unknown"
             self._say(text[0].upper() + text[1:])
             return {"RUNNING_MODAL"}
-        return self.took(context, finding.result(), self._shifted)
+        return self.took(context, work.result(), self._shifted)
 
     def _keep(self, place: Place) -> Result:
         """Add a place to those that are picked, and go on."""
@@ -216,12 +169,8 @@ class PicksPlaces:
         scale = bpy.context.preferences.system.ui_scale
         shown = [(n, xy) for n, place in enumerate(self._places) if (xy := self._shown_at(place)) is not None]
         (here,) = self._view.pixels(self._scene, [at])
-        away = [
-            (float(((px - here[0]) ** 2 + (py - here[1]) ** 2) ** 0.5), n)
-            for (n, _), (px, py) in zip(
-                shown, self._view.pixels(self._scene, [xy for _, xy in shown]), strict=True
-            )
-        ]
+        pixels = self._view.pixels(self._scene, [xy for _, xy in shown])
+        away = [(math.dist(here, each), n) for (n, _), each in zip(shown, pixels, strict=True)]
         if not away or min(away)[0] > CLOSE * scale:
             self._say("There is no picked place here")
             return
@@ -235,26 +184,3 @@ class PicksPlaces:
     def _show_picked(self) -> None:
         self._overlay.picked = [xy for each in self._places if (xy := self._shown_at(each)) is not None]
         self._view.area.tag_redraw()
-
-    def _say(self, text: str, keys: str | None = None) -> None:
-        """A line in the header of the view, with what keys do."""
-        shown = (text, self.hint if keys is None else keys)
-        self._view.area.header_text_set("    ".join(filter(None, shown)))
-        self._view.area.tag_redraw()
-
-    def _stop_finding(self, context: bpy.types.Context) -> None:
-        if self._finding is not None:
-            self._finding.cancel()
-            self._finding = None
-            self._overlay.light_up(None)
-        if self._timer is not None:
-            context.window_manager.event_timer_remove(self._timer)
-            self._timer = None
-
-    def _end(self, context: bpy.types.Context) -> None:
-        PicksPlaces._running = False
-        self._stop_finding(context)
-        self._overlay.end()
-        self._view.area.header_text_set(None)
-        if context.window is not None:
-            context.window.cursor_modal_restore()

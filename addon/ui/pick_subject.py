@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import bpy
 
 from ..core.base.arrays import Mask
@@ -14,12 +12,11 @@ from ..core.subjects.carried import CarriedSubject
 from ..core.subjects.clip_subjects import united
 from ..core.subjects.strokes import MarkedSubject, Stroke, down, nearest_to, places_of, with_stroke
 from ..scene import redraw, subjects
-from ..scene.remedy_words import WORDS
-from ..scene.shot import reconstruction_of, shot_of
+from ..scene.shot import reconstruction_of
 from ..scene.timeline import clip_frame
-from .operators import Result, has_solve, is_met, may_change, reported
-from .pick_view import CameraView
-from .subject_view import SubjectOverlay
+from .operators import Result, reported
+from .pick_in_view import PicksInView
+from .pick_view import Overlay
 from .work import LOOK, Work
 
 EXAMPLE = "0.44,0.26 0.45,0.5"
@@ -28,10 +25,6 @@ CORNERS = 5
 """Corners of the stroke that marks a person who was found."""
 APART = 0.004
 """Share of the picture between two corners of a stroke."""
-KEYS = (
-    "Drag: Mark    Shift Drag: Extend    Ctrl Drag: Take Away    Enter, Right Click: Confirm"
-    "    ESC: Undo Last Stroke"
-)
 
 
 class LitUp:
@@ -70,7 +63,7 @@ class Shown:
         return () if person is None else (Stroke(self.frame, down(self.masks[person], CORNERS)),)
 
 
-class VIRTUAL_APERTURE_OT_pick_subject(bpy.types.Operator):  # noqa: N801
+class VIRTUAL_APERTURE_OT_pick_subject(PicksInView, bpy.types.Operator):  # noqa: N801
     """Draw a stroke over a moving subject, or click it. All of it lights up, and is marked in all frames.
     Shift extends it, Ctrl takes parts away"""
 
@@ -100,17 +93,12 @@ class VIRTUAL_APERTURE_OT_pick_subject(bpy.types.Operator):  # noqa: N801
         options={"SKIP_SAVE"},
     )
 
-    _running = False
-    """Of the class: one is under way."""
-    _timer: bpy.types.Timer | None = None
-    _work: Work[Any] | None = None
+    hint = (
+        "Drag: Mark    Shift Drag: Extend    Ctrl Drag: Take Away    Enter, Right Click: Confirm"
+        "    ESC: Undo Last Stroke"
+    )
+    cursor = "PAINT_BRUSH"
     _lit: LitUp | Shown | None = None
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        is_idle = not VIRTUAL_APERTURE_OT_pick_subject._running
-        message = "A subject is being picked; draw a stroke in the camera view"
-        return is_met(cls, is_idle, message) and may_change(cls, context) and has_solve(cls, context)
 
     @reported
     def execute(self, context: bpy.types.Context) -> Result:
@@ -143,43 +131,18 @@ class VIRTUAL_APERTURE_OT_pick_subject(bpy.types.Operator):  # noqa: N801
         if not any(stroke.adds for stroke in strokes):
             raise UserError("there is nothing to take away from yet; mark the subject first")
 
-    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> Result:
-        return self.execute(context) if bpy.app.background else self._begin(context)
+    def overlay(self) -> Overlay:
+        return Overlay(self._view, self._scene, shows_points=False)
 
-    @reported
-    def _begin(self, context: bpy.types.Context) -> Result:
-        scene, settings = context.scene, context.scene.virtual_aperture
-        if settings.points.mode == "EDIT":
-            # There only the mesh can be undone.
-            bpy.ops.object.mode_set(mode="OBJECT")
-        self._context = shot_of(scene).context
-        self._view, self._scene = CameraView.of(context), scene
-        self._name, strokes = self._subject(settings)
+    def begun(self, context: bpy.types.Context) -> None:
+        self._name, strokes = self._subject(self._scene.virtual_aperture)
         self._steps = [strokes]
         """The subject's strokes: as they were, and after each that was drawn."""
-        self._overlay = SubjectOverlay(self._view, scene)
         self._is_drawing, self._extends = False, False
-        self._overlay.begin()
         self._light_up()
-        context.window.cursor_modal_set("PAINT_BRUSH")
         self._timer = context.window_manager.event_timer_add(LOOK, window=context.window)
-        context.window_manager.modal_handler_add(self)
-        VIRTUAL_APERTURE_OT_pick_subject._running = True
-        return {"RUNNING_MODAL"}
 
-    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
-        try:
-            return self._modal(context, event)
-        except UserError as error:
-            self._end(context)
-            self.report({"ERROR"}, error.worded(WORDS))
-            return {"CANCELLED"}
-        except Exception:
-            # Else the cursor would stay, and the next one be refused.
-            self._end(context)
-            raise
-
-    def _modal(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
+    def on_event(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
         is_press = event.value == "PRESS"
         if event.type == "TIMER":
             self._look()
@@ -200,10 +163,6 @@ class VIRTUAL_APERTURE_OT_pick_subject(bpy.types.Operator):  # noqa: N801
             self._view.area.tag_redraw()
         # The view may be moved, and another frame shown.
         return {"PASS_THROUGH"}
-
-    def cancel(self, context: bpy.types.Context) -> None:
-        """Called by Blender when another file is loaded meanwhile."""
-        self._end(context)
 
     def _press(self, event: bpy.types.Event) -> None:
         at = self._view.place(self._scene, event)
@@ -311,23 +270,6 @@ class VIRTUAL_APERTURE_OT_pick_subject(bpy.types.Operator):  # noqa: N801
         frames = sorted({stroke.frame for stroke in drawn[-1]})
         self.report({"INFO"}, f"{self._name} is marked at frame {', '.join(map(str, frames))}")
         return {"FINISHED"}
-
-    def _say(self, text: str) -> None:
-        """A line in the header of the view, with what keys do."""
-        self._view.area.header_text_set("    ".join(each for each in (text, KEYS) if each))
-        self._view.area.tag_redraw()
-
-    def _end(self, context: bpy.types.Context) -> None:
-        VIRTUAL_APERTURE_OT_pick_subject._running = False
-        if self._work is not None:
-            self._work.cancel()
-        if self._timer is not None:
-            context.window_manager.event_timer_remove(self._timer)
-            self._timer = None
-        self._overlay.end()
-        self._view.area.header_text_set(None)
-        if context.window is not None:
-            context.window.cursor_modal_restore()
 
 
 CLASSES = (VIRTUAL_APERTURE_OT_pick_subject,)

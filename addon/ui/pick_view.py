@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any
 
 import bpy
 import cv2
@@ -12,6 +12,8 @@ import numpy as np
 
 from ..core.base.arrays import Floats, Mask
 from ..core.base.errors import UserError
+from ..core.subjects.strokes import Stroke
+from ..render import overlay
 from ..render.gpu_views import upload
 from ..render.viewport import frame_in_region
 
@@ -21,12 +23,15 @@ SEGMENTS = 24
 RING, FEATURE, PICKED = 9.0, 4.0, 6.0
 """Radii in pixels at a resolution scale of 1: round the mouse, of features, of picked places."""
 WHITE, GREEN, SHADE = (1.0, 1.0, 1.0, 1.0), (0.25, 1.0, 0.35, 1.0), (0.0, 0.0, 0.0, 0.6)
+RED = (1.0, 0.3, 0.25, 1.0)
 TINT = (0.15, 0.75, 1.0)
 """Linear RGB of what is lit up: it stands out from skin, leaves and asphalt."""
 INSIDE, OUTLINE = 0.5, 1.0
 """Opacities. By eye."""
 TEXT = 13
 """Points."""
+STROKE = 2.5
+"""Pixels at a resolution scale of 1."""
 
 
 @dataclass(frozen=True)
@@ -112,13 +117,13 @@ _overlays: list[Overlay] = []
 
 
 def is_picked_in(area: bpy.types.Area) -> bool:
-    """Whether a focus is being picked in a viewport."""
+    """Whether a place is being picked in a viewport."""
     return any(each.view.area == area and each.shows_points for each in _overlays)
 
 
 @dataclass
 class Overlay:
-    """What is drawn over the view while a focus is picked."""
+    """What is drawn over the view while a place or a subject is picked."""
 
     view: CameraView
     scene: bpy.types.Scene
@@ -130,28 +135,31 @@ class Overlay:
     """Fractions of the picture of features that the distance comes from."""
     picked: Sequence[XY] = field(default_factory=list)
     """Fractions of the picture of places that are picked."""
-    shows_points: ClassVar[bool] = True
+    strokes: Sequence[Stroke] = ()
+    """Those that the frame has of a subject."""
+    line: Sequence[XY] = ()
+    """Fractions of the picture: the stroke that is being drawn."""
+    takes: bool = False
+    """Whether that one takes away."""
+    shows_points: bool = True
     """Whether the point cloud is seen with it."""
     joins: bool = False
     """Whether a line goes from the last picked place to the mouse."""
     mask: Mask | None = None
     """(h, w) over the source frame: a subject that is lit up."""
     _texture: Any = None
-    _handle: Any = None
 
     def begin(self) -> None:
         """Draw from now on."""
         _overlays.append(self)
-        self._handle = bpy.types.SpaceView3D.draw_handler_add(_drawer(self), (), "WINDOW", "POST_PIXEL")
+        overlay.show(self.draw)
         self.view.area.tag_redraw()
 
     def end(self) -> None:
         """Draw no more."""
-        if self._handle is not None:
-            bpy.types.SpaceView3D.draw_handler_remove(self._handle, "WINDOW")
-            self._handle = None
-            _overlays[:] = [each for each in _overlays if each is not self]
-            self.view.area.tag_redraw()
+        overlay.hide(self.draw)
+        _overlays[:] = [each for each in _overlays if each is not self]
+        self.view.area.tag_redraw()
 
     def light_up(self, mask: Mask | None) -> None:
         """Show a subject (h, w) over the source frame."""
@@ -162,7 +170,10 @@ class Overlay:
         if bpy.context.area != self.view.area or not self.view.is_through_camera():
             return
         scale = bpy.context.preferences.system.ui_scale
-        self.draw_mask()
+        self._draw_mask()
+        for stroke in self.strokes:
+            self._draw_stroke(stroke.places, not stroke.adds, scale)
+        self._draw_stroke(self.line, self.takes, scale)
         for place in self.view.pixels(self.scene, self.features):
             line(ring(place, FEATURE * scale), GREEN, scale)
         for place in self.view.pixels(self.scene, self.picked):
@@ -175,31 +186,22 @@ class Overlay:
         line(ring(place, RING * scale), WHITE, 1.5 * scale)
         _text(self.text, place, self.view.right_border(), scale)
 
-    def draw_mask(self) -> None:
-        """Draw the subject that is lit up."""
-        import gpu
-        from gpu_extras.batch import batch_for_shader
+    def _draw_stroke(self, places: Sequence[XY], takes: bool, scale: float) -> None:
+        pixels = self.view.pixels(self.scene, places)
+        if len(pixels) == 1:
+            pixels = [tuple(each) for each in ring(pixels[0], STROKE * scale)]
+        if pixels:
+            line(pixels, RED if takes else GREEN, STROKE * scale)
 
-        corners = self.view.pixels(self.scene, [(0, 1), (1, 1), (1, 0), (0, 0)])
+    def _draw_mask(self) -> None:
+        """Draw the subject that is lit up."""
+        corners = self.view.pixels(self.scene, [(0, 1), (1, 0)])
         if self.mask is None or not corners:
             return
         if self._texture is None:
             self._texture = upload(tinted(self.mask))
             self._texture.filter_mode(True)
-        shader = gpu.shader.from_builtin("IMAGE")
-        gpu.state.blend_set("ALPHA_PREMULT")
-        shader.bind()
-        shader.uniform_sampler("image", self._texture)
-        content = {"pos": corners, "texCoord": [(0, 1), (1, 1), (1, 0), (0, 0)]}
-        batch_for_shader(shader, "TRI_FAN", content).draw(shader)
-        gpu.state.blend_set("NONE")
-
-
-def _drawer(overlay: Overlay) -> Callable[[], None]:
-    def draw() -> None:
-        overlay.draw()
-
-    return draw
+        overlay.draw_texture(self._texture, (*corners[0], *corners[1]), "ALPHA_PREMULT", overlay.TOP_DOWN)
 
 
 def tinted(mask: Mask) -> np.ndarray:

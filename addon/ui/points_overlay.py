@@ -30,24 +30,8 @@ NEARER = 1e-4
 
 Colours = NDArray[np.float32]
 
-_handler: Any = None
 _batches: tuple[Any, Any, Any] | None = None
 """What is drawn was made from, batch of all points, batch of the picked ones or None."""
-
-
-def register() -> None:
-    """Draw from now on; there is nothing to draw in without a window."""
-    global _handler
-    if not bpy.app.background:
-        _handler = bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_VIEW")
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    global _handler, _batches
-    if _handler is not None:
-        bpy.types.SpaceView3D.draw_handler_remove(_handler, "WINDOW")
-    _handler = _batches = None
 
 
 def places_and_colours(mesh: bpy.types.Mesh) -> tuple[NDArray[np.float32], Colours]:
@@ -81,7 +65,8 @@ def is_shown(context: bpy.types.Context) -> bool:
     return bool(points.visible_get(view_layer=context.view_layer, viewport=space))
 
 
-def _draw() -> None:
+def draw() -> None:
+    """Draw the points of the scene."""
     global _batches
     context = bpy.context
     if not is_shown(context):

@@ -110,7 +110,7 @@ class VIRTUAL_APERTURE_OT_render_clip(_Render, bpy.types.Operator):  # noqa: N80
     )
 
     _asks = False
-    _movie: movie.MovieRender | None = None
+    _movie: movie.MovieJob | None = None
     _timer: bpy.types.Timer | None = None
     _depth: Any = None
 
@@ -140,25 +140,22 @@ class VIRTUAL_APERTURE_OT_render_clip(_Render, bpy.types.Operator):  # noqa: N80
             return {"CANCELLED"}
         return reported(VIRTUAL_APERTURE_OT_render_clip._now)(self, context)
 
-    def _begin(self, scene: bpy.types.Scene) -> movie.MovieRender:
+    def _begin(self, scene: bpy.types.Scene) -> movie.MovieJob:
         settings = scene.virtual_aperture
         frame_options(settings, reconstruction_of(settings))
         solved_clip_path(settings)
         made = self._movie = movie.begin(scene, movie.movie_path(scene), self.overwrite)
-        # Both would take all processors.
-        self._depth = depth_ahead.under_way()
-        if self._depth is not None:
-            depth_ahead.stop()
+        self._depth = depth_ahead.give_way()
         return made
 
     def _now(self, context: bpy.types.Context) -> Result:
         made = self._begin(context.scene)
         try:
-            while made.child is not None:
-                made.hear()
+            while made.is_running:
+                made.poll()
                 time.sleep(LOOK)
         finally:
-            made.cancel()
+            made.leave(made.clear)
         return self._finish(context)
 
     def _meanwhile(self, context: bpy.types.Context) -> Result:
@@ -171,9 +168,9 @@ class VIRTUAL_APERTURE_OT_render_clip(_Render, bpy.types.Operator):  # noqa: N80
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
         if event.type != "TIMER" or self._movie is None:
             return {"PASS_THROUGH"}
-        if self._movie.hear():
+        if self._movie.poll():
             redraw.panels()
-        if self._movie.child is not None:
+        if self._movie.is_running:
             return {"PASS_THROUGH"}
         context.window_manager.event_timer_remove(self._timer)
         redraw.panels()
@@ -186,12 +183,11 @@ class VIRTUAL_APERTURE_OT_render_clip(_Render, bpy.types.Operator):  # noqa: N80
 
     def _finish(self, _context: bpy.types.Context) -> Result:
         assert self._movie is not None
-        if self._depth is not None:
-            depth_ahead.begin_after_solve(self._depth)
+        depth_ahead.begin_after_solve(self._depth)
         for warning in self._movie.warnings:
             self.report({"WARNING"}, warning)
-        if self._movie.problem is not None:
-            raise self._movie.problem
+        if self._movie.failure is not None:
+            raise self._movie.failure.error
         if self._movie.is_cancelled:
             return {"CANCELLED"}
         self.report({"INFO"}, f"Wrote {self._movie.out}")

@@ -10,8 +10,9 @@ import numpy as np
 from gpu_extras.batch import batch_for_shader
 
 from ..core.sfm.watching import Sight
+from ..render import message
 from ..render.gpu_views import upload
-from ..render.message import Rectangle, draw, fill, free_part
+from ..render.overlay import Rectangle, draw_texture, fill
 from .operators import running_solve
 from .pick_view import GREEN
 
@@ -20,24 +21,8 @@ SHARE = 0.9
 SIZE = 3.0
 """Pixels across of a feature, at a resolution scale of 1."""
 
-_handler: Any = None
 _shown: tuple[Sight, Any] | None = None
 """What is shown, and the texture of its picture."""
-
-
-def register() -> None:
-    """Draw from now on; there is nothing to draw in without a window."""
-    global _handler
-    if not bpy.app.background:
-        _handler = bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_PIXEL")
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    global _handler, _shown
-    if _handler is not None:
-        bpy.types.SpaceView3D.draw_handler_remove(_handler, "WINDOW")
-    _handler = _shown = None
 
 
 def place(free: Rectangle, width: int, height: int) -> Rectangle:
@@ -50,7 +35,8 @@ def place(free: Rectangle, width: int, height: int) -> Rectangle:
     return x - across, y - up, x + across, y + up
 
 
-def _draw() -> None:
+def draw() -> None:
+    """Draw the clip, while it is being solved."""
     global _shown
     running = running_solve()
     sight = None if running is None else running.sight
@@ -65,22 +51,11 @@ def _draw() -> None:
     # What is in the scene is of another clip, or of no use now.
     fill((0.0, 0.0, float(context.region.width), float(context.region.height)))
     height, width = sight.picture.shape[:2]
-    where = place(free_part(context.area, context.region), width, height)
-    _draw_picture(_shown[1], where)
+    where = place(message.free_part(context.area, context.region), width, height)
+    draw_texture(_shown[1], where)
     _draw_features(sight, where, SIZE * scale)
     # How far it is says the panel: to draw all this for it again would cost the solve.
-    draw(f"{running.step.stage} (ESC cancels)", context.area, context.region, scale)
-
-
-def _draw_picture(texture: Any, where: Rectangle) -> None:
-    """A texture that is encoded as the screen is."""
-    left, bottom, right, top = where
-    corners = [(left, bottom), (right, bottom), (right, top), (left, top)]
-    shader: Any = gpu.shader.from_builtin("IMAGE")
-    shader.bind()
-    shader.uniform_sampler("image", texture)
-    content = {"pos": corners, "texCoord": [(0, 0), (1, 0), (1, 1), (0, 1)]}
-    batch_for_shader(shader, "TRI_FAN", content).draw(shader)
+    message.draw(f"{running.step.stage} (ESC cancels)", context.area, context.region, scale)
 
 
 def _draw_features(sight: Sight, where: Rectangle, size: float) -> None:

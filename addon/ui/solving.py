@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import threading
-import time
 from collections.abc import Callable
 
-from ..core.base.progress import Cancelled, reporting
-from ..core.base.time_left import TimeLeft
 from ..core.sfm.process import SolveProcess, SolveProgress
 from ..core.sfm.watching import Sight
+from .work import Work
 
 
 class Solving:
@@ -23,24 +20,7 @@ class Solving:
         self.ended = False
         self.step = SolveProgress("Reading the clip", 0.0)
         """How far it is."""
-        self.left: float | None = None
-        """Seconds that it will still take; None while nobody can say."""
-        self._time_left = TimeLeft(time.monotonic())
-        self._error: BaseException | None = None
-        self._cancelled = threading.Event()
-        self._opening = threading.Thread(target=self._open, args=(begin,), daemon=True)
-        self._opening.start()
-
-    def _open(self, begin: Callable[[], SolveProcess]) -> None:
-        try:
-            with reporting(self._on_progress):
-                self.process = begin()
-        except BaseException as error:  # raised again where the solve is waited for
-            self._error = error
-
-    def _on_progress(self, _stage: str, _share: float) -> None:
-        if self._cancelled.is_set():
-            raise Cancelled
+        self._opening = Work(begin, pauses_preview=False)
 
     @property
     def finished(self) -> bool:
@@ -54,21 +34,20 @@ class Solving:
 
     def poll(self) -> list[SolveProgress]:
         """As `SolveProcess.poll`; also raises what opening the clip raised."""
-        if self._opening.is_alive():
+        if not self._opening.ended():
             return [self.step]
-        if self._error is not None:
-            self.ended = True
-            raise self._error
-        assert self.process is not None
+        if self.process is None:
+            self.ended = self._opening.error is not None
+            self.process = self._opening.result()
         steps = self.process.poll()
-        for self.step in steps:
-            self.left = self._time_left.at(time.monotonic(), self.step.share)
+        if steps:
+            self.step = steps[-1]
         return steps
 
     def cancel(self) -> None:
         """End what is under way and leave the folder as it was; harmless after the end."""
-        self._cancelled.set()
-        self._opening.join()
-        if self.process is not None:
-            self.process.cancel()
+        self._opening.cancel()
+        self._opening.ended(None)
+        if self._opening.error is None:
+            self._opening.result().cancel()
         self.ended = True

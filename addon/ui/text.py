@@ -40,4 +40,25 @@ def left_words(seconds: float | None) -> str:
     """How long work will still take; an empty string while nobody can say."""
     if seconds is None:
         return ""
-    return f"About {seconds:.0f} s left" if seconds < 90 else f"About {seconds / 60:.0f} min left"
+    if seconds < 90:
+        return f"About {seconds:.0f} s left"
+    hours, minutes = divmod(round(seconds / 60), 60)
+    return f"About {hours} h {minutes:02d} min left" if hours else f"About {minutes} min left"
+
+
+def progress_row(
+    layout: bpy.types.UILayout,
+    words: str,
+    share: float,
+    left: float | None,
+    stop: str = "",
+    icon: str = "X",
+    hint: str = "",
+) -> None:
+    """How far a job is, the operator that stops it, and below it the seconds left with a hint."""
+    row = layout.row(align=True)
+    row.progress(factor=share, text=words)
+    if stop:
+        row.operator(stop, text="", icon=icon)
+    if line := ", ".join(filter(None, (left_words(left), hint))):
+        layout.label(text=line, icon="TIME")

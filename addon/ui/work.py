@@ -30,8 +30,8 @@ class Work[T]:
         self._thread = threading.Thread(target=self._run, args=(function, after), daemon=True)
         self._thread.start()
 
-    def ended(self, wait: float = 0.0) -> bool:
-        """Whether it has ended, after so many seconds at most."""
+    def ended(self, wait: float | None = 0.0) -> bool:
+        """Whether it has ended, after so many seconds at most; None for any number."""
         self._thread.join(wait)
         return not self._thread.is_alive()
 

@@ -7,12 +7,11 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
-from queue import SimpleQueue
 
 import pytest
 
-from addon.core.base.child import Child, end
 from addon.core.base.errors import Remedy, UserError
+from addon.core.base.job import Job, end
 from addon.core.base.messages import Failure, Message, Progress, Result, Seen, Warned, decode, encode, send
 
 from ..waiting import until
@@ -25,6 +24,7 @@ SPEAK = "import os, sys; from addon.core.base.messages import *; speak();"
     "message",
     [
         Progress("depth", 3, 118), Progress("frames", 1, 2, -7), Warned("a \"quote\"\nand a line"), Result(),
+        Progress("a", 1, 2, share=0.25),
         Seen("AAA=", [[0.5, 0.25]]),
         Failure("no", 2, (Remedy.WORK_DIR, Remedy.AGAIN), "Traceback: \u00e9"),
     ],
@@ -55,21 +55,26 @@ def test_a_process_that_people_started_sends_nothing(capfd: pytest.CaptureFixtur
     assert capfd.readouterr().out == ""
 
 
-def heard(script: str) -> tuple[Child, list[Message]]:
+def started(script: str) -> Job:
+    """A process that runs a script."""
+    job = Job()
+    job.start([sys.executable, "-c", SPEAK + script], environment=os.environ | {"PYTHONPATH": str(ROOT)})
+    return job
+
+
+def heard(script: str) -> tuple[Job, list[Message]]:
     """A process that runs a script, and what it said until it ended."""
-    queue: SimpleQueue[Message | None] = SimpleQueue()
-    environment = os.environ | {"PYTHONPATH": str(ROOT)}
-    child = Child([sys.executable, "-c", SPEAK + script], queue.put, environment=environment)
-    messages = list(iter(queue.get, None))
-    return child, [message for message in messages if message is not None]
+    job, messages = started(script), list[Message]()
+    until(lambda: messages.extend(job.poll()) or not job.is_running)
+    return job, messages
 
 
 def test_only_messages_are_heard_whatever_is_printed() -> None:
-    child, messages = heard(
+    job, messages = heard(
         "print('frame 1: 1 of 2'); os.write(1, b'{\"message\": \"result\"}\\n'); send(Progress('a', 1, 2));"
         "os.system('echo x'); send(Result())"
     )
-    assert messages == [Progress("a", 1, 2), Result()] and child.failure is None
+    assert messages == [Progress("a", 1, 2), Result()] and job.failure is None
 
 
 @pytest.mark.parametrize(("said", "expected"), [(None, "1"), ("3", "3")])
@@ -84,32 +89,39 @@ def test_a_process_has_one_blas_thread_unless_the_user_says_more(
 
 
 def test_a_process_that_did_not_say_that_it_is_done_has_failed() -> None:
-    child, _ = heard("")
-    assert child.failure == Failure("the process ended with status 0", 0)
-    child, _ = heard("sys.stderr.write('one\\nerror: two\\n'); os._exit(7)")
-    assert child.failure == Failure("the process ended with status 7 (two)", 7)
-    child, messages = heard("send(Failure('no', 2)); os._exit(2)")
-    assert messages == [Failure("no", 2)] and child.failure == messages[0]
-    child, _ = heard(f"os.kill(os.getpid(), {int(signal.SIGKILL)})")
-    assert child.failure is not None and "was ended by SIGKILL" in child.failure.text
+    job, _ = heard("")
+    assert job.failure == Failure("the process ended with status 0", 0)
+    job, _ = heard("sys.stderr.write('one\\nerror: two\\n'); os._exit(7)")
+    assert job.failure == Failure("the process ended with status 7 (two)", 7)
+    job, messages = heard("send(Failure('no', 2)); os._exit(2)")
+    assert messages == [Failure("no", 2)] and job.failure == messages[0]
+    job, _ = heard(f"os.kill(os.getpid(), {int(signal.SIGKILL)})")
+    assert job.failure is not None and "was ended by SIGKILL" in job.failure.text
 
 
 def test_a_process_that_dies_after_it_was_done_has_done_its_work() -> None:
-    child, _ = heard("send(Result()); os.abort()")
-    assert child.failure is None
+    job, _ = heard("send(Result()); os.abort()")
+    assert job.failure is None
 
 
 def test_a_process_that_does_not_listen_is_killed() -> None:
-    queue: SimpleQueue[Message | None] = SimpleQueue()
     script = (
         "import signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN); send(Result()); time.sleep(9000)"
     )
-    environment = os.environ | {"PYTHONPATH": str(ROOT)}
-    child = Child([sys.executable, "-c", SPEAK + script], queue.put, environment=environment)
-    assert queue.get() == Result()
-    end([child], 0.2)
-    assert child.process.returncode == -signal.SIGKILL
-    end([child])
+    job = started(script)
+    until(lambda: job.poll() == [Result()])
+    end([job], 0.2)
+    assert job.process is not None and job.process.returncode == -signal.SIGKILL
+    end([job])
+
+
+def test_what_happens_after_a_process_is_left() -> None:
+    job, done = started("import time; time.sleep(9000)"), list[str]()
+    job.leave(lambda: done.append("then"))
+    assert job.is_cancelled and not job.is_running and job.poll() == []
+    until(lambda: done == ["then"])
+    job.leave(lambda: done.append("again"))
+    assert done == ["then"]
 
 
 def is_there(process: int) -> bool:
@@ -123,10 +135,10 @@ def is_there(process: int) -> bool:
 def test_a_process_ends_with_the_one_that_started_it() -> None:
     inner = SPEAK + "import time; print(os.getpid(), file=sys.stderr, flush=True); time.sleep(9000)"
     outer = (
-        "import os, sys, time; from addon.core.base.child import Child;"
-        f"child = Child([sys.executable, '-c', {inner!r}], print);\n"
-        "while not child._complaints: time.sleep(0.01)\n"
-        "print(child._complaints[0], flush=True); os.kill(os.getpid(), 9)"
+        "import os, sys, time; from addon.core.base.job import Job; job = Job();"
+        f"job.start([sys.executable, '-c', {inner!r}]);\n"
+        "while not job._complaints: time.sleep(0.01)\n"
+        "print(job._complaints[0], flush=True); os.kill(os.getpid(), 9)"
     )
     ended = subprocess.run(
         [sys.executable, "-c", outer], stdout=subprocess.PIPE, text=True, check=False,
@@ -140,4 +152,4 @@ def test_a_process_ends_with_the_one_that_started_it() -> None:
 
 def test_a_program_that_is_not_there_is_told() -> None:
     with pytest.raises(UserError, match="the solver cannot be started: No such file"):
-        Child(["/is/not/there"], print, name="solver")
+        Job("solver").start(["/is/not/there"])

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import time
 from itertools import pairwise
 
 import pytest
 
 from addon.cli import solve
-from addon.core.base.time_left import TimeLeft
-from addon.core.sfm.process import SHARES, SolveProgress
-from addon.render import output
+from addon.core.base.job import Job
+from addon.core.base.messages import Progress
+from addon.core.base.time_left import Clock, TimeLeft
+from addon.core.sfm.process import SolveProgress
+from addon.core.sfm.worker import SHARES
 
 
 def test_even_work_is_told_from_when_it_can_be() -> None:
@@ -42,13 +45,14 @@ def test_the_line_of_a_solve_never_jumps(
 ) -> None:
     now = [0.0]
     monkeypatch.setattr(solve.time, "monotonic", lambda: now[0])
-    line = solve._ProgressLine()
+    line, job = solve._ProgressLine(), Job()
     low, high = SHARES["Solving cameras"]
     estimates: list[tuple[float, float | None]] = []
     # Three tries of the cameras, the first two given up near their end.
     for share in (0.1, low, high - 0.01, low, high - 0.01, low, high, 0.95, 0.99):
         now[0] += 30
-        line.show(SolveProgress(f"Stage{share} 1/2", share))
+        job._progressed(Progress(f"Stage{share}", 1, 2, share=share))
+        line.show(SolveProgress(f"Stage{share} 1/2", share, job.left))
         said = capsys.readouterr().out
         estimates.append((now[0], float(said.split("about ")[1].split()[0]) if "left" in said else None))
     assert sum(left is not None for _, left in estimates) >= 3
@@ -58,15 +62,15 @@ def test_the_line_of_a_solve_never_jumps(
 
 def test_the_first_frame_tells_nothing_of_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
     now, estimates = [0.0], []
-    monkeypatch.setattr(output.time, "monotonic", lambda: now[0])
-    clock = output._Clock(5, estimates.append)
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+    clock = Clock("frames", 5, estimates.append)
     for frame, seconds in ((11, 40.0), (12, 4.0), (13, 6.0), (14, 5.0), (15, 5.0)):
         now[0] += seconds
         clock.tick(frame)
     assert estimates == [
         "frame 11: 1 of 5, 40.0 s",
-        "frame 12: 2 of 5, 4.0 s a frame, 0 min 12 s left",
-        "frame 13: 3 of 5, 5.0 s a frame, 0 min 10 s left",
-        "frame 14: 4 of 5, 5.0 s a frame, 0 min 05 s left",
-        "frame 15: 5 of 5, 5.0 s a frame, 0 min 00 s left",
+        "frame 12: 2 of 5, 4.0 s each, 0 min 12 s left",
+        "frame 13: 3 of 5, 5.0 s each, 0 min 10 s left",
+        "frame 14: 4 of 5, 5.0 s each, 0 min 05 s left",
+        "frame 15: 5 of 5, 5.0 s each, 0 min 00 s left",
     ]

@@ -363,7 +363,7 @@ def test_a_killed_solve_leaves_nothing_after_the_next_start(tmp_path: Path) -> N
         "import os, sys; from pathlib import Path; from addon.core.sfm.process import SolveProcess\n"
         "p = SolveProcess(Path(sys.argv[1]), Path(sys.argv[2]))\n"
         "while not any('Solving' in s.text for s in p.poll()): pass\n"
-        "os.kill(p._child.process.pid, 9); os._exit(0)"
+        "os.kill(p._job.process.pid, 9); os._exit(0)"
     )
     env = os.environ | {"PYTHONPATH": str(ROOT), "TMPDIR": str(temporary)}
     subprocess.run([sys.executable, "-c", script, clip, work], check=True, env=env, timeout=PATIENCE)

@@ -18,6 +18,8 @@ import numpy as np
 import pytest
 
 from addon.core.base import limits
+from addon.core.base.job import Job
+from addon.render import launcher
 from addon.render.frames_ahead import SharedFrames
 from benchmarks.torture import clip
 from benchmarks.torture.bench import contents
@@ -172,14 +174,14 @@ def test_no_process_stays_behind(blend: Path, tmp_path: Path, ended: str) -> Non
 @pytest.mark.parametrize("ended", ["SIGTERM", "alone"])
 def test_who_draws_ahead_ends_while_it_waits(blend: Path, tmp_path: Path, ended: str) -> None:
     """For Blender, which has not come to its first frame yet; also where it is killed."""
-    words = ["--scene", "Scene", "--frames", "1-9:1", "--reach", "4", "--into", str(tmp_path), "--child"]
-    process = subprocess.Popen(
-        [sys.executable, str(HEADLESS), "frames", str(blend), *words],
-        stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+    shared, job = SharedFrames(tmp_path), Job()
+    launcher.start(
+        job, tmp_path / "job.json", ["frames"], "Scene", blend=str(blend), into=str(tmp_path),
+        frames=[1, 10, 1], reach=4,
     )  # fmt: skip
-    shared = SharedFrames(tmp_path)
     shared.go_on_to(COUNT - 1)
-    assert process.stdin is not None
+    process = job.process
+    assert process is not None and process.stdin is not None
     try:
         until(lambda: shared.is_there(COUNT))
         if ended == "SIGTERM":

@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.core.base.child import Child
+from addon.core.base.job import Job
 from addon.core.base.progress import Cancelled, reporting
 from addon.core.camera.canvas import Canvas
 from addon.core.camera.reconstruction import Intrinsics
@@ -127,8 +127,8 @@ def test_what_lies_apart_in_depth_is_drawn_whole(solved: bpy.types.Scene, tmp_pa
 def test_what_cycles_cannot_do_is_said(solved: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     place_lamp(solved, 4.0, 20)
 
-    def ended(words: list[str], *more: object, **named: object) -> Child:
-        return Child([sys.executable, "-c", "raise SystemExit('no')"], lambda _: None)
+    def ended(job: Job, *more: object, **named: object) -> None:
+        job.start([sys.executable, "-c", "raise SystemExit('no')"])
 
     monkeypatch.setattr(cg_process, "start", ended)
     with pytest.raises(RuntimeError, match="the CG objects of frame 2 could not be rendered"):
@@ -149,8 +149,8 @@ def test_the_process_ends_with_the_one_that_started_it(solved: bpy.types.Scene, 
     with cg_process.kept():
         rendered(solved, tmp_path / "drawn.exr")
         process = cg_process._process
-        assert process is not None and process._child is not None and process.is_alive
-        child = process._child.process
+        assert process is not None and process._job.process is not None and process.is_alive
+        child = process._job.process
         assert child.stdin is not None
         # As when the parent was killed.
         child.stdin.close()
@@ -171,12 +171,12 @@ def test_it_ends_in_the_midst_of_a_picture_too(solved: bpy.types.Scene) -> None:
         if looks > 200:
             raise Cancelled
 
-    assert process._child is not None and process._child.process.stdin is not None
+    assert process._job.process is not None and process._job.process.stdin is not None
     try:
         with pytest.raises(Cancelled), reporting(look):
             process.draw(solved.view_layers[0].name, 2, LENS, None)
-        process._child.process.stdin.close()
-        assert process._child.process.wait(PATIENCE) != 0
+        process._job.process.stdin.close()
+        assert process._job.process.wait(PATIENCE) != 0
     finally:
         process.end().join()
 

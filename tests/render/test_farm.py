@@ -26,7 +26,7 @@ from addon.core.media.clip import FrameRange, open_footage
 from addon.core.media.copying import copy_file
 from addon.core.readers.matching import Imported
 from addon.core.sfm.workspace import keep_import
-from addon.render import jobs, launcher
+from addon.render import jobs
 from benchmarks.torture import clip
 from benchmarks.torture.bench import contents, file_limit
 
@@ -364,60 +364,55 @@ def test_frames_that_no_process_can_render_are_named(work: Path, tmp_path: Path)
     assert "wrote" not in said and "Traceback" not in said
 
 
-def test_a_process_that_dies_after_its_last_frame_is_done(monkeypatch: pytest.MonkeyPatch) -> None:
+def started(script: str) -> jobs.Start:
+    """Has a process run a script, whose arguments are the frames of its share."""
+    return lambda job, frames, _: job.start([sys.executable, "-c", script, *map(str, frames)])
+
+
+def all_here(frames: Sequence[int], done: Callable[[int], None]) -> None:
+    for frame in frames:
+        done(frame)
+
+
+def test_a_process_that_dies_after_its_last_frame_is_done() -> None:
     line = encode(Progress("frames", 1, 1, 4)).replace("4", "{n}")
     script = f"import os, sys; n = sys.argv[1]; print({line!r}.replace('{{n}}', n), flush=True); os.abort()"
-    monkeypatch.setattr(launcher, "launcher", lambda: [sys.executable, "-c", script])
     finished: list[int] = []
-
-    def here(frames: Sequence[int], done: Callable[[int], None]) -> None:
-        for frame in frames:
-            done(frame)
-
-    jobs.render_side_by_side([4, 5, 6], 3, lambda frames, _: [str(frames[0])], here, finished.append, print)
+    jobs.render_side_by_side([4, 5, 6], 3, started(script), all_here, finished.append, print)
     assert sorted(finished) == [4, 5, 6]
 
 
 SAYS = f"""import sys
 for frame in sys.argv[1:]:
     print({encode(Progress("frames", 1, 1, 4)).replace("4", "{n}")!r}.replace('{{n}}', frame), flush=True)
-    sys.stdin.readline()
 print({encode(Result())!r})
 """
 
 
-def test_what_fails_here_is_begun_again_elsewhere(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(launcher, "launcher", lambda: [sys.executable, "-c", SAYS.replace("sys.stdin", "#")])
-    monkeypatch.setattr(launcher, "CHILD", "0")
+def test_what_fails_here_is_begun_again_elsewhere() -> None:
     finished: list[int] = []
 
     def here(frames: Sequence[int], done: Callable[[int], None]) -> None:
         done(frames[0])
         raise UserError("no more")
 
-    jobs.render_side_by_side(
-        range(6), 2, lambda frames, _: list(map(str, frames)), here, finished.append, print
-    )
+    jobs.render_side_by_side(range(6), 2, started(SAYS), here, finished.append, print)
     assert sorted(finished) == list(range(6))
 
 
-def test_who_is_done_first_takes_frames_of_others(monkeypatch: pytest.MonkeyPatch) -> None:
-    # The other process says nothing until it is ended: how fast it starts has no part.
-    waits = "import sys; sys.stdin.readline()"
-    monkeypatch.setattr(launcher, "launcher", lambda: [sys.executable, "-c", waits])
+def test_who_is_done_first_takes_frames_of_others() -> None:
     finished, drawn = list[int](), list[int]()
 
     def here(frames: Sequence[int], done: Callable[[int], None]) -> None:
-        for frame in frames:
-            drawn.append(frame)
-            done(frame)
+        drawn.extend(frames)
+        all_here(frames, done)
         if frames[-1] == 12:
             raise KeyboardInterrupt
 
+    # The other process says nothing until it is ended: how fast it starts has no part.
+    waits = started("import sys; sys.stdin.readline()")
     with pytest.raises(KeyboardInterrupt):
-        jobs.render_side_by_side(
-            range(20), 2, lambda frames, _: list(map(str, frames)), here, finished.append, print
-        )
+        jobs.render_side_by_side(range(20), 2, waits, here, finished.append, print)
     assert drawn == [*range(10), *range(19, 11, -1)]
 
 

@@ -224,8 +224,8 @@ def test_a_failed_solve_keeps_the_old_one(clip: Path, work: Path) -> None:
 def test_a_worker_that_dies_is_told_in_one_line(clip: Path, tmp_path: Path) -> None:
     process = SolveProcess(clip, tmp_path / "work")
     begun(process)
-    assert process._child is not None
-    process._child.process.kill()
+    assert process._job.process is not None
+    process._job.process.kill()
     with pytest.raises(UserError, match="the solving process was ended by SIGKILL") as error:
         process.wait()
     assert "\n" not in str(error.value)
@@ -238,7 +238,7 @@ def test_the_worker_ends_with_its_parent(clip: Path, tmp_path: Path) -> None:
         "p = SolveProcess(Path(sys.argv[1]), Path(sys.argv[2]))\n"
         "import time\n"
         "while not p.poll(): time.sleep(0.01)\n"
-        "print(p._child.process.pid, flush=True); os._exit(0)"
+        "print(p._job.process.pid, flush=True); os._exit(0)"
     )
     root = Path(__file__).resolve().parents[2]
     child = subprocess.run(

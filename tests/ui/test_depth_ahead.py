@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from addon.core.sfm.workspace import keep_import
 from addon.core.subjects.strokes import MarkedSubject, Stroke
 from addon.scene.shot import shot_of
 from addon.scene.subjects import set_marked
-from addon.ui import depth_ahead, panels
+from addon.ui import depth_ahead, panels, text
 from addon.ui.operators import build_scene
 
 from .. import waiting
@@ -55,11 +56,11 @@ def kept(work: Path) -> dict[str, int]:
 def test_what_is_found_in_the_background_is_what_the_scene_reads(scene: bpy.types.Scene, work: Path) -> None:
     assert bpy.ops.virtual_aperture.find_depth() == {"FINISHED"}
     found = depth_ahead.of(scene.virtual_aperture)
-    assert found is not None and found.child is not None
+    assert found is not None and found.is_running and found.process is not None
     assert "virtual_aperture.pause_depth" in draw(panels.solve.VIRTUAL_APERTURE_PT_solve).operators
     with pytest.raises(RuntimeError, match="Depth is being found"):
         bpy.ops.virtual_aperture.find_depth()
-    until(lambda: found.child is None)
+    until(lambda: not found.is_running)
     assert (found.problem, found.done, found.total) == ("", 3, 3)
     assert "Depth is found" in draw(panels.solve.VIRTUAL_APERTURE_PT_solve).texts
     before = kept(work)
@@ -74,7 +75,7 @@ def test_it_knows_what_is_marked(scene: bpy.types.Scene, work: Path) -> None:
     bpy.ops.virtual_aperture.find_depth()
     found = depth_ahead.of(scene.virtual_aperture)
     assert found is not None
-    until(lambda: found.child is None)
+    until(lambda: not found.is_running)
     assert not found.problem
     stereo = shot_of(scene).context.stereo
     assert all(stereo.kept(frame) is not None for frame in (1, 2, 3))
@@ -85,7 +86,7 @@ def test_it_knows_the_color_space_that_the_user_says(scene: bpy.types.Scene, wor
     bpy.ops.virtual_aperture.find_depth()
     found = depth_ahead.of(scene.virtual_aperture)
     assert found is not None
-    until(lambda: found.child is None)
+    until(lambda: not found.is_running)
     assert not found.problem
     before = kept(work)
     assert len(before) == 3
@@ -98,8 +99,8 @@ def test_it_knows_the_color_space_that_the_user_says(scene: bpy.types.Scene, wor
 def test_pausing_ends_the_process_and_finding_goes_on_later(scene: bpy.types.Scene, work: Path) -> None:
     bpy.ops.virtual_aperture.find_depth()
     found = depth_ahead.of(scene.virtual_aperture)
-    assert found is not None and found.child is not None
-    process = found.child.process
+    assert found is not None and found.is_running and found.process is not None
+    process = found.process
     bpy.ops.virtual_aperture.pause_depth()
     assert process.wait(waiting.PATIENCE) != 0
     assert depth_ahead.of(scene.virtual_aperture) is None
@@ -107,7 +108,7 @@ def test_pausing_ends_the_process_and_finding_goes_on_later(scene: bpy.types.Sce
     bpy.ops.virtual_aperture.find_depth()
     again = depth_ahead.of(scene.virtual_aperture)
     assert again is not None
-    until(lambda: again.child is None)
+    until(lambda: not again.is_running)
     assert len(kept(work)) == 3
 
 
@@ -129,7 +130,7 @@ def test_a_file_knows_that_its_depth_was_being_found(scene: bpy.types.Scene, wor
     bpy.ops.virtual_aperture.find_depth()
     found = depth_ahead.of(bpy.context.scene.virtual_aperture)
     assert found is not None
-    until(lambda: found.child is None)
+    until(lambda: not found.is_running)
     assert not reopened()
 
 
@@ -137,23 +138,30 @@ def test_how_long_it_will_still_take(
     scene: bpy.types.Scene, work: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     now = 100.0
-    monkeypatch.setattr(depth_ahead.time, "monotonic", lambda: now)
-    found = depth_ahead._ahead = depth_ahead.DepthAhead(work, child=object())  # type: ignore[arg-type]
+    monkeypatch.setattr(time, "monotonic", lambda: now)
+    found = depth_ahead._ahead = depth_ahead.DepthAhead(work)
+    found.is_running = True
     for now, done in ((100.0, 10), (110.0, 12)):  # noqa: B007  `monotonic` reads it
-        found.messages.put(Progress("depth", done, 20))
-        assert found.hear()
+        found._messages.put(Progress("depth", done, 20))
+        assert found.poll()
     # Two frames in ten seconds, and eight to go: those that were there already took no time.
     texts = draw(panels.main.VIRTUAL_APERTURE_PT_main).texts
     depth_ahead._ahead = None
     assert "Depth: 12 of 20 frames" in texts and "About 40 s left" in texts
 
 
+def test_time_left_is_short() -> None:
+    words = [text.left_words(seconds) for seconds in (None, 0.2, 61, 91, 3599, 7500)]
+    assert words[:3] == ["", "About 0 s left", "About 61 s left"]
+    assert words[3:] == ["About 2 min left", "About 1 h 00 min left", "About 2 h 05 min left"]
+
+
 def test_a_process_that_dies_is_told(scene: bpy.types.Scene, work: Path) -> None:
     bpy.ops.virtual_aperture.find_depth()
     found = depth_ahead.of(scene.virtual_aperture)
-    assert found is not None and found.child is not None
-    found.child.process.kill()
-    until(lambda: found.child is None)
+    assert found is not None and found.is_running and found.process is not None
+    found.process.kill()
+    until(lambda: not found.is_running)
     assert "SIGKILL" in found.problem
     texts = " ".join(draw(panels.main.VIRTUAL_APERTURE_PT_main).texts)
     assert "Depth was not found: the process was ended by" in texts
@@ -164,7 +172,7 @@ def test_a_solve_that_is_damaged_is_told_by_its_file(scene: bpy.types.Scene, wor
     bpy.ops.virtual_aperture.find_depth()
     found = depth_ahead.of(scene.virtual_aperture)
     assert found is not None
-    until(lambda: found.child is None)
+    until(lambda: not found.is_running)
     assert "solve.json" in found.problem
     # In the words of the panel, not of the command that found it.
     assert "Solve Again" in found.problem and "--" not in found.problem
@@ -173,8 +181,8 @@ def test_a_solve_that_is_damaged_is_told_by_its_file(scene: bpy.types.Scene, wor
 def test_another_file_ends_it(scene: bpy.types.Scene, work: Path) -> None:
     bpy.ops.virtual_aperture.find_depth()
     found = depth_ahead.of(scene.virtual_aperture)
-    assert found is not None and found.child is not None
-    process = found.child.process
+    assert found is not None and found.is_running and found.process is not None
+    process = found.process
     bpy.ops.wm.read_homefile(app_template="", use_empty=True, use_factory_startup=True)
     assert process.wait(waiting.PATIENCE) != 0
 

@@ -67,7 +67,7 @@ def test_an_export_is_cancelled(scene: bpy.types.Scene, clip: Path) -> None:
     scene.virtual_aperture.focus_distance, scene.virtual_aperture.blur = 8.0, 0.03
     scene.frame_start, out = 2, clip / "out"
     made = export.begin(scene, "layers", out, False)
-    until(lambda: made.hear() and made.done > 0)
+    until(lambda: made.poll() and made.done > 0)
     assert shown().texts[0].startswith(f"Export: {made.done} of {COUNT - 1} files")
     with pytest.raises(RuntimeError, match="Files are being exported"):
         bpy.ops.virtual_aperture.export(directory=str(out), what="stmap")
@@ -114,7 +114,7 @@ def test_depth_goes_on_after_an_export_in_the_same_file_alone(
     monkeypatch.setattr(export.depth_ahead, "begin_after_solve", begun.append)
     here = work_dir(settings, footage_path(settings))
     for depth in (clip / "of another file", here):
-        made = export.ExportRun(clip / "out")
+        made = export.ExportJob(clip / "out")
         made.depth = depth
         monkeypatch.setattr(export, "_export", made)
         assert export._tick() is None

@@ -144,7 +144,7 @@ def test_nothing_stays_of_a_movie_that_is_cancelled(
     scene.render.filepath = str(tmp_path / "new" / "film.mp4")
     scene.virtual_aperture.views = SLOW
     made = movie.begin(scene, movie.movie_path(scene), False)
-    until(lambda: made.hear() and made.done > 0)
+    until(lambda: made.poll() and made.done > 0)
     assert f"Movie: {made.done} of {COUNT} frames" in shown().texts[0]
     assert shown().operators == ["virtual_aperture.cancel_movie"]
     with pytest.raises(RuntimeError, match="A movie is being rendered"):
@@ -161,15 +161,17 @@ def test_the_next_press_goes_on_after_blender_was_closed(
     before = files(tmp_path)
     scene.virtual_aperture.views = SLOW
     made = movie.begin(scene, movie.movie_path(scene), False)
-    until(lambda: made.hear() and made.done > 0)
-    assert made.child is not None
+    until(lambda: made.poll() and made.done > 0)
+    assert made.process is not None
     # As it does where the one that started it is gone.
-    made.child.process.terminate()
-    until(lambda: made.hear() and made.child is None)
-    assert made.problem is not None and not made.out.exists()
+    made.process.terminate()
+    until(lambda: made.poll() == [] and not made.is_running)
+    assert made.failure is not None and not made.out.exists()
     again = movie.begin(scene, movie.movie_path(scene), False)
-    until(lambda: again.hear() and again.child is None)
-    assert again.problem is None and again.total == COUNT - made.done
+    until(lambda: again.poll() and again.done > 0)
+    assert again.total == COUNT - made.done
+    until(lambda: again.poll() == [] and not again.is_running)
+    assert again.failure is None
     assert files(tmp_path) == before | {"clip_render.mp4"} and len(means(again.out)) == COUNT
 
 
@@ -204,9 +206,3 @@ def test_odd_sizes_lose_a_row_or_column(scene: bpy.types.Scene) -> None:
         render.use_border = False
         crop_to_even(render)
         assert written_size(render) == (wide // 2 * 2, high // 2 * 2)
-
-
-def test_time_left_is_short() -> None:
-    assert [movie.time_words(s) for s in (0.2, 59, 61, 3599, 7500)] == [
-        "1 s", "59 s", "1 min", "1 h 00 min", "2 h 05 min",
-    ]  # fmt: skip

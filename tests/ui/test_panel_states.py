@@ -8,6 +8,7 @@ from pathlib import Path
 import bpy
 import pytest
 
+from addon.core.base.messages import Failure
 from addon.core.camera.reconstruction import Intrinsics
 from addon.core.readers.matching import Imported
 from addon.core.sfm.process import SolveProgress
@@ -39,7 +40,7 @@ def chosen(settings: Settings, _folder: Path) -> None:
 def solving(settings: Settings, folder: Path) -> None:
     chosen(settings, folder)
     running = bpy.types.VIRTUAL_APERTURE_OT_solve._running = Solving(lambda: None)  # type: ignore[arg-type]
-    running.step, running.left = SolveProgress("Registered 3 of 12 frames", 0.25), 40.0
+    running.step = SolveProgress("Registered 3 of 12 frames", 0.25, 40.0)
 
 
 def solved(_settings: Settings, _folder: Path) -> None:
@@ -77,7 +78,8 @@ def wrong(settings: Settings, folder: Path) -> None:
 
 
 def finding(settings: Settings, folder: Path) -> None:
-    depth_ahead._ahead = depth_ahead.DepthAhead(folder / "work", done=1, total=3, child=object())  # type: ignore[arg-type]
+    ahead = depth_ahead._ahead = depth_ahead.DepthAhead(folder / "work")
+    ahead.is_running, ahead.done, ahead.total = True, 1, 3
 
 
 def paused(settings: Settings, folder: Path) -> None:
@@ -86,14 +88,15 @@ def paused(settings: Settings, folder: Path) -> None:
 
 
 def failed(_settings: Settings, folder: Path) -> None:
-    depth_ahead._ahead = depth_ahead.DepthAhead(folder / "work", problem="no space is left")
+    depth_ahead._ahead = depth_ahead.DepthAhead(folder / "work")
+    depth_ahead._ahead.failure = Failure("no space is left")
 
 
 def unsure(settings: Settings, folder: Path) -> None:
     finding(settings, folder)
     assert depth_ahead._ahead is not None
-    depth_ahead._ahead.child = None
-    depth_ahead._ahead.warning = "moving subjects are uncertain in 3 frames"
+    depth_ahead._ahead.is_running = False
+    depth_ahead._ahead.warnings.append("moving subjects are uncertain in 3 frames")
 
 
 def without(name: str) -> Callable[[Settings, Path], None]:

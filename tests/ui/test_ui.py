@@ -28,6 +28,7 @@ from ..foreign_models import write_model
 from ..in_blender import choose_clip, select
 from ..recorder import Recorder, draw
 from ..scenes import slanted_shot, write_frames
+from ..waiting import until
 
 LENS = Intrinsics(160, 90, 140.0, 140.0, 80.0, 45.0)
 
@@ -377,6 +378,7 @@ def test_opening_a_long_clip_is_told_and_cancelled_at_once(scene: bpy.types.Scen
     solving = Solving(begin, "shot.mp4")
     assert [step.text for step in solving.poll()] == ["Reading the clip"]
     assert not solving.finished and not solving.ended
+    until(lambda: counted > 0)
     operator = bpy.types.VIRTUAL_APERTURE_OT_solve
     operator._running = solving
     try:

@@ -23,7 +23,7 @@ SHARED = [
     for folder in ("core", "scene", "ui", "render")
     for path in sorted(Path(addon.__file__).parent.joinpath(folder).rglob("*.py"))
     # Their strings are arguments of other processes.
-    if path.name not in ("background.py", "cg_process.py", "frames_ahead.py", "launcher.py", "movie.py")
+    if path.name not in ("background.py", "launcher.py", "movie.py")
     and path.parts[-2:] != ("ui", "export.py")
 ]
 

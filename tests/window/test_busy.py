@@ -123,7 +123,7 @@ def test_while_depth_is_found(program: Program, blend: Path) -> None:
     program.settle()
     program.show_sidebar("Virtual Aperture")
     call(program, "find_depth")
-    program.wait(f"{DEPTH} is not None and {DEPTH}.child is not None")
+    program.wait(f"{DEPTH} is not None and {DEPTH}.is_running")
     with timed(program, "depth"):
         time.sleep(SECONDS)
     program.shot("depth")

@@ -112,7 +112,7 @@ def test_drop_to_the_first_blurred_picture(program: Program, project: Path) -> N
 
 
 def test_all_of_the_daily_work_is_in_sight(program: Program) -> None:
-    program.wait(f"{DEPTH}.child is None", 240)
+    program.wait(f"not {DEPTH}.is_running", 240)
     program.wait(f"not {PREVIEW}.is_busy()", 200)
     look(program, "5_solved")
     in_sight(

@@ -152,7 +152,7 @@ def test_depth_is_found_while_the_user_goes_on(program: Program, project: Path) 
     program.wait(f"{DEPTH} is None")
     with opened(program, "Solve"):
         program.press("virtual_aperture.find_depth")
-    program.wait(f"{DEPTH}.child is None", 180)
+    program.wait(f"not {DEPTH}.is_running", 180)
     program.settle()
     program.shot("depth_found")
     assert program.ask(f"{DEPTH}.problem") == ""

@@ -83,7 +83,7 @@ def test_one_press_gives_a_movie_with_sound(program: Program, blend: Path) -> No
     program.shot("rendering")
     # The window is alive: the frame can be changed meanwhile.
     program.ask("bpy.context.scene.frame_set(7)")
-    program.wait(f"{MOVIE}.child is None", 240)
+    program.wait(f"not {MOVIE}.is_running", 240)
     program.tell_time(time.monotonic() - began, f"{COUNT} frames as a movie")
     program.screen.nudge()
     program.settle()
@@ -117,13 +117,13 @@ def test_a_movie_that_is_there_is_replaced_only_when_asked(program: Program, ble
     program.shot("question")
     program.screen.key("Escape")
     program.settle()
-    assert program.ask(f"{MOVIE}.child is None") and out.stat().st_mtime_ns == written
+    assert program.ask(f"not {MOVIE}.is_running") and out.stat().st_mtime_ns == written
     # So that it is not over before the button is found.
     program.ask("bpy.context.scene.virtual_aperture.views = 2000")
     pressed(program)
     time.sleep(0.5)
     program.screen.key("Return")
-    program.wait(f"{MOVIE}.child is not None")
+    program.wait(f"{MOVIE}.is_running")
     program.wait(f"{MOVIE}.done > 0", 120)
     program.press("virtual_aperture.cancel_movie", across=0.87)
     program.wait(f"{MOVIE} is None")
@@ -160,7 +160,7 @@ def test_closing_blender_asks_first_and_keeps_finished_frames(
         if key == "Escape":
             program.screen.key(key)
             program.settle()
-            assert program.ask(f"{MOVIE}.child is not None")
+            assert program.ask(f"{MOVIE}.is_running")
     program.screen.key("Return")
     program.wait_end()
     kept = {path: path.stat().st_mtime_ns for path in (blend.parent / f"{out.name}.frames").glob("*.png")}

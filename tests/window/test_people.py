@@ -160,7 +160,7 @@ def test_the_pull_is_rendered(program: Program, project: Path, case: Case) -> No
     program.ask(f"s = bpy.context.scene\ns.frame_start, s.frame_end = {case.frame}, {case.again}\nNone")
     began = time.monotonic()
     program.press("virtual_aperture.render_clip")
-    program.wait(f"{MOVIE} is not None and {MOVIE}.child is None", 900)
+    program.wait(f"{MOVIE} is not None and not {MOVIE}.is_running", 900)
     program.tell_time(time.monotonic() - began, "the movie")
     program.settle()
     program.shot("rendered")

@@ -166,7 +166,7 @@ def test_solve(program: Program) -> None:
     program.wait(f"{DEPTH} and {DEPTH}.done > 5", 60)
     rest(program)
     keep(program, "solved", at_work(program))
-    program.wait(f"{DEPTH}.child is None", 240)
+    program.wait(f"not {DEPTH}.is_running", 240)
 
 
 def test_preview(program: Program) -> None:

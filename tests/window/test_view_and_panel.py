@@ -232,13 +232,13 @@ def test_a_portrait_clip_after_a_landscape_one_is_seen_whole(program: Program, b
 
 def test_depth_goes_on_when_a_file_is_opened_again(program: Program) -> None:
     call(program, "find_depth")
-    program.wait(f"{DEPTH} is not None and {DEPTH}.child is not None")
+    program.wait(f"{DEPTH} is not None and {DEPTH}.is_running")
     program.ask("bpy.ops.wm.save_mainfile()")
     program.ask("bpy.ops.wm.open_mainfile(filepath=bpy.data.filepath); None")
-    program.wait(f"{DEPTH} is not None and {DEPTH}.child is not None")
+    program.wait(f"{DEPTH} is not None and {DEPTH}.is_running")
     program.settle()
     program.shot("depth_goes_on")
-    program.wait(f"{DEPTH}.child is None", 300)
+    program.wait(f"not {DEPTH}.is_running", 300)
     assert program.ask(f"[{DEPTH}.problem, {DEPTH}.done, {SETTINGS}.finds_depth]") == ["", 5, False]
     # What was found is not looked for again.
     program.ask("bpy.ops.wm.save_mainfile()")

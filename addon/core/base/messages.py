@@ -1,7 +1,7 @@
 """What a process of ours tells the one that started it: one message a line, as JSON, on its standard output.
 
 >>> decode(encode(Progress("depth", 3, 118)))
-Progress(stage='depth', done=3, total=118, frame=None)
+Progress(stage='depth', done=3, total=118, frame=None, share=None)
 """
 
 from __future__ import annotations
@@ -30,6 +30,8 @@ class Progress:
     """Steps of the stage."""
     frame: int | None = None
     """The number of the frame that is whole now, where each step is a frame."""
+    share: float | None = None
+    """Of the whole work in [0, 1], where the stage is a part of it."""
 
 
 @dataclass(frozen=True)
@@ -115,7 +117,7 @@ def end_itself() -> None:
 
 
 def speak(when_alone: Callable[[], object] = end_itself) -> None:
-    """From now on be the child of whoever started this process, as `Child` does.
+    """From now on be the child of whoever started this process, as `Job` does.
 
     Standard output is for messages alone: what else is written to it goes nowhere. `when_alone` is called on
     a thread when standard input closes, as it does when the parent has ended; by default the process ends.

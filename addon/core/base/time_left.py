@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
+
+from .messages import Progress, send
+
 LEAST_SHARE, LEAST_SECONDS = 0.1, 3.0
 """Of the work, and of time, before which nothing can be said."""
 AGAIN = 0.01
@@ -43,3 +48,33 @@ class TimeLeft:
         if before is not None and left > CONTRADICTS * (before[0] + before[1] - now) + SLACK:
             return None
         return left
+
+
+class Clock:
+    """Progress of steps that are alike, sent to the parent and reported in lines with the time left.
+
+    The first frame finds depth for its neighbours, too: it costs several times as much as each of the others,
+    and is no measure of them.
+    """
+
+    def __init__(
+        self, stage: str, total: int, report: Callable[[str], object], names: str = "frame {}"
+    ) -> None:
+        """`names` makes the name of a step from its frame's number."""
+        self._stage, self._total, self._report, self._names = stage, total, report, names
+        self._start = self._first = time.monotonic()
+        self._done = 0
+
+    def tick(self, frame: int | None, name: str = "") -> None:
+        """A step is done: a frame, or what has another name."""
+        self._done += 1
+        send(Progress(self._stage, self._done, self._total, frame))
+        now = time.monotonic()
+        line = f"{name or self._names.format(frame)}: {self._done} of {self._total}"
+        if self._done == 1:
+            self._first = now
+            self._report(f"{line}, {now - self._start:.1f} s")
+            return
+        each = (now - self._first) / (self._done - 1)
+        left = round(each * (self._total - self._done))
+        self._report(f"{line}, {each:.1f} s each, {left // 60} min {left % 60:02d} s left")

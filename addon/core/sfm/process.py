@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import queue
 import sys
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
@@ -12,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from ..base.atomic import collect_temporary
-from ..base.child import Child, end
 from ..base.errors import Remedy, UserError
-from ..base.messages import Failure, Message, Progress, Seen
+from ..base.job import Job, end
+from ..base.messages import Progress, Seen
 from ..camera.focal_length import Focal, in_pixels
 from ..depth.placed_points import placed
 from ..depth.user_maps import DepthMaps, open_depth
@@ -30,26 +29,6 @@ from .state import MODEL
 from .tracks import TRACKERS
 from .watching import Sight, decoded
 from .workspace import check_import, check_replaceable, imported_from, is_solved
-
-SHARES = {
-    "Tracking features": (0.0, 0.2),
-    "Finding features": (0.0, 0.2),
-    "Matching photos": (0.2, 0.7),
-    "Placing photos": (0.7, 0.93),
-    "Verifying matches": (0.2, 0.27),
-    "Comparing cameras": (0.2, 0.82),
-    "Solving cameras": (0.27, 0.42),
-    "Settling the focal length": (0.42, 0.6),
-    "Looking for a lens": (0.6, 0.8),
-    "Finding how the camera turns": (0.8, 0.93),
-    "Registering frames": (0.8, 0.82),
-    "Adjusting": (0.82, 0.93),
-    "Reading pictures": (0.93, 0.93),
-    "Looking for people": (0.93, 0.93),
-    "Looking for points": (0.93, 1.0),
-}
-"""Which part of the whole each stage is, from the times of the duck and the sample clip."""
-
 
 CAMERAS = "cameras.json"
 """In the folder of a solve, the cameras that are held."""
@@ -67,6 +46,8 @@ class SolveProgress:
 
     text: str
     share: float
+    left: float | None = None
+    """Seconds that it will still take; None while they cannot be estimated."""
 
     @property
     def stage(self) -> str:
@@ -104,8 +85,7 @@ class SolveProcess:
         self.work_dir = work_dir
         self._yields = yielding
         self._cameras = cameras
-        self._child: Child | None = None
-        self._messages: queue.SimpleQueue[Message | None] = queue.SimpleQueue()
+        self._job = Job("solving process")
         self._staging: Staging | None = None
         self.finished = False
         self.sight: Sight | None = None
@@ -174,26 +154,22 @@ class SolveProcess:
         (folder / "job.json").write_text(json.dumps(job), encoding="utf-8")
         # -P: a folder called "addon" in the current directory must not be taken for ours.
         command = [_python(), "-P", "-m", "addon.core.sfm.worker", str(folder / "job.json")]
-        self._child = Child(command, self._messages.put, self._yields, _environment(), "solving process")
+        self._job.start(command, self._yields, _environment())
 
     def poll(self) -> list[SolveProgress]:
         """What happened since the last call; `finished` is set at the end. UserError if the solve failed."""
         steps: list[SolveProgress] = []
-        while self._child is not None and not self.finished:
-            try:
-                message = self._messages.get_nowait()
-            except queue.Empty:
-                break
+        for message in self._job.poll():
             if isinstance(message, Progress):
-                steps.append(_progress(message))
+                step = f" {message.done}/{message.total}" if message.total > 1 else ""
+                steps.append(SolveProgress(message.stage + step, message.share or 0.0, self._job.left))
             elif isinstance(message, Seen):
                 self.sight = decoded(message)
-            elif message is None or isinstance(message, Failure):
-                failure = message or self._child.failure
-                if failure is not None:
-                    self.cancel()
-                    raise failure.error
-                self._keep()
+        if self._staging is not None and not self._job.is_running:
+            if self._job.failure is not None:
+                self.cancel()
+                raise self._job.failure.error
+            self._keep()
         return steps
 
     def wait(self, report: Callable[[SolveProgress], None] = lambda _: None) -> None:
@@ -201,13 +177,11 @@ class SolveProcess:
         while not self.finished:
             for step in self.poll():
                 report(step)
-            if self._child is not None:
-                self._child.wait(LOOK)
+            self._job.wait(LOOK)
 
     def cancel(self) -> None:
         """End the worker and leave the folder as it was; harmless after the end."""
-        if self._child is not None:
-            end([self._child], END)
+        end([self._job], END)
         self._clean()
 
     def _keep(self) -> None:
@@ -244,12 +218,6 @@ def _refuse_import(work_dir: Path) -> None:
             Remedy.WORK_DIR,
             Remedy.AGAIN,
         )
-
-
-def _progress(sent: Progress) -> SolveProgress:
-    low, high = SHARES.get(sent.stage, (0.0, 1.0))
-    share = low + (high - low) * sent.done / max(sent.total, 1)
-    return SolveProgress(f"{sent.stage} {sent.done}/{sent.total}" if sent.total > 1 else sent.stage, share)
 
 
 def _python() -> str:

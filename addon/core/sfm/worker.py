@@ -40,6 +40,24 @@ from .visibility import visible_points
 from .watching import Watch
 from .workspace import keep_visible
 
+SHARES = {
+    "Tracking features": (0.0, 0.2),
+    "Finding features": (0.0, 0.2),
+    "Matching photos": (0.2, 0.7),
+    "Placing photos": (0.7, 0.93),
+    "Verifying matches": (0.2, 0.27),
+    "Comparing cameras": (0.2, 0.82),
+    "Solving cameras": (0.27, 0.42),
+    "Settling the focal length": (0.42, 0.6),
+    "Looking for a lens": (0.6, 0.8),
+    "Finding how the camera turns": (0.8, 0.93),
+    "Registering frames": (0.8, 0.82),
+    "Adjusting": (0.82, 0.93),
+    "Reading pictures": (0.93, 0.93),
+    "Looking for people": (0.93, 0.93),
+    "Looking for points": (0.93, 1.0),
+}
+"""Which part of the whole each stage is, from the times of the duck and the sample clip."""
 METADATA_SIGMA = 0.1
 """Relative standard deviation of what files say of the lens: video is cropped more than photos are."""
 POINTS_FOUND = (
@@ -295,7 +313,8 @@ def _end_alone(folder: Path) -> None:
 
 
 def _progress(stage: str, done: int, total: int) -> None:
-    send(Progress(stage, done, total))
+    low, high = SHARES.get(stage, (0.0, 1.0))
+    send(Progress(stage, done, total, share=low + (high - low) * done / max(total, 1)))
 
 
 def _exr(path: Path | bytes) -> NDArray[np.float32]:

@@ -27,7 +27,7 @@ from .. import (
     set_scale,
 )
 from ..solving import Solving
-from ..text import left_words, wrapped
+from ..text import progress_row, wrapped
 from . import clip, render
 from .panel import PRIMARY, Panel, split
 
@@ -85,10 +85,8 @@ def _draw_clip(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) ->
 
 
 def _draw_solving(layout: bpy.types.UILayout, solving: Solving) -> None:
-    bar = _large(layout)
-    bar.progress(factor=solving.step.share, text=solving.step.text)
-    left = left_words(solving.left)
-    layout.label(text=f"{left}, ESC cancels" if left else "ESC cancels", icon="TIME")
+    step = solving.step
+    progress_row(layout, step.text, step.share, step.left, hint="ESC cancels")
 
 
 def _draw_unsolved(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:

@@ -1,0 +1,51 @@
+"""Jobs that the engine has other processes do: frames ahead of its own, and CG objects."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import bpy
+
+from ..core.base.arrays import LinearRGBA
+from ..core.base.errors import UserError
+from ..core.base.messages import Progress, send
+from ..render import cg_process, engine
+from ..render.cycles_layers import serve
+from ..render.frames_ahead import DrawnFrame, draw_ahead
+from ..render.gpu_views import check_gpu
+from .blend import open_blend, open_scene
+
+
+def draw_cg(job: argparse.Namespace) -> None:
+    """Draw the CG objects of a scene, as `render.cg_process` asks for them, until the process is ended."""
+    blend = Path(job.blend)
+    open_scene(blend, job.scripts)
+    serve(bpy.data.scenes[job.scene], blend.parent, job.is_preview)
+
+
+def draw_frames(job: argparse.Namespace) -> None:
+    """Draw a scene's frames, by its own numbers, for `render.frames_ahead` until its render is over."""
+    scene, _, _ = open_blend(Path(job.blend), job.scene, job.scripts)
+    check_gpu()
+
+    def draw(frame: int) -> DrawnFrame:
+        scene.frame_set(frame)
+        with engine.watched() as watch:
+            watch.pictures = pictures = dict[str, LinearRGBA]()
+            try:
+                bpy.ops.render.render(scene=scene.name)
+            except RuntimeError as error:
+                watch.raise_error()
+                raise UserError(str(error).strip()) from error
+            watch.check_drawn()
+            return DrawnFrame(pictures, tuple(watch.notes))
+
+    numbers = range(*job.frames)
+    with cg_process.kept():
+        for done, frame in enumerate(draw_ahead(Path(job.into), numbers, job.reach, draw), 1):
+            send(Progress("frames", done, len(numbers), frame))
+
+
+JOBS = {"cg": draw_cg, "frames": draw_frames}
+"""By the name that stands in a job's file."""
