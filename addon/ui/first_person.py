@@ -62,6 +62,12 @@ def focus(scene: bpy.types.Scene) -> None:
         bpy.app.timers.register(_tick, first_interval=LOOK)
 
 
+def in_focus(settings: bpy.types.PropertyGroup) -> str:
+    """Return what is in focus while nobody has picked a focus."""
+    places = settings.marks.items[0].places
+    return str(places[0].source) if len(places) else "a fixed distance"
+
+
 def words() -> str:
     """Return a line about the search that is under way; empty without one."""
     return "" if _search is None else f"Looking for people {_search.work.stage}"

@@ -168,10 +168,10 @@ def kept_words(folder: Path) -> str:
 
 def solved_words(scene: bpy.types.Scene, summary: str) -> str:
     """One line of what was solved, and what was put in focus."""
-    marks = scene.virtual_aperture.marks
-    if not marks.is_first:
+    settings = scene.virtual_aperture
+    if not settings.marks.is_first:
         return summary
-    return f"{summary}; focused on {marks.items[0].places[0].source}. Pick Focus changes that"
+    return f"{summary}; focused on {first_person.in_focus(settings)}. Pick Focus changes that"
 
 
 def focus_on_person(operator: bpy.types.Operator, scene: bpy.types.Scene) -> None:

@@ -147,7 +147,7 @@ def _draw_marks(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         return
     row = layout.row(align=True)
     if len(marks) == 1:
-        name = marks[0].places[0].source if settings.marks.is_first else marks[0].name
+        name = first_person.in_focus(settings) if settings.marks.is_first else marks[0].name
         wrapped(row, context, f"In focus: {name}", icon="KEYFRAME_HLT", beside=BUTTON)
     else:
         row.label(text="Focus at")
