@@ -29,10 +29,8 @@ AGREE = 1.0
 """Pixels by which flow there and back may miss where it began."""
 LEAST = 0.3
 """Share of those pixels that must be left, or the place is lost."""
-JERK = 2.0
-"""Pixels,"""
-JERK_SHARE = 0.4
-"""Share of the last step by which a step may differ from it and still be the object's own."""
+JERK, JERK_SHARE = 2.0, 0.4
+"""Pixels, and share of the last step, by which a step may differ from it and still be the object's own."""
 LONGEST_HIDDEN = 12
 """Frames that it may be hidden, going on as it went, before it is lost."""
 ALIKE = 0.15
